@@ -1,0 +1,240 @@
+#include "lib/beam.hpp"
+
+#include <oneapi/tbb/blocked_range.h>
+#include <oneapi/tbb/parallel_for.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "lib/error.hpp"
+#include "lib/lanes.hpp"
+
+namespace wedgescope {
+namespace {
+
+constexpr double least_cosine = 0.5;
+constexpr double gaussian_cut_beamwidths = 2.24;
+// sin(u)/u falls to 1/sqrt 2 at this u: half power of a uniform aperture.
+constexpr double uniform_half_power_u = 1.39155737825151;
+constexpr double uniform_cut_u = 5 * std::numbers::pi;
+
+double cut_rad(const AntennaParams& antenna) {
+    const double beam_rad = antenna.beam.rad();
+    if (antenna.azimuth == AzimuthPattern::gaussian) return gaussian_cut_beamwidths * beam_rad;
+    return uniform_cut_u / (2 * uniform_half_power_u) * beam_rad;
+}
+
+/// Neighbours a side that can return power at all, each bin once round the circle.
+std::int64_t neighbour_bins(const AntennaParams& antenna, std::int64_t circle_bins) {
+    const double step_rad = 2 * std::numbers::pi / static_cast<double>(circle_bins);
+    const double reach = std::floor(cut_rad(antenna) / least_cosine / step_rad);
+    return static_cast<std::int64_t>(std::min(reach, static_cast<double>(circle_bins / 2)));
+}
+
+/// The bin straight behind: on a circle of even count one bin, not one a side.
+bool opposite(std::int64_t offset, std::int64_t circle_bins) { return 2 * offset == circle_bins; }
+
+WEDGESCOPE_LANES
+void take_own(const float* weight, const float* echo, double* sum, std::size_t n) {
+    for (std::size_t j = 0; j < n; ++j) sum[j] = static_cast<double>(weight[j]) * static_cast<double>(echo[j]);
+}
+
+WEDGESCOPE_LANES
+void add_one(const float* weight, const float* echo, double* sum, std::size_t n) {
+    for (std::size_t j = 0; j < n; ++j) sum[j] += static_cast<double>(weight[j]) * static_cast<double>(echo[j]);
+}
+
+WEDGESCOPE_LANES
+void add_pair(const float* weight, const float* left, const float* right, double* sum, std::size_t n) {
+    for (std::size_t j = 0; j < n; ++j)
+        sum[j] += static_cast<double>(weight[j]) * (static_cast<double>(left[j]) + static_cast<double>(right[j]));
+}
+
+WEDGESCOPE_LANES
+void add_scaled(double weight, const double* in, double* sum, std::size_t n) {
+    for (std::size_t j = 0; j < n; ++j) sum[j] += weight * in[j];
+}
+
+/// Integral from -1 of the unit hat 1 - |x|.
+double hat_integral(double x) {
+    if (x <= -1) return 0;
+    if (x >= 1) return 1;
+    return x < 0 ? 0.5 * (1 + x) * (1 + x) : 1 - 0.5 * (1 - x) * (1 - x);
+}
+
+double pulse_width_bins(const BeamSetting& setting, double range_bin_m, double range_m) {
+    const double width = setting.pulse_extent_m / range_bin_m;
+    if (!setting.range_is_ground) return width;
+    return static_cast<float>(width / level_cosine(setting, range_m));
+}
+
+double middle_m(std::int64_t range_bin, double range_bin_m) {
+    return (static_cast<double>(range_bin) + 0.5) * range_bin_m;
+}
+
+std::int64_t modulo(std::int64_t a, std::int64_t n) { return ((a % n) + n) % n; }
+
+}  // namespace
+
+double two_way_azimuth_pattern(const AntennaParams& antenna, double offset_rad) {
+    if (!(std::abs(offset_rad) <= cut_rad(antenna))) return 0;
+    const double beamwidths = offset_rad / antenna.beam.rad();
+    if (antenna.azimuth == AzimuthPattern::gaussian)
+        return std::exp(-8 * std::numbers::ln2 * beamwidths * beamwidths);
+    const double u = 2 * uniform_half_power_u * beamwidths;
+    if (std::abs(u) < 1e-8) return 1;
+    const double field = std::sin(u) / u;
+    return field * field * field * field;
+}
+
+std::int64_t skirt_bins(const BeamSetting& setting, std::int64_t circle_bins) {
+    return setting.beam_width_error ? neighbour_bins(setting.antenna, circle_bins) : 0;
+}
+
+std::int64_t lead_in_bins(const BeamSetting& setting, double range_bin_m) {
+    if (!setting.pulse_length_error) return 0;
+    const double width = setting.pulse_extent_m / range_bin_m / (setting.range_is_ground ? least_cosine : 1.0);
+    return static_cast<std::int64_t>(std::ceil(width));
+}
+
+std::vector<double> pulse_weights(double width_bins) {
+    std::vector<double> weights;
+    // Bin m nearer feeds this one while m < width + 1.
+    for (double m = 0; m < width_bins + 1; ++m) weights.push_back(hat_integral(m) - hat_integral(m - width_bins));
+    while (weights.size() > 1 && !(weights.back() > 0)) weights.pop_back();
+    return weights;
+}
+
+double level_cosine(const BeamSetting& setting, double range_m) {
+    const double depression =
+        setting.range_is_ground ? setting.earth.sight(setting.sensor_m, setting.reference_m, range_m).depression_rad
+                                : level_depression_rad(setting.earth, setting.sensor_m, setting.reference_m, range_m);
+    return std::max(least_cosine, std::cos(depression));
+}
+
+Resolution::Resolution(const BeamSetting& setting, std::int64_t circle_bins, double range_bin_m, Interval outputs, Of of)
+    : circle_bins_(circle_bins),
+      outputs_(outputs),
+      sources_{std::max<std::int64_t>(0, outputs.begin - lead_in_bins(setting, range_bin_m)), outputs.end},
+      skirt_(skirt_bins(setting, circle_bins)),
+      pulse_per_bin_(setting.range_is_ground && setting.pulse_length_error) {
+    const double step_rad = 2 * std::numbers::pi / static_cast<double>(circle_bins);
+    const std::int64_t neighbours = neighbour_bins(setting.antenna, circle_bins);
+    const auto n = static_cast<std::size_t>(sources_.size());
+    const auto offsets = static_cast<std::size_t>(skirt_) + 1;
+    const auto root = [of](double power) { return of == Of::power ? power : std::sqrt(power); };
+
+    azimuth_.assign(offsets * n, 0.0f);
+    oneapi::tbb::parallel_for(oneapi::tbb::blocked_range<std::size_t>(0, n, 64), [&](const auto& bins) {
+        for (std::size_t j = bins.begin(); j < bins.end(); ++j) {
+            const double cosine = level_cosine(setting, middle_m(sources_.begin + static_cast<std::int64_t>(j), range_bin_m));
+            double total = 0;
+            for (std::int64_t offset = 0; offset <= neighbours; ++offset) {
+                const double power =
+                    two_way_azimuth_pattern(setting.antenna, static_cast<double>(offset) * step_rad * cosine);
+                if (setting.beam_width_error)
+                    azimuth_[static_cast<std::size_t>(offset) * n + j] = static_cast<float>(root(power));
+                total += offset == 0 || opposite(offset, circle_bins) ? power : 2 * power;
+            }
+            if (!setting.beam_width_error) azimuth_[j] = static_cast<float>(root(total));
+        }
+    });
+    reach_.assign(offsets, n);
+    for (std::size_t offset = 0; offset < offsets; ++offset)
+        while (reach_[offset] > 0 && azimuth_[offset * n + reach_[offset] - 1] == 0) --reach_[offset];
+
+    const std::int64_t kinds = pulse_per_bin_ ? outputs_.size() : 1;
+    for (std::int64_t k = 0; k < kinds; ++k) {
+        const double width = pulse_width_bins(setting, range_bin_m, middle_m(outputs_.begin + k, range_bin_m));
+        std::vector<double> weights = pulse_weights(width);
+        // Without the pulse's length the same total falls into the own bin (weights of any width add up to it).
+        if (!setting.pulse_length_error) weights = {setting.pulse_extent_m / range_bin_m};
+        for (double& weight : weights) weight = root(weight);
+        pulse_.push_back(std::move(weights));
+    }
+}
+
+void Resolution::row(std::int64_t azimuth_bin, const SourceRow& source, std::vector<double>& scratch,
+                     std::span<double> out) const {
+    const auto n = static_cast<std::size_t>(sources_.size());
+    scratch.resize(n);
+    double* const beam = scratch.data();
+    take_own(azimuth_.data(), source(modulo(azimuth_bin, circle_bins_)), beam, n);
+    for (std::int64_t offset = 1; offset <= skirt_; ++offset) {
+        const auto index = static_cast<std::size_t>(offset);
+        if (reach_[index] == 0) continue;
+        const float* const weight = azimuth_.data() + index * n;
+        const float* const right = source(modulo(azimuth_bin + offset, circle_bins_));
+        if (opposite(offset, circle_bins_))
+            add_one(weight, right, beam, reach_[index]);
+        else
+            add_pair(weight, source(modulo(azimuth_bin - offset, circle_bins_)), right, beam, reach_[index]);
+    }
+
+    const auto outputs = static_cast<std::size_t>(outputs_.size());
+    const auto first = static_cast<std::size_t>(outputs_.begin - sources_.begin);  // output 0 among the sources
+    std::fill_n(out.begin(), outputs, 0.0);
+    if (!pulse_per_bin_) {
+        const std::vector<double>& pulse = pulse_.front();
+        for (std::size_t m = 0; m < pulse.size(); ++m) {
+            const std::size_t skip = m > first ? m - first : 0;  // those that would reach below 0 m
+            if (skip < outputs) add_scaled(pulse[m], beam + (first + skip - m), out.data() + skip, outputs - skip);
+        }
+        return;
+    }
+    for (std::size_t j = 0; j < outputs; ++j) {
+        const std::vector<double>& pulse = pulse_[j];
+        const std::size_t bins = std::min(pulse.size(), first + j + 1);
+        for (std::size_t m = 0; m < bins; ++m) out[j] += pulse[m] * beam[first + j - m];
+    }
+}
+
+std::int64_t strip_bins(const BeamSetting& setting, const PolarGrid& grid, std::int64_t rows,
+                        std::int64_t bytes_per_cell) {
+    constexpr std::int64_t bytes = std::int64_t{8} << 20;
+    const std::int64_t weights = (skirt_bins(setting, grid.circle_bins) + 1) * std::int64_t{sizeof(float)};
+    const std::int64_t fits = bytes / (weights + rows * bytes_per_cell);
+    // No narrower than the lead-in, which each strip has to read again; no wider than the near caches like.
+    return std::clamp<std::int64_t>(std::max(fits, lead_in_bins(setting, grid.range_bin_m)), 64, 4096);
+}
+
+PolarImage<float> power_image(const PolarImage<float>& echo, const PolarGrid& shown, const BeamSetting& setting) {
+    PolarImage<float> power(shown);
+    if (shown.cells() == 0) return power;
+    const std::int64_t strip = strip_bins(setting, shown, 0, 0);
+    for (std::int64_t begin = shown.range_bins.begin; begin < shown.range_bins.end; begin += strip) {
+        const Resolution resolution(setting, shown.circle_bins, shown.range_bin_m,
+                                    {begin, std::min(begin + strip, shown.range_bins.end)}, Resolution::Of::power);
+        require_sources(echo.grid, shown, resolution);
+        const auto source = [&](std::int64_t azimuth_bin) {
+            const std::int64_t row = modulo(azimuth_bin - echo.grid.azimuth_bins.begin, echo.grid.circle_bins);
+            return echo.row(static_cast<std::size_t>(row)) + (resolution.sources().begin - echo.grid.range_bins.begin);
+        };
+        oneapi::tbb::parallel_for(oneapi::tbb::blocked_range<std::size_t>(0, shown.azimuth_count(), 4), [&](const auto& rows) {
+            std::vector<double> scratch;
+            std::vector<double> sums(static_cast<std::size_t>(resolution.outputs().size()));
+            for (std::size_t i = rows.begin(); i < rows.end(); ++i) {
+                resolution.row(shown.azimuth_bins.begin + static_cast<std::int64_t>(i), source, scratch, sums);
+                float* const out = power.row(i) + (begin - shown.range_bins.begin);
+                for (std::size_t j = 0; j < sums.size(); ++j) out[j] = static_cast<float>(sums[j]);
+            }
+        });
+    }
+    return power;
+}
+
+void require_sources(const PolarGrid& echo, const PolarGrid& shown, const Resolution& resolution) {
+    if (echo.circle_bins != shown.circle_bins || echo.range_bin_m != shown.range_bin_m)
+        throw InputError("the echo image has other azimuth or range bins than the power image asked for");
+    const Interval range = resolution.sources();
+    const bool range_held = range.begin >= echo.range_bins.begin && range.end <= echo.range_bins.end;
+    const std::int64_t lead = modulo(shown.azimuth_bins.begin - resolution.skirt() - echo.azimuth_bins.begin, echo.circle_bins);
+    const bool azimuth_held =
+        echo.full_circle() || lead + shown.azimuth_bins.size() + 2 * resolution.skirt() <= echo.azimuth_bins.size();
+    if (!range_held || !azimuth_held)
+        throw InputError("the echo image is too narrow for this beam and pulse: it must hold what is shown, "
+                         "the beam's skirt to both sides and the pulse's length before it");
+}
+
+}  // namespace wedgescope

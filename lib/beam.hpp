@@ -1,0 +1,85 @@
+// Beam and pulse: echo image -> power image, the radar's own resolution (BWE and PLE).
+// Leaves fluctuation (speckle, noise) to fluctuation.hpp and levels to receiver.hpp.
+#pragma once
+#include <functional>
+#include <span>
+#include <vector>
+
+#include "lib/earth.hpp"
+#include "lib/polar.hpp"
+#include "lib/sensor.hpp"
+
+namespace wedgescope {
+
+/// What beam and pulse need of the scene.
+struct BeamSetting {
+    AntennaParams antenna;
+    bool beam_width_error = true;
+    bool pulse_length_error = true;
+    double pulse_extent_m = 0;     ///< c tau / 2
+    double sensor_m = 0;           ///< height above sea level
+    double reference_m = 0;        ///< level surface of d_j
+    Earth earth;                   ///< K sqrt(MN), K R1 or the plane
+    bool range_is_ground = false;  ///< gpi-true: range bins are arcs; the pulse is c tau/2 sec d_j long on them
+};
+
+/// Two-way power pattern g_az^2 at azimuth offset phi: peak 1, exactly 0 beyond 2.24 beamwidths (Gaussian)
+/// or the fifth null (uniform aperture). Source: physics "Antenna patterns".
+double two_way_azimuth_pattern(const AntennaParams& antenna, double offset_rad);
+
+/// Half-width of the skirt in azimuth bins that power in one bin can come from (with cos d at its least, 0.5);
+/// 0 with BWE off. At most what fits once round the circle.
+std::int64_t skirt_bins(const BeamSetting& setting, std::int64_t circle_bins);
+/// Range bins in front of a bin that the pulse reaches back to; 0 with PLE off.
+std::int64_t lead_in_bins(const BeamSetting& setting, double range_bin_m);
+
+/// P(i,j) = sum_k E(k,j) g_az((az_i - az_k) cos d_j)^2, d_j the depression of a level surface at the reference
+/// height at the middle of range bin j, cos d_j at least 0.5; each bin at most once round the circle. Then the
+/// one-sided pulse: cell j is the mean over the bin of the sum of the echoes in (r - c tau/2, r]: weights
+/// w_m = H(m) - H(m - w), w = c tau / (2 dr), H the integral of the unit hat; m = 0.. bins nearer.
+/// Switched off, the same total weight falls into the own bin. InputError if `echo` does not hold what `shown` needs.
+/// `echo` (watts) covers at least `shown` plus skirt and lead-in where the circle and range 0 allow; the result
+/// covers `shown`. Every output is a sum in a fixed order: the same bits for any number of threads.
+PolarImage<float> power_image(const PolarImage<float>& echo, const PolarGrid& shown, const BeamSetting& setting);
+
+/// cos d_j as the beam uses it: of the level surface at range `range_m` (arc where range bins are ground), at least 0.5.
+double level_cosine(const BeamSetting& setting, double range_m);
+
+/// The weights of beam and pulse for a run of range bins, computed once (libm's results rounded to float), and
+/// what they make of one row. `amplitude`: square roots of the power weights, for fields instead of powers.
+class Resolution {
+public:
+    enum class Of { power, amplitude };
+    Resolution(const BeamSetting& setting, std::int64_t circle_bins, double range_bin_m, Interval outputs, Of of);
+
+    const Interval& outputs() const { return outputs_; }  ///< range bins that row() makes
+    const Interval& sources() const { return sources_; }  ///< range bins they are made from
+    std::int64_t skirt() const { return skirt_; }         ///< azimuth bins a side
+
+    /// A row of the source image, from range bin sources().begin on, for any azimuth bin (modulo the circle).
+    using SourceRow = std::function<const float*(std::int64_t azimuth_bin)>;
+    /// Writes outputs().size() sums. Const and without shared state: rows may be made side by side.
+    void row(std::int64_t azimuth_bin, const SourceRow& source, std::vector<double>& scratch,
+             std::span<double> out) const;
+
+private:
+    std::int64_t circle_bins_ = 0;
+    Interval outputs_, sources_;
+    std::int64_t skirt_ = 0;
+    bool pulse_per_bin_ = false;
+    std::vector<float> azimuth_;             ///< [azimuth offset][source bin]
+    std::vector<std::size_t> reach_;         ///< [azimuth offset]: one past the last source bin of weight above 0
+    std::vector<std::vector<double>> pulse_; ///< [bins nearer], for all output bins or for each
+};
+
+/// InputError unless an echo image on `echo` holds what `resolution` needs to make `shown`.
+void require_sources(const PolarGrid& echo, const PolarGrid& shown, const Resolution& resolution);
+
+/// Range bins at a time, so that `rows` rows of `bytes_per_cell` and the weights stay within a few MiB, whatever the
+/// image's size.
+std::int64_t strip_bins(const BeamSetting& setting, const PolarGrid& grid, std::int64_t rows, std::int64_t bytes_per_cell);
+
+/// One range weight for each m = 0.. of the pulse, in the order above (double, the last one > 0).
+std::vector<double> pulse_weights(double width_bins);
+
+}  // namespace wedgescope

@@ -1,0 +1,84 @@
+// Deposit: power -> azimuth and range cells of a wedge, as integer multiples of each range bin's quantum, so that no sum
+// depends on order; and state marks, which are or-ed.
+// Leaves what is deposited to shade.hpp and the image to the engine.
+#pragma once
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "lib/interval.hpp"
+#include "lib/polar.hpp"
+
+namespace wedgescope {
+
+/// One bit for each state that was met in a cell; outside is none of them.
+enum StateBit : std::uint8_t { bit_no_data = 1, bit_shadow = 2, bit_unknown = 4, bit_seen = 8 };
+/// The most telling: seen, unknown, shadow, no data; outside where nothing fell.
+State most_telling(std::uint8_t bits);
+
+/// What turns a deposit into a whole number: for each range bin, quantum = the least power of two >= B 2^-61, B the most that a
+/// cell of the bin can hold: constant * most_pattern2 * 2 * azimuth_step * most_gamma / r^2, r the bin's near edge, at least 1 m.
+struct Quanta {
+    Interval range_bins;
+    std::vector<double> watts;    ///< of one quantum
+    std::vector<double> inverse;  ///< exactly 1 / watts
+};
+Quanta quanta(Interval range_bins, double range_bin_m, double radar_constant, double most_pattern2, double azimuth_step_rad,
+              double most_gamma);
+
+/// Cells of one wedge: `rows` azimuth bins x range bins. Further channels (sum of power times a quantity in 0..1) lie behind one
+/// another, each a full set of cells with the same quanta.
+class WedgeCells {
+public:
+    WedgeCells(std::size_t rows, const Quanta& quanta, std::size_t channels = 1);
+
+    std::size_t rows() const { return rows_; }
+    std::size_t columns() const { return columns_; }
+    std::size_t bytes() const { return sums_.size() * sizeof(std::int64_t) + bits_.size(); }
+
+    /// An azimuth share of a spoke: rows `row` and `row + 1` take `share[0]` and `share[1]` (radians; 0: not this one).
+    struct Target {
+        std::int32_t row = 0;
+        double share[2] = {0, 0};
+    };
+
+    /// Spreads `power` (W per radian of azimuth) evenly over the range coordinate from x0 to x1 (in bins from range 0; either may be the
+    /// nearer). `density` is power / |x1 - x0| (not looked at where both ends lie in one bin). `quantities`: one for each further channel.
+    void add(const Target& target, double x0, double x1, double power, double density, const double* quantities = nullptr) {
+        const double near = x0 < x1 ? x0 : x1, far = x0 < x1 ? x1 : x0;
+        if (!(far < end_) || !(near >= begin_)) return add_cut(target, near, far, power, density, quantities);
+        const auto first = static_cast<std::int32_t>(near), last = static_cast<std::int32_t>(far);
+        if (first == last) return put(target, first, power, quantities);
+        put(target, first, density * (static_cast<double>(first + 1) - near), quantities);
+        for (std::int32_t j = first + 1; j < last; ++j) put(target, j, density, quantities);
+        put(target, last, density * (far - static_cast<double>(last)), quantities);
+    }
+    /// Marks the bins from x0 to x1.
+    void mark(const Target& target, double x0, double x1, std::uint8_t bit);
+
+    double watts(std::size_t row, std::size_t column, std::size_t channel = 0) const {
+        return static_cast<double>(sums_[(channel * rows_ + row) * columns_ + column]) * quanta_.watts[column];
+    }
+    std::uint8_t bits(std::size_t row, std::size_t column) const { return bits_[row * columns_ + column]; }
+
+private:
+    void put(const Target& target, std::int32_t bin, double power, const double* quantities) {
+        const std::size_t j = static_cast<std::size_t>(bin) - first_bin_;
+        const double whole = power * quanta_.inverse[j];
+        std::int64_t* cell = sums_.data() + static_cast<std::size_t>(target.row) * columns_ + j;
+        *cell += std::lrint(whole * target.share[0]);
+        if (target.share[1] > 0) cell[columns_] += std::lrint(whole * target.share[1]);
+        if (channels_ > 1) put_quantities(target, j, whole, quantities);
+    }
+    void put_quantities(const Target& target, std::size_t column, double whole, const double* quantities);
+    void add_cut(const Target& target, double near, double far, double power, double density, const double* quantities);
+
+    const Quanta& quanta_;
+    std::size_t rows_, columns_, channels_, first_bin_;
+    double begin_, end_;  // range bins, as coordinates
+    std::vector<std::int64_t> sums_;
+    std::vector<std::uint8_t> bits_;
+};
+
+}  // namespace wedgescope

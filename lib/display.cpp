@@ -1,0 +1,268 @@
+#include "lib/display.hpp"
+
+#include <oneapi/tbb/blocked_range.h>
+#include <oneapi/tbb/parallel_for.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <stdexcept>
+
+#include "lib/error.hpp"
+#include "lib/rounding.hpp"
+
+namespace wedgescope {
+namespace {
+
+constexpr double full_turn = 2 * std::numbers::pi;
+constexpr double nautical_mile_m = 1852;
+
+constexpr double ring_grey = 96;   ///< added to the picture: seen on black, no more than a brighter trace on ground
+constexpr double edge_grey = 96;
+constexpr double mark_grey = 144;
+
+/// The angle, turned into [0, 2 pi).
+double wrapped(double angle_rad) {
+    const double turned = angle_rad - full_turn * std::floor(angle_rad / full_turn);
+    return turned < full_turn ? turned : 0;
+}
+
+double largest_radius_m(const DisplaySetting& setting) {
+    const std::optional<double> radius = display_radius_m(setting, setting.range_m);
+    if (!radius || !(*radius > 0)) {
+        if (setting.params.kind == DisplayKind::tdppi)
+            throw InputError(text("range is ", setting.range_m, " m; it must be above the sweep delay, ", setting.sweep_delay_m, " m"));
+        throw InputError(text("range is ", setting.range_m, " m; it must be above the sensor's height above the reference height, ",
+                              setting.sensor_m - setting.reference_m, " m"));
+    }
+    return *radius;
+}
+
+/// Step of the range rings: the least of 1, 2, 5 x 10^n nautical miles with fewer than ten rings; then there are at least four.
+double ring_step_m(double radius_m) {
+    for (double decade = 1e-6; decade < 1e9; decade *= 10)
+        for (const double digit : {1.0, 2.0, 5.0})
+            if (radius_m < 10 * digit * decade * nautical_mile_m) return digit * decade * nautical_mile_m;
+    return radius_m;
+}
+
+/// Share of a pixel that a line one pixel wide covers whose middle passes at this distance.
+double coverage(double distance_pixels) { return std::max(0.0, 1 - std::abs(distance_pixels)); }
+
+/// Light that rings, marks and the sector's edges add to a pixel.
+class Graticule {
+public:
+    Graticule(const DisplaySetting& setting, const Frame& frame) : metres_per_pixel_(frame.metres_per_pixel) {
+        radius_m_ = largest_radius_m(setting);
+        ring_step_m_ = ring_step_m(radius_m_);
+        // A ring that coincides with the rim is left out.
+        rings_ = static_cast<int>(std::floor(radius_m_ / ring_step_m_ * (1 - 1e-9)));
+        short_mark_m_ = std::max(4 * metres_per_pixel_, 0.015 * radius_m_);
+        long_mark_m_ = 2 * short_mark_m_;
+        up_rad_ = frame.up_azimuth_rad;
+        sector_ = !setting.shown.full_circle();
+        const double step = setting.shown.azimuth_step_rad();
+        width_rad_ = static_cast<double>(setting.shown.azimuth_bins.size()) * step;
+    }
+
+    std::vector<double> ring_radii_m() const {
+        std::vector<double> radii;
+        for (int k = 1; k <= rings_; ++k) radii.push_back(k * ring_step_m_);
+        return radii;
+    }
+
+    /// Grey to add at a radius and azimuth; `into_rad` is the angle from the sector's first edge.
+    double light(double radius_m, double azimuth_rad, double into_rad) const {
+        double grey = 0;
+        const double ring = std::round(radius_m / ring_step_m_);
+        if (ring >= 1 && ring <= rings_)
+            grey = ring_grey * coverage((radius_m - ring * ring_step_m_) / metres_per_pixel_);
+        if (radius_m > radius_m_ - long_mark_m_) {
+            constexpr double ten_degrees = full_turn / 36;
+            const double tens = std::round((azimuth_rad - up_rad_) / ten_degrees);
+            const bool is_long = std::fmod(tens, 3) == 0;
+            if (is_long || radius_m > radius_m_ - short_mark_m_) {
+                const double off_rad = azimuth_rad - up_rad_ - tens * ten_degrees;
+                grey = std::max(grey, mark_grey * coverage(radius_m * off_rad / metres_per_pixel_));
+            }
+        }
+        if (sector_) {
+            const double off_rad = std::min(into_rad, width_rad_ - into_rad);
+            grey = std::max(grey, edge_grey * coverage(radius_m * off_rad / metres_per_pixel_));
+        }
+        return grey;
+    }
+
+private:
+    double metres_per_pixel_ = 1, radius_m_ = 0, ring_step_m_ = 0, short_mark_m_ = 0, long_mark_m_ = 0;
+    double up_rad_ = 0, width_rad_ = 0;
+    int rings_ = 0;
+    bool sector_ = false;
+};
+
+/// A place between the centres of two bins: value = (1 - share) of first + share of second.
+struct Between {
+    std::size_t first, second;
+    double share;
+};
+
+/// `position` in bins from the near edge of the first; centres at 1/2, 3/2, ...; beyond the outer centres the outer
+/// bins' own values, or round to the other end.
+Between between(double position, std::int64_t bins, bool wraps) {
+    const double from_centre = position - 0.5;
+    const double below = std::floor(from_centre);
+    auto first = static_cast<std::int64_t>(below);
+    auto second = first + 1;
+    if (wraps) {
+        first = (first + bins) % bins;
+        second = second % bins;
+    } else {
+        first = std::clamp<std::int64_t>(first, 0, bins - 1);
+        second = std::clamp<std::int64_t>(second, 0, bins - 1);
+    }
+    return {static_cast<std::size_t>(first), static_cast<std::size_t>(second), from_centre - below};
+}
+
+std::size_t nearest(double position, std::int64_t bins) {
+    return static_cast<std::size_t>(std::clamp<std::int64_t>(static_cast<std::int64_t>(std::floor(position)), 0, bins - 1));
+}
+
+}  // namespace
+
+std::optional<double> display_radius_m(const DisplaySetting& setting, double range_m) {
+    switch (setting.params.kind) {
+        case DisplayKind::gpi: return setting.earth.arc_m(setting.sensor_m, setting.reference_m, range_m);
+        case DisplayKind::tdppi:
+            if (range_m < setting.sweep_delay_m) return std::nullopt;
+            return range_m - setting.sweep_delay_m;
+        case DisplayKind::ppi:
+        case DisplayKind::gpi_true: break;
+    }
+    if (range_m < 0) return std::nullopt;
+    return range_m;
+}
+
+std::optional<double> display_range_m(const DisplaySetting& setting, double radius_m) {
+    if (radius_m < 0) return std::nullopt;
+    switch (setting.params.kind) {
+        case DisplayKind::gpi: return setting.earth.slant_range_m(setting.sensor_m, setting.reference_m, radius_m);
+        case DisplayKind::tdppi: return radius_m + setting.sweep_delay_m;
+        case DisplayKind::ppi:
+        case DisplayKind::gpi_true: break;
+    }
+    return radius_m;
+}
+
+Frame frame(const DisplaySetting& setting) {
+    Frame result;
+    result.up_azimuth_rad = setting.params.orientation == Orientation::heading ? wrapped(setting.heading.rad()) : 0;
+    const double radius_m = largest_radius_m(setting);
+
+    // The sector's box in units of the radius, the centre always inside.
+    double left = 0, right = 0, bottom = 0, top = 0;
+    if (setting.shown.full_circle()) {
+        left = bottom = -1;
+        right = top = 1;
+    } else {
+        const double step = setting.shown.azimuth_step_rad();
+        const double from = wrapped(static_cast<double>(setting.shown.azimuth_bins.begin) * step - result.up_azimuth_rad);
+        const double to = from + static_cast<double>(setting.shown.azimuth_bins.size()) * step;
+        const auto hold = [&](double x, double y) {
+            left = std::min(left, x);
+            right = std::max(right, x);
+            bottom = std::min(bottom, y);
+            top = std::max(top, y);
+        };
+        hold(std::sin(from), std::cos(from));
+        hold(std::sin(to), std::cos(to));
+        constexpr double axis_x[] = {0, 1, 0, -1};
+        constexpr double axis_y[] = {1, 0, -1, 0};
+        for (int quarter = 0; quarter < 8; ++quarter) {
+            const double axis = quarter * full_turn / 4;
+            if (axis >= from && axis <= to) hold(axis_x[quarter % 4], axis_y[quarter % 4]);
+        }
+    }
+
+    const double longer = std::max(right - left, top - bottom);
+    const auto size = static_cast<double>(setting.params.size);
+    const auto pixels = [&](double length) {
+        return std::max<std::int64_t>(1, static_cast<std::int64_t>(std::ceil(length / longer * size - 1e-6)));
+    };
+    result.width = pixels(right - left);
+    result.height = pixels(top - bottom);
+    // libm's last bit must not move a pixel: 2^-32 of the scale and 2^-20 of a pixel are far finer than one.
+    result.metres_per_pixel = rounded_significand(longer * radius_m / size, 32);
+    result.centre_column = rounded(-left / longer * size, 20);
+    result.centre_row = rounded(top / longer * size, 20);
+    return result;
+}
+
+Picture picture(const PolarImage<float>& received_w, const PolarImage<std::uint8_t>& state, const DisplaySetting& setting,
+                const Receiver& receiver) {
+    const PolarGrid& grid = setting.shown;
+    if (received_w.grid != grid || state.grid != grid || grid.cells() == 0)
+        throw std::invalid_argument("picture: power, states and display have different grids, or empty ones");
+
+    Picture result;
+    result.frame = frame(setting);
+    const Frame& f = result.frame;
+    const Graticule graticule(setting, f);
+    if (setting.params.rings) result.ring_range_m = graticule.ring_radii_m();
+    result.grey.assign(static_cast<std::size_t>(f.width * f.height), 0);
+    result.state.assign(static_cast<std::size_t>(f.width * f.height), static_cast<std::uint8_t>(State::outside));
+
+    const auto circle = static_cast<double>(grid.circle_bins);
+    const auto azimuth_bins = grid.azimuth_bins.size();
+    const auto range_bins = grid.range_bins.size();
+    const auto first_azimuth = static_cast<double>(grid.azimuth_bins.begin);
+    const auto first_range = static_cast<double>(grid.range_bins.begin);
+    const double largest_m = largest_radius_m(setting);
+    const bool wraps = grid.full_circle();
+
+    const auto draw_row = [&](std::int64_t row) {
+        const double y = (f.centre_row - (static_cast<double>(row) + 0.5)) * f.metres_per_pixel;
+        for (std::int64_t column = 0; column < f.width; ++column) {
+            const double x = (static_cast<double>(column) + 0.5 - f.centre_column) * f.metres_per_pixel;
+            const double radius_m = std::sqrt(x * x + y * y);
+            if (radius_m > largest_m) continue;
+            const std::optional<double> range_m = display_range_m(setting, radius_m);
+            if (!range_m || *range_m < setting.range_start_m || *range_m > setting.range_m) continue;
+            const double azimuth_rad = std::atan2(x, y) + f.up_azimuth_rad;
+
+            // In bins, libm's last bit rounded away.
+            const double range_position = rounded(*range_m / grid.range_bin_m, 20) - first_range;
+            double azimuth_position = rounded(azimuth_rad * (circle / full_turn), 20) - first_azimuth;
+            azimuth_position -= circle * std::floor(azimuth_position / circle);
+            if (azimuth_position >= static_cast<double>(azimuth_bins)) {
+                if (!wraps) continue;
+                azimuth_position = 0;
+            }
+
+            const Between a = between(azimuth_position, azimuth_bins, wraps);
+            const Between r = between(range_position, range_bins, false);
+            const auto along = [&](std::size_t azimuth) {
+                const float* const cells = received_w.row(azimuth);
+                return (1 - r.share) * static_cast<double>(cells[r.first]) + r.share * static_cast<double>(cells[r.second]);
+            };
+            const double power_w = (1 - a.share) * along(a.first) + a.share * along(a.second);
+            const double slant_m = setting.params.kind == DisplayKind::gpi_true
+                                       ? setting.earth.slant_range_m(setting.sensor_m, setting.reference_m, *range_m)
+                                       : *range_m;
+            int grey = receiver.grey(power_w, slant_m);
+            if (setting.params.rings) {
+                const double light = graticule.light(radius_m, azimuth_rad, azimuth_position * grid.azimuth_step_rad());
+                grey = std::min(255, grey + static_cast<int>(light + 0.5));
+            }
+            const auto pixel = static_cast<std::size_t>(row * f.width + column);
+            result.grey[pixel] = static_cast<std::uint8_t>(grey);
+            result.state[pixel] = state.row(nearest(azimuth_position, azimuth_bins))[nearest(range_position, range_bins)];
+        }
+    };
+    oneapi::tbb::parallel_for(oneapi::tbb::blocked_range<std::int64_t>(0, f.height, 8), [&](const auto& rows) {
+        for (std::int64_t row = rows.begin(); row < rows.end(); ++row) draw_row(row);
+    });
+    return result;
+}
+
+}  // namespace wedgescope

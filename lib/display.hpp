@@ -1,0 +1,59 @@
+// Display: range-azimuth power -> picture on the tube, by inverse mapping (every pixel asks where it comes from,
+// so there are no holes). Leaves files, georeferencing and text to tiles/picture.hpp.
+#pragma once
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "lib/earth.hpp"
+#include "lib/polar.hpp"
+#include "lib/receiver.hpp"
+#include "lib/scene.hpp"
+
+namespace wedgescope {
+
+/// What the display needs of the resolved scene.
+struct DisplaySetting {
+    DisplayParams params;
+    PolarGrid shown;               ///< grid of the power image
+    Angle heading;
+    double sensor_m = 0;
+    double reference_m = 0;
+    double sweep_delay_m = 0;      ///< tdppi: slant range of the centre
+    double range_start_m = 0;      ///< slant range (arc for gpi-true)
+    double range_m = 0;
+    Earth earth;
+};
+
+/// Where the tube's centre is and how far a pixel is.
+struct Frame {
+    std::int64_t width = 0, height = 0;
+    double centre_column = 0, centre_row = 0;  ///< of the sensor, in pixels from the outer corner of the first
+    double metres_per_pixel = 0;               ///< of the display's own radius (ground, slant or delayed range)
+    double up_azimuth_rad = 0;                 ///< azimuth of the picture's up direction
+};
+/// The least frame that holds the sector (the azimuth bins shown) and the tube's centre, its longer side `size` pixels.
+/// InputError where the display shows nothing (largest range within the altitude or the sweep delay).
+Frame frame(const DisplaySetting& setting);
+
+/// Radius on the tube, metres, of a slant range: ground arc at the reference height (gpi), the range bin's own
+/// coordinate (ppi, gpi-true), range less delay (tdppi); nothing where it is not shown. And back.
+std::optional<double> display_radius_m(const DisplaySetting& setting, double range_m);
+std::optional<double> display_range_m(const DisplaySetting& setting, double radius_m);
+
+struct Picture {
+    Frame frame;
+    std::vector<std::uint8_t> grey;   ///< height x width
+    std::vector<std::uint8_t> state;  ///< State codes, nearest cell; outside beyond the frame's sector
+    std::vector<double> ring_range_m; ///< of the range rings drawn, in the display's own radius
+};
+
+/// Received power (watts, on `setting.shown`), bilinear in watts between cell centres (wrapping through north on a
+/// full circle), then the receiver; states nearest; range rings at a round step (1, 2 or 5 x 10^n nautical miles, four
+/// to nine of them) and azimuth marks each 10 degrees from the
+/// azimuth that is up, longer each 30, when `rings` is on. They add to the picture as a brighter trace does.
+Picture picture(const PolarImage<float>& received_w, const PolarImage<std::uint8_t>& state, const DisplaySetting& setting,
+                const Receiver& receiver);
+
+}  // namespace wedgescope

@@ -1,0 +1,64 @@
+// Engine: the main path, scene + wedge source -> echo, power, states and scope picture.
+// The only place that knows all stages. Leaves files to tiles and words to tools.
+#pragma once
+#include <functional>
+#include <optional>
+
+#include "lib/beam.hpp"
+#include "lib/display.hpp"
+#include "lib/polar.hpp"
+#include "lib/report.hpp"
+#include "lib/scene.hpp"
+#include "lib/stop.hpp"
+#include "lib/wedge_source.hpp"
+
+namespace wedgescope {
+
+/// The scene after the data base has been asked: every default a number.
+struct ResolvedScene {
+    Scene scene;                     ///< as given, defaults filled in (geometry, range, bins, mds, delay)
+    Geometry geometry = Geometry::geodesic;
+    IndexPosition nadir;             ///< place on the grid, rounded to 2^-20 post
+    bool has_lat_lon = false;
+    double lat_deg = 0, lon_deg = 0;
+    double x = 0, y = 0;             ///< raster CRS
+    double sensor_m = 0;             ///< above sea level
+    double reference_m = 0;          ///< bare terrain at the nadir, 0 where there is none
+    bool nadir_on_data = false;      ///< inside the raster and not void
+    bool nadir_in_raster = false;
+    Earth earth;                     ///< of what belongs to no spoke
+    PolarGrid shown;                 ///< what was asked: power, states and scope
+    PolarGrid swept;                 ///< shown plus the beam's skirt and the pulse's lead-in: echo
+    double noise_power_w = 0;
+    double sweep_delay_m = 0;
+};
+
+/// Finds position, height above sea level and every default. InputError, DataError.
+ResolvedScene resolve(const Scene& scene, WedgeSource& source);
+
+struct EngineParams {
+    int threads = 0;                         ///< 0: all the machine has
+    std::int64_t wedges = 0;                 ///< at least so many; 0: chosen
+    std::size_t memory_bytes = std::size_t{1} << 30;
+    Stop* stop = nullptr;
+    std::function<void(double)> progress;    ///< called with 0..1 from one thread at a time
+};
+
+struct RunResult {
+    ResolvedScene scene;
+    PolarImage<float> echo_w;                ///< on scene.swept
+    PolarImage<std::uint8_t> echo_state;     ///< on scene.swept
+    PolarImage<float> power_w;               ///< on scene.shown, without noise and speckle
+    PolarImage<std::uint8_t> state;          ///< on scene.shown
+    Picture scope;
+    RunReport report;
+};
+
+BeamSetting beam_setting(const ResolvedScene& scene);
+DisplaySetting display_setting(const ResolvedScene& scene);
+
+/// The same bits for any number of wedges and threads and any budget. InputError if the budget is too small, saying
+/// the smallest that would do; before any sweep.
+RunResult run(const ResolvedScene& scene, WedgeSource& source, const EngineParams& params);
+
+}  // namespace wedgescope

@@ -1,0 +1,599 @@
+#include "lib/front.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cassert>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+#include "lib/ticks.hpp"
+
+namespace wedgescope {
+namespace {
+
+constexpr std::size_t tile_lanes = 256;  // spokes taken over a chunk's lines together: their state stays in cache
+constexpr double infinite = std::numeric_limits<double>::infinity();
+constexpr float void_post = std::numeric_limits<float>::quiet_NaN();
+
+LinePosts no_posts() { return {&void_post, 0, 0}; }
+
+std::int64_t floor_of(double v) { return static_cast<std::int64_t>(std::floor(v)); }
+
+}  // namespace
+
+void Front::Samples::resize(std::size_t n) {
+    for (auto* v : {&major, &minor, &arc, &height, &up, &out, &range, &sine, &x}) v->resize(n);
+}
+
+SampleLanes Front::Samples::lanes(std::size_t at) {
+    return {major.data() + at, minor.data() + at, arc.data() + at,  height.data() + at, up.data() + at,
+            out.data() + at,   range.data() + at, sine.data() + at, x.data() + at};
+}
+
+void Front::Lanes::resize(std::size_t n) {
+    for (auto* v : {&metres_per_post, &inverse_radius, &mode, &horizon, &void_horizon, &mark_from, &gap_from, &gap_top, &seen_least, &seen_most})
+        v->resize(n);
+    last.resize(n);
+    target.resize(n);
+}
+
+Front::Front(const SweepScene& scene, const SpokeRun& run, WedgeCells& cells)
+    : scene_(&scene), run_(&run), cells_(&cells), bins_per_metre_(1 / scene.range_bin_m),
+      plain_ground_(!scene.data_base->has_culture && !scene.data_base->has_culture_height), quadrant_(run.quadrant),
+      line_end_(scene.grid->line_count(run.quadrant)) {
+    now_.resize(tile_lanes);
+    next_.resize(tile_lanes);
+    for (auto* v : {&ahead_minor_, &ahead_arc_, &sine0_, &code_, &power_, &density_}) v->resize(tile_lanes);
+    between_.behind = between_.ahead = between_.behind_culture = between_.ahead_culture = no_posts();
+    start();
+}
+
+std::size_t Front::bytes() const {
+    return lanes_.mode.capacity() * (19 * sizeof(double) + sizeof(WedgeCells::Target)) + tile_lanes * sizeof(double) * (18 + 6) +
+           (kept_posts_.capacity() + kept_culture_.capacity()) * sizeof(float);
+}
+
+double Front::slope(std::size_t lane) const {
+    return static_cast<double>(run_->spokes[ring_].begin + static_cast<std::int64_t>(lane)) /
+           static_cast<double>(scene_->grid->rings(quadrant_)[ring_].spokes);
+}
+
+void Front::set_up_ring(std::size_t ring, Lanes& lanes) const {
+    const SpokeGrid& grid = *scene_->grid;
+    const std::int64_t spokes = grid.rings(quadrant_)[ring].spokes;
+    const Interval run = run_->spokes[ring];
+    lanes.resize(static_cast<std::size_t>(run.size()));
+    for (std::int64_t k = run.begin; k < run.end; ++k) {
+        const auto lane = static_cast<std::size_t>(k - run.begin);
+        const double m = static_cast<double>(k) / static_cast<double>(spokes);
+        lanes.metres_per_post[lane] = grid.map().metres_per_post(quadrant_, m);
+        lanes.inverse_radius[lane] = grid.map().inverse_radius(quadrant_, m);
+        WedgeCells::Target target{-1, {0, 0}};
+        if (run_->touching[ring].contains(k)) {
+            const SpokeGrid::Share share = grid.share(quadrant_, spokes, k);
+            for (int side = 1; side >= 0; --side) {
+                const std::int64_t bin = share.bin + side;
+                if (!run_->bins.contains(bin) || !(share.radians[side] > 0)) continue;
+                target.share[1] = target.share[0];  // of the bin after this one
+                target.share[0] = share.radians[side];
+                target.row = static_cast<std::int32_t>(bin - run_->bins.begin + run_->first_row);
+            }
+        }
+        lanes.target[lane] = target;
+    }
+}
+
+void Front::start() {
+    set_up_ring(0, lanes_);
+    const double z = scene_->nadir_surface_m;
+    const bool valid = z == z;
+    Samples& at = lanes_.last;
+    for (std::size_t lane = 0; lane < lanes_.mode.size(); ++lane) {
+        at.major[lane] = scene_->grid->map().nadir_major(quadrant_);
+        at.minor[lane] = scene_->grid->map().nadir_minor(quadrant_);
+        at.arc[lane] = at.out[lane] = 0;
+        at.height[lane] = z;
+        at.up[lane] = z - scene_->sensor_m;
+        at.range[lane] = std::abs(z - scene_->sensor_m);
+        at.sine[lane] = valid ? -1 : z;
+        at.x[lane] = scene_->range_is_ground ? 0 : at.range[lane] * bins_per_metre_;
+        lanes_.horizon[lane] = valid ? -1 : no_horizon;
+        lanes_.void_horizon[lane] = no_horizon;
+        lanes_.mark_from[lane] = lanes_.gap_from[lane] = 0;
+        lanes_.gap_top[lane] = -infinite;
+        lanes_.seen_least[lane] = infinite;
+        lanes_.seen_most[lane] = -infinite;
+        lanes_.mode[lane] = valid ? mode_visible : mode_gap;
+    }
+    live_begin_ = 0;
+    live_end_ = lanes_.mode.size();
+}
+
+// ---- reading -----------------------------------------------------------------------------------------------------------
+
+Window Front::window(Interval lines) const {
+    const SpokeGrid& grid = *scene_->grid;
+    const DataBase& db = *scene_->data_base;
+    if (lines.empty() || live_begin_ >= live_end_) return {};
+    // Slopes that are still followed, with what a doubling adds between them.
+    const double step = 1 / static_cast<double>(grid.rings(quadrant_)[ring_].spokes);
+    const double lo = std::max(-1.0, slope(live_begin_) - step), hi = std::min(1.0, slope(live_end_ - 1) + step);
+    double least = infinite, most = -infinite;
+    for (std::int64_t i = lines.begin; i < lines.end; ++i) {
+        const double d = grid.distance(quadrant_, i);
+        least = std::min(least, grid.map().place(quadrant_, lo, d).minor);
+        most = std::max(most, grid.map().place(quadrant_, hi, d).minor);
+    }
+    const bool cyclic_minor = db.cyclic && !lines_are_columns(quadrant_);
+    const std::int64_t count = lines_are_columns(quadrant_) ? db.rows : db.columns;
+    const std::int64_t nadir = floor_of(grid.map().nadir_minor(quadrant_));
+    const Interval all = cyclic_minor ? Interval{nadir - db.cycle_columns / 2, nadir + db.cycle_columns / 2} : Interval{0, count};
+    const Interval minor = intersection({floor_of(least) - 2, floor_of(most) + 4}, all);
+    if (minor.empty()) return {};
+    const std::int64_t a = grid.line_index(quadrant_, lines.begin), b = grid.line_index(quadrant_, lines.end - 1);
+    const Interval major{std::min(a, b), std::max(a, b) + 1};
+    return lines_are_columns(quadrant_) ? Window{major, minor} : Window{minor, major};
+}
+
+void Front::advance(Interval lines, const Chunk* chunk) {
+    assert(lines.begin == next_line_);
+    while (!lines.empty() && !finished()) {
+        const auto& rings = scene_->grid->rings(quadrant_);
+        if (next_line_ >= rings[ring_].lines.end) double_spokes();
+        const Interval part = intersection({next_line_, lines.end}, rings[ring_].lines);
+        const Between first = between_;
+        for (std::size_t tile = live_begin_; tile < live_end_; tile += tile_lanes) {
+            between_ = first;
+            advance_tile(part, chunk, tile, std::min(live_end_, tile + tile_lanes), between_);
+        }
+        trim();
+        next_line_ = part.end;
+        lines.begin = part.end;
+    }
+    next_line_ = std::max(next_line_, lines.end);
+    // Keep the last line: the chunk goes.
+    const auto keep = [](LinePosts& posts, std::vector<float>& store) {
+        if (posts.posts == &void_post) return;
+        std::vector<float> copy(posts.posts, posts.posts + (posts.end - posts.begin));
+        store.swap(copy);
+        posts.posts = store.data();
+    };
+    keep(between_.behind, kept_posts_);
+    keep(between_.behind_culture, kept_culture_);
+}
+
+void Front::trim() {
+    while (live_begin_ < live_end_ && is(live_begin_, mode_done)) ++live_begin_;
+    while (live_end_ > live_begin_ && is(live_end_ - 1, mode_done)) --live_end_;
+}
+
+// ---- one tile: neighbouring spokes over the lines of a chunk -------------------------------------------------------------
+
+void Front::advance_tile(Interval lines, const Chunk* chunk, std::size_t begin, std::size_t end, Between& between) {
+    const SpokeGrid& grid = *scene_->grid;
+    const Interval minor = !chunk ? Interval{} : lines_are_columns(quadrant_) ? chunk->window.rows : chunk->window.columns;
+    const std::int64_t first_major = !chunk ? 0 : lines_are_columns(quadrant_) ? chunk->window.columns.begin : chunk->window.rows.begin;
+    between.chunk = chunk;
+    std::size_t from = begin, to = end;
+    const auto copy = [](std::size_t n, const Samples& source, std::size_t at, Samples& target, std::size_t into) {
+        for (auto layer : {&Samples::major, &Samples::minor, &Samples::arc, &Samples::height, &Samples::up, &Samples::out, &Samples::range,
+                           &Samples::sine, &Samples::x})
+            std::copy_n((source.*layer).begin() + static_cast<std::ptrdiff_t>(at), n, (target.*layer).begin() + static_cast<std::ptrdiff_t>(into));
+    };
+    copy(end - begin, lanes_.last, begin, now_, 0);
+    for (std::int64_t line = lines.begin; line < lines.end; ++line) {
+        // Spokes that are done at either end are left behind; what they were is not looked at again.
+        std::size_t skip = 0;
+        while (from < to && is(from, mode_done)) ++from, ++skip;
+        while (to > from && is(to - 1, mode_done)) --to;
+        if (skip) copy(to - from, now_, skip, now_, 0);
+        const std::int64_t index = grid.line_index(quadrant_, line);
+        const auto view = [&](const std::vector<float>& layer) -> LinePosts {
+            if (layer.empty()) return no_posts();
+            return {layer.data() + (index - first_major) * minor.size(), minor.begin, minor.end};
+        };
+        between.ahead = chunk ? view(chunk->surface_m) : no_posts();
+        between.ahead_culture = chunk ? view(chunk->culture_height_m) : no_posts();
+        between.ahead_major = static_cast<double>(index);
+        if (from < to) advance_line(line, between, from, to);
+        between.behind = between.ahead;
+        between.behind_culture = between.ahead_culture;
+        between.behind_major = between.ahead_major;
+        between.adjacent = true;
+    }
+    copy(to - from, now_, 0, lanes_.last, from);
+}
+
+void Front::advance_line(std::int64_t line, const Between& between, std::size_t begin, std::size_t end) {
+    const SpokeGrid& grid = *scene_->grid;
+    const std::int64_t spokes = grid.rings(quadrant_)[ring_].spokes;
+    const std::int64_t first = run_->spokes[ring_].begin;
+    const double distance = grid.distance(quadrant_, line);
+    const std::size_t n = end - begin;
+
+    const std::uint64_t clock = ticks();
+    grid.map().line(quadrant_, distance, slope(begin), slope(end - 1), line_pieces_);
+    std::size_t at = begin;
+    for (const SpokeMap::LinePiece& piece : line_pieces_) {
+        // Spokes with slopes in [slope_begin, slope_end).
+        const auto stop = std::min<std::int64_t>(static_cast<std::int64_t>(end),
+                                                 static_cast<std::int64_t>(std::ceil(piece.slope_end * static_cast<double>(spokes))) - first);
+        if (stop <= static_cast<std::int64_t>(at)) continue;
+        const std::size_t count = static_cast<std::size_t>(stop) - at;
+        place_lanes(piece, grid.map().nadir_minor(quadrant_), distance, spokes, first + static_cast<std::int64_t>(at), count,
+                    lanes_.metres_per_post.data() + at, ahead_minor_.data() + (at - begin), ahead_arc_.data() + (at - begin));
+        at += count;
+    }
+    // Beyond the range, or gone from the raster for good.
+    for (std::size_t i = 0; i < n; ++i) {
+        const std::size_t lane = begin + i;
+        if (!(ahead_arc_[i] > scene_->max_arc_m) && !is(lane, mode_gap)) continue;
+        if (is(lane, mode_done) || !beyond(lane, ahead_minor_[i], ahead_arc_[i], distance)) continue;
+        mark_seen(lane);
+        if (is(lane, mode_hidden)) mark_shadow(lane, ahead_arc_[i]);
+        if (is(lane, mode_gap)) mark_rest(lane, lanes_.mark_from[lane]);
+        lanes_.mode[lane] = mode_done;
+    }
+    cost_.sample += ticks() - clock;
+
+    if (scene_->sampling.cross_lines && between.adjacent) {
+        for (;;) {
+            const std::uint64_t crossing_clock = ticks();
+            const Crossing crossing{now_.minor.data(), now_.arc.data(), now_.height.data(), now_.major.data(), ahead_minor_.data(), ahead_arc_.data(),
+                                    between.behind_major, between.ahead_major, next_.minor.data(), next_.arc.data(), next_.height.data(),
+                                    next_.major.data()};
+            const std::size_t crossed = cross_lanes(between.behind, between.ahead, n, crossing);
+            cost_.sample += ticks() - crossing_clock;
+            if (crossed == 0) break;
+            cost_.samples += crossed;
+            take(between, begin, end);
+            if (grid.map().straight()) break;  // |slope| <= 1: one at the most
+        }
+    }
+    const std::uint64_t line_clock = ticks();
+    height_lanes(between.ahead, n, ahead_minor_.data(), next_.height.data());
+    std::copy_n(ahead_minor_.begin(), n, next_.minor.begin());
+    std::copy_n(ahead_arc_.begin(), n, next_.arc.begin());
+    std::fill_n(next_.major.begin(), n, between.ahead_major);
+    cost_.sample += ticks() - line_clock;
+    cost_.samples += n;
+    take(between, begin, end);
+}
+
+bool Front::beyond(std::size_t lane, double minor, double arc, double distance) const {
+    if (arc > scene_->max_arc_m) return true;
+    const DataBase& db = *scene_->data_base;
+    if (db.cyclic && !lines_are_columns(quadrant_)) return false;
+    // Outside along the lines, moving away, and farther out than the spoke's bend can bring back.
+    const double last = static_cast<double>((lines_are_columns(quadrant_) ? db.rows : db.columns) - 1);
+    const SpokeMap& map = scene_->grid->map();
+    const double m = slope(lane), straight = map.nadir_minor(quadrant_) + m * distance;
+    const double bend = map.straight() ? 0 : map.most_bend(quadrant_);
+    return (minor < 0 && m <= 0 && straight + bend < 0) || (minor > last && m >= 0 && straight - bend > last);
+}
+
+void Front::take(const Between& between, std::size_t begin, std::size_t end) {
+    const std::size_t n = end - begin;
+    const SampleLanes from = now_.lanes(0), to = next_.lanes(0);
+    const std::uint64_t clock = ticks();
+    sight_lanes(n, scene_->sensor_m, bins_per_metre_, scene_->range_is_ground, lanes_.inverse_radius.data() + begin, to);
+    constexpr std::size_t block = 64;
+    std::array<bool, tile_lanes / block> rises{};
+    for (std::size_t at = 0; at < n; at += block) {
+        const std::size_t lane = begin + at;
+        rises[at / block] =
+            rise_lanes(std::min(block, n - at), now_.lanes(at), next_.lanes(at), lanes_.mode.data() + lane, lanes_.horizon.data() + lane,
+                       lanes_.void_horizon.data() + lane, lanes_.seen_least.data() + lane, lanes_.seen_most.data() + lane, sine0_.data() + at,
+                       code_.data() + at) > 0;
+    }
+    const std::uint64_t swept = ticks();
+    for (std::size_t at = 0; at < n; at += block)
+        if (rises[at / block])
+            power_lanes(std::min(block, n - at),
+                        {sine0_.data() + at, to.sine + at, from.range_m + at, to.range_m + at, from.x + at, to.x + at, power_.data() + at,
+                         density_.data() + at},
+                        *scene_->pattern, scene_->constant);
+    const std::uint64_t shaded = ticks();
+    const bool simple = plain_ground_ && !scene_->with_depression;
+    const double gamma = scene_->gamma[scene_->data_base->default_class].ground;
+    for (std::size_t i = 0; i < n; ++i) {
+        if (code_[i] == 0) continue;
+        const std::size_t lane = begin + i;
+        if (code_[i] == 2) {
+            change(lane, i, between);
+            continue;
+        }
+        ++cost_.pieces;
+        const WedgeCells::Target& target = lanes_.target[lane];
+        if (target.row < 0) continue;
+        if (simple)
+            cells_->add(target, from.x[i], to.x[i], power_[i] * gamma, density_[i] * gamma);
+        else
+            put(lane, {from.x[i], to.x[i], power_[i], from.major[i], from.minor[i], to.major[i], to.minor[i], sine0_[i], to.sine[i]}, between);
+    }
+    cost_.sweep += swept - clock;
+    cost_.shade += shaded - swept;
+    cost_.deposit += ticks() - shaded;
+    std::swap(now_, next_);
+}
+
+void Front::change(std::size_t lane, std::size_t i, const Between& between) {
+    const SampleLanes from = now_.lanes(i), to = next_.lanes(i);
+    const double sine = *to.sine, arc = *to.arc_m;
+    double& horizon = lanes_.horizon[lane];
+    const bool valid = sine == sine;
+    // A visible piece from `part` of the way on, with the state of its own end.
+    const auto rise = [&](double part, double range0, double range1, double sine1, double x1, double major1, double minor1) {
+        const auto between_samples = [part](double a, double b) { return a + part * (b - a); };
+        const double x0 = between_samples(*from.x, x1);
+        ++cost_.pieces;
+        if (lanes_.target[lane].row >= 0) {
+            const double power = piece_power(horizon, sine1, range0, range1, *scene_->pattern, scene_->constant);
+            put(lane, {x0, x1, power, between_samples(*from.major, major1), between_samples(*from.minor, minor1), major1, minor1, horizon, sine1}, between);
+            if (sine1 > lanes_.void_horizon[lane]) {
+                lanes_.seen_least[lane] = std::min({lanes_.seen_least[lane], x0, x1});
+                lanes_.seen_most[lane] = std::max({lanes_.seen_most[lane], x0, x1});
+            } else {
+                cells_->mark(lanes_.target[lane], x0, x1, bit_unknown);
+            }
+        }
+        horizon = sine1;
+    };
+    // An odd child's own first sample may stand above the mean of its neighbours' horizons.
+    if (is(lane, mode_visible) && *from.sine > horizon && !(sine > horizon)) {
+        rise(0, *from.range_m, *from.range_m, *from.sine, *from.x, *from.major, *from.minor);
+        if (sine == horizon) return;
+    }
+    if (!valid) {
+        if (!is(lane, mode_gap)) {
+            mark_seen(lane);
+            if (is(lane, mode_hidden)) mark_shadow(lane, *from.arc_m);
+            lanes_.mode[lane] = mode_gap;
+            lanes_.gap_from[lane] = lanes_.mark_from[lane] = *from.arc_m;
+            lanes_.gap_top[lane] = -infinite;
+        }
+        grow_gap(lane, i, between);
+    } else if (is(lane, mode_gap)) {
+        grow_gap(lane, i, between);
+        end_gap(lane, arc);
+        horizon = std::max(horizon, sine);
+        lanes_.mode[lane] = sine >= horizon ? mode_visible : mode_hidden;
+        lanes_.mark_from[lane] = arc;
+    } else if (sine > horizon) {
+        double part = 0;
+        if (is(lane, mode_hidden)) {
+            part = emergence(horizon, *from.up_m, *from.out_m, *to.up_m, *to.out_m);
+            mark_shadow(lane, *from.arc_m + part * (arc - *from.arc_m));
+        }
+        rise(part, *from.range_m + part * (*to.range_m - *from.range_m), *to.range_m, sine, *to.x, *to.major, *to.minor);
+        lanes_.mode[lane] = mode_visible;
+    } else if (is(lane, mode_visible)) {
+        mark_seen(lane);
+        lanes_.mode[lane] = mode_hidden;
+        lanes_.mark_from[lane] = *from.arc_m;
+    }
+}
+
+// ---- deposit -----------------------------------------------------------------------------------------------------------
+
+void Front::put(std::size_t lane, const Piece& piece, const Between& between) {
+    double depression = 0;
+    if (scene_->with_depression) depression = std::max(0.0, -std::asin(0.5 * (piece.sine0 + piece.sine1)) / (std::numbers::pi / 2));
+    if (plain_ground_ || !between.chunk) {
+        const double power = piece.power * scene_->gamma[scene_->data_base->default_class].ground;
+        cells_->add(lanes_.target[lane], piece.x0, piece.x1, power, power / std::abs(piece.x1 - piece.x0), &depression);
+    } else {
+        put_with_culture(lane, piece, depression, between);
+    }
+}
+
+std::optional<IndexPosition> Front::wall_post(const Piece& piece, const Between& between) const {
+    const bool columns = lines_are_columns(quadrant_);
+    const std::int64_t j = floor_of(0.5 * (piece.minor0 + piece.minor1));
+    double most = 0;
+    IndexPosition best;
+    const auto corner = [&](const LinePosts& line, double major, std::int64_t at) {
+        if (!line.has(at)) return;
+        const double h = static_cast<double>(line.at(at)), minor = static_cast<double>(at);
+        if (!(h > 0) || h < most) return;
+        const IndexPosition here = columns ? IndexPosition{major, minor} : IndexPosition{minor, major};
+        // Of equal ones the first in raster order.
+        if (h == most && (here.row > best.row || (here.row == best.row && here.column > best.column))) return;
+        most = h;
+        best = here;
+    };
+    for (std::int64_t at = j; at <= j + 1; ++at) {
+        corner(between.ahead_culture, between.ahead_major, at);
+        if (between.adjacent) corner(between.behind_culture, between.behind_major, at);
+    }
+    if (!(most > 0)) return std::nullopt;
+    return best;
+}
+
+void Front::put_with_culture(std::size_t lane, const Piece& piece, double depression, const Between& between) {
+    const ClassLookup lookup(*scene_->data_base, *between.chunk);
+    const bool columns = lines_are_columns(quadrant_);
+    const auto& target = lanes_.target[lane];
+    const auto class_at = [&](double cell_column, double cell_row) {
+        const ClassId id = lookup.at(cell_column, cell_row);
+        if (id == unknown_class) {
+            const std::int32_t code = lookup.code(cell_column, cell_row);
+            if (!unknown_code_ || code < *unknown_code_) unknown_code_ = code;
+        }
+        return id;
+    };
+    const auto add = [&](double from, double to, double gamma) {
+        const double x0 = piece.x0 + from * (piece.x1 - piece.x0), x1 = piece.x0 + to * (piece.x1 - piece.x0);
+        const double power = piece.power * (to - from) * gamma;
+        cells_->add(target, x0, x1, power, power / std::abs(x1 - x0), &depression);
+    };
+    const auto ground = [&](ClassId id) { return id == unknown_class ? 0 : scene_->gamma[id].ground; };
+
+    // Inside a cell with culture on a corner the surface stands above the bare terrain: wall, of the class of the corner with the most culture.
+    if (between.ahead_culture.posts != &void_post || between.behind_culture.posts != &void_post)
+        if (const auto post = wall_post(piece, between)) {
+            const ClassId id = class_at(lookup.cell_column(post->column), lookup.cell_row(post->row));
+            add(0, 1, id == unknown_class ? 0 : scene_->gamma[id].wall);
+            return;
+        }
+    // The culture cells that the piece runs through, in order; neighbouring parts of one class together.
+    const double column0 = lookup.cell_column(columns ? piece.major0 : piece.minor0), column1 = lookup.cell_column(columns ? piece.major1 : piece.minor1);
+    const double row0 = lookup.cell_row(columns ? piece.minor0 : piece.major0), row1 = lookup.cell_row(columns ? piece.minor1 : piece.major1);
+    breaks_.clear();
+    const auto cut = [&](double from, double to) {
+        const double lo = std::min(from, to), hi = std::max(from, to);
+        for (double border = std::floor(lo) + 1; border < hi; border += 1) breaks_.push_back((border - from) / (to - from));
+    };
+    cut(column0, column1);
+    cut(row0, row1);
+    if (breaks_.size() > 1) std::sort(breaks_.begin(), breaks_.end());
+    breaks_.push_back(1);
+    double from = 0, start = 0;
+    std::optional<ClassId> open;
+    for (const double to : breaks_) {
+        const double middle = 0.5 * (from + to);
+        const ClassId id = class_at(column0 + middle * (column1 - column0), row0 + middle * (row1 - row0));
+        if (open && id != *open) {
+            add(start, from, ground(*open));
+            start = from;
+        }
+        open = id;
+        from = to;
+    }
+    add(start, 1, ground(*open));
+}
+
+// ---- marks -----------------------------------------------------------------------------------------------------------------
+
+double Front::level_coordinate(std::size_t lane, double arc_m) const {
+    if (scene_->range_is_ground) return arc_m * bins_per_metre_;
+    return sight_line(scene_->sensor_m, arc_m, scene_->reference_m, lanes_.inverse_radius[lane]).range_m * bins_per_metre_;
+}
+
+double Front::ray_coordinate(std::size_t lane, double arc_m) const {
+    if (scene_->range_is_ground) return arc_m * bins_per_metre_;
+    return ray_range_m(scene_->sensor_m, arc_m, lanes_.horizon[lane], lanes_.inverse_radius[lane]) * bins_per_metre_;
+}
+
+void Front::mark_seen(std::size_t lane) {
+    if (lanes_.target[lane].row >= 0 && lanes_.seen_most[lane] >= lanes_.seen_least[lane])
+        cells_->mark(lanes_.target[lane], lanes_.seen_least[lane], lanes_.seen_most[lane], bit_seen);
+    lanes_.seen_least[lane] = infinite;
+    lanes_.seen_most[lane] = -infinite;
+}
+
+void Front::mark_shadow(std::size_t lane, double to_arc_m) {
+    if (lanes_.target[lane].row < 0) return;
+    cells_->mark(lanes_.target[lane], ray_coordinate(lane, lanes_.mark_from[lane]), ray_coordinate(lane, to_arc_m), bit_shadow);
+}
+
+void Front::mark_gap(std::size_t lane, double to_arc_m) {
+    if (lanes_.target[lane].row < 0) return;
+    cells_->mark(lanes_.target[lane], level_coordinate(lane, lanes_.mark_from[lane]), level_coordinate(lane, to_arc_m), bit_no_data);
+}
+
+void Front::mark_rest(std::size_t lane, double from_arc_m) {
+    if (lanes_.target[lane].row < 0) return;
+    cells_->mark(lanes_.target[lane], level_coordinate(lane, from_arc_m), infinite, bit_no_data);
+}
+
+void Front::grow_gap(std::size_t lane, std::size_t i, const Between& between) {
+    const auto raise = [&](const LinePosts& line, double minor) {
+        for (std::int64_t j = floor_of(minor); j <= floor_of(minor) + 1; ++j)
+            if (line.has(j) && line.at(j) == line.at(j)) lanes_.gap_top[lane] = std::max(lanes_.gap_top[lane], static_cast<double>(line.at(j)));
+    };
+    if (between.adjacent) raise(between.behind, now_.minor[i]);
+    raise(between.ahead, ahead_minor_[i]);
+}
+
+void Front::end_gap(std::size_t lane, double arc_m) {
+    mark_gap(lane, arc_m);
+    const double top = lanes_.gap_top[lane];
+    if (!(top > -infinite)) return;
+    for (const double arc : {std::max(lanes_.gap_from[lane], 1e-3), arc_m})
+        lanes_.void_horizon[lane] =
+            std::max(lanes_.void_horizon[lane], sight_line(scene_->sensor_m, arc, top, lanes_.inverse_radius[lane]).sine);
+}
+
+// ---- rings -----------------------------------------------------------------------------------------------------------------
+
+void Front::double_spokes() {
+    const SpokeGrid& grid = *scene_->grid;
+    for (std::size_t lane = 0; lane < lanes_.mode.size(); ++lane) {
+        mark_seen(lane);
+        if (is(lane, mode_hidden)) mark_shadow(lane, lanes_.last.arc[lane]);
+        if (is(lane, mode_gap)) mark_gap(lane, lanes_.last.arc[lane]);
+    }
+    const Lanes parents = std::move(lanes_);
+    const Interval parent_run = run_->spokes[ring_];
+    ++ring_;
+    const std::int64_t spokes = grid.rings(quadrant_)[ring_].spokes;
+    assert(spokes == 2 * grid.rings(quadrant_)[ring_ - 1].spokes);
+    const Interval run = run_->spokes[ring_];
+    lanes_ = Lanes{};
+    set_up_ring(ring_, lanes_);
+    Samples& last = lanes_.last;
+    const double distance = grid.distance(quadrant_, next_line_ - 1);
+    for (std::int64_t k = run.begin; k < run.end; ++k) {
+        const auto lane = static_cast<std::size_t>(k - run.begin);
+        const auto a = static_cast<std::size_t>(floor_of(static_cast<double>(k) / 2) - parent_run.begin);
+        const std::size_t b = (k & 1) ? a + 1 : a;
+        lanes_.void_horizon[lane] = std::max(parents.void_horizon[a], parents.void_horizon[b]);
+        lanes_.seen_least[lane] = infinite;
+        lanes_.seen_most[lane] = -infinite;
+        if (a == b) {
+            for (auto layer : {&Samples::major, &Samples::minor, &Samples::arc, &Samples::height, &Samples::up, &Samples::out, &Samples::range,
+                               &Samples::sine, &Samples::x})
+                (last.*layer)[lane] = (parents.last.*layer)[a];
+            lanes_.mode[lane] = parents.mode[a];
+            lanes_.horizon[lane] = parents.horizon[a];
+            lanes_.gap_from[lane] = parents.gap_from[a];
+            lanes_.gap_top[lane] = parents.gap_top[a];
+            lanes_.mark_from[lane] = parents.last.arc[a];
+            continue;
+        }
+        const SpokeMap::Place place = grid.map().place(quadrant_, static_cast<double>(k) / static_cast<double>(spokes), distance);
+        last.major[lane] = between_.behind_major;
+        last.minor[lane] = place.minor;
+        last.arc[lane] = place.arc_m;
+        height_lanes(between_.behind, 1, &place.minor, &last.height[lane]);
+        sight_lanes(1, scene_->sensor_m, bins_per_metre_, scene_->range_is_ground, &lanes_.inverse_radius[lane], last.lanes(lane));
+        const double sine = last.sine[lane];
+        const double ha = parents.horizon[a], hb = parents.horizon[b];
+        double horizon = ha >= -1 && hb >= -1 ? 0.5 * (ha + hb) : std::max(ha, hb);
+        lanes_.mark_from[lane] = lanes_.gap_from[lane] = place.arc_m;
+        lanes_.gap_top[lane] = -infinite;
+        if (parents.mode[a] == mode_done && parents.mode[b] == mode_done) {
+            lanes_.mode[lane] = mode_done;
+        } else if (sine != sine) {
+            lanes_.mode[lane] = mode_gap;
+            for (const std::size_t p : {a, b})
+                if (parents.mode[p] == mode_gap) {
+                    lanes_.gap_from[lane] = std::min(lanes_.gap_from[lane], parents.gap_from[p]);
+                    lanes_.gap_top[lane] = std::max(lanes_.gap_top[lane], parents.gap_top[p]);
+                }
+        } else {
+            if (horizon < -1) horizon = sine;  // neither neighbour has met ground
+            lanes_.mode[lane] = sine >= horizon ? mode_visible : mode_hidden;
+        }
+        lanes_.horizon[lane] = horizon;
+    }
+    live_begin_ = 0;
+    live_end_ = lanes_.mode.size();
+    trim();
+}
+
+void Front::finish() {
+    for (std::size_t lane = 0; lane < lanes_.mode.size(); ++lane) {
+        if (is(lane, mode_done)) continue;
+        mark_seen(lane);
+        if (is(lane, mode_hidden)) mark_shadow(lane, lanes_.last.arc[lane]);
+        // After the raster's last line there is no data up to the range.
+        const double from = is(lane, mode_gap) ? lanes_.mark_from[lane] : lanes_.last.arc[lane];
+        if (from < scene_->max_arc_m) mark_rest(lane, from);
+        lanes_.mode[lane] = mode_done;
+    }
+}
+
+}  // namespace wedgescope

@@ -1,0 +1,150 @@
+// Front: the state (horizon, void horizon, gap) of a run of neighbouring spokes at a line, carried outwards chunk by chunk.
+// Copyable; knows nothing of threads, files or wedges beyond its own run. Leaves reading to the wedge source and cells' meaning to
+// deposit.hpp.
+//
+// Along a spoke, sample after sample:
+//  * a sample above the horizon ends a visible piece: it is shaded and deposited, and the horizon rises to it;
+//  * what stays below is shadow, marked when it ends, at the range at which the ray of the horizon passes over it;
+//  * a piece with a void end is a gap: no data, marked at the range of level ground at the reference height. When it ends the horizon is
+//    raised to the first valid sample without deposit, and the void horizon to where the highest valid post of the cells that the gap runs
+//    through would stand over either of its ends; what is seen below the void horizon is unknown.
+// At a doubling even children copy their parent; odd ones take the mean of their two neighbours' horizons (the valid one if one is not) and the
+// greater void horizon, and start from a sample of their own on that line.
+#pragma once
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "lib/deposit.hpp"
+#include "lib/sample.hpp"
+#include "lib/shade.hpp"
+#include "lib/spoke_grid.hpp"
+#include "lib/sweep.hpp"
+#include "lib/wedge_source.hpp"
+
+namespace wedgescope {
+
+/// What every spoke of a scene shares.
+struct SweepScene {
+    const DataBase* data_base = nullptr;
+    const SpokeGrid* grid = nullptr;
+    Sampling sampling;
+    double sensor_m = 0;
+    double reference_m = 0;
+    double nadir_surface_m = 0;          ///< bare terrain at the nadir; NaN: void or outside
+    double max_arc_m = 0;
+    double range_bin_m = 0;
+    bool range_is_ground = false;        ///< gpi-true: bins count arc, not slant range
+    bool with_depression = false;        ///< second channel: depression / (pi/2)
+    const PatternTable* pattern = nullptr;
+    double constant = 0;                 ///< K
+    std::span<const ClassGamma> gamma;   ///< by class
+};
+
+/// Clock ticks spent by stage, and counts.
+struct SweepCost {
+    std::uint64_t sample = 0, sweep = 0, shade = 0, deposit = 0;
+    std::uint64_t samples = 0, pieces = 0;
+};
+
+class Front {
+public:
+    Front(const SweepScene& scene, const SpokeRun& run, WedgeCells& cells);
+
+    /// Lines of the quadrant, in the quadrant's count; the next ones to advance over begin at next_line().
+    std::int64_t next_line() const { return next_line_; }
+    bool finished() const { return next_line_ >= line_end_ || live_begin_ >= live_end_; }
+    /// The posts that advancing over `lines` (which start at next_line()) needs; empty if none of the spokes meets the raster there.
+    Window window(Interval lines) const;
+    /// Carries the front over lines that `chunk` holds; null where window() was empty.
+    void advance(Interval lines, const Chunk* chunk);
+    /// Marks what lies beyond the last line. Call once.
+    void finish();
+
+    const SweepCost& cost() const { return cost_; }
+    std::size_t bytes() const;
+    /// Least culture code that no legend entry names, on seen ground.
+    std::optional<std::int32_t> unknown_code() const { return unknown_code_; }
+
+private:
+    static constexpr double no_horizon = -2;
+
+    /// Nine arrays of doubles, one sample a spoke.
+    struct Samples {
+        std::vector<double> major, minor, arc, height, up, out, range, sine, x;
+        void resize(std::size_t n);
+        SampleLanes lanes(std::size_t at);
+    };
+    struct Lanes {
+        std::vector<double> metres_per_post, inverse_radius;
+        Samples last;
+        std::vector<SpokeMode> mode;
+        std::vector<double> horizon, void_horizon, mark_from, gap_from, gap_top, seen_least, seen_most;
+        std::vector<WedgeCells::Target> target;  // row < 0: not this run's to deposit
+        void resize(std::size_t n);
+    };
+    /// Chunk, and posts and culture heights of the two lines that the tile is between.
+    struct Between {
+        const Chunk* chunk = nullptr;
+        LinePosts behind, ahead, behind_culture, ahead_culture;
+        double behind_major = 0, ahead_major = 0;
+        bool adjacent = false;  // there is a line behind, next to the one ahead
+    };
+    /// One visible piece.
+    struct Piece {
+        double x0, x1, power;
+        double major0, minor0, major1, minor1;
+        double sine0, sine1;
+    };
+
+    bool is(std::size_t lane, SpokeMode mode) const { return lanes_.mode[lane] == mode; }
+    double slope(std::size_t lane) const;
+    void set_up_ring(std::size_t ring, Lanes& lanes) const;
+    void start();
+    void double_spokes();
+    void trim();
+
+    void advance_tile(Interval lines, const Chunk* chunk, std::size_t begin, std::size_t end, Between& between);
+    void advance_line(std::int64_t line, const Between& between, std::size_t begin, std::size_t end);
+    void take(const Between& between, std::size_t begin, std::size_t end);
+    void change(std::size_t lane, std::size_t i, const Between& between);
+    bool beyond(std::size_t lane, double minor, double arc, double distance) const;
+
+    void put(std::size_t lane, const Piece& piece, const Between& between);
+    void put_with_culture(std::size_t lane, const Piece& piece, double depression, const Between& between);
+    /// Place on the raster of a culture height that makes the cell under a piece a wall; nothing where there is none.
+    std::optional<IndexPosition> wall_post(const Piece& piece, const Between& between) const;
+
+    double level_coordinate(std::size_t lane, double arc_m) const;
+    double ray_coordinate(std::size_t lane, double arc_m) const;
+    void mark_seen(std::size_t lane);
+    void mark_shadow(std::size_t lane, double to_arc_m);
+    void mark_gap(std::size_t lane, double to_arc_m);
+    void mark_rest(std::size_t lane, double from_arc_m);
+    void grow_gap(std::size_t lane, std::size_t i, const Between& between);
+    void end_gap(std::size_t lane, double arc_m);
+
+    const SweepScene* scene_;
+    const SpokeRun* run_;
+    WedgeCells* cells_;
+    double bins_per_metre_;
+    bool plain_ground_;                          // one class, no culture height
+    Quadrant quadrant_;
+    std::size_t ring_ = 0;
+    std::int64_t next_line_ = 0, line_end_ = 0;
+    std::size_t live_begin_ = 0, live_end_ = 0;  // lanes not all done
+    Lanes lanes_;
+    // Workspace of one tile: the last samples and the next ones change places sample after sample.
+    Samples now_, next_;
+    std::vector<double> ahead_minor_, ahead_arc_, sine0_, code_, power_, density_;
+    std::vector<SpokeMap::LinePiece> line_pieces_;
+    std::vector<double> breaks_;
+    // Posts of the last line, kept from chunk to chunk.
+    std::vector<float> kept_posts_, kept_culture_;
+    Between between_;
+    SweepCost cost_;
+    std::optional<std::int32_t> unknown_code_;
+};
+
+}  // namespace wedgescope

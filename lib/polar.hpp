@@ -1,0 +1,47 @@
+// PolarGrid: which azimuth and range bins an image holds; PolarImage: one value for each of them.
+// Leaves what the values mean to whoever fills them.
+#pragma once
+#include <cstddef>
+#include <cstdint>
+#include <numbers>
+#include <vector>
+
+#include "lib/interval.hpp"
+
+namespace wedgescope {
+
+/// Azimuth bin 0 starts at north of the geometry and bins go clockwise; range bin 0 starts at 0 m.
+struct PolarGrid {
+    std::int64_t circle_bins = 0;  ///< azimuth bins in the full circle
+    double range_bin_m = 0;        ///< size of a range bin (slant range; ground range for gpi-true)
+    Interval azimuth_bins;         ///< 0 <= begin < circle_bins; end may pass circle_bins (wraps through north)
+    Interval range_bins;
+
+    double azimuth_step_rad() const {
+        return 2 * std::numbers::pi / static_cast<double>(circle_bins);
+    }
+    bool full_circle() const { return azimuth_bins.size() == circle_bins; }
+    std::size_t azimuth_count() const { return static_cast<std::size_t>(azimuth_bins.size()); }
+    std::size_t range_count() const { return static_cast<std::size_t>(range_bins.size()); }
+    std::size_t cells() const { return azimuth_count() * range_count(); }
+    friend bool operator==(const PolarGrid&, const PolarGrid&) = default;
+};
+
+/// One row an azimuth bin (clockwise), one column a range bin (outwards), row after row.
+template <class T>
+struct PolarImage {
+    PolarGrid grid;
+    std::vector<T> cells;
+
+    PolarImage() = default;
+    explicit PolarImage(const PolarGrid& g) : grid(g), cells(g.cells()) {}
+    T* row(std::size_t azimuth) { return cells.data() + azimuth * grid.range_count(); }
+    const T* row(std::size_t azimuth) const { return cells.data() + azimuth * grid.range_count(); }
+};
+
+/// What a cell or a post is to the sensor; the codes of the state layer (design contract).
+enum class State : std::uint8_t { no_data = 0, shadow = 1, seen = 2, unknown = 3, outside = 4 };
+inline constexpr int state_count = 5;
+inline constexpr const char* state_names[state_count] = {"no data", "shadow", "seen", "unknown", "outside"};
+
+}  // namespace wedgescope

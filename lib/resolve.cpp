@@ -1,0 +1,213 @@
+// resolve(): asks the data base where the sensor stands and turns every default into a number.
+#include <GeographicLib/Geodesic.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+#include "lib/engine.hpp"
+#include "lib/error.hpp"
+#include "lib/rounding.hpp"
+
+namespace wedgescope {
+namespace {
+
+constexpr double degree = std::numbers::pi / 180;
+
+/// Bilinear bare terrain at a place; NaN over a void or outside the hull of the post centres.
+double bare_terrain(WedgeSource& source, IndexPosition p) {
+    const DataBase& db = source.data_base();
+    const auto inside = [&](double column, double row) {
+        return (db.cyclic || (column >= 0 && column <= static_cast<double>(db.columns - 1))) && row >= 0 && row <= static_cast<double>(db.rows - 1);
+    };
+    if (!inside(p.column, p.row)) return std::numeric_limits<double>::quiet_NaN();
+    const double c = std::floor(p.column), r = std::floor(p.row), u = p.column - c, v = p.row - r;
+    double sum = 0;
+    for (int j = 0; j < 2; ++j)
+        for (int i = 0; i < 2; ++i) {
+            const double weight = (i ? u : 1 - u) * (j ? v : 1 - v);
+            if (weight == 0) continue;  // exactly on a line: the posts beside it do not count
+            sum += weight * static_cast<double>(source.bare_terrain_m(static_cast<std::int64_t>(c) + i, static_cast<std::int64_t>(r) + j));
+        }
+    return sum;
+}
+
+void locate(ResolvedScene& s, const DataBase& db) {
+    const PlatformParams& p = s.scene.platform;
+    if (p.latlon) {
+        if (!db.has_crs)
+            throw InputError(text("latlon needs a raster with a CRS; '", db.name, "' has none (give xy in the raster's own coordinates)"));
+        s.lat_deg = p.latlon->lat_deg;
+        s.lon_deg = p.latlon->lon_deg;
+        s.nadir = db.locate(s.lat_deg, s.lon_deg);
+        s.has_lat_lon = true;
+    } else if (p.xy) {
+        s.nadir = {(p.xy->x - db.origin_x) / db.step_x, (p.xy->y - db.origin_y) / db.step_y};
+        if (db.has_crs) {
+            const auto ll = db.lat_lon(s.nadir.column, s.nadir.row);
+            if (!ll) throw InputError(text("xy ", p.xy->x, ",", p.xy->y, " is no place on earth in the CRS of '", db.name, "'"));
+            std::tie(s.lat_deg, s.lon_deg) = *ll;
+            s.has_lat_lon = true;
+        }
+    } else {
+        throw InputError("the sensor has no position; give latlon or xy");
+    }
+    if (!(std::abs(s.nadir.column) < 1e8) || !(std::abs(s.nadir.row) < 1e8))
+        throw InputError(text("the sensor's position has no place on the grid of '", db.name, "'"));
+    s.nadir = {rounded(s.nadir.column, position_bits), rounded(s.nadir.row, position_bits)};
+    s.x = db.origin_x + s.nadir.column * db.step_x;
+    s.y = db.origin_y + s.nadir.row * db.step_y;
+}
+
+void stand(ResolvedScene& s, WedgeSource& source) {
+    const DataBase& db = source.data_base();
+    const PlatformParams& p = s.scene.platform;
+    const double ground = bare_terrain(source, s.nadir);
+    s.nadir_in_raster = (db.cyclic || (s.nadir.column >= -0.5 && s.nadir.column <= static_cast<double>(db.columns) - 0.5)) &&
+                        s.nadir.row >= -0.5 && s.nadir.row <= static_cast<double>(db.rows) - 0.5;
+    s.nadir_on_data = ground == ground;
+    s.reference_m = s.nadir_on_data ? ground : 0;
+    switch (p.altitude_above) {
+        case AltitudeAbove::sea_level: s.sensor_m = p.altitude_m; break;
+        case AltitudeAbove::ellipsoid: s.sensor_m = p.altitude_m - p.geoid_offset_m.value_or(0); break;
+        case AltitudeAbove::ground:
+            if (!s.nadir_on_data)
+                throw InputError(text("altitude-agl needs terrain below the sensor; column ", s.nadir.column, ", row ", s.nadir.row, " of '", db.name,
+                                      s.nadir_in_raster ? "' is void" : "' is outside the raster", " (give altitude-msl)"));
+            s.sensor_m = ground + p.altitude_m;
+            break;
+    }
+    if (s.nadir_on_data && s.sensor_m < ground)
+        throw InputError(fmt::format("the sensor is {:.1f} m below the terrain: it stands at {:.1f} m, the ground there at {:.1f} m above sea level",
+                                     ground - s.sensor_m, s.sensor_m, ground));
+    if (std::abs(s.sensor_m) > 1e6) throw InputError(text("the sensor's altitude is ", s.sensor_m, " m; it must be within 1000 km"));
+}
+
+void choose_earth(ResolvedScene& s) {
+    if (!s.scene.earth_k) return;  // plane
+    double radius = mean_radius_m;
+    if (s.geometry == Geometry::geodesic) {
+        const EllipsoidRadii r = ellipsoid_radii(s.lat_deg * degree);
+        radius = std::sqrt(r.meridian_m * r.normal_m);
+    }
+    s.earth = Earth(*s.scene.earth_k * radius);
+}
+
+/// The nearer of the farthest edge post (at the highest terrain) and what the horizon allows.
+double default_range(const ResolvedScene& s, WedgeSource& source) {
+    const DataBase& db = source.data_base();
+    const Extremes e = source.extremes();
+    if (!e.any_valid) throw DataError(text("'", db.name, "' holds no valid post"));
+    const double highest = static_cast<double>(e.highest_m);
+    double farthest = 0;
+    const auto& geod = GeographicLib::Geodesic::WGS84();
+    const auto reach = [&](double column, double row) {
+        double arc = 0;
+        if (s.geometry == Geometry::geodesic) {
+            const auto ll = db.lat_lon(column, row);
+            if (!ll) return;
+            geod.Inverse(s.lat_deg, s.lon_deg, ll->first, ll->second, arc);
+        } else {
+            arc = std::hypot((column - s.nadir.column) * db.step_x, (row - s.nadir.row) * db.step_y) * db.metres_per_unit;
+        }
+        farthest = std::max(farthest, arc);
+    };
+    constexpr int parts = 16;
+    for (int i = 0; i <= parts; ++i) {
+        const double c = static_cast<double>(db.columns - 1) * i / parts, r = static_cast<double>(db.rows - 1) * i / parts;
+        reach(c, 0);
+        reach(c, static_cast<double>(db.rows - 1));
+        reach(0, r);
+        reach(static_cast<double>(db.columns - 1), r);
+    }
+    const double horizon = s.earth.horizon_arc_m(std::max(0.0, s.sensor_m)) + s.earth.horizon_arc_m(std::max(0.0, highest));
+    const double arc = std::min(farthest, s.earth.inverse_radius() > 0 ? 2.5 / s.earth.inverse_radius() : farthest);
+    return std::max(1.0, std::min(s.earth.sight(s.sensor_m, highest, arc).slant_range_m, horizon));
+}
+
+}  // namespace
+
+BeamSetting beam_setting(const ResolvedScene& s) {
+    BeamSetting b;
+    b.antenna = s.scene.radar.antenna;
+    b.beam_width_error = s.scene.radar.beam_width_error;
+    b.pulse_length_error = s.scene.radar.pulse_length_error;
+    b.pulse_extent_m = s.scene.radar.pulse_extent_m();
+    b.sensor_m = s.sensor_m;
+    b.reference_m = s.reference_m;
+    b.earth = s.earth;
+    b.range_is_ground = s.scene.display.kind == DisplayKind::gpi_true;
+    return b;
+}
+
+DisplaySetting display_setting(const ResolvedScene& s) {
+    DisplaySetting d;
+    d.params = s.scene.display;
+    d.shown = s.shown;
+    d.heading = s.scene.platform.heading;
+    d.sensor_m = s.sensor_m;
+    d.reference_m = s.reference_m;
+    d.sweep_delay_m = s.sweep_delay_m;
+    d.range_start_m = s.scene.range_start_m;
+    d.range_m = s.scene.range_m.value_or(0);
+    d.earth = s.earth;
+    return d;
+}
+
+ResolvedScene resolve(const Scene& scene, WedgeSource& source) {
+    validate(scene);
+    const DataBase& db = source.data_base();
+    ResolvedScene s;
+    s.scene = scene;
+    s.geometry = scene.geometry.value_or(db.has_crs ? Geometry::geodesic : Geometry::grid);
+    if (s.geometry == Geometry::geodesic && !db.has_crs)
+        throw InputError(text("geometry is geodesic; '", db.name, "' has no CRS (give geometry grid, or assign a CRS with gdal_edit.py -a_srs)"));
+    if (s.geometry == Geometry::grid && !db.crs_in_metres)
+        throw InputError(text("geometry is grid; '", db.name, "' is in degrees, and grid geometry needs metres (give geometry geodesic)"));
+    locate(s, db);
+    if (s.geometry == Geometry::geodesic && 90 - std::abs(s.lat_deg) < 1.0 / 111000)
+        throw InputError("the sensor is within 1 m of a pole; geodesic geometry has no azimuth there");
+    stand(s, source);
+    choose_earth(s);
+    s.scene.geometry = s.geometry;
+    if (!scene.range_m) s.scene.range_m = default_range(s, source);
+    const double range = *s.scene.range_m;
+    if (s.earth.inverse_radius() * range > 0.3)
+        throw InputError(fmt::format("range is {:.0f} m; at most {:.0f} m on this earth", range, 0.3 / s.earth.inverse_radius()));
+    if (scene.range_start_m >= range) throw InputError(text("range-start is ", scene.range_start_m, " m; it must be below the range, ", range, " m"));
+
+    // Bins.
+    if (!scene.azimuth_bins) s.scene.azimuth_bins = std::max<std::int64_t>(1, std::llround(4 * 360 / scene.radar.antenna.beam.deg()));
+    if (!scene.range_bin_m) s.scene.range_bin_m = scene.radar.pulse_extent_m() / 4;
+    const std::int64_t circle = *s.scene.azimuth_bins;
+    const double bin = *s.scene.range_bin_m;
+    if (range / bin > 1e8) throw InputError(text("range-bin is ", bin, " m; with a range of ", range, " m it must be at least ", range / 1e8, " m"));
+    s.shown.circle_bins = s.swept.circle_bins = circle;
+    s.shown.range_bin_m = s.swept.range_bin_m = bin;
+    s.shown.range_bins = {static_cast<std::int64_t>(std::floor(scene.range_start_m / bin + 1e-9)), static_cast<std::int64_t>(std::ceil(range / bin - 1e-9))};
+    if (scene.sector && scene.sector->to.deg() - scene.sector->from.deg() < 360 - 1e-9) {
+        const double step = 360.0 / static_cast<double>(circle);
+        const double from = scene.platform.heading.deg() + scene.sector->from.deg(), to = scene.platform.heading.deg() + scene.sector->to.deg();
+        Interval a{static_cast<std::int64_t>(std::floor(from / step + 1e-9)), static_cast<std::int64_t>(std::ceil(to / step - 1e-9))};
+        a.end = std::min(std::max(a.end, a.begin + 1), a.begin + circle);
+        const std::int64_t turns = static_cast<std::int64_t>(std::floor(static_cast<double>(a.begin) / static_cast<double>(circle)));
+        s.shown.azimuth_bins = {a.begin - turns * circle, a.end - turns * circle};
+    } else {
+        s.shown.azimuth_bins = {0, circle};
+    }
+    if (s.shown.full_circle()) s.shown.azimuth_bins = {0, circle};
+    const BeamSetting beam = beam_setting(s);
+    const std::int64_t skirt = skirt_bins(beam, circle), lead = lead_in_bins(beam, bin);
+    s.swept.range_bins = {std::max<std::int64_t>(0, s.shown.range_bins.begin - lead), s.shown.range_bins.end};
+    s.swept.azimuth_bins = {s.shown.azimuth_bins.begin - skirt, s.shown.azimuth_bins.end + skirt};
+    if (s.swept.azimuth_bins.size() >= circle) s.swept.azimuth_bins = {0, circle};
+    if (s.swept.azimuth_bins.begin < 0) s.swept.azimuth_bins = {s.swept.azimuth_bins.begin + circle, s.swept.azimuth_bins.end + circle};
+
+    s.noise_power_w = scene.radar.noise_power_w();
+    s.sweep_delay_m = scene.display.sweep_delay_m.value_or(std::max(0.0, s.sensor_m - s.reference_m));
+    s.scene.display.sweep_delay_m = s.sweep_delay_m;
+    return s;
+}
+
+}  // namespace wedgescope

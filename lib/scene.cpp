@@ -1,0 +1,99 @@
+#include "lib/scene.hpp"
+
+#include <cmath>
+
+#include "lib/error.hpp"
+
+namespace wedgescope {
+namespace {
+
+void validate(const PlatformParams& platform) {
+    if (platform.latlon && platform.xy) throw InputError("latlon and xy are both given; exactly one of them is needed");
+    if (!platform.latlon && !platform.xy) throw InputError("neither latlon nor xy is given; exactly one of them is needed");
+    if (platform.latlon) {
+        require_within("latlon: latitude", platform.latlon->lat_deg, -90, 90, "deg");
+        require_within("latlon: longitude", platform.latlon->lon_deg, -360, 360, "deg");
+    }
+    if (platform.xy) {
+        if (!std::isfinite(platform.xy->x) || !std::isfinite(platform.xy->y))
+            throw InputError(text("xy is ", platform.xy->x, ",", platform.xy->y, "; both must be finite"));
+    }
+    switch (platform.altitude_above) {
+        case AltitudeAbove::sea_level: require_within("altitude-msl", platform.altitude_m, -10000, 1e6, "m"); break;
+        case AltitudeAbove::ground: require_within("altitude-agl", platform.altitude_m, 0, 1e6, "m"); break;
+        case AltitudeAbove::ellipsoid:
+            require_within("altitude-hae", platform.altitude_m, -10000, 1e6, "m");
+            if (!platform.geoid_offset_m)
+                throw InputError("altitude-hae needs geoid-offset, the height of the ellipsoid above sea level at the sensor");
+            break;
+    }
+    if (platform.geoid_offset_m) require_within("geoid-offset", *platform.geoid_offset_m, -200, 200, "m");
+    require_within("heading", platform.heading.deg(), -360, 360, "deg");
+}
+
+void validate(const Sector& sector) {
+    // A hair more than 360 so that a full turn given in degrees passes after its way through radians.
+    require_within("sector: from", sector.from.deg(), -360, 360 + 1e-9, "deg");
+    require_within("sector: to", sector.to.deg(), -360, 360 + 1e-9, "deg");
+    double width_deg = sector.to.deg() - sector.from.deg();
+    if (width_deg < 0) width_deg += 360;
+    if (!(width_deg > 1e-9 && width_deg <= 360 + 1e-9))
+        throw InputError(fmt::format("sector is {:.12g},{:.12g} deg; it must be wider than 0 and at most 360, clockwise",
+                                     sector.from.deg(), sector.to.deg()));
+}
+
+}  // namespace
+
+void validate(const Scene& scene) {
+    validate(scene.platform);
+    if (scene.earth_k) require_within("earth", *scene.earth_k, 0.1, 1e6, "");
+    if (scene.sector) validate(*scene.sector);
+    if (scene.range_m) require_above_to("range", *scene.range_m, 0, 1e7, "m");
+    require_within("range-start", scene.range_start_m, 0, 1e7, "m");
+    if (scene.range_m && !(*scene.range_m > scene.range_start_m))
+        throw InputError(text("range is ", *scene.range_m, " m; it must be above range-start, ", scene.range_start_m, " m"));
+    if (scene.azimuth_bins) require_within("azimuth-bins", static_cast<double>(*scene.azimuth_bins), 4, 1e6, "");
+    if (scene.range_bin_m) require_within("range-bin", *scene.range_bin_m, 0.001, 1e6, "m");
+    validate(scene.radar);
+    validate(scene.receiver);
+    if (scene.display.sweep_delay_m) require_within("sweep-delay", *scene.display.sweep_delay_m, 0, 1e7, "m");
+    require_within("size", static_cast<double>(scene.display.size), 16, 32768, "pixels");
+    if (scene.gamma) require_within("gamma", scene.gamma->db(), -100, 100, "dB");
+}
+
+const char* word(Geometry geometry) { return geometry == Geometry::geodesic ? "geodesic" : "grid"; }
+
+const char* word(DisplayKind kind) {
+    switch (kind) {
+        case DisplayKind::gpi: return "gpi";
+        case DisplayKind::gpi_true: return "gpi-true";
+        case DisplayKind::ppi: return "ppi";
+        case DisplayKind::tdppi: return "tdppi";
+    }
+    return "";
+}
+
+const char* word(Orientation orientation) { return orientation == Orientation::north ? "north" : "heading"; }
+
+const char* word(Quality quality) {
+    switch (quality) {
+        case Quality::exact: return "exact";
+        case Quality::fine: return "fine";
+        case Quality::normal: return "normal";
+        case Quality::draft: return "draft";
+    }
+    return "";
+}
+
+const char* word(ElevationPattern pattern) {
+    switch (pattern) {
+        case ElevationPattern::gaussian: return "gaussian";
+        case ElevationPattern::csc2: return "csc2";
+        case ElevationPattern::cos_csc2: return "cos-csc2";
+    }
+    return "";
+}
+
+const char* word(AzimuthPattern pattern) { return pattern == AzimuthPattern::gaussian ? "gaussian" : "uniform"; }
+
+}  // namespace wedgescope

@@ -1,0 +1,80 @@
+// Scene: sensor position and look, data-base conventions, display: all that `run` needs beside the
+// wedge source. Holds no file names: those belong to tools and tiles.
+#pragma once
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include "lib/angle.hpp"
+#include "lib/decibel.hpp"
+#include "lib/sensor.hpp"
+
+namespace wedgescope {
+
+enum class Geometry { geodesic, grid };
+enum class DisplayKind { gpi, gpi_true, ppi, tdppi };
+enum class Orientation { north, heading };
+enum class Quality { exact, fine, normal, draft };
+
+struct LatLon {
+    double lat_deg = 0;
+    double lon_deg = 0;
+};
+struct PointXY {
+    double x = 0;  ///< raster CRS, its own units
+    double y = 0;
+};
+
+enum class AltitudeAbove { sea_level, ground, ellipsoid };
+
+/// Where the sensor stands, as asked; exactly one of latlon and xy.
+struct PlatformParams {
+    std::optional<LatLon> latlon;
+    std::optional<PointXY> xy;
+    AltitudeAbove altitude_above = AltitudeAbove::sea_level;
+    double altitude_m = 0;
+    std::optional<double> geoid_offset_m;  ///< ellipsoid above sea level at the sensor; needed for `ellipsoid`
+    Angle heading{};
+};
+
+struct DisplayParams {
+    DisplayKind kind = DisplayKind::gpi;
+    std::optional<double> sweep_delay_m;  ///< tdppi: slant range of the centre; none: altitude above the nadir
+    std::int64_t size = 1024;             ///< pixels of the longer side
+    Orientation orientation = Orientation::north;
+    bool rings = true;
+    bool legend = false;
+};
+
+struct Sector {
+    Angle from;  ///< relative to heading
+    Angle to;    ///< clockwise from `from`; a width of 360 degrees is the full circle
+};
+
+struct Scene {
+    PlatformParams platform;
+    std::optional<Geometry> geometry;       ///< none: geodesic where the raster has a CRS
+    std::optional<double> earth_k = 4.0 / 3;///< none: flat
+    std::optional<Sector> sector;           ///< none: the full circle
+    std::optional<double> range_m;          ///< largest slant range; none: what the data base and the horizon allow
+    double range_start_m = 0;
+    std::optional<std::int64_t> azimuth_bins;  ///< in the circle; none: 4 a beamwidth
+    std::optional<double> range_bin_m;         ///< none: c tau / 8
+    RadarParams radar;
+    ReceiverParams receiver;
+    DisplayParams display;
+    std::optional<Decibel> gamma;           ///< one constant gamma at 10 GHz for everything
+    Quality quality = Quality::normal;
+};
+
+/// Checks all that can be checked without the data base; InputError naming the key.
+void validate(const Scene&);
+
+const char* word(Geometry);
+const char* word(DisplayKind);
+const char* word(Orientation);
+const char* word(Quality);
+const char* word(ElevationPattern);
+const char* word(AzimuthPattern);
+
+}  // namespace wedgescope

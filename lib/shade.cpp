@@ -1,0 +1,124 @@
+#include "lib/shade.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "lib/lanes.hpp"
+
+namespace wedgescope {
+
+double elevation_pattern(const AntennaParams& antenna, double depression_rad) {
+    const double beta = depression_rad - antenna.tilt.rad(), knee = antenna.knee.rad(), floor = antenna.floor.ratio();
+    double g = 0;
+    if (antenna.elevation == ElevationPattern::gaussian || beta <= knee) {
+        const double x = (beta - knee) / antenna.width.rad();
+        g = std::exp(-4 * std::numbers::ln2 * x * x);
+    } else {
+        const double p = antenna.elevation == ElevationPattern::csc2 ? 0 : antenna.exponent;
+        const double ratio = std::sin(knee) / std::sin(beta);
+        if (std::sin(beta) > 0 && (p == 0 || std::cos(beta) > 0))
+            g = ratio * ratio * (p == 0 ? 1 : std::pow(std::cos(beta) / std::cos(knee), p));
+    }
+    return std::max(g, floor);
+}
+
+PatternTable::PatternTable(const AntennaParams& antenna) {
+    const auto exact = [&](double t) {
+        const double g = elevation_pattern(antenna, -2 * std::atan(t));
+        return g * g;
+    };
+    const double least = 100 * std::pow(antenna.floor.ratio(), 2);
+    for (intervals_ = 4096;; intervals_ *= 2) {
+        values_.resize(static_cast<std::size_t>(intervals_) + 2);
+        most_ = 0;
+        for (std::size_t i = 0; i < values_.size(); ++i) {
+            values_[i] = static_cast<float>(exact(std::min(1.0, -1 + 2 * static_cast<double>(i) / intervals_)));
+            most_ = std::max(most_, static_cast<double>(values_[i]));
+        }
+        error_ = 0;
+        for (int i = 0; i < intervals_; ++i) {
+            const double t = -1 + (2 * i + 1.0) / intervals_, truth = exact(t);
+            if (truth > least) error_ = std::max(error_, std::abs(at(t) / truth - 1));
+        }
+        if (error_ <= 0.0005 || intervals_ >= (1 << 17)) return;
+    }
+}
+
+double PatternTable::at(double half_tangent) const {
+    const double x = (half_tangent + 1) * (0.5 * intervals_);
+    const int i = std::clamp(static_cast<int>(x), 0, intervals_ - 1);
+    const double a = static_cast<double>(values_[static_cast<std::size_t>(i)]), b = static_cast<double>(values_[static_cast<std::size_t>(i) + 1]);
+    return a + (x - i) * (b - a);
+}
+
+double radar_constant(const RadarParams& radar) {
+    const double lambda = radar.wavelength_m(), gain = radar.gain.ratio(), four_pi = 4 * std::numbers::pi;
+    return radar.transmit_power_w * gain * gain * lambda * lambda / (four_pi * four_pi * four_pi * radar.losses.ratio());
+}
+
+WEDGESCOPE_LANES
+void power_lanes(std::size_t n, const Shading& shading, const PatternTable& pattern, double constant) noexcept {
+    const double *__restrict sine0 = shading.sine0, *__restrict sine1 = shading.sine1, *__restrict range0 = shading.range0_m,
+                 *__restrict range1 = shading.range1_m, *__restrict x0 = shading.x0, *__restrict x1 = shading.x1;
+    double *__restrict power = shading.power, *__restrict density = shading.density;
+    const float* __restrict table = pattern.data();
+    const double half = 0.5 * pattern.intervals();
+    const int last = pattern.intervals() - 1;
+    constexpr std::size_t block = 64;
+    double part[block];
+    int index[block];
+    float a[block], b[block];
+    for (std::size_t at = 0; at < n; at += block) {
+        const std::size_t m = std::min(block, n - at);
+        for (std::size_t i = 0; i < m; ++i) {
+            const double sine = 0.5 * (sine0[at + i] + sine1[at + i]), range = 0.5 * (range0[at + i] + range1[at + i]);
+            const double cosine = std::sqrt(1 - sine * sine);
+            const double place = (sine / (1 + cosine) + 1) * half;
+            const double inside = place > 0 ? place : 0.0;  // lanes that hold no piece may hold anything
+            int j = static_cast<int>(inside < 1e9 ? inside : 0.0);
+            j = j < last ? j : last;
+            index[i] = j;
+            part[i] = place - static_cast<double>(j);
+            power[at + i] = constant * (sine1[at + i] - sine0[at + i]) / (range * range);
+        }
+        for (std::size_t i = 0; i < m; ++i) {
+            a[i] = table[index[i]];
+            b[i] = table[index[i] + 1];
+        }
+        for (std::size_t i = 0; i < m; ++i) {
+            const double ga = static_cast<double>(a[i]), gb = static_cast<double>(b[i]);
+            power[at + i] *= ga + part[i] * (gb - ga);
+            density[at + i] = power[at + i] / std::abs(x1[at + i] - x0[at + i]);
+        }
+    }
+}
+
+double piece_power(double sine0, double sine1, double range0_m, double range1_m, const PatternTable& pattern, double constant) noexcept {
+    const double x0 = 0, x1 = 1;
+    double power = 0, density = 0;
+    power_lanes(1, {&sine0, &sine1, &range0_m, &range1_m, &x0, &x1, &power, &density}, pattern, constant);
+    return power;
+}
+
+std::size_t ClassLookup::index(double cell_column, double cell_row, bool& inside) const {
+    const auto column = static_cast<std::int64_t>(std::floor(cell_column)) - chunk_.culture_window.columns.begin;
+    const auto row = static_cast<std::int64_t>(std::floor(cell_row)) - chunk_.culture_window.rows.begin;
+    const std::int64_t columns = chunk_.culture_window.columns.size(), rows = chunk_.culture_window.rows.size();
+    inside = column >= 0 && row >= 0 && column < columns && row < rows;
+    return static_cast<std::size_t>(row * columns + column);
+}
+
+ClassId ClassLookup::at(double cell_column, double cell_row) const {
+    bool inside = false;
+    const std::size_t i = index(cell_column, cell_row, inside);
+    return inside ? chunk_.classes[i] : db_.default_class;
+}
+
+std::int32_t ClassLookup::code(double cell_column, double cell_row) const {
+    bool inside = false;
+    const std::size_t i = index(cell_column, cell_row, inside);
+    return inside && i < chunk_.codes.size() ? chunk_.codes[i] : 0;
+}
+
+}  // namespace wedgescope

@@ -1,0 +1,66 @@
+// Shade: what is seen -> returned power: antenna pattern, spreading, backscatter of the class.
+// Leaves what is seen to front.hpp and cells to deposit.hpp.
+#pragma once
+#include <cstdint>
+#include <vector>
+
+#include "lib/deposit.hpp"
+#include "lib/material.hpp"
+#include "lib/sensor.hpp"
+#include "lib/wedge_source.hpp"
+
+namespace wedgescope {
+
+/// One-way elevation pattern g_el of the depression in the antenna's frame, with floor. Source: physics "Antenna patterns".
+double elevation_pattern(const AntennaParams& antenna, double depression_rad);
+
+/// g_el^2 (two-way) over the tangent of half the elevation angle, t = sin e / (1 + cos e) in [-1, 1]: smooth there up to the vertical.
+/// Linear between entries; `error` bounds |table - exact| / exact above the floor, found when it is built (0.0005 wanted).
+class PatternTable {
+public:
+    explicit PatternTable(const AntennaParams& antenna);
+    const float* data() const { return values_.data(); }
+    int intervals() const { return intervals_; }
+    double most() const { return most_; }    ///< largest entry
+    double error() const { return error_; }  ///< relative
+    double at(double half_tangent) const;
+
+private:
+    int intervals_ = 0;
+    std::vector<float> values_;
+    double most_ = 0, error_ = 0;
+};
+
+/// K of the radar equation: P_t G_0^2 lambda^2 / ((4 pi)^3 L_s); echo = K g^2 sigma / r^4.
+double radar_constant(const RadarParams& radar);
+
+/// Power of the visible pieces of neighbouring spokes, in lanes; only entries with code[i] == 1 mean anything.
+struct Shading {
+    const double *sine0, *sine1;            ///< in: old and new horizon
+    const double *range0_m, *range1_m;      ///< in: slant range at both ends
+    const double *x0, *x1;                  ///< in: range coordinate (bins) at both ends
+    double *power;                          ///< out: K g_el^2(middle) / r_middle^2 (sine1 - sine0): W per radian of azimuth, without backscatter
+    double *density;                        ///< out: the same per bin
+};
+void power_lanes(std::size_t n, const Shading& shading, const PatternTable& pattern, double constant) noexcept;
+
+/// The same for one piece.
+double piece_power(double sine0, double sine1, double range0_m, double range1_m, const PatternTable& pattern, double constant) noexcept;
+
+/// Class of a place on the terrain grid, from a chunk's culture window.
+class ClassLookup {
+public:
+    ClassLookup(const DataBase& data_base, const Chunk& chunk) : db_(data_base), chunk_(chunk) {}
+    double cell_column(double column) const { return db_.culture_column_offset + db_.culture_column_scale * column; }
+    double cell_row(double row) const { return db_.culture_row_offset + db_.culture_row_scale * row; }
+    /// Of a culture cell position.
+    ClassId at(double cell_column, double cell_row) const;
+    std::int32_t code(double cell_column, double cell_row) const;
+
+private:
+    std::size_t index(double cell_column, double cell_row, bool& inside) const;
+    const DataBase& db_;
+    const Chunk& chunk_;
+};
+
+}  // namespace wedgescope

@@ -1,0 +1,89 @@
+// SpokeGrid: which spokes there are: quadrants, lines, rings, azimuths; and a wedge as runs of spokes.
+// A property of the scene, never of the split into wedges. Leaves positions to spoke_map.hpp and state to front.hpp.
+//
+// Spoke k of a quadrant (-K <= k <= K) has slope k/K; K is a power of two that doubles from one ring to the next where the
+// spokes' spacing on a line would exceed 1/o posts. Its cell is the azimuths between slopes (k-1/2)/K and (k+1/2)/K, cut
+// at +-1: a spoke on a common diagonal is swept by both quadrants and each deposits its own half.
+#pragma once
+#include <cstdint>
+#include <vector>
+
+#include "lib/interval.hpp"
+#include "lib/polar.hpp"
+#include "lib/scene.hpp"
+#include "lib/spoke_map.hpp"
+
+namespace wedgescope {
+
+/// What a quality means for the sweep.
+struct Sampling {
+    double spokes_per_post = 1;  ///< o: at least so many spokes a post on every line
+    bool cross_lines = true;     ///< sampled where spokes cross the other axis' lines too
+    bool half_steps = false;     ///< and half-way between two samples
+};
+Sampling sampling(Quality quality);
+
+/// Lines of a quadrant between two doublings of the number of spokes.
+struct Ring {
+    std::int64_t spokes = 0;  ///< K, of an octant
+    Interval lines;           ///< line numbers, 0 = nearest
+};
+
+/// A run of spokes of one quadrant with the azimuth bins it deposits into.
+struct SpokeRun {
+    Quadrant quadrant = Quadrant::east;
+    Interval bins;                  ///< counted in the quadrant's own unwrapped azimuth; bin b starts at b times the step
+    std::int64_t first_row = 0;     ///< row of the wedge's cells for bins.begin
+    std::vector<Interval> spokes;   ///< for each ring of the quadrant: all that must be swept
+    std::vector<Interval> touching; ///< for each ring: those whose cell overlaps the bins
+};
+
+/// A run of neighbouring azimuth bins: the unit of work.
+struct Wedge {
+    std::int64_t index = 0;
+    Interval bins;  ///< of the circle, unwrapped as in PolarGrid
+    std::vector<SpokeRun> runs;
+};
+
+class SpokeGrid {
+public:
+    SpokeGrid(const DataBase& data_base, const SpokeMap& map, const Sampling& sampling, std::int64_t circle_bins);
+
+    const SpokeMap& map() const { return map_; }
+    double azimuth_step_rad() const { return azimuth_step_; }
+
+    std::int64_t line_count(Quadrant q) const { return of(q).line_count; }
+    /// Raster column or row of a line.
+    std::int64_t line_index(Quadrant q, std::int64_t line) const { return of(q).first_line + outward(q) * line; }
+    /// From the nadir to a line, posts; above 0.
+    double distance(Quadrant q, std::int64_t line) const;
+    /// At least one ring, also where a quadrant has no line.
+    const std::vector<Ring>& rings(Quadrant q) const { return of(q).rings; }
+
+    /// Part of the azimuth bins that a spoke's cell covers.
+    struct Share {
+        std::int64_t bin = 0;     ///< the first one, in the quadrant's unwrapped count
+        double radians[2] = {0, 0};  ///< of this bin and the next; rounded, independent of any split
+    };
+    Share share(Quadrant q, std::int64_t spokes, std::int64_t k) const;
+
+    Wedge wedge(std::int64_t index, Interval bins) const;
+
+private:
+    struct QuadrantLines {
+        std::int64_t first_line = 0, line_count = 0;
+        std::vector<Ring> rings;
+        bool clockwise = true;  // azimuth grows with slope
+    };
+    const QuadrantLines& of(Quadrant q) const { return quadrants_[static_cast<std::size_t>(q)]; }
+    /// Azimuth of slope half_index / (2 K).
+    double edge_azimuth(Quadrant q, std::int64_t spokes, std::int64_t half_index) const;
+    Interval touching_spokes(Quadrant q, std::int64_t spokes, double azimuth_lo, double azimuth_hi) const;
+
+    const SpokeMap& map_;
+    std::int64_t circle_bins_;
+    double azimuth_step_;
+    std::array<QuadrantLines, 4> quadrants_;
+};
+
+}  // namespace wedgescope

@@ -1,0 +1,275 @@
+#include "lib/spoke_map.hpp"
+
+#include <GeographicLib/Geodesic.hpp>
+#include <GeographicLib/GeodesicLine.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "lib/earth.hpp"
+#include "lib/error.hpp"
+#include "lib/rounding.hpp"
+
+namespace wedgescope {
+namespace {
+
+constexpr std::array<double, 5> nodes = {-1, -0.5, 0, 0.5, 1};
+
+/// Coefficients of the quartic through values at the nodes (central differences: exact for quartics).
+std::array<double, 5> quartic(const std::array<double, 5>& f) {
+    return {f[2], (f[0] - 8 * f[1] + 8 * f[3] - f[4]) / 6, (-f[0] + 16 * f[1] - 30 * f[2] + 16 * f[3] - f[4]) / 6,
+            (-f[0] + 2 * f[1] - 2 * f[3] + f[4]) * 2 / 3, (f[0] - 4 * f[1] + 6 * f[2] - 4 * f[3] + f[4]) * 2 / 3};
+}
+
+double horner(const std::array<double, 5>& c, double u) {
+    return c[0] + u * (c[1] + u * (c[2] + u * (c[3] + u * c[4])));
+}
+
+/// Index-space direction (column, row) of slope m.
+std::pair<double, double> direction(Quadrant q, double slope) {
+    const double major = outward(q);
+    return lines_are_columns(q) ? std::pair(major, slope) : std::pair(slope, major);
+}
+
+/// The geodesic of one spoke, seen in index space.
+class Course {
+public:
+    Course(const DataBase& data_base, const SpokeMapParams& params, Quadrant q, double azimuth_rad)
+        : data_base_(data_base), params_(params), quadrant_(q),
+          line_(GeographicLib::Geodesic::WGS84().Line(params.lat_deg, params.lon_deg,
+                                                      azimuth_rad * (180 / std::numbers::pi))) {}
+
+    /// Major (outward) and minor offsets from the nadir, posts, at arc s.
+    std::pair<double, double> at(double arc_m) const {
+        double lat = 0, lon = 0;
+        line_.Position(arc_m, lat, lon);
+        const IndexPosition p = data_base_.locate(lat, lon);
+        double columns = p.column - params_.nadir.column;
+        if (data_base_.cyclic)
+            columns = std::remainder(columns, static_cast<double>(data_base_.cycle_columns));
+        const double rows = p.row - params_.nadir.row;
+        return lines_are_columns(quadrant_) ? std::pair(columns * outward(quadrant_), rows)
+                                            : std::pair(rows * outward(quadrant_), columns);
+    }
+
+    /// Arc at which the major offset is `distance`, from a first guess; nothing where there is none.
+    std::optional<double> arc_to(double distance, double guess_m, double metres_per_post) const {
+        double arc = guess_m, slope = 1 / metres_per_post;
+        double miss = at(arc).first - distance;
+        for (int i = 0; i < 40 && std::isfinite(miss); ++i) {
+            if (std::abs(miss) < 1e-9) return arc;
+            const double next = arc - miss / slope;
+            const double next_miss = at(next).first - distance;
+            const double secant = (next_miss - miss) / (next - arc);
+            if (std::isfinite(secant) && secant > 0.05 / metres_per_post) slope = secant;
+            arc = next, miss = next_miss;
+        }
+        if (std::abs(miss) < 1e-6) return arc;  // PROJ's own noise
+        return std::nullopt;
+    }
+
+private:
+    const DataBase& data_base_;
+    const SpokeMapParams& params_;
+    Quadrant quadrant_;
+    GeographicLib::GeodesicLine line_;
+};
+
+}  // namespace
+
+SpokeMap::SpokeMap(const DataBase& data_base, const SpokeMapParams& params) : params_(params) {
+    if (straight()) {
+        east_per_column_ = data_base.step_x * data_base.metres_per_unit;
+        north_per_row_ = data_base.step_y * data_base.metres_per_unit;
+    } else {
+        // Posts per metre by central differences over 200 m, then inverted: metres per post.
+        constexpr double arm_m = 100;
+        const auto& geod = GeographicLib::Geodesic::WGS84();
+        const auto offset = [&](double azimuth_deg) {
+            double lat = 0, lon = 0;
+            geod.Direct(params.lat_deg, params.lon_deg, azimuth_deg, arm_m, lat, lon);
+            return data_base.locate(lat, lon);
+        };
+        const IndexPosition n = offset(0), s = offset(180), e = offset(90), w = offset(-90);
+        const double column_per_east = (e.column - w.column) / (2 * arm_m);
+        const double column_per_north = (n.column - s.column) / (2 * arm_m);
+        const double row_per_east = (e.row - w.row) / (2 * arm_m);
+        const double row_per_north = (n.row - s.row) / (2 * arm_m);
+        const double det = column_per_east * row_per_north - column_per_north * row_per_east;
+        if (!(std::abs(det) > 0))
+            throw DataError(text(data_base.name, ": its CRS has no unique position near the sensor"));
+        constexpr int bits = 30;
+        east_per_column_ = rounded_significand(row_per_north / det, bits);
+        east_per_row_ = rounded_significand(-column_per_north / det, bits);
+        north_per_column_ = rounded_significand(-row_per_east / det, bits);
+        north_per_row_ = rounded_significand(column_per_east / det, bits);
+        // What is left of a right angle by the differences' noise is none.
+        const double noise = 1e-9 * (std::abs(east_per_column_) + std::abs(north_per_row_));
+        if (std::abs(east_per_row_) < noise) east_per_row_ = 0;
+        if (std::abs(north_per_column_) < noise) north_per_column_ = 0;
+    }
+    for (Quadrant q : all_quadrants) {
+        Fit& f = fits_[static_cast<std::size_t>(q)];
+        const std::int64_t count = lines_are_columns(q) ? data_base.columns : data_base.rows;
+        const double edge = outward(q) > 0 ? static_cast<double>(count - 1) - nadir_major(q) : nadir_major(q);
+        double least_f = metres_per_post(q, 0);
+        for (int i = -8; i <= 8; ++i) least_f = std::min(least_f, metres_per_post(q, i / 8.0));
+        f.reach = std::min(data_base.cyclic && lines_are_columns(q) ? static_cast<double>(data_base.cycle_columns / 2) : edge,
+                           params.max_arc_m / least_f + 1);
+        if (!straight() && f.reach > 0) fit(data_base, q);
+    }
+}
+
+double SpokeMap::metres_per_post(Quadrant q, double slope) const {
+    const auto [c, r] = direction(q, slope);
+    const double east = c * east_per_column_ + r * east_per_row_;
+    const double north = c * north_per_column_ + r * north_per_row_;
+    return std::sqrt(east * east + north * north);
+}
+
+double SpokeMap::azimuth_rad(Quadrant q, double slope) const {
+    const auto bearing = [&](double m) {
+        const auto [c, r] = direction(q, m);
+        return std::atan2(c * east_per_column_ + r * east_per_row_, c * north_per_column_ + r * north_per_row_);
+    };
+    const double middle = bearing(0);
+    return rounded(middle + std::remainder(bearing(slope) - middle, 2 * std::numbers::pi), angle_bits);
+}
+
+double SpokeMap::inverse_radius(Quadrant q, double slope) const {
+    if (!params_.earth_k) return 0;
+    const double radius = straight() ? mean_radius_m
+                                     : euler_radius_m(params_.lat_deg * (std::numbers::pi / 180), azimuth_rad(q, slope));
+    return rounded_significand(1 / (*params_.earth_k * radius), 32);
+}
+
+double SpokeMap::azimuth_per_slope(Quadrant q) const {
+    const double det = std::abs(east_per_column_ * north_per_row_ - east_per_row_ * north_per_column_);
+    double most = 0;
+    for (int i = -64; i <= 64; ++i) {
+        const double f = metres_per_post(q, i / 64.0);
+        most = std::max(most, det / (f * f));
+    }
+    return most;
+}
+
+void SpokeMap::fit(const DataBase& data_base, Quadrant q) {
+    Fit& f = fits_[static_cast<std::size_t>(q)];
+    const auto fail = [&]() -> void {
+        throw DataError(text(data_base.name, ": within ", std::llround(params_.max_arc_m), " m of latitude ", params_.lat_deg,
+                             ", longitude ", params_.lon_deg,
+                             " the raster's grid bends too much to follow geodesics line by line; give a smaller range, or "
+                             "warp the raster to a projection made for the place"));
+    };
+    // bend and stretch at one slope and distance.
+    const auto at = [&](const Course& course, double slope, double distance) -> std::pair<double, double> {
+        if (distance == 0) return {0.0, 0.0};
+        const double per_post = metres_per_post(q, slope);
+        const auto arc = course.arc_to(distance, distance * per_post, per_post);
+        if (!arc) fail();
+        const double minor = course.at(*arc).second;
+        return {rounded(minor - slope * distance, position_bits), rounded(*arc / (distance * per_post) - 1, 44)};
+    };
+    for (int pieces = 1;; pieces *= 2) {
+        if (pieces > 32) fail();
+        f.slope_pieces = f.distance_pieces = pieces;
+        const auto n = static_cast<std::size_t>(pieces);
+        f.bend.assign(n * n, Patch{});
+        f.stretch.assign(n * n, Patch{});
+        const double slope_half = 1.0 / pieces, distance_half = f.reach / (2 * pieces);
+        f.most_bend = 0;
+        double worst = 0, slack = 1;
+        for (std::size_t i = 0; i < n; ++i) {
+            const double slope_middle = -1 + (2 * static_cast<double>(i) + 1) * slope_half;
+            std::vector<std::array<std::array<double, 5>, 5>> bend(n), stretch(n);  // [piece of d][slope node][distance node]
+            for (std::size_t a = 0; a < 5; ++a) {
+                const double slope = slope_middle + nodes[a] * slope_half;
+                const Course course(data_base, params_, q, azimuth_rad(q, slope));
+                for (std::size_t j = 0; j < n; ++j)
+                    for (std::size_t b = 0; b < 5; ++b) {
+                        const double distance = (2 * static_cast<double>(j) + 1 + nodes[b]) * distance_half;
+                        std::tie(bend[j][a][b], stretch[j][a][b]) = at(course, slope, distance);
+                        f.most_bend = std::max(f.most_bend, std::abs(bend[j][a][b]));
+                    }
+            }
+            for (std::size_t j = 0; j < n; ++j) {
+                const auto tensor = [](const std::array<std::array<double, 5>, 5>& values) {
+                    std::array<std::array<double, 5>, 5> rows{};  // [slope node] -> powers of d
+                    for (std::size_t a = 0; a < 5; ++a) rows[a] = quartic(values[a]);
+                    Patch patch{};
+                    for (std::size_t power = 0; power < 5; ++power) {
+                        const auto column = quartic({rows[0][power], rows[1][power], rows[2][power], rows[3][power], rows[4][power]});
+                        for (std::size_t m = 0; m < 5; ++m) patch[m][power] = column[m];
+                    }
+                    return patch;
+                };
+                f.bend[i * n + j] = tensor(bend[j]);
+                f.stretch[i * n + j] = tensor(stretch[j]);
+            }
+        }
+        // Between the nodes: how far off, how much slopes and spacing change.
+        const int checks = 4 * pieces;
+        for (int i = 0; i < checks; ++i) {
+            const double slope = -1 + (2.0 * i + 0.75) / checks;
+            const Course course(data_base, params_, q, azimuth_rad(q, slope));
+            const double per_post = metres_per_post(q, slope);
+            for (int j = 0; j < checks; ++j) {
+                const double distance = f.reach * (j + 0.375) / checks;
+                const auto [true_bend, true_stretch] = at(course, slope, distance);
+                const Place p = place(q, slope, distance);
+                const double minor_error = std::abs(p.minor - nadir_minor(q) - slope * distance - true_bend);
+                const double arc_error = std::abs(p.arc_m / per_post - distance * (1 + true_stretch));
+                worst = std::max({worst, minor_error, arc_error});
+                const double step = f.reach / 1024;
+                const double ahead = place(q, slope, distance + step).minor;
+                if (distance * per_post <= params_.max_arc_m && std::abs((ahead - p.minor) / step) > 2) fail();
+                const double aside = place(q, slope + 1.0 / 1024, distance).minor;
+                slack = std::max(slack, (aside - p.minor) * 1024 / distance);
+            }
+        }
+        if (worst <= tolerance_posts / 2) {
+            spacing_slack_ = std::max({spacing_slack_, 1.1, slack * 1.02});
+            f.most_bend += 1;
+            return;
+        }
+    }
+}
+
+void SpokeMap::line(Quadrant q, double distance, double slope_lo, double slope_hi, std::vector<LinePiece>& pieces) const {
+    pieces.clear();
+    if (straight()) {
+        pieces.push_back({-2, 2, 0, 1, {}, {}});
+        return;
+    }
+    const Fit& f = fits_[static_cast<std::size_t>(q)];
+    const int n = f.slope_pieces;
+    const double distance_half = f.reach / (2 * f.distance_pieces), slope_half = 1.0 / n;
+    const int j = std::clamp(static_cast<int>(distance / (2 * distance_half)), 0, f.distance_pieces - 1);
+    const double v = distance / distance_half - (2 * j + 1);
+    const auto index = [&](double slope) { return std::clamp(static_cast<int>(std::floor((slope + 1) / (2 * slope_half))), 0, n - 1); };
+    for (int i = index(slope_lo); i <= index(slope_hi); ++i) {
+        LinePiece p;
+        p.middle = -1 + (2 * i + 1) * slope_half;
+        p.scale = n;
+        p.slope_begin = i == 0 ? -2 : p.middle - slope_half;
+        p.slope_end = i == n - 1 ? 2 : p.middle + slope_half;
+        const auto at = static_cast<std::size_t>(i * f.distance_pieces + j);
+        for (std::size_t m = 0; m < 5; ++m) {
+            p.bend[m] = horner(f.bend[at][m], v);
+            p.stretch[m] = horner(f.stretch[at][m], v);
+        }
+        pieces.push_back(p);
+    }
+}
+
+SpokeMap::Place SpokeMap::place(Quadrant q, double slope, double distance) const {
+    std::vector<LinePiece> pieces;
+    line(q, distance, slope, slope, pieces);
+    const LinePiece& p = pieces.front();
+    const double u = (slope - p.middle) * p.scale;
+    return {nadir_minor(q) + slope * distance + horner(p.bend, u),
+            distance * metres_per_post(q, slope) * (1 + horner(p.stretch, u))};
+}
+
+}  // namespace wedgescope

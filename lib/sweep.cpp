@@ -1,0 +1,65 @@
+#include "lib/sweep.hpp"
+
+#include <limits>
+
+#include "lib/lanes.hpp"
+
+namespace wedgescope {
+
+WEDGESCOPE_LANES
+void sight_lanes(std::size_t n, double sensor_m, double bins_per_metre, bool range_is_ground, const double* __restrict inverse_radius,
+                 const SampleLanes& samples) noexcept {
+    const double *__restrict arc_m = samples.arc_m, *__restrict height_m = samples.height_m;
+    double *__restrict up_m = samples.up_m, *__restrict out_m = samples.out_m, *__restrict range_m = samples.range_m,
+           *__restrict sine = samples.sine, *__restrict x = samples.x;
+    const double arc_bins = range_is_ground ? bins_per_metre : 0, range_bins = range_is_ground ? 0 : bins_per_metre;
+    WEDGESCOPE_INDEPENDENT
+    for (std::size_t i = 0; i < n; ++i) {
+        const SightLine p = sight_line(sensor_m, arc_m[i], height_m[i], inverse_radius[i]);
+        up_m[i] = p.up_m;
+        out_m[i] = p.out_m;
+        range_m[i] = p.range_m;
+        sine[i] = p.sine;
+        x[i] = p.range_m * range_bins + arc_m[i] * arc_bins;
+    }
+}
+
+WEDGESCOPE_LANES
+std::size_t rise_lanes(std::size_t n, const SampleLanes& from, const SampleLanes& to, const double* __restrict mode, double* __restrict horizon,
+                       const double* __restrict void_horizon, double* __restrict seen_least, double* __restrict seen_most,
+                       double* __restrict sine0, double* __restrict code) noexcept {
+    const double *__restrict sine = to.sine, *__restrict arc0 = from.arc_m, *__restrict arc1 = to.arc_m, *__restrict x0 = from.x,
+                 *__restrict x1 = to.x;
+    std::int64_t rises = 0;
+    WEDGESCOPE_INDEPENDENT
+    for (std::size_t i = 0; i < n; ++i) {
+        const double s = sine[i], h = horizon[i], m = mode[i];
+        const bool rising = (m == mode_visible) & (s > h), plain = rising & (h >= void_horizon[i]);
+        const bool quiet = ((m == mode_hidden) & (s <= h)) | ((m == mode_visible) & (s == h)) | (m == mode_done) | (arc0[i] == arc1[i]);
+        double c = quiet ? 0.0 : 2.0;
+        c = rising ? 2.0 : c;
+        c = plain ? 1.0 : c;
+        code[i] = c;
+        rises += plain ? 1 : 0;
+        sine0[i] = h;
+        horizon[i] = plain ? s : h;
+        const double near = x0[i] < x1[i] ? x0[i] : x1[i], far = x0[i] < x1[i] ? x1[i] : x0[i];
+        const double least = near < seen_least[i] ? near : seen_least[i], most = far > seen_most[i] ? far : seen_most[i];
+        seen_least[i] = plain ? least : seen_least[i];
+        seen_most[i] = plain ? most : seen_most[i];
+    }
+    return static_cast<std::size_t>(rises);
+}
+
+double ray_range_m(double sensor_m, double arc_m, double sine, double inverse_radius) {
+    // r = (Re + hs) sin(theta) / cos(e + theta)
+    const double theta = arc_m * inverse_radius, x = theta * theta;
+    const double sinc = 1 - x * (1.0 / 6) * (1 - x * (1.0 / 20) * (1 - x * (1.0 / 42)));
+    const double versine = 1 - x * (1.0 / 12) * (1 - x * (1.0 / 30) * (1 - x * (1.0 / 56)));
+    const double cosine = std::sqrt(1 - sine * sine);
+    const double below = cosine * (1 - 0.5 * x * versine) - sine * theta * sinc;
+    if (!(below > 0)) return std::numeric_limits<double>::infinity();
+    return (1 + sensor_m * inverse_radius) * arc_m * sinc / below;
+}
+
+}  // namespace wedgescope

@@ -1,0 +1,74 @@
+// Sweep: what is seen along a spoke: elevation of samples and where the surface comes out over the horizon.
+// Leaves the state of the spokes to front.hpp and power to shade.hpp.
+//
+// Elevations are kept as their sine: monotone in the tangent, finite at the nadir, and what the deposit telescopes.
+#pragma once
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+
+namespace wedgescope {
+
+/// A point in the sensor's vertical plane: `up_m` above and `out_m` along its local horizontal.
+///   up  = (h - hs) - q (Re + h)    out = (Re + h) sin(theta)    theta = s / Re, q = 2 sin^2(theta / 2)
+/// without cancellation (physics "Effective earth"), by series in theta^2 (error < 1e-15 relative for theta <= 0.15; arcs beyond
+/// 0.3 are refused by resolve()). Flat: inverse radius 0.
+struct SightLine {
+    double up_m, out_m, range_m, sine;
+};
+
+inline SightLine sight_line(double sensor_m, double arc_m, double height_m, double inverse_radius) {
+    const double theta = arc_m * inverse_radius;
+    const double x = theta * theta;
+    const double sinc = 1 - x * (1.0 / 6) * (1 - x * (1.0 / 20) * (1 - x * (1.0 / 42) * (1 - x * (1.0 / 72))));
+    const double versine = 1 - x * (1.0 / 12) * (1 - x * (1.0 / 30) * (1 - x * (1.0 / 56) * (1 - x * (1.0 / 90))));
+    const double growth = 1 + height_m * inverse_radius;
+    SightLine p;
+    p.out_m = arc_m * sinc * growth;
+    p.up_m = (height_m - sensor_m) - 0.5 * arc_m * theta * versine * growth;
+    p.range_m = std::sqrt(p.up_m * p.up_m + p.out_m * p.out_m);
+    p.sine = p.up_m / p.range_m;
+    return p;
+}
+
+/// What a spoke does between two samples; numbers, so that they run in lanes beside sines.
+using SpokeMode = double;
+inline constexpr SpokeMode mode_hidden = 0, mode_visible = 1, mode_gap = 2, mode_done = 3;
+
+/// The last sample of a run of spokes, or the next one.
+struct SampleLanes {
+    double *major, *minor;   ///< raster position across and along the lines
+    double *arc_m, *height_m;
+    double *up_m, *out_m, *range_m, *sine;
+    double *x;               ///< range coordinate: slant range (arc for gpi-true) in bins
+};
+
+/// sight_line of n samples. NaN heights give NaN.
+void sight_lanes(std::size_t n, double sensor_m, double bins_per_metre, bool range_is_ground, const double* inverse_radius,
+                 const SampleLanes& samples) noexcept;
+
+/// What a sample does to its spoke: 0 nothing (stays hidden, stays level with its horizon, no sample here), 1 it raises the horizon of a visible
+/// spoke (done here: horizon, seen_least, seen_most), 2 something changes: see Front.
+///   mode[n]             in: SpokeMode
+///   horizon[n]          in, out: sine
+///   void_horizon[n]     in
+///   seen_least, _most   in, out [n]: range coordinates of the visible run so far
+///   sine0[n], code[n]   out: the old horizon; the code, as double
+/// Returns how many have code 1.
+std::size_t rise_lanes(std::size_t n, const SampleLanes& from, const SampleLanes& to, const double* mode, double* horizon,
+                       const double* void_horizon, double* seen_least, double* seen_most, double* sine0, double* code) noexcept;
+
+/// Slant range at which the straight ray of elevation `sine` passes over arc s.
+double ray_range_m(double sensor_m, double arc_m, double sine, double inverse_radius);
+
+/// Part of the way from (up0, out0), not above the ray of elevation `sine`, to (up1, out1), above it, at which the straight
+/// piece between them crosses the ray; 0..1.
+inline double emergence(double sine, double up0, double out0, double up1, double out1) {
+    const double cosine = std::sqrt(1 - sine * sine);
+    const double below = up0 * cosine - out0 * sine, above = up1 * cosine - out1 * sine;
+    if (!(below < 0) || !(above > below)) return 0;
+    const double part = below / (below - above);
+    return part < 1 ? part : 1;
+}
+
+}  // namespace wedgescope

@@ -1,0 +1,106 @@
+// WedgeSource: the one interface through which the engine reads terrain and culture, chunk by chunk.
+// Leaves files, tiles, spill and caches to whoever implements it.
+#pragma once
+#include <cstdint>
+#include <functional>
+#include <limits>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "lib/interval.hpp"
+#include "lib/material.hpp"
+
+namespace wedgescope {
+
+/// A place between posts: post (c, r) stands at column c, row r.
+struct IndexPosition {
+    double column = 0;
+    double row = 0;
+};
+
+/// The grid of the terrain posts and of the culture cells, and where they lie on earth.
+struct DataBase {
+    std::string name;                 ///< for messages: the terrain raster's path
+    std::int64_t columns = 0;         ///< posts; at least 2 x 2
+    std::int64_t rows = 0;
+    bool has_crs = false;
+    bool crs_in_metres = false;       ///< x and y are metres (or scaled to them) on a plane: grid geometry is possible
+    std::string crs_wkt;              ///< empty without a CRS
+    double origin_x = 0, origin_y = 0;///< of post (0, 0), in CRS units
+    double step_x = 0, step_y = 0;    ///< from post to post, in CRS units; step_y below 0 for north-up rasters
+    double metres_per_unit = 1;       ///< of x and y on a plane
+    bool cyclic = false;              ///< columns span the whole circle of longitude
+    std::int64_t cycle_columns = 0;   ///< columns of the circle, if cyclic
+
+    /// WGS84 latitude and longitude (degrees) -> place on the grid, exact (PROJ). Only where has_crs.
+    /// Called from one thread at a time. Columns of a lat/lon raster come out nearest to its middle.
+    std::function<IndexPosition(double lat_deg, double lon_deg)> locate;
+    /// The inverse; nothing where PROJ has no answer.
+    std::function<std::optional<std::pair<double, double>>(double column, double row)> lat_lon;
+
+    /// Tiles (or strips) of the terrain file: the unit it is read in.
+    std::int64_t block_columns = 256, block_rows = 256;
+
+    bool has_culture = false;
+    bool has_culture_height = false;
+    ClassId default_class = 4;        ///< where there is no culture: the key `material`
+    /// Culture cell of a place on the terrain grid: column = floor(offset + scale * column), same for rows.
+    double culture_column_offset = 0.5, culture_column_scale = 1;
+    double culture_row_offset = 0.5, culture_row_scale = 1;
+    std::int64_t culture_columns = 0, culture_rows = 0;
+};
+
+/// One rectangle of posts, as the spokes of a quadrant cross it: line by line.
+struct Chunk {
+    Window window;              ///< posts, inside the raster (columns taken modulo the cycle if cyclic)
+    bool lines_are_columns = false;  ///< quadrants E and W: a line is a column of posts
+    /// Surface height (terrain + culture height), metres, NaN = void: line-major, the lines in raster
+    /// order, `minor_count()` posts a line in raster order.
+    std::vector<float> surface_m;
+    /// Culture height (scaled), metres, at the same posts; empty where none stands in the window.
+    std::vector<float> culture_height_m;
+    /// Classes of the culture cells that the window's posts and the ground between them lie in:
+    /// rows of the culture raster's own grid. Empty without culture.
+    Window culture_window;
+    std::vector<ClassId> classes;
+    /// Raw codes beside `classes`, kept only where some code has no class (class unknown_class).
+    std::vector<std::int32_t> codes;
+
+    std::uint64_t posts_read = 0;
+    std::uint64_t bytes_read = 0;   ///< decoded bytes of the windows read
+
+    std::int64_t line_count() const { return lines_are_columns ? window.columns.size() : window.rows.size(); }
+    std::int64_t minor_count() const { return lines_are_columns ? window.rows.size() : window.columns.size(); }
+    std::size_t bytes() const {
+        return (surface_m.size() + culture_height_m.size()) * sizeof(float) + classes.size() * sizeof(ClassId) +
+               codes.size() * sizeof(std::int32_t);
+    }
+};
+
+/// Class of a culture cell whose code no legend entry names.
+inline constexpr ClassId unknown_class = std::numeric_limits<ClassId>::max();
+
+struct Extremes {
+    float lowest_m = 0;
+    float highest_m = 0;        ///< surface: terrain + culture height
+    std::uint64_t void_posts = 0;
+    bool any_valid = false;
+};
+
+class WedgeSource {
+public:
+    virtual ~WedgeSource() = default;
+    virtual const DataBase& data_base() const = 0;
+    /// Reads one rectangle. May be called from several threads at once. IoError, DataError.
+    virtual Chunk load(Window window, bool lines_are_columns) = 0;
+    /// Bare terrain at one post, NaN = void; outside the raster is an error of the caller's.
+    virtual float bare_terrain_m(std::int64_t column, std::int64_t row) = 0;
+    /// Over the whole raster (one pass the first time). For the default range.
+    virtual Extremes extremes() = 0;
+    /// Memory the source itself holds beside the chunks it hands out (caches).
+    virtual std::size_t cache_bytes() const = 0;
+};
+
+}  // namespace wedgescope

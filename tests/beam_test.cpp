@@ -1,0 +1,264 @@
+// Beam and pulse, against closed forms of the patterns and of the pulse's overlap with range bins.
+#include <catch2/catch.hpp>
+#include <oneapi/tbb/global_control.h>
+
+#include <cmath>
+#include <numbers>
+
+#include "lib/beam.hpp"
+#include "lib/error.hpp"
+
+using namespace wedgescope;
+using Catch::Matchers::WithinAbs;
+using Catch::Matchers::WithinRel;
+
+namespace {
+
+constexpr double float_error = 1.5e-7;  // one rounding of the weight, one of the result
+
+PolarGrid grid(std::int64_t circle, double range_bin_m, Interval azimuths, Interval ranges) {
+    return {circle, range_bin_m, azimuths, ranges};
+}
+
+/// No height, so that the ground lies at the antenna's level and cos d is 1 everywhere.
+BeamSetting level(double beam_deg, double pulse_extent_m) {
+    BeamSetting setting;
+    setting.antenna.beam = Angle::degrees(beam_deg);
+    setting.pulse_extent_m = pulse_extent_m;
+    return setting;
+}
+
+float at(const PolarImage<float>& image, std::int64_t azimuth, std::int64_t range) {
+    return image.row(static_cast<std::size_t>(azimuth))[range];
+}
+float& at(PolarImage<float>& image, std::int64_t azimuth, std::int64_t range) {
+    return image.row(static_cast<std::size_t>(azimuth))[range];
+}
+
+double sum(const PolarImage<float>& image) {
+    double total = 0;
+    for (const float cell : image.cells) total += static_cast<double>(cell);
+    return total;
+}
+
+}  // namespace
+
+TEST_CASE("at its half-power points the two-way beam is a quarter, of either pattern", "[beam]") {
+    AntennaParams antenna;
+    antenna.beam = Angle::degrees(3);
+    const double half = Angle::degrees(1.5).rad();
+    for (const AzimuthPattern pattern : {AzimuthPattern::gaussian, AzimuthPattern::uniform}) {
+        antenna.azimuth = pattern;
+        CHECK(two_way_azimuth_pattern(antenna, 0) == 1);
+        CHECK_THAT(two_way_azimuth_pattern(antenna, half), WithinRel(0.25, 1e-12));
+        CHECK_THAT(two_way_azimuth_pattern(antenna, -half), WithinRel(0.25, 1e-12));
+    }
+}
+
+TEST_CASE("a uniform aperture has its first sidelobe 13.26 dB down, twice, and is cut at its fifth null", "[beam]") {
+    AntennaParams antenna;
+    antenna.azimuth = AzimuthPattern::uniform;
+    antenna.beam = Angle::degrees(1);
+    const double per_u = Angle::degrees(1).rad() / (2 * 1.39155737825151);
+    CHECK_THAT(10 * std::log10(two_way_azimuth_pattern(antenna, 4.493409457909 * per_u)), WithinAbs(-2 * 13.26, 0.01));
+    CHECK_THAT(two_way_azimuth_pattern(antenna, std::numbers::pi * per_u), WithinAbs(0, 1e-30));
+    CHECK(two_way_azimuth_pattern(antenna, 4.5 * std::numbers::pi * per_u) > 0);
+    CHECK(two_way_azimuth_pattern(antenna, 5.01 * std::numbers::pi * per_u) == 0);
+    antenna.azimuth = AzimuthPattern::gaussian;
+    CHECK(two_way_azimuth_pattern(antenna, Angle::degrees(2.23).rad()) > 0);
+    CHECK(two_way_azimuth_pattern(antenna, Angle::degrees(2.25).rad()) == 0);
+}
+
+TEST_CASE("a pulse of whole bins weighs a half, ones, and a half", "[beam]") {
+    CHECK(pulse_weights(1) == std::vector<double>{0.5, 0.5});
+    CHECK(pulse_weights(4) == std::vector<double>{0.5, 1, 1, 1, 0.5});
+    // Half a bin: the mean overlap of (x - 1/2, x] with the own bin is 3/8, with the nearer 1/8.
+    CHECK(pulse_weights(0.5) == std::vector<double>{0.375, 0.125});
+}
+
+TEST_CASE("a pulse weighs each nearer bin by its mean overlap, and in all by its length", "[beam]") {
+    for (const double width : {0.01, 0.3, 1.0, 1.7, 2.5, 7.25}) {
+        const std::vector<double> weights = pulse_weights(width);
+        double total = 0;
+        for (std::size_t m = 0; m < weights.size(); ++m) {
+            // The mean over x in (0, 1) of the overlap of (x - width, x] with (-m, 1 - m], by the midpoint rule:
+            // its error is at most a kink or two, 1e-8 of a bin.
+            double mean = 0;
+            const int steps = 10000;
+            for (int k = 0; k < steps; ++k) {
+                const double x = (k + 0.5) / steps;
+                const double near_edge = -static_cast<double>(m);
+                mean += std::max(0.0, std::min(x, near_edge + 1) - std::max(x - width, near_edge)) / steps;
+            }
+            CHECK_THAT(weights[m], WithinAbs(mean, 2e-8));
+            total += weights[m];
+        }
+        CHECK_THAT(total, WithinRel(width, 1e-12));
+        CHECK(weights.back() > 0);
+    }
+}
+
+TEST_CASE("the echo of a point is painted away from the radar over the pulse's length", "[beam]") {
+    BeamSetting setting = level(1.5, 45);  // three bins
+    setting.beam_width_error = true;
+    const PolarGrid g = grid(960, 15, {0, 960}, {0, 40});
+    PolarImage<float> echo(g);
+    at(echo, 100, 10) = 1;
+    const PolarImage<float> power = power_image(echo, g, setting);
+    const double expected[] = {0, 0, 0.5, 1, 1, 0.5, 0, 0};
+    for (int k = 0; k < 8; ++k) CHECK_THAT(at(power, 100, 8 + k), WithinAbs(expected[k], float_error));
+}
+
+TEST_CASE("the echo of a point is painted over the beam, symmetrically, through north", "[beam]") {
+    // Beam of 1.5 degrees, bins of 3/8 degree: g^2 = 2^(-8 (k/4)^2).
+    const BeamSetting setting = level(1.5, 15);
+    const PolarGrid g = grid(960, 15, {0, 960}, {0, 8});
+    PolarImage<float> echo(g);
+    at(echo, 2, 3) = 1;
+    const PolarImage<float> power = power_image(echo, g, setting);
+    for (std::int64_t k = -8; k <= 8; ++k) {
+        const double expected = 0.5 * std::exp2(-0.5 * static_cast<double>(k * k));  // half: the pulse's first bin
+        CHECK_THAT(at(power, (2 + k + 960) % 960, 3), WithinRel(expected, 2 * float_error));
+    }
+    CHECK(at(power, 11 + 2, 3) == 0);
+    CHECK(at(power, 480, 3) == 0);
+    CHECK(skirt_bins(setting, 960) == 17);  // 2.24 beamwidths at cos d = 1/2: 2.24 * 4 / 0.5
+}
+
+TEST_CASE("a Gaussian beam takes in 0.7527 of its width, more under the sensor", "[beam]") {
+    // Plane, 1000 m up: at slant range r the level ground lies at sin d = 1000 / r.
+    BeamSetting setting = level(1.5, 10);
+    setting.sensor_m = 1500;
+    setting.reference_m = 500;
+    const PolarGrid g = grid(1440, 10, {0, 1440}, {0, 300});
+    PolarImage<float> echo(g);
+    std::fill(echo.cells.begin(), echo.cells.end(), 1.0f);
+    const PolarImage<float> power = power_image(echo, g, setting);
+    const double bins_per_beam = 6;
+    for (const std::int64_t j : {150, 200, 299}) {
+        // Mean of this bin and the nearer one, as the pulse of one bin does.
+        const auto taken = [&](std::int64_t bin) {
+            const double sine = 1000 / ((static_cast<double>(bin) + 0.5) * 10);
+            return std::sqrt(std::numbers::pi / (8 * std::numbers::ln2)) * bins_per_beam / std::sqrt(1 - sine * sine);
+        };
+        // The sum over bins is the integral to 1e-12; the cut leaves 1e-7 out.
+        CHECK_THAT(at(power, 77, j), WithinRel(0.5 * (taken(j) + taken(j - 1)), 3e-7));
+    }
+    // Where cos d would be below a half, or there is no level ground at all, it counts as a half.
+    CHECK_THAT(at(power, 77, 110), WithinRel(0.75269 * bins_per_beam / 0.5, 1e-5));
+    CHECK_THAT(at(power, 77, 20), WithinRel(0.75269 * bins_per_beam / 0.5, 1e-5));
+    CHECK_THAT(level_cosine(setting, 2000), WithinRel(std::sqrt(0.75), 1e-12));
+    CHECK(level_cosine(setting, 500) == 0.5);
+}
+
+TEST_CASE("switched off, beam and pulse leave the same total in the own bin", "[beam]") {
+    BeamSetting on = level(2, 37);
+    BeamSetting off = on;
+    off.beam_width_error = off.pulse_length_error = false;
+    const PolarGrid g = grid(720, 10, {0, 720}, {0, 60});
+    PolarImage<float> echo(g);
+    at(echo, 300, 20) = 2;
+    at(echo, 719, 31) = 5;
+    const PolarImage<float> spread = power_image(echo, g, on);
+    const PolarImage<float> sharp = power_image(echo, g, off);
+    CHECK_THAT(sum(sharp), WithinRel(sum(spread), 1e-6));  // some hundred roundings to float
+    // 3.7 bins of pulse, 0.75269 of four bins of beam.
+    CHECK_THAT(at(sharp, 300, 20), WithinRel(2 * 3.7 * 0.75269 * 4, 1e-5));
+    CHECK(at(sharp, 300, 21) == 0);
+    CHECK(at(sharp, 301, 20) == 0);
+    CHECK(skirt_bins(off, 720) == 0);
+    CHECK(lead_in_bins(off, 10) == 0);
+    CHECK(lead_in_bins(on, 10) == 4);
+}
+
+TEST_CASE("a beam wider than the circle sees each bin once", "[beam]") {
+    for (const std::int64_t circle : {15, 16}) {
+        const BeamSetting setting = level(90, 10);
+        CHECK(skirt_bins(setting, circle) == circle / 2);
+        const PolarGrid g = grid(circle, 10, {0, circle}, {0, 4});
+        PolarImage<float> echo(g);
+        std::fill(echo.cells.begin(), echo.cells.end(), 1.0f);
+        double expected = 0;
+        for (std::int64_t k = 0; k < circle; ++k) {
+            const double turn = static_cast<double>(std::min(k, circle - k)) / static_cast<double>(circle);
+            const double beamwidths = 4 * turn;  // at most 2: within the cut
+            expected += std::exp2(-8 * beamwidths * beamwidths);
+        }
+        const PolarImage<float> power = power_image(echo, g, setting);
+        for (std::int64_t i = 0; i < circle; ++i) CHECK_THAT(at(power, i, 2), WithinRel(expected, float_error));
+    }
+}
+
+TEST_CASE("a slice with its skirt and lead-in gives the bits of the whole circle", "[beam]") {
+    BeamSetting setting = level(3, 47);
+    setting.sensor_m = 400;
+    const PolarGrid whole = grid(480, 10, {0, 480}, {0, 200});
+    PolarImage<float> echo(whole);
+    for (std::size_t k = 0; k < echo.cells.size(); ++k) echo.cells[k] = static_cast<float>((k * 2654435761u) % 1000) * 1e-15f;
+    const PolarImage<float> all = power_image(echo, whole, setting);
+
+    const std::int64_t skirt = skirt_bins(setting, 480), lead = lead_in_bins(setting, 10);
+    const PolarGrid shown = grid(480, 10, {470, 490}, {50, 150});  // across north
+    const PolarGrid swept = grid(480, 10, {470 - skirt, 490 + skirt}, {50 - lead, 150});
+    PolarImage<float> slice(swept);
+    for (std::size_t i = 0; i < swept.azimuth_count(); ++i)
+        for (std::size_t j = 0; j < swept.range_count(); ++j)
+            slice.row(i)[j] = echo.row((static_cast<std::size_t>(470 - skirt) + i) % 480)[static_cast<std::size_t>(50 - lead) + j];
+    const PolarImage<float> part = power_image(slice, shown, setting);
+    bool same = true;
+    for (std::size_t i = 0; i < 20; ++i)
+        for (std::size_t j = 0; j < 100; ++j) same = same && part.row(i)[j] == all.row((470 + i) % 480)[50 + j];
+    CHECK(same);
+
+    const PolarGrid tight = grid(480, 10, {471 - skirt, 490 + skirt}, {50 - lead, 150});
+    CHECK_THROWS_AS(power_image(PolarImage<float>(tight), shown, setting), InputError);
+    const PolarGrid late = grid(480, 10, {470 - skirt, 490 + skirt}, {51 - lead, 150});
+    CHECK_THROWS_AS(power_image(PolarImage<float>(late), shown, setting), InputError);
+}
+
+TEST_CASE("long rows come out as short ones do, with any number of threads", "[beam]") {
+    // More bins than one strip: what lies behind 4096 must not show.
+    BeamSetting setting = level(4, 200);
+    setting.sensor_m = 3000;
+    const PolarGrid g = grid(360, 10, {0, 360}, {0, 9000});
+    PolarImage<float> echo(g);
+    for (std::size_t k = 0; k < echo.cells.size(); ++k) echo.cells[k] = static_cast<float>((k * 2654435761u) % 1000) * 1e-15f;
+    const PolarImage<float> parallel = power_image(echo, g, setting);
+    {
+        const oneapi::tbb::global_control one(oneapi::tbb::global_control::max_allowed_parallelism, 1);
+        CHECK(power_image(echo, g, setting).cells == parallel.cells);
+    }
+    const PolarGrid across = grid(360, 10, {10, 12}, {4000, 4200});
+    const PolarImage<float> part = power_image(echo, across, setting);
+    bool same = true;
+    for (std::size_t j = 0; j < 200; ++j) same = same && part.row(1)[j] == parallel.row(11)[4000 + j];
+    CHECK(same);
+}
+
+TEST_CASE("on ground range the pulse is longer the steeper it comes", "[beam]") {
+    // Plane, 1000 m up: at arc 1000 m d = 45 degrees; at arc 20 km the pulse is c tau/2 long.
+    BeamSetting setting = level(1.5, 60);
+    setting.sensor_m = 1000;
+    setting.range_is_ground = true;
+    setting.beam_width_error = true;
+    const PolarGrid g = grid(960, 10, {0, 960}, {0, 2200});
+    PolarImage<float> echo(g);
+    for (std::size_t i = 0; i < 960; ++i) std::fill_n(echo.row(i), 2200, 1.0f);
+    setting.pulse_length_error = true;
+    const PolarImage<float> with = power_image(echo, g, setting);
+    setting.pulse_extent_m = 10;
+    setting.pulse_length_error = false;
+    const PolarImage<float> without = power_image(echo, g, setting);  // one bin of pulse: the beam's sum alone
+    CHECK(lead_in_bins(level(1.5, 60), 10) == 6);
+    for (const std::int64_t j : {100, 2000}) {
+        const double arc = (static_cast<double>(j) + 0.5) * 10;
+        const auto secant = [](double s) { return std::hypot(1.0, 1000 / s); };
+        const double bins = 6 * secant(arc);
+        // The beam takes in sec d; over the pulse's length its mean is nearly that of the middle (1e-3).
+        const double expected = bins * secant(arc - bins * 10 / 2) / secant(arc);
+        CHECK_THAT(static_cast<double>(at(with, 5, j)) / static_cast<double>(at(without, 5, j)), WithinRel(expected, 1e-3));
+    }
+    setting.pulse_length_error = true;
+    setting.pulse_extent_m = 60;
+    CHECK(lead_in_bins(setting, 10) == 12);
+}

@@ -1,0 +1,273 @@
+// The whole chain on drawn terrain, against closed forms.
+#include <catch2/catch.hpp>
+
+#include <cmath>
+#include <numbers>
+
+#include "lib/engine.hpp"
+#include "lib/material.hpp"
+#include "lib/shade.hpp"
+#include "tests/terrain.hpp"
+
+using namespace wedgescope;
+using wedgescope::test::MemorySource;
+using wedgescope::test::void_post;
+
+namespace {
+
+/// A set without pattern, losses or spreading errors: E r^2 = K gamma (solid angle).
+Scene bare_scene(double x, double y, double altitude_m, double range_m) {
+    Scene s;
+    s.platform.xy = PointXY{x, y};
+    s.platform.altitude_m = altitude_m;
+    s.range_m = range_m;
+    s.azimuth_bins = 360;
+    s.range_bin_m = 50;
+    s.gamma = Decibel(-15);
+    s.quality = Quality::exact;
+    s.radar.antenna.elevation = ElevationPattern::gaussian;
+    s.radar.antenna.floor = Decibel(0);  // g = 1 everywhere
+    s.radar.beam_width_error = false;
+    s.radar.pulse_length_error = false;
+    s.display.size = 64;
+    return s;
+}
+
+RunResult simulate(const Scene& scene, WedgeSource& source, std::int64_t wedges = 0, int threads = 1) {
+    EngineParams params;
+    params.threads = threads;
+    params.wedges = wedges;
+    return run(resolve(scene, source), source, params);
+}
+
+double gamma_of(const Scene& s) { return std::pow(10.0, 0.1 * (s.gamma->db() + 5 * std::log10(s.radar.frequency_hz / 1e10))); }
+
+/// Sum of E r^2 / K over one azimuth bin, in units of gamma: solid angle of the ground seen there.
+double solid_angle(const RunResult& r, std::size_t row) {
+    const double k = radar_constant(r.scene.scene.radar) * gamma_of(r.scene.scene);
+    double sum = 0;
+    for (std::size_t j = 0; j < r.echo_w.grid.range_count(); ++j) {
+        const double range = (static_cast<double>(r.echo_w.grid.range_bins.begin) + static_cast<double>(j) + 0.5) * r.echo_w.grid.range_bin_m;
+        sum += static_cast<double>(r.echo_w.row(row)[j]) * range * range / k;
+    }
+    return sum;
+}
+
+State state_at(const RunResult& r, std::size_t row, double range_m) {
+    const auto j = static_cast<std::size_t>(range_m / r.state.grid.range_bin_m);
+    return static_cast<State>(r.state.row(row)[j]);
+}
+
+}  // namespace
+
+TEST_CASE("a flat plain returns the power of the closed radar equation", "[engine]") {
+    MemorySource source(801, 801, 30, [](double, double) { return 100.0; });
+    Scene s = bare_scene(12000.3, -12000.7, 1600, 11500);
+    s.earth_k.reset();
+    s.radar.antenna = AntennaParams{};
+    s.radar.beam_width_error = s.radar.pulse_length_error = true;
+    s.azimuth_bins.reset();
+    s.range_bin_m.reset();
+    const RunResult r = simulate(s, source);
+    // P = P_t G^2 g^2 lambda^2 sigma0 A / ((4 pi)^3 r^4 L), sigma0 = gamma sin(psi), A = r theta_2 (c tau / 2) sec(psi)
+    const double height = 1500, theta2 = s.radar.antenna.beam.rad() * std::sqrt(std::numbers::pi / (8 * std::numbers::ln2));
+    const double extent = s.radar.pulse_extent_m(), dr = r.power_w.grid.range_bin_m;
+    for (double want : {4000.0, 6000.0, 9000.0, 11000.0}) {
+        const auto j = static_cast<std::size_t>(want / dr);
+        // The pulse's middle: the cell holds the echoes from r - c tau/2 to r.
+        const double range = (static_cast<double>(j) + 0.5) * dr - extent / 2;
+        const double sine = height / range, cosine = std::sqrt(1 - sine * sine), g = elevation_pattern(s.radar.antenna, std::asin(sine));
+        const double power = radar_constant(s.radar) * g * g * gamma_of(s) * sine * range * theta2 * extent / cosine / std::pow(range, 4);
+        for (std::size_t row : {std::size_t{0}, std::size_t{123}, std::size_t{480}, std::size_t{900}}) {
+            const double db = 10 * std::log10(static_cast<double>(r.power_w.row(row)[j]) / power);
+            INFO("range " << range << " row " << row);
+            CHECK(std::abs(db) < 0.05);  // dB; the spokes' linear pieces, and cos d at the bin's middle
+        }
+    }
+}
+
+TEST_CASE("the sum of E r^2 is gamma times the solid angle of the ground, whatever its slopes", "[engine]") {
+    const auto hills = test::rolling(400, 200, 7);
+    MemorySource source(601, 601, 30, [&](double c, double r) { return 500 + hills(c, r); });
+    Scene s = bare_scene(9000.0, -9000.0, 1500, 12500);
+    s.earth_k.reset();
+    s.range_bin_m = 10;
+    const RunResult r = simulate(s, source);
+    // The silhouette of each azimuth bin from the posts themselves: highest elevation on fine rays, bilinear.
+    for (std::size_t row = 0; row < 360; row += 17) {
+        double sum = 0;
+        constexpr int rays = 24;
+        for (int i = 0; i < rays; ++i) {
+            const double azimuth = (static_cast<double>(row) + (i + 0.5) / rays) * std::numbers::pi / 180;
+            double most = -1;
+            for (double t = 30; t < 12200; t += 3) {
+                const double c = 300 + t * std::sin(azimuth) / 30, q = 300 - t * std::cos(azimuth) / 30;
+                if (c < 0 || q < 0 || c > 600 || q > 600) break;
+                const double c0 = std::min(std::floor(c), 599.0), q0 = std::min(std::floor(q), 599.0), u = c - c0, v = q - q0;
+                const auto z = [&](double cc, double rr) { return static_cast<double>(static_cast<float>(500 + hills(cc, rr))); };
+                const double height = (1 - u) * (1 - v) * z(c0, q0) + u * (1 - v) * z(c0 + 1, q0) + (1 - u) * v * z(c0, q0 + 1) + u * v * z(c0 + 1, q0 + 1);
+                most = std::max(most, (height - 1500) / std::hypot(height - 1500, t));
+            }
+            sum += (most + 1) / rays;
+        }
+        INFO("azimuth bin " << row);
+        CHECK(solid_angle(r, row) / (sum * std::numbers::pi / 180) == Approx(1).epsilon(0.003));
+    }
+}
+
+TEST_CASE("a ridge casts a shadow as long as the ray over its crest says", "[engine]") {
+    // North of the sensor a wall of 200 m at 3 km, one post thick, across all columns; sensor 500 m up.
+    MemorySource source(401, 401, 30, [](double, double r) { return r == 300 ? 200.0 : 0.0; });
+    Scene s = bare_scene(6000, -12000, 500, 11000);
+    s.earth_k.reset();
+    s.azimuth_bins = 720;
+    const RunResult r = simulate(s, source);
+    // North: post row 400 is the sensor, row 300 is 3000 m away. The ray over 200 m at 3000 m meets the ground at 5000 m.
+    const double crest = std::hypot(3000, 300), end = std::hypot(5000, 500);
+    CHECK(state_at(r, 0, 2500) == State::seen);
+    CHECK(state_at(r, 0, crest + 60) == State::shadow);
+    CHECK(state_at(r, 0, end - 60) == State::shadow);
+    CHECK(state_at(r, 0, end + 60) == State::seen);
+    for (double range = crest + 110; range < end - 50; range += 50)
+        CHECK(r.power_w.row(0)[static_cast<std::size_t>(range / 50)] == 0);
+    // At azimuth 45 degrees the wall stands sqrt(2) farther: shadow from 4243 m to 7071 m of ground.
+    const std::size_t diagonal = 90;
+    CHECK(state_at(r, diagonal, std::hypot(7071, 500) - 90) == State::shadow);
+    CHECK(state_at(r, diagonal, std::hypot(7071, 500) + 90) == State::seen);
+}
+
+TEST_CASE("on a round earth the sea is seen to the horizon and no farther", "[engine]") {
+    MemorySource source(1201, 31, 100, [](double, double) { return 0.0; });
+    Scene s = bare_scene(500, -1500, 300, 115000);
+    s.sector = Sector{Angle::degrees(89.5), Angle::degrees(90.5)};
+    s.range_bin_m = 200;
+    const RunResult r = simulate(s, source);
+    // 4/3 earth: the tangent length is sqrt(h (2 Re + h)).
+    const double re = 4.0 / 3 * 6371008.7714, horizon = std::sqrt(300 * (2 * re + 300));
+    const auto last = [&] {
+        double far = 0;
+        for (std::size_t j = 0; j < r.state.grid.range_count(); ++j)
+            if (r.state.row(0)[j] == static_cast<std::uint8_t>(State::seen)) far = static_cast<double>(j + 1) * 200;
+        return far;
+    }();
+    CHECK(last == Approx(horizon).margin(400));  // two bins: the last metres before the tangent rise by less than a rounding
+    CHECK(state_at(r, 0, horizon + 2000) == State::shadow);
+}
+
+TEST_CASE("all five states stand where the drawn terrain puts them", "[engine]") {
+    // Looking east: plain, a void from 3 to 4 km, low ground behind it, a wall of 300 m at 6 km, its shadow, the raster's edge at 9 km.
+    MemorySource source(401, 101, 30, [](double c, double) {
+        const double x = (c - 100) * 30;
+        if (x > 3000 && x < 4000) return static_cast<double>(void_post);
+        if (x == 6000) return 300.0;
+        return 0.0;
+    });
+    Scene s = bare_scene(3000, -1500, 1000, 12000);
+    s.earth_k.reset();
+    s.sector = Sector{Angle::degrees(89), Angle::degrees(91)};
+    s.range_start_m = 500;
+    const RunResult r = simulate(s, source);
+    const auto slant = [](double x) { return std::hypot(x, 1000); };
+    CHECK(state_at({r}, 0, 0) == static_cast<State>(r.state.row(0)[0]));
+    const auto at = [&](double x) { return static_cast<State>(r.state.row(0)[static_cast<std::size_t>(slant(x) / 50) - 10]); };
+    CHECK(static_cast<State>(r.state.row(0)[0]) == State::outside);  // 500 m: nearer than the ground
+    CHECK(at(1500) == State::seen);
+    CHECK(at(3500) == State::no_data);
+    // The void's posts may be as high as its rim, 0 m: seen beyond it is level with that, hence unknown until it rises above.
+    CHECK(at(5000) == State::seen);
+    CHECK(at(7000) == State::shadow);
+    CHECK(at(8500) == State::shadow);  // ray over 300 m at 6000 m meets the ground at 8571 m
+    CHECK(at(8800) == State::seen);
+    CHECK(at(9500) == State::no_data);
+    std::uint64_t cells = 0;
+    for (auto n : r.report.states) cells += n;
+    CHECK(cells == r.state.grid.cells());
+}
+
+TEST_CASE("ground that a void may hide is unknown and keeps its echo", "[engine]") {
+    // A rim of 200 m before the void; behind it the plain could be hidden by ground of 200 m anywhere in the void.
+    MemorySource source(401, 101, 30, [](double c, double) {
+        const double x = (c - 100) * 30;
+        if (x > 3000 && x < 4000) return static_cast<double>(void_post);
+        return x == 3000 ? 200.0 : 0.0;
+    });
+    Scene s = bare_scene(3000, -1500, 1000, 8500);
+    s.earth_k.reset();
+    s.sector = Sector{Angle::degrees(89), Angle::degrees(91)};
+    const RunResult r = simulate(s, source);
+    const auto cell = [](double x) { return static_cast<std::size_t>(std::hypot(x, 1000) / 50); };
+    // 200 m at the void's far end (post at 4020 m) hides the plain up to 4020 / 0.8 = 5025 m.
+    CHECK(static_cast<State>(r.state.row(0)[cell(4500)]) == State::unknown);
+    CHECK(r.power_w.row(0)[cell(4500)] > 0);
+    CHECK(static_cast<State>(r.state.row(0)[cell(4900)]) == State::unknown);
+    CHECK(static_cast<State>(r.state.row(0)[cell(5200)]) == State::seen);
+}
+
+TEST_CASE("a wall returns gamma_w of its class over its own solid angle, the ground its own", "[engine]") {
+    // A wall of metal, 40 m high, two posts thick, 3 km north on a plain of soil.
+    MemorySource source(201, 201, 30, [](double, double) { return 0.0; });
+    source.set_culture_height([](double, double r) { return r == 100 || r == 99 ? 40.0 : 0.0; });
+    source.set_classes([](double, double r) { return r == 100 || r == 99 ? 15 : 4; });
+    Scene s = bare_scene(3000, -6000, 1000, 5500);
+    s.earth_k.reset();
+    s.gamma.reset();
+    s.sector = Sector{Angle::degrees(-1), Angle::degrees(1)};
+    s.range_bin_m = 400;
+    const RunResult r = simulate(s, source);
+    const double law = std::pow(10.0, 0.1 * 5 * std::log10(1.65)), metal = std::pow(10.0, 1.5) * law, soil = std::pow(10.0, -1.7) * law;
+    // From the ground post before the wall (2970 m) to its top edges: surface 40 m at 3000 m and 3030 m.
+    const auto sine = [](double x, double z) { return (z - 1000) / std::hypot(x, z - 1000); };
+    const double wall = metal * (std::max(sine(3000, 40), sine(3030, 40)) - sine(2970, 0));
+    const double range = std::hypot(3000, 960);
+    double sum = 0;
+    for (std::size_t j = 0; j < r.echo_w.grid.range_count(); ++j) {
+        const double from = static_cast<double>(j) * 400;
+        if (from <= 3200 && from + 400 > 3100) sum += static_cast<double>(r.echo_w.row(0)[j]);
+    }
+    const double k = radar_constant(s.radar) * std::numbers::pi / 180;
+    // The ground in the same 400-m bin adds soil * d(sin e).
+    const double ground = soil * (sine(2970, 0) - (-1000 / 2800.0)) * std::pow(range / 3000, 2);
+    CHECK(sum * range * range / k == Approx(wall + ground).epsilon(0.03));
+}
+
+TEST_CASE("the same bits for any number of wedges and threads", "[engine][threads]") {
+    const auto hills = test::rolling(600, 150, 3);
+    MemorySource source(301, 257, 30, [&](double c, double r) { return std::hypot(c - 80, r - 60) < 11 ? static_cast<double>(void_post) : 700 + hills(c, r); });
+    source.set_classes([](double c, double r) { return (static_cast<int>(c / 7) + static_cast<int>(r / 5)) % 16; });
+    source.set_culture_height([](double c, double r) { return std::fmod(c * 7 + r * 3, 31) < 3 ? 15.0 : 0.0; });
+    Scene s = bare_scene(4321.7, -3456.1, 1300, 8000);
+    s.gamma.reset();
+    s.azimuth_bins = 500;
+    s.radar = RadarParams{};
+    const RunResult one = simulate(s, source, 1, 1);
+    double total = 0;
+    for (float e : one.echo_w.cells) total += static_cast<double>(e);
+    CHECK(total > 0);
+    for (std::int64_t wedges : {1, 7, 64})
+        for (int threads : {1, 2}) {
+            INFO(wedges << " wedges, " << threads << " threads");
+            const RunResult other = simulate(s, source, wedges, threads);
+            CHECK(other.echo_w.cells == one.echo_w.cells);
+            CHECK(other.echo_state.cells == one.echo_state.cells);
+            CHECK(other.scope.grey == one.scope.grey);
+        }
+}
+
+TEST_CASE("a sector returns what the full circle returns there", "[engine]") {
+    const auto hills = test::rolling(600, 150, 5);
+    MemorySource source(301, 301, 30, [&](double c, double r) { return 700 + hills(c, r); });
+    Scene s = bare_scene(4500, -4400, 1500, 5000);
+    s.radar.beam_width_error = s.radar.pulse_length_error = true;
+    const RunResult full = simulate(s, source);
+    for (const auto& [from, to] : {std::pair(-20.0, 33.0), std::pair(170.0, 200.0), std::pair(-180.0, -95.0)}) {
+        s.sector = Sector{Angle::degrees(from), Angle::degrees(to)};
+        const RunResult part = simulate(s, source);
+        REQUIRE(part.power_w.grid.azimuth_bins.size() == std::llround(to - from));
+        for (std::size_t i = 0; i < part.power_w.grid.azimuth_count(); ++i) {
+            const auto row = static_cast<std::size_t>((part.power_w.grid.azimuth_bins.begin + static_cast<std::int64_t>(i)) % 360);
+            const std::vector<float> a(part.power_w.row(i), part.power_w.row(i) + part.power_w.grid.range_count());
+            const std::vector<float> b(full.power_w.row(row), full.power_w.row(row) + full.power_w.grid.range_count());
+            CHECK(a == b);
+        }
+    }
+}

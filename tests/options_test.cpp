@@ -1,0 +1,388 @@
+// Units, the table of keys, command line and scene file.
+#include <catch2/catch.hpp>
+
+#include <unistd.h>
+
+#include <clocale>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <random>
+#include <set>
+
+#include "tools/options.hpp"
+#include "tools/units.hpp"
+
+using namespace wedgescope;
+using Catch::Matchers::Contains;
+using Catch::Matchers::StartsWith;
+
+namespace {
+
+double parsed(Dimension dimension, const std::string& token) { return parse_quantity(dimension, "--key", token); }
+
+/// The message that `body` throws as an InputError; fails the test if it throws none or one of several lines.
+template <class Body>
+std::string refusal(Body&& body) {
+    try {
+        body();
+    } catch (const InputError& e) {
+        CHECK(std::string(e.what()).find('\n') == std::string::npos);
+        return e.what();
+    }
+    FAIL_CHECK("nothing was refused");
+    return "";
+}
+
+Settings simulated(std::vector<std::string> arguments) { return parse_arguments(command_simulate, arguments); }
+
+std::string refusal_of(std::vector<std::string> arguments) {
+    return refusal([&] { simulated(arguments); });
+}
+
+/// A scene file in a folder of its own, gone with the test.
+class SceneFile {
+public:
+    explicit SceneFile(const std::string& content) {
+        static int number = 0;
+        folder_ = std::filesystem::temp_directory_path() / text("options_test_", ::getpid(), "_", ++number);
+        std::filesystem::create_directories(folder_);
+        std::ofstream(path(), std::ios::binary) << content;
+    }
+    ~SceneFile() { std::filesystem::remove_all(folder_); }
+    std::string path() const { return (folder_ / "scene.ini").string(); }
+    std::string folder() const { return folder_.string(); }
+
+private:
+    std::filesystem::path folder_;
+};
+
+}  // namespace
+
+TEST_CASE("a dimensioned value is its number in SI units", "[units]") {
+    CHECK(parsed(Dimension::length, "30nmi") == 55560);
+    CHECK(parsed(Dimension::length, "7000ft") == 7000 * 0.3048);
+    CHECK(parsed(Dimension::length, "7kft") == Approx(2133.6).epsilon(1e-15));
+    CHECK(parsed(Dimension::length, "-1.5km") == -1500);
+    CHECK(parsed(Dimension::length, "1mi") == 1609.344);
+    CHECK(parsed(Dimension::length, "1yd") == 0.9144);
+    CHECK(parsed(Dimension::length, "1e3m") == 1000);
+    CHECK(parsed(Dimension::length, "+.5m") == 0.5);
+    CHECK(parsed(Dimension::length, " 30 nmi ") == 55560);
+    CHECK(parsed(Dimension::time, "2.4us") == 2.4e-6);
+    CHECK(parsed(Dimension::time, "0.5us") == 0.5e-6);
+    CHECK(parsed(Dimension::time, "5e-1us") == 0.5e-6);
+    CHECK(parsed(Dimension::time, "500ns") == 0.5e-6);
+    CHECK(parsed(Dimension::time, "3ms") == 3e-3);
+    CHECK(parsed(Dimension::frequency, "16.5GHz") == 16.5e9);
+    CHECK(parsed(Dimension::frequency, "9375MHz") == 9.375e9);
+    CHECK(parsed(Dimension::power, "50kW") == 50e3);
+    CHECK(parsed(Dimension::power, "3mW") == 3e-3);
+    CHECK(parsed(Dimension::power, "3MW") == 3e6);
+    CHECK(parsed(Dimension::power, "30dBm") == Approx(1).epsilon(1e-15));
+    CHECK(parsed(Dimension::power, "10dBW") == Approx(10).epsilon(1e-15));
+    CHECK(parsed(Dimension::level, "-90dBm") == -90);
+    CHECK(parsed(Dimension::level, "-120dBW") == -90);
+    CHECK(parsed(Dimension::angle, "5deg") == Angle::degrees(5).rad());
+    CHECK(parsed(Dimension::angle, "2mrad") == 2e-3);
+    CHECK(parsed(Dimension::angle, "60arcmin") == Approx(Angle::degrees(1).rad()).epsilon(1e-15));
+    CHECK(parsed(Dimension::decibel, "-3dB") == -3);
+    CHECK(parsed(Dimension::bytes, "1GiB") == 0x1p30);
+    CHECK(parsed(Dimension::bytes, "1GB") == 1e9);
+    CHECK(parsed(Dimension::bytes, "1.5KiB") == 1536);
+}
+
+TEST_CASE("zero needs no unit, every other number does", "[units]") {
+    for (const char* zero : {"0", "0.0", "-0", "+0", "0e5"}) CHECK(parsed(Dimension::length, zero) == 0);
+    const std::string message = refusal([] { parsed(Dimension::length, "30"); });
+    CHECK_THAT(message, StartsWith("--key is '30'"));
+    CHECK_THAT(message, Contains("m, km, ft, kft, nmi, mi, yd"));
+}
+
+TEST_CASE("what is no number with one of its units is refused by name", "[units]") {
+    const char* hostile[] = {"",      " ",     "m",     "nan",    "nanm",  "inf",    "infm",  "-inf",   "infinity", "0x10m", "1,5km",  "30nm i", "30nmi;", "30 nmi 2",
+                             "30NMI", "30Nmi", "--5m",  "+-5m",   "++5m",  "1e",     "1em",   "1e400m", "-1e400m",  "1e-400m", "1e999999999999999999999m", "5deg",
+                             ".m",    "-m",    "1.2.3m", "３０m",  "30mm",  "1e308km", "m30",   "30\nm\n2", "5 5m"};
+    for (const char* token : hostile) {
+        INFO(token);
+        CHECK_THAT(refusal([&] { parsed(Dimension::length, token); }), StartsWith("--key is '"));
+    }
+    // A number with an embedded zero byte is not the number before it.
+    CHECK_THROWS_AS(parsed(Dimension::length, std::string("30m\0x", 5)), InputError);
+    // Case tells milli from mega.
+    CHECK(parsed(Dimension::power, "1mW") * 1e9 == Approx(parsed(Dimension::power, "1MW")));
+    CHECK_THAT(refusal([] { parsed(Dimension::decibel, "5dBm"); }), Contains("unknown unit 'dBm'"));
+}
+
+TEST_CASE("plain numbers and counts must be whole tokens", "[units]") {
+    CHECK(parse_number("k", "-0.25") == -0.25);
+    CHECK(parse_number("k", "1e3") == 1000);
+    for (const char* token : {"", "nan", "inf", "1e999", "1x", "0x1p3", "1 2", "one"}) CHECK_THROWS_AS(parse_number("k", token), InputError);
+    CHECK(parse_count("k", "16", 16, 20) == 16);
+    for (const char* token : {"15", "21", "16.0", "1e1", "16x", "", "-", "99999999999999999999"}) CHECK_THROWS_AS(parse_count("k", token, 16, 20), InputError);
+    CHECK(parse_unsigned("k", "18446744073709551615") == 18446744073709551615u);
+    for (const char* token : {"18446744073709551616", "-1", "1.5", ""}) CHECK_THROWS_AS(parse_unsigned("k", token), InputError);
+    for (const char* token : {"on", "true"}) CHECK(parse_switch("k", token));
+    for (const char* token : {"off", "false"}) CHECK_FALSE(parse_switch("k", token));
+    for (const char* token : {"", "On", "1", "yes", "onn"}) CHECK_THROWS_AS(parse_switch("k", token), InputError);
+}
+
+TEST_CASE("a value written as text reads back as the same double", "[units]") {
+    CHECK(quantity_text(Dimension::length, 55560) == "30nmi");
+    CHECK(quantity_text(Dimension::length, 7000 * 0.3048) == "7000ft");
+    CHECK(quantity_text(Dimension::frequency, 16.5e9) == "16.5GHz");
+    CHECK(quantity_text(Dimension::time, 0.5e-6) == "0.5us");
+    CHECK(quantity_text(Dimension::angle, Angle::degrees(1.5).rad()) == "1.5deg");
+    CHECK(quantity_text(Dimension::angle, 0) == "0deg");
+    CHECK(quantity_text(Dimension::bytes, 0x1p30) == "1GiB");
+    CHECK(quantity_text(Dimension::level, -90) == "-90dBm");
+    constexpr unsigned seed = 17;
+    INFO("seed " << seed);
+    std::mt19937_64 random(seed);
+    std::uniform_real_distribution<double> digits(-1, 1), exponent(-12, 12);
+    for (int i = 0; i < 4000; ++i) {
+        const double value = digits(random) * std::pow(10.0, exponent(random));
+        for (const Dimension d : {Dimension::length, Dimension::time, Dimension::frequency, Dimension::power, Dimension::level, Dimension::angle, Dimension::decibel}) {
+            const std::string written = quantity_text(d, value);
+            INFO(written);
+            CHECK(parse_quantity(d, "k", written) == value);
+        }
+    }
+}
+
+TEST_CASE("the locale plays no part", "[units]") {
+    const std::string before = std::setlocale(LC_ALL, nullptr);
+    const bool comma = std::setlocale(LC_ALL, "de_DE.UTF-8") || std::setlocale(LC_ALL, "fr_FR.UTF-8");
+    if (!comma) WARN("no locale with a decimal comma is installed; tested under the C locale only");
+    CHECK(parsed(Dimension::length, "1.5km") == 1500);
+    CHECK_THROWS_AS(parsed(Dimension::length, "1,5km"), InputError);
+    CHECK(quantity_text(Dimension::frequency, 16.5e9) == "16.5GHz");
+    CHECK(simulated({"--latlon", "33.9,-117.3"}).scene.platform.latlon->lat_deg == 33.9);
+    std::setlocale(LC_ALL, before.c_str());
+}
+
+TEST_CASE("every key says what it is, and its default is the program's own", "[options]") {
+    std::set<std::string> names;
+    std::set<char> letters;
+    for (const Key& key : key_table()) {
+        INFO(key.name);
+        CHECK(names.insert(key.name).second);
+        if (key.letter) CHECK(letters.insert(key.letter).second);
+        CHECK(key.help.size() > 8);
+        CHECK(key.help.find('\n') == std::string::npos);
+        CHECK(key.help.back() != '.');
+        CHECK(key.commands != 0);
+        CHECK(key.set);
+        CHECK(key.get);
+        CHECK(help_text(command_by_name(key.commands & command_simulate ? "simulate" : "info")).find("--" + key.name) != std::string::npos);
+        if (key.fallback.empty()) {
+            CHECK_FALSE(key.get(Settings{}).has_value());
+            continue;
+        }
+        // The text of the default reads as the default that stands in the structs.
+        Settings settings;
+        key.set(settings, {key.name, key.fallback, "--" + key.name, ""});
+        CHECK(key.get(settings) == key.get(Settings{}));
+        CHECK(key.get(Settings{}) == key.fallback);
+    }
+    CHECK_NOTHROW(validate(simulated({"--latlon", "0,0", "--altitude-msl", "1km"}).scene));
+}
+
+TEST_CASE("every key of the design's first stage exists and later ones do not yet", "[options]") {
+    for (const char* name : {"dem", "culture", "culture-height", "culture-height-scale", "culture-legend", "material", "latlon", "xy", "altitude-msl",
+                             "altitude-agl", "altitude-hae", "geoid-offset", "heading", "sector", "range", "range-start", "geometry", "earth",
+                             "azimuth-bins", "range-bin", "frequency", "transmit-power", "gain", "losses", "pulse", "beam", "azimuth-pattern",
+                             "noise-figure", "bandwidth", "antenna", "antenna-knee", "antenna-width", "antenna-exponent", "antenna-floor", "tilt",
+                             "gamma", "if-gain", "video-gain", "stc-range", "stc-exponent", "stc-max", "dynamic-range", "mds", "display-gamma", "bwe",
+                             "ple", "noise", "speckle", "seed", "display", "sweep-delay", "size", "orientation", "rings", "legend", "quality", "wedges",
+                             "threads", "memory", "output", "echo", "power", "states", "report", "power-unit", "of", "co", "config", "overwrite",
+                             "verbose", "reproducible", "quiet"}) {
+        INFO(name);
+        CHECK(find_key(name));
+    }
+    for (const char* name : {"source", "no-cull", "work-dir", "bwe-scale", "rain", "timeline"}) CHECK_FALSE(find_key(name));
+}
+
+TEST_CASE("values reach the scene", "[options]") {
+    const Settings s = simulated({"--dem", "a.tif", "--latlon", "33.9,-117.3", "--altitude-msl", "7000ft", "--heading=-30deg", "--sector", "-45deg,45deg",
+                                  "--range", "30nmi", "--tilt", "-2deg", "--if-gain", "-3dB", "--mds", "-90dBm", "--display", "tdppi", "--earth", "flat",
+                                  "--antenna", "cos-csc2", "--gamma", "-15dB", "--bwe", "off", "--speckle", "4", "--seed", "18446744073709551615",
+                                  "--memory", "300MB", "--threads", "2", "--wedges", "7", "--power-unit", "dBm", "-o", "x.png", "-q", "--co", "A=1",
+                                  "--co", "B=2=3", "--config", "GDAL_X=y", "--overwrite", "--geometry", "grid", "--quality", "exact"});
+    CHECK(s.dem == "a.tif");
+    CHECK(s.scene.platform.latlon->lon_deg == -117.3);
+    CHECK(s.scene.platform.altitude_m == 7000 * 0.3048);
+    CHECK(s.scene.platform.heading == Angle::degrees(-30));
+    CHECK(s.scene.sector->from == Angle::degrees(-45));
+    CHECK(s.scene.sector->to == Angle::degrees(45));
+    CHECK(s.scene.range_m == 55560);
+    CHECK(s.scene.radar.antenna.tilt == Angle::degrees(-2));
+    CHECK(s.scene.receiver.if_gain.db() == -3);
+    CHECK(s.scene.receiver.mds_dbm == -90);
+    CHECK(s.scene.display.kind == DisplayKind::tdppi);
+    CHECK_FALSE(s.scene.earth_k);
+    CHECK(s.scene.radar.antenna.elevation == ElevationPattern::cos_csc2);
+    CHECK(s.scene.gamma->db() == -15);
+    CHECK_FALSE(s.scene.radar.beam_width_error);
+    CHECK(s.scene.receiver.speckle_looks == 4);
+    CHECK(s.scene.receiver.seed == 18446744073709551615u);
+    CHECK(s.memory_bytes == 300000000);
+    CHECK(s.threads == 2);
+    CHECK(s.wedges == 7);
+    CHECK(s.power_unit == PowerUnit::dbm);
+    CHECK(s.output == "x.png");
+    CHECK(s.quiet);
+    CHECK(s.overwrite);
+    CHECK(s.creation == std::vector<std::string>{"A=1", "B=2=3"});
+    CHECK(s.config == std::vector<std::pair<std::string, std::string>>{{"GDAL_X", "y"}});
+    CHECK(s.scene.geometry == Geometry::grid);
+    CHECK(s.scene.quality == Quality::exact);
+}
+
+TEST_CASE("a sector runs clockwise, through the back too, and the full circle is none", "[options]") {
+    const Settings back = simulated({"--sector", "170deg,-170deg"});
+    CHECK(back.scene.sector->to.deg() - back.scene.sector->from.deg() == Approx(20));
+    CHECK_FALSE(simulated({"--sector", "-180deg,180deg"}).scene.sector);
+    CHECK_FALSE(simulated({"--sector", "0,360deg"}).scene.sector);
+    for (const char* bad : {"10deg,10deg", "0,0", "-200deg,200deg", "0deg", "0deg,1deg,2deg", "a,b", "-45,45", "0deg,400deg", ""}) {
+        INFO(bad);
+        CHECK_THAT(refusal_of({"--sector", bad}), Contains("sector"));
+    }
+}
+
+TEST_CASE("the command line refuses what it cannot mean", "[options]") {
+    CHECK_THAT(refusal_of({"--azimuth-bin", "5"}), Contains("did you mean --azimuth-bins?"));
+    CHECK_THAT(refusal_of({"--freq", "5GHz"}), Contains("unknown option '--freq'") && Contains("did you mean --frequency?"));
+    CHECK_THAT(refusal_of({"--rain", "1"}), Contains("unknown option '--rain'"));
+    CHECK_THAT(refusal_of({"-x"}), Contains("unknown option '-x'"));
+    CHECK_THAT(refusal_of({"-overwrite"}), Contains("--overwrite"));
+    CHECK_THAT(refusal_of({"--range"}), Contains("--range needs a value"));
+    CHECK_THAT(refusal_of({"--range="}), Contains("--range needs a value"));
+    CHECK_THAT(refusal_of({"--range", "--overwrite"}), Contains("--range needs a value"));
+    CHECK_THAT(refusal_of({"--range", "0"}), Contains("--range is '0'; it must be above 0m"));
+    CHECK_THAT(refusal_of({"--range", "-5km"}), Contains("above 0m"));
+    CHECK_THAT(refusal_of({"--range", "30"}), Contains("bare number"));
+    CHECK_THAT(refusal_of({"--range", "1km", "--range", "2km"}), Contains("given twice"));
+    CHECK_THAT(refusal_of({"--display", "radar"}), Contains("gpi, gpi-true, ppi, tdppi"));
+    CHECK_THAT(refusal_of({"--latlon", "91,0"}), Contains("latitude from -90 to 90"));
+    CHECK_THAT(refusal_of({"--latlon", "33.9"}), Contains("LAT,LON"));
+    CHECK_THAT(refusal_of({"--latlon", "nan,0"}), Contains("LAT,LON"));
+    CHECK_THAT(refusal_of({"--latlon", "33,9,-117,3"}), Contains("LAT,LON"));
+    CHECK_THAT(refusal_of({"--latlon", "0,0", "--xy", "1,2"}), Contains("exactly one of latlon and xy"));
+    CHECK_THAT(refusal_of({"--altitude-msl", "1km", "--altitude-agl", "1km"}), Contains("altitude-msl, altitude-agl and altitude-hae"));
+    CHECK_THAT(refusal_of({"--dem", ""}), Contains("--dem is empty"));
+    CHECK_THAT(refusal_of({"--material", "cheese"}), Contains("cheese") && Contains("soil"));
+    CHECK_THAT(refusal_of({"--co", "COMPRESS"}), Contains("NAME=VALUE"));
+    CHECK_THAT(refusal_of({"--bwe"}), Contains("needs a value"));
+    CHECK_THAT(refusal_of({"--size", "1024.5"}), Contains("whole number"));
+    CHECK_THAT(refusal_of({"--json"}), Contains("unknown option '--json'"));
+    CHECK_THAT(refusal_of({"a.ini", "b.ini"}), Contains("two scene files") || Contains("cannot be opened"));
+    CHECK_THAT(refusal([] { command_by_name("simulat"); }), Contains("did you mean simulate?"));
+    CHECK_THAT(refusal([] { command_by_name("coverage"); }), Contains("unknown command 'coverage'"));
+}
+
+TEST_CASE("a complete scene has a terrain, one place, one altitude and a legend for its culture", "[options]") {
+    const auto incomplete = [](std::vector<std::string> arguments) { return refusal([&] { check_complete(simulated(arguments)); }); };
+    CHECK_NOTHROW(check_complete(simulated({"--dem", "a", "--xy", "0,0", "--altitude-agl", "1km"})));
+    CHECK_THAT(incomplete({"--xy", "0,0", "--altitude-agl", "1km"}), Contains("dem"));
+    CHECK_THAT(incomplete({"--dem", "a", "--altitude-agl", "1km"}), Contains("latlon and xy"));
+    CHECK_THAT(incomplete({"--dem", "a", "--xy", "0,0"}), Contains("altitude-msl, altitude-agl and altitude-hae"));
+    CHECK_THAT(incomplete({"--dem", "a", "--xy", "0,0", "--altitude-hae", "1km"}), Contains("geoid-offset"));
+    CHECK_THAT(incomplete({"--dem", "a", "--xy", "0,0", "--altitude-agl", "1km", "--culture", "c"}), Contains("culture-legend"));
+    CHECK_THAT(incomplete({"--dem", "a", "--xy", "0,0", "--altitude-agl", "1km", "--culture-legend", "nlcd"}), Contains("no culture"));
+    CHECK_THAT(incomplete({"--dem", "a", "--xy", "0,0", "--altitude-agl", "1km", "--range", "1km", "--range-start", "2km"}), Contains("range-start"));
+}
+
+TEST_CASE("a scene file holds the same keys; the command line wins; paths start from the file", "[options]") {
+    const SceneFile file(
+        "\xef\xbb\xbf# a scene\r\n"
+        "dem = terrain/dem.tif   # the terrain\r\n"
+        "culture= /data/c#1.tif\n"
+        "culture-height = /vsizip/x.zip/h.tif\n"
+        "culture-legend = nlcd\n"
+        "\n"
+        "latlon = 33.9,-117.3\n"
+        "altitude-msl = 7000 ft\n"
+        "range=30nmi\n"
+        "rings = false\n"
+        "output = out.png\n"
+        "co = A=1\n"
+        "co = B=2\n"
+        "overwrite = on");
+    const Settings s = simulated({file.path()});
+    CHECK(s.dem == file.folder() + "/terrain/dem.tif");
+    CHECK(s.culture == "/data/c#1.tif");
+    CHECK(s.culture_height == "/vsizip/x.zip/h.tif");
+    CHECK(s.culture_legend == "nlcd");
+    CHECK(s.output == file.folder() + "/out.png");
+    CHECK(s.scene.range_m == 55560);
+    CHECK_FALSE(s.scene.display.rings);
+    CHECK(s.overwrite);
+    CHECK(s.creation.size() == 2);
+
+    const Settings over = simulated({"--range", "10nmi", file.path(), "--altitude-agl", "500m", "--xy", "1,2", "-o", "mine.png", "--overwrite=off", "--co", "C=3"});
+    CHECK(over.scene.range_m == 18520);
+    CHECK(over.scene.platform.altitude_above == AltitudeAbove::ground);
+    CHECK(over.scene.platform.altitude_m == 500);
+    CHECK(over.scene.platform.xy->y == 2);
+    CHECK_FALSE(over.scene.platform.latlon);
+    CHECK(over.output == "mine.png");
+    CHECK_FALSE(over.overwrite);
+    CHECK(over.creation == std::vector<std::string>{"C=3"});
+    CHECK(over.dem == s.dem);
+}
+
+TEST_CASE("a path that is no plain file stays as it is", "[options]") {
+    for (const char* path : {"/a/b.tif", "/vsicurl/https://x/y.tif", "NETCDF:\"a.nc\":v", "https://x/y.tif", "HDF5:a.h5://b"}) {
+        const Settings s = settings_from(read_scene("/folder/scene.ini", text("dem = ", path)), {});
+        CHECK(s.dem == path);
+    }
+    CHECK(settings_from(read_scene("/folder/scene.ini", "dem = ../a.tif"), {}).dem == "/a.tif");
+    CHECK(settings_from(read_scene("scene.ini", "dem = a.tif"), {}).dem == "a.tif");
+}
+
+TEST_CASE("a scene file is refused with the line that is wrong", "[options]") {
+    const auto wrong = [](const std::string& content) { return refusal([&] { settings_from(read_scene("s.ini", content), {}); }); };
+    CHECK_THAT(wrong("\n\nrange 30nmi\n"), Contains("line 3") && Contains("key = value"));
+    CHECK_THAT(wrong("ranges = 30nmi"), Contains("line 1") && Contains("unknown key 'ranges'") && Contains("did you mean range?"));
+    CHECK_THAT(wrong("range = 30nmi\nrange = 20nmi"), Contains("line 2") && Contains("line 1"));
+    CHECK_THAT(wrong("range ="), Contains("no value"));
+    CHECK_THAT(wrong("range = 30"), Contains("line 1") && Contains("nmi"));
+    CHECK_THAT(wrong("= 30"), Contains("unknown key"));
+    CHECK_THAT(wrong("[scene]"), Contains("key = value"));
+    CHECK_THAT(wrong("json = on"), Contains("unknown key"));
+    CHECK_THAT(wrong("no-cull = on"), Contains("unknown key"));
+    CHECK_THAT(wrong("bwe = yes"), Contains("on or off"));
+    CHECK_THAT(wrong("latlon = 1,2\nxy = 1,2"), Contains("exactly one of latlon and xy"));
+    CHECK_THAT(wrong("altitude-msl = 1km\naltitude-hae = 1km"), Contains("exactly one of altitude-msl"));
+    CHECK_THAT(wrong(std::string("dem = a\0b", 9)), Contains("zero byte"));
+    CHECK_THAT(wrong(std::string("II*\0\x80\x01\x02 binary", 14)), Contains("key = value"));
+    CHECK_THROWS_AS(simulated({"/nowhere/scene.ini"}), IoError);
+    CHECK_THROWS_AS(simulated({"/"}), IoError);
+}
+
+TEST_CASE("all parameters survive the way through JSON to the bit", "[options]") {
+    const Settings s = simulated({"--dem", "a.tif", "--latlon", "33.923456789012345,-117.3", "--altitude-msl", "7001ft", "--heading", "12.34567deg",
+                                  "--sector", "-45.1deg,33.3deg", "--range", "31.7nmi", "--tilt", "0.1234rad", "--pulse", "2.4us", "--beam", "1.7deg",
+                                  "--earth", "1.21", "--mds", "-91.7dBm", "--transmit-power", "77dBm", "--gamma", "-13.7dB", "--stc-range", "5.3nmi",
+                                  "--seed", "18446744073709551615", "--memory", "777MB", "--co", "A=1", "--echo", "e.tif", "--azimuth-bins", "961",
+                                  "--antenna", "gaussian", "--geoid-offset", "-32.1m", "--sweep-delay", "1.23456789km", "--culture-height-scale", "0.1"});
+    const auto json = parameters_json(s, true);
+    const Settings back = settings_from_json(nlohmann::ordered_json::parse(json.dump()));
+    CHECK(parameters_json(back, true) == json);
+    CHECK(back.scene.platform.latlon->lat_deg == s.scene.platform.latlon->lat_deg);
+    CHECK(back.scene.platform.altitude_m == s.scene.platform.altitude_m);
+    CHECK(back.scene.platform.heading == s.scene.platform.heading);
+    CHECK(back.scene.sector->from == s.scene.sector->from);
+    CHECK(back.scene.sector->to == s.scene.sector->to);
+    CHECK(back.scene.range_m == s.scene.range_m);
+    CHECK(back.scene.radar.antenna.tilt == s.scene.radar.antenna.tilt);
+    CHECK(back.scene.radar.transmit_power_w == s.scene.radar.transmit_power_w);
+    CHECK(back.scene.receiver.seed == s.scene.receiver.seed);
+    CHECK(back.scene.earth_k == s.scene.earth_k);
+    CHECK(back.memory_bytes == s.memory_bytes);
+    // No path, split or budget stands in the JSON that goes into the rasters.
+    const auto scene = parameters_json(s, false);
+    for (const char* name : {"dem", "echo", "memory", "threads", "wedges", "co", "overwrite"}) CHECK_FALSE(scene.contains(name));
+    for (const char* name : {"latlon", "range", "frequency", "if-gain", "display", "bwe", "quality"}) CHECK(scene.contains(name));
+}

@@ -1,0 +1,110 @@
+// The run report: JSON by contract, and the table for the terminal.
+#include <catch2/catch.hpp>
+
+#include "tools/options.hpp"
+#include "tools/report_json.hpp"
+#include "tools/terminal.hpp"
+
+using namespace wedgescope;
+using Catch::Matchers::Contains;
+
+namespace {
+
+RunResult drawn_run(std::size_t wedges) {
+    RunResult run;
+    run.scene.scene.range_m = 10000;
+    run.scene.scene.range_bin_m = 20;
+    run.scene.scene.azimuth_bins = 960;
+    run.scene.shown = {960, 20, {0, 960}, {0, 500}};
+    run.scene.swept = run.scene.shown;
+    run.scene.sensor_m = 2000;
+    run.scene.noise_power_w = 1e-13;
+    for (std::size_t i = 0; i < wedges; ++i) {
+        WedgeReport w;
+        w.index = static_cast<std::int64_t>(i);
+        w.azimuth_bins = {w.index * 10, w.index * 10 + 10};
+        w.load_s = 0.5;
+        w.sweep_s = 0.25;
+        w.posts_read = 1000 * (i + 1);
+        w.bytes_read = 2000;
+        w.samples = 7;
+        w.peak_bytes = 100 * (i + 1);
+        run.report.wedges.push_back(w);
+    }
+    run.report.states = {1, 2, 3, 4, 5};
+    run.report.threads = 2;
+    return run;
+}
+
+}  // namespace
+
+TEST_CASE("the report holds what the contract names", "[report]") {
+    const RunResult run = drawn_run(3);
+    Settings settings = parse_arguments(command_simulate, {"--dem", "a.tif", "--latlon", "1,2", "--altitude-msl", "2km"});
+    const auto out = report_json(settings, run, {{"dem", "a.tif", 42, "WGS 84"}, {"culture", "/vsicurl/x", std::nullopt, ""}}, 0.5, {2, 1.5, 0.25, 1 << 20});
+    CHECK(out["format"] == "wedgescope-report-1");
+    CHECK(out["version"] == version());
+    REQUIRE(out["wedges"].is_array());
+    REQUIRE(out["wedges"].size() == 3);
+    CHECK(out["wedges"][1]["wedge"] == 1);
+    CHECK(out["wedges"][1]["posts_read"] == 2000);
+    CHECK(out["wedges"][1]["cpu_s"]["load"] == 0.5);
+    CHECK(out["wedges"][1]["peak_bytes"] == 200);
+    CHECK(out["total"]["posts_read"] == 6000);
+    CHECK(out["total"]["peak_bytes"] == 300);
+    for (const char* cause : {"range", "horizon", "hidden", "culture", "detail"}) {
+        for (const char* what : {"posts", "tiles", "bytes"}) CHECK(out["skipped"][cause][what] == 0);
+    }
+    CHECK(out["states"] == nlohmann::ordered_json::parse(R"({"no data":1,"shadow":2,"seen":3,"unknown":4,"outside":5})"));
+    CHECK(out["reused"] == 0);
+    CHECK(out["levels"].is_array());
+    CHECK(out["inputs"][0]["bytes"] == 42);
+    CHECK(out["inputs"][1]["bytes"].is_null());
+    CHECK(out["wall_s"] == 2.0);
+    CHECK(out["user_s"] == 1.5);
+    CHECK(out["system_s"] == 0.25);
+    CHECK(out["peak_rss_bytes"] == 1 << 20);
+    CHECK(out["threads"] == 2);
+    // Defaults are numbers, with their units.
+    CHECK(out["scene"]["frequency"] == "16.5GHz");
+    CHECK(out["scene"]["range"] == "10km");
+    CHECK(out["scene"]["azimuth-bins"] == "960");
+    CHECK(out["scene"]["bandwidth"] == "2.4MHz");
+    CHECK(out["scene"]["altitude-msl"] == "2km");
+    CHECK(out["scene"]["resolved"]["sensor_height_m"] == 2000.0);
+    for (const Key& key : key_table()) {
+        if ((key.commands & command_simulate) && key.in_scene_file) CHECK(out["scene"].contains(key.name));
+    }
+}
+
+TEST_CASE("the table has a row for each wedge, and for many one for the rest", "[report]") {
+    const auto lines = [](const std::string& page) { return std::count(page.begin(), page.end(), '\n'); };
+    const std::string few = report_table(drawn_run(3).report, 0.1, {});
+    const std::string many = report_table(drawn_run(1000).report, 0.1, {}, 40);
+    CHECK(lines(few) == 1 + 3 + 1 + 3);
+    CHECK(lines(many) == 1 + 40 + 1 + 3);
+    CHECK_THAT(many, Contains("961 wedges"));
+    CHECK_THAT(few, Contains("seen 20.0 %"));
+    CHECK(lines(report_table(RunReport{}, 0, {})) == 1 + 1 + 3);
+}
+
+TEST_CASE("what the process used is positive and a kibibyte multiple", "[report]") {
+    const Usage usage = usage_since(now_s());
+    CHECK(usage.wall_s >= 0);
+    CHECK(usage.user_s + usage.system_s > 0);
+    CHECK(usage.peak_rss_bytes > 1 << 20);
+    CHECK(usage.peak_rss_bytes % 1024 == 0);
+}
+
+TEST_CASE("a CRS is named by its WKT", "[report]") {
+    CHECK(crs_name(R"(PROJCRS["WGS 84 / UTM zone 11N",BASEGEOGCRS["WGS 84"]])") == "WGS 84 / UTM zone 11N");
+    CHECK(crs_name("").empty());
+    CHECK(crs_name("LOCAL_CS[\"x").empty());
+}
+
+TEST_CASE("a message is one line whatever a path holds", "[report]") {
+    CHECK(one_line("a\nb\tc\x1b[31m\n") == "a b c [31m");
+    CHECK(grouped(1234567) == "1 234 567");
+    CHECK(grouped(12) == "12");
+    CHECK(readable_bytes(1536) == "1.5 KiB");
+}

@@ -1,0 +1,69 @@
+#!/usr/bin/env bash
+# Installs what is missing (Debian 12), builds, runs the tests; the last line counts them.
+#   tests/run.sh                       all: release, then asan, then tsan for what shares state between threads
+#   tests/run.sh --preset release      only this preset, all of its tests (asan, tsan, dev, release; may be repeated)
+#   tests/run.sh ... -- CTEST_OPTIONS  handed to ctest, as in: tests/run.sh --preset asan -- -R sweep
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+
+presets=()
+while (($#)) && [[ $1 != -- ]]; do
+    case "$1 ${2-}" in
+        "--preset release" | "--preset asan" | "--preset tsan" | "--preset dev") presets+=("$2"); shift 2 ;;
+        *)
+            echo "run.sh: '$*' is not understood; accepted are --preset release|asan|tsan|dev and -- CTEST_OPTIONS" >&2
+            exit 2
+            ;;
+    esac
+done
+(($#)) && shift
+ctest_options=("$@")
+jobs=$(nproc)
+
+bash tools/install_packages.sh --tests
+
+# The shadow memory of g++ 12's sanitizers does not bear the address randomisation of newer kernels.
+fixed_addresses=()
+if setarch -R true 2>/dev/null; then fixed_addresses=(setarch -R); fi
+
+passed=0 failed=0 skipped=0 summary=()
+results=$(mktemp)
+trap 'rm -f "$results"' EXIT
+
+attribute() {
+    local value
+    value=$(sed -n "s/.*[[:space:]]$1=\"\([0-9]*\)\".*/\1/p" "$results" | head -n 1)
+    echo "${value:-0}"
+}
+
+run() {  # preset, options for ctest
+    local preset=$1 launcher=() began=$SECONDS built status=0
+    shift
+    case $preset in asan | tsan) launcher=("${fixed_addresses[@]}") ;; esac
+    echo "== $preset"
+    cmake --preset "$preset" -DWEDGESCOPE_TESTS=ON --log-level=WARNING
+    "${launcher[@]}" cmake --build --preset "$preset" --parallel "$jobs"
+    built=$SECONDS
+    : >"$results"
+    "${launcher[@]}" ctest --preset "$preset" --parallel "$jobs" --output-junit "$results" "$@" "${ctest_options[@]}" || status=$?
+    local ran bad out
+    ran=$(attribute tests) bad=$(attribute failures)
+    out=$(($(attribute skipped) + $(attribute disabled)))
+    if ((status != 0 && bad == 0)); then bad=1; fi  # ctest itself found fault
+    ((passed += ran - bad - out, failed += bad, skipped += out)) || true
+    summary+=("$preset: $ran tests, $bad failed; build $((built - began)) s, tests $((SECONDS - built)) s")
+}
+
+if ((${#presets[@]})); then
+    for preset in "${presets[@]}"; do run "$preset"; done
+else
+    run release
+    run asan --label-exclude slow
+    run tsan --label-regex threads
+fi
+
+echo
+printf '%s\n' "${summary[@]}"
+((passed + failed)) || { echo "no test ran" >&2; failed=1; }
+echo "$passed passed, $failed failed, $skipped skipped"
+((failed == 0))

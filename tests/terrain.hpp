@@ -1,0 +1,125 @@
+// Drawn terrain: a wedge source that lives in memory, on a plane with x east, y north, and shapes whose answers are known.
+#pragma once
+#include <cmath>
+#include <cstdint>
+#include <functional>
+#include <limits>
+#include <random>
+#include <vector>
+
+#include "lib/wedge_source.hpp"
+
+namespace wedgescope::test {
+
+inline constexpr float void_post = std::numeric_limits<float>::quiet_NaN();
+
+/// columns x rows posts, `post_m` apart; post (c, r) stands at x = c post_m, y = -r post_m.
+class MemorySource : public WedgeSource {
+public:
+    MemorySource(std::int64_t columns, std::int64_t rows, double post_m, const std::function<double(double c, double r)>& height)
+        : terrain_(static_cast<std::size_t>(columns * rows)) {
+        db_.name = "drawn";
+        db_.columns = columns;
+        db_.rows = rows;
+        db_.crs_in_metres = true;
+        db_.step_x = post_m;
+        db_.step_y = -post_m;
+        for (std::int64_t r = 0; r < rows; ++r)
+            for (std::int64_t c = 0; c < columns; ++c)
+                terrain_[index(c, r)] = static_cast<float>(height(static_cast<double>(c), static_cast<double>(r)));
+    }
+
+    /// Culture height, added at the posts.
+    void set_culture_height(const std::function<double(double c, double r)>& height) {
+        db_.has_culture_height = true;
+        culture_height_.resize(terrain_.size());
+        for (std::int64_t r = 0; r < db_.rows; ++r)
+            for (std::int64_t c = 0; c < db_.columns; ++c)
+                culture_height_[index(c, r)] = static_cast<float>(height(static_cast<double>(c), static_cast<double>(r)));
+    }
+    /// Classes on the posts' own cells.
+    void set_classes(const std::function<int(double c, double r)>& id) {
+        db_.has_culture = true;
+        db_.culture_columns = db_.columns;
+        db_.culture_rows = db_.rows;
+        classes_.resize(terrain_.size());
+        for (std::int64_t r = 0; r < db_.rows; ++r)
+            for (std::int64_t c = 0; c < db_.columns; ++c)
+                classes_[index(c, r)] = static_cast<ClassId>(id(static_cast<double>(c), static_cast<double>(r)));
+    }
+    DataBase& editable() { return db_; }
+
+    const DataBase& data_base() const override { return db_; }
+
+    Chunk load(Window window, bool lines_are_columns) override {
+        Chunk chunk;
+        chunk.window = window;
+        chunk.lines_are_columns = lines_are_columns;
+        const Interval& major = lines_are_columns ? window.columns : window.rows;
+        const Interval& minor = lines_are_columns ? window.rows : window.columns;
+        for (std::int64_t i = major.begin; i < major.end; ++i)
+            for (std::int64_t j = minor.begin; j < minor.end; ++j) {
+                const std::size_t at = lines_are_columns ? index(i, j) : index(j, i);
+                const float culture = culture_height_.empty() ? 0.0F : culture_height_[at];
+                chunk.surface_m.push_back(terrain_[at] + culture);
+                if (!culture_height_.empty()) chunk.culture_height_m.push_back(culture);
+            }
+        if (db_.has_culture) {
+            chunk.culture_window = {{window.columns.begin - 1, window.columns.end + 1}, {window.rows.begin - 1, window.rows.end + 1}};
+            for (std::int64_t r = chunk.culture_window.rows.begin; r < chunk.culture_window.rows.end; ++r)
+                for (std::int64_t c = chunk.culture_window.columns.begin; c < chunk.culture_window.columns.end; ++c) {
+                    const bool inside = c >= 0 && r >= 0 && c < db_.columns && r < db_.rows;
+                    chunk.classes.push_back(inside ? classes_[index(c, r)] : db_.default_class);
+                }
+        }
+        chunk.posts_read = static_cast<std::uint64_t>(window.posts());
+        chunk.bytes_read = chunk.posts_read * sizeof(float);
+        return chunk;
+    }
+    float bare_terrain_m(std::int64_t column, std::int64_t row) override { return terrain_[index(column, row)]; }
+    Extremes extremes() override {
+        Extremes e;
+        for (std::size_t i = 0; i < terrain_.size(); ++i) {
+            const float z = terrain_[i] + (culture_height_.empty() ? 0.0F : culture_height_[i]);
+            if (z != z) {
+                ++e.void_posts;
+                continue;
+            }
+            e.lowest_m = e.any_valid ? std::min(e.lowest_m, z) : z;
+            e.highest_m = e.any_valid ? std::max(e.highest_m, z) : z;
+            e.any_valid = true;
+        }
+        return e;
+    }
+    std::size_t cache_bytes() const override { return 0; }
+
+private:
+    std::size_t index(std::int64_t c, std::int64_t r) const { return static_cast<std::size_t>(r * db_.columns + c); }
+
+    DataBase db_;
+    std::vector<float> terrain_, culture_height_;
+    std::vector<ClassId> classes_;
+};
+
+/// Smooth seeded noise: a sum of waves of random direction; amplitude about `relief_m`, wavelengths from `longest` posts down.
+inline std::function<double(double, double)> rolling(double relief_m, double longest, unsigned seed) {
+    std::mt19937 random(seed);
+    std::uniform_real_distribution<double> turn(0, 6.283185307179586);
+    struct Wave {
+        double kx, ky, phase, amplitude;
+    };
+    std::vector<Wave> waves;
+    double wavelength = longest, amplitude = relief_m / 2;
+    for (int octave = 0; octave < 6; ++octave, wavelength /= 2, amplitude /= 2)
+        for (int i = 0; i < 4; ++i) {
+            const double a = turn(random), k = 6.283185307179586 / wavelength;
+            waves.push_back({k * std::cos(a), k * std::sin(a), turn(random), amplitude / 2});
+        }
+    return [waves](double c, double r) {
+        double z = 0;
+        for (const Wave& w : waves) z += w.amplitude * std::sin(w.kx * c + w.ky * r + w.phase);
+        return z;
+    };
+}
+
+}  // namespace wedgescope::test

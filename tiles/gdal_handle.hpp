@@ -1,0 +1,36 @@
+// GDAL's handles and errors, for the .cpp files of this folder only: no header that others read includes it.
+#pragma once
+#include <cpl_error.h>
+#include <gdal_priv.h>
+
+#include <memory>
+#include <string>
+
+namespace wedgescope {
+
+struct CloseDataset {
+    void operator()(GDALDataset* dataset) const noexcept { GDALClose(dataset); }
+};
+using DatasetHandle = std::unique_ptr<GDALDataset, CloseDataset>;
+
+/// Keeps what GDAL says on this thread while it lives, instead of letting it be printed.
+class GdalErrors {
+public:
+    GdalErrors() { CPLPushErrorHandlerEx(&GdalErrors::hear, this); }
+    ~GdalErrors() { CPLPopErrorHandler(); }
+    GdalErrors(const GdalErrors&) = delete;
+    GdalErrors& operator=(const GdalErrors&) = delete;
+
+    bool failed() const { return failed_; }
+    bool warned() const { return !warning_.empty(); }
+    /// The first failures (or else the first warning) in one line; "GDAL gives no reason" if there was none.
+    std::string reason() const;
+
+private:
+    static void CPL_STDCALL hear(CPLErr level, CPLErrorNum number, const char* message);
+
+    bool failed_ = false;
+    std::string failure_, last_, warning_;
+};
+
+}  // namespace wedgescope

@@ -1,0 +1,83 @@
+#include "tiles/gdal_session.hpp"
+
+#include <cpl_conv.h>
+#include <ogr_srs_api.h>
+
+#include <algorithm>
+#include <cctype>
+#include <charconv>
+#include <optional>
+
+#include "lib/error.hpp"
+#include "tiles/gdal_handle.hpp"
+
+namespace wedgescope {
+namespace {
+
+/// One line, without a full stop at its end.
+std::string one_line(std::string message) {
+    std::replace_if(message.begin(), message.end(), [](unsigned char c) { return std::iscntrl(c) != 0; }, ' ');
+    while (!message.empty() && (message.back() == ' ' || message.back() == '.')) message.pop_back();
+    constexpr std::size_t longest = 300;
+    if (message.size() > longest) message = message.substr(0, longest) + "...";
+    return message;
+}
+
+/// GDAL_CACHEMAX as GDAL reads it: megabytes below 100000, else bytes. A share of memory ("10%") is left to GDAL.
+std::optional<GIntBig> cache_max(const std::string& value) {
+    GIntBig number = 0;
+    const auto [end, error] = std::from_chars(value.data(), value.data() + value.size(), number);
+    if (error != std::errc{} || end != value.data() + value.size() || number < 0) return std::nullopt;
+    return number < 100000 ? number * (GIntBig{1} << 20) : number;
+}
+
+}  // namespace
+
+void GdalErrors::hear(CPLErr level, CPLErrorNum, const char* message) {
+    if (level == CE_Debug) {  // --config CPL_DEBUG ON
+        CPLDefaultErrorHandler(level, 0, message);
+        return;
+    }
+    auto* self = static_cast<GdalErrors*>(CPLGetErrorHandlerUserData());
+    const std::string line = one_line(message);
+    if (level == CE_Warning) {
+        if (self->warning_.empty()) self->warning_ = line;
+    } else if (level >= CE_Failure) {
+        self->failed_ = true;
+        if (self->failure_.empty()) self->failure_ = line;
+        self->last_ = line;
+    }
+}
+
+std::string GdalErrors::reason() const {
+    if (failure_.empty()) return warning_.empty() ? "GDAL gives no reason" : warning_;
+    // The first tells the cause, the last the consequence; one that holds the other says it all.
+    if (failure_.find(last_) != std::string::npos) return failure_;
+    if (last_.find(failure_) != std::string::npos) return last_;
+    return failure_ + "; " + last_;
+}
+
+GdalSession::GdalSession(std::size_t cache_bytes, const std::vector<std::pair<std::string, std::string>>& config) {
+    CPLSetErrorHandler(CPLQuietErrorHandler);
+    // Each handle of a VRT gets its own sources: handles wander between threads, shared sources may not.
+    CPLSetConfigOption("VRT_SHARED_SOURCE", "0");
+    OSRSetPROJEnableNetwork(0);
+    GDALAllRegister();
+    set_cache_bytes(cache_bytes);
+    for (const auto& [key, value] : config) {
+        if (key.empty())
+            throw InputError(text("config '=", value, "' has no name; accepted: --config NAME=VALUE"));
+        CPLSetConfigOption(key.c_str(), value.c_str());
+        if (EQUAL(key.c_str(), "GDAL_CACHEMAX"))
+            if (const auto bytes = cache_max(value)) GDALSetCacheMax64(*bytes);
+    }
+}
+
+// GDAL takes its drivers down itself when the program ends; whoever still holds a raster then does no harm.
+GdalSession::~GdalSession() = default;
+
+void GdalSession::set_cache_bytes(std::size_t bytes) { GDALSetCacheMax64(static_cast<GIntBig>(bytes)); }
+
+std::string GdalSession::gdal_version() { return GDALVersionInfo("RELEASE_NAME"); }
+
+}  // namespace wedgescope

@@ -1,0 +1,23 @@
+// GdalSession: GDAL's global state, set up once: drivers, cache, errors turned into exceptions of ours, PROJ's
+// network off. Leaves every file to raster.hpp and picture.hpp.
+#pragma once
+#include <cstddef>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace wedgescope {
+
+class GdalSession {
+public:
+    /// `config`: GDAL configuration options (--config K=V). Cache: the share of the budget for GDAL's block cache.
+    GdalSession(std::size_t cache_bytes, const std::vector<std::pair<std::string, std::string>>& config);
+    ~GdalSession();
+    GdalSession(const GdalSession&) = delete;
+    GdalSession& operator=(const GdalSession&) = delete;
+
+    static void set_cache_bytes(std::size_t bytes);
+    static std::string gdal_version();
+};
+
+}  // namespace wedgescope

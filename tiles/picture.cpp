@@ -1,0 +1,83 @@
+#include "tiles/picture.hpp"
+
+#include <cmath>
+
+#include "lib/error.hpp"
+#include "tiles/raster_writer.hpp"
+
+namespace wedgescope {
+namespace {
+
+/// Pixels right of the tube's centre and above it -> azimuth and distance in pixels.
+struct Bearing {
+    double azimuth_rad, pixels;
+};
+Bearing bearing(const Frame& frame, double column, double row) {
+    const double right = column - frame.centre_column, up = frame.centre_row - row;
+    return {frame.up_azimuth_rad + std::atan2(right, up), std::hypot(right, up)};
+}
+
+/// Column and row -> x and y of a plane round (x0, y0), `unit` metres a unit.
+std::array<double, 6> affine(const Frame& frame, double x0, double y0, double unit) {
+    const double scale = frame.metres_per_pixel / unit;
+    // Exactly 0 and 1 where up is north.
+    const double c = frame.up_azimuth_rad == 0 ? scale : scale * std::cos(frame.up_azimuth_rad);
+    const double s = frame.up_azimuth_rad == 0 ? 0 : scale * std::sin(frame.up_azimuth_rad);
+    return {x0 - c * frame.centre_column + s * frame.centre_row, c, -s + 0.0,
+            y0 + s * frame.centre_column + c * frame.centre_row, -s + 0.0, -c};
+}
+
+/// ppi and tdppi: the radius on the tube is slant range, less the delay.
+GeolocationGrid tube_geolocation(const RunResult& run, const RasterFormat& format) {
+    const Frame frame = run.scope.frame;
+    const Ground ground(run.scene, format);
+    const double delay = run.scene.scene.display.kind == DisplayKind::tdppi ? run.scene.sweep_delay_m : 0;
+    constexpr std::int64_t step = 2;  // pixels; the bend of slant range to ground range in between is far less than one
+    GeolocationGrid grid = geolocation_grid(frame.width, frame.height, step, step);
+    grid.crs = ground.crs();
+    grid.place = [frame, ground, delay](double column, double row) {
+        const Bearing at = bearing(frame, column, row);
+        return ground.place(at.azimuth_rad, ground.arc_m(at.pixels * frame.metres_per_pixel + delay));
+    };
+    return grid;
+}
+
+}  // namespace
+
+void write_scope(const RunResult& run, OutputFile& file, const RasterFormat& format) {
+    const Picture& picture = run.scope;
+    const Frame& frame = picture.frame;
+    if (frame.width < 1 || frame.height < 1 || picture.grey.size() != static_cast<std::size_t>(frame.width * frame.height))
+        throw Error(text("output '", file.final_path(), "': the run holds no scope picture"));
+    const ResolvedScene& scene = run.scene;
+    const DisplayParams& display = scene.scene.display;
+
+    RasterContent content;
+    content.columns = frame.width;
+    content.rows = frame.height;
+    content.type = GDT_Byte;
+    content.bands.push_back({picture.grey.data(), "scope", "", {}, {}});
+    content.metadata = scene_metadata(scene, format);
+    content.metadata.emplace_back("DISPLAY", word(display.kind));
+    content.metadata.emplace_back("METRES_PER_PIXEL", fifteen_digits(frame.metres_per_pixel));
+    content.metadata.emplace_back("CENTRE_COLUMN", fifteen_digits(frame.centre_column));
+    content.metadata.emplace_back("CENTRE_ROW", fifteen_digits(frame.centre_row));
+    content.metadata.emplace_back("UP_AZIMUTH_DEG", fifteen_digits(Angle::radians(frame.up_azimuth_rad).deg()));
+
+    const bool map = display.kind == DisplayKind::gpi || display.kind == DisplayKind::gpi_true;
+    if (!map) {
+        content.geolocation = tube_geolocation(run, format);
+    } else if (!display.rings) {
+        if (scene.geometry == Geometry::geodesic) {
+            content.crs = fmt::format("+proj=aeqd +lat_0={:.15g} +lon_0={:.15g} +x_0=0 +y_0=0 +datum=WGS84 +units=m +no_defs",
+                                      scene.lat_deg, scene.lon_deg);
+            content.geotransform = affine(frame, 0, 0, 1);
+        } else {
+            content.crs = format.crs_wkt;
+            content.geotransform = affine(frame, scene.x, scene.y, format.metres_per_unit);
+        }
+    }
+    write_raster(content, file, format);
+}
+
+}  // namespace wedgescope

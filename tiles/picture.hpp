@@ -1,0 +1,13 @@
+// Picture files: the scope as PNG, GeoTIFF or another GDAL raster driver, with georeference where it is a map
+// (north-up gpi and gpi-true without rings: azimuthal equidistant round the sensor) and a geolocation array where it is not.
+// Leaves text (legends) to the helper program.
+#pragma once
+#include "lib/engine.hpp"
+#include "tiles/output_file.hpp"
+#include "tiles/polar_raster.hpp"
+
+namespace wedgescope {
+
+void write_scope(const RunResult& run, OutputFile& file, const RasterFormat& format);
+
+}  // namespace wedgescope

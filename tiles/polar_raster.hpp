@@ -1,0 +1,37 @@
+// Polar rasters: echo, power and states as GeoTIFF (or any GDAL driver): one row an azimuth bin, clockwise, one column
+// a range bin, with the metadata of the design's contract and a geolocation array in `<file>.geoloc.tif`, so that
+// `gdalwarp -geoloc` works. Leaves pictures to picture.hpp.
+//
+// Memory: the images are written as they lie in memory (power in dBm, and states beside an echo, are converted: one
+// float a cell); the geolocation array takes at most 8 MiB.
+#pragma once
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "lib/engine.hpp"
+#include "tiles/output_file.hpp"
+
+namespace wedgescope {
+
+struct RasterFormat {
+    std::string driver;                                             ///< empty: from the file name's extension
+    std::vector<std::string> creation;                              ///< K=V
+    bool reproducible = false;                                      ///< the same bytes every time
+    std::string version;                                            ///< of the program, for metadata
+    std::string scene_json;                                         ///< SCENE_JSON
+    std::string crs_wkt;                                            ///< DataBase::crs_wkt, for grid geometry; empty: none
+    double metres_per_unit = 1;                                     ///< DataBase::metres_per_unit
+};
+
+enum class PowerUnit { watt, dbm };
+
+/// Band 1 echo (W), band 2 state (its codes), on scene.swept. Float32 both: a GeoTIFF has one type for all its bands.
+void write_echo(const RunResult& run, OutputFile& file, const RasterFormat& format);
+/// Float32 on scene.shown; watts (no no-data value) or dBm rounded to 0.001 dB, where 0 W is the declared no-data
+/// value -9999.
+void write_power(const RunResult& run, PowerUnit unit, OutputFile& file, const RasterFormat& format);
+/// Byte with category names on scene.shown. 0 ("no data") is a state, not declared as GDAL's no-data.
+void write_states(const RunResult& run, OutputFile& file, const RasterFormat& format);
+
+}  // namespace wedgescope

@@ -1,0 +1,106 @@
+#include "tiles/raster.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <vector>
+
+#include "lib/error.hpp"
+#include "tiles/raster_file.hpp"
+
+namespace wedgescope {
+namespace {
+
+constexpr std::int64_t most_posts = std::int64_t{1} << 20;  // a few MiB at a time
+
+void find_bounds(const RasterFacts& facts, RasterSummary& summary) {
+    const double x0 = std::min(facts.corner_x, facts.edge_x()), x1 = std::max(facts.corner_x, facts.edge_x());
+    const double y0 = std::min(facts.corner_y, facts.edge_y()), y1 = std::max(facts.corner_y, facts.edge_y());
+    if (facts.wgs84_lat_lon) {
+        summary.west = x0;
+        summary.east = x1;
+        summary.south = y0;
+        summary.north = y1;
+        return;
+    }
+    GdalErrors errors;
+    const OGRSpatialReference wgs84 = wgs84_lon_lat();
+    const std::unique_ptr<OGRCoordinateTransformation> to_wgs84(OGRCreateCoordinateTransformation(facts.crs.get(), &wgs84));
+    if (!to_wgs84 || !to_wgs84->TransformBounds(x0, y0, x1, y1, &summary.west, &summary.south, &summary.east, &summary.north, 21))
+        throw DataError(text(facts.named(), ": PROJ cannot turn its CRS into latitude and longitude: ", errors.reason()));
+}
+
+}  // namespace
+
+RasterSummary summarise_raster(const std::string& path, bool count_codes) {
+    RasterFile file("raster", path);
+    const RasterFacts& facts = file.facts();
+    RasterSummary summary;
+    summary.path = path;
+    summary.driver = facts.driver;
+    summary.data_type = facts.signed_byte ? "Int8" : GDALGetDataTypeName(facts.type);
+    summary.unit = facts.unit;
+    summary.columns = facts.columns;
+    summary.rows = facts.rows;
+    summary.block_columns = facts.block_columns;
+    summary.block_rows = facts.block_rows;
+    summary.origin_x = facts.corner_x;
+    summary.origin_y = facts.corner_y;
+    summary.step_x = facts.step_x;
+    summary.step_y = facts.step_y;
+    summary.geographic = facts.geographic;
+    summary.has_crs = facts.crs != nullptr;
+    summary.has_no_data = facts.has_no_data;
+    summary.no_data = facts.no_data;
+    summary.compression = facts.compression;
+    if (facts.crs) {
+        const char* name = facts.crs->GetName();
+        const char* authority = facts.crs->GetAuthorityName(nullptr);
+        const char* code = facts.crs->GetAuthorityCode(nullptr);
+        summary.crs_name = name ? name : "";
+        if (authority && code) summary.crs_name += text(" (", authority, ":", code, ")");
+        find_bounds(facts, summary);
+    }
+
+    double lowest = std::numeric_limits<double>::infinity(), highest = -lowest, sum = 0;
+    std::uint64_t valid = 0;
+    const auto count = [&](double value) {
+        lowest = std::min(lowest, value);
+        highest = std::max(highest, value);
+        sum += value;
+        ++valid;
+    };
+    std::vector<float> heights;
+    std::vector<std::int32_t> codes;
+    for_each_window(facts, facts.columns, most_posts, [&](const Window& window) {
+        const auto posts = static_cast<std::size_t>(window.posts());
+        const std::uint64_t before = valid;
+        if (count_codes) {
+            codes.resize(posts);
+            file.read_codes(window, codes.data());
+            for (std::size_t i = 0; i < posts;) {  // runs: neighbours are mostly alike
+                std::size_t end = i + 1;
+                while (end < posts && codes[end] == codes[i]) ++end;
+                if (codes[i] != void_code) {
+                    summary.codes[codes[i]] += end - i;
+                    for (std::size_t k = i; k < end; ++k) count(codes[i]);
+                }
+                i = end;
+            }
+        } else {
+            heights.resize(posts);
+            file.read_heights(window, heights.data(), window.columns.size());
+            for (float z : heights)
+                if (!std::isnan(z)) count(static_cast<double>(z));
+        }
+        summary.void_posts += posts - (valid - before);
+    });
+    if (valid > 0) {
+        summary.lowest = lowest;
+        summary.highest = highest;
+        summary.mean = sum / static_cast<double>(valid);
+    }
+    return summary;
+}
+
+}  // namespace wedgescope

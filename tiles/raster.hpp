@@ -1,0 +1,27 @@
+// Raster: one GDAL raster, opened and checked: grid, CRS, no-data, scale and unit; and what it holds, counted.
+// Leaves chunks to sources.hpp and output to picture.hpp and polar_raster.hpp.
+#pragma once
+#include <cstdint>
+#include <map>
+#include <string>
+
+namespace wedgescope {
+
+/// What `info` says of a raster. Counting reads it once, block by block.
+struct RasterSummary {
+    std::string path, driver, data_type, crs_name, unit;
+    std::int64_t columns = 0, rows = 0, block_columns = 0, block_rows = 0;
+    double origin_x = 0, origin_y = 0, step_x = 0, step_y = 0;  ///< of the first cell's outer corner; CRS units
+    bool geographic = false, has_crs = false, has_no_data = false;
+    double no_data = 0;
+    double west = 0, east = 0, south = 0, north = 0;  ///< WGS84 degrees, of the edge; only with a CRS
+    std::string compression;
+    std::uint64_t void_posts = 0;
+    double lowest = 0, highest = 0, mean = 0;         ///< of valid posts, metres (scale, offset and unit applied)
+    std::map<int, std::uint64_t> codes;               ///< count of each value; only when asked for (culture)
+};
+
+/// IoError / DataError naming the file and, for a bad value, the post (column, row).
+RasterSummary summarise_raster(const std::string& path, bool count_codes);
+
+}  // namespace wedgescope

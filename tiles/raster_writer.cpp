@@ -1,0 +1,301 @@
+#include "tiles/raster_writer.hpp"
+
+#include <cpl_string.h>
+
+#include <GeographicLib/Geodesic.hpp>
+#include <algorithm>
+#include <cctype>
+#include <cmath>
+#include <filesystem>
+#include <limits>
+#include <map>
+
+#include "lib/error.hpp"
+
+namespace wedgescope {
+namespace {
+
+constexpr double no_place = -1e30;  ///< no-data value of geolocation arrays
+
+bool has(GDALDriver& driver, const char* capability) {
+    const char* value = driver.GetMetadataItem(capability);
+    return value && CPLTestBool(value);
+}
+
+bool writes_rasters(GDALDriver& driver) {
+    const std::string name = driver.GetDescription();
+    if (name == "MEM" || name == "VRT") return false;  // would refer to what is gone when we end
+    return has(driver, GDAL_DCAP_RASTER) && (has(driver, GDAL_DCAP_CREATE) || has(driver, GDAL_DCAP_CREATECOPY));
+}
+
+std::string ending(const std::string& path) {
+    std::string found = std::filesystem::path(path).extension().string();
+    if (!found.empty()) found.erase(0, 1);
+    std::transform(found.begin(), found.end(), found.begin(), [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+    return found;
+}
+
+GDALDriver& find_driver(const std::string& path, const RasterFormat& format) {
+    GDALDriverManager& drivers = *GetGDALDriverManager();
+    if (!format.driver.empty()) {
+        GDALDriver* driver = drivers.GetDriverByName(format.driver.c_str());
+        if (!driver || !writes_rasters(*driver))
+            throw InputError(text("of '", format.driver, "' is no GDAL driver that writes raster files; accepted: GTiff, PNG, JPEG, HFA, ",
+                                  "ENVI, ... (gdalinfo --formats lists them)"));
+        return *driver;
+    }
+    const std::string extension = ending(path);
+    static const std::map<std::string, const char*> first_choice = {
+        {"tif", "GTiff"}, {"tiff", "GTiff"}, {"png", "PNG"}, {"jpg", "JPEG"}, {"jpeg", "JPEG"}, {"img", "HFA"}, {"asc", "AAIGrid"}};
+    if (const auto known = first_choice.find(extension); known != first_choice.end())
+        if (GDALDriver* driver = drivers.GetDriverByName(known->second)) return *driver;
+    if (!extension.empty())
+        for (int i = 0; i < drivers.GetDriverCount(); ++i) {
+            GDALDriver& driver = *drivers.GetDriver(i);
+            const char* list = driver.GetMetadataItem(GDAL_DMD_EXTENSIONS);
+            if (!list || !writes_rasters(driver)) continue;
+            const CPLStringList words(CSLTokenizeString(list));
+            if (words.FindString(extension.c_str()) >= 0) return driver;
+        }
+    throw InputError(text("output '", path, "' has an ending that names no raster format; accepted: .tif, .png, .jpg, .img and those ",
+                          "of GDAL's other raster drivers, or --of DRIVER"));
+}
+
+CPLStringList creation_options(GDALDriver& driver, GDALDataType type, const RasterFormat& format) {
+    CPLStringList options;
+    const std::string name = driver.GetDescription();
+    if (name == "GTiff") {
+        options.SetNameValue("TILED", "YES");
+        options.SetNameValue("COMPRESS", "DEFLATE");
+        options.SetNameValue("PREDICTOR", GDALDataTypeIsFloating(type) ? "3" : "2");
+        options.SetNameValue("INTERLEAVE", "BAND");
+        options.SetNameValue("BIGTIFF", "IF_SAFER");
+    } else if (name == "COG") {
+        options.SetNameValue("COMPRESS", "DEFLATE");
+        options.SetNameValue("PREDICTOR", "YES");
+    }
+    CPLStringList given;
+    for (const std::string& option : format.creation) {
+        const std::size_t equals = option.find('=');
+        if (equals == 0 || equals == std::string::npos)
+            throw InputError(text("co '", option, "' is no creation option; accepted: NAME=VALUE"));
+        const std::string key = option.substr(0, equals);
+        given.SetNameValue(key.c_str(), option.c_str() + equals + 1);
+        options.SetNameValue(key.c_str(), option.c_str() + equals + 1);
+    }
+    const std::string compression = given.FetchNameValueDef("COMPRESS", "DEFLATE");
+    if (!EQUAL(compression.c_str(), "DEFLATE") && !EQUAL(compression.c_str(), "LZW") && !EQUAL(compression.c_str(), "ZSTD") &&
+        !given.FetchNameValue("PREDICTOR"))
+        options.SetNameValue("PREDICTOR", nullptr);
+    GdalErrors errors;
+    if (!GDALValidateCreationOptions(&driver, given.List()))
+        throw InputError(text("co is not accepted by driver ", name, ": ", errors.reason()));
+    return options;
+}
+
+/// What a file may lack without being wrong: drivers that cannot hold it say so, nobody listens.
+void describe(GDALDataset& dataset, const RasterContent& content, const CPLStringList& geolocation) {
+    GdalErrors quiet;
+    for (const auto& [key, value] : content.metadata) dataset.SetMetadataItem(key.c_str(), value.c_str());
+    if (!content.crs.empty()) {
+        OGRSpatialReference crs;
+        if (crs.SetFromUserInput(content.crs.c_str()) == OGRERR_NONE) {
+            crs.SetAxisMappingStrategy(OAMS_TRADITIONAL_GIS_ORDER);
+            dataset.SetSpatialRef(&crs);
+        }
+    }
+    if (content.geotransform) {
+        std::array<double, 6> terms = *content.geotransform;
+        dataset.SetGeoTransform(terms.data());
+    }
+    if (geolocation.Count() > 0) dataset.SetMetadata(const_cast<char**>(geolocation.List()), "GEOLOCATION");
+    for (std::size_t b = 0; b < content.bands.size(); ++b) {
+        GDALRasterBand& band = *dataset.GetRasterBand(static_cast<int>(b) + 1);
+        const BandContent& from = content.bands[b];
+        if (!from.description.empty()) band.SetDescription(from.description.c_str());
+        if (!from.unit.empty()) band.SetUnitType(from.unit.c_str());
+        if (from.no_data) band.SetNoDataValue(*from.no_data);
+        if (!from.categories.empty()) {
+            CPLStringList names;
+            for (const std::string& category : from.categories) names.AddString(category.c_str());
+            band.SetCategoryNames(names.List());
+        }
+    }
+}
+
+/// A dataset round arrays that are ours.
+DatasetHandle in_memory(const RasterContent& content) {
+    GDALDriver* driver = GetGDALDriverManager()->GetDriverByName("MEM");
+    DatasetHandle dataset(driver->Create("", static_cast<int>(content.columns), static_cast<int>(content.rows), 0, content.type, nullptr));
+    for (const BandContent& band : content.bands) {
+        char address[64] = {};
+        CPLPrintPointer(address, const_cast<void*>(band.cells), sizeof address - 1);
+        CPLStringList options;
+        options.SetNameValue("DATAPOINTER", address);
+        dataset->AddBand(content.type, options.List());
+    }
+    return dataset;
+}
+
+[[noreturn]] void fail(const std::string& final_path, const GdalErrors& errors) {
+    throw IoError(text("output '", final_path, "' cannot be written: ", errors.reason()));
+}
+
+void write_bands(GDALDataset& dataset, const RasterContent& content, const std::string& final_path, const GdalErrors& errors) {
+    const int columns = static_cast<int>(content.columns), rows = static_cast<int>(content.rows);
+    for (std::size_t b = 0; b < content.bands.size(); ++b)
+        if (dataset.GetRasterBand(static_cast<int>(b) + 1)
+                ->RasterIO(GF_Write, 0, 0, columns, rows, const_cast<void*>(content.bands[b].cells), columns, rows, content.type, 0, 0,
+                           nullptr) != CE_None)
+            fail(final_path, errors);
+}
+
+void write_geolocation(const GeolocationGrid& grid, const std::string& path, const std::string& final_path) {
+    // Behind the closing row of a full circle one row without places: else GDAL goes on past the end, over the first rows.
+    const std::int64_t rows = grid.rows + (grid.closed ? 1 : 0);
+    std::vector<double> x(static_cast<std::size_t>(grid.columns * rows), no_place), y = x;
+    for (std::int64_t j = 0; j < grid.rows; ++j)
+        for (std::int64_t i = 0; i < grid.columns; ++i) {
+            const Place at = grid.place(static_cast<double>(i * grid.column_step), static_cast<double>(j * grid.row_step));
+            x[static_cast<std::size_t>(j * grid.columns + i)] = at.x;
+            y[static_cast<std::size_t>(j * grid.columns + i)] = at.y;
+        }
+    RasterContent content;
+    content.columns = grid.columns;
+    content.rows = rows;
+    content.type = GDT_Float64;
+    content.crs = grid.crs;
+    content.bands.resize(2);
+    content.bands[0] = {x.data(), "x", "", no_place, {}};
+    content.bands[1] = {y.data(), "y", "", no_place, {}};
+    GDALDriver& driver = *GetGDALDriverManager()->GetDriverByName("GTiff");
+    GdalErrors errors;
+    DatasetHandle dataset(driver.Create(path.c_str(), static_cast<int>(content.columns), static_cast<int>(content.rows), 2, GDT_Float64,
+                                        creation_options(driver, GDT_Float64, {}).List()));
+    if (!dataset) fail(final_path, errors);
+    describe(*dataset, content, {});
+    write_bands(*dataset, content, final_path, errors);
+    dataset.reset();
+    if (errors.failed()) fail(final_path, errors);
+}
+
+CPLStringList geolocation_metadata(const GeolocationGrid& grid, const std::string& final_path) {
+    CPLStringList items;
+    const std::string side = std::filesystem::path(final_path).filename().string() + ".geoloc.tif";
+    // By name beside the raster, wherever the two are moved together.
+    items.SetNameValue("X_DATASET", side.c_str());
+    items.SetNameValue("X_DATASET_RELATIVE_TO_SOURCE", "YES");
+    items.SetNameValue("X_BAND", "1");
+    items.SetNameValue("Y_DATASET", side.c_str());
+    items.SetNameValue("Y_DATASET_RELATIVE_TO_SOURCE", "YES");
+    items.SetNameValue("Y_BAND", "2");
+    items.SetNameValue("PIXEL_OFFSET", "0");
+    items.SetNameValue("LINE_OFFSET", "0");
+    items.SetNameValue("PIXEL_STEP", text(grid.column_step).c_str());
+    items.SetNameValue("LINE_STEP", text(grid.row_step).c_str());
+    items.SetNameValue("GEOREFERENCING_CONVENTION", "TOP_LEFT_CORNER");
+    OGRSpatialReference crs;
+    GdalErrors quiet;
+    if (grid.crs.empty())
+        crs.SetLocalCS("grid");
+    else
+        crs.SetFromUserInput(grid.crs.c_str());
+    char* wkt = nullptr;
+    if (crs.exportToWkt(&wkt) == OGRERR_NONE && wkt) items.SetNameValue("SRS", wkt);
+    CPLFree(wkt);
+    return items;
+}
+
+}  // namespace
+
+GeolocationGrid geolocation_grid(std::int64_t columns, std::int64_t rows, std::int64_t column_step, std::int64_t row_step) {
+    GeolocationGrid grid;
+    grid.column_step = std::clamp<std::int64_t>(column_step, 1, columns);
+    grid.row_step = std::clamp<std::int64_t>(row_step, 1, rows);
+    grid.columns = (columns + grid.column_step - 1) / grid.column_step + 1;
+    grid.rows = (rows + grid.row_step - 1) / grid.row_step + 1;
+    return grid;
+}
+
+void write_raster(const RasterContent& content, const OutputFile& file, const RasterFormat& format) {
+    const std::string& final_path = file.final_path();
+    GDALDriver& driver = find_driver(final_path, format);
+    const CPLStringList options = creation_options(driver, content.type, format);
+    if (content.columns < 1 || content.rows < 1 || content.columns > std::numeric_limits<int>::max() ||
+        content.rows > std::numeric_limits<int>::max())
+        throw InputError(text("output '", final_path, "' would have ", content.columns, " x ", content.rows,
+                              " cells; accepted: 1 to ", std::numeric_limits<int>::max(), " either way"));
+    if (const char* types = driver.GetMetadataItem(GDAL_DMD_CREATIONDATATYPES)) {
+        const CPLStringList words(CSLTokenizeString(types));
+        if (words.FindString(GDALGetDataTypeName(content.type)) < 0)
+            throw InputError(text("output '", final_path, "' holds ", GDALGetDataTypeName(content.type), " values, driver ",
+                                  driver.GetDescription(), " takes ", types, "; accepted: another format, such as .tif"));
+    }
+    CPLStringList geolocation;
+    if (content.geolocation) {
+        geolocation = geolocation_metadata(*content.geolocation, final_path);
+        write_geolocation(*content.geolocation, file.temporary_path() + ".geoloc.tif", final_path);
+    }
+
+    GdalErrors errors;
+    const char* path = file.temporary_path().c_str();
+    DatasetHandle dataset;
+    if (has(driver, GDAL_DCAP_CREATE)) {
+        dataset.reset(driver.Create(path, static_cast<int>(content.columns), static_cast<int>(content.rows),
+                                    static_cast<int>(content.bands.size()), content.type, const_cast<char**>(options.List())));
+        if (!dataset) fail(final_path, errors);
+        describe(*dataset, content, geolocation);
+        write_bands(*dataset, content, final_path, errors);
+    } else {
+        const DatasetHandle memory = in_memory(content);
+        describe(*memory, content, {});
+        dataset.reset(driver.CreateCopy(path, memory.get(), FALSE, const_cast<char**>(options.List()), nullptr, nullptr));
+        if (!dataset) fail(final_path, errors);
+        GdalErrors quiet;
+        if (geolocation.Count() > 0) dataset->SetMetadata(const_cast<char**>(geolocation.List()), "GEOLOCATION");
+    }
+    dataset->FlushCache(true);
+    dataset.reset();
+    if (errors.failed()) fail(final_path, errors);
+}
+
+Metadata scene_metadata(const ResolvedScene& scene, const RasterFormat& format) {
+    Metadata items;
+    items.emplace_back("SOFTWARE", format.version.empty() ? "wedgescope" : "wedgescope " + format.version);
+    items.emplace_back("REFERENCE_HEIGHT_M", fifteen_digits(scene.reference_m));
+    if (scene.has_lat_lon) {
+        items.emplace_back("SENSOR_LAT", fifteen_digits(scene.lat_deg));
+        items.emplace_back("SENSOR_LON", fifteen_digits(scene.lon_deg));
+    }
+    items.emplace_back("SENSOR_X", fifteen_digits(scene.x));
+    items.emplace_back("SENSOR_Y", fifteen_digits(scene.y));
+    items.emplace_back("SENSOR_HEIGHT_M", fifteen_digits(scene.sensor_m));
+    if (!format.scene_json.empty()) items.emplace_back("SCENE_JSON", format.scene_json);
+    return items;
+}
+
+Ground::Ground(const ResolvedScene& scene, const RasterFormat& format)
+    : scene_(scene),
+      metres_per_unit_(format.metres_per_unit),
+      crs_(scene.geometry == Geometry::geodesic ? "EPSG:4326" : format.crs_wkt) {}
+
+Place Ground::place(double azimuth_rad, double arc_m) const {
+    if (scene_.geometry == Geometry::grid) {
+        const double s = arc_m / metres_per_unit_;
+        return {scene_.x + s * std::sin(azimuth_rad), scene_.y + s * std::cos(azimuth_rad)};
+    }
+    double lat = 0, lon = 0;
+    GeographicLib::Geodesic::WGS84().Direct(scene_.lat_deg, scene_.lon_deg, Angle::radians(azimuth_rad).deg(), arc_m, lat, lon);
+    return {lon, lat};
+}
+
+double Ground::arc_m(double range_m) const {
+    if (scene_.scene.display.kind == DisplayKind::gpi_true) return range_m;
+    if (range_m <= std::fabs(scene_.sensor_m - scene_.reference_m)) return 0;
+    constexpr double half_way_round = 2e7;
+    return scene_.earth.arc_m(scene_.sensor_m, scene_.reference_m, range_m).value_or(half_way_round);
+}
+
+std::string fifteen_digits(double value) { return fmt::format("{:.15g}", value); }
+
+}  // namespace wedgescope

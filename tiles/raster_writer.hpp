@@ -1,0 +1,81 @@
+// Raster writer: arrays in memory -> one raster file of any GDAL driver, with a geolocation array beside it if asked.
+// For the .cpp files of this folder only. Leaves what the arrays mean to polar_raster.cpp and picture.cpp.
+#pragma once
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "lib/engine.hpp"
+#include "tiles/gdal_handle.hpp"
+#include "tiles/output_file.hpp"
+#include "tiles/polar_raster.hpp"
+
+namespace wedgescope {
+
+struct BandContent {
+    const void* cells = nullptr;  ///< rows x columns, row after row
+    std::string description, unit;
+    std::optional<double> no_data;
+    std::vector<std::string> categories;
+};
+
+using Metadata = std::vector<std::pair<std::string, std::string>>;
+
+/// A place in the CRS of the geolocation array; longitude first.
+struct Place {
+    double x = 0, y = 0;
+};
+
+/// Node (i, j) of the array stands at the corner of cells at column `i * column_step`, row `j * row_step` of the
+/// raster: GDAL's default convention. Corners, not centres: so the array of a full circle closes.
+struct GeolocationGrid {
+    std::int64_t columns = 0, rows = 0;
+    std::int64_t column_step = 1, row_step = 1;
+    std::function<Place(double column, double row)> place;
+    bool closed = false;  ///< the last row of nodes stands where the first one does
+    std::string crs;      ///< anything GDAL understands; empty: a plane that is nowhere on earth
+};
+/// The grid for a raster of so many cells, with steps of at most these.
+GeolocationGrid geolocation_grid(std::int64_t columns, std::int64_t rows, std::int64_t column_step, std::int64_t row_step);
+
+struct RasterContent {
+    std::int64_t columns = 0, rows = 0;
+    GDALDataType type = GDT_Float32;
+    std::vector<BandContent> bands;
+    Metadata metadata;
+    std::optional<std::array<double, 6>> geotransform;
+    std::string crs;  ///< anything GDAL understands; empty: none
+    std::optional<GeolocationGrid> geolocation;
+};
+
+/// To file.temporary_path() and its side files; the caller commits. InputError for a driver, extension or creation
+/// option that will not do; IoError naming the final file if anything was not written.
+void write_raster(const RasterContent& content, const OutputFile& file, const RasterFormat& format);
+
+/// Sensor, scene and version: what every output tells.
+Metadata scene_metadata(const ResolvedScene& scene, const RasterFormat& format);
+
+/// Ground positions round the sensor: geodesics in geodesic geometry, straight lines in the raster's x, y otherwise.
+class Ground {
+public:
+    Ground(const ResolvedScene& scene, const RasterFormat& format);
+    /// "EPSG:4326", or the raster's own.
+    const std::string& crs() const { return crs_; }
+    Place place(double azimuth_rad, double arc_m) const;
+    /// Arc at the reference height of a range of the scene's range bins; 0 inside the altitude hole.
+    double arc_m(double range_m) const;
+
+private:
+    const ResolvedScene& scene_;
+    double metres_per_unit_;
+    std::string crs_;
+};
+
+/// At most 15 significant digits.
+std::string fifteen_digits(double value);
+
+}  // namespace wedgescope

@@ -1,0 +1,283 @@
+#include "tools/legend.hpp"
+
+#include <fcntl.h>
+#include <spawn.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <charconv>
+#include <cmath>
+#include <csignal>
+#include <cstdlib>
+#include <cstring>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "lib/receiver.hpp"
+#include "tools/terminal.hpp"
+#include "tools/units.hpp"
+
+extern char** environ;
+
+namespace wedgescope {
+namespace {
+
+constexpr const char* helper_name = "wedgescope_picture";
+
+/// A file descriptor that closes itself.
+class Descriptor {
+public:
+    Descriptor() = default;
+    explicit Descriptor(int number) : number_(number) {}
+    Descriptor(Descriptor&& other) noexcept : number_(std::exchange(other.number_, -1)) {}
+    Descriptor& operator=(Descriptor&& other) noexcept {
+        std::swap(number_, other.number_);
+        return *this;
+    }
+    ~Descriptor() { close(); }
+    int get() const { return number_; }
+    void close() {
+        if (number_ >= 0) ::close(number_);
+        number_ = -1;
+    }
+
+private:
+    int number_ = -1;
+};
+
+std::pair<Descriptor, Descriptor> make_pipe() {
+    int ends[2];
+    if (::pipe2(ends, O_CLOEXEC) != 0) throw IoError(text("cannot make a pipe to ", helper_name, ": ", std::strerror(errno)));
+    return {Descriptor(ends[0]), Descriptor(ends[1])};
+}
+
+/// Runs the helper with `input` on its stdin; what it writes to stdout.
+std::string answer_of(const std::string& helper, const std::string& input) {
+    auto [input_read, input_write] = make_pipe();
+    auto [output_read, output_write] = make_pipe();
+    posix_spawn_file_actions_t actions;
+    posix_spawn_file_actions_init(&actions);
+    posix_spawn_file_actions_adddup2(&actions, input_read.get(), STDIN_FILENO);
+    posix_spawn_file_actions_adddup2(&actions, output_write.get(), STDOUT_FILENO);
+    posix_spawn_file_actions_addopen(&actions, STDERR_FILENO, "/dev/null", O_WRONLY, 0);  // its reasons come on stdout
+    std::string program = helper, verb = "legend";
+    char* arguments[] = {program.data(), verb.data(), nullptr};
+    pid_t child = 0;
+    const int failed = ::posix_spawn(&child, helper.c_str(), &actions, nullptr, arguments, environ);
+    posix_spawn_file_actions_destroy(&actions);
+    if (failed) throw IoError(text("cannot start ", in_quotes(helper), " for the legend: ", std::strerror(failed)));
+    input_read.close();
+    output_write.close();
+
+    // The helper reads all its input before it writes. Should it die early, the write fails instead of killing us.
+    struct sigaction ignore {}, before {};
+    ignore.sa_handler = SIG_IGN;
+    ::sigaction(SIGPIPE, &ignore, &before);
+    for (std::size_t done = 0; done < input.size();) {
+        const ssize_t n = ::write(input_write.get(), input.data() + done, input.size() - done);
+        if (n < 0 && errno == EINTR) continue;
+        if (n <= 0) break;
+        done += static_cast<std::size_t>(n);
+    }
+    input_write.close();
+    ::sigaction(SIGPIPE, &before, nullptr);
+    std::string answer;
+    for (char block[65536];;) {
+        const ssize_t n = ::read(output_read.get(), block, sizeof block);
+        if (n < 0 && errno == EINTR) continue;
+        if (n <= 0) break;
+        answer.append(block, static_cast<std::size_t>(n));
+    }
+    int status = 0;
+    while (::waitpid(child, &status, 0) < 0 && errno == EINTR) {
+    }
+    if (!WIFEXITED(status) || WEXITSTATUS(status) != 0) {
+        const std::string how = WIFEXITED(status) ? text(" with exit code ", WEXITSTATUS(status)) : text(" by signal ", WTERMSIG(status));
+        throw IoError(text("legend: ", in_quotes(helper), " failed", how, answer.empty() || answer.starts_with("P5") ? "" : ": " + answer.substr(0, 300)));
+    }
+    return answer;
+}
+
+struct Panel {
+    std::int64_t width = 0, height = 0;
+    std::string_view grey;
+};
+
+/// A binary PGM: P5, width, height, 255, one white space, bytes.
+Panel read_panel(const std::string& helper, const std::string& pgm) {
+    const auto refuse = [&] { return IoError(text("legend: ", in_quotes(helper), " gave no picture back")); };
+    if (!pgm.starts_with("P5\n")) throw refuse();
+    const char* at = pgm.data() + 3;
+    const char* const end = pgm.data() + pgm.size();
+    std::int64_t numbers[3] = {};
+    for (std::int64_t& number : numbers) {
+        const auto [next, error] = std::from_chars(at, end, number);
+        if (error != std::errc{} || next == end || number < 1 || number > 100000) throw refuse();
+        at = next + 1;
+    }
+    if (end - at != numbers[0] * numbers[1]) throw refuse();
+    return {numbers[0], numbers[1], {at, static_cast<std::size_t>(end - at)}};
+}
+
+std::string trimmed_number(double value, int digits) {
+    std::string out = fmt::format("{:.{}f}", value, digits);
+    if (out.find('.') != std::string::npos) {
+        while (out.back() == '0') out.pop_back();
+        if (out.back() == '.') out.pop_back();
+    }
+    return out == "-0" ? "0" : out;
+}
+
+std::string nautical_miles(double metres) { return trimmed_number(metres / 1852, 2) + " nmi"; }
+
+std::string degrees(Angle angle) { return trimmed_number(angle.deg(), 2) + " deg"; }
+
+std::string position(double value, char positive, char negative) {
+    return fmt::format("{:.4f} {}", std::abs(value), value < 0 ? negative : positive);
+}
+
+std::string display_name(DisplayKind kind) {
+    switch (kind) {
+        case DisplayKind::gpi: return "GPI";
+        case DisplayKind::gpi_true: return "GPI (true)";
+        case DisplayKind::ppi: return "PPI";
+        case DisplayKind::tdppi: return "Time-delayed PPI";
+    }
+    return "";
+}
+
+/// ASCII only but for file names: OpenImageIO 2.4 draws other letters wrong.
+nlohmann::ordered_json legend_text(const Settings& settings, const ResolvedScene& r, const Picture& picture) {
+    using json = nlohmann::ordered_json;
+    const Scene& s = r.scene;
+    const RadarParams& radar = s.radar;
+    const ReceiverParams& receiver = s.receiver;
+    json sections = json::array();
+    const auto section = [&](const char* title) { sections.push_back(json{{"title", title}, {"lines", json::array()}}); };
+    const auto line = [&](const std::string& label, const std::string& value) { sections.back()["lines"].push_back(json::array({label, value})); };
+
+    section("SENSOR");
+    if (r.has_lat_lon) {
+        line("Latitude", position(r.lat_deg, 'N', 'S'));
+        line("Longitude", position(std::remainder(r.lon_deg, 360.0), 'E', 'W'));
+    } else {
+        line("x", trimmed_number(r.x, 1));
+        line("y", trimmed_number(r.y, 1));
+    }
+    line("Altitude MSL", fmt::format("{:.0f} m  {:.0f} ft", r.sensor_m, r.sensor_m / 0.3048));
+    if (r.nadir_on_data) line("Above ground", fmt::format("{:.0f} m  {:.0f} ft", r.sensor_m - r.reference_m, (r.sensor_m - r.reference_m) / 0.3048));
+    line("Heading", degrees(s.platform.heading));
+    line("Sector", s.sector ? trimmed_number(s.sector->from.deg(), 2) + " to " + degrees(s.sector->to) : "full circle");
+
+    section("SCOPE");
+    line("Slant range", nautical_miles(s.range_m.value_or(0)));
+    if (!picture.ring_range_m.empty()) {
+        const double step = picture.ring_range_m.size() > 1 ? picture.ring_range_m[1] - picture.ring_range_m[0] : picture.ring_range_m[0];
+        line("Range rings", "every " + nautical_miles(step));
+        std::string values;
+        for (const double ring : picture.ring_range_m) values += (values.empty() ? "" : "  ") + trimmed_number(ring / 1852, 2);
+        line("", values);
+    }
+    line("Up", s.display.orientation == Orientation::north ? "north" : "heading");
+    line("Pixel", trimmed_number(picture.frame.metres_per_pixel, 1) + " m");
+
+    section("RADAR");
+    line("Frequency", trimmed_number(radar.frequency_hz * 1e-9, 3) + " GHz");
+    line("Peak power", radar.transmit_power_w >= 1e3 ? trimmed_number(radar.transmit_power_w * 1e-3, 2) + " kW" : trimmed_number(radar.transmit_power_w, 3) + " W");
+    line("Antenna gain", trimmed_number(radar.gain.db(), 1) + " dB");
+    line("Pulse", trimmed_number(radar.pulse_s * 1e6, 3) + " us  " + trimmed_number(radar.pulse_extent_m(), 0) + " m");
+    line("Beam", degrees(radar.antenna.beam));
+    line("Elevation", std::string(word(radar.antenna.elevation)) + "  tilt " + degrees(radar.antenna.tilt));
+
+    section("RECEIVER");
+    line("IF gain", trimmed_number(receiver.if_gain.db(), 1) + " dB");
+    line("Video gain", trimmed_number(receiver.video_gain.db(), 1) + " dB");
+    if (receiver.stc_range_m) line("STC", nautical_miles(*receiver.stc_range_m) + "  n " + trimmed_number(receiver.stc_exponent, 1));
+    const double mds = Receiver(receiver, radar).mds_dbm();
+    line("MDS", trimmed_number(mds, 1) + " dBm");
+    if (receiver.speckle_looks > 0) line("Speckle", text(receiver.speckle_looks, receiver.speckle_looks == 1 ? " look" : " looks"));
+    if (receiver.noise) line("Noise", "fluctuating");
+
+    section("DATA BASE");
+    const auto name = [](const std::string& path) {
+        std::string file = std::filesystem::path(path).filename().string();
+        if (file.size() > 28) file = file.substr(0, 25) + "...";
+        return file;
+    };
+    line("Terrain", name(settings.dem));
+    if (!settings.culture.empty()) line("Culture", name(settings.culture));
+    if (!settings.culture_height.empty()) line("Heights", name(settings.culture_height));
+
+    // What received power is black and white (physics 2.4): v_if = (P - MDS + G_if - 64) / D, times the video gain.
+    const double black_dbm = mds + 64 - receiver.if_gain.db();
+    const double white_dbm = black_dbm + receiver.dynamic_range.db() / std::pow(10.0, (receiver.video_gain.db() - 4) / 20);
+    json out;
+    out["width"] = picture.frame.width;
+    out["height"] = picture.frame.height;
+    out["title"] = display_name(s.display.kind);
+    out["subtitle"] = text("wedgescope ", version());
+    out["sections"] = sections;
+    out["scale"] = json{{"title", receiver.stc_range_m ? "RECEIVED POWER less STC" : "RECEIVED POWER"},
+                        {"black", trimmed_number(black_dbm, 1) + " dBm"},
+                        {"white", trimmed_number(white_dbm, 1) + " dBm"}};
+    return out;
+}
+
+/// A picture with the panel's columns behind its own, or its rows below.
+void append(std::vector<std::uint8_t>& image, std::int64_t width, std::int64_t height, bool right, const Panel& panel, const std::uint8_t* blank) {
+    const auto panel_row = [&](std::int64_t row) {
+        return blank ? std::string(static_cast<std::size_t>(panel.width), static_cast<char>(*blank))
+                     : std::string(panel.grey.substr(static_cast<std::size_t>(row * panel.width), static_cast<std::size_t>(panel.width)));
+    };
+    std::vector<std::uint8_t> out;
+    out.reserve(image.size() + panel.grey.size());
+    for (std::int64_t row = 0; row < height; ++row) {
+        const auto first = image.begin() + row * width;
+        out.insert(out.end(), first, first + width);
+        if (!right) continue;
+        const std::string more = panel_row(row);
+        out.insert(out.end(), more.begin(), more.end());
+    }
+    for (std::int64_t row = 0; !right && row < panel.height; ++row) {
+        const std::string more = panel_row(row);
+        out.insert(out.end(), more.begin(), more.end());
+    }
+    image = std::move(out);
+}
+
+}  // namespace
+
+std::string find_picture_helper() {
+    std::error_code ignored;
+    const auto self = std::filesystem::read_symlink("/proc/self/exe", ignored);
+    if (!ignored) {
+        const auto beside = self.parent_path() / helper_name;
+        if (::access(beside.c_str(), X_OK) == 0) return beside.string();
+    }
+    if (const char* path = std::getenv("PATH")) {
+        for (std::string_view rest = path; !rest.empty();) {
+            const auto colon = rest.find(':');
+            const auto candidate = std::filesystem::path(rest.substr(0, colon)) / helper_name;
+            if (!rest.substr(0, colon).empty() && ::access(candidate.c_str(), X_OK) == 0) return candidate.string();
+            rest.remove_prefix(colon == std::string_view::npos ? rest.size() : colon + 1);
+        }
+    }
+    throw IoError(text("legend on needs the program ", helper_name, ", which is neither beside ", in_quotes(self.string()), " nor in PATH"));
+}
+
+void add_legend(const std::string& helper, const Settings& settings, const ResolvedScene& scene, Picture& picture) {
+    const std::string input = legend_text(settings, scene, picture).dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
+    const std::string pgm = answer_of(helper, input);
+    const Panel panel = read_panel(helper, pgm);
+    Frame& frame = picture.frame;
+    const bool right = panel.height == frame.height;
+    if (!right && panel.width != frame.width) throw IoError(text("legend: ", in_quotes(helper), " gave a panel of another size back"));
+    const auto outside = static_cast<std::uint8_t>(State::outside);
+    append(picture.grey, frame.width, frame.height, right, panel, nullptr);
+    append(picture.state, frame.width, frame.height, right, panel, &outside);
+    (right ? frame.width : frame.height) += right ? panel.width : panel.height;
+}
+
+}  // namespace wedgescope

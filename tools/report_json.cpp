@@ -1,0 +1,187 @@
+#include "tools/report_json.hpp"
+
+#include <sys/resource.h>
+
+#include <algorithm>
+#include <charconv>
+#include <chrono>
+#include <fstream>
+
+#include "tools/options.hpp"
+#include "tools/terminal.hpp"
+
+namespace wedgescope {
+namespace {
+
+struct Stage {
+    const char* name;
+    double WedgeReport::*seconds;
+};
+constexpr Stage stages[] = {{"load", &WedgeReport::load_s},
+                            {"sample", &WedgeReport::sample_s},
+                            {"sweep", &WedgeReport::sweep_s},
+                            {"shade", &WedgeReport::shade_s},
+                            {"deposit", &WedgeReport::deposit_s}};
+
+double cpu_s(const WedgeReport& wedge) {
+    double sum = 0;
+    for (const Stage& stage : stages) sum += wedge.*stage.seconds;
+    return sum;
+}
+
+/// All wedges of a report as one; its peak is the largest one's.
+template <class Iterator>
+WedgeReport sum(Iterator begin, Iterator end) {
+    WedgeReport total;
+    for (Iterator w = begin; w != end; ++w) {
+        for (const Stage& stage : stages) total.*stage.seconds += (*w).*stage.seconds;
+        total.wall_s += w->wall_s;
+        total.posts_read += w->posts_read;
+        total.bytes_read += w->bytes_read;
+        total.chunks += w->chunks;
+        total.samples += w->samples;
+        total.visible_pieces += w->visible_pieces;
+        total.peak_bytes = std::max(total.peak_bytes, w->peak_bytes);
+    }
+    return total;
+}
+
+double seconds(const timeval& t) { return static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_usec); }
+
+/// VmHWM of this process; getrusage's figure also counts what a parent held before exec.
+std::uint64_t peak_rss_bytes() {
+    std::ifstream status("/proc/self/status");
+    for (std::string line; std::getline(status, line);) {
+        if (!line.starts_with("VmHWM:")) continue;
+        const auto digit = line.find_first_of("0123456789");
+        if (digit == std::string::npos) break;
+        std::uint64_t kib = 0;
+        std::from_chars(line.data() + digit, line.data() + line.size(), kib);
+        return kib * 1024;
+    }
+    rusage usage{};
+    getrusage(RUSAGE_SELF, &usage);
+    return static_cast<std::uint64_t>(usage.ru_maxrss) * 1024;
+}
+
+}  // namespace
+
+double now_s() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
+
+Usage usage_since(double start_s) {
+    rusage used{};
+    getrusage(RUSAGE_SELF, &used);
+    return {now_s() - start_s, seconds(used.ru_utime), seconds(used.ru_stime), peak_rss_bytes()};
+}
+
+std::string crs_name(const std::string& wkt) {
+    const auto open = wkt.find('"');
+    if (open == std::string::npos) return "";
+    const auto close = wkt.find('"', open + 1);
+    return close == std::string::npos ? "" : wkt.substr(open + 1, close - open - 1);
+}
+
+nlohmann::ordered_json report_json(const Settings& settings, const RunResult& run, const std::vector<InputFile>& inputs, double write_s,
+                                   const Usage& usage) {
+    using json = nlohmann::ordered_json;
+    const RunReport& report = run.report;
+    json out;
+    out["format"] = "wedgescope-report-1";
+    out["version"] = version();
+    json scene = parameters_json(with_resolved(settings, run.scene), true);
+    scene["threads"] = std::to_string(report.threads);
+    scene["resolved"] = resolved_json(run.scene);
+    out["scene"] = scene;
+    out["inputs"] = json::array();
+    for (const InputFile& input : inputs) {
+        json entry{{"key", input.key}, {"path", input.path}, {"bytes", nullptr}, {"crs", nullptr}};
+        if (input.bytes) entry["bytes"] = *input.bytes;
+        if (!input.crs.empty()) entry["crs"] = input.crs;
+        out["inputs"].push_back(entry);
+    }
+    const auto facts = [](const WedgeReport& wedge) {
+        json entry;
+        json cpu;
+        for (const Stage& stage : stages) cpu[stage.name] = wedge.*stage.seconds;
+        entry["cpu_s"] = cpu;
+        entry["cpu_total_s"] = cpu_s(wedge);
+        entry["wall_s"] = wedge.wall_s;
+        entry["chunks"] = wedge.chunks;
+        entry["posts_read"] = wedge.posts_read;
+        entry["bytes_read"] = wedge.bytes_read;
+        entry["samples"] = wedge.samples;
+        entry["visible_pieces"] = wedge.visible_pieces;
+        entry["peak_bytes"] = wedge.peak_bytes;
+        return entry;
+    };
+    out["wedges"] = json::array();
+    for (const WedgeReport& wedge : report.wedges) {
+        json entry{{"wedge", wedge.index}, {"azimuth_bin_begin", wedge.azimuth_bins.begin}, {"azimuth_bin_end", wedge.azimuth_bins.end}};
+        entry.update(facts(wedge));
+        out["wedges"].push_back(entry);
+    }
+    out["total"] = facts(sum(report.wedges.begin(), report.wedges.end()));
+    out["total"].erase("wall_s");  // the wedges' overlap in time
+    out["skipped"] = json::object();
+    for (const char* cause : {"range", "horizon", "hidden", "culture", "detail"}) {
+        out["skipped"][cause] = json{{"posts", 0}, {"tiles", 0}, {"bytes", 0}};
+    }
+    out["states"] = json::object();
+    for (std::size_t code = 0; code < report.states.size(); ++code) out["states"][state_names[code]] = report.states[code];
+    out["reused"] = 0;
+    out["levels"] = json::array();
+    out["stages_wall_s"] = json{{"survey", report.survey_s}, {"merge", report.merge_s},     {"beam", report.beam_s},
+                                {"receiver", report.receiver_s}, {"display", report.display_s}, {"write", write_s}};
+    out["wall_s"] = usage.wall_s;
+    out["user_s"] = usage.user_s;
+    out["system_s"] = usage.system_s;
+    out["peak_rss_bytes"] = usage.peak_rss_bytes;
+    out["peak_budget_bytes"] = report.peak_budget_bytes;
+    out["threads"] = report.threads;
+    return out;
+}
+
+std::string report_table(const RunReport& report, double write_s, const Usage& usage, std::size_t most_rows) {
+    std::string out = fmt::format("{:>6} {:>13} {:>8} {:>8} {:>8} {:>8} {:>8} {:>10} {:>10} {:>10} {:>10}\n", "wedge", "azimuth bins", "load s",
+                                  "sample s", "sweep s", "shade s", "depos. s", "Mposts", "MiB read", "Msamples", "peak MiB");
+    const auto row = [&](const std::string& name, const std::string& bins, const WedgeReport& w) {
+        out += fmt::format("{:>6} {:>13} {:>8.3f} {:>8.3f} {:>8.3f} {:>8.3f} {:>8.3f} {:>10.3f} {:>10.2f} {:>10.3f} {:>10.2f}\n", name, bins, w.load_s,
+                           w.sample_s, w.sweep_s, w.shade_s, w.deposit_s, static_cast<double>(w.posts_read) * 1e-6,
+                           static_cast<double>(w.bytes_read) / 1048576.0, static_cast<double>(w.samples) * 1e-6,
+                           static_cast<double>(w.peak_bytes) / 1048576.0);
+    };
+    const auto& wedges = report.wedges;
+    const std::size_t shown = wedges.size() <= most_rows ? wedges.size() : most_rows - 1;
+    for (std::size_t i = 0; i < shown; ++i) {
+        row(std::to_string(wedges[i].index), fmt::format("{}..{}", wedges[i].azimuth_bins.begin, wedges[i].azimuth_bins.end - 1), wedges[i]);
+    }
+    if (shown < wedges.size()) {
+        row("rest", fmt::format("{} wedges", wedges.size() - shown), sum(wedges.begin() + static_cast<std::ptrdiff_t>(shown), wedges.end()));
+    }
+    const WedgeReport total = sum(wedges.begin(), wedges.end());
+    row("all", "", total);
+
+    // Shares: CPU seconds of the wedges' stages, wall seconds of what comes before and after them.
+    std::vector<std::pair<std::string, double>> parts;
+    for (const Stage& stage : stages) parts.emplace_back(stage.name, total.*stage.seconds);
+    for (const auto& [name, s] : {std::pair<const char*, double>{"survey", report.survey_s}, {"merge", report.merge_s}, {"beam", report.beam_s},
+                                  {"receiver", report.receiver_s}, {"display", report.display_s}, {"write", write_s}}) {
+        parts.emplace_back(name, s);
+    }
+    double all = 0;
+    for (const auto& part : parts) all += part.second;
+    out += "share ";
+    for (const auto& [name, s] : parts) out += fmt::format(" {} {:.0f} %", name, all > 0 ? 100 * s / all : 0.0);
+    std::uint64_t cells = 0;
+    for (const auto count : report.states) cells += count;
+    out += "\nstates";
+    for (std::size_t code = 0; code < report.states.size(); ++code) {
+        out += fmt::format(" {} {:.1f} %", state_names[code], cells ? 100.0 * static_cast<double>(report.states[code]) / static_cast<double>(cells) : 0.0);
+    }
+    out += fmt::format("\nwall {:.2f} s, user {:.2f} s, system {:.2f} s, {} threads; peak {} resident, {} of the memory budget held\n", usage.wall_s,
+                       usage.user_s, usage.system_s, report.threads, readable_bytes(static_cast<double>(usage.peak_rss_bytes)),
+                       readable_bytes(static_cast<double>(report.peak_budget_bytes)));
+    return out;
+}
+
+}  // namespace wedgescope

@@ -1,0 +1,37 @@
+// Report: what a run was asked, did and cost, as JSON (a file contract) and as a table for the terminal.
+// Leaves the counting to the engine and the paths to simulate.cpp.
+#pragma once
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "tools/settings.hpp"
+
+namespace wedgescope {
+
+struct InputFile {
+    std::string key, path;
+    std::optional<std::uint64_t> bytes;  ///< none: no plain file (/vsicurl/ ...)
+    std::string crs;
+};
+
+/// What the process has used so far.
+struct Usage {
+    double wall_s = 0, user_s = 0, system_s = 0;
+    std::uint64_t peak_rss_bytes = 0;
+};
+/// `start_s` and the clock's now: seconds of one monotonic clock.
+Usage usage_since(double start_s);
+double now_s();
+
+nlohmann::ordered_json report_json(const Settings& settings, const RunResult& run, const std::vector<InputFile>& inputs, double write_s,
+                                   const Usage& usage);
+
+/// Rows per wedge (at most `most_rows`, the rest summed in one), totals, share of time by stage.
+std::string report_table(const RunReport& report, double write_s, const Usage& usage, std::size_t most_rows = 40);
+
+/// The name of the CRS that a WKT text begins with; empty without one.
+std::string crs_name(const std::string& wkt);
+
+}  // namespace wedgescope

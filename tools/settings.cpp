@@ -1,0 +1,55 @@
+#include "tools/settings.hpp"
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <fstream>
+#include <sstream>
+
+#include "tools/units.hpp"
+
+namespace wedgescope {
+
+const char* version() { return WEDGESCOPE_VERSION; }
+
+std::optional<Legend> legend(const Settings& settings) {
+    const std::string& name = settings.culture_legend;
+    if (name.empty()) return std::nullopt;
+    if (auto built_in = Legend::built_in(name)) return built_in;
+    std::ifstream file(name, std::ios::binary);
+    if (!file) {
+        throw IoError(text("culture-legend ", in_quotes(name), " is none of fbfm40, nlcd, worldcover, smc and cannot be opened as a CSV file: ",
+                           std::strerror(errno)));
+    }
+    std::ostringstream content;
+    content << file.rdbuf();
+    if (!file) throw IoError(text("culture-legend ", in_quotes(name), ": cannot be read as a CSV file"));
+    return Legend::from_csv(name, content.str());
+}
+
+DataBaseParams data_base_params(const Settings& settings, std::size_t cache) {
+    DataBaseParams params;
+    params.dem = settings.dem;
+    params.culture = settings.culture;
+    params.culture_height = settings.culture_height;
+    params.culture_height_scale = settings.culture_height_scale;
+    params.legend = legend(settings);
+    params.default_class = material_by_name("material", settings.material);
+    params.cache_bytes = cache;
+    return params;
+}
+
+std::size_t cache_bytes(const Settings& settings) {
+    constexpr std::uint64_t most = std::uint64_t{256} << 20;
+    return static_cast<std::size_t>(std::min(settings.memory_bytes / 8, most));
+}
+
+EngineParams engine_params(const Settings& settings) {
+    EngineParams params;
+    params.threads = settings.threads;
+    params.wedges = settings.wedges;
+    params.memory_bytes = static_cast<std::size_t>(settings.memory_bytes);
+    return params;
+}
+
+}  // namespace wedgescope

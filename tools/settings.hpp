@@ -1,0 +1,54 @@
+// Settings: everything a user asked for, in the engine's and the tiles' own types; every default stands here or in
+// lib/scene.hpp. Leaves how it is spelled to options.hpp.
+#pragma once
+#include <cstdint>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "lib/engine.hpp"
+#include "lib/scene.hpp"
+#include "tiles/polar_raster.hpp"
+#include "tiles/sources.hpp"
+
+namespace wedgescope {
+
+/// The program's version.
+const char* version();
+
+struct Settings {
+    Scene scene;
+    bool altitude_given = false;
+
+    std::string dem, culture, culture_height;  ///< paths; empty: none
+    double culture_height_scale = 1;
+    std::string culture_legend;                ///< built-in word or CSV path; empty: none
+    std::string material = "soil";
+
+    int threads = 0;                           ///< 0: all the machine has
+    std::int64_t wedges = 0;                   ///< 0: chosen
+    std::uint64_t memory_bytes = std::uint64_t{1} << 30;
+
+    std::string output, echo, power, states, report;  ///< paths; empty: not written
+    PowerUnit power_unit = PowerUnit::watt;
+    std::string driver;                        ///< --of
+    std::vector<std::string> creation;         ///< --co K=V
+    std::vector<std::pair<std::string, std::string>> config;  ///< --config K=V
+    bool overwrite = false, reproducible = false;
+
+    bool verbose = false, quiet = false, json = false, help = false;
+    std::vector<std::string> files;            ///< positional
+};
+
+/// The culture legend that `culture-legend` names; none without one. InputError, IoError.
+std::optional<Legend> legend(const Settings& settings);
+
+/// What the sources need; reads the legend. `cache_bytes`: GDAL's share of the memory.
+DataBaseParams data_base_params(const Settings& settings, std::size_t cache_bytes);
+
+/// Share of the memory budget for GDAL's block cache.
+std::size_t cache_bytes(const Settings& settings);
+
+EngineParams engine_params(const Settings& settings);
+
+}  // namespace wedgescope

@@ -1,0 +1,164 @@
+#include <cerrno>
+#include <cmath>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <system_error>
+
+#include "tiles/gdal_session.hpp"
+#include "tiles/output_file.hpp"
+#include "tiles/picture.hpp"
+#include "tools/commands.hpp"
+#include "tools/legend.hpp"
+#include "tools/options.hpp"
+#include "tools/report_json.hpp"
+#include "tools/terminal.hpp"
+#include "tools/units.hpp"
+
+namespace wedgescope {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Outputs under temporary names; they appear all together at the end.
+struct Outputs {
+    std::optional<OutputFile> scope, echo, power, states, report;
+};
+
+bool same_file(const std::string& a, const std::string& b) {
+    std::error_code error;
+    if (fs::equivalent(a, b, error) && !error) return true;
+    return fs::weakly_canonical(a, error) == fs::weakly_canonical(b, error) && !error;
+}
+
+/// Everything that can go wrong with an output's name is found here, before any work.
+Outputs open_outputs(const Settings& s) {
+    const std::pair<const char*, const std::string*> outputs[] = {
+        {"output", &s.output}, {"echo", &s.echo}, {"power", &s.power}, {"states", &s.states}, {"report", &s.report}};
+    const std::pair<const char*, const std::string*> inputs[] = {{"dem", &s.dem},
+                                                                 {"culture", &s.culture},
+                                                                 {"culture-height", &s.culture_height},
+                                                                 {"culture-legend", &s.culture_legend},
+                                                                 {"the scene file", s.files.empty() ? nullptr : &s.files[0]}};
+    bool any = false;
+    for (const auto& [key, path] : outputs) {
+        if (path->empty()) continue;
+        any = true;
+        for (const auto& [other_key, other] : outputs) {
+            if (other == path) break;
+            if (!other->empty() && same_file(*path, *other)) {
+                throw InputError(text(key, " and ", other_key, " are both ", in_quotes(*path), "; every output needs its own file"));
+            }
+        }
+        for (const auto& [input_key, input] : inputs) {
+            if (input && !input->empty() && same_file(*path, *input)) {
+                throw InputError(text(key, " is ", in_quotes(*path), ", which is ", input_key, " too; an output may not replace an input"));
+            }
+        }
+    }
+    if (!any) throw InputError("no output is given; at least one of output (-o), echo, power, states, report is needed");
+    Outputs out;
+    const auto open = [&](std::optional<OutputFile>& file, const std::string& path) {
+        if (!path.empty()) file.emplace(path, s.overwrite);
+    };
+    open(out.scope, s.output);
+    open(out.echo, s.echo);
+    open(out.power, s.power);
+    open(out.states, s.states);
+    open(out.report, s.report);
+    return out;
+}
+
+std::vector<InputFile> input_files(const Settings& s, const DataBase& data_base) {
+    std::vector<InputFile> inputs;
+    const auto add = [&](const char* key, const std::string& path, bool raster) {
+        if (path.empty()) return;
+        std::error_code error;
+        InputFile input{key, path, std::nullopt, raster ? crs_name(data_base.crs_wkt) : ""};
+        if (const auto bytes = fs::file_size(path, error); !error) input.bytes = bytes;
+        inputs.push_back(input);
+    };
+    add("dem", s.dem, true);
+    add("culture", s.culture, true);
+    add("culture-height", s.culture_height, true);
+    if (!Legend::built_in(s.culture_legend)) add("culture-legend", s.culture_legend, false);
+    if (!s.files.empty()) add("scene", s.files[0], false);
+    return inputs;
+}
+
+std::string place(const ResolvedScene& r) {
+    std::string out = r.has_lat_lon ? fmt::format("latitude {:.5f}, longitude {:.5f}", r.lat_deg, r.lon_deg) : fmt::format("x {:.1f}, y {:.1f}", r.x, r.y);
+    out += fmt::format(", {:.1f} m above sea level", r.sensor_m);
+    if (r.nadir_on_data) {
+        out += fmt::format(", {:.1f} m above the terrain", r.sensor_m - r.reference_m);
+    } else {
+        out += r.nadir_in_raster ? ", over a void of the terrain" : ", outside the terrain raster";
+    }
+    return out;
+}
+
+void write_report(OutputFile& file, const nlohmann::ordered_json& report) {
+    std::ofstream out(file.temporary_path(), std::ios::binary);
+    out << report.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) << '\n';
+    out.close();
+    if (!out) throw IoError(text("report ", in_quotes(file.final_path()), " cannot be written: ", std::strerror(errno)));
+}
+
+}  // namespace
+
+void simulate(const std::vector<std::string>& arguments, Stop& stop) {
+    const double start_s = now_s();
+    const Settings settings = parse_arguments(command_simulate, arguments);
+    if (settings.help) return print(help_text(command_by_name("simulate")));
+    check_complete(settings);
+    Outputs outputs = open_outputs(settings);
+    const bool with_legend = settings.scene.display.legend && outputs.scope;
+    const std::string helper = with_legend ? find_picture_helper() : "";
+
+    const GdalSession session(cache_bytes(settings), settings.config);
+    const auto source = open_direct_source(data_base_params(settings, cache_bytes(settings)));
+    const ResolvedScene scene = resolve(settings.scene, *source);
+    remark(settings.quiet, text("sensor: ", place(scene)));
+
+    EngineParams params = engine_params(settings);
+    params.stop = &stop;
+    Progress progress(settings.quiet);
+    params.progress = [&](double fraction) { progress.report(fraction); };
+    RunResult result = run(scene, *source, params);
+    progress.done();
+
+    const double write_start_s = now_s();
+    RasterFormat plain;
+    plain.reproducible = settings.reproducible;
+    plain.version = version();
+    plain.scene_json = scene_json(settings, scene);
+    RasterFormat chosen = plain;
+    chosen.driver = settings.driver;
+    chosen.creation = settings.creation;
+    const RasterFormat& polar = outputs.scope ? plain : chosen;
+    stop.check();
+    if (with_legend) add_legend(helper, settings, scene, result.scope);
+    if (outputs.scope) write_scope(result, *outputs.scope, chosen);
+    stop.check();
+    if (outputs.echo) write_echo(result, *outputs.echo, polar);
+    stop.check();
+    if (outputs.power) write_power(result, settings.power_unit, *outputs.power, polar);
+    if (outputs.states) write_states(result, *outputs.states, polar);
+    stop.check();
+    const double write_s = now_s() - write_start_s;
+    const Usage usage = usage_since(start_s);
+    if (outputs.report) {
+        write_report(*outputs.report, report_json(settings, result, input_files(settings, source->data_base()), write_s, usage));
+    }
+    stop.check();
+    if (settings.verbose) fmt::print(stderr, "{}", report_table(result.report, write_s, usage));
+    std::string written;
+    for (auto* file : {&outputs.scope, &outputs.echo, &outputs.power, &outputs.states, &outputs.report}) {
+        if (!*file) continue;
+        (*file)->commit();
+        written += (written.empty() ? "" : ", ") + (*file)->final_path();
+    }
+    remark(settings.quiet, text("written: ", written, fmt::format(" ({:.1f} s)", now_s() - start_s)));
+}
+
+}  // namespace wedgescope

@@ -1,0 +1,40 @@
+// Terminal: what the program says on stderr while it works: progress in GDAL's habit, remarks, one-line errors.
+// Leaves results to stdout and the commands.
+#pragma once
+#include <cstdint>
+#include <string>
+#include <string_view>
+
+namespace wedgescope {
+
+/// `0...10...20...` on stderr; silent where that is no terminal or `quiet`.
+class Progress {
+public:
+    explicit Progress(bool quiet);
+    ~Progress();  ///< ends a line that stopped half-way
+    Progress(const Progress&) = delete;
+    Progress& operator=(const Progress&) = delete;
+
+    void report(double fraction);
+    void done();
+
+private:
+    bool on_ = false;
+    int ticks_ = -1;  ///< printed so far, of 40
+};
+
+/// One line on stderr, unless `quiet`.
+void remark(bool quiet, std::string_view line);
+
+/// The message as one line without control characters.
+std::string one_line(std::string_view message);
+
+/// Writes to stdout; IoError if that fails (a full disk, a closed pipe).
+void print(std::string_view result);
+
+/// 1234567 -> "1.2 MB"; for people.
+std::string readable_bytes(double bytes);
+/// 1234567 -> "1 234 567".
+std::string grouped(std::uint64_t number);
+
+}  // namespace wedgescope

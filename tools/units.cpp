@@ -1,0 +1,248 @@
+#include "tools/units.hpp"
+
+#include <charconv>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <span>
+#include <system_error>
+
+namespace wedgescope {
+namespace {
+
+/// Value in SI = number x factor x 10^exponent (+ offset); decibels over a watt or a milliwatt are logarithmic.
+struct Unit {
+    const char* name;
+    double factor = 1;
+    int exponent = 0;
+    double offset = 0;
+    bool logarithmic = false;  ///< 10^(0.1 (number + offset))
+};
+
+constexpr double radians_per_degree = std::numbers::pi / 180;  // the expression of Angle::degrees: the same bits
+
+constexpr Unit lengths[] = {{"m"},           {"km", 1, 3},       {"ft", 0.3048},  {"kft", 304.8},
+                            {"nmi", 1852.0}, {"mi", 1609.344},   {"yd", 0.9144}};
+constexpr Unit times[] = {{"s"}, {"ms", 1, -3}, {"us", 1, -6}, {"ns", 1, -9}};
+constexpr Unit frequencies[] = {{"Hz"}, {"kHz", 1, 3}, {"MHz", 1, 6}, {"GHz", 1, 9}};
+constexpr Unit powers[] = {{"W"},           {"kW", 1, 3},           {"MW", 1, 6},
+                           {"mW", 1, -3},   {"dBm", 1, 0, -30, true}, {"dBW", 1, 0, 0, true}};
+constexpr Unit levels[] = {{"dBm"}, {"dBW", 1, 0, 30}};
+constexpr Unit angles[] = {{"rad"}, {"deg", radians_per_degree}, {"mrad", 1, -3}, {"arcmin", radians_per_degree / 60}};
+constexpr Unit decibels[] = {{"dB"}};
+constexpr Unit sizes[] = {{"B"},          {"KiB", 1024.0},          {"MiB", 1048576.0},      {"GiB", 1073741824.0}, {"TiB", 1099511627776.0},
+                          {"kB", 1, 3},   {"MB", 1, 6},             {"GB", 1, 9}};
+
+std::span<const Unit> units(Dimension dimension) {
+    switch (dimension) {
+        case Dimension::length: return lengths;
+        case Dimension::time: return times;
+        case Dimension::frequency: return frequencies;
+        case Dimension::power: return powers;
+        case Dimension::level: return levels;
+        case Dimension::angle: return angles;
+        case Dimension::decibel: return decibels;
+        case Dimension::bytes: return sizes;
+    }
+    return {};
+}
+
+/// What the user meets first in messages and help: degrees before radians.
+std::string_view first_unit(Dimension dimension) { return dimension == Dimension::angle ? "deg" : units(dimension)[0].name; }
+
+bool is_blank(char c) { return c == ' ' || c == '\t' || c == '\r' || c == '\n'; }
+
+/// The decimal number at the head of `token`: its text (without a leading +), its value, and what follows it.
+struct Head {
+    std::string_view digits;
+    std::string_view rest;
+    double value = 0;
+    bool fits = true;  ///< false: too large or too small for a double
+};
+
+std::optional<Head> leading_number(std::string_view token) {
+    if (token.starts_with('+')) {
+        token.remove_prefix(1);
+        if (token.starts_with('-')) return std::nullopt;
+    }
+    Head head;
+    const auto [end, error] = std::from_chars(token.data(), token.data() + token.size(), head.value);
+    if (error == std::errc::invalid_argument) return std::nullopt;
+    head.digits = token.substr(0, static_cast<std::size_t>(end - token.data()));
+    // from_chars also reads the words nan and inf; a number here begins with a digit or a point.
+    const std::string_view unsigned_digits = head.digits.substr(head.digits.starts_with('-') ? 1 : 0);
+    if (unsigned_digits.empty() || !(unsigned_digits[0] == '.' || (unsigned_digits[0] >= '0' && unsigned_digits[0] <= '9'))) return std::nullopt;
+    head.fits = error == std::errc{};
+    head.rest = token.substr(head.digits.size());
+    return head;
+}
+
+/// digits x 10^exponent, rounded once.
+std::optional<double> shifted(std::string_view digits, int exponent) {
+    std::string number(digits);
+    long own = 0;
+    if (const auto e = number.find_first_of("eE"); e != std::string::npos) {
+        std::string_view tail = std::string_view(number).substr(e + 1);
+        if (tail.starts_with('+')) tail.remove_prefix(1);
+        if (std::from_chars(tail.data(), tail.data() + tail.size(), own).ec != std::errc{}) return std::nullopt;
+        number.resize(e);
+    }
+    number += text("e", own + exponent);
+    double value = 0;
+    if (std::from_chars(number.data(), number.data() + number.size(), value).ec != std::errc{}) return std::nullopt;
+    return value;
+}
+
+std::optional<double> in_si(const Unit& unit, const Head& head) {
+    if (!head.fits) return std::nullopt;
+    std::optional<double> value = head.value;
+    if (unit.exponent != 0) value = shifted(head.digits, unit.exponent);
+    if (!value) return std::nullopt;
+    *value = unit.logarithmic ? std::pow(10.0, 0.1 * (*value + unit.offset)) : *value * unit.factor + unit.offset;
+    if (!std::isfinite(*value)) return std::nullopt;
+    return value;
+}
+
+[[noreturn]] void refuse(std::string_view key, std::string_view token, const std::string& accepted) {
+    throw InputError(text(key, " is ", in_quotes(token), "; ", accepted));
+}
+
+std::string too_large() { return "that is too large or too small a number"; }
+
+}  // namespace
+
+std::string_view trimmed(std::string_view token) {
+    while (!token.empty() && is_blank(token.front())) token.remove_prefix(1);
+    while (!token.empty() && is_blank(token.back())) token.remove_suffix(1);
+    return token;
+}
+
+std::string in_quotes(std::string_view token) {
+    constexpr std::size_t longest = 200;
+    std::string out = "'";
+    for (const char c : token.substr(0, longest)) {
+        const auto byte = static_cast<unsigned char>(c);
+        out += (byte < 0x20 || byte == 0x7f) ? '?' : c;
+    }
+    if (token.size() > longest) out += "...";
+    return out + "'";
+}
+
+const char* value_word(Dimension dimension) {
+    switch (dimension) {
+        case Dimension::length: return "LENGTH";
+        case Dimension::time: return "TIME";
+        case Dimension::frequency: return "FREQUENCY";
+        case Dimension::power: return "POWER";
+        case Dimension::level: return "LEVEL";
+        case Dimension::angle: return "ANGLE";
+        case Dimension::decibel: return "DECIBELS";
+        case Dimension::bytes: return "BYTES";
+    }
+    return "";
+}
+
+const char* noun(Dimension dimension) {
+    switch (dimension) {
+        case Dimension::length: return "a length";
+        case Dimension::time: return "a time";
+        case Dimension::frequency: return "a frequency";
+        case Dimension::power: return "a power";
+        case Dimension::level: return "a power level";
+        case Dimension::angle: return "an angle";
+        case Dimension::decibel: return "a ratio";
+        case Dimension::bytes: return "a number of bytes";
+    }
+    return "";
+}
+
+std::string unit_list(Dimension dimension) {
+    std::string list(first_unit(dimension));
+    for (const Unit& unit : units(dimension)) {
+        if (unit.name != first_unit(dimension)) list += text(", ", unit.name);
+    }
+    return list;
+}
+
+double parse_quantity(Dimension dimension, std::string_view key, std::string_view token) {
+    const std::string accepted = text(noun(dimension), " with its unit is needed (", unit_list(dimension), ")");
+    const auto head = leading_number(trimmed(token));
+    if (!head) refuse(key, token, accepted);
+    const std::string_view name = trimmed(head->rest);
+    if (name.empty()) {
+        if (head->fits && head->value == 0) return 0;
+        refuse(key, token, text("a bare number is not accepted: ", accepted));
+    }
+    for (const Unit& unit : units(dimension)) {
+        if (name != unit.name) continue;
+        const auto value = in_si(unit, *head);
+        if (!value) refuse(key, token, too_large());
+        return *value;
+    }
+    refuse(key, token, text("unknown unit ", in_quotes(name), ": ", accepted));
+}
+
+std::string quantity_text(Dimension dimension, double value) {
+    if (value == 0) return text(0, first_unit(dimension));
+    const auto is_first = [&](const Unit& unit) { return unit.name == first_unit(dimension); };
+    // The base unit always reads back exactly; another one is taken where it does too and is shorter to read. Angles
+    // are in degrees wherever possible.
+    std::string best = text(value, units(dimension)[0].name);
+    bool best_is_first = dimension != Dimension::angle;
+    const auto consider = [&](const Unit& unit, const std::string& candidate) {
+        const bool better = dimension == Dimension::angle && is_first(unit) != best_is_first ? is_first(unit) : candidate.size() < best.size();
+        if (!better) return;
+        const auto head = leading_number(candidate);
+        if (!head || head->rest != unit.name || in_si(unit, *head) != value) return;
+        best = candidate;
+        best_is_first = is_first(unit);
+    };
+    for (const Unit& unit : units(dimension)) {
+        if (unit.logarithmic || unit.name == std::string_view("kft")) continue;  // 7000ft is how people say it
+        const double number = unit.exponent < 0 ? value * std::pow(10.0, -unit.exponent)
+                                                : (value - unit.offset) / (unit.factor * std::pow(10.0, unit.exponent));
+        consider(unit, fmt::format("{:.15g}{}", number, unit.name));
+        consider(unit, fmt::format("{}{}", number, unit.name));
+        // A product with the factor may skip the value itself: look at the neighbours.
+        constexpr double infinity = std::numeric_limits<double>::infinity();
+        consider(unit, fmt::format("{}{}", std::nextafter(number, infinity), unit.name));
+        consider(unit, fmt::format("{}{}", std::nextafter(number, -infinity), unit.name));
+    }
+    return best;
+}
+
+double parse_number(std::string_view key, std::string_view token) {
+    const auto head = leading_number(trimmed(token));
+    if (!head || !head->rest.empty()) refuse(key, token, "a plain number is needed");
+    if (!head->fits) refuse(key, token, too_large());
+    return head->value;
+}
+
+std::int64_t parse_count(std::string_view key, std::string_view token, std::int64_t low, std::int64_t high) {
+    const std::string_view digits = trimmed(token);
+    std::int64_t value = 0;
+    const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), value);
+    if (error != std::errc{} || end != digits.data() + digits.size() || value < low || value > high) {
+        refuse(key, token, text("a whole number from ", low, " to ", high, " is needed"));
+    }
+    return value;
+}
+
+std::uint64_t parse_unsigned(std::string_view key, std::string_view token) {
+    const std::string_view digits = trimmed(token);
+    std::uint64_t value = 0;
+    const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), value);
+    if (error != std::errc{} || end != digits.data() + digits.size()) {
+        refuse(key, token, text("a whole number from 0 to ", std::numeric_limits<std::uint64_t>::max(), " is needed"));
+    }
+    return value;
+}
+
+bool parse_switch(std::string_view key, std::string_view token) {
+    const std::string_view word = trimmed(token);
+    if (word == "on" || word == "true") return true;
+    if (word == "off" || word == "false") return false;
+    refuse(key, token, "it must be on or off");
+}
+
+}  // namespace wedgescope

@@ -1,0 +1,53 @@
+// Units: numbers, counts and dimensioned values (`30nmi`, `7000ft`, `-90dBm`) as users write them -> SI, and back.
+// Leaves which key takes what to options.hpp.
+#pragma once
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "lib/error.hpp"
+
+namespace wedgescope {
+
+enum class Dimension {
+    length,     ///< m
+    time,       ///< s
+    frequency,  ///< Hz
+    power,      ///< W
+    level,      ///< dBm
+    angle,      ///< rad
+    decibel,    ///< dB
+    bytes,      ///< B
+};
+
+/// The word for a value of this dimension in help: LENGTH, TIME, ...
+const char* value_word(Dimension dimension);
+/// With its article, for messages: "a length".
+const char* noun(Dimension dimension);
+/// "m, km, ft, kft, nmi, mi, yd".
+std::string unit_list(Dimension dimension);
+
+/// The SI value of `token`. A bare number is refused unless it is 0; so are nan, inf, anything behind the unit, and
+/// what does not fit a double. InputError, one line: `key`, what was found, the units accepted.
+/// Powers of ten move the decimal exponent, so "0.5us" is the double nearest to 0.5e-6. The locale plays no part.
+double parse_quantity(Dimension dimension, std::string_view key, std::string_view token);
+
+/// The shortest text from which parse_quantity makes exactly `value` again. `value` finite.
+std::string quantity_text(Dimension dimension, double value);
+
+/// A plain finite number, the whole token. InputError.
+double parse_number(std::string_view key, std::string_view token);
+/// A whole number from `low` to `high`, the whole token. InputError.
+std::int64_t parse_count(std::string_view key, std::string_view token, std::int64_t low, std::int64_t high);
+std::uint64_t parse_unsigned(std::string_view key, std::string_view token);
+/// on, off, true, false. InputError.
+bool parse_switch(std::string_view key, std::string_view token);
+
+/// A user's text as it may stand in a one-line message: in quotes, control characters shown as ?, cut when long.
+std::string in_quotes(std::string_view token);
+
+/// The text without white space at its ends.
+std::string_view trimmed(std::string_view token);
+
+}  // namespace wedgescope
