@@ -32,9 +32,6 @@ double thread_cpu_s() {
     return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
 }
 
-/// Bare terrain at the nadir as resolve() found it.
-double nadir_surface(const ResolvedScene& s) { return s.nadir_on_data ? s.reference_m : std::numeric_limits<double>::quiet_NaN(); }
-
 double most_gamma(const std::vector<ClassGamma>& gamma) {
     double most = 0;
     for (const ClassGamma& g : gamma) most = std::max({most, g.ground, g.wall});
@@ -70,7 +67,8 @@ struct Setting {
         sweep.sampling = sampling(s.scene.quality);
         sweep.sensor_m = s.sensor_m;
         sweep.reference_m = s.reference_m;
-        sweep.nadir_surface_m = nadir_surface(s);
+        sweep.nadir_surface_m = s.nadir_on_data ? s.nadir_surface_m : std::numeric_limits<double>::quiet_NaN();
+        sweep.nadir_patch = &s.nadir_patch;
         sweep.max_arc_m = map.params().max_arc_m;
         sweep.range_bin_m = s.swept.range_bin_m;
         sweep.range_is_ground = s.scene.display.kind == DisplayKind::gpi_true;

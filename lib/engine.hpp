@@ -24,6 +24,8 @@ struct ResolvedScene {
     double x = 0, y = 0;             ///< raster CRS
     double sensor_m = 0;             ///< above sea level
     double reference_m = 0;          ///< bare terrain at the nadir, 0 where there is none
+    double nadir_surface_m = 0;      ///< where spokes start: with culture height, unless the sensor is inside it; only if on data
+    Chunk nadir_patch;               ///< the posts round the nadir, rows as lines; empty where it is outside the raster
     bool nadir_on_data = false;      ///< inside the raster and not void
     bool nadir_in_raster = false;
     Earth earth;                     ///< of what belongs to no spoke

@@ -44,13 +44,13 @@ Front::Front(const SweepScene& scene, const SpokeRun& run, WedgeCells& cells)
       line_end_(scene.grid->line_count(run.quadrant)) {
     now_.resize(tile_lanes);
     next_.resize(tile_lanes);
-    for (auto* v : {&ahead_minor_, &ahead_arc_, &sine0_, &code_, &power_, &density_}) v->resize(tile_lanes);
+    for (auto* v : {&ahead_minor_, &ahead_arc_, &bump_, &sine0_, &code_, &power_, &density_}) v->resize(tile_lanes);
     between_.behind = between_.ahead = between_.behind_culture = between_.ahead_culture = no_posts();
     start();
 }
 
 std::size_t Front::bytes() const {
-    return lanes_.mode.capacity() * (19 * sizeof(double) + sizeof(WedgeCells::Target)) + tile_lanes * sizeof(double) * (18 + 6) +
+    return lanes_.mode.capacity() * (19 * sizeof(double) + sizeof(WedgeCells::Target)) + tile_lanes * sizeof(double) * (18 + 7) +
            (kept_posts_.capacity() + kept_culture_.capacity()) * sizeof(float);
 }
 
@@ -108,6 +108,25 @@ void Front::start() {
     }
     live_begin_ = 0;
     live_end_ = lanes_.mode.size();
+    // The line behind the nadir, so that the first piece too runs through known cells.
+    const Chunk& patch = *scene_->nadir_patch;
+    if (line_end_ == 0 || patch.window.empty()) return;
+    const bool columns = lines_are_columns(quadrant_);
+    const std::int64_t index = scene_->grid->line_index(quadrant_, 0) - outward(quadrant_);
+    const Interval across = columns ? patch.window.columns : patch.window.rows, along = columns ? patch.window.rows : patch.window.columns;
+    if (!across.contains(index)) return;
+    const auto line = [&](const std::vector<float>& layer, std::vector<float>& store) -> LinePosts {
+        if (layer.empty()) return no_posts();
+        for (std::int64_t j = along.begin; j < along.end; ++j) {
+            const std::int64_t row = (columns ? j : index) - patch.window.rows.begin, column = (columns ? index : j) - patch.window.columns.begin;
+            store.push_back(layer[static_cast<std::size_t>(row * patch.window.columns.size() + column)]);
+        }
+        return {store.data(), along.begin, along.end};
+    };
+    between_.behind = line(patch.surface_m, kept_posts_);
+    between_.behind_culture = line(patch.culture_height_m, kept_culture_);
+    between_.behind_major = static_cast<double>(index);
+    between_.adjacent = true;
 }
 
 // ---- reading -----------------------------------------------------------------------------------------------------------
@@ -278,13 +297,15 @@ void Front::take(const Between& between, std::size_t begin, std::size_t end) {
     const SampleLanes from = now_.lanes(0), to = next_.lanes(0);
     const std::uint64_t clock = ticks();
     sight_lanes(n, scene_->sensor_m, bins_per_metre_, scene_->range_is_ground, lanes_.inverse_radius.data() + begin, to);
+    if (scene_->sampling.exact_course && between.adjacent)
+        bump_lanes(between.behind, between.ahead, n, between.behind_major, between.ahead_major, from.major, from.minor, to.major, to.minor, bump_.data());
     constexpr std::size_t block = 64;
     std::array<bool, tile_lanes / block> rises{};
     for (std::size_t at = 0; at < n; at += block) {
         const std::size_t lane = begin + at;
         rises[at / block] =
             rise_lanes(std::min(block, n - at), now_.lanes(at), next_.lanes(at), lanes_.mode.data() + lane, lanes_.horizon.data() + lane,
-                       lanes_.void_horizon.data() + lane, lanes_.seen_least.data() + lane, lanes_.seen_most.data() + lane, sine0_.data() + at,
+                       lanes_.void_horizon.data() + lane, bump_.data() + at, lanes_.seen_least.data() + lane, lanes_.seen_most.data() + lane, sine0_.data() + at,
                        code_.data() + at) > 0;
     }
     const std::uint64_t swept = ticks();
@@ -323,14 +344,17 @@ void Front::change(std::size_t lane, std::size_t i, const Between& between) {
     const double sine = *to.sine, arc = *to.arc_m;
     double& horizon = lanes_.horizon[lane];
     const bool valid = sine == sine;
-    // A visible piece from `part` of the way on, with the state of its own end.
-    const auto rise = [&](double part, double range0, double range1, double sine1, double x1, double major1, double minor1) {
-        const auto between_samples = [part](double a, double b) { return a + part * (b - a); };
-        const double x0 = between_samples(*from.x, x1);
+    // The visible part of the piece, from `begin` to `end` of the way, up to elevation sine1.
+    const auto rise = [&](double begin, double end, double range1, double sine1) {
+        const auto at = [](double a, double b, double part) { return a + part * (b - a); };
+        const double part = end > 0 ? begin / end : 0;
+        const double range0 = at(*from.range_m, range1, part);
+        const double x1 = scene_->range_is_ground ? at(*from.x, *to.x, end) : range1 * bins_per_metre_, x0 = at(*from.x, x1, part);
         ++cost_.pieces;
         if (lanes_.target[lane].row >= 0) {
             const double power = piece_power(horizon, sine1, range0, range1, *scene_->pattern, scene_->constant);
-            put(lane, {x0, x1, power, between_samples(*from.major, major1), between_samples(*from.minor, minor1), major1, minor1, horizon, sine1}, between);
+            put(lane, {x0, x1, power, at(*from.major, *to.major, begin), at(*from.minor, *to.minor, begin), at(*from.major, *to.major, end),
+                       at(*from.minor, *to.minor, end), horizon, sine1}, between);
             if (sine1 > lanes_.void_horizon[lane]) {
                 lanes_.seen_least[lane] = std::min({lanes_.seen_least[lane], x0, x1});
                 lanes_.seen_most[lane] = std::max({lanes_.seen_most[lane], x0, x1});
@@ -341,10 +365,7 @@ void Front::change(std::size_t lane, std::size_t i, const Between& between) {
         horizon = sine1;
     };
     // An odd child's own first sample may stand above the mean of its neighbours' horizons.
-    if (is(lane, mode_visible) && *from.sine > horizon && !(sine > horizon)) {
-        rise(0, *from.range_m, *from.range_m, *from.sine, *from.x, *from.major, *from.minor);
-        if (sine == horizon) return;
-    }
+    if (is(lane, mode_visible) && *from.sine > horizon) rise(0, 0, *from.range_m, *from.sine);
     if (!valid) {
         if (!is(lane, mode_gap)) {
             mark_seen(lane);
@@ -360,18 +381,45 @@ void Front::change(std::size_t lane, std::size_t i, const Between& between) {
         horizon = std::max(horizon, sine);
         lanes_.mode[lane] = sine >= horizon ? mode_visible : mode_hidden;
         lanes_.mark_from[lane] = arc;
-    } else if (sine > horizon) {
-        double part = 0;
-        if (is(lane, mode_hidden)) {
-            part = emergence(horizon, *from.up_m, *from.out_m, *to.up_m, *to.out_m);
-            mark_shadow(lane, *from.arc_m + part * (arc - *from.arc_m));
+    } else {
+        const double bump = bump_[i];
+        const bool was_visible = is(lane, mode_visible);
+        const Course c = course(horizon, *from.up_m, *from.out_m, *to.up_m, *to.out_m, bump, was_visible && *from.sine == horizon);
+        const double step = arc - *from.arc_m;
+        const auto parts = [&](double begin, double end, double range1, double sine1) {
+            const int n = 4;
+            for (int k = 1; k < n; ++k) {
+                const double u = begin + (end - begin) * k / n;
+                const double up = *from.up_m + u * (*to.up_m - *from.up_m) + bump * 4 * u * (1 - u);
+                const double out = *from.out_m + u * (*to.out_m - *from.out_m);
+                const double range = std::sqrt(up * up + out * out);
+                if (up / range > horizon) rise(begin + (end - begin) * (k - 1) / n, u, range, up / range);
+            }
+            if (sine1 > horizon) rise(begin + (end - begin) * (n - 1) / n, end, range1, sine1);
+        };
+        if (!c.seen || c.begin > 0) {
+            // Behind the horizon from the start, or soon.
+            if (was_visible) {
+                mark_seen(lane);
+                lanes_.mark_from[lane] = *from.arc_m;
+                lanes_.mode[lane] = mode_hidden;
+            }
+            if (!c.seen) return;
+            mark_shadow(lane, *from.arc_m + c.begin * step);
         }
-        rise(part, *from.range_m + part * (*to.range_m - *from.range_m), *to.range_m, sine, *to.x, *to.major, *to.minor);
-        lanes_.mode[lane] = mode_visible;
-    } else if (is(lane, mode_visible)) {
-        mark_seen(lane);
-        lanes_.mode[lane] = mode_hidden;
-        lanes_.mark_from[lane] = *from.arc_m;
+        if (c.hides) {
+            // Its highest point in view lies inside the piece.
+            const double up = *from.up_m + c.end * (*to.up_m - *from.up_m) + bump * 4 * c.end * (1 - c.end);
+            const double out = *from.out_m + c.end * (*to.out_m - *from.out_m);
+            const double range = std::sqrt(up * up + out * out);
+            if (up / range > horizon) parts(c.begin, c.end, range, up / range);
+            mark_seen(lane);
+            lanes_.mark_from[lane] = *from.arc_m + c.end * step;
+            lanes_.mode[lane] = mode_hidden;
+        } else {
+            if (sine > horizon) parts(c.begin, 1, *to.range_m, sine);
+            lanes_.mode[lane] = mode_visible;
+        }
     }
 }
 

@@ -32,7 +32,8 @@ struct SweepScene {
     Sampling sampling;
     double sensor_m = 0;
     double reference_m = 0;
-    double nadir_surface_m = 0;          ///< bare terrain at the nadir; NaN: void or outside
+    double nadir_surface_m = 0;          ///< at the nadir; NaN: void or outside
+    const Chunk* nadir_patch = nullptr;  ///< posts round the nadir, rows as lines; may be empty
     double max_arc_m = 0;
     double range_bin_m = 0;
     bool range_is_ground = false;        ///< gpi-true: bins count arc, not slant range
@@ -113,7 +114,7 @@ private:
 
     void put(std::size_t lane, const Piece& piece, const Between& between);
     void put_with_culture(std::size_t lane, const Piece& piece, double depression, const Between& between);
-    /// Place on the raster of a culture height that makes the cell under a piece a wall; nothing where there is none.
+    /// Post whose culture height makes the cell under a piece a wall; nothing where there is none.
     std::optional<IndexPosition> wall_post(const Piece& piece, const Between& between) const;
 
     double level_coordinate(std::size_t lane, double arc_m) const;
@@ -137,7 +138,7 @@ private:
     Lanes lanes_;
     // Workspace of one tile: the last samples and the next ones change places sample after sample.
     Samples now_, next_;
-    std::vector<double> ahead_minor_, ahead_arc_, sine0_, code_, power_, density_;
+    std::vector<double> ahead_minor_, ahead_arc_, bump_, sine0_, code_, power_, density_;
     std::vector<SpokeMap::LinePiece> line_pieces_;
     std::vector<double> breaks_;
     // Posts of the last line, kept from chunk to chunk.

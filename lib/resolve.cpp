@@ -15,22 +15,30 @@ namespace {
 
 constexpr double degree = std::numbers::pi / 180;
 
-/// Bilinear bare terrain at a place; NaN over a void or outside the hull of the post centres.
-double bare_terrain(WedgeSource& source, IndexPosition p) {
+/// Bilinear bare terrain, and surface with culture height, at a place; NaN over a void or outside the hull of the post centres.
+struct Ground {
+    double bare_m = std::numeric_limits<double>::quiet_NaN();
+    double surface_m = bare_m;
+};
+Ground ground_at(WedgeSource& source, IndexPosition p) {
     const DataBase& db = source.data_base();
-    const auto inside = [&](double column, double row) {
-        return (db.cyclic || (column >= 0 && column <= static_cast<double>(db.columns - 1))) && row >= 0 && row <= static_cast<double>(db.rows - 1);
-    };
-    if (!inside(p.column, p.row)) return std::numeric_limits<double>::quiet_NaN();
-    const double c = std::floor(p.column), r = std::floor(p.row), u = p.column - c, v = p.row - r;
-    double sum = 0;
-    for (int j = 0; j < 2; ++j)
-        for (int i = 0; i < 2; ++i) {
-            const double weight = (i ? u : 1 - u) * (j ? v : 1 - v);
-            if (weight == 0) continue;  // exactly on a line: the posts beside it do not count
-            sum += weight * static_cast<double>(source.bare_terrain_m(static_cast<std::int64_t>(c) + i, static_cast<std::int64_t>(r) + j));
+    const bool inside = (db.cyclic || (p.column >= 0 && p.column <= static_cast<double>(db.columns - 1))) && p.row >= 0 &&
+                        p.row <= static_cast<double>(db.rows - 1);
+    if (!inside) return {};
+    const auto c = static_cast<std::int64_t>(std::floor(p.column)), r = static_cast<std::int64_t>(std::floor(p.row));
+    const double u = p.column - static_cast<double>(c), v = p.row - static_cast<double>(r);
+    // Exactly on a line the posts beside it do not count, and may lie outside.
+    const Window window{{c, c + (u > 0 ? 2 : 1)}, {r, r + (v > 0 ? 2 : 1)}};
+    const Chunk chunk = source.load(window, false);
+    Ground ground{0, 0};
+    for (std::int64_t j = window.rows.begin; j < window.rows.end; ++j)
+        for (std::int64_t i = window.columns.begin; i < window.columns.end; ++i) {
+            const double weight = (i == c ? 1 - u : u) * (j == r ? 1 - v : v);
+            ground.bare_m += weight * static_cast<double>(source.bare_terrain_m(i, j));
+            const auto at = static_cast<std::size_t>((j - window.rows.begin) * window.columns.size() + i - window.columns.begin);
+            ground.surface_m += weight * static_cast<double>(chunk.surface_m[at]);
         }
-    return sum;
+    return ground;
 }
 
 void locate(ResolvedScene& s, const DataBase& db) {
@@ -63,7 +71,8 @@ void locate(ResolvedScene& s, const DataBase& db) {
 void stand(ResolvedScene& s, WedgeSource& source) {
     const DataBase& db = source.data_base();
     const PlatformParams& p = s.scene.platform;
-    const double ground = bare_terrain(source, s.nadir);
+    const Ground place = ground_at(source, s.nadir);
+    const double ground = place.bare_m;
     s.nadir_in_raster = (db.cyclic || (s.nadir.column >= -0.5 && s.nadir.column <= static_cast<double>(db.columns) - 0.5)) &&
                         s.nadir.row >= -0.5 && s.nadir.row <= static_cast<double>(db.rows) - 0.5;
     s.nadir_on_data = ground == ground;
@@ -81,6 +90,14 @@ void stand(ResolvedScene& s, WedgeSource& source) {
     if (s.nadir_on_data && s.sensor_m < ground)
         throw InputError(fmt::format("the sensor is {:.1f} m below the terrain: it stands at {:.1f} m, the ground there at {:.1f} m above sea level",
                                      ground - s.sensor_m, s.sensor_m, ground));
+    s.nadir_surface_m = place.surface_m <= s.sensor_m ? place.surface_m : ground;
+    if (s.nadir_in_raster) {
+        constexpr std::int64_t arm = 4;
+        const auto c = static_cast<std::int64_t>(std::floor(s.nadir.column)), r = static_cast<std::int64_t>(std::floor(s.nadir.row));
+        const Window all{db.cyclic ? Interval{c - arm, c + arm + 1} : Interval{0, db.columns}, {0, db.rows}};
+        const Window window{intersection({c - arm, c + arm + 1}, all.columns), intersection({r - arm, r + arm + 1}, all.rows)};
+        if (!window.empty()) s.nadir_patch = source.load(window, false);
+    }
     if (std::abs(s.sensor_m) > 1e6) throw InputError(text("the sensor's altitude is ", s.sensor_m, " m; it must be within 1000 km"));
 }
 

@@ -136,4 +136,41 @@ std::size_t cross_lanes(const LinePosts& behind, const LinePosts& ahead, std::si
     return static_cast<std::size_t>(count);
 }
 
+WEDGESCOPE_LANES
+void bump_lanes(const LinePosts& behind, const LinePosts& ahead, std::size_t n, double major_from, double major_to, const double* __restrict major0,
+                const double* __restrict minor0, const double* __restrict major1, const double* __restrict minor1,
+                double* __restrict bump_m) noexcept {
+    // Both windows are cut from one raster, but not to the same posts.
+    const std::int64_t begin = std::max(behind.begin, ahead.begin), end = std::min(behind.end, ahead.end);
+    const double inverse = 1 / (major_to - major_from), first = static_cast<double>(begin), last = static_cast<double>(end - begin - 2);
+    if (last < 0) {
+        for (std::size_t i = 0; i < n; ++i) bump_m[i] = 0;
+        return;
+    }
+    const float* __restrict back = behind.posts + (begin - behind.begin);
+    const float* __restrict front = ahead.posts + (begin - ahead.begin);
+    int index[block];
+    float twist[block];
+    for (std::size_t at = 0; at < n; at += block) {
+        const std::size_t m = std::min(block, n - at);
+        WEDGESCOPE_INDEPENDENT
+        for (std::size_t i = 0; i < m; ++i) {
+            const double y = 0.5 * (minor0[at + i] + minor1[at + i]) - first;
+            index[i] = static_cast<int>(y >= 0 && y < last + 1 ? y : 0.0);
+        }
+        for (std::size_t i = 0; i < m; ++i) {
+            const float *a = back + index[i], *b = front + index[i];
+            twist[i] = (b[1] - b[0]) - (a[1] - a[0]);
+        }
+        WEDGESCOPE_INDEPENDENT
+        for (std::size_t i = 0; i < m; ++i) {
+            const double y = 0.5 * (minor0[at + i] + minor1[at + i]) - first;
+            const double way = (major1[at + i] - major0[at + i]) * inverse * (minor1[at + i] - minor0[at + i]);
+            const double bump = -0.25 * static_cast<double>(twist[i]) * way;
+            const bool known = (y >= 0) & (y < last + 1) & (bump == bump);
+            bump_m[at + i] = known ? bump : 0.0;
+        }
+    }
+}
+
 }  // namespace wedgescope

@@ -38,4 +38,9 @@ struct Crossing {
 /// where there is none. `behind` and `ahead`: posts of the two lines. Returns how many spokes had one.
 std::size_t cross_lanes(const LinePosts& behind, const LinePosts& ahead, std::size_t n, const Crossing& crossing) noexcept;
 
+/// How far the bilinear surface stands above the straight line between two samples of one cell, half-way, metres: along a straight way through a cell
+/// it is a parabola, lin(u) + bump 4 u (1 - u). 0 where a corner of the cell is missing or there is no way between the samples.
+void bump_lanes(const LinePosts& behind, const LinePosts& ahead, std::size_t n, double major_from, double major_to, const double* major0,
+                const double* minor0, const double* major1, const double* minor1, double* bump_m) noexcept;
+
 }  // namespace wedgescope

@@ -11,10 +11,10 @@ namespace wedgescope {
 
 Sampling sampling(Quality quality) {
     switch (quality) {
-        case Quality::draft: return {.spokes_per_post = 1, .cross_lines = false, .half_steps = false};
-        case Quality::normal: return {.spokes_per_post = 1, .cross_lines = true, .half_steps = false};
-        case Quality::fine: return {.spokes_per_post = 1, .cross_lines = true, .half_steps = true};
-        case Quality::exact: return {.spokes_per_post = 1, .cross_lines = true, .half_steps = true};
+        case Quality::draft: return {.spokes_per_post = 1, .cross_lines = false, .exact_course = false};
+        case Quality::normal: return {.spokes_per_post = 1, .cross_lines = true, .exact_course = false};
+        case Quality::fine: return {.spokes_per_post = 1, .cross_lines = true, .exact_course = true};
+        case Quality::exact: return {.spokes_per_post = 1.25, .cross_lines = true, .exact_course = true};
     }
     return {};
 }
@@ -33,14 +33,14 @@ SpokeGrid::SpokeGrid(const DataBase& data_base, const SpokeMap& map, const Sampl
         double least_f = map.metres_per_post(q, 0);
         for (int i = -64; i <= 64; ++i) least_f = std::min(least_f, map.metres_per_post(q, i / 64.0));
         const double farthest = map.params().max_arc_m / least_f * 1.1 + 2;  // posts; no spoke is followed beyond
-        // First line at least half a post away, inside the raster.
+        // The first line ahead of the nadir, inside the raster.
         if (outward(q) > 0) {
-            lines.first_line = static_cast<std::int64_t>(std::ceil(nadir + 0.5));
+            lines.first_line = static_cast<std::int64_t>(std::floor(nadir)) + 1;
             if (!cyclic) lines.first_line = std::max<std::int64_t>(lines.first_line, 0);
             const std::int64_t end = cyclic ? lines.first_line + data_base.cycle_columns / 2 - 1 : count;
             lines.line_count = std::max<std::int64_t>(0, end - lines.first_line);
         } else {
-            lines.first_line = static_cast<std::int64_t>(std::floor(nadir - 0.5));
+            lines.first_line = static_cast<std::int64_t>(std::ceil(nadir)) - 1;
             if (!cyclic) lines.first_line = std::min(lines.first_line, count - 1);
             const std::int64_t end = cyclic ? lines.first_line - data_base.cycle_columns / 2 + 1 : -1;
             lines.line_count = std::max<std::int64_t>(0, lines.first_line - end);

@@ -19,7 +19,7 @@ namespace wedgescope {
 struct Sampling {
     double spokes_per_post = 1;  ///< o: at least so many spokes a post on every line
     bool cross_lines = true;     ///< sampled where spokes cross the other axis' lines too
-    bool half_steps = false;     ///< and half-way between two samples
+    bool exact_course = false;   ///< the bilinear surface's course between two samples, not a straight line, decides what is seen
 };
 Sampling sampling(Quality quality);
 

@@ -26,16 +26,21 @@ void sight_lanes(std::size_t n, double sensor_m, double bins_per_metre, bool ran
 
 WEDGESCOPE_LANES
 std::size_t rise_lanes(std::size_t n, const SampleLanes& from, const SampleLanes& to, const double* __restrict mode, double* __restrict horizon,
-                       const double* __restrict void_horizon, double* __restrict seen_least, double* __restrict seen_most,
-                       double* __restrict sine0, double* __restrict code) noexcept {
+                       const double* __restrict void_horizon, const double* __restrict bump_m, double* __restrict seen_least,
+                       double* __restrict seen_most, double* __restrict sine0, double* __restrict code) noexcept {
     const double *__restrict sine = to.sine, *__restrict arc0 = from.arc_m, *__restrict arc1 = to.arc_m, *__restrict x0 = from.x,
-                 *__restrict x1 = to.x;
+                 *__restrict x1 = to.x, *__restrict up0 = from.up_m, *__restrict up1 = to.up_m, *__restrict out0 = from.out_m,
+                 *__restrict out1 = to.out_m, *__restrict range0 = from.range_m, *__restrict last_sine = from.sine;
     std::int64_t rises = 0;
     WEDGESCOPE_INDEPENDENT
     for (std::size_t i = 0; i < n; ++i) {
         const double s = sine[i], h = horizon[i], m = mode[i];
-        const bool rising = (m == mode_visible) & (s > h), plain = rising & (h >= void_horizon[i]);
-        const bool quiet = ((m == mode_hidden) & (s <= h)) | ((m == mode_visible) & (s == h)) | (m == mode_done) | (arc0[i] == arc1[i]);
+        const double bump = bump_m[i], swing = 16 * (bump < 0 ? -bump : bump);
+        const bool straight = swing * out0[i] <= up1[i] * out0[i] - up0[i] * out1[i];
+        const bool rising = (m == mode_visible) & (s > h), plain = rising & straight & (h >= void_horizon[i]);
+        const double higher = s > last_sine[i] ? s : last_sine[i];
+        const bool below = (s <= h) & (higher * range0[i] + bump * 1.02 <= h * range0[i]);
+        const bool quiet = ((m == mode_hidden) & below) | ((m == mode_visible) & (s == h)) | (m == mode_done) | (arc0[i] == arc1[i]);
         double c = quiet ? 0.0 : 2.0;
         c = rising ? 2.0 : c;
         c = plain ? 1.0 : c;
@@ -60,6 +65,35 @@ double ray_range_m(double sensor_m, double arc_m, double sine, double inverse_ra
     const double below = cosine * (1 - 0.5 * x * versine) - sine * theta * sinc;
     if (!(below > 0)) return std::numeric_limits<double>::infinity();
     return (1 + sensor_m * inverse_radius) * arc_m * sinc / below;
+}
+
+Course course(double sine, double up0, double out0, double up1, double out1, double bump_m, bool from_ray) {
+    // Height over the ray: f(u) = c + b u + a u^2.
+    const double cosine = std::sqrt(1 - sine * sine);
+    const double f0 = from_ray ? 0 : up0 * cosine - out0 * sine, f1 = up1 * cosine - out1 * sine, swing = 4 * bump_m * cosine;
+    const double a = -swing, b = f1 - f0 + swing, c = f0;
+    Course course;
+    if (c > 0 || (c == 0 && b > 0)) {
+        course.begin = 0;
+    } else {
+        // Where it comes up through the ray: (-b + sqrt(b^2 - 4 a c)) / (2 a), without cancellation.
+        const double discriminant = b * b - 4 * a * c;
+        if (!(discriminant >= 0)) return course;
+        const double root = std::sqrt(discriminant);
+        const double u = b > 0 ? -2 * c / (b + root) : a > 0 ? (root - b) / (2 * a) : 1;
+        if (!(u < 1)) return course;
+        course.begin = u > 0 ? u : 0;
+    }
+    course.seen = true;
+    const double peak = a < 0 ? -b / (2 * a) : 1;
+    if (peak < 1) {
+        if (!(peak > course.begin)) return {};
+        course.end = peak;
+        course.hides = true;
+    } else if (!(f1 > 0)) {
+        return {};
+    }
+    return course;
 }
 
 }  // namespace wedgescope

@@ -53,22 +53,26 @@ void sight_lanes(std::size_t n, double sensor_m, double bins_per_metre, bool ran
 ///   horizon[n]          in, out: sine
 ///   void_horizon[n]     in
 ///   seen_least, _most   in, out [n]: range coordinates of the visible run so far
+///   bump_m[n]           in: how far the surface stands above the straight piece half-way (bump_lanes)
 ///   sine0[n], code[n]   out: the old horizon; the code, as double
+/// A visible piece is plain if its course rises all the way (|4 bump| at most what it rises over the ray of the horizon); a hidden one stays hidden if not
+/// even its bump can reach the horizon.
 /// Returns how many have code 1.
 std::size_t rise_lanes(std::size_t n, const SampleLanes& from, const SampleLanes& to, const double* mode, double* horizon,
-                       const double* void_horizon, double* seen_least, double* seen_most, double* sine0, double* code) noexcept;
+                       const double* void_horizon, const double* bump_m, double* seen_least, double* seen_most, double* sine0,
+                       double* code) noexcept;
 
 /// Slant range at which the straight ray of elevation `sine` passes over arc s.
 double ray_range_m(double sensor_m, double arc_m, double sine, double inverse_radius);
 
-/// Part of the way from (up0, out0), not above the ray of elevation `sine`, to (up1, out1), above it, at which the straight
-/// piece between them crosses the ray; 0..1.
-inline double emergence(double sine, double up0, double out0, double up1, double out1) {
-    const double cosine = std::sqrt(1 - sine * sine);
-    const double below = up0 * cosine - out0 * sine, above = up1 * cosine - out1 * sine;
-    if (!(below < 0) || !(above > below)) return 0;
-    const double part = below / (below - above);
-    return part < 1 ? part : 1;
-}
+/// The part of a piece that rises above the old horizon: from `begin` to `end` of the way (0..1); it then falls behind itself (`hides`) or goes on to
+/// be seen at the piece's end.
+struct Course {
+    bool seen = false;
+    double begin = 0, end = 1;
+    bool hides = false;
+};
+/// Of a piece from (up0, out0) to (up1, out1) with `bump_m` over its middle, against the ray of elevation `sine`. `from_ray`: the piece starts on the ray.
+Course course(double sine, double up0, double out0, double up1, double out1, double bump_m, bool from_ray);
 
 }  // namespace wedgescope

@@ -1,1 +1,410 @@
+// The built program from outside: exit codes, one line on stderr, files that appear whole or not at all.
 #include <catch2/catch.hpp>
+
+#include <fcntl.h>
+#include <signal.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <limits>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <sstream>
+#include <string>
+#include <thread>
+#include <vector>
+
+namespace {
+
+namespace fs = std::filesystem;
+using Catch::Matchers::Contains;
+using Strings = std::vector<std::string>;
+
+const std::string data = WEDGESCOPE_DATA;
+const std::string dem = data + "/inland_empire_dem.tif";
+
+struct Outcome {
+    int code = 0;
+    std::string out, err;
+    std::size_t error_lines() const { return static_cast<std::size_t>(std::count(err.begin(), err.end(), '\n')); }
+};
+
+std::string content(const fs::path& path) {
+    std::ifstream in(path, std::ios::binary);
+    std::ostringstream all;
+    all << in.rdbuf();
+    return all.str();
+}
+
+/// A folder of its own for each test, gone with it.
+class Folder {
+public:
+    Folder() {
+        static int number = 0;
+        path_ = fs::temp_directory_path() / ("cli_test_" + std::to_string(::getpid()) + "_" + std::to_string(++number));
+        fs::create_directories(path_ / "work");
+    }
+    ~Folder() { fs::remove_all(path_); }
+    fs::path work() const { return path_ / "work"; }
+    std::string file(const std::string& name) const { return (work() / name).string(); }
+    std::string write(const std::string& name, const std::string& text) const {
+        std::ofstream(file(name), std::ios::binary) << text;
+        return file(name);
+    }
+    std::set<std::string> names() const {
+        std::set<std::string> all;
+        for (const auto& entry : fs::directory_iterator(work())) all.insert(entry.path().filename().string());
+        return all;
+    }
+
+    /// Starts the program in the work folder; its output goes to files beside it.
+    pid_t start(const Strings& arguments) const {
+        std::string program = WEDGESCOPE_PROGRAM;
+        std::vector<char*> list{program.data()};
+        Strings copy = arguments;
+        for (auto& argument : copy) list.push_back(argument.data());
+        list.push_back(nullptr);
+        const std::string out = (path_ / "out").string(), err = (path_ / "err").string();
+        const std::string folder = work().string();
+        const pid_t child = ::fork();
+        if (child == 0) {
+            const int o = ::open(out.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0600),
+                      e = ::open(err.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0600);
+            if (o < 0 || e < 0 || ::dup2(o, 1) < 0 || ::dup2(e, 2) < 0 || ::chdir(folder.c_str()) != 0) ::_exit(99);
+            ::execv(program.c_str(), list.data());
+            ::_exit(98);
+        }
+        return child;
+    }
+    Outcome finish(pid_t child) const {
+        int status = 0;
+        ::waitpid(child, &status, 0);
+        Outcome outcome;
+        outcome.code = WIFEXITED(status) ? WEXITSTATUS(status) : 1000 + WTERMSIG(status);
+        outcome.out = content(path_ / "out");
+        outcome.err = content(path_ / "err");
+        return outcome;
+    }
+    Outcome run(const Strings& arguments) const { return finish(start(arguments)); }
+
+private:
+    fs::path path_;
+};
+
+/// An ESRI ASCII grid of 10 x 8 posts, 30 m apart, in UTM zone 11 unless `crs` is off.
+std::string grid(const Folder& folder, const std::string& name, const std::string& value, bool crs = true,
+                 int columns = 10, int rows = 8, double x = 465000) {
+    std::string text = "ncols " + std::to_string(columns) + "\nnrows " + std::to_string(rows) + "\nxllcorner " +
+                       std::to_string(x) + "\nyllcorner 3750000\ncellsize 30\nNODATA_value -9999\n";
+    for (int r = 0; r < rows; ++r) {
+        for (int c = 0; c < columns; ++c) text += value + " ";
+        text += "\n";
+    }
+    if (crs) {
+        folder.write(
+            name + ".prj",
+            R"(PROJCS["WGS_1984_UTM_Zone_11N",GEOGCS["GCS_WGS_1984",DATUM["D_WGS_1984",SPHEROID["WGS_1984",6378137.0,298.257223563]],)"
+            R"(PRIMEM["Greenwich",0.0],UNIT["Degree",0.0174532925199433]],PROJECTION["Transverse_Mercator"],PARAMETER["False_Easting",500000.0],)"
+            R"(PARAMETER["False_Northing",0.0],PARAMETER["Central_Meridian",-117.0],PARAMETER["Scale_Factor",0.9996],)"
+            R"(PARAMETER["Latitude_Of_Origin",0.0],UNIT["Meter",1.0]])");
+    }
+    return folder.write(name + ".asc", text);
+}
+
+/// An ENVI raster of floats: the format in which any bit pattern can be drawn.
+std::string float_raster(const Folder& folder, const std::string& name, int columns, int rows,
+                         const std::vector<float>& values) {
+    std::string bytes(values.size() * sizeof(float), '\0');
+    std::memcpy(bytes.data(), values.data(), bytes.size());
+    folder.write(name + ".hdr", "ENVI\nsamples = " + std::to_string(columns) + "\nlines = " + std::to_string(rows) +
+                                    "\nbands = 1\ndata type = 4\ninterleave = bsq\nbyte order = 0\n"
+                                    "map info = {UTM, 1, 1, 465000, 3750300, 30, 30, 11, North, WGS-84}\n");
+    return folder.write(name + ".dat", bytes);
+}
+
+Strings with(Strings base, const Strings& more) {
+    base.insert(base.end(), more.begin(), more.end());
+    return base;
+}
+
+/// The program must refuse with `code`, in exactly one line that holds `words`, and leave the folder as it was.
+void refuses(const Folder& folder, const Strings& arguments, int code, const Strings& words) {
+    std::string line;
+    for (const auto& argument : arguments) line += " " + argument;
+    INFO("wedgescope" << line);
+    const auto before = folder.names();
+    const Outcome outcome = folder.run(arguments);
+    INFO(outcome.err);
+    CHECK(outcome.code == code);
+    CHECK(outcome.error_lines() == 1);
+    CHECK(outcome.err.substr(0, 12) == "wedgescope: ");
+    CHECK(outcome.out.empty());
+    for (const auto& word : words) CHECK_THAT(outcome.err, Contains(word));
+    CHECK(folder.names() == before);
+}
+
+const Strings good = {"simulate", "--dem", dem,      "--latlon", "33.93,-117.33", "--altitude-msl", "7000ft",
+                      "--range",  "5km",   "--size", "200"};
+const Strings out = {"-o", "scope.png"};
+
+}  // namespace
+
+TEST_CASE("help and version go to stdout", "[cli]") {
+    const Folder folder;
+    CHECK_THAT(folder.run({"--version"}).out, Contains("wedgescope 0.") && Contains("GDAL 3") && Contains("TBB"));
+    for (const Strings& arguments : {Strings{"help"}, {"--help"}, {"-h"}}) {
+        const Outcome outcome = folder.run(arguments);
+        CHECK(outcome.code == 0);
+        CHECK_THAT(outcome.out, Contains("simulate") && Contains("info"));
+        CHECK(outcome.err.empty());
+    }
+    for (const Strings& arguments : {Strings{"help", "simulate"}, {"simulate", "--help"}, {"simulate", "-h"}}) {
+        const Outcome outcome = folder.run(arguments);
+        CHECK(outcome.code == 0);
+        CHECK_THAT(outcome.out, Contains("--transmit-power POWER") && Contains("[50kW]") && Contains("nmi"));
+        CHECK(outcome.err.empty());
+    }
+    CHECK_THAT(folder.run({"help", "info"}).out, Contains("--json"));
+}
+
+TEST_CASE("a wrong command or option costs one line and exit code 2", "[cli]") {
+    const Folder folder;
+    refuses(folder, {}, 2, {"no command"});
+    refuses(folder, {"coverage"}, 2, {"unknown command 'coverage'"});
+    refuses(folder, {"simulat"}, 2, {"did you mean simulate?"});
+    refuses(folder, {"--dem", dem}, 2, {"--dem"});
+    refuses(folder, {"help", "view"}, 2, {"unknown command 'view'"});
+    refuses(folder, with(with(good, out), {"--rang", "5km"}), 2, {"--rang", "did you mean --range?"});
+    refuses(folder, with(with(good, out), {"--no-cull", "on"}), 2, {"--no-cull"});
+    refuses(folder, with(with(good, out), {"--pulse", "2.4"}), 2, {"--pulse is '2.4'", "s, ms, us, ns"});
+    refuses(folder, with(with(good, out), {"--pulse", "2.4m"}), 2, {"unknown unit 'm'", "s, ms, us, ns"});
+    refuses(folder, with(with(good, out), {"--pulse", "2,4us"}), 2, {"--pulse is '2,4us'"});
+    refuses(folder, with(with(good, out), {"--pulse"}), 2, {"--pulse needs a value"});
+    refuses(folder, with(with(good, out), {"--gain", "nandB"}), 2, {"--gain"});
+    refuses(folder, good, 2, {"no output"});
+    refuses(folder, {"info"}, 2, {"path"});
+}
+
+TEST_CASE("a scene that contradicts itself or says too little is refused", "[cli]") {
+    const Folder folder;
+    const Strings start = {"simulate", "-o", "scope.png", "--dem", dem};
+    const Strings place = {"--latlon", "33.93,-117.33"}, height = {"--altitude-msl", "7000ft"};
+    refuses(folder, with(with(start, place), with(height, {"--range", "0"})), 2, {"--range", "above 0m"});
+    refuses(folder, with(with(start, place), with(height, {"--range", "5km", "--range-start", "6km"})), 2,
+            {"range-start"});
+    refuses(folder, with(start, height), 2, {"latlon", "xy"});
+    refuses(folder, with(with(start, place), with(height, {"--xy", "465000,3750000"})), 2, {"latlon", "xy"});
+    refuses(folder, with(start, place), 2, {"altitude-msl"});
+    refuses(folder, with(with(start, place), with(height, {"--altitude-agl", "1km"})), 2, {"altitude-agl"});
+    refuses(folder, with(with(start, place), {"--altitude-hae", "1km"}), 2, {"geoid-offset"});
+    refuses(folder, {"simulate", "-o", "scope.png", "--latlon", "33.93,-117.33", "--altitude-msl", "7000ft"}, 2,
+            {"dem"});
+    refuses(folder, with(with(start, place), with(height, {"--culture", data + "/inland_empire_culture.tif"})), 2,
+            {"culture-legend"});
+    const std::string twice = folder.write("twice.ini", "range = 5km\nlatlon = 1,2\nxy = 1,2\n");
+    refuses(folder, {"simulate", twice, "-o", "scope.png"}, 2, {"line 3", "latlon"});
+    const std::string unknown = folder.write("unknown.ini", "dem = x.tif\nfrequenzy = 5GHz\n");
+    refuses(folder, {"simulate", unknown, "-o", "scope.png"}, 2, {"line 2", "'frequenzy'", "did you mean frequency?"});
+    refuses(folder, {"simulate", "nowhere.ini", "-o", "scope.png"}, 1, {"nowhere.ini"});
+}
+
+TEST_CASE("a raster that cannot be used is named", "[cli]") {
+    const Folder folder;
+    const Strings rest = {"--latlon", "33.93,-117.33", "--altitude-msl", "7000ft", "-o", "scope.png"};
+    const auto use = [&](const std::string& path) { return with({"simulate", "--dem", path}, rest); };
+    refuses(folder, use("nowhere.tif"), 1, {"nowhere.tif"});
+    refuses(folder, use(folder.write("words.tif", "these are words\n")), 1, {"words.tif"});
+    refuses(folder, use(folder.write("empty.tif", "")), 1, {"empty.tif"});
+    refuses(folder, use(folder.write("cut.tif", content(dem).substr(0, 800000))), 1, {"cut.tif"});
+    refuses(folder, {"info", "nowhere.tif"}, 1, {"nowhere.tif"});
+    refuses(folder, {"info", folder.file("cut.tif")}, 1, {"cut.tif"});
+    refuses(folder, {"info", folder.file("words.tif")}, 1, {"words.tif"});
+
+    const Strings at = {"--xy", "465100,3750100", "--altitude-msl", "500m", "-o", "scope.png"};
+    refuses(folder, with({"simulate", "--dem", grid(folder, "one", "5", true, 1, 1)}, at), 1, {"one.asc"});
+    const std::string bare = grid(folder, "bare", "5", false);
+    refuses(folder, with({"simulate", "--geometry", "geodesic", "--dem", bare}, at), 2,
+            {"geometry", "bare.asc", "CRS"});
+    refuses(folder,
+            with({"simulate", "--dem", bare}, {"--latlon", "33.9,-117.4", "--altitude-msl", "1km", "-o", "scope.png"}),
+            2, {"latlon", "bare.asc"});
+
+    std::vector<float> posts(100, 5.0f);
+    posts[37] = std::numeric_limits<float>::infinity();
+    refuses(folder, with({"simulate", "--dem", float_raster(folder, "infinite", 10, 10, posts)}, at), 1,
+            {"infinite.dat", "7", "3"});
+    posts[37] = 2e5f;
+    refuses(folder, with({"simulate", "--dem", float_raster(folder, "high", 10, 10, posts)}, at), 1,
+            {"high.dat", "7", "3"});
+    posts.assign(100, std::numeric_limits<float>::quiet_NaN());
+    refuses(folder,
+            with({"simulate", "--altitude-agl", "1km", "--dem", float_raster(folder, "void", 10, 10, posts)},
+                 {"--xy", "465100,3750100", "-o", "scope.png"}),
+            2, {"altitude-agl", "void"});
+}
+
+TEST_CASE("culture must lie on the terrain and be known by its legend", "[cli]") {
+    const Folder folder;
+    const std::string ground = grid(folder, "ground", "5");
+    const Strings start = {"simulate", "--dem",   ground, "--xy", "465150,3750120", "--altitude-msl",
+                           "500m",     "--range", "1km",  "-o",   "scope.png"};
+    const std::string far = grid(folder, "far", "91", true, 10, 8, 600000);
+    refuses(folder, with(start, {"--culture", far, "--culture-legend", "fbfm40"}), 1, {"far.asc"});
+    const std::string odd = grid(folder, "odd", "77");
+    refuses(folder, with(start, {"--culture", odd, "--culture-legend", "fbfm40"}), 1, {"77", "legend"});
+    refuses(folder, with(start, {"--culture", odd, "--culture-legend", "nowhere.csv"}), 1, {"nowhere.csv"});
+    const std::string legend = folder.write("legend.csv", "code,material\n77,cheese\n");
+    refuses(folder, with(start, {"--culture", odd, "--culture-legend", legend}), 2, {"legend.csv", "cheese"});
+    folder.write("legend.csv", "code,material\n77,suburban\n");
+    CHECK(folder.run(with(start, {"--culture", odd, "--culture-legend", legend})).code == 0);
+}
+
+TEST_CASE("the sensor stands above ground, wherever it is", "[cli]") {
+    const Folder folder;
+    const Strings start = {"simulate", "--dem", dem, "-o", "scope.png", "--size", "200", "--range", "10km"};
+    refuses(folder, with(start, {"--latlon", "33.93,-117.33", "--altitude-msl", "100m"}), 2, {"below", "m"});
+    refuses(folder, with(start, {"--latlon", "35,-117.33", "--altitude-agl", "100m"}), 2, {"altitude-agl", "outside"});
+    const Outcome outside = folder.run(with(start, {"--latlon", "34.04,-117.33", "--altitude-msl", "3km"}));
+    CHECK(outside.code == 0);
+    CHECK_THAT(outside.err, Contains("outside the terrain raster"));
+    CHECK(folder.names().contains("scope.png"));
+}
+
+TEST_CASE("outputs are checked before any work, and nothing half-written stays", "[cli]") {
+    const Folder folder;
+    refuses(folder, with(good, {"-o", "nowhere/scope.png"}), 1, {"nowhere/scope.png"});
+    refuses(folder, with(good, {"-o", "/proc/scope.png"}), 1, {"/proc/scope.png"});
+    refuses(folder, with(good, {"-o", "scope.png", "--echo", "./scope.png"}), 2, {"output", "echo", "own file"});
+    refuses(folder, with(good, {"-o", folder.work().string()}), 2, {"folder"});
+    refuses(folder, with(good, {"-o", "scope.nonsense"}), 2, {"scope.nonsense"});
+    refuses(folder, with(good, {"-o", dem, "--overwrite"}), 2, {"dem"});
+    folder.write("scope.png", "mine");
+    refuses(folder, with(good, out), 2, {"scope.png", "--overwrite"});
+    refuses(folder, with(good, {"-o", "other.png", "--report", "scope.png"}), 2, {"scope.png", "--overwrite"});
+    CHECK(content(folder.file("scope.png")) == "mine");
+    CHECK(folder.run(with(with(good, out), {"--overwrite"})).code == 0);
+    CHECK(content(folder.file("scope.png")).substr(1, 3) == "PNG");
+    // A run that fails late leaves the old output alone.
+    folder.write("scope.png", "mine");
+    refuses(folder, with(with(good, out), {"--overwrite", "--memory", "64KiB"}), 2, {"memory"});
+    CHECK(content(folder.file("scope.png")) == "mine");
+}
+
+TEST_CASE("all outputs of one run appear, and the report describes them", "[cli]") {
+    const Folder folder;
+    const Outcome outcome = folder.run(
+        with(good, {"-o", "scope.png", "--echo", "echo.tif", "--power", "power.tif", "--states", "states.tif",
+                    "--report", "report.json", "--threads", "2", "--wedges", "3", "--legend", "on", "-q"}));
+    INFO(outcome.err);
+    REQUIRE(outcome.code == 0);
+    CHECK(outcome.err.empty());
+    CHECK(outcome.out.empty());
+    for (const char* name : {"scope.png", "echo.tif", "power.tif", "states.tif", "report.json"})
+        CHECK(folder.names().contains(name));
+    for (const auto& name : folder.names()) CHECK_THAT(name, !Contains("tmp"));
+    const auto report = nlohmann::json::parse(content(folder.file("report.json")));
+    CHECK(report["format"] == "wedgescope-report-1");
+    CHECK(report["wedges"].size() >= 3);
+    CHECK(report["threads"] == 2);
+    CHECK(report["inputs"][0]["path"] == dem);
+    CHECK(report["scene"]["range"] == "5km");
+    CHECK(report["peak_rss_bytes"] > 1000000);
+    // The states add up to the cells shown.
+    std::uint64_t cells = 0;
+    for (const auto& [name, count] : report["states"].items()) cells += count.get<std::uint64_t>();
+    const auto& shown = report["scene"]["resolved"]["shown"];
+    CHECK(cells == (shown["azimuth_bin_end"].get<std::uint64_t>() - shown["azimuth_bin_begin"].get<std::uint64_t>()) *
+                       (shown["range_bin_end"].get<std::uint64_t>() - shown["range_bin_begin"].get<std::uint64_t>()));
+    // Azimuth bins are covered once each.
+    std::int64_t bins = 0;
+    for (const auto& wedge : report["wedges"])
+        bins += wedge["azimuth_bin_end"].get<std::int64_t>() - wedge["azimuth_bin_begin"].get<std::int64_t>();
+    const auto& swept = report["scene"]["resolved"]["swept"];
+    CHECK(bins == swept["azimuth_bin_end"].get<std::int64_t>() - swept["azimuth_bin_begin"].get<std::int64_t>());
+}
+
+TEST_CASE("reproducible outputs do not depend on wedges and threads", "[cli]") {
+    const Folder folder;
+    std::string first[3];
+    for (const char* wedges : {"1", "7", "64"}) {
+        for (const char* threads : {"1", "2"}) {
+            const Outcome outcome =
+                folder.run(with(good, {"-o", "scope.png", "--echo", "echo.tif", "--states", "states.tif",
+                                       "--reproducible", "--overwrite", "--wedges", wedges, "--threads", threads}));
+            INFO(outcome.err);
+            REQUIRE(outcome.code == 0);
+            const std::string files[3] = {content(folder.file("scope.png")), content(folder.file("echo.tif")),
+                                          content(folder.file("states.tif"))};
+            for (int i = 0; i < 3; ++i) {
+                if (first[i].empty()) first[i] = files[i];
+                INFO("file " << i << ", wedges " << wedges << ", threads " << threads);
+                CHECK((files[i] == first[i]));
+            }
+        }
+    }
+}
+
+TEST_CASE("a scene file works from any folder", "[cli]") {
+    const Folder folder;
+    fs::create_directories(folder.work() / "scenes");
+    fs::copy_file(data + "/lake_sunapee_dem.tif", folder.file("scenes/lake.tif"));
+    folder.write("scenes/lake.ini",
+                 "dem = lake.tif\nlatlon = 43.38,-72.05\naltitude-agl = 1000m\nsize = 200\noutput = lake.png\n");
+    const Outcome outcome = folder.run({"simulate", "scenes/lake.ini"});
+    INFO(outcome.err);
+    CHECK(outcome.code == 0);
+    CHECK(fs::exists(folder.file("scenes/lake.png")));
+    const Outcome info = folder.run({"info", "scenes/lake.ini", "--json"});
+    REQUIRE(info.code == 0);
+    const auto json = nlohmann::json::parse(info.out);
+    CHECK(json["files"][0]["kind"] == "scene");
+    CHECK(json["files"][0]["scene"]["resolved"]["nadir_on_data"] == true);
+    CHECK_THAT(folder.run({"info", "scenes/lake.ini"}).out, Contains("1000.0 m above the terrain"));
+}
+
+TEST_CASE("info counts voids and codes", "[cli]") {
+    const Folder folder;
+    const Outcome terrain = folder.run({"info", "--json", data + "/worcester_vermont_dem.tif"});
+    REQUIRE(terrain.code == 0);
+    const auto facts = nlohmann::json::parse(terrain.out)["files"][0];
+    CHECK(facts["columns"] == 549);
+    CHECK(facts["rows"] == 613);
+    CHECK(facts["lowest"] == 201);
+    CHECK(facts["highest"] == 1101);
+    CHECK(facts["void_posts"].get<double>() / (549 * 613) == Approx(0.32).margin(0.005));
+    const Outcome culture =
+        folder.run({"info", "--json", "--culture-legend", "nlcd", data + "/lake_sunapee_culture.tif"});
+    REQUIRE(culture.code == 0);
+    CHECK(nlohmann::json::parse(culture.out)["files"][0]["unknown_cells"] == 0);
+    const Outcome wrong = folder.run({"info", "--culture-legend", "fbfm40", data + "/lake_sunapee_culture.tif"});
+    CHECK(wrong.code == 0);
+    CHECK_THAT(wrong.out, Contains("15 codes, 107 858 cells"));
+}
+
+TEST_CASE("a signal ends the run with 128 + its number and leaves nothing", "[cli]") {
+    const Folder folder;
+    const Strings arguments = with(good, {"-o", "scope.png", "--echo", "echo.tif", "--range", "40km", "--quality",
+                                          "exact", "--azimuth-bins", "8000", "--range-bin", "10m", "--threads", "1"});
+    Strings once;  // `good` holds a range already
+    for (std::size_t i = 0; i < arguments.size(); ++i) {
+        if (arguments[i] == "--range" && arguments[i + 1] == "5km") {
+            ++i;
+            continue;
+        }
+        once.push_back(arguments[i]);
+    }
+    for (const auto& [signal, code] : {std::pair{SIGINT, 130}, {SIGTERM, 143}}) {
+        const pid_t child = folder.start(once);
+        std::this_thread::sleep_for(std::chrono::milliseconds(400));
+        REQUIRE(::kill(child, signal) == 0);
+        const Outcome outcome = folder.finish(child);
+        INFO(outcome.err);
+        CHECK(outcome.code == code);
+        CHECK(outcome.error_lines() == 1);
+        CHECK(folder.names().empty());
+    }
+}

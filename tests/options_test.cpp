@@ -10,7 +10,9 @@
 #include <random>
 #include <set>
 
+#include "tools/help.hpp"
 #include "tools/options.hpp"
+#include "tools/scene_json.hpp"
 #include "tools/units.hpp"
 
 using namespace wedgescope;
@@ -100,9 +102,13 @@ TEST_CASE("zero needs no unit, every other number does", "[units]") {
 }
 
 TEST_CASE("what is no number with one of its units is refused by name", "[units]") {
-    const char* hostile[] = {"",      " ",     "m",     "nan",    "nanm",  "inf",    "infm",  "-inf",   "infinity", "0x10m", "1,5km",  "30nm i", "30nmi;", "30 nmi 2",
-                             "30NMI", "30Nmi", "--5m",  "+-5m",   "++5m",  "1e",     "1em",   "1e400m", "-1e400m",  "1e-400m", "1e999999999999999999999m", "5deg",
-                             ".m",    "-m",    "1.2.3m", "３０m",  "30mm",  "1e308km", "m30",   "30\nm\n2", "5 5m"};
+    const char* hostile[] = {"",      " ",       "m",       "nan",      "nanm",
+                             "inf",   "infm",    "-inf",    "infinity", "0x10m",
+                             "1,5km", "30nm i",  "30nmi;",  "30 nmi 2", "30NMI",
+                             "30Nmi", "--5m",    "+-5m",    "++5m",     "1e",
+                             "1em",   "1e400m",  "-1e400m", "1e-400m",  "1e999999999999999999999m",
+                             "5deg",  ".m",      "-m",      "1.2.3m",   "３０m",
+                             "30mm",  "1e308km", "m30",     "30\nm\n2", "5 5m"};
     for (const char* token : hostile) {
         INFO(token);
         CHECK_THAT(refusal([&] { parsed(Dimension::length, token); }), StartsWith("--key is '"));
@@ -117,11 +123,14 @@ TEST_CASE("what is no number with one of its units is refused by name", "[units]
 TEST_CASE("plain numbers and counts must be whole tokens", "[units]") {
     CHECK(parse_number("k", "-0.25") == -0.25);
     CHECK(parse_number("k", "1e3") == 1000);
-    for (const char* token : {"", "nan", "inf", "1e999", "1x", "0x1p3", "1 2", "one"}) CHECK_THROWS_AS(parse_number("k", token), InputError);
+    for (const char* token : {"", "nan", "inf", "1e999", "1x", "0x1p3", "1 2", "one"})
+        CHECK_THROWS_AS(parse_number("k", token), InputError);
     CHECK(parse_count("k", "16", 16, 20) == 16);
-    for (const char* token : {"15", "21", "16.0", "1e1", "16x", "", "-", "99999999999999999999"}) CHECK_THROWS_AS(parse_count("k", token, 16, 20), InputError);
+    for (const char* token : {"15", "21", "16.0", "1e1", "16x", "", "-", "99999999999999999999"})
+        CHECK_THROWS_AS(parse_count("k", token, 16, 20), InputError);
     CHECK(parse_unsigned("k", "18446744073709551615") == 18446744073709551615u);
-    for (const char* token : {"18446744073709551616", "-1", "1.5", ""}) CHECK_THROWS_AS(parse_unsigned("k", token), InputError);
+    for (const char* token : {"18446744073709551616", "-1", "1.5", ""})
+        CHECK_THROWS_AS(parse_unsigned("k", token), InputError);
     for (const char* token : {"on", "true"}) CHECK(parse_switch("k", token));
     for (const char* token : {"off", "false"}) CHECK_FALSE(parse_switch("k", token));
     for (const char* token : {"", "On", "1", "yes", "onn"}) CHECK_THROWS_AS(parse_switch("k", token), InputError);
@@ -142,7 +151,8 @@ TEST_CASE("a value written as text reads back as the same double", "[units]") {
     std::uniform_real_distribution<double> digits(-1, 1), exponent(-12, 12);
     for (int i = 0; i < 4000; ++i) {
         const double value = digits(random) * std::pow(10.0, exponent(random));
-        for (const Dimension d : {Dimension::length, Dimension::time, Dimension::frequency, Dimension::power, Dimension::level, Dimension::angle, Dimension::decibel}) {
+        for (const Dimension d : {Dimension::length, Dimension::time, Dimension::frequency, Dimension::power,
+                                  Dimension::level, Dimension::angle, Dimension::decibel}) {
             const std::string written = quantity_text(d, value);
             INFO(written);
             CHECK(parse_quantity(d, "k", written) == value);
@@ -174,7 +184,8 @@ TEST_CASE("every key says what it is, and its default is the program's own", "[o
         CHECK(key.commands != 0);
         CHECK(key.set);
         CHECK(key.get);
-        CHECK(help_text(command_by_name(key.commands & command_simulate ? "simulate" : "info")).find("--" + key.name) != std::string::npos);
+        CHECK(help_text(command_by_name(key.commands & command_simulate ? "simulate" : "info")).find("--" + key.name) !=
+              std::string::npos);
         if (key.fallback.empty()) {
             CHECK_FALSE(key.get(Settings{}).has_value());
             continue;
@@ -189,26 +200,139 @@ TEST_CASE("every key says what it is, and its default is the program's own", "[o
 }
 
 TEST_CASE("every key of the design's first stage exists and later ones do not yet", "[options]") {
-    for (const char* name : {"dem", "culture", "culture-height", "culture-height-scale", "culture-legend", "material", "latlon", "xy", "altitude-msl",
-                             "altitude-agl", "altitude-hae", "geoid-offset", "heading", "sector", "range", "range-start", "geometry", "earth",
-                             "azimuth-bins", "range-bin", "frequency", "transmit-power", "gain", "losses", "pulse", "beam", "azimuth-pattern",
-                             "noise-figure", "bandwidth", "antenna", "antenna-knee", "antenna-width", "antenna-exponent", "antenna-floor", "tilt",
-                             "gamma", "if-gain", "video-gain", "stc-range", "stc-exponent", "stc-max", "dynamic-range", "mds", "display-gamma", "bwe",
-                             "ple", "noise", "speckle", "seed", "display", "sweep-delay", "size", "orientation", "rings", "legend", "quality", "wedges",
-                             "threads", "memory", "output", "echo", "power", "states", "report", "power-unit", "of", "co", "config", "overwrite",
-                             "verbose", "reproducible", "quiet"}) {
+    for (const char* name : {"dem",
+                             "culture",
+                             "culture-height",
+                             "culture-height-scale",
+                             "culture-legend",
+                             "material",
+                             "latlon",
+                             "xy",
+                             "altitude-msl",
+                             "altitude-agl",
+                             "altitude-hae",
+                             "geoid-offset",
+                             "heading",
+                             "sector",
+                             "range",
+                             "range-start",
+                             "geometry",
+                             "earth",
+                             "azimuth-bins",
+                             "range-bin",
+                             "frequency",
+                             "transmit-power",
+                             "gain",
+                             "losses",
+                             "pulse",
+                             "beam",
+                             "azimuth-pattern",
+                             "noise-figure",
+                             "bandwidth",
+                             "antenna",
+                             "antenna-knee",
+                             "antenna-width",
+                             "antenna-exponent",
+                             "antenna-floor",
+                             "tilt",
+                             "gamma",
+                             "if-gain",
+                             "video-gain",
+                             "stc-range",
+                             "stc-exponent",
+                             "stc-max",
+                             "dynamic-range",
+                             "mds",
+                             "display-gamma",
+                             "bwe",
+                             "ple",
+                             "noise",
+                             "speckle",
+                             "seed",
+                             "display",
+                             "sweep-delay",
+                             "size",
+                             "orientation",
+                             "rings",
+                             "legend",
+                             "quality",
+                             "wedges",
+                             "threads",
+                             "memory",
+                             "output",
+                             "echo",
+                             "power",
+                             "states",
+                             "report",
+                             "power-unit",
+                             "of",
+                             "co",
+                             "config",
+                             "overwrite",
+                             "verbose",
+                             "reproducible",
+                             "quiet"}) {
         INFO(name);
         CHECK(find_key(name));
     }
-    for (const char* name : {"source", "no-cull", "work-dir", "bwe-scale", "rain", "timeline"}) CHECK_FALSE(find_key(name));
+    for (const char* name : {"source", "no-cull", "work-dir", "bwe-scale", "rain", "timeline"})
+        CHECK_FALSE(find_key(name));
 }
 
 TEST_CASE("values reach the scene", "[options]") {
-    const Settings s = simulated({"--dem", "a.tif", "--latlon", "33.9,-117.3", "--altitude-msl", "7000ft", "--heading=-30deg", "--sector", "-45deg,45deg",
-                                  "--range", "30nmi", "--tilt", "-2deg", "--if-gain", "-3dB", "--mds", "-90dBm", "--display", "tdppi", "--earth", "flat",
-                                  "--antenna", "cos-csc2", "--gamma", "-15dB", "--bwe", "off", "--speckle", "4", "--seed", "18446744073709551615",
-                                  "--memory", "300MB", "--threads", "2", "--wedges", "7", "--power-unit", "dBm", "-o", "x.png", "-q", "--co", "A=1",
-                                  "--co", "B=2=3", "--config", "GDAL_X=y", "--overwrite", "--geometry", "grid", "--quality", "exact"});
+    const Settings s = simulated({"--dem",
+                                  "a.tif",
+                                  "--latlon",
+                                  "33.9,-117.3",
+                                  "--altitude-msl",
+                                  "7000ft",
+                                  "--heading=-30deg",
+                                  "--sector",
+                                  "-45deg,45deg",
+                                  "--range",
+                                  "30nmi",
+                                  "--tilt",
+                                  "-2deg",
+                                  "--if-gain",
+                                  "-3dB",
+                                  "--mds",
+                                  "-90dBm",
+                                  "--display",
+                                  "tdppi",
+                                  "--earth",
+                                  "flat",
+                                  "--antenna",
+                                  "cos-csc2",
+                                  "--gamma",
+                                  "-15dB",
+                                  "--bwe",
+                                  "off",
+                                  "--speckle",
+                                  "4",
+                                  "--seed",
+                                  "18446744073709551615",
+                                  "--memory",
+                                  "300MB",
+                                  "--threads",
+                                  "2",
+                                  "--wedges",
+                                  "7",
+                                  "--power-unit",
+                                  "dBm",
+                                  "-o",
+                                  "x.png",
+                                  "-q",
+                                  "--co",
+                                  "A=1",
+                                  "--co",
+                                  "B=2=3",
+                                  "--config",
+                                  "GDAL_X=y",
+                                  "--overwrite",
+                                  "--geometry",
+                                  "grid",
+                                  "--quality",
+                                  "exact"});
     CHECK(s.dem == "a.tif");
     CHECK(s.scene.platform.latlon->lon_deg == -117.3);
     CHECK(s.scene.platform.altitude_m == 7000 * 0.3048);
@@ -237,6 +361,12 @@ TEST_CASE("values reach the scene", "[options]") {
     CHECK(s.config == std::vector<std::pair<std::string, std::string>>{{"GDAL_X", "y"}});
     CHECK(s.scene.geometry == Geometry::grid);
     CHECK(s.scene.quality == Quality::exact);
+    // A flag does not swallow what stands behind it.
+    CHECK(parse_arguments(command_info, {"--json", "a.tif", "-q", "b.tif"}).files ==
+          std::vector<std::string>{"a.tif", "b.tif"});
+    CHECK_FALSE(simulated({"--overwrite=off"}).overwrite);
+    CHECK_THAT(refusal_of({"--overwrite=maybe"}), Contains("on or off"));
+    CHECK_THAT(refusal_of({"--overwrite", "--overwrite=off"}), Contains("given twice"));
 }
 
 TEST_CASE("a sector runs clockwise, through the back too, and the full circle is none", "[options]") {
@@ -244,7 +374,8 @@ TEST_CASE("a sector runs clockwise, through the back too, and the full circle is
     CHECK(back.scene.sector->to.deg() - back.scene.sector->from.deg() == Approx(20));
     CHECK_FALSE(simulated({"--sector", "-180deg,180deg"}).scene.sector);
     CHECK_FALSE(simulated({"--sector", "0,360deg"}).scene.sector);
-    for (const char* bad : {"10deg,10deg", "0,0", "-200deg,200deg", "0deg", "0deg,1deg,2deg", "a,b", "-45,45", "0deg,400deg", ""}) {
+    for (const char* bad :
+         {"10deg,10deg", "0,0", "-200deg,200deg", "0deg", "0deg,1deg,2deg", "a,b", "-45,45", "0deg,400deg", ""}) {
         INFO(bad);
         CHECK_THAT(refusal_of({"--sector", bad}), Contains("sector"));
     }
@@ -252,7 +383,8 @@ TEST_CASE("a sector runs clockwise, through the back too, and the full circle is
 
 TEST_CASE("the command line refuses what it cannot mean", "[options]") {
     CHECK_THAT(refusal_of({"--azimuth-bin", "5"}), Contains("did you mean --azimuth-bins?"));
-    CHECK_THAT(refusal_of({"--freq", "5GHz"}), Contains("unknown option '--freq'") && Contains("did you mean --frequency?"));
+    CHECK_THAT(refusal_of({"--freq", "5GHz"}),
+               Contains("unknown option '--freq'") && Contains("did you mean --frequency?"));
     CHECK_THAT(refusal_of({"--rain", "1"}), Contains("unknown option '--rain'"));
     CHECK_THAT(refusal_of({"-x"}), Contains("unknown option '-x'"));
     CHECK_THAT(refusal_of({"-overwrite"}), Contains("--overwrite"));
@@ -269,7 +401,8 @@ TEST_CASE("the command line refuses what it cannot mean", "[options]") {
     CHECK_THAT(refusal_of({"--latlon", "nan,0"}), Contains("LAT,LON"));
     CHECK_THAT(refusal_of({"--latlon", "33,9,-117,3"}), Contains("LAT,LON"));
     CHECK_THAT(refusal_of({"--latlon", "0,0", "--xy", "1,2"}), Contains("exactly one of latlon and xy"));
-    CHECK_THAT(refusal_of({"--altitude-msl", "1km", "--altitude-agl", "1km"}), Contains("altitude-msl, altitude-agl and altitude-hae"));
+    CHECK_THAT(refusal_of({"--altitude-msl", "1km", "--altitude-agl", "1km"}),
+               Contains("altitude-msl, altitude-agl and altitude-hae"));
     CHECK_THAT(refusal_of({"--dem", ""}), Contains("--dem is empty"));
     CHECK_THAT(refusal_of({"--material", "cheese"}), Contains("cheese") && Contains("soil"));
     CHECK_THAT(refusal_of({"--co", "COMPRESS"}), Contains("NAME=VALUE"));
@@ -282,15 +415,21 @@ TEST_CASE("the command line refuses what it cannot mean", "[options]") {
 }
 
 TEST_CASE("a complete scene has a terrain, one place, one altitude and a legend for its culture", "[options]") {
-    const auto incomplete = [](std::vector<std::string> arguments) { return refusal([&] { check_complete(simulated(arguments)); }); };
+    const auto incomplete = [](std::vector<std::string> arguments) {
+        return refusal([&] { check_complete(simulated(arguments)); });
+    };
     CHECK_NOTHROW(check_complete(simulated({"--dem", "a", "--xy", "0,0", "--altitude-agl", "1km"})));
     CHECK_THAT(incomplete({"--xy", "0,0", "--altitude-agl", "1km"}), Contains("dem"));
     CHECK_THAT(incomplete({"--dem", "a", "--altitude-agl", "1km"}), Contains("latlon and xy"));
     CHECK_THAT(incomplete({"--dem", "a", "--xy", "0,0"}), Contains("altitude-msl, altitude-agl and altitude-hae"));
     CHECK_THAT(incomplete({"--dem", "a", "--xy", "0,0", "--altitude-hae", "1km"}), Contains("geoid-offset"));
-    CHECK_THAT(incomplete({"--dem", "a", "--xy", "0,0", "--altitude-agl", "1km", "--culture", "c"}), Contains("culture-legend"));
-    CHECK_THAT(incomplete({"--dem", "a", "--xy", "0,0", "--altitude-agl", "1km", "--culture-legend", "nlcd"}), Contains("no culture"));
-    CHECK_THAT(incomplete({"--dem", "a", "--xy", "0,0", "--altitude-agl", "1km", "--range", "1km", "--range-start", "2km"}), Contains("range-start"));
+    CHECK_THAT(incomplete({"--dem", "a", "--xy", "0,0", "--altitude-agl", "1km", "--culture", "c"}),
+               Contains("culture-legend"));
+    CHECK_THAT(incomplete({"--dem", "a", "--xy", "0,0", "--altitude-agl", "1km", "--culture-legend", "nlcd"}),
+               Contains("no culture"));
+    CHECK_THAT(
+        incomplete({"--dem", "a", "--xy", "0,0", "--altitude-agl", "1km", "--range", "1km", "--range-start", "2km"}),
+        Contains("range-start"));
 }
 
 TEST_CASE("a scene file holds the same keys; the command line wins; paths start from the file", "[options]") {
@@ -320,7 +459,8 @@ TEST_CASE("a scene file holds the same keys; the command line wins; paths start 
     CHECK(s.overwrite);
     CHECK(s.creation.size() == 2);
 
-    const Settings over = simulated({"--range", "10nmi", file.path(), "--altitude-agl", "500m", "--xy", "1,2", "-o", "mine.png", "--overwrite=off", "--co", "C=3"});
+    const Settings over = simulated({"--range", "10nmi", file.path(), "--altitude-agl", "500m", "--xy", "1,2", "-o",
+                                     "mine.png", "--overwrite=off", "--co", "C=3"});
     CHECK(over.scene.range_m == 18520);
     CHECK(over.scene.platform.altitude_above == AltitudeAbove::ground);
     CHECK(over.scene.platform.altitude_m == 500);
@@ -333,7 +473,8 @@ TEST_CASE("a scene file holds the same keys; the command line wins; paths start 
 }
 
 TEST_CASE("a path that is no plain file stays as it is", "[options]") {
-    for (const char* path : {"/a/b.tif", "/vsicurl/https://x/y.tif", "NETCDF:\"a.nc\":v", "https://x/y.tif", "HDF5:a.h5://b"}) {
+    for (const char* path :
+         {"/a/b.tif", "/vsicurl/https://x/y.tif", "NETCDF:\"a.nc\":v", "https://x/y.tif", "HDF5:a.h5://b"}) {
         const Settings s = settings_from(read_scene("/folder/scene.ini", text("dem = ", path)), {});
         CHECK(s.dem == path);
     }
@@ -342,9 +483,12 @@ TEST_CASE("a path that is no plain file stays as it is", "[options]") {
 }
 
 TEST_CASE("a scene file is refused with the line that is wrong", "[options]") {
-    const auto wrong = [](const std::string& content) { return refusal([&] { settings_from(read_scene("s.ini", content), {}); }); };
+    const auto wrong = [](const std::string& content) {
+        return refusal([&] { settings_from(read_scene("s.ini", content), {}); });
+    };
     CHECK_THAT(wrong("\n\nrange 30nmi\n"), Contains("line 3") && Contains("key = value"));
-    CHECK_THAT(wrong("ranges = 30nmi"), Contains("line 1") && Contains("unknown key 'ranges'") && Contains("did you mean range?"));
+    CHECK_THAT(wrong("ranges = 30nmi"),
+               Contains("line 1") && Contains("unknown key 'ranges'") && Contains("did you mean range?"));
     CHECK_THAT(wrong("range = 30nmi\nrange = 20nmi"), Contains("line 2") && Contains("line 1"));
     CHECK_THAT(wrong("range ="), Contains("no value"));
     CHECK_THAT(wrong("range = 30"), Contains("line 1") && Contains("nmi"));
@@ -362,11 +506,52 @@ TEST_CASE("a scene file is refused with the line that is wrong", "[options]") {
 }
 
 TEST_CASE("all parameters survive the way through JSON to the bit", "[options]") {
-    const Settings s = simulated({"--dem", "a.tif", "--latlon", "33.923456789012345,-117.3", "--altitude-msl", "7001ft", "--heading", "12.34567deg",
-                                  "--sector", "-45.1deg,33.3deg", "--range", "31.7nmi", "--tilt", "0.1234rad", "--pulse", "2.4us", "--beam", "1.7deg",
-                                  "--earth", "1.21", "--mds", "-91.7dBm", "--transmit-power", "77dBm", "--gamma", "-13.7dB", "--stc-range", "5.3nmi",
-                                  "--seed", "18446744073709551615", "--memory", "777MB", "--co", "A=1", "--echo", "e.tif", "--azimuth-bins", "961",
-                                  "--antenna", "gaussian", "--geoid-offset", "-32.1m", "--sweep-delay", "1.23456789km", "--culture-height-scale", "0.1"});
+    const Settings s = simulated({"--dem",
+                                  "a.tif",
+                                  "--latlon",
+                                  "33.923456789012345,-117.3",
+                                  "--altitude-msl",
+                                  "7001ft",
+                                  "--heading",
+                                  "12.34567deg",
+                                  "--sector",
+                                  "-45.1deg,33.3deg",
+                                  "--range",
+                                  "31.7nmi",
+                                  "--tilt",
+                                  "0.1234rad",
+                                  "--pulse",
+                                  "2.4us",
+                                  "--beam",
+                                  "1.7deg",
+                                  "--earth",
+                                  "1.21",
+                                  "--mds",
+                                  "-91.7dBm",
+                                  "--transmit-power",
+                                  "77dBm",
+                                  "--gamma",
+                                  "-13.7dB",
+                                  "--stc-range",
+                                  "5.3nmi",
+                                  "--seed",
+                                  "18446744073709551615",
+                                  "--memory",
+                                  "777MB",
+                                  "--co",
+                                  "A=1",
+                                  "--echo",
+                                  "e.tif",
+                                  "--azimuth-bins",
+                                  "961",
+                                  "--antenna",
+                                  "gaussian",
+                                  "--geoid-offset",
+                                  "-32.1m",
+                                  "--sweep-delay",
+                                  "1.23456789km",
+                                  "--culture-height-scale",
+                                  "0.1"});
     const auto json = parameters_json(s, true);
     const Settings back = settings_from_json(nlohmann::ordered_json::parse(json.dump()));
     CHECK(parameters_json(back, true) == json);
@@ -383,6 +568,8 @@ TEST_CASE("all parameters survive the way through JSON to the bit", "[options]")
     CHECK(back.memory_bytes == s.memory_bytes);
     // No path, split or budget stands in the JSON that goes into the rasters.
     const auto scene = parameters_json(s, false);
-    for (const char* name : {"dem", "echo", "memory", "threads", "wedges", "co", "overwrite"}) CHECK_FALSE(scene.contains(name));
-    for (const char* name : {"latlon", "range", "frequency", "if-gain", "display", "bwe", "quality"}) CHECK(scene.contains(name));
+    for (const char* name : {"dem", "echo", "memory", "threads", "wedges", "co", "overwrite"})
+        CHECK_FALSE(scene.contains(name));
+    for (const char* name : {"latlon", "range", "frequency", "if-gain", "display", "bwe", "quality"})
+        CHECK(scene.contains(name));
 }

@@ -40,8 +40,11 @@ RunResult drawn_run(std::size_t wedges) {
 
 TEST_CASE("the report holds what the contract names", "[report]") {
     const RunResult run = drawn_run(3);
-    Settings settings = parse_arguments(command_simulate, {"--dem", "a.tif", "--latlon", "1,2", "--altitude-msl", "2km"});
-    const auto out = report_json(settings, run, {{"dem", "a.tif", 42, "WGS 84"}, {"culture", "/vsicurl/x", std::nullopt, ""}}, 0.5, {2, 1.5, 0.25, 1 << 20});
+    Settings settings =
+        parse_arguments(command_simulate, {"--dem", "a.tif", "--latlon", "1,2", "--altitude-msl", "2km"});
+    const auto out =
+        report_json(settings, run, {{"dem", "a.tif", 42, "WGS 84"}, {"culture", "/vsicurl/x", std::nullopt, ""}}, 0.5,
+                    {2, 1.5, 0.25, 1 << 20});
     CHECK(out["format"] == "wedgescope-report-1");
     CHECK(out["version"] == version());
     REQUIRE(out["wedges"].is_array());
@@ -55,7 +58,8 @@ TEST_CASE("the report holds what the contract names", "[report]") {
     for (const char* cause : {"range", "horizon", "hidden", "culture", "detail"}) {
         for (const char* what : {"posts", "tiles", "bytes"}) CHECK(out["skipped"][cause][what] == 0);
     }
-    CHECK(out["states"] == nlohmann::ordered_json::parse(R"({"no data":1,"shadow":2,"seen":3,"unknown":4,"outside":5})"));
+    CHECK(out["states"] ==
+          nlohmann::ordered_json::parse(R"({"no data":1,"shadow":2,"seen":3,"unknown":4,"outside":5})"));
     CHECK(out["reused"] == 0);
     CHECK(out["levels"].is_array());
     CHECK(out["inputs"][0]["bytes"] == 42);

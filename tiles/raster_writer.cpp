@@ -151,14 +151,16 @@ void write_bands(GDALDataset& dataset, const RasterContent& content, const std::
 }
 
 void write_geolocation(const GeolocationGrid& grid, const std::string& path, const std::string& final_path) {
-    // Behind the closing row of a full circle one row without places: else GDAL goes on past the end, over the first rows.
-    const std::int64_t rows = grid.rows + (grid.closed ? 1 : 0);
+    // Round a full circle one row without places in front and behind: else GDAL goes on past the ends, over the rows
+    // of the other end.
+    const std::int64_t margin = grid.closed ? 1 : 0, rows = grid.rows + 2 * margin;
     std::vector<double> x(static_cast<std::size_t>(grid.columns * rows), no_place), y = x;
     for (std::int64_t j = 0; j < grid.rows; ++j)
         for (std::int64_t i = 0; i < grid.columns; ++i) {
             const Place at = grid.place(static_cast<double>(i * grid.column_step), static_cast<double>(j * grid.row_step));
-            x[static_cast<std::size_t>(j * grid.columns + i)] = at.x;
-            y[static_cast<std::size_t>(j * grid.columns + i)] = at.y;
+            const auto node = static_cast<std::size_t>((j + margin) * grid.columns + i);
+            x[node] = at.x;
+            y[node] = at.y;
         }
     RasterContent content;
     content.columns = grid.columns;
@@ -190,7 +192,7 @@ CPLStringList geolocation_metadata(const GeolocationGrid& grid, const std::strin
     items.SetNameValue("Y_DATASET_RELATIVE_TO_SOURCE", "YES");
     items.SetNameValue("Y_BAND", "2");
     items.SetNameValue("PIXEL_OFFSET", "0");
-    items.SetNameValue("LINE_OFFSET", "0");
+    items.SetNameValue("LINE_OFFSET", text(grid.closed ? -grid.row_step : 0).c_str());
     items.SetNameValue("PIXEL_STEP", text(grid.column_step).c_str());
     items.SetNameValue("LINE_STEP", text(grid.row_step).c_str());
     items.SetNameValue("GEOREFERENCING_CONVENTION", "TOP_LEFT_CORNER");

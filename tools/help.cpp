@@ -1,14 +1,83 @@
+#include "tools/help.hpp"
+
+#include <sstream>
+
 #include "tools/commands.hpp"
-#include "tools/options.hpp"
 #include "tools/terminal.hpp"
 #include "tools/units.hpp"
 
 namespace wedgescope {
+namespace {
+
+std::string wrapped(const std::string& words, std::size_t indent, std::size_t width) {
+    std::istringstream in(words);
+    std::string word, out;
+    std::size_t column = indent;
+    while (in >> word) {
+        if (column > indent && column + 1 + word.size() > width) {
+            out += '\n';
+            out.append(indent, ' ');
+            column = indent;
+        } else if (column > indent) {
+            out += ' ';
+            ++column;
+        }
+        out += word;
+        column += word.size();
+    }
+    return out;
+}
+
+constexpr std::size_t page_width = 100;
+
+}  // namespace
+
+std::string help_text() {
+    std::string out = text("wedgescope ", version(),
+                           ": what an airborne ground-mapping radar sees over terrain and culture rasters\n\n");
+    out += "Usage: wedgescope COMMAND [options]\n\nCommands\n";
+    for (const CommandInfo& info : command_table()) out += fmt::format("  {:<10} {}\n", info.name, info.summary);
+    out +=
+        "\n'wedgescope help COMMAND' lists a command's options; 'wedgescope --version' names versions.\n\nExample\n  ";
+    out += command_table()[0].example;
+    return out + "\n";
+}
+
+std::string help_text(const CommandInfo& command) {
+    std::string out = text("Usage: ", command.usage, "\n\n", command.summary, "\n");
+    if (*command.details) out += text("\n", wrapped(command.details, 0, page_width), "\n");
+    std::optional<KeyGroup> group;
+    for (const Key& key : key_table()) {
+        if (!(key.commands & command.command)) continue;
+        if (group != key.group) out += text("\n", title(key.group), "\n");
+        group = key.group;
+        std::string head = key.letter ? fmt::format("  -{}, --{}", key.letter, key.name) : "  --" + key.name;
+        if (!key.value.empty()) head += " " + key.value;
+        constexpr std::size_t column = 36;
+        const bool fits = head.size() + 2 <= column;
+        out += head;
+        if (!fits) out += '\n';
+        out.append(fits ? column - head.size() : column, ' ');
+        std::string help = key.help;
+        if (!key.accepted.empty()) help += "; " + key.accepted;
+        if (!key.fallback.empty() && !key.value.empty()) help += " [" + key.fallback + "]";
+        out += wrapped(help, column, page_width) + "\n";
+    }
+    if (command.command == command_simulate) {
+        out += "\nUnits: a number with a dimension needs its unit (0 does not)\n";
+        for (const Dimension d : {Dimension::length, Dimension::time, Dimension::frequency, Dimension::power,
+                                  Dimension::level, Dimension::angle, Dimension::decibel, Dimension::bytes}) {
+            out += fmt::format("  {:<12}{}\n", value_word(d), unit_list(d));
+        }
+    }
+    return out + "\nExample\n  " + command.example + "\n";
+}
 
 void help(const std::vector<std::string>& arguments) {
     const Settings settings = parse_arguments(command_help, arguments);
     if (settings.help || settings.files.empty()) return print(help_text());
-    if (settings.files.size() > 1) throw InputError(text("help takes one command at most; found ", settings.files.size()));
+    if (settings.files.size() > 1)
+        throw InputError(text("help takes one command at most; found ", settings.files.size()));
     print(help_text(command_by_name(settings.files[0])));
 }
 

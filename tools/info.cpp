@@ -4,8 +4,10 @@
 #include "tiles/gdal_session.hpp"
 #include "tiles/raster.hpp"
 #include "tools/commands.hpp"
+#include "tools/help.hpp"
 #include "tools/options.hpp"
 #include "tools/report_json.hpp"
+#include "tools/scene_json.hpp"
 #include "tools/terminal.hpp"
 #include "tools/units.hpp"
 
@@ -46,8 +48,15 @@ std::uint64_t unknown_cells(const RasterFacts& facts) {
 
 json to_json(const RasterFacts& facts) {
     const RasterSummary& r = facts.summary;
-    json out{{"path", r.path},       {"kind", "raster"}, {"driver", r.driver}, {"data_type", r.data_type}, {"columns", r.columns}, {"rows", r.rows},
-             {"block_columns", r.block_columns}, {"block_rows", r.block_rows}, {"compression", r.compression}};
+    json out{{"path", r.path},
+             {"kind", "raster"},
+             {"driver", r.driver},
+             {"data_type", r.data_type},
+             {"columns", r.columns},
+             {"rows", r.rows},
+             {"block_columns", r.block_columns},
+             {"block_rows", r.block_rows},
+             {"compression", r.compression}};
     out["crs"] = r.has_crs ? json(r.crs_name) : json(nullptr);
     out["geographic"] = r.geographic;
     out["origin_x"] = r.origin_x;
@@ -68,9 +77,13 @@ json to_json(const RasterFacts& facts) {
     out["legend"] = facts.legend;
     out["codes"] = json::array();
     for (const CodeCount& c : facts.codes) {
-        out["codes"].push_back(json{{"code", c.code}, {"count", c.count}, {"material", c.material ? json(material_table()[*c.material].name) : json(nullptr)}});
+        out["codes"].push_back(
+            json{{"code", c.code},
+                 {"count", c.count},
+                 {"material", c.material ? json(material_table()[*c.material].name) : json(nullptr)}});
     }
-    out["unknown_codes"] = std::count_if(facts.codes.begin(), facts.codes.end(), [](const CodeCount& c) { return !c.material; });
+    out["unknown_codes"] =
+        std::count_if(facts.codes.begin(), facts.codes.end(), [](const CodeCount& c) { return !c.material; });
     out["unknown_cells"] = unknown_cells(facts);
     return out;
 }
@@ -82,27 +95,35 @@ std::string to_text(const RasterFacts& facts) {
     const std::uint64_t posts = static_cast<std::uint64_t>(r.columns) * static_cast<std::uint64_t>(r.rows);
     const double all = static_cast<double>(posts);
     std::string out = r.path + "\n";
-    out += row("format", text(r.driver, ", ", r.data_type, r.compression.empty() ? "" : ", ", r.compression, ", blocks of ", r.block_columns, " x ",
-                              r.block_rows));
-    out += row("posts", text(grouped(static_cast<std::uint64_t>(r.columns)), " columns x ", grouped(static_cast<std::uint64_t>(r.rows)), " rows = ", grouped(posts)));
-    out += row("CRS", r.has_crs ? r.crs_name + (r.geographic ? " (latitude, longitude)" : "") : "none (geometry grid only)");
+    out += row("format", text(r.driver, ", ", r.data_type, r.compression.empty() ? "" : ", ", r.compression,
+                              ", blocks of ", r.block_columns, " x ", r.block_rows));
+    out += row("posts", text(grouped(static_cast<std::uint64_t>(r.columns)), " columns x ",
+                             grouped(static_cast<std::uint64_t>(r.rows)), " rows = ", grouped(posts)));
+    out += row("CRS",
+               r.has_crs ? r.crs_name + (r.geographic ? " (latitude, longitude)" : "") : "none (geometry grid only)");
     out += row("corner", fmt::format("{:.10g}, {:.10g}", r.origin_x, r.origin_y));
     out += row("step", fmt::format("{:.10g}, {:.10g}", r.step_x, r.step_y));
-    if (r.has_crs) out += row("WGS84", fmt::format("latitude {:.5f} to {:.5f}, longitude {:.5f} to {:.5f}", r.south, r.north, r.west, r.east));
+    if (r.has_crs)
+        out += row("WGS84", fmt::format("latitude {:.5f} to {:.5f}, longitude {:.5f} to {:.5f}", r.south, r.north,
+                                        r.west, r.east));
     std::string voids = r.has_no_data ? fmt::format("no-data {:g}", r.no_data) : "no no-data value";
-    out += row("voids", fmt::format("{} posts ({:.3g} %), {}", grouped(r.void_posts), all > 0 ? 100 * static_cast<double>(r.void_posts) / all : 0, voids));
+    out += row("voids", fmt::format("{} posts ({:.3g} %), {}", grouped(r.void_posts),
+                                    all > 0 ? 100 * static_cast<double>(r.void_posts) / all : 0, voids));
     if (r.void_posts < posts) {
-        out += row("values", fmt::format("{:.10g} to {:.10g}, mean {:.4f}{}", r.lowest, r.highest, r.mean, r.unit.empty() ? "" : ", unit " + r.unit));
+        out += row("values", fmt::format("{:.10g} to {:.10g}, mean {:.4f}{}", r.lowest, r.highest, r.mean,
+                                         r.unit.empty() ? "" : ", unit " + r.unit));
     } else {
         out += row("values", "none: every post is void");
     }
     if (facts.legend.empty()) return out;
     out += row("codes", text(facts.codes.size(), " by legend ", facts.legend));
     for (const CodeCount& c : facts.codes) {
-        out += fmt::format("  {:>10}  {:>15} {:>8.3f} %  {}\n", c.code, grouped(c.count), all > 0 ? 100 * static_cast<double>(c.count) / all : 0,
+        out += fmt::format("  {:>10}  {:>15} {:>8.3f} %  {}\n", c.code, grouped(c.count),
+                           all > 0 ? 100 * static_cast<double>(c.count) / all : 0,
                            c.material ? material_table()[*c.material].name : "unknown");
     }
-    const auto unknown = std::count_if(facts.codes.begin(), facts.codes.end(), [](const CodeCount& c) { return !c.material; });
+    const auto unknown =
+        std::count_if(facts.codes.begin(), facts.codes.end(), [](const CodeCount& c) { return !c.material; });
     out += row("unknown", unknown == 0 ? "none" : text(unknown, " codes, ", grouped(unknown_cells(facts)), " cells"));
     return out;
 }
@@ -129,7 +150,8 @@ SceneFacts scene_facts(const std::string& path) {
     facts.resolved = resolve(facts.settings.scene, *source);
     facts.frame = frame(display_setting(facts.resolved));
     // Echo and its states; power, received power and states; picture and its states.
-    facts.image_bytes = facts.resolved.swept.cells() * (sizeof(float) + 1) + facts.resolved.shown.cells() * (2 * sizeof(float) + 1) +
+    facts.image_bytes = facts.resolved.swept.cells() * (sizeof(float) + 1) +
+                        facts.resolved.shown.cells() * (2 * sizeof(float) + 1) +
                         static_cast<std::uint64_t>(facts.frame.width * facts.frame.height) * 2;
     return facts;
 }
@@ -140,7 +162,9 @@ json to_json(const SceneFacts& facts) {
     json out{{"path", facts.path}, {"kind", "scene"}};
     out["scene"] = parameters_json(with_resolved(facts.settings, facts.resolved), true);
     out["scene"]["resolved"] = resolved_json(facts.resolved);
-    out["picture"] = json{{"width", facts.frame.width}, {"height", facts.frame.height}, {"metres_per_pixel", facts.frame.metres_per_pixel}};
+    out["picture"] = json{{"width", facts.frame.width},
+                          {"height", facts.frame.height},
+                          {"metres_per_pixel", facts.frame.metres_per_pixel}};
     out["pulse_extent_m"] = facts.resolved.scene.radar.pulse_extent_m();
     out["noise_dbm"] = noise_dbm(facts.resolved);
     out["image_bytes"] = facts.image_bytes;
@@ -153,26 +177,36 @@ std::string to_text(const SceneFacts& facts) {
     std::string out = facts.path + "\n";
     out += row("terrain", text(facts.settings.dem, ", ", facts.columns, " x ", facts.rows, " posts"));
     if (r.has_lat_lon) out += row("position", fmt::format("latitude {:.6f}, longitude {:.6f}", r.lat_deg, r.lon_deg));
-    out += row(r.has_lat_lon ? "" : "position", fmt::format("x {:.3f}, y {:.3f}; column {:.3f}, row {:.3f}{}", r.x, r.y, r.nadir.column, r.nadir.row,
-                                                            r.nadir_in_raster ? "" : " (outside the raster)"));
-    out += row("height", fmt::format("{:.1f} m above sea level, {}", r.sensor_m,
-                                     r.nadir_on_data ? fmt::format("{:.1f} m above the terrain", r.sensor_m - r.reference_m)
-                                                     : std::string(r.nadir_in_raster ? "over a void" : "no terrain below")));
-    out += row("geometry", text(word(r.geometry), ", earth ", r.earth.inverse_radius() > 0 ? fmt::format("{:.1f} km", 1e-3 / r.earth.inverse_radius()) : std::string("flat")));
-    out += row("heading", fmt::format("{:.6g}deg, sector {}", s.platform.heading.deg(),
-                                      s.sector ? fmt::format("{:.6g}deg to {:.6g}deg", s.sector->from.deg(), s.sector->to.deg()) : std::string("full circle")));
-    out += row("range", fmt::format("{:.1f} to {:.1f} m ({:.2f} nmi) slant", s.range_start_m, s.range_m.value_or(0), s.range_m.value_or(0) / 1852));
-    out += row("bins", fmt::format("{} azimuths of {} in the circle, {} ranges of {:.4f} m; swept {} x {} with the beam's skirt and the pulse's lead-in",
-                                   r.shown.azimuth_count(), r.shown.circle_bins, r.shown.range_count(), r.shown.range_bin_m, r.swept.azimuth_count(),
-                                   r.swept.range_count()));
-    out += row("beam", fmt::format("{:.6g}deg = {:.2f} bins; pulse {:.6g} us = {:.2f} m = {:.2f} bins", s.radar.antenna.beam.deg(),
-                                   s.radar.antenna.beam.rad() / r.shown.azimuth_step_rad(), s.radar.pulse_s * 1e6, s.radar.pulse_extent_m(),
+    out += row(r.has_lat_lon ? "" : "position",
+               fmt::format("x {:.3f}, y {:.3f}; column {:.3f}, row {:.3f}{}", r.x, r.y, r.nadir.column, r.nadir.row,
+                           r.nadir_in_raster ? "" : " (outside the raster)"));
+    out += row("height",
+               fmt::format("{:.1f} m above sea level, {}", r.sensor_m,
+                           r.nadir_on_data ? fmt::format("{:.1f} m above the terrain", r.sensor_m - r.reference_m)
+                                           : std::string(r.nadir_in_raster ? "over a void" : "no terrain below")));
+    out += row("geometry", text(word(r.geometry), ", earth ",
+                                r.earth.inverse_radius() > 0 ? fmt::format("{:.1f} km", 1e-3 / r.earth.inverse_radius())
+                                                             : std::string("flat")));
+    out += row("heading",
+               fmt::format("{:.6g}deg, sector {}", s.platform.heading.deg(),
+                           s.sector ? fmt::format("{:.6g}deg to {:.6g}deg", s.sector->from.deg(), s.sector->to.deg())
+                                    : std::string("full circle")));
+    out += row("range", fmt::format("{:.1f} to {:.1f} m ({:.2f} nmi) slant", s.range_start_m, s.range_m.value_or(0),
+                                    s.range_m.value_or(0) / 1852));
+    out += row("bins", fmt::format("{} azimuths of {} in the circle, {} ranges of {:.4f} m; swept {} x {} with the "
+                                   "beam's skirt and the pulse's lead-in",
+                                   r.shown.azimuth_count(), r.shown.circle_bins, r.shown.range_count(),
+                                   r.shown.range_bin_m, r.swept.azimuth_count(), r.swept.range_count()));
+    out += row("beam", fmt::format("{:.6g}deg = {:.2f} bins; pulse {:.6g} us = {:.2f} m = {:.2f} bins",
+                                   s.radar.antenna.beam.deg(), s.radar.antenna.beam.rad() / r.shown.azimuth_step_rad(),
+                                   s.radar.pulse_s * 1e6, s.radar.pulse_extent_m(),
                                    s.radar.pulse_extent_m() / r.shown.range_bin_m));
     out += row("noise", fmt::format("{:.3f} dBm in {:.6g} MHz", noise_dbm(r), s.radar.noise_bandwidth_hz() * 1e-6));
-    out += row("picture", fmt::format("{} x {} pixels of {:.2f} m, {}, {} up", facts.frame.width, facts.frame.height, facts.frame.metres_per_pixel,
-                                      word(s.display.kind), word(s.display.orientation)));
-    out += row("memory", fmt::format("{} for the images, budget {}", readable_bytes(static_cast<double>(facts.image_bytes)),
-                                     readable_bytes(static_cast<double>(facts.settings.memory_bytes))));
+    out += row("picture", fmt::format("{} x {} pixels of {:.2f} m, {}, {} up", facts.frame.width, facts.frame.height,
+                                      facts.frame.metres_per_pixel, word(s.display.kind), word(s.display.orientation)));
+    out += row("memory",
+               fmt::format("{} for the images, budget {}", readable_bytes(static_cast<double>(facts.image_bytes)),
+                           readable_bytes(static_cast<double>(facts.settings.memory_bytes))));
     return out;
 }
 

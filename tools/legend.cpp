@@ -49,7 +49,8 @@ private:
 
 std::pair<Descriptor, Descriptor> make_pipe() {
     int ends[2];
-    if (::pipe2(ends, O_CLOEXEC) != 0) throw IoError(text("cannot make a pipe to ", helper_name, ": ", std::strerror(errno)));
+    if (::pipe2(ends, O_CLOEXEC) != 0)
+        throw IoError(text("cannot make a pipe to ", helper_name, ": ", std::strerror(errno)));
     return {Descriptor(ends[0]), Descriptor(ends[1])};
 }
 
@@ -72,7 +73,8 @@ std::string answer_of(const std::string& helper, const std::string& input) {
     output_write.close();
 
     // The helper reads all its input before it writes. Should it die early, the write fails instead of killing us.
-    struct sigaction ignore {}, before {};
+    struct sigaction ignore {
+    }, before{};
     ignore.sa_handler = SIG_IGN;
     ::sigaction(SIGPIPE, &ignore, &before);
     for (std::size_t done = 0; done < input.size();) {
@@ -94,8 +96,10 @@ std::string answer_of(const std::string& helper, const std::string& input) {
     while (::waitpid(child, &status, 0) < 0 && errno == EINTR) {
     }
     if (!WIFEXITED(status) || WEXITSTATUS(status) != 0) {
-        const std::string how = WIFEXITED(status) ? text(" with exit code ", WEXITSTATUS(status)) : text(" by signal ", WTERMSIG(status));
-        throw IoError(text("legend: ", in_quotes(helper), " failed", how, answer.empty() || answer.starts_with("P5") ? "" : ": " + answer.substr(0, 300)));
+        const std::string how =
+            WIFEXITED(status) ? text(" with exit code ", WEXITSTATUS(status)) : text(" by signal ", WTERMSIG(status));
+        throw IoError(text("legend: ", in_quotes(helper), " failed", how,
+                           answer.empty() || answer.starts_with("P5") ? "" : ": " + answer.substr(0, 300)));
     }
     return answer;
 }
@@ -140,10 +144,14 @@ std::string position(double value, char positive, char negative) {
 
 std::string display_name(DisplayKind kind) {
     switch (kind) {
-        case DisplayKind::gpi: return "GPI";
-        case DisplayKind::gpi_true: return "GPI (true)";
-        case DisplayKind::ppi: return "PPI";
-        case DisplayKind::tdppi: return "Time-delayed PPI";
+        case DisplayKind::gpi:
+            return "GPI";
+        case DisplayKind::gpi_true:
+            return "GPI (true)";
+        case DisplayKind::ppi:
+            return "PPI";
+        case DisplayKind::tdppi:
+            return "Time-delayed PPI";
     }
     return "";
 }
@@ -155,8 +163,12 @@ nlohmann::ordered_json legend_text(const Settings& settings, const ResolvedScene
     const RadarParams& radar = s.radar;
     const ReceiverParams& receiver = s.receiver;
     json sections = json::array();
-    const auto section = [&](const char* title) { sections.push_back(json{{"title", title}, {"lines", json::array()}}); };
-    const auto line = [&](const std::string& label, const std::string& value) { sections.back()["lines"].push_back(json::array({label, value})); };
+    const auto section = [&](const char* title) {
+        sections.push_back(json{{"title", title}, {"lines", json::array()}});
+    };
+    const auto line = [&](const std::string& label, const std::string& value) {
+        sections.back()["lines"].push_back(json::array({label, value}));
+    };
 
     section("SENSOR");
     if (r.has_lat_lon) {
@@ -167,17 +179,21 @@ nlohmann::ordered_json legend_text(const Settings& settings, const ResolvedScene
         line("y", trimmed_number(r.y, 1));
     }
     line("Altitude MSL", fmt::format("{:.0f} m  {:.0f} ft", r.sensor_m, r.sensor_m / 0.3048));
-    if (r.nadir_on_data) line("Above ground", fmt::format("{:.0f} m  {:.0f} ft", r.sensor_m - r.reference_m, (r.sensor_m - r.reference_m) / 0.3048));
+    if (r.nadir_on_data)
+        line("Above ground",
+             fmt::format("{:.0f} m  {:.0f} ft", r.sensor_m - r.reference_m, (r.sensor_m - r.reference_m) / 0.3048));
     line("Heading", degrees(s.platform.heading));
     line("Sector", s.sector ? trimmed_number(s.sector->from.deg(), 2) + " to " + degrees(s.sector->to) : "full circle");
 
     section("SCOPE");
     line("Slant range", nautical_miles(s.range_m.value_or(0)));
     if (!picture.ring_range_m.empty()) {
-        const double step = picture.ring_range_m.size() > 1 ? picture.ring_range_m[1] - picture.ring_range_m[0] : picture.ring_range_m[0];
+        const double step = picture.ring_range_m.size() > 1 ? picture.ring_range_m[1] - picture.ring_range_m[0]
+                                                            : picture.ring_range_m[0];
         line("Range rings", "every " + nautical_miles(step));
         std::string values;
-        for (const double ring : picture.ring_range_m) values += (values.empty() ? "" : "  ") + trimmed_number(ring / 1852, 2);
+        for (const double ring : picture.ring_range_m)
+            values += (values.empty() ? "" : "  ") + trimmed_number(ring / 1852, 2);
         line("", values);
     }
     line("Up", s.display.orientation == Orientation::north ? "north" : "heading");
@@ -185,7 +201,8 @@ nlohmann::ordered_json legend_text(const Settings& settings, const ResolvedScene
 
     section("RADAR");
     line("Frequency", trimmed_number(radar.frequency_hz * 1e-9, 3) + " GHz");
-    line("Peak power", radar.transmit_power_w >= 1e3 ? trimmed_number(radar.transmit_power_w * 1e-3, 2) + " kW" : trimmed_number(radar.transmit_power_w, 3) + " W");
+    line("Peak power", radar.transmit_power_w >= 1e3 ? trimmed_number(radar.transmit_power_w * 1e-3, 2) + " kW"
+                                                     : trimmed_number(radar.transmit_power_w, 3) + " W");
     line("Antenna gain", trimmed_number(radar.gain.db(), 1) + " dB");
     line("Pulse", trimmed_number(radar.pulse_s * 1e6, 3) + " us  " + trimmed_number(radar.pulse_extent_m(), 0) + " m");
     line("Beam", degrees(radar.antenna.beam));
@@ -194,10 +211,12 @@ nlohmann::ordered_json legend_text(const Settings& settings, const ResolvedScene
     section("RECEIVER");
     line("IF gain", trimmed_number(receiver.if_gain.db(), 1) + " dB");
     line("Video gain", trimmed_number(receiver.video_gain.db(), 1) + " dB");
-    if (receiver.stc_range_m) line("STC", nautical_miles(*receiver.stc_range_m) + "  n " + trimmed_number(receiver.stc_exponent, 1));
+    if (receiver.stc_range_m)
+        line("STC", nautical_miles(*receiver.stc_range_m) + "  n " + trimmed_number(receiver.stc_exponent, 1));
     const double mds = Receiver(receiver, radar).mds_dbm();
     line("MDS", trimmed_number(mds, 1) + " dBm");
-    if (receiver.speckle_looks > 0) line("Speckle", text(receiver.speckle_looks, receiver.speckle_looks == 1 ? " look" : " looks"));
+    if (receiver.speckle_looks > 0)
+        line("Speckle", text(receiver.speckle_looks, receiver.speckle_looks == 1 ? " look" : " looks"));
     if (receiver.noise) line("Noise", "fluctuating");
 
     section("DATA BASE");
@@ -212,7 +231,8 @@ nlohmann::ordered_json legend_text(const Settings& settings, const ResolvedScene
 
     // What received power is black and white (physics 2.4): v_if = (P - MDS + G_if - 64) / D, times the video gain.
     const double black_dbm = mds + 64 - receiver.if_gain.db();
-    const double white_dbm = black_dbm + receiver.dynamic_range.db() / std::pow(10.0, (receiver.video_gain.db() - 4) / 20);
+    const double white_dbm =
+        black_dbm + receiver.dynamic_range.db() / std::pow(10.0, (receiver.video_gain.db() - 4) / 20);
     json out;
     out["width"] = picture.frame.width;
     out["height"] = picture.frame.height;
@@ -226,10 +246,12 @@ nlohmann::ordered_json legend_text(const Settings& settings, const ResolvedScene
 }
 
 /// A picture with the panel's columns behind its own, or its rows below.
-void append(std::vector<std::uint8_t>& image, std::int64_t width, std::int64_t height, bool right, const Panel& panel, const std::uint8_t* blank) {
+void append(std::vector<std::uint8_t>& image, std::int64_t width, std::int64_t height, bool right, const Panel& panel,
+            const std::uint8_t* blank) {
     const auto panel_row = [&](std::int64_t row) {
         return blank ? std::string(static_cast<std::size_t>(panel.width), static_cast<char>(*blank))
-                     : std::string(panel.grey.substr(static_cast<std::size_t>(row * panel.width), static_cast<std::size_t>(panel.width)));
+                     : std::string(panel.grey.substr(static_cast<std::size_t>(row * panel.width),
+                                                     static_cast<std::size_t>(panel.width)));
     };
     std::vector<std::uint8_t> out;
     out.reserve(image.size() + panel.grey.size());
@@ -264,16 +286,19 @@ std::string find_picture_helper() {
             rest.remove_prefix(colon == std::string_view::npos ? rest.size() : colon + 1);
         }
     }
-    throw IoError(text("legend on needs the program ", helper_name, ", which is neither beside ", in_quotes(self.string()), " nor in PATH"));
+    throw IoError(text("legend on needs the program ", helper_name, ", which is neither beside ",
+                       in_quotes(self.string()), " nor in PATH"));
 }
 
 void add_legend(const std::string& helper, const Settings& settings, const ResolvedScene& scene, Picture& picture) {
-    const std::string input = legend_text(settings, scene, picture).dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
+    const std::string input =
+        legend_text(settings, scene, picture).dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
     const std::string pgm = answer_of(helper, input);
     const Panel panel = read_panel(helper, pgm);
     Frame& frame = picture.frame;
     const bool right = panel.height == frame.height;
-    if (!right && panel.width != frame.width) throw IoError(text("legend: ", in_quotes(helper), " gave a panel of another size back"));
+    if (!right && panel.width != frame.width)
+        throw IoError(text("legend: ", in_quotes(helper), " gave a panel of another size back"));
     const auto outside = static_cast<std::uint8_t>(State::outside);
     append(picture.grey, frame.width, frame.height, right, panel, nullptr);
     append(picture.state, frame.width, frame.height, right, panel, &outside);

@@ -36,7 +36,8 @@ void catch_signals() {
 }
 
 std::string versions() {
-    return fmt::format("wedgescope {}\nGDAL {}\noneTBB {}\n", wedgescope::version(), wedgescope::GdalSession::gdal_version(), TBB_runtime_version());
+    return fmt::format("wedgescope {}\nGDAL {}\noneTBB {}\n", wedgescope::version(),
+                       wedgescope::GdalSession::gdal_version(), TBB_runtime_version());
 }
 
 void run_command(const std::vector<std::string>& words) {
@@ -46,11 +47,16 @@ void run_command(const std::vector<std::string>& words) {
     const std::vector<std::string> rest(words.begin() + 1, words.end());
     if (name == "--version" || name == "-V") return print(versions());
     if (name == "--help" || name == "-h") return help(rest);
-    if (name.starts_with('-')) throw InputError(text("found option ", in_quotes(name), " where a command is needed (wedgescope help lists them)"));
+    if (name.starts_with('-'))
+        throw InputError(
+            text("found option ", in_quotes(name), " where a command is needed (wedgescope help lists them)"));
     switch (command_by_name(name).command) {
-        case command_simulate: return simulate(rest, stop);
-        case command_info: return info(rest, stop);
-        case command_help: return help(rest);
+        case command_simulate:
+            return simulate(rest, stop);
+        case command_info:
+            return info(rest, stop);
+        case command_help:
+            return help(rest);
     }
 }
 

@@ -54,7 +54,8 @@ public:
             fill(x + i, y, 1, height, 255 * static_cast<float>(i) / static_cast<float>(std::max(1, width - 1)));
         }
     }
-    void write(const std::string& words, int x, int baseline, int size, const std::string& font, float grey, bool right = false) {
+    void write(const std::string& words, int x, int baseline, int size, const std::string& font, float grey,
+               bool right = false) {
         if (words.empty()) return;
         // render_text needs the colour of every channel; it knows alignment on the baseline.
         const float colour[] = {grey / 255};
@@ -67,7 +68,8 @@ public:
     std::pair<int, int> size() const { return {buffer_.spec().width, buffer_.spec().height}; }
     std::vector<unsigned char> pixels() const {
         std::vector<unsigned char> out(buffer_.spec().image_pixels());
-        if (!buffer_.get_pixels(buffer_.roi(), oiio::TypeDesc::UINT8, out.data())) throw std::runtime_error(buffer_.geterror());
+        if (!buffer_.get_pixels(buffer_.roi(), oiio::TypeDesc::UINT8, out.data()))
+            throw std::runtime_error(buffer_.geterror());
         return out;
     }
 
@@ -119,12 +121,15 @@ struct Type {
 
 /// Wide enough for the longest line, label and value a space apart.
 int column_width(const Legend& legend, const Type& type, const Fonts& fonts) {
-    int width = std::max(text_width(legend.title, type.title(), fonts.bold), text_width(legend.scale_title, type.small(), fonts.bold));
-    width = std::max(width, text_width(legend.black, type.letter, fonts.regular) + text_width(legend.white, type.letter, fonts.regular) + 2 * type.letter);
+    int width = std::max(text_width(legend.title, type.title(), fonts.bold),
+                         text_width(legend.scale_title, type.small(), fonts.bold));
+    width = std::max(width, text_width(legend.black, type.letter, fonts.regular) +
+                                text_width(legend.white, type.letter, fonts.regular) + 2 * type.letter);
     for (const Section& section : legend.sections) {
         for (const auto& [label, value] : section.lines) {
             const int gap = label.empty() ? 0 : static_cast<int>(1.5 * type.letter);
-            width = std::max(width, text_width(label, type.letter, fonts.regular) + gap + text_width(value, type.letter, fonts.regular));
+            width = std::max(width, text_width(label, type.letter, fonts.regular) + gap +
+                                        text_width(value, type.letter, fonts.regular));
         }
     }
     return width;
@@ -132,11 +137,13 @@ int column_width(const Legend& legend, const Type& type, const Fonts& fonts) {
 
 int draw_head(Canvas& canvas, const Legend& legend, const Type& type, const Fonts& fonts, int x, int y) {
     canvas.write(legend.title, x, y + type.title(), type.title(), fonts.bold, title_grey);
-    canvas.write(legend.subtitle, x, y + type.title() + static_cast<int>(std::lround(1.6 * type.small())), type.small(), fonts.regular, label_grey);
+    canvas.write(legend.subtitle, x, y + type.title() + static_cast<int>(std::lround(1.6 * type.small())), type.small(),
+                 fonts.regular, label_grey);
     return y + type.head();
 }
 
-int draw_section(Canvas& canvas, const Section& section, const Type& type, const Fonts& fonts, int x, int y, int width) {
+int draw_section(Canvas& canvas, const Section& section, const Type& type, const Fonts& fonts, int x, int y,
+                 int width) {
     y += type.gap();
     canvas.write(section.title, x, y + type.letter, type.small(), fonts.bold, label_grey);
     const int after = x + text_width(section.title, type.small(), fonts.bold) + type.gap();
@@ -218,7 +225,8 @@ Canvas draw(const Legend& legend) {
     }
     // Or below it, as large as the width allows.
     for (int letter = std::clamp(legend.width / 48, 10, 20); letter > 7; --letter) {
-        if (column_width(legend, Type{letter}, fonts) + 2 * Type{letter}.margin() <= legend.width) return draw_below(legend, Type{letter}, fonts);
+        if (column_width(legend, Type{letter}, fonts) + 2 * Type{letter}.margin() <= legend.width)
+            return draw_below(legend, Type{letter}, fonts);
     }
     return draw_below(legend, Type{7}, fonts);
 }
@@ -233,13 +241,15 @@ int main(int count, char** arguments) {
     try {
         const std::string input{std::istreambuf_iterator<char>(std::cin), {}};
         const Legend legend = read_legend(json::parse(input));
-        if (legend.width < 1 || legend.height < 1 || legend.width > 100000 || legend.height > 100000) throw std::runtime_error("size out of bounds");
+        if (legend.width < 1 || legend.height < 1 || legend.width > 100000 || legend.height > 100000)
+            throw std::runtime_error("size out of bounds");
         oiio::attribute("threads", 1);
         const Canvas canvas = draw(legend);
         const auto pixels = canvas.pixels();
         const auto size = canvas.size();
         std::printf("P5\n%d %d\n255\n", size.first, size.second);
-        const bool whole = std::fwrite(pixels.data(), 1, pixels.size(), stdout) == pixels.size() && std::fflush(stdout) == 0;
+        const bool whole =
+            std::fwrite(pixels.data(), 1, pixels.size(), stdout) == pixels.size() && std::fflush(stdout) == 0;
         if (!whole) throw std::runtime_error("cannot write the panel");
         return 0;
     } catch (const std::exception& e) {

@@ -7,7 +7,7 @@
 #include <chrono>
 #include <fstream>
 
-#include "tools/options.hpp"
+#include "tools/scene_json.hpp"
 #include "tools/terminal.hpp"
 
 namespace wedgescope {
@@ -81,8 +81,8 @@ std::string crs_name(const std::string& wkt) {
     return close == std::string::npos ? "" : wkt.substr(open + 1, close - open - 1);
 }
 
-nlohmann::ordered_json report_json(const Settings& settings, const RunResult& run, const std::vector<InputFile>& inputs, double write_s,
-                                   const Usage& usage) {
+nlohmann::ordered_json report_json(const Settings& settings, const RunResult& run, const std::vector<InputFile>& inputs,
+                                   double write_s, const Usage& usage) {
     using json = nlohmann::ordered_json;
     const RunReport& report = run.report;
     json out;
@@ -116,7 +116,9 @@ nlohmann::ordered_json report_json(const Settings& settings, const RunResult& ru
     };
     out["wedges"] = json::array();
     for (const WedgeReport& wedge : report.wedges) {
-        json entry{{"wedge", wedge.index}, {"azimuth_bin_begin", wedge.azimuth_bins.begin}, {"azimuth_bin_end", wedge.azimuth_bins.end}};
+        json entry{{"wedge", wedge.index},
+                   {"azimuth_bin_begin", wedge.azimuth_bins.begin},
+                   {"azimuth_bin_end", wedge.azimuth_bins.end}};
         entry.update(facts(wedge));
         out["wedges"].push_back(entry);
     }
@@ -127,10 +129,11 @@ nlohmann::ordered_json report_json(const Settings& settings, const RunResult& ru
         out["skipped"][cause] = json{{"posts", 0}, {"tiles", 0}, {"bytes", 0}};
     }
     out["states"] = json::object();
-    for (std::size_t code = 0; code < report.states.size(); ++code) out["states"][state_names[code]] = report.states[code];
+    for (std::size_t code = 0; code < report.states.size(); ++code)
+        out["states"][state_names[code]] = report.states[code];
     out["reused"] = 0;
     out["levels"] = json::array();
-    out["stages_wall_s"] = json{{"survey", report.survey_s}, {"merge", report.merge_s},     {"beam", report.beam_s},
+    out["stages_wall_s"] = json{{"survey", report.survey_s},     {"merge", report.merge_s},     {"beam", report.beam_s},
                                 {"receiver", report.receiver_s}, {"display", report.display_s}, {"write", write_s}};
     out["wall_s"] = usage.wall_s;
     out["user_s"] = usage.user_s;
@@ -142,21 +145,25 @@ nlohmann::ordered_json report_json(const Settings& settings, const RunResult& ru
 }
 
 std::string report_table(const RunReport& report, double write_s, const Usage& usage, std::size_t most_rows) {
-    std::string out = fmt::format("{:>6} {:>13} {:>8} {:>8} {:>8} {:>8} {:>8} {:>10} {:>10} {:>10} {:>10}\n", "wedge", "azimuth bins", "load s",
-                                  "sample s", "sweep s", "shade s", "depos. s", "Mposts", "MiB read", "Msamples", "peak MiB");
+    std::string out = fmt::format("{:>6} {:>13} {:>8} {:>8} {:>8} {:>8} {:>8} {:>10} {:>10} {:>10} {:>10}\n", "wedge",
+                                  "azimuth bins", "load s", "sample s", "sweep s", "shade s", "depos. s", "Mposts",
+                                  "MiB read", "Msamples", "peak MiB");
     const auto row = [&](const std::string& name, const std::string& bins, const WedgeReport& w) {
-        out += fmt::format("{:>6} {:>13} {:>8.3f} {:>8.3f} {:>8.3f} {:>8.3f} {:>8.3f} {:>10.3f} {:>10.2f} {:>10.3f} {:>10.2f}\n", name, bins, w.load_s,
-                           w.sample_s, w.sweep_s, w.shade_s, w.deposit_s, static_cast<double>(w.posts_read) * 1e-6,
-                           static_cast<double>(w.bytes_read) / 1048576.0, static_cast<double>(w.samples) * 1e-6,
-                           static_cast<double>(w.peak_bytes) / 1048576.0);
+        out += fmt::format(
+            "{:>6} {:>13} {:>8.3f} {:>8.3f} {:>8.3f} {:>8.3f} {:>8.3f} {:>10.3f} {:>10.2f} {:>10.3f} {:>10.2f}\n", name,
+            bins, w.load_s, w.sample_s, w.sweep_s, w.shade_s, w.deposit_s, static_cast<double>(w.posts_read) * 1e-6,
+            static_cast<double>(w.bytes_read) / 1048576.0, static_cast<double>(w.samples) * 1e-6,
+            static_cast<double>(w.peak_bytes) / 1048576.0);
     };
     const auto& wedges = report.wedges;
     const std::size_t shown = wedges.size() <= most_rows ? wedges.size() : most_rows - 1;
     for (std::size_t i = 0; i < shown; ++i) {
-        row(std::to_string(wedges[i].index), fmt::format("{}..{}", wedges[i].azimuth_bins.begin, wedges[i].azimuth_bins.end - 1), wedges[i]);
+        row(std::to_string(wedges[i].index),
+            fmt::format("{}..{}", wedges[i].azimuth_bins.begin, wedges[i].azimuth_bins.end - 1), wedges[i]);
     }
     if (shown < wedges.size()) {
-        row("rest", fmt::format("{} wedges", wedges.size() - shown), sum(wedges.begin() + static_cast<std::ptrdiff_t>(shown), wedges.end()));
+        row("rest", fmt::format("{} wedges", wedges.size() - shown),
+            sum(wedges.begin() + static_cast<std::ptrdiff_t>(shown), wedges.end()));
     }
     const WedgeReport total = sum(wedges.begin(), wedges.end());
     row("all", "", total);
@@ -164,8 +171,12 @@ std::string report_table(const RunReport& report, double write_s, const Usage& u
     // Shares: CPU seconds of the wedges' stages, wall seconds of what comes before and after them.
     std::vector<std::pair<std::string, double>> parts;
     for (const Stage& stage : stages) parts.emplace_back(stage.name, total.*stage.seconds);
-    for (const auto& [name, s] : {std::pair<const char*, double>{"survey", report.survey_s}, {"merge", report.merge_s}, {"beam", report.beam_s},
-                                  {"receiver", report.receiver_s}, {"display", report.display_s}, {"write", write_s}}) {
+    for (const auto& [name, s] : {std::pair<const char*, double>{"survey", report.survey_s},
+                                  {"merge", report.merge_s},
+                                  {"beam", report.beam_s},
+                                  {"receiver", report.receiver_s},
+                                  {"display", report.display_s},
+                                  {"write", write_s}}) {
         parts.emplace_back(name, s);
     }
     double all = 0;
@@ -176,11 +187,14 @@ std::string report_table(const RunReport& report, double write_s, const Usage& u
     for (const auto count : report.states) cells += count;
     out += "\nstates";
     for (std::size_t code = 0; code < report.states.size(); ++code) {
-        out += fmt::format(" {} {:.1f} %", state_names[code], cells ? 100.0 * static_cast<double>(report.states[code]) / static_cast<double>(cells) : 0.0);
+        out += fmt::format(" {} {:.1f} %", state_names[code],
+                           cells ? 100.0 * static_cast<double>(report.states[code]) / static_cast<double>(cells) : 0.0);
     }
-    out += fmt::format("\nwall {:.2f} s, user {:.2f} s, system {:.2f} s, {} threads; peak {} resident, {} of the memory budget held\n", usage.wall_s,
-                       usage.user_s, usage.system_s, report.threads, readable_bytes(static_cast<double>(usage.peak_rss_bytes)),
-                       readable_bytes(static_cast<double>(report.peak_budget_bytes)));
+    out += fmt::format(
+        "\nwall {:.2f} s, user {:.2f} s, system {:.2f} s, {} threads; peak {} resident, {} of the memory budget held\n",
+        usage.wall_s, usage.user_s, usage.system_s, report.threads,
+        readable_bytes(static_cast<double>(usage.peak_rss_bytes)),
+        readable_bytes(static_cast<double>(report.peak_budget_bytes)));
     return out;
 }
 

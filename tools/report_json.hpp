@@ -25,8 +25,8 @@ struct Usage {
 Usage usage_since(double start_s);
 double now_s();
 
-nlohmann::ordered_json report_json(const Settings& settings, const RunResult& run, const std::vector<InputFile>& inputs, double write_s,
-                                   const Usage& usage);
+nlohmann::ordered_json report_json(const Settings& settings, const RunResult& run, const std::vector<InputFile>& inputs,
+                                   double write_s, const Usage& usage);
 
 /// Rows per wedge (at most `most_rows`, the rest summed in one), totals, share of time by stage.
 std::string report_table(const RunReport& report, double write_s, const Usage& usage, std::size_t most_rows = 40);

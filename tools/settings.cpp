@@ -18,8 +18,9 @@ std::optional<Legend> legend(const Settings& settings) {
     if (auto built_in = Legend::built_in(name)) return built_in;
     std::ifstream file(name, std::ios::binary);
     if (!file) {
-        throw IoError(text("culture-legend ", in_quotes(name), " is none of fbfm40, nlcd, worldcover, smc and cannot be opened as a CSV file: ",
-                           std::strerror(errno)));
+        throw IoError(text(
+            "culture-legend ", in_quotes(name),
+            " is none of fbfm40, nlcd, worldcover, smc and cannot be opened as a CSV file: ", std::strerror(errno)));
     }
     std::ostringstream content;
     content << file.rdbuf();

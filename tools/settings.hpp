@@ -22,22 +22,22 @@ struct Settings {
 
     std::string dem, culture, culture_height;  ///< paths; empty: none
     double culture_height_scale = 1;
-    std::string culture_legend;                ///< built-in word or CSV path; empty: none
+    std::string culture_legend;  ///< built-in word or CSV path; empty: none
     std::string material = "soil";
 
-    int threads = 0;                           ///< 0: all the machine has
-    std::int64_t wedges = 0;                   ///< 0: chosen
+    int threads = 0;          ///< 0: all the machine has
+    std::int64_t wedges = 0;  ///< 0: chosen
     std::uint64_t memory_bytes = std::uint64_t{1} << 30;
 
     std::string output, echo, power, states, report;  ///< paths; empty: not written
     PowerUnit power_unit = PowerUnit::watt;
-    std::string driver;                        ///< --of
-    std::vector<std::string> creation;         ///< --co K=V
+    std::string driver;                                       ///< --of
+    std::vector<std::string> creation;                        ///< --co K=V
     std::vector<std::pair<std::string, std::string>> config;  ///< --config K=V
     bool overwrite = false, reproducible = false;
 
     bool verbose = false, quiet = false, json = false, help = false;
-    std::vector<std::string> files;            ///< positional
+    std::vector<std::string> files;  ///< positional
 };
 
 /// The culture legend that `culture-legend` names; none without one. InputError, IoError.

@@ -1,3 +1,6 @@
+#include <fcntl.h>
+#include <unistd.h>
+
 #include <cerrno>
 #include <cmath>
 #include <cstring>
@@ -9,9 +12,11 @@
 #include "tiles/output_file.hpp"
 #include "tiles/picture.hpp"
 #include "tools/commands.hpp"
+#include "tools/help.hpp"
 #include "tools/legend.hpp"
 #include "tools/options.hpp"
 #include "tools/report_json.hpp"
+#include "tools/scene_json.hpp"
 #include "tools/terminal.hpp"
 #include "tools/units.hpp"
 
@@ -28,18 +33,20 @@ struct Outputs {
 bool same_file(const std::string& a, const std::string& b) {
     std::error_code error;
     if (fs::equivalent(a, b, error) && !error) return true;
-    return fs::weakly_canonical(a, error) == fs::weakly_canonical(b, error) && !error;
+    // weakly_canonical alone leaves a name as it is whose first part does not exist.
+    return fs::weakly_canonical(fs::absolute(a), error) == fs::weakly_canonical(fs::absolute(b), error) && !error;
 }
 
 /// Everything that can go wrong with an output's name is found here, before any work.
 Outputs open_outputs(const Settings& s) {
     const std::pair<const char*, const std::string*> outputs[] = {
         {"output", &s.output}, {"echo", &s.echo}, {"power", &s.power}, {"states", &s.states}, {"report", &s.report}};
-    const std::pair<const char*, const std::string*> inputs[] = {{"dem", &s.dem},
-                                                                 {"culture", &s.culture},
-                                                                 {"culture-height", &s.culture_height},
-                                                                 {"culture-legend", &s.culture_legend},
-                                                                 {"the scene file", s.files.empty() ? nullptr : &s.files[0]}};
+    const std::pair<const char*, const std::string*> inputs[] = {
+        {"dem", &s.dem},
+        {"culture", &s.culture},
+        {"culture-height", &s.culture_height},
+        {"culture-legend", &s.culture_legend},
+        {"the scene file", s.files.empty() ? nullptr : &s.files[0]}};
     bool any = false;
     for (const auto& [key, path] : outputs) {
         if (path->empty()) continue;
@@ -47,19 +54,28 @@ Outputs open_outputs(const Settings& s) {
         for (const auto& [other_key, other] : outputs) {
             if (other == path) break;
             if (!other->empty() && same_file(*path, *other)) {
-                throw InputError(text(key, " and ", other_key, " are both ", in_quotes(*path), "; every output needs its own file"));
+                throw InputError(
+                    text(key, " and ", other_key, " are both ", in_quotes(*path), "; every output needs its own file"));
             }
         }
         for (const auto& [input_key, input] : inputs) {
             if (input && !input->empty() && same_file(*path, *input)) {
-                throw InputError(text(key, " is ", in_quotes(*path), ", which is ", input_key, " too; an output may not replace an input"));
+                throw InputError(text(key, " is ", in_quotes(*path), ", which is ", input_key,
+                                      " too; an output may not replace an input"));
             }
         }
     }
-    if (!any) throw InputError("no output is given; at least one of output (-o), echo, power, states, report is needed");
+    if (!any)
+        throw InputError("no output is given; at least one of output (-o), echo, power, states, report is needed");
     Outputs out;
     const auto open = [&](std::optional<OutputFile>& file, const std::string& path) {
-        if (!path.empty()) file.emplace(path, s.overwrite);
+        if (path.empty()) return;
+        file.emplace(path, s.overwrite);
+        // Permissions do not tell everything (root, read-only or special file systems): try.
+        const int number = ::open(file->temporary_path().c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+        if (number < 0) throw IoError(text("output ", in_quotes(path), " cannot be written: ", std::strerror(errno)));
+        ::close(number);
+        ::unlink(file->temporary_path().c_str());
     };
     open(out.scope, s.output);
     open(out.echo, s.echo);
@@ -87,7 +103,8 @@ std::vector<InputFile> input_files(const Settings& s, const DataBase& data_base)
 }
 
 std::string place(const ResolvedScene& r) {
-    std::string out = r.has_lat_lon ? fmt::format("latitude {:.5f}, longitude {:.5f}", r.lat_deg, r.lon_deg) : fmt::format("x {:.1f}, y {:.1f}", r.x, r.y);
+    std::string out = r.has_lat_lon ? fmt::format("latitude {:.5f}, longitude {:.5f}", r.lat_deg, r.lon_deg)
+                                    : fmt::format("x {:.1f}, y {:.1f}", r.x, r.y);
     out += fmt::format(", {:.1f} m above sea level", r.sensor_m);
     if (r.nadir_on_data) {
         out += fmt::format(", {:.1f} m above the terrain", r.sensor_m - r.reference_m);
@@ -101,7 +118,8 @@ void write_report(OutputFile& file, const nlohmann::ordered_json& report) {
     std::ofstream out(file.temporary_path(), std::ios::binary);
     out << report.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) << '\n';
     out.close();
-    if (!out) throw IoError(text("report ", in_quotes(file.final_path()), " cannot be written: ", std::strerror(errno)));
+    if (!out)
+        throw IoError(text("report ", in_quotes(file.final_path()), " cannot be written: ", std::strerror(errno)));
 }
 
 }  // namespace
@@ -118,7 +136,9 @@ void simulate(const std::vector<std::string>& arguments, Stop& stop) {
     const GdalSession session(cache_bytes(settings), settings.config);
     const auto source = open_direct_source(data_base_params(settings, cache_bytes(settings)));
     const ResolvedScene scene = resolve(settings.scene, *source);
-    remark(settings.quiet, text("sensor: ", place(scene)));
+    // On a terminal at once; in a log behind all that can fail, so that an error stays a single line.
+    const bool terminal = ::isatty(STDERR_FILENO) == 1;
+    remark(settings.quiet || !terminal, text("sensor: ", place(scene)));
 
     EngineParams params = engine_params(settings);
     params.stop = &stop;
@@ -132,6 +152,8 @@ void simulate(const std::vector<std::string>& arguments, Stop& stop) {
     plain.reproducible = settings.reproducible;
     plain.version = version();
     plain.scene_json = scene_json(settings, scene);
+    plain.crs_wkt = source->data_base().crs_wkt;
+    plain.metres_per_unit = source->data_base().metres_per_unit;
     RasterFormat chosen = plain;
     chosen.driver = settings.driver;
     chosen.creation = settings.creation;
@@ -148,9 +170,11 @@ void simulate(const std::vector<std::string>& arguments, Stop& stop) {
     const double write_s = now_s() - write_start_s;
     const Usage usage = usage_since(start_s);
     if (outputs.report) {
-        write_report(*outputs.report, report_json(settings, result, input_files(settings, source->data_base()), write_s, usage));
+        write_report(*outputs.report,
+                     report_json(settings, result, input_files(settings, source->data_base()), write_s, usage));
     }
     stop.check();
+    remark(settings.quiet || terminal, text("sensor: ", place(scene)));
     if (settings.verbose) fmt::print(stderr, "{}", report_table(result.report, write_s, usage));
     std::string written;
     for (auto* file : {&outputs.scope, &outputs.echo, &outputs.power, &outputs.states, &outputs.report}) {

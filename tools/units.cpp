@@ -21,34 +21,45 @@ struct Unit {
 
 constexpr double radians_per_degree = std::numbers::pi / 180;  // the expression of Angle::degrees: the same bits
 
-constexpr Unit lengths[] = {{"m"},           {"km", 1, 3},       {"ft", 0.3048},  {"kft", 304.8},
-                            {"nmi", 1852.0}, {"mi", 1609.344},   {"yd", 0.9144}};
+constexpr Unit lengths[] = {{"m"},           {"km", 1, 3},     {"ft", 0.3048}, {"kft", 304.8},
+                            {"nmi", 1852.0}, {"mi", 1609.344}, {"yd", 0.9144}};
 constexpr Unit times[] = {{"s"}, {"ms", 1, -3}, {"us", 1, -6}, {"ns", 1, -9}};
 constexpr Unit frequencies[] = {{"Hz"}, {"kHz", 1, 3}, {"MHz", 1, 6}, {"GHz", 1, 9}};
-constexpr Unit powers[] = {{"W"},           {"kW", 1, 3},           {"MW", 1, 6},
-                           {"mW", 1, -3},   {"dBm", 1, 0, -30, true}, {"dBW", 1, 0, 0, true}};
+constexpr Unit powers[] = {
+    {"W"}, {"kW", 1, 3}, {"MW", 1, 6}, {"mW", 1, -3}, {"dBm", 1, 0, -30, true}, {"dBW", 1, 0, 0, true}};
 constexpr Unit levels[] = {{"dBm"}, {"dBW", 1, 0, 30}};
 constexpr Unit angles[] = {{"rad"}, {"deg", radians_per_degree}, {"mrad", 1, -3}, {"arcmin", radians_per_degree / 60}};
 constexpr Unit decibels[] = {{"dB"}};
-constexpr Unit sizes[] = {{"B"},          {"KiB", 1024.0},          {"MiB", 1048576.0},      {"GiB", 1073741824.0}, {"TiB", 1099511627776.0},
-                          {"kB", 1, 3},   {"MB", 1, 6},             {"GB", 1, 9}};
+constexpr Unit sizes[] = {
+    {"B"},        {"KiB", 1024.0}, {"MiB", 1048576.0}, {"GiB", 1073741824.0}, {"TiB", 1099511627776.0},
+    {"kB", 1, 3}, {"MB", 1, 6},    {"GB", 1, 9}};
 
 std::span<const Unit> units(Dimension dimension) {
     switch (dimension) {
-        case Dimension::length: return lengths;
-        case Dimension::time: return times;
-        case Dimension::frequency: return frequencies;
-        case Dimension::power: return powers;
-        case Dimension::level: return levels;
-        case Dimension::angle: return angles;
-        case Dimension::decibel: return decibels;
-        case Dimension::bytes: return sizes;
+        case Dimension::length:
+            return lengths;
+        case Dimension::time:
+            return times;
+        case Dimension::frequency:
+            return frequencies;
+        case Dimension::power:
+            return powers;
+        case Dimension::level:
+            return levels;
+        case Dimension::angle:
+            return angles;
+        case Dimension::decibel:
+            return decibels;
+        case Dimension::bytes:
+            return sizes;
     }
     return {};
 }
 
 /// What the user meets first in messages and help: degrees before radians.
-std::string_view first_unit(Dimension dimension) { return dimension == Dimension::angle ? "deg" : units(dimension)[0].name; }
+std::string_view first_unit(Dimension dimension) {
+    return dimension == Dimension::angle ? "deg" : units(dimension)[0].name;
+}
 
 bool is_blank(char c) { return c == ' ' || c == '\t' || c == '\r' || c == '\n'; }
 
@@ -71,7 +82,9 @@ std::optional<Head> leading_number(std::string_view token) {
     head.digits = token.substr(0, static_cast<std::size_t>(end - token.data()));
     // from_chars also reads the words nan and inf; a number here begins with a digit or a point.
     const std::string_view unsigned_digits = head.digits.substr(head.digits.starts_with('-') ? 1 : 0);
-    if (unsigned_digits.empty() || !(unsigned_digits[0] == '.' || (unsigned_digits[0] >= '0' && unsigned_digits[0] <= '9'))) return std::nullopt;
+    if (unsigned_digits.empty() ||
+        !(unsigned_digits[0] == '.' || (unsigned_digits[0] >= '0' && unsigned_digits[0] <= '9')))
+        return std::nullopt;
     head.fits = error == std::errc{};
     head.rest = token.substr(head.digits.size());
     return head;
@@ -130,28 +143,44 @@ std::string in_quotes(std::string_view token) {
 
 const char* value_word(Dimension dimension) {
     switch (dimension) {
-        case Dimension::length: return "LENGTH";
-        case Dimension::time: return "TIME";
-        case Dimension::frequency: return "FREQUENCY";
-        case Dimension::power: return "POWER";
-        case Dimension::level: return "LEVEL";
-        case Dimension::angle: return "ANGLE";
-        case Dimension::decibel: return "DECIBELS";
-        case Dimension::bytes: return "BYTES";
+        case Dimension::length:
+            return "LENGTH";
+        case Dimension::time:
+            return "TIME";
+        case Dimension::frequency:
+            return "FREQUENCY";
+        case Dimension::power:
+            return "POWER";
+        case Dimension::level:
+            return "LEVEL";
+        case Dimension::angle:
+            return "ANGLE";
+        case Dimension::decibel:
+            return "DECIBELS";
+        case Dimension::bytes:
+            return "BYTES";
     }
     return "";
 }
 
 const char* noun(Dimension dimension) {
     switch (dimension) {
-        case Dimension::length: return "a length";
-        case Dimension::time: return "a time";
-        case Dimension::frequency: return "a frequency";
-        case Dimension::power: return "a power";
-        case Dimension::level: return "a power level";
-        case Dimension::angle: return "an angle";
-        case Dimension::decibel: return "a ratio";
-        case Dimension::bytes: return "a number of bytes";
+        case Dimension::length:
+            return "a length";
+        case Dimension::time:
+            return "a time";
+        case Dimension::frequency:
+            return "a frequency";
+        case Dimension::power:
+            return "a power";
+        case Dimension::level:
+            return "a power level";
+        case Dimension::angle:
+            return "an angle";
+        case Dimension::decibel:
+            return "a ratio";
+        case Dimension::bytes:
+            return "a number of bytes";
     }
     return "";
 }
@@ -190,7 +219,9 @@ std::string quantity_text(Dimension dimension, double value) {
     std::string best = text(value, units(dimension)[0].name);
     bool best_is_first = dimension != Dimension::angle;
     const auto consider = [&](const Unit& unit, const std::string& candidate) {
-        const bool better = dimension == Dimension::angle && is_first(unit) != best_is_first ? is_first(unit) : candidate.size() < best.size();
+        const bool better = dimension == Dimension::angle && is_first(unit) != best_is_first
+                                ? is_first(unit)
+                                : candidate.size() < best.size();
         if (!better) return;
         const auto head = leading_number(candidate);
         if (!head || head->rest != unit.name || in_si(unit, *head) != value) return;

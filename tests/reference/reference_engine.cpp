@@ -166,9 +166,37 @@ public:
         return {std::min(static_cast<int>(column), dem_.columns - 2), r, true};
     }
 
-    /// Bilinear height of the surface (culture included) at a position on a cell. NaN if a post is void.
-    double surface(const Cell& cell, double column, double row) const {
-        return bilinear(dem_.value, cell, column, row);
+    /// Bilinear height of the surface (culture included) at a position on a cell that is crossed in direction `step`
+    /// (columns, rows). What counts is where the cell is entered and left: a crossing of an edge is void if one of the
+    /// edge's two posts is. With one void corner the way between the two other edges runs over the plane of the three posts.
+    /// NaN: void.
+    double surface(const Cell& cell, double column, double row, const std::array<double, 2>& step) const {
+        const double height = bilinear(dem_.value, cell, column, row);
+        if (!cell.inside || !std::isnan(height)) return height;
+        int missing = -1;
+        std::array<double, 4> corner{};
+        for (int i = 0; i < 4; ++i) {
+            corner[static_cast<std::size_t>(i)] = dem_.value[post(cell, i)];
+            if (std::isnan(corner[static_cast<std::size_t>(i)])) {
+                if (missing >= 0) return nan;
+                missing = i;
+            }
+        }
+        if (missing < 0) return height;
+        // Mirrored so that the void corner is the far one of both axes: its edges are u = 1 and v = 1.
+        const bool flip_u = missing % 2 == 0, flip_v = missing / 2 == 0;
+        const double u = flip_u ? 1 - (column - cell.column) : column - cell.column;
+        const double v = flip_v ? 1 - (row - cell.row) : row - cell.row;
+        const double du = flip_u ? -step[0] : step[0], dv = flip_v ? -step[1] : step[1];
+        // Only a way that falls in one axis and climbs in the other runs from edge to edge without u = 1 or v = 1.
+        if (!(du * dv < 0)) return nan;
+        const double at_v0 = u - v * du / dv;  // where the line meets v = 0; it meets u = 0 at v - u dv / du
+        const double at_u0 = v - u * dv / du;
+        if (!(at_v0 >= 0 && at_v0 <= 1 && at_u0 >= 0 && at_u0 <= 1)) return nan;
+        const double origin = corner[static_cast<std::size_t>(3 - missing)];
+        const double along_u = corner[static_cast<std::size_t>((3 - missing) ^ 1)];  // the origin's neighbour in its row
+        const double along_v = corner[static_cast<std::size_t>((3 - missing) ^ 2)];  // and in its column
+        return origin + u * (along_u - origin) + v * (along_v - origin);
     }
     /// Bilinear height of the bare terrain. Posts of weight zero are not needed.
     double bare(double column, double row) const { return bilinear_of_needed(bare_, column, row); }
@@ -559,9 +587,9 @@ void march(const Scene& scene, const Ground& ground, const Earth& earth, const P
         double range = nan, sin_e = nan;  // NaN: void
         bool valid() const { return !std::isnan(sin_e); }
     };
-    const auto sample = [&](double s, double column, double row, const Cell& cell) {
+    const auto sample = [&](double s, double column, double row, const Cell& cell, const std::array<double, 2>& step) {
         Sample made{s, column, row, cell, nan, nan};
-        const double h = ground.surface(cell, column, row);
+        const double h = ground.surface(cell, column, row, step);
         if (std::isnan(h)) return made;
         const Earth::Direction direction = earth.to(s, h);
         made.range = direction.range;
@@ -617,13 +645,14 @@ void march(const Scene& scene, const Ground& ground, const Earth& earth, const P
     };
 
     std::array<double, 2> from = path.at(0);
-    Sample last = sample(0, from[0], from[1], ground.cell(from[0], from[1]));
+    const std::array<double, 2> ahead = path.at(step_m);
+    Sample last = sample(0, from[0], from[1], ground.cell(from[0], from[1]), {ahead[0] - from[0], ahead[1] - from[1]});
     std::vector<double> ends;
     for (int i = 0; i * step_m < length_m; ++i) {
         const double s0 = i * step_m, s1 = (i + 1) * step_m;
-        const std::array<double, 2> to = path.at(s1);
+        const std::array<double, 2> to = path.at(s1), step = {to[0] - from[0], to[1] - from[1]};
         if (!scene.split_steps) {
-            const Sample next = sample(s1, to[0], to[1], ground.cell(to[0], to[1]));
+            const Sample next = sample(s1, to[0], to[1], ground.cell(to[0], to[1]), step);
             walk(last, next);
             last = next;
         } else {
@@ -641,10 +670,10 @@ void march(const Scene& scene, const Ground& ground, const Earth& earth, const P
                 const Cell cell = ground.cell(between(0.5, 0), between(0.5, 1));
                 Sample first = last;  // the same height, seen from this cell
                 if (!(cell == last.cell)) {
-                    first = sample(s0 + t0 * (s1 - s0), between(0, 0), between(0, 1), cell);
+                    first = sample(s0 + t0 * (s1 - s0), between(0, 0), between(0, 1), cell, step);
                     if (first.valid() && last.valid()) first.range = last.range, first.sin_e = last.sin_e;
                 }
-                const Sample next = sample(s0 + t1 * (s1 - s0), between(1, 0), between(1, 1), cell);
+                const Sample next = sample(s0 + t1 * (s1 - s0), between(1, 0), between(1, 1), cell, step);
                 walk(first, next);
                 last = next;
                 t0 = t1;

@@ -1,0 +1,130 @@
+// Files that appear whole or not at all.
+#include <catch2/catch.hpp>
+
+#include <sys/resource.h>
+
+#include <csignal>
+#include <fstream>
+#include <iterator>
+
+#include "lib/error.hpp"
+#include "tests/drawn_raster.hpp"
+#include "tiles/output_file.hpp"
+
+using namespace wedgescope;
+using wedgescope::test::Folder;
+using Catch::Matchers::Contains;
+using Names = std::vector<std::string>;
+
+namespace {
+
+void put(const std::string& path, const std::string& content) { std::ofstream(path) << content; }
+std::string get(const std::string& path) {
+    std::ifstream in(path);
+    return {std::istreambuf_iterator<char>(in), {}};
+}
+
+/// No file may grow beyond so many bytes while this lives: a full disk.
+class SmallDisk {
+public:
+    explicit SmallDisk(rlim_t bytes) {
+        std::signal(SIGXFSZ, SIG_IGN);
+        getrlimit(RLIMIT_FSIZE, &before_);
+        const rlimit small{bytes, before_.rlim_max};
+        setrlimit(RLIMIT_FSIZE, &small);
+    }
+    ~SmallDisk() { setrlimit(RLIMIT_FSIZE, &before_); }
+
+private:
+    rlimit before_{};
+};
+
+}  // namespace
+
+TEST_CASE("nothing stands under the final name before commit, and nothing else after it", "[output_file]") {
+    const Folder folder;
+    OutputFile file(folder / "scope.png", false);
+    CHECK(file.final_path() == folder / "scope.png");
+    CHECK_THAT(file.temporary_path(), Contains("/scope.tmp-") && Catch::Matchers::EndsWith(".png"));
+    put(file.temporary_path(), "picture");
+    CHECK(folder.names().size() == 1);
+    CHECK(folder.names() != Names{"scope.png"});
+    file.commit();
+    CHECK(folder.names() == Names{"scope.png"});
+    CHECK(get(folder / "scope.png") == "picture");
+}
+
+TEST_CASE("side files move with their file and stale ones go", "[output_file]") {
+    const Folder folder;
+    put(folder / "echo.tif", "old");
+    put(folder / "echo.tif.aux.xml", "old");
+    put(folder / "echo.tif.geoloc.tif", "old");
+    put(folder / "echo.tiff", "a neighbour");
+    {
+        OutputFile file(folder / "echo.tif", true);
+        put(file.temporary_path(), "new");
+        put(file.temporary_path() + ".geoloc.tif", "new places");
+        file.commit();
+    }
+    CHECK(folder.names() == Names{"echo.tif", "echo.tif.geoloc.tif", "echo.tiff"});
+    CHECK(get(folder / "echo.tif") == "new");
+    CHECK(get(folder / "echo.tif.geoloc.tif") == "new places");
+    // Drivers such as ENVI put a header beside the data, under the stem.
+    OutputFile file(folder / "power.img", false);
+    const std::string stem = file.temporary_path().substr(0, file.temporary_path().size() - 4);
+    put(file.temporary_path(), "data");
+    put(stem + ".hdr", "header");
+    put(file.temporary_path() + ".aux.xml", "more");
+    file.commit();
+    CHECK(get(folder / "power.hdr") == "header");
+    CHECK(get(folder / "power.img.aux.xml") == "more");
+}
+
+TEST_CASE("an output that is given up leaves nothing behind and the old file as it was", "[output_file]") {
+    const Folder folder;
+    put(folder / "scope.png", "old");
+    {
+        OutputFile file(folder / "scope.png", true);
+        put(file.temporary_path(), "half");
+        put(file.temporary_path() + ".aux.xml", "half");
+        OutputFile moved(std::move(file));
+        CHECK(folder.names().size() == 3);
+    }
+    CHECK(folder.names() == Names{"scope.png"});
+    CHECK(get(folder / "scope.png") == "old");
+
+    OutputFile left(folder / "echo.tif", false);
+    put(left.temporary_path(), "half");
+    remove_temporary_files();
+    CHECK(folder.names() == Names{"scope.png"});
+}
+
+TEST_CASE("an output is refused before any work if it cannot or must not be written", "[output_file]") {
+    const Folder folder;
+    put(folder / "scope.png", "old");
+    CHECK_THROWS_AS(OutputFile(folder / "scope.png", false), InputError);
+    CHECK_THROWS_WITH(OutputFile(folder / "scope.png", false), "output '" + folder / "scope.png" + "' exists; add --overwrite");
+    CHECK_NOTHROW(OutputFile(folder / "scope.png", true));
+    CHECK_THROWS_AS(OutputFile(folder / "none/scope.png", false), IoError);
+    CHECK_THROWS_WITH(OutputFile(folder / "none/scope.png", false), Contains("No such file"));
+    CHECK_THROWS_AS(OutputFile(folder / "scope.png/scope.png", false), IoError);
+    CHECK_THROWS_AS(OutputFile(folder / ".", true), InputError);
+    CHECK_THROWS_AS(OutputFile("", true), InputError);
+    // Someone else was faster.
+    OutputFile file(folder / "late.txt", false);
+    put(file.temporary_path(), "mine");
+    put(folder / "late.txt", "theirs");
+    CHECK_THROWS_AS(file.commit(), InputError);
+    CHECK(get(folder / "late.txt") == "theirs");
+}
+
+TEST_CASE("a full disk is an error that names the file", "[output_file]") {
+    const Folder folder;
+    write_text(folder / "report.json", "{}\n", false);
+    CHECK(get(folder / "report.json") == "{}\n");
+    const SmallDisk disk(4096);
+    CHECK_THROWS_AS(write_text(folder / "report.json", std::string(100000, 'x'), true), IoError);
+    CHECK_THROWS_WITH(write_text(folder / "report.json", std::string(100000, 'x'), true), Contains("report.json") && Contains("too large"));
+    CHECK(folder.names() == Names{"report.json"});
+    CHECK(get(folder / "report.json") == "{}\n");
+}

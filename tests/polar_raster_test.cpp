@@ -1,0 +1,403 @@
+// Echo, power, states and scope as files: metadata, georeference, geolocation.
+#include <catch2/catch.hpp>
+
+#include <gdal_alg.h>
+#include <sys/resource.h>
+
+#include <GeographicLib/Geodesic.hpp>
+#include <cmath>
+#include <csignal>
+#include <fstream>
+#include <iterator>
+#include <numbers>
+
+#include "lib/error.hpp"
+#include "tests/drawn_raster.hpp"
+#include "tiles/gdal_session.hpp"
+#include "tiles/picture.hpp"
+#include "tiles/polar_raster.hpp"
+
+using namespace wedgescope;
+using wedgescope::test::Folder;
+using Catch::Matchers::Contains;
+
+namespace {
+
+const GdalSession session(std::size_t{16} << 20, {});
+constexpr double lat = 44.27, lon = -71.30, sensor_m = 3000, reference_m = 500;
+
+RunResult drawn_run(std::int64_t circle, Interval azimuths, Interval ranges, double range_bin_m) {
+    RunResult run;
+    ResolvedScene& s = run.scene;
+    s.geometry = Geometry::geodesic;
+    s.has_lat_lon = true;
+    s.lat_deg = lat;
+    s.lon_deg = lon;
+    s.x = lon;
+    s.y = lat;
+    s.sensor_m = sensor_m;
+    s.reference_m = reference_m;
+    s.earth = Earth(4.0 / 3 * mean_radius_m);
+    s.shown = {circle, range_bin_m, azimuths, ranges};
+    s.swept = s.shown;
+    run.power_w = PolarImage<float>(s.shown);
+    run.state = PolarImage<std::uint8_t>(s.shown);
+    for (std::size_t i = 0; i < run.power_w.cells.size(); ++i) {
+        run.power_w.cells[i] = i % 7 == 0 ? 0.0F : 1e-12F * static_cast<float>(i);
+        run.state.cells[i] = static_cast<std::uint8_t>(i % 5);
+    }
+    run.echo_w = run.power_w;
+    run.echo_state = run.state;
+    return run;
+}
+
+struct Read {
+    GDALDataset* dataset;
+    explicit Read(const std::string& path) : dataset(GDALDataset::Open(path.c_str())) { REQUIRE(dataset); }
+    ~Read() { GDALClose(dataset); }
+    std::string item(const char* key, const char* domain = nullptr) const {
+        const char* value = dataset->GetMetadataItem(key, domain);
+        return value ? value : "(none)";
+    }
+    std::vector<double> band(int b) const {
+        const int w = dataset->GetRasterXSize(), h = dataset->GetRasterYSize();
+        std::vector<double> values(static_cast<std::size_t>(w) * static_cast<std::size_t>(h));
+        REQUIRE(dataset->GetRasterBand(b)->RasterIO(GF_Read, 0, 0, w, h, values.data(), w, h, GDT_Float64, 0, 0, nullptr) == CE_None);
+        return values;
+    }
+};
+
+/// What gdalwarp -geoloc places with: raster column, row <-> x, y of `target`.
+class Warper {
+public:
+    Warper(GDALDataset* dataset, const char* target) {
+        CPLStringList options;
+        options.SetNameValue("SRC_METHOD", "GEOLOC_ARRAY");
+        options.SetNameValue("DST_SRS", target);
+        arg_ = GDALCreateGenImgProjTransformer2(dataset, nullptr, options.List());
+        REQUIRE(arg_);
+    }
+    ~Warper() { GDALDestroyGenImgProjTransformer(arg_); }
+    Warper(const Warper&) = delete;
+    Warper& operator=(const Warper&) = delete;
+    bool to_ground(double& x, double& y) const { return go(false, x, y); }
+    bool to_raster(double& x, double& y) const { return go(true, x, y); }
+
+private:
+    bool go(bool back, double& x, double& y) const {
+        double z = 0;
+        int good = 0;
+        GDALGenImgProjTransform(arg_, back, 1, &x, &y, &z, &good);
+        return good != 0;
+    }
+    void* arg_;
+};
+
+std::string bytes(const std::string& path) {
+    std::ifstream in(path, std::ios::binary);
+    return {std::istreambuf_iterator<char>(in), {}};
+}
+
+template <class Write>
+std::string write(const Folder& folder, const std::string& name, Write&& body) {
+    OutputFile file(folder / name, true);
+    body(file);
+    file.commit();
+    return folder / name;
+}
+
+RasterFormat plain_format() {
+    RasterFormat format;
+    format.version = "1.2.3";
+    format.scene_json = R"({"range_m": 25000.5, "name": "a < b & \"c\""})";
+    return format;
+}
+
+}  // namespace
+
+TEST_CASE("a polar raster tells where its cells are, in what unit, and of what scene", "[polar_raster]") {
+    const Folder folder;
+    const RunResult run = drawn_run(960, {950, 1000}, {40, 300}, 18.737028625);
+    const RasterFormat format = plain_format();
+    const std::string echo = write(folder, "echo.tif", [&](OutputFile& f) { write_echo(run, f, format); });
+    const std::string power = write(folder, "power.tif", [&](OutputFile& f) { write_power(run, PowerUnit::dbm, f, format); });
+    const std::string states = write(folder, "states.tif", [&](OutputFile& f) { write_states(run, f, format); });
+    {
+        const Read in(echo);
+        CHECK(in.dataset->GetRasterXSize() == 260);
+        CHECK(in.dataset->GetRasterYSize() == 50);
+        CHECK(in.item("AZIMUTH_START_DEG") == "356.25");  // 950 * 0.375
+        CHECK(in.item("AZIMUTH_STEP_DEG") == "0.375");
+        CHECK(in.item("RANGE_START_M") == "749.481145");
+        CHECK(in.item("RANGE_STEP_M") == "18.737028625");
+        CHECK(in.item("REFERENCE_HEIGHT_M") == "500");
+        CHECK(in.item("SENSOR_LAT") == "44.27");
+        CHECK(in.item("SENSOR_LON") == "-71.3");
+        CHECK(in.item("SENSOR_HEIGHT_M") == "3000");
+        CHECK(in.item("SCENE_JSON") == format.scene_json);
+        CHECK(in.item("SOFTWARE") == "wedgescope 1.2.3");
+        CHECK(std::string(in.dataset->GetRasterBand(1)->GetUnitType()) == "W");
+        CHECK(in.dataset->GetRasterBand(1)->GetRasterDataType() == GDT_Float32);
+        const auto echo_values = in.band(1), state_values = in.band(2);
+        CHECK(std::equal(echo_values.begin(), echo_values.end(), run.echo_w.cells.begin(), run.echo_w.cells.end(),
+                         [](double a, float b) { return static_cast<float>(a) == b; }));
+        CHECK(std::equal(state_values.begin(), state_values.end(), run.state.cells.begin(), run.state.cells.end()));
+    }
+    {
+        const Read in(power);
+        GDALRasterBand& band = *in.dataset->GetRasterBand(1);
+        CHECK(std::string(band.GetUnitType()) == "dBm");
+        int has = 0;
+        CHECK(band.GetNoDataValue(&has) == -9999);
+        CHECK(has);
+        const auto values = in.band(1);
+        CHECK(values[0] == -9999);
+        CHECK(values[1] == Approx(-90).margin(0.0006));  // 1e-12 W
+        CHECK(values[10] == Approx(-80).margin(0.0006));
+    }
+    {
+        const Read in(states);
+        double none[6];
+        (void)in.dataset->GetGeoTransform(none);  // GDAL 3.6 looks into the .aux.xml of a GeoTIFF only after this
+        GDALRasterBand& band = *in.dataset->GetRasterBand(1);
+        CHECK(band.GetRasterDataType() == GDT_Byte);
+        REQUIRE(band.GetCategoryNames());
+        const CPLStringList names(CSLDuplicate(band.GetCategoryNames()));
+        REQUIRE(names.Count() == 5);
+        CHECK(std::string(names[0]) == "no data");
+        CHECK(std::string(names[4]) == "outside");
+        int has = 1;
+        band.GetNoDataValue(&has);
+        CHECK_FALSE(has);
+    }
+}
+
+TEST_CASE("gdalwarp -geoloc finds every cell of a polar raster where the geodesic puts it", "[polar_raster]") {
+    const Folder folder;
+    const double bin = 30;
+    for (const Interval azimuths : {Interval{0, 480}, Interval{400, 520}}) {
+        const RunResult run = drawn_run(480, azimuths, {0, 800}, bin);
+        const std::string path = write(folder, "states.tif", [&](OutputFile& f) { write_states(run, f, plain_format()); });
+        const Read in(path);
+        CHECK(in.item("X_DATASET", "GEOLOCATION") == "states.tif.geoloc.tif");
+        const Warper warper(in.dataset, "EPSG:4326");
+        const Earth& earth = run.scene.earth;
+        int lost = 0, tried = 0;
+        double worst_ground_m = 0, worst_column = 0, worst_row = 0;
+        for (std::int64_t row = 0; row < azimuths.size(); row += 3)
+            for (int column = 120; column < 800; column += 17) {
+                const double azimuth = (static_cast<double>(azimuths.begin + row) + 0.5) * 0.75, range = (column + 0.5) * bin;
+                const double arc = earth.arc_m(sensor_m, reference_m, range).value();
+                double y = 0, x = 0;
+                GeographicLib::Geodesic::WGS84().Direct(lat, lon, azimuth, arc, y, x);
+                // The other way: from the cell's centre to the ground.
+                double gx = column + 0.5, gy = static_cast<double>(row) + 0.5, distance = 0;
+                REQUIRE(warper.to_ground(gx, gy));
+                GeographicLib::Geodesic::WGS84().Inverse(y, x, gy, gx, distance);
+                worst_ground_m = std::max(worst_ground_m, distance);
+                // Due north GDAL interpolates row numbers across the seam of the full circle and finds no place.
+                const double off_north = std::abs(std::remainder(azimuth, 360.0)) * std::numbers::pi / 180 * arc;
+                if (azimuths.size() == 480 && std::abs(std::remainder(azimuth, 360.0)) < 90 && off_north < 500) continue;
+                ++tried;
+                if (!warper.to_raster(x, y)) {
+                    ++lost;
+                    continue;
+                }
+                worst_column = std::max(worst_column, std::abs(x - (column + 0.5)));
+                worst_row = std::max(worst_row, std::abs(y - (static_cast<double>(row) + 0.5)));
+            }
+        INFO(azimuths.size() << " bins: ground " << worst_ground_m << " m, column " << worst_column << ", row " << worst_row << ", lost " << lost
+                             << " of " << tried);
+        CHECK(worst_ground_m < bin);  // a range cell
+        CHECK(worst_column < 1);
+        CHECK(worst_row < 1);
+        CHECK(lost * 100 <= tried);
+        CHECK(tried > 1000);
+    }
+}
+
+TEST_CASE("in grid geometry cells lie in the raster's own x and y", "[polar_raster]") {
+    const Folder folder;
+    RunResult run = drawn_run(360, {90, 180}, {0, 500}, 20);
+    ResolvedScene& s = run.scene;
+    s.geometry = Geometry::grid;
+    s.earth = Earth();
+    s.sensor_m = s.reference_m = 0;  // range = arc
+    s.x = 500000;
+    s.y = 4000000;
+    RasterFormat format = plain_format();
+    for (const bool has_crs : {true, false}) {
+        if (has_crs) {
+            OGRSpatialReference utm;
+            utm.importFromEPSG(32611);
+            char* wkt = nullptr;
+            utm.exportToWkt(&wkt);
+            format.crs_wkt = wkt;
+            CPLFree(wkt);
+        } else {
+            format.crs_wkt.clear();
+        }
+        const std::string path = write(folder, "power.tif", [&](OutputFile& f) { write_power(run, PowerUnit::watt, f, format); });
+        const Read in(path);
+        CHECK_THAT(in.item("SRS", "GEOLOCATION"), Contains(has_crs ? "32611" : "LOCAL_CS"));
+        const Warper warper(in.dataset, has_crs ? "EPSG:32611" : nullptr);
+        // Azimuth bin 135.5 degrees, range 200.5 bins = 4010 m: south-east.
+        double x = 200.5, y = 45.5;
+        REQUIRE(warper.to_ground(x, y));
+        CHECK(x == Approx(500000 + 4010 * std::sin(135.5 * std::numbers::pi / 180)).margin(5));
+        CHECK(y == Approx(4000000 + 4010 * std::cos(135.5 * std::numbers::pi / 180)).margin(5));
+        REQUIRE(warper.to_raster(x, y));
+        CHECK(x == Approx(200.5).margin(0.5));
+        CHECK(y == Approx(45.5).margin(0.5));
+    }
+}
+
+TEST_CASE("the same run gives the same bytes, without a word of where it was written", "[polar_raster]") {
+    const Folder here, there;
+    const RunResult run = drawn_run(360, {0, 360}, {0, 100}, 100);
+    const RasterFormat format = plain_format();
+    for (const char* name : {"states.tif", "power.tif"}) {
+        const auto body = [&](OutputFile& f) {
+            if (name[0] == 's')
+                write_states(run, f, format);
+            else
+                write_power(run, PowerUnit::watt, f, format);
+        };
+        const std::string a = write(here, name, body), b = write(there, name, body);
+        CHECK(bytes(a) == bytes(b));
+        CHECK(bytes(a + ".geoloc.tif") == bytes(b + ".geoloc.tif"));
+        CHECK(bytes(a).find(here / "") == std::string::npos);
+        CHECK(bytes(a).find(".tmp-") == std::string::npos);
+    }
+    CHECK(here.names() == std::vector<std::string>{"power.tif", "power.tif.geoloc.tif", "states.tif", "states.tif.aux.xml", "states.tif.geoloc.tif"});
+    CHECK(bytes(here / "states.tif.aux.xml") == bytes(there / "states.tif.aux.xml"));
+}
+
+TEST_CASE("drivers and creation options are the user's choice, and bad ones are named", "[polar_raster]") {
+    const Folder folder;
+    const RunResult run = drawn_run(36, {0, 36}, {0, 50}, 100);
+    const auto power = [&](const std::string& name, const RasterFormat& format) {
+        return write(folder, name, [&](OutputFile& f) { write_power(run, PowerUnit::watt, f, format); });
+    };
+    RasterFormat format = plain_format();
+    format.creation = {"COMPRESS=ZSTD", "TILED=NO"};
+    {
+        const Read in(power("zstd.tif", format));
+        CHECK(in.item("COMPRESSION", "IMAGE_STRUCTURE") == "ZSTD");
+    }
+    format.creation = {"COMPRESS"};
+    CHECK_THROWS_WITH(power("bad.tif", format), Contains("co 'COMPRESS'") && Contains("NAME=VALUE"));
+    format.creation = {"COMPRES=LZW"};
+    CHECK_THROWS_WITH(power("bad.tif", format), Contains("COMPRES"));
+    CHECK_THROWS_AS(power("bad.tif", format), InputError);
+    format.creation.clear();
+    CHECK_THROWS_WITH(power("power.foo", format), Contains("power.foo") && Contains(".tif") && Contains("--of"));
+    CHECK_THROWS_WITH(power("power.png", format), Contains("Float32") && Contains("Byte UInt16"));
+    format.driver = "NONE";
+    CHECK_THROWS_WITH(power("power.tif", format), Contains("of 'NONE'"));
+    format.driver = "ENVI";
+    const Read in(power("power.bin", format));
+    CHECK(std::string(in.dataset->GetDriver()->GetDescription()) == "ENVI");
+    CHECK(in.band(1)[5] == Approx(5e-12));
+}
+
+TEST_CASE("a raster that does not fit on the disk is an error, and nothing is left", "[polar_raster]") {
+    const Folder folder;
+    RunResult run = drawn_run(720, {0, 720}, {0, 1000}, 30);
+    std::uint32_t noise = 1;
+    for (float& cell : run.power_w.cells) cell = static_cast<float>((noise = noise * 1664525u + 1013904223u) >> 8);
+    std::signal(SIGXFSZ, SIG_IGN);
+    rlimit before{};
+    getrlimit(RLIMIT_FSIZE, &before);
+    for (const rlim_t most : {rlim_t{100000}, rlim_t{1000000}, rlim_t{1900000}}) {
+        const rlimit small{most, before.rlim_max};
+        setrlimit(RLIMIT_FSIZE, &small);
+        std::string message = "nothing was thrown";
+        try {
+            write(folder, "power.tif", [&](OutputFile& f) { write_power(run, PowerUnit::watt, f, {}); });
+        } catch (const IoError& e) {
+            message = e.what();
+        }
+        setrlimit(RLIMIT_FSIZE, &before);
+        CHECK_THAT(message, Contains("power.tif' cannot be written") && !Contains("\n"));
+        CHECK(folder.names().empty());
+    }
+}
+
+namespace {
+
+RunResult drawn_scope(DisplayKind kind, bool rings, double up_rad) {
+    RunResult run = drawn_run(360, {0, 360}, {0, 800}, 30);
+    run.scene.scene.display.kind = kind;
+    run.scene.scene.display.rings = rings;
+    Picture& p = run.scope;
+    p.frame = {200, 150, 100, 75, 100, up_rad};
+    p.grey.resize(200 * 150);
+    for (std::size_t i = 0; i < p.grey.size(); ++i) p.grey[i] = static_cast<std::uint8_t>(i * 7);
+    return run;
+}
+
+}  // namespace
+
+TEST_CASE("a gpi scope without rings lies on the map where its pixels are", "[picture]") {
+    const Folder folder;
+    for (const char* name : {"scope.png", "scope.tif"})
+        for (const double up : {0.0, std::numbers::pi / 6}) {
+            const RunResult run = drawn_scope(DisplayKind::gpi, false, up);
+            const std::string path = write(folder, name, [&](OutputFile& f) { write_scope(run, f, plain_format()); });
+            const Read in(path);
+            CHECK(in.item("SENSOR_LAT") == "44.27");
+            const auto grey = in.band(1);
+            CHECK(std::equal(grey.begin(), grey.end(), run.scope.grey.begin(), run.scope.grey.end()));
+            double g[6];
+            REQUIRE(in.dataset->GetGeoTransform(g) == CE_None);
+            if (up == 0) {
+                const double want[6] = {-10000, 100, 0, 7500, 0, -100};
+                CHECK(std::equal(g, g + 6, want));
+            }
+            // 30 pixels right of the centre and 40 above it: 5 km away.
+            const double x = g[0] + 130 * g[1] + 35 * g[2], y = g[3] + 130 * g[4] + 35 * g[5];
+            const double azimuth = up + std::atan2(30, 40);
+            OGRSpatialReference wgs84;
+            wgs84.SetWellKnownGeogCS("WGS84");
+            wgs84.SetAxisMappingStrategy(OAMS_TRADITIONAL_GIS_ORDER);
+            REQUIRE(in.dataset->GetSpatialRef());
+            const std::unique_ptr<OGRCoordinateTransformation> way(OGRCreateCoordinateTransformation(in.dataset->GetSpatialRef(), &wgs84));
+            REQUIRE(way);
+            double px = x, py = y, want_lat = 0, want_lon = 0;
+            REQUIRE(way->Transform(1, &px, &py));
+            GeographicLib::Geodesic::WGS84().Direct(lat, lon, azimuth * 180 / std::numbers::pi, 5000, want_lat, want_lon);
+            CHECK(py == Approx(want_lat).margin(1e-8));
+            CHECK(px == Approx(want_lon).margin(1e-8));
+        }
+    const RunResult rings = drawn_scope(DisplayKind::gpi, true, 0);
+    const Read in(write(folder, "rings.png", [&](OutputFile& f) { write_scope(rings, f, {}); }));
+    double g[6];
+    CHECK(in.dataset->GetGeoTransform(g) != CE_None);
+}
+
+TEST_CASE("a ppi scope is no map and tells where its pixels are by a geolocation array", "[picture]") {
+    const Folder folder;
+    for (const DisplayKind kind : {DisplayKind::ppi, DisplayKind::tdppi})
+        for (const char* name : {"scope.png", "scope.tif"}) {
+            RunResult run = drawn_scope(kind, true, 0.5);
+            run.scene.sweep_delay_m = 2500;
+            const std::string path = write(folder, name, [&](OutputFile& f) { write_scope(run, f, plain_format()); });
+            const Read in(path);
+            double g[6];
+            CHECK(in.dataset->GetGeoTransform(g) != CE_None);
+            const Warper warper(in.dataset, "EPSG:4326");
+            // 50 pixels right of the centre: 5 km of radius, 90 degrees to the right of up.
+            double x = 150, y = 75;
+            REQUIRE(warper.to_ground(x, y));
+            const double range = kind == DisplayKind::ppi ? 5000 : 7500;
+            double want_lat = 0, want_lon = 0;
+            GeographicLib::Geodesic::WGS84().Direct(lat, lon, 0.5 * 180 / std::numbers::pi + 90,
+                                                    run.scene.earth.arc_m(sensor_m, reference_m, range).value(), want_lat, want_lon);
+            CHECK(y == Approx(want_lat).margin(1e-7));
+            CHECK(x == Approx(want_lon).margin(1e-7));
+            REQUIRE(warper.to_raster(x, y));
+            CHECK(x == Approx(150).margin(0.5));
+            CHECK(y == Approx(75).margin(0.5));
+        }
+}

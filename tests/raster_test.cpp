@@ -1,0 +1,235 @@
+// Opening and checking rasters, and counting what they hold.
+#include <catch2/catch.hpp>
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <limits>
+
+#include "lib/error.hpp"
+#include "tests/drawn_raster.hpp"
+#include "tiles/gdal_session.hpp"
+#include "tiles/raster.hpp"
+#include "tiles/sources.hpp"
+
+using namespace wedgescope;
+using wedgescope::test::draw;
+using wedgescope::test::Drawing;
+using wedgescope::test::Folder;
+using Catch::Matchers::Contains;
+
+namespace {
+
+const std::string data = WEDGESCOPE_TEST_DATA;
+const GdalSession session(std::size_t{16} << 20, {});
+
+float post(const std::string& dem, std::int64_t column, std::int64_t row) {
+    DataBaseParams params;
+    params.dem = dem;
+    return open_direct_source(params)->bare_terrain_m(column, row);
+}
+
+/// What is thrown for a raster that is read whole; also checks that it is one line.
+template <class Kind>
+std::string refusal(const std::string& dem) {
+    try {
+        DataBaseParams params;
+        params.dem = dem;
+        const auto source = open_direct_source(params);
+        const DataBase& d = source->data_base();
+        source->load({{0, d.columns}, {0, d.rows}}, false);
+    } catch (const Kind& e) {
+        CHECK_THAT(std::string(e.what()), !Contains("\n"));
+        return e.what();
+    }
+    return "nothing was thrown";
+}
+
+}  // namespace
+
+TEST_CASE("real rasters hold what their producers say", "[raster]") {
+    // Ranges and shares: tests/data/README.md, counted with gdalinfo.
+    const RasterSummary inland = summarise_raster(data + "/inland_empire_dem.tif", false);
+    CHECK(inland.columns == 1600);
+    CHECK(inland.rows == 1600);
+    CHECK(inland.lowest == 50);
+    CHECK(inland.highest == 1734);
+    CHECK(inland.void_posts == 0);
+    CHECK(inland.crs_name == "WGS 84 / UTM zone 11N (EPSG:32611)");
+    CHECK(inland.compression == "DEFLATE");
+    CHECK(inland.block_columns == 256);
+    CHECK_FALSE(inland.geographic);
+    CHECK(inland.west == Approx(-117.7612).margin(1e-4));
+    CHECK(inland.east == Approx(-117.2401).margin(1e-4));
+    CHECK(inland.south == Approx(33.5822).margin(1e-4));
+    CHECK(inland.north == Approx(34.0172).margin(1e-4));
+
+    const RasterSummary coast = summarise_raster(data + "/olympic_coast_dem.tif", false);
+    CHECK(coast.geographic);
+    CHECK(coast.lowest == -13);
+    CHECK(coast.highest == 1095);
+    CHECK(static_cast<double>(coast.void_posts) / (1801.0 * 3601) == Approx(0.0003).margin(0.00005));
+
+    const RasterSummary lake = summarise_raster(data + "/lake_sunapee_dem.tif", false);
+    CHECK(lake.lowest == Approx(290.7).margin(0.05));
+    CHECK(lake.highest == Approx(714.8).margin(0.05));
+
+    const RasterSummary mountains = summarise_raster(data + "/N44W072.hgt", false);
+    CHECK(mountains.driver == "SRTMHGT");
+    CHECK(mountains.lowest == 115);
+    CHECK(mountains.highest == 1908);
+
+    const RasterSummary culture = summarise_raster(data + "/inland_empire_culture.tif", true);
+    const double cells = 1600.0 * 1600;
+    CHECK(static_cast<double>(culture.codes.at(91)) / cells == Approx(0.309).margin(0.0005));
+    CHECK(static_cast<double>(culture.codes.at(98)) / cells == Approx(0.012).margin(0.0005));
+    CHECK(culture.codes.count(92) == 0);
+
+    const RasterSummary nlcd = summarise_raster(data + "/lake_sunapee_culture.tif", true);
+    CHECK(static_cast<double>(nlcd.void_posts) / (467.0 * 262) == Approx(0.12).margin(0.005));
+    CHECK(nlcd.codes.count(0) == 0);
+    std::uint64_t sum = nlcd.void_posts;
+    for (const auto& [code, n] : nlcd.codes) sum += n;
+    CHECK(sum == 467u * 262u);
+}
+
+TEST_CASE("scale, offset and feet are honoured", "[raster]") {
+    const Folder folder;
+    Drawing d;
+    d.type = GDT_Int16;
+    d.value = [](int c, int r) { return 100 * c + r; };
+    draw(folder / "plain.tif", d);
+    CHECK(post(folder / "plain.tif", 2, 1) == 201);
+    d.scale = 0.5;
+    d.offset = -20;
+    draw(folder / "scaled.tif", d);
+    CHECK(post(folder / "scaled.tif", 2, 1) == 80.5F);
+    for (const char* unit : {"ft", "foot", "feet", "Feet"}) {
+        d.unit = unit;
+        draw(folder / "feet.tif", d);
+        CHECK(post(folder / "feet.tif", 2, 1) == static_cast<float>(80.5 * 0.3048));
+    }
+    for (const char* unit : {"US survey foot", "us-ft", "ftUS"}) {
+        d.unit = unit;
+        draw(folder / "survey.tif", d);
+        CHECK(post(folder / "survey.tif", 2, 1) == static_cast<float>(80.5 * 1200 / 3937));
+    }
+    for (const char* unit : {"m", "metre", "furlong"}) {
+        d.unit = unit;
+        draw(folder / "metres.tif", d);
+        CHECK(post(folder / "metres.tif", 2, 1) == 80.5F);
+    }
+}
+
+TEST_CASE("no-data, NaN and masks are voids", "[raster]") {
+    const Folder folder;
+    const auto hole = [](int c, int r) { return c == 1 && r == 2; };
+    const auto check = [&](const Drawing& d) {
+        draw(folder / "void.tif", d);
+        CHECK(std::isnan(post(folder / "void.tif", 1, 2)));
+        CHECK(post(folder / "void.tif", 2, 2) == 7);
+        CHECK(summarise_raster(folder / "void.tif", false).void_posts == 1);
+    };
+    Drawing d;
+    for (double none : {-32768.0, -9999.0, 0.0}) {
+        d.no_data = none;
+        d.value = [=](int c, int r) { return hole(c, r) ? none : 7; };
+        for (GDALDataType type : {GDT_Int16, GDT_Int32, GDT_Float32, GDT_Float64}) {
+            d.type = type;
+            check(d);
+        }
+    }
+    // Written as a float's text and stored as a float: not the same number.
+    for (double none : {-3.4e38, -3.40282e38, -3.4028234663852886e38, -1.7976931348623157e308}) {
+        d.no_data = none;
+        for (GDALDataType type : {GDT_Float32, GDT_Float64}) {
+            d.type = type;
+            d.value = [=](int c, int r) { return hole(c, r) ? (type == GDT_Float64 ? none : -3.4028234663852886e38) : 7; };
+            check(d);
+        }
+    }
+    d.no_data.reset();
+    d.type = GDT_Float32;
+    d.value = [=](int c, int r) { return hole(c, r) ? std::numeric_limits<double>::quiet_NaN() : 7; };
+    check(d);
+    d.value = [](int, int) { return 7; };
+    d.masked = hole;
+    check(d);
+    d.type = GDT_Byte;
+    check(d);
+}
+
+TEST_CASE("a height that is none is named with its post", "[raster]") {
+    const Folder folder;
+    Drawing d;
+    d.columns = 600;
+    d.rows = 500;
+    d.value = [](int c, int r) { return c == 513 && r == 301 ? std::numeric_limits<double>::infinity() : 5.0; };
+    draw(folder / "infinite.tif", d);
+    const std::string infinite = refusal<DataError>(folder / "infinite.tif");
+    CHECK_THAT(infinite, Contains("infinite.tif") && Contains("column 513") && Contains("row 301") && Contains("inf"));
+    CHECK_THROWS_AS(summarise_raster(folder / "infinite.tif", false), DataError);
+    d.value = [](int c, int r) { return c == 2 && r == 1 ? -100001 : 1e5; };
+    draw(folder / "deep.tif", d);
+    CHECK_THAT(refusal<DataError>(folder / "deep.tif"), Contains("column 2") && Contains("row 1") && Contains("-100001"));
+    // 30000 ft is a mountain, 300000 m is not.
+    d.type = GDT_Int32;
+    d.unit = "ft";
+    d.value = [](int, int) { return 300000; };
+    draw(folder / "high.tif", d);
+    CHECK(refusal<DataError>(folder / "high.tif") == "nothing was thrown");
+}
+
+TEST_CASE("what is no raster of heights is refused in one line that says why", "[raster]") {
+    const Folder folder;
+    CHECK_THAT(refusal<IoError>(folder / "missing.tif"), Contains("missing.tif") && Contains("No such file"));
+    std::ofstream(folder / "words.tif") << "not a raster\n";
+    CHECK_THAT(refusal<IoError>(folder / "words.tif"), Contains("words.tif") && Contains("not recognized"));
+
+    Drawing d;
+    d.geotransform = {{1000, 9, 3, 2000, 3, -9}};
+    draw(folder / "rotated.tif", d);
+    CHECK_THAT(refusal<DataError>(folder / "rotated.tif"), Contains("rotated.tif' is rotated") && Contains("gdalwarp"));
+    d = {};
+    d.type = GDT_CFloat32;
+    draw(folder / "complex.tif", d);
+    CHECK_THAT(refusal<DataError>(folder / "complex.tif"), Contains("CFloat32"));
+    d = {};
+    d.columns = 1;
+    draw(folder / "thin.tif", d);
+    CHECK_THAT(refusal<DataError>(folder / "thin.tif"), Contains("1 x 3") && Contains("at least 2 x 2"));
+    d = {};
+    d.geotransform = {{1000, -10, 0, 2000, 0, -10}};
+    draw(folder / "mirrored.tif", d);
+    CHECK_THAT(refusal<DataError>(folder / "mirrored.tif"), Contains("-10"));
+}
+
+TEST_CASE("a file cut short is an error that names the window, not a plain at sea level", "[raster]") {
+    const Folder folder;
+    Drawing d;
+    d.columns = d.rows = 512;
+    d.type = GDT_Int16;
+    d.value = [](int c, int r) { return c + r; };
+    d.creation = {"TILED=YES", "BLOCKXSIZE=128", "BLOCKYSIZE=128"};
+    const std::string path = folder / "short.tif";
+    draw(path, d);
+    CHECK(post(path, 511, 511) == 1022);
+    std::filesystem::resize_file(path, std::filesystem::file_size(path) - 20000);
+    CHECK(post(path, 5, 5) == 10);
+    CHECK_THAT(refusal<IoError>(path), Contains("short.tif") && Contains("rows 0 to 511"));
+    CHECK_THROWS_AS(summarise_raster(path, false), IoError);
+    std::filesystem::resize_file(path, 100);
+    CHECK_THAT(refusal<IoError>(path), Contains("short.tif"));
+}
+
+TEST_CASE("codes are whole numbers", "[raster]") {
+    const Folder folder;
+    Drawing d;
+    d.value = [](int c, int) { return c; };
+    draw(folder / "codes.tif", d);
+    const RasterSummary summary = summarise_raster(folder / "codes.tif", true);
+    CHECK(summary.codes == std::map<int, std::uint64_t>{{0, 3}, {1, 3}, {2, 3}, {3, 3}});
+    d.value = [](int c, int r) { return c == 2 && r == 1 ? 1.5 : 1; };
+    draw(folder / "parts.tif", d);
+    CHECK_THROWS_WITH(summarise_raster(folder / "parts.tif", true), Contains("column 2") && Contains("row 1") && Contains("1.5"));
+}

@@ -1,0 +1,126 @@
+// The engine against the independent reference of tests/reference, on real scenes.
+#include <catch2/catch.hpp>
+
+#include <cstdio>
+#include <string>
+
+#include "lib/engine.hpp"
+#include "tests/reference/reference_engine.hpp"
+#include "tiles/gdal_session.hpp"
+#include "tiles/sources.hpp"
+
+using namespace wedgescope;
+
+namespace {
+
+const std::string data = WEDGESCOPE_TEST_DATA;
+
+struct Case {
+    const char* name;
+    std::string dem, culture, culture_height;
+    double culture_height_scale = 1;
+    double lat = 0, lon = 0, altitude_m = 0;
+    int first_bin = 0, bins = 240;
+    double range_m = 30000;
+};
+
+struct Outcome {
+    reference::Comparison power;
+    double states = 0;
+};
+
+/// Both programs on one scene: the same set, the same bins; the scene is said twice, once to each.
+Outcome compare(const Case& c, Quality quality) {
+    static const GdalSession session(64 << 20, {});
+    Scene s;
+    s.platform.latlon = LatLon{c.lat, c.lon};
+    s.platform.altitude_m = c.altitude_m;
+    s.quality = quality;
+    s.azimuth_bins = 960;
+    s.range_m = c.range_m;
+    s.sector = Sector{Angle::degrees(c.first_bin * 0.375), Angle::degrees((c.first_bin + c.bins) * 0.375)};
+    s.display.size = 64;
+    DataBaseParams db;
+    db.dem = data + "/" + c.dem;
+    if (!c.culture.empty()) {
+        db.culture = data + "/" + c.culture;
+        db.legend = Legend::built_in("fbfm40");
+    }
+    if (!c.culture_height.empty()) {
+        db.culture_height = data + "/" + c.culture_height;
+        db.culture_height_scale = c.culture_height_scale;
+    }
+    const auto source = open_direct_source(db);
+    EngineParams params;
+    params.threads = 2;
+    const RunResult ours = run(resolve(s, *source), *source, params);
+
+    reference::Scene r;
+    r.dem = db.dem;
+    r.culture = db.culture;
+    r.culture_height = db.culture_height;
+    r.culture_height_scale = c.culture_height_scale;
+    r.class_of_code = reference::fbfm40_classes();
+    r.gamma = reference::project_gamma();
+    r.lat_deg = c.lat;
+    r.lon_deg = c.lon;
+    r.height_msl_m = c.altitude_m;
+    r.azimuth_bins = 960;
+    r.first_azimuth_bin = c.first_bin;
+    r.azimuth_count = c.bins;
+    r.range_bin_m = ours.power_w.grid.range_bin_m;
+    r.range_bins = static_cast<int>(ours.power_w.grid.range_count());
+    const reference::Result truth = reference::simulate(r);
+
+    REQUIRE(ours.power_w.cells.size() == truth.power_w.size());
+    const std::vector<double> power(ours.power_w.cells.begin(), ours.power_w.cells.end());
+    if (std::getenv("DUMP")) {
+        const double n = reference::noise_w(s.radar.noise_bandwidth_hz(), 8);
+        const std::size_t nr = ours.power_w.grid.range_count();
+        for (std::size_t i = 0; i < power.size(); ++i) {
+            if (power[i] < n && truth.power_w[i] < n) continue;
+            const double e = 10 * std::log10((power[i] + n) / (truth.power_w[i] + n));
+            if (std::abs(e) > 1) std::printf("az %zu r %zu err %+.2f ours %.1f dB ref %.1f dB over noise state %d %d\n", i / nr + c.first_bin, i % nr, e, 10*std::log10(power[i]/n), 10*std::log10(truth.power_w[i]/n), ours.state.cells[i], truth.state[i]);
+        }
+    }
+    Outcome o;
+    o.power = reference::compare(power, truth.power_w, reference::noise_w(s.radar.noise_bandwidth_hz(), 8));
+    o.states = reference::state_difference(ours.state.cells, truth.state);
+    std::printf("%-28s %-6s rms %.4f dB, p99 %.4f dB, median %+.5f dB, most %.2f dB over %zu cells; states %.3f %%\n", c.name, word(quality),
+                o.power.rms_db, o.power.p99_db, o.power.median_db, o.power.max_db, o.power.count, 100 * o.states);
+    return o;
+}
+
+void check(const Case& c) {
+    const Outcome o = compare(c, Quality::exact);
+    CHECK(o.power.count > 50000);
+    CHECK(o.power.rms_db < 0.1);
+    CHECK(o.power.p99_db < 0.35);
+    CHECK(std::abs(o.power.median_db) < 0.01);
+    CHECK(o.states < 0.01);
+}
+
+}  // namespace
+
+TEST_CASE("variants", "[.study]") {
+    const char* d = "inland_empire_dem.tif"; const char* cu = "inland_empire_culture.tif"; const char* h = "inland_empire_canopy.tif";
+    for (double alt : {2134.0, 838.0}) for (int v = 0; v < 4; v+=3)
+        compare({v==0?"plain":v==1?"culture":v==2?"canopy":"both", d, v&1?cu:"", v&2?h:"", 0.1, 33.93, -117.33, alt, 480}, Quality::exact);
+}
+
+TEST_CASE("inland_empire from 7000 ft: terrain, culture and canopy", "[reference]") {
+    check({"inland_empire 2134 m", "inland_empire_dem.tif", "inland_empire_culture.tif", "inland_empire_canopy.tif", 0.1, 33.93, -117.33, 2134, 480});
+}
+
+TEST_CASE("inland_empire from 2750 ft: long shadows", "[reference]") {
+    check({"inland_empire 838 m", "inland_empire_dem.tif", "inland_empire_culture.tif", "inland_empire_canopy.tif", 0.1, 33.93, -117.33, 838, 480});
+}
+
+TEST_CASE("worcester_vermont: a third of it void, culture, canopy, Albers projection", "[reference]") {
+    check({"worcester_vermont 1400 m", "worcester_vermont_dem.tif", "worcester_vermont_culture.tif", "worcester_vermont_canopy.tif", 0.1, 44.42, -72.56,
+           1400, 0, 240, 11000});
+}
+
+TEST_CASE("olympic_coast: latitude and longitude, geodesics, small voids", "[reference]") {
+    check({"olympic_coast 1500 m", "olympic_coast_dem.tif", "", "", 1, 48.2, -124.6, 1500, 240, 240, 30000});
+}

@@ -1,0 +1,447 @@
+// The direct source: chunks of terrain, culture height and classes, and where they lie on earth.
+#include <catch2/catch.hpp>
+
+#include <GeographicLib/TransverseMercator.hpp>
+#include <cmath>
+#include <cstdlib>
+#include <random>
+#include <thread>
+
+#include "lib/error.hpp"
+#include "tests/drawn_raster.hpp"
+#include "tiles/gdal_session.hpp"
+#include "tiles/sources.hpp"
+
+using namespace wedgescope;
+using wedgescope::test::draw;
+using wedgescope::test::Drawing;
+using wedgescope::test::Folder;
+using Catch::Matchers::Contains;
+
+namespace {
+
+const std::string data = WEDGESCOPE_TEST_DATA;
+const GdalSession session(std::size_t{16} << 20, {});
+
+DataBaseParams only(const std::string& dem) {
+    DataBaseParams params;
+    params.dem = dem;
+    return params;
+}
+
+/// The whole first band, as GDAL alone reads it.
+struct Plain {
+    int columns, rows;
+    std::vector<double> values;
+    double g[6];
+    explicit Plain(const std::string& path) {
+        GDALDataset* in = GDALDataset::Open(path.c_str());
+        columns = in->GetRasterXSize();
+        rows = in->GetRasterYSize();
+        in->GetGeoTransform(g);
+        values.resize(static_cast<std::size_t>(columns) * static_cast<std::size_t>(rows));
+        if (in->GetRasterBand(1)->RasterIO(GF_Read, 0, 0, columns, rows, values.data(), columns, rows, GDT_Float64, 0, 0, nullptr) != CE_None)
+            throw std::runtime_error("cannot read " + path);
+        GDALClose(in);
+    }
+    double at(std::int64_t c, std::int64_t r) const { return values[static_cast<std::size_t>(r * columns + c)]; }
+};
+
+/// Post of a chunk by column and row.
+float surface(const Chunk& k, std::int64_t c, std::int64_t r) {
+    const std::int64_t line = k.lines_are_columns ? c - k.window.columns.begin : r - k.window.rows.begin;
+    const std::int64_t minor = k.lines_are_columns ? r - k.window.rows.begin : c - k.window.columns.begin;
+    return k.surface_m[static_cast<std::size_t>(line * k.minor_count() + minor)];
+}
+ClassId class_at(const Chunk& k, std::int64_t c, std::int64_t r) {
+    return k.classes[static_cast<std::size_t>((r - k.culture_window.rows.begin) * k.culture_window.columns.size() + c - k.culture_window.columns.begin)];
+}
+
+}  // namespace
+
+TEST_CASE("posts stand at the centres of their cells and on whole degrees of an SRTM tile", "[source]") {
+    const auto azores = open_direct_source(only(data + "/azores_dem.tif"));
+    const DataBase& d = azores->data_base();
+    CHECK(d.has_crs);
+    CHECK_FALSE(d.crs_in_metres);
+    CHECK_FALSE(d.cyclic);
+    const IndexPosition middle = d.locate(39, -28);
+    CHECK(middle.column == Approx(1200).margin(1e-6));  // posts; GDAL writes the step with 15 digits
+    CHECK(middle.row == Approx(1200).margin(1e-6));
+    CHECK(d.origin_x == Approx(-29).margin(1e-9));
+    CHECK(d.origin_y == Approx(40).margin(1e-9));
+    for (double turn : {-720.0, -360.0, 360.0}) CHECK(d.locate(39, -28 + turn).column == Approx(1200).margin(1e-6));
+    const auto back = d.lat_lon(1200, 1200);
+    REQUIRE(back);
+    CHECK(back->first == Approx(39).margin(1e-9));
+    CHECK(back->second == Approx(-28).margin(1e-9));
+    CHECK_FALSE(d.lat_lon(0, -61000));  // north of the pole
+
+    // The top of Pico, 38.4689 N 28.3992 W, 2351 m by survey; SRTM rounds it off.
+    const IndexPosition pico = d.locate(38.4689, -28.3992);
+    const float top = azores->bare_terrain_m(std::lround(pico.column), std::lround(pico.row));
+    CHECK(top > 2200);
+    CHECK(azores->extremes().highest_m == 2304);
+    CHECK(azores->extremes().lowest_m == -8);
+    CHECK(azores->extremes().void_posts == 0);
+}
+
+TEST_CASE("places on a projected raster agree with GeographicLib's transverse Mercator", "[source]") {
+    const auto source = open_direct_source(only(data + "/inland_empire_dem.tif"));
+    const DataBase& d = source->data_base();
+    CHECK(d.crs_in_metres);
+    CHECK(d.metres_per_unit == 1);
+    for (const auto& [lat, lon] : {std::pair(33.8, -117.5), std::pair(33.6, -117.75), std::pair(34.0, -117.0), std::pair(30.0, -110.0)}) {
+        double x = 0, y = 0;
+        GeographicLib::TransverseMercator::UTM().Forward(-117, lat, lon, x, y);
+        const IndexPosition at = d.locate(lat, lon);
+        CHECK(d.origin_x + at.column * d.step_x == Approx(x + 500000).margin(1e-4));  // metres
+        CHECK(d.origin_y + at.row * d.step_y == Approx(y).margin(1e-4));
+        const auto back = d.lat_lon(at.column, at.row);
+        REQUIRE(back);
+        CHECK(back->first == Approx(lat).margin(1e-9));
+        CHECK(back->second == Approx(lon).margin(1e-9));
+    }
+    CHECK_THROWS_AS(d.locate(0, -27), DataError);  // 90 degrees from the central meridian
+}
+
+TEST_CASE("a chunk holds the posts of its window, line by line, either way round", "[source]") {
+    const std::string path = data + "/olympic_coast_dem.tif";
+    const Plain plain(path);
+    const auto source = open_direct_source(only(path));
+    std::mt19937 random(5);
+    for (int trial = 0; trial < 12; ++trial) {
+        const auto pick = [&](std::int64_t n) {
+            std::int64_t a = static_cast<std::int64_t>(random() % static_cast<unsigned>(n)), b = static_cast<std::int64_t>(random() % static_cast<unsigned>(n));
+            return Interval{std::min(a, b), std::max(a, b) + 1};
+        };
+        const Window window{pick(3601), pick(1801)};
+        const bool by_columns = trial % 2 == 0;
+        const Chunk chunk = source->load(window, by_columns);
+        REQUIRE(chunk.surface_m.size() == static_cast<std::size_t>(window.posts()));
+        CHECK(chunk.posts_read == static_cast<std::uint64_t>(window.posts()));
+        CHECK(chunk.bytes_read == 2 * chunk.posts_read);
+        CHECK(chunk.culture_height_m.empty());
+        CHECK(chunk.classes.empty());
+        std::int64_t wrong = 0;
+        for (std::int64_t r = window.rows.begin; r < window.rows.end; ++r)
+            for (std::int64_t c = window.columns.begin; c < window.columns.end; ++c) {
+                const float z = surface(chunk, c, r);
+                const double want = plain.at(c, r);
+                wrong += want == -32768 ? !std::isnan(z) : z != static_cast<float>(want);
+            }
+        CHECK(wrong == 0);
+    }
+    CHECK(source->extremes().void_posts == static_cast<std::uint64_t>(std::count(plain.values.begin(), plain.values.end(), -32768.0)));
+    CHECK(source->extremes().highest_m == 1095);
+}
+
+TEST_CASE("a raster round the whole earth goes on across its seam", "[source]") {
+    const Folder folder;
+    for (int extra : {0, 1}) {
+        Drawing d;
+        d.columns = 36 + extra;
+        d.rows = 9;
+        d.crs = "EPSG:4326";
+        d.geotransform = {{-185, 10, 0, 45, 0, -10}};
+        d.value = [](int c, int r) { return c % 36 * 100 + r; };
+        draw(folder / "world.tif", d);
+        const auto source = open_direct_source(only(folder / "world.tif"));
+        CHECK(source->data_base().cyclic);
+        CHECK(source->data_base().cycle_columns == 36);
+        for (bool by_columns : {false, true}) {
+            const Chunk chunk = source->load({{-3, 40}, {2, 5}}, by_columns);
+            std::int64_t wrong = 0;
+            for (std::int64_t c = -3; c < 40; ++c)
+                for (std::int64_t r = 2; r < 5; ++r) wrong += surface(chunk, c, r) != static_cast<float>((c + 36) % 36 * 100 + r);
+            CHECK(wrong == 0);
+        }
+        CHECK(source->bare_terrain_m(-1, 4) == 3504);
+        // 175 W and 185 E are one place, half way from column 0 to 1.
+        CHECK(source->data_base().locate(0, 185).column == Approx(0.5).margin(1e-9));
+        CHECK(source->data_base().locate(0, -175).column == Approx(0.5).margin(1e-9));
+    }
+    Drawing d;
+    d.columns = 35;
+    d.crs = "EPSG:4326";
+    d.geotransform = {{-180, 10, 0, 45, 0, -10}};
+    draw(folder / "gap.tif", d);
+    CHECK_FALSE(open_direct_source(only(folder / "gap.tif"))->data_base().cyclic);
+}
+
+TEST_CASE("south-up rasters and rasters without any georeference are honoured", "[source]") {
+    const Folder folder;
+    Drawing d;
+    d.geotransform = {{1000, 10, 0, 2000, 0, 10}};
+    d.value = [](int c, int r) { return 10 * r + c; };
+    draw(folder / "south.tif", d);
+    const auto south = open_direct_source(only(folder / "south.tif"));
+    CHECK(south->data_base().step_y == 10);
+    CHECK(south->data_base().origin_y == 2005);
+    CHECK(south->bare_terrain_m(3, 2) == 23);
+
+    d.geotransform.reset();
+    d.crs.clear();
+    draw(folder / "bare.tif", d);
+    const auto bare = open_direct_source(only(folder / "bare.tif"));
+    const DataBase& b = bare->data_base();
+    CHECK_FALSE(b.has_crs);
+    CHECK(b.crs_in_metres);
+    CHECK(b.metres_per_unit == 1);
+    // The last row is y = 0, rows go north at 1 m: a picture stands as it is drawn.
+    CHECK(b.origin_x == 0);
+    CHECK(b.origin_y == 2);
+    CHECK(b.step_x == 1);
+    CHECK(b.step_y == -1);
+    CHECK_FALSE(static_cast<bool>(b.locate));
+
+    d.geotransform = {{0, 5, 0, 0, 0, -5}};
+    d.crs = "EPSG:2263";  // New York Long Island, US survey feet
+    draw(folder / "feet.tif", d);
+    CHECK(open_direct_source(only(folder / "feet.tif"))->data_base().metres_per_unit == Approx(1200.0 / 3937).epsilon(1e-12));
+}
+
+TEST_CASE("culture heights are added at the posts in single precision", "[source]") {
+    const Plain dem(data + "/worcester_vermont_dem.tif"), canopy(data + "/worcester_vermont_canopy.tif");
+    DataBaseParams params = only(data + "/worcester_vermont_dem.tif");
+    params.culture_height = data + "/worcester_vermont_canopy.tif";
+    params.culture_height_scale = 0.1;
+    const auto source = open_direct_source(params);
+    CHECK(source->data_base().has_culture_height);
+    for (bool by_columns : {false, true}) {
+        const Window window{{100, 500}, {50, 600}};
+        const Chunk chunk = source->load(window, by_columns);
+        REQUIRE(chunk.culture_height_m.size() == chunk.surface_m.size());
+        std::int64_t wrong = 0, trees = 0;
+        for (std::int64_t r = window.rows.begin; r < window.rows.end; ++r)
+            for (std::int64_t c = window.columns.begin; c < window.columns.end; ++c) {
+                const float h = canopy.at(c, r) == 32767 ? 0.0F : static_cast<float>(0.1 * canopy.at(c, r));
+                const float z = surface(chunk, c, r);
+                trees += h > 0;
+                wrong += dem.at(c, r) == 32767 ? !std::isnan(z) : z != static_cast<float>(dem.at(c, r)) + h;
+            }
+        CHECK(wrong == 0);
+        CHECK(trees > 10000);
+    }
+    CHECK(source->bare_terrain_m(300, 300) == static_cast<float>(dem.at(300, 300)));
+    CHECK(source->extremes().highest_m >= 1101);
+    CHECK(source->extremes().lowest_m == 201);
+    // Nothing stands outside the tilted box: no heights are kept.
+    CHECK(source->load({{0, 20}, {0, 20}}, false).culture_height_m.empty());
+}
+
+TEST_CASE("culture heights are those of the cell that contains the post, on the layer's own grid", "[source]") {
+    const Folder folder;
+    Drawing d;  // posts at x = 1005 + 10 c, y = 1995 - 10 r
+    d.columns = 40;
+    d.rows = 30;
+    d.value = [](int, int) { return 100; };
+    draw(folder / "dem.tif", d);
+    Drawing h = d;
+    DataBaseParams params = only(folder / "dem.tif");
+    params.culture_height = folder / "height.tif";
+    params.culture_height_scale = 2;
+    // Coarser, finer, and turned over; each over part of the terrain only; no post on an edge between two cells.
+    for (const auto& g : {std::array<double, 6>{1100.5, 35, 0, 1950.5, 0, -35}, std::array<double, 6>{1100.5, 3, 0, 1950.5, 0, -3},
+                          std::array<double, 6>{1100.5, 7, 0, 1800.5, 0, 7}}) {
+        h.columns = 20;
+        h.rows = 25;
+        h.geotransform = g;
+        h.value = [](int c, int r) { return c == 3 && r == 3 ? 0 : 1 + c + 20 * r; };
+        draw(folder / "height.tif", h);
+        const auto source = open_direct_source(params);
+        const Chunk chunk = source->load({{2, 39}, {1, 30}}, true);
+        std::int64_t wrong = 0, standing = 0;
+        for (std::int64_t c = 2; c < 39; ++c)
+            for (std::int64_t r = 1; r < 30; ++r) {
+                const double x = 1005 + 10 * static_cast<double>(c), y = 1995 - 10 * static_cast<double>(r);
+                const double i = std::floor((x - g[0]) / g[1]), j = std::floor((y - g[3]) / g[5]);
+                const bool inside = i >= 0 && j >= 0 && i < 20 && j < 25;
+                const double want = !inside || (i == 3 && j == 3) ? 0 : 2 * (1 + i + 20 * j);
+                standing += want > 0;
+                wrong += surface(chunk, c, r) != static_cast<float>(100 + want);
+            }
+        CHECK(wrong == 0);
+        CHECK(standing > 10);
+    }
+    h.value = [](int c, int r) { return c == 4 && r == 5 ? -3 : 1; };
+    draw(folder / "height.tif", h);
+    CHECK_THROWS_WITH(open_direct_source(params)->load({{0, 40}, {0, 30}}, false),
+                      Contains("height.tif") && Contains("column 4") && Contains("row 5") && Contains("-3"));
+}
+
+TEST_CASE("a point has the class of the culture cell that contains it, on the culture's own grid", "[source]") {
+    const Plain dem(data + "/lake_sunapee_dem.tif"), culture(data + "/lake_sunapee_culture.tif");
+    const Legend nlcd = Legend::built_in("nlcd").value();
+    DataBaseParams params = only(data + "/lake_sunapee_dem.tif");
+    params.culture = data + "/lake_sunapee_culture.tif";
+    CHECK_THROWS_AS(open_direct_source(params), InputError);  // no legend
+    params.legend = nlcd;
+    params.default_class = 17;
+    const auto source = open_direct_source(params);
+    const DataBase& d = source->data_base();
+    // README: the first culture cell begins 9.308 cells west and 6.033 cells north of the first elevation cell.
+    CHECK(d.culture_column_scale == 1);
+    CHECK(d.culture_row_scale == 1);
+    CHECK(d.culture_column_offset == Approx(9.308 + 0.5).margin(1e-3));
+    CHECK(d.culture_row_offset == Approx(6.033 + 0.5).margin(1e-3));
+
+    const Window window{{30, 90}, {200, 330}};
+    const Chunk chunk = source->load(window, false);
+    // One post more a side than the window.
+    CHECK(chunk.culture_window.columns == Interval{29 + 9, 90 + 9 + 1});
+    CHECK(chunk.culture_window.rows == Interval{199 + 6, 330 + 6 + 1});
+    CHECK(chunk.codes.empty());
+    std::int64_t wrong = 0;
+    for (std::int64_t r = window.rows.begin - 1; r <= window.rows.end; ++r)
+        for (std::int64_t c = window.columns.begin - 1; c <= window.columns.end; ++c) {
+            const double x = dem.g[0] + (static_cast<double>(c) + 0.5) * dem.g[1], y = dem.g[3] + (static_cast<double>(r) + 0.5) * dem.g[5];
+            const auto i = static_cast<std::int64_t>(std::floor((x - culture.g[0]) / culture.g[1]));
+            const auto j = static_cast<std::int64_t>(std::floor((y - culture.g[3]) / culture.g[5]));
+            const int code = static_cast<int>(culture.at(i, j));
+            wrong += class_at(chunk, i, j) != (code == 0 ? ClassId{17} : nlcd.find(code).value());
+        }
+    CHECK(wrong == 0);
+    // The middle of Lake Sunapee (43.38 N, 72.05 W) is water, 11.
+    const IndexPosition lake = d.locate(43.38, -72.055);
+    const auto i = static_cast<std::int64_t>(std::floor(d.culture_column_offset + lake.column));
+    const auto j = static_cast<std::int64_t>(std::floor(d.culture_row_offset + lake.row));
+    const std::int64_t c = std::lround(lake.column), r = std::lround(lake.row);
+    CHECK(class_at(source->load({{c - 2, c + 3}, {r - 2, r + 3}}, true), i, j) == nlcd.find(11).value());
+}
+
+TEST_CASE("outside the culture raster stands the default class, and unknown codes are kept", "[source]") {
+    const Folder folder;
+    Drawing d;
+    d.columns = 20;
+    d.rows = 20;
+    draw(folder / "dem.tif", d);
+    Drawing k = d;
+    k.type = GDT_Int16;
+    k.columns = k.rows = 6;
+    k.geotransform = {{1050, 10, 0, 1950, 0, -10}};  // terrain cells 5..10 either way
+    k.no_data = -1;
+    k.value = [](int c, int r) { return c == 2 && r == 3 ? 777 : c == 4 && r == 4 ? -1 : 40 + c; };
+    draw(folder / "codes.tif", k);
+    DataBaseParams params = only(folder / "dem.tif");
+    params.culture = folder / "codes.tif";
+    params.default_class = 9;
+    params.legend = Legend("drawn", {{40, 0}, {41, 1}, {42, 2}, {43, 3}, {44, 5}, {45, 6}});
+    const auto source = open_direct_source(params);
+    const Chunk chunk = source->load({{0, 20}, {0, 20}}, false);
+    CHECK(chunk.culture_window.columns == Interval{-6, 16});
+    CHECK(class_at(chunk, -6, -6) == 9);
+    CHECK(class_at(chunk, 6, 0) == 9);
+    CHECK(class_at(chunk, 4, 4) == 9);  // no-data
+    CHECK(class_at(chunk, 5, 2) == 6);
+    CHECK(class_at(chunk, 2, 3) == unknown_class);
+    REQUIRE(chunk.codes.size() == chunk.classes.size());
+    CHECK(chunk.codes[static_cast<std::size_t>((3 + 6) * 22 + 2 + 6)] == 777);
+    CHECK(source->load({{15, 20}, {0, 20}}, false).codes.empty());
+}
+
+TEST_CASE("culture in another CRS is refused with the gdalwarp line that mends it", "[source]") {
+    const Folder folder;
+    Drawing d;  // near 33.8 N, 117.5 W
+    d.columns = d.rows = 60;
+    d.geotransform = {{453000, 30, 0, 3741000, 0, -30}};
+    draw(folder / "dem.tif", d);
+    Drawing k = d;
+    k.type = GDT_Byte;
+    k.crs = "EPSG:4326";
+    k.geotransform = {{-117.52, 0.0005, 0, 33.82, 0, -0.0005}};
+    k.columns = k.rows = 100;
+    k.value = [](int c, int r) { return 1 + (c / 25 + r / 25) % 3; };
+    draw(folder / "codes.tif", k);
+    DataBaseParams params = only(folder / "dem.tif");
+    params.culture = folder / "codes.tif";
+    params.legend = Legend("drawn", {{1, 1}, {2, 2}, {3, 3}});
+    std::string message;
+    try {
+        open_direct_source(params);
+    } catch (const DataError& e) {
+        message = e.what();
+    }
+    INFO(message);
+    CHECK_THAT(message, Contains("EPSG:4326") && Contains("-r near -tr 30 30 -te 453000 3739200 454800 3741000"));
+    const std::size_t line = message.find("gdalwarp ");
+    REQUIRE(line != std::string::npos);
+    if (std::system("command -v gdalwarp > /dev/null") == 0) {
+        REQUIRE(std::system((message.substr(line) + " > /dev/null").c_str()) == 0);
+        params.culture = folder / "codes_warped.tif";
+        const Chunk chunk = open_direct_source(params)->load({{0, 60}, {0, 60}}, false);
+        CHECK(chunk.codes.empty());
+        CHECK(std::count(chunk.classes.begin(), chunk.classes.end(), ClassId{2}) > 100);
+    }
+}
+
+TEST_CASE("culture that does not touch the terrain is refused with both extents", "[source]") {
+    const Folder folder;
+    Drawing d;
+    draw(folder / "dem.tif", d);
+    d.geotransform = {{5000, 10, 0, 2000, 0, -10}};
+    draw(folder / "far.tif", d);
+    DataBaseParams params = only(folder / "dem.tif");
+    params.culture = folder / "far.tif";
+    params.legend = Legend::built_in("nlcd");
+    CHECK_THROWS_WITH(open_direct_source(params), Contains("x 5000 to 5040") && Contains("x 1000 to 1040"));
+}
+
+TEST_CASE("culture given from 0 to 360 degrees lies under terrain given from -180 to 180", "[source]") {
+    const Folder folder;
+    Drawing d;
+    d.columns = d.rows = 10;
+    d.crs = "EPSG:4326";
+    d.geotransform = {{-20.5, 1, 0, 5, 0, -1}};
+    draw(folder / "dem.tif", d);
+    Drawing k = d;
+    k.columns = 360;
+    k.type = GDT_Int16;
+    k.geotransform = {{-0.5, 1, 0, 5, 0, -1}};
+    k.value = [](int c, int) { return c; };
+    draw(folder / "codes.tif", k);
+    std::map<int, ClassId> classes;
+    for (int c = 0; c < 360; ++c) classes[c] = static_cast<ClassId>(c % 200);
+    DataBaseParams params = only(folder / "dem.tif");
+    params.culture = folder / "codes.tif";
+    params.legend = Legend("drawn", classes);
+    const auto source = open_direct_source(params);
+    const Chunk chunk = source->load({{0, 10}, {0, 10}}, false);
+    const DataBase& b = source->data_base();
+    for (int c = 0; c < 10; ++c) {
+        const auto cell = static_cast<std::int64_t>(std::floor(b.culture_column_offset + c * b.culture_column_scale));
+        CHECK(class_at(chunk, cell, 5) == (360 - 20 + c) % 200);
+    }
+}
+
+TEST_CASE("many threads read the same posts through one source", "[source]") {
+    const Folder folder;
+    // A VRT: its sources must not be shared between handles.
+    const std::string vrt = folder / "coast.vrt";
+    {
+        GDALDataset* in = GDALDataset::Open((data + "/olympic_coast_dem.tif").c_str());
+        GDALDataset* out = GetGDALDriverManager()->GetDriverByName("VRT")->CreateCopy(vrt.c_str(), in, 0, nullptr, nullptr, nullptr);
+        GDALClose(out);
+        GDALClose(in);
+    }
+    const auto source = open_direct_source(only(vrt));
+    const auto sum = [&](int part) {
+        const Chunk chunk = source->load({{part * 200, part * 200 + 600}, {100 * part, 100 * part + 700}}, part % 2 == 1);
+        double total = 0;
+        for (float z : chunk.surface_m) total += std::isnan(z) ? 1e6 : static_cast<double>(z);
+        return total;
+    };
+    std::vector<double> alone(8);
+    for (int part = 0; part < 8; ++part) alone[static_cast<std::size_t>(part)] = sum(part);
+    std::vector<std::vector<double>> together(4, std::vector<double>(8));
+    std::vector<std::thread> threads;
+    for (std::size_t t = 0; t < together.size(); ++t)
+        threads.emplace_back([&, t] {
+            for (int k = 0; k < 8; ++k) {
+                const int part = (k + static_cast<int>(t) * 3) % 8;
+                together[t][static_cast<std::size_t>(part)] = sum(part);
+            }
+        });
+    for (std::thread& thread : threads) thread.join();
+    for (const auto& sums : together) CHECK(sums == alone);
+}

@@ -1,0 +1,780 @@
+#include "tools/keys.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <iterator>
+#include <numbers>
+
+#include "tools/units.hpp"
+
+namespace wedgescope {
+namespace {
+
+// ------------------------------------------------------------------------------------------- what a value may be
+
+/// Bounds of a value, written as users write them; empty: none.
+struct Limits {
+    std::string low;
+    bool above = false;  ///< `low` itself is refused
+    std::string high;
+    bool below = false;  ///< `high` itself is refused
+};
+Limits above(std::string low) { return {std::move(low), true, "", false}; }
+Limits at_least(std::string low) { return {std::move(low), false, "", false}; }
+Limits between(std::string low, std::string high) { return {std::move(low), false, std::move(high), false}; }
+Limits above_below(std::string low, std::string high) { return {std::move(low), true, std::move(high), true}; }
+Limits any() { return {}; }
+
+std::string words(const Limits& limits) {
+    if (limits.low.empty()) return "";
+    std::string out = (limits.above ? "above " : limits.high.empty() ? "at least " : "from ") + limits.low;
+    if (!limits.high.empty()) out += (limits.below ? " and below " : limits.above ? " up to " : " to ") + limits.high;
+    return out;
+}
+
+template <class Parse>
+void check_limits(const Limits& limits, const Given& given, double value, Parse&& parse) {
+    bool good = true;
+    if (!limits.low.empty()) {
+        const double low = parse(limits.low);
+        good = limits.above ? value > low : value >= low;
+    }
+    if (!limits.high.empty()) {
+        const double high = parse(limits.high);
+        good = good && (limits.below ? value < high : value <= high);
+    }
+    if (!good) throw InputError(text(given.origin, " is ", in_quotes(given.value), "; it must be ", words(limits)));
+}
+
+/// How one kind of value is named, read and written.
+struct Codec {
+    std::string value;
+    std::string accepted;
+    std::function<void(Settings&, const Given&)> set;
+    std::function<std::optional<std::string>(const Settings&)> get;
+};
+
+// What stands in Settings for a number in SI units.
+void store(double& field, double v) { field = v; }
+void store(std::optional<double>& field, double v) { field = v; }
+void store(Angle& field, double v) { field = Angle::radians(v); }
+void store(Decibel& field, double v) { field = Decibel(v); }
+void store(std::optional<Decibel>& field, double v) { field = Decibel(v); }
+void store(std::uint64_t& field, double v) { field = static_cast<std::uint64_t>(v); }
+void store(std::int64_t& field, std::int64_t v) { field = v; }
+void store(std::optional<std::int64_t>& field, std::int64_t v) { field = v; }
+void store(int& field, std::int64_t v) { field = static_cast<int>(v); }
+std::optional<double> load(double field) { return field; }
+std::optional<double> load(const std::optional<double>& field) { return field; }
+std::optional<double> load(Angle field) { return field.rad(); }
+std::optional<double> load(Decibel field) { return field.db(); }
+std::optional<double> load(const std::optional<Decibel>& field) {
+    return field ? std::optional(field->db()) : std::nullopt;
+}
+std::optional<double> load(std::uint64_t field) { return static_cast<double>(field); }
+
+/// A dimensioned value; `absent` is the word for an empty optional (auto, off).
+template <class Field>
+Codec quantity(Dimension dimension, const Limits& limits, Field field, const std::string& absent = "") {
+    Codec codec;
+    codec.value = value_word(dimension) + (absent.empty() ? "" : "|" + absent);
+    codec.accepted = words(limits);
+    codec.set = [=](Settings& s, const Given& given) {
+        auto& target = field(s);
+        if constexpr (requires { target.reset(); }) {
+            if (!absent.empty() && trimmed(given.value) == absent) return target.reset();
+        }
+        const double v = parse_quantity(dimension, given.origin, given.value);
+        check_limits(limits, given, v,
+                     [&](const std::string& t) { return parse_quantity(dimension, given.origin, t); });
+        if (dimension == Dimension::bytes && v >= 0x1p63)
+            throw InputError(text(given.origin, " is ", in_quotes(given.value), "; that is more than any machine has"));
+        store(target, v);
+    };
+    codec.get = [=](const Settings& s) -> std::optional<std::string> {
+        const auto v = load(field(s));
+        if (!v) return absent;
+        return quantity_text(dimension, *v);
+    };
+    return codec;
+}
+
+template <class Field>
+Codec number(const Limits& limits, Field field) {
+    Codec codec{"NUMBER", words(limits), {}, {}};
+    codec.set = [=](Settings& s, const Given& given) {
+        const double v = parse_number(given.origin, given.value);
+        check_limits(limits, given, v, [&](const std::string& t) { return parse_number(given.origin, t); });
+        store(field(s), v);
+    };
+    codec.get = [=](const Settings& s) -> std::optional<std::string> { return text(field(s)); };
+    return codec;
+}
+
+/// A whole number; `absent` is the word for an empty optional or for 0.
+template <class Field>
+Codec count(std::int64_t low, std::int64_t high, Field field, const std::string& absent = "") {
+    Codec codec{absent.empty() ? "COUNT" : "COUNT|" + absent, text("from ", low, " to ", high), {}, {}};
+    codec.set = [=](Settings& s, const Given& given) {
+        auto& target = field(s);
+        if (!absent.empty() && trimmed(given.value) == absent) {
+            target = {};
+            return;
+        }
+        store(target, parse_count(given.origin, given.value, low, high));
+    };
+    codec.get = [=](const Settings& s) -> std::optional<std::string> {
+        const auto& target = field(s);
+        if constexpr (requires { target.has_value(); }) {
+            return target ? text(*target) : absent;
+        } else {
+            return target == 0 && !absent.empty() ? absent : text(target);
+        }
+    };
+    return codec;
+}
+
+template <class Field>
+Codec on_off(Field field) {
+    Codec codec{"on|off", "", {}, {}};
+    codec.set = [=](Settings& s, const Given& given) { field(s) = parse_switch(given.origin, given.value); };
+    codec.get = [=](const Settings& s) -> std::optional<std::string> { return field(s) ? "on" : "off"; };
+    return codec;
+}
+
+/// On when it stands alone.
+template <class Field>
+Codec flag(Field field) {
+    Codec codec = on_off(field);
+    codec.value.clear();
+    return codec;
+}
+
+/// One of some words; `field` is the enum or an optional of it, for which `absent` is the word.
+template <class Enum, class Field>
+Codec choice(std::vector<std::pair<std::string, Enum>> list, Field field, const std::string& absent = "") {
+    Codec codec;
+    for (const auto& [name, value] : list) codec.value += (codec.value.empty() ? "" : "|") + name;
+    if (!absent.empty()) codec.value += "|" + absent;
+    codec.set = [=, all = codec.value](Settings& s, const Given& given) {
+        auto& target = field(s);
+        const std::string_view word = trimmed(given.value);
+        if (!absent.empty() && word == absent) {
+            target = {};
+            return;
+        }
+        std::vector<std::string> names;
+        for (const auto& [name, value] : list) {
+            if (name == word) {
+                target = value;
+                return;
+            }
+            names.push_back(name);
+        }
+        if (!absent.empty()) names.push_back(absent);
+        std::string accepted;
+        for (const auto& name : names) accepted += (accepted.empty() ? "" : ", ") + name;
+        throw InputError(text(given.origin, " is ", in_quotes(given.value), "; it must be one of ", accepted));
+    };
+    codec.get = [=](const Settings& s) -> std::optional<std::string> {
+        const auto& target = field(s);
+        for (const auto& [name, value] : list) {
+            if (target == value) return name;
+        }
+        return absent;
+    };
+    return codec;
+}
+
+const char* const built_in_legends[] = {"fbfm40", "nlcd", "worldcover", "smc"};
+
+/// A path in a scene file starts from the file's folder, unless it is absolute or names something that is no plain
+/// file (an URL, a driver's connection string such as NETCDF:"x.nc":v).
+std::string resolved_path(const Given& given) {
+    const std::string path(trimmed(given.value));
+    if (path.empty()) throw InputError(text(given.origin, " is empty; a path is needed"));
+    if (path.find('\0') != std::string::npos)
+        throw InputError(text(given.origin, " is ", in_quotes(path), "; a path holds no zero byte"));
+    if (given.folder.empty() || path[0] == '/') return path;
+    const auto colon = path.find(':');
+    if (colon != std::string::npos && colon >= 2 && path.find('/') > colon) return path;
+    return (std::filesystem::path(given.folder) / path).lexically_normal().string();
+}
+
+template <class Field>
+Codec path(Field field) {
+    Codec codec{"PATH", "", {}, {}};
+    codec.set = [=](Settings& s, const Given& given) { field(s) = resolved_path(given); };
+    codec.get = [=](const Settings& s) -> std::optional<std::string> {
+        return field(s).empty() ? std::nullopt : std::optional<std::string>(field(s));
+    };
+    return codec;
+}
+
+Codec legend_choice() {
+    Codec codec{"fbfm40|nlcd|worldcover|smc|PATH", "", {}, {}};
+    codec.set = [](Settings& s, const Given& given) {
+        const std::string word(trimmed(given.value));
+        const bool built_in =
+            std::find(std::begin(built_in_legends), std::end(built_in_legends), word) != std::end(built_in_legends);
+        s.culture_legend = built_in ? word : resolved_path(given);
+    };
+    codec.get = [](const Settings& s) -> std::optional<std::string> {
+        return s.culture_legend.empty() ? std::nullopt : std::optional(s.culture_legend);
+    };
+    return codec;
+}
+
+Codec material_choice() {
+    Codec codec{"MATERIAL", "", {}, {}};
+    for (const Material& material : material_table())
+        codec.accepted += (codec.accepted.empty() ? "one of " : ", ") + std::string(material.name);
+    codec.set = [](Settings& s, const Given& given) {
+        s.material = std::string(trimmed(given.value));
+        material_by_name(given.origin, s.material);
+    };
+    codec.get = [](const Settings& s) -> std::optional<std::string> { return s.material; };
+    return codec;
+}
+
+/// Two values with one comma between them.
+std::pair<std::string, std::string> two(const Given& given, const char* form) {
+    const auto comma = given.value.find(',');
+    if (comma == std::string::npos || given.value.find(',', comma + 1) != std::string::npos) {
+        throw InputError(text(given.origin, " is ", in_quotes(given.value), "; it must be ", form));
+    }
+    return {given.value.substr(0, comma), given.value.substr(comma + 1)};
+}
+
+/// Degrees with or without the unit.
+double degrees(const Given& given, std::string_view token, double most, const char* form) {
+    token = trimmed(token);
+    if (token.ends_with("deg")) token.remove_suffix(3);
+    double value = 0;
+    try {
+        value = parse_number(given.origin, token);
+    } catch (const InputError&) {
+        throw InputError(text(given.origin, " is ", in_quotes(given.value), "; it must be ", form));
+    }
+    if (std::abs(value) > most)
+        throw InputError(text(given.origin, " is ", in_quotes(given.value), "; it must be ", form));
+    return value;
+}
+
+Codec latlon() {
+    Codec codec{"LAT,LON", "latitude from -90 to 90, longitude from -360 to 360", {}, {}};
+    codec.set = [](Settings& s, const Given& given) {
+        constexpr const char* form = "LAT,LON in degrees, latitude from -90 to 90, longitude from -360 to 360";
+        const auto [lat, lon] = two(given, form);
+        s.scene.platform.latlon = LatLon{degrees(given, lat, 90, form), degrees(given, lon, 360, form)};
+    };
+    codec.get = [](const Settings& s) -> std::optional<std::string> {
+        const auto& at = s.scene.platform.latlon;
+        if (!at) return std::nullopt;
+        return text(at->lat_deg, ",", at->lon_deg);
+    };
+    return codec;
+}
+
+Codec xy() {
+    Codec codec{"X,Y", "", {}, {}};
+    codec.set = [](Settings& s, const Given& given) {
+        const auto [x, y] = two(given, "X,Y in the terrain raster's own coordinates");
+        s.scene.platform.xy = PointXY{parse_number(given.origin, x), parse_number(given.origin, y)};
+    };
+    codec.get = [](const Settings& s) -> std::optional<std::string> {
+        const auto& at = s.scene.platform.xy;
+        if (!at) return std::nullopt;
+        return text(at->x, ",", at->y);
+    };
+    return codec;
+}
+
+Codec altitude(AltitudeAbove above_what) {
+    Codec codec{value_word(Dimension::length), "", {}, {}};
+    codec.set = [=](Settings& s, const Given& given) {
+        s.scene.platform.altitude_m = parse_quantity(Dimension::length, given.origin, given.value);
+        s.scene.platform.altitude_above = above_what;
+        s.altitude_given = true;
+    };
+    codec.get = [=](const Settings& s) -> std::optional<std::string> {
+        if (!s.altitude_given || s.scene.platform.altitude_above != above_what) return std::nullopt;
+        return quantity_text(Dimension::length, s.scene.platform.altitude_m);
+    };
+    return codec;
+}
+
+Codec sector() {
+    Codec codec{"FROM,TO|full", "each from -360deg to 360deg, wider than 0deg", {}, {}};
+    codec.set = [](Settings& s, const Given& given) {
+        constexpr double circle = 2 * std::numbers::pi;
+        if (trimmed(given.value) == "full") return s.scene.sector.reset();
+        const auto [first, second] = two(given, "FROM,TO, two angles clockwise such as -45deg,45deg, or full");
+        const double from = parse_quantity(Dimension::angle, given.origin, first);
+        double to = parse_quantity(Dimension::angle, given.origin, second);
+        if (std::abs(from) > circle * (1 + 1e-12) || std::abs(to) > circle * (1 + 1e-12)) {
+            throw InputError(
+                text(given.origin, " is ", in_quotes(given.value), "; each angle must be from -360deg to 360deg"));
+        }
+        if (to < from) to += circle;
+        const double width = to - from;
+        if (!(width > 0) || width > circle * (1 + 1e-9)) {
+            throw InputError(text(given.origin, " is ", in_quotes(given.value),
+                                  "; the sector must be wider than 0deg and at most 360deg"));
+        }
+        if (width > circle * (1 - 1e-9)) return s.scene.sector.reset();
+        s.scene.sector = Sector{Angle::radians(from), Angle::radians(to)};
+    };
+    codec.get = [](const Settings& s) -> std::optional<std::string> {
+        if (!s.scene.sector) return "full";
+        return quantity_text(Dimension::angle, s.scene.sector->from.rad()) + "," +
+               quantity_text(Dimension::angle, s.scene.sector->to.rad());
+    };
+    return codec;
+}
+
+Codec earth() {
+    Codec codec{"K|flat", "above 0", {}, {}};
+    codec.set = [](Settings& s, const Given& given) {
+        const std::string_view word = trimmed(given.value);
+        if (word == "flat") return s.scene.earth_k.reset();
+        if (word == "4/3") {
+            s.scene.earth_k = 4.0 / 3;
+            return;
+        }
+        double k = 0;
+        try {
+            k = parse_number(given.origin, word);
+        } catch (const InputError&) {
+        }
+        if (!(k > 0))
+            throw InputError(
+                text(given.origin, " is ", in_quotes(given.value), "; it must be a factor above 0, 4/3 or flat"));
+        s.scene.earth_k = k;
+    };
+    codec.get = [](const Settings& s) -> std::optional<std::string> {
+        if (!s.scene.earth_k) return "flat";
+        if (*s.scene.earth_k == 4.0 / 3) return "4/3";
+        return text(*s.scene.earth_k);
+    };
+    return codec;
+}
+
+Codec seed() {
+    Codec codec{"COUNT", "from 0 to 18446744073709551615", {}, {}};
+    codec.set = [](Settings& s, const Given& given) {
+        s.scene.receiver.seed = parse_unsigned(given.origin, given.value);
+    };
+    codec.get = [](const Settings& s) -> std::optional<std::string> { return text(s.scene.receiver.seed); };
+    return codec;
+}
+
+std::pair<std::string, std::string> key_and_value(const Given& given) {
+    const auto equals = given.value.find('=');
+    if (equals == std::string::npos || equals == 0) {
+        throw InputError(text(given.origin, " is ", in_quotes(given.value), "; it must be NAME=VALUE"));
+    }
+    return {given.value.substr(0, equals), given.value.substr(equals + 1)};
+}
+
+Codec config() {
+    Codec codec{"NAME=VALUE", "", {}, {}};
+    codec.set = [](Settings& s, const Given& given) { s.config.push_back(key_and_value(given)); };
+    codec.get = [](const Settings& s) -> std::optional<std::string> {
+        if (s.config.empty()) return std::nullopt;
+        std::string all;
+        for (const auto& [name, value] : s.config) all += (all.empty() ? "" : " ") + name + "=" + value;
+        return all;
+    };
+    return codec;
+}
+
+Codec creation() {
+    Codec codec{"NAME=VALUE", "", {}, {}};
+    codec.set = [](Settings& s, const Given& given) {
+        key_and_value(given);
+        s.creation.push_back(given.value);
+    };
+    codec.get = [](const Settings& s) -> std::optional<std::string> {
+        if (s.creation.empty()) return std::nullopt;
+        std::string all;
+        for (const auto& option : s.creation) all += (all.empty() ? "" : " ") + option;
+        return all;
+    };
+    return codec;
+}
+
+Codec word_of(std::string value, std::string Settings::*field) {
+    Codec codec{std::move(value), "", {}, {}};
+    codec.set = [=](Settings& s, const Given& given) {
+        s.*field = std::string(trimmed(given.value));
+        if ((s.*field).empty()) throw InputError(text(given.origin, " is empty"));
+    };
+    codec.get = [=](const Settings& s) -> std::optional<std::string> {
+        return (s.*field).empty() ? std::nullopt : std::optional(s.*field);
+    };
+    return codec;
+}
+
+// ------------------------------------------------------------------------------------------------------ the table
+
+class Table {
+public:
+    Table& group(KeyGroup g, bool changes_result) {
+        group_ = g;
+        changes_result_ = changes_result;
+        return *this;
+    }
+    Key& add(const std::string& name, Codec codec, const std::string& fallback, const std::string& help) {
+        Key key;
+        key.name = name;
+        key.value = std::move(codec.value);
+        key.accepted = std::move(codec.accepted);
+        key.set = std::move(codec.set);
+        key.get = std::move(codec.get);
+        key.fallback = fallback;
+        key.help = help;
+        key.group = group_;
+        key.changes_result = changes_result_;
+        keys_.push_back(std::move(key));
+        return keys_.back();
+    }
+    std::vector<Key> take() { return std::move(keys_); }
+
+private:
+    std::vector<Key> keys_;
+    KeyGroup group_ = KeyGroup::data_base;
+    bool changes_result_ = false;
+};
+
+std::vector<Key> make_keys() {
+    using enum Dimension;
+    constexpr std::int64_t many = std::int64_t{1} << 20;
+    Table t;
+
+    t.group(KeyGroup::data_base, false);
+    t.add("dem", path([](auto& s) -> auto& { return s.dem; }), "", "terrain heights: any raster GDAL opens; needed");
+    t.add("culture", path([](auto& s) -> auto& { return s.culture; }), "",
+          "raster of culture codes; needs culture-legend");
+    t.add("culture-height", path([](auto& s) -> auto& { return s.culture_height; }), "",
+          "raster of the heights of what stands on the terrain");
+    t.add("culture-height-scale",
+          number(
+              at_least("0"), [](auto& s) -> auto& { return s.culture_height_scale; }),
+          "1", "metres in one unit of the culture-height raster (0.1 for tenths of a metre)");
+    t.add("culture-legend", legend_choice(), "",
+          "turns culture codes into materials: a built-in legend or a CSV file of lines code,material")
+        .commands |= command_info;
+    t.add("material", material_choice(), "soil", "the ground where there is no culture, or where it has no data");
+
+    t.group(KeyGroup::position, true);
+    t.add("latlon", latlon(), "", "sensor position, WGS84 degrees; exactly one of latlon and xy").exclusive =
+        Exclusive::place;
+    t.add("xy", xy(), "", "sensor position in the terrain raster's own coordinates").exclusive = Exclusive::place;
+    t.add("altitude-msl", altitude(AltitudeAbove::sea_level), "",
+          "sensor height above sea level; exactly one altitude is needed")
+        .exclusive = Exclusive::altitude;
+    t.add("altitude-agl", altitude(AltitudeAbove::ground), "", "sensor height above the bare terrain under it")
+        .exclusive = Exclusive::altitude;
+    t.add("altitude-hae", altitude(AltitudeAbove::ellipsoid), "",
+          "sensor height above the WGS84 ellipsoid; needs geoid-offset")
+        .exclusive = Exclusive::altitude;
+    t.add("geoid-offset",
+          quantity(
+              length, any(), [](auto& s) -> auto& { return s.scene.platform.geoid_offset_m; }, "none"),
+          "none", "height of the geoid (sea level) above the ellipsoid at the sensor, for altitude-hae");
+    t.add("heading",
+          quantity(
+              angle, between("-360deg", "360deg"), [](auto& s) -> auto& { return s.scene.platform.heading; }),
+          "0deg", "clockwise from north");
+
+    t.group(KeyGroup::look, true);
+    t.add("sector", sector(), "full", "azimuths swept, relative to heading, clockwise");
+    t.add("range",
+          quantity(
+              length, above("0m"), [](auto& s) -> auto& { return s.scene.range_m; }, "auto"),
+          "auto", "largest slant range; auto: the nearer of the farthest edge of the terrain and the radar horizon");
+    t.add("range-start",
+          quantity(
+              length, at_least("0m"), [](auto& s) -> auto& { return s.scene.range_start_m; }),
+          "0m", "smallest slant range");
+    t.add("geometry",
+          choice<std::optional<Geometry>>(
+              {{"geodesic", Geometry::geodesic}, {"grid", Geometry::grid}},
+              [](auto& s) -> auto& { return s.scene.geometry; }, "auto"),
+          "auto",
+          "geodesics on WGS84, or straight lines on the raster's own plane; auto: geodesic where the raster has a CRS");
+    t.add("earth", earth(), "4/3", "factor of the earth's radius for straight rays, or a flat earth");
+    t.add("azimuth-bins",
+          count(
+              4, many, [](auto& s) -> auto& { return s.scene.azimuth_bins; }, "auto"),
+          "auto", "azimuth bins in the full circle; auto: four a beamwidth");
+    t.add("range-bin",
+          quantity(
+              length, above("0m"), [](auto& s) -> auto& { return s.scene.range_bin_m; }, "auto"),
+          "auto", "slant range in one bin; auto: c tau/8, a quarter of the pulse on the ground");
+    t.add("quality",
+          choice<Quality>(
+              {{"exact", Quality::exact},
+               {"fine", Quality::fine},
+               {"normal", Quality::normal},
+               {"draft", Quality::draft}},
+              [](auto& s) -> auto& { return s.scene.quality; }),
+          "normal", "how finely the ground is sampled");
+
+    t.group(KeyGroup::radar, true);
+    t.add("frequency",
+          quantity(
+              frequency, above("0Hz"), [](auto& s) -> auto& { return s.scene.radar.frequency_hz; }),
+          "16.5GHz", "carrier frequency");
+    t.add("transmit-power",
+          quantity(
+              power, above("0W"), [](auto& s) -> auto& { return s.scene.radar.transmit_power_w; }),
+          "50kW", "peak power");
+    t.add("gain",
+          quantity(
+              decibel, any(), [](auto& s) -> auto& { return s.scene.radar.gain; }),
+          "34dB", "peak antenna gain, one-way");
+    t.add("losses",
+          quantity(
+              decibel, any(), [](auto& s) -> auto& { return s.scene.radar.losses; }),
+          "6dB", "all system losses together");
+    t.add("pulse",
+          quantity(
+              time, above("0s"), [](auto& s) -> auto& { return s.scene.radar.pulse_s; }),
+          "0.5us", "(compressed) pulse length");
+    t.add("noise-figure",
+          quantity(
+              decibel, at_least("0dB"), [](auto& s) -> auto& { return s.scene.radar.noise_figure; }),
+          "8dB", "of the receiver");
+    t.add("bandwidth",
+          quantity(
+              frequency, above("0Hz"), [](auto& s) -> auto& { return s.scene.radar.bandwidth_hz; }, "auto"),
+          "auto", "noise bandwidth; auto: 1.2 / pulse");
+    t.add("gamma",
+          quantity(
+              decibel, any(), [](auto& s) -> auto& { return s.scene.gamma; }, "off"),
+          "off", "one constant gamma at 10 GHz for everything, walls and water included (studies); off: by material");
+
+    t.group(KeyGroup::antenna, true);
+    t.add("beam",
+          quantity(
+              angle, above_below("0deg", "180deg"), [](auto& s) -> auto& { return s.scene.radar.antenna.beam; }),
+          "1.5deg", "azimuth beamwidth, one-way, between half-power points");
+    t.add("azimuth-pattern",
+          choice<AzimuthPattern>(
+              {{"gaussian", AzimuthPattern::gaussian}, {"uniform", AzimuthPattern::uniform}},
+              [](auto& s) -> auto& { return s.scene.radar.antenna.azimuth; }),
+          "gaussian", "shape of the beam in azimuth");
+    t.add("antenna",
+          choice<ElevationPattern>(
+              {{"gaussian", ElevationPattern::gaussian},
+               {"csc2", ElevationPattern::csc2},
+               {"cos-csc2", ElevationPattern::cos_csc2}},
+              [](auto& s) -> auto& { return s.scene.radar.antenna.elevation; }),
+          "csc2", "shape of the pattern in elevation");
+    t.add("antenna-knee",
+          quantity(
+              angle, between("-90deg", "90deg"), [](auto& s) -> auto& { return s.scene.radar.antenna.knee; }),
+          "5deg", "depression of the nose in the antenna's frame; above 0deg for the shaped patterns");
+    t.add("antenna-width",
+          quantity(
+              angle, above_below("0deg", "180deg"), [](auto& s) -> auto& { return s.scene.radar.antenna.width; }),
+          "12deg", "elevation beamwidth (above the knee for the shaped patterns)");
+    t.add("antenna-exponent",
+          number(
+              between("0", "10"), [](auto& s) -> auto& { return s.scene.radar.antenna.exponent; }),
+          "0.5", "power of the cosine, cos-csc2 only");
+    t.add("antenna-floor",
+          quantity(
+              decibel, between("-200dB", "0dB"), [](auto& s) -> auto& { return s.scene.radar.antenna.floor; }),
+          "-60dB", "least value of the elevation pattern");
+    t.add("tilt",
+          quantity(
+              angle, between("-90deg", "90deg"), [](auto& s) -> auto& { return s.scene.radar.antenna.tilt; }),
+          "0deg", "of the antenna, positive down; the nose is at knee + tilt");
+
+    t.group(KeyGroup::receiver, true);
+    t.add("if-gain",
+          quantity(
+              decibel, any(), [](auto& s) -> auto& { return s.scene.receiver.if_gain; }),
+          "50dB", "a signal shows when it exceeds mds by 64 dB less this");
+    t.add("video-gain",
+          quantity(
+              decibel, any(), [](auto& s) -> auto& { return s.scene.receiver.video_gain; }),
+          "4dB", "stretches what shows; 4dB leaves it");
+    t.add("stc-range",
+          quantity(
+              length, above("0m"), [](auto& s) -> auto& { return s.scene.receiver.stc_range_m; }, "off"),
+          "off", "sensitivity time control: attenuates echoes nearer than this");
+    t.add("stc-exponent",
+          number(
+              above("0"), [](auto& s) -> auto& { return s.scene.receiver.stc_exponent; }),
+          "4", "power of range that STC evens out");
+    t.add("stc-max",
+          quantity(
+              decibel, at_least("0dB"), [](auto& s) -> auto& { return s.scene.receiver.stc_max; }),
+          "40dB", "most that STC attenuates");
+    t.add("dynamic-range",
+          quantity(
+              decibel, above("0dB"), [](auto& s) -> auto& { return s.scene.receiver.dynamic_range; }),
+          "20dB", "of the logarithmic amplifier, black to white");
+    t.add("mds",
+          quantity(
+              level, any(), [](auto& s) -> auto& { return s.scene.receiver.mds_dbm; }, "auto"),
+          "auto", "minimum discernible signal; auto: the thermal noise k T0 B F");
+    t.add("display-gamma",
+          number(
+              above("0"), [](auto& s) -> auto& { return s.scene.receiver.display_gamma; }),
+          "1", "exponent 1/gamma of the grey scale");
+
+    t.group(KeyGroup::errors, true);
+    t.add("bwe", on_off([](auto& s) -> auto& { return s.scene.radar.beam_width_error; }), "on",
+          "beam-width error: echoes as wide as the beam");
+    t.add("ple", on_off([](auto& s) -> auto& { return s.scene.radar.pulse_length_error; }), "on",
+          "pulse-length error: echoes as long as the pulse");
+    t.add("noise", on_off([](auto& s) -> auto& { return s.scene.receiver.noise; }), "off",
+          "fluctuation of the thermal noise round its mean");
+    t.add("speckle",
+          count(
+              0, 10000, [](auto& s) -> auto& { return s.scene.receiver.speckle_looks; }),
+          "0", "fluctuation of the ground's echo, averaged over so many looks; 0: none");
+    t.add("seed", seed(), "1", "of noise and speckle");
+
+    t.group(KeyGroup::display, true);
+    t.add("display",
+          choice<DisplayKind>(
+              {{"gpi", DisplayKind::gpi},
+               {"gpi-true", DisplayKind::gpi_true},
+               {"ppi", DisplayKind::ppi},
+               {"tdppi", DisplayKind::tdppi}},
+              [](auto& s) -> auto& { return s.scene.display.kind; }),
+          "gpi",
+          "radius on the tube: ground range by the set's sweep, each echo's own ground range, slant range, slant range "
+          "less a delay");
+    t.add("sweep-delay",
+          quantity(
+              length, at_least("0m"), [](auto& s) -> auto& { return s.scene.display.sweep_delay_m; }, "auto"),
+          "auto", "tdppi: slant range of the tube's centre; auto: height above the ground below");
+    t.add("size",
+          count(
+              16, 32768, [](auto& s) -> auto& { return s.scene.display.size; }),
+          "1024", "pixels of the picture's longer side");
+    t.add("orientation",
+          choice<Orientation>(
+              {{"north", Orientation::north}, {"heading", Orientation::heading}},
+              [](auto& s) -> auto& { return s.scene.display.orientation; }),
+          "north", "what is up");
+    t.add("rings", on_off([](auto& s) -> auto& { return s.scene.display.rings; }), "on",
+          "range rings and azimuth marks");
+    t.add("legend", on_off([](auto& s) -> auto& { return s.scene.display.legend; }), "off",
+          "a panel with text beside the picture (needs the program wedgescope_picture)");
+
+    t.group(KeyGroup::run, false);
+    t.add("wedges",
+          count(
+              1, many, [](auto& s) -> auto& { return s.wedges; }, "auto"),
+          "auto", "at least so many; changes no bit of the result");
+    t.add("threads",
+          count(
+              1, 4096, [](auto& s) -> auto& { return s.threads; }, "all"),
+          "all", "changes no bit of the result");
+    t.add("memory",
+          quantity(
+              bytes, above("0B"), [](auto& s) -> auto& { return s.memory_bytes; }),
+          "1GiB", "most to be held, beside 64 MiB for the program; changes no bit of the result");
+
+    t.group(KeyGroup::output, false);
+    t.add("output", path([](auto& s) -> auto& { return s.output; }), "", "the scope picture").letter = 'o';
+    t.add("echo", path([](auto& s) -> auto& { return s.echo; }), "",
+          "echo image, watts, and states, before beam and pulse");
+    t.add("power", path([](auto& s) -> auto& { return s.power; }), "", "power image, after beam and pulse");
+    t.add("states", path([](auto& s) -> auto& { return s.states; }), "",
+          "0 no data, 1 shadow, 2 seen, 3 unknown, 4 outside");
+    t.add("report", path([](auto& s) -> auto& { return s.report; }), "",
+          "JSON: inputs, parameters, what each wedge did, times, memory");
+    t.add("power-unit",
+          choice<PowerUnit>(
+              {{"W", PowerUnit::watt}, {"dBm", PowerUnit::dbm}}, [](auto& s) -> auto& { return s.power_unit; }),
+          "W", "unit of the power image");
+    t.add("of", word_of("DRIVER", &Settings::driver), "",
+          "GDAL driver of the picture, or of the other rasters where no picture is written; else by the file's "
+          "extension");
+    {
+        Key& co = t.add("co", creation(), "", "creation option of that driver; may be repeated");
+        co.repeatable = true;
+    }
+    t.add("overwrite", flag([](auto& s) -> auto& { return s.overwrite; }), "off", "replace outputs that exist");
+    t.add("reproducible", flag([](auto& s) -> auto& { return s.reproducible; }), "off",
+          "outputs are the same bytes every time");
+
+    t.group(KeyGroup::talk, false);
+    {
+        Key& c = t.add("config", config(), "", "GDAL configuration option; may be repeated");
+        c.repeatable = true;
+        c.commands |= command_info;
+    }
+    t.add("verbose", flag([](auto& s) -> auto& { return s.verbose; }), "off", "a table of what was done, on stderr");
+    {
+        Key& q = t.add("quiet", flag([](auto& s) -> auto& { return s.quiet; }), "off", "no progress and no remarks");
+        q.letter = 'q';
+        q.commands |= command_info;
+    }
+    {
+        Key& j = t.add("json", flag([](auto& s) -> auto& { return s.json; }), "off", "JSON on stdout");
+        j.commands = command_info;
+        j.in_scene_file = false;
+    }
+    {
+        Key& h = t.add("help", flag([](auto& s) -> auto& { return s.help; }), "off", "this page");
+        h.letter = 'h';
+        h.commands = command_simulate | command_info | command_help;
+        h.in_scene_file = false;
+    }
+    return t.take();
+}
+
+}  // namespace
+
+const char* title(KeyGroup group) {
+    switch (group) {
+        case KeyGroup::data_base:
+            return "Data base";
+        case KeyGroup::position:
+            return "Position";
+        case KeyGroup::look:
+            return "Look";
+        case KeyGroup::radar:
+            return "Radar";
+        case KeyGroup::antenna:
+            return "Antenna";
+        case KeyGroup::receiver:
+            return "Receiver";
+        case KeyGroup::errors:
+            return "The radar's own errors";
+        case KeyGroup::display:
+            return "Display";
+        case KeyGroup::run:
+            return "Run";
+        case KeyGroup::output:
+            return "Output";
+        case KeyGroup::talk:
+            return "General";
+    }
+    return "";
+}
+
+const std::vector<Key>& key_table() {
+    static const std::vector<Key> table = make_keys();
+    return table;
+}
+
+const Key* find_key(std::string_view name) {
+    for (const Key& key : key_table()) {
+        if (key.name == name) return &key;
+    }
+    return nullptr;
+}
+
+}  // namespace wedgescope

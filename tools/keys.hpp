@@ -1,0 +1,51 @@
+// Keys: the one table of them. The command line's options, the scene file's keys, `wedgescope help`, the messages and
+// the JSON of all parameters are made from it, so none can say what another does not.
+// Leaves units to units.hpp and reading a command line or a file to options.hpp.
+#pragma once
+#include <functional>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "tools/settings.hpp"
+
+namespace wedgescope {
+
+enum Command : unsigned { command_simulate = 1, command_info = 2, command_help = 4 };
+
+enum class KeyGroup { data_base, position, look, radar, antenna, receiver, errors, display, run, output, talk };
+const char* title(KeyGroup group);
+
+/// Of the keys of one kind exactly one is needed; one on the command line replaces any of the scene file's.
+enum class Exclusive { none, place, altitude };
+
+/// One value as it was given.
+struct Given {
+    std::string key;
+    std::string value;
+    std::string origin;  ///< for messages: "--range", or "range (line 4 of 'x.ini')"
+    std::string folder;  ///< that a relative path starts from; empty: the current one
+};
+
+struct Key {
+    std::string name;
+    char letter = 0;       ///< -o; 0: none
+    std::string value;     ///< word in help; empty: a flag
+    std::string fallback;  ///< default, as a user would write it; empty: none
+    std::string accepted;  ///< range, for help
+    std::string help;
+    unsigned commands = command_simulate;
+    KeyGroup group = KeyGroup::run;
+    Exclusive exclusive = Exclusive::none;
+    bool repeatable = false;
+    bool in_scene_file = true;
+    bool changes_result = false;                       ///< part of SCENE_JSON: position, look, set, receiver, display
+    std::function<void(Settings&, const Given&)> set;  ///< InputError
+    std::function<std::optional<std::string>(const Settings&)>
+        get;  ///< the value as a user would write it; none: not given
+};
+const std::vector<Key>& key_table();
+const Key* find_key(std::string_view name);
+
+}  // namespace wedgescope

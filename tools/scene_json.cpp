@@ -1,0 +1,104 @@
+#include "tools/scene_json.hpp"
+
+#include "lib/receiver.hpp"
+#include "tools/options.hpp"
+#include "tools/units.hpp"
+
+namespace wedgescope {
+
+nlohmann::ordered_json parameters_json(const Settings& settings, bool everything) {
+    nlohmann::ordered_json out = nlohmann::ordered_json::object();
+    for (const Key& key : key_table()) {
+        if (!(key.commands & command_simulate) || !key.in_scene_file) continue;
+        if (!everything && !key.changes_result) continue;
+        if (key.repeatable) {
+            nlohmann::ordered_json list = nlohmann::ordered_json::array();
+            if (key.name == "co") {
+                for (const auto& option : settings.creation) list.push_back(option);
+            } else {
+                for (const auto& [name, value] : settings.config) list.push_back(name + "=" + value);
+            }
+            out[key.name] = list;
+            continue;
+        }
+        const auto value = key.get(settings);
+        out[key.name] = value ? nlohmann::ordered_json(*value) : nlohmann::ordered_json(nullptr);
+    }
+    return out;
+}
+
+Settings settings_from_json(const nlohmann::ordered_json& parameters) {
+    std::vector<Given> given;
+    for (const auto& [name, value] : parameters.items()) {
+        const Key* key = find_key(name);
+        if (!key || value.is_null()) continue;
+        const auto add = [&](const nlohmann::ordered_json& v) {
+            if (!v.is_string()) throw DataError(text("scene JSON: ", name, " is not a text"));
+            given.push_back({name, v.get<std::string>(), text("scene JSON: ", name), ""});
+        };
+        if (value.is_array()) {
+            for (const auto& v : value) add(v);
+        } else {
+            add(value);
+        }
+    }
+    return settings_from({}, given);
+}
+
+Settings with_resolved(const Settings& settings, const ResolvedScene& resolved) {
+    Settings out = settings;
+    const PlatformParams platform = settings.scene.platform;
+    out.scene = resolved.scene;
+    out.scene.platform = platform;
+    out.scene.geometry = resolved.geometry;
+    if (!out.scene.radar.bandwidth_hz) out.scene.radar.bandwidth_hz = resolved.scene.radar.noise_bandwidth_hz();
+    if (!out.scene.receiver.mds_dbm)
+        out.scene.receiver.mds_dbm = Receiver(resolved.scene.receiver, resolved.scene.radar).mds_dbm();
+    return out;
+}
+
+nlohmann::ordered_json resolved_json(const ResolvedScene& r) {
+    const auto grid = [](const PolarGrid& g) {
+        return nlohmann::ordered_json{{"azimuth_bin_begin", g.azimuth_bins.begin},
+                                      {"azimuth_bin_end", g.azimuth_bins.end},
+                                      {"range_bin_begin", g.range_bins.begin},
+                                      {"range_bin_end", g.range_bins.end}};
+    };
+    nlohmann::ordered_json out;
+    out["geometry"] = word(r.geometry);
+    if (r.has_lat_lon) {
+        out["lat_deg"] = r.lat_deg;
+        out["lon_deg"] = r.lon_deg;
+    }
+    out["x"] = r.x;
+    out["y"] = r.y;
+    out["column"] = r.nadir.column;
+    out["row"] = r.nadir.row;
+    out["nadir_in_raster"] = r.nadir_in_raster;
+    out["nadir_on_data"] = r.nadir_on_data;
+    out["sensor_height_m"] = r.sensor_m;
+    out["reference_height_m"] = r.reference_m;
+    out["earth_inverse_radius_per_m"] = r.earth.inverse_radius();
+    out["range_m"] = r.scene.range_m.value_or(0);
+    out["range_start_m"] = r.scene.range_start_m;
+    out["sweep_delay_m"] = r.sweep_delay_m;
+    out["pulse_extent_m"] = r.scene.radar.pulse_extent_m();
+    out["bandwidth_hz"] = r.scene.radar.noise_bandwidth_hz();
+    out["noise_power_w"] = r.noise_power_w;
+    out["circle_bins"] = r.shown.circle_bins;
+    out["range_bin_m"] = r.shown.range_bin_m;
+    out["shown"] = grid(r.shown);
+    out["swept"] = grid(r.swept);
+    return out;
+}
+
+std::string scene_json(const Settings& settings, const ResolvedScene& resolved) {
+    nlohmann::ordered_json out;
+    out["format"] = "wedgescope-scene-1";
+    out["version"] = version();
+    out["parameters"] = parameters_json(settings, false);
+    out["resolved"] = resolved_json(resolved);
+    return out.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
+}
+
+}  // namespace wedgescope

@@ -1,0 +1,25 @@
+// Scene JSON: all parameters of a run as JSON, for the report and for SCENE_JSON in the output rasters, and back.
+// Leaves what a key takes to keys.hpp.
+#pragma once
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "tools/settings.hpp"
+
+namespace wedgescope {
+
+/// All parameters after defaults, key -> text as a scene file takes it; null where nothing was given.
+/// `everything` off: only what changes the picture (SCENE_JSON), so that no split, path or budget shows in an output.
+nlohmann::ordered_json parameters_json(const Settings& settings, bool everything);
+/// And back.
+Settings settings_from_json(const nlohmann::ordered_json& parameters);
+
+/// `settings` with the numbers that the data base gave for what was left open.
+Settings with_resolved(const Settings& settings, const ResolvedScene& resolved);
+/// The numbers behind a resolved scene, in SI units with the unit in the name.
+nlohmann::ordered_json resolved_json(const ResolvedScene& resolved);
+/// SCENE_JSON of the output rasters: the parameters with every fixed default but `auto` left as it was (so that what
+/// follows from another changes with it), and the numbers that `auto` became.
+std::string scene_json(const Settings& settings, const ResolvedScene& resolved);
+
+}  // namespace wedgescope
