@@ -43,17 +43,42 @@ public:
         double share[2] = {0, 0};
     };
 
-    /// Spreads `power` (W per radian of azimuth) evenly over the range coordinate from x0 to x1 (in bins from range 0; either may be the
-    /// nearer). `density` is power / |x1 - x0| (not looked at where both ends lie in one bin). `quantities`: one for each further channel.
-    void add(const Target& target, double x0, double x1, double power, double density, const double* quantities = nullptr) {
-        const double near = x0 < x1 ? x0 : x1, far = x0 < x1 ? x1 : x0;
-        if (!(far < end_) || !(near >= begin_)) return add_cut(target, near, far, power, density, quantities);
+    /// Power of one visible piece and how it lies in range.
+    struct Portion {
+        double x0, x1;         ///< range coordinate of its ends, in bins from range 0; either may be the nearer
+        double inverse_width;  ///< 1 / |x1 - x0|; finite, not looked at where both ends lie in one bin
+        double power;          ///< W per radian of azimuth
+        double bow;            ///< up to part u of the way lies the share u + bow u (1 - u); -1..1
+    };
+    /// Adds it to the cells. `quantities`: one for each further channel.
+    void add(const Target& target, const Portion& p, const double* quantities = nullptr) {
+        const bool outwards = p.x0 < p.x1;
+        const double near = outwards ? p.x0 : p.x1, far = outwards ? p.x1 : p.x0;
+        if (!(far < end_) || !(near >= begin_)) return add_cut(target, p, quantities);
         const auto first = static_cast<std::int32_t>(near), last = static_cast<std::int32_t>(far);
-        if (first == last) return put(target, first, power, quantities);
-        put(target, first, density * (static_cast<double>(first + 1) - near), quantities);
-        for (std::int32_t j = first + 1; j < last; ++j) put(target, j, density, quantities);
-        put(target, last, density * (far - static_cast<double>(last)), quantities);
+        if (first == last) return put(target, first, p.power, quantities);
+        const double bow = outwards ? p.bow : -p.bow;
+        double done = 0;
+        for (std::int32_t j = first; j < last; ++j) {
+            const double u = (static_cast<double>(j + 1) - near) * p.inverse_width;
+            const double upto = p.power * (u + bow * (u * (1 - u)));
+            put(target, j, upto - done, quantities);
+            done = upto;
+        }
+        put(target, last, p.power - done, quantities);
     }
+    /// The portions of neighbouring spokes at once: `add` for every lane with code[i] == 1 and row[i] >= 0, the same bits.
+    ///   row, share0, share1   as Target, in lanes
+    ///   x0, x1, inverse_width, power, bow   as Portion; `gamma` times power is what is added
+    struct Portions {
+        const double* code;
+        const std::int32_t* row;
+        const double *share0, *share1;
+        const double *x0, *x1, *inverse_width, *power, *bow;
+        double gamma;
+    };
+    void add_lanes(std::size_t n, const Portions& portions);
+
     /// Marks the bins from x0 to x1.
     void mark(const Target& target, double x0, double x1, std::uint8_t bit);
 
@@ -72,7 +97,7 @@ private:
         if (channels_ > 1) put_quantities(target, j, whole, quantities);
     }
     void put_quantities(const Target& target, std::size_t column, double whole, const double* quantities);
-    void add_cut(const Target& target, double near, double far, double power, double density, const double* quantities);
+    void add_cut(const Target& target, const Portion& portion, const double* quantities);
 
     const Quanta& quanta_;
     std::size_t rows_, columns_, channels_, first_bin_;

@@ -244,8 +244,8 @@ void Wedges::sweep_all(int threads) {
         graph.wait_for_all();
     });
     if (unknown_code_)
-        throw DataError(text("culture code ", *unknown_code_, " on seen ground has no entry in the legend; give a culture-legend that names it "
-                             "(info lists all codes of a culture raster)"));
+        throw DataError(text("'", setting_.data_base.culture_name, "': code ", *unknown_code_, " on seen ground is not in the legend '",
+                             setting_.data_base.legend_name, "'; give a culture-legend that names it (info lists all codes of a culture raster)"));
     std::sort(result_.report.wedges.begin(), result_.report.wedges.end(), [](const auto& a, const auto& b) { return a.index < b.index; });
 }
 

@@ -12,7 +12,7 @@
 namespace wedgescope {
 namespace {
 
-constexpr std::size_t tile_lanes = 256;  // spokes taken over a chunk's lines together: their state stays in cache
+constexpr std::size_t tile_lanes = 128;  // spokes taken over a chunk's lines together: their state stays in cache
 constexpr double infinite = std::numeric_limits<double>::infinity();
 constexpr float void_post = std::numeric_limits<float>::quiet_NaN();
 
@@ -32,10 +32,11 @@ SampleLanes Front::Samples::lanes(std::size_t at) {
 }
 
 void Front::Lanes::resize(std::size_t n) {
-    for (auto* v : {&metres_per_post, &inverse_radius, &mode, &horizon, &void_horizon, &mark_from, &gap_from, &gap_top, &seen_least, &seen_most})
+    for (auto* v : {&metres_per_post, &inverse_radius, &mode, &horizon, &void_horizon, &mark_from, &gap_from, &gap_top, &seen_least, &seen_most,
+                    &share0, &share1})
         v->resize(n);
     last.resize(n);
-    target.resize(n);
+    row.resize(n);
 }
 
 Front::Front(const SweepScene& scene, const SpokeRun& run, WedgeCells& cells)
@@ -44,13 +45,13 @@ Front::Front(const SweepScene& scene, const SpokeRun& run, WedgeCells& cells)
       line_end_(scene.grid->line_count(run.quadrant)) {
     now_.resize(tile_lanes);
     next_.resize(tile_lanes);
-    for (auto* v : {&ahead_minor_, &ahead_arc_, &bump_, &sine0_, &code_, &power_, &density_}) v->resize(tile_lanes);
+    for (auto* v : {&ahead_minor_, &ahead_arc_, &bump_, &sine0_, &code_, &power_, &inverse_width_, &bow_}) v->resize(tile_lanes);
     between_.behind = between_.ahead = between_.behind_culture = between_.ahead_culture = no_posts();
     start();
 }
 
 std::size_t Front::bytes() const {
-    return lanes_.mode.capacity() * (19 * sizeof(double) + sizeof(WedgeCells::Target)) + tile_lanes * sizeof(double) * (18 + 7) +
+    return lanes_.mode.capacity() * (21 * sizeof(double) + sizeof(std::int32_t)) + tile_lanes * sizeof(double) * (18 + 8) +
            (kept_posts_.capacity() + kept_culture_.capacity()) * sizeof(float);
 }
 
@@ -80,7 +81,9 @@ void Front::set_up_ring(std::size_t ring, Lanes& lanes) const {
                 target.row = static_cast<std::int32_t>(bin - run_->bins.begin + run_->first_row);
             }
         }
-        lanes.target[lane] = target;
+        lanes.row[lane] = target.row;
+        lanes.share0[lane] = target.share[0];
+        lanes.share1[lane] = target.share[1];
     }
 }
 
@@ -312,8 +315,8 @@ void Front::take(const Between& between, std::size_t begin, std::size_t end) {
     for (std::size_t at = 0; at < n; at += block)
         if (rises[at / block])
             power_lanes(std::min(block, n - at),
-                        {sine0_.data() + at, to.sine + at, from.range_m + at, to.range_m + at, from.x + at, to.x + at, power_.data() + at,
-                         density_.data() + at},
+                        {sine0_.data() + at, now_.lanes(at), next_.lanes(at), bump_.data() + at, power_.data() + at, inverse_width_.data() + at,
+                         bow_.data() + at},
                         *scene_->pattern, scene_->constant);
     const std::uint64_t shaded = ticks();
     const bool simple = plain_ground_ && !scene_->with_depression;
@@ -326,13 +329,16 @@ void Front::take(const Between& between, std::size_t begin, std::size_t end) {
             continue;
         }
         ++cost_.pieces;
-        const WedgeCells::Target& target = lanes_.target[lane];
-        if (target.row < 0) continue;
-        if (simple)
-            cells_->add(target, from.x[i], to.x[i], power_[i] * gamma, density_[i] * gamma);
-        else
-            put(lane, {from.x[i], to.x[i], power_[i], from.major[i], from.minor[i], to.major[i], to.minor[i], sine0_[i], to.sine[i]}, between);
+        if (!simple && lanes_.row[lane] >= 0)
+            put(lane, {{from.x[i], to.x[i], inverse_width_[i], power_[i], bow_[i]}, from.major[i], from.minor[i], to.major[i], to.minor[i], sine0_[i], to.sine[i]},
+                between);
     }
+    if (simple)
+        for (std::size_t at = 0; at < n; at += block)
+            if (rises[at / block])
+                cells_->add_lanes(std::min(block, n - at),
+                                  {code_.data() + at, lanes_.row.data() + begin + at, lanes_.share0.data() + begin + at, lanes_.share1.data() + begin + at,
+                                   from.x + at, to.x + at, inverse_width_.data() + at, power_.data() + at, bow_.data() + at, gamma});
     cost_.sweep += swept - clock;
     cost_.shade += shaded - swept;
     cost_.deposit += ticks() - shaded;
@@ -345,27 +351,27 @@ void Front::change(std::size_t lane, std::size_t i, const Between& between) {
     double& horizon = lanes_.horizon[lane];
     const bool valid = sine == sine;
     // The visible part of the piece, from `begin` to `end` of the way, up to elevation sine1.
-    const auto rise = [&](double begin, double end, double range1, double sine1) {
+    const auto rise = [&](double begin, double end, double range1, double sine1, double bow) {
         const auto at = [](double a, double b, double part) { return a + part * (b - a); };
         const double part = end > 0 ? begin / end : 0;
         const double range0 = at(*from.range_m, range1, part);
         const double x1 = scene_->range_is_ground ? at(*from.x, *to.x, end) : range1 * bins_per_metre_, x0 = at(*from.x, x1, part);
         ++cost_.pieces;
-        if (lanes_.target[lane].row >= 0) {
+        if (lanes_.row[lane] >= 0) {
             const double power = piece_power(horizon, sine1, range0, range1, *scene_->pattern, scene_->constant);
-            put(lane, {x0, x1, power, at(*from.major, *to.major, begin), at(*from.minor, *to.minor, begin), at(*from.major, *to.major, end),
-                       at(*from.minor, *to.minor, end), horizon, sine1}, between);
+            put(lane, {{x0, x1, 1 / std::max(std::abs(x1 - x0), 1e-9), power, bow}, at(*from.major, *to.major, begin),
+                       at(*from.minor, *to.minor, begin), at(*from.major, *to.major, end), at(*from.minor, *to.minor, end), horizon, sine1}, between);
             if (sine1 > lanes_.void_horizon[lane]) {
                 lanes_.seen_least[lane] = std::min({lanes_.seen_least[lane], x0, x1});
                 lanes_.seen_most[lane] = std::max({lanes_.seen_most[lane], x0, x1});
             } else {
-                cells_->mark(lanes_.target[lane], x0, x1, bit_unknown);
+                cells_->mark(lanes_.target(lane), x0, x1, bit_unknown);
             }
         }
         horizon = sine1;
     };
     // An odd child's own first sample may stand above the mean of its neighbours' horizons.
-    if (is(lane, mode_visible) && *from.sine > horizon) rise(0, 0, *from.range_m, *from.sine);
+    if (is(lane, mode_visible) && *from.sine > horizon) rise(0, 0, *from.range_m, *from.sine, 0);
     if (!valid) {
         if (!is(lane, mode_gap)) {
             mark_seen(lane);
@@ -386,17 +392,6 @@ void Front::change(std::size_t lane, std::size_t i, const Between& between) {
         const bool was_visible = is(lane, mode_visible);
         const Course c = course(horizon, *from.up_m, *from.out_m, *to.up_m, *to.out_m, bump, was_visible && *from.sine == horizon);
         const double step = arc - *from.arc_m;
-        const auto parts = [&](double begin, double end, double range1, double sine1) {
-            const int n = 4;
-            for (int k = 1; k < n; ++k) {
-                const double u = begin + (end - begin) * k / n;
-                const double up = *from.up_m + u * (*to.up_m - *from.up_m) + bump * 4 * u * (1 - u);
-                const double out = *from.out_m + u * (*to.out_m - *from.out_m);
-                const double range = std::sqrt(up * up + out * out);
-                if (up / range > horizon) rise(begin + (end - begin) * (k - 1) / n, u, range, up / range);
-            }
-            if (sine1 > horizon) rise(begin + (end - begin) * (n - 1) / n, end, range1, sine1);
-        };
         if (!c.seen || c.begin > 0) {
             // Behind the horizon from the start, or soon.
             if (was_visible) {
@@ -412,12 +407,12 @@ void Front::change(std::size_t lane, std::size_t i, const Between& between) {
             const double up = *from.up_m + c.end * (*to.up_m - *from.up_m) + bump * 4 * c.end * (1 - c.end);
             const double out = *from.out_m + c.end * (*to.out_m - *from.out_m);
             const double range = std::sqrt(up * up + out * out);
-            if (up / range > horizon) parts(c.begin, c.end, range, up / range);
+            if (up / range > horizon) rise(c.begin, c.end, range, up / range, c.bow);
             mark_seen(lane);
             lanes_.mark_from[lane] = *from.arc_m + c.end * step;
             lanes_.mode[lane] = mode_hidden;
         } else {
-            if (sine > horizon) parts(c.begin, 1, *to.range_m, sine);
+            if (sine > horizon) rise(c.begin, 1, *to.range_m, sine, c.bow);
             lanes_.mode[lane] = mode_visible;
         }
     }
@@ -429,8 +424,9 @@ void Front::put(std::size_t lane, const Piece& piece, const Between& between) {
     double depression = 0;
     if (scene_->with_depression) depression = std::max(0.0, -std::asin(0.5 * (piece.sine0 + piece.sine1)) / (std::numbers::pi / 2));
     if (plain_ground_ || !between.chunk) {
-        const double power = piece.power * scene_->gamma[scene_->data_base->default_class].ground;
-        cells_->add(lanes_.target[lane], piece.x0, piece.x1, power, power / std::abs(piece.x1 - piece.x0), &depression);
+        WedgeCells::Portion portion = piece.portion;
+        portion.power *= scene_->gamma[scene_->data_base->default_class].ground;
+        cells_->add(lanes_.target(lane), portion, &depression);
     } else {
         put_with_culture(lane, piece, depression, between);
     }
@@ -462,7 +458,7 @@ std::optional<IndexPosition> Front::wall_post(const Piece& piece, const Between&
 void Front::put_with_culture(std::size_t lane, const Piece& piece, double depression, const Between& between) {
     const ClassLookup lookup(*scene_->data_base, *between.chunk);
     const bool columns = lines_are_columns(quadrant_);
-    const auto& target = lanes_.target[lane];
+    const WedgeCells::Target target = lanes_.target(lane);
     const auto class_at = [&](double cell_column, double cell_row) {
         const ClassId id = lookup.at(cell_column, cell_row);
         if (id == unknown_class) {
@@ -471,10 +467,13 @@ void Front::put_with_culture(std::size_t lane, const Piece& piece, double depres
         }
         return id;
     };
+    const WedgeCells::Portion& whole = piece.portion;
     const auto add = [&](double from, double to, double gamma) {
-        const double x0 = piece.x0 + from * (piece.x1 - piece.x0), x1 = piece.x0 + to * (piece.x1 - piece.x0);
-        const double power = piece.power * (to - from) * gamma;
-        cells_->add(target, x0, x1, power, power / std::abs(x1 - x0), &depression);
+        // A part of a parabola is one too.
+        const double length = to - from, share = length * (1 + whole.bow * (1 - from - to));
+        if (!(share > 0)) return;
+        const double x0 = whole.x0 + from * (whole.x1 - whole.x0), x1 = whole.x0 + to * (whole.x1 - whole.x0);
+        cells_->add(target, {x0, x1, whole.inverse_width / length, whole.power * share * gamma, whole.bow * length * length / share}, &depression);
     };
     const auto ground = [&](ClassId id) { return id == unknown_class ? 0 : scene_->gamma[id].ground; };
 
@@ -525,25 +524,25 @@ double Front::ray_coordinate(std::size_t lane, double arc_m) const {
 }
 
 void Front::mark_seen(std::size_t lane) {
-    if (lanes_.target[lane].row >= 0 && lanes_.seen_most[lane] >= lanes_.seen_least[lane])
-        cells_->mark(lanes_.target[lane], lanes_.seen_least[lane], lanes_.seen_most[lane], bit_seen);
+    if (lanes_.row[lane] >= 0 && lanes_.seen_most[lane] >= lanes_.seen_least[lane])
+        cells_->mark(lanes_.target(lane), lanes_.seen_least[lane], lanes_.seen_most[lane], bit_seen);
     lanes_.seen_least[lane] = infinite;
     lanes_.seen_most[lane] = -infinite;
 }
 
 void Front::mark_shadow(std::size_t lane, double to_arc_m) {
-    if (lanes_.target[lane].row < 0) return;
-    cells_->mark(lanes_.target[lane], ray_coordinate(lane, lanes_.mark_from[lane]), ray_coordinate(lane, to_arc_m), bit_shadow);
+    if (lanes_.row[lane] < 0) return;
+    cells_->mark(lanes_.target(lane), ray_coordinate(lane, lanes_.mark_from[lane]), ray_coordinate(lane, to_arc_m), bit_shadow);
 }
 
 void Front::mark_gap(std::size_t lane, double to_arc_m) {
-    if (lanes_.target[lane].row < 0) return;
-    cells_->mark(lanes_.target[lane], level_coordinate(lane, lanes_.mark_from[lane]), level_coordinate(lane, to_arc_m), bit_no_data);
+    if (lanes_.row[lane] < 0) return;
+    cells_->mark(lanes_.target(lane), level_coordinate(lane, lanes_.mark_from[lane]), level_coordinate(lane, to_arc_m), bit_no_data);
 }
 
 void Front::mark_rest(std::size_t lane, double from_arc_m) {
-    if (lanes_.target[lane].row < 0) return;
-    cells_->mark(lanes_.target[lane], level_coordinate(lane, from_arc_m), infinite, bit_no_data);
+    if (lanes_.row[lane] < 0) return;
+    cells_->mark(lanes_.target(lane), level_coordinate(lane, from_arc_m), infinite, bit_no_data);
 }
 
 void Front::grow_gap(std::size_t lane, std::size_t i, const Between& between) {

@@ -82,7 +82,9 @@ private:
         Samples last;
         std::vector<SpokeMode> mode;
         std::vector<double> horizon, void_horizon, mark_from, gap_from, gap_top, seen_least, seen_most;
-        std::vector<WedgeCells::Target> target;  // row < 0: not this run's to deposit
+        std::vector<std::int32_t> row;  // of the cells; below 0: not this run's to deposit
+        std::vector<double> share0, share1;
+        WedgeCells::Target target(std::size_t lane) const { return {row[lane], {share0[lane], share1[lane]}}; }
         void resize(std::size_t n);
     };
     /// Chunk, and posts and culture heights of the two lines that the tile is between.
@@ -94,7 +96,7 @@ private:
     };
     /// One visible piece.
     struct Piece {
-        double x0, x1, power;
+        WedgeCells::Portion portion;
         double major0, minor0, major1, minor1;
         double sine0, sine1;
     };
@@ -138,7 +140,7 @@ private:
     Lanes lanes_;
     // Workspace of one tile: the last samples and the next ones change places sample after sample.
     Samples now_, next_;
-    std::vector<double> ahead_minor_, ahead_arc_, bump_, sine0_, code_, power_, density_;
+    std::vector<double> ahead_minor_, ahead_arc_, bump_, sine0_, code_, power_, inverse_width_, bow_;
     std::vector<SpokeMap::LinePiece> line_pieces_;
     std::vector<double> breaks_;
     // Posts of the last line, kept from chunk to chunk.

@@ -24,7 +24,7 @@ void validate(const PlatformParams& platform) {
         case AltitudeAbove::ellipsoid:
             require_within("altitude-hae", platform.altitude_m, -10000, 1e6, "m");
             if (!platform.geoid_offset_m)
-                throw InputError("altitude-hae needs geoid-offset, the height of the ellipsoid above sea level at the sensor");
+                throw InputError("altitude-hae needs geoid-offset, the height of the geoid (sea level) above the ellipsoid at the sensor");
             break;
     }
     if (platform.geoid_offset_m) require_within("geoid-offset", *platform.geoid_offset_m, -200, 200, "m");

@@ -33,7 +33,7 @@ struct PlatformParams {
     std::optional<PointXY> xy;
     AltitudeAbove altitude_above = AltitudeAbove::sea_level;
     double altitude_m = 0;
-    std::optional<double> geoid_offset_m;  ///< ellipsoid above sea level at the sensor; needed for `ellipsoid`
+    std::optional<double> geoid_offset_m;  ///< geoid (sea level) above the ellipsoid at the sensor; needed for `ellipsoid`
     Angle heading{};
 };
 

@@ -24,8 +24,8 @@ double elevation_pattern(const AntennaParams& antenna, double depression_rad) {
 }
 
 PatternTable::PatternTable(const AntennaParams& antenna) {
-    const auto exact = [&](double t) {
-        const double g = elevation_pattern(antenna, -2 * std::atan(t));
+    const auto exact = [&](double sine) {
+        const double g = elevation_pattern(antenna, -std::asin(sine));
         return g * g;
     };
     const double least = 100 * std::pow(antenna.floor.ratio(), 2);
@@ -39,14 +39,14 @@ PatternTable::PatternTable(const AntennaParams& antenna) {
         error_ = 0;
         for (int i = 0; i < intervals_; ++i) {
             const double t = -1 + (2 * i + 1.0) / intervals_, truth = exact(t);
-            if (truth > least) error_ = std::max(error_, std::abs(at(t) / truth - 1));
+            if (truth > least && std::abs(t) < 0.9986) error_ = std::max(error_, std::abs(at(t) / truth - 1));
         }
         if (error_ <= 0.0005 || intervals_ >= (1 << 17)) return;
     }
 }
 
-double PatternTable::at(double half_tangent) const {
-    const double x = (half_tangent + 1) * (0.5 * intervals_);
+double PatternTable::at(double sine) const {
+    const double x = (sine + 1) * (0.5 * intervals_);
     const int i = std::clamp(static_cast<int>(x), 0, intervals_ - 1);
     const double a = static_cast<double>(values_[static_cast<std::size_t>(i)]), b = static_cast<double>(values_[static_cast<std::size_t>(i) + 1]);
     return a + (x - i) * (b - a);
@@ -59,9 +59,11 @@ double radar_constant(const RadarParams& radar) {
 
 WEDGESCOPE_LANES
 void power_lanes(std::size_t n, const Shading& shading, const PatternTable& pattern, double constant) noexcept {
-    const double *__restrict sine0 = shading.sine0, *__restrict sine1 = shading.sine1, *__restrict range0 = shading.range0_m,
-                 *__restrict range1 = shading.range1_m, *__restrict x0 = shading.x0, *__restrict x1 = shading.x1;
-    double *__restrict power = shading.power, *__restrict density = shading.density;
+    const double *__restrict sine0 = shading.sine0, *__restrict sine1 = shading.to.sine, *__restrict range0 = shading.from.range_m,
+                 *__restrict range1 = shading.to.range_m, *__restrict x0 = shading.from.x, *__restrict x1 = shading.to.x,
+                 *__restrict up0 = shading.from.up_m, *__restrict up1 = shading.to.up_m, *__restrict out0 = shading.from.out_m,
+                 *__restrict out1 = shading.to.out_m, *__restrict bump = shading.bump_m;
+    double *__restrict power = shading.power, *__restrict inverse_width = shading.inverse_width, *__restrict bow = shading.bow;
     const float* __restrict table = pattern.data();
     const double half = 0.5 * pattern.intervals();
     const int last = pattern.intervals() - 1;
@@ -71,34 +73,38 @@ void power_lanes(std::size_t n, const Shading& shading, const PatternTable& patt
     float a[block], b[block];
     for (std::size_t at = 0; at < n; at += block) {
         const std::size_t m = std::min(block, n - at);
+        WEDGESCOPE_INDEPENDENT
         for (std::size_t i = 0; i < m; ++i) {
-            const double sine = 0.5 * (sine0[at + i] + sine1[at + i]), range = 0.5 * (range0[at + i] + range1[at + i]);
-            const double cosine = std::sqrt(1 - sine * sine);
-            const double place = (sine / (1 + cosine) + 1) * half;
-            const double inside = place > 0 ? place : 0.0;  // lanes that hold no piece may hold anything
+            const double place = (0.5 * (sine0[at + i] + sine1[at + i]) + 1) * half;
+            const double inside = place > 0 ? place : 0.0;
             int j = static_cast<int>(inside < 1e9 ? inside : 0.0);
             j = j < last ? j : last;
             index[i] = j;
             part[i] = place - static_cast<double>(j);
-            power[at + i] = constant * (sine1[at + i] - sine0[at + i]) / (range * range);
         }
         for (std::size_t i = 0; i < m; ++i) {
             a[i] = table[index[i]];
             b[i] = table[index[i] + 1];
         }
+        WEDGESCOPE_INDEPENDENT
         for (std::size_t i = 0; i < m; ++i) {
             const double ga = static_cast<double>(a[i]), gb = static_cast<double>(b[i]);
-            power[at + i] *= ga + part[i] * (gb - ga);
-            density[at + i] = power[at + i] / std::abs(x1[at + i] - x0[at + i]);
+            const double range = 0.5 * (range0[at + i] + range1[at + i]), way = x1[at + i] - x0[at + i];
+            const double distance = way < 0 ? -way : way, width = distance > 1e-9 ? distance : 1e-9;
+            // One division for 1 / r^2 and 1 / width.
+            const double both = 1 / (range * range * width);
+            power[at + i] = constant * (sine1[at + i] - sine0[at + i]) * (ga + part[i] * (gb - ga)) * (both * width);
+            inverse_width[at + i] = both * (range * range);
+            const double rise = up1[at + i] * out0[at + i] - up0[at + i] * out1[at + i], swing = 4 * bump[at + i] * out0[at + i];
+            const double bent = swing / (rise > 1e-300 ? rise : 1e-300);
+            bow[at + i] = bent < -1 ? -1 : bent > 1 ? 1 : bent;
         }
     }
 }
 
 double piece_power(double sine0, double sine1, double range0_m, double range1_m, const PatternTable& pattern, double constant) noexcept {
-    const double x0 = 0, x1 = 1;
-    double power = 0, density = 0;
-    power_lanes(1, {&sine0, &sine1, &range0_m, &range1_m, &x0, &x1, &power, &density}, pattern, constant);
-    return power;
+    const double range = 0.5 * (range0_m + range1_m);
+    return constant * (sine1 - sine0) * pattern.at(0.5 * (sine0 + sine1)) / (range * range);
 }
 
 std::size_t ClassLookup::index(double cell_column, double cell_row, bool& inside) const {

@@ -7,6 +7,7 @@
 #include "lib/deposit.hpp"
 #include "lib/material.hpp"
 #include "lib/sensor.hpp"
+#include "lib/sweep.hpp"
 #include "lib/wedge_source.hpp"
 
 namespace wedgescope {
@@ -14,8 +15,8 @@ namespace wedgescope {
 /// One-way elevation pattern g_el of the depression in the antenna's frame, with floor. Source: physics "Antenna patterns".
 double elevation_pattern(const AntennaParams& antenna, double depression_rad);
 
-/// g_el^2 (two-way) over the tangent of half the elevation angle, t = sin e / (1 + cos e) in [-1, 1]: smooth there up to the vertical.
-/// Linear between entries; `error` bounds |table - exact| / exact above the floor, found when it is built (0.0005 wanted).
+/// g_el^2 (two-way) over the sine of the elevation, in [-1, 1], linear between entries. `error` bounds |table - exact| / exact above the floor and more than
+/// 3 degrees from the vertical, found when it is built (0.0005 wanted).
 class PatternTable {
 public:
     explicit PatternTable(const AntennaParams& antenna);
@@ -23,7 +24,7 @@ public:
     int intervals() const { return intervals_; }
     double most() const { return most_; }    ///< largest entry
     double error() const { return error_; }  ///< relative
-    double at(double half_tangent) const;
+    double at(double sine) const;
 
 private:
     int intervals_ = 0;
@@ -34,17 +35,17 @@ private:
 /// K of the radar equation: P_t G_0^2 lambda^2 / ((4 pi)^3 L_s); echo = K g^2 sigma / r^4.
 double radar_constant(const RadarParams& radar);
 
-/// Power of the visible pieces of neighbouring spokes, in lanes; only entries with code[i] == 1 mean anything.
+/// Pieces of neighbouring spokes that are visible all the way, in lanes; what comes out for lanes that hold none means nothing.
 struct Shading {
-    const double *sine0, *sine1;            ///< in: old and new horizon
-    const double *range0_m, *range1_m;      ///< in: slant range at both ends
-    const double *x0, *x1;                  ///< in: range coordinate (bins) at both ends
-    double *power;                          ///< out: K g_el^2(middle) / r_middle^2 (sine1 - sine0): W per radian of azimuth, without backscatter
-    double *density;                        ///< out: the same per bin
+    const double* sine0;          ///< in: old horizon, the elevation of the piece's start
+    SampleLanes from, to;         ///< in
+    const double* bump_m;         ///< in
+    double *power, *inverse_width, *bow;  ///< out, as WedgeCells::Portion, without backscatter
 };
+/// power = K g_el^2(middle) / r_middle^2 (new horizon - old horizon).
 void power_lanes(std::size_t n, const Shading& shading, const PatternTable& pattern, double constant) noexcept;
 
-/// The same for one piece.
+/// The same power of one piece.
 double piece_power(double sine0, double sine1, double range0_m, double range1_m, const PatternTable& pattern, double constant) noexcept;
 
 /// Class of a place on the terrain grid, from a chunk's culture window.

@@ -35,7 +35,7 @@ std::size_t rise_lanes(std::size_t n, const SampleLanes& from, const SampleLanes
     WEDGESCOPE_INDEPENDENT
     for (std::size_t i = 0; i < n; ++i) {
         const double s = sine[i], h = horizon[i], m = mode[i];
-        const double bump = bump_m[i], swing = 16 * (bump < 0 ? -bump : bump);
+        const double bump = bump_m[i], swing = 4 * (bump < 0 ? -bump : bump);
         const bool straight = swing * out0[i] <= up1[i] * out0[i] - up0[i] * out1[i];
         const bool rising = (m == mode_visible) & (s > h), plain = rising & straight & (h >= void_horizon[i]);
         const double higher = s > last_sine[i] ? s : last_sine[i];
@@ -93,6 +93,9 @@ Course course(double sine, double up0, double out0, double up1, double out1, dou
     } else if (!(f1 > 0)) {
         return {};
     }
+    const double length = course.end - course.begin, risen = (b + a * (course.begin + course.end)) * length;
+    const double bow = risen > 0 ? -a * length * length / risen : 0;
+    course.bow = bow < -1 ? -1 : bow > 1 ? 1 : bow;
     return course;
 }
 

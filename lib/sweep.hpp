@@ -71,6 +71,7 @@ struct Course {
     bool seen = false;
     double begin = 0, end = 1;
     bool hides = false;
+    double bow = 0;  ///< of that part, as WedgeCells::Portion
 };
 /// Of a piece from (up0, out0) to (up1, out1) with `bump_m` over its middle, against the ray of elevation `sine`. `from_ray`: the piece starts on the ray.
 Course course(double sine, double up0, double out0, double up1, double out1, double bump_m, bool from_ray);

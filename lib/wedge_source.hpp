@@ -43,6 +43,7 @@ struct DataBase {
     /// Tiles (or strips) of the terrain file: the unit it is read in.
     std::int64_t block_columns = 256, block_rows = 256;
 
+    std::string culture_name, legend_name;  ///< for messages
     bool has_culture = false;
     bool has_culture_height = false;
     ClassId default_class = 4;        ///< where there is no culture: the key `material`

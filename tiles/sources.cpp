@@ -340,6 +340,8 @@ private:
             throw DataError(text(facts.named(), " has band scale ", facts.scale, " and offset ", facts.offset,
                                  "; accepted: plain codes, scale 1 and offset 0"));
         data_base_.has_culture = true;
+        data_base_.culture_name = params_.culture;
+        data_base_.legend_name = params_.legend ? params_.legend->name() : "none";
         data_base_.culture_column_offset = culture_->columns.offset;
         data_base_.culture_column_scale = culture_->columns.scale;
         data_base_.culture_row_offset = culture_->rows.offset;
