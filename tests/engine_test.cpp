@@ -5,6 +5,7 @@
 #include <numbers>
 
 #include "lib/engine.hpp"
+#include "lib/front.hpp"
 #include "lib/material.hpp"
 #include "lib/shade.hpp"
 #include "tests/terrain.hpp"
@@ -269,5 +270,90 @@ TEST_CASE("a sector returns what the full circle returns there", "[engine]") {
             const std::vector<float> b(full.power_w.row(row), full.power_w.row(row) + full.power_w.grid.range_count());
             CHECK(a == b);
         }
+    }
+}
+
+TEST_CASE("a point reflector is painted from its range to c tau/2 behind, and 0.4075 B sqrt(M) wide at M dB down", "[engine]") {
+    // One post of metal, 60 m high, 6 km north on calm water, seen by a 2-degree beam in fine bins.
+    MemorySource source(301, 301, 30, [](double, double) { return 0.0; });
+    const auto mast = [](double c, double r) { return c == 150 && r == 80; };
+    source.set_culture_height([&](double c, double r) { return mast(c, r) ? 60.0 : 0.0; });
+    source.set_classes([&](double c, double r) { return mast(c, r) ? 15 : 0; });
+    Scene s = bare_scene(4500, -8400, 400, 8000);
+    s.earth_k.reset();
+    s.gamma.reset();
+    s.radar.beam_width_error = s.radar.pulse_length_error = true;
+    s.radar.antenna.beam = Angle::degrees(2);
+    s.azimuth_bins = 7200;
+    s.radar.pulse_s = 1e-6;
+    s.range_bin_m = 10;
+    s.sector = Sector{Angle::degrees(-5), Angle::degrees(5)};
+    const RunResult r = simulate(s, source);
+    const auto middle = r.power_w.grid.azimuth_count() / 2;
+    // Range: the near face stands between 5970 and 6000 m; what comes back goes on for c tau/2.
+    const double extent = s.radar.pulse_extent_m();
+    // (The feet of the post's back, 20 dB weaker, are left out.)
+    const auto row = [&](std::size_t j) { return static_cast<double>(r.power_w.row(middle)[j]); };
+    double first = 0, last = 0, most = 0;
+    for (std::size_t j = 0; j < r.power_w.grid.range_count(); ++j) most = std::max(most, row(j));
+    for (std::size_t j = 0; j < r.power_w.grid.range_count(); ++j)
+        if (row(j) > 1e-2 * most) {
+            if (first == 0) first = static_cast<double>(j) * 10;
+            last = static_cast<double>(j + 1) * 10;
+        }
+    CHECK(first == Approx(std::hypot(5970, 400)).margin(20));               // two bins
+    CHECK(last == Approx(std::hypot(6000, 340) + extent).margin(20 + 10));  // and the post's own depth
+    // Azimuth: how far to either side the power is within M dB of its peak.
+    const auto j = static_cast<std::size_t>((std::hypot(6000, 340) + extent / 2) / 10);
+    double peak = 0;
+    for (std::size_t i = 0; i < r.power_w.grid.azimuth_count(); ++i) peak = std::max(peak, static_cast<double>(r.power_w.row(i)[j]));
+    for (const double m_db : {3.0, 6.0, 12.0, 20.0}) {
+        std::size_t wide = 0;
+        for (std::size_t i = 0; i < r.power_w.grid.azimuth_count(); ++i)
+            wide += static_cast<double>(r.power_w.row(i)[j]) >= peak * std::pow(10.0, -0.1 * m_db);
+        // The post itself, as the surface ramps up to it from both sides, is up to 60 m wide: 0.57 degrees; its middle half counts most.
+        const double width = static_cast<double>(wide) * 0.05, beam = 2 * std::cos(std::asin(400 / 6010.0));
+        const double expected = 0.4075 * (2 / std::cos(std::asin(400 / 6010.0))) * std::sqrt(m_db);
+        INFO(m_db << " dB down, beam " << beam);
+        CHECK(width == Approx(expected).margin(0.12));
+    }
+}
+
+TEST_CASE("on a flat plain the mean depression of a cell is that of its range", "[engine]") {
+    // The further channel of the cells, straight from the front.
+    MemorySource source(401, 401, 30, [](double, double) { return 0.0; });
+    Scene s = bare_scene(6000, -6000, 1500, 5500);
+    s.earth_k.reset();
+    const ResolvedScene resolved = resolve(s, source);
+    const DataBase& db = source.data_base();
+    const SpokeMap map(db, {Geometry::grid, resolved.nadir, 0, 0, std::nullopt, 6000});
+    const SpokeGrid grid(db, map, sampling(Quality::exact), 360);
+    const PatternTable pattern(s.radar.antenna);
+    const std::vector<ClassGamma> gamma(16, ClassGamma{1, 1});
+    const Quanta cells = quanta({0, 110}, 50, 1, 1, grid.azimuth_step_rad(), 1);
+    SweepScene sweep;
+    sweep.data_base = &db;
+    sweep.grid = &grid;
+    sweep.sampling = sampling(Quality::exact);
+    sweep.sensor_m = 1500;
+    sweep.nadir_patch = &resolved.nadir_patch;
+    sweep.max_arc_m = 6000;
+    sweep.range_bin_m = 50;
+    sweep.with_depression = true;
+    sweep.pattern = &pattern;
+    sweep.constant = 1;
+    sweep.gamma = gamma;
+    const Wedge wedge = grid.wedge(0, {0, 360});
+    WedgeCells sums(360, cells, 2);
+    for (const SpokeRun& run : wedge.runs) {
+        Front front(sweep, run, sums);
+        const Interval lines{0, grid.line_count(run.quadrant)};
+        const Chunk chunk = source.load(front.window(lines), lines_are_columns(run.quadrant));
+        front.advance(lines, &chunk);
+        front.finish();
+    }
+    for (std::size_t j = 40; j < 105; ++j) {
+        const double range = (static_cast<double>(j) + 0.5) * 50;
+        CHECK(sums.watts(77, j, 1) / sums.watts(77, j) * 90 == Approx(std::asin(1500 / range) * 180 / std::numbers::pi).margin(0.6));  // degrees; half a bin
     }
 }

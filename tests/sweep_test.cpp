@@ -1,0 +1,320 @@
+// The pieces of the sweep: where spokes run, what they sample, what rises over a horizon, and how it is added up.
+#include <catch2/catch.hpp>
+
+#include <GeographicLib/Geodesic.hpp>
+
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <random>
+
+#include "lib/deposit.hpp"
+#include "lib/earth.hpp"
+#include "lib/sample.hpp"
+#include "lib/shade.hpp"
+#include "lib/spoke_grid.hpp"
+#include "lib/sweep.hpp"
+
+using namespace wedgescope;
+
+namespace {
+
+/// A raster in plain latitude and longitude: positions need no projection library.
+DataBase degrees(double west, double north, double step, std::int64_t columns, std::int64_t rows) {
+    DataBase db;
+    db.name = "degrees";
+    db.columns = columns;
+    db.rows = rows;
+    db.has_crs = true;
+    db.origin_x = west;
+    db.origin_y = north;
+    db.step_x = step;
+    db.step_y = -step;
+    db.locate = [=](double lat, double lon) {
+        double d = std::remainder(lon - (west + static_cast<double>(columns) * step / 2), 360) + static_cast<double>(columns) * step / 2;
+        return IndexPosition{d / step, (north - lat) / step};
+    };
+    return db;
+}
+
+DataBase plane(std::int64_t columns, std::int64_t rows, double step) {
+    DataBase db;
+    db.name = "plane";
+    db.columns = columns;
+    db.rows = rows;
+    db.crs_in_metres = true;
+    db.step_x = step;
+    db.step_y = -step;
+    return db;
+}
+
+}  // namespace
+
+TEST_CASE("geodesic spokes cross lines within 0.05 post of where GeographicLib puts them", "[spoke_map]") {
+    for (const auto& [lat, reach_m] : {std::pair(0.5, 150000.0), std::pair(48.2, 150000.0), std::pair(-71.0, 100000.0), std::pair(80.0, 40000.0)}) {
+        const double west = 178.9;  // across the antimeridian too
+        const DataBase db = degrees(west, lat + 2, 1.0 / 1200, 4800, 4800);
+        const IndexPosition nadir = db.locate(lat, west + 1.3);
+        const SpokeMap map(db, {Geometry::geodesic, nadir, lat, west + 1.3, 4.0 / 3, reach_m});
+        const auto& geod = GeographicLib::Geodesic::WGS84();
+        std::mt19937 random(5);
+        std::uniform_real_distribution<double> any(-1, 1), part(0.02, 1);
+        double worst = 0;
+        for (const Quadrant q : all_quadrants)
+            for (int i = 0; i < 200; ++i) {
+                const double m = any(random), arc = part(random) * reach_m / 1.5;
+                double la = 0, lo = 0;
+                geod.Direct(lat, west + 1.3, map.azimuth_rad(q, m) * 180 / std::numbers::pi, arc, la, lo);
+                const IndexPosition p = db.locate(la, lo);
+                const double major = (lines_are_columns(q) ? p.column - nadir.column : p.row - nadir.row) * outward(q);
+                const double minor = lines_are_columns(q) ? p.row : p.column;
+                if (p.column < 0 || p.row < 0 || p.column > 4799 || p.row > 4799) continue;
+                const SpokeMap::Place place = map.place(q, m, major);
+                worst = std::max({worst, std::abs(place.minor - minor), std::abs(place.arc_m - arc) / map.metres_per_post(q, m)});
+            }
+        INFO("latitude " << lat);
+        CHECK(worst < 0.05);  // posts; the design's bound
+        CHECK(worst > 0);
+    }
+}
+
+TEST_CASE("a grid that bends too much within range is refused, not swept wrongly", "[spoke_map]") {
+    const DataBase db = degrees(0, 90, 1.0 / 120, 7200, 240);
+    CHECK_THROWS_WITH(SpokeMap(db, {Geometry::geodesic, db.locate(89.5, 30), 89.5, 30, 4.0 / 3, 100000}), Catch::Contains("bends too much"));
+}
+
+TEST_CASE("the spokes' cells share out the circle without gap or overlap, whatever the wedges", "[spoke_grid]") {
+    const DataBase db = plane(501, 401, 30);
+    const SpokeMap map(db, {Geometry::grid, {123.25, 222.75}, 0, 0, 4.0 / 3, 12000});
+    for (const std::int64_t circle : {7, 360, 961}) {
+        const SpokeGrid grid(db, map, {}, circle);
+        for (const std::int64_t wedges : {1, 3, 7}) {
+            std::vector<double> total(static_cast<std::size_t>(circle));
+            for (std::int64_t w = 0; w < wedges; ++w) {
+                const Interval bins{circle * w / wedges, circle * (w + 1) / wedges};
+                const Wedge wedge = grid.wedge(w, bins);
+                for (const SpokeRun& run : wedge.runs) {
+                    const std::size_t last = run.touching.size() - 1;  // the outermost ring
+                    const std::int64_t spokes = grid.rings(run.quadrant)[last].spokes;
+                    for (std::int64_t k = run.touching[last].begin; k < run.touching[last].end; ++k) {
+                        const SpokeGrid::Share share = grid.share(run.quadrant, spokes, k);
+                        for (int side = 0; side < 2; ++side)
+                            if (run.bins.contains(share.bin + side))
+                                total[static_cast<std::size_t>(((share.bin + side) % circle + circle) % circle)] += share.radians[side];
+                    }
+                }
+            }
+            INFO(circle << " bins, " << wedges << " wedges");
+            for (const double t : total) CHECK(t == Approx(2 * std::numbers::pi / static_cast<double>(circle)).margin(1e-9));
+        }
+    }
+}
+
+TEST_CASE("neighbouring spokes never stand more than a post apart on a line", "[spoke_grid]") {
+    const DataBase db = plane(3001, 2001, 30);
+    const SpokeMap map(db, {Geometry::grid, {1500.5, 1000.5}, 0, 0, 4.0 / 3, 100000});
+    const SpokeGrid grid(db, map, {}, 360);
+    for (const Quadrant q : all_quadrants) {
+        std::int64_t next = 0;
+        for (const Ring& ring : grid.rings(q)) {
+            CHECK(ring.lines.begin == next);
+            next = ring.lines.end;
+            CHECK(grid.distance(q, ring.lines.end - 1) / static_cast<double>(ring.spokes) <= 1);
+            CHECK((ring.spokes & (ring.spokes - 1)) == 0);
+        }
+        CHECK(next == grid.line_count(q));
+    }
+}
+
+TEST_CASE("heights and crossings on a line are those of the bilinear surface", "[sample]") {
+    std::mt19937 random(11);
+    std::uniform_real_distribution<double> any(0, 1);
+    for (int turn = 0; turn < 200; ++turn) {
+        const std::int64_t begin = static_cast<std::int64_t>(random() % 50), count = 2 + static_cast<std::int64_t>(random() % 40);
+        std::vector<float> behind, ahead;
+        for (std::int64_t j = 0; j < count; ++j) {
+            behind.push_back(any(random) < 0.1 ? std::numeric_limits<float>::quiet_NaN() : static_cast<float>(1000 * any(random)));
+            ahead.push_back(any(random) < 0.1 ? std::numeric_limits<float>::quiet_NaN() : static_cast<float>(1000 * any(random)));
+        }
+        const LinePosts back{behind.data(), begin, begin + count}, front{ahead.data(), begin, begin + count};
+        const auto n = static_cast<std::size_t>(random() % 70);
+        std::vector<double> minor(n), to(n), arc(n), arc_to(n), height(n), major(n, 10), out(n), o_minor(n), o_arc(n), o_height(n), o_major(n);
+        for (std::size_t i = 0; i < n; ++i) {
+            minor[i] = static_cast<double>(begin) - 2 + any(random) * static_cast<double>(count + 4);
+            if (random() % 4 == 0) minor[i] = std::floor(minor[i]);  // exactly on a post
+            to[i] = minor[i] + 2 * any(random) - 1;
+            if (random() % 8 == 0) to[i] = minor[i];
+            arc[i] = 100;
+            arc_to[i] = 130;
+            height[i] = 5;
+        }
+        height_lanes(back, n, minor.data(), out.data());
+        const Crossing crossing{minor.data(), arc.data(), height.data(), major.data(), to.data(), arc_to.data(), 10, 11,
+                                o_minor.data(), o_arc.data(), o_height.data(), o_major.data()};
+        cross_lanes(back, front, n, crossing);
+        for (std::size_t i = 0; i < n; ++i) {
+            const double y = minor[i];
+            const auto at = [&](const std::vector<float>& line, std::int64_t j) {
+                return j < begin || j >= begin + count ? std::numeric_limits<double>::quiet_NaN() : static_cast<double>(line[static_cast<std::size_t>(j - begin)]);
+            };
+            const auto j = static_cast<std::int64_t>(std::floor(y));
+            const double f = y - std::floor(y);
+            const double truth = f == 0 ? at(behind, j) : (1 - f) * at(behind, j) + f * at(behind, j + 1);
+            if (std::isnan(truth)) CHECK(std::isnan(out[i]));
+            else CHECK(out[i] == Approx(truth).margin(1e-9));
+            // The first whole number strictly between.
+            double c = to[i] > y ? std::floor(y) + 1 : std::ceil(y) - 1;
+            const bool crosses = to[i] > y ? c < to[i] : c > to[i];
+            if (!crosses) {
+                CHECK(o_minor[i] == y);
+                CHECK(o_arc[i] == 100);
+                CHECK(o_height[i] == 5);
+                continue;
+            }
+            const double u = (c - y) / (to[i] - y);
+            CHECK(o_minor[i] == c);
+            CHECK(o_arc[i] == Approx(100 + 30 * u));
+            CHECK(o_major[i] == Approx(10 + u));
+            const double z = (1 - u) * at(behind, static_cast<std::int64_t>(c)) + u * at(ahead, static_cast<std::int64_t>(c));
+            if (std::isnan(z)) CHECK(std::isnan(o_height[i]));
+            else CHECK(o_height[i] == Approx(z).margin(1e-9));
+        }
+    }
+}
+
+TEST_CASE("the series of the sight line is the exact form of the round earth", "[sweep]") {
+    std::mt19937 random(3);
+    std::uniform_real_distribution<double> any(0, 1);
+    const double radius = 4.0 / 3 * mean_radius_m;
+    const Earth earth(radius);
+    for (int i = 0; i < 3000; ++i) {
+        const double sensor = 20000 * any(random), height = -400 + 9000 * any(random), arc = std::pow(10.0, 1 + 4.9 * any(random));
+        const SightLine p = sight_line(sensor, arc, height, 1 / radius);
+        const Earth::Sight truth = earth.sight(sensor, height, arc);
+        CHECK(p.range_m == Approx(truth.slant_range_m).epsilon(1e-13));
+        CHECK(std::atan2(p.up_m, p.out_m) == Approx(-truth.depression_rad).margin(1e-12));
+        // A ray of the point's own elevation passes over it at its own range.
+        CHECK(ray_range_m(sensor, arc, p.sine, 1 / radius) == Approx(p.range_m).epsilon(1e-9));
+    }
+}
+
+TEST_CASE("what a parabola shows over a horizon is what walking along it shows", "[sweep]") {
+    std::mt19937 random(17);
+    std::uniform_real_distribution<double> any(-1, 1);
+    int shown = 0, hides = 0;
+    for (int turn = 0; turn < 4000; ++turn) {
+        const double out0 = 5000, out1 = 5030, up0 = -1000 + 10 * any(random), up1 = -1000 + 10 * any(random), bump = 4 * any(random);
+        const bool from_ray = turn % 3 == 0;
+        const double start = up0 / std::hypot(up0, out0);
+        const double sine = from_ray ? start : start + 0.001 * std::abs(any(random));
+        const Course c = course(sine, up0, out0, up1, out1, bump, from_ray);
+        // Walk it in small steps; keep what rises above all before.
+        constexpr int steps = 20000;
+        double most = sine, first = -1, last = -1;
+        for (int i = 0; i <= steps; ++i) {
+            const double u = static_cast<double>(i) / steps, up = up0 + u * (up1 - up0) + 4 * bump * u * (1 - u), out = out0 + u * (out1 - out0);
+            const double s = up / std::hypot(up, out);
+            if (s > most + 1e-12) {
+                if (first < 0) first = u;
+                last = u;
+                most = s;
+            }
+        }
+        INFO("turn " << turn);
+        if (most - sine < 1e-7) continue;  // a touch: either answer will do
+        REQUIRE(c.seen);
+        ++shown;
+        hides += c.hides;
+        CHECK(c.begin == Approx(first).margin(0.01));
+        CHECK(c.end == Approx(last).margin(0.03));  // where exactly the highest elevation lies on a flat top moves little power
+        const double up = up0 + c.end * (up1 - up0) + 4 * bump * c.end * (1 - c.end), out = out0 + c.end * (out1 - out0);
+        CHECK(up / std::hypot(up, out) == Approx(most).margin(2e-7));
+        CHECK(c.hides == (last < 0.97 || (c.hides && last < 1)));
+    }
+    CHECK(shown > 1000);
+    CHECK(hides > 100);
+}
+
+TEST_CASE("deposits add up to what was put in, in any order and by lanes or one by one", "[deposit]") {
+    const Quanta q = quanta({10, 200}, 25, 1e3, 1, 0.01, 2);
+    std::mt19937 random(23);
+    std::uniform_real_distribution<double> any(0, 1);
+    struct Put {
+        WedgeCells::Target target;
+        WedgeCells::Portion portion;
+    };
+    std::vector<Put> puts;
+    for (int i = 0; i < 5000; ++i) {
+        Put p;
+        p.target.row = static_cast<std::int32_t>(random() % 5);
+        p.target.share[0] = 0.01 * any(random);
+        p.target.share[1] = random() % 3 == 0 && p.target.row < 4 ? 0.01 * any(random) : 0;
+        p.portion.x0 = 5 + 205 * any(random);
+        p.portion.x1 = p.portion.x0 + 6 * (any(random) - 0.5);
+        p.portion.inverse_width = 1 / std::abs(p.portion.x1 - p.portion.x0);
+        p.portion.power = 1e-6 * any(random);
+        p.portion.bow = 2 * any(random) - 1;
+        puts.push_back(p);
+    }
+    WedgeCells forward(5, q), backward(5, q), lanes(5, q);
+    double inside = 0;
+    for (const Put& p : puts) {
+        forward.add(p.target, p.portion);
+        const auto upto = [&](double x) {
+            const double u = std::clamp((x - p.portion.x0) / (p.portion.x1 - p.portion.x0), 0.0, 1.0);
+            return u + p.portion.bow * u * (1 - u);
+        };
+        inside += p.portion.power * std::abs(upto(200) - upto(10)) * (p.target.share[0] + p.target.share[1]);
+    }
+    for (auto p = puts.rbegin(); p != puts.rend(); ++p) backward.add(p->target, p->portion);
+    std::vector<double> code, s0, s1, x0, x1, w, power, bow;
+    std::vector<std::int32_t> row;
+    for (const Put& p : puts) {
+        code.push_back(1);
+        row.push_back(p.target.row);
+        s0.push_back(p.target.share[0]);
+        s1.push_back(p.target.share[1]);
+        x0.push_back(p.portion.x0);
+        x1.push_back(p.portion.x1);
+        w.push_back(p.portion.inverse_width);
+        power.push_back(p.portion.power);
+        bow.push_back(p.portion.bow);
+    }
+    lanes.add_lanes(puts.size(), {code.data(), row.data(), s0.data(), s1.data(), x0.data(), x1.data(), w.data(), power.data(), bow.data(), 1});
+    double sum = 0;
+    for (std::size_t r = 0; r < 5; ++r)
+        for (std::size_t j = 0; j < 190; ++j) {
+            REQUIRE(forward.watts(r, j) == backward.watts(r, j));
+            REQUIRE(forward.watts(r, j) == lanes.watts(r, j));
+            sum += forward.watts(r, j);
+        }
+    CHECK(sum == Approx(inside).epsilon(1e-12));
+}
+
+TEST_CASE("the quantum of a bin leaves room for all that a cell can hold, and no more than a bit", "[deposit]") {
+    const double constant = 1234.5, pattern = 0.8, step = 0.0065, gamma = 3.2;
+    const Quanta q = quanta({0, 40}, 100, constant, pattern, step, gamma);
+    for (std::size_t j = 0; j < 40; ++j) {
+        const double near = std::max(1.0, static_cast<double>(j) * 100), most = constant * pattern * 2 * step * gamma / (near * near);
+        CHECK(q.watts[j] >= most * 0x1p-61);
+        CHECK(q.watts[j] < most * 0x1p-60);
+        int exponent = 0;
+        CHECK(std::frexp(q.watts[j], &exponent) == 0.5);  // a power of two
+    }
+}
+
+TEST_CASE("the antenna table is the pattern within its stated error", "[shade]") {
+    AntennaParams antenna;
+    for (const auto kind : {ElevationPattern::csc2, ElevationPattern::cos_csc2, ElevationPattern::gaussian})
+        for (const double tilt : {-4.0, 0.0, 10.0}) {
+            antenna.elevation = kind;
+            antenna.tilt = Angle::degrees(tilt);
+            const PatternTable table(antenna);
+            CHECK(table.error() < 0.002);  // 0.01 dB
+            for (double depression = -5; depression < 80; depression += 0.0371) {
+                const double g = elevation_pattern(antenna, depression * std::numbers::pi / 180);
+                if (g < 1e-5) continue;
+                CHECK(table.at(-std::sin(depression * std::numbers::pi / 180)) == Approx(g * g).epsilon(1.01 * table.error() + 1e-6));
+            }
+        }
+}
