@@ -85,17 +85,17 @@ struct Placed {
     std::int64_t first_count[block], middle_count[block], last_count[block];
 };
 
-/// Where each portion falls, if it is one that lies in at most three bins and in one row.
+/// Where each portion falls, if it is one that lies in at most three bins.
 WEDGESCOPE_LANES
 void place_portions(std::size_t n, const WedgeCells::Portions& p, double begin, double end, Placed& out) {
     const double *__restrict code = p.code, *__restrict x0 = p.x0, *__restrict x1 = p.x1, *__restrict inverse_width = p.inverse_width,
-                 *__restrict power = p.power, *__restrict bow = p.bow, *__restrict share1 = p.share1;
+                 *__restrict power = p.power, *__restrict bow = p.bow;
     const double gamma = p.gamma;
     WEDGESCOPE_INDEPENDENT
     for (std::size_t i = 0; i < n; ++i) {
         const bool outwards = x0[i] < x1[i];
         const double near = outwards ? x0[i] : x1[i], far = outwards ? x1[i] : x0[i];
-        const bool simple = (code[i] == 1) & (far < end) & (near >= begin) & (share1[i] == 0);
+        const bool simple = (code[i] == 1) & (far < end) & (near >= begin);
         const auto first = static_cast<std::int32_t>(simple ? near : -1.0), last = static_cast<std::int32_t>(simple ? far : -1.0);
         const double whole = power[i] * gamma, bend = outwards ? bow[i] : -bow[i];
         const double u = (static_cast<double>(first + 1) - near) * inverse_width[i], v = (static_cast<double>(last) - near) * inverse_width[i];
@@ -141,18 +141,38 @@ __attribute__((optimize("no-tree-slp-vectorize"))) void WedgeCells::add_lanes(st
             placed.last_inverse[i] = inverse[last];
         }
         count_portions(m, part.share0, placed);
+        // Neighbouring spokes mostly fall into the same cells: one addition for a run of them.
+        std::int64_t* cell = sums_.data();
+        std::int32_t far = 0;
+        std::int64_t first_sum = 0, middle_sum = 0, last_sum = 0;
         for (std::size_t i = 0; i < m; ++i) {
             if (part.code[i] != 1 || part.row[i] < 0) continue;
-            const std::int32_t first = placed.first[i];
+            const std::int32_t first = placed.first[i], last = placed.last[i];
             if (first < 0) {
                 add({part.row[i], {part.share0[i], part.share1[i]}}, {part.x0[i], part.x1[i], part.inverse_width[i], part.power[i] * part.gamma, part.bow[i]});
                 continue;
             }
-            std::int64_t* cell = sums_.data() + static_cast<std::size_t>(part.row[i]) * columns_ + static_cast<std::size_t>(first - base);
-            cell[0] += placed.first_count[i];
-            cell[1] += placed.middle_count[i];  // 0 where it is the last one too
-            cell[placed.last[i] - first] += placed.last_count[i];
+            std::int64_t* here = sums_.data() + static_cast<std::size_t>(part.row[i]) * columns_ + static_cast<std::size_t>(first - base);
+            if (here != cell || last - first != far) {
+                cell[0] += first_sum;
+                cell[1] += middle_sum;  // 0 where it is the last one too
+                cell[far] += last_sum;
+                first_sum = middle_sum = last_sum = 0;
+                cell = here;
+                far = last - first;
+            }
+            first_sum += placed.first_count[i];
+            middle_sum += placed.middle_count[i];
+            last_sum += placed.last_count[i];
+            if (part.share1[i] > 0) {
+                here[columns_] += std::lrint(placed.first_power[i] * placed.first_inverse[i] * part.share1[i]);
+                if (far > 1) here[columns_ + 1] += std::lrint(placed.middle_power[i] * placed.middle_inverse[i] * part.share1[i]);
+                if (far > 0) here[columns_ + static_cast<std::size_t>(far)] += std::lrint(placed.last_power[i] * placed.last_inverse[i] * part.share1[i]);
+            }
         }
+        cell[0] += first_sum;
+        cell[1] += middle_sum;
+        cell[far] += last_sum;
     }
 }
 

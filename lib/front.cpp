@@ -248,7 +248,9 @@ void Front::advance_line(std::int64_t line, const Between& between, std::size_t 
         at += count;
     }
     // Beyond the range, or gone from the raster for good.
-    for (std::size_t i = 0; i < n; ++i) {
+    std::int64_t look = 0;
+    for (std::size_t i = 0; i < n; ++i) look += (ahead_arc_[i] > scene_->max_arc_m) | (lanes_.mode[begin + i] == mode_gap) ? 1 : 0;
+    for (std::size_t i = 0; look && i < n; ++i) {
         const std::size_t lane = begin + i;
         if (!(ahead_arc_[i] > scene_->max_arc_m) && !is(lane, mode_gap)) continue;
         if (is(lane, mode_done) || !beyond(lane, ahead_minor_[i], ahead_arc_[i], distance)) continue;
@@ -303,17 +305,18 @@ void Front::take(const Between& between, std::size_t begin, std::size_t end) {
     if (scene_->sampling.exact_course && between.adjacent)
         bump_lanes(between.behind, between.ahead, n, between.behind_major, between.ahead_major, from.major, from.minor, to.major, to.minor, bump_.data());
     constexpr std::size_t block = 64;
-    std::array<bool, tile_lanes / block> rises{};
+    std::array<Rises, tile_lanes / block> rises{};
     for (std::size_t at = 0; at < n; at += block) {
         const std::size_t lane = begin + at;
         rises[at / block] =
             rise_lanes(std::min(block, n - at), now_.lanes(at), next_.lanes(at), lanes_.mode.data() + lane, lanes_.horizon.data() + lane,
                        lanes_.void_horizon.data() + lane, bump_.data() + at, lanes_.seen_least.data() + lane, lanes_.seen_most.data() + lane, sine0_.data() + at,
-                       code_.data() + at) > 0;
+                       code_.data() + at);
+        cost_.pieces += static_cast<std::uint64_t>(rises[at / block].plain);
     }
     const std::uint64_t swept = ticks();
     for (std::size_t at = 0; at < n; at += block)
-        if (rises[at / block])
+        if (rises[at / block].plain)
             power_lanes(std::min(block, n - at),
                         {sine0_.data() + at, now_.lanes(at), next_.lanes(at), bump_.data() + at, power_.data() + at, inverse_width_.data() + at,
                          bow_.data() + at},
@@ -321,24 +324,21 @@ void Front::take(const Between& between, std::size_t begin, std::size_t end) {
     const std::uint64_t shaded = ticks();
     const bool simple = plain_ground_ && !scene_->with_depression;
     const double gamma = scene_->gamma[scene_->data_base->default_class].ground;
-    for (std::size_t i = 0; i < n; ++i) {
-        if (code_[i] == 0) continue;
-        const std::size_t lane = begin + i;
-        if (code_[i] == 2) {
-            change(lane, i, between);
-            continue;
+    for (std::size_t at = 0; at < n; at += block) {
+        const Rises& found = rises[at / block];
+        const std::size_t m = std::min(block, n - at), lane = begin + at;
+        if (found.plain && simple)
+            cells_->add_lanes(m, {code_.data() + at, lanes_.row.data() + lane, lanes_.share0.data() + lane, lanes_.share1.data() + lane, from.x + at,
+                                  to.x + at, inverse_width_.data() + at, power_.data() + at, bow_.data() + at, gamma});
+        if (!found.changes && (simple || !found.plain)) continue;
+        for (std::size_t i = at; i < at + m; ++i) {
+            if (code_[i] == 2)
+                change(begin + i, i, between);
+            else if (code_[i] == 1 && !simple && lanes_.row[begin + i] >= 0)
+                put(begin + i, {{from.x[i], to.x[i], inverse_width_[i], power_[i], bow_[i]}, from.major[i], from.minor[i], to.major[i], to.minor[i], sine0_[i],
+                                to.sine[i]}, between);
         }
-        ++cost_.pieces;
-        if (!simple && lanes_.row[lane] >= 0)
-            put(lane, {{from.x[i], to.x[i], inverse_width_[i], power_[i], bow_[i]}, from.major[i], from.minor[i], to.major[i], to.minor[i], sine0_[i], to.sine[i]},
-                between);
     }
-    if (simple)
-        for (std::size_t at = 0; at < n; at += block)
-            if (rises[at / block])
-                cells_->add_lanes(std::min(block, n - at),
-                                  {code_.data() + at, lanes_.row.data() + begin + at, lanes_.share0.data() + begin + at, lanes_.share1.data() + begin + at,
-                                   from.x + at, to.x + at, inverse_width_.data() + at, power_.data() + at, bow_.data() + at, gamma});
     cost_.sweep += swept - clock;
     cost_.shade += shaded - swept;
     cost_.deposit += ticks() - shaded;

@@ -25,13 +25,13 @@ void sight_lanes(std::size_t n, double sensor_m, double bins_per_metre, bool ran
 }
 
 WEDGESCOPE_LANES
-std::size_t rise_lanes(std::size_t n, const SampleLanes& from, const SampleLanes& to, const double* __restrict mode, double* __restrict horizon,
+Rises rise_lanes(std::size_t n, const SampleLanes& from, const SampleLanes& to, const double* __restrict mode, double* __restrict horizon,
                        const double* __restrict void_horizon, const double* __restrict bump_m, double* __restrict seen_least,
                        double* __restrict seen_most, double* __restrict sine0, double* __restrict code) noexcept {
     const double *__restrict sine = to.sine, *__restrict arc0 = from.arc_m, *__restrict arc1 = to.arc_m, *__restrict x0 = from.x,
                  *__restrict x1 = to.x, *__restrict up0 = from.up_m, *__restrict up1 = to.up_m, *__restrict out0 = from.out_m,
                  *__restrict out1 = to.out_m, *__restrict range0 = from.range_m, *__restrict last_sine = from.sine;
-    std::int64_t rises = 0;
+    std::int64_t plains = 0, nothing = 0;
     WEDGESCOPE_INDEPENDENT
     for (std::size_t i = 0; i < n; ++i) {
         const double s = sine[i], h = horizon[i], m = mode[i];
@@ -45,7 +45,8 @@ std::size_t rise_lanes(std::size_t n, const SampleLanes& from, const SampleLanes
         c = rising ? 2.0 : c;
         c = plain ? 1.0 : c;
         code[i] = c;
-        rises += plain ? 1 : 0;
+        plains += plain ? 1 : 0;
+        nothing += c == 0 ? 1 : 0;
         sine0[i] = h;
         horizon[i] = plain ? s : h;
         const double near = x0[i] < x1[i] ? x0[i] : x1[i], far = x0[i] < x1[i] ? x1[i] : x0[i];
@@ -53,7 +54,7 @@ std::size_t rise_lanes(std::size_t n, const SampleLanes& from, const SampleLanes
         seen_least[i] = plain ? least : seen_least[i];
         seen_most[i] = plain ? most : seen_most[i];
     }
-    return static_cast<std::size_t>(rises);
+    return {plains, static_cast<std::int64_t>(n) - plains - nothing};
 }
 
 double ray_range_m(double sensor_m, double arc_m, double sine, double inverse_radius) {

@@ -57,8 +57,10 @@ void sight_lanes(std::size_t n, double sensor_m, double bins_per_metre, bool ran
 ///   sine0[n], code[n]   out: the old horizon; the code, as double
 /// A visible piece is plain if its course rises all the way (|4 bump| at most what it rises over the ray of the horizon); a hidden one stays hidden if not
 /// even its bump can reach the horizon.
-/// Returns how many have code 1.
-std::size_t rise_lanes(std::size_t n, const SampleLanes& from, const SampleLanes& to, const double* mode, double* horizon,
+struct Rises {
+    std::int64_t plain = 0, changes = 0;  ///< how many have code 1, and 2
+};
+Rises rise_lanes(std::size_t n, const SampleLanes& from, const SampleLanes& to, const double* mode, double* horizon,
                        const double* void_horizon, const double* bump_m, double* seen_least, double* seen_most, double* sine0,
                        double* code) noexcept;
 
