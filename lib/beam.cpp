@@ -80,8 +80,7 @@ std::int64_t modulo(std::int64_t a, std::int64_t n) { return ((a % n) + n) % n; 
 double two_way_azimuth_pattern(const AntennaParams& antenna, double offset_rad) {
     if (!(std::abs(offset_rad) <= cut_rad(antenna))) return 0;
     const double beamwidths = offset_rad / antenna.beam.rad();
-    if (antenna.azimuth == AzimuthPattern::gaussian)
-        return std::exp(-8 * std::numbers::ln2 * beamwidths * beamwidths);
+    if (antenna.azimuth == AzimuthPattern::gaussian) return std::exp(-8 * std::numbers::ln2 * beamwidths * beamwidths);
     const double u = 2 * uniform_half_power_u * beamwidths;
     if (std::abs(u) < 1e-8) return 1;
     const double field = std::sin(u) / u;
@@ -107,18 +106,18 @@ std::vector<double> pulse_weights(double width_bins) {
 }
 
 double level_cosine(const BeamSetting& setting, double range_m) {
-    const double depression =
-        setting.range_is_ground ? setting.earth.sight(setting.sensor_m, setting.reference_m, range_m).depression_rad
-                                : level_depression_rad(setting.earth, setting.sensor_m, setting.reference_m, range_m);
+    const double depression = setting.range_is_ground
+                                  ? setting.earth.sight(setting.sensor_m, setting.reference_m, range_m).depression_rad
+                                  : level_depression_rad(setting.earth, setting.sensor_m, setting.reference_m, range_m);
     return std::max(least_cosine, std::cos(depression));
 }
 
-Resolution::Resolution(const BeamSetting& setting, std::int64_t circle_bins, double range_bin_m, Interval outputs, Of of)
+Resolution::Resolution(const BeamSetting& setting, std::int64_t circle_bins, double range_bin_m, Interval outputs,
+                       Of of)
     : circle_bins_(circle_bins),
-      outputs_(outputs),
-      sources_{std::max<std::int64_t>(0, outputs.begin - lead_in_bins(setting, range_bin_m)), outputs.end},
-      skirt_(skirt_bins(setting, circle_bins)),
-      pulse_per_bin_(setting.range_is_ground && setting.pulse_length_error) {
+      outputs_(outputs), sources_{std::max<std::int64_t>(0, outputs.begin - lead_in_bins(setting, range_bin_m)),
+                                  outputs.end},
+      skirt_(skirt_bins(setting, circle_bins)), pulse_per_bin_(setting.range_is_ground && setting.pulse_length_error) {
     const double step_rad = 2 * std::numbers::pi / static_cast<double>(circle_bins);
     const std::int64_t neighbours = neighbour_bins(setting.antenna, circle_bins);
     const auto n = static_cast<std::size_t>(sources_.size());
@@ -128,7 +127,8 @@ Resolution::Resolution(const BeamSetting& setting, std::int64_t circle_bins, dou
     azimuth_.assign(offsets * n, 0.0f);
     oneapi::tbb::parallel_for(oneapi::tbb::blocked_range<std::size_t>(0, n, 64), [&](const auto& bins) {
         for (std::size_t j = bins.begin(); j < bins.end(); ++j) {
-            const double cosine = level_cosine(setting, middle_m(sources_.begin + static_cast<std::int64_t>(j), range_bin_m));
+            const double cosine =
+                level_cosine(setting, middle_m(sources_.begin + static_cast<std::int64_t>(j), range_bin_m));
             double total = 0;
             for (std::int64_t offset = 0; offset <= neighbours; ++offset) {
                 const double power =
@@ -211,15 +211,16 @@ PolarImage<float> power_image(const PolarImage<float>& echo, const PolarGrid& sh
             const std::int64_t row = modulo(azimuth_bin - echo.grid.azimuth_bins.begin, echo.grid.circle_bins);
             return echo.row(static_cast<std::size_t>(row)) + (resolution.sources().begin - echo.grid.range_bins.begin);
         };
-        oneapi::tbb::parallel_for(oneapi::tbb::blocked_range<std::size_t>(0, shown.azimuth_count(), 4), [&](const auto& rows) {
-            std::vector<double> scratch;
-            std::vector<double> sums(static_cast<std::size_t>(resolution.outputs().size()));
-            for (std::size_t i = rows.begin(); i < rows.end(); ++i) {
-                resolution.row(shown.azimuth_bins.begin + static_cast<std::int64_t>(i), source, scratch, sums);
-                float* const out = power.row(i) + (begin - shown.range_bins.begin);
-                for (std::size_t j = 0; j < sums.size(); ++j) out[j] = static_cast<float>(sums[j]);
-            }
-        });
+        oneapi::tbb::parallel_for(
+            oneapi::tbb::blocked_range<std::size_t>(0, shown.azimuth_count(), 4), [&](const auto& rows) {
+                std::vector<double> scratch;
+                std::vector<double> sums(static_cast<std::size_t>(resolution.outputs().size()));
+                for (std::size_t i = rows.begin(); i < rows.end(); ++i) {
+                    resolution.row(shown.azimuth_bins.begin + static_cast<std::int64_t>(i), source, scratch, sums);
+                    float* const out = power.row(i) + (begin - shown.range_bins.begin);
+                    for (std::size_t j = 0; j < sums.size(); ++j) out[j] = static_cast<float>(sums[j]);
+                }
+            });
     }
     return power;
 }
@@ -229,12 +230,14 @@ void require_sources(const PolarGrid& echo, const PolarGrid& shown, const Resolu
         throw InputError("the echo image has other azimuth or range bins than the power image asked for");
     const Interval range = resolution.sources();
     const bool range_held = range.begin >= echo.range_bins.begin && range.end <= echo.range_bins.end;
-    const std::int64_t lead = modulo(shown.azimuth_bins.begin - resolution.skirt() - echo.azimuth_bins.begin, echo.circle_bins);
+    const std::int64_t lead =
+        modulo(shown.azimuth_bins.begin - resolution.skirt() - echo.azimuth_bins.begin, echo.circle_bins);
     const bool azimuth_held =
         echo.full_circle() || lead + shown.azimuth_bins.size() + 2 * resolution.skirt() <= echo.azimuth_bins.size();
     if (!range_held || !azimuth_held)
-        throw InputError("the echo image is too narrow for this beam and pulse: it must hold what is shown, "
-                         "the beam's skirt to both sides and the pulse's length before it");
+        throw InputError(
+            "the echo image is too narrow for this beam and pulse: it must hold what is shown, "
+            "the beam's skirt to both sides and the pulse's length before it");
 }
 
 }  // namespace wedgescope

@@ -42,7 +42,8 @@ std::int64_t lead_in_bins(const BeamSetting& setting, double range_bin_m);
 /// covers `shown`. Every output is a sum in a fixed order: the same bits for any number of threads.
 PolarImage<float> power_image(const PolarImage<float>& echo, const PolarGrid& shown, const BeamSetting& setting);
 
-/// cos d_j as the beam uses it: of the level surface at range `range_m` (arc where range bins are ground), at least 0.5.
+/// cos d_j as the beam uses it: of the level surface at range `range_m` (arc where range bins are ground), at least
+/// 0.5.
 double level_cosine(const BeamSetting& setting, double range_m);
 
 /// The weights of beam and pulse for a run of range bins, computed once (libm's results rounded to float), and
@@ -67,9 +68,9 @@ private:
     Interval outputs_, sources_;
     std::int64_t skirt_ = 0;
     bool pulse_per_bin_ = false;
-    std::vector<float> azimuth_;             ///< [azimuth offset][source bin]
-    std::vector<std::size_t> reach_;         ///< [azimuth offset]: one past the last source bin of weight above 0
-    std::vector<std::vector<double>> pulse_; ///< [bins nearer], for all output bins or for each
+    std::vector<float> azimuth_;              ///< [azimuth offset][source bin]
+    std::vector<std::size_t> reach_;          ///< [azimuth offset]: one past the last source bin of weight above 0
+    std::vector<std::vector<double>> pulse_;  ///< [bins nearer], for all output bins or for each
 };
 
 /// InputError unless an echo image on `echo` holds what `resolution` needs to make `shown`.
@@ -77,7 +78,8 @@ void require_sources(const PolarGrid& echo, const PolarGrid& shown, const Resolu
 
 /// Range bins at a time, so that `rows` rows of `bytes_per_cell` and the weights stay within a few MiB, whatever the
 /// image's size.
-std::int64_t strip_bins(const BeamSetting& setting, const PolarGrid& grid, std::int64_t rows, std::int64_t bytes_per_cell);
+std::int64_t strip_bins(const BeamSetting& setting, const PolarGrid& grid, std::int64_t rows,
+                        std::int64_t bytes_per_cell);
 
 /// One range weight for each m = 0.. of the pulse, in the order above (double, the last one > 0).
 std::vector<double> pulse_weights(double width_bins);

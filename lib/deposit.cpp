@@ -16,8 +16,8 @@ State most_telling(std::uint8_t bits) {
     return State::outside;
 }
 
-Quanta quanta(Interval range_bins, double range_bin_m, double radar_constant, double most_pattern2, double azimuth_step_rad,
-              double most_gamma) {
+Quanta quanta(Interval range_bins, double range_bin_m, double radar_constant, double most_pattern2,
+              double azimuth_step_rad, double most_gamma) {
     Quanta q;
     q.range_bins = range_bins;
     for (std::int64_t j = range_bins.begin; j < range_bins.end; ++j) {
@@ -38,8 +38,8 @@ Quanta quanta(Interval range_bins, double range_bin_m, double radar_constant, do
 WedgeCells::WedgeCells(std::size_t rows, const Quanta& quanta, std::size_t channels)
     : quanta_(quanta), rows_(rows), columns_(static_cast<std::size_t>(quanta.range_bins.size())), channels_(channels),
       first_bin_(static_cast<std::size_t>(quanta.range_bins.begin)),
-      begin_(static_cast<double>(quanta.range_bins.begin)), end_(static_cast<double>(quanta.range_bins.end)), sums_(rows * columns_ * channels + 1),
-      bits_(rows * columns_) {}
+      begin_(static_cast<double>(quanta.range_bins.begin)), end_(static_cast<double>(quanta.range_bins.end)),
+      sums_(rows * columns_ * channels + 1), bits_(rows * columns_) {}
 
 void WedgeCells::put_quantities(const Target& target, std::size_t column, double whole, const double* quantities) {
     for (std::size_t c = 1; c < channels_; ++c) {
@@ -88,17 +88,18 @@ struct Placed {
 /// Where each portion falls, if it is one that lies in at most three bins.
 WEDGESCOPE_LANES
 void place_portions(std::size_t n, const WedgeCells::Portions& p, double begin, double end, Placed& out) {
-    const double *__restrict code = p.code, *__restrict x0 = p.x0, *__restrict x1 = p.x1, *__restrict inverse_width = p.inverse_width,
-                 *__restrict power = p.power, *__restrict bow = p.bow;
+    const double* __restrict code = p.code, * __restrict x0 = p.x0, * __restrict x1 = p.x1, * __restrict inverse_width = p.inverse_width, * __restrict power = p.power, * __restrict bow = p.bow;
     const double gamma = p.gamma;
     WEDGESCOPE_INDEPENDENT
     for (std::size_t i = 0; i < n; ++i) {
         const bool outwards = x0[i] < x1[i];
         const double near = outwards ? x0[i] : x1[i], far = outwards ? x1[i] : x0[i];
         const bool simple = (code[i] == 1) & (far < end) & (near >= begin);
-        const auto first = static_cast<std::int32_t>(simple ? near : -1.0), last = static_cast<std::int32_t>(simple ? far : -1.0);
+        const auto first = static_cast<std::int32_t>(simple ? near : -1.0),
+                   last = static_cast<std::int32_t>(simple ? far : -1.0);
         const double whole = power[i] * gamma, bend = outwards ? bow[i] : -bow[i];
-        const double u = (static_cast<double>(first + 1) - near) * inverse_width[i], v = (static_cast<double>(last) - near) * inverse_width[i];
+        const double u = (static_cast<double>(first + 1) - near) * inverse_width[i],
+                     v = (static_cast<double>(last) - near) * inverse_width[i];
         const double one = whole * (u + bend * (u * (1 - u))), two = whole * (v + bend * (v * (1 - v)));
         const bool alone = first == last;
         out.first_power[i] = alone ? whole : one;
@@ -113,7 +114,8 @@ WEDGESCOPE_LANES
 void count_portions(std::size_t n, const double* __restrict share0, Placed& out) {
     WEDGESCOPE_INDEPENDENT
     for (std::size_t i = 0; i < n; ++i) {
-        const double a = out.first_power[i] * out.first_inverse[i] * share0[i], b = out.middle_power[i] * out.middle_inverse[i] * share0[i],
+        const double a = out.first_power[i] * out.first_inverse[i] * share0[i],
+                     b = out.middle_power[i] * out.middle_inverse[i] * share0[i],
                      c = out.last_power[i] * out.last_inverse[i] * share0[i];
         const bool small = (a < most_magic) & (b < most_magic) & (c < most_magic);
         out.first_count[i] = std::bit_cast<std::int64_t>(a + magic) - std::bit_cast<std::int64_t>(magic);
@@ -132,10 +134,12 @@ __attribute__((optimize("no-tree-slp-vectorize"))) void WedgeCells::add_lanes(st
     const auto base = static_cast<std::int32_t>(first_bin_);
     for (std::size_t at = 0; at < n; at += block) {
         const std::size_t m = std::min(block, n - at);
-        const Portions part{p.code + at, p.row + at, p.share0 + at, p.share1 + at, p.x0 + at, p.x1 + at, p.inverse_width + at, p.power + at, p.bow + at, p.gamma};
+        const Portions part{p.code + at, p.row + at,           p.share0 + at, p.share1 + at, p.x0 + at,
+                            p.x1 + at,   p.inverse_width + at, p.power + at,  p.bow + at,    p.gamma};
         place_portions(m, part, begin_, end_, placed);
         for (std::size_t i = 0; i < m; ++i) {
-            const std::int32_t first = placed.first[i] < 0 ? 0 : placed.first[i] - base, last = placed.first[i] < 0 ? 0 : placed.last[i] - base;
+            const std::int32_t first = placed.first[i] < 0 ? 0 : placed.first[i] - base,
+                               last = placed.first[i] < 0 ? 0 : placed.last[i] - base;
             placed.first_inverse[i] = inverse[first];
             placed.middle_inverse[i] = inverse[last > first ? first + 1 : first];
             placed.last_inverse[i] = inverse[last];
@@ -149,10 +153,12 @@ __attribute__((optimize("no-tree-slp-vectorize"))) void WedgeCells::add_lanes(st
             if (part.code[i] != 1 || part.row[i] < 0) continue;
             const std::int32_t first = placed.first[i], last = placed.last[i];
             if (first < 0) {
-                add({part.row[i], {part.share0[i], part.share1[i]}}, {part.x0[i], part.x1[i], part.inverse_width[i], part.power[i] * part.gamma, part.bow[i]});
+                add({part.row[i], {part.share0[i], part.share1[i]}},
+                    {part.x0[i], part.x1[i], part.inverse_width[i], part.power[i] * part.gamma, part.bow[i]});
                 continue;
             }
-            std::int64_t* here = sums_.data() + static_cast<std::size_t>(part.row[i]) * columns_ + static_cast<std::size_t>(first - base);
+            std::int64_t* here = sums_.data() + static_cast<std::size_t>(part.row[i]) * columns_ +
+                                 static_cast<std::size_t>(first - base);
             if (here != cell || last - first != far) {
                 cell[0] += first_sum;
                 cell[1] += middle_sum;  // 0 where it is the last one too
@@ -166,8 +172,12 @@ __attribute__((optimize("no-tree-slp-vectorize"))) void WedgeCells::add_lanes(st
             last_sum += placed.last_count[i];
             if (part.share1[i] > 0) {
                 here[columns_] += std::lrint(placed.first_power[i] * placed.first_inverse[i] * part.share1[i]);
-                if (far > 1) here[columns_ + 1] += std::lrint(placed.middle_power[i] * placed.middle_inverse[i] * part.share1[i]);
-                if (far > 0) here[columns_ + static_cast<std::size_t>(far)] += std::lrint(placed.last_power[i] * placed.last_inverse[i] * part.share1[i]);
+                if (far > 1)
+                    here[columns_ + 1] +=
+                        std::lrint(placed.middle_power[i] * placed.middle_inverse[i] * part.share1[i]);
+                if (far > 0)
+                    here[columns_ + static_cast<std::size_t>(far)] +=
+                        std::lrint(placed.last_power[i] * placed.last_inverse[i] * part.share1[i]);
             }
         }
         cell[0] += first_sum;
@@ -177,7 +187,8 @@ __attribute__((optimize("no-tree-slp-vectorize"))) void WedgeCells::add_lanes(st
 }
 
 void WedgeCells::mark(const Target& target, double x0, double x1, std::uint8_t bit) {
-    const double begin = static_cast<double>(quanta_.range_bins.begin), end = static_cast<double>(quanta_.range_bins.end);
+    const double begin = static_cast<double>(quanta_.range_bins.begin),
+                 end = static_cast<double>(quanta_.range_bins.end);
     double near = std::min(x0, x1), far = std::max(x0, x1);
     if (!(far >= begin) || !(near < end)) return;
     near = std::max(near, begin);

@@ -1,6 +1,6 @@
-// Deposit: power -> azimuth and range cells of a wedge, as integer multiples of each range bin's quantum, so that no sum
-// depends on order; and state marks, which are or-ed.
-// Leaves what is deposited to shade.hpp and the image to the engine.
+// Deposit: power -> azimuth and range cells of a wedge, as integer multiples of each range bin's quantum, so that no
+// sum depends on order; and state marks, which are or-ed. Leaves what is deposited to shade.hpp and the image to the
+// engine.
 #pragma once
 #include <cmath>
 #include <cstddef>
@@ -17,18 +17,19 @@ enum StateBit : std::uint8_t { bit_no_data = 1, bit_shadow = 2, bit_unknown = 4,
 /// The most telling: seen, unknown, shadow, no data; outside where nothing fell.
 State most_telling(std::uint8_t bits);
 
-/// What turns a deposit into a whole number: for each range bin, quantum = the least power of two >= B 2^-61, B the most that a
-/// cell of the bin can hold: constant * most_pattern2 * 2 * azimuth_step * most_gamma / r^2, r the bin's near edge, at least 1 m.
+/// What turns a deposit into a whole number: for each range bin, quantum = the least power of two >= B 2^-61, B the
+/// most that a cell of the bin can hold: constant * most_pattern2 * 2 * azimuth_step * most_gamma / r^2, r the bin's
+/// near edge, at least 1 m.
 struct Quanta {
     Interval range_bins;
     std::vector<double> watts;    ///< of one quantum
     std::vector<double> inverse;  ///< exactly 1 / watts
 };
-Quanta quanta(Interval range_bins, double range_bin_m, double radar_constant, double most_pattern2, double azimuth_step_rad,
-              double most_gamma);
+Quanta quanta(Interval range_bins, double range_bin_m, double radar_constant, double most_pattern2,
+              double azimuth_step_rad, double most_gamma);
 
-/// Cells of one wedge: `rows` azimuth bins x range bins. Further channels (sum of power times a quantity in 0..1) lie behind one
-/// another, each a full set of cells with the same quanta.
+/// Cells of one wedge: `rows` azimuth bins x range bins. Further channels (sum of power times a quantity in 0..1) lie
+/// behind one another, each a full set of cells with the same quanta.
 class WedgeCells {
 public:
     WedgeCells(std::size_t rows, const Quanta& quanta, std::size_t channels = 1);
@@ -67,7 +68,8 @@ public:
         }
         put(target, last, p.power - done, quantities);
     }
-    /// The portions of neighbouring spokes at once: `add` for every lane with code[i] == 1 and row[i] >= 0, the same bits.
+    /// The portions of neighbouring spokes at once: `add` for every lane with code[i] == 1 and row[i] >= 0, the same
+    /// bits.
     ///   row, share0, share1   as Target, in lanes
     ///   x0, x1, inverse_width, power, bow   as Portion; `gamma` times power is what is added
     struct Portions {

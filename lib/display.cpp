@@ -18,7 +18,7 @@ namespace {
 constexpr double full_turn = 2 * std::numbers::pi;
 constexpr double nautical_mile_m = 1852;
 
-constexpr double ring_grey = 96;   ///< added to the picture: seen on black, no more than a brighter trace on ground
+constexpr double ring_grey = 96;  ///< added to the picture: seen on black, no more than a brighter trace on ground
 constexpr double edge_grey = 96;
 constexpr double mark_grey = 144;
 
@@ -32,14 +32,17 @@ double largest_radius_m(const DisplaySetting& setting) {
     const std::optional<double> radius = display_radius_m(setting, setting.range_m);
     if (!radius || !(*radius > 0)) {
         if (setting.params.kind == DisplayKind::tdppi)
-            throw InputError(text("range is ", setting.range_m, " m; it must be above the sweep delay, ", setting.sweep_delay_m, " m"));
-        throw InputError(text("range is ", setting.range_m, " m; it must be above the sensor's height above the reference height, ",
+            throw InputError(text("range is ", setting.range_m, " m; it must be above the sweep delay, ",
+                                  setting.sweep_delay_m, " m"));
+        throw InputError(text("range is ", setting.range_m,
+                              " m; it must be above the sensor's height above the reference height, ",
                               setting.sensor_m - setting.reference_m, " m"));
     }
     return *radius;
 }
 
-/// Step of the range rings: the least of 1, 2, 5 x 10^n nautical miles with fewer than ten rings; then there are at least four.
+/// Step of the range rings: the least of 1, 2, 5 x 10^n nautical miles with fewer than ten rings; then there are at
+/// least four.
 double ring_step_m(double radius_m) {
     for (double decade = 1e-6; decade < 1e9; decade *= 10)
         for (const double digit : {1.0, 2.0, 5.0})
@@ -125,19 +128,22 @@ Between between(double position, std::int64_t bins, bool wraps) {
 }
 
 std::size_t nearest(double position, std::int64_t bins) {
-    return static_cast<std::size_t>(std::clamp<std::int64_t>(static_cast<std::int64_t>(std::floor(position)), 0, bins - 1));
+    return static_cast<std::size_t>(
+        std::clamp<std::int64_t>(static_cast<std::int64_t>(std::floor(position)), 0, bins - 1));
 }
 
 }  // namespace
 
 std::optional<double> display_radius_m(const DisplaySetting& setting, double range_m) {
     switch (setting.params.kind) {
-        case DisplayKind::gpi: return setting.earth.arc_m(setting.sensor_m, setting.reference_m, range_m);
+        case DisplayKind::gpi:
+            return setting.earth.arc_m(setting.sensor_m, setting.reference_m, range_m);
         case DisplayKind::tdppi:
             if (range_m < setting.sweep_delay_m) return std::nullopt;
             return range_m - setting.sweep_delay_m;
         case DisplayKind::ppi:
-        case DisplayKind::gpi_true: break;
+        case DisplayKind::gpi_true:
+            break;
     }
     if (range_m < 0) return std::nullopt;
     return range_m;
@@ -146,10 +152,13 @@ std::optional<double> display_radius_m(const DisplaySetting& setting, double ran
 std::optional<double> display_range_m(const DisplaySetting& setting, double radius_m) {
     if (radius_m < 0) return std::nullopt;
     switch (setting.params.kind) {
-        case DisplayKind::gpi: return setting.earth.slant_range_m(setting.sensor_m, setting.reference_m, radius_m);
-        case DisplayKind::tdppi: return radius_m + setting.sweep_delay_m;
+        case DisplayKind::gpi:
+            return setting.earth.slant_range_m(setting.sensor_m, setting.reference_m, radius_m);
+        case DisplayKind::tdppi:
+            return radius_m + setting.sweep_delay_m;
         case DisplayKind::ppi:
-        case DisplayKind::gpi_true: break;
+        case DisplayKind::gpi_true:
+            break;
     }
     return radius_m;
 }
@@ -166,7 +175,8 @@ Frame frame(const DisplaySetting& setting) {
         right = top = 1;
     } else {
         const double step = setting.shown.azimuth_step_rad();
-        const double from = wrapped(static_cast<double>(setting.shown.azimuth_bins.begin) * step - result.up_azimuth_rad);
+        const double from =
+            wrapped(static_cast<double>(setting.shown.azimuth_bins.begin) * step - result.up_azimuth_rad);
         const double to = from + static_cast<double>(setting.shown.azimuth_bins.size()) * step;
         const auto hold = [&](double x, double y) {
             left = std::min(left, x);
@@ -198,8 +208,8 @@ Frame frame(const DisplaySetting& setting) {
     return result;
 }
 
-Picture picture(const PolarImage<float>& received_w, const PolarImage<std::uint8_t>& state, const DisplaySetting& setting,
-                const Receiver& receiver) {
+Picture picture(const PolarImage<float>& received_w, const PolarImage<std::uint8_t>& state,
+                const DisplaySetting& setting, const Receiver& receiver) {
     const PolarGrid& grid = setting.shown;
     if (received_w.grid != grid || state.grid != grid || grid.cells() == 0)
         throw std::invalid_argument("picture: power, states and display have different grids, or empty ones");
@@ -243,7 +253,8 @@ Picture picture(const PolarImage<float>& received_w, const PolarImage<std::uint8
             const Between r = between(range_position, range_bins, false);
             const auto along = [&](std::size_t azimuth) {
                 const float* const cells = received_w.row(azimuth);
-                return (1 - r.share) * static_cast<double>(cells[r.first]) + r.share * static_cast<double>(cells[r.second]);
+                return (1 - r.share) * static_cast<double>(cells[r.first]) +
+                       r.share * static_cast<double>(cells[r.second]);
             };
             const double power_w = (1 - a.share) * along(a.first) + a.share * along(a.second);
             const double slant_m = setting.params.kind == DisplayKind::gpi_true
@@ -256,7 +267,8 @@ Picture picture(const PolarImage<float>& received_w, const PolarImage<std::uint8
             }
             const auto pixel = static_cast<std::size_t>(row * f.width + column);
             result.grey[pixel] = static_cast<std::uint8_t>(grey);
-            result.state[pixel] = state.row(nearest(azimuth_position, azimuth_bins))[nearest(range_position, range_bins)];
+            result.state[pixel] =
+                state.row(nearest(azimuth_position, azimuth_bins))[nearest(range_position, range_bins)];
         }
     };
     oneapi::tbb::parallel_for(oneapi::tbb::blocked_range<std::int64_t>(0, f.height, 8), [&](const auto& rows) {

@@ -16,12 +16,12 @@ namespace wedgescope {
 /// What the display needs of the resolved scene.
 struct DisplaySetting {
     DisplayParams params;
-    PolarGrid shown;               ///< grid of the power image
+    PolarGrid shown;  ///< grid of the power image
     Angle heading;
     double sensor_m = 0;
     double reference_m = 0;
-    double sweep_delay_m = 0;      ///< tdppi: slant range of the centre
-    double range_start_m = 0;      ///< slant range (arc for gpi-true)
+    double sweep_delay_m = 0;  ///< tdppi: slant range of the centre
+    double range_start_m = 0;  ///< slant range (arc for gpi-true)
     double range_m = 0;
     Earth earth;
 };
@@ -44,16 +44,16 @@ std::optional<double> display_range_m(const DisplaySetting& setting, double radi
 
 struct Picture {
     Frame frame;
-    std::vector<std::uint8_t> grey;   ///< height x width
-    std::vector<std::uint8_t> state;  ///< State codes, nearest cell; outside beyond the frame's sector
-    std::vector<double> ring_range_m; ///< of the range rings drawn, in the display's own radius
+    std::vector<std::uint8_t> grey;    ///< height x width
+    std::vector<std::uint8_t> state;   ///< State codes, nearest cell; outside beyond the frame's sector
+    std::vector<double> ring_range_m;  ///< of the range rings drawn, in the display's own radius
 };
 
 /// Received power (watts, on `setting.shown`), bilinear in watts between cell centres (wrapping through north on a
 /// full circle), then the receiver; states nearest; range rings at a round step (1, 2 or 5 x 10^n nautical miles, four
 /// to nine of them) and azimuth marks each 10 degrees from the
 /// azimuth that is up, longer each 30, when `rings` is on. They add to the picture as a brighter trace does.
-Picture picture(const PolarImage<float>& received_w, const PolarImage<std::uint8_t>& state, const DisplaySetting& setting,
-                const Receiver& receiver);
+Picture picture(const PolarImage<float>& received_w, const PolarImage<std::uint8_t>& state,
+                const DisplaySetting& setting, const Receiver& receiver);
 
 }  // namespace wedgescope

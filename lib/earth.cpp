@@ -50,8 +50,7 @@ std::optional<double> Earth::arc_m(double sensor_m, double point_m, double slant
     const double rise = sensor_m - point_m;
     const double square = (slant_range_m - rise) * (slant_range_m + rise);
     if (!(square >= 0)) return std::nullopt;
-    const double chord =
-        std::sqrt(square / ((1 + sensor_m * inverse_radius_) * (1 + point_m * inverse_radius_)));
+    const double chord = std::sqrt(square / ((1 + sensor_m * inverse_radius_) * (1 + point_m * inverse_radius_)));
     if (inverse_radius_ == 0) return chord;
     const double sine = 0.5 * chord * inverse_radius_;
     if (sine > 1) return std::nullopt;

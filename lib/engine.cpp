@@ -58,10 +58,11 @@ struct Setting {
     }
 
     Setting(const ResolvedScene& s, const DataBase& db)
-        : scene(s), data_base(db), map(db, map_params(s, db)), grid(db, map, sampling(s.scene.quality), s.swept.circle_bins),
+        : scene(s), data_base(db), map(db, map_params(s, db)),
+          grid(db, map, sampling(s.scene.quality), s.swept.circle_bins),
           gamma(gamma_table(s.scene.radar.frequency_hz, s.scene.gamma)), pattern(s.scene.radar.antenna),
-          cells(quanta(s.swept.range_bins, s.swept.range_bin_m, radar_constant(s.scene.radar), pattern.most(), grid.azimuth_step_rad(),
-                       most_gamma(gamma))) {
+          cells(quanta(s.swept.range_bins, s.swept.range_bin_m, radar_constant(s.scene.radar), pattern.most(),
+                       grid.azimuth_step_rad(), most_gamma(gamma))) {
         sweep.data_base = &data_base;
         sweep.grid = &grid;
         sweep.sampling = sampling(s.scene.quality);
@@ -84,7 +85,7 @@ struct WedgeTask {
     std::unique_ptr<WedgeCells> cells;
     std::unique_ptr<Front> front;
     std::size_t run = 0;
-    Interval lines;            // of the chunk that was loaded last
+    Interval lines;  // of the chunk that was loaded last
     Chunk chunk;
     bool has_chunk = false;
     MemoryBudget::Token token;
@@ -97,7 +98,8 @@ using Task = std::shared_ptr<WedgeTask>;
 class Wedges {
 public:
     Wedges(const Setting& setting, WedgeSource& source, const Plan& plan, const EngineParams& params, RunResult& result)
-        : setting_(setting), source_(source), plan_(plan), params_(params), result_(result), budget_(params.memory_bytes) {}
+        : setting_(setting), source_(source), plan_(plan), params_(params), result_(result),
+          budget_(params.memory_bytes) {}
 
     void sweep_all(int threads);
 
@@ -167,7 +169,8 @@ bool Wedges::sweep(WedgeTask& task) {
         const SweepCost& cost = front.cost();
         task.report.samples += cost.samples;
         task.report.visible_pieces += cost.pieces;
-        if (front.unknown_code() && (!task.unknown_code || *front.unknown_code() < *task.unknown_code)) task.unknown_code = front.unknown_code();
+        if (front.unknown_code() && (!task.unknown_code || *front.unknown_code() < *task.unknown_code))
+            task.unknown_code = front.unknown_code();
         // The front counts ticks; CPU seconds of the node are shared out by them below.
         task.report.sample_s += static_cast<double>(cost.sample);
         task.report.sweep_s += static_cast<double>(cost.sweep);
@@ -219,15 +222,18 @@ void Wedges::sweep_all(int threads) {
             return next++;
         });
         flow::limiter_node<std::size_t> limiter(graph, static_cast<std::size_t>(plan_.in_flight));
-        flow::function_node<std::size_t, Task> entrance(graph, flow::unlimited, [&](std::size_t index) { return enter(index); });
+        flow::function_node<std::size_t, Task> entrance(graph, flow::unlimited,
+                                                        [&](std::size_t index) { return enter(index); });
         flow::function_node<Task, Task> loader(graph, flow::unlimited, [&](const Task& task) {
             load(*task);
             return task;
         });
         using Sweeper = flow::multifunction_node<Task, std::tuple<Task, Task>>;
         Sweeper sweeper(graph, flow::unlimited, [&](const Task& task, Sweeper::output_ports_type& out) {
-            if (sweep(*task)) std::get<0>(out).try_put(task);
-            else std::get<1>(out).try_put(task);
+            if (sweep(*task))
+                std::get<0>(out).try_put(task);
+            else
+                std::get<1>(out).try_put(task);
         });
         flow::function_node<Task, flow::continue_msg> merger(graph, flow::serial, [&](const Task& task) {
             merge(*task);
@@ -244,9 +250,11 @@ void Wedges::sweep_all(int threads) {
         graph.wait_for_all();
     });
     if (unknown_code_)
-        throw DataError(text("'", setting_.data_base.culture_name, "': code ", *unknown_code_, " on seen ground is not in the legend '",
-                             setting_.data_base.legend_name, "'; give a culture-legend that names it (info lists all codes of a culture raster)"));
-    std::sort(result_.report.wedges.begin(), result_.report.wedges.end(), [](const auto& a, const auto& b) { return a.index < b.index; });
+        throw DataError(text("'", setting_.data_base.culture_name, "': code ", *unknown_code_,
+                             " on seen ground is not in the legend '", setting_.data_base.legend_name,
+                             "'; give a culture-legend that names it (info lists all codes of a culture raster)"));
+    std::sort(result_.report.wedges.begin(), result_.report.wedges.end(),
+              [](const auto& a, const auto& b) { return a.index < b.index; });
 }
 
 /// The shown part of the swept states.
@@ -294,7 +302,8 @@ RunResult run(const ResolvedScene& scene, WedgeSource& source, const EngineParam
 
         start = Clock::now();
         const ReceiverParams& receiver = scene.scene.receiver;
-        const FluctuationSetting fluctuation{receiver.speckle_looks, receiver.noise, scene.noise_power_w, receiver.seed};
+        const FluctuationSetting fluctuation{receiver.speckle_looks, receiver.noise, scene.noise_power_w,
+                                             receiver.seed};
         const PolarImage<float> received = received_power(result.echo_w, result.power_w, beam, fluctuation);
         result.report.receiver_s = seconds_since(start);
 

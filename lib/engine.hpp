@@ -16,21 +16,22 @@ namespace wedgescope {
 
 /// The scene after the data base has been asked: every default a number.
 struct ResolvedScene {
-    Scene scene;                     ///< as given, defaults filled in (geometry, range, bins, mds, delay)
+    Scene scene;  ///< as given, defaults filled in (geometry, range, bins, mds, delay)
     Geometry geometry = Geometry::geodesic;
-    IndexPosition nadir;             ///< place on the grid, rounded to 2^-20 post
+    IndexPosition nadir;  ///< place on the grid, rounded to 2^-20 post
     bool has_lat_lon = false;
     double lat_deg = 0, lon_deg = 0;
-    double x = 0, y = 0;             ///< raster CRS
-    double sensor_m = 0;             ///< above sea level
-    double reference_m = 0;          ///< bare terrain at the nadir, 0 where there is none
-    double nadir_surface_m = 0;      ///< where spokes start: with culture height, unless the sensor is inside it; only if on data
-    Chunk nadir_patch;               ///< the posts round the nadir, rows as lines; empty where it is outside the raster
-    bool nadir_on_data = false;      ///< inside the raster and not void
+    double x = 0, y = 0;     ///< raster CRS
+    double sensor_m = 0;     ///< above sea level
+    double reference_m = 0;  ///< bare terrain at the nadir, 0 where there is none
+    double nadir_surface_m =
+        0;              ///< where spokes start: with culture height, unless the sensor is inside it; only if on data
+    Chunk nadir_patch;  ///< the posts round the nadir, rows as lines; empty where it is outside the raster
+    bool nadir_on_data = false;  ///< inside the raster and not void
     bool nadir_in_raster = false;
-    Earth earth;                     ///< of what belongs to no spoke
-    PolarGrid shown;                 ///< what was asked: power, states and scope
-    PolarGrid swept;                 ///< shown plus the beam's skirt and the pulse's lead-in: echo
+    Earth earth;      ///< of what belongs to no spoke
+    PolarGrid shown;  ///< what was asked: power, states and scope
+    PolarGrid swept;  ///< shown plus the beam's skirt and the pulse's lead-in: echo
     double noise_power_w = 0;
     double sweep_delay_m = 0;
 };
@@ -39,19 +40,19 @@ struct ResolvedScene {
 ResolvedScene resolve(const Scene& scene, WedgeSource& source);
 
 struct EngineParams {
-    int threads = 0;                         ///< 0: all the machine has
-    std::int64_t wedges = 0;                 ///< at least so many; 0: chosen
+    int threads = 0;          ///< 0: all the machine has
+    std::int64_t wedges = 0;  ///< at least so many; 0: chosen
     std::size_t memory_bytes = std::size_t{1} << 30;
     Stop* stop = nullptr;
-    std::function<void(double)> progress;    ///< called with 0..1 from one thread at a time
+    std::function<void(double)> progress;  ///< called with 0..1 from one thread at a time
 };
 
 struct RunResult {
     ResolvedScene scene;
-    PolarImage<float> echo_w;                ///< on scene.swept
-    PolarImage<std::uint8_t> echo_state;     ///< on scene.swept
-    PolarImage<float> power_w;               ///< on scene.shown, without noise and speckle
-    PolarImage<std::uint8_t> state;          ///< on scene.shown
+    PolarImage<float> echo_w;             ///< on scene.swept
+    PolarImage<std::uint8_t> echo_state;  ///< on scene.swept
+    PolarImage<float> power_w;            ///< on scene.shown, without noise and speckle
+    PolarImage<std::uint8_t> state;       ///< on scene.shown
     Picture scope;
     RunReport report;
 };

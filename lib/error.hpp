@@ -36,8 +36,7 @@ public:
 /// SIGINT or SIGTERM: exit code 128 + signal.
 class Interrupted : public Error {
 public:
-    explicit Interrupted(int signal)
-        : Error(fmt::format("stopped by signal {}", signal)), signal_(signal) {}
+    explicit Interrupted(int signal) : Error(fmt::format("stopped by signal {}", signal)), signal_(signal) {}
     int signal() const { return signal_; }
 
 private:

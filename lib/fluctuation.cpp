@@ -19,9 +19,11 @@ struct ComplexNormal {
     float re, im;  ///< mean power re^2 + im^2 of 1
 };
 
-ComplexNormal draw(std::uint64_t seed, std::int64_t range_bin, std::int64_t azimuth, std::uint32_t look, Stream stream) {
-    const PhiloxBlock x = philox({static_cast<std::uint32_t>(seed), static_cast<std::uint32_t>(seed >> 32)},
-                                 {static_cast<std::uint32_t>(range_bin), static_cast<std::uint32_t>(azimuth), look, stream});
+ComplexNormal draw(std::uint64_t seed, std::int64_t range_bin, std::int64_t azimuth, std::uint32_t look,
+                   Stream stream) {
+    const PhiloxBlock x =
+        philox({static_cast<std::uint32_t>(seed), static_cast<std::uint32_t>(seed >> 32)},
+               {static_cast<std::uint32_t>(range_bin), static_cast<std::uint32_t>(azimuth), look, stream});
     // Box-Muller; libm's results are rounded to float before they meet anything else.
     const double radius = std::sqrt(-std::log(uniform(x[0])));
     const double angle = 2 * std::numbers::pi * uniform(x[1]);
@@ -48,7 +50,8 @@ public:
         for (std::int64_t k = 0; k < kinds; ++k) {
             const double range_m = (static_cast<double>(range_bins.begin + k) + 0.5) * grid.range_bin_m;
             const double secant = beam.range_is_ground ? 1 / level_cosine(beam, range_m) : 1;
-            std::vector<double> weights = pulse_weights(static_cast<float>(beam.pulse_extent_m / grid.range_bin_m * secant));
+            std::vector<double> weights =
+                pulse_weights(static_cast<float>(beam.pulse_extent_m / grid.range_bin_m * secant));
             const double total = std::accumulate(weights.begin(), weights.end(), 0.0);
             for (double& weight : weights) weight = std::sqrt(setting.noise_power_w * weight / total);
             longest_ = std::max(longest_, weights.size());
@@ -139,8 +142,8 @@ PolarImage<float> received_power(const PolarImage<float>& echo, const PolarImage
                 for (std::size_t j = 0; j < sources; ++j) {
                     re[j] = im[j] = 0;
                     if (!(cells[j] > 0)) continue;
-                    const ComplexNormal z = draw(setting.seed, source_begin + static_cast<std::int64_t>(j), azimuth, look,
-                                                 speckle_stream);
+                    const ComplexNormal z =
+                        draw(setting.seed, source_begin + static_cast<std::int64_t>(j), azimuth, look, speckle_stream);
                     const float amplitude = std::sqrt(cells[j]);
                     re[j] = amplitude * z.re;
                     im[j] = amplitude * z.im;
@@ -159,7 +162,8 @@ PolarImage<float> received_power(const PolarImage<float>& echo, const PolarImage
                 if (speckle) {
                     const auto rows_of = [&](const std::vector<float>& field) -> Resolution::SourceRow {
                         return [&echo, &grid, sources, cells = field.data()](std::int64_t bin) {
-                            const std::int64_t row = (bin - echo.grid.azimuth_bins.begin + grid.circle_bins) % grid.circle_bins;
+                            const std::int64_t row =
+                                (bin - echo.grid.azimuth_bins.begin + grid.circle_bins) % grid.circle_bins;
                             return cells + static_cast<std::size_t>(row) * sources;
                         };
                     };

@@ -18,8 +18,8 @@ struct FluctuationSetting {
 ///    two-way voltage beam and the pulse (weights: square roots of the power weights), squared, looks averaged;
 ///    the mean is the power image.
 ///  * noise: a complex normal field correlated over tau in range and independent from beam dwell to beam dwell (one
-///    dwell = one beamwidth of azimuth bins, held constant within it), added to the complex signal when speckle is on; with speckle off added to a signal
-///    of fixed amplitude sqrt(power).
+///    dwell = one beamwidth of azimuth bins, held constant within it), added to the complex signal when speckle is on;
+///    with speckle off added to a signal of fixed amplitude sqrt(power).
 /// Draws are keyed by (seed; global range bin, global azimuth bin, look, stream). Source: physics "Fluctuation
 /// statistics and random numbers".
 PolarImage<float> received_power(const PolarImage<float>& echo, const PolarImage<float>& power, const BeamSetting& beam,

@@ -32,8 +32,8 @@ SampleLanes Front::Samples::lanes(std::size_t at) {
 }
 
 void Front::Lanes::resize(std::size_t n) {
-    for (auto* v : {&metres_per_post, &inverse_radius, &mode, &horizon, &void_horizon, &mark_from, &gap_from, &gap_top, &seen_least, &seen_most,
-                    &share0, &share1})
+    for (auto* v : {&metres_per_post, &inverse_radius, &mode, &horizon, &void_horizon, &mark_from, &gap_from, &gap_top,
+                    &seen_least, &seen_most, &share0, &share1})
         v->resize(n);
     last.resize(n);
     row.resize(n);
@@ -45,14 +45,15 @@ Front::Front(const SweepScene& scene, const SpokeRun& run, WedgeCells& cells)
       line_end_(scene.grid->line_count(run.quadrant)) {
     now_.resize(tile_lanes);
     next_.resize(tile_lanes);
-    for (auto* v : {&ahead_minor_, &ahead_arc_, &bump_, &sine0_, &code_, &power_, &inverse_width_, &bow_}) v->resize(tile_lanes);
+    for (auto* v : {&ahead_minor_, &ahead_arc_, &bump_, &sine0_, &code_, &power_, &inverse_width_, &bow_})
+        v->resize(tile_lanes);
     between_.behind = between_.ahead = between_.behind_culture = between_.ahead_culture = no_posts();
     start();
 }
 
 std::size_t Front::bytes() const {
-    return lanes_.mode.capacity() * (21 * sizeof(double) + sizeof(std::int32_t)) + tile_lanes * sizeof(double) * (18 + 8) +
-           (kept_posts_.capacity() + kept_culture_.capacity()) * sizeof(float);
+    return lanes_.mode.capacity() * (21 * sizeof(double) + sizeof(std::int32_t)) +
+           tile_lanes * sizeof(double) * (18 + 8) + (kept_posts_.capacity() + kept_culture_.capacity()) * sizeof(float);
 }
 
 double Front::slope(std::size_t lane) const {
@@ -116,12 +117,14 @@ void Front::start() {
     if (line_end_ == 0 || patch.window.empty()) return;
     const bool columns = lines_are_columns(quadrant_);
     const std::int64_t index = scene_->grid->line_index(quadrant_, 0) - outward(quadrant_);
-    const Interval across = columns ? patch.window.columns : patch.window.rows, along = columns ? patch.window.rows : patch.window.columns;
+    const Interval across = columns ? patch.window.columns : patch.window.rows,
+                   along = columns ? patch.window.rows : patch.window.columns;
     if (!across.contains(index)) return;
     const auto line = [&](const std::vector<float>& layer, std::vector<float>& store) -> LinePosts {
         if (layer.empty()) return no_posts();
         for (std::int64_t j = along.begin; j < along.end; ++j) {
-            const std::int64_t row = (columns ? j : index) - patch.window.rows.begin, column = (columns ? index : j) - patch.window.columns.begin;
+            const std::int64_t row = (columns ? j : index) - patch.window.rows.begin,
+                               column = (columns ? index : j) - patch.window.columns.begin;
             store.push_back(layer[static_cast<std::size_t>(row * patch.window.columns.size() + column)]);
         }
         return {store.data(), along.begin, along.end};
@@ -132,7 +135,8 @@ void Front::start() {
     between_.adjacent = true;
 }
 
-// ---- reading -----------------------------------------------------------------------------------------------------------
+// ---- reading
+// -----------------------------------------------------------------------------------------------------------
 
 Window Front::window(Interval lines) const {
     const SpokeGrid& grid = *scene_->grid;
@@ -150,7 +154,8 @@ Window Front::window(Interval lines) const {
     const bool cyclic_minor = db.cyclic && !lines_are_columns(quadrant_);
     const std::int64_t count = lines_are_columns(quadrant_) ? db.rows : db.columns;
     const std::int64_t nadir = floor_of(grid.map().nadir_minor(quadrant_));
-    const Interval all = cyclic_minor ? Interval{nadir - db.cycle_columns / 2, nadir + db.cycle_columns / 2} : Interval{0, count};
+    const Interval all =
+        cyclic_minor ? Interval{nadir - db.cycle_columns / 2, nadir + db.cycle_columns / 2} : Interval{0, count};
     const Interval minor = intersection({floor_of(least) - 2, floor_of(most) + 4}, all);
     if (minor.empty()) return {};
     const std::int64_t a = grid.line_index(quadrant_, lines.begin), b = grid.line_index(quadrant_, lines.end - 1);
@@ -190,18 +195,24 @@ void Front::trim() {
     while (live_end_ > live_begin_ && is(live_end_ - 1, mode_done)) --live_end_;
 }
 
-// ---- one tile: neighbouring spokes over the lines of a chunk -------------------------------------------------------------
+// ---- one tile: neighbouring spokes over the lines of a chunk
+// -------------------------------------------------------------
 
 void Front::advance_tile(Interval lines, const Chunk* chunk, std::size_t begin, std::size_t end, Between& between) {
     const SpokeGrid& grid = *scene_->grid;
-    const Interval minor = !chunk ? Interval{} : lines_are_columns(quadrant_) ? chunk->window.rows : chunk->window.columns;
-    const std::int64_t first_major = !chunk ? 0 : lines_are_columns(quadrant_) ? chunk->window.columns.begin : chunk->window.rows.begin;
+    const Interval minor = !chunk                         ? Interval{}
+                           : lines_are_columns(quadrant_) ? chunk->window.rows
+                                                          : chunk->window.columns;
+    const std::int64_t first_major = !chunk                         ? 0
+                                     : lines_are_columns(quadrant_) ? chunk->window.columns.begin
+                                                                    : chunk->window.rows.begin;
     between.chunk = chunk;
     std::size_t from = begin, to = end;
     const auto copy = [](std::size_t n, const Samples& source, std::size_t at, Samples& target, std::size_t into) {
-        for (auto layer : {&Samples::major, &Samples::minor, &Samples::arc, &Samples::height, &Samples::up, &Samples::out, &Samples::range,
-                           &Samples::sine, &Samples::x})
-            std::copy_n((source.*layer).begin() + static_cast<std::ptrdiff_t>(at), n, (target.*layer).begin() + static_cast<std::ptrdiff_t>(into));
+        for (auto layer : {&Samples::major, &Samples::minor, &Samples::arc, &Samples::height, &Samples::up,
+                           &Samples::out, &Samples::range, &Samples::sine, &Samples::x})
+            std::copy_n((source.*layer).begin() + static_cast<std::ptrdiff_t>(at), n,
+                        (target.*layer).begin() + static_cast<std::ptrdiff_t>(into));
     };
     copy(end - begin, lanes_.last, begin, now_, 0);
     for (std::int64_t line = lines.begin; line < lines.end; ++line) {
@@ -239,17 +250,20 @@ void Front::advance_line(std::int64_t line, const Between& between, std::size_t 
     std::size_t at = begin;
     for (const SpokeMap::LinePiece& piece : line_pieces_) {
         // Spokes with slopes in [slope_begin, slope_end).
-        const auto stop = std::min<std::int64_t>(static_cast<std::int64_t>(end),
-                                                 static_cast<std::int64_t>(std::ceil(piece.slope_end * static_cast<double>(spokes))) - first);
+        const auto stop = std::min<std::int64_t>(
+            static_cast<std::int64_t>(end),
+            static_cast<std::int64_t>(std::ceil(piece.slope_end * static_cast<double>(spokes))) - first);
         if (stop <= static_cast<std::int64_t>(at)) continue;
         const std::size_t count = static_cast<std::size_t>(stop) - at;
-        place_lanes(piece, grid.map().nadir_minor(quadrant_), distance, spokes, first + static_cast<std::int64_t>(at), count,
-                    lanes_.metres_per_post.data() + at, ahead_minor_.data() + (at - begin), ahead_arc_.data() + (at - begin));
+        place_lanes(piece, grid.map().nadir_minor(quadrant_), distance, spokes, first + static_cast<std::int64_t>(at),
+                    count, lanes_.metres_per_post.data() + at, ahead_minor_.data() + (at - begin),
+                    ahead_arc_.data() + (at - begin));
         at += count;
     }
     // Beyond the range, or gone from the raster for good.
     std::int64_t look = 0;
-    for (std::size_t i = 0; i < n; ++i) look += (ahead_arc_[i] > scene_->max_arc_m) | (lanes_.mode[begin + i] == mode_gap) ? 1 : 0;
+    for (std::size_t i = 0; i < n; ++i)
+        look += (ahead_arc_[i] > scene_->max_arc_m) | (lanes_.mode[begin + i] == mode_gap) ? 1 : 0;
     for (std::size_t i = 0; look && i < n; ++i) {
         const std::size_t lane = begin + i;
         if (!(ahead_arc_[i] > scene_->max_arc_m) && !is(lane, mode_gap)) continue;
@@ -264,9 +278,9 @@ void Front::advance_line(std::int64_t line, const Between& between, std::size_t 
     if (scene_->sampling.cross_lines && between.adjacent) {
         for (;;) {
             const std::uint64_t crossing_clock = ticks();
-            const Crossing crossing{now_.minor.data(), now_.arc.data(), now_.height.data(), now_.major.data(), ahead_minor_.data(), ahead_arc_.data(),
-                                    between.behind_major, between.ahead_major, next_.minor.data(), next_.arc.data(), next_.height.data(),
-                                    next_.major.data()};
+            const Crossing crossing{now_.minor.data(),   now_.arc.data(),   now_.height.data(),   now_.major.data(),
+                                    ahead_minor_.data(), ahead_arc_.data(), between.behind_major, between.ahead_major,
+                                    next_.minor.data(),  next_.arc.data(),  next_.height.data(),  next_.major.data()};
             const std::size_t crossed = cross_lanes(between.behind, between.ahead, n, crossing);
             cost_.sample += ticks() - crossing_clock;
             if (crossed == 0) break;
@@ -301,25 +315,27 @@ void Front::take(const Between& between, std::size_t begin, std::size_t end) {
     const std::size_t n = end - begin;
     const SampleLanes from = now_.lanes(0), to = next_.lanes(0);
     const std::uint64_t clock = ticks();
-    sight_lanes(n, scene_->sensor_m, bins_per_metre_, scene_->range_is_ground, lanes_.inverse_radius.data() + begin, to);
+    sight_lanes(n, scene_->sensor_m, bins_per_metre_, scene_->range_is_ground, lanes_.inverse_radius.data() + begin,
+                to);
     if (scene_->sampling.exact_course && between.adjacent)
-        bump_lanes(between.behind, between.ahead, n, between.behind_major, between.ahead_major, from.major, from.minor, to.major, to.minor, bump_.data());
+        bump_lanes(between.behind, between.ahead, n, between.behind_major, between.ahead_major, from.major, from.minor,
+                   to.major, to.minor, bump_.data());
     constexpr std::size_t block = 64;
     std::array<Rises, tile_lanes / block> rises{};
     for (std::size_t at = 0; at < n; at += block) {
         const std::size_t lane = begin + at;
-        rises[at / block] =
-            rise_lanes(std::min(block, n - at), now_.lanes(at), next_.lanes(at), lanes_.mode.data() + lane, lanes_.horizon.data() + lane,
-                       lanes_.void_horizon.data() + lane, bump_.data() + at, lanes_.seen_least.data() + lane, lanes_.seen_most.data() + lane, sine0_.data() + at,
-                       code_.data() + at);
+        rises[at / block] = rise_lanes(
+            std::min(block, n - at), now_.lanes(at), next_.lanes(at), lanes_.mode.data() + lane,
+            lanes_.horizon.data() + lane, lanes_.void_horizon.data() + lane, bump_.data() + at,
+            lanes_.seen_least.data() + lane, lanes_.seen_most.data() + lane, sine0_.data() + at, code_.data() + at);
         cost_.pieces += static_cast<std::uint64_t>(rises[at / block].plain);
     }
     const std::uint64_t swept = ticks();
     for (std::size_t at = 0; at < n; at += block)
         if (rises[at / block].plain)
             power_lanes(std::min(block, n - at),
-                        {sine0_.data() + at, now_.lanes(at), next_.lanes(at), bump_.data() + at, power_.data() + at, inverse_width_.data() + at,
-                         bow_.data() + at},
+                        {sine0_.data() + at, now_.lanes(at), next_.lanes(at), bump_.data() + at, power_.data() + at,
+                         inverse_width_.data() + at, bow_.data() + at},
                         *scene_->pattern, scene_->constant);
     const std::uint64_t shaded = ticks();
     const bool simple = plain_ground_ && !scene_->with_depression;
@@ -328,15 +344,23 @@ void Front::take(const Between& between, std::size_t begin, std::size_t end) {
         const Rises& found = rises[at / block];
         const std::size_t m = std::min(block, n - at), lane = begin + at;
         if (found.plain && simple)
-            cells_->add_lanes(m, {code_.data() + at, lanes_.row.data() + lane, lanes_.share0.data() + lane, lanes_.share1.data() + lane, from.x + at,
-                                  to.x + at, inverse_width_.data() + at, power_.data() + at, bow_.data() + at, gamma});
+            cells_->add_lanes(m, {code_.data() + at, lanes_.row.data() + lane, lanes_.share0.data() + lane,
+                                  lanes_.share1.data() + lane, from.x + at, to.x + at, inverse_width_.data() + at,
+                                  power_.data() + at, bow_.data() + at, gamma});
         if (!found.changes && (simple || !found.plain)) continue;
         for (std::size_t i = at; i < at + m; ++i) {
             if (code_[i] == 2)
                 change(begin + i, i, between);
             else if (code_[i] == 1 && !simple && lanes_.row[begin + i] >= 0)
-                put(begin + i, {{from.x[i], to.x[i], inverse_width_[i], power_[i], bow_[i]}, from.major[i], from.minor[i], to.major[i], to.minor[i], sine0_[i],
-                                to.sine[i]}, between);
+                put(begin + i,
+                    {{from.x[i], to.x[i], inverse_width_[i], power_[i], bow_[i]},
+                     from.major[i],
+                     from.minor[i],
+                     to.major[i],
+                     to.minor[i],
+                     sine0_[i],
+                     to.sine[i]},
+                    between);
         }
     }
     cost_.sweep += swept - clock;
@@ -355,12 +379,20 @@ void Front::change(std::size_t lane, std::size_t i, const Between& between) {
         const auto at = [](double a, double b, double part) { return a + part * (b - a); };
         const double part = end > 0 ? begin / end : 0;
         const double range0 = at(*from.range_m, range1, part);
-        const double x1 = scene_->range_is_ground ? at(*from.x, *to.x, end) : range1 * bins_per_metre_, x0 = at(*from.x, x1, part);
+        const double x1 = scene_->range_is_ground ? at(*from.x, *to.x, end) : range1 * bins_per_metre_,
+                     x0 = at(*from.x, x1, part);
         ++cost_.pieces;
         if (lanes_.row[lane] >= 0) {
             const double power = piece_power(horizon, sine1, range0, range1, *scene_->pattern, scene_->constant);
-            put(lane, {{x0, x1, 1 / std::max(std::abs(x1 - x0), 1e-9), power, bow}, at(*from.major, *to.major, begin),
-                       at(*from.minor, *to.minor, begin), at(*from.major, *to.major, end), at(*from.minor, *to.minor, end), horizon, sine1}, between);
+            put(lane,
+                {{x0, x1, 1 / std::max(std::abs(x1 - x0), 1e-9), power, bow},
+                 at(*from.major, *to.major, begin),
+                 at(*from.minor, *to.minor, begin),
+                 at(*from.major, *to.major, end),
+                 at(*from.minor, *to.minor, end),
+                 horizon,
+                 sine1},
+                between);
             if (sine1 > lanes_.void_horizon[lane]) {
                 lanes_.seen_least[lane] = std::min({lanes_.seen_least[lane], x0, x1});
                 lanes_.seen_most[lane] = std::max({lanes_.seen_most[lane], x0, x1});
@@ -390,7 +422,8 @@ void Front::change(std::size_t lane, std::size_t i, const Between& between) {
     } else {
         const double bump = bump_[i];
         const bool was_visible = is(lane, mode_visible);
-        const Course c = course(horizon, *from.up_m, *from.out_m, *to.up_m, *to.out_m, bump, was_visible && *from.sine == horizon);
+        const Course c =
+            course(horizon, *from.up_m, *from.out_m, *to.up_m, *to.out_m, bump, was_visible && *from.sine == horizon);
         const double step = arc - *from.arc_m;
         if (!c.seen || c.begin > 0) {
             // Behind the horizon from the start, or soon.
@@ -418,11 +451,13 @@ void Front::change(std::size_t lane, std::size_t i, const Between& between) {
     }
 }
 
-// ---- deposit -----------------------------------------------------------------------------------------------------------
+// ---- deposit
+// -----------------------------------------------------------------------------------------------------------
 
 void Front::put(std::size_t lane, const Piece& piece, const Between& between) {
     double depression = 0;
-    if (scene_->with_depression) depression = std::max(0.0, -std::asin(0.5 * (piece.sine0 + piece.sine1)) / (std::numbers::pi / 2));
+    if (scene_->with_depression)
+        depression = std::max(0.0, -std::asin(0.5 * (piece.sine0 + piece.sine1)) / (std::numbers::pi / 2));
     if (plain_ground_ || !between.chunk) {
         WedgeCells::Portion portion = piece.portion;
         portion.power *= scene_->gamma[scene_->data_base->default_class].ground;
@@ -473,11 +508,15 @@ void Front::put_with_culture(std::size_t lane, const Piece& piece, double depres
         const double length = to - from, share = length * (1 + whole.bow * (1 - from - to));
         if (!(share > 0)) return;
         const double x0 = whole.x0 + from * (whole.x1 - whole.x0), x1 = whole.x0 + to * (whole.x1 - whole.x0);
-        cells_->add(target, {x0, x1, whole.inverse_width / length, whole.power * share * gamma, whole.bow * length * length / share}, &depression);
+        cells_->add(
+            target,
+            {x0, x1, whole.inverse_width / length, whole.power * share * gamma, whole.bow * length * length / share},
+            &depression);
     };
     const auto ground = [&](ClassId id) { return id == unknown_class ? 0 : scene_->gamma[id].ground; };
 
-    // Inside a cell with culture on a corner the surface stands above the bare terrain: wall, of the class of the corner with the most culture.
+    // Inside a cell with culture on a corner the surface stands above the bare terrain: wall, of the class of the
+    // corner with the most culture.
     if (between.ahead_culture.posts != &void_post || between.behind_culture.posts != &void_post)
         if (const auto post = wall_post(piece, between)) {
             const ClassId id = class_at(lookup.cell_column(post->column), lookup.cell_row(post->row));
@@ -485,12 +524,15 @@ void Front::put_with_culture(std::size_t lane, const Piece& piece, double depres
             return;
         }
     // The culture cells that the piece runs through, in order; neighbouring parts of one class together.
-    const double column0 = lookup.cell_column(columns ? piece.major0 : piece.minor0), column1 = lookup.cell_column(columns ? piece.major1 : piece.minor1);
-    const double row0 = lookup.cell_row(columns ? piece.minor0 : piece.major0), row1 = lookup.cell_row(columns ? piece.minor1 : piece.major1);
+    const double column0 = lookup.cell_column(columns ? piece.major0 : piece.minor0),
+                 column1 = lookup.cell_column(columns ? piece.major1 : piece.minor1);
+    const double row0 = lookup.cell_row(columns ? piece.minor0 : piece.major0),
+                 row1 = lookup.cell_row(columns ? piece.minor1 : piece.major1);
     breaks_.clear();
     const auto cut = [&](double from, double to) {
         const double lo = std::min(from, to), hi = std::max(from, to);
-        for (double border = std::floor(lo) + 1; border < hi; border += 1) breaks_.push_back((border - from) / (to - from));
+        for (double border = std::floor(lo) + 1; border < hi; border += 1)
+            breaks_.push_back((border - from) / (to - from));
     };
     cut(column0, column1);
     cut(row0, row1);
@@ -511,11 +553,13 @@ void Front::put_with_culture(std::size_t lane, const Piece& piece, double depres
     add(start, 1, ground(*open));
 }
 
-// ---- marks -----------------------------------------------------------------------------------------------------------------
+// ---- marks
+// -----------------------------------------------------------------------------------------------------------------
 
 double Front::level_coordinate(std::size_t lane, double arc_m) const {
     if (scene_->range_is_ground) return arc_m * bins_per_metre_;
-    return sight_line(scene_->sensor_m, arc_m, scene_->reference_m, lanes_.inverse_radius[lane]).range_m * bins_per_metre_;
+    return sight_line(scene_->sensor_m, arc_m, scene_->reference_m, lanes_.inverse_radius[lane]).range_m *
+           bins_per_metre_;
 }
 
 double Front::ray_coordinate(std::size_t lane, double arc_m) const {
@@ -532,12 +576,14 @@ void Front::mark_seen(std::size_t lane) {
 
 void Front::mark_shadow(std::size_t lane, double to_arc_m) {
     if (lanes_.row[lane] < 0) return;
-    cells_->mark(lanes_.target(lane), ray_coordinate(lane, lanes_.mark_from[lane]), ray_coordinate(lane, to_arc_m), bit_shadow);
+    cells_->mark(lanes_.target(lane), ray_coordinate(lane, lanes_.mark_from[lane]), ray_coordinate(lane, to_arc_m),
+                 bit_shadow);
 }
 
 void Front::mark_gap(std::size_t lane, double to_arc_m) {
     if (lanes_.row[lane] < 0) return;
-    cells_->mark(lanes_.target(lane), level_coordinate(lane, lanes_.mark_from[lane]), level_coordinate(lane, to_arc_m), bit_no_data);
+    cells_->mark(lanes_.target(lane), level_coordinate(lane, lanes_.mark_from[lane]), level_coordinate(lane, to_arc_m),
+                 bit_no_data);
 }
 
 void Front::mark_rest(std::size_t lane, double from_arc_m) {
@@ -548,7 +594,8 @@ void Front::mark_rest(std::size_t lane, double from_arc_m) {
 void Front::grow_gap(std::size_t lane, std::size_t i, const Between& between) {
     const auto raise = [&](const LinePosts& line, double minor) {
         for (std::int64_t j = floor_of(minor); j <= floor_of(minor) + 1; ++j)
-            if (line.has(j) && line.at(j) == line.at(j)) lanes_.gap_top[lane] = std::max(lanes_.gap_top[lane], static_cast<double>(line.at(j)));
+            if (line.has(j) && line.at(j) == line.at(j))
+                lanes_.gap_top[lane] = std::max(lanes_.gap_top[lane], static_cast<double>(line.at(j)));
     };
     if (between.adjacent) raise(between.behind, now_.minor[i]);
     raise(between.ahead, ahead_minor_[i]);
@@ -559,11 +606,12 @@ void Front::end_gap(std::size_t lane, double arc_m) {
     const double top = lanes_.gap_top[lane];
     if (!(top > -infinite)) return;
     for (const double arc : {std::max(lanes_.gap_from[lane], 1e-3), arc_m})
-        lanes_.void_horizon[lane] =
-            std::max(lanes_.void_horizon[lane], sight_line(scene_->sensor_m, arc, top, lanes_.inverse_radius[lane]).sine);
+        lanes_.void_horizon[lane] = std::max(lanes_.void_horizon[lane],
+                                             sight_line(scene_->sensor_m, arc, top, lanes_.inverse_radius[lane]).sine);
 }
 
-// ---- rings -----------------------------------------------------------------------------------------------------------------
+// ---- rings
+// -----------------------------------------------------------------------------------------------------------------
 
 void Front::double_spokes() {
     const SpokeGrid& grid = *scene_->grid;
@@ -590,8 +638,8 @@ void Front::double_spokes() {
         lanes_.seen_least[lane] = infinite;
         lanes_.seen_most[lane] = -infinite;
         if (a == b) {
-            for (auto layer : {&Samples::major, &Samples::minor, &Samples::arc, &Samples::height, &Samples::up, &Samples::out, &Samples::range,
-                               &Samples::sine, &Samples::x})
+            for (auto layer : {&Samples::major, &Samples::minor, &Samples::arc, &Samples::height, &Samples::up,
+                               &Samples::out, &Samples::range, &Samples::sine, &Samples::x})
                 (last.*layer)[lane] = (parents.last.*layer)[a];
             lanes_.mode[lane] = parents.mode[a];
             lanes_.horizon[lane] = parents.horizon[a];
@@ -600,12 +648,14 @@ void Front::double_spokes() {
             lanes_.mark_from[lane] = parents.last.arc[a];
             continue;
         }
-        const SpokeMap::Place place = grid.map().place(quadrant_, static_cast<double>(k) / static_cast<double>(spokes), distance);
+        const SpokeMap::Place place =
+            grid.map().place(quadrant_, static_cast<double>(k) / static_cast<double>(spokes), distance);
         last.major[lane] = between_.behind_major;
         last.minor[lane] = place.minor;
         last.arc[lane] = place.arc_m;
         height_lanes(between_.behind, 1, &place.minor, &last.height[lane]);
-        sight_lanes(1, scene_->sensor_m, bins_per_metre_, scene_->range_is_ground, &lanes_.inverse_radius[lane], last.lanes(lane));
+        sight_lanes(1, scene_->sensor_m, bins_per_metre_, scene_->range_is_ground, &lanes_.inverse_radius[lane],
+                    last.lanes(lane));
         const double sine = last.sine[lane];
         const double ha = parents.horizon[a], hb = parents.horizon[b];
         double horizon = ha >= -1 && hb >= -1 ? 0.5 * (ha + hb) : std::max(ha, hb);

@@ -1,15 +1,16 @@
-// Front: the state (horizon, void horizon, gap) of a run of neighbouring spokes at a line, carried outwards chunk by chunk.
-// Copyable; knows nothing of threads, files or wedges beyond its own run. Leaves reading to the wedge source and cells' meaning to
-// deposit.hpp.
+// Front: the state (horizon, void horizon, gap) of a run of neighbouring spokes at a line, carried outwards chunk by
+// chunk. Knows nothing of threads, files or wedges beyond its own run. Leaves reading to the wedge source and cells'
+// meaning to deposit.hpp.
 //
 // Along a spoke, sample after sample:
 //  * a sample above the horizon ends a visible piece: it is shaded and deposited, and the horizon rises to it;
 //  * what stays below is shadow, marked when it ends, at the range at which the ray of the horizon passes over it;
-//  * a piece with a void end is a gap: no data, marked at the range of level ground at the reference height. When it ends the horizon is
-//    raised to the first valid sample without deposit, and the void horizon to where the highest valid post of the cells that the gap runs
-//    through would stand over either of its ends; what is seen below the void horizon is unknown.
-// At a doubling even children copy their parent; odd ones take the mean of their two neighbours' horizons (the valid one if one is not) and the
-// greater void horizon, and start from a sample of their own on that line.
+//  * a piece with a void end is a gap: no data, marked at the range of level ground at the reference height. When it
+//    ends the horizon is raised to the first valid sample without deposit, and the void horizon to where the highest
+//    valid post of the cells that the gap runs through would stand over either of its ends; what is seen below the void
+//    horizon is unknown.
+// At a doubling even children copy their parent; odd ones take the mean of their two neighbours' horizons (the valid
+// one if one is not) and the greater void horizon, and start from a sample of their own on that line.
 #pragma once
 #include <cstdint>
 #include <optional>
@@ -36,11 +37,11 @@ struct SweepScene {
     const Chunk* nadir_patch = nullptr;  ///< posts round the nadir, rows as lines; may be empty
     double max_arc_m = 0;
     double range_bin_m = 0;
-    bool range_is_ground = false;        ///< gpi-true: bins count arc, not slant range
-    bool with_depression = false;        ///< second channel: depression / (pi/2)
+    bool range_is_ground = false;  ///< gpi-true: bins count arc, not slant range
+    bool with_depression = false;  ///< second channel: depression / (pi/2)
     const PatternTable* pattern = nullptr;
-    double constant = 0;                 ///< K
-    std::span<const ClassGamma> gamma;   ///< by class
+    double constant = 0;                ///< K
+    std::span<const ClassGamma> gamma;  ///< by class
 };
 
 /// Clock ticks spent by stage, and counts.
@@ -56,7 +57,8 @@ public:
     /// Lines of the quadrant, in the quadrant's count; the next ones to advance over begin at next_line().
     std::int64_t next_line() const { return next_line_; }
     bool finished() const { return next_line_ >= line_end_ || live_begin_ >= live_end_; }
-    /// The posts that advancing over `lines` (which start at next_line()) needs; empty if none of the spokes meets the raster there.
+    /// The posts that advancing over `lines` (which start at next_line()) needs; empty if none of the spokes meets the
+    /// raster there.
     Window window(Interval lines) const;
     /// Carries the front over lines that `chunk` holds; null where window() was empty.
     void advance(Interval lines, const Chunk* chunk);
@@ -132,7 +134,7 @@ private:
     const SpokeRun* run_;
     WedgeCells* cells_;
     double bins_per_metre_;
-    bool plain_ground_;                          // one class, no culture height
+    bool plain_ground_;  // one class, no culture height
     Quadrant quadrant_;
     std::size_t ring_ = 0;
     std::int64_t next_line_ = 0, line_end_ = 0;

@@ -16,9 +16,7 @@ struct Interval {
     friend constexpr bool operator==(const Interval&, const Interval&) = default;
 };
 
-constexpr Interval intersection(Interval a, Interval b) {
-    return {std::max(a.begin, b.begin), std::min(a.end, b.end)};
-}
+constexpr Interval intersection(Interval a, Interval b) { return {std::max(a.begin, b.begin), std::min(a.end, b.end)}; }
 
 /// The least interval that holds both; an empty one adds nothing.
 constexpr Interval hull(Interval a, Interval b) {

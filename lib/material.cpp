@@ -53,7 +53,7 @@ Legend legend(const char* name, const CodeRange (&ranges)[n]) {
 }
 
 // Physics 7.4: LANDFIRE's 40 fuel models of Scott & Burgan.
-constexpr CodeRange fbfm40[] = {{91, 91, 10},  {92, 92, 1},   {93, 93, 6},   {98, 98, 0},   {99, 99, 4},
+constexpr CodeRange fbfm40[] = {{91, 91, 10},  {92, 92, 1},   {93, 93, 6},   {98, 98, 0},  {99, 99, 4},
                                 {101, 109, 5}, {121, 149, 7}, {161, 189, 8}, {201, 204, 8}};
 // USGS NLCD 2016 / 2021.
 constexpr CodeRange nlcd[] = {{11, 11, 0}, {12, 12, 1}, {21, 22, 10}, {23, 24, 11}, {31, 31, 2}, {41, 43, 8},
@@ -62,7 +62,7 @@ constexpr CodeRange nlcd[] = {{11, 11, 0}, {12, 12, 1}, {21, 22, 10}, {23, 24, 1
 constexpr CodeRange worldcover[] = {{10, 10, 8}, {20, 20, 7}, {30, 30, 5}, {40, 40, 6}, {50, 50, 11}, {60, 60, 2},
                                     {70, 70, 1}, {80, 80, 0}, {90, 90, 9}, {95, 95, 8}, {100, 100, 5}};
 // DFAD surface material category.
-constexpr CodeRange smc[] = {{1, 1, 15}, {2, 2, 14}, {3, 3, 11},  {4, 4, 10}, {5, 5, 4},   {6, 6, 0},   {7, 7, 2},
+constexpr CodeRange smc[] = {{1, 1, 15}, {2, 2, 14}, {3, 3, 11},  {4, 4, 10},  {5, 5, 4},   {6, 6, 0},   {7, 7, 2},
                              {8, 8, 3},  {9, 9, 12}, {10, 10, 4}, {11, 11, 9}, {12, 12, 8}, {13, 13, 1}, {14, 14, 13}};
 
 }  // namespace
@@ -71,9 +71,9 @@ const std::vector<Material>& material_table() {
     constexpr std::optional<double> none;
     static const std::vector<Material> table = {
         {"water", none, none},  // at sea-state 0
-        {"snow", -15, none},    {"sand", -20, none},   {"rock", -12, none},      {"soil", -17, -8},
-        {"grass", -16, none},   {"crops", -15, none},  {"shrub", -15, none},     {"trees", -12, -10},
-        {"marsh", -18, none},   {"suburban", -7, 0},   {"urban", -2, 5},         {"concrete", -20, 5},
+        {"snow", -15, none},    {"sand", -20, none},   {"rock", -12, none},  {"soil", -17, -8},
+        {"grass", -16, none},   {"crops", -15, none},  {"shrub", -15, none}, {"trees", -12, -10},
+        {"marsh", -18, none},   {"suburban", -7, 0},   {"urban", -2, 5},     {"concrete", -20, 5},
         {"asphalt", -22, none}, {"part-metal", 3, 10}, {"metal", 6, 15},
     };
     return table;
@@ -94,13 +94,15 @@ std::vector<ClassGamma> gamma_table(double frequency_hz, std::optional<Decibel> 
         } else if (!material.gamma10_db) {
             gammas.push_back({0, 0});
         } else {
-            gammas.push_back({linear(*material.gamma10_db), linear(material.gamma_wall10_db.value_or(*material.gamma10_db))});
+            gammas.push_back(
+                {linear(*material.gamma10_db), linear(material.gamma_wall10_db.value_or(*material.gamma10_db))});
         }
     }
     return gammas;
 }
 
-Legend::Legend(std::string name, std::map<int, ClassId> classes) : name_(std::move(name)), classes_(std::move(classes)) {}
+Legend::Legend(std::string name, std::map<int, ClassId> classes)
+    : name_(std::move(name)), classes_(std::move(classes)) {}
 
 std::optional<Legend> Legend::built_in(const std::string& name) {
     if (name == "fbfm40") return legend("fbfm40", fbfm40);
@@ -122,7 +124,9 @@ Legend Legend::from_csv(const std::string& source, const std::string& content) {
         if (line.empty()) continue;
         const bool header_allowed = std::exchange(first_line, false);
 
-        const auto fail = [&](const std::string& what) { throw InputError(text(source, ", line ", number, ": ", what)); };
+        const auto fail = [&](const std::string& what) {
+            throw InputError(text(source, ", line ", number, ": ", what));
+        };
         const std::size_t comma = line.find(',');
         if (comma == std::string_view::npos) fail(text("'", line, "' has no comma; a line is code,material"));
         const std::string_view code_text = trimmed(line.substr(0, comma));
@@ -138,9 +142,10 @@ Legend Legend::from_csv(const std::string& source, const std::string& content) {
         if (!id && number_of_class && *number_of_class >= 0 && std::cmp_less(*number_of_class, material_table().size()))
             id = static_cast<ClassId>(*number_of_class);
         if (!id)
-            fail(text("material is '", name, "'; it must be one of ", accepted_words(), ", or a class number from 0 to ",
-                      material_table().size() - 1));
-        if (!classes.emplace(*code, *id).second) fail(text("code ", *code, " has a line already; each code may have one"));
+            fail(text("material is '", name, "'; it must be one of ", accepted_words(),
+                      ", or a class number from 0 to ", material_table().size() - 1));
+        if (!classes.emplace(*code, *id).second)
+            fail(text("code ", *code, " has a line already; each code may have one"));
     }
     if (classes.empty()) throw InputError(text(source, " names no code; it must hold lines code,material"));
     return Legend(source, std::move(classes));

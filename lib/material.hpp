@@ -16,9 +16,9 @@ namespace wedgescope {
 using ClassId = std::uint8_t;
 
 struct Material {
-    const char* name;                     ///< the word the `material` key and legends take
-    std::optional<double> gamma10_db;     ///< at 10 GHz; none: returns nothing (calm water)
-    std::optional<double> gamma_wall10_db;///< of walls; none: as gamma10_db
+    const char* name;                       ///< the word the `material` key and legends take
+    std::optional<double> gamma10_db;       ///< at 10 GHz; none: returns nothing (calm water)
+    std::optional<double> gamma_wall10_db;  ///< of walls; none: as gamma10_db
 };
 
 /// The project's class table (physics 7.4), index = ClassId.

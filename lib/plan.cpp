@@ -9,21 +9,26 @@ namespace wedgescope {
 namespace {
 
 /// The most a wedge of so many azimuth bins holds: cells, the largest chunk, the front's spokes.
-std::size_t wedge_bytes(const ResolvedScene& scene, const DataBase& db, const SpokeGrid& grid, std::int64_t bins, std::int64_t strip_lines) {
+std::size_t wedge_bytes(const ResolvedScene& scene, const DataBase& db, const SpokeGrid& grid, std::int64_t bins,
+                        std::int64_t strip_lines) {
     const double cells = static_cast<double>(bins + 1) * static_cast<double>(scene.swept.range_bins.size()) * 9;
     double chunk = 0, spokes = 0;
     for (Quadrant q : all_quadrants) {
         const std::int64_t lines = grid.line_count(q);
         const double across = static_cast<double>(lines_are_columns(q) ? db.rows : db.columns);
         const double reach = lines ? grid.distance(q, lines - 1) : 0;
-        const double part = std::min(1.0, static_cast<double>(bins) * grid.azimuth_step_rad());  // slope is at most 1.6 times the angle
-        const double width = std::min(across, 2 * reach * std::min(1.0, 1.6 * part) + 16 + 2 * static_cast<double>(strip_lines));
+        const double part =
+            std::min(1.0, static_cast<double>(bins) * grid.azimuth_step_rad());  // slope is at most 1.6 times the angle
+        const double width =
+            std::min(across, 2 * reach * std::min(1.0, 1.6 * part) + 16 + 2 * static_cast<double>(strip_lines));
         double layers = sizeof(float);
         if (db.has_culture_height) layers += sizeof(float);
         // While a chunk is read its posts stand in the order of the file and in that of the lines.
-        double bytes = 2 * layers * width * static_cast<double>(std::min(strip_lines, std::max<std::int64_t>(lines, 1)));
+        double bytes =
+            2 * layers * width * static_cast<double>(std::min(strip_lines, std::max<std::int64_t>(lines, 1)));
         if (db.has_culture)
-            bytes += 5 * (width + 4) * (static_cast<double>(strip_lines) + 4) * std::abs(db.culture_column_scale * db.culture_row_scale);
+            bytes += 5 * (width + 4) * (static_cast<double>(strip_lines) + 4) *
+                     std::abs(db.culture_column_scale * db.culture_row_scale);
         chunk = std::max(chunk, bytes);
         const double k = static_cast<double>(grid.rings(q).back().spokes);
         spokes = std::max(spokes, std::min(2 * k + 1, 3.2 * k * part + 64));
@@ -33,14 +38,15 @@ std::size_t wedge_bytes(const ResolvedScene& scene, const DataBase& db, const Sp
 
 }  // namespace
 
-Plan plan(const ResolvedScene& scene, const WedgeSource& source, const SpokeGrid& grid, const EngineParams& params, int threads) {
+Plan plan(const ResolvedScene& scene, const WedgeSource& source, const SpokeGrid& grid, const EngineParams& params,
+          int threads) {
     const DataBase& db = source.data_base();
     Plan p;
     const std::int64_t block = std::min(db.block_columns, db.block_rows);
     p.strip_lines = block < 32 ? 64 : std::min<std::int64_t>(block, 256);
     const auto size = static_cast<double>(scene.scene.display.size);
-    p.fixed_bytes = static_cast<std::size_t>(static_cast<double>(scene.swept.cells()) * 5 + static_cast<double>(scene.shown.cells()) * (4 + 4 + 1) +
-                                             2 * size * size) +
+    p.fixed_bytes = static_cast<std::size_t>(static_cast<double>(scene.swept.cells()) * 5 +
+                                             static_cast<double>(scene.shown.cells()) * (4 + 4 + 1) + 2 * size * size) +
                     source.cache_bytes();
     if (scene.scene.receiver.speckle_looks > 0 || scene.scene.receiver.noise) p.fixed_bytes += scene.swept.cells() * 24;
 
@@ -57,12 +63,14 @@ Plan plan(const ResolvedScene& scene, const WedgeSource& source, const SpokeGrid
     if (!fits(count, 1)) {
         constexpr std::size_t mebibyte = std::size_t{1} << 20;
         const std::size_t least = (p.fixed_bytes + bytes(bins) + mebibyte - 1) / mebibyte;
-        throw InputError(text("memory is ", params.memory_bytes / mebibyte, " MiB; this scene needs at least ", least, " MiB (", scene.swept.azimuth_bins.size(),
-                              " x ", scene.swept.range_bins.size(), " cells)"));
+        throw InputError(text("memory is ", params.memory_bytes / mebibyte, " MiB; this scene needs at least ", least,
+                              " MiB (", scene.swept.azimuth_bins.size(), " x ", scene.swept.range_bins.size(),
+                              " cells)"));
     }
     p.wedge_bytes = bytes(count);
     for (std::int64_t i = 0; i < count; ++i)
-        p.wedges.push_back({scene.swept.azimuth_bins.begin + bins * i / count, scene.swept.azimuth_bins.begin + bins * (i + 1) / count});
+        p.wedges.push_back({scene.swept.azimuth_bins.begin + bins * i / count,
+                            scene.swept.azimuth_bins.begin + bins * (i + 1) / count});
     return p;
 }
 

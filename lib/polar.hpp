@@ -17,9 +17,7 @@ struct PolarGrid {
     Interval azimuth_bins;         ///< 0 <= begin < circle_bins; end may pass circle_bins (wraps through north)
     Interval range_bins;
 
-    double azimuth_step_rad() const {
-        return 2 * std::numbers::pi / static_cast<double>(circle_bins);
-    }
+    double azimuth_step_rad() const { return 2 * std::numbers::pi / static_cast<double>(circle_bins); }
     bool full_circle() const { return azimuth_bins.size() == circle_bins; }
     std::size_t azimuth_count() const { return static_cast<std::size_t>(azimuth_bins.size()); }
     std::size_t range_count() const { return static_cast<std::size_t>(range_bins.size()); }

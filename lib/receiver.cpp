@@ -34,9 +34,8 @@ Receiver::Receiver(const ReceiverParams& receiver, const RadarParams& radar)
     // Grey g or more where floor(255 v^(1/gamma) + 0.5) >= g, so where v >= ((g - 0.5) / 255)^gamma.
     for (std::size_t g = 1; g < least_video_.size(); ++g) {
         const double shown = (static_cast<double>(g) - 0.5) / 255;
-        least_video_[g] = receiver.display_gamma == 1
-                              ? shown
-                              : static_cast<float>(std::pow(shown, receiver.display_gamma));
+        least_video_[g] =
+            receiver.display_gamma == 1 ? shown : static_cast<float>(std::pow(shown, receiver.display_gamma));
     }
 }
 

@@ -32,7 +32,7 @@ public:
 private:
     ReceiverParams receiver_;
     double mds_dbm_ = 0;
-    double black_dbm_ = 0;     ///< the level at which grey leaves 0, without STC
+    double black_dbm_ = 0;  ///< the level at which grey leaves 0, without STC
     double video_factor_ = 1;
     std::array<double, 256> least_video_{};  ///< [g]: the video level from which the grey is g or more
 };

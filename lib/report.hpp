@@ -14,17 +14,17 @@ struct WedgeReport {
     std::int64_t index = 0;
     Interval azimuth_bins;
     double load_s = 0, sample_s = 0, sweep_s = 0, shade_s = 0, deposit_s = 0;  ///< CPU seconds
-    double wall_s = 0;                 ///< from entering to merged
+    double wall_s = 0;                                                         ///< from entering to merged
     std::uint64_t posts_read = 0, bytes_read = 0;
     std::uint64_t chunks = 0;
-    std::uint64_t samples = 0;         ///< samples of spokes taken
+    std::uint64_t samples = 0;  ///< samples of spokes taken
     std::uint64_t visible_pieces = 0;
-    std::size_t peak_bytes = 0;        ///< held by this wedge
+    std::size_t peak_bytes = 0;  ///< held by this wedge
 };
 
 struct RunReport {
     std::vector<WedgeReport> wedges;
-    std::array<std::uint64_t, state_count> states{};  ///< cells of the states image by code
+    std::array<std::uint64_t, state_count> states{};                              ///< cells of the states image by code
     double survey_s = 0, merge_s = 0, beam_s = 0, receiver_s = 0, display_s = 0;  ///< wall seconds
     std::size_t peak_budget_bytes = 0;
     int threads = 0;

@@ -15,15 +15,16 @@ namespace {
 
 constexpr double degree = std::numbers::pi / 180;
 
-/// Bilinear bare terrain, and surface with culture height, at a place; NaN over a void or outside the hull of the post centres.
+/// Bilinear bare terrain, and surface with culture height, at a place; NaN over a void or outside the hull of the post
+/// centres.
 struct Ground {
     double bare_m = std::numeric_limits<double>::quiet_NaN();
     double surface_m = bare_m;
 };
 Ground ground_at(WedgeSource& source, IndexPosition p) {
     const DataBase& db = source.data_base();
-    const bool inside = (db.cyclic || (p.column >= 0 && p.column <= static_cast<double>(db.columns - 1))) && p.row >= 0 &&
-                        p.row <= static_cast<double>(db.rows - 1);
+    const bool inside = (db.cyclic || (p.column >= 0 && p.column <= static_cast<double>(db.columns - 1))) &&
+                        p.row >= 0 && p.row <= static_cast<double>(db.rows - 1);
     if (!inside) return {};
     const auto c = static_cast<std::int64_t>(std::floor(p.column)), r = static_cast<std::int64_t>(std::floor(p.row));
     const double u = p.column - static_cast<double>(c), v = p.row - static_cast<double>(r);
@@ -35,7 +36,8 @@ Ground ground_at(WedgeSource& source, IndexPosition p) {
         for (std::int64_t i = window.columns.begin; i < window.columns.end; ++i) {
             const double weight = (i == c ? 1 - u : u) * (j == r ? 1 - v : v);
             ground.bare_m += weight * static_cast<double>(source.bare_terrain_m(i, j));
-            const auto at = static_cast<std::size_t>((j - window.rows.begin) * window.columns.size() + i - window.columns.begin);
+            const auto at =
+                static_cast<std::size_t>((j - window.rows.begin) * window.columns.size() + i - window.columns.begin);
             ground.surface_m += weight * static_cast<double>(chunk.surface_m[at]);
         }
     return ground;
@@ -45,7 +47,8 @@ void locate(ResolvedScene& s, const DataBase& db) {
     const PlatformParams& p = s.scene.platform;
     if (p.latlon) {
         if (!db.has_crs)
-            throw InputError(text("latlon needs a raster with a CRS; '", db.name, "' has none (give xy in the raster's own coordinates)"));
+            throw InputError(text("latlon needs a raster with a CRS; '", db.name,
+                                  "' has none (give xy in the raster's own coordinates)"));
         s.lat_deg = p.latlon->lat_deg;
         s.lon_deg = p.latlon->lon_deg;
         s.nadir = db.locate(s.lat_deg, s.lon_deg);
@@ -54,7 +57,9 @@ void locate(ResolvedScene& s, const DataBase& db) {
         s.nadir = {(p.xy->x - db.origin_x) / db.step_x, (p.xy->y - db.origin_y) / db.step_y};
         if (db.has_crs) {
             const auto ll = db.lat_lon(s.nadir.column, s.nadir.row);
-            if (!ll) throw InputError(text("xy ", p.xy->x, ",", p.xy->y, " is no place on earth in the CRS of '", db.name, "'"));
+            if (!ll)
+                throw InputError(
+                    text("xy ", p.xy->x, ",", p.xy->y, " is no place on earth in the CRS of '", db.name, "'"));
             std::tie(s.lat_deg, s.lon_deg) = *ll;
             s.has_lat_lon = true;
         }
@@ -73,32 +78,44 @@ void stand(ResolvedScene& s, WedgeSource& source) {
     const PlatformParams& p = s.scene.platform;
     const Ground place = ground_at(source, s.nadir);
     const double ground = place.bare_m;
-    s.nadir_in_raster = (db.cyclic || (s.nadir.column >= -0.5 && s.nadir.column <= static_cast<double>(db.columns) - 0.5)) &&
-                        s.nadir.row >= -0.5 && s.nadir.row <= static_cast<double>(db.rows) - 0.5;
+    s.nadir_in_raster =
+        (db.cyclic || (s.nadir.column >= -0.5 && s.nadir.column <= static_cast<double>(db.columns) - 0.5)) &&
+        s.nadir.row >= -0.5 && s.nadir.row <= static_cast<double>(db.rows) - 0.5;
     s.nadir_on_data = ground == ground;
     s.reference_m = s.nadir_on_data ? ground : 0;
     switch (p.altitude_above) {
-        case AltitudeAbove::sea_level: s.sensor_m = p.altitude_m; break;
-        case AltitudeAbove::ellipsoid: s.sensor_m = p.altitude_m - p.geoid_offset_m.value_or(0); break;
+        case AltitudeAbove::sea_level:
+            s.sensor_m = p.altitude_m;
+            break;
+        case AltitudeAbove::ellipsoid:
+            s.sensor_m = p.altitude_m - p.geoid_offset_m.value_or(0);
+            break;
         case AltitudeAbove::ground:
             if (!s.nadir_on_data)
-                throw InputError(text("altitude-agl needs terrain below the sensor; column ", s.nadir.column, ", row ", s.nadir.row, " of '", db.name,
-                                      s.nadir_in_raster ? "' is void" : "' is outside the raster", " (give altitude-msl)"));
+                throw InputError(text("altitude-agl needs terrain below the sensor; column ", s.nadir.column, ", row ",
+                                      s.nadir.row, " of '", db.name,
+                                      s.nadir_in_raster ? "' is void" : "' is outside the raster",
+                                      " (give altitude-msl)"));
             s.sensor_m = ground + p.altitude_m;
             break;
     }
     if (s.nadir_on_data && s.sensor_m < ground)
-        throw InputError(fmt::format("the sensor is {:.1f} m below the terrain: it stands at {:.1f} m, the ground there at {:.1f} m above sea level",
-                                     ground - s.sensor_m, s.sensor_m, ground));
+        throw InputError(
+            fmt::format("the sensor is {:.1f} m below the terrain: it stands at {:.1f} m, the ground there at {:.1f} m "
+                        "above sea level",
+                        ground - s.sensor_m, s.sensor_m, ground));
     s.nadir_surface_m = place.surface_m <= s.sensor_m ? place.surface_m : ground;
     if (s.nadir_in_raster) {
         constexpr std::int64_t arm = 4;
-        const auto c = static_cast<std::int64_t>(std::floor(s.nadir.column)), r = static_cast<std::int64_t>(std::floor(s.nadir.row));
+        const auto c = static_cast<std::int64_t>(std::floor(s.nadir.column)),
+                   r = static_cast<std::int64_t>(std::floor(s.nadir.row));
         const Window all{db.cyclic ? Interval{c - arm, c + arm + 1} : Interval{0, db.columns}, {0, db.rows}};
-        const Window window{intersection({c - arm, c + arm + 1}, all.columns), intersection({r - arm, r + arm + 1}, all.rows)};
+        const Window window{intersection({c - arm, c + arm + 1}, all.columns),
+                            intersection({r - arm, r + arm + 1}, all.rows)};
         if (!window.empty()) s.nadir_patch = source.load(window, false);
     }
-    if (std::abs(s.sensor_m) > 1e6) throw InputError(text("the sensor's altitude is ", s.sensor_m, " m; it must be within 1000 km"));
+    if (std::abs(s.sensor_m) > 1e6)
+        throw InputError(text("the sensor's altitude is ", s.sensor_m, " m; it must be within 1000 km"));
 }
 
 void choose_earth(ResolvedScene& s) {
@@ -126,19 +143,22 @@ double default_range(const ResolvedScene& s, WedgeSource& source) {
             if (!ll) return;
             geod.Inverse(s.lat_deg, s.lon_deg, ll->first, ll->second, arc);
         } else {
-            arc = std::hypot((column - s.nadir.column) * db.step_x, (row - s.nadir.row) * db.step_y) * db.metres_per_unit;
+            arc =
+                std::hypot((column - s.nadir.column) * db.step_x, (row - s.nadir.row) * db.step_y) * db.metres_per_unit;
         }
         farthest = std::max(farthest, arc);
     };
     constexpr int parts = 16;
     for (int i = 0; i <= parts; ++i) {
-        const double c = static_cast<double>(db.columns - 1) * i / parts, r = static_cast<double>(db.rows - 1) * i / parts;
+        const double c = static_cast<double>(db.columns - 1) * i / parts,
+                     r = static_cast<double>(db.rows - 1) * i / parts;
         reach(c, 0);
         reach(c, static_cast<double>(db.rows - 1));
         reach(0, r);
         reach(static_cast<double>(db.columns - 1), r);
     }
-    const double horizon = s.earth.horizon_arc_m(std::max(0.0, s.sensor_m)) + s.earth.horizon_arc_m(std::max(0.0, highest));
+    const double horizon =
+        s.earth.horizon_arc_m(std::max(0.0, s.sensor_m)) + s.earth.horizon_arc_m(std::max(0.0, highest));
     const double arc = std::min(farthest, s.earth.inverse_radius() > 0 ? 2.5 / s.earth.inverse_radius() : farthest);
     return std::max(1.0, std::min(s.earth.sight(s.sensor_m, highest, arc).slant_range_m, horizon));
 }
@@ -179,9 +199,11 @@ ResolvedScene resolve(const Scene& scene, WedgeSource& source) {
     s.scene = scene;
     s.geometry = scene.geometry.value_or(db.has_crs ? Geometry::geodesic : Geometry::grid);
     if (s.geometry == Geometry::geodesic && !db.has_crs)
-        throw InputError(text("geometry is geodesic; '", db.name, "' has no CRS (give geometry grid, or assign a CRS with gdal_edit.py -a_srs)"));
+        throw InputError(text("geometry is geodesic; '", db.name,
+                              "' has no CRS (give geometry grid, or assign a CRS with gdal_edit.py -a_srs)"));
     if (s.geometry == Geometry::grid && !db.crs_in_metres)
-        throw InputError(text("geometry is grid; '", db.name, "' is in degrees, and grid geometry needs metres (give geometry geodesic)"));
+        throw InputError(text("geometry is grid; '", db.name,
+                              "' is in degrees, and grid geometry needs metres (give geometry geodesic)"));
     locate(s, db);
     if (s.geometry == Geometry::geodesic && 90 - std::abs(s.lat_deg) < 1.0 / 111000)
         throw InputError("the sensor is within 1 m of a pole; geodesic geometry has no azimuth there");
@@ -191,24 +213,33 @@ ResolvedScene resolve(const Scene& scene, WedgeSource& source) {
     if (!scene.range_m) s.scene.range_m = default_range(s, source);
     const double range = *s.scene.range_m;
     if (s.earth.inverse_radius() * range > 0.3)
-        throw InputError(fmt::format("range is {:.0f} m; at most {:.0f} m on this earth", range, 0.3 / s.earth.inverse_radius()));
-    if (scene.range_start_m >= range) throw InputError(text("range-start is ", scene.range_start_m, " m; it must be below the range, ", range, " m"));
+        throw InputError(
+            fmt::format("range is {:.0f} m; at most {:.0f} m on this earth", range, 0.3 / s.earth.inverse_radius()));
+    if (scene.range_start_m >= range)
+        throw InputError(text("range-start is ", scene.range_start_m, " m; it must be below the range, ", range, " m"));
 
     // Bins.
-    if (!scene.azimuth_bins) s.scene.azimuth_bins = std::max<std::int64_t>(1, std::llround(4 * 360 / scene.radar.antenna.beam.deg()));
+    if (!scene.azimuth_bins)
+        s.scene.azimuth_bins = std::max<std::int64_t>(1, std::llround(4 * 360 / scene.radar.antenna.beam.deg()));
     if (!scene.range_bin_m) s.scene.range_bin_m = scene.radar.pulse_extent_m() / 4;
     const std::int64_t circle = *s.scene.azimuth_bins;
     const double bin = *s.scene.range_bin_m;
-    if (range / bin > 1e8) throw InputError(text("range-bin is ", bin, " m; with a range of ", range, " m it must be at least ", range / 1e8, " m"));
+    if (range / bin > 1e8)
+        throw InputError(
+            text("range-bin is ", bin, " m; with a range of ", range, " m it must be at least ", range / 1e8, " m"));
     s.shown.circle_bins = s.swept.circle_bins = circle;
     s.shown.range_bin_m = s.swept.range_bin_m = bin;
-    s.shown.range_bins = {static_cast<std::int64_t>(std::floor(scene.range_start_m / bin + 1e-9)), static_cast<std::int64_t>(std::ceil(range / bin - 1e-9))};
+    s.shown.range_bins = {static_cast<std::int64_t>(std::floor(scene.range_start_m / bin + 1e-9)),
+                          static_cast<std::int64_t>(std::ceil(range / bin - 1e-9))};
     if (scene.sector && scene.sector->to.deg() - scene.sector->from.deg() < 360 - 1e-9) {
         const double step = 360.0 / static_cast<double>(circle);
-        const double from = scene.platform.heading.deg() + scene.sector->from.deg(), to = scene.platform.heading.deg() + scene.sector->to.deg();
-        Interval a{static_cast<std::int64_t>(std::floor(from / step + 1e-9)), static_cast<std::int64_t>(std::ceil(to / step - 1e-9))};
+        const double from = scene.platform.heading.deg() + scene.sector->from.deg(),
+                     to = scene.platform.heading.deg() + scene.sector->to.deg();
+        Interval a{static_cast<std::int64_t>(std::floor(from / step + 1e-9)),
+                   static_cast<std::int64_t>(std::ceil(to / step - 1e-9))};
         a.end = std::min(std::max(a.end, a.begin + 1), a.begin + circle);
-        const std::int64_t turns = static_cast<std::int64_t>(std::floor(static_cast<double>(a.begin) / static_cast<double>(circle)));
+        const std::int64_t turns =
+            static_cast<std::int64_t>(std::floor(static_cast<double>(a.begin) / static_cast<double>(circle)));
         s.shown.azimuth_bins = {a.begin - turns * circle, a.end - turns * circle};
     } else {
         s.shown.azimuth_bins = {0, circle};
@@ -219,7 +250,8 @@ ResolvedScene resolve(const Scene& scene, WedgeSource& source) {
     s.swept.range_bins = {std::max<std::int64_t>(0, s.shown.range_bins.begin - lead), s.shown.range_bins.end};
     s.swept.azimuth_bins = {s.shown.azimuth_bins.begin - skirt, s.shown.azimuth_bins.end + skirt};
     if (s.swept.azimuth_bins.size() >= circle) s.swept.azimuth_bins = {0, circle};
-    if (s.swept.azimuth_bins.begin < 0) s.swept.azimuth_bins = {s.swept.azimuth_bins.begin + circle, s.swept.azimuth_bins.end + circle};
+    if (s.swept.azimuth_bins.begin < 0)
+        s.swept.azimuth_bins = {s.swept.azimuth_bins.begin + circle, s.swept.azimuth_bins.end + circle};
 
     s.noise_power_w = scene.radar.noise_power_w();
     s.sweep_delay_m = scene.display.sweep_delay_m.value_or(std::max(0.0, s.sensor_m - s.reference_m));

@@ -6,9 +6,7 @@
 namespace wedgescope {
 
 /// The nearest multiple of 2^-bits.
-inline double rounded(double value, int bits) {
-    return std::ldexp(std::nearbyint(std::ldexp(value, bits)), -bits);
-}
+inline double rounded(double value, int bits) { return std::ldexp(std::nearbyint(std::ldexp(value, bits)), -bits); }
 
 /// The nearest number with `bits` significant bits.
 inline double rounded_significand(double value, int bits) {

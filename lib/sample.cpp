@@ -14,8 +14,8 @@ constexpr std::size_t block = 256;
 }  // namespace
 
 WEDGESCOPE_LANES
-void place_lanes(const SpokeMap::LinePiece& piece, double nadir_minor, double distance, std::int64_t spokes, std::int64_t first,
-                 std::size_t n, const double* __restrict metres_per_post, double* __restrict minor,
+void place_lanes(const SpokeMap::LinePiece& piece, double nadir_minor, double distance, std::int64_t spokes,
+                 std::int64_t first, std::size_t n, const double* __restrict metres_per_post, double* __restrict minor,
                  double* __restrict arc_m) noexcept {
     const double inverse = 1.0 / static_cast<double>(spokes);  // a power of two: exact
     const double k0 = static_cast<double>(first);
@@ -35,7 +35,8 @@ void place_lanes(const SpokeMap::LinePiece& piece, double nadir_minor, double di
 }
 
 WEDGESCOPE_LANES
-void height_lanes(const LinePosts& line, std::size_t n, const double* __restrict minor, double* __restrict height_m) noexcept {
+void height_lanes(const LinePosts& line, std::size_t n, const double* __restrict minor,
+                  double* __restrict height_m) noexcept {
     const float* __restrict posts = line.posts;
     const double begin = static_cast<double>(line.begin);
     const int last = static_cast<int>(line.end - line.begin) - 1;
@@ -78,16 +79,18 @@ void height_lanes(const LinePosts& line, std::size_t n, const double* __restrict
 }
 
 WEDGESCOPE_LANES
-std::size_t cross_lanes(const LinePosts& behind, const LinePosts& ahead, std::size_t n, const Crossing& crossing) noexcept {
+std::size_t cross_lanes(const LinePosts& behind, const LinePosts& ahead, std::size_t n,
+                        const Crossing& crossing) noexcept {
     const double *__restrict minor = crossing.minor, *__restrict arc = crossing.arc_m, *__restrict height = crossing.height_m,
                  *__restrict major = crossing.major, *__restrict minor_to = crossing.minor_to,
                  *__restrict arc_to = crossing.arc_to_m;
     double *__restrict minor_out = crossing.minor_out, *__restrict arc_out = crossing.arc_out_m,
            *__restrict height_out = crossing.height_out_m, *__restrict major_out = crossing.major_out;
-    const float *__restrict back = behind.posts, *__restrict front = ahead.posts;
+    const float* __restrict back = behind.posts, * __restrict front = ahead.posts;
     // Both windows are cut from one raster: a post missing from one lies outside it.
     const double back_begin = static_cast<double>(behind.begin), front_begin = static_cast<double>(ahead.begin);
-    const double back_last = static_cast<double>(behind.end - 1 - behind.begin), front_last = static_cast<double>(ahead.end - 1 - ahead.begin);
+    const double back_last = static_cast<double>(behind.end - 1 - behind.begin),
+                 front_last = static_cast<double>(ahead.end - 1 - ahead.begin);
     const double from = crossing.major_from, way = crossing.major_to - crossing.major_from;
     int count = 0;
     int behind_index[block], ahead_index[block];
@@ -137,12 +140,13 @@ std::size_t cross_lanes(const LinePosts& behind, const LinePosts& ahead, std::si
 }
 
 WEDGESCOPE_LANES
-void bump_lanes(const LinePosts& behind, const LinePosts& ahead, std::size_t n, double major_from, double major_to, const double* __restrict major0,
-                const double* __restrict minor0, const double* __restrict major1, const double* __restrict minor1,
-                double* __restrict bump_m) noexcept {
+void bump_lanes(const LinePosts& behind, const LinePosts& ahead, std::size_t n, double major_from, double major_to,
+                const double* __restrict major0, const double* __restrict minor0, const double* __restrict major1,
+                const double* __restrict minor1, double* __restrict bump_m) noexcept {
     // Both windows are cut from one raster, but not to the same posts.
     const std::int64_t begin = std::max(behind.begin, ahead.begin), end = std::min(behind.end, ahead.end);
-    const double inverse = 1 / (major_to - major_from), first = static_cast<double>(begin), last = static_cast<double>(end - begin - 2);
+    const double inverse = 1 / (major_to - major_from), first = static_cast<double>(begin),
+                 last = static_cast<double>(end - begin - 2);
     if (last < 0) {
         for (std::size_t i = 0; i < n; ++i) bump_m[i] = 0;
         return;

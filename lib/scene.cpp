@@ -9,7 +9,8 @@ namespace {
 
 void validate(const PlatformParams& platform) {
     if (platform.latlon && platform.xy) throw InputError("latlon and xy are both given; exactly one of them is needed");
-    if (!platform.latlon && !platform.xy) throw InputError("neither latlon nor xy is given; exactly one of them is needed");
+    if (!platform.latlon && !platform.xy)
+        throw InputError("neither latlon nor xy is given; exactly one of them is needed");
     if (platform.latlon) {
         require_within("latlon: latitude", platform.latlon->lat_deg, -90, 90, "deg");
         require_within("latlon: longitude", platform.latlon->lon_deg, -360, 360, "deg");
@@ -19,12 +20,18 @@ void validate(const PlatformParams& platform) {
             throw InputError(text("xy is ", platform.xy->x, ",", platform.xy->y, "; both must be finite"));
     }
     switch (platform.altitude_above) {
-        case AltitudeAbove::sea_level: require_within("altitude-msl", platform.altitude_m, -10000, 1e6, "m"); break;
-        case AltitudeAbove::ground: require_within("altitude-agl", platform.altitude_m, 0, 1e6, "m"); break;
+        case AltitudeAbove::sea_level:
+            require_within("altitude-msl", platform.altitude_m, -10000, 1e6, "m");
+            break;
+        case AltitudeAbove::ground:
+            require_within("altitude-agl", platform.altitude_m, 0, 1e6, "m");
+            break;
         case AltitudeAbove::ellipsoid:
             require_within("altitude-hae", platform.altitude_m, -10000, 1e6, "m");
             if (!platform.geoid_offset_m)
-                throw InputError("altitude-hae needs geoid-offset, the height of the geoid (sea level) above the ellipsoid at the sensor");
+                throw InputError(
+                    "altitude-hae needs geoid-offset, the height of the geoid (sea level) above the ellipsoid at the "
+                    "sensor");
             break;
     }
     if (platform.geoid_offset_m) require_within("geoid-offset", *platform.geoid_offset_m, -200, 200, "m");
@@ -38,8 +45,9 @@ void validate(const Sector& sector) {
     double width_deg = sector.to.deg() - sector.from.deg();
     if (width_deg < 0) width_deg += 360;
     if (!(width_deg > 1e-9 && width_deg <= 360 + 1e-9))
-        throw InputError(fmt::format("sector is {:.12g},{:.12g} deg; it must be wider than 0 and at most 360, clockwise",
-                                     sector.from.deg(), sector.to.deg()));
+        throw InputError(
+            fmt::format("sector is {:.12g},{:.12g} deg; it must be wider than 0 and at most 360, clockwise",
+                        sector.from.deg(), sector.to.deg()));
 }
 
 }  // namespace
@@ -51,7 +59,8 @@ void validate(const Scene& scene) {
     if (scene.range_m) require_above_to("range", *scene.range_m, 0, 1e7, "m");
     require_within("range-start", scene.range_start_m, 0, 1e7, "m");
     if (scene.range_m && !(*scene.range_m > scene.range_start_m))
-        throw InputError(text("range is ", *scene.range_m, " m; it must be above range-start, ", scene.range_start_m, " m"));
+        throw InputError(
+            text("range is ", *scene.range_m, " m; it must be above range-start, ", scene.range_start_m, " m"));
     if (scene.azimuth_bins) require_within("azimuth-bins", static_cast<double>(*scene.azimuth_bins), 4, 1e6, "");
     if (scene.range_bin_m) require_within("range-bin", *scene.range_bin_m, 0.001, 1e6, "m");
     validate(scene.radar);
@@ -65,10 +74,14 @@ const char* word(Geometry geometry) { return geometry == Geometry::geodesic ? "g
 
 const char* word(DisplayKind kind) {
     switch (kind) {
-        case DisplayKind::gpi: return "gpi";
-        case DisplayKind::gpi_true: return "gpi-true";
-        case DisplayKind::ppi: return "ppi";
-        case DisplayKind::tdppi: return "tdppi";
+        case DisplayKind::gpi:
+            return "gpi";
+        case DisplayKind::gpi_true:
+            return "gpi-true";
+        case DisplayKind::ppi:
+            return "ppi";
+        case DisplayKind::tdppi:
+            return "tdppi";
     }
     return "";
 }
@@ -77,19 +90,26 @@ const char* word(Orientation orientation) { return orientation == Orientation::n
 
 const char* word(Quality quality) {
     switch (quality) {
-        case Quality::exact: return "exact";
-        case Quality::fine: return "fine";
-        case Quality::normal: return "normal";
-        case Quality::draft: return "draft";
+        case Quality::exact:
+            return "exact";
+        case Quality::fine:
+            return "fine";
+        case Quality::normal:
+            return "normal";
+        case Quality::draft:
+            return "draft";
     }
     return "";
 }
 
 const char* word(ElevationPattern pattern) {
     switch (pattern) {
-        case ElevationPattern::gaussian: return "gaussian";
-        case ElevationPattern::csc2: return "csc2";
-        case ElevationPattern::cos_csc2: return "cos-csc2";
+        case ElevationPattern::gaussian:
+            return "gaussian";
+        case ElevationPattern::csc2:
+            return "csc2";
+        case ElevationPattern::cos_csc2:
+            return "cos-csc2";
     }
     return "";
 }

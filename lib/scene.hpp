@@ -33,7 +33,8 @@ struct PlatformParams {
     std::optional<PointXY> xy;
     AltitudeAbove altitude_above = AltitudeAbove::sea_level;
     double altitude_m = 0;
-    std::optional<double> geoid_offset_m;  ///< geoid (sea level) above the ellipsoid at the sensor; needed for `ellipsoid`
+    std::optional<double>
+        geoid_offset_m;  ///< geoid (sea level) above the ellipsoid at the sensor; needed for `ellipsoid`
     Angle heading{};
 };
 
@@ -53,17 +54,17 @@ struct Sector {
 
 struct Scene {
     PlatformParams platform;
-    std::optional<Geometry> geometry;       ///< none: geodesic where the raster has a CRS
-    std::optional<double> earth_k = 4.0 / 3;///< none: flat
-    std::optional<Sector> sector;           ///< none: the full circle
-    std::optional<double> range_m;          ///< largest slant range; none: what the data base and the horizon allow
+    std::optional<Geometry> geometry;         ///< none: geodesic where the raster has a CRS
+    std::optional<double> earth_k = 4.0 / 3;  ///< none: flat
+    std::optional<Sector> sector;             ///< none: the full circle
+    std::optional<double> range_m;            ///< largest slant range; none: what the data base and the horizon allow
     double range_start_m = 0;
     std::optional<std::int64_t> azimuth_bins;  ///< in the circle; none: 4 a beamwidth
     std::optional<double> range_bin_m;         ///< none: c tau / 8
     RadarParams radar;
     ReceiverParams receiver;
     DisplayParams display;
-    std::optional<Decibel> gamma;           ///< one constant gamma at 10 GHz for everything
+    std::optional<Decibel> gamma;  ///< one constant gamma at 10 GHz for everything
     Quality quality = Quality::normal;
 };
 

@@ -16,26 +16,27 @@ enum class AzimuthPattern { gaussian, uniform };
 /// Antenna patterns of physics "Antenna patterns": one-way power, relative to the peak gain.
 struct AntennaParams {
     ElevationPattern elevation = ElevationPattern::csc2;
-    Angle knee = Angle::degrees(5);        ///< depression of the nose in the antenna's frame; above 0 for the shaped ones
-    Angle width = Angle::degrees(12);      ///< between half-power points of the Gaussian (above the knee for the shaped ones)
-    double exponent = 0.5;                 ///< p of cos-csc2; used by cos_csc2 only
-    Decibel floor{-60};                    ///< least g_el
-    Angle tilt{};                          ///< positive down; the nose is at knee + tilt
+    Angle knee = Angle::degrees(5);  ///< depression of the nose in the antenna's frame; above 0 for the shaped ones
+    Angle width =
+        Angle::degrees(12);  ///< between half-power points of the Gaussian (above the knee for the shaped ones)
+    double exponent = 0.5;   ///< p of cos-csc2; used by cos_csc2 only
+    Decibel floor{-60};      ///< least g_el
+    Angle tilt{};            ///< positive down; the nose is at knee + tilt
     AzimuthPattern azimuth = AzimuthPattern::gaussian;
-    Angle beam = Angle::degrees(1.5);      ///< azimuth, between half-power points, one-way
+    Angle beam = Angle::degrees(1.5);  ///< azimuth, between half-power points, one-way
 };
 
 struct RadarParams {
     double frequency_hz = 16.5e9;
-    double transmit_power_w = 50e3;        ///< peak
-    Decibel gain{34};                      ///< peak, one-way
-    Decibel losses{6};                     ///< all system losses together
-    double pulse_s = 0.5e-6;               ///< (compressed) length
+    double transmit_power_w = 50e3;  ///< peak
+    Decibel gain{34};                ///< peak, one-way
+    Decibel losses{6};               ///< all system losses together
+    double pulse_s = 0.5e-6;         ///< (compressed) length
     Decibel noise_figure{8};
-    std::optional<double> bandwidth_hz;    ///< none: 1.2 / pulse
+    std::optional<double> bandwidth_hz;  ///< none: 1.2 / pulse
     AntennaParams antenna;
-    bool beam_width_error = true;          ///< BWE: spread over the azimuth beam; off: same total in the own bin
-    bool pulse_length_error = true;        ///< PLE: spread over c tau/2 away from the radar; off: same total in the own bin
+    bool beam_width_error = true;    ///< BWE: spread over the azimuth beam; off: same total in the own bin
+    bool pulse_length_error = true;  ///< PLE: spread over c tau/2 away from the radar; off: same total in the own bin
 
     double wavelength_m() const;
     double noise_bandwidth_hz() const;
@@ -49,14 +50,14 @@ struct RadarParams {
 struct ReceiverParams {
     Decibel if_gain{50};
     Decibel video_gain{4};
-    std::optional<double> stc_range_m;     ///< none: no STC
+    std::optional<double> stc_range_m;  ///< none: no STC
     double stc_exponent = 4;
     Decibel stc_max{40};
     Decibel dynamic_range{20};
-    std::optional<double> mds_dbm;         ///< none: k T0 B F
+    std::optional<double> mds_dbm;  ///< none: k T0 B F
     double display_gamma = 1;
-    bool noise = false;                    ///< fluctuating thermal noise; its mean is always there
-    int speckle_looks = 0;                 ///< 0: none
+    bool noise = false;     ///< fluctuating thermal noise; its mean is always there
+    int speckle_looks = 0;  ///< 0: none
     std::uint64_t seed = 1;
 };
 
@@ -67,8 +68,8 @@ void validate(const ReceiverParams&);
 /// The checks of one number that `validate` is made of, here and in scene.cpp: InputError such as
 /// "range is 0 m; it must be above 0". NaN and infinity never pass.
 void require_above(const char* key, double value, double low, const char* unit);
-void require_within(const char* key, double value, double low, double high, const char* unit);   ///< low and high pass
-void require_above_to(const char* key, double value, double low, double high, const char* unit); ///< low does not pass
+void require_within(const char* key, double value, double low, double high, const char* unit);    ///< low and high pass
+void require_above_to(const char* key, double value, double low, double high, const char* unit);  ///< low does not pass
 
 inline constexpr double speed_of_light_m_s = 299792458.0;
 inline constexpr double boltzmann_j_k = 1.380649e-23;

@@ -48,13 +48,15 @@ PatternTable::PatternTable(const AntennaParams& antenna) {
 double PatternTable::at(double sine) const {
     const double x = (sine + 1) * (0.5 * intervals_);
     const int i = std::clamp(static_cast<int>(x), 0, intervals_ - 1);
-    const double a = static_cast<double>(values_[static_cast<std::size_t>(i)]), b = static_cast<double>(values_[static_cast<std::size_t>(i) + 1]);
+    const double a = static_cast<double>(values_[static_cast<std::size_t>(i)]),
+                 b = static_cast<double>(values_[static_cast<std::size_t>(i) + 1]);
     return a + (x - i) * (b - a);
 }
 
 double radar_constant(const RadarParams& radar) {
     const double lambda = radar.wavelength_m(), gain = radar.gain.ratio(), four_pi = 4 * std::numbers::pi;
-    return radar.transmit_power_w * gain * gain * lambda * lambda / (four_pi * four_pi * four_pi * radar.losses.ratio());
+    return radar.transmit_power_w * gain * gain * lambda * lambda /
+           (four_pi * four_pi * four_pi * radar.losses.ratio());
 }
 
 WEDGESCOPE_LANES
@@ -95,14 +97,16 @@ void power_lanes(std::size_t n, const Shading& shading, const PatternTable& patt
             const double both = 1 / (range * range * width);
             power[at + i] = constant * (sine1[at + i] - sine0[at + i]) * (ga + part[i] * (gb - ga)) * (both * width);
             inverse_width[at + i] = both * (range * range);
-            const double rise = up1[at + i] * out0[at + i] - up0[at + i] * out1[at + i], swing = 4 * bump[at + i] * out0[at + i];
+            const double rise = up1[at + i] * out0[at + i] - up0[at + i] * out1[at + i],
+                         swing = 4 * bump[at + i] * out0[at + i];
             const double bent = swing / (rise > 1e-300 ? rise : 1e-300);
             bow[at + i] = bent < -1 ? -1 : bent > 1 ? 1 : bent;
         }
     }
 }
 
-double piece_power(double sine0, double sine1, double range0_m, double range1_m, const PatternTable& pattern, double constant) noexcept {
+double piece_power(double sine0, double sine1, double range0_m, double range1_m, const PatternTable& pattern,
+                   double constant) noexcept {
     const double range = 0.5 * (range0_m + range1_m);
     return constant * (sine1 - sine0) * pattern.at(0.5 * (sine0 + sine1)) / (range * range);
 }

@@ -12,11 +12,12 @@
 
 namespace wedgescope {
 
-/// One-way elevation pattern g_el of the depression in the antenna's frame, with floor. Source: physics "Antenna patterns".
+/// One-way elevation pattern g_el of the depression in the antenna's frame, with floor. Source: physics "Antenna
+/// patterns".
 double elevation_pattern(const AntennaParams& antenna, double depression_rad);
 
-/// g_el^2 (two-way) over the sine of the elevation, in [-1, 1], linear between entries. `error` bounds |table - exact| / exact above the floor and more than
-/// 3 degrees from the vertical, found when it is built (0.0005 wanted).
+/// g_el^2 (two-way) over the sine of the elevation, in [-1, 1], linear between entries. `error` bounds |table - exact|
+/// / exact above the floor and more than 3 degrees from the vertical, found when it is built (0.0005 wanted).
 class PatternTable {
 public:
     explicit PatternTable(const AntennaParams& antenna);
@@ -35,18 +36,20 @@ private:
 /// K of the radar equation: P_t G_0^2 lambda^2 / ((4 pi)^3 L_s); echo = K g^2 sigma / r^4.
 double radar_constant(const RadarParams& radar);
 
-/// Pieces of neighbouring spokes that are visible all the way, in lanes; what comes out for lanes that hold none means nothing.
+/// Pieces of neighbouring spokes that are visible all the way, in lanes; what comes out for lanes that hold none means
+/// nothing.
 struct Shading {
-    const double* sine0;          ///< in: old horizon, the elevation of the piece's start
-    SampleLanes from, to;         ///< in
-    const double* bump_m;         ///< in
+    const double* sine0;                  ///< in: old horizon, the elevation of the piece's start
+    SampleLanes from, to;                 ///< in
+    const double* bump_m;                 ///< in
     double *power, *inverse_width, *bow;  ///< out, as WedgeCells::Portion, without backscatter
 };
 /// power = K g_el^2(middle) / r_middle^2 (new horizon - old horizon).
 void power_lanes(std::size_t n, const Shading& shading, const PatternTable& pattern, double constant) noexcept;
 
 /// The same power of one piece.
-double piece_power(double sine0, double sine1, double range0_m, double range1_m, const PatternTable& pattern, double constant) noexcept;
+double piece_power(double sine0, double sine1, double range0_m, double range1_m, const PatternTable& pattern,
+                   double constant) noexcept;
 
 /// Class of a place on the terrain grid, from a chunk's culture window.
 class ClassLookup {

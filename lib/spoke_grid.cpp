@@ -11,10 +11,14 @@ namespace wedgescope {
 
 Sampling sampling(Quality quality) {
     switch (quality) {
-        case Quality::draft: return {.spokes_per_post = 1, .cross_lines = false, .exact_course = false};
-        case Quality::normal: return {.spokes_per_post = 1, .cross_lines = true, .exact_course = false};
-        case Quality::fine: return {.spokes_per_post = 1, .cross_lines = true, .exact_course = true};
-        case Quality::exact: return {.spokes_per_post = 1.25, .cross_lines = true, .exact_course = true};
+        case Quality::draft:
+            return {.spokes_per_post = 1, .cross_lines = false, .exact_course = false};
+        case Quality::normal:
+            return {.spokes_per_post = 1, .cross_lines = true, .exact_course = false};
+        case Quality::fine:
+            return {.spokes_per_post = 1, .cross_lines = true, .exact_course = true};
+        case Quality::exact:
+            return {.spokes_per_post = 1.25, .cross_lines = true, .exact_course = true};
     }
     return {};
 }
@@ -46,8 +50,8 @@ SpokeGrid::SpokeGrid(const DataBase& data_base, const SpokeMap& map, const Sampl
             lines.line_count = std::max<std::int64_t>(0, lines.first_line - end);
         }
         const double first_distance = lines.line_count ? distance(q, 0) : 0;
-        lines.line_count =
-            std::clamp<std::int64_t>(static_cast<std::int64_t>(std::ceil(farthest - first_distance)) + 1, 0, lines.line_count);
+        lines.line_count = std::clamp<std::int64_t>(static_cast<std::int64_t>(std::ceil(farthest - first_distance)) + 1,
+                                                    0, lines.line_count);
         const double a = map.azimuth_rad(q, -1), b = map.azimuth_rad(q, 1);
         lines.clockwise = b > a;
         // Rings.
@@ -65,7 +69,8 @@ SpokeGrid::SpokeGrid(const DataBase& data_base, const SpokeMap& map, const Sampl
             }
             // Straight to the ring's last line.
             const double reach = static_cast<double>(k) / (sampling.spokes_per_post * map.spacing_slack());
-            std::int64_t next = std::min(lines.line_count, i + std::max<std::int64_t>(1, static_cast<std::int64_t>(reach - distance(q, i))));
+            std::int64_t next = std::min(
+                lines.line_count, i + std::max<std::int64_t>(1, static_cast<std::int64_t>(reach - distance(q, i))));
             while (next < lines.line_count && needed(distance(q, next), k) == k) ++next;
             lines.rings.back().lines.end = next;
             i = next;
@@ -108,8 +113,10 @@ Interval SpokeGrid::touching_spokes(Quadrant q, std::int64_t spokes, double azim
         std::int64_t a = 0, b = 2 * spokes + 1;
         while (a < b) {
             const std::int64_t middle = (a + b) / 2;
-            if (low_edge(middle) >= azimuth) b = middle;
-            else a = middle + 1;
+            if (low_edge(middle) >= azimuth)
+                b = middle;
+            else
+                a = middle + 1;
         }
         return a;
     };

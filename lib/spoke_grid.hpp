@@ -1,9 +1,9 @@
 // SpokeGrid: which spokes there are: quadrants, lines, rings, azimuths; and a wedge as runs of spokes.
 // A property of the scene, never of the split into wedges. Leaves positions to spoke_map.hpp and state to front.hpp.
 //
-// Spoke k of a quadrant (-K <= k <= K) has slope k/K; K is a power of two that doubles from one ring to the next where the
-// spokes' spacing on a line would exceed 1/o posts. Its cell is the azimuths between slopes (k-1/2)/K and (k+1/2)/K, cut
-// at +-1: a spoke on a common diagonal is swept by both quadrants and each deposits its own half.
+// Spoke k of a quadrant (-K <= k <= K) has slope k/K; K is a power of two that doubles from one ring to the next where
+// the spokes' spacing on a line would exceed 1/o posts. Its cell is the azimuths between slopes (k-1/2)/K and
+// (k+1/2)/K, cut at +-1: a spoke on a common diagonal is swept by both quadrants and each deposits its own half.
 #pragma once
 #include <cstdint>
 #include <vector>
@@ -19,7 +19,8 @@ namespace wedgescope {
 struct Sampling {
     double spokes_per_post = 1;  ///< o: at least so many spokes a post on every line
     bool cross_lines = true;     ///< sampled where spokes cross the other axis' lines too
-    bool exact_course = false;   ///< the bilinear surface's course between two samples, not a straight line, decides what is seen
+    bool exact_course =
+        false;  ///< the bilinear surface's course between two samples, not a straight line, decides what is seen
 };
 Sampling sampling(Quality quality);
 
@@ -32,10 +33,10 @@ struct Ring {
 /// A run of spokes of one quadrant with the azimuth bins it deposits into.
 struct SpokeRun {
     Quadrant quadrant = Quadrant::east;
-    Interval bins;                  ///< counted in the quadrant's own unwrapped azimuth; bin b starts at b times the step
-    std::int64_t first_row = 0;     ///< row of the wedge's cells for bins.begin
-    std::vector<Interval> spokes;   ///< for each ring of the quadrant: all that must be swept
-    std::vector<Interval> touching; ///< for each ring: those whose cell overlaps the bins
+    Interval bins;               ///< counted in the quadrant's own unwrapped azimuth; bin b starts at b times the step
+    std::int64_t first_row = 0;  ///< row of the wedge's cells for bins.begin
+    std::vector<Interval> spokes;    ///< for each ring of the quadrant: all that must be swept
+    std::vector<Interval> touching;  ///< for each ring: those whose cell overlaps the bins
 };
 
 /// A run of neighbouring azimuth bins: the unit of work.
@@ -62,7 +63,7 @@ public:
 
     /// Part of the azimuth bins that a spoke's cell covers.
     struct Share {
-        std::int64_t bin = 0;     ///< the first one, in the quadrant's unwrapped count
+        std::int64_t bin = 0;        ///< the first one, in the quadrant's unwrapped count
         double radians[2] = {0, 0};  ///< of this bin and the next; rounded, independent of any split
     };
     Share share(Quadrant q, std::int64_t spokes, std::int64_t k) const;

@@ -46,8 +46,7 @@ public:
         line_.Position(arc_m, lat, lon);
         const IndexPosition p = data_base_.locate(lat, lon);
         double columns = p.column - params_.nadir.column;
-        if (data_base_.cyclic)
-            columns = std::remainder(columns, static_cast<double>(data_base_.cycle_columns));
+        if (data_base_.cyclic) columns = std::remainder(columns, static_cast<double>(data_base_.cycle_columns));
         const double rows = p.row - params_.nadir.row;
         return lines_are_columns(quadrant_) ? std::pair(columns * outward(quadrant_), rows)
                                             : std::pair(rows * outward(quadrant_), columns);
@@ -115,8 +114,9 @@ SpokeMap::SpokeMap(const DataBase& data_base, const SpokeMapParams& params) : pa
         const double edge = outward(q) > 0 ? static_cast<double>(count - 1) - nadir_major(q) : nadir_major(q);
         double least_f = metres_per_post(q, 0);
         for (int i = -8; i <= 8; ++i) least_f = std::min(least_f, metres_per_post(q, i / 8.0));
-        f.reach = std::min(data_base.cyclic && lines_are_columns(q) ? static_cast<double>(data_base.cycle_columns / 2) : edge,
-                           params.max_arc_m / least_f + 1);
+        f.reach =
+            std::min(data_base.cyclic && lines_are_columns(q) ? static_cast<double>(data_base.cycle_columns / 2) : edge,
+                     params.max_arc_m / least_f + 1);
         if (!straight() && f.reach > 0) fit(data_base, q);
     }
 }
@@ -139,8 +139,8 @@ double SpokeMap::azimuth_rad(Quadrant q, double slope) const {
 
 double SpokeMap::inverse_radius(Quadrant q, double slope) const {
     if (!params_.earth_k) return 0;
-    const double radius = straight() ? mean_radius_m
-                                     : euler_radius_m(params_.lat_deg * (std::numbers::pi / 180), azimuth_rad(q, slope));
+    const double radius =
+        straight() ? mean_radius_m : euler_radius_m(params_.lat_deg * (std::numbers::pi / 180), azimuth_rad(q, slope));
     return rounded_significand(1 / (*params_.earth_k * radius), 32);
 }
 
@@ -157,10 +157,11 @@ double SpokeMap::azimuth_per_slope(Quadrant q) const {
 void SpokeMap::fit(const DataBase& data_base, Quadrant q) {
     Fit& f = fits_[static_cast<std::size_t>(q)];
     const auto fail = [&]() -> void {
-        throw DataError(text(data_base.name, ": within ", std::llround(params_.max_arc_m), " m of latitude ", params_.lat_deg,
-                             ", longitude ", params_.lon_deg,
-                             " the raster's grid bends too much to follow geodesics line by line; give a smaller range, or "
-                             "warp the raster to a projection made for the place"));
+        throw DataError(
+            text(data_base.name, ": within ", std::llround(params_.max_arc_m), " m of latitude ", params_.lat_deg,
+                 ", longitude ", params_.lon_deg,
+                 " the raster's grid bends too much to follow geodesics line by line; give a smaller range, or "
+                 "warp the raster to a projection made for the place"));
     };
     // bend and stretch at one slope and distance.
     const auto at = [&](const Course& course, double slope, double distance) -> std::pair<double, double> {
@@ -182,7 +183,8 @@ void SpokeMap::fit(const DataBase& data_base, Quadrant q) {
         double worst = 0, slack = 1;
         for (std::size_t i = 0; i < n; ++i) {
             const double slope_middle = -1 + (2 * static_cast<double>(i) + 1) * slope_half;
-            std::vector<std::array<std::array<double, 5>, 5>> bend(n), stretch(n);  // [piece of d][slope node][distance node]
+            std::vector<std::array<std::array<double, 5>, 5>> bend(n),
+                stretch(n);  // [piece of d][slope node][distance node]
             for (std::size_t a = 0; a < 5; ++a) {
                 const double slope = slope_middle + nodes[a] * slope_half;
                 const Course course(data_base, params_, q, azimuth_rad(q, slope));
@@ -199,7 +201,8 @@ void SpokeMap::fit(const DataBase& data_base, Quadrant q) {
                     for (std::size_t a = 0; a < 5; ++a) rows[a] = quartic(values[a]);
                     Patch patch{};
                     for (std::size_t power = 0; power < 5; ++power) {
-                        const auto column = quartic({rows[0][power], rows[1][power], rows[2][power], rows[3][power], rows[4][power]});
+                        const auto column =
+                            quartic({rows[0][power], rows[1][power], rows[2][power], rows[3][power], rows[4][power]});
                         for (std::size_t m = 0; m < 5; ++m) patch[m][power] = column[m];
                     }
                     return patch;
@@ -236,7 +239,8 @@ void SpokeMap::fit(const DataBase& data_base, Quadrant q) {
     }
 }
 
-void SpokeMap::line(Quadrant q, double distance, double slope_lo, double slope_hi, std::vector<LinePiece>& pieces) const {
+void SpokeMap::line(Quadrant q, double distance, double slope_lo, double slope_hi,
+                    std::vector<LinePiece>& pieces) const {
     pieces.clear();
     if (straight()) {
         pieces.push_back({-2, 2, 0, 1, {}, {}});
@@ -247,7 +251,9 @@ void SpokeMap::line(Quadrant q, double distance, double slope_lo, double slope_h
     const double distance_half = f.reach / (2 * f.distance_pieces), slope_half = 1.0 / n;
     const int j = std::clamp(static_cast<int>(distance / (2 * distance_half)), 0, f.distance_pieces - 1);
     const double v = distance / distance_half - (2 * j + 1);
-    const auto index = [&](double slope) { return std::clamp(static_cast<int>(std::floor((slope + 1) / (2 * slope_half))), 0, n - 1); };
+    const auto index = [&](double slope) {
+        return std::clamp(static_cast<int>(std::floor((slope + 1) / (2 * slope_half))), 0, n - 1);
+    };
     for (int i = index(slope_lo); i <= index(slope_hi); ++i) {
         LinePiece p;
         p.middle = -1 + (2 * i + 1) * slope_half;

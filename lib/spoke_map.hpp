@@ -32,9 +32,9 @@ constexpr int outward(Quadrant q) { return q == Quadrant::east || q == Quadrant:
 struct SpokeMapParams {
     Geometry geometry = Geometry::grid;
     IndexPosition nadir;
-    double lat_deg = 0, lon_deg = 0;     ///< geodesic only
-    std::optional<double> earth_k;       ///< none: flat
-    double max_arc_m = 0;                ///< no spoke is followed farther
+    double lat_deg = 0, lon_deg = 0;  ///< geodesic only
+    std::optional<double> earth_k;    ///< none: flat
+    double max_arc_m = 0;             ///< no spoke is followed farther
 };
 
 class SpokeMap {

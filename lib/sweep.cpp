@@ -7,9 +7,9 @@
 namespace wedgescope {
 
 WEDGESCOPE_LANES
-void sight_lanes(std::size_t n, double sensor_m, double bins_per_metre, bool range_is_ground, const double* __restrict inverse_radius,
-                 const SampleLanes& samples) noexcept {
-    const double *__restrict arc_m = samples.arc_m, *__restrict height_m = samples.height_m;
+void sight_lanes(std::size_t n, double sensor_m, double bins_per_metre, bool range_is_ground,
+                 const double* __restrict inverse_radius, const SampleLanes& samples) noexcept {
+    const double* __restrict arc_m = samples.arc_m, * __restrict height_m = samples.height_m;
     double *__restrict up_m = samples.up_m, *__restrict out_m = samples.out_m, *__restrict range_m = samples.range_m,
            *__restrict sine = samples.sine, *__restrict x = samples.x;
     const double arc_bins = range_is_ground ? bins_per_metre : 0, range_bins = range_is_ground ? 0 : bins_per_metre;
@@ -25,12 +25,11 @@ void sight_lanes(std::size_t n, double sensor_m, double bins_per_metre, bool ran
 }
 
 WEDGESCOPE_LANES
-Rises rise_lanes(std::size_t n, const SampleLanes& from, const SampleLanes& to, const double* __restrict mode, double* __restrict horizon,
-                       const double* __restrict void_horizon, const double* __restrict bump_m, double* __restrict seen_least,
-                       double* __restrict seen_most, double* __restrict sine0, double* __restrict code) noexcept {
-    const double *__restrict sine = to.sine, *__restrict arc0 = from.arc_m, *__restrict arc1 = to.arc_m, *__restrict x0 = from.x,
-                 *__restrict x1 = to.x, *__restrict up0 = from.up_m, *__restrict up1 = to.up_m, *__restrict out0 = from.out_m,
-                 *__restrict out1 = to.out_m, *__restrict range0 = from.range_m, *__restrict last_sine = from.sine;
+Rises rise_lanes(std::size_t n, const SampleLanes& from, const SampleLanes& to, const double* __restrict mode,
+                 double* __restrict horizon, const double* __restrict void_horizon, const double* __restrict bump_m,
+                 double* __restrict seen_least, double* __restrict seen_most, double* __restrict sine0,
+                 double* __restrict code) noexcept {
+    const double* __restrict sine = to.sine, * __restrict arc0 = from.arc_m, * __restrict arc1 = to.arc_m, * __restrict x0 = from.x, * __restrict x1 = to.x, * __restrict up0 = from.up_m, * __restrict up1 = to.up_m, * __restrict out0 = from.out_m, * __restrict out1 = to.out_m, * __restrict range0 = from.range_m, * __restrict last_sine = from.sine;
     std::int64_t plains = 0, nothing = 0;
     WEDGESCOPE_INDEPENDENT
     for (std::size_t i = 0; i < n; ++i) {
@@ -40,7 +39,8 @@ Rises rise_lanes(std::size_t n, const SampleLanes& from, const SampleLanes& to, 
         const bool rising = (m == mode_visible) & (s > h), plain = rising & straight & (h >= void_horizon[i]);
         const double higher = s > last_sine[i] ? s : last_sine[i];
         const bool below = (s <= h) & (higher * range0[i] + bump * 1.02 <= h * range0[i]);
-        const bool quiet = ((m == mode_hidden) & below) | ((m == mode_visible) & (s == h)) | (m == mode_done) | (arc0[i] == arc1[i]);
+        const bool quiet =
+            ((m == mode_hidden) & below) | ((m == mode_visible) & (s == h)) | (m == mode_done) | (arc0[i] == arc1[i]);
         double c = quiet ? 0.0 : 2.0;
         c = rising ? 2.0 : c;
         c = plain ? 1.0 : c;
@@ -50,7 +50,8 @@ Rises rise_lanes(std::size_t n, const SampleLanes& from, const SampleLanes& to, 
         sine0[i] = h;
         horizon[i] = plain ? s : h;
         const double near = x0[i] < x1[i] ? x0[i] : x1[i], far = x0[i] < x1[i] ? x1[i] : x0[i];
-        const double least = near < seen_least[i] ? near : seen_least[i], most = far > seen_most[i] ? far : seen_most[i];
+        const double least = near < seen_least[i] ? near : seen_least[i],
+                     most = far > seen_most[i] ? far : seen_most[i];
         seen_least[i] = plain ? least : seen_least[i];
         seen_most[i] = plain ? most : seen_most[i];
     }
@@ -71,7 +72,8 @@ double ray_range_m(double sensor_m, double arc_m, double sine, double inverse_ra
 Course course(double sine, double up0, double out0, double up1, double out1, double bump_m, bool from_ray) {
     // Height over the ray: f(u) = c + b u + a u^2.
     const double cosine = std::sqrt(1 - sine * sine);
-    const double f0 = from_ray ? 0 : up0 * cosine - out0 * sine, f1 = up1 * cosine - out1 * sine, swing = 4 * bump_m * cosine;
+    const double f0 = from_ray ? 0 : up0 * cosine - out0 * sine, f1 = up1 * cosine - out1 * sine,
+                 swing = 4 * bump_m * cosine;
     const double a = -swing, b = f1 - f0 + swing, c = f0;
     Course course;
     if (c > 0 || (c == 0 && b > 0)) {

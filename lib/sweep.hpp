@@ -11,8 +11,8 @@ namespace wedgescope {
 
 /// A point in the sensor's vertical plane: `up_m` above and `out_m` along its local horizontal.
 ///   up  = (h - hs) - q (Re + h)    out = (Re + h) sin(theta)    theta = s / Re, q = 2 sin^2(theta / 2)
-/// without cancellation (physics "Effective earth"), by series in theta^2 (error < 1e-15 relative for theta <= 0.15; arcs beyond
-/// 0.3 are refused by resolve()). Flat: inverse radius 0.
+/// without cancellation (physics "Effective earth"), by series in theta^2 (error < 1e-15 relative for theta <= 0.15;
+/// arcs beyond 0.3 are refused by resolve()). Flat: inverse radius 0.
 struct SightLine {
     double up_m, out_m, range_m, sine;
 };
@@ -37,45 +37,46 @@ inline constexpr SpokeMode mode_hidden = 0, mode_visible = 1, mode_gap = 2, mode
 
 /// The last sample of a run of spokes, or the next one.
 struct SampleLanes {
-    double *major, *minor;   ///< raster position across and along the lines
+    double *major, *minor;  ///< raster position across and along the lines
     double *arc_m, *height_m;
     double *up_m, *out_m, *range_m, *sine;
-    double *x;               ///< range coordinate: slant range (arc for gpi-true) in bins
+    double* x;  ///< range coordinate: slant range (arc for gpi-true) in bins
 };
 
 /// sight_line of n samples. NaN heights give NaN.
-void sight_lanes(std::size_t n, double sensor_m, double bins_per_metre, bool range_is_ground, const double* inverse_radius,
-                 const SampleLanes& samples) noexcept;
+void sight_lanes(std::size_t n, double sensor_m, double bins_per_metre, bool range_is_ground,
+                 const double* inverse_radius, const SampleLanes& samples) noexcept;
 
-/// What a sample does to its spoke: 0 nothing (stays hidden, stays level with its horizon, no sample here), 1 it raises the horizon of a visible
-/// spoke (done here: horizon, seen_least, seen_most), 2 something changes: see Front.
+/// What a sample does to its spoke: 0 nothing (stays hidden, stays level with its horizon, no sample here), 1 it raises
+/// the horizon of a visible spoke (done here: horizon, seen_least, seen_most), 2 something changes: see Front.
 ///   mode[n]             in: SpokeMode
 ///   horizon[n]          in, out: sine
 ///   void_horizon[n]     in
 ///   seen_least, _most   in, out [n]: range coordinates of the visible run so far
 ///   bump_m[n]           in: how far the surface stands above the straight piece half-way (bump_lanes)
 ///   sine0[n], code[n]   out: the old horizon; the code, as double
-/// A visible piece is plain if its course rises all the way (|4 bump| at most what it rises over the ray of the horizon); a hidden one stays hidden if not
-/// even its bump can reach the horizon.
+/// A visible piece is plain if its course rises all the way (|4 bump| at most what it rises over the ray of the
+/// horizon); a hidden one stays hidden if not even its bump can reach the horizon.
 struct Rises {
     std::int64_t plain = 0, changes = 0;  ///< how many have code 1, and 2
 };
 Rises rise_lanes(std::size_t n, const SampleLanes& from, const SampleLanes& to, const double* mode, double* horizon,
-                       const double* void_horizon, const double* bump_m, double* seen_least, double* seen_most, double* sine0,
-                       double* code) noexcept;
+                 const double* void_horizon, const double* bump_m, double* seen_least, double* seen_most, double* sine0,
+                 double* code) noexcept;
 
 /// Slant range at which the straight ray of elevation `sine` passes over arc s.
 double ray_range_m(double sensor_m, double arc_m, double sine, double inverse_radius);
 
-/// The part of a piece that rises above the old horizon: from `begin` to `end` of the way (0..1); it then falls behind itself (`hides`) or goes on to
-/// be seen at the piece's end.
+/// The part of a piece that rises above the old horizon: from `begin` to `end` of the way (0..1); it then falls behind
+/// itself (`hides`) or goes on to be seen at the piece's end.
 struct Course {
     bool seen = false;
     double begin = 0, end = 1;
     bool hides = false;
     double bow = 0;  ///< of that part, as WedgeCells::Portion
 };
-/// Of a piece from (up0, out0) to (up1, out1) with `bump_m` over its middle, against the ray of elevation `sine`. `from_ray`: the piece starts on the ray.
+/// Of a piece from (up0, out0) to (up1, out1) with `bump_m` over its middle, against the ray of elevation `sine`.
+/// `from_ray`: the piece starts on the ray.
 Course course(double sine, double up0, double out0, double up1, double out1, double bump_m, bool from_ray);
 
 }  // namespace wedgescope

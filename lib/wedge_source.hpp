@@ -22,17 +22,17 @@ struct IndexPosition {
 
 /// The grid of the terrain posts and of the culture cells, and where they lie on earth.
 struct DataBase {
-    std::string name;                 ///< for messages: the terrain raster's path
-    std::int64_t columns = 0;         ///< posts; at least 2 x 2
+    std::string name;          ///< for messages: the terrain raster's path
+    std::int64_t columns = 0;  ///< posts; at least 2 x 2
     std::int64_t rows = 0;
     bool has_crs = false;
-    bool crs_in_metres = false;       ///< x and y are metres (or scaled to them) on a plane: grid geometry is possible
-    std::string crs_wkt;              ///< empty without a CRS
-    double origin_x = 0, origin_y = 0;///< of post (0, 0), in CRS units
-    double step_x = 0, step_y = 0;    ///< from post to post, in CRS units; step_y below 0 for north-up rasters
-    double metres_per_unit = 1;       ///< of x and y on a plane
-    bool cyclic = false;              ///< columns span the whole circle of longitude
-    std::int64_t cycle_columns = 0;   ///< columns of the circle, if cyclic
+    bool crs_in_metres = false;  ///< x and y are metres (or scaled to them) on a plane: grid geometry is possible
+    std::string crs_wkt;         ///< empty without a CRS
+    double origin_x = 0, origin_y = 0;  ///< of post (0, 0), in CRS units
+    double step_x = 0, step_y = 0;      ///< from post to post, in CRS units; step_y below 0 for north-up rasters
+    double metres_per_unit = 1;         ///< of x and y on a plane
+    bool cyclic = false;                ///< columns span the whole circle of longitude
+    std::int64_t cycle_columns = 0;     ///< columns of the circle, if cyclic
 
     /// WGS84 latitude and longitude (degrees) -> place on the grid, exact (PROJ). Only where has_crs.
     /// Called from one thread at a time. Columns of a lat/lon raster come out nearest to its middle.
@@ -46,7 +46,7 @@ struct DataBase {
     std::string culture_name, legend_name;  ///< for messages
     bool has_culture = false;
     bool has_culture_height = false;
-    ClassId default_class = 4;        ///< where there is no culture: the key `material`
+    ClassId default_class = 4;  ///< where there is no culture: the key `material`
     /// Culture cell of a place on the terrain grid: column = floor(offset + scale * column), same for rows.
     double culture_column_offset = 0.5, culture_column_scale = 1;
     double culture_row_offset = 0.5, culture_row_scale = 1;
@@ -55,7 +55,7 @@ struct DataBase {
 
 /// One rectangle of posts, as the spokes of a quadrant cross it: line by line.
 struct Chunk {
-    Window window;              ///< posts, inside the raster (columns taken modulo the cycle if cyclic)
+    Window window;                   ///< posts, inside the raster (columns taken modulo the cycle if cyclic)
     bool lines_are_columns = false;  ///< quadrants E and W: a line is a column of posts
     /// Surface height (terrain + culture height), metres, NaN = void: line-major, the lines in raster
     /// order, `minor_count()` posts a line in raster order.
@@ -70,7 +70,7 @@ struct Chunk {
     std::vector<std::int32_t> codes;
 
     std::uint64_t posts_read = 0;
-    std::uint64_t bytes_read = 0;   ///< decoded bytes of the windows read
+    std::uint64_t bytes_read = 0;  ///< decoded bytes of the windows read
 
     std::int64_t line_count() const { return lines_are_columns ? window.columns.size() : window.rows.size(); }
     std::int64_t minor_count() const { return lines_are_columns ? window.rows.size() : window.columns.size(); }
@@ -85,7 +85,7 @@ inline constexpr ClassId unknown_class = std::numeric_limits<ClassId>::max();
 
 struct Extremes {
     float lowest_m = 0;
-    float highest_m = 0;        ///< surface: terrain + culture height
+    float highest_m = 0;  ///< surface: terrain + culture height
     std::uint64_t void_posts = 0;
     bool any_valid = false;
 };

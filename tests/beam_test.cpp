@@ -1,6 +1,6 @@
 // Beam and pulse, against closed forms of the patterns and of the pulse's overlap with range bins.
-#include <catch2/catch.hpp>
 #include <oneapi/tbb/global_control.h>
+#include <catch2/catch.hpp>
 
 #include <cmath>
 #include <numbers>
@@ -194,7 +194,8 @@ TEST_CASE("a slice with its skirt and lead-in gives the bits of the whole circle
     setting.sensor_m = 400;
     const PolarGrid whole = grid(480, 10, {0, 480}, {0, 200});
     PolarImage<float> echo(whole);
-    for (std::size_t k = 0; k < echo.cells.size(); ++k) echo.cells[k] = static_cast<float>((k * 2654435761u) % 1000) * 1e-15f;
+    for (std::size_t k = 0; k < echo.cells.size(); ++k)
+        echo.cells[k] = static_cast<float>((k * 2654435761u) % 1000) * 1e-15f;
     const PolarImage<float> all = power_image(echo, whole, setting);
 
     const std::int64_t skirt = skirt_bins(setting, 480), lead = lead_in_bins(setting, 10);
@@ -203,7 +204,8 @@ TEST_CASE("a slice with its skirt and lead-in gives the bits of the whole circle
     PolarImage<float> slice(swept);
     for (std::size_t i = 0; i < swept.azimuth_count(); ++i)
         for (std::size_t j = 0; j < swept.range_count(); ++j)
-            slice.row(i)[j] = echo.row((static_cast<std::size_t>(470 - skirt) + i) % 480)[static_cast<std::size_t>(50 - lead) + j];
+            slice.row(i)[j] =
+                echo.row((static_cast<std::size_t>(470 - skirt) + i) % 480)[static_cast<std::size_t>(50 - lead) + j];
     const PolarImage<float> part = power_image(slice, shown, setting);
     bool same = true;
     for (std::size_t i = 0; i < 20; ++i)
@@ -222,7 +224,8 @@ TEST_CASE("long rows come out as short ones do, with any number of threads", "[b
     setting.sensor_m = 3000;
     const PolarGrid g = grid(360, 10, {0, 360}, {0, 9000});
     PolarImage<float> echo(g);
-    for (std::size_t k = 0; k < echo.cells.size(); ++k) echo.cells[k] = static_cast<float>((k * 2654435761u) % 1000) * 1e-15f;
+    for (std::size_t k = 0; k < echo.cells.size(); ++k)
+        echo.cells[k] = static_cast<float>((k * 2654435761u) % 1000) * 1e-15f;
     const PolarImage<float> parallel = power_image(echo, g, setting);
     {
         const oneapi::tbb::global_control one(oneapi::tbb::global_control::max_allowed_parallelism, 1);
@@ -256,7 +259,8 @@ TEST_CASE("on ground range the pulse is longer the steeper it comes", "[beam]") 
         const double bins = 6 * secant(arc);
         // The beam takes in sec d; over the pulse's length its mean is nearly that of the middle (1e-3).
         const double expected = bins * secant(arc - bins * 10 / 2) / secant(arc);
-        CHECK_THAT(static_cast<double>(at(with, 5, j)) / static_cast<double>(at(without, 5, j)), WithinRel(expected, 1e-3));
+        CHECK_THAT(static_cast<double>(at(with, 5, j)) / static_cast<double>(at(without, 5, j)),
+                   WithinRel(expected, 1e-3));
     }
     setting.pulse_length_error = true;
     setting.pulse_extent_m = 60;

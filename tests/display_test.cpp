@@ -41,11 +41,17 @@ Receiver decibel_receiver() {
 struct Images {
     PolarImage<float> power;
     PolarImage<std::uint8_t> state;
-    explicit Images(const PolarGrid& grid) : power(grid), state(grid) { std::fill(state.cells.begin(), state.cells.end(), seen); }
+    explicit Images(const PolarGrid& grid) : power(grid), state(grid) {
+        std::fill(state.cells.begin(), state.cells.end(), seen);
+    }
 };
 
-std::uint8_t grey(const Picture& p, std::int64_t column, std::int64_t row) { return p.grey[static_cast<std::size_t>(row * p.frame.width + column)]; }
-std::uint8_t state(const Picture& p, std::int64_t column, std::int64_t row) { return p.state[static_cast<std::size_t>(row * p.frame.width + column)]; }
+std::uint8_t grey(const Picture& p, std::int64_t column, std::int64_t row) {
+    return p.grey[static_cast<std::size_t>(row * p.frame.width + column)];
+}
+std::uint8_t state(const Picture& p, std::int64_t column, std::int64_t row) {
+    return p.state[static_cast<std::size_t>(row * p.frame.width + column)];
+}
 
 }  // namespace
 
@@ -55,8 +61,10 @@ TEST_CASE("on a plane the displays stretch the ground by 1, 1/sin and tan of the
         const double off = Angle::degrees(off_deg).rad();
         const double ground = height * std::tan(off), slant = height / std::cos(off);
         CHECK_THAT(*display_radius_m(setting_of(DisplayKind::gpi), slant) / ground, WithinRel(1, 1e-11));
-        CHECK_THAT(*display_radius_m(setting_of(DisplayKind::ppi), slant) / ground, WithinRel(1 / std::sin(off), 1e-12));
-        CHECK_THAT(*display_radius_m(setting_of(DisplayKind::tdppi), slant) / ground, WithinRel(std::tan(off / 2), 1e-11));
+        CHECK_THAT(*display_radius_m(setting_of(DisplayKind::ppi), slant) / ground,
+                   WithinRel(1 / std::sin(off), 1e-12));
+        CHECK_THAT(*display_radius_m(setting_of(DisplayKind::tdppi), slant) / ground,
+                   WithinRel(std::tan(off / 2), 1e-11));
         CHECK(*display_radius_m(setting_of(DisplayKind::gpi_true), ground) == ground);  // its bins are ground already
     }
 }
@@ -169,7 +177,8 @@ TEST_CASE("an even ground fills the tube without holes, and nothing lies outside
                 const double radius = std::hypot(static_cast<double>(column) - 299.5, static_cast<double>(row) - 299.5);
                 const bool inside = radius <= 300 && radius >= inner;
                 if (std::abs(radius - 300) < 1e-3 || std::abs(radius - inner) < 1e-3) continue;
-                if (grey(p, column, row) != (inside ? 128 : 0) || state(p, column, row) != (inside ? seen : outside)) ++wrong;
+                if (grey(p, column, row) != (inside ? 128 : 0) || state(p, column, row) != (inside ? seen : outside))
+                    ++wrong;
             }
         CHECK(wrong == 0);
     }
@@ -197,7 +206,7 @@ TEST_CASE("between cell centres the picture is linear in watts", "[display]") {
     // Half a pixel east of north at 899.5 pixels is 0.0318 degrees: 46.8 % of 50 W, 13.69 dB.
     CHECK_THAT(static_cast<double>(grey(p, 1000, 100)), WithinAbs(255 * 13.69 / 20, 0.6));
     CHECK_THAT(static_cast<double>(grey(p, 999, 100)), WithinAbs(255 * 14.25 / 20, 0.6));  // and 53.2 % as far west
-    CHECK(grey(p, 1000 - 8, 100) >= 214);                                                 // half a degree west: all but 2 %
+    CHECK(grey(p, 1000 - 8, 100) >= 214);  // half a degree west: all but 2 %
 }
 
 TEST_CASE("a sector is clamped at its edges and black beyond", "[display]") {
@@ -209,7 +218,8 @@ TEST_CASE("a sector is clamped at its edges and black beyond", "[display]") {
     const Picture p = picture(images.power, images.state, setting, decibel_receiver());
     const auto pixel = [&](double azimuth_deg, double range_m) {
         const double a = Angle::degrees(azimuth_deg).rad(), r = range_m / p.frame.metres_per_pixel;
-        return std::pair{static_cast<std::int64_t>(p.frame.centre_column + r * std::sin(a)), static_cast<std::int64_t>(p.frame.centre_row - r * std::cos(a))};
+        return std::pair{static_cast<std::int64_t>(p.frame.centre_column + r * std::sin(a)),
+                         static_cast<std::int64_t>(p.frame.centre_row - r * std::cos(a))};
     };
     const auto [in_column, in_row] = pixel(-9.8, 9000);
     CHECK(grey(p, in_column, in_row) == 255);  // outside the first centre, no darker
@@ -249,7 +259,8 @@ TEST_CASE("range rings stand at a round number of nautical miles, four to nine o
         const double step = p.ring_range_m.front() / 1852;
         const double digit = step / std::pow(10, std::floor(std::log10(step * 1.0001)));
         CHECK((std::abs(digit - 1) < 1e-9 || std::abs(digit - 2) < 1e-9 || std::abs(digit - 5) < 1e-9));
-        for (std::size_t k = 0; k < p.ring_range_m.size(); ++k) CHECK_THAT(p.ring_range_m[k], WithinRel(step * 1852 * static_cast<double>(k + 1), 1e-12));
+        for (std::size_t k = 0; k < p.ring_range_m.size(); ++k)
+            CHECK_THAT(p.ring_range_m[k], WithinRel(step * 1852 * static_cast<double>(k + 1), 1e-12));
         CHECK(p.ring_range_m.back() + step * 1852 >= setting.range_m * (1 - 1e-9));
     }
 }
@@ -266,12 +277,14 @@ TEST_CASE("rings and marks light a dark tube where they stand, and nothing else"
     const double mile = 1852 / p.frame.metres_per_pixel;  // 90.9 pixels
     for (int k = 1; k <= 5; ++k) {
         int lit = 0;
-        for (int d = -2; d <= 2; ++d) lit = std::max<int>(lit, grey(p, 500 + static_cast<std::int64_t>(k * mile) + d, 500));
+        for (int d = -2; d <= 2; ++d)
+            lit = std::max<int>(lit, grey(p, 500 + static_cast<std::int64_t>(k * mile) + d, 500));
         CHECK(lit > 48);
         CHECK(grey(p, 500 + static_cast<std::int64_t>((k - 0.5) * mile), 500) == 0);
     }
     CHECK(std::max(grey(p, 990, 500), grey(p, 990, 499)) > 48);  // the mark of 90 degrees
-    CHECK(grey(p, 500 + static_cast<std::int64_t>(490 * std::sin(0.0873)), 500 - static_cast<std::int64_t>(490 * std::cos(0.0873))) == 0);  // none at 5
+    CHECK(grey(p, 500 + static_cast<std::int64_t>(490 * std::sin(0.0873)),
+               500 - static_cast<std::int64_t>(490 * std::cos(0.0873))) == 0);  // none at 5
 
     setting.params.rings = false;
     const Picture bare = picture(images.power, images.state, setting, decibel_receiver());

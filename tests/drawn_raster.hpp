@@ -32,7 +32,8 @@ public:
     std::string operator/(const std::string& name) const { return (path_ / name).string(); }
     std::vector<std::string> names() const {
         std::vector<std::string> found;
-        for (const auto& entry : std::filesystem::directory_iterator(path_)) found.push_back(entry.path().filename().string());
+        for (const auto& entry : std::filesystem::directory_iterator(path_))
+            found.push_back(entry.path().filename().string());
         std::sort(found.begin(), found.end());
         return found;
     }
@@ -59,7 +60,8 @@ inline void draw(const std::string& path, const Drawing& d) {
     GDALAllRegister();
     CPLStringList options;
     for (const std::string& o : d.creation) options.AddString(o.c_str());
-    GDALDataset* out = GetGDALDriverManager()->GetDriverByName("GTiff")->Create(path.c_str(), d.columns, d.rows, d.bands, d.type, options.List());
+    GDALDataset* out = GetGDALDriverManager()->GetDriverByName("GTiff")->Create(path.c_str(), d.columns, d.rows,
+                                                                                d.bands, d.type, options.List());
     if (!out) throw std::runtime_error("cannot draw " + path);
     if (d.geotransform) {
         auto terms = *d.geotransform;
@@ -84,11 +86,13 @@ inline void draw(const std::string& path, const Drawing& d) {
     }
     for (int r = 0; r < d.rows; ++r) {
         for (int c = 0; c < d.columns; ++c) line[static_cast<std::size_t>(c)] = d.value(c, r);
-        CPLErr done = band->RasterIO(GF_Write, 0, r, d.columns, 1, line.data(), d.columns, 1, GDT_Float64, 0, 0, nullptr);
+        CPLErr done =
+            band->RasterIO(GF_Write, 0, r, d.columns, 1, line.data(), d.columns, 1, GDT_Float64, 0, 0, nullptr);
         if (done != CE_None) throw std::runtime_error("cannot draw " + path);
         if (!d.masked) continue;
         for (int c = 0; c < d.columns; ++c) mask[static_cast<std::size_t>(c)] = d.masked(c, r) ? 0 : 255;
-        done = band->GetMaskBand()->RasterIO(GF_Write, 0, r, d.columns, 1, mask.data(), d.columns, 1, GDT_Byte, 0, 0, nullptr);
+        done = band->GetMaskBand()->RasterIO(GF_Write, 0, r, d.columns, 1, mask.data(), d.columns, 1, GDT_Byte, 0, 0,
+                                             nullptr);
         if (done != CE_None) throw std::runtime_error("cannot draw the mask of " + path);
     }
     GDALClose(out);

@@ -41,14 +41,17 @@ RunResult simulate(const Scene& scene, WedgeSource& source, std::int64_t wedges 
     return run(resolve(scene, source), source, params);
 }
 
-double gamma_of(const Scene& s) { return std::pow(10.0, 0.1 * (s.gamma->db() + 5 * std::log10(s.radar.frequency_hz / 1e10))); }
+double gamma_of(const Scene& s) {
+    return std::pow(10.0, 0.1 * (s.gamma->db() + 5 * std::log10(s.radar.frequency_hz / 1e10)));
+}
 
 /// Sum of E r^2 / K over one azimuth bin, in units of gamma: solid angle of the ground seen there.
 double solid_angle(const RunResult& r, std::size_t row) {
     const double k = radar_constant(r.scene.scene.radar) * gamma_of(r.scene.scene);
     double sum = 0;
     for (std::size_t j = 0; j < r.echo_w.grid.range_count(); ++j) {
-        const double range = (static_cast<double>(r.echo_w.grid.range_bins.begin) + static_cast<double>(j) + 0.5) * r.echo_w.grid.range_bin_m;
+        const double range = (static_cast<double>(r.echo_w.grid.range_bins.begin) + static_cast<double>(j) + 0.5) *
+                             r.echo_w.grid.range_bin_m;
         sum += static_cast<double>(r.echo_w.row(row)[j]) * range * range / k;
     }
     return sum;
@@ -71,14 +74,17 @@ TEST_CASE("a flat plain returns the power of the closed radar equation", "[engin
     s.range_bin_m.reset();
     const RunResult r = simulate(s, source);
     // P = P_t G^2 g^2 lambda^2 sigma0 A / ((4 pi)^3 r^4 L), sigma0 = gamma sin(psi), A = r theta_2 (c tau / 2) sec(psi)
-    const double height = 1500, theta2 = s.radar.antenna.beam.rad() * std::sqrt(std::numbers::pi / (8 * std::numbers::ln2));
+    const double height = 1500,
+                 theta2 = s.radar.antenna.beam.rad() * std::sqrt(std::numbers::pi / (8 * std::numbers::ln2));
     const double extent = s.radar.pulse_extent_m(), dr = r.power_w.grid.range_bin_m;
     for (double want : {4000.0, 6000.0, 9000.0, 11000.0}) {
         const auto j = static_cast<std::size_t>(want / dr);
         // The pulse's middle: the cell holds the echoes from r - c tau/2 to r.
         const double range = (static_cast<double>(j) + 0.5) * dr - extent / 2;
-        const double sine = height / range, cosine = std::sqrt(1 - sine * sine), g = elevation_pattern(s.radar.antenna, std::asin(sine));
-        const double power = radar_constant(s.radar) * g * g * gamma_of(s) * sine * range * theta2 * extent / cosine / std::pow(range, 4);
+        const double sine = height / range, cosine = std::sqrt(1 - sine * sine),
+                     g = elevation_pattern(s.radar.antenna, std::asin(sine));
+        const double power = radar_constant(s.radar) * g * g * gamma_of(s) * sine * range * theta2 * extent / cosine /
+                             std::pow(range, 4);
         for (std::size_t row : {std::size_t{0}, std::size_t{123}, std::size_t{480}, std::size_t{900}}) {
             const double db = 10 * std::log10(static_cast<double>(r.power_w.row(row)[j]) / power);
             INFO("range " << range << " row " << row);
@@ -104,9 +110,13 @@ TEST_CASE("the sum of E r^2 is gamma times the solid angle of the ground, whatev
             for (double t = 30; t < 12200; t += 3) {
                 const double c = 300 + t * std::sin(azimuth) / 30, q = 300 - t * std::cos(azimuth) / 30;
                 if (c < 0 || q < 0 || c > 600 || q > 600) break;
-                const double c0 = std::min(std::floor(c), 599.0), q0 = std::min(std::floor(q), 599.0), u = c - c0, v = q - q0;
-                const auto z = [&](double cc, double rr) { return static_cast<double>(static_cast<float>(500 + hills(cc, rr))); };
-                const double height = (1 - u) * (1 - v) * z(c0, q0) + u * (1 - v) * z(c0 + 1, q0) + (1 - u) * v * z(c0, q0 + 1) + u * v * z(c0 + 1, q0 + 1);
+                const double c0 = std::min(std::floor(c), 599.0), q0 = std::min(std::floor(q), 599.0), u = c - c0,
+                             v = q - q0;
+                const auto z = [&](double cc, double rr) {
+                    return static_cast<double>(static_cast<float>(500 + hills(cc, rr)));
+                };
+                const double height = (1 - u) * (1 - v) * z(c0, q0) + u * (1 - v) * z(c0 + 1, q0) +
+                                      (1 - u) * v * z(c0, q0 + 1) + u * v * z(c0 + 1, q0 + 1);
                 most = std::max(most, (height - 1500) / std::hypot(height - 1500, t));
             }
             sum += (most + 1) / rays;
@@ -123,7 +133,8 @@ TEST_CASE("a ridge casts a shadow as long as the ray over its crest says", "[eng
     s.earth_k.reset();
     s.azimuth_bins = 720;
     const RunResult r = simulate(s, source);
-    // North: post row 400 is the sensor, row 300 is 3000 m away. The ray over 200 m at 3000 m meets the ground at 5000 m.
+    // North: post row 400 is the sensor, row 300 is 3000 m away. The ray over 200 m at 3000 m meets the ground at 5000
+    // m.
     const double crest = std::hypot(3000, 300), end = std::hypot(5000, 500);
     CHECK(state_at(r, 0, 2500) == State::seen);
     CHECK(state_at(r, 0, crest + 60) == State::shadow);
@@ -151,12 +162,14 @@ TEST_CASE("on a round earth the sea is seen to the horizon and no farther", "[en
             if (r.state.row(0)[j] == static_cast<std::uint8_t>(State::seen)) far = static_cast<double>(j + 1) * 200;
         return far;
     }();
-    CHECK(last == Approx(horizon).margin(400));  // two bins: the last metres before the tangent rise by less than a rounding
+    CHECK(last ==
+          Approx(horizon).margin(400));  // two bins: the last metres before the tangent rise by less than a rounding
     CHECK(state_at(r, 0, horizon + 2000) == State::shadow);
 }
 
 TEST_CASE("all five states stand where the drawn terrain puts them", "[engine]") {
-    // Looking east: plain, a void from 3 to 4 km, low ground behind it, a wall of 300 m at 6 km, its shadow, the raster's edge at 9 km.
+    // Looking east: plain, a void from 3 to 4 km, low ground behind it, a wall of 300 m at 6 km, its shadow, the
+    // raster's edge at 9 km.
     MemorySource source(401, 101, 30, [](double c, double) {
         const double x = (c - 100) * 30;
         if (x > 3000 && x < 4000) return static_cast<double>(void_post);
@@ -170,11 +183,14 @@ TEST_CASE("all five states stand where the drawn terrain puts them", "[engine]")
     const RunResult r = simulate(s, source);
     const auto slant = [](double x) { return std::hypot(x, 1000); };
     CHECK(state_at({r}, 0, 0) == static_cast<State>(r.state.row(0)[0]));
-    const auto at = [&](double x) { return static_cast<State>(r.state.row(0)[static_cast<std::size_t>(slant(x) / 50) - 10]); };
+    const auto at = [&](double x) {
+        return static_cast<State>(r.state.row(0)[static_cast<std::size_t>(slant(x) / 50) - 10]);
+    };
     CHECK(static_cast<State>(r.state.row(0)[0]) == State::outside);  // 500 m: nearer than the ground
     CHECK(at(1500) == State::seen);
     CHECK(at(3500) == State::no_data);
-    // The void's posts may be as high as its rim, 0 m: seen beyond it is level with that, hence unknown until it rises above.
+    // The void's posts may be as high as its rim, 0 m: seen beyond it is level with that, hence unknown until it rises
+    // above.
     CHECK(at(5000) == State::seen);
     CHECK(at(7000) == State::shadow);
     CHECK(at(8500) == State::shadow);  // ray over 300 m at 6000 m meets the ground at 8571 m
@@ -215,7 +231,8 @@ TEST_CASE("a wall returns gamma_w of its class over its own solid angle, the gro
     s.sector = Sector{Angle::degrees(-1), Angle::degrees(1)};
     s.range_bin_m = 400;
     const RunResult r = simulate(s, source);
-    const double law = std::pow(10.0, 0.1 * 5 * std::log10(1.65)), metal = std::pow(10.0, 1.5) * law, soil = std::pow(10.0, -1.7) * law;
+    const double law = std::pow(10.0, 0.1 * 5 * std::log10(1.65)), metal = std::pow(10.0, 1.5) * law,
+                 soil = std::pow(10.0, -1.7) * law;
     // From the ground post before the wall (2970 m) to its top edges: surface 40 m at 3000 m and 3030 m.
     const auto sine = [](double x, double z) { return (z - 1000) / std::hypot(x, z - 1000); };
     const double wall = metal * (std::max(sine(3000, 40), sine(3030, 40)) - sine(2970, 0));
@@ -233,7 +250,9 @@ TEST_CASE("a wall returns gamma_w of its class over its own solid angle, the gro
 
 TEST_CASE("the same bits for any number of wedges and threads", "[engine][threads]") {
     const auto hills = test::rolling(600, 150, 3);
-    MemorySource source(301, 257, 30, [&](double c, double r) { return std::hypot(c - 80, r - 60) < 11 ? static_cast<double>(void_post) : 700 + hills(c, r); });
+    MemorySource source(301, 257, 30, [&](double c, double r) {
+        return std::hypot(c - 80, r - 60) < 11 ? static_cast<double>(void_post) : 700 + hills(c, r);
+    });
     source.set_classes([](double c, double r) { return (static_cast<int>(c / 7) + static_cast<int>(r / 5)) % 16; });
     source.set_culture_height([](double c, double r) { return std::fmod(c * 7 + r * 3, 31) < 3 ? 15.0 : 0.0; });
     Scene s = bare_scene(4321.7, -3456.1, 1300, 8000);
@@ -265,7 +284,8 @@ TEST_CASE("a sector returns what the full circle returns there", "[engine]") {
         const RunResult part = simulate(s, source);
         REQUIRE(part.power_w.grid.azimuth_bins.size() == std::llround(to - from));
         for (std::size_t i = 0; i < part.power_w.grid.azimuth_count(); ++i) {
-            const auto row = static_cast<std::size_t>((part.power_w.grid.azimuth_bins.begin + static_cast<std::int64_t>(i)) % 360);
+            const auto row =
+                static_cast<std::size_t>((part.power_w.grid.azimuth_bins.begin + static_cast<std::int64_t>(i)) % 360);
             const std::vector<float> a(part.power_w.row(i), part.power_w.row(i) + part.power_w.grid.range_count());
             const std::vector<float> b(full.power_w.row(row), full.power_w.row(row) + full.power_w.grid.range_count());
             CHECK(a == b);
@@ -273,7 +293,8 @@ TEST_CASE("a sector returns what the full circle returns there", "[engine]") {
     }
 }
 
-TEST_CASE("a point reflector is painted from its range to c tau/2 behind, and 0.4075 B sqrt(M) wide at M dB down", "[engine]") {
+TEST_CASE("a point reflector is painted from its range to c tau/2 behind, and 0.4075 B sqrt(M) wide at M dB down",
+          "[engine]") {
     // One post of metal, 60 m high, 6 km north on calm water, seen by a 2-degree beam in fine bins.
     MemorySource source(301, 301, 30, [](double, double) { return 0.0; });
     const auto mast = [](double c, double r) { return c == 150 && r == 80; };
@@ -306,12 +327,14 @@ TEST_CASE("a point reflector is painted from its range to c tau/2 behind, and 0.
     // Azimuth: how far to either side the power is within M dB of its peak.
     const auto j = static_cast<std::size_t>((std::hypot(6000, 340) + extent / 2) / 10);
     double peak = 0;
-    for (std::size_t i = 0; i < r.power_w.grid.azimuth_count(); ++i) peak = std::max(peak, static_cast<double>(r.power_w.row(i)[j]));
+    for (std::size_t i = 0; i < r.power_w.grid.azimuth_count(); ++i)
+        peak = std::max(peak, static_cast<double>(r.power_w.row(i)[j]));
     for (const double m_db : {3.0, 6.0, 12.0, 20.0}) {
         std::size_t wide = 0;
         for (std::size_t i = 0; i < r.power_w.grid.azimuth_count(); ++i)
             wide += static_cast<double>(r.power_w.row(i)[j]) >= peak * std::pow(10.0, -0.1 * m_db);
-        // The post itself, as the surface ramps up to it from both sides, is up to 60 m wide: 0.57 degrees; its middle half counts most.
+        // The post itself, as the surface ramps up to it from both sides, is up to 60 m wide: 0.57 degrees; its middle
+        // half counts most.
         const double width = static_cast<double>(wide) * 0.05, beam = 2 * std::cos(std::asin(400 / 6010.0));
         const double expected = 0.4075 * (2 / std::cos(std::asin(400 / 6010.0))) * std::sqrt(m_db);
         INFO(m_db << " dB down, beam " << beam);
@@ -354,6 +377,7 @@ TEST_CASE("on a flat plain the mean depression of a cell is that of its range", 
     }
     for (std::size_t j = 40; j < 105; ++j) {
         const double range = (static_cast<double>(j) + 0.5) * 50;
-        CHECK(sums.watts(77, j, 1) / sums.watts(77, j) * 90 == Approx(std::asin(1500 / range) * 180 / std::numbers::pi).margin(0.6));  // degrees; half a bin
+        CHECK(sums.watts(77, j, 1) / sums.watts(77, j) * 90 ==
+              Approx(std::asin(1500 / range) * 180 / std::numbers::pi).margin(0.6));  // degrees; half a bin
     }
 }

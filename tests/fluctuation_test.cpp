@@ -1,6 +1,6 @@
 // Speckle and noise, against their distributions. Seeds are fixed, so nothing here is a matter of luck.
-#include <catch2/catch.hpp>
 #include <oneapi/tbb/global_control.h>
+#include <catch2/catch.hpp>
 
 #include <algorithm>
 #include <cmath>
@@ -31,7 +31,8 @@ PolarImage<float> uniform_echo(const PolarGrid& grid, float value) {
 std::vector<double> apart(const PolarImage<float>& image) {
     std::vector<double> values;
     for (std::size_t i = 0; i < image.grid.azimuth_count(); i += 8)
-        for (std::size_t j = 8; j < image.grid.range_count(); j += 8) values.push_back(static_cast<double>(image.row(i)[j]));
+        for (std::size_t j = 8; j < image.grid.range_count(); j += 8)
+            values.push_back(static_cast<double>(image.row(i)[j]));
     return values;
 }
 
@@ -53,7 +54,8 @@ double exponential_misfit(std::vector<double> values, double mean) {
     double worst = 0;
     for (std::size_t k = 0; k < values.size(); ++k) {
         const double expected = 1 - std::exp(-values[k] / mean);
-        worst = std::max({worst, std::abs(expected - static_cast<double>(k) / n), std::abs(expected - static_cast<double>(k + 1) / n)});
+        worst = std::max({worst, std::abs(expected - static_cast<double>(k) / n),
+                          std::abs(expected - static_cast<double>(k + 1) / n)});
     }
     return std::sqrt(n) * worst;
 }
@@ -88,13 +90,15 @@ TEST_CASE("speckle keeps the power image as its mean, in every cell", "[fluctuat
     const PolarGrid whole = plain_grid(40);
     PolarImage<float> echo(whole);
     for (std::size_t i = 0; i < 480; ++i)
-        for (std::size_t j = 0; j < 40; ++j) echo.row(i)[j] = 1e-12f * static_cast<float>((i * 7 + j * 13) % 11 * ((i / 16) % 3));
+        for (std::size_t j = 0; j < 40; ++j)
+            echo.row(i)[j] = 1e-12f * static_cast<float>((i * 7 + j * 13) % 11 * ((i / 16) % 3));
     const PolarGrid shown{480, 10, {0, 48}, {5, 40}};
     const PolarImage<float> power = power_image(echo, shown, beam);
     const int seeds = 1000;
     std::vector<double> mean(shown.cells(), 0.0);
     for (int seed = 0; seed < seeds; ++seed) {
-        const PolarImage<float> one = received_power(echo, power, beam, {.speckle_looks = 1, .seed = static_cast<std::uint64_t>(seed) << 20});
+        const PolarImage<float> one =
+            received_power(echo, power, beam, {.speckle_looks = 1, .seed = static_cast<std::uint64_t>(seed) << 20});
         for (std::size_t k = 0; k < mean.size(); ++k) mean[k] += static_cast<double>(one.cells[k]) / seeds;
     }
     double worst = 0, total = 0, expected_total = 0;
@@ -105,7 +109,7 @@ TEST_CASE("speckle keeps the power image as its mean, in every cell", "[fluctuat
         total += mean[k];
         expected_total += expected;
     }
-    CHECK(worst < 4.5);  // of 1680 cells
+    CHECK(worst < 4.5);                                        // of 1680 cells
     CHECK(total / expected_total == Approx(1).epsilon(0.01));  // some 100 resolution cells, each 3 %
 }
 
@@ -143,7 +147,8 @@ TEST_CASE("the variance of N looks is an Nth of one look's", "[fluctuation]") {
 
 TEST_CASE("the grain of speckle is a resolution cell, not a bin", "[fluctuation]") {
     const PolarGrid grid = plain_grid(600);
-    const PolarImage<float> received = received_power(uniform_echo(grid, 1), uniform_echo(grid, 1), setting_of_beam(), {.speckle_looks = 1, .seed = 5});
+    const PolarImage<float> received = received_power(uniform_echo(grid, 1), uniform_echo(grid, 1), setting_of_beam(),
+                                                      {.speckle_looks = 1, .seed = 5});
     // Field filtered by a Gaussian amplitude 2^(-4 (x/b)^2): intensities correlate by 2^(-4 (x/b)^2).
     // Filtered by a pulse of amplitudes sqrt(1/2), 1, 1, 1, sqrt(1/2): by the square of its autocorrelation / 4.
     const double s = std::sqrt(0.5);
@@ -161,7 +166,8 @@ TEST_CASE("the grain of speckle is a resolution cell, not a bin", "[fluctuation]
 TEST_CASE("thermal noise is exponential, one draw a dwell and a pulse", "[fluctuation]") {
     const PolarGrid grid = plain_grid(2000);
     const PolarImage<float> nothing(grid);
-    const PolarImage<float> received = received_power(nothing, nothing, setting_of_beam(), {.noise = true, .noise_power_w = 2e-14, .seed = 11});
+    const PolarImage<float> received =
+        received_power(nothing, nothing, setting_of_beam(), {.noise = true, .noise_power_w = 2e-14, .seed = 11});
     bool held = true;
     for (std::size_t i = 0; i < 480; i += 4)
         for (std::size_t j = 0; j < 2000; ++j)
@@ -186,16 +192,19 @@ TEST_CASE("noise is added to fields: it beats with the signal", "[fluctuation]")
     const PolarImage<float> power = uniform_echo(grid, 6e-14f);
     const double p = 6e-14, noise = 2e-14;
     // A steady signal: Rice, with mean P + N and variance N^2 + 2 P N.
-    const auto steady = moments(apart(received_power(power, power, beam, {.noise = true, .noise_power_w = noise, .seed = 1})));
+    const auto steady =
+        moments(apart(received_power(power, power, beam, {.noise = true, .noise_power_w = noise, .seed = 1})));
     CHECK(steady.mean / (p + noise) == Approx(1).margin(0.02));
     CHECK(steady.variance / (noise * noise + 2 * p * noise) == Approx(1).margin(0.05));
     // A speckled signal: the sum is one complex normal more, so exponential with the sum of the means.
     const PolarImage<float> echo = uniform_echo(grid, 1e-15f);
     const PolarImage<float> mean = power_image(echo, grid, beam);
-    const auto both = apart(received_power(echo, mean, beam, {.speckle_looks = 1, .noise = true, .noise_power_w = noise, .seed = 2}));
+    const auto both =
+        apart(received_power(echo, mean, beam, {.speckle_looks = 1, .noise = true, .noise_power_w = noise, .seed = 2}));
     CHECK(exponential_misfit(both, static_cast<double>(mean.row(0)[500]) + noise) < one_in_a_thousand);
     // With speckle alone the mean noise is still received.
-    const auto quiet = moments(apart(received_power(echo, mean, beam, {.speckle_looks = 50, .noise_power_w = noise, .seed = 2})));
+    const auto quiet =
+        moments(apart(received_power(echo, mean, beam, {.speckle_looks = 50, .noise_power_w = noise, .seed = 2})));
     CHECK(quiet.mean / (static_cast<double>(mean.row(0)[500]) + noise) == Approx(1).margin(0.01));
 }
 
@@ -204,7 +213,8 @@ TEST_CASE("fluctuation is keyed by place: slices, seeds and threads", "[fluctuat
     beam.sensor_m = 700;
     const PolarGrid grid = plain_grid(900);
     PolarImage<float> echo(grid);
-    for (std::size_t k = 0; k < echo.cells.size(); ++k) echo.cells[k] = static_cast<float>((k * 2654435761u) % 1000) * 1e-15f;
+    for (std::size_t k = 0; k < echo.cells.size(); ++k)
+        echo.cells[k] = static_cast<float>((k * 2654435761u) % 1000) * 1e-15f;
     const PolarImage<float> power = power_image(echo, grid, beam);
     const FluctuationSetting setting{.speckle_looks = 2, .noise = true, .noise_power_w = 1e-13, .seed = 99};
     const PolarImage<float> all = received_power(echo, power, beam, setting);
@@ -222,7 +232,8 @@ TEST_CASE("fluctuation is keyed by place: slices, seeds and threads", "[fluctuat
     PolarImage<float> slice(swept);
     for (std::size_t i = 0; i < swept.azimuth_count(); ++i)
         for (std::size_t j = 0; j < swept.range_count(); ++j)
-            slice.row(i)[j] = echo.row((static_cast<std::size_t>(470 - skirt) + i) % 480)[static_cast<std::size_t>(333 - lead) + j];
+            slice.row(i)[j] =
+                echo.row((static_cast<std::size_t>(470 - skirt) + i) % 480)[static_cast<std::size_t>(333 - lead) + j];
     const PolarImage<float> part = received_power(slice, power_image(slice, shown, beam), beam, setting);
     bool same = true;
     for (std::size_t i = 0; i < 20; ++i)

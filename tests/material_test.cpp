@@ -26,7 +26,8 @@ TEST_CASE("the table holds the sixteen classes in their order", "[material]") {
     CHECK(material_by_name("material", "part-metal") == 14);
     CHECK(material_by_name("material", "metal") == 15);
     CHECK_THROWS_AS(material_by_name("material", "mud"), InputError);
-    CHECK_THROWS_WITH(material_by_name("material", "mud"), Contains("material is 'mud'") && Contains("marsh") && Contains("part-metal"));
+    CHECK_THROWS_WITH(material_by_name("material", "mud"),
+                      Contains("material is 'mud'") && Contains("marsh") && Contains("part-metal"));
 }
 
 TEST_CASE("gamma is the table's at 10 GHz and grows 5 dB a decade", "[material]") {
@@ -34,7 +35,7 @@ TEST_CASE("gamma is the table's at 10 GHz and grows 5 dB a decade", "[material]"
     CHECK_THAT(at_10[4].ground, WithinRel(0.0199526, 1e-5));  // -17 dB, six digits
     CHECK_THAT(at_10[4].wall, WithinRel(0.158489, 1e-5));     // -8 dB
     CHECK_THAT(at_10[15].wall, WithinRel(31.6228, 1e-5));     // 15 dB
-    CHECK(at_10[5].wall == at_10[5].ground);                   // no wall of its own
+    CHECK(at_10[5].wall == at_10[5].ground);                  // no wall of its own
     const auto at_100 = gamma_table(100e9, std::nullopt);
     for (std::size_t id = 1; id < 16; ++id) {
         CHECK_THAT(10 * std::log10(at_100[id].ground / at_10[id].ground), WithinAbs(5, 1e-12));
@@ -62,10 +63,12 @@ TEST_CASE("LANDFIRE's fuel models become their materials", "[material]") {
     CHECK(material_of("fbfm40", 98) == "water");
     CHECK(material_of("fbfm40", 99) == "soil");
     for (int code = 101; code <= 109; ++code) CHECK(material_of("fbfm40", code) == "grass");
-    for (const int code : {121, 122, 123, 124, 141, 142, 143, 144, 145, 146, 147, 148, 149}) CHECK(material_of("fbfm40", code) == "shrub");
+    for (const int code : {121, 122, 123, 124, 141, 142, 143, 144, 145, 146, 147, 148, 149})
+        CHECK(material_of("fbfm40", code) == "shrub");
     for (const int code : {161, 162, 163, 164, 165, 181, 182, 183, 184, 185, 186, 187, 188, 189, 201, 202, 203, 204})
         CHECK(material_of("fbfm40", code) == "trees");
-    for (const int code : {0, 90, 94, 100, 110, 120, 150, 190, 205, -9999, 32767}) CHECK(material_of("fbfm40", code) == "unknown");
+    for (const int code : {0, 90, 94, 100, 110, 120, 150, 190, 205, -9999, 32767})
+        CHECK(material_of("fbfm40", code) == "unknown");
 }
 
 TEST_CASE("NLCD, WorldCover and DFAD codes become their materials, and only theirs", "[material]") {
@@ -96,15 +99,16 @@ TEST_CASE("NLCD, WorldCover and DFAD codes become their materials, and only thei
     CHECK(material_of("worldcover", 100) == "grass");
     for (const int code : {0, 11, 111, 126}) CHECK(material_of("worldcover", code) == "unknown");
 
-    const char* dfad[] = {"metal", "part-metal", "urban",    "suburban", "soil",  "water", "sand",
-                          "rock",  "concrete",   "soil",     "marsh",    "trees", "snow",  "asphalt"};
+    const char* dfad[] = {"metal", "part-metal", "urban", "suburban", "soil",  "water", "sand",
+                          "rock",  "concrete",   "soil",  "marsh",    "trees", "snow",  "asphalt"};
     for (int code = 1; code <= 14; ++code) CHECK(material_of("smc", code) == dfad[code - 1]);
     CHECK(material_of("smc", 15) == "unknown");
     CHECK_FALSE(Legend::built_in("corine"));
 }
 
 TEST_CASE("a legend can be a table of words or class numbers", "[material]") {
-    const Legend legend = Legend::from_csv("my.csv", "\xEF\xBB\xBF# mine\r\ncode,material\r\n 1 , water\r\n\r\n-7,\"part-metal\" # a roof\r\n300,5");
+    const Legend legend = Legend::from_csv(
+        "my.csv", "\xEF\xBB\xBF# mine\r\ncode,material\r\n 1 , water\r\n\r\n-7,\"part-metal\" # a roof\r\n300,5");
     CHECK(legend.find(1) == ClassId{0});
     CHECK(legend.find(-7) == ClassId{14});
     CHECK(legend.find(300) == ClassId{5});

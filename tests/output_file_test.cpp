@@ -12,8 +12,8 @@
 #include "tiles/output_file.hpp"
 
 using namespace wedgescope;
-using wedgescope::test::Folder;
 using Catch::Matchers::Contains;
+using wedgescope::test::Folder;
 using Names = std::vector<std::string>;
 
 namespace {
@@ -103,7 +103,8 @@ TEST_CASE("an output is refused before any work if it cannot or must not be writ
     const Folder folder;
     put(folder / "scope.png", "old");
     CHECK_THROWS_AS(OutputFile(folder / "scope.png", false), InputError);
-    CHECK_THROWS_WITH(OutputFile(folder / "scope.png", false), "output '" + folder / "scope.png" + "' exists; add --overwrite");
+    CHECK_THROWS_WITH(OutputFile(folder / "scope.png", false),
+                      "output '" + folder / "scope.png" + "' exists; add --overwrite");
     CHECK_NOTHROW(OutputFile(folder / "scope.png", true));
     CHECK_THROWS_AS(OutputFile(folder / "none/scope.png", false), IoError);
     CHECK_THROWS_WITH(OutputFile(folder / "none/scope.png", false), Contains("No such file"));
@@ -124,7 +125,8 @@ TEST_CASE("a full disk is an error that names the file", "[output_file]") {
     CHECK(get(folder / "report.json") == "{}\n");
     const SmallDisk disk(4096);
     CHECK_THROWS_AS(write_text(folder / "report.json", std::string(100000, 'x'), true), IoError);
-    CHECK_THROWS_WITH(write_text(folder / "report.json", std::string(100000, 'x'), true), Contains("report.json") && Contains("too large"));
+    CHECK_THROWS_WITH(write_text(folder / "report.json", std::string(100000, 'x'), true),
+                      Contains("report.json") && Contains("too large"));
     CHECK(folder.names() == Names{"report.json"});
     CHECK(get(folder / "report.json") == "{}\n");
 }

@@ -18,8 +18,8 @@
 #include "tiles/polar_raster.hpp"
 
 using namespace wedgescope;
-using wedgescope::test::Folder;
 using Catch::Matchers::Contains;
+using wedgescope::test::Folder;
 
 namespace {
 
@@ -62,7 +62,8 @@ struct Read {
     std::vector<double> band(int b) const {
         const int w = dataset->GetRasterXSize(), h = dataset->GetRasterYSize();
         std::vector<double> values(static_cast<std::size_t>(w) * static_cast<std::size_t>(h));
-        REQUIRE(dataset->GetRasterBand(b)->RasterIO(GF_Read, 0, 0, w, h, values.data(), w, h, GDT_Float64, 0, 0, nullptr) == CE_None);
+        REQUIRE(dataset->GetRasterBand(b)->RasterIO(GF_Read, 0, 0, w, h, values.data(), w, h, GDT_Float64, 0, 0,
+                                                    nullptr) == CE_None);
         return values;
     }
 };
@@ -120,7 +121,8 @@ TEST_CASE("a polar raster tells where its cells are, in what unit, and of what s
     const RunResult run = drawn_run(960, {950, 1000}, {40, 300}, 18.737028625);
     const RasterFormat format = plain_format();
     const std::string echo = write(folder, "echo.tif", [&](OutputFile& f) { write_echo(run, f, format); });
-    const std::string power = write(folder, "power.tif", [&](OutputFile& f) { write_power(run, PowerUnit::dbm, f, format); });
+    const std::string power =
+        write(folder, "power.tif", [&](OutputFile& f) { write_power(run, PowerUnit::dbm, f, format); });
     const std::string states = write(folder, "states.tif", [&](OutputFile& f) { write_states(run, f, format); });
     {
         const Read in(echo);
@@ -177,7 +179,8 @@ TEST_CASE("gdalwarp -geoloc finds every cell of a polar raster where the geodesi
     const double bin = 30;
     for (const Interval azimuths : {Interval{0, 480}, Interval{400, 520}}) {
         const RunResult run = drawn_run(480, azimuths, {0, 800}, bin);
-        const std::string path = write(folder, "states.tif", [&](OutputFile& f) { write_states(run, f, plain_format()); });
+        const std::string path =
+            write(folder, "states.tif", [&](OutputFile& f) { write_states(run, f, plain_format()); });
         const Read in(path);
         CHECK(in.item("X_DATASET", "GEOLOCATION") == "states.tif.geoloc.tif");
         const Warper warper(in.dataset, "EPSG:4326");
@@ -186,7 +189,8 @@ TEST_CASE("gdalwarp -geoloc finds every cell of a polar raster where the geodesi
         double worst_ground_m = 0, worst_column = 0, worst_row = 0;
         for (std::int64_t row = 0; row < azimuths.size(); row += 3)
             for (int column = 120; column < 800; column += 17) {
-                const double azimuth = (static_cast<double>(azimuths.begin + row) + 0.5) * 0.75, range = (column + 0.5) * bin;
+                const double azimuth = (static_cast<double>(azimuths.begin + row) + 0.5) * 0.75,
+                             range = (column + 0.5) * bin;
                 const double arc = earth.arc_m(sensor_m, reference_m, range).value();
                 double y = 0, x = 0;
                 GeographicLib::Geodesic::WGS84().Direct(lat, lon, azimuth, arc, y, x);
@@ -197,7 +201,8 @@ TEST_CASE("gdalwarp -geoloc finds every cell of a polar raster where the geodesi
                 worst_ground_m = std::max(worst_ground_m, distance);
                 // Due north GDAL interpolates row numbers across the seam of the full circle and finds no place.
                 const double off_north = std::abs(std::remainder(azimuth, 360.0)) * std::numbers::pi / 180 * arc;
-                if (azimuths.size() == 480 && std::abs(std::remainder(azimuth, 360.0)) < 90 && off_north < 500) continue;
+                if (azimuths.size() == 480 && std::abs(std::remainder(azimuth, 360.0)) < 90 && off_north < 500)
+                    continue;
                 ++tried;
                 if (!warper.to_raster(x, y)) {
                     ++lost;
@@ -206,8 +211,8 @@ TEST_CASE("gdalwarp -geoloc finds every cell of a polar raster where the geodesi
                 worst_column = std::max(worst_column, std::abs(x - (column + 0.5)));
                 worst_row = std::max(worst_row, std::abs(y - (static_cast<double>(row) + 0.5)));
             }
-        INFO(azimuths.size() << " bins: ground " << worst_ground_m << " m, column " << worst_column << ", row " << worst_row << ", lost " << lost
-                             << " of " << tried);
+        INFO(azimuths.size() << " bins: ground " << worst_ground_m << " m, column " << worst_column << ", row "
+                             << worst_row << ", lost " << lost << " of " << tried);
         CHECK(worst_ground_m < bin);  // a range cell
         CHECK(worst_column < 1);
         CHECK(worst_row < 1);
@@ -237,7 +242,8 @@ TEST_CASE("in grid geometry cells lie in the raster's own x and y", "[polar_rast
         } else {
             format.crs_wkt.clear();
         }
-        const std::string path = write(folder, "power.tif", [&](OutputFile& f) { write_power(run, PowerUnit::watt, f, format); });
+        const std::string path =
+            write(folder, "power.tif", [&](OutputFile& f) { write_power(run, PowerUnit::watt, f, format); });
         const Read in(path);
         CHECK_THAT(in.item("SRS", "GEOLOCATION"), Contains(has_crs ? "32611" : "LOCAL_CS"));
         const Warper warper(in.dataset, has_crs ? "EPSG:32611" : nullptr);
@@ -269,7 +275,8 @@ TEST_CASE("the same run gives the same bytes, without a word of where it was wri
         CHECK(bytes(a).find(here / "") == std::string::npos);
         CHECK(bytes(a).find(".tmp-") == std::string::npos);
     }
-    CHECK(here.names() == std::vector<std::string>{"power.tif", "power.tif.geoloc.tif", "states.tif", "states.tif.aux.xml", "states.tif.geoloc.tif"});
+    CHECK(here.names() == std::vector<std::string>{"power.tif", "power.tif.geoloc.tif", "states.tif",
+                                                   "states.tif.aux.xml", "states.tif.geoloc.tif"});
     CHECK(bytes(here / "states.tif.aux.xml") == bytes(there / "states.tif.aux.xml"));
 }
 
@@ -362,11 +369,13 @@ TEST_CASE("a gpi scope without rings lies on the map where its pixels are", "[pi
             wgs84.SetWellKnownGeogCS("WGS84");
             wgs84.SetAxisMappingStrategy(OAMS_TRADITIONAL_GIS_ORDER);
             REQUIRE(in.dataset->GetSpatialRef());
-            const std::unique_ptr<OGRCoordinateTransformation> way(OGRCreateCoordinateTransformation(in.dataset->GetSpatialRef(), &wgs84));
+            const std::unique_ptr<OGRCoordinateTransformation> way(
+                OGRCreateCoordinateTransformation(in.dataset->GetSpatialRef(), &wgs84));
             REQUIRE(way);
             double px = x, py = y, want_lat = 0, want_lon = 0;
             REQUIRE(way->Transform(1, &px, &py));
-            GeographicLib::Geodesic::WGS84().Direct(lat, lon, azimuth * 180 / std::numbers::pi, 5000, want_lat, want_lon);
+            GeographicLib::Geodesic::WGS84().Direct(lat, lon, azimuth * 180 / std::numbers::pi, 5000, want_lat,
+                                                    want_lon);
             CHECK(py == Approx(want_lat).margin(1e-8));
             CHECK(px == Approx(want_lon).margin(1e-8));
         }
@@ -393,7 +402,8 @@ TEST_CASE("a ppi scope is no map and tells where its pixels are by a geolocation
             const double range = kind == DisplayKind::ppi ? 5000 : 7500;
             double want_lat = 0, want_lon = 0;
             GeographicLib::Geodesic::WGS84().Direct(lat, lon, 0.5 * 180 / std::numbers::pi + 90,
-                                                    run.scene.earth.arc_m(sensor_m, reference_m, range).value(), want_lat, want_lon);
+                                                    run.scene.earth.arc_m(sensor_m, reference_m, range).value(),
+                                                    want_lat, want_lon);
             CHECK(y == Approx(want_lat).margin(1e-7));
             CHECK(x == Approx(want_lon).margin(1e-7));
             REQUIRE(warper.to_raster(x, y));

@@ -30,7 +30,8 @@ TEST_CASE("neighbouring counters give uncorrelated uniform numbers", "[random]")
         product += (u - 0.5) * (before - 0.5);
         before = u;
     }
-    // Four standard deviations of each estimate: of the mean sqrt(1/12n), of the variance sqrt(1/180n), of the product 1/12 sqrt(1/n).
+    // Four standard deviations of each estimate: of the mean sqrt(1/12n), of the variance sqrt(1/180n), of the product
+    // 1/12 sqrt(1/n).
     CHECK(sum / n == Approx(0.5).margin(4 * 0.2887 / 141.4));
     CHECK(square / n == Approx(1.0 / 12).margin(4 * 0.0745 / 141.4));
     CHECK(product / n == Approx(0).margin(4 * 0.0833 / 141.4));

@@ -13,10 +13,10 @@
 #include "tiles/sources.hpp"
 
 using namespace wedgescope;
+using Catch::Matchers::Contains;
 using wedgescope::test::draw;
 using wedgescope::test::Drawing;
 using wedgescope::test::Folder;
-using Catch::Matchers::Contains;
 
 namespace {
 
@@ -144,7 +144,9 @@ TEST_CASE("no-data, NaN and masks are voids", "[raster]") {
         d.no_data = none;
         for (GDALDataType type : {GDT_Float32, GDT_Float64}) {
             d.type = type;
-            d.value = [=](int c, int r) { return hole(c, r) ? (type == GDT_Float64 ? none : -3.4028234663852886e38) : 7; };
+            d.value = [=](int c, int r) {
+                return hole(c, r) ? (type == GDT_Float64 ? none : -3.4028234663852886e38) : 7;
+            };
             check(d);
         }
     }
@@ -171,7 +173,8 @@ TEST_CASE("a height that is none is named with its post", "[raster]") {
     CHECK_THROWS_AS(summarise_raster(folder / "infinite.tif", false), DataError);
     d.value = [](int c, int r) { return c == 2 && r == 1 ? -100001 : 1e5; };
     draw(folder / "deep.tif", d);
-    CHECK_THAT(refusal<DataError>(folder / "deep.tif"), Contains("column 2") && Contains("row 1") && Contains("-100001"));
+    CHECK_THAT(refusal<DataError>(folder / "deep.tif"),
+               Contains("column 2") && Contains("row 1") && Contains("-100001"));
     // 30000 ft is a mountain, 300000 m is not.
     d.type = GDT_Int32;
     d.unit = "ft";
@@ -231,5 +234,6 @@ TEST_CASE("codes are whole numbers", "[raster]") {
     CHECK(summary.codes == std::map<int, std::uint64_t>{{0, 3}, {1, 3}, {2, 3}, {3, 3}});
     d.value = [](int c, int r) { return c == 2 && r == 1 ? 1.5 : 1; };
     draw(folder / "parts.tif", d);
-    CHECK_THROWS_WITH(summarise_raster(folder / "parts.tif", true), Contains("column 2") && Contains("row 1") && Contains("1.5"));
+    CHECK_THROWS_WITH(summarise_raster(folder / "parts.tif", true),
+                      Contains("column 2") && Contains("row 1") && Contains("1.5"));
 }

@@ -67,8 +67,8 @@ TEST_CASE("display gamma 2 shows the square root of the video", "[receiver]") {
     ReceiverParams params = plain();
     params.display_gamma = 2;
     const Receiver receiver(params, RadarParams{});
-    CHECK(receiver.grey(watts(-75), 1000) == 128);  // sqrt(1/4)
-    CHECK(receiver.grey(watts(-79.8), 1000) == 26); // sqrt(0.01): 25.5, rounded up
+    CHECK(receiver.grey(watts(-75), 1000) == 128);   // sqrt(1/4)
+    CHECK(receiver.grey(watts(-79.8), 1000) == 26);  // sqrt(0.01): 25.5, rounded up
     CHECK(receiver.grey(watts(-60), 1000) == 255);
     CHECK(receiver.grey(0, 1000) == 0);
 }

@@ -75,7 +75,8 @@ Outcome compare(const Case& c, Quality quality) {
     r.range_bins = static_cast<int>(ours.power_w.grid.range_bins.end);
     const reference::Result whole = reference::simulate(r);
     reference::Result truth;
-    const auto skip = static_cast<std::size_t>(ours.power_w.grid.range_bins.begin), all = static_cast<std::size_t>(r.range_bins);
+    const auto skip = static_cast<std::size_t>(ours.power_w.grid.range_bins.begin),
+               all = static_cast<std::size_t>(r.range_bins);
     for (std::size_t i = 0; i < whole.power_w.size(); ++i) {
         if (i % all < skip) continue;
         truth.power_w.push_back(whole.power_w[i]);
@@ -87,8 +88,9 @@ Outcome compare(const Case& c, Quality quality) {
     Outcome o;
     o.power = reference::compare(power, truth.power_w, reference::noise_w(s.radar.noise_bandwidth_hz(), 8));
     o.states = reference::state_difference(ours.state.cells, truth.state);
-    std::printf("%-28s %-6s rms %.4f dB, p99 %.4f dB, median %+.5f dB, most %.2f dB over %zu cells; states %.3f %%\n", c.name, word(quality),
-                o.power.rms_db, o.power.p99_db, o.power.median_db, o.power.max_db, o.power.count, 100 * o.states);
+    std::printf("%-28s %-6s rms %.4f dB, p99 %.4f dB, median %+.5f dB, most %.2f dB over %zu cells; states %.3f %%\n",
+                c.name, word(quality), o.power.rms_db, o.power.p99_db, o.power.median_db, o.power.max_db, o.power.count,
+                100 * o.states);
     return o;
 }
 
@@ -105,17 +107,19 @@ void check(const Case& c, double slack = 1) {
 }  // namespace
 
 TEST_CASE("inland_empire from 7000 ft: terrain, culture and canopy", "[reference]") {
-    check({"inland_empire 2134 m", "inland_empire_dem.tif", "inland_empire_culture.tif", "inland_empire_canopy.tif", 0.1, 33.93, -117.33, 2134, 480});
+    check({"inland_empire 2134 m", "inland_empire_dem.tif", "inland_empire_culture.tif", "inland_empire_canopy.tif",
+           0.1, 33.93, -117.33, 2134, 480});
 }
 
 TEST_CASE("inland_empire from 2750 ft: long shadows", "[reference]") {
-    check({"inland_empire 838 m", "inland_empire_dem.tif", "inland_empire_culture.tif", "inland_empire_canopy.tif", 0.1, 33.93, -117.33, 838, 480},
+    check({"inland_empire 838 m", "inland_empire_dem.tif", "inland_empire_culture.tif", "inland_empire_canopy.tif", 0.1,
+           33.93, -117.33, 838, 480},
           3);  // single posts of canopy against long shadows: only spokes closer than 0.8 post see all of them
 }
 
 TEST_CASE("worcester_vermont: a third of it void, culture, canopy, Albers projection", "[reference]") {
-    check({"worcester_vermont 1400 m", "worcester_vermont_dem.tif", "worcester_vermont_culture.tif", "worcester_vermont_canopy.tif", 0.1, 44.42, -72.56,
-           1400, 0, 240, 11000});
+    check({"worcester_vermont 1400 m", "worcester_vermont_dem.tif", "worcester_vermont_culture.tif",
+           "worcester_vermont_canopy.tif", 0.1, 44.42, -72.56, 1400, 0, 240, 11000});
 }
 
 TEST_CASE("olympic_coast: latitude and longitude, geodesics, small voids", "[reference]") {

@@ -65,18 +65,30 @@ TEST_CASE("a scene with defaults passes", "[scene]") {
 
 TEST_CASE("a value out of range is refused with key, value and what is accepted", "[scene]") {
     CHECK(refusal([](Scene& s) { s.range_m = 0; }) == "range is 0 m; it must be above 0 and at most 10000000");
-    CHECK(refusal([](Scene& s) { s.radar.antenna.beam = Angle::degrees(200); }) == "beam is 200 deg; it must be at least 0.002 and at most 90");
+    CHECK(refusal([](Scene& s) { s.radar.antenna.beam = Angle::degrees(200); }) ==
+          "beam is 200 deg; it must be at least 0.002 and at most 90");
     CHECK(refusal([](Scene& s) { s.radar.transmit_power_w = 0; }) == "transmit-power is 0 W; it must be above 0");
-    CHECK(refusal([](Scene& s) { s.radar.transmit_power_w = infinity; }) == "transmit-power is inf W; it must be above 0 and finite");
-    CHECK(refusal([](Scene& s) { s.range_m = 500; s.range_start_m = 500; }) == "range is 500 m; it must be above range-start, 500 m");
-    CHECK_THAT(refusal([](Scene& s) { s.sector = Sector{Angle::degrees(10), Angle::degrees(10)}; }), Contains("sector is 10,10 deg"));
-    CHECK_THAT(refusal([](Scene& s) { s.sector = Sector{Angle::degrees(-300), Angle::degrees(300)}; }), Contains("sector is -300,300 deg"));
+    CHECK(refusal([](Scene& s) { s.radar.transmit_power_w = infinity; }) ==
+          "transmit-power is inf W; it must be above 0 and finite");
+    CHECK(refusal([](Scene& s) {
+              s.range_m = 500;
+              s.range_start_m = 500;
+          }) == "range is 500 m; it must be above range-start, 500 m");
+    CHECK_THAT(refusal([](Scene& s) {
+                   s.sector = Sector{Angle::degrees(10), Angle::degrees(10)};
+               }),
+               Contains("sector is 10,10 deg"));
+    CHECK_THAT(refusal([](Scene& s) {
+                   s.sector = Sector{Angle::degrees(-300), Angle::degrees(300)};
+               }),
+               Contains("sector is -300,300 deg"));
 }
 
 TEST_CASE("exactly one position is needed", "[scene]") {
     CHECK_THAT(refusal([](Scene& s) { s.platform.xy = PointXY{1, 2}; }), Contains("latlon") && Contains("xy"));
     CHECK_THAT(refusal([](Scene& s) { s.platform.latlon.reset(); }), Contains("latlon") && Contains("xy"));
-    CHECK_THAT(refusal([](Scene& s) { s.platform.altitude_above = AltitudeAbove::ellipsoid; }), Contains("geoid-offset"));
+    CHECK_THAT(refusal([](Scene& s) { s.platform.altitude_above = AltitudeAbove::ellipsoid; }),
+               Contains("geoid-offset"));
 }
 
 TEST_CASE("NaN is refused wherever a number is asked for, and the key is named", "[scene]") {
@@ -109,14 +121,26 @@ TEST_CASE("NaN is refused wherever a number is asked for, and the key is named",
         {"range", [](Scene& s, double v) { s.range_m = v; }},
         {"range-start", [](Scene& s, double v) { s.range_start_m = v; }},
         {"range-bin", [](Scene& s, double v) { s.range_bin_m = v; }},
-        {"sector", [](Scene& s, double v) { s.sector = Sector{Angle::degrees(v), Angle::degrees(9)}; }},
-        {"sector", [](Scene& s, double v) { s.sector = Sector{Angle::degrees(9), Angle::degrees(v)}; }},
+        {"sector",
+         [](Scene& s, double v) {
+             s.sector = Sector{Angle::degrees(v), Angle::degrees(9)};
+         }},
+        {"sector",
+         [](Scene& s, double v) {
+             s.sector = Sector{Angle::degrees(9), Angle::degrees(v)};
+         }},
         {"earth", [](Scene& s, double v) { s.earth_k = v; }},
         {"gamma", [](Scene& s, double v) { s.gamma = Decibel(v); }},
         {"sweep-delay", [](Scene& s, double v) { s.display.sweep_delay_m = v; }},
         {"heading", [](Scene& s, double v) { s.platform.heading = Angle::degrees(v); }},
-        {"latlon", [](Scene& s, double v) { s.platform.latlon = LatLon{v, 0}; }},
-        {"latlon", [](Scene& s, double v) { s.platform.latlon = LatLon{0, v}; }},
+        {"latlon",
+         [](Scene& s, double v) {
+             s.platform.latlon = LatLon{v, 0};
+         }},
+        {"latlon",
+         [](Scene& s, double v) {
+             s.platform.latlon = LatLon{0, v};
+         }},
         {"altitude-msl", [](Scene& s, double v) { s.platform.altitude_m = v; }},
         {"geoid-offset", [](Scene& s, double v) { s.platform.geoid_offset_m = v; }},
     };

@@ -13,10 +13,10 @@
 #include "tiles/sources.hpp"
 
 using namespace wedgescope;
+using Catch::Matchers::Contains;
 using wedgescope::test::draw;
 using wedgescope::test::Drawing;
 using wedgescope::test::Folder;
-using Catch::Matchers::Contains;
 
 namespace {
 
@@ -40,7 +40,8 @@ struct Plain {
         rows = in->GetRasterYSize();
         in->GetGeoTransform(g);
         values.resize(static_cast<std::size_t>(columns) * static_cast<std::size_t>(rows));
-        if (in->GetRasterBand(1)->RasterIO(GF_Read, 0, 0, columns, rows, values.data(), columns, rows, GDT_Float64, 0, 0, nullptr) != CE_None)
+        if (in->GetRasterBand(1)->RasterIO(GF_Read, 0, 0, columns, rows, values.data(), columns, rows, GDT_Float64, 0,
+                                           0, nullptr) != CE_None)
             throw std::runtime_error("cannot read " + path);
         GDALClose(in);
     }
@@ -54,7 +55,8 @@ float surface(const Chunk& k, std::int64_t c, std::int64_t r) {
     return k.surface_m[static_cast<std::size_t>(line * k.minor_count() + minor)];
 }
 ClassId class_at(const Chunk& k, std::int64_t c, std::int64_t r) {
-    return k.classes[static_cast<std::size_t>((r - k.culture_window.rows.begin) * k.culture_window.columns.size() + c - k.culture_window.columns.begin)];
+    return k.classes[static_cast<std::size_t>((r - k.culture_window.rows.begin) * k.culture_window.columns.size() + c -
+                                              k.culture_window.columns.begin)];
 }
 
 }  // namespace
@@ -91,7 +93,8 @@ TEST_CASE("places on a projected raster agree with GeographicLib's transverse Me
     const DataBase& d = source->data_base();
     CHECK(d.crs_in_metres);
     CHECK(d.metres_per_unit == 1);
-    for (const auto& [lat, lon] : {std::pair(33.8, -117.5), std::pair(33.6, -117.75), std::pair(34.0, -117.0), std::pair(30.0, -110.0)}) {
+    for (const auto& [lat, lon] :
+         {std::pair(33.8, -117.5), std::pair(33.6, -117.75), std::pair(34.0, -117.0), std::pair(30.0, -110.0)}) {
         double x = 0, y = 0;
         GeographicLib::TransverseMercator::UTM().Forward(-117, lat, lon, x, y);
         const IndexPosition at = d.locate(lat, lon);
@@ -112,7 +115,8 @@ TEST_CASE("a chunk holds the posts of its window, line by line, either way round
     std::mt19937 random(5);
     for (int trial = 0; trial < 12; ++trial) {
         const auto pick = [&](std::int64_t n) {
-            std::int64_t a = static_cast<std::int64_t>(random() % static_cast<unsigned>(n)), b = static_cast<std::int64_t>(random() % static_cast<unsigned>(n));
+            std::int64_t a = static_cast<std::int64_t>(random() % static_cast<unsigned>(n)),
+                         b = static_cast<std::int64_t>(random() % static_cast<unsigned>(n));
             return Interval{std::min(a, b), std::max(a, b) + 1};
         };
         const Window window{pick(3601), pick(1801)};
@@ -132,7 +136,8 @@ TEST_CASE("a chunk holds the posts of its window, line by line, either way round
             }
         CHECK(wrong == 0);
     }
-    CHECK(source->extremes().void_posts == static_cast<std::uint64_t>(std::count(plain.values.begin(), plain.values.end(), -32768.0)));
+    CHECK(source->extremes().void_posts ==
+          static_cast<std::uint64_t>(std::count(plain.values.begin(), plain.values.end(), -32768.0)));
     CHECK(source->extremes().highest_m == 1095);
 }
 
@@ -153,7 +158,8 @@ TEST_CASE("a raster round the whole earth goes on across its seam", "[source]") 
             const Chunk chunk = source->load({{-3, 40}, {2, 5}}, by_columns);
             std::int64_t wrong = 0;
             for (std::int64_t c = -3; c < 40; ++c)
-                for (std::int64_t r = 2; r < 5; ++r) wrong += surface(chunk, c, r) != static_cast<float>((c + 36) % 36 * 100 + r);
+                for (std::int64_t r = 2; r < 5; ++r)
+                    wrong += surface(chunk, c, r) != static_cast<float>((c + 36) % 36 * 100 + r);
             CHECK(wrong == 0);
         }
         CHECK(source->bare_terrain_m(-1, 4) == 3504);
@@ -198,7 +204,8 @@ TEST_CASE("south-up rasters and rasters without any georeference are honoured", 
     d.geotransform = {{0, 5, 0, 0, 0, -5}};
     d.crs = "EPSG:2263";  // New York Long Island, US survey feet
     draw(folder / "feet.tif", d);
-    CHECK(open_direct_source(only(folder / "feet.tif"))->data_base().metres_per_unit == Approx(1200.0 / 3937).epsilon(1e-12));
+    CHECK(open_direct_source(only(folder / "feet.tif"))->data_base().metres_per_unit ==
+          Approx(1200.0 / 3937).epsilon(1e-12));
 }
 
 TEST_CASE("culture heights are added at the posts in single precision", "[source]") {
@@ -242,8 +249,9 @@ TEST_CASE("culture heights are those of the cell that contains the post, on the 
     params.culture_height = folder / "height.tif";
     params.culture_height_scale = 2;
     // Coarser, finer, and turned over; each over part of the terrain only; no post on an edge between two cells.
-    for (const auto& g : {std::array<double, 6>{1100.5, 35, 0, 1950.5, 0, -35}, std::array<double, 6>{1100.5, 3, 0, 1950.5, 0, -3},
-                          std::array<double, 6>{1100.5, 7, 0, 1800.5, 0, 7}}) {
+    for (const auto& g :
+         {std::array<double, 6>{1100.5, 35, 0, 1950.5, 0, -35}, std::array<double, 6>{1100.5, 3, 0, 1950.5, 0, -3},
+          std::array<double, 6>{1100.5, 7, 0, 1800.5, 0, 7}}) {
         h.columns = 20;
         h.rows = 25;
         h.geotransform = g;
@@ -295,7 +303,8 @@ TEST_CASE("a point has the class of the culture cell that contains it, on the cu
     std::int64_t wrong = 0;
     for (std::int64_t r = window.rows.begin - 1; r <= window.rows.end; ++r)
         for (std::int64_t c = window.columns.begin - 1; c <= window.columns.end; ++c) {
-            const double x = dem.g[0] + (static_cast<double>(c) + 0.5) * dem.g[1], y = dem.g[3] + (static_cast<double>(r) + 0.5) * dem.g[5];
+            const double x = dem.g[0] + (static_cast<double>(c) + 0.5) * dem.g[1],
+                         y = dem.g[3] + (static_cast<double>(r) + 0.5) * dem.g[5];
             const auto i = static_cast<std::int64_t>(std::floor((x - culture.g[0]) / culture.g[1]));
             const auto j = static_cast<std::int64_t>(std::floor((y - culture.g[3]) / culture.g[5]));
             const int code = static_cast<int>(culture.at(i, j));
@@ -420,13 +429,15 @@ TEST_CASE("many threads read the same posts through one source", "[source]") {
     const std::string vrt = folder / "coast.vrt";
     {
         GDALDataset* in = GDALDataset::Open((data + "/olympic_coast_dem.tif").c_str());
-        GDALDataset* out = GetGDALDriverManager()->GetDriverByName("VRT")->CreateCopy(vrt.c_str(), in, 0, nullptr, nullptr, nullptr);
+        GDALDataset* out =
+            GetGDALDriverManager()->GetDriverByName("VRT")->CreateCopy(vrt.c_str(), in, 0, nullptr, nullptr, nullptr);
         GDALClose(out);
         GDALClose(in);
     }
     const auto source = open_direct_source(only(vrt));
     const auto sum = [&](int part) {
-        const Chunk chunk = source->load({{part * 200, part * 200 + 600}, {100 * part, 100 * part + 700}}, part % 2 == 1);
+        const Chunk chunk =
+            source->load({{part * 200, part * 200 + 600}, {100 * part, 100 * part + 700}}, part % 2 == 1);
         double total = 0;
         for (float z : chunk.surface_m) total += std::isnan(z) ? 1e6 : static_cast<double>(z);
         return total;

@@ -31,7 +31,8 @@ DataBase degrees(double west, double north, double step, std::int64_t columns, s
     db.step_x = step;
     db.step_y = -step;
     db.locate = [=](double lat, double lon) {
-        double d = std::remainder(lon - (west + static_cast<double>(columns) * step / 2), 360) + static_cast<double>(columns) * step / 2;
+        double d = std::remainder(lon - (west + static_cast<double>(columns) * step / 2), 360) +
+                   static_cast<double>(columns) * step / 2;
         return IndexPosition{d / step, (north - lat) / step};
     };
     return db;
@@ -51,7 +52,8 @@ DataBase plane(std::int64_t columns, std::int64_t rows, double step) {
 }  // namespace
 
 TEST_CASE("geodesic spokes cross lines within 0.05 post of where GeographicLib puts them", "[spoke_map]") {
-    for (const auto& [lat, reach_m] : {std::pair(0.5, 150000.0), std::pair(48.2, 150000.0), std::pair(-71.0, 100000.0), std::pair(80.0, 40000.0)}) {
+    for (const auto& [lat, reach_m] :
+         {std::pair(0.5, 150000.0), std::pair(48.2, 150000.0), std::pair(-71.0, 100000.0), std::pair(80.0, 40000.0)}) {
         const double west = 178.9;  // across the antimeridian too
         const DataBase db = degrees(west, lat + 2, 1.0 / 1200, 4800, 4800);
         const IndexPosition nadir = db.locate(lat, west + 1.3);
@@ -70,7 +72,8 @@ TEST_CASE("geodesic spokes cross lines within 0.05 post of where GeographicLib p
                 const double minor = lines_are_columns(q) ? p.row : p.column;
                 if (p.column < 0 || p.row < 0 || p.column > 4799 || p.row > 4799) continue;
                 const SpokeMap::Place place = map.place(q, m, major);
-                worst = std::max({worst, std::abs(place.minor - minor), std::abs(place.arc_m - arc) / map.metres_per_post(q, m)});
+                worst = std::max(
+                    {worst, std::abs(place.minor - minor), std::abs(place.arc_m - arc) / map.metres_per_post(q, m)});
             }
         INFO("latitude " << lat);
         CHECK(worst < 0.05);  // posts; the design's bound
@@ -80,7 +83,8 @@ TEST_CASE("geodesic spokes cross lines within 0.05 post of where GeographicLib p
 
 TEST_CASE("a grid that bends too much within range is refused, not swept wrongly", "[spoke_map]") {
     const DataBase db = degrees(0, 90, 1.0 / 120, 7200, 240);
-    CHECK_THROWS_WITH(SpokeMap(db, {Geometry::geodesic, db.locate(89.5, 30), 89.5, 30, 4.0 / 3, 100000}), Catch::Contains("bends too much"));
+    CHECK_THROWS_WITH(SpokeMap(db, {Geometry::geodesic, db.locate(89.5, 30), 89.5, 30, 4.0 / 3, 100000}),
+                      Catch::Contains("bends too much"));
 }
 
 TEST_CASE("the spokes' cells share out the circle without gap or overlap, whatever the wedges", "[spoke_grid]") {
@@ -100,12 +104,14 @@ TEST_CASE("the spokes' cells share out the circle without gap or overlap, whatev
                         const SpokeGrid::Share share = grid.share(run.quadrant, spokes, k);
                         for (int side = 0; side < 2; ++side)
                             if (run.bins.contains(share.bin + side))
-                                total[static_cast<std::size_t>(((share.bin + side) % circle + circle) % circle)] += share.radians[side];
+                                total[static_cast<std::size_t>(((share.bin + side) % circle + circle) % circle)] +=
+                                    share.radians[side];
                     }
                 }
             }
             INFO(circle << " bins, " << wedges << " wedges");
-            for (const double t : total) CHECK(t == Approx(2 * std::numbers::pi / static_cast<double>(circle)).margin(1e-9));
+            for (const double t : total)
+                CHECK(t == Approx(2 * std::numbers::pi / static_cast<double>(circle)).margin(1e-9));
         }
     }
 }
@@ -130,15 +136,19 @@ TEST_CASE("heights and crossings on a line are those of the bilinear surface", "
     std::mt19937 random(11);
     std::uniform_real_distribution<double> any(0, 1);
     for (int turn = 0; turn < 200; ++turn) {
-        const std::int64_t begin = static_cast<std::int64_t>(random() % 50), count = 2 + static_cast<std::int64_t>(random() % 40);
+        const std::int64_t begin = static_cast<std::int64_t>(random() % 50),
+                           count = 2 + static_cast<std::int64_t>(random() % 40);
         std::vector<float> behind, ahead;
         for (std::int64_t j = 0; j < count; ++j) {
-            behind.push_back(any(random) < 0.1 ? std::numeric_limits<float>::quiet_NaN() : static_cast<float>(1000 * any(random)));
-            ahead.push_back(any(random) < 0.1 ? std::numeric_limits<float>::quiet_NaN() : static_cast<float>(1000 * any(random)));
+            behind.push_back(any(random) < 0.1 ? std::numeric_limits<float>::quiet_NaN()
+                                               : static_cast<float>(1000 * any(random)));
+            ahead.push_back(any(random) < 0.1 ? std::numeric_limits<float>::quiet_NaN()
+                                              : static_cast<float>(1000 * any(random)));
         }
         const LinePosts back{behind.data(), begin, begin + count}, front{ahead.data(), begin, begin + count};
         const auto n = static_cast<std::size_t>(random() % 70);
-        std::vector<double> minor(n), to(n), arc(n), arc_to(n), height(n), major(n, 10), out(n), o_minor(n), o_arc(n), o_height(n), o_major(n);
+        std::vector<double> minor(n), to(n), arc(n), arc_to(n), height(n), major(n, 10), out(n), o_minor(n), o_arc(n),
+            o_height(n), o_major(n);
         for (std::size_t i = 0; i < n; ++i) {
             minor[i] = static_cast<double>(begin) - 2 + any(random) * static_cast<double>(count + 4);
             if (random() % 4 == 0) minor[i] = std::floor(minor[i]);  // exactly on a post
@@ -149,19 +159,23 @@ TEST_CASE("heights and crossings on a line are those of the bilinear surface", "
             height[i] = 5;
         }
         height_lanes(back, n, minor.data(), out.data());
-        const Crossing crossing{minor.data(), arc.data(), height.data(), major.data(), to.data(), arc_to.data(), 10, 11,
-                                o_minor.data(), o_arc.data(), o_height.data(), o_major.data()};
+        const Crossing crossing{
+            minor.data(), arc.data(), height.data(),  major.data(), to.data(),       arc_to.data(),
+            10,           11,         o_minor.data(), o_arc.data(), o_height.data(), o_major.data()};
         cross_lanes(back, front, n, crossing);
         for (std::size_t i = 0; i < n; ++i) {
             const double y = minor[i];
             const auto at = [&](const std::vector<float>& line, std::int64_t j) {
-                return j < begin || j >= begin + count ? std::numeric_limits<double>::quiet_NaN() : static_cast<double>(line[static_cast<std::size_t>(j - begin)]);
+                return j < begin || j >= begin + count ? std::numeric_limits<double>::quiet_NaN()
+                                                       : static_cast<double>(line[static_cast<std::size_t>(j - begin)]);
             };
             const auto j = static_cast<std::int64_t>(std::floor(y));
             const double f = y - std::floor(y);
             const double truth = f == 0 ? at(behind, j) : (1 - f) * at(behind, j) + f * at(behind, j + 1);
-            if (std::isnan(truth)) CHECK(std::isnan(out[i]));
-            else CHECK(out[i] == Approx(truth).margin(1e-9));
+            if (std::isnan(truth))
+                CHECK(std::isnan(out[i]));
+            else
+                CHECK(out[i] == Approx(truth).margin(1e-9));
             // The first whole number strictly between.
             double c = to[i] > y ? std::floor(y) + 1 : std::ceil(y) - 1;
             const bool crosses = to[i] > y ? c < to[i] : c > to[i];
@@ -175,9 +189,12 @@ TEST_CASE("heights and crossings on a line are those of the bilinear surface", "
             CHECK(o_minor[i] == c);
             CHECK(o_arc[i] == Approx(100 + 30 * u));
             CHECK(o_major[i] == Approx(10 + u));
-            const double z = (1 - u) * at(behind, static_cast<std::int64_t>(c)) + u * at(ahead, static_cast<std::int64_t>(c));
-            if (std::isnan(z)) CHECK(std::isnan(o_height[i]));
-            else CHECK(o_height[i] == Approx(z).margin(1e-9));
+            const double z =
+                (1 - u) * at(behind, static_cast<std::int64_t>(c)) + u * at(ahead, static_cast<std::int64_t>(c));
+            if (std::isnan(z))
+                CHECK(std::isnan(o_height[i]));
+            else
+                CHECK(o_height[i] == Approx(z).margin(1e-9));
         }
     }
 }
@@ -188,7 +205,8 @@ TEST_CASE("the series of the sight line is the exact form of the round earth", "
     const double radius = 4.0 / 3 * mean_radius_m;
     const Earth earth(radius);
     for (int i = 0; i < 3000; ++i) {
-        const double sensor = 20000 * any(random), height = -400 + 9000 * any(random), arc = std::pow(10.0, 1 + 4.9 * any(random));
+        const double sensor = 20000 * any(random), height = -400 + 9000 * any(random),
+                     arc = std::pow(10.0, 1 + 4.9 * any(random));
         const SightLine p = sight_line(sensor, arc, height, 1 / radius);
         const Earth::Sight truth = earth.sight(sensor, height, arc);
         CHECK(p.range_m == Approx(truth.slant_range_m).epsilon(1e-13));
@@ -203,7 +221,8 @@ TEST_CASE("what a parabola shows over a horizon is what walking along it shows",
     std::uniform_real_distribution<double> any(-1, 1);
     int shown = 0, hides = 0;
     for (int turn = 0; turn < 4000; ++turn) {
-        const double out0 = 5000, out1 = 5030, up0 = -1000 + 10 * any(random), up1 = -1000 + 10 * any(random), bump = 4 * any(random);
+        const double out0 = 5000, out1 = 5030, up0 = -1000 + 10 * any(random), up1 = -1000 + 10 * any(random),
+                     bump = 4 * any(random);
         const bool from_ray = turn % 3 == 0;
         const double start = up0 / std::hypot(up0, out0);
         const double sine = from_ray ? start : start + 0.001 * std::abs(any(random));
@@ -212,7 +231,8 @@ TEST_CASE("what a parabola shows over a horizon is what walking along it shows",
         constexpr int steps = 20000;
         double most = sine, first = -1, last = -1;
         for (int i = 0; i <= steps; ++i) {
-            const double u = static_cast<double>(i) / steps, up = up0 + u * (up1 - up0) + 4 * bump * u * (1 - u), out = out0 + u * (out1 - out0);
+            const double u = static_cast<double>(i) / steps, up = up0 + u * (up1 - up0) + 4 * bump * u * (1 - u),
+                         out = out0 + u * (out1 - out0);
             const double s = up / std::hypot(up, out);
             if (s > most + 1e-12) {
                 if (first < 0) first = u;
@@ -226,8 +246,10 @@ TEST_CASE("what a parabola shows over a horizon is what walking along it shows",
         ++shown;
         hides += c.hides;
         CHECK(c.begin == Approx(first).margin(0.01));
-        CHECK(c.end == Approx(last).margin(0.03));  // where exactly the highest elevation lies on a flat top moves little power
-        const double up = up0 + c.end * (up1 - up0) + 4 * bump * c.end * (1 - c.end), out = out0 + c.end * (out1 - out0);
+        CHECK(c.end ==
+              Approx(last).margin(0.03));  // where exactly the highest elevation lies on a flat top moves little power
+        const double up = up0 + c.end * (up1 - up0) + 4 * bump * c.end * (1 - c.end),
+                     out = out0 + c.end * (out1 - out0);
         CHECK(up / std::hypot(up, out) == Approx(most).margin(2e-7));
         CHECK(c.hides == (last < 0.97 || (c.hides && last < 1)));
     }
@@ -280,7 +302,8 @@ TEST_CASE("deposits add up to what was put in, in any order and by lanes or one 
         power.push_back(p.portion.power);
         bow.push_back(p.portion.bow);
     }
-    lanes.add_lanes(puts.size(), {code.data(), row.data(), s0.data(), s1.data(), x0.data(), x1.data(), w.data(), power.data(), bow.data(), 1});
+    lanes.add_lanes(puts.size(), {code.data(), row.data(), s0.data(), s1.data(), x0.data(), x1.data(), w.data(),
+                                  power.data(), bow.data(), 1});
     double sum = 0;
     for (std::size_t r = 0; r < 5; ++r)
         for (std::size_t j = 0; j < 190; ++j) {
@@ -295,7 +318,8 @@ TEST_CASE("the quantum of a bin leaves room for all that a cell can hold, and no
     const double constant = 1234.5, pattern = 0.8, step = 0.0065, gamma = 3.2;
     const Quanta q = quanta({0, 40}, 100, constant, pattern, step, gamma);
     for (std::size_t j = 0; j < 40; ++j) {
-        const double near = std::max(1.0, static_cast<double>(j) * 100), most = constant * pattern * 2 * step * gamma / (near * near);
+        const double near = std::max(1.0, static_cast<double>(j) * 100),
+                     most = constant * pattern * 2 * step * gamma / (near * near);
         CHECK(q.watts[j] >= most * 0x1p-61);
         CHECK(q.watts[j] < most * 0x1p-60);
         int exponent = 0;
@@ -314,7 +338,8 @@ TEST_CASE("the antenna table is the pattern within its stated error", "[shade]")
             for (double depression = -5; depression < 80; depression += 0.0371) {
                 const double g = elevation_pattern(antenna, depression * std::numbers::pi / 180);
                 if (g < 1e-5) continue;
-                CHECK(table.at(-std::sin(depression * std::numbers::pi / 180)) == Approx(g * g).epsilon(1.01 * table.error() + 1e-6));
+                CHECK(table.at(-std::sin(depression * std::numbers::pi / 180)) ==
+                      Approx(g * g).epsilon(1.01 * table.error() + 1e-6));
             }
         }
 }

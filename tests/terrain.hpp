@@ -1,4 +1,5 @@
-// Drawn terrain: a wedge source that lives in memory, on a plane with x east, y north, and shapes whose answers are known.
+// Drawn terrain: a wedge source that lives in memory, on a plane with x east, y north, and shapes whose answers are
+// known.
 #pragma once
 #include <cmath>
 #include <cstdint>
@@ -16,7 +17,8 @@ inline constexpr float void_post = std::numeric_limits<float>::quiet_NaN();
 /// columns x rows posts, `post_m` apart; post (c, r) stands at x = c post_m, y = -r post_m.
 class MemorySource : public WedgeSource {
 public:
-    MemorySource(std::int64_t columns, std::int64_t rows, double post_m, const std::function<double(double c, double r)>& height)
+    MemorySource(std::int64_t columns, std::int64_t rows, double post_m,
+                 const std::function<double(double c, double r)>& height)
         : terrain_(static_cast<std::size_t>(columns * rows)) {
         db_.name = "drawn";
         db_.columns = columns;
@@ -35,7 +37,8 @@ public:
         culture_height_.resize(terrain_.size());
         for (std::int64_t r = 0; r < db_.rows; ++r)
             for (std::int64_t c = 0; c < db_.columns; ++c)
-                culture_height_[index(c, r)] = static_cast<float>(height(static_cast<double>(c), static_cast<double>(r)));
+                culture_height_[index(c, r)] =
+                    static_cast<float>(height(static_cast<double>(c), static_cast<double>(r)));
     }
     /// Classes on the posts' own cells.
     void set_classes(const std::function<int(double c, double r)>& id) {
@@ -65,7 +68,8 @@ public:
                 if (!culture_height_.empty()) chunk.culture_height_m.push_back(culture);
             }
         if (db_.has_culture) {
-            chunk.culture_window = {{window.columns.begin - 1, window.columns.end + 1}, {window.rows.begin - 1, window.rows.end + 1}};
+            chunk.culture_window = {{window.columns.begin - 1, window.columns.end + 1},
+                                    {window.rows.begin - 1, window.rows.end + 1}};
             for (std::int64_t r = chunk.culture_window.rows.begin; r < chunk.culture_window.rows.end; ++r)
                 for (std::int64_t c = chunk.culture_window.columns.begin; c < chunk.culture_window.columns.end; ++c) {
                     const bool inside = c >= 0 && r >= 0 && c < db_.columns && r < db_.rows;
@@ -101,7 +105,8 @@ private:
     std::vector<ClassId> classes_;
 };
 
-/// Smooth seeded noise: a sum of waves of random direction; amplitude about `relief_m`, wavelengths from `longest` posts down.
+/// Smooth seeded noise: a sum of waves of random direction; amplitude about `relief_m`, wavelengths from `longest`
+/// posts down.
 inline std::function<double(double, double)> rolling(double relief_m, double longest, unsigned seed) {
     std::mt19937 random(seed);
     std::uniform_real_distribution<double> turn(0, 6.283185307179586);

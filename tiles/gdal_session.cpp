@@ -16,7 +16,8 @@ namespace {
 
 /// One line, without a full stop at its end.
 std::string one_line(std::string message) {
-    std::replace_if(message.begin(), message.end(), [](unsigned char c) { return std::iscntrl(c) != 0; }, ' ');
+    std::replace_if(
+        message.begin(), message.end(), [](unsigned char c) { return std::iscntrl(c) != 0; }, ' ');
     while (!message.empty() && (message.back() == ' ' || message.back() == '.')) message.pop_back();
     constexpr std::size_t longest = 300;
     if (message.size() > longest) message = message.substr(0, longest) + "...";
@@ -65,8 +66,7 @@ GdalSession::GdalSession(std::size_t cache_bytes, const std::vector<std::pair<st
     GDALAllRegister();
     set_cache_bytes(cache_bytes);
     for (const auto& [key, value] : config) {
-        if (key.empty())
-            throw InputError(text("config '=", value, "' has no name; accepted: --config NAME=VALUE"));
+        if (key.empty()) throw InputError(text("config '=", value, "' has no name; accepted: --config NAME=VALUE"));
         CPLSetConfigOption(key.c_str(), value.c_str());
         if (EQUAL(key.c_str(), "GDAL_CACHEMAX"))
             if (const auto bytes = cache_max(value)) GDALSetCacheMax64(*bytes);

@@ -56,7 +56,8 @@ std::string with_ending(const std::string& path, const std::string& ending) {
 void remove_family(const std::string& temporary_path) noexcept {
     try {
         std::error_code ignored;
-        for (const std::string& ending : endings(temporary_path)) fs::remove(with_ending(temporary_path, ending), ignored);
+        for (const std::string& ending : endings(temporary_path))
+            fs::remove(with_ending(temporary_path, ending), ignored);
     } catch (...) {  // out of memory: the file itself at least
         ::unlink(temporary_path.c_str());
     }
@@ -94,20 +95,20 @@ OutputFile::OutputFile(std::string final_path, bool overwrite)
         throw InputError(text("output '", final_path_, "' is a folder; accepted: the path of a file"));
     refuse_existing();
     if (::access(folder.c_str(), W_OK | X_OK) != 0)
-        throw IoError(text("output '", final_path_, "': folder '", folder, "' is not writable: ", std::strerror(errno)));
+        throw IoError(
+            text("output '", final_path_, "': folder '", folder, "' is not writable: ", std::strerror(errno)));
 
     static std::atomic<unsigned> number{0};
     const fs::path whole(final_path_);
-    temporary_path_ = (whole.parent_path() / text(whole.stem().string(), ".tmp-", ::getpid(), "-", ++number,
-                                                  whole.extension().string()))
+    temporary_path_ = (whole.parent_path() /
+                       text(whole.stem().string(), ".tmp-", ::getpid(), "-", ++number, whole.extension().string()))
                           .string();
     const std::lock_guard lock(live().mutex);
     live().paths.insert(temporary_path_);
 }
 
 OutputFile::OutputFile(OutputFile&& other) noexcept
-    : final_path_(std::move(other.final_path_)),
-      temporary_path_(std::exchange(other.temporary_path_, {})),
+    : final_path_(std::move(other.final_path_)), temporary_path_(std::exchange(other.temporary_path_, {})),
       overwrite_(other.overwrite_) {}
 
 OutputFile::~OutputFile() {
@@ -162,7 +163,8 @@ void write_text(const std::string& path, const std::string& content, bool overwr
     std::ofstream out(file.temporary_path(), std::ios::binary);
     out.write(content.data(), static_cast<std::streamsize>(content.size()));
     out.close();
-    if (!out) throw IoError(text("output '", path, "' cannot be written: ", errno ? std::strerror(errno) : "disk full?"));
+    if (!out)
+        throw IoError(text("output '", path, "' cannot be written: ", errno ? std::strerror(errno) : "disk full?"));
     file.commit();
 }
 

@@ -17,8 +17,8 @@ public:
     const std::string& final_path() const { return final_path_; }
     /// Beside the final one, with its extension (scope.tmp-PID-N.png): what to write to. Empty after commit().
     const std::string& temporary_path() const { return temporary_path_; }
-    /// Flushes to disk, renames (everything beside it that carries its name too: `.aux.xml`, `.geoloc.tif`, `.hdr`, ...),
-    /// forgets. Old `.aux.xml` and `.geoloc.tif` of the final name go. IoError naming the file.
+    /// Flushes to disk, renames (everything beside it that carries its name too: `.aux.xml`, `.geoloc.tif`, `.hdr`,
+    /// ...), forgets. Old `.aux.xml` and `.geoloc.tif` of the final name go. IoError naming the file.
     void commit();
 
 private:

@@ -23,7 +23,7 @@ std::array<double, 6> affine(const Frame& frame, double x0, double y0, double un
     // Exactly 0 and 1 where up is north.
     const double c = frame.up_azimuth_rad == 0 ? scale : scale * std::cos(frame.up_azimuth_rad);
     const double s = frame.up_azimuth_rad == 0 ? 0 : scale * std::sin(frame.up_azimuth_rad);
-    return {x0 - c * frame.centre_column + s * frame.centre_row, c, -s + 0.0,
+    return {x0 - c * frame.centre_column + s * frame.centre_row, c,        -s + 0.0,
             y0 + s * frame.centre_column + c * frame.centre_row, -s + 0.0, -c};
 }
 
@@ -47,7 +47,8 @@ GeolocationGrid tube_geolocation(const RunResult& run, const RasterFormat& forma
 void write_scope(const RunResult& run, OutputFile& file, const RasterFormat& format) {
     const Picture& picture = run.scope;
     const Frame& frame = picture.frame;
-    if (frame.width < 1 || frame.height < 1 || picture.grey.size() != static_cast<std::size_t>(frame.width * frame.height))
+    if (frame.width < 1 || frame.height < 1 ||
+        picture.grey.size() != static_cast<std::size_t>(frame.width * frame.height))
         throw Error(text("output '", file.final_path(), "': the run holds no scope picture"));
     const ResolvedScene& scene = run.scene;
     const DisplayParams& display = scene.scene.display;
@@ -69,8 +70,9 @@ void write_scope(const RunResult& run, OutputFile& file, const RasterFormat& for
         content.geolocation = tube_geolocation(run, format);
     } else if (!display.rings) {
         if (scene.geometry == Geometry::geodesic) {
-            content.crs = fmt::format("+proj=aeqd +lat_0={:.15g} +lon_0={:.15g} +x_0=0 +y_0=0 +datum=WGS84 +units=m +no_defs",
-                                      scene.lat_deg, scene.lon_deg);
+            content.crs =
+                fmt::format("+proj=aeqd +lat_0={:.15g} +lon_0={:.15g} +x_0=0 +y_0=0 +datum=WGS84 +units=m +no_defs",
+                            scene.lat_deg, scene.lon_deg);
             content.geotransform = affine(frame, 0, 0, 1);
         } else {
             content.crs = format.crs_wkt;

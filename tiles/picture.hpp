@@ -1,6 +1,6 @@
 // Picture files: the scope as PNG, GeoTIFF or another GDAL raster driver, with georeference where it is a map
-// (north-up gpi and gpi-true without rings: azimuthal equidistant round the sensor) and a geolocation array where it is not.
-// Leaves text (legends) to the helper program.
+// (north-up gpi and gpi-true without rings: azimuthal equidistant round the sensor) and a geolocation array where it is
+// not. Leaves text (legends) to the helper program.
 #pragma once
 #include "lib/engine.hpp"
 #include "tiles/output_file.hpp"

@@ -42,8 +42,9 @@ RasterContent polar_content(const RunResult& run, const PolarGrid& grid, const R
     const double circle = static_cast<double>(grid.circle_bins);
     Metadata& items = content.metadata;
     items = scene_metadata(run.scene, format);
-    items.emplace_back("AZIMUTH_START_DEG",
-                       fifteen_digits(std::fmod(static_cast<double>(grid.azimuth_bins.begin % grid.circle_bins) * 360 / circle, 360)));
+    items.emplace_back(
+        "AZIMUTH_START_DEG",
+        fifteen_digits(std::fmod(static_cast<double>(grid.azimuth_bins.begin % grid.circle_bins) * 360 / circle, 360)));
     items.emplace_back("AZIMUTH_STEP_DEG", fifteen_digits(360 / circle));
     items.emplace_back("RANGE_START_M", fifteen_digits(static_cast<double>(grid.range_bins.begin) * grid.range_bin_m));
     items.emplace_back("RANGE_STEP_M", fifteen_digits(grid.range_bin_m));
@@ -100,7 +101,8 @@ void write_states(const RunResult& run, OutputFile& file, const RasterFormat& fo
     RasterContent content = polar_content(run, run.state.grid, format);
     content.type = GDT_Byte;
     content.metadata.emplace_back("STATE_CODES", state_legend());
-    content.bands.push_back({run.state.cells.data(), "state", "", {}, {std::begin(state_names), std::end(state_names)}});
+    content.bands.push_back(
+        {run.state.cells.data(), "state", "", {}, {std::begin(state_names), std::end(state_names)}});
     write_raster(content, file, format);
 }
 

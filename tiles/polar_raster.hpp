@@ -15,13 +15,13 @@
 namespace wedgescope {
 
 struct RasterFormat {
-    std::string driver;                                             ///< empty: from the file name's extension
-    std::vector<std::string> creation;                              ///< K=V
-    bool reproducible = false;                                      ///< the same bytes every time
-    std::string version;                                            ///< of the program, for metadata
-    std::string scene_json;                                         ///< SCENE_JSON
-    std::string crs_wkt;                                            ///< DataBase::crs_wkt, for grid geometry; empty: none
-    double metres_per_unit = 1;                                     ///< DataBase::metres_per_unit
+    std::string driver;                 ///< empty: from the file name's extension
+    std::vector<std::string> creation;  ///< K=V
+    bool reproducible = false;          ///< the same bytes every time
+    std::string version;                ///< of the program, for metadata
+    std::string scene_json;             ///< SCENE_JSON
+    std::string crs_wkt;                ///< DataBase::crs_wkt, for grid geometry; empty: none
+    double metres_per_unit = 1;         ///< DataBase::metres_per_unit
 };
 
 enum class PowerUnit { watt, dbm };

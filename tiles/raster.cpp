@@ -25,9 +25,12 @@ void find_bounds(const RasterFacts& facts, RasterSummary& summary) {
     }
     GdalErrors errors;
     const OGRSpatialReference wgs84 = wgs84_lon_lat();
-    const std::unique_ptr<OGRCoordinateTransformation> to_wgs84(OGRCreateCoordinateTransformation(facts.crs.get(), &wgs84));
-    if (!to_wgs84 || !to_wgs84->TransformBounds(x0, y0, x1, y1, &summary.west, &summary.south, &summary.east, &summary.north, 21))
-        throw DataError(text(facts.named(), ": PROJ cannot turn its CRS into latitude and longitude: ", errors.reason()));
+    const std::unique_ptr<OGRCoordinateTransformation> to_wgs84(
+        OGRCreateCoordinateTransformation(facts.crs.get(), &wgs84));
+    if (!to_wgs84 ||
+        !to_wgs84->TransformBounds(x0, y0, x1, y1, &summary.west, &summary.south, &summary.east, &summary.north, 21))
+        throw DataError(
+            text(facts.named(), ": PROJ cannot turn its CRS into latitude and longitude: ", errors.reason()));
 }
 
 }  // namespace

@@ -17,8 +17,8 @@ struct RasterSummary {
     double west = 0, east = 0, south = 0, north = 0;  ///< WGS84 degrees, of the edge; only with a CRS
     std::string compression;
     std::uint64_t void_posts = 0;
-    double lowest = 0, highest = 0, mean = 0;         ///< of valid posts, metres (scale, offset and unit applied)
-    std::map<int, std::uint64_t> codes;               ///< count of each value; only when asked for (culture)
+    double lowest = 0, highest = 0, mean = 0;  ///< of valid posts, metres (scale, offset and unit applied)
+    std::map<int, std::uint64_t> codes;        ///< count of each value; only when asked for (culture)
 };
 
 /// IoError / DataError naming the file and, for a bad value, the post (column, row).

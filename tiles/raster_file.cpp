@@ -13,18 +13,20 @@ namespace {
 /// Metres of a band's height unit; 1 for what is not known.
 double unit_in_metres(std::string unit) {
     std::erase_if(unit, [](unsigned char c) { return !std::isalnum(c); });
-    std::transform(unit.begin(), unit.end(), unit.begin(), [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+    std::transform(unit.begin(), unit.end(), unit.begin(),
+                   [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
     for (const char* word : {"ft", "foot", "feet", "internationalfoot", "internationalfeet", "footinternational"})
         if (unit == word) return 0.3048;
-    for (const char* word : {"usft", "ftus", "sft", "ussurveyfoot", "ussurveyfeet", "footus", "surveyfoot", "surveyfeet",
-                             "footussurvey", "usfoot", "usfeet"})
+    for (const char* word : {"usft", "ftus", "sft", "ussurveyfoot", "ussurveyfeet", "footus", "surveyfoot",
+                             "surveyfeet", "footussurvey", "usfoot", "usfeet"})
         if (unit == word) return 1200.0 / 3937;
     return 1;
 }
 
 DatasetHandle open(const RasterFacts& facts) {
     GdalErrors errors;
-    DatasetHandle dataset(GDALDataset::Open(facts.path.c_str(), GDAL_OF_RASTER | GDAL_OF_READONLY | GDAL_OF_VERBOSE_ERROR));
+    DatasetHandle dataset(
+        GDALDataset::Open(facts.path.c_str(), GDAL_OF_RASTER | GDAL_OF_READONLY | GDAL_OF_VERBOSE_ERROR));
     if (!dataset) {
         std::string reason = errors.reason();
         if (reason.starts_with(facts.path + ": ")) reason = reason.substr(facts.path.size() + 2);
@@ -45,7 +47,8 @@ void inspect_grid(GDALDataset& dataset, RasterFacts& facts) {
         return;
     }
     for (double term : g)
-        if (!std::isfinite(term)) throw DataError(text(facts.named(), " has a geotransform that is not finite: ", term));
+        if (!std::isfinite(term))
+            throw DataError(text(facts.named(), " has a geotransform that is not finite: ", term));
     // A shear of less than a thousandth of a cell over the whole raster is rounding.
     if (std::fabs(g[2]) * static_cast<double>(facts.rows) > 1e-3 * std::fabs(g[1]) ||
         std::fabs(g[4]) * static_cast<double>(facts.columns) > 1e-3 * std::fabs(g[5]))
@@ -67,7 +70,8 @@ void inspect_crs(GDALDataset& dataset, RasterFacts& facts) {
     if (crs->IsCompound()) crs->StripVertical();
     crs->SetAxisMappingStrategy(OAMS_TRADITIONAL_GIS_ORDER);
     if (crs->IsGeocentric())
-        throw DataError(text(facts.named(), " has a geocentric CRS; accepted: latitude and longitude, or a projection"));
+        throw DataError(
+            text(facts.named(), " has a geocentric CRS; accepted: latitude and longitude, or a projection"));
     if (crs->IsGeographic()) {
         const double degree = crs->GetAngularUnits(static_cast<const char**>(nullptr)) * 180 / M_PI;
         if (std::fabs(degree - 1) > 1e-9)
@@ -119,7 +123,8 @@ void inspect_band(GDALDataset& dataset, RasterFacts& facts) {
     // A mask made of the no-data value alone is the comparison that is made anyway.
     facts.has_mask = (flags & GMF_ALL_VALID) == 0 && (flags & (GMF_PER_DATASET | GMF_ALPHA)) != 0;
     if ((flags & (GMF_ALL_VALID | GMF_NODATA)) == 0) facts.has_mask = true;
-    if (const char* compression = dataset.GetMetadataItem("COMPRESSION", "IMAGE_STRUCTURE")) facts.compression = compression;
+    if (const char* compression = dataset.GetMetadataItem("COMPRESSION", "IMAGE_STRUCTURE"))
+        facts.compression = compression;
 }
 
 RasterFacts inspect(GDALDataset& dataset, RasterFacts facts) {
@@ -129,8 +134,9 @@ RasterFacts inspect(GDALDataset& dataset, RasterFacts facts) {
     facts.rows = dataset.GetRasterYSize();
     if (dataset.GetRasterCount() < 1) {
         const char* first = dataset.GetMetadataItem("SUBDATASET_1_NAME", "SUBDATASETS");
-        throw DataError(text(facts.named(), " holds no band",
-                             first ? text("; accepted: one of its subdatasets, such as '", first, "'") : std::string()));
+        throw DataError(
+            text(facts.named(), " holds no band",
+                 first ? text("; accepted: one of its subdatasets, such as '", first, "'") : std::string()));
     }
     inspect_grid(dataset, facts);
     inspect_crs(dataset, facts);
@@ -212,7 +218,10 @@ RasterFile::RasterFile(std::string role, std::string path) {
     GDALCopyWords(&facts_.no_data, GDT_Float64, 0, &no_data_, GDT_Float32, 0, 1);
     no_data_is_huge_ = facts_.has_no_data && floating && std::fabs(facts_.no_data) > 1e30;
     may_be_void_ = facts_.has_no_data || facts_.has_mask;
-    const double largest = facts_.type == GDT_Byte ? 255 : facts_.type == GDT_Int16 ? 32768 : facts_.type == GDT_UInt16 ? 65535 : 1e300;
+    const double largest = facts_.type == GDT_Byte     ? 255
+                           : facts_.type == GDT_Int16  ? 32768
+                           : facts_.type == GDT_UInt16 ? 65535
+                                                       : 1e300;
     may_be_wild_ = (largest * std::fabs(facts_.scale) + std::fabs(facts_.offset)) * facts_.unit_m >
                    static_cast<double>(highest_height_m);
 
@@ -222,11 +231,12 @@ RasterFile::RasterFile(std::string role, std::string path) {
     free_.push_back(std::move(reader));
 }
 
-void RasterFile::read(Reader& reader, const Window& window, void* out, GDALDataType type, std::int64_t line_bytes) const {
+void RasterFile::read(Reader& reader, const Window& window, void* out, GDALDataType type,
+                      std::int64_t line_bytes) const {
     GdalErrors errors;
     const int columns = static_cast<int>(window.columns.size()), rows = static_cast<int>(window.rows.size());
-    if (reader.band->RasterIO(GF_Read, static_cast<int>(window.columns.begin), static_cast<int>(window.rows.begin), columns,
-                              rows, out, columns, rows, type, 0, line_bytes, nullptr) != CE_None)
+    if (reader.band->RasterIO(GF_Read, static_cast<int>(window.columns.begin), static_cast<int>(window.rows.begin),
+                              columns, rows, out, columns, rows, type, 0, line_bytes, nullptr) != CE_None)
         throw IoError(text(facts_.named(), ": ", place(window), " cannot be read: ", errors.reason()));
 }
 
@@ -236,8 +246,8 @@ bool RasterFile::read_mask(Reader& reader, const Window& window) const {
     GdalErrors errors;
     const int columns = static_cast<int>(window.columns.size()), rows = static_cast<int>(window.rows.size());
     GDALRasterBand* mask = reader.band->GetMaskBand();
-    if (!mask || mask->RasterIO(GF_Read, static_cast<int>(window.columns.begin), static_cast<int>(window.rows.begin), columns,
-                                rows, reader.mask.data(), columns, rows, GDT_Byte, 0, 0, nullptr) != CE_None)
+    if (!mask || mask->RasterIO(GF_Read, static_cast<int>(window.columns.begin), static_cast<int>(window.rows.begin),
+                                columns, rows, reader.mask.data(), columns, rows, GDT_Byte, 0, 0, nullptr) != CE_None)
         throw IoError(text(facts_.named(), ": the mask of ", place(window), " cannot be read: ", errors.reason()));
     return std::any_of(reader.mask.begin(), reader.mask.end(), [](std::uint8_t m) { return m == 0; });
 }
@@ -290,7 +300,8 @@ void RasterFile::read_codes(const Window& window, std::int32_t* out) {
     const Lease lease(*this);
     Reader& reader = *lease;
     const auto n = static_cast<std::size_t>(window.posts());
-    const bool narrow = facts_.type == GDT_Byte || facts_.type == GDT_Int16 || facts_.type == GDT_UInt16 || facts_.type == GDT_Int32;
+    const bool narrow =
+        facts_.type == GDT_Byte || facts_.type == GDT_Int16 || facts_.type == GDT_UInt16 || facts_.type == GDT_Int32;
     if (narrow) {
         read(reader, window, out, GDT_Int32, 0);
         if (facts_.signed_byte)
@@ -312,9 +323,9 @@ void RasterFile::read_codes(const Window& window, std::int32_t* out) {
                 out[i] = static_cast<std::int32_t>(v);
             } else {
                 const auto at = static_cast<std::int64_t>(i);
-                throw DataError(text(facts_.named(), ": code at column ", window.columns.begin + at % window.columns.size(),
-                                     ", row ", window.rows.begin + at / window.columns.size(), " is ", v,
-                                     "; accepted: whole numbers of 32 bits"));
+                throw DataError(text(
+                    facts_.named(), ": code at column ", window.columns.begin + at % window.columns.size(), ", row ",
+                    window.rows.begin + at / window.columns.size(), " is ", v, "; accepted: whole numbers of 32 bits"));
             }
         }
         reader.wide.clear();

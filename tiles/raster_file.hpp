@@ -31,20 +31,20 @@ struct RasterFacts {
     std::int64_t columns = 0, rows = 0, block_columns = 0, block_rows = 0;
     GDALDataType type = GDT_Unknown;
     int type_bytes = 0;
-    bool signed_byte = false;         ///< Byte whose values are -128..127 (PIXELTYPE=SIGNEDBYTE)
-    bool has_geotransform = false;    ///< else the lower left cell's centre is 0, 0 and cells are 1 x 1
-    double corner_x = 0, corner_y = 0;///< outer corner of the first cell, CRS units
+    bool signed_byte = false;           ///< Byte whose values are -128..127 (PIXELTYPE=SIGNEDBYTE)
+    bool has_geotransform = false;      ///< else the lower left cell's centre is 0, 0 and cells are 1 x 1
+    double corner_x = 0, corner_y = 0;  ///< outer corner of the first cell, CRS units
     double step_x = 1, step_y = -1;
     std::shared_ptr<OGRSpatialReference> crs;  ///< horizontal part, x (longitude) first; null: none
     bool geographic = false;
     bool wgs84_lat_lon = false;
-    double metres_per_unit = 1;       ///< of x and y, if not geographic
-    double scale = 1, offset = 0;     ///< value = (stored * scale + offset) * unit_m
+    double metres_per_unit = 1;    ///< of x and y, if not geographic
+    double scale = 1, offset = 0;  ///< value = (stored * scale + offset) * unit_m
     std::string unit;
     double unit_m = 1;
     bool has_no_data = false;
     double no_data = 0;
-    bool has_mask = false;            ///< a mask or alpha band that must be read beside the values
+    bool has_mask = false;  ///< a mask or alpha band that must be read beside the values
     std::string compression;
 
     double edge_x() const { return corner_x + static_cast<double>(columns) * step_x; }
@@ -78,10 +78,10 @@ private:
     bool read_mask(Reader& reader, const Window& window) const;
 
     RasterFacts facts_;
-    bool may_be_void_ = false;     ///< some test for void is needed
-    bool may_be_wild_ = false;     ///< the type can hold heights that are none
-    float no_data_ = 0;            ///< as GDAL converts it
-    bool no_data_is_huge_ = false; ///< -3.4e38 and its kind: all of its size and sign is void
+    bool may_be_void_ = false;      ///< some test for void is needed
+    bool may_be_wild_ = false;      ///< the type can hold heights that are none
+    float no_data_ = 0;             ///< as GDAL converts it
+    bool no_data_is_huge_ = false;  ///< -3.4e38 and its kind: all of its size and sign is void
     std::mutex mutex_;
     std::vector<std::unique_ptr<Reader>> free_;
 };

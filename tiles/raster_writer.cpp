@@ -31,7 +31,8 @@ bool writes_rasters(GDALDriver& driver) {
 std::string ending(const std::string& path) {
     std::string found = std::filesystem::path(path).extension().string();
     if (!found.empty()) found.erase(0, 1);
-    std::transform(found.begin(), found.end(), found.begin(), [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+    std::transform(found.begin(), found.end(), found.begin(),
+                   [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
     return found;
 }
 
@@ -40,13 +41,15 @@ GDALDriver& find_driver(const std::string& path, const RasterFormat& format) {
     if (!format.driver.empty()) {
         GDALDriver* driver = drivers.GetDriverByName(format.driver.c_str());
         if (!driver || !writes_rasters(*driver))
-            throw InputError(text("of '", format.driver, "' is no GDAL driver that writes raster files; accepted: GTiff, PNG, JPEG, HFA, ",
+            throw InputError(text("of '", format.driver,
+                                  "' is no GDAL driver that writes raster files; accepted: GTiff, PNG, JPEG, HFA, ",
                                   "ENVI, ... (gdalinfo --formats lists them)"));
         return *driver;
     }
     const std::string extension = ending(path);
     static const std::map<std::string, const char*> first_choice = {
-        {"tif", "GTiff"}, {"tiff", "GTiff"}, {"png", "PNG"}, {"jpg", "JPEG"}, {"jpeg", "JPEG"}, {"img", "HFA"}, {"asc", "AAIGrid"}};
+        {"tif", "GTiff"}, {"tiff", "GTiff"}, {"png", "PNG"},    {"jpg", "JPEG"},
+        {"jpeg", "JPEG"}, {"img", "HFA"},    {"asc", "AAIGrid"}};
     if (const auto known = first_choice.find(extension); known != first_choice.end())
         if (GDALDriver* driver = drivers.GetDriverByName(known->second)) return *driver;
     if (!extension.empty())
@@ -57,7 +60,8 @@ GDALDriver& find_driver(const std::string& path, const RasterFormat& format) {
             const CPLStringList words(CSLTokenizeString(list));
             if (words.FindString(extension.c_str()) >= 0) return driver;
         }
-    throw InputError(text("output '", path, "' has an ending that names no raster format; accepted: .tif, .png, .jpg, .img and those ",
+    throw InputError(text("output '", path,
+                          "' has an ending that names no raster format; accepted: .tif, .png, .jpg, .img and those ",
                           "of GDAL's other raster drivers, or --of DRIVER"));
 }
 
@@ -84,8 +88,8 @@ CPLStringList creation_options(GDALDriver& driver, GDALDataType type, const Rast
         options.SetNameValue(key.c_str(), option.c_str() + equals + 1);
     }
     const std::string compression = given.FetchNameValueDef("COMPRESS", "DEFLATE");
-    if (!EQUAL(compression.c_str(), "DEFLATE") && !EQUAL(compression.c_str(), "LZW") && !EQUAL(compression.c_str(), "ZSTD") &&
-        !given.FetchNameValue("PREDICTOR"))
+    if (!EQUAL(compression.c_str(), "DEFLATE") && !EQUAL(compression.c_str(), "LZW") &&
+        !EQUAL(compression.c_str(), "ZSTD") && !given.FetchNameValue("PREDICTOR"))
         options.SetNameValue("PREDICTOR", nullptr);
     GdalErrors errors;
     if (!GDALValidateCreationOptions(&driver, given.List()))
@@ -126,7 +130,8 @@ void describe(GDALDataset& dataset, const RasterContent& content, const CPLStrin
 /// A dataset round arrays that are ours.
 DatasetHandle in_memory(const RasterContent& content) {
     GDALDriver* driver = GetGDALDriverManager()->GetDriverByName("MEM");
-    DatasetHandle dataset(driver->Create("", static_cast<int>(content.columns), static_cast<int>(content.rows), 0, content.type, nullptr));
+    DatasetHandle dataset(driver->Create("", static_cast<int>(content.columns), static_cast<int>(content.rows), 0,
+                                         content.type, nullptr));
     for (const BandContent& band : content.bands) {
         char address[64] = {};
         CPLPrintPointer(address, const_cast<void*>(band.cells), sizeof address - 1);
@@ -141,12 +146,13 @@ DatasetHandle in_memory(const RasterContent& content) {
     throw IoError(text("output '", final_path, "' cannot be written: ", errors.reason()));
 }
 
-void write_bands(GDALDataset& dataset, const RasterContent& content, const std::string& final_path, const GdalErrors& errors) {
+void write_bands(GDALDataset& dataset, const RasterContent& content, const std::string& final_path,
+                 const GdalErrors& errors) {
     const int columns = static_cast<int>(content.columns), rows = static_cast<int>(content.rows);
     for (std::size_t b = 0; b < content.bands.size(); ++b)
         if (dataset.GetRasterBand(static_cast<int>(b) + 1)
-                ->RasterIO(GF_Write, 0, 0, columns, rows, const_cast<void*>(content.bands[b].cells), columns, rows, content.type, 0, 0,
-                           nullptr) != CE_None)
+                ->RasterIO(GF_Write, 0, 0, columns, rows, const_cast<void*>(content.bands[b].cells), columns, rows,
+                           content.type, 0, 0, nullptr) != CE_None)
             fail(final_path, errors);
 }
 
@@ -157,7 +163,8 @@ void write_geolocation(const GeolocationGrid& grid, const std::string& path, con
     std::vector<double> x(static_cast<std::size_t>(grid.columns * rows), no_place), y = x;
     for (std::int64_t j = 0; j < grid.rows; ++j)
         for (std::int64_t i = 0; i < grid.columns; ++i) {
-            const Place at = grid.place(static_cast<double>(i * grid.column_step), static_cast<double>(j * grid.row_step));
+            const Place at =
+                grid.place(static_cast<double>(i * grid.column_step), static_cast<double>(j * grid.row_step));
             const auto node = static_cast<std::size_t>((j + margin) * grid.columns + i);
             x[node] = at.x;
             y[node] = at.y;
@@ -172,8 +179,8 @@ void write_geolocation(const GeolocationGrid& grid, const std::string& path, con
     content.bands[1] = {y.data(), "y", "", no_place, {}};
     GDALDriver& driver = *GetGDALDriverManager()->GetDriverByName("GTiff");
     GdalErrors errors;
-    DatasetHandle dataset(driver.Create(path.c_str(), static_cast<int>(content.columns), static_cast<int>(content.rows), 2, GDT_Float64,
-                                        creation_options(driver, GDT_Float64, {}).List()));
+    DatasetHandle dataset(driver.Create(path.c_str(), static_cast<int>(content.columns), static_cast<int>(content.rows),
+                                        2, GDT_Float64, creation_options(driver, GDT_Float64, {}).List()));
     if (!dataset) fail(final_path, errors);
     describe(*dataset, content, {});
     write_bands(*dataset, content, final_path, errors);
@@ -210,7 +217,8 @@ CPLStringList geolocation_metadata(const GeolocationGrid& grid, const std::strin
 
 }  // namespace
 
-GeolocationGrid geolocation_grid(std::int64_t columns, std::int64_t rows, std::int64_t column_step, std::int64_t row_step) {
+GeolocationGrid geolocation_grid(std::int64_t columns, std::int64_t rows, std::int64_t column_step,
+                                 std::int64_t row_step) {
     GeolocationGrid grid;
     grid.column_step = std::clamp<std::int64_t>(column_step, 1, columns);
     grid.row_step = std::clamp<std::int64_t>(row_step, 1, rows);
@@ -230,8 +238,9 @@ void write_raster(const RasterContent& content, const OutputFile& file, const Ra
     if (const char* types = driver.GetMetadataItem(GDAL_DMD_CREATIONDATATYPES)) {
         const CPLStringList words(CSLTokenizeString(types));
         if (words.FindString(GDALGetDataTypeName(content.type)) < 0)
-            throw InputError(text("output '", final_path, "' holds ", GDALGetDataTypeName(content.type), " values, driver ",
-                                  driver.GetDescription(), " takes ", types, "; accepted: another format, such as .tif"));
+            throw InputError(text("output '", final_path, "' holds ", GDALGetDataTypeName(content.type),
+                                  " values, driver ", driver.GetDescription(), " takes ", types,
+                                  "; accepted: another format, such as .tif"));
     }
     CPLStringList geolocation;
     if (content.geolocation) {
@@ -244,14 +253,16 @@ void write_raster(const RasterContent& content, const OutputFile& file, const Ra
     DatasetHandle dataset;
     if (has(driver, GDAL_DCAP_CREATE)) {
         dataset.reset(driver.Create(path, static_cast<int>(content.columns), static_cast<int>(content.rows),
-                                    static_cast<int>(content.bands.size()), content.type, const_cast<char**>(options.List())));
+                                    static_cast<int>(content.bands.size()), content.type,
+                                    const_cast<char**>(options.List())));
         if (!dataset) fail(final_path, errors);
         describe(*dataset, content, geolocation);
         write_bands(*dataset, content, final_path, errors);
     } else {
         const DatasetHandle memory = in_memory(content);
         describe(*memory, content, {});
-        dataset.reset(driver.CreateCopy(path, memory.get(), FALSE, const_cast<char**>(options.List()), nullptr, nullptr));
+        dataset.reset(
+            driver.CreateCopy(path, memory.get(), FALSE, const_cast<char**>(options.List()), nullptr, nullptr));
         if (!dataset) fail(final_path, errors);
         GdalErrors quiet;
         if (geolocation.Count() > 0) dataset->SetMetadata(const_cast<char**>(geolocation.List()), "GEOLOCATION");
@@ -277,8 +288,7 @@ Metadata scene_metadata(const ResolvedScene& scene, const RasterFormat& format) 
 }
 
 Ground::Ground(const ResolvedScene& scene, const RasterFormat& format)
-    : scene_(scene),
-      metres_per_unit_(format.metres_per_unit),
+    : scene_(scene), metres_per_unit_(format.metres_per_unit),
       crs_(scene.geometry == Geometry::geodesic ? "EPSG:4326" : format.crs_wkt) {}
 
 Place Ground::place(double azimuth_rad, double arc_m) const {
@@ -287,7 +297,8 @@ Place Ground::place(double azimuth_rad, double arc_m) const {
         return {scene_.x + s * std::sin(azimuth_rad), scene_.y + s * std::cos(azimuth_rad)};
     }
     double lat = 0, lon = 0;
-    GeographicLib::Geodesic::WGS84().Direct(scene_.lat_deg, scene_.lon_deg, Angle::radians(azimuth_rad).deg(), arc_m, lat, lon);
+    GeographicLib::Geodesic::WGS84().Direct(scene_.lat_deg, scene_.lon_deg, Angle::radians(azimuth_rad).deg(), arc_m,
+                                            lat, lon);
     return {lon, lat};
 }
 

@@ -40,7 +40,8 @@ struct GeolocationGrid {
     std::string crs;      ///< anything GDAL understands; empty: a plane that is nowhere on earth
 };
 /// The grid for a raster of so many cells, with steps of at most these.
-GeolocationGrid geolocation_grid(std::int64_t columns, std::int64_t rows, std::int64_t column_step, std::int64_t row_step);
+GeolocationGrid geolocation_grid(std::int64_t columns, std::int64_t rows, std::int64_t column_step,
+                                 std::int64_t row_step);
 
 struct RasterContent {
     std::int64_t columns = 0, rows = 0;

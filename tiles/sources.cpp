@@ -33,8 +33,8 @@ public:
         to_raster_.reset(OGRCreateCoordinateTransformation(&wgs84, facts_.crs.get()));
         to_wgs84_.reset(OGRCreateCoordinateTransformation(facts_.crs.get(), &wgs84));
         if (!to_raster_ || !to_wgs84_)
-            throw DataError(text(facts_.named(), ": PROJ knows no way between WGS84 and its CRS '", crs_definition(*facts_.crs),
-                                 "': ", errors.reason()));
+            throw DataError(text(facts_.named(), ": PROJ knows no way between WGS84 and its CRS '",
+                                 crs_definition(*facts_.crs), "': ", errors.reason()));
     }
 
     IndexPosition locate(double lat_deg, double lon_deg) {
@@ -43,8 +43,8 @@ public:
             const std::lock_guard lock(mutex_);
             GdalErrors errors;
             if (!transform(*to_raster_, x, y))
-                throw DataError(text(facts_.named(), ": PROJ finds no place for latitude ", lat_deg, ", longitude ", lon_deg,
-                                     " in its CRS '", crs_definition(*facts_.crs), "': ", errors.reason()));
+                throw DataError(text(facts_.named(), ": PROJ finds no place for latitude ", lat_deg, ", longitude ",
+                                     lon_deg, " in its CRS '", crs_definition(*facts_.crs), "': ", errors.reason()));
         }
         IndexPosition at{(x - facts_.corner_x) / facts_.step_x - 0.5, (y - facts_.corner_y) / facts_.step_y - 0.5};
         if (facts_.geographic) {
@@ -133,13 +133,15 @@ struct Axis {
     }
 };
 
-Axis axis(double terrain_corner, double terrain_step, std::int64_t posts, double corner, double step, std::int64_t cells, bool longitude) {
+Axis axis(double terrain_corner, double terrain_step, std::int64_t posts, double corner, double step,
+          std::int64_t cells, bool longitude) {
     Axis out;
     out.cells = cells;
     if (longitude) {
         // The turn that brings the two middles together.
         out.circle = degrees_round / step;
-        const double apart = terrain_corner + 0.5 * static_cast<double>(posts) * terrain_step - (corner + 0.5 * static_cast<double>(cells) * step);
+        const double apart = terrain_corner + 0.5 * static_cast<double>(posts) * terrain_step -
+                             (corner + 0.5 * static_cast<double>(cells) * step);
         corner += degrees_round * std::round(apart / degrees_round);
     }
     out.scale = terrain_step / step;
@@ -155,8 +157,8 @@ Axis axis(double terrain_corner, double terrain_step, std::int64_t posts, double
 }
 
 std::string extent(const RasterFacts& facts) {
-    return text("x ", std::min(facts.corner_x, facts.edge_x()), " to ", std::max(facts.corner_x, facts.edge_x()), ", y ",
-                std::min(facts.corner_y, facts.edge_y()), " to ", std::max(facts.corner_y, facts.edge_y()));
+    return text("x ", std::min(facts.corner_x, facts.edge_x()), " to ", std::max(facts.corner_x, facts.edge_x()),
+                ", y ", std::min(facts.corner_y, facts.edge_y()), " to ", std::max(facts.corner_y, facts.edge_y()));
 }
 
 std::string quoted(const std::string& word) {
@@ -190,18 +192,21 @@ struct Layer {
             GdalErrors quiet;
             if (!facts.crs->IsSame(terrain.crs.get(), options))
                 throw DataError(text(facts.named(), " is in CRS '", crs_definition(*facts.crs), "', the dem in '",
-                                     crs_definition(*terrain.crs), "'; accepted: the dem's; use: ", warp_line(terrain, facts)));
+                                     crs_definition(*terrain.crs),
+                                     "'; accepted: the dem's; use: ", warp_line(terrain, facts)));
         }
         const bool same_size = facts.columns == terrain.columns && facts.rows == terrain.rows;
         if (facts.has_geotransform != terrain.has_geotransform || !facts.has_geotransform) {
             if (!same_size)
-                throw DataError(text(facts.named(), " (", facts.columns, " x ", facts.rows, ") and the dem (", terrain.columns, " x ",
-                                     terrain.rows, ") do not both have a geotransform; accepted without: rasters of the same size"));
+                throw DataError(text(facts.named(), " (", facts.columns, " x ", facts.rows, ") and the dem (",
+                                     terrain.columns, " x ", terrain.rows,
+                                     ") do not both have a geotransform; accepted without: rasters of the same size"));
             columns.cells = facts.columns;
             rows.cells = facts.rows;
             return;
         }
-        columns = axis(terrain.corner_x, terrain.step_x, terrain.columns, facts.corner_x, facts.step_x, facts.columns, terrain.geographic);
+        columns = axis(terrain.corner_x, terrain.step_x, terrain.columns, facts.corner_x, facts.step_x, facts.columns,
+                       terrain.geographic);
         rows = axis(terrain.corner_y, terrain.step_y, terrain.rows, facts.corner_y, facts.step_y, facts.rows, false);
         if (intersection(columns.under({0, terrain.columns}), {0, facts.columns}).empty() ||
             intersection(rows.under({0, terrain.rows}), {0, facts.rows}).empty())
@@ -250,16 +255,17 @@ private:
 
 class DirectSource final : public WedgeSource {
 public:
-    explicit DirectSource(const DataBaseParams& params)
-        : params_(params), terrain_("dem", params.dem) {
+    explicit DirectSource(const DataBaseParams& params) : params_(params), terrain_("dem", params.dem) {
         const RasterFacts& facts = terrain_.facts();
         if (facts.columns < 2 || facts.rows < 2)
-            throw DataError(text(facts.named(), " has ", facts.columns, " x ", facts.rows, " posts; accepted: at least 2 x 2"));
+            throw DataError(
+                text(facts.named(), " has ", facts.columns, " x ", facts.rows, " posts; accepted: at least 2 x 2"));
         describe(facts);
         if (!params.culture.empty()) open_culture(facts);
         if (!params.culture_height.empty()) {
             if (!(params.culture_height_scale >= 0) || !std::isfinite(params.culture_height_scale))
-                throw InputError(text("culture-height-scale is ", params.culture_height_scale, "; accepted: a number from 0 up"));
+                throw InputError(
+                    text("culture-height-scale is ", params.culture_height_scale, "; accepted: a number from 0 up"));
             height_ = std::make_unique<Layer>("culture-height", params.culture_height, facts);
             data_base_.has_culture_height = true;
         }
@@ -333,7 +339,8 @@ private:
 
     void open_culture(const RasterFacts& terrain) {
         if (!params_.legend)
-            throw InputError("culture needs culture-legend; accepted: fbfm40, nlcd, worldcover, smc or a CSV file of code,material");
+            throw InputError(
+                "culture needs culture-legend; accepted: fbfm40, nlcd, worldcover, smc or a CSV file of code,material");
         culture_ = std::make_unique<Layer>("culture", params_.culture, terrain);
         const RasterFacts& facts = culture_->file.facts();
         if (facts.scale != 1 || facts.offset != 0)
@@ -350,7 +357,8 @@ private:
         data_base_.culture_rows = facts.rows;
         class_of_.resize(table_size, unknown_class);
         for (std::int32_t code = table_begin; code < table_begin + table_size; ++code)
-            if (const auto id = params_.legend->find(code)) class_of_[static_cast<std::size_t>(code - table_begin)] = *id;
+            if (const auto id = params_.legend->find(code))
+                class_of_[static_cast<std::size_t>(code - table_begin)] = *id;
     }
 
     std::int64_t wrapped(std::int64_t column) const {
@@ -364,7 +372,8 @@ private:
         if (!data_base_.cyclic || (columns.begin >= 0 && columns.end <= data_base_.columns))
             return {{0, columns.size(), columns}};
         std::vector<std::int64_t> source(static_cast<std::size_t>(columns.size()));
-        for (std::size_t i = 0; i < source.size(); ++i) source[i] = wrapped(columns.begin + static_cast<std::int64_t>(i));
+        for (std::size_t i = 0; i < source.size(); ++i)
+            source[i] = wrapped(columns.begin + static_cast<std::int64_t>(i));
         return runs(source, 1);
     }
 
@@ -378,7 +387,8 @@ private:
         HeightPlan plan;
         plan.cells.resize(static_cast<std::size_t>(columns.size()));
         for (std::size_t i = 0; i < plan.cells.size(); ++i)
-            plan.cells[i] = height_->columns.inside(height_->columns.cell(columns.begin + static_cast<std::int64_t>(i)));
+            plan.cells[i] =
+                height_->columns.inside(height_->columns.cell(columns.begin + static_cast<std::int64_t>(i)));
         plan.runs = runs(plan.cells, static_cast<std::int64_t>(std::ceil(height_->columns.scale)));
         for (const Run& run : plan.runs) plan.widest = std::max(plan.widest, run.source.size());
         return plan;
@@ -392,8 +402,8 @@ private:
         const Interval raster{0, axis.cells};
         // As many rows at a time as fit; one terrain row needs one row of the layer, however fine it is.
         const double per_row = std::max(1.0, std::fabs(axis.scale));
-        const std::int64_t at_once =
-            std::max<std::int64_t>(1, static_cast<std::int64_t>(static_cast<double>(slab_posts / plan.widest) / per_row));
+        const std::int64_t at_once = std::max<std::int64_t>(
+            1, static_cast<std::int64_t>(static_cast<double>(slab_posts / plan.widest) / per_row));
         std::int64_t read = 0;
         for (std::int64_t r0 = rows.begin; r0 < rows.end; r0 += at_once) {
             const Interval part{r0, std::min(r0 + at_once, rows.end)};
@@ -412,7 +422,9 @@ private:
                     float* to = out + static_cast<std::size_t>(r - rows.begin) * width;
                     for (std::int64_t i = run.at; i < run.at + run.count; ++i) {
                         const float value = from[plan.cells[static_cast<std::size_t>(i)] - run.source.begin];
-                        to[i] = std::isnan(value) ? 0.0F : static_cast<float>(params_.culture_height_scale * static_cast<double>(value));
+                        to[i] = std::isnan(value)
+                                    ? 0.0F
+                                    : static_cast<float>(params_.culture_height_scale * static_cast<double>(value));
                     }
                 }
             }
@@ -426,7 +438,8 @@ private:
                 const auto at = static_cast<std::int64_t>(i);
                 throw DataError(text(height_->file.facts().named(), ": height at column ",
                                      window.columns.begin + at % window.columns.size(), ", row ",
-                                     window.rows.begin + at / window.columns.size(), " is ", values[i], "; accepted: 0 and above"));
+                                     window.rows.begin + at / window.columns.size(), " is ", values[i],
+                                     "; accepted: 0 and above"));
             }
     }
 
@@ -447,7 +460,8 @@ private:
     }
 
     /// Row-major `from` (rows x width) into lines of columns of `minor` posts, from post `at` of each line on.
-    static void turn(const float* from, std::int64_t rows, std::int64_t width, float* to, std::int64_t minor, std::int64_t at) {
+    static void turn(const float* from, std::int64_t rows, std::int64_t width, float* to, std::int64_t minor,
+                     std::int64_t at) {
         constexpr std::int64_t edge = 16;  // 16 floats fill a cache line
         for (std::int64_t r0 = 0; r0 < rows; r0 += edge)
             for (std::int64_t c0 = 0; c0 < width; c0 += edge) {
@@ -515,7 +529,8 @@ private:
                 culture_->file.read_codes(part, codes.data());
                 read += part.posts();
                 for (std::int64_t y = r; y < end; ++y)
-                    body(y - window.rows.begin, run.at, codes.data() + (y - r) * part.columns.size(), part.columns.size());
+                    body(y - window.rows.begin, run.at, codes.data() + (y - r) * part.columns.size(),
+                         part.columns.size());
                 r = end;
             }
         return read;
@@ -529,16 +544,17 @@ private:
         chunk.culture_window = window;
         chunk.classes.assign(static_cast<std::size_t>(window.posts()), params_.default_class);
         bool any_unknown = false;
-        const std::int64_t read = read_codes(window, [&](std::int64_t row, std::int64_t at, const std::int32_t* codes, std::int64_t n) {
-            ClassId* to = chunk.classes.data() + row * window.columns.size() + at;
-            bool unknown = false;
-            for (std::int64_t i = 0; i < n; ++i) {
-                const ClassId id = class_of(codes[i]);
-                unknown |= id == unknown_class;
-                to[i] = id;
-            }
-            any_unknown |= unknown;
-        });
+        const std::int64_t read =
+            read_codes(window, [&](std::int64_t row, std::int64_t at, const std::int32_t* codes, std::int64_t n) {
+                ClassId* to = chunk.classes.data() + row * window.columns.size() + at;
+                bool unknown = false;
+                for (std::int64_t i = 0; i < n; ++i) {
+                    const ClassId id = class_of(codes[i]);
+                    unknown |= id == unknown_class;
+                    to[i] = id;
+                }
+                any_unknown |= unknown;
+            });
         chunk.bytes_read += static_cast<std::size_t>(read * culture_->file.facts().type_bytes);
         if (!any_unknown) return;
         chunk.codes.assign(chunk.classes.size(), void_code);

@@ -16,12 +16,12 @@ namespace wedgescope {
 
 struct DataBaseParams {
     std::string dem;
-    std::string culture;              ///< empty: none
-    std::string culture_height;       ///< empty: none
+    std::string culture;         ///< empty: none
+    std::string culture_height;  ///< empty: none
     double culture_height_scale = 1;
-    std::optional<Legend> legend;     ///< needed with culture
-    ClassId default_class = 4;        ///< no culture, or its no-data
-    std::size_t cache_bytes = 0;      ///< what the session grants GDAL's block cache
+    std::optional<Legend> legend;  ///< needed with culture
+    ClassId default_class = 4;     ///< no culture, or its no-data
+    std::size_t cache_bytes = 0;   ///< what the session grants GDAL's block cache
 };
 
 /// Opens and checks everything that can be checked without reading posts. DataError or IoError naming the file.

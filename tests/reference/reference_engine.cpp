@@ -194,7 +194,8 @@ public:
         const double at_u0 = v - u * dv / du;
         if (!(at_v0 >= 0 && at_v0 <= 1 && at_u0 >= 0 && at_u0 <= 1)) return nan;
         const double origin = corner[static_cast<std::size_t>(3 - missing)];
-        const double along_u = corner[static_cast<std::size_t>((3 - missing) ^ 1)];  // the origin's neighbour in its row
+        const double along_u =
+            corner[static_cast<std::size_t>((3 - missing) ^ 1)];  // the origin's neighbour in its row
         const double along_v = corner[static_cast<std::size_t>((3 - missing) ^ 2)];  // and in its column
         return origin + u * (along_u - origin) + v * (along_v - origin);
     }
