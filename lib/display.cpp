@@ -31,12 +31,12 @@ double wrapped(double angle_rad) {
 double largest_radius_m(const DisplaySetting& setting) {
     const std::optional<double> radius = display_radius_m(setting, setting.range_m);
     if (!radius || !(*radius > 0)) {
-        if (setting.params.kind == DisplayKind::tdppi)
-            throw InputError(text("range is ", setting.range_m, " m; it must be above the sweep delay, ",
-                                  setting.sweep_delay_m, " m"));
-        throw InputError(text("range is ", setting.range_m,
-                              " m; it must be above the sensor's height above the reference height, ",
-                              setting.sensor_m - setting.reference_m, " m"));
+        const bool delayed = setting.params.kind == DisplayKind::tdppi;
+        throw InputError(fmt::format("range is {:.1f} m; display {} shows nothing nearer than {}, {:.1f} m (give a larger "
+                                     "range, or display ppi)",
+                                     setting.range_m, word(setting.params.kind),
+                                     delayed ? "its sweep delay" : "the sensor's height above the reference height",
+                                     delayed ? setting.sweep_delay_m : setting.sensor_m - setting.reference_m));
     }
     return *radius;
 }

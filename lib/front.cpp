@@ -135,8 +135,7 @@ void Front::start() {
     between_.adjacent = true;
 }
 
-// ---- reading
-// -----------------------------------------------------------------------------------------------------------
+// ---- reading ----
 
 Window Front::window(Interval lines) const {
     const SpokeGrid& grid = *scene_->grid;
@@ -165,9 +164,9 @@ Window Front::window(Interval lines) const {
 
 void Front::advance(Interval lines, const Chunk* chunk) {
     assert(lines.begin == next_line_);
+    between_.chunk = chunk;
     while (!lines.empty() && !finished()) {
         const auto& rings = scene_->grid->rings(quadrant_);
-        if (next_line_ >= rings[ring_].lines.end) double_spokes();
         const Interval part = intersection({next_line_, lines.end}, rings[ring_].lines);
         const Between first = between_;
         for (std::size_t tile = live_begin_; tile < live_end_; tile += tile_lanes) {
@@ -177,6 +176,8 @@ void Front::advance(Interval lines, const Chunk* chunk) {
         trim();
         next_line_ = part.end;
         lines.begin = part.end;
+        // At once: the odd children's own samples need the classes of this line.
+        if (next_line_ >= rings[ring_].lines.end && ring_ + 1 < rings.size() && !finished()) double_spokes();
     }
     next_line_ = std::max(next_line_, lines.end);
     // Keep the last line: the chunk goes.
@@ -188,6 +189,8 @@ void Front::advance(Interval lines, const Chunk* chunk) {
     };
     keep(between_.behind, kept_posts_);
     keep(between_.behind_culture, kept_culture_);
+    between_.ahead = between_.ahead_culture = no_posts();
+    between_.chunk = nullptr;
 }
 
 void Front::trim() {
@@ -195,8 +198,7 @@ void Front::trim() {
     while (live_end_ > live_begin_ && is(live_end_ - 1, mode_done)) --live_end_;
 }
 
-// ---- one tile: neighbouring spokes over the lines of a chunk
-// -------------------------------------------------------------
+// ---- one tile: neighbouring spokes over the lines of a chunk ----
 
 void Front::advance_tile(Interval lines, const Chunk* chunk, std::size_t begin, std::size_t end, Between& between) {
     const SpokeGrid& grid = *scene_->grid;
@@ -317,7 +319,9 @@ void Front::take(const Between& between, std::size_t begin, std::size_t end) {
     const std::uint64_t clock = ticks();
     sight_lanes(n, scene_->sensor_m, bins_per_metre_, scene_->range_is_ground, lanes_.inverse_radius.data() + begin,
                 to);
-    if (scene_->sampling.exact_course && between.adjacent)
+    if (!scene_->sampling.exact_course || !between.adjacent)
+        std::fill_n(bump_.begin(), n, 0.0);
+    else
         bump_lanes(between.behind, between.ahead, n, between.behind_major, between.ahead_major, from.major, from.minor,
                    to.major, to.minor, bump_.data());
     constexpr std::size_t block = 64;
@@ -402,8 +406,6 @@ void Front::change(std::size_t lane, std::size_t i, const Between& between) {
         }
         horizon = sine1;
     };
-    // An odd child's own first sample may stand above the mean of its neighbours' horizons.
-    if (is(lane, mode_visible) && *from.sine > horizon) rise(0, 0, *from.range_m, *from.sine, 0);
     if (!valid) {
         if (!is(lane, mode_gap)) {
             mark_seen(lane);
@@ -423,7 +425,7 @@ void Front::change(std::size_t lane, std::size_t i, const Between& between) {
         const double bump = bump_[i];
         const bool was_visible = is(lane, mode_visible);
         const Course c =
-            course(horizon, *from.up_m, *from.out_m, *to.up_m, *to.out_m, bump, was_visible && *from.sine == horizon);
+            course(horizon, *from.up_m, *from.out_m, *to.up_m, *to.out_m, bump, was_visible);
         const double step = arc - *from.arc_m;
         if (!c.seen || c.begin > 0) {
             // Behind the horizon from the start, or soon.
@@ -451,8 +453,7 @@ void Front::change(std::size_t lane, std::size_t i, const Between& between) {
     }
 }
 
-// ---- deposit
-// -----------------------------------------------------------------------------------------------------------
+// ---- deposit ----
 
 void Front::put(std::size_t lane, const Piece& piece, const Between& between) {
     double depression = 0;
@@ -553,8 +554,7 @@ void Front::put_with_culture(std::size_t lane, const Piece& piece, double depres
     add(start, 1, ground(*open));
 }
 
-// ---- marks
-// -----------------------------------------------------------------------------------------------------------------
+// ---- marks ----
 
 double Front::level_coordinate(std::size_t lane, double arc_m) const {
     if (scene_->range_is_ground) return arc_m * bins_per_metre_;
@@ -610,8 +610,7 @@ void Front::end_gap(std::size_t lane, double arc_m) {
                                              sight_line(scene_->sensor_m, arc, top, lanes_.inverse_radius[lane]).sine);
 }
 
-// ---- rings
-// -----------------------------------------------------------------------------------------------------------------
+// ---- rings ----
 
 void Front::double_spokes() {
     const SpokeGrid& grid = *scene_->grid;
@@ -629,6 +628,7 @@ void Front::double_spokes() {
     lanes_ = Lanes{};
     set_up_ring(ring_, lanes_);
     Samples& last = lanes_.last;
+    between_.ahead = between_.ahead_culture = no_posts();
     const double distance = grid.distance(quadrant_, next_line_ - 1);
     for (std::int64_t k = run.begin; k < run.end; ++k) {
         const auto lane = static_cast<std::size_t>(k - run.begin);
@@ -673,6 +673,21 @@ void Front::double_spokes() {
         } else {
             if (horizon < -1) horizon = sine;  // neither neighbour has met ground
             lanes_.mode[lane] = sine >= horizon ? mode_visible : mode_hidden;
+            if (sine > horizon) {
+                // Its own sample stands above the mean: what its parents have not deposited is deposited here.
+                if (lanes_.row[lane] >= 0) {
+                    const double power = piece_power(horizon, sine, last.range[lane], last.range[lane],
+                                                     *scene_->pattern, scene_->constant);
+                    put(lane,
+                        {{last.x[lane], last.x[lane], 1, power, 0},
+                         last.major[lane], last.minor[lane], last.major[lane], last.minor[lane], horizon, sine},
+                        between_);
+                    cells_->mark(lanes_.target(lane), last.x[lane], last.x[lane],
+                                 sine > lanes_.void_horizon[lane] ? bit_seen : bit_unknown);
+                }
+                ++cost_.pieces;
+                horizon = sine;
+            }
         }
         lanes_.horizon[lane] = horizon;
     }

@@ -17,10 +17,11 @@ std::size_t wedge_bytes(const ResolvedScene& scene, const DataBase& db, const Sp
         const std::int64_t lines = grid.line_count(q);
         const double across = static_cast<double>(lines_are_columns(q) ? db.rows : db.columns);
         const double reach = lines ? grid.distance(q, lines - 1) : 0;
-        const double part =
-            std::min(1.0, static_cast<double>(bins) * grid.azimuth_step_rad());  // slope is at most 1.6 times the angle
+        // What the wedge spans in slope, 2 being the whole quadrant.
+        const double slopes =
+            std::min(2.0, static_cast<double>(bins) * grid.azimuth_step_rad() * grid.map().slope_per_azimuth(q));
         const double width =
-            std::min(across, 2 * reach * std::min(1.0, 1.6 * part) + 16 + 2 * static_cast<double>(strip_lines));
+            std::min(across, reach * grid.map().spacing_slack() * slopes + 16 + 2 * static_cast<double>(strip_lines));
         double layers = sizeof(float);
         if (db.has_culture_height) layers += sizeof(float);
         // While a chunk is read its posts stand in the order of the file and in that of the lines.
@@ -31,9 +32,9 @@ std::size_t wedge_bytes(const ResolvedScene& scene, const DataBase& db, const Sp
                      std::abs(db.culture_column_scale * db.culture_row_scale);
         chunk = std::max(chunk, bytes);
         const double k = static_cast<double>(grid.rings(q).back().spokes);
-        spokes = std::max(spokes, std::min(2 * k + 1, 3.2 * k * part + 64));
+        spokes = std::max(spokes, std::min(2 * k + 1, k * slopes + 64));
     }
-    return static_cast<std::size_t>(cells + chunk + spokes * 1.5 * 160 + 512 * 1024);
+    return static_cast<std::size_t>(cells + chunk + spokes * 1.5 * 180 + 512 * 1024);
 }
 
 }  // namespace

@@ -157,10 +157,15 @@ double default_range(const ResolvedScene& s, WedgeSource& source) {
         reach(0, r);
         reach(static_cast<double>(db.columns - 1), r);
     }
+    // Horizons over the lowest ground, should it lie below sea level.
+    const double low = std::min({0.0, static_cast<double>(e.lowest_m), s.sensor_m});
     const double horizon =
-        s.earth.horizon_arc_m(std::max(0.0, s.sensor_m)) + s.earth.horizon_arc_m(std::max(0.0, highest));
+        s.earth.horizon_arc_m(s.sensor_m - low) + s.earth.horizon_arc_m(std::max(0.0, highest - low));
     const double arc = std::min(farthest, s.earth.inverse_radius() > 0 ? 2.5 / s.earth.inverse_radius() : farthest);
-    return std::max(1.0, std::min(s.earth.sight(s.sensor_m, highest, arc).slant_range_m, horizon));
+    const double range = std::min(s.earth.sight(s.sensor_m, highest, arc).slant_range_m, horizon);
+    // From high above a small raster: at least to its edge at the reference height.
+    if (range > 1.02 * std::abs(s.sensor_m - s.reference_m)) return std::max(1.0, range);
+    return std::max({1.0, range, s.earth.sight(s.sensor_m, s.reference_m, arc).slant_range_m});
 }
 
 }  // namespace

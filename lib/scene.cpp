@@ -39,11 +39,9 @@ void validate(const PlatformParams& platform) {
 }
 
 void validate(const Sector& sector) {
+    require_within("sector: from", sector.from.deg(), -720, 720, "deg");
+    const double width_deg = sector.to.deg() - sector.from.deg();
     // A hair more than 360 so that a full turn given in degrees passes after its way through radians.
-    require_within("sector: from", sector.from.deg(), -360, 360 + 1e-9, "deg");
-    require_within("sector: to", sector.to.deg(), -360, 360 + 1e-9, "deg");
-    double width_deg = sector.to.deg() - sector.from.deg();
-    if (width_deg < 0) width_deg += 360;
     if (!(width_deg > 1e-9 && width_deg <= 360 + 1e-9))
         throw InputError(
             fmt::format("sector is {:.12g},{:.12g} deg; it must be wider than 0 and at most 360, clockwise",

@@ -49,7 +49,7 @@ struct DisplayParams {
 
 struct Sector {
     Angle from;  ///< relative to heading
-    Angle to;    ///< clockwise from `from`; a width of 360 degrees is the full circle
+    Angle to;    ///< clockwise from `from`, so not below it; a width of 360 degrees is the full circle
 };
 
 struct Scene {

@@ -91,7 +91,8 @@ void power_lanes(std::size_t n, const Shading& shading, const PatternTable& patt
         WEDGESCOPE_INDEPENDENT
         for (std::size_t i = 0; i < m; ++i) {
             const double ga = static_cast<double>(a[i]), gb = static_cast<double>(b[i]);
-            const double range = 0.5 * (range0[at + i] + range1[at + i]), way = x1[at + i] - x0[at + i];
+            const double middle = 0.5 * (range0[at + i] + range1[at + i]), range = middle > 1 ? middle : 1.0,
+                         way = x1[at + i] - x0[at + i];
             const double distance = way < 0 ? -way : way, width = distance > 1e-9 ? distance : 1e-9;
             // One division for 1 / r^2 and 1 / width.
             const double both = 1 / (range * range * width);
@@ -107,7 +108,7 @@ void power_lanes(std::size_t n, const Shading& shading, const PatternTable& patt
 
 double piece_power(double sine0, double sine1, double range0_m, double range1_m, const PatternTable& pattern,
                    double constant) noexcept {
-    const double range = 0.5 * (range0_m + range1_m);
+    const double range = std::max(1.0, 0.5 * (range0_m + range1_m));
     return constant * (sine1 - sine0) * pattern.at(0.5 * (sine0 + sine1)) / (range * range);
 }
 

@@ -44,7 +44,7 @@ struct Shading {
     const double* bump_m;                 ///< in
     double *power, *inverse_width, *bow;  ///< out, as WedgeCells::Portion, without backscatter
 };
-/// power = K g_el^2(middle) / r_middle^2 (new horizon - old horizon).
+/// power = K g_el^2(middle) / r_middle^2 (new horizon - old horizon), r at least 1 m, as the quantum takes it.
 void power_lanes(std::size_t n, const Shading& shading, const PatternTable& pattern, double constant) noexcept;
 
 /// The same power of one piece.

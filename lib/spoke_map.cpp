@@ -116,7 +116,7 @@ SpokeMap::SpokeMap(const DataBase& data_base, const SpokeMapParams& params) : pa
         for (int i = -8; i <= 8; ++i) least_f = std::min(least_f, metres_per_post(q, i / 8.0));
         f.reach =
             std::min(data_base.cyclic && lines_are_columns(q) ? static_cast<double>(data_base.cycle_columns / 2) : edge,
-                     params.max_arc_m / least_f + 1);
+                     params.max_arc_m / least_f * 1.1 + 2);
         if (!straight() && f.reach > 0) fit(data_base, q);
     }
 }
@@ -150,6 +150,16 @@ double SpokeMap::azimuth_per_slope(Quadrant q) const {
     for (int i = -64; i <= 64; ++i) {
         const double f = metres_per_post(q, i / 64.0);
         most = std::max(most, det / (f * f));
+    }
+    return most;
+}
+
+double SpokeMap::slope_per_azimuth(Quadrant q) const {
+    const double det = std::abs(east_per_column_ * north_per_row_ - east_per_row_ * north_per_column_);
+    double most = 0;
+    for (int i = -64; i <= 64; ++i) {
+        const double f = metres_per_post(q, i / 64.0);
+        most = std::max(most, f * f / det);
     }
     return most;
 }

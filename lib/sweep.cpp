@@ -36,14 +36,13 @@ Rises rise_lanes(std::size_t n, const SampleLanes& from, const SampleLanes& to, 
         const double s = sine[i], h = horizon[i], m = mode[i];
         const double bump = bump_m[i], swing = 4 * (bump < 0 ? -bump : bump);
         const bool straight = swing * out0[i] <= up1[i] * out0[i] - up0[i] * out1[i];
-        const bool rising = (m == mode_visible) & (s > h), plain = rising & straight & (h >= void_horizon[i]);
+        const bool rising = (m == mode_visible) & (s > h) & (arc0[i] != arc1[i]);
+        const bool plain = rising & straight & (h >= void_horizon[i]);
         const double higher = s > last_sine[i] ? s : last_sine[i];
         const bool below = (s <= h) & (higher * range0[i] + bump * 1.02 <= h * range0[i]);
-        const bool quiet =
-            ((m == mode_hidden) & below) | ((m == mode_visible) & (s == h)) | (m == mode_done) | (arc0[i] == arc1[i]);
-        double c = quiet ? 0.0 : 2.0;
-        c = rising ? 2.0 : c;
-        c = plain ? 1.0 : c;
+        const bool none = (arc0[i] == arc1[i]) | (m == mode_done);  // no sample here: whatever the spoke's neighbours do
+        const bool quiet = ((m == mode_hidden) & below) | none;
+        const double c = quiet ? 0.0 : plain ? 1.0 : 2.0;
         code[i] = c;
         plains += plain ? 1 : 0;
         nothing += c == 0 ? 1 : 0;

@@ -47,7 +47,7 @@ struct SampleLanes {
 void sight_lanes(std::size_t n, double sensor_m, double bins_per_metre, bool range_is_ground,
                  const double* inverse_radius, const SampleLanes& samples) noexcept;
 
-/// What a sample does to its spoke: 0 nothing (stays hidden, stays level with its horizon, no sample here), 1 it raises
+/// What a sample does to its spoke: 0 nothing (stays hidden, or no sample here), 1 it raises
 /// the horizon of a visible spoke (done here: horizon, seen_least, seen_most), 2 something changes: see Front.
 ///   mode[n]             in: SpokeMode
 ///   horizon[n]          in, out: sine

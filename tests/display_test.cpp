@@ -296,7 +296,7 @@ TEST_CASE("a range within the altitude shows nothing and is refused", "[display]
     DisplaySetting setting = setting_of(DisplayKind::gpi);
     setting.range_m = 1500;
     CHECK_THROWS_AS(frame(setting), InputError);
-    CHECK_THROWS_WITH(frame(setting), Catch::Contains("range is 1500 m") && Catch::Contains("2000 m"));
+    CHECK_THROWS_WITH(frame(setting), Catch::Contains("range is 1500.0 m") && Catch::Contains("2000.0 m"));
     setting.params.kind = DisplayKind::tdppi;
     CHECK_THROWS_AS(frame(setting), InputError);
 }

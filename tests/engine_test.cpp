@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <numbers>
+#include <random>
 
 #include "lib/engine.hpp"
 #include "lib/front.hpp"
@@ -270,6 +271,29 @@ TEST_CASE("the same bits for any number of wedges and threads", "[engine][thread
             CHECK(other.echo_w.cells == one.echo_w.cells);
             CHECK(other.echo_state.cells == one.echo_state.cells);
             CHECK(other.scope.grey == one.scope.grey);
+        }
+}
+
+TEST_CASE("the same bits for any number of wedges where spokes double often", "[engine][threads]") {
+    // Rough ground far out, few azimuth bins, the sensor on a corner of posts, every quality.
+    std::mt19937 random(9);
+    std::vector<float> noise(std::size_t{1201} * 901);
+    for (float& z : noise) z = static_cast<float>(random() % 300);
+    MemorySource source(1201, 901, 30, [&](double c, double r) {
+        return static_cast<double>(noise[static_cast<std::size_t>(r * 1201 + c)]) + 0.5 * c;
+    });
+    for (const Quality quality : {Quality::draft, Quality::normal, Quality::fine, Quality::exact})
+        for (const std::int64_t bins : {5, 360}) {
+            Scene s = bare_scene(9000, -15000, 2500, 30000);
+            s.azimuth_bins = bins;
+            s.quality = quality;
+            const RunResult one = simulate(s, source, 1, 1);
+            for (const std::int64_t wedges : {3, 64, 360}) {
+                INFO(word(quality) << ", " << bins << " bins, " << wedges << " wedges");
+                const RunResult other = simulate(s, source, wedges, 2);
+                CHECK(other.echo_w.cells == one.echo_w.cells);
+                CHECK(other.echo_state.cells == one.echo_state.cells);
+            }
         }
 }
 
