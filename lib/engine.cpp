@@ -218,7 +218,11 @@ void Wedges::sweep_all(int threads) {
         flow::graph graph;
         std::size_t next = 0;
         flow::input_node<std::size_t> wedges(graph, [&](tbb::flow_control& control) -> std::size_t {
-            if (next == plan_.wedges.size()) control.stop();
+            // The node may ask again after it was told to stop.
+            if (next >= plan_.wedges.size()) {
+                control.stop();
+                return 0;
+            }
             return next++;
         });
         flow::limiter_node<std::size_t> limiter(graph, static_cast<std::size_t>(plan_.in_flight));
