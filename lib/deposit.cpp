@@ -31,6 +31,8 @@ Quanta quanta(Interval range_bins, double range_bin_m, double radar_constant, do
         }
         q.watts.push_back(std::ldexp(1.0, exponent));
         q.inverse.push_back(std::ldexp(1.0, -exponent));
+        if (q.runs.empty() || q.watts.back() != q.watts[q.watts.size() - 2]) q.runs.push_back({j, j});
+        q.runs.back().end = j + 1;
     }
     return q;
 }
@@ -39,7 +41,7 @@ WedgeCells::WedgeCells(std::size_t rows, const Quanta& quanta, std::size_t chann
     : quanta_(quanta), rows_(rows), columns_(static_cast<std::size_t>(quanta.range_bins.size())), channels_(channels),
       first_bin_(static_cast<std::size_t>(quanta.range_bins.begin)),
       begin_(static_cast<double>(quanta.range_bins.begin)), end_(static_cast<double>(quanta.range_bins.end)),
-      sums_(rows * columns_ * channels + 1), bits_(rows * columns_) {}
+      sums_(rows * columns_ * channels + 2), bits_(rows * columns_) {}
 
 void WedgeCells::put_quantities(const Target& target, std::size_t column, double whole, const double* quantities) {
     for (std::size_t c = 1; c < channels_; ++c) {
@@ -72,56 +74,52 @@ void WedgeCells::add_cut(const Target& target, const Portion& p, const double* q
 
 namespace {
 
-constexpr std::size_t block = 64;
+constexpr std::size_t block = WedgeCells::Portions::most;
 /// Whole numbers by adding 1.5 2^52, as long as they are below 2^51: rounds to nearest even, as lrint does.
 constexpr double magic = 6755399441055744.0;
 constexpr double most_magic = 0x1p50;
 
+/// Portions that lie in at most three neighbouring bins, with the power in each; the others are `slow`.
 struct Placed {
-    double first_power[block], middle_power[block], last_power[block];
-    std::int32_t first[block];  // range bin; -1: not this way
-    std::int32_t last[block];
-    double first_inverse[block], middle_inverse[block], last_inverse[block];
-    std::int64_t first_count[block], middle_count[block], last_count[block];
+    double one[block], two[block], three[block];  // W per radian
+    std::int64_t counts[3][block];                // quanta; 0 where there is nothing to add
+    std::int32_t first[block];                    // range bin, any inside [begin, end) where there is nothing to add
+    std::int32_t slow[block];
 };
 
-/// Where each portion falls, if it is one that lies in at most three bins.
+/// [begin, end): the range bins that all have the quantum 1 / inverse.
 WEDGESCOPE_LANES
-void place_portions(std::size_t n, const WedgeCells::Portions& p, double begin, double end, Placed& out) {
-    const double* __restrict code = p.code, * __restrict x0 = p.x0, * __restrict x1 = p.x1, * __restrict inverse_width = p.inverse_width, * __restrict power = p.power, * __restrict bow = p.bow;
+void place_portions(std::size_t n, const WedgeCells::Portions& p, double begin, double end, double inverse,
+                    Placed& out) {
+    const double* __restrict code = p.code, * __restrict x0 = p.x0, * __restrict x1 = p.x1, * __restrict inverse_width = p.inverse_width, * __restrict power = p.power, * __restrict bow = p.bow, * __restrict share = p.share0;
+    double* __restrict one = out.one, * __restrict two = out.two, * __restrict three = out.three;
+    std::int64_t* __restrict count0 = out.counts[0], * __restrict count1 = out.counts[1], * __restrict count2 = out.counts[2];
+    std::int32_t* __restrict first_bin = out.first, * __restrict slow = out.slow;
     const double gamma = p.gamma;
     WEDGESCOPE_INDEPENDENT
     for (std::size_t i = 0; i < n; ++i) {
         const bool outwards = x0[i] < x1[i];
         const double near = outwards ? x0[i] : x1[i], far = outwards ? x1[i] : x0[i];
-        const bool simple = (code[i] == 1) & (far < end) & (near >= begin);
-        const auto first = static_cast<std::int32_t>(simple ? near : -1.0),
-                   last = static_cast<std::int32_t>(simple ? far : -1.0);
+        const double wanted = code[i] == 1 ? 1.0 : 0.0, fits = far < end ? near >= begin ? wanted : 0.0 : 0.0;
+        const auto first = static_cast<std::int32_t>(fits > 0 ? near : begin),
+                   last = static_cast<std::int32_t>(fits > 0 ? far : begin);
+        const double from = static_cast<double>(first), bins = static_cast<double>(last) - from;
         const double whole = power[i] * gamma, bend = outwards ? bow[i] : -bow[i];
-        const double u = (static_cast<double>(first + 1) - near) * inverse_width[i],
-                     v = (static_cast<double>(last) - near) * inverse_width[i];
-        const double one = whole * (u + bend * (u * (1 - u))), two = whole * (v + bend * (v * (1 - v)));
-        const bool alone = first == last;
-        out.first_power[i] = alone ? whole : one;
-        out.middle_power[i] = alone ? 0.0 : two - one;
-        out.last_power[i] = alone ? 0.0 : whole - two;
-        out.first[i] = last - first <= 2 ? first : -1;
-        out.last[i] = last;
-    }
-}
-
-WEDGESCOPE_LANES
-void count_portions(std::size_t n, const double* __restrict share0, Placed& out) {
-    WEDGESCOPE_INDEPENDENT
-    for (std::size_t i = 0; i < n; ++i) {
-        const double a = out.first_power[i] * out.first_inverse[i] * share0[i],
-                     b = out.middle_power[i] * out.middle_inverse[i] * share0[i],
-                     c = out.last_power[i] * out.last_inverse[i] * share0[i];
-        const bool small = (a < most_magic) & (b < most_magic) & (c < most_magic);
-        out.first_count[i] = std::bit_cast<std::int64_t>(a + magic) - std::bit_cast<std::int64_t>(magic);
-        out.middle_count[i] = std::bit_cast<std::int64_t>(b + magic) - std::bit_cast<std::int64_t>(magic);
-        out.last_count[i] = std::bit_cast<std::int64_t>(c + magic) - std::bit_cast<std::int64_t>(magic);
-        out.first[i] = small ? out.first[i] : -1;
+        const double u = (from + 1 - near) * inverse_width[i], v = (from + 2 - near) * inverse_width[i];
+        const double upto_one = whole * (u + bend * (u * (1 - u))), upto_two = whole * (v + bend * (v * (1 - v)));
+        const double a = bins > 0 ? upto_one : whole, b = bins > 1 ? upto_two : whole;
+        const double second = b - a, third = whole - b;  // 0 where there is no such bin
+        const double k0 = a * inverse * share[i], k1 = second * inverse * share[i], k2 = third * inverse * share[i];
+        const double small = whole * inverse * share[i] < most_magic ? 1.0 : 0.0;
+        const double good = bins < 3 ? fits * small : 0.0;
+        one[i] = a;
+        two[i] = second;
+        three[i] = third;
+        count0[i] = std::bit_cast<std::int64_t>((good > 0 ? k0 : 0.0) + magic) - std::bit_cast<std::int64_t>(magic);
+        count1[i] = std::bit_cast<std::int64_t>((good > 0 ? k1 : 0.0) + magic) - std::bit_cast<std::int64_t>(magic);
+        count2[i] = std::bit_cast<std::int64_t>((good > 0 ? k2 : 0.0) + magic) - std::bit_cast<std::int64_t>(magic);
+        first_bin[i] = first;
+        slow[i] = wanted > good ? 1 : 0;
     }
 }
 
@@ -129,61 +127,50 @@ void count_portions(std::size_t n, const double* __restrict share0, Placed& out)
 
 // No pairs of cells in one register: the next spoke's cells overlap them, and a load across two stores waits for both.
 __attribute__((optimize("no-tree-slp-vectorize"))) void WedgeCells::add_lanes(std::size_t n, const Portions& p) {
+    // Bins with the quantum of the first portion: most blocks of lanes lie in them.
     Placed placed;
-    const double* inverse = quanta_.inverse.data();
-    const auto base = static_cast<std::int32_t>(first_bin_);
-    for (std::size_t at = 0; at < n; at += block) {
-        const std::size_t m = std::min(block, n - at);
-        const Portions part{p.code + at, p.row + at,           p.share0 + at, p.share1 + at, p.x0 + at,
-                            p.x1 + at,   p.inverse_width + at, p.power + at,  p.bow + at,    p.gamma};
-        place_portions(m, part, begin_, end_, placed);
-        for (std::size_t i = 0; i < m; ++i) {
-            const std::int32_t first = placed.first[i] < 0 ? 0 : placed.first[i] - base,
-                               last = placed.first[i] < 0 ? 0 : placed.last[i] - base;
-            placed.first_inverse[i] = inverse[first];
-            placed.middle_inverse[i] = inverse[last > first ? first + 1 : first];
-            placed.last_inverse[i] = inverse[last];
-        }
-        count_portions(m, part.share0, placed);
-        // Neighbouring spokes mostly fall into the same cells: one addition for a run of them.
-        std::int64_t* cell = sums_.data();
-        std::int32_t far = 0;
-        std::int64_t first_sum = 0, middle_sum = 0, last_sum = 0;
-        for (std::size_t i = 0; i < m; ++i) {
-            if (part.code[i] != 1 || part.row[i] < 0) continue;
-            const std::int32_t first = placed.first[i], last = placed.last[i];
-            if (first < 0) {
-                add({part.row[i], {part.share0[i], part.share1[i]}},
-                    {part.x0[i], part.x1[i], part.inverse_width[i], part.power[i] * part.gamma, part.bow[i]});
-                continue;
-            }
-            std::int64_t* here = sums_.data() + static_cast<std::size_t>(part.row[i]) * columns_ +
-                                 static_cast<std::size_t>(first - base);
-            if (here != cell || last - first != far) {
-                cell[0] += first_sum;
-                cell[1] += middle_sum;  // 0 where it is the last one too
-                cell[far] += last_sum;
-                first_sum = middle_sum = last_sum = 0;
-                cell = here;
-                far = last - first;
-            }
-            first_sum += placed.first_count[i];
-            middle_sum += placed.middle_count[i];
-            last_sum += placed.last_count[i];
-            if (part.share1[i] > 0) {
-                here[columns_] += std::lrint(placed.first_power[i] * placed.first_inverse[i] * part.share1[i]);
-                if (far > 1)
-                    here[columns_ + 1] +=
-                        std::lrint(placed.middle_power[i] * placed.middle_inverse[i] * part.share1[i]);
-                if (far > 0)
-                    here[columns_ + static_cast<std::size_t>(far)] +=
-                        std::lrint(placed.last_power[i] * placed.last_inverse[i] * part.share1[i]);
-            }
-        }
-        cell[0] += first_sum;
-        cell[1] += middle_sum;
-        cell[far] += last_sum;
+    std::size_t some = 0;
+    while (some < n && !(p.code[some] == 1 && p.x0[some] >= begin_ && p.x0[some] < end_)) ++some;
+    Interval same{quanta_.range_bins.begin, quanta_.range_bins.begin};
+    double inverse = 0;
+    if (some < n) {
+        const auto bin = static_cast<std::int64_t>(p.x0[some]);
+        same = *std::upper_bound(quanta_.runs.begin(), quanta_.runs.end(), bin,
+                                 [](std::int64_t b, const Interval& run) { return b < run.end; });
+        inverse = quanta_.inverse[static_cast<std::size_t>(bin) - first_bin_];
     }
+    place_portions(n, p, static_cast<double>(same.begin), static_cast<double>(same.end), inverse, placed);
+    std::int64_t* const sums = sums_.data();
+    const auto put_one = [&](std::size_t i) {
+        std::int64_t* cell = sums + (p.origin[i] + placed.first[i]);
+        cell[0] += placed.counts[0][i];
+        cell[1] += placed.counts[1][i];
+        cell[2] += placed.counts[2][i];
+    };
+    // Neighbours mostly fall into the same cells and would wait for one another: four runs side by side.
+    std::size_t i = 0;
+    const std::size_t quarter = n / 4;
+    for (; i < quarter; ++i) {
+        put_one(i);
+        put_one(i + quarter);
+        put_one(i + 2 * quarter);
+        put_one(i + 3 * quarter);
+    }
+    for (i = 4 * quarter; i < n; ++i) put_one(i);
+    for (const std::int32_t lane : p.straddlers) {
+        i = static_cast<std::size_t>(lane - p.first_lane);
+        if (p.code[i] != 1 || placed.slow[i]) continue;
+        std::int64_t* cell = sums + (p.origin[i] + placed.first[i]) + static_cast<std::ptrdiff_t>(columns_);
+        cell[0] += std::lrint(placed.one[i] * inverse * p.share1[i]);
+        if (placed.two[i] > 0) cell[1] += std::lrint(placed.two[i] * inverse * p.share1[i]);
+        if (placed.three[i] > 0) cell[2] += std::lrint(placed.three[i] * inverse * p.share1[i]);
+    }
+    int slow = 0;
+    for (i = 0; i < n; ++i) slow += placed.slow[i];
+    for (i = 0; slow && i < n; ++i)
+        if (placed.slow[i] && p.share0[i] > 0)
+            add({row_of(p.origin[i]), {p.share0[i], p.share1[i]}},
+                {p.x0[i], p.x1[i], p.inverse_width[i], p.power[i] * p.gamma, p.bow[i]});
 }
 
 void WedgeCells::mark(const Target& target, double x0, double x1, std::uint8_t bit) {

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "lib/interval.hpp"
@@ -24,6 +25,7 @@ struct Quanta {
     Interval range_bins;
     std::vector<double> watts;    ///< of one quantum
     std::vector<double> inverse;  ///< exactly 1 / watts
+    std::vector<Interval> runs;   ///< of range bins with one quantum, in order
 };
 Quanta quanta(Interval range_bins, double range_bin_m, double radar_constant, double most_pattern2,
               double azimuth_step_rad, double most_gamma);
@@ -68,17 +70,25 @@ public:
         }
         put(target, last, p.power - done, quantities);
     }
-    /// The portions of neighbouring spokes at once: `add` for every lane with code[i] == 1 and row[i] >= 0, the same
-    /// bits.
-    ///   row, share0, share1   as Target, in lanes
+    /// The portions of neighbouring spokes at once: `add` for every lane with code[i] == 1, the same bits.
+    ///   origin                where a spoke's row lies: origin_of(row); any row's, with share0 = 0, if it adds nothing
+    ///   share0, share1        as Target::share
+    ///   straddlers            lanes with share1 > 0, in order; counted from `first_lane`, which is lane 0 here
     ///   x0, x1, inverse_width, power, bow   as Portion; `gamma` times power is what is added
     struct Portions {
+        static constexpr std::size_t most = 64;  ///< lanes at once
         const double* code;
-        const std::int32_t* row;
+        const std::int64_t* origin;
         const double *share0, *share1;
+        std::span<const std::int32_t> straddlers;
+        std::int32_t first_lane;
         const double *x0, *x1, *inverse_width, *power, *bow;
         double gamma;
     };
+    std::int64_t origin_of(std::int32_t row) const {
+        return static_cast<std::int64_t>(row) * static_cast<std::int64_t>(columns_) -
+               static_cast<std::int64_t>(first_bin_);
+    }
     void add_lanes(std::size_t n, const Portions& portions);
 
     /// Marks the bins from x0 to x1.
@@ -90,6 +100,10 @@ public:
     std::uint8_t bits(std::size_t row, std::size_t column) const { return bits_[row * columns_ + column]; }
 
 private:
+    std::int32_t row_of(std::int64_t origin) const {
+        return static_cast<std::int32_t>((origin + static_cast<std::int64_t>(first_bin_)) /
+                                         static_cast<std::int64_t>(columns_));
+    }
     void put(const Target& target, std::int32_t bin, double power, const double* quantities) {
         const std::size_t j = static_cast<std::size_t>(bin) - first_bin_;
         const double whole = power * quanta_.inverse[j];

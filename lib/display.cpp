@@ -32,11 +32,12 @@ double largest_radius_m(const DisplaySetting& setting) {
     const std::optional<double> radius = display_radius_m(setting, setting.range_m);
     if (!radius || !(*radius > 0)) {
         const bool delayed = setting.params.kind == DisplayKind::tdppi;
-        throw InputError(fmt::format("range is {:.1f} m; display {} shows nothing nearer than {}, {:.1f} m (give a larger "
-                                     "range, or display ppi)",
-                                     setting.range_m, word(setting.params.kind),
-                                     delayed ? "its sweep delay" : "the sensor's height above the reference height",
-                                     delayed ? setting.sweep_delay_m : setting.sensor_m - setting.reference_m));
+        throw InputError(
+            fmt::format("range is {:.1f} m; display {} shows nothing nearer than {}, {:.1f} m (give a larger "
+                        "range, or display ppi)",
+                        setting.range_m, word(setting.params.kind),
+                        delayed ? "its sweep delay" : "the sensor's height above the reference height",
+                        delayed ? setting.sweep_delay_m : setting.sensor_m - setting.reference_m));
     }
     return *radius;
 }

@@ -71,6 +71,8 @@ struct Setting {
         sweep.nadir_surface_m = s.nadir_on_data ? s.nadir_surface_m : std::numeric_limits<double>::quiet_NaN();
         sweep.nadir_patch = &s.nadir_patch;
         sweep.max_arc_m = map.params().max_arc_m;
+        constexpr double least_radius_m = 6335439;  // of the WGS84 meridian, at the equator
+        sweep.most_theta = s.scene.earth_k ? sweep.max_arc_m / (*s.scene.earth_k * least_radius_m) : 0;
         sweep.range_bin_m = s.swept.range_bin_m;
         sweep.range_is_ground = s.scene.display.kind == DisplayKind::gpi_true;
         sweep.pattern = &pattern;

@@ -23,12 +23,12 @@ std::int64_t floor_of(double v) { return static_cast<std::int64_t>(std::floor(v)
 }  // namespace
 
 void Front::Samples::resize(std::size_t n) {
-    for (auto* v : {&major, &minor, &arc, &height, &up, &out, &range, &sine, &x}) v->resize(n);
+    for (auto* v : {&part, &minor, &arc, &height, &up, &out, &range, &sine, &x}) v->resize(n);
 }
 
 SampleLanes Front::Samples::lanes(std::size_t at) {
-    return {major.data() + at, minor.data() + at, arc.data() + at,  height.data() + at, up.data() + at,
-            out.data() + at,   range.data() + at, sine.data() + at, x.data() + at};
+    return {part.data() + at, minor.data() + at, arc.data() + at,  height.data() + at, up.data() + at,
+            out.data() + at,  range.data() + at, sine.data() + at, x.data() + at};
 }
 
 void Front::Lanes::resize(std::size_t n) {
@@ -37,16 +37,17 @@ void Front::Lanes::resize(std::size_t n) {
         v->resize(n);
     last.resize(n);
     row.resize(n);
+    origin.resize(n);
+    straddlers.clear();
 }
 
 Front::Front(const SweepScene& scene, const SpokeRun& run, WedgeCells& cells)
     : scene_(&scene), run_(&run), cells_(&cells), bins_per_metre_(1 / scene.range_bin_m),
       plain_ground_(!scene.data_base->has_culture && !scene.data_base->has_culture_height), quadrant_(run.quadrant),
       line_end_(scene.grid->line_count(run.quadrant)) {
-    now_.resize(tile_lanes);
-    next_.resize(tile_lanes);
-    for (auto* v : {&ahead_minor_, &ahead_arc_, &bump_, &sine0_, &code_, &power_, &inverse_width_, &bow_})
-        v->resize(tile_lanes);
+    for (auto* samples : {&now_, &crossing_, &ahead_}) samples->resize(tile_lanes);
+    for (auto* v : {&cell_, &bump_, &sine0_, &code_, &power_, &inverse_width_, &bow_}) v->resize(tile_lanes);
+    posts_.resize(4 * tile_lanes);
     between_.behind = between_.ahead = between_.behind_culture = between_.ahead_culture = no_posts();
     start();
 }
@@ -83,6 +84,8 @@ void Front::set_up_ring(std::size_t ring, Lanes& lanes) const {
             }
         }
         lanes.row[lane] = target.row;
+        lanes.origin[lane] = cells_->origin_of(std::max(target.row, 0));
+        if (target.share[1] > 0) lanes.straddlers.push_back(static_cast<std::int32_t>(lane));
         lanes.share0[lane] = target.share[0];
         lanes.share1[lane] = target.share[1];
     }
@@ -94,7 +97,7 @@ void Front::start() {
     const bool valid = z == z;
     Samples& at = lanes_.last;
     for (std::size_t lane = 0; lane < lanes_.mode.size(); ++lane) {
-        at.major[lane] = scene_->grid->map().nadir_major(quadrant_);
+        at.part[lane] = 0;
         at.minor[lane] = scene_->grid->map().nadir_minor(quadrant_);
         at.arc[lane] = at.out[lane] = 0;
         at.height[lane] = z;
@@ -112,6 +115,7 @@ void Front::start() {
     }
     live_begin_ = 0;
     live_end_ = lanes_.mode.size();
+    between_.behind_major = scene_->grid->map().nadir_major(quadrant_);
     // The line behind the nadir, so that the first piece too runs through known cells.
     const Chunk& patch = *scene_->nadir_patch;
     if (line_end_ == 0 || patch.window.empty()) return;
@@ -131,6 +135,7 @@ void Front::start() {
     };
     between_.behind = line(patch.surface_m, kept_posts_);
     between_.behind_culture = line(patch.culture_height_m, kept_culture_);
+    std::fill(at.part.begin(), at.part.end(), std::abs(between_.behind_major - static_cast<double>(index)));
     between_.behind_major = static_cast<double>(index);
     between_.adjacent = true;
 }
@@ -193,8 +198,18 @@ void Front::advance(Interval lines, const Chunk* chunk) {
     between_.chunk = nullptr;
 }
 
+std::size_t Front::first_live(std::size_t begin, std::size_t end) const {
+    // In whole steps, so that what is left begins where the cache's lines do.
+    const auto first = lanes_.mode.begin();
+    while (begin + lane_step <= end && std::all_of(first + static_cast<std::ptrdiff_t>(begin),
+                                                   first + static_cast<std::ptrdiff_t>(begin + lane_step),
+                                                   [](double mode) { return mode == mode_done; }))
+        begin += lane_step;
+    return begin;
+}
+
 void Front::trim() {
-    while (live_begin_ < live_end_ && is(live_begin_, mode_done)) ++live_begin_;
+    live_begin_ = first_live(live_begin_, live_end_);
     while (live_end_ > live_begin_ && is(live_end_ - 1, mode_done)) --live_end_;
 }
 
@@ -211,7 +226,7 @@ void Front::advance_tile(Interval lines, const Chunk* chunk, std::size_t begin, 
     between.chunk = chunk;
     std::size_t from = begin, to = end;
     const auto copy = [](std::size_t n, const Samples& source, std::size_t at, Samples& target, std::size_t into) {
-        for (auto layer : {&Samples::major, &Samples::minor, &Samples::arc, &Samples::height, &Samples::up,
+        for (auto layer : {&Samples::part, &Samples::minor, &Samples::arc, &Samples::height, &Samples::up,
                            &Samples::out, &Samples::range, &Samples::sine, &Samples::x})
             std::copy_n((source.*layer).begin() + static_cast<std::ptrdiff_t>(at), n,
                         (target.*layer).begin() + static_cast<std::ptrdiff_t>(into));
@@ -219,8 +234,8 @@ void Front::advance_tile(Interval lines, const Chunk* chunk, std::size_t begin, 
     copy(end - begin, lanes_.last, begin, now_, 0);
     for (std::int64_t line = lines.begin; line < lines.end; ++line) {
         // Spokes that are done at either end are left behind; what they were is not looked at again.
-        std::size_t skip = 0;
-        while (from < to && is(from, mode_done)) ++from, ++skip;
+        const std::size_t skip = first_live(from, to) - from;
+        from += skip;
         while (to > from && is(to - 1, mode_done)) --to;
         if (skip) copy(to - from, now_, skip, now_, 0);
         const std::int64_t index = grid.line_index(quadrant_, line);
@@ -258,47 +273,42 @@ void Front::advance_line(std::int64_t line, const Between& between, std::size_t 
         if (stop <= static_cast<std::int64_t>(at)) continue;
         const std::size_t count = static_cast<std::size_t>(stop) - at;
         place_lanes(piece, grid.map().nadir_minor(quadrant_), distance, spokes, first + static_cast<std::int64_t>(at),
-                    count, lanes_.metres_per_post.data() + at, ahead_minor_.data() + (at - begin),
-                    ahead_arc_.data() + (at - begin));
+                    count, lanes_.metres_per_post.data() + at, ahead_.minor.data() + (at - begin),
+                    ahead_.arc.data() + (at - begin));
         at += count;
     }
     // Beyond the range, or gone from the raster for good.
-    std::int64_t look = 0;
-    for (std::size_t i = 0; i < n; ++i)
-        look += (ahead_arc_[i] > scene_->max_arc_m) | (lanes_.mode[begin + i] == mode_gap) ? 1 : 0;
-    for (std::size_t i = 0; look && i < n; ++i) {
-        const std::size_t lane = begin + i;
-        if (!(ahead_arc_[i] > scene_->max_arc_m) && !is(lane, mode_gap)) continue;
-        if (is(lane, mode_done) || !beyond(lane, ahead_minor_[i], ahead_arc_[i], distance)) continue;
-        mark_seen(lane);
-        if (is(lane, mode_hidden)) mark_shadow(lane, ahead_arc_[i]);
-        if (is(lane, mode_gap)) mark_rest(lane, lanes_.mark_from[lane]);
-        lanes_.mode[lane] = mode_done;
-    }
+    const auto modes = lanes_.mode.begin() + static_cast<std::ptrdiff_t>(begin);
+    if (count_beyond(n, ahead_.arc.data(), scene_->max_arc_m) ||
+        std::find(modes, modes + static_cast<std::ptrdiff_t>(n), mode_gap) != modes + static_cast<std::ptrdiff_t>(n))
+        for (std::size_t i = 0; i < n; ++i) {
+            const std::size_t lane = begin + i;
+            if (!(ahead_.arc[i] > scene_->max_arc_m) && !is(lane, mode_gap)) continue;
+            if (is(lane, mode_done) || !beyond(lane, ahead_.minor[i], ahead_.arc[i], distance)) continue;
+            mark_seen(lane);
+            if (is(lane, mode_hidden)) mark_shadow(lane, ahead_.arc[i]);
+            if (is(lane, mode_gap)) mark_rest(lane, lanes_.mark_from[lane]);
+            lanes_.mode[lane] = mode_done;
+        }
     cost_.sample += ticks() - clock;
 
     if (scene_->sampling.cross_lines && between.adjacent) {
         for (;;) {
             const std::uint64_t crossing_clock = ticks();
-            const Crossing crossing{now_.minor.data(),   now_.arc.data(),   now_.height.data(),   now_.major.data(),
-                                    ahead_minor_.data(), ahead_arc_.data(), between.behind_major, between.ahead_major,
-                                    next_.minor.data(),  next_.arc.data(),  next_.height.data(),  next_.major.data()};
-            const std::size_t crossed = cross_lanes(between.behind, between.ahead, n, crossing);
+            const int crossed = cross_lanes(
+                n, {now_.part.data(), now_.minor.data(), now_.arc.data(), ahead_.minor.data(), ahead_.arc.data(),
+                    crossing_.part.data(), crossing_.minor.data(), crossing_.arc.data()});
             cost_.sample += ticks() - crossing_clock;
             if (crossed == 0) break;
-            cost_.samples += crossed;
-            take(between, begin, end);
+            cost_.samples += static_cast<std::uint64_t>(crossed);
+            take(between, begin, end, true, crossing_);
             if (grid.map().straight()) break;  // |slope| <= 1: one at the most
         }
     }
-    const std::uint64_t line_clock = ticks();
-    height_lanes(between.ahead, n, ahead_minor_.data(), next_.height.data());
-    std::copy_n(ahead_minor_.begin(), n, next_.minor.begin());
-    std::copy_n(ahead_arc_.begin(), n, next_.arc.begin());
-    std::fill_n(next_.major.begin(), n, between.ahead_major);
-    cost_.sample += ticks() - line_clock;
+    std::fill_n(ahead_.part.begin(), n, 1.0);
     cost_.samples += n;
-    take(between, begin, end);
+    take(between, begin, end, false, ahead_);
+    std::fill_n(now_.part.begin(), n, 0.0);  // of the way to the next line
 }
 
 bool Front::beyond(std::size_t lane, double minor, double arc, double distance) const {
@@ -313,32 +323,48 @@ bool Front::beyond(std::size_t lane, double minor, double arc, double distance) 
     return (minor < 0 && m <= 0 && straight + bend < 0) || (minor > last && m >= 0 && straight - bend > last);
 }
 
-void Front::take(const Between& between, std::size_t begin, std::size_t end) {
+std::span<const std::int32_t> Front::straddlers(std::size_t begin, std::size_t end) const {
+    const auto low =
+        std::lower_bound(lanes_.straddlers.begin(), lanes_.straddlers.end(), static_cast<std::int32_t>(begin));
+    return {low, std::lower_bound(low, lanes_.straddlers.end(), static_cast<std::int32_t>(end))};
+}
+
+void Front::take(const Between& between, std::size_t begin, std::size_t end, bool crossings, Samples& next) {
     const std::size_t n = end - begin;
-    const SampleLanes from = now_.lanes(0), to = next_.lanes(0);
+    const SampleLanes from = now_.lanes(0), to = next.lanes(0);
     const std::uint64_t clock = ticks();
-    sight_lanes(n, scene_->sensor_m, bins_per_metre_, scene_->range_is_ground, lanes_.inverse_radius.data() + begin,
-                to);
-    if (!scene_->sampling.exact_course || !between.adjacent)
-        std::fill_n(bump_.begin(), n, 0.0);
-    else
-        bump_lanes(between.behind, between.ahead, n, between.behind_major, between.ahead_major, from.major, from.minor,
-                   to.major, to.minor, bump_.data());
-    constexpr std::size_t block = 64;
+    // The cell that the piece runs through; without the other axis' lines it may run through two: that of its end.
+    const bool one_cell = crossings || (scene_->sampling.cross_lines && between.adjacent);
+    const CellLanes posts{cell_.data(), posts_.data(), posts_.data() + 2 * tile_lanes};
+    cell_lanes(between.adjacent ? between.behind : between.ahead, between.ahead, n, one_cell ? from.minor : to.minor,
+               to.minor, posts);
+    const std::uint64_t sampled = ticks();
+    const StepScene step{scene_->sensor_m, bins_per_metre_, scene_->range_is_ground,
+                         scene_->sampling.exact_course && one_cell, scene_->most_theta};
+    constexpr std::size_t block = WedgeCells::Portions::most;
     std::array<Rises, tile_lanes / block> rises{};
     for (std::size_t at = 0; at < n; at += block) {
         const std::size_t lane = begin + at;
-        rises[at / block] = rise_lanes(
-            std::min(block, n - at), now_.lanes(at), next_.lanes(at), lanes_.mode.data() + lane,
-            lanes_.horizon.data() + lane, lanes_.void_horizon.data() + lane, bump_.data() + at,
-            lanes_.seen_least.data() + lane, lanes_.seen_most.data() + lane, sine0_.data() + at, code_.data() + at);
+        rises[at / block] = step_lanes(crossings ? StepTo::crossing : StepTo::line, std::min(block, n - at), step,
+                                       {now_.lanes(at),
+                                        next.lanes(at),
+                                        {posts.cell + at, posts.behind + 2 * at, posts.ahead + 2 * at},
+                                        lanes_.mode.data() + lane,
+                                        lanes_.inverse_radius.data() + lane,
+                                        lanes_.void_horizon.data() + lane,
+                                        lanes_.horizon.data() + lane,
+                                        lanes_.seen_least.data() + lane,
+                                        lanes_.seen_most.data() + lane,
+                                        bump_.data() + at,
+                                        sine0_.data() + at,
+                                        code_.data() + at});
         cost_.pieces += static_cast<std::uint64_t>(rises[at / block].plain);
     }
     const std::uint64_t swept = ticks();
     for (std::size_t at = 0; at < n; at += block)
         if (rises[at / block].plain)
             power_lanes(std::min(block, n - at),
-                        {sine0_.data() + at, now_.lanes(at), next_.lanes(at), bump_.data() + at, power_.data() + at,
+                        {sine0_.data() + at, now_.lanes(at), next.lanes(at), bump_.data() + at, power_.data() + at,
                          inverse_width_.data() + at, bow_.data() + at},
                         *scene_->pattern, scene_->constant);
     const std::uint64_t shaded = ticks();
@@ -348,33 +374,35 @@ void Front::take(const Between& between, std::size_t begin, std::size_t end) {
         const Rises& found = rises[at / block];
         const std::size_t m = std::min(block, n - at), lane = begin + at;
         if (found.plain && simple)
-            cells_->add_lanes(m, {code_.data() + at, lanes_.row.data() + lane, lanes_.share0.data() + lane,
-                                  lanes_.share1.data() + lane, from.x + at, to.x + at, inverse_width_.data() + at,
-                                  power_.data() + at, bow_.data() + at, gamma});
+            cells_->add_lanes(
+                m, {code_.data() + at, lanes_.origin.data() + lane, lanes_.share0.data() + lane,
+                    lanes_.share1.data() + lane, straddlers(lane, lane + m), static_cast<std::int32_t>(lane),
+                    from.x + at, to.x + at, inverse_width_.data() + at, power_.data() + at, bow_.data() + at, gamma});
         if (!found.changes && (simple || !found.plain)) continue;
         for (std::size_t i = at; i < at + m; ++i) {
             if (code_[i] == 2)
-                change(begin + i, i, between);
+                change(begin + i, i, between, next.lanes(i));
             else if (code_[i] == 1 && !simple && lanes_.row[begin + i] >= 0)
                 put(begin + i,
                     {{from.x[i], to.x[i], inverse_width_[i], power_[i], bow_[i]},
-                     from.major[i],
+                     between.major(from.part[i]),
                      from.minor[i],
-                     to.major[i],
+                     between.major(to.part[i]),
                      to.minor[i],
                      sine0_[i],
                      to.sine[i]},
                     between);
         }
     }
-    cost_.sweep += swept - clock;
+    cost_.sample += sampled - clock;
+    cost_.sweep += swept - sampled;
     cost_.shade += shaded - swept;
     cost_.deposit += ticks() - shaded;
-    std::swap(now_, next_);
+    std::swap(now_, next);
 }
 
-void Front::change(std::size_t lane, std::size_t i, const Between& between) {
-    const SampleLanes from = now_.lanes(i), to = next_.lanes(i);
+void Front::change(std::size_t lane, std::size_t i, const Between& between, SampleLanes to) {
+    const SampleLanes from = now_.lanes(i);
     const double sine = *to.sine, arc = *to.arc_m;
     double& horizon = lanes_.horizon[lane];
     const bool valid = sine == sine;
@@ -390,9 +418,9 @@ void Front::change(std::size_t lane, std::size_t i, const Between& between) {
             const double power = piece_power(horizon, sine1, range0, range1, *scene_->pattern, scene_->constant);
             put(lane,
                 {{x0, x1, 1 / std::max(std::abs(x1 - x0), 1e-9), power, bow},
-                 at(*from.major, *to.major, begin),
+                 between.major(at(*from.part, *to.part, begin)),
                  at(*from.minor, *to.minor, begin),
-                 at(*from.major, *to.major, end),
+                 between.major(at(*from.part, *to.part, end)),
                  at(*from.minor, *to.minor, end),
                  horizon,
                  sine1},
@@ -424,8 +452,7 @@ void Front::change(std::size_t lane, std::size_t i, const Between& between) {
     } else {
         const double bump = bump_[i];
         const bool was_visible = is(lane, mode_visible);
-        const Course c =
-            course(horizon, *from.up_m, *from.out_m, *to.up_m, *to.out_m, bump, was_visible);
+        const Course c = course(horizon, *from.up_m, *from.out_m, *to.up_m, *to.out_m, bump, was_visible);
         const double step = arc - *from.arc_m;
         if (!c.seen || c.begin > 0) {
             // Behind the horizon from the start, or soon.
@@ -598,7 +625,7 @@ void Front::grow_gap(std::size_t lane, std::size_t i, const Between& between) {
                 lanes_.gap_top[lane] = std::max(lanes_.gap_top[lane], static_cast<double>(line.at(j)));
     };
     if (between.adjacent) raise(between.behind, now_.minor[i]);
-    raise(between.ahead, ahead_minor_[i]);
+    raise(between.ahead, ahead_.minor[i]);
 }
 
 void Front::end_gap(std::size_t lane, double arc_m) {
@@ -638,7 +665,7 @@ void Front::double_spokes() {
         lanes_.seen_least[lane] = infinite;
         lanes_.seen_most[lane] = -infinite;
         if (a == b) {
-            for (auto layer : {&Samples::major, &Samples::minor, &Samples::arc, &Samples::height, &Samples::up,
+            for (auto layer : {&Samples::part, &Samples::minor, &Samples::arc, &Samples::height, &Samples::up,
                                &Samples::out, &Samples::range, &Samples::sine, &Samples::x})
                 (last.*layer)[lane] = (parents.last.*layer)[a];
             lanes_.mode[lane] = parents.mode[a];
@@ -650,13 +677,22 @@ void Front::double_spokes() {
         }
         const SpokeMap::Place place =
             grid.map().place(quadrant_, static_cast<double>(k) / static_cast<double>(spokes), distance);
-        last.major[lane] = between_.behind_major;
+        last.part[lane] = 0;
         last.minor[lane] = place.minor;
         last.arc[lane] = place.arc_m;
-        height_lanes(between_.behind, 1, &place.minor, &last.height[lane]);
-        sight_lanes(1, scene_->sensor_m, bins_per_metre_, scene_->range_is_ground, &lanes_.inverse_radius[lane],
-                    last.lanes(lane));
-        const double sine = last.sine[lane];
+        const auto post = [&](std::int64_t j) {
+            return static_cast<double>(between_.behind.has(j) ? between_.behind.at(j) : void_post);
+        };
+        const std::int64_t j = floor_of(place.minor);
+        const double height = linear(post(j), post(j + 1), place.minor - static_cast<double>(j));
+        const SightLine sight = sight_line(scene_->sensor_m, place.arc_m, height, lanes_.inverse_radius[lane]);
+        const double sine = sight.sine;
+        last.height[lane] = height;
+        last.up[lane] = sight.up_m;
+        last.out[lane] = sight.out_m;
+        last.range[lane] = sight.range_m;
+        last.sine[lane] = sine;
+        last.x[lane] = (scene_->range_is_ground ? place.arc_m : sight.range_m) * bins_per_metre_;
         const double ha = parents.horizon[a], hb = parents.horizon[b];
         double horizon = ha >= -1 && hb >= -1 ? 0.5 * (ha + hb) : std::max(ha, hb);
         lanes_.mark_from[lane] = lanes_.gap_from[lane] = place.arc_m;
@@ -680,7 +716,12 @@ void Front::double_spokes() {
                                                      *scene_->pattern, scene_->constant);
                     put(lane,
                         {{last.x[lane], last.x[lane], 1, power, 0},
-                         last.major[lane], last.minor[lane], last.major[lane], last.minor[lane], horizon, sine},
+                         between_.behind_major,
+                         last.minor[lane],
+                         between_.behind_major,
+                         last.minor[lane],
+                         horizon,
+                         sine},
                         between_);
                     cells_->mark(lanes_.target(lane), last.x[lane], last.x[lane],
                                  sine > lanes_.void_horizon[lane] ? bit_seen : bit_unknown);

@@ -18,6 +18,7 @@
 #include <vector>
 
 #include "lib/deposit.hpp"
+#include "lib/lanes.hpp"
 #include "lib/sample.hpp"
 #include "lib/shade.hpp"
 #include "lib/spoke_grid.hpp"
@@ -36,6 +37,7 @@ struct SweepScene {
     double nadir_surface_m = 0;          ///< at the nadir; NaN: void or outside
     const Chunk* nadir_patch = nullptr;  ///< posts round the nadir, rows as lines; may be empty
     double max_arc_m = 0;
+    double most_theta = 0;  ///< of max_arc_m on the earth's most curved part
     double range_bin_m = 0;
     bool range_is_ground = false;  ///< gpi-true: bins count arc, not slant range
     bool with_depression = false;  ///< second channel: depression / (pi/2)
@@ -75,17 +77,19 @@ private:
 
     /// Nine arrays of doubles, one sample a spoke.
     struct Samples {
-        std::vector<double> major, minor, arc, height, up, out, range, sine, x;
+        LaneArray part, minor, arc, height, up, out, range, sine, x;
         void resize(std::size_t n);
         SampleLanes lanes(std::size_t at);
     };
     struct Lanes {
-        std::vector<double> metres_per_post, inverse_radius;
+        LaneArray metres_per_post, inverse_radius;
         Samples last;
-        std::vector<SpokeMode> mode;
-        std::vector<double> horizon, void_horizon, mark_from, gap_from, gap_top, seen_least, seen_most;
+        LaneArray mode;  // SpokeMode
+        LaneArray horizon, void_horizon, mark_from, gap_from, gap_top, seen_least, seen_most;
         std::vector<std::int32_t> row;  // of the cells; below 0: not this run's to deposit
-        std::vector<double> share0, share1;
+        LaneArray share0, share1;
+        std::vector<std::int64_t> origin;      // WedgeCells::origin_of the row
+        std::vector<std::int32_t> straddlers;  // lanes with a second share
         WedgeCells::Target target(std::size_t lane) const { return {row[lane], {share0[lane], share1[lane]}}; }
         void resize(std::size_t n);
     };
@@ -95,6 +99,7 @@ private:
         LinePosts behind, ahead, behind_culture, ahead_culture;
         double behind_major = 0, ahead_major = 0;
         bool adjacent = false;  // there is a line behind, next to the one ahead
+        double major(double part) const { return behind_major + part * (ahead_major - behind_major); }
     };
     /// One visible piece.
     struct Piece {
@@ -109,11 +114,13 @@ private:
     void start();
     void double_spokes();
     void trim();
+    std::size_t first_live(std::size_t begin, std::size_t end) const;
 
     void advance_tile(Interval lines, const Chunk* chunk, std::size_t begin, std::size_t end, Between& between);
     void advance_line(std::int64_t line, const Between& between, std::size_t begin, std::size_t end);
-    void take(const Between& between, std::size_t begin, std::size_t end);
-    void change(std::size_t lane, std::size_t i, const Between& between);
+    void take(const Between& between, std::size_t begin, std::size_t end, bool crossings, Samples& next);
+    void change(std::size_t lane, std::size_t i, const Between& between, SampleLanes to);
+    std::span<const std::int32_t> straddlers(std::size_t begin, std::size_t end) const;
     bool beyond(std::size_t lane, double minor, double arc, double distance) const;
 
     void put(std::size_t lane, const Piece& piece, const Between& between);
@@ -140,9 +147,10 @@ private:
     std::int64_t next_line_ = 0, line_end_ = 0;
     std::size_t live_begin_ = 0, live_end_ = 0;  // lanes not all done
     Lanes lanes_;
-    // Workspace of one tile: the last samples and the next ones change places sample after sample.
-    Samples now_, next_;
-    std::vector<double> ahead_minor_, ahead_arc_, bump_, sine0_, code_, power_, inverse_width_, bow_;
+    // Workspace of one tile: the last samples, those on the other axis' lines and those on the line ahead.
+    Samples now_, crossing_, ahead_;
+    LaneArray cell_, bump_, sine0_, code_, power_, inverse_width_, bow_;
+    std::vector<float> posts_;  // of the cells, four a lane
     std::vector<SpokeMap::LinePiece> line_pieces_;
     std::vector<double> breaks_;
     // Posts of the last line, kept from chunk to chunk.

@@ -1,5 +1,5 @@
-// Sample: posts -> heights along spokes: where the spokes of one tile cross a line, and the other axis' lines before
-// it. Leaves what is seen to sweep.hpp. Plain loops over contiguous arrays, compiled for several instruction sets.
+// Sample: where the spokes of one tile cross a line, and the other axis' lines before it, and the posts round these
+// places. Leaves what is seen to sweep.hpp. Plain loops over contiguous arrays, compiled for several instruction sets.
 #pragma once
 #include <cstddef>
 #include <cstdint>
@@ -24,27 +24,34 @@ void place_lanes(const SpokeMap::LinePiece& piece, double nadir_minor, double di
                  std::int64_t first, std::size_t n, const double* metres_per_post, double* minor,
                  double* arc_m) noexcept;
 
-/// Height of the bilinear surface where spokes cross a line: linear between two posts; NaN if one of the two is void
-/// (only the post itself where the spoke hits it exactly).
-void height_lanes(const LinePosts& line, std::size_t n, const double* minor, double* height_m) noexcept;
+/// How many of n arcs are beyond `most_m`.
+int count_beyond(std::size_t n, const double* arc_m, double most_m) noexcept;
 
-/// State of the spokes on the way from one line to the next, and where it comes out.
+/// Places of the spokes' last samples, of where they cross the line ahead, and what comes out. `part`: of the way from
+/// the line behind (0) to the line ahead (1).
 struct Crossing {
-    const double *minor, *arc_m, *height_m, *major;            ///< in, [n]: the last sample
-    const double *minor_to, *arc_to_m;                         ///< in, [n]: on the line ahead
-    double major_from, major_to;                               ///< raster indices of the line behind and the line ahead
-    double *minor_out, *arc_out_m, *height_out_m, *major_out;  ///< out, [n]
+    const double *part, *minor, *arc_m;        ///< in, [n]: the last sample
+    const double *minor_to, *arc_to_m;         ///< in, [n]: on the line ahead
+    double *part_out, *minor_out, *arc_out_m;  ///< out, [n]
 };
 /// The next crossing of a line of the other axis strictly between the last sample and the line ahead; the last sample
-/// itself where there is none. `behind` and `ahead`: posts of the two lines. Returns how many spokes had one.
-std::size_t cross_lanes(const LinePosts& behind, const LinePosts& ahead, std::size_t n,
-                        const Crossing& crossing) noexcept;
+/// itself where there is none. Returns how many spokes had one.
+int cross_lanes(std::size_t n, const Crossing& crossing) noexcept;
 
-/// How far the bilinear surface stands above the straight line between two samples of one cell, half-way, metres: along
-/// a straight way through a cell it is a parabola, lin(u) + bump 4 u (1 - u). 0 where a corner of the cell is missing
-/// or there is no way between the samples.
-void bump_lanes(const LinePosts& behind, const LinePosts& ahead, std::size_t n, double major_from, double major_to,
-                const double* major0, const double* minor0, const double* major1, const double* minor1,
-                double* bump_m) noexcept;
+/// The four posts round each piece: `cell` and the post after it, on the line behind and on the line ahead. What lies
+/// outside a line's window is NaN.
+struct CellLanes {
+    double* cell;           ///< raster index along the lines
+    float *behind, *ahead;  ///< heights, metres: [2 n], of `cell` and `cell` + 1
+};
+/// Of pieces from minor0 to minor1: of the cell that half-way lies in.
+void cell_lanes(const LinePosts& behind, const LinePosts& ahead, std::size_t n, const double* minor0,
+                const double* minor1, const CellLanes& out) noexcept;
+
+/// From a to b, exactly these at 0 and 1, also where the other one is missing.
+inline double linear(double a, double b, double part) {
+    const double inside = a + part * (b - a), low = part == 0 ? a : inside;
+    return part == 1 ? b : low;
+}
 
 }  // namespace wedgescope

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <numbers>
 
 #include "lib/lanes.hpp"
@@ -72,7 +73,7 @@ void power_lanes(std::size_t n, const Shading& shading, const PatternTable& patt
     constexpr std::size_t block = 64;
     double part[block];
     int index[block];
-    float a[block], b[block];
+    float pair[2 * block];
     for (std::size_t at = 0; at < n; at += block) {
         const std::size_t m = std::min(block, n - at);
         WEDGESCOPE_INDEPENDENT
@@ -84,23 +85,21 @@ void power_lanes(std::size_t n, const Shading& shading, const PatternTable& patt
             index[i] = j;
             part[i] = place - static_cast<double>(j);
         }
-        for (std::size_t i = 0; i < m; ++i) {
-            a[i] = table[index[i]];
-            b[i] = table[index[i] + 1];
-        }
+        for (std::size_t i = 0; i < m; ++i) std::memcpy(pair + 2 * i, table + index[i], 2 * sizeof(float));
         WEDGESCOPE_INDEPENDENT
         for (std::size_t i = 0; i < m; ++i) {
-            const double ga = static_cast<double>(a[i]), gb = static_cast<double>(b[i]);
+            const double ga = static_cast<double>(pair[2 * i]), gb = static_cast<double>(pair[2 * i + 1]);
             const double middle = 0.5 * (range0[at + i] + range1[at + i]), range = middle > 1 ? middle : 1.0,
                          way = x1[at + i] - x0[at + i];
             const double distance = way < 0 ? -way : way, width = distance > 1e-9 ? distance : 1e-9;
-            // One division for 1 / r^2 and 1 / width.
-            const double both = 1 / (range * range * width);
-            power[at + i] = constant * (sine1[at + i] - sine0[at + i]) * (ga + part[i] * (gb - ga)) * (both * width);
-            inverse_width[at + i] = both * (range * range);
-            const double rise = up1[at + i] * out0[at + i] - up0[at + i] * out1[at + i],
-                         swing = 4 * bump[at + i] * out0[at + i];
-            const double bent = swing / (rise > 1e-300 ? rise : 1e-300);
+            const double risen = up1[at + i] * out0[at + i] - up0[at + i] * out1[at + i],
+                         rise = risen > 1e-200 ? risen : 1e-200, swing = 4 * bump[at + i] * out0[at + i];
+            // One division for 1 / r^2, 1 / width and swing / rise.
+            const double square = range * range, all = 1 / (square * width * rise);
+            power[at + i] =
+                constant * (sine1[at + i] - sine0[at + i]) * (ga + part[i] * (gb - ga)) * (all * (width * rise));
+            inverse_width[at + i] = all * (square * rise);
+            const double bent = swing * (all * (square * width));
             bow[at + i] = bent < -1 ? -1 : bent > 1 ? 1 : bent;
         }
     }

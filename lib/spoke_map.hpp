@@ -67,6 +67,7 @@ public:
         double slope_begin, slope_end;
         double middle, scale;
         std::array<double, 5> bend, stretch;
+        bool straight() const { return bend == std::array<double, 5>{} && stretch == std::array<double, 5>{}; }
     };
     /// Pieces, in order of slope, that together hold [slope_lo, slope_hi]. Straight: one piece of zeros.
     void line(Quadrant q, double distance, double slope_lo, double slope_hi, std::vector<LinePiece>& pieces) const;

@@ -6,55 +6,80 @@
 
 namespace wedgescope {
 
-WEDGESCOPE_LANES
-void sight_lanes(std::size_t n, double sensor_m, double bins_per_metre, bool range_is_ground,
-                 const double* __restrict inverse_radius, const SampleLanes& samples) noexcept {
-    const double* __restrict arc_m = samples.arc_m, * __restrict height_m = samples.height_m;
-    double *__restrict up_m = samples.up_m, *__restrict out_m = samples.out_m, *__restrict range_m = samples.range_m,
-           *__restrict sine = samples.sine, *__restrict x = samples.x;
-    const double arc_bins = range_is_ground ? bins_per_metre : 0, range_bins = range_is_ground ? 0 : bins_per_metre;
-    WEDGESCOPE_INDEPENDENT
-    for (std::size_t i = 0; i < n; ++i) {
-        const SightLine p = sight_line(sensor_m, arc_m[i], height_m[i], inverse_radius[i]);
-        up_m[i] = p.up_m;
-        out_m[i] = p.out_m;
-        range_m[i] = p.range_m;
-        sine[i] = p.sine;
-        x[i] = p.range_m * range_bins + arc_m[i] * arc_bins;
-    }
-}
+namespace {
 
-WEDGESCOPE_LANES
-Rises rise_lanes(std::size_t n, const SampleLanes& from, const SampleLanes& to, const double* __restrict mode,
-                 double* __restrict horizon, const double* __restrict void_horizon, const double* __restrict bump_m,
-                 double* __restrict seen_least, double* __restrict seen_most, double* __restrict sine0,
-                 double* __restrict code) noexcept {
-    const double* __restrict sine = to.sine, * __restrict arc0 = from.arc_m, * __restrict arc1 = to.arc_m, * __restrict x0 = from.x, * __restrict x1 = to.x, * __restrict up0 = from.up_m, * __restrict up1 = to.up_m, * __restrict out0 = from.out_m, * __restrict out1 = to.out_m, * __restrict range0 = from.range_m, * __restrict last_sine = from.sine;
-    std::int64_t plains = 0, nothing = 0;
+template <StepTo target, bool near_sensor>
+WEDGESCOPE_LANES_PART Rises step(std::size_t n, const StepScene& scene, const StepLanes& lanes) noexcept {
+    const SampleLanes &from = lanes.from, &to = lanes.to;
+    const double* __restrict part0 = from.part, * __restrict minor0 = from.minor, * __restrict arc0 = from.arc_m, * __restrict height0 = from.height_m, * __restrict up0 = from.up_m, * __restrict out0 = from.out_m, * __restrict range0 = from.range_m, * __restrict last_sine = from.sine, * __restrict x0 = from.x;
+    const double* __restrict part1 = to.part, * __restrict minor1 = to.minor, * __restrict arc1 = to.arc_m;
+    double* __restrict height1 = to.height_m, * __restrict up1 = to.up_m, * __restrict out1 = to.out_m, * __restrict range1 = to.range_m, * __restrict sine1 = to.sine, * __restrict x1 = to.x;
+    const double* __restrict cell = lanes.posts.cell;
+    const float* __restrict behind = lanes.posts.behind, * __restrict ahead = lanes.posts.ahead;
+    const double *__restrict mode = lanes.mode, *__restrict inverse_radius = lanes.inverse_radius,
+                 *__restrict void_horizon = lanes.void_horizon;
+    double *__restrict horizon = lanes.horizon, *__restrict seen_least = lanes.seen_least,
+           *__restrict seen_most = lanes.seen_most, *__restrict bump_m = lanes.bump_m, *__restrict sine0 = lanes.sine0,
+           *__restrict code = lanes.code;
+    const double sensor_m = scene.sensor_m, arc_bins = scene.range_is_ground ? scene.bins_per_metre : 0,
+                 range_bins = scene.range_is_ground ? 0 : scene.bins_per_metre,
+                 quarter = scene.exact_course ? -0.25 : 0.0;
     WEDGESCOPE_INDEPENDENT
     for (std::size_t i = 0; i < n; ++i) {
-        const double s = sine[i], h = horizon[i], m = mode[i];
-        const double bump = bump_m[i], swing = 4 * (bump < 0 ? -bump : bump);
-        const bool straight = swing * out0[i] <= up1[i] * out0[i] - up0[i] * out1[i];
-        const bool rising = (m == mode_visible) & (s > h) & (arc0[i] != arc1[i]);
-        const bool plain = rising & straight & (h >= void_horizon[i]);
+        // Truths as 0 and 1, so that every compiler makes lanes of them.
+        const auto truth = [](bool b) { return b ? 1.0 : 0.0; };
+        const double stands = truth(arc0[i] == arc1[i]);  // no sample here: whatever the spoke's neighbours do
+        const double zb0 = static_cast<double>(behind[2 * i]), zb1 = static_cast<double>(behind[2 * i + 1]),
+                     za0 = static_cast<double>(ahead[2 * i]), za1 = static_cast<double>(ahead[2 * i + 1]);
+        const bool lower = minor1[i] == cell[i];
+        const double there = target == StepTo::line ? linear(za0, za1, minor1[i] - cell[i])
+                                                    : linear(lower ? zb0 : zb1, lower ? za0 : za1, part1[i]);
+        const double z = stands > 0 ? height0[i] : there;
+        const SightLine p = sight_line<near_sensor>(sensor_m, arc1[i], z, inverse_radius[i]);
+        const double x = p.range_m * range_bins + arc1[i] * arc_bins, s = p.sine;
+        height1[i] = z;
+        up1[i] = p.up_m;
+        out1[i] = p.out_m;
+        range1[i] = p.range_m;
+        sine1[i] = s;
+        x1[i] = x;
+
+        const double bent = quarter * ((za1 - za0) - (zb1 - zb0)) * (part1[i] - part0[i]) * (minor1[i] - minor0[i]);
+        const double bump = bent == bent ? bent : 0.0, swing = 4 * (bump < 0 ? -bump : bump);
+        bump_m[i] = bump;
+
+        const double h = horizon[i], m = mode[i];
+        const double straight = truth(swing * out0[i] <= p.up_m * out0[i] - up0[i] * p.out_m);
+        const double rising = truth(m == mode_visible) * truth(s > h) * (1 - stands);
+        const double plain = rising * straight * truth(h >= void_horizon[i]);
         const double higher = s > last_sine[i] ? s : last_sine[i];
-        const bool below = (s <= h) & (higher * range0[i] + bump * 1.02 <= h * range0[i]);
-        const bool none = (arc0[i] == arc1[i]) | (m == mode_done);  // no sample here: whatever the spoke's neighbours do
-        const bool quiet = ((m == mode_hidden) & below) | none;
-        const double c = quiet ? 0.0 : plain ? 1.0 : 2.0;
+        const double below = truth(s <= h) * truth(higher * range0[i] + bump * 1.02 <= h * range0[i]);
+        const double none = stands + truth(m == mode_done);
+        const double quiet = truth(m == mode_hidden) * below + none;
+        const double c = quiet > 0 ? 0.0 : plain > 0 ? 1.0 : 2.0;
         code[i] = c;
-        plains += plain ? 1 : 0;
-        nothing += c == 0 ? 1 : 0;
         sine0[i] = h;
-        horizon[i] = plain ? s : h;
-        const double near = x0[i] < x1[i] ? x0[i] : x1[i], far = x0[i] < x1[i] ? x1[i] : x0[i];
+        horizon[i] = c == 1 ? s : h;
+        const double near = x0[i] < x ? x0[i] : x, far = x0[i] < x ? x : x0[i];
         const double least = near < seen_least[i] ? near : seen_least[i],
                      most = far > seen_most[i] ? far : seen_most[i];
-        seen_least[i] = plain ? least : seen_least[i];
-        seen_most[i] = plain ? most : seen_most[i];
+        seen_least[i] = c == 1 ? least : seen_least[i];
+        seen_most[i] = c == 1 ? most : seen_most[i];
     }
-    return {plains, static_cast<std::int64_t>(n) - plains - nothing};
+    int plains = 0, changes = 0;
+    for (std::size_t i = 0; i < n; ++i) plains += code[i] == 1 ? 1 : 0;
+    for (std::size_t i = 0; i < n; ++i) changes += code[i] == 2 ? 1 : 0;
+    return {plains, changes};
+}
+
+}  // namespace
+
+WEDGESCOPE_LANES
+Rises step_lanes(StepTo target, std::size_t n, const StepScene& scene, const StepLanes& lanes) noexcept {
+    const bool near_sensor = scene.most_theta <= near_theta;
+    if (target == StepTo::line)
+        return near_sensor ? step<StepTo::line, true>(n, scene, lanes) : step<StepTo::line, false>(n, scene, lanes);
+    return near_sensor ? step<StepTo::crossing, true>(n, scene, lanes) : step<StepTo::crossing, false>(n, scene, lanes);
 }
 
 double ray_range_m(double sensor_m, double arc_m, double sine, double inverse_radius) {

@@ -7,6 +7,8 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "lib/sample.hpp"
+
 namespace wedgescope {
 
 /// A point in the sensor's vertical plane: `up_m` above and `out_m` along its local horizontal.
@@ -17,11 +19,16 @@ struct SightLine {
     double up_m, out_m, range_m, sine;
 };
 
+/// `near`: theta at most near_theta, where two terms do (error < 1e-16).
+inline constexpr double near_theta = 0.008;
+template <bool near = false>
 inline SightLine sight_line(double sensor_m, double arc_m, double height_m, double inverse_radius) {
     const double theta = arc_m * inverse_radius;
     const double x = theta * theta;
-    const double sinc = 1 - x * (1.0 / 6) * (1 - x * (1.0 / 20) * (1 - x * (1.0 / 42) * (1 - x * (1.0 / 72))));
-    const double versine = 1 - x * (1.0 / 12) * (1 - x * (1.0 / 30) * (1 - x * (1.0 / 56) * (1 - x * (1.0 / 90))));
+    const double more_sinc = near ? 1 : 1 - x * (1.0 / 42) * (1 - x * (1.0 / 72)),
+                 more_versine = near ? 1 : 1 - x * (1.0 / 56) * (1 - x * (1.0 / 90));
+    const double sinc = 1 - x * (1.0 / 6) * (1 - x * (1.0 / 20) * more_sinc);
+    const double versine = 1 - x * (1.0 / 12) * (1 - x * (1.0 / 30) * more_versine);
     const double growth = 1 + height_m * inverse_radius;
     SightLine p;
     p.out_m = arc_m * sinc * growth;
@@ -37,32 +44,47 @@ inline constexpr SpokeMode mode_hidden = 0, mode_visible = 1, mode_gap = 2, mode
 
 /// The last sample of a run of spokes, or the next one.
 struct SampleLanes {
-    double *major, *minor;  ///< raster position across and along the lines
+    double *part,
+        *minor;  ///< of the way from the line behind (0) to the line ahead (1); raster position along the lines
     double *arc_m, *height_m;
     double *up_m, *out_m, *range_m, *sine;
     double* x;  ///< range coordinate: slant range (arc for gpi-true) in bins
 };
 
-/// sight_line of n samples. NaN heights give NaN.
-void sight_lanes(std::size_t n, double sensor_m, double bins_per_metre, bool range_is_ground,
-                 const double* inverse_radius, const SampleLanes& samples) noexcept;
-
-/// What a sample does to its spoke: 0 nothing (stays hidden, or no sample here), 1 it raises
-/// the horizon of a visible spoke (done here: horizon, seen_least, seen_most), 2 something changes: see Front.
-///   mode[n]             in: SpokeMode
-///   horizon[n]          in, out: sine
-///   void_horizon[n]     in
-///   seen_least, _most   in, out [n]: range coordinates of the visible run so far
-///   bump_m[n]           in: how far the surface stands above the straight piece half-way (bump_lanes)
-///   sine0[n], code[n]   out: the old horizon; the code, as double
-/// A visible piece is plain if its course rises all the way (|4 bump| at most what it rises over the ray of the
-/// horizon); a hidden one stays hidden if not even its bump can reach the horizon.
-struct Rises {
-    std::int64_t plain = 0, changes = 0;  ///< how many have code 1, and 2
+/// What the steps of a scene share.
+struct StepScene {
+    double sensor_m = 0;
+    double bins_per_metre = 0;
+    bool range_is_ground = false;
+    bool exact_course = false;  ///< else pieces are straight
+    double most_theta = 0;      ///< no spoke is followed farther
 };
-Rises rise_lanes(std::size_t n, const SampleLanes& from, const SampleLanes& to, const double* mode, double* horizon,
-                 const double* void_horizon, const double* bump_m, double* seen_least, double* seen_most, double* sine0,
-                 double* code) noexcept;
+/// Where the next samples lie: on the other axis' lines (a whole number along the line, or where the last sample was)
+/// or on the line ahead.
+enum class StepTo { crossing, line };
+
+/// Spokes that step from their last samples to the next ones.
+struct StepLanes {
+    SampleLanes from, to;                         ///< in; of `to` only part, minor, arc_m in, the others out
+    CellLanes posts;                              ///< in: round the pieces
+    const double* mode;                           ///< in: SpokeMode
+    const double *inverse_radius, *void_horizon;  ///< in
+    double* horizon;                              ///< in, out: sine
+    double *seen_least, *seen_most;               ///< in, out: range coordinates of the visible run so far
+    double*
+        bump_m;     ///< out: how far the surface stands above the straight piece half-way: along a straight way through
+                    ///< a cell it is a parabola, lin(u) + bump 4 u (1 - u). 0 where a post of the cell is missing
+    double* sine0;  ///< out: the old horizon
+    double* code;   ///< out: what the sample does to its spoke, below
+};
+/// code: 0 nothing (stays hidden, or no sample here), 1 it raises the horizon of a visible spoke (done here: horizon,
+/// seen_least, seen_most), 2 something changes: see Front. A visible piece is plain (1) if its course rises all the way
+/// (|4 bump| at most what it rises over the ray of the horizon); a hidden one stays hidden if not even its bump can
+/// reach the horizon.
+struct Rises {
+    int plain = 0, changes = 0;  ///< how many have code 1, and 2
+};
+Rises step_lanes(StepTo target, std::size_t n, const StepScene& scene, const StepLanes& lanes) noexcept;
 
 /// Slant range at which the straight ray of elevation `sine` passes over arc s.
 double ray_range_m(double sensor_m, double arc_m, double sine, double inverse_radius);

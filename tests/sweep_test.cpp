@@ -132,71 +132,112 @@ TEST_CASE("neighbouring spokes never stand more than a post apart on a line", "[
     }
 }
 
-TEST_CASE("heights and crossings on a line are those of the bilinear surface", "[sample]") {
+TEST_CASE("steps go from crossing to crossing of the bilinear surface", "[sample][sweep]") {
     std::mt19937 random(11);
     std::uniform_real_distribution<double> any(0, 1);
-    for (int turn = 0; turn < 200; ++turn) {
+    constexpr double sensor_m = 1500, none = std::numeric_limits<double>::quiet_NaN();
+    int crossings = 0, bumps = 0, voids = 0;
+    for (int turn = 0; turn < 300; ++turn) {
         const std::int64_t begin = static_cast<std::int64_t>(random() % 50),
-                           count = 2 + static_cast<std::int64_t>(random() % 40);
+                           count = 2 + static_cast<std::int64_t>(random() % 40),
+                           missing = static_cast<std::int64_t>(random() % 2);  // at the start of the line ahead
         std::vector<float> behind, ahead;
-        for (std::int64_t j = 0; j < count; ++j) {
-            behind.push_back(any(random) < 0.1 ? std::numeric_limits<float>::quiet_NaN()
-                                               : static_cast<float>(1000 * any(random)));
-            ahead.push_back(any(random) < 0.1 ? std::numeric_limits<float>::quiet_NaN()
-                                              : static_cast<float>(1000 * any(random)));
-        }
-        const LinePosts back{behind.data(), begin, begin + count}, front{ahead.data(), begin, begin + count};
-        const auto n = static_cast<std::size_t>(random() % 70);
-        std::vector<double> minor(n), to(n), arc(n), arc_to(n), height(n), major(n, 10), out(n), o_minor(n), o_arc(n),
-            o_height(n), o_major(n);
+        for (std::int64_t j = 0; j < count; ++j)
+            for (auto* line : {&behind, &ahead})
+                line->push_back(any(random) < 0.1 ? std::numeric_limits<float>::quiet_NaN()
+                                                  : static_cast<float>(1000 * any(random)));
+        const LinePosts back{behind.data(), begin, begin + count},
+            front{ahead.data() + missing, begin + missing, begin + count};
+        const auto post = [&](const LinePosts& line, double j) {
+            const auto at = static_cast<std::int64_t>(j);
+            return line.has(at) ? static_cast<double>(line.at(at)) : none;
+        };
+        const auto n = 1 + static_cast<std::size_t>(random() % 64);
+        const auto lanes = [&](double value) { return std::vector<double>(n, value); };
+        struct Samples {
+            std::vector<double> part, minor, arc, height, up, out, range, sine, x;
+            SampleLanes lanes() {
+                return {part.data(), minor.data(), arc.data(),  height.data(), up.data(),
+                        out.data(),  range.data(), sine.data(), x.data()};
+            }
+        };
+        const auto samples = [&] {
+            return Samples{lanes(0), lanes(0), lanes(0), lanes(0), lanes(0), lanes(0), lanes(0), lanes(0), lanes(0)};
+        };
+        Samples now = samples(), crossing = samples(), line = samples();
         for (std::size_t i = 0; i < n; ++i) {
-            minor[i] = static_cast<double>(begin) - 2 + any(random) * static_cast<double>(count + 4);
-            if (random() % 4 == 0) minor[i] = std::floor(minor[i]);  // exactly on a post
-            to[i] = minor[i] + 2 * any(random) - 1;
-            if (random() % 8 == 0) to[i] = minor[i];
-            arc[i] = 100;
-            arc_to[i] = 130;
-            height[i] = 5;
+            now.minor[i] = static_cast<double>(begin) - 2 + any(random) * static_cast<double>(count + 4);
+            if (random() % 4 == 0) now.minor[i] = std::floor(now.minor[i]);  // exactly on a post
+            line.minor[i] = now.minor[i] + 2 * any(random) - 1;
+            if (random() % 8 == 0) line.minor[i] = now.minor[i];
+            if (random() % 8 == 0) line.minor[i] = std::floor(line.minor[i]);
+            now.arc[i] = 2000;
+            line.arc[i] = 2030;
+            now.height[i] = 5;
+            line.part[i] = 1;
         }
-        height_lanes(back, n, minor.data(), out.data());
-        const Crossing crossing{
-            minor.data(), arc.data(), height.data(),  major.data(), to.data(),       arc_to.data(),
-            10,           11,         o_minor.data(), o_arc.data(), o_height.data(), o_major.data()};
-        cross_lanes(back, front, n, crossing);
+        const int crossed =
+            cross_lanes(n, {now.part.data(), now.minor.data(), now.arc.data(), line.minor.data(), line.arc.data(),
+                            crossing.part.data(), crossing.minor.data(), crossing.arc.data()});
+        auto cell = lanes(0), mode = lanes(mode_visible), flat = lanes(0), void_horizon = lanes(-2), least = lanes(0),
+             most = lanes(0), bump = lanes(0), sine0 = lanes(0), code = lanes(0), horizon = lanes(-1);
+        std::vector<float> behind_posts(2 * n), ahead_posts(2 * n);
+        const auto step = [&](StepTo target, Samples& from, Samples& to) {
+            const CellLanes posts{cell.data(), behind_posts.data(), ahead_posts.data()};
+            cell_lanes(back, front, n, from.minor.data(), to.minor.data(), posts);
+            step_lanes(target, n, {sensor_m, 0.1, false, true, 0},
+                       {from.lanes(), to.lanes(), posts, mode.data(), flat.data(), void_horizon.data(), horizon.data(),
+                        least.data(), most.data(), bump.data(), sine0.data(), code.data()});
+        };
+        const auto same = [](double a, double b) {
+            return std::isnan(b) ? std::isnan(a) : a == Approx(b).margin(1e-9);
+        };
+        step(StepTo::crossing, now, crossing);
+        int counted = 0;
         for (std::size_t i = 0; i < n; ++i) {
-            const double y = minor[i];
-            const auto at = [&](const std::vector<float>& line, std::int64_t j) {
-                return j < begin || j >= begin + count ? std::numeric_limits<double>::quiet_NaN()
-                                                       : static_cast<double>(line[static_cast<std::size_t>(j - begin)]);
-            };
-            const auto j = static_cast<std::int64_t>(std::floor(y));
-            const double f = y - std::floor(y);
-            const double truth = f == 0 ? at(behind, j) : (1 - f) * at(behind, j) + f * at(behind, j + 1);
-            if (std::isnan(truth))
-                CHECK(std::isnan(out[i]));
-            else
-                CHECK(out[i] == Approx(truth).margin(1e-9));
+            const double y = now.minor[i], to = line.minor[i];
             // The first whole number strictly between.
-            double c = to[i] > y ? std::floor(y) + 1 : std::ceil(y) - 1;
-            const bool crosses = to[i] > y ? c < to[i] : c > to[i];
-            if (!crosses) {
-                CHECK(o_minor[i] == y);
-                CHECK(o_arc[i] == 100);
-                CHECK(o_height[i] == 5);
+            const double c = to > y ? std::floor(y) + 1 : std::ceil(y) - 1;
+            if (!(to > y ? c < to : c > to)) {
+                CHECK(crossing.minor[i] == y);
+                CHECK(crossing.arc[i] == 2000);
+                CHECK(crossing.height[i] == 5);
+                CHECK(code[i] == 0);
                 continue;
             }
-            const double u = (c - y) / (to[i] - y);
-            CHECK(o_minor[i] == c);
-            CHECK(o_arc[i] == Approx(100 + 30 * u));
-            CHECK(o_major[i] == Approx(10 + u));
-            const double z =
-                (1 - u) * at(behind, static_cast<std::int64_t>(c)) + u * at(ahead, static_cast<std::int64_t>(c));
-            if (std::isnan(z))
-                CHECK(std::isnan(o_height[i]));
-            else
-                CHECK(o_height[i] == Approx(z).margin(1e-9));
+            ++counted;
+            const double u = (c - y) / (to - y);
+            CHECK(crossing.minor[i] == c);
+            CHECK(crossing.arc[i] == Approx(2000 + 30 * u));
+            CHECK(crossing.part[i] == Approx(u));
+            const double z = (1 - u) * post(back, c) + u * post(front, c);
+            CHECK(same(crossing.height[i], z));
+            CHECK(same(crossing.range[i], std::hypot(z - sensor_m, crossing.arc[i])));
+            CHECK(same(crossing.x[i], 0.1 * std::hypot(z - sensor_m, crossing.arc[i])));
+        }
+        CHECK(counted == crossed);
+        crossings += counted;
+        step(StepTo::line, crossing, line);
+        for (std::size_t i = 0; i < n; ++i) {
+            const double y = line.minor[i], j = std::floor(y), f = y - j;
+            const double z = f == 0 ? post(front, j) : (1 - f) * post(front, j) + f * post(front, j + 1);
+            CHECK(same(line.height[i], z));
+            voids += std::isnan(z);
+            // Half-way between the two, the surface against the mean of its ends.
+            const double y0 = crossing.minor[i], cell0 = std::floor(0.5 * (y0 + y)), p = 0.5 * (1 + crossing.part[i]),
+                         g = 0.5 * (y0 + y) - cell0;
+            const auto surface = [&](double part, double along) {
+                return (1 - part) * ((1 - along) * post(back, cell0) + along * post(back, cell0 + 1)) +
+                       part * ((1 - along) * post(front, cell0) + along * post(front, cell0 + 1));
+            };
+            const double truth = surface(p, g) - 0.5 * (surface(crossing.part[i], y0 - cell0) + surface(1, y - cell0));
+            CHECK(bump[i] == Approx(std::isnan(truth) ? 0 : truth).margin(1e-9));
+            bumps += std::abs(truth) > 1;
         }
     }
+    CHECK(crossings > 1000);
+    CHECK(bumps > 1000);
+    CHECK(voids > 100);
 }
 
 TEST_CASE("the series of the sight line is the exact form of the round earth", "[sweep]") {
@@ -290,20 +331,38 @@ TEST_CASE("deposits add up to what was put in, in any order and by lanes or one 
     }
     for (auto p = puts.rbegin(); p != puts.rend(); ++p) backward.add(p->target, p->portion);
     std::vector<double> code, s0, s1, x0, x1, w, power, bow;
-    std::vector<std::int32_t> row;
+    std::vector<std::int64_t> row;
+    std::vector<std::int32_t> straddlers;
     for (const Put& p : puts) {
         code.push_back(1);
-        row.push_back(p.target.row);
+        row.push_back(forward.origin_of(p.target.row));
         s0.push_back(p.target.share[0]);
         s1.push_back(p.target.share[1]);
+        if (p.target.share[1] > 0) straddlers.push_back(static_cast<std::int32_t>(code.size()) - 1);
         x0.push_back(p.portion.x0);
         x1.push_back(p.portion.x1);
         w.push_back(p.portion.inverse_width);
         power.push_back(p.portion.power);
         bow.push_back(p.portion.bow);
     }
-    lanes.add_lanes(puts.size(), {code.data(), row.data(), s0.data(), s1.data(), x0.data(), x1.data(), w.data(),
-                                  power.data(), bow.data(), 1});
+    for (std::size_t at = 0; at < puts.size(); at += WedgeCells::Portions::most) {
+        const std::size_t m = std::min(WedgeCells::Portions::most, puts.size() - at);
+        const auto first = static_cast<std::int32_t>(at);
+        const auto low = std::lower_bound(straddlers.begin(), straddlers.end(), first);
+        const auto high = std::lower_bound(low, straddlers.end(), first + static_cast<std::int32_t>(m));
+        lanes.add_lanes(m, {code.data() + at,
+                            row.data() + at,
+                            s0.data() + at,
+                            s1.data() + at,
+                            {low, high},
+                            first,
+                            x0.data() + at,
+                            x1.data() + at,
+                            w.data() + at,
+                            power.data() + at,
+                            bow.data() + at,
+                            1});
+    }
     double sum = 0;
     for (std::size_t r = 0; r < 5; ++r)
         for (std::size_t j = 0; j < 190; ++j) {
