@@ -91,11 +91,11 @@ for ((round = 1; round <= rounds; ++round)); do
     done
 done
 
-# A line of these files: wall, user, system seconds, peak KiB, CPU seconds of the kernels and of loading.
+# A line of these files: wall, user, system seconds, peak KiB, CPU seconds of sample + sweep + shade and of deposit.
 echo
-echo "Median of $rounds rounds; ratio: wall time of gdal_viewshed / of this. Kernels: sample, sweep, shade and deposit, posts of the"
-echo "raster a CPU second."
-printf '%-7s %-14s %7s %7s %7s %8s %8s %6s %11s\n' terrain program threads "wall s" "CPU s" Mposts/s "peak MiB" ratio "kernels M/s"
+echo "Median of $rounds rounds; ratio: wall time of gdal_viewshed / of this. sweep: sampling, sweep and shading alone, posts of the"
+echo "raster a CPU second; all: with the deposit into cells."
+printf '%-7s %-14s %7s %7s %7s %8s %8s %6s %9s %7s\n' terrain program threads "wall s" "CPU s" Mposts/s "peak MiB" ratio "sweep M/s" "all M/s"
 for terrain in ridged bowl; do
     baseline=$(sort -n "$terrain.gdal_viewshed.1" | sed -n "$(((rounds + 1) / 2))p" | cut -d ' ' -f 1)
     for case in "${cases[@]}"; do
@@ -103,8 +103,8 @@ for terrain in ridged bowl; do
         sort -n "$terrain.$name.$threads" | sed -n "$(((rounds + 1) / 2))p" |
             awk -v terrain="$terrain" -v name="$name" -v threads="$threads" -v posts="$posts" -v baseline="$baseline" '{
                 n = posts * posts / 1e6
-                printf("%-7s %-14s %7d %7.2f %7.2f %8.1f %8.0f %6.2f %11s\n", terrain, name, threads, $1, $2 + $3, n / $1, $4 / 1024,
-                       baseline / $1, $5 > 0 ? sprintf("%.1f", n / $5) : "-")
+                printf("%-7s %-14s %7d %7.2f %7.2f %8.1f %8.0f %6.2f %9s %7s\n", terrain, name, threads, $1, $2 + $3, n / $1, $4 / 1024,
+                       baseline / $1, $5 > 0 ? sprintf("%.1f", n / $5) : "-", $5 > 0 ? sprintf("%.1f", n / ($5 + $6)) : "-")
             }'
     done
 done

@@ -19,8 +19,8 @@ struct SightLine {
     double up_m, out_m, range_m, sine;
 };
 
-/// `near`: theta at most near_theta, where two terms do (error < 1e-16).
-inline constexpr double near_theta = 0.008;
+/// `near`: theta at most near_theta, where two terms do (error < 2e-13 relative).
+inline constexpr double near_theta = 0.03;
 template <bool near = false>
 inline SightLine sight_line(double sensor_m, double arc_m, double height_m, double inverse_radius) {
     const double theta = arc_m * inverse_radius;
