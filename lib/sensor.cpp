@@ -43,7 +43,7 @@ double RadarParams::pulse_extent_m() const { return 0.5 * speed_of_light_m_s * p
 
 void validate(const RadarParams& radar) {
     require_within("frequency", radar.frequency_hz, 1e6, 1e12, "Hz");
-    require_above("transmit-power", radar.transmit_power_w, 0, "W");
+    require_within("transmit-power", radar.transmit_power_w, 1e-3, 1e9, "W");
     require_within("gain", radar.gain.db(), -100, 100, "dB");
     require_within("losses", radar.losses.db(), 0, 100, "dB");
     require_within("pulse", radar.pulse_s, 1e-10, 1e-3, "s");

@@ -9,6 +9,7 @@
 #include <fstream>
 #include <random>
 #include <set>
+#include <sstream>
 
 #include "tools/help.hpp"
 #include "tools/options.hpp"
@@ -572,4 +573,45 @@ TEST_CASE("all parameters survive the way through JSON to the bit", "[options]")
         CHECK_FALSE(scene.contains(name));
     for (const char* name : {"latlon", "range", "frequency", "if-gain", "display", "bwe", "quality"})
         CHECK(scene.contains(name));
+}
+
+TEST_CASE("what help says a key accepts is what the engine accepts", "[options]") {
+    int checked = 0;
+    for (const Key& key : key_table()) {
+        if (!(key.commands & command_simulate)) continue;
+        std::istringstream words(key.accepted);
+        std::string kind, low, to, high;
+        words >> kind >> low >> to;
+        if (to == "up") words >> to;
+        words >> high;
+        if (high.size() > 15) continue;  // the seed: any whole number
+        if ((kind != "from" && kind != "above") || to != "to" || high.find_first_not_of("-.0123456789") == 0) continue;
+        const auto scene = [&](const std::string& value) {
+            std::vector<std::string> arguments{"--dem", "x.tif", "--xy", "1,2", "--output", "x.png"};
+            if (!key.name.starts_with("altitude-")) arguments.insert(arguments.end(), {"--altitude-msl", "1000m"});
+            if (key.name == "altitude-hae") arguments.insert(arguments.end(), {"--geoid-offset", "0m"});
+            if (key.name == "antenna-knee") arguments.insert(arguments.end(), {"--antenna", "gaussian"});
+            arguments.push_back("--" + key.name + "=" + value);
+            return simulated(arguments);
+        };
+        // The unit that a bound is written in.
+        const auto unit = high.substr(high.find_last_of("0123456789") + 1);
+        const double top = std::stod(high), bottom = std::stod(low);
+        const auto written = [&](double v) { return fmt::format("{:.12g}{}", v, unit); };
+        INFO(key.name << " " << key.accepted);
+        CHECK_NOTHROW(validate(scene(high).scene));
+        if (kind == "from") CHECK_NOTHROW(validate(scene(low).scene));
+        const double beyond = std::max(1e-6 * std::abs(top), 1e-6);
+        if (key.value != "COUNT" && !key.value.starts_with("COUNT|")) {
+            CHECK_THAT(refusal([&] { scene(written(top + beyond)); }), Contains(key.name) && Contains(key.accepted));
+            if (low.ends_with(unit))
+                CHECK_THAT(refusal([&] { scene(written(bottom - 1e-6 * std::max(1e-3, std::abs(bottom)))); }),
+                           Contains(key.name) && Contains(key.accepted));
+        } else {
+            CHECK_THAT(refusal([&] { scene(fmt::format("{}", static_cast<std::int64_t>(top) + 1)); }),
+                       Contains(key.name));
+        }
+        ++checked;
+    }
+    CHECK(checked > 25);
 }

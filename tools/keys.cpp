@@ -23,8 +23,7 @@ struct Limits {
 Limits above(std::string low) { return {std::move(low), true, "", false}; }
 Limits at_least(std::string low) { return {std::move(low), false, "", false}; }
 Limits between(std::string low, std::string high) { return {std::move(low), false, std::move(high), false}; }
-Limits above_below(std::string low, std::string high) { return {std::move(low), true, std::move(high), true}; }
-Limits any() { return {}; }
+Limits above_to(std::string low, std::string high) { return {std::move(low), true, std::move(high), false}; }
 
 std::string words(const Limits& limits) {
     if (limits.low.empty()) return "";
@@ -292,9 +291,13 @@ Codec xy() {
 }
 
 Codec altitude(AltitudeAbove above_what) {
-    Codec codec{value_word(Dimension::length), "", {}, {}};
+    const Limits limits = between(above_what == AltitudeAbove::ground ? "0m" : "-10km", "1000km");
+    Codec codec{value_word(Dimension::length), words(limits), {}, {}};
     codec.set = [=](Settings& s, const Given& given) {
-        s.scene.platform.altitude_m = parse_quantity(Dimension::length, given.origin, given.value);
+        const double v = parse_quantity(Dimension::length, given.origin, given.value);
+        check_limits(limits, given, v,
+                     [&](const std::string& t) { return parse_quantity(Dimension::length, given.origin, t); });
+        s.scene.platform.altitude_m = v;
         s.scene.platform.altitude_above = above_what;
         s.altitude_given = true;
     };
@@ -335,7 +338,7 @@ Codec sector() {
 }
 
 Codec earth() {
-    Codec codec{"K|flat", "above 0", {}, {}};
+    Codec codec{"K|flat", "from 0.1 to 1000000", {}, {}};
     codec.set = [](Settings& s, const Given& given) {
         const std::string_view word = trimmed(given.value);
         if (word == "flat") return s.scene.earth_k.reset();
@@ -348,9 +351,9 @@ Codec earth() {
             k = parse_number(given.origin, word);
         } catch (const InputError&) {
         }
-        if (!(k > 0))
-            throw InputError(
-                text(given.origin, " is ", in_quotes(given.value), "; it must be a factor above 0, 4/3 or flat"));
+        if (!(k >= 0.1 && k <= 1e6))
+            throw InputError(text(given.origin, " is ", in_quotes(given.value),
+                                  "; it must be a factor from 0.1 to 1000000, 4/3 or flat"));
         s.scene.earth_k = k;
     };
     codec.get = [](const Settings& s) -> std::optional<std::string> {
@@ -482,7 +485,7 @@ std::vector<Key> make_keys() {
         .exclusive = Exclusive::altitude;
     t.add("geoid-offset",
           quantity(
-              length, any(), [](auto& s) -> auto& { return s.scene.platform.geoid_offset_m; }, "none"),
+              length, between("-200m", "200m"), [](auto& s) -> auto& { return s.scene.platform.geoid_offset_m; }, "none"),
           "none", "height of the geoid (sea level) above the ellipsoid at the sensor, for altitude-hae");
     t.add("heading",
           quantity(
@@ -493,11 +496,11 @@ std::vector<Key> make_keys() {
     t.add("sector", sector(), "full", "azimuths swept, relative to heading, clockwise");
     t.add("range",
           quantity(
-              length, above("0m"), [](auto& s) -> auto& { return s.scene.range_m; }, "auto"),
+              length, above_to("0m", "10000km"), [](auto& s) -> auto& { return s.scene.range_m; }, "auto"),
           "auto", "largest slant range; auto: the nearer of the farthest edge of the terrain and the radar horizon");
     t.add("range-start",
           quantity(
-              length, at_least("0m"), [](auto& s) -> auto& { return s.scene.range_start_m; }),
+              length, between("0m", "10000km"), [](auto& s) -> auto& { return s.scene.range_start_m; }),
           "0m", "smallest slant range");
     t.add("geometry",
           choice<std::optional<Geometry>>(
@@ -508,11 +511,11 @@ std::vector<Key> make_keys() {
     t.add("earth", earth(), "4/3", "factor of the earth's radius for straight rays, or a flat earth");
     t.add("azimuth-bins",
           count(
-              4, many, [](auto& s) -> auto& { return s.scene.azimuth_bins; }, "auto"),
+              4, 1000000, [](auto& s) -> auto& { return s.scene.azimuth_bins; }, "auto"),
           "auto", "azimuth bins in the full circle; auto: four a beamwidth");
     t.add("range-bin",
           quantity(
-              length, above("0m"), [](auto& s) -> auto& { return s.scene.range_bin_m; }, "auto"),
+              length, between("0.001m", "1000km"), [](auto& s) -> auto& { return s.scene.range_bin_m; }, "auto"),
           "auto", "slant range in one bin; auto: c tau/8, a quarter of the pulse on the ground");
     t.add("quality",
           choice<Quality>(
@@ -526,27 +529,27 @@ std::vector<Key> make_keys() {
     t.group(KeyGroup::radar, true);
     t.add("frequency",
           quantity(
-              frequency, above("0Hz"), [](auto& s) -> auto& { return s.scene.radar.frequency_hz; }),
+              frequency, between("1MHz", "1000GHz"), [](auto& s) -> auto& { return s.scene.radar.frequency_hz; }),
           "16.5GHz", "carrier frequency");
     t.add("transmit-power",
           quantity(
-              power, above("0W"), [](auto& s) -> auto& { return s.scene.radar.transmit_power_w; }),
+              power, between("0.001W", "1000MW"), [](auto& s) -> auto& { return s.scene.radar.transmit_power_w; }),
           "50kW", "peak power");
     t.add("gain",
           quantity(
-              decibel, any(), [](auto& s) -> auto& { return s.scene.radar.gain; }),
+              decibel, between("-100dB", "100dB"), [](auto& s) -> auto& { return s.scene.radar.gain; }),
           "34dB", "peak antenna gain, one-way");
     t.add("losses",
           quantity(
-              decibel, any(), [](auto& s) -> auto& { return s.scene.radar.losses; }),
+              decibel, between("0dB", "100dB"), [](auto& s) -> auto& { return s.scene.radar.losses; }),
           "6dB", "all system losses together");
     t.add("pulse",
           quantity(
-              time, above("0s"), [](auto& s) -> auto& { return s.scene.radar.pulse_s; }),
+              time, between("0.0001us", "1000us"), [](auto& s) -> auto& { return s.scene.radar.pulse_s; }),
           "0.5us", "(compressed) pulse length");
     t.add("noise-figure",
           quantity(
-              decibel, at_least("0dB"), [](auto& s) -> auto& { return s.scene.radar.noise_figure; }),
+              decibel, between("0dB", "100dB"), [](auto& s) -> auto& { return s.scene.radar.noise_figure; }),
           "8dB", "of the receiver");
     t.add("bandwidth",
           quantity(
@@ -554,13 +557,13 @@ std::vector<Key> make_keys() {
           "auto", "noise bandwidth; auto: 1.2 / pulse");
     t.add("gamma",
           quantity(
-              decibel, any(), [](auto& s) -> auto& { return s.scene.gamma; }, "off"),
+              decibel, between("-100dB", "100dB"), [](auto& s) -> auto& { return s.scene.gamma; }, "off"),
           "off", "one constant gamma at 10 GHz for everything, walls and water included (studies); off: by material");
 
     t.group(KeyGroup::antenna, true);
     t.add("beam",
           quantity(
-              angle, above_below("0deg", "180deg"), [](auto& s) -> auto& { return s.scene.radar.antenna.beam; }),
+              angle, between("0.002deg", "90deg"), [](auto& s) -> auto& { return s.scene.radar.antenna.beam; }),
           "1.5deg", "azimuth beamwidth, one-way, between half-power points");
     t.add("azimuth-pattern",
           choice<AzimuthPattern>(
@@ -580,7 +583,7 @@ std::vector<Key> make_keys() {
           "5deg", "depression of the nose in the antenna's frame; above 0deg for the shaped patterns");
     t.add("antenna-width",
           quantity(
-              angle, above_below("0deg", "180deg"), [](auto& s) -> auto& { return s.scene.radar.antenna.width; }),
+              angle, above_to("0deg", "180deg"), [](auto& s) -> auto& { return s.scene.radar.antenna.width; }),
           "12deg", "elevation beamwidth (above the knee for the shaped patterns)");
     t.add("antenna-exponent",
           number(
@@ -598,11 +601,11 @@ std::vector<Key> make_keys() {
     t.group(KeyGroup::receiver, true);
     t.add("if-gain",
           quantity(
-              decibel, any(), [](auto& s) -> auto& { return s.scene.receiver.if_gain; }),
+              decibel, between("-200dB", "300dB"), [](auto& s) -> auto& { return s.scene.receiver.if_gain; }),
           "50dB", "a signal shows when it exceeds mds by 64 dB less this");
     t.add("video-gain",
           quantity(
-              decibel, any(), [](auto& s) -> auto& { return s.scene.receiver.video_gain; }),
+              decibel, between("-100dB", "100dB"), [](auto& s) -> auto& { return s.scene.receiver.video_gain; }),
           "4dB", "stretches what shows; 4dB leaves it");
     t.add("stc-range",
           quantity(
@@ -610,23 +613,23 @@ std::vector<Key> make_keys() {
           "off", "sensitivity time control: attenuates echoes nearer than this");
     t.add("stc-exponent",
           number(
-              above("0"), [](auto& s) -> auto& { return s.scene.receiver.stc_exponent; }),
+              between("0", "10"), [](auto& s) -> auto& { return s.scene.receiver.stc_exponent; }),
           "4", "power of range that STC evens out");
     t.add("stc-max",
           quantity(
-              decibel, at_least("0dB"), [](auto& s) -> auto& { return s.scene.receiver.stc_max; }),
+              decibel, between("0dB", "200dB"), [](auto& s) -> auto& { return s.scene.receiver.stc_max; }),
           "40dB", "most that STC attenuates");
     t.add("dynamic-range",
           quantity(
-              decibel, above("0dB"), [](auto& s) -> auto& { return s.scene.receiver.dynamic_range; }),
+              decibel, above_to("0dB", "200dB"), [](auto& s) -> auto& { return s.scene.receiver.dynamic_range; }),
           "20dB", "of the logarithmic amplifier, black to white");
     t.add("mds",
           quantity(
-              level, any(), [](auto& s) -> auto& { return s.scene.receiver.mds_dbm; }, "auto"),
+              level, between("-300dBm", "200dBm"), [](auto& s) -> auto& { return s.scene.receiver.mds_dbm; }, "auto"),
           "auto", "minimum discernible signal; auto: the thermal noise k T0 B F");
     t.add("display-gamma",
           number(
-              above("0"), [](auto& s) -> auto& { return s.scene.receiver.display_gamma; }),
+              between("0.1", "10"), [](auto& s) -> auto& { return s.scene.receiver.display_gamma; }),
           "1", "exponent 1/gamma of the grey scale");
 
     t.group(KeyGroup::errors, true);
@@ -655,7 +658,7 @@ std::vector<Key> make_keys() {
           "less a delay");
     t.add("sweep-delay",
           quantity(
-              length, at_least("0m"), [](auto& s) -> auto& { return s.scene.display.sweep_delay_m; }, "auto"),
+              length, between("0m", "10000km"), [](auto& s) -> auto& { return s.scene.display.sweep_delay_m; }, "auto"),
           "auto", "tdppi: slant range of the tube's centre; auto: height above the ground below");
     t.add("size",
           count(
