@@ -92,10 +92,10 @@ void stand(ResolvedScene& s, WedgeSource& source) {
             break;
         case AltitudeAbove::ground:
             if (!s.nadir_on_data)
-                throw InputError(text("altitude-agl needs terrain below the sensor; column ", s.nadir.column, ", row ",
-                                      s.nadir.row, " of '", db.name,
-                                      s.nadir_in_raster ? "' is void" : "' is outside the raster",
-                                      " (give altitude-msl)"));
+                throw InputError(fmt::format(
+                    "altitude-agl needs terrain below the sensor; column {:.1f}, row {:.1f} of '{}' is {} (give "
+                    "altitude-msl)",
+                    s.nadir.column, s.nadir.row, db.name, s.nadir_in_raster ? "void" : "outside the raster"));
             s.sensor_m = ground + p.altitude_m;
             break;
     }

@@ -288,6 +288,9 @@ TEST_CASE("outputs are checked before any work, and nothing half-written stays",
     CHECK(content(folder.file("scope.png")) == "mine");
     CHECK(folder.run(with(with(good, out), {"--overwrite"})).code == 0);
     CHECK(content(folder.file("scope.png")).substr(1, 3) == "PNG");
+    // Values that a format cannot hold: found before the terrain is even opened.
+    refuses(folder, {"simulate", "--dem", "nowhere.tif", "--xy", "1,2", "--altitude-msl", "1km", "--echo", "e.png"}, 2,
+            {"e.png", "Float32", "PNG"});
     // A run that fails late leaves the old output alone.
     folder.write("scope.png", "mine");
     refuses(folder, with(with(good, out), {"--overwrite", "--memory", "64KiB"}), 2, {"memory"});
@@ -383,6 +386,9 @@ TEST_CASE("info counts voids and codes", "[cli]") {
     const Outcome wrong = folder.run({"info", "--culture-legend", "fbfm40", data + "/lake_sunapee_culture.tif"});
     CHECK(wrong.code == 0);
     CHECK_THAT(wrong.out, Contains("15 codes, 107 858 cells"));
+    const Outcome single = folder.run({"info", grid(folder, "single.asc", "5", true, 1, 1)});
+    CHECK(single.code == 0);
+    CHECK_THAT(single.out, Contains("no terrain for simulate"));
 }
 
 TEST_CASE("a signal ends the run with 128 + its number and leaves nothing", "[cli]") {

@@ -24,6 +24,10 @@ struct RasterFormat {
     double metres_per_unit = 1;         ///< DataBase::metres_per_unit
 };
 
+enum class OutputLayer { scope, echo, power, states };
+/// InputError where a layer could not be written so: driver, extension, type of values or creation option.
+void check_output(const OutputFile& file, OutputLayer layer, const RasterFormat& format);
+
 enum class PowerUnit { watt, dbm };
 
 /// Band 1 echo (W), band 2 state (its codes), on scene.swept. Float32 both: a GeoTIFF has one type for all its bands.

@@ -65,6 +65,19 @@ GDALDriver& find_driver(const std::string& path, const RasterFormat& format) {
                           "of GDAL's other raster drivers, or --of DRIVER"));
 }
 
+/// find_driver, if it takes values of that type.
+GDALDriver& driver_for(const std::string& path, GDALDataType type, const RasterFormat& format) {
+    GDALDriver& driver = find_driver(path, format);
+    if (const char* types = driver.GetMetadataItem(GDAL_DMD_CREATIONDATATYPES)) {
+        const CPLStringList words(CSLTokenizeString(types));
+        if (words.FindString(GDALGetDataTypeName(type)) < 0)
+            throw InputError(text("output '", path, "' holds ", GDALGetDataTypeName(type), " values, driver ",
+                                  driver.GetDescription(), " takes ", types,
+                                  "; accepted: another format, such as .tif"));
+    }
+    return driver;
+}
+
 CPLStringList creation_options(GDALDriver& driver, GDALDataType type, const RasterFormat& format) {
     CPLStringList options;
     const std::string name = driver.GetDescription();
@@ -227,21 +240,20 @@ GeolocationGrid geolocation_grid(std::int64_t columns, std::int64_t rows, std::i
     return grid;
 }
 
+void check_output(const OutputFile& file, OutputLayer layer, const RasterFormat& format) {
+    const bool bytes = layer == OutputLayer::scope || layer == OutputLayer::states;
+    const GDALDataType type = bytes ? GDT_Byte : GDT_Float32;
+    creation_options(driver_for(file.final_path(), type, format), type, format);
+}
+
 void write_raster(const RasterContent& content, const OutputFile& file, const RasterFormat& format) {
     const std::string& final_path = file.final_path();
-    GDALDriver& driver = find_driver(final_path, format);
+    GDALDriver& driver = driver_for(final_path, content.type, format);
     const CPLStringList options = creation_options(driver, content.type, format);
     if (content.columns < 1 || content.rows < 1 || content.columns > std::numeric_limits<int>::max() ||
         content.rows > std::numeric_limits<int>::max())
         throw InputError(text("output '", final_path, "' would have ", content.columns, " x ", content.rows,
                               " cells; accepted: 1 to ", std::numeric_limits<int>::max(), " either way"));
-    if (const char* types = driver.GetMetadataItem(GDAL_DMD_CREATIONDATATYPES)) {
-        const CPLStringList words(CSLTokenizeString(types));
-        if (words.FindString(GDALGetDataTypeName(content.type)) < 0)
-            throw InputError(text("output '", final_path, "' holds ", GDALGetDataTypeName(content.type),
-                                  " values, driver ", driver.GetDescription(), " takes ", types,
-                                  "; accepted: another format, such as .tif"));
-    }
     CPLStringList geolocation;
     if (content.geolocation) {
         geolocation = geolocation_metadata(*content.geolocation, final_path);

@@ -115,6 +115,8 @@ std::string to_text(const RasterFacts& facts) {
     } else {
         out += row("values", "none: every post is void");
     }
+    if (r.columns < 2 || r.rows < 2 || r.void_posts == posts)
+        out += row("note", "no terrain for simulate, which needs 2 x 2 posts or more that are not all void");
     if (facts.legend.empty()) return out;
     out += row("codes", text(facts.codes.size(), " by legend ", facts.legend));
     for (const CodeCount& c : facts.codes) {

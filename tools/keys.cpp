@@ -483,10 +483,11 @@ std::vector<Key> make_keys() {
     t.add("altitude-hae", altitude(AltitudeAbove::ellipsoid), "",
           "sensor height above the WGS84 ellipsoid; needs geoid-offset")
         .exclusive = Exclusive::altitude;
-    t.add("geoid-offset",
-          quantity(
-              length, between("-200m", "200m"), [](auto& s) -> auto& { return s.scene.platform.geoid_offset_m; }, "none"),
-          "none", "height of the geoid (sea level) above the ellipsoid at the sensor, for altitude-hae");
+    t.add(
+        "geoid-offset",
+        quantity(
+            length, between("-200m", "200m"), [](auto& s) -> auto& { return s.scene.platform.geoid_offset_m; }, "none"),
+        "none", "height of the geoid (sea level) above the ellipsoid at the sensor, for altitude-hae");
     t.add("heading",
           quantity(
               angle, between("-360deg", "360deg"), [](auto& s) -> auto& { return s.scene.platform.heading; }),

@@ -8,7 +8,7 @@ bash tools/install_packages.sh
 cmake --preset release -DWEDGESCOPE_TESTS=OFF -DWEDGESCOPE_BENCH=OFF --log-level=WARNING
 cmake --build --preset release --parallel "$(nproc)"
 
-scene=f111a_northeast
+scene=f111a_sector90
 mkdir -p build/demo
 build/release/tools/wedgescope simulate "docs/scenes/$scene.ini" --overwrite \
     --output "build/demo/$scene.png" --report "build/demo/$scene.json"

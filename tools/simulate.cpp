@@ -134,6 +134,18 @@ void simulate(const std::vector<std::string>& arguments, Stop& stop) {
     const std::string helper = with_legend ? find_picture_helper() : "";
 
     const GdalSession session(cache_bytes(settings), settings.config);
+    RasterFormat plain;
+    plain.reproducible = settings.reproducible;
+    plain.version = version();
+    RasterFormat chosen = plain;
+    chosen.driver = settings.driver;
+    chosen.creation = settings.creation;
+    const RasterFormat& polar = outputs.scope ? plain : chosen;
+    if (outputs.scope) check_output(*outputs.scope, OutputLayer::scope, chosen);
+    if (outputs.echo) check_output(*outputs.echo, OutputLayer::echo, polar);
+    if (outputs.power) check_output(*outputs.power, OutputLayer::power, polar);
+    if (outputs.states) check_output(*outputs.states, OutputLayer::states, polar);
+
     const auto source = open_direct_source(data_base_params(settings, cache_bytes(settings)));
     const ResolvedScene scene = resolve(settings.scene, *source);
     // On a terminal at once; in a log behind all that can fail, so that an error stays a single line.
@@ -148,16 +160,11 @@ void simulate(const std::vector<std::string>& arguments, Stop& stop) {
     progress.done();
 
     const double write_start_s = now_s();
-    RasterFormat plain;
-    plain.reproducible = settings.reproducible;
-    plain.version = version();
-    plain.scene_json = scene_json(settings, scene);
-    plain.crs_wkt = source->data_base().crs_wkt;
-    plain.metres_per_unit = source->data_base().metres_per_unit;
-    RasterFormat chosen = plain;
-    chosen.driver = settings.driver;
-    chosen.creation = settings.creation;
-    const RasterFormat& polar = outputs.scope ? plain : chosen;
+    for (RasterFormat* format : {&plain, &chosen}) {
+        format->scene_json = scene_json(settings, scene);
+        format->crs_wkt = source->data_base().crs_wkt;
+        format->metres_per_unit = source->data_base().metres_per_unit;
+    }
     stop.check();
     if (with_legend) add_legend(helper, settings, scene, result.scope);
     if (outputs.scope) write_scope(result, *outputs.scope, chosen);
