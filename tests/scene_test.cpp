@@ -67,9 +67,12 @@ TEST_CASE("a value out of range is refused with key, value and what is accepted"
     CHECK(refusal([](Scene& s) { s.range_m = 0; }) == "range is 0 m; it must be above 0 and at most 10000000");
     CHECK(refusal([](Scene& s) { s.radar.antenna.beam = Angle::degrees(200); }) ==
           "beam is 200 deg; it must be at least 0.002 and at most 90");
-    CHECK(refusal([](Scene& s) { s.radar.transmit_power_w = 0; }) == "transmit-power is 0 W; it must be above 0");
+    CHECK(refusal([](Scene& s) { s.radar.transmit_power_w = 0; }) ==
+          "transmit-power is 0 W; it must be at least 0.001 and at most 1000000000");
     CHECK(refusal([](Scene& s) { s.radar.transmit_power_w = infinity; }) ==
-          "transmit-power is inf W; it must be above 0 and finite");
+          "transmit-power is inf W; it must be at least 0.001 and at most 1000000000");
+    CHECK(refusal([](Scene& s) { s.radar.bandwidth_hz = infinity; }) ==
+          "bandwidth is inf Hz; it must be above 0 and finite");
     CHECK(refusal([](Scene& s) {
               s.range_m = 500;
               s.range_start_m = 500;
