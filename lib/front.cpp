@@ -53,8 +53,9 @@ Front::Front(const SweepScene& scene, const SpokeRun& run, WedgeCells& cells)
 }
 
 std::size_t Front::bytes() const {
-    return lanes_.mode.capacity() * (21 * sizeof(double) + sizeof(std::int32_t)) +
-           tile_lanes * sizeof(double) * (18 + 8) + (kept_posts_.capacity() + kept_culture_.capacity()) * sizeof(float);
+    return lanes_.mode.capacity() * (21 * sizeof(double) + sizeof(std::int64_t) + sizeof(std::int32_t)) +
+           lanes_.straddlers.capacity() * sizeof(std::int32_t) + tile_lanes * (3 * 9 + 7 + 2) * sizeof(double) +
+           (kept_posts_.capacity() + kept_culture_.capacity()) * sizeof(float);
 }
 
 double Front::slope(std::size_t lane) const {

@@ -8,6 +8,7 @@
 #include "lib/engine.hpp"
 #include "lib/front.hpp"
 #include "lib/material.hpp"
+#include "lib/plan.hpp"
 #include "lib/shade.hpp"
 #include "tests/terrain.hpp"
 
@@ -404,4 +405,57 @@ TEST_CASE("on a flat plain the mean depression of a cell is that of its range", 
         CHECK(sums.watts(77, j, 1) / sums.watts(77, j) * 90 ==
               Approx(std::asin(1500 / range) * 180 / std::numbers::pi).margin(0.6));  // degrees; half a bin
     }
+}
+
+TEST_CASE("no wedge holds more than the plan grants it", "[engine][plan]") {
+    std::mt19937 random(41);
+    std::uniform_real_distribution<double> any(0, 1);
+    double fullest = 0;
+    for (int turn = 0; turn < 24; ++turn) {
+        const bool polar = turn % 4 == 3;  // a degree of longitude is a tenth of one of latitude there
+        const std::int64_t columns = 100 + static_cast<std::int64_t>(any(random) * (polar ? 1500 : 500)),
+                           rows = 100 + static_cast<std::int64_t>(any(random) * 400);
+        MemorySource source(columns, rows, 30, [](double c, double r) { return std::fmod(7 * c + 3 * r, 50.0); });
+        if (turn % 2) source.set_culture_height([](double c, double) { return std::fmod(c, 9.0) < 2 ? 5.0 : 0.0; });
+        if (turn % 3 == 0) source.set_classes([](double c, double) { return 1 + static_cast<int>(c) % 3; });
+        Scene s;
+        const double column = (1.4 * any(random) - 0.2) * static_cast<double>(columns),
+                     row = (1.4 * any(random) - 0.2) * static_cast<double>(rows);
+        if (polar) {
+            DataBase& db = source.editable();
+            db.crs_in_metres = false;
+            db.has_crs = true;
+            db.step_x = 1.0 / 1200;
+            db.step_y = -1.0 / 1200;
+            db.origin_x = 20;
+            db.origin_y = 84;
+            db.locate = [](double lat, double lon) { return IndexPosition{(lon - 20) * 1200, (84 - lat) * 1200}; };
+            db.lat_lon = [](double c, double r) { return std::pair(84 - r / 1200, 20 + c / 1200); };
+            s.platform.latlon = LatLon{84 - row / 1200, 20 + column / 1200};
+        } else {
+            s.platform.xy = PointXY{30 * column, -30 * row};
+        }
+        s.platform.altitude_m = 300 + 3000 * any(random);
+        s.range_m = 3000 + 12000 * any(random);
+        s.display.size = 64;
+        s.quality = turn % 2 ? Quality::exact : Quality::normal;
+        const ResolvedScene resolved = resolve(s, source);
+        const DataBase& db = source.data_base();
+        EngineParams params;
+        params.threads = 1;
+        params.wedges = 1 + static_cast<std::int64_t>(30 * any(random) * any(random));
+        const RunResult r = run(resolved, source, params);
+        const SpokeMap map(
+            db, {resolved.geometry, resolved.nadir, resolved.lat_deg, resolved.lon_deg, s.earth_k, *s.range_m * 1.001});
+        const SpokeGrid grid(db, map, sampling(s.quality), resolved.swept.circle_bins);
+        const Plan granted = plan(resolved, source, grid, params, 1);
+        for (const WedgeReport& wedge : r.report.wedges) {
+            INFO("turn " << turn << ", " << columns << " x " << rows << ", " << r.report.wedges.size() << " wedges");
+            CHECK(wedge.peak_bytes <= granted.wedge_bytes);
+            if (granted.wedge_bytes > (std::size_t{4} << 20))
+                fullest =
+                    std::max(fullest, static_cast<double>(wedge.peak_bytes) / static_cast<double>(granted.wedge_bytes));
+        }
+    }
+    CHECK(fullest > 0.4);  // and the grant is no wild guess
 }
