@@ -91,20 +91,20 @@ struct Placed {
 WEDGESCOPE_LANES
 void place_portions(std::size_t n, const WedgeCells::Portions& p, double begin, double end, double inverse,
                     Placed& out) {
-    const double* __restrict code = p.code, * __restrict x0 = p.x0, * __restrict x1 = p.x1, * __restrict inverse_width = p.inverse_width, * __restrict power = p.power, * __restrict bow = p.bow, * __restrict share = p.share0;
+    const double* __restrict code = p.code, * __restrict x0 = p.x0, * __restrict x1 = p.x1, * __restrict inverse_width = p.inverse_width, * __restrict power = p.power, * __restrict bow = p.bow, * __restrict share = p.share0, * __restrict gamma = p.gamma;
     double* __restrict one = out.one, * __restrict two = out.two, * __restrict three = out.three;
     std::int64_t* __restrict count0 = out.counts[0], * __restrict count1 = out.counts[1], * __restrict count2 = out.counts[2];
     std::int32_t* __restrict first_bin = out.first, * __restrict slow = out.slow;
-    const double gamma = p.gamma;
     WEDGESCOPE_INDEPENDENT
     for (std::size_t i = 0; i < n; ++i) {
         const bool outwards = x0[i] < x1[i];
         const double near = outwards ? x0[i] : x1[i], far = outwards ? x1[i] : x0[i];
-        const double wanted = code[i] == 1 ? 1.0 : 0.0, fits = far < end ? near >= begin ? wanted : 0.0 : 0.0;
+        const double wanted = code[i] == 1 ? gamma[i] >= 0 ? 1.0 : 0.0 : 0.0,
+                     fits = far < end ? near >= begin ? wanted : 0.0 : 0.0;
         const auto first = static_cast<std::int32_t>(fits > 0 ? near : begin),
                    last = static_cast<std::int32_t>(fits > 0 ? far : begin);
         const double from = static_cast<double>(first), bins = static_cast<double>(last) - from;
-        const double whole = power[i] * gamma, bend = outwards ? bow[i] : -bow[i];
+        const double whole = power[i] * gamma[i], bend = outwards ? bow[i] : -bow[i];
         const double u = (from + 1 - near) * inverse_width[i], v = (from + 2 - near) * inverse_width[i];
         const double upto_one = whole * (u + bend * (u * (1 - u))), upto_two = whole * (v + bend * (v * (1 - v)));
         const double a = bins > 0 ? upto_one : whole, b = bins > 1 ? upto_two : whole;
@@ -159,7 +159,7 @@ __attribute__((optimize("no-tree-slp-vectorize"))) void WedgeCells::add_lanes(st
     for (i = 4 * quarter; i < n; ++i) put_one(i);
     for (const std::int32_t lane : p.straddlers) {
         i = static_cast<std::size_t>(lane - p.first_lane);
-        if (p.code[i] != 1 || placed.slow[i]) continue;
+        if (p.code[i] != 1 || placed.slow[i] || p.gamma[i] < 0) continue;
         std::int64_t* cell = sums + (p.origin[i] + placed.first[i]) + static_cast<std::ptrdiff_t>(columns_);
         cell[0] += std::lrint(placed.one[i] * inverse * p.share1[i]);
         if (placed.two[i] > 0) cell[1] += std::lrint(placed.two[i] * inverse * p.share1[i]);
@@ -170,7 +170,7 @@ __attribute__((optimize("no-tree-slp-vectorize"))) void WedgeCells::add_lanes(st
     for (i = 0; slow && i < n; ++i)
         if (placed.slow[i] && p.share0[i] > 0)
             add({row_of(p.origin[i]), {p.share0[i], p.share1[i]}},
-                {p.x0[i], p.x1[i], p.inverse_width[i], p.power[i] * p.gamma, p.bow[i]});
+                {p.x0[i], p.x1[i], p.inverse_width[i], p.power[i] * p.gamma[i], p.bow[i]});
 }
 
 void WedgeCells::mark(const Target& target, double x0, double x1, std::uint8_t bit) {

@@ -74,7 +74,7 @@ public:
     ///   origin                where a spoke's row lies: origin_of(row); any row's, with share0 = 0, if it adds nothing
     ///   share0, share1        as Target::share
     ///   straddlers            lanes with share1 > 0, in order; counted from `first_lane`, which is lane 0 here
-    ///   x0, x1, inverse_width, power, bow   as Portion; `gamma` times power is what is added
+    ///   x0, x1, inverse_width, power, bow   as Portion; `gamma` times power is what is added, nothing where it is < 0
     struct Portions {
         static constexpr std::size_t most = 64;  ///< lanes at once
         const double* code;
@@ -82,8 +82,7 @@ public:
         const double *share0, *share1;
         std::span<const std::int32_t> straddlers;
         std::int32_t first_lane;
-        const double *x0, *x1, *inverse_width, *power, *bow;
-        double gamma;
+        const double *x0, *x1, *inverse_width, *power, *bow, *gamma;
     };
     std::int64_t origin_of(std::int32_t row) const {
         return static_cast<std::int64_t>(row) * static_cast<std::int64_t>(columns_) -

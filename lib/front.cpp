@@ -14,11 +14,15 @@ namespace {
 
 constexpr std::size_t tile_lanes = 128;  // spokes taken over a chunk's lines together: their state stays in cache
 constexpr double infinite = std::numeric_limits<double>::infinity();
+constexpr double several_gammas = -1;  // a piece that does not have one backscatter all along
 constexpr float void_post = std::numeric_limits<float>::quiet_NaN();
 
 LinePosts no_posts() { return {&void_post, 0, 0}; }
 
-std::int64_t floor_of(double v) { return static_cast<std::int64_t>(std::floor(v)); }
+std::int64_t floor_of(double v) {
+    const auto t = static_cast<std::int64_t>(v);
+    return static_cast<double>(t) > v ? t - 1 : t;
+}
 
 }  // namespace
 
@@ -47,6 +51,7 @@ Front::Front(const SweepScene& scene, const SpokeRun& run, WedgeCells& cells)
       line_end_(scene.grid->line_count(run.quadrant)) {
     for (auto* samples : {&now_, &crossing_, &ahead_}) samples->resize(tile_lanes);
     for (auto* v : {&cell_, &bump_, &sine0_, &code_, &power_, &inverse_width_, &bow_}) v->resize(tile_lanes);
+    gamma_.assign(tile_lanes, scene.gamma[scene.data_base->default_class].ground);
     posts_.resize(4 * tile_lanes);
     between_.behind = between_.ahead = between_.behind_culture = between_.ahead_culture = no_posts();
     start();
@@ -369,27 +374,19 @@ void Front::take(const Between& between, std::size_t begin, std::size_t end, boo
                          inverse_width_.data() + at, bow_.data() + at},
                         *scene_->pattern, scene_->constant);
     const std::uint64_t shaded = ticks();
-    const bool simple = plain_ground_ && !scene_->with_depression;
-    const double gamma = scene_->gamma[scene_->data_base->default_class].ground;
     for (std::size_t at = 0; at < n; at += block) {
         const Rises& found = rises[at / block];
         const std::size_t m = std::min(block, n - at), lane = begin + at;
-        if (found.plain && simple)
-            cells_->add_lanes(
-                m, {code_.data() + at, lanes_.origin.data() + lane, lanes_.share0.data() + lane,
-                    lanes_.share1.data() + lane, straddlers(lane, lane + m), static_cast<std::int32_t>(lane),
-                    from.x + at, to.x + at, inverse_width_.data() + at, power_.data() + at, bow_.data() + at, gamma});
-        if (!found.changes && (simple || !found.plain)) continue;
+        bool in_parts = false;
+        if (found.plain) in_parts = put_plain(at, m, lane, between, next);
+        if (!found.changes && !in_parts) continue;
         for (std::size_t i = at; i < at + m; ++i) {
             if (code_[i] == 2)
                 change(begin + i, i, between, next.lanes(i));
-            else if (code_[i] == 1 && !simple && lanes_.row[begin + i] >= 0)
+            else if (code_[i] == 1 && in_parts && gamma_[i] == several_gammas && lanes_.row[begin + i] >= 0)
                 put(begin + i,
                     {{from.x[i], to.x[i], inverse_width_[i], power_[i], bow_[i]},
-                     between.major(from.part[i]),
-                     from.minor[i],
-                     between.major(to.part[i]),
-                     to.minor[i],
+                     track(now_.lanes(i), next.lanes(i), between),
                      sine0_[i],
                      to.sine[i]},
                     between);
@@ -400,6 +397,26 @@ void Front::take(const Between& between, std::size_t begin, std::size_t end, boo
     cost_.shade += shaded - swept;
     cost_.deposit += ticks() - shaded;
     std::swap(now_, next);
+}
+
+bool Front::put_plain(std::size_t at, std::size_t n, std::size_t lane, const Between& between, Samples& next) {
+    const SampleLanes from = now_.lanes(0), to = next.lanes(0);
+    bool in_parts = false;
+    if (scene_->with_depression) {
+        std::fill_n(gamma_.begin() + static_cast<std::ptrdiff_t>(at), n, several_gammas);
+        return true;
+    }
+    if (!plain_ground_)
+        for (std::size_t i = at; i < at + n; ++i) {
+            if (code_[i] != 1) continue;
+            gamma_[i] = one_gamma(track(now_.lanes(i), next.lanes(i), between), between).value_or(several_gammas);
+            in_parts = in_parts || gamma_[i] == several_gammas;
+        }
+    cells_->add_lanes(
+        n, {code_.data() + at, lanes_.origin.data() + lane, lanes_.share0.data() + lane, lanes_.share1.data() + lane,
+            straddlers(lane, lane + n), static_cast<std::int32_t>(lane), from.x + at, to.x + at,
+            inverse_width_.data() + at, power_.data() + at, bow_.data() + at, gamma_.data() + at});
+    return in_parts;
 }
 
 void Front::change(std::size_t lane, std::size_t i, const Between& between, SampleLanes to) {
@@ -419,10 +436,8 @@ void Front::change(std::size_t lane, std::size_t i, const Between& between, Samp
             const double power = piece_power(horizon, sine1, range0, range1, *scene_->pattern, scene_->constant);
             put(lane,
                 {{x0, x1, 1 / std::max(std::abs(x1 - x0), 1e-9), power, bow},
-                 between.major(at(*from.part, *to.part, begin)),
-                 at(*from.minor, *to.minor, begin),
-                 between.major(at(*from.part, *to.part, end)),
-                 at(*from.minor, *to.minor, end),
+                 {between.major(at(*from.part, *to.part, begin)), at(*from.minor, *to.minor, begin),
+                  between.major(at(*from.part, *to.part, end)), at(*from.minor, *to.minor, end)},
                  horizon,
                  sine1},
                 between);
@@ -483,22 +498,37 @@ void Front::change(std::size_t lane, std::size_t i, const Between& between, Samp
 
 // ---- deposit ----
 
+Front::Track Front::track(const SampleLanes& from, const SampleLanes& to, const Between& between) const {
+    return {between.major(*from.part), *from.minor, between.major(*to.part), *to.minor};
+}
+
 void Front::put(std::size_t lane, const Piece& piece, const Between& between) {
     double depression = 0;
     if (scene_->with_depression)
         depression = std::max(0.0, -std::asin(0.5 * (piece.sine0 + piece.sine1)) / (std::numbers::pi / 2));
-    if (plain_ground_ || !between.chunk) {
-        WedgeCells::Portion portion = piece.portion;
-        portion.power *= scene_->gamma[scene_->data_base->default_class].ground;
-        cells_->add(lanes_.target(lane), portion, &depression);
-    } else {
-        put_with_culture(lane, piece, depression, between);
-    }
+    const std::optional<double> gamma = one_gamma(piece.track, between);
+    if (!gamma) return put_parts(lane, piece, depression, between);
+    WedgeCells::Portion portion = piece.portion;
+    portion.power *= *gamma;
+    cells_->add(lanes_.target(lane), portion, &depression);
 }
 
-std::optional<IndexPosition> Front::wall_post(const Piece& piece, const Between& between) const {
+ClassId Front::class_at(const ClassLookup& lookup, std::int64_t cell_column, std::int64_t cell_row) {
+    const ClassId id = lookup.at(cell_column, cell_row);
+    if (id == unknown_class) {
+        const std::int32_t code = lookup.code(cell_column, cell_row);
+        if (!unknown_code_ || code < *unknown_code_) unknown_code_ = code;
+    }
+    return id;
+}
+
+std::optional<IndexPosition> Front::wall_post(const Track& track, const Between& between) const {
     const bool columns = lines_are_columns(quadrant_);
-    const std::int64_t j = floor_of(0.5 * (piece.minor0 + piece.minor1));
+    const std::int64_t j = floor_of(0.5 * (track.minor0 + track.minor1));
+    const auto stands = [&](const LinePosts& line) {
+        return (line.has(j) && line.at(j) > 0) || (line.has(j + 1) && line.at(j + 1) > 0);
+    };
+    if (!stands(between.ahead_culture) && !(between.adjacent && stands(between.behind_culture))) return std::nullopt;
     double most = 0;
     IndexPosition best;
     const auto corner = [&](const LinePosts& line, double major, std::int64_t at) {
@@ -515,52 +545,59 @@ std::optional<IndexPosition> Front::wall_post(const Piece& piece, const Between&
         corner(between.ahead_culture, between.ahead_major, at);
         if (between.adjacent) corner(between.behind_culture, between.behind_major, at);
     }
-    if (!(most > 0)) return std::nullopt;
     return best;
 }
 
-void Front::put_with_culture(std::size_t lane, const Piece& piece, double depression, const Between& between) {
+std::optional<double> Front::one_gamma(const Track& track, const Between& between) {
+    if (plain_ground_ || !between.chunk) return ground_gamma(scene_->data_base->default_class);
+    const ClassLookup lookup(*scene_->data_base, *between.chunk);
+    // Inside a cell with culture on a corner the surface stands above the bare terrain: wall, of the class of the
+    // corner with the most culture.
+    if (between.ahead_culture.posts != &void_post || between.behind_culture.posts != &void_post)
+        if (const auto post = wall_post(track, between)) {
+            const ClassId id =
+                class_at(lookup, floor_of(lookup.cell_column(post->column)), floor_of(lookup.cell_row(post->row)));
+            return id == unknown_class ? 0 : scene_->gamma[id].wall;
+        }
+    // The culture cells that its way may touch, if these are four at the most.
+    const bool columns = lines_are_columns(quadrant_);
+    const std::int64_t column0 = floor_of(lookup.cell_column(columns ? track.major0 : track.minor0)),
+                       column1 = floor_of(lookup.cell_column(columns ? track.major1 : track.minor1)),
+                       row0 = floor_of(lookup.cell_row(columns ? track.minor0 : track.major0)),
+                       row1 = floor_of(lookup.cell_row(columns ? track.minor1 : track.major1));
+    if (std::abs(column1 - column0) > 1 || std::abs(row1 - row0) > 1) return std::nullopt;
+    const ClassId id = lookup.at(column0, row0);
+    if (id == unknown_class || lookup.at(column1, row1) != id) return std::nullopt;
+    if (column1 != column0 && row1 != row0 && (lookup.at(column1, row0) != id || lookup.at(column0, row1) != id))
+        return std::nullopt;
+    return ground_gamma(id);
+}
+
+void Front::put_parts(std::size_t lane, const Piece& piece, double depression, const Between& between) {
     const ClassLookup lookup(*scene_->data_base, *between.chunk);
     const bool columns = lines_are_columns(quadrant_);
     const WedgeCells::Target target = lanes_.target(lane);
-    const auto class_at = [&](double cell_column, double cell_row) {
-        const ClassId id = lookup.at(cell_column, cell_row);
-        if (id == unknown_class) {
-            const std::int32_t code = lookup.code(cell_column, cell_row);
-            if (!unknown_code_ || code < *unknown_code_) unknown_code_ = code;
-        }
-        return id;
-    };
     const WedgeCells::Portion& whole = piece.portion;
-    const auto add = [&](double from, double to, double gamma) {
+    const auto add = [&](double from, double to, ClassId id) {
         // A part of a parabola is one too.
         const double length = to - from, share = length * (1 + whole.bow * (1 - from - to));
         if (!(share > 0)) return;
         const double x0 = whole.x0 + from * (whole.x1 - whole.x0), x1 = whole.x0 + to * (whole.x1 - whole.x0);
-        cells_->add(
-            target,
-            {x0, x1, whole.inverse_width / length, whole.power * share * gamma, whole.bow * length * length / share},
-            &depression);
+        cells_->add(target,
+                    {x0, x1, whole.inverse_width / length, whole.power * share * ground_gamma(id),
+                     whole.bow * length * length / share},
+                    &depression);
     };
-    const auto ground = [&](ClassId id) { return id == unknown_class ? 0 : scene_->gamma[id].ground; };
-
-    // Inside a cell with culture on a corner the surface stands above the bare terrain: wall, of the class of the
-    // corner with the most culture.
-    if (between.ahead_culture.posts != &void_post || between.behind_culture.posts != &void_post)
-        if (const auto post = wall_post(piece, between)) {
-            const ClassId id = class_at(lookup.cell_column(post->column), lookup.cell_row(post->row));
-            add(0, 1, id == unknown_class ? 0 : scene_->gamma[id].wall);
-            return;
-        }
     // The culture cells that the piece runs through, in order; neighbouring parts of one class together.
-    const double column0 = lookup.cell_column(columns ? piece.major0 : piece.minor0),
-                 column1 = lookup.cell_column(columns ? piece.major1 : piece.minor1);
-    const double row0 = lookup.cell_row(columns ? piece.minor0 : piece.major0),
-                 row1 = lookup.cell_row(columns ? piece.minor1 : piece.major1);
+    const Track& t = piece.track;
+    const double column0 = lookup.cell_column(columns ? t.major0 : t.minor0),
+                 column1 = lookup.cell_column(columns ? t.major1 : t.minor1);
+    const double row0 = lookup.cell_row(columns ? t.minor0 : t.major0),
+                 row1 = lookup.cell_row(columns ? t.minor1 : t.major1);
     breaks_.clear();
     const auto cut = [&](double from, double to) {
         const double lo = std::min(from, to), hi = std::max(from, to);
-        for (double border = std::floor(lo) + 1; border < hi; border += 1)
+        for (auto border = static_cast<double>(floor_of(lo) + 1); border < hi; border += 1)
             breaks_.push_back((border - from) / (to - from));
     };
     cut(column0, column1);
@@ -571,15 +608,16 @@ void Front::put_with_culture(std::size_t lane, const Piece& piece, double depres
     std::optional<ClassId> open;
     for (const double to : breaks_) {
         const double middle = 0.5 * (from + to);
-        const ClassId id = class_at(column0 + middle * (column1 - column0), row0 + middle * (row1 - row0));
+        const ClassId id =
+            class_at(lookup, floor_of(column0 + middle * (column1 - column0)), floor_of(row0 + middle * (row1 - row0)));
         if (open && id != *open) {
-            add(start, from, ground(*open));
+            add(start, from, *open);
             start = from;
         }
         open = id;
         from = to;
     }
-    add(start, 1, ground(*open));
+    add(start, 1, *open);
 }
 
 // ---- marks ----
@@ -717,10 +755,7 @@ void Front::double_spokes() {
                                                      *scene_->pattern, scene_->constant);
                     put(lane,
                         {{last.x[lane], last.x[lane], 1, power, 0},
-                         between_.behind_major,
-                         last.minor[lane],
-                         between_.behind_major,
-                         last.minor[lane],
+                         {between_.behind_major, last.minor[lane], between_.behind_major, last.minor[lane]},
                          horizon,
                          sine},
                         between_);

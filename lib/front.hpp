@@ -101,10 +101,14 @@ private:
         bool adjacent = false;  // there is a line behind, next to the one ahead
         double major(double part) const { return behind_major + part * (ahead_major - behind_major); }
     };
+    /// Where a piece runs, in raster indices.
+    struct Track {
+        double major0, minor0, major1, minor1;
+    };
     /// One visible piece.
     struct Piece {
         WedgeCells::Portion portion;
-        double major0, minor0, major1, minor1;
+        Track track;
         double sine0, sine1;
     };
 
@@ -123,10 +127,18 @@ private:
     std::span<const std::int32_t> straddlers(std::size_t begin, std::size_t end) const;
     bool beyond(std::size_t lane, double minor, double arc, double distance) const;
 
+    /// Deposits the plain pieces of lanes at, at + 1, ... of the tile; true if some are left for put() (gamma_ says which).
+    bool put_plain(std::size_t at, std::size_t n, std::size_t lane, const Between& between, Samples& next);
     void put(std::size_t lane, const Piece& piece, const Between& between);
-    void put_with_culture(std::size_t lane, const Piece& piece, double depression, const Between& between);
+    void put_parts(std::size_t lane, const Piece& piece, double depression, const Between& between);
+    Track track(const SampleLanes& from, const SampleLanes& to, const Between& between) const;
+    /// Backscatter of a piece, if it is the same all along.
+    std::optional<double> one_gamma(const Track& track, const Between& between);
     /// Post whose culture height makes the cell under a piece a wall; nothing where there is none.
-    std::optional<IndexPosition> wall_post(const Piece& piece, const Between& between) const;
+    std::optional<IndexPosition> wall_post(const Track& track, const Between& between) const;
+    /// A class on seen ground; if it is unknown its code is remembered.
+    ClassId class_at(const ClassLookup& lookup, std::int64_t cell_column, std::int64_t cell_row);
+    double ground_gamma(ClassId id) const { return id == unknown_class ? 0 : scene_->gamma[id].ground; }
 
     double level_coordinate(std::size_t lane, double arc_m) const;
     double ray_coordinate(std::size_t lane, double arc_m) const;
@@ -149,7 +161,7 @@ private:
     Lanes lanes_;
     // Workspace of one tile: the last samples, those on the other axis' lines and those on the line ahead.
     Samples now_, crossing_, ahead_;
-    LaneArray cell_, bump_, sine0_, code_, power_, inverse_width_, bow_;
+    LaneArray cell_, bump_, sine0_, code_, power_, inverse_width_, bow_, gamma_;
     std::vector<float> posts_;  // of the cells, four a lane
     std::vector<SpokeMap::LinePiece> line_pieces_;
     std::vector<double> breaks_;

@@ -111,24 +111,4 @@ double piece_power(double sine0, double sine1, double range0_m, double range1_m,
     return constant * (sine1 - sine0) * pattern.at(0.5 * (sine0 + sine1)) / (range * range);
 }
 
-std::size_t ClassLookup::index(double cell_column, double cell_row, bool& inside) const {
-    const auto column = static_cast<std::int64_t>(std::floor(cell_column)) - chunk_.culture_window.columns.begin;
-    const auto row = static_cast<std::int64_t>(std::floor(cell_row)) - chunk_.culture_window.rows.begin;
-    const std::int64_t columns = chunk_.culture_window.columns.size(), rows = chunk_.culture_window.rows.size();
-    inside = column >= 0 && row >= 0 && column < columns && row < rows;
-    return static_cast<std::size_t>(row * columns + column);
-}
-
-ClassId ClassLookup::at(double cell_column, double cell_row) const {
-    bool inside = false;
-    const std::size_t i = index(cell_column, cell_row, inside);
-    return inside ? chunk_.classes[i] : db_.default_class;
-}
-
-std::int32_t ClassLookup::code(double cell_column, double cell_row) const {
-    bool inside = false;
-    const std::size_t i = index(cell_column, cell_row, inside);
-    return inside && i < chunk_.codes.size() ? chunk_.codes[i] : 0;
-}
-
 }  // namespace wedgescope

@@ -2,6 +2,7 @@
 // Leaves what is seen to front.hpp and cells to deposit.hpp.
 #pragma once
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "lib/deposit.hpp"
@@ -57,12 +58,22 @@ public:
     ClassLookup(const DataBase& data_base, const Chunk& chunk) : db_(data_base), chunk_(chunk) {}
     double cell_column(double column) const { return db_.culture_column_offset + db_.culture_column_scale * column; }
     double cell_row(double row) const { return db_.culture_row_offset + db_.culture_row_scale * row; }
-    /// Of a culture cell position.
-    ClassId at(double cell_column, double cell_row) const;
-    std::int32_t code(double cell_column, double cell_row) const;
+    /// Of a culture cell; the default class outside the window.
+    ClassId at(std::int64_t cell_column, std::int64_t cell_row) const {
+        const std::optional<std::size_t> i = index(cell_column, cell_row);
+        return i ? chunk_.classes[*i] : db_.default_class;
+    }
+    std::int32_t code(std::int64_t cell_column, std::int64_t cell_row) const {
+        const std::optional<std::size_t> i = index(cell_column, cell_row);
+        return i && *i < chunk_.codes.size() ? chunk_.codes[*i] : 0;
+    }
 
 private:
-    std::size_t index(double cell_column, double cell_row, bool& inside) const;
+    std::optional<std::size_t> index(std::int64_t cell_column, std::int64_t cell_row) const {
+        const Window& w = chunk_.culture_window;
+        if (!w.columns.contains(cell_column) || !w.rows.contains(cell_row)) return std::nullopt;
+        return static_cast<std::size_t>((cell_row - w.rows.begin) * w.columns.size() + cell_column - w.columns.begin);
+    }
     const DataBase& db_;
     const Chunk& chunk_;
 };

@@ -331,6 +331,7 @@ TEST_CASE("deposits add up to what was put in, in any order and by lanes or one 
     }
     for (auto p = puts.rbegin(); p != puts.rend(); ++p) backward.add(p->target, p->portion);
     std::vector<double> code, s0, s1, x0, x1, w, power, bow;
+    const std::vector<double> gamma(puts.size(), 1.0);
     std::vector<std::int64_t> row;
     std::vector<std::int32_t> straddlers;
     for (const Put& p : puts) {
@@ -361,7 +362,7 @@ TEST_CASE("deposits add up to what was put in, in any order and by lanes or one 
                             w.data() + at,
                             power.data() + at,
                             bow.data() + at,
-                            1});
+                            gamma.data() + at});
     }
     double sum = 0;
     for (std::size_t r = 0; r < 5; ++r)
