@@ -45,7 +45,7 @@ TEST_CASE("nothing stands under the final name before commit, and nothing else a
     const Folder folder;
     OutputFile file(folder / "scope.png", false);
     CHECK(file.final_path() == folder / "scope.png");
-    CHECK_THAT(file.temporary_path(), Contains("/scope.tmp-") && Catch::Matchers::EndsWith(".png"));
+    CHECK_THAT(file.temporary_path(), Contains("/.scope.png.tmp-") && Catch::Matchers::EndsWith("/scope.png"));
     put(file.temporary_path(), "picture");
     CHECK(folder.names().size() == 1);
     CHECK(folder.names() != Names{"scope.png"});
@@ -88,15 +88,57 @@ TEST_CASE("an output that is given up leaves nothing behind and the old file as 
         put(file.temporary_path(), "half");
         put(file.temporary_path() + ".aux.xml", "half");
         OutputFile moved(std::move(file));
-        CHECK(folder.names().size() == 3);
+        CHECK(folder.names().size() == 2);
     }
     CHECK(folder.names() == Names{"scope.png"});
     CHECK(get(folder / "scope.png") == "old");
+}
 
-    OutputFile left(folder / "echo.tif", false);
-    put(left.temporary_path(), "half");
-    remove_temporary_files();
-    CHECK(folder.names() == Names{"scope.png"});
+TEST_CASE("any name will do, and files of like names are left alone", "[output_file]") {
+    for (const std::string name : {"run", ".hidden", "-", "run.tif.tmp", "a b.c"}) {
+        const Folder folder;
+        const Names others{name + ".notes", name + ".png", "run.txt"};
+        for (const auto& other : others) put(folder / other, "mine");
+        put(folder / name, "old");
+        {
+            const OutputFile given_up(folder / name, true);
+            put(given_up.temporary_path(), "half");
+        }
+        CHECK(get(folder / name) == "old");
+        OutputFile file(folder / name, true);
+        put(file.temporary_path(), "new");
+        file.commit();
+        CHECK(get(folder / name) == "new");
+        for (const auto& other : others) CHECK(get(folder / other) == "mine");
+        CHECK(folder.names().size() == 4);
+    }
+}
+
+TEST_CASE("side files meet neither each other nor what stands there", "[output_file]") {
+    const Folder folder;
+    const auto envi = [&](OutputFile& file) {
+        put(file.temporary_path(), "data");
+        put(file.temporary_path().substr(0, file.temporary_path().size() - 4) + ".hdr", "header");
+    };
+    {
+        OutputFile a(folder / "p.img", false), b(folder / "p.dat", false);
+        envi(a);
+        envi(b);
+        CHECK_THROWS_WITH(OutputFile::commit({&a, &b}), Contains("p.img") && Contains("p.dat") && Contains("p.hdr"));
+    }
+    CHECK(folder.names().empty());
+    put(folder / "p.hdr", "mine");
+    {
+        OutputFile a(folder / "p.img", false);
+        envi(a);
+        CHECK_THROWS_WITH(a.commit(), Contains("p.hdr") && Contains("--overwrite"));
+    }
+    CHECK(folder.names() == Names{"p.hdr"});
+    CHECK(get(folder / "p.hdr") == "mine");
+    put(folder / "q.png.aux.xml", "stale");
+    CHECK_THROWS_WITH(OutputFile(folder / "q.png", false), Contains("q.png.aux.xml") && Contains("--overwrite"));
+    CHECK_THROWS_WITH(OutputFile("/dev/null", true), Contains("/dev/null") && Contains("plain file"));
+    CHECK_THROWS_AS(OutputFile("/dev/null", true), InputError);
 }
 
 TEST_CASE("an output is refused before any work if it cannot or must not be written", "[output_file]") {

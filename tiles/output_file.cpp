@@ -4,15 +4,14 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <atomic>
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
-#include <mutex>
-#include <set>
+#include <map>
 #include <utility>
-#include <vector>
 
 #include "lib/error.hpp"
 
@@ -21,46 +20,14 @@ namespace {
 
 namespace fs = std::filesystem;
 
-struct LiveFiles {
-    std::mutex mutex;
-    std::set<std::string> paths;
-};
-LiveFiles& live() {
-    static LiveFiles files;
-    return files;
-}
-
 std::string folder_of(const std::string& path) {
     const std::string folder = fs::path(path).parent_path().string();
     return folder.empty() ? "." : folder;
 }
 
-/// The temporary file and what drivers write beside it (scope.tmp-7-1.png, .png.aux.xml, .hdr, ...): what comes
-/// behind the common stem of their names.
-std::vector<std::string> endings(const std::string& path) {
-    const std::string stem = fs::path(path).stem().string();
-    std::vector<std::string> found;
-    std::error_code error;
-    for (fs::directory_iterator entry(folder_of(path), error), end; !error && entry != end; entry.increment(error)) {
-        const std::string name = entry->path().filename().string();
-        if (name == stem || name.starts_with(stem + ".")) found.push_back(name.substr(stem.size()));
-    }
-    return found;
-}
-
-std::string with_ending(const std::string& path, const std::string& ending) {
-    const fs::path whole(path);
-    return (whole.parent_path() / (whole.stem().string() + ending)).string();
-}
-
-void remove_family(const std::string& temporary_path) noexcept {
-    try {
-        std::error_code ignored;
-        for (const std::string& ending : endings(temporary_path))
-            fs::remove(with_ending(temporary_path, ending), ignored);
-    } catch (...) {  // out of memory: the file itself at least
-        ::unlink(temporary_path.c_str());
-    }
+bool stands(const std::string& path) {
+    struct stat facts {};
+    return ::lstat(path.c_str(), &facts) == 0;
 }
 
 void sync(const std::string& path, const std::string& final_path, bool folder) {
@@ -86,75 +53,97 @@ constexpr const char* side_files[] = {".aux.xml", ".geoloc.tif"};
 OutputFile::OutputFile(std::string final_path, bool overwrite)
     : final_path_(std::move(final_path)), overwrite_(overwrite) {
     if (final_path_.empty()) throw InputError("output has an empty name; accepted: the path of a file");
-    const std::string folder = folder_of(final_path_);
+    const std::string parent = folder_of(final_path_), name = fs::path(final_path_).filename().string();
     struct stat facts {};
-    if (::stat(folder.c_str(), &facts) != 0)
-        throw IoError(text("output '", final_path_, "': folder '", folder, "' cannot be used: ", std::strerror(errno)));
-    if (!S_ISDIR(facts.st_mode)) throw IoError(text("output '", final_path_, "': '", folder, "' is not a folder"));
-    if (::stat(final_path_.c_str(), &facts) == 0 && S_ISDIR(facts.st_mode))
+    if (::stat(parent.c_str(), &facts) != 0)
+        throw IoError(text("output '", final_path_, "': folder '", parent, "' cannot be used: ", std::strerror(errno)));
+    if (!S_ISDIR(facts.st_mode)) throw IoError(text("output '", final_path_, "': '", parent, "' is not a folder"));
+    if (name.empty() || (::stat(final_path_.c_str(), &facts) == 0 && S_ISDIR(facts.st_mode)))
         throw InputError(text("output '", final_path_, "' is a folder; accepted: the path of a file"));
-    refuse_existing();
-    if (::access(folder.c_str(), W_OK | X_OK) != 0)
-        throw IoError(
-            text("output '", final_path_, "': folder '", folder, "' is not writable: ", std::strerror(errno)));
+    if (::stat(final_path_.c_str(), &facts) == 0 && !S_ISREG(facts.st_mode))
+        throw InputError(text("output '", final_path_, "' is a device or a pipe; accepted: the path of a plain file"));
+    if (!overwrite_ && stands(final_path_))
+        throw InputError(text("output '", final_path_, "' exists; add --overwrite"));
+    for (const char* side : side_files)
+        if (!overwrite_ && stands(final_path_ + side))
+            throw InputError(text("output '", final_path_, "': a file '", final_path_, side,
+                                  "' exists, which would be taken for a part of it; add --overwrite"));
 
+    // Its own folder tells at once whether anything can be written here: permissions alone do not (root, read-only and
+    // special file systems).
     static std::atomic<unsigned> number{0};
-    const fs::path whole(final_path_);
-    temporary_path_ = (whole.parent_path() /
-                       text(whole.stem().string(), ".tmp-", ::getpid(), "-", ++number, whole.extension().string()))
-                          .string();
-    const std::lock_guard lock(live().mutex);
-    live().paths.insert(temporary_path_);
+    folder_ = (fs::path(final_path_).parent_path() / text(".", name, ".tmp-", ::getpid(), "-", ++number)).string();
+    if (::mkdir(folder_.c_str(), 0777) != 0) {
+        const int reason = errno;
+        folder_.clear();
+        throw IoError(
+            text("output '", final_path_, "' cannot be written in folder '", parent, "': ", std::strerror(reason)));
+    }
+    temporary_path_ = (fs::path(folder_) / name).string();
 }
 
 OutputFile::OutputFile(OutputFile&& other) noexcept
-    : final_path_(std::move(other.final_path_)), temporary_path_(std::exchange(other.temporary_path_, {})),
-      overwrite_(other.overwrite_) {}
+    : final_path_(std::move(other.final_path_)), folder_(std::exchange(other.folder_, {})),
+      temporary_path_(std::exchange(other.temporary_path_, {})), overwrite_(other.overwrite_) {}
 
-OutputFile::~OutputFile() {
-    if (temporary_path_.empty()) return;
-    remove_family(temporary_path_);
-    const std::lock_guard lock(live().mutex);
-    live().paths.erase(temporary_path_);
-}
+OutputFile::~OutputFile() { remove_folder(); }
 
-void OutputFile::refuse_existing() const {
-    struct stat facts {};
-    if (!overwrite_ && ::lstat(final_path_.c_str(), &facts) == 0)
-        throw InputError(text("output '", final_path_, "' exists; add --overwrite"));
-}
-
-void OutputFile::commit() {
-    refuse_existing();
-    const std::string own = fs::path(temporary_path_).extension().string();
-    const std::vector<std::string> found = endings(temporary_path_);
-    for (const std::string& ending : found) sync(with_ending(temporary_path_, ending), final_path_, false);
-
-    // Side files of what stood there before do not belong to the new file.
-    for (const char* side : side_files)
-        if (::unlink((final_path_ + side).c_str()) != 0 && errno != ENOENT)
-            throw IoError(text("old side file '", final_path_, side, "' cannot be removed: ", std::strerror(errno)));
-    const auto rename_one = [&](const std::string& ending) {
-        const std::string from = with_ending(temporary_path_, ending), to = with_ending(final_path_, ending);
-        if (::rename(from.c_str(), to.c_str()) != 0)
-            throw IoError(text("output '", to, "' cannot be put in place of '", from, "': ", std::strerror(errno)));
-    };
-    for (const std::string& ending : found)
-        if (ending != own) rename_one(ending);
-    rename_one(own);  // last: who sees the name sees everything
-    sync(folder_of(final_path_), final_path_, true);
-
-    const std::lock_guard lock(live().mutex);
-    live().paths.erase(temporary_path_);
+void OutputFile::remove_folder() noexcept {
+    if (folder_.empty()) return;
+    std::error_code ignored;
+    fs::remove_all(folder_, ignored);
+    folder_.clear();
     temporary_path_.clear();
 }
 
-void remove_temporary_files() noexcept {
-    // Also called when everything breaks down: does not wait for whoever holds the list.
-    const std::unique_lock lock(live().mutex, std::try_to_lock);
-    if (!lock.owns_lock()) return;
-    for (const std::string& path : live().paths) remove_family(path);
-    live().paths.clear();
+std::vector<std::string> OutputFile::written() const {
+    std::vector<std::string> names;
+    for (const auto& entry : fs::directory_iterator(folder_)) names.push_back(entry.path().filename().string());
+    // The file itself last: who sees the name sees everything.
+    const std::string own = fs::path(final_path_).filename().string();
+    std::sort(names.begin(), names.end(), [&](const std::string& a, const std::string& b) {
+        return std::pair(a == own, a) < std::pair(b == own, b);
+    });
+    return names;
+}
+
+void OutputFile::commit(const std::vector<OutputFile*>& files) {
+    struct Move {
+        const OutputFile* file;
+        std::string from, to;
+    };
+    std::vector<Move> moves;
+    std::map<std::string, const OutputFile*> targets;
+    for (const OutputFile* file : files) {
+        const fs::path parent = fs::path(file->final_path_).parent_path();
+        for (const std::string& name : file->written()) {
+            const std::string from = (fs::path(file->folder_) / name).string(), to = (parent / name).string();
+            const std::string key = fs::weakly_canonical(fs::absolute(to)).string();
+            const auto [other, fresh] = targets.emplace(key, file);
+            if (!fresh)
+                throw InputError(text("outputs '", other->second->final_path_, "' and '", file->final_path_,
+                                      "' both need the file '", to, "'; give them different names"));
+            if (!file->overwrite_ && stands(to))
+                throw InputError(text("output '", file->final_path_, "': the file '", to, "' exists; add --overwrite"));
+            sync(from, file->final_path_, false);
+            moves.push_back({file, from, to});
+        }
+    }
+    // Side files of what stood there before do not belong to the new file.
+    for (const OutputFile* file : files)
+        for (const char* side : side_files) {
+            const std::string stale = file->final_path_ + side;
+            if (file->overwrite_ && ::unlink(stale.c_str()) != 0 && errno != ENOENT)
+                throw IoError(text("old side file '", stale, "' cannot be removed: ", std::strerror(errno)));
+        }
+    for (const Move& move : moves)
+        if (::rename(move.from.c_str(), move.to.c_str()) != 0)
+            throw IoError(
+                text("output '", move.to, "' cannot be put in place of '", move.from, "': ", std::strerror(errno)));
+    for (OutputFile* file : files) {
+        sync(folder_of(file->final_path_), file->final_path_, true);
+        file->remove_folder();
+    }
 }
 
 void write_text(const std::string& path, const std::string& content, bool overwrite) {

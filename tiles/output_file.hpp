@@ -2,35 +2,38 @@
 // a signal ends the run. Leaves what is written to others.
 #pragma once
 #include <string>
+#include <vector>
 
 namespace wedgescope {
 
 class OutputFile {
 public:
-    /// InputError if the final name exists and `overwrite` is off; IoError if its folder is missing or not writable.
+    /// InputError if the final name, or a side file of it, exists and `overwrite` is off, or if it is no plain file;
+    /// IoError if its folder is missing or cannot be written to.
     OutputFile(std::string final_path, bool overwrite);
-    /// Removes the temporary file (and its side files) unless commit() was called.
+    /// Removes what was written unless it was committed.
     ~OutputFile();
     OutputFile(OutputFile&&) noexcept;
     OutputFile& operator=(OutputFile&&) = delete;
 
     const std::string& final_path() const { return final_path_; }
-    /// Beside the final one, with its extension (scope.tmp-PID-N.png): what to write to. Empty after commit().
+    /// What to write to: the final name in a folder of its own beside it (`.scope.png.tmp-PID-N/scope.png`), where
+    /// drivers may put side files (`.aux.xml`, `.geoloc.tif`, `.hdr`, ...) too. Empty once committed.
     const std::string& temporary_path() const { return temporary_path_; }
-    /// Flushes to disk, renames (everything beside it that carries its name too: `.aux.xml`, `.geoloc.tif`, `.hdr`,
-    /// ...), forgets. Old `.aux.xml` and `.geoloc.tif` of the final name go. IoError naming the file.
-    void commit();
+
+    /// Flushes to disk and puts everything in place under the final names. Stale `.aux.xml` and `.geoloc.tif` of the
+    /// final name go. Checked for all of them before the first one is moved: InputError if something stands there and
+    /// `overwrite` is off, or if two of the outputs bring a side file of the same name. IoError naming the file.
+    static void commit(const std::vector<OutputFile*>& files);
+    void commit() { commit({this}); }
 
 private:
-    void refuse_existing() const;
+    std::vector<std::string> written() const;
+    void remove_folder() noexcept;
 
-    std::string final_path_, temporary_path_;
+    std::string final_path_, folder_, temporary_path_;
     bool overwrite_ = false;
 };
-
-/// Removes the temporary files of every OutputFile alive, for a way out that runs no destructors. Not for use
-/// inside a signal handler.
-void remove_temporary_files() noexcept;
 
 /// Writes a text file through an OutputFile.
 void write_text(const std::string& path, const std::string& content, bool overwrite);

@@ -1,4 +1,3 @@
-#include <fcntl.h>
 #include <unistd.h>
 
 #include <cerrno>
@@ -71,11 +70,6 @@ Outputs open_outputs(const Settings& s) {
     const auto open = [&](std::optional<OutputFile>& file, const std::string& path) {
         if (path.empty()) return;
         file.emplace(path, s.overwrite);
-        // Permissions do not tell everything (root, read-only or special file systems): try.
-        const int number = ::open(file->temporary_path().c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
-        if (number < 0) throw IoError(text("output ", in_quotes(path), " cannot be written: ", std::strerror(errno)));
-        ::close(number);
-        ::unlink(file->temporary_path().c_str());
     };
     open(out.scope, s.output);
     open(out.echo, s.echo);
@@ -184,11 +178,13 @@ void simulate(const std::vector<std::string>& arguments, Stop& stop) {
     remark(settings.quiet || terminal, text("sensor: ", place(scene)));
     if (settings.verbose) fmt::print(stderr, "{}", report_table(result.report, write_s, usage));
     std::string written;
+    std::vector<OutputFile*> files;
     for (auto* file : {&outputs.scope, &outputs.echo, &outputs.power, &outputs.states, &outputs.report}) {
         if (!*file) continue;
-        (*file)->commit();
+        files.push_back(&**file);
         written += (written.empty() ? "" : ", ") + (*file)->final_path();
     }
+    OutputFile::commit(files);
     remark(settings.quiet, text("written: ", written, fmt::format(" ({:.1f} s)", now_s() - start_s)));
 }
 
