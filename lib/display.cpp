@@ -4,6 +4,7 @@
 #include <oneapi/tbb/parallel_for.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <limits>
 #include <numbers>
@@ -231,7 +232,9 @@ Picture picture(const PolarImage<float>& received_w, const PolarImage<std::uint8
     const double largest_m = largest_radius_m(setting);
     const bool wraps = grid.full_circle();
 
+    std::atomic<std::uint64_t> lit = 0;
     const auto draw_row = [&](std::int64_t row) {
+        std::uint64_t lit_here = 0;
         const double y = (f.centre_row - (static_cast<double>(row) + 0.5)) * f.metres_per_pixel;
         for (std::int64_t column = 0; column < f.width; ++column) {
             const double x = (static_cast<double>(column) + 0.5 - f.centre_column) * f.metres_per_pixel;
@@ -262,6 +265,7 @@ Picture picture(const PolarImage<float>& received_w, const PolarImage<std::uint8
                                        ? setting.earth.slant_range_m(setting.sensor_m, setting.reference_m, *range_m)
                                        : *range_m;
             int grey = receiver.grey(power_w, slant_m);
+            lit_here += grey > 0 ? 1 : 0;
             if (setting.params.rings) {
                 const double light = graticule.light(radius_m, azimuth_rad, azimuth_position * grid.azimuth_step_rad());
                 grey = std::min(255, grey + static_cast<int>(light + 0.5));
@@ -271,10 +275,12 @@ Picture picture(const PolarImage<float>& received_w, const PolarImage<std::uint8
             result.state[pixel] =
                 state.row(nearest(azimuth_position, azimuth_bins))[nearest(range_position, range_bins)];
         }
+        lit += lit_here;
     };
     oneapi::tbb::parallel_for(oneapi::tbb::blocked_range<std::int64_t>(0, f.height, 8), [&](const auto& rows) {
         for (std::int64_t row = rows.begin(); row < rows.end(); ++row) draw_row(row);
     });
+    result.lit = lit;
     return result;
 }
 

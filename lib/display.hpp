@@ -47,6 +47,7 @@ struct Picture {
     std::vector<std::uint8_t> grey;    ///< height x width
     std::vector<std::uint8_t> state;   ///< State codes, nearest cell; outside beyond the frame's sector
     std::vector<double> ring_range_m;  ///< of the range rings drawn, in the display's own radius
+    std::uint64_t lit = 0;             ///< pixels that the receiver lets leave black, rings and marks aside
 };
 
 /// Received power (watts, on `setting.shown`), bilinear in watts between cell centres (wrapping through north on a

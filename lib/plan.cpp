@@ -63,7 +63,12 @@ Plan plan(const ResolvedScene& scene, const WedgeSource& source, const SpokeGrid
     while (p.in_flight > 1 && !fits(count, p.in_flight)) --p.in_flight;
     if (!fits(count, 1)) {
         constexpr std::size_t mebibyte = std::size_t{1} << 20;
-        const std::size_t least = (p.fixed_bytes + bytes(bins) + mebibyte - 1) / mebibyte;
+        // The source's cache grows with the budget.
+        const double cache = static_cast<double>(source.cache_bytes()),
+                     share = cache / static_cast<double>(params.memory_bytes),
+                     rest = static_cast<double>(p.fixed_bytes + bytes(bins)) - cache;
+        const auto least =
+            static_cast<std::size_t>(std::ceil(std::max(rest / (1 - std::min(share, 0.9)), rest + cache) / mebibyte));
         throw InputError(text("memory is ", params.memory_bytes / mebibyte, " MiB; this scene needs at least ", least,
                               " MiB (", scene.swept.azimuth_bins.size(), " x ", scene.swept.range_bins.size(),
                               " cells)"));

@@ -91,8 +91,13 @@ SpokeMap::SpokeMap(const DataBase& data_base, const SpokeMapParams& params) : pa
             return data_base.locate(lat, lon);
         };
         const IndexPosition n = offset(0), s = offset(180), e = offset(90), w = offset(-90);
-        const double column_per_east = (e.column - w.column) / (2 * arm_m);
-        const double column_per_north = (n.column - s.column) / (2 * arm_m);
+        // Round the circle of longitude a difference is the short way.
+        const auto columns = [&](double difference) {
+            return data_base.cyclic ? std::remainder(difference, static_cast<double>(data_base.cycle_columns))
+                                    : difference;
+        };
+        const double column_per_east = columns(e.column - w.column) / (2 * arm_m);
+        const double column_per_north = columns(n.column - s.column) / (2 * arm_m);
         const double row_per_east = (e.row - w.row) / (2 * arm_m);
         const double row_per_north = (n.row - s.row) / (2 * arm_m);
         const double det = column_per_east * row_per_north - column_per_north * row_per_east;

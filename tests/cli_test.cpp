@@ -291,10 +291,45 @@ TEST_CASE("outputs are checked before any work, and nothing half-written stays",
     // Values that a format cannot hold: found before the terrain is even opened.
     refuses(folder, {"simulate", "--dem", "nowhere.tif", "--xy", "1,2", "--altitude-msl", "1km", "--echo", "e.png"}, 2,
             {"e.png", "Float32", "PNG"});
+    // A folder's other files are nobody's to touch, whatever an output is called.
+    folder.write("run", "mine");
+    folder.write("run.notes", "mine");
+    refuses(folder, with(good, {"-o", "run", "--overwrite"}), 2, {"run", "ending"});
+    CHECK(folder.run(with(good, {"--report", "run", "--overwrite"})).code == 0);
+    CHECK(content(folder.file("run")).front() == '{');
+    CHECK(content(folder.file("run.notes")) == "mine");
+    refuses(folder, with(good, {"--power", "p.img", "--states", "p.dat", "--of", "ENVI"}), 2,
+            {"p.img", "p.dat", "p.hdr"});
     // A run that fails late leaves the old output alone.
     folder.write("scope.png", "mine");
     refuses(folder, with(with(good, out), {"--overwrite", "--memory", "64KiB"}), 2, {"memory"});
+    // The least that is named does.
+    const std::string refused = folder.run(with(with(good, out), {"--overwrite", "--memory", "1MiB"})).err;
+    const auto least = refused.find("at least ") + 9;
+    REQUIRE(least > 9);
+    const std::string mebibytes = refused.substr(least, refused.find(' ', least) - least);
+    refuses(folder,
+            with(with(good, out), {"--overwrite", "--memory", std::to_string(std::stoi(mebibytes) - 1) + "MiB"}), 2,
+            {"memory", mebibytes});
+    CHECK(folder.run(with(with(good, {"-o", "least.png"}), {"--memory", mebibytes + "MiB"})).code == 0);
     CHECK(content(folder.file("scope.png")) == "mine");
+}
+
+TEST_CASE("what may look like an error of the program is explained", "[cli]") {
+    const Folder folder;
+    const Strings scene{"simulate", "--dem", dem, "--size", "64", "-o", "s.png", "--overwrite"};
+    const auto says = [&](const Strings& more, const std::string& what) {
+        const Outcome outcome = folder.run(with(scene, more));
+        CHECK(outcome.code == 0);
+        CHECK_THAT(outcome.err, Contains(what));
+    };
+    says({"--latlon", "33.8,60", "--altitude-msl", "9km", "--range", "40km"}, "nothing of the terrain lies within");
+    says({"--latlon", "33.8,-117.4", "--altitude-msl", "30km", "--range", "60km"}, "if-gain");
+    says({"--latlon", "33.8,-117.4", "--altitude-msl", "3km", "--range", "20km", "--azimuth-bins", "60"},
+         "wider than half the beam");
+    const Outcome usual =
+        folder.run(with(scene, {"--latlon", "33.8,-117.4", "--altitude-msl", "3km", "--range", "20km"}));
+    CHECK(usual.error_lines() == 2);  // the sensor's place, and what was written
 }
 
 TEST_CASE("all outputs of one run appear, and the report describes them", "[cli]") {
@@ -403,9 +438,12 @@ TEST_CASE("a signal ends the run with 128 + its number and leaves nothing", "[cl
         }
         once.push_back(arguments[i]);
     }
-    for (const auto& [signal, code] : {std::pair{SIGINT, 130}, {SIGTERM, 143}}) {
+    for (const auto& [signal, code] : {std::pair{SIGINT, 130}, {SIGTERM, 143}, {SIGHUP, 129}}) {
         const pid_t child = folder.start(once);
-        std::this_thread::sleep_for(std::chrono::milliseconds(400));
+        // At work as soon as its outputs' temporary folders stand.
+        for (int i = 0; i < 2000 && folder.names().size() < 2; ++i)
+            std::this_thread::sleep_for(std::chrono::milliseconds(5));
+        std::this_thread::sleep_for(std::chrono::milliseconds(50));
         REQUIRE(::kill(child, signal) == 0);
         const Outcome outcome = folder.finish(child);
         INFO(outcome.err);

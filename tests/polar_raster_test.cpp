@@ -221,6 +221,32 @@ TEST_CASE("gdalwarp -geoloc finds every cell of a polar raster where the geodesi
     }
 }
 
+TEST_CASE("at the antimeridian a picture is not torn", "[polar_raster]") {
+    const Folder folder;
+    for (const double here : {180.0, -179.99, 359.5}) {
+        RunResult run = drawn_run(360, {0, 360}, {0, 40}, 500);
+        run.scene.lon_deg = here;
+        OutputFile file(folder / "states.tif", true);
+        write_states(run, file, {});
+        file.commit();
+        Read places(folder / "states.tif.geoloc.tif");
+        std::vector<double> x(static_cast<std::size_t>(places.dataset->GetRasterXSize()) *
+                              static_cast<std::size_t>(places.dataset->GetRasterYSize()));
+        GDALRasterBand& band = *places.dataset->GetRasterBand(1);
+        REQUIRE(band.RasterIO(GF_Read, 0, 0, band.GetXSize(), band.GetYSize(), x.data(), band.GetXSize(),
+                              band.GetYSize(), GDT_Float64, 0, 0, nullptr) == CE_None);
+        double least = 1e9, most = -1e9;
+        for (const double v : x)
+            if (v != band.GetNoDataValue() && std::abs(v) < 1000) {
+                least = std::min(least, v);
+                most = std::max(most, v);
+            }
+        CHECK(most - least < 1);
+        CHECK(least > here - 0.5);
+        CHECK(most < here + 0.5);
+    }
+}
+
 TEST_CASE("in grid geometry cells lie in the raster's own x and y", "[polar_raster]") {
     const Folder folder;
     RunResult run = drawn_run(360, {90, 180}, {0, 500}, 20);

@@ -81,6 +81,21 @@ TEST_CASE("geodesic spokes cross lines within 0.05 post of where GeographicLib p
     }
 }
 
+TEST_CASE("the seam of a raster round the whole earth is no seam", "[spoke_map]") {
+    DataBase db = degrees(-180, 90, 0.1, 3600, 1800);
+    db.cyclic = true;
+    db.cycle_columns = 3600;
+    const auto spokes = [&](double lon) {
+        return SpokeMap(db, {Geometry::geodesic, db.locate(10, lon), 10, lon, 4.0 / 3, 200000});
+    };
+    const SpokeMap seam = spokes(180), inland = spokes(20);
+    for (const Quadrant q : all_quadrants)
+        for (const double m : {-0.9, 0.0, 0.4}) {
+            CHECK(seam.metres_per_post(q, m) == Approx(inland.metres_per_post(q, m)));
+            CHECK(seam.place(q, m, 10).arc_m == Approx(inland.place(q, m, 10).arc_m));
+        }
+}
+
 TEST_CASE("a grid that bends too much within range is refused, not swept wrongly", "[spoke_map]") {
     const DataBase db = degrees(0, 90, 1.0 / 120, 7200, 240);
     CHECK_THROWS_WITH(SpokeMap(db, {Geometry::geodesic, db.locate(89.5, 30), 89.5, 30, 4.0 / 3, 100000}),

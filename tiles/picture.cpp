@@ -1,5 +1,6 @@
 #include "tiles/picture.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 #include "lib/error.hpp"
@@ -32,7 +33,9 @@ GeolocationGrid tube_geolocation(const RunResult& run, const RasterFormat& forma
     const Frame frame = run.scope.frame;
     const Ground ground(run.scene, format);
     const double delay = run.scene.scene.display.kind == DisplayKind::tdppi ? run.scene.sweep_delay_m : 0;
-    constexpr std::int64_t step = 2;  // pixels; the bend of slant range to ground range in between is far less than one
+    // Pixels from node to node: the bend of slant range to ground range in between is far less than one. At most
+    // 512 x 512 nodes, whatever the picture's size.
+    const std::int64_t step = std::max<std::int64_t>(2, (std::max(frame.width, frame.height) + 510) / 511);
     GeolocationGrid grid = geolocation_grid(frame.width, frame.height, step, step);
     grid.crs = ground.crs();
     grid.place = [frame, ground, delay](double column, double row) {

@@ -311,7 +311,8 @@ Place Ground::place(double azimuth_rad, double arc_m) const {
     double lat = 0, lon = 0;
     GeographicLib::Geodesic::WGS84().Direct(scene_.lat_deg, scene_.lon_deg, Angle::radians(azimuth_rad).deg(), arc_m,
                                             lat, lon);
-    return {lon, lat};
+    // Near the sensor's own longitude, so that no picture is torn at 180 degrees.
+    return {scene_.lon_deg + std::remainder(lon - scene_.lon_deg, 360.0), lat};
 }
 
 double Ground::arc_m(double range_m) const {

@@ -711,7 +711,7 @@ std::vector<Key> make_keys() {
     }
     t.add("overwrite", flag([](auto& s) -> auto& { return s.overwrite; }), "off", "replace outputs that exist");
     t.add("reproducible", flag([](auto& s) -> auto& { return s.reproducible; }), "off",
-          "outputs are the same bytes every time");
+          "rasters and pictures are the same bytes every time (a report holds times)");
 
     t.group(KeyGroup::talk, false);
     {

@@ -187,10 +187,12 @@ nlohmann::ordered_json legend_text(const Settings& settings, const ResolvedScene
 
     section("SCOPE");
     line("Slant range", nautical_miles(s.range_m.value_or(0)));
+    const bool delayed = s.display.kind == DisplayKind::tdppi;
+    if (delayed) line("Sweep delay", nautical_miles(r.sweep_delay_m));
     if (!picture.ring_range_m.empty()) {
         const double step = picture.ring_range_m.size() > 1 ? picture.ring_range_m[1] - picture.ring_range_m[0]
                                                             : picture.ring_range_m[0];
-        line("Range rings", "every " + nautical_miles(step));
+        line("Range rings", "every " + nautical_miles(step) + (delayed ? " past delay" : ""));
         std::string values;
         for (const double ring : picture.ring_range_m)
             values += (values.empty() ? "" : "  ") + trimmed_number(ring / 1852, 2);
@@ -212,7 +214,8 @@ nlohmann::ordered_json legend_text(const Settings& settings, const ResolvedScene
     line("IF gain", trimmed_number(receiver.if_gain.db(), 1) + " dB");
     line("Video gain", trimmed_number(receiver.video_gain.db(), 1) + " dB");
     if (receiver.stc_range_m)
-        line("STC", nautical_miles(*receiver.stc_range_m) + "  n " + trimmed_number(receiver.stc_exponent, 1));
+        line("STC", nautical_miles(*receiver.stc_range_m) + "  n " + trimmed_number(receiver.stc_exponent, 1) +
+                        "  max " + trimmed_number(receiver.stc_max.db(), 0) + " dB");
     const double mds = Receiver(receiver, radar).mds_dbm();
     line("MDS", trimmed_number(mds, 1) + " dBm");
     if (receiver.speckle_looks > 0)

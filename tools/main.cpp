@@ -1,5 +1,5 @@
 // main: finds the command, and alone turns errors and signals into exit codes: 2 for options and scene keys, 1 for
-// data and the machine, 128 + signal after SIGINT or SIGTERM. Leaves the work to the commands.
+// data and the machine, 128 + signal after SIGINT, SIGTERM or SIGHUP. Leaves the work to the commands.
 #include <fmt/format.h>
 #include <malloc.h>
 #include <tbb/version.h>
@@ -24,7 +24,8 @@ extern "C" void request_stop(int signal) { stop.request(signal); }
 
 /// The first signal asks every stage to stop and clean up; a second one of its kind ends the program at once.
 void catch_signals() {
-    for (const int signal : {SIGINT, SIGTERM}) {
+    ::signal(SIGXFSZ, SIG_IGN);  // a file that may not grow is then an error of its write, with a name
+    for (const int signal : {SIGINT, SIGTERM, SIGHUP}) {
         struct sigaction before {};
         ::sigaction(signal, nullptr, &before);
         if (before.sa_handler == SIG_IGN) continue;  // started with nohup or in the background

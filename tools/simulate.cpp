@@ -108,6 +108,28 @@ std::string place(const ResolvedScene& r) {
     return out;
 }
 
+/// What a user may take for an error of the program.
+std::vector<std::string> doubts(const RunResult& r) {
+    std::vector<std::string> lines;
+    const auto count = [&](State s) { return r.report.states[static_cast<std::size_t>(s)]; };
+    const double range_km = r.scene.scene.range_m.value_or(0) * 1e-3;
+    if (count(State::seen) + count(State::unknown) == 0)
+        lines.push_back(
+            count(State::shadow) == 0
+                ? fmt::format("nothing of the terrain lies within the range of {:.4g} km and the sector", range_km)
+                : "no ground is seen: all within range and sector is hidden or void");
+    else if (r.scope.lit == 0)
+        lines.push_back("every echo stays below the tube's black level (a higher if-gain shows more)");
+    const double step_deg = Angle::radians(r.scene.swept.azimuth_step_rad()).deg(),
+                 beam_deg = r.scene.scene.radar.antenna.beam.deg();
+    if (r.scene.scene.radar.beam_width_error && step_deg > 0.5001 * beam_deg)
+        lines.push_back(
+            fmt::format("azimuth bins of {:.4g} deg are wider than half the beam of {:.4g} deg: powers come out "
+                        "too high (azimuth-bins {:.0f} or more)",
+                        step_deg, beam_deg, std::ceil(720 / beam_deg)));
+    return lines;
+}
+
 void write_report(OutputFile& file, const nlohmann::ordered_json& report) {
     std::ofstream out(file.temporary_path(), std::ios::binary);
     out << report.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) << '\n';
@@ -175,8 +197,6 @@ void simulate(const std::vector<std::string>& arguments, Stop& stop) {
                      report_json(settings, result, input_files(settings, source->data_base()), write_s, usage));
     }
     stop.check();
-    remark(settings.quiet || terminal, text("sensor: ", place(scene)));
-    if (settings.verbose) fmt::print(stderr, "{}", report_table(result.report, write_s, usage));
     std::string written;
     std::vector<OutputFile*> files;
     for (auto* file : {&outputs.scope, &outputs.echo, &outputs.power, &outputs.states, &outputs.report}) {
@@ -185,6 +205,9 @@ void simulate(const std::vector<std::string>& arguments, Stop& stop) {
         written += (written.empty() ? "" : ", ") + (*file)->final_path();
     }
     OutputFile::commit(files);
+    remark(settings.quiet || terminal, text("sensor: ", place(scene)));
+    for (const std::string& line : doubts(result)) remark(settings.quiet, line);
+    if (settings.verbose) fmt::print(stderr, "{}", report_table(result.report, write_s, usage));
     remark(settings.quiet, text("written: ", written, fmt::format(" ({:.1f} s)", now_s() - start_s)));
 }
 

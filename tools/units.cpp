@@ -214,14 +214,16 @@ double parse_quantity(Dimension dimension, std::string_view key, std::string_vie
 std::string quantity_text(Dimension dimension, double value) {
     if (value == 0) return text(0, first_unit(dimension));
     const auto is_first = [&](const Unit& unit) { return unit.name == first_unit(dimension); };
-    // The base unit always reads back exactly; another one is taken where it does too and is shorter to read. Angles
-    // are in degrees wherever possible.
+    // The base unit always reads back exactly; another one is taken where it does too and is shorter to read.
+    // Angles are in degrees wherever possible.
     std::string best = text(value, units(dimension)[0].name);
     bool best_is_first = dimension != Dimension::angle;
     const auto consider = [&](const Unit& unit, const std::string& candidate) {
+        // 30nmi and 7000ft read well, odd multiples of them do not.
+        const bool si = dimension != Dimension::length || unit.factor == 1;
         const bool better = dimension == Dimension::angle && is_first(unit) != best_is_first
                                 ? is_first(unit)
-                                : candidate.size() < best.size();
+                                : candidate.size() < best.size() && (si || candidate.size() <= 8);
         if (!better) return;
         const auto head = leading_number(candidate);
         if (!head || head->rest != unit.name || in_si(unit, *head) != value) return;
@@ -229,7 +231,9 @@ std::string quantity_text(Dimension dimension, double value) {
         best_is_first = is_first(unit);
     };
     for (const Unit& unit : units(dimension)) {
-        if (unit.logarithmic || unit.name == std::string_view("kft")) continue;  // 7000ft is how people say it
+        // 7000ft is how people say it, and nobody measures ranges in yards.
+        const std::string_view name = unit.name;
+        if (unit.logarithmic || name == "kft" || name == "yd" || name == "mi") continue;
         const double number = unit.exponent < 0 ? value * std::pow(10.0, -unit.exponent)
                                                 : (value - unit.offset) / (unit.factor * std::pow(10.0, unit.exponent));
         consider(unit, fmt::format("{:.15g}{}", number, unit.name));
