@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Makes the README's two pictures: the scope of f111a_sector90.ini, north up, and the terrain's shaded relief in the same frame.
+# Makes the README's two pictures: the scope of f111a_sector90.ini to 22 nmi, north up, and the terrain's shaded relief in the same frame.
 #   docs/images/make.sh [PROGRAM]      (needs gdal-bin)
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")"
@@ -7,7 +7,7 @@ program=${1:-../../build/release/tools/wedgescope}
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 
-scene=(simulate ../scenes/f111a_sector90.ini --orientation north --size 640 --quiet --overwrite)
+scene=(simulate ../scenes/f111a_sector90.ini --range 22nmi --orientation north --size 640 --quiet --overwrite)
 "$program" "${scene[@]}" --rings off --output "$work/scope.tif"
 "$program" "${scene[@]}" --output "$work/scope.png"
 gdal_translate -q -of PNG --config GDAL_PAM_ENABLED NO "$work/scope.png" scope.png
