@@ -57,9 +57,9 @@ struct Setting {
                 rounded(range * (1.0005 + theta * theta / 4) + 2 * post, 10)};
     }
 
-    Setting(const ResolvedScene& s, const DataBase& db)
-        : scene(s), data_base(db), map(db, map_params(s, db)),
-          grid(db, map, sampling(s.scene.quality), s.swept.circle_bins),
+    Setting(const ResolvedScene& s, WedgeSource& source)
+        : scene(s), data_base(source.data_base()), map(data_base, map_params(s, data_base)),
+          grid(data_base, map, sampling(s.scene.quality), s.swept.circle_bins),
           gamma(gamma_table(s.scene.radar.frequency_hz, s.scene.gamma)), pattern(s.scene.radar.antenna),
           cells(quanta(s.swept.range_bins, s.swept.range_bin_m, radar_constant(s.scene.radar), pattern.most(),
                        grid.azimuth_step_rad(), most_gamma(gamma))) {
@@ -78,6 +78,7 @@ struct Setting {
         sweep.pattern = &pattern;
         sweep.constant = radar_constant(s.scene.radar);
         sweep.gamma = gamma;
+        sweep.source = &source;
     }
 };
 
@@ -171,6 +172,7 @@ bool Wedges::sweep(WedgeTask& task) {
         const SweepCost& cost = front.cost();
         task.report.samples += cost.samples;
         task.report.visible_pieces += cost.pieces;
+        task.report.bytes_read += front.culture_bytes_read();
         if (front.unknown_code() && (!task.unknown_code || *front.unknown_code() < *task.unknown_code))
             task.unknown_code = front.unknown_code();
         // The front counts ticks; CPU seconds of the node are shared out by them below.
@@ -288,7 +290,7 @@ RunResult run(const ResolvedScene& scene, WedgeSource& source, const EngineParam
     result.report.threads = threads;
 
     auto start = Clock::now();
-    const Setting setting(scene, source.data_base());
+    const Setting setting(scene, source);
     const Plan wedges = plan(scene, source, setting.grid, params, threads);
     result.report.survey_s = seconds_since(start);
 

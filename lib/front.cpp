@@ -48,7 +48,7 @@ void Front::Lanes::resize(std::size_t n) {
 Front::Front(const SweepScene& scene, const SpokeRun& run, WedgeCells& cells)
     : scene_(&scene), run_(&run), cells_(&cells), bins_per_metre_(1 / scene.range_bin_m),
       plain_ground_(!scene.data_base->has_culture && !scene.data_base->has_culture_height), quadrant_(run.quadrant),
-      line_end_(scene.grid->line_count(run.quadrant)) {
+      line_end_(scene.grid->line_count(run.quadrant)), culture_(*scene.data_base, scene.source) {
     for (auto* samples : {&now_, &crossing_, &ahead_}) samples->resize(tile_lanes);
     for (auto* v : {&cell_, &bump_, &sine0_, &code_, &power_, &inverse_width_, &bow_}) v->resize(tile_lanes);
     gamma_.assign(tile_lanes, scene.gamma[scene.data_base->default_class].ground);
@@ -60,7 +60,7 @@ Front::Front(const SweepScene& scene, const SpokeRun& run, WedgeCells& cells)
 std::size_t Front::bytes() const {
     return lanes_.mode.capacity() * (21 * sizeof(double) + sizeof(std::int64_t) + sizeof(std::int32_t)) +
            lanes_.straddlers.capacity() * sizeof(std::int32_t) + tile_lanes * (3 * 9 + 7 + 2) * sizeof(double) +
-           (kept_posts_.capacity() + kept_culture_.capacity()) * sizeof(float);
+           (kept_posts_.capacity() + kept_culture_.capacity()) * sizeof(float) + culture_.bytes();
 }
 
 double Front::slope(std::size_t lane) const {
@@ -175,7 +175,8 @@ Window Front::window(Interval lines) const {
 
 void Front::advance(Interval lines, const Chunk* chunk) {
     assert(lines.begin == next_line_);
-    between_.chunk = chunk;
+    between_.in_chunk = chunk != nullptr;
+    if (chunk && scene_->data_base->has_culture) culture_.open(chunk->window);
     while (!lines.empty() && !finished()) {
         const auto& rings = scene_->grid->rings(quadrant_);
         const Interval part = intersection({next_line_, lines.end}, rings[ring_].lines);
@@ -201,7 +202,7 @@ void Front::advance(Interval lines, const Chunk* chunk) {
     keep(between_.behind, kept_posts_);
     keep(between_.behind_culture, kept_culture_);
     between_.ahead = between_.ahead_culture = no_posts();
-    between_.chunk = nullptr;
+    between_.in_chunk = false;
 }
 
 std::size_t Front::first_live(std::size_t begin, std::size_t end) const {
@@ -229,7 +230,7 @@ void Front::advance_tile(Interval lines, const Chunk* chunk, std::size_t begin, 
     const std::int64_t first_major = !chunk                         ? 0
                                      : lines_are_columns(quadrant_) ? chunk->window.columns.begin
                                                                     : chunk->window.rows.begin;
-    between.chunk = chunk;
+    between.in_chunk = chunk != nullptr;
     std::size_t from = begin, to = end;
     const auto copy = [](std::size_t n, const Samples& source, std::size_t at, Samples& target, std::size_t into) {
         for (auto layer : {&Samples::part, &Samples::minor, &Samples::arc, &Samples::height, &Samples::up,
@@ -507,16 +508,16 @@ void Front::put(std::size_t lane, const Piece& piece, const Between& between) {
     if (scene_->with_depression)
         depression = std::max(0.0, -std::asin(0.5 * (piece.sine0 + piece.sine1)) / (std::numbers::pi / 2));
     const std::optional<double> gamma = one_gamma(piece.track, between);
-    if (!gamma) return put_parts(lane, piece, depression, between);
+    if (!gamma) return put_parts(lane, piece, depression);
     WedgeCells::Portion portion = piece.portion;
     portion.power *= *gamma;
     cells_->add(lanes_.target(lane), portion, &depression);
 }
 
-ClassId Front::class_at(const ClassLookup& lookup, std::int64_t cell_column, std::int64_t cell_row) {
-    const ClassId id = lookup.at(cell_column, cell_row);
+ClassId Front::class_at(std::int64_t cell_column, std::int64_t cell_row) {
+    const ClassId id = culture_.at(cell_column, cell_row);
     if (id == unknown_class) {
-        const std::int32_t code = lookup.code(cell_column, cell_row);
+        const std::int32_t code = culture_.code(cell_column, cell_row);
         if (!unknown_code_ || code < *unknown_code_) unknown_code_ = code;
     }
     return id;
@@ -549,32 +550,30 @@ std::optional<IndexPosition> Front::wall_post(const Track& track, const Between&
 }
 
 std::optional<double> Front::one_gamma(const Track& track, const Between& between) {
-    if (plain_ground_ || !between.chunk) return ground_gamma(scene_->data_base->default_class);
-    const ClassLookup lookup(*scene_->data_base, *between.chunk);
+    if (plain_ground_ || !between.in_chunk) return ground_gamma(scene_->data_base->default_class);
     // Inside a cell with culture on a corner the surface stands above the bare terrain: wall, of the class of the
     // corner with the most culture.
     if (between.ahead_culture.posts != &void_post || between.behind_culture.posts != &void_post)
         if (const auto post = wall_post(track, between)) {
             const ClassId id =
-                class_at(lookup, floor_of(lookup.cell_column(post->column)), floor_of(lookup.cell_row(post->row)));
+                class_at(floor_of(culture_.cell_column(post->column)), floor_of(culture_.cell_row(post->row)));
             return id == unknown_class ? 0 : scene_->gamma[id].wall;
         }
     // The culture cells that its way may touch, if these are four at the most.
     const bool columns = lines_are_columns(quadrant_);
-    const std::int64_t column0 = floor_of(lookup.cell_column(columns ? track.major0 : track.minor0)),
-                       column1 = floor_of(lookup.cell_column(columns ? track.major1 : track.minor1)),
-                       row0 = floor_of(lookup.cell_row(columns ? track.minor0 : track.major0)),
-                       row1 = floor_of(lookup.cell_row(columns ? track.minor1 : track.major1));
+    const std::int64_t column0 = floor_of(culture_.cell_column(columns ? track.major0 : track.minor0)),
+                       column1 = floor_of(culture_.cell_column(columns ? track.major1 : track.minor1)),
+                       row0 = floor_of(culture_.cell_row(columns ? track.minor0 : track.major0)),
+                       row1 = floor_of(culture_.cell_row(columns ? track.minor1 : track.major1));
     if (std::abs(column1 - column0) > 1 || std::abs(row1 - row0) > 1) return std::nullopt;
-    const ClassId id = lookup.at(column0, row0);
-    if (id == unknown_class || lookup.at(column1, row1) != id) return std::nullopt;
-    if (column1 != column0 && row1 != row0 && (lookup.at(column1, row0) != id || lookup.at(column0, row1) != id))
+    const ClassId id = culture_.at(column0, row0);
+    if (id == unknown_class || culture_.at(column1, row1) != id) return std::nullopt;
+    if (column1 != column0 && row1 != row0 && (culture_.at(column1, row0) != id || culture_.at(column0, row1) != id))
         return std::nullopt;
     return ground_gamma(id);
 }
 
-void Front::put_parts(std::size_t lane, const Piece& piece, double depression, const Between& between) {
-    const ClassLookup lookup(*scene_->data_base, *between.chunk);
+void Front::put_parts(std::size_t lane, const Piece& piece, double depression) {
     const bool columns = lines_are_columns(quadrant_);
     const WedgeCells::Target target = lanes_.target(lane);
     const WedgeCells::Portion& whole = piece.portion;
@@ -590,10 +589,10 @@ void Front::put_parts(std::size_t lane, const Piece& piece, double depression, c
     };
     // The culture cells that the piece runs through, in order; neighbouring parts of one class together.
     const Track& t = piece.track;
-    const double column0 = lookup.cell_column(columns ? t.major0 : t.minor0),
-                 column1 = lookup.cell_column(columns ? t.major1 : t.minor1);
-    const double row0 = lookup.cell_row(columns ? t.minor0 : t.major0),
-                 row1 = lookup.cell_row(columns ? t.minor1 : t.major1);
+    const double column0 = culture_.cell_column(columns ? t.major0 : t.minor0),
+                 column1 = culture_.cell_column(columns ? t.major1 : t.minor1);
+    const double row0 = culture_.cell_row(columns ? t.minor0 : t.major0),
+                 row1 = culture_.cell_row(columns ? t.minor1 : t.major1);
     breaks_.clear();
     const auto cut = [&](double from, double to) {
         const double lo = std::min(from, to), hi = std::max(from, to);
@@ -609,7 +608,7 @@ void Front::put_parts(std::size_t lane, const Piece& piece, double depression, c
     for (const double to : breaks_) {
         const double middle = 0.5 * (from + to);
         const ClassId id =
-            class_at(lookup, floor_of(column0 + middle * (column1 - column0)), floor_of(row0 + middle * (row1 - row0)));
+            class_at(floor_of(column0 + middle * (column1 - column0)), floor_of(row0 + middle * (row1 - row0)));
         if (open && id != *open) {
             add(start, from, *open);
             start = from;

@@ -17,6 +17,7 @@
 #include <span>
 #include <vector>
 
+#include "lib/culture.hpp"
 #include "lib/deposit.hpp"
 #include "lib/lanes.hpp"
 #include "lib/sample.hpp"
@@ -44,6 +45,7 @@ struct SweepScene {
     const PatternTable* pattern = nullptr;
     double constant = 0;                ///< K
     std::span<const ClassGamma> gamma;  ///< by class
+    WedgeSource* source = nullptr;      ///< of classes; only with culture
 };
 
 /// Clock ticks spent by stage, and counts.
@@ -68,6 +70,7 @@ public:
     void finish();
 
     const SweepCost& cost() const { return cost_; }
+    std::uint64_t culture_bytes_read() const { return culture_.bytes_read(); }
     std::size_t bytes() const;
     /// Least culture code that no legend entry names, on seen ground.
     std::optional<std::int32_t> unknown_code() const { return unknown_code_; }
@@ -93,9 +96,9 @@ private:
         WedgeCells::Target target(std::size_t lane) const { return {row[lane], {share0[lane], share1[lane]}}; }
         void resize(std::size_t n);
     };
-    /// Chunk, and posts and culture heights of the two lines that the tile is between.
+    /// Posts and culture heights of the two lines that the tile is between.
     struct Between {
-        const Chunk* chunk = nullptr;
+        bool in_chunk = false;
         LinePosts behind, ahead, behind_culture, ahead_culture;
         double behind_major = 0, ahead_major = 0;
         bool adjacent = false;  // there is a line behind, next to the one ahead
@@ -130,14 +133,14 @@ private:
     /// Deposits the plain pieces of lanes at, at + 1, ... of the tile; true if some are left for put() (gamma_ says which).
     bool put_plain(std::size_t at, std::size_t n, std::size_t lane, const Between& between, Samples& next);
     void put(std::size_t lane, const Piece& piece, const Between& between);
-    void put_parts(std::size_t lane, const Piece& piece, double depression, const Between& between);
+    void put_parts(std::size_t lane, const Piece& piece, double depression);
     Track track(const SampleLanes& from, const SampleLanes& to, const Between& between) const;
     /// Backscatter of a piece, if it is the same all along.
     std::optional<double> one_gamma(const Track& track, const Between& between);
     /// Post whose culture height makes the cell under a piece a wall; nothing where there is none.
     std::optional<IndexPosition> wall_post(const Track& track, const Between& between) const;
     /// A class on seen ground; if it is unknown its code is remembered.
-    ClassId class_at(const ClassLookup& lookup, std::int64_t cell_column, std::int64_t cell_row);
+    ClassId class_at(std::int64_t cell_column, std::int64_t cell_row);
     double ground_gamma(ClassId id) const { return id == unknown_class ? 0 : scene_->gamma[id].ground; }
 
     double level_coordinate(std::size_t lane, double arc_m) const;
@@ -168,6 +171,7 @@ private:
     // Posts of the last line, kept from chunk to chunk.
     std::vector<float> kept_posts_, kept_culture_;
     Between between_;
+    Culture culture_;
     SweepCost cost_;
     std::optional<std::int32_t> unknown_code_;
 };

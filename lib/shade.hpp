@@ -2,7 +2,6 @@
 // Leaves what is seen to front.hpp and cells to deposit.hpp.
 #pragma once
 #include <cstdint>
-#include <optional>
 #include <vector>
 
 #include "lib/deposit.hpp"
@@ -51,31 +50,5 @@ void power_lanes(std::size_t n, const Shading& shading, const PatternTable& patt
 /// The same power of one piece.
 double piece_power(double sine0, double sine1, double range0_m, double range1_m, const PatternTable& pattern,
                    double constant) noexcept;
-
-/// Class of a place on the terrain grid, from a chunk's culture window.
-class ClassLookup {
-public:
-    ClassLookup(const DataBase& data_base, const Chunk& chunk) : db_(data_base), chunk_(chunk) {}
-    double cell_column(double column) const { return db_.culture_column_offset + db_.culture_column_scale * column; }
-    double cell_row(double row) const { return db_.culture_row_offset + db_.culture_row_scale * row; }
-    /// Of a culture cell; the default class outside the window.
-    ClassId at(std::int64_t cell_column, std::int64_t cell_row) const {
-        const std::optional<std::size_t> i = index(cell_column, cell_row);
-        return i ? chunk_.classes[*i] : db_.default_class;
-    }
-    std::int32_t code(std::int64_t cell_column, std::int64_t cell_row) const {
-        const std::optional<std::size_t> i = index(cell_column, cell_row);
-        return i && *i < chunk_.codes.size() ? chunk_.codes[*i] : 0;
-    }
-
-private:
-    std::optional<std::size_t> index(std::int64_t cell_column, std::int64_t cell_row) const {
-        const Window& w = chunk_.culture_window;
-        if (!w.columns.contains(cell_column) || !w.rows.contains(cell_row)) return std::nullopt;
-        return static_cast<std::size_t>((cell_row - w.rows.begin) * w.columns.size() + cell_column - w.columns.begin);
-    }
-    const DataBase& db_;
-    const Chunk& chunk_;
-};
 
 }  // namespace wedgescope

@@ -1,14 +1,15 @@
 // WedgeSource: the one interface through which the engine reads terrain and culture, chunk by chunk.
 // Leaves files, tiles, spill and caches to whoever implements it.
 #pragma once
+#include <array>
 #include <cstdint>
 #include <functional>
 #include <limits>
 #include <optional>
-#include <span>
 #include <string>
 #include <vector>
 
+#include "lib/block_map.hpp"
 #include "lib/interval.hpp"
 #include "lib/material.hpp"
 
@@ -51,37 +52,70 @@ struct DataBase {
     double culture_column_offset = 0.5, culture_column_scale = 1;
     double culture_row_offset = 0.5, culture_row_scale = 1;
     std::int64_t culture_columns = 0, culture_rows = 0;
+    /// Tiles of the culture file: the unit its classes are asked in.
+    std::int64_t culture_tile_columns = 256, culture_tile_rows = 256;
+};
+
+/// Why something was not read.
+enum class Skip : std::uint8_t {
+    none = 0,  ///< it was
+    range,     ///< outside range or sector
+    horizon,   ///< below the horizon of a smooth earth at the data base's lowest height
+    hidden,    ///< behind nearer terrain
+    voids,     ///< nothing but voids
+    culture,   ///< culture of ground that nothing sees
+    detail,    ///< finer than the scope resolves
+};
+inline constexpr std::size_t skip_count = 7;
+
+struct SkipCount {
+    std::uint64_t posts = 0, tiles = 0, bytes = 0;  ///< bytes as decoded
+};
+using Skipped = std::array<SkipCount, skip_count>;
+
+/// A rectangle of posts, and what of it need not be read.
+struct ChunkRequest {
+    Window window;                   ///< inside the raster (columns taken modulo the cycle if cyclic)
+    bool lines_are_columns = false;  ///< quadrants E and W: a line is a column of posts
+    /// Blocks that cover the window, with a reason for each that is not needed; empty: all are needed. A post must be
+    /// read if it lies in a needed block or within `margin` posts of one, either way. Any other may have `fill_m` of
+    /// its own block for its surface (NaN: void) and 0 for its culture height.
+    static constexpr std::int64_t margin = 2;
+    Window blocks;
+    std::vector<Skip> skip;
+    std::vector<float> fill_m;
 };
 
 /// One rectangle of posts, as the spokes of a quadrant cross it: line by line.
 struct Chunk {
-    Window window;                   ///< posts, inside the raster (columns taken modulo the cycle if cyclic)
-    bool lines_are_columns = false;  ///< quadrants E and W: a line is a column of posts
+    Window window;
+    bool lines_are_columns = false;
     /// Surface height (terrain + culture height), metres, NaN = void: line-major, the lines in raster
     /// order, `minor_count()` posts a line in raster order.
     std::vector<float> surface_m;
     /// Culture height (scaled), metres, at the same posts; empty where none stands in the window.
     std::vector<float> culture_height_m;
-    /// Classes of the culture cells that the window's posts and the ground between them lie in:
-    /// rows of the culture raster's own grid. Empty without culture.
-    Window culture_window;
-    std::vector<ClassId> classes;
-    /// Raw codes beside `classes`, kept only where some code has no class (class unknown_class).
-    std::vector<std::int32_t> codes;
 
     std::uint64_t posts_read = 0;
     std::uint64_t bytes_read = 0;  ///< decoded bytes of the windows read
 
     std::int64_t line_count() const { return lines_are_columns ? window.columns.size() : window.rows.size(); }
     std::int64_t minor_count() const { return lines_are_columns ? window.rows.size() : window.columns.size(); }
-    std::size_t bytes() const {
-        return (surface_m.size() + culture_height_m.size()) * sizeof(float) + classes.size() * sizeof(ClassId) +
-               codes.size() * sizeof(std::int32_t);
-    }
+    std::size_t bytes() const { return (surface_m.size() + culture_height_m.size()) * sizeof(float); }
 };
 
 /// Class of a culture cell whose code no legend entry names.
 inline constexpr ClassId unknown_class = std::numeric_limits<ClassId>::max();
+
+/// Classes of a rectangle of culture cells, row after row.
+struct CultureCells {
+    Window window;  ///< in the culture raster's own columns and rows; may reach beyond it: default class there
+    std::vector<ClassId> classes;
+    /// Raw codes beside `classes`, kept only where some code has no class (class unknown_class).
+    std::vector<std::int32_t> codes;
+    std::uint64_t bytes_read = 0;
+    std::size_t bytes() const { return classes.size() * sizeof(ClassId) + codes.size() * sizeof(std::int32_t); }
+};
 
 struct Extremes {
     float lowest_m = 0;
@@ -95,7 +129,14 @@ public:
     virtual ~WedgeSource() = default;
     virtual const DataBase& data_base() const = 0;
     /// Reads one rectangle. May be called from several threads at once. IoError, DataError.
-    virtual Chunk load(Window window, bool lines_are_columns) = 0;
+    virtual Chunk load(const ChunkRequest& request) = 0;
+    Chunk load(const Window& window, bool lines_are_columns) { return load({window, lines_are_columns, {}, {}, {}}); }
+    /// Classes of culture cells; only with culture. May be called from several threads at once. IoError, DataError.
+    virtual CultureCells load_classes(const Window& cells) = 0;
+    /// Null where nothing is known without reading.
+    virtual BlockMap* block_map() { return nullptr; }
+    /// Tiles of all layers that no load has touched so far, by the last reason given (range: none was).
+    virtual Skipped skipped() const { return {}; }
     /// Bare terrain at one post, NaN = void; outside the raster is an error of the caller's.
     virtual float bare_terrain_m(std::int64_t column, std::int64_t row) = 0;
     /// Over the whole raster (one pass the first time). For the default range.

@@ -391,6 +391,7 @@ TEST_CASE("on a flat plain the mean depression of a cell is that of its range", 
     sweep.pattern = &pattern;
     sweep.constant = 1;
     sweep.gamma = gamma;
+    sweep.source = &source;
     const Wedge wedge = grid.wedge(0, {0, 360});
     WedgeCells sums(360, cells, 2);
     for (const SpokeRun& run : wedge.runs) {

@@ -54,9 +54,9 @@ float surface(const Chunk& k, std::int64_t c, std::int64_t r) {
     const std::int64_t minor = k.lines_are_columns ? r - k.window.rows.begin : c - k.window.columns.begin;
     return k.surface_m[static_cast<std::size_t>(line * k.minor_count() + minor)];
 }
-ClassId class_at(const Chunk& k, std::int64_t c, std::int64_t r) {
-    return k.classes[static_cast<std::size_t>((r - k.culture_window.rows.begin) * k.culture_window.columns.size() + c -
-                                              k.culture_window.columns.begin)];
+ClassId class_at(const CultureCells& k, std::int64_t c, std::int64_t r) {
+    return k.classes[static_cast<std::size_t>((r - k.window.rows.begin) * k.window.columns.size() + c -
+                                              k.window.columns.begin)];
 }
 
 }  // namespace
@@ -126,7 +126,6 @@ TEST_CASE("a chunk holds the posts of its window, line by line, either way round
         CHECK(chunk.posts_read == static_cast<std::uint64_t>(window.posts()));
         CHECK(chunk.bytes_read == 2 * chunk.posts_read);
         CHECK(chunk.culture_height_m.empty());
-        CHECK(chunk.classes.empty());
         std::int64_t wrong = 0;
         for (std::int64_t r = window.rows.begin; r < window.rows.end; ++r)
             for (std::int64_t c = window.columns.begin; c < window.columns.end; ++c) {
@@ -295,10 +294,7 @@ TEST_CASE("a point has the class of the culture cell that contains it, on the cu
     CHECK(d.culture_row_offset == Approx(6.033 + 0.5).margin(1e-3));
 
     const Window window{{30, 90}, {200, 330}};
-    const Chunk chunk = source->load(window, false);
-    // One post more a side than the window.
-    CHECK(chunk.culture_window.columns == Interval{29 + 9, 90 + 9 + 1});
-    CHECK(chunk.culture_window.rows == Interval{199 + 6, 330 + 6 + 1});
+    const CultureCells chunk = source->load_classes({{29 + 9, 90 + 9 + 1}, {199 + 6, 330 + 6 + 1}});
     CHECK(chunk.codes.empty());
     std::int64_t wrong = 0;
     for (std::int64_t r = window.rows.begin - 1; r <= window.rows.end; ++r)
@@ -315,8 +311,7 @@ TEST_CASE("a point has the class of the culture cell that contains it, on the cu
     const IndexPosition lake = d.locate(43.38, -72.055);
     const auto i = static_cast<std::int64_t>(std::floor(d.culture_column_offset + lake.column));
     const auto j = static_cast<std::int64_t>(std::floor(d.culture_row_offset + lake.row));
-    const std::int64_t c = std::lround(lake.column), r = std::lround(lake.row);
-    CHECK(class_at(source->load({{c - 2, c + 3}, {r - 2, r + 3}}, true), i, j) == nlcd.find(11).value());
+    CHECK(class_at(source->load_classes({{i - 2, i + 3}, {j - 2, j + 3}}), i, j) == nlcd.find(11).value());
 }
 
 TEST_CASE("outside the culture raster stands the default class, and unknown codes are kept", "[source]") {
@@ -337,8 +332,7 @@ TEST_CASE("outside the culture raster stands the default class, and unknown code
     params.default_class = 9;
     params.legend = Legend("drawn", {{40, 0}, {41, 1}, {42, 2}, {43, 3}, {44, 5}, {45, 6}});
     const auto source = open_direct_source(params);
-    const Chunk chunk = source->load({{0, 20}, {0, 20}}, false);
-    CHECK(chunk.culture_window.columns == Interval{-6, 16});
+    const CultureCells chunk = source->load_classes({{-6, 16}, {-6, 16}});
     CHECK(class_at(chunk, -6, -6) == 9);
     CHECK(class_at(chunk, 6, 0) == 9);
     CHECK(class_at(chunk, 4, 4) == 9);  // no-data
@@ -346,7 +340,7 @@ TEST_CASE("outside the culture raster stands the default class, and unknown code
     CHECK(class_at(chunk, 2, 3) == unknown_class);
     REQUIRE(chunk.codes.size() == chunk.classes.size());
     CHECK(chunk.codes[static_cast<std::size_t>((3 + 6) * 22 + 2 + 6)] == 777);
-    CHECK(source->load({{15, 20}, {0, 20}}, false).codes.empty());
+    CHECK(source->load_classes({{9, 15}, {-6, 15}}).codes.empty());
 }
 
 TEST_CASE("culture in another CRS is refused with the gdalwarp line that mends it", "[source]") {
@@ -378,7 +372,7 @@ TEST_CASE("culture in another CRS is refused with the gdalwarp line that mends i
     if (std::system("command -v gdalwarp > /dev/null") == 0) {
         REQUIRE(std::system((message.substr(line) + " > /dev/null").c_str()) == 0);
         params.culture = folder / "codes_warped.tif";
-        const Chunk chunk = open_direct_source(params)->load({{0, 60}, {0, 60}}, false);
+        const CultureCells chunk = open_direct_source(params)->load_classes({{0, 60}, {0, 60}});
         CHECK(chunk.codes.empty());
         CHECK(std::count(chunk.classes.begin(), chunk.classes.end(), ClassId{2}) > 100);
     }
@@ -415,8 +409,9 @@ TEST_CASE("culture given from 0 to 360 degrees lies under terrain given from -18
     params.culture = folder / "codes.tif";
     params.legend = Legend("drawn", classes);
     const auto source = open_direct_source(params);
-    const Chunk chunk = source->load({{0, 10}, {0, 10}}, false);
     const DataBase& b = source->data_base();
+    const auto first = static_cast<std::int64_t>(std::floor(b.culture_column_offset));
+    const CultureCells chunk = source->load_classes({{first, first + 10}, {0, 10}});
     for (int c = 0; c < 10; ++c) {
         const auto cell = static_cast<std::int64_t>(std::floor(b.culture_column_offset + c * b.culture_column_scale));
         CHECK(class_at(chunk, cell, 5) == (360 - 20 + c) % 200);

@@ -45,6 +45,7 @@ public:
         db_.has_culture = true;
         db_.culture_columns = db_.columns;
         db_.culture_rows = db_.rows;
+        db_.culture_tile_columns = db_.culture_tile_rows = 16;
         classes_.resize(terrain_.size());
         for (std::int64_t r = 0; r < db_.rows; ++r)
             for (std::int64_t c = 0; c < db_.columns; ++c)
@@ -54,7 +55,10 @@ public:
 
     const DataBase& data_base() const override { return db_; }
 
-    Chunk load(Window window, bool lines_are_columns) override {
+    using WedgeSource::load;
+    Chunk load(const ChunkRequest& request) override {
+        const Window& window = request.window;
+        const bool lines_are_columns = request.lines_are_columns;
         Chunk chunk;
         chunk.window = window;
         chunk.lines_are_columns = lines_are_columns;
@@ -67,18 +71,19 @@ public:
                 chunk.surface_m.push_back(terrain_[at] + culture);
                 if (!culture_height_.empty()) chunk.culture_height_m.push_back(culture);
             }
-        if (db_.has_culture) {
-            chunk.culture_window = {{window.columns.begin - 1, window.columns.end + 1},
-                                    {window.rows.begin - 1, window.rows.end + 1}};
-            for (std::int64_t r = chunk.culture_window.rows.begin; r < chunk.culture_window.rows.end; ++r)
-                for (std::int64_t c = chunk.culture_window.columns.begin; c < chunk.culture_window.columns.end; ++c) {
-                    const bool inside = c >= 0 && r >= 0 && c < db_.columns && r < db_.rows;
-                    chunk.classes.push_back(inside ? classes_[index(c, r)] : db_.default_class);
-                }
-        }
         chunk.posts_read = static_cast<std::uint64_t>(window.posts());
         chunk.bytes_read = chunk.posts_read * sizeof(float);
         return chunk;
+    }
+    CultureCells load_classes(const Window& cells) override {
+        CultureCells out;
+        out.window = cells;
+        for (std::int64_t r = cells.rows.begin; r < cells.rows.end; ++r)
+            for (std::int64_t c = cells.columns.begin; c < cells.columns.end; ++c) {
+                const bool inside = c >= 0 && r >= 0 && c < db_.columns && r < db_.rows;
+                out.classes.push_back(inside ? classes_[index(c, r)] : db_.default_class);
+            }
+        return out;
     }
     float bare_terrain_m(std::int64_t column, std::int64_t row) override { return terrain_[index(column, row)]; }
     Extremes extremes() override {

@@ -273,16 +273,43 @@ public:
 
     const DataBase& data_base() const override { return data_base_; }
 
-    Chunk load(Window window, bool lines_are_columns) override {
+    using WedgeSource::load;
+    Chunk load(const ChunkRequest& request) override {
+        const Window& window = request.window;
         if (window.empty() || window.rows.begin < 0 || window.rows.end > data_base_.rows ||
             (!data_base_.cyclic && (window.columns.begin < 0 || window.columns.end > data_base_.columns)))
             throw std::out_of_range("load: window outside the raster");
         Chunk chunk;
         chunk.window = window;
-        chunk.lines_are_columns = lines_are_columns;
+        chunk.lines_are_columns = request.lines_are_columns;
         load_surface(chunk);
-        if (culture_) load_classes(chunk);
         return chunk;
+    }
+
+    CultureCells load_classes(const Window& window) override {
+        if (!culture_) throw std::out_of_range("load_classes: there is no culture");
+        CultureCells cells;
+        cells.window = window;
+        cells.classes.assign(static_cast<std::size_t>(window.posts()), params_.default_class);
+        bool any_unknown = false;
+        const std::int64_t read =
+            read_codes(window, [&](std::int64_t row, std::int64_t at, const std::int32_t* codes, std::int64_t n) {
+                ClassId* to = cells.classes.data() + row * window.columns.size() + at;
+                bool unknown = false;
+                for (std::int64_t i = 0; i < n; ++i) {
+                    const ClassId id = class_of(codes[i]);
+                    unknown |= id == unknown_class;
+                    to[i] = id;
+                }
+                any_unknown |= unknown;
+            });
+        cells.bytes_read = static_cast<std::uint64_t>(read * culture_->file.facts().type_bytes);
+        if (!any_unknown) return cells;
+        cells.codes.assign(cells.classes.size(), void_code);
+        read_codes(window, [&](std::int64_t row, std::int64_t at, const std::int32_t* codes, std::int64_t n) {
+            std::copy_n(codes, n, cells.codes.data() + row * window.columns.size() + at);
+        });
+        return cells;
     }
 
     float bare_terrain_m(std::int64_t column, std::int64_t row) override {
@@ -355,6 +382,8 @@ private:
         data_base_.culture_row_scale = culture_->rows.scale;
         data_base_.culture_columns = facts.columns;
         data_base_.culture_rows = facts.rows;
+        data_base_.culture_tile_columns = std::clamp<std::int64_t>(facts.block_columns, 64, 512);
+        data_base_.culture_tile_rows = std::clamp<std::int64_t>(facts.block_rows, 64, 512);
         class_of_.resize(table_size, unknown_class);
         for (std::int32_t code = table_begin; code < table_begin + table_size; ++code)
             if (const auto id = params_.legend->find(code))
@@ -534,33 +563,6 @@ private:
                 r = end;
             }
         return read;
-    }
-
-    void load_classes(Chunk& chunk) {
-        // One post more a side: pieces of ground between the line before the window and its first line.
-        const Interval columns{chunk.window.columns.begin - 1, chunk.window.columns.end + 1};
-        const Interval rows{chunk.window.rows.begin - 1, chunk.window.rows.end + 1};
-        const Window window{culture_->columns.under(columns), culture_->rows.under(rows)};
-        chunk.culture_window = window;
-        chunk.classes.assign(static_cast<std::size_t>(window.posts()), params_.default_class);
-        bool any_unknown = false;
-        const std::int64_t read =
-            read_codes(window, [&](std::int64_t row, std::int64_t at, const std::int32_t* codes, std::int64_t n) {
-                ClassId* to = chunk.classes.data() + row * window.columns.size() + at;
-                bool unknown = false;
-                for (std::int64_t i = 0; i < n; ++i) {
-                    const ClassId id = class_of(codes[i]);
-                    unknown |= id == unknown_class;
-                    to[i] = id;
-                }
-                any_unknown |= unknown;
-            });
-        chunk.bytes_read += static_cast<std::size_t>(read * culture_->file.facts().type_bytes);
-        if (!any_unknown) return;
-        chunk.codes.assign(chunk.classes.size(), void_code);
-        read_codes(window, [&](std::int64_t row, std::int64_t at, const std::int32_t* codes, std::int64_t n) {
-            std::copy_n(codes, n, chunk.codes.data() + row * window.columns.size() + at);
-        });
     }
 
     ClassId class_of(std::int32_t code) const {

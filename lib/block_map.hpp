@@ -1,0 +1,61 @@
+// BlockMap: what is known of the terrain without reading it: bounds over blocks of 32 x 32 posts and over coarser ones.
+// Leaves what may be skipped to cull.hpp, and where the map comes from to the wedge source.
+#pragma once
+#include <cstdint>
+#include <limits>
+#include <vector>
+
+#include "lib/interval.hpp"
+
+namespace wedgescope {
+
+inline constexpr std::int64_t block_posts = 32;
+
+enum class Voids : std::uint8_t { none = 0, some = 1, all = 2 };
+
+/// Over the posts of a block and the first ones beyond it: (32 << level) + 1 posts a side, cut at the raster's edge.
+/// So a cell of four posts belongs to just one block. In a cyclic raster the post after the last column is column 0.
+struct BlockBounds {
+    float lowest_m = std::numeric_limits<float>::infinity();    ///< bare terrain, valid posts; +inf: all void
+    float highest_m = -std::numeric_limits<float>::infinity();  ///< bare terrain, valid posts; -inf: all void
+    float culture_m = 0;                                        ///< highest culture height, scaled; 0: none
+    Voids voids = Voids::all;
+
+    /// Of two blocks together.
+    void add(const BlockBounds& other) {
+        lowest_m = other.lowest_m < lowest_m ? other.lowest_m : lowest_m;
+        highest_m = other.highest_m > highest_m ? other.highest_m : highest_m;
+        culture_m = other.culture_m > culture_m ? other.culture_m : culture_m;
+        voids = voids == other.voids ? voids : Voids::some;
+    }
+    friend bool operator==(const BlockBounds&, const BlockBounds&) = default;
+};
+
+/// Rows of bounds, of the blocks `blocks` of one level.
+struct BlockWindow {
+    Window blocks;
+    std::vector<BlockBounds> bounds;
+    const BlockBounds& at(std::int64_t column, std::int64_t row) const {
+        return bounds[static_cast<std::size_t>((row - blocks.rows.begin) * blocks.columns.size() + column -
+                                               blocks.columns.begin)];
+    }
+};
+
+class BlockMap {
+public:
+    virtual ~BlockMap() = default;
+    /// 0: 32 x 32 posts; each further one twice as wide. At least 1; the last has 64 x 64 blocks at the most.
+    virtual int levels() const = 0;
+    /// `blocks` inside the raster's (columns of a cyclic raster too). From several threads at once. IoError, DataError.
+    virtual BlockWindow read(int level, const Window& blocks) = 0;
+};
+
+/// The blocks of a level that hold the posts of a window.
+constexpr Window blocks_of(const Window& posts, int level = 0) {
+    const std::int64_t edge = block_posts << level;
+    const auto down = [&](std::int64_t v) { return (v >= 0 ? v : v - edge + 1) / edge; };
+    const auto side = [&](Interval i) { return i.empty() ? Interval{} : Interval{down(i.begin), down(i.end - 1) + 1}; };
+    return {side(posts.columns), side(posts.rows)};
+}
+
+}  // namespace wedgescope

@@ -1,0 +1,61 @@
+// Culture: classes of culture cells as a front needs them: a tile is read when ground in it is first seen.
+// Leaves what a class returns to material.hpp and reading to the wedge source.
+#pragma once
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "lib/interval.hpp"
+#include "lib/material.hpp"
+#include "lib/wedge_source.hpp"
+
+namespace wedgescope {
+
+/// Tiles of the culture raster under one chunk, each empty until something in it is asked for.
+class Culture {
+public:
+    Culture(const DataBase& data_base, WedgeSource* source) : db_(data_base), source_(source) {}
+
+    /// Forgets what was read, and makes room for what lies under these posts and a little round them.
+    void open(const Window& posts);
+
+    double cell_column(double column) const { return db_.culture_column_offset + db_.culture_column_scale * column; }
+    double cell_row(double row) const { return db_.culture_row_offset + db_.culture_row_scale * row; }
+
+    /// Class of a culture cell; the default class beyond the culture raster and where there is none.
+    ClassId at(std::int64_t cell_column, std::int64_t cell_row) {
+        if (!db_.has_culture) return db_.default_class;
+        const CultureCells& tile = tile_of(cell_column, cell_row);
+        return tile.classes[index(tile.window, cell_column, cell_row)];
+    }
+    /// Raw code of a cell whose class is unknown.
+    std::int32_t code(std::int64_t cell_column, std::int64_t cell_row) {
+        const CultureCells& tile = tile_of(cell_column, cell_row);
+        return tile.codes.empty() ? 0 : tile.codes[index(tile.window, cell_column, cell_row)];
+    }
+
+    std::uint64_t bytes_read() const { return bytes_read_; }
+    std::size_t bytes() const { return bytes_; }
+
+private:
+    static std::size_t index(const Window& w, std::int64_t column, std::int64_t row) {
+        return static_cast<std::size_t>((row - w.rows.begin) * w.columns.size() + column - w.columns.begin);
+    }
+    const CultureCells& tile_of(std::int64_t cell_column, std::int64_t cell_row) {
+        if (last_ && last_->window.columns.contains(cell_column) && last_->window.rows.contains(cell_row))
+            return *last_;
+        return find(cell_column, cell_row);
+    }
+    const CultureCells& find(std::int64_t cell_column, std::int64_t cell_row);
+
+    const DataBase& db_;
+    WedgeSource* source_;
+    Window tiles_;  ///< in tiles
+    std::vector<CultureCells> cells_;
+    CultureCells beyond_;  ///< one tile that lies outside of `tiles_`
+    const CultureCells* last_ = nullptr;
+    std::uint64_t bytes_read_ = 0;
+    std::size_t bytes_ = 0;
+};
+
+}  // namespace wedgescope
