@@ -57,6 +57,19 @@ struct Setting {
                 rounded(range * (1.0005 + theta * theta / 4) + 2 * post, 10)};
     }
 
+    /// Sine of the elevation of the horizon of a smooth earth at the data base's lowest height.
+    double smooth_horizon(BlockMap& bounds) const {
+        const int level = bounds.levels() - 1;
+        float lowest = std::numeric_limits<float>::infinity();
+        for (const BlockBounds& b :
+             bounds.read(level, blocks_of({{0, data_base.columns}, {0, data_base.rows}}, level)).bounds)
+            lowest = std::min(lowest, b.lowest_m);
+        const double inverse = scene.earth.inverse_radius(), height = static_cast<double>(lowest);
+        if (!(height < scene.sensor_m)) return -1;
+        const double cosine = (1 + height * inverse) / (1 + scene.sensor_m * inverse);
+        return -std::sqrt(1 - cosine * cosine);
+    }
+
     Setting(const ResolvedScene& s, WedgeSource& source)
         : scene(s), data_base(source.data_base()), map(data_base, map_params(s, data_base)),
           grid(data_base, map, sampling(s.scene.quality), s.swept.circle_bins),
@@ -79,6 +92,7 @@ struct Setting {
         sweep.constant = radar_constant(s.scene.radar);
         sweep.gamma = gamma;
         sweep.source = &source;
+        if (BlockMap* bounds = source.block_map()) sweep.smooth_sine = smooth_horizon(*bounds);
     }
 };
 
@@ -134,6 +148,19 @@ Task Wedges::enter(std::size_t index) {
     return task;
 }
 
+/// Posts of the window that need not be read, by reason.
+void count_skipped(const ChunkRequest& request, WedgeReport& report) {
+    std::size_t at = 0;
+    for (std::int64_t r = request.blocks.rows.begin; r < request.blocks.rows.end; ++r)
+        for (std::int64_t c = request.blocks.columns.begin; c < request.blocks.columns.end; ++c, ++at) {
+            if (request.skip.empty() || request.skip[at] == Skip::none) continue;
+            const auto posts = [](std::int64_t i) { return Interval{i * block_posts, (i + 1) * block_posts}; };
+            report.posts_skipped[static_cast<std::size_t>(request.skip[at])] += static_cast<std::uint64_t>(
+                Window{intersection(posts(c), request.window.columns), intersection(posts(r), request.window.rows)}
+                    .posts());
+        }
+}
+
 void Wedges::load(WedgeTask& task) {
     if (params_.stop) params_.stop->check();
     const double start = thread_cpu_s();
@@ -142,14 +169,16 @@ void Wedges::load(WedgeTask& task) {
         const SpokeRun& run = task.wedge.runs[task.run];
         if (!task.front) task.front = std::make_unique<Front>(setting_.sweep, run, *task.cells);
         if (task.front->finished()) break;  // sweep() closes it
-        // To the end of the strip that the next line lies in.
+        // To the far border of the strip of cells that lie between the line behind and the next one.
         const std::int64_t from = task.front->next_line(), at = setting_.grid.line_index(run.quadrant, from);
-        const std::int64_t strip = plan_.strip_lines, in_strip = ((at % strip) + strip) % strip;
+        const std::int64_t strip = plan_.strip_lines, cell = outward(run.quadrant) > 0 ? at - 1 : at,
+                           in_strip = ((cell % strip) + strip) % strip;
         const std::int64_t count = outward(run.quadrant) > 0 ? strip - in_strip : in_strip + 1;
         task.lines = {from, std::min(setting_.grid.line_count(run.quadrant), from + count)};
-        const Window window = task.front->window(task.lines);
-        if (!window.empty()) {
-            task.chunk = source_.load(window, lines_are_columns(run.quadrant));
+        const ChunkRequest request = task.front->request(task.lines, params_.cull ? source_.block_map() : nullptr);
+        if (!request.window.empty()) {
+            count_skipped(request, task.report);
+            task.chunk = source_.load(request);
             task.has_chunk = true;
             task.report.posts_read += task.chunk.posts_read;
             task.report.bytes_read += task.chunk.bytes_read;
@@ -165,7 +194,7 @@ bool Wedges::sweep(WedgeTask& task) {
     if (params_.stop) params_.stop->check();
     const double start = thread_cpu_s();
     Front& front = *task.front;
-    if (!front.finished()) front.advance(task.lines, task.has_chunk ? &task.chunk : nullptr);
+    if (!front.finished()) front.advance(task.lines, task.has_chunk ? &task.chunk : nullptr, params_.cull);
     task.report.peak_bytes = std::max(task.report.peak_bytes, task.cells->bytes() + task.chunk.bytes() + front.bytes());
     if (front.finished()) {
         front.finish();
@@ -297,6 +326,7 @@ RunResult run(const ResolvedScene& scene, WedgeSource& source, const EngineParam
     result.echo_w = PolarImage<float>(scene.swept);
     result.echo_state = PolarImage<std::uint8_t>(scene.swept);
     Wedges(setting, source, wedges, params, result).sweep_all(threads);
+    result.report.skipped = source.skipped();
 
     tbb::task_arena arena(threads);
     arena.execute([&] {

@@ -43,6 +43,7 @@ struct EngineParams {
     int threads = 0;          ///< 0: all the machine has
     std::int64_t wedges = 0;  ///< at least so many; 0: chosen
     std::size_t memory_bytes = std::size_t{1} << 30;
+    bool cull = true;  ///< leave out what is known to stay hidden; never changes a bit of the result
     Stop* stop = nullptr;
     std::function<void(double)> progress;  ///< called with 0..1 from one thread at a time
 };

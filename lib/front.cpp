@@ -7,6 +7,8 @@
 #include <limits>
 #include <numbers>
 
+#include "lib/cull.hpp"
+#include "lib/lanes.hpp"
 #include "lib/ticks.hpp"
 
 namespace wedgescope {
@@ -19,10 +21,31 @@ constexpr float void_post = std::numeric_limits<float>::quiet_NaN();
 
 LinePosts no_posts() { return {&void_post, 0, 0}; }
 
+/// Of n posts; +inf if one is void.
+WEDGESCOPE_LANES
+float highest_or_infinite(std::size_t n, const float* posts) noexcept {
+    constexpr std::size_t lanes = 16;
+    constexpr float none = std::numeric_limits<float>::infinity();
+    float most[lanes];
+    std::fill_n(most, lanes, -none);
+    const auto add = [](float most_so_far, float z) {
+        const float known = z == z ? z : none;
+        return known > most_so_far ? known : most_so_far;
+    };
+    std::size_t i = 0;
+    for (; i + lanes <= n; i += lanes)
+        for (std::size_t k = 0; k < lanes; ++k) most[k] = add(most[k], posts[i + k]);
+    for (; i < n; ++i) most[0] = add(most[0], posts[i]);
+    return *std::max_element(most, most + lanes);
+}
+
 std::int64_t floor_of(double v) {
     const auto t = static_cast<std::int64_t>(v);
     return static_cast<double>(t) > v ? t - 1 : t;
 }
+
+/// The block that a post, or the cell that begins with it, lies in.
+std::int64_t block_along(std::int64_t post) { return blocks_of({{post, post + 1}, {0, 1}}).columns.begin; }
 
 }  // namespace
 
@@ -60,7 +83,7 @@ Front::Front(const SweepScene& scene, const SpokeRun& run, WedgeCells& cells)
 std::size_t Front::bytes() const {
     return lanes_.mode.capacity() * (21 * sizeof(double) + sizeof(std::int64_t) + sizeof(std::int32_t)) +
            lanes_.straddlers.capacity() * sizeof(std::int32_t) + tile_lanes * (3 * 9 + 7 + 2) * sizeof(double) +
-           (kept_posts_.capacity() + kept_culture_.capacity()) * sizeof(float) + culture_.bytes();
+           (patch_posts_.capacity() + patch_culture_.capacity()) * sizeof(float) + culture_.bytes();
 }
 
 double Front::slope(std::size_t lane) const {
@@ -139,8 +162,8 @@ void Front::start() {
         }
         return {store.data(), along.begin, along.end};
     };
-    between_.behind = line(patch.surface_m, kept_posts_);
-    between_.behind_culture = line(patch.culture_height_m, kept_culture_);
+    between_.behind = line(patch.surface_m, patch_posts_);
+    between_.behind_culture = line(patch.culture_height_m, patch_culture_);
     std::fill(at.part.begin(), at.part.end(), std::abs(between_.behind_major - static_cast<double>(index)));
     between_.behind_major = static_cast<double>(index);
     between_.adjacent = true;
@@ -152,6 +175,7 @@ Window Front::window(Interval lines) const {
     const SpokeGrid& grid = *scene_->grid;
     const DataBase& db = *scene_->data_base;
     if (lines.empty() || live_begin_ >= live_end_) return {};
+    if (lines.begin > 0) --lines.begin;
     // Slopes that are still followed, with what a doubling adds between them.
     const double step = 1 / static_cast<double>(grid.rings(quadrant_)[ring_].spokes);
     const double lo = std::max(-1.0, slope(live_begin_) - step), hi = std::min(1.0, slope(live_end_ - 1) + step);
@@ -173,10 +197,156 @@ Window Front::window(Interval lines) const {
     return lines_are_columns(quadrant_) ? Window{major, minor} : Window{minor, major};
 }
 
-void Front::advance(Interval lines, const Chunk* chunk) {
+ChunkRequest Front::request(Interval lines, BlockMap* map) const {
+    const DataBase& db = *scene_->data_base;
+    const bool columns = lines_are_columns(quadrant_);
+    ChunkRequest request;
+    request.window = window(lines);
+    request.lines_are_columns = columns;
+    const Window& window = request.window;
+    // Across the seam of a cyclic raster the blocks do not meet.
+    if (!map || window.empty() || window.columns.begin < 0 || window.columns.end > db.columns) return request;
+    request.blocks = blocks_of(window);
+    const BlockWindow bounds = map->read(0, request.blocks);
+    const std::int64_t count = columns ? db.rows : db.columns;
+    const Interval majors = columns ? request.blocks.columns : request.blocks.rows,
+                   minors = columns ? request.blocks.rows : request.blocks.columns;
+    const auto index = [&](std::int64_t major, std::int64_t minor) {
+        const std::int64_t column = columns ? major : minor, row = columns ? minor : major;
+        return static_cast<std::size_t>((row - request.blocks.rows.begin) * request.blocks.columns.size() + column -
+                                        request.blocks.columns.begin);
+    };
+    request.skip.assign(bounds.bounds.size(), Skip::range);
+    request.fill_m.resize(bounds.bounds.size());
+    for (std::size_t i = 0; i < bounds.bounds.size(); ++i)
+        request.fill_m[i] = bounds.bounds[i].voids == Voids::all ? void_post : bounds.bounds[i].lowest_m;
+
+    // A spoke stands for those between it and its neighbours, which a doubling may bring.
+    const SpokeGrid& grid = *scene_->grid;
+    const std::size_t n = live_end_ - live_begin_;
+    std::vector<double> near_minor(n), near_arc(n), far_minor(n), far_arc(n);
+    std::vector<SpokeMap::LinePiece> pieces;
+    std::vector<std::uint8_t> may_gap(n);  // it may have met a void in this chunk
+    for (std::size_t i = 0; i < n; ++i) may_gap[i] = is(live_begin_ + i, mode_gap);
+    const std::int64_t out = outward(quadrant_), last = grid.line_index(quadrant_, lines.end - 1);
+    std::int64_t line = lines.begin;
+    places(line > 0 ? grid.distance(quadrant_, line - 1) : 0, live_begin_, live_end_, near_minor.data(),
+           near_arc.data(), pieces);
+    while (line < lines.end) {
+        // The cells between the line behind and the block's far edge.
+        const std::int64_t from = grid.line_index(quadrant_, line) - out;
+        std::int64_t block = block_along(out > 0 ? from : from - 1);
+        std::int64_t to = out > 0 ? (block + 1) * block_posts : block * block_posts;
+        to = out > 0 ? std::min(to, last) : std::max(to, last);
+        line += (to - from) * out;
+        // Before the first line stands no block: what counts is that line.
+        if (!majors.contains(block)) block = block_along(to);
+        places(grid.distance(quadrant_, line - 1), live_begin_, live_end_, far_minor.data(), far_arc.data(), pieces);
+        for (std::size_t i = 0; i < n; ++i) {
+            const std::size_t lane = live_begin_ + i;
+            if (is(lane, mode_done) || near_arc[i] > scene_->max_arc_m * 1.001) continue;
+            const std::size_t before = i > 0 ? i - 1 : 0, after = std::min(i + 1, n - 1);
+            const double lo = std::min(near_minor[before], far_minor[before]),
+                         hi = std::max(near_minor[after], far_minor[after]);
+            const Interval all{block_along(floor_of(lo) - ChunkRequest::margin),
+                               block_along(floor_of(hi) + 1 + ChunkRequest::margin) + 1};
+            const Interval inside = intersection(all, minors);
+            // The raster's edge is the edge of a void.
+            bool voids = may_gap[i] != 0 || inside != all || lo < 0 || hi > static_cast<double>(count - 1);
+            for (std::int64_t j = inside.begin; j < inside.end; ++j)
+                voids = voids || bounds.bounds[index(block, j)].voids != Voids::none;
+            may_gap[i] = voids;
+            for (std::int64_t j = inside.begin; j < inside.end; ++j) {
+                const std::size_t at = index(block, j);
+                Skip& skip = request.skip[at];
+                if (skip == Skip::none) continue;
+                const BlockBounds& b = bounds.bounds[at];
+                if (b.voids == Voids::all) {
+                    skip = Skip::voids;
+                    continue;
+                }
+                const double highest = highest_sine(scene_->sensor_m, static_cast<double>(b.highest_m + b.culture_m),
+                                                    near_arc[i], far_arc[i], lanes_.inverse_radius[lane]);
+                if (voids || highest >= lanes_.horizon[lane]) {
+                    skip = Skip::none;
+                } else if (skip != Skip::hidden) {
+                    skip = highest < scene_->smooth_sine ? Skip::horizon : Skip::hidden;
+                }
+            }
+        }
+        std::swap(near_minor, far_minor);
+        std::swap(near_arc, far_arc);
+    }
+    return request;
+}
+
+void Front::places(double distance, std::size_t begin, std::size_t end, double* minor, double* arc_m,
+                   std::vector<SpokeMap::LinePiece>& pieces) const {
+    const SpokeGrid& grid = *scene_->grid;
+    const std::int64_t spokes = grid.rings(quadrant_)[ring_].spokes, first = run_->spokes[ring_].begin;
+    grid.map().line(quadrant_, distance, slope(begin), slope(end - 1), pieces);
+    std::size_t at = begin;
+    for (const SpokeMap::LinePiece& piece : pieces) {
+        // Spokes with slopes in [slope_begin, slope_end).
+        const auto stop = std::min<std::int64_t>(
+            static_cast<std::int64_t>(end),
+            static_cast<std::int64_t>(std::ceil(piece.slope_end * static_cast<double>(spokes))) - first);
+        if (stop <= static_cast<std::int64_t>(at)) continue;
+        const std::size_t count = static_cast<std::size_t>(stop) - at;
+        place_lanes(piece, grid.map().nadir_minor(quadrant_), distance, spokes, first + static_cast<std::int64_t>(at),
+                    count, lanes_.metres_per_post.data() + at, minor + (at - begin), arc_m + (at - begin));
+        at += count;
+    }
+}
+
+void Front::sample_line(const LinePosts& posts, std::size_t begin, std::size_t end, std::size_t at,
+                        Samples& samples) const {
+    const bool near = scene_->most_theta <= near_theta;
+    const auto post = [&](std::int64_t j) { return static_cast<double>(posts.has(j) ? posts.at(j) : void_post); };
+    for (std::size_t lane = begin, i = at; lane < end; ++lane, ++i) {
+        const double minor = samples.minor[i], arc = samples.arc[i], inverse = lanes_.inverse_radius[lane];
+        const std::int64_t j = floor_of(minor);
+        const double height = linear(post(j), post(j + 1), minor - static_cast<double>(j));
+        const SightLine sight = near ? sight_line<true>(scene_->sensor_m, arc, height, inverse)
+                                     : sight_line<false>(scene_->sensor_m, arc, height, inverse);
+        samples.part[i] = 0;
+        samples.height[i] = height;
+        samples.up[i] = sight.up_m;
+        samples.out[i] = sight.out_m;
+        samples.range[i] = sight.range_m;
+        samples.sine[i] = sight.sine;
+        samples.x[i] = coordinate(sight.range_m, arc);
+    }
+}
+
+LinePosts Front::line_of(const Chunk& chunk, const std::vector<float>& layer, std::int64_t index) const {
+    if (layer.empty()) return no_posts();
+    const bool columns = lines_are_columns(quadrant_);
+    const Interval minor = columns ? chunk.window.rows : chunk.window.columns;
+    const std::int64_t first = columns ? chunk.window.columns.begin : chunk.window.rows.begin;
+    return {layer.data() + (index - first) * minor.size(), minor.begin, minor.end};
+}
+
+void Front::advance(Interval lines, const Chunk* chunk, bool leap) {
     assert(lines.begin == next_line_);
+    leaps_ = leap;
     between_.in_chunk = chunk != nullptr;
-    if (chunk && scene_->data_base->has_culture) culture_.open(chunk->window);
+    chunk_bounds_.clear();
+    if (chunk) {
+        if (scene_->data_base->has_culture) culture_.open(chunk->window);
+        const auto blocks = blocks_of(chunk->window);
+        chunk_blocks_ = lines_are_columns(quadrant_) ? blocks : Window{blocks.rows, blocks.columns};
+        chunk_bounds_.assign(static_cast<std::size_t>(chunk_blocks_.posts()), void_post);
+    }
+    if (next_line_ > 0) {
+        // Its last line again: the chunk before may not have held all posts that matter now.
+        const std::int64_t index = scene_->grid->line_index(quadrant_, next_line_ - 1);
+        between_.behind = chunk ? line_of(*chunk, chunk->surface_m, index) : no_posts();
+        between_.behind_culture = chunk ? line_of(*chunk, chunk->culture_height_m, index) : no_posts();
+        between_.behind_major = static_cast<double>(index);
+        between_.adjacent = true;
+        sample_line(between_.behind, live_begin_, live_end_, live_begin_, lanes_.last);
+    }
     while (!lines.empty() && !finished()) {
         const auto& rings = scene_->grid->rings(quadrant_);
         const Interval part = intersection({next_line_, lines.end}, rings[ring_].lines);
@@ -192,16 +362,7 @@ void Front::advance(Interval lines, const Chunk* chunk) {
         if (next_line_ >= rings[ring_].lines.end && ring_ + 1 < rings.size() && !finished()) double_spokes();
     }
     next_line_ = std::max(next_line_, lines.end);
-    // Keep the last line: the chunk goes.
-    const auto keep = [](LinePosts& posts, std::vector<float>& store) {
-        if (posts.posts == &void_post) return;
-        std::vector<float> copy(posts.posts, posts.posts + (posts.end - posts.begin));
-        store.swap(copy);
-        posts.posts = store.data();
-    };
-    keep(between_.behind, kept_posts_);
-    keep(between_.behind_culture, kept_culture_);
-    between_.ahead = between_.ahead_culture = no_posts();
+    between_.behind = between_.behind_culture = between_.ahead = between_.ahead_culture = no_posts();
     between_.in_chunk = false;
 }
 
@@ -224,13 +385,6 @@ void Front::trim() {
 
 void Front::advance_tile(Interval lines, const Chunk* chunk, std::size_t begin, std::size_t end, Between& between) {
     const SpokeGrid& grid = *scene_->grid;
-    const Interval minor = !chunk                         ? Interval{}
-                           : lines_are_columns(quadrant_) ? chunk->window.rows
-                                                          : chunk->window.columns;
-    const std::int64_t first_major = !chunk                         ? 0
-                                     : lines_are_columns(quadrant_) ? chunk->window.columns.begin
-                                                                    : chunk->window.rows.begin;
-    between.in_chunk = chunk != nullptr;
     std::size_t from = begin, to = end;
     const auto copy = [](std::size_t n, const Samples& source, std::size_t at, Samples& target, std::size_t into) {
         for (auto layer : {&Samples::part, &Samples::minor, &Samples::arc, &Samples::height, &Samples::up,
@@ -245,13 +399,11 @@ void Front::advance_tile(Interval lines, const Chunk* chunk, std::size_t begin, 
         from += skip;
         while (to > from && is(to - 1, mode_done)) --to;
         if (skip) copy(to - from, now_, skip, now_, 0);
+        if (leaps_ && chunk && from < to) line = std::max(line, leap(line, lines.end - 1, *chunk, from, to, between) + 1);
+        if (line >= lines.end) break;
         const std::int64_t index = grid.line_index(quadrant_, line);
-        const auto view = [&](const std::vector<float>& layer) -> LinePosts {
-            if (layer.empty()) return no_posts();
-            return {layer.data() + (index - first_major) * minor.size(), minor.begin, minor.end};
-        };
-        between.ahead = chunk ? view(chunk->surface_m) : no_posts();
-        between.ahead_culture = chunk ? view(chunk->culture_height_m) : no_posts();
+        between.ahead = chunk ? line_of(*chunk, chunk->surface_m, index) : no_posts();
+        between.ahead_culture = chunk ? line_of(*chunk, chunk->culture_height_m, index) : no_posts();
         between.ahead_major = static_cast<double>(index);
         if (from < to) advance_line(line, between, from, to);
         between.behind = between.ahead;
@@ -259,31 +411,88 @@ void Front::advance_tile(Interval lines, const Chunk* chunk, std::size_t begin, 
         between.behind_major = between.ahead_major;
         between.adjacent = true;
     }
+    // The spokes' last line, whether they leapt there or not.
+    const std::int64_t index = grid.line_index(quadrant_, lines.end - 1);
+    between.behind = chunk ? line_of(*chunk, chunk->surface_m, index) : no_posts();
+    between.behind_culture = chunk ? line_of(*chunk, chunk->culture_height_m, index) : no_posts();
+    between.behind_major = static_cast<double>(index);
+    between.adjacent = true;
     copy(to - from, now_, 0, lanes_.last, from);
+}
+
+float Front::highest_in_chunk(const Chunk& chunk, std::int64_t major_block, std::int64_t minor_block) {
+    float& bound = chunk_bounds_[static_cast<std::size_t>(
+        (major_block - chunk_blocks_.columns.begin) * chunk_blocks_.rows.size() + minor_block -
+        chunk_blocks_.rows.begin)];
+    if (bound == bound) return bound;
+    const bool columns = lines_are_columns(quadrant_);
+    const auto posts = [](std::int64_t block, Interval cut) {
+        return intersection({block * block_posts, (block + 1) * block_posts + 1}, cut);
+    };
+    const Interval lines = posts(major_block, columns ? chunk.window.columns : chunk.window.rows),
+                   along = posts(minor_block, columns ? chunk.window.rows : chunk.window.columns);
+    float highest = -static_cast<float>(infinite);
+    for (std::int64_t i = lines.begin; i < lines.end; ++i) {
+        const LinePosts line = line_of(chunk, chunk.surface_m, i);
+        highest = std::max(highest, highest_or_infinite(static_cast<std::size_t>(along.size()),
+                                                        line.posts + (along.begin - line.begin)));
+    }
+    return bound = highest;
+}
+
+std::int64_t Front::leap(std::int64_t line, std::int64_t last, const Chunk& chunk, std::size_t begin, std::size_t end,
+                         Between& between) {
+    if (line == 0 || !between.adjacent) return line - 1;
+    const std::uint64_t clock = ticks();
+    const SpokeGrid& grid = *scene_->grid;
+    const std::int64_t out = outward(quadrant_), from = grid.line_index(quadrant_, line) - out;
+    const std::int64_t block = block_along(out > 0 ? from : from - 1);
+    std::int64_t to = out > 0 ? (block + 1) * block_posts : block * block_posts;
+    to = out > 0 ? std::min(to, grid.line_index(quadrant_, last)) : std::max(to, grid.line_index(quadrant_, last));
+    // Tried where a block begins, and not for a few lines.
+    constexpr std::int64_t least = 4;
+    const std::int64_t away = out > 0 ? from - block * block_posts : (block + 1) * block_posts - from;
+    if ((to - from) * out < least || (away != 0 && line != next_line_)) return line - 1;
+    const std::size_t n = end - begin;
+    for (std::size_t lane = begin; lane < end; ++lane)
+        if (!is(lane, mode_hidden) && !is(lane, mode_done)) return line - 1;
+    const std::int64_t target = line + (to - from) * out - 1;
+    places(grid.distance(quadrant_, target), begin, end, ahead_.minor.data(), ahead_.arc.data(), line_pieces_);
+    const Interval along = lines_are_columns(quadrant_) ? chunk.window.rows : chunk.window.columns;
+    bool passes = true;
+    for (std::size_t i = 0; i < n && passes; ++i) {
+        const std::size_t lane = begin + i;
+        if (is(lane, mode_done)) continue;
+        passes = !(ahead_.arc[i] > scene_->max_arc_m);
+        const double lo = std::min(now_.minor[i], ahead_.minor[i]), hi = std::max(now_.minor[i], ahead_.minor[i]);
+        const Interval all{block_along(floor_of(lo)), block_along(floor_of(hi) + 1) + 1};
+        passes = passes && intersection(all, chunk_blocks_.rows) == all && along.contains(floor_of(lo)) &&
+                 along.contains(floor_of(hi) + 1);
+        for (std::int64_t j = all.begin; j < all.end && passes; ++j)
+            passes = highest_sine(scene_->sensor_m, static_cast<double>(highest_in_chunk(chunk, block, j)),
+                                  now_.arc[i], ahead_.arc[i],
+                                  lanes_.inverse_radius[lane]) < lanes_.horizon[lane];
+    }
+    if (passes) {
+        sample_line(line_of(chunk, chunk.surface_m, to), begin, end, 0, ahead_);
+        std::swap(now_, ahead_);
+        between.behind = line_of(chunk, chunk.surface_m, to);
+        between.behind_culture = line_of(chunk, chunk.culture_height_m, to);
+        between.behind_major = static_cast<double>(to);
+        cost_.samples += n;
+        cost_.leapt += static_cast<std::uint64_t>(n) * static_cast<std::uint64_t>(target - line + 1);
+    }
+    cost_.sweep += ticks() - clock;
+    return passes ? target : line - 1;
 }
 
 void Front::advance_line(std::int64_t line, const Between& between, std::size_t begin, std::size_t end) {
     const SpokeGrid& grid = *scene_->grid;
-    const std::int64_t spokes = grid.rings(quadrant_)[ring_].spokes;
-    const std::int64_t first = run_->spokes[ring_].begin;
     const double distance = grid.distance(quadrant_, line);
     const std::size_t n = end - begin;
 
     const std::uint64_t clock = ticks();
-    grid.map().line(quadrant_, distance, slope(begin), slope(end - 1), line_pieces_);
-    std::size_t at = begin;
-    for (const SpokeMap::LinePiece& piece : line_pieces_) {
-        // Spokes with slopes in [slope_begin, slope_end).
-        const auto stop = std::min<std::int64_t>(
-            static_cast<std::int64_t>(end),
-            static_cast<std::int64_t>(std::ceil(piece.slope_end * static_cast<double>(spokes))) - first);
-        if (stop <= static_cast<std::int64_t>(at)) continue;
-        const std::size_t count = static_cast<std::size_t>(stop) - at;
-        place_lanes(piece, grid.map().nadir_minor(quadrant_), distance, spokes, first + static_cast<std::int64_t>(at),
-                    count, lanes_.metres_per_post.data() + at, ahead_.minor.data() + (at - begin),
-                    ahead_.arc.data() + (at - begin));
-        at += count;
-    }
+    places(distance, begin, end, ahead_.minor.data(), ahead_.arc.data(), line_pieces_);
     // Beyond the range, or gone from the raster for good.
     const auto modes = lanes_.mode.begin() + static_cast<std::ptrdiff_t>(begin);
     if (count_beyond(n, ahead_.arc.data(), scene_->max_arc_m) ||
@@ -715,22 +924,10 @@ void Front::double_spokes() {
         }
         const SpokeMap::Place place =
             grid.map().place(quadrant_, static_cast<double>(k) / static_cast<double>(spokes), distance);
-        last.part[lane] = 0;
         last.minor[lane] = place.minor;
         last.arc[lane] = place.arc_m;
-        const auto post = [&](std::int64_t j) {
-            return static_cast<double>(between_.behind.has(j) ? between_.behind.at(j) : void_post);
-        };
-        const std::int64_t j = floor_of(place.minor);
-        const double height = linear(post(j), post(j + 1), place.minor - static_cast<double>(j));
-        const SightLine sight = sight_line(scene_->sensor_m, place.arc_m, height, lanes_.inverse_radius[lane]);
-        const double sine = sight.sine;
-        last.height[lane] = height;
-        last.up[lane] = sight.up_m;
-        last.out[lane] = sight.out_m;
-        last.range[lane] = sight.range_m;
-        last.sine[lane] = sine;
-        last.x[lane] = (scene_->range_is_ground ? place.arc_m : sight.range_m) * bins_per_metre_;
+        sample_line(between_.behind, lane, lane + 1, lane, last);
+        const double sine = last.sine[lane];
         const double ha = parents.horizon[a], hb = parents.horizon[b];
         double horizon = ha >= -1 && hb >= -1 ? 0.5 * (ha + hb) : std::max(ha, hb);
         lanes_.mark_from[lane] = lanes_.gap_from[lane] = place.arc_m;

@@ -38,7 +38,8 @@ struct SweepScene {
     double nadir_surface_m = 0;          ///< at the nadir; NaN: void or outside
     const Chunk* nadir_patch = nullptr;  ///< posts round the nadir, rows as lines; may be empty
     double max_arc_m = 0;
-    double most_theta = 0;  ///< of max_arc_m on the earth's most curved part
+    double most_theta = 0;    ///< of max_arc_m on the earth's most curved part
+    double smooth_sine = -1;  ///< horizon of a smooth earth at the data base's lowest height; -1: not known
     double range_bin_m = 0;
     bool range_is_ground = false;  ///< gpi-true: bins count arc, not slant range
     bool with_depression = false;  ///< second channel: depression / (pi/2)
@@ -52,6 +53,7 @@ struct SweepScene {
 struct SweepCost {
     std::uint64_t sample = 0, sweep = 0, shade = 0, deposit = 0;
     std::uint64_t samples = 0, pieces = 0;
+    std::uint64_t leapt = 0;  ///< lines passed over, spoke by spoke
 };
 
 class Front {
@@ -61,11 +63,13 @@ public:
     /// Lines of the quadrant, in the quadrant's count; the next ones to advance over begin at next_line().
     std::int64_t next_line() const { return next_line_; }
     bool finished() const { return next_line_ >= line_end_ || live_begin_ >= live_end_; }
-    /// The posts that advancing over `lines` (which start at next_line()) needs; empty if none of the spokes meets the
-    /// raster there.
-    Window window(Interval lines) const;
-    /// Carries the front over lines that `chunk` holds; null where window() was empty.
-    void advance(Interval lines, const Chunk* chunk);
+    /// The posts that advancing over `lines` (which start at next_line()) needs, the line behind them too; an empty
+    /// window if none of the spokes meets the raster there. With a map: also which blocks can be left out, because no
+    /// spoke comes there or because what they hold stays below the horizons that the spokes have now.
+    ChunkRequest request(Interval lines, BlockMap* map) const;
+    /// Carries the front over lines that `chunk` holds; null where the window was empty. With `leap` spokes pass over
+    /// blocks that stay below their horizons in one step; no bit changes.
+    void advance(Interval lines, const Chunk* chunk, bool leap = true);
     /// Marks what lies beyond the last line. Call once.
     void finish();
 
@@ -115,6 +119,20 @@ private:
         double sine0, sine1;
     };
 
+    Window window(Interval lines) const;
+    /// Places of lanes begin.. on a line: minor[i], arc_m[i] of lane begin + i.
+    void places(double distance, std::size_t begin, std::size_t end, double* minor, double* arc_m,
+                std::vector<SpokeMap::LinePiece>& pieces) const;
+    /// Samples of lanes begin.. on one line, from where they stand on it (minor, arc): exactly those that stepping there
+    /// would take.
+    void sample_line(const LinePosts& posts, std::size_t begin, std::size_t end, std::size_t at,
+                     Samples& samples) const;
+    LinePosts line_of(const Chunk& chunk, const std::vector<float>& layer, std::int64_t index) const;
+
+    /// Range coordinate of a place, in bins.
+    double coordinate(double range_m, double arc_m) const {
+        return (scene_->range_is_ground ? arc_m : range_m) * bins_per_metre_;
+    }
     bool is(std::size_t lane, SpokeMode mode) const { return lanes_.mode[lane] == mode; }
     double slope(std::size_t lane) const;
     void set_up_ring(std::size_t ring, Lanes& lanes) const;
@@ -124,6 +142,13 @@ private:
     std::size_t first_live(std::size_t begin, std::size_t end) const;
 
     void advance_tile(Interval lines, const Chunk* chunk, std::size_t begin, std::size_t end, Between& between);
+    /// Passes over lines up to the end of the block that the next one lies in, if nothing there can come over the
+    /// horizon of any spoke; returns the last line passed, or one before `line` if there is none.
+    std::int64_t leap(std::int64_t line, std::int64_t last, const Chunk& chunk, std::size_t begin, std::size_t end,
+                      Between& between);
+    /// Highest surface of the chunk's posts on the lines of one block and `block_posts` + 1 posts along them; +inf if
+    /// one is void.
+    float highest_in_chunk(const Chunk& chunk, std::int64_t major_block, std::int64_t minor_block);
     void advance_line(std::int64_t line, const Between& between, std::size_t begin, std::size_t end);
     void take(const Between& between, std::size_t begin, std::size_t end, bool crossings, Samples& next);
     void change(std::size_t lane, std::size_t i, const Between& between, SampleLanes to);
@@ -168,8 +193,10 @@ private:
     std::vector<float> posts_;  // of the cells, four a lane
     std::vector<SpokeMap::LinePiece> line_pieces_;
     std::vector<double> breaks_;
-    // Posts of the last line, kept from chunk to chunk.
-    std::vector<float> kept_posts_, kept_culture_;
+    std::vector<float> patch_posts_, patch_culture_;  // of the line behind the nadir
+    bool leaps_ = true;
+    Window chunk_blocks_;              // major as columns, minor as rows
+    std::vector<float> chunk_bounds_;  // of these; NaN: not looked at yet
     Between between_;
     Culture culture_;
     SweepCost cost_;

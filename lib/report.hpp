@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "lib/polar.hpp"
+#include "lib/wedge_source.hpp"
 
 namespace wedgescope {
 
@@ -17,6 +18,7 @@ struct WedgeReport {
     double wall_s = 0;                                                         ///< from entering to merged
     std::uint64_t posts_read = 0, bytes_read = 0;
     std::uint64_t chunks = 0;
+    std::array<std::uint64_t, skip_count> posts_skipped{};  ///< of its chunks, by Skip; not read for this wedge
     std::uint64_t samples = 0;  ///< samples of spokes taken
     std::uint64_t visible_pieces = 0;
     std::size_t peak_bytes = 0;  ///< held by this wedge
@@ -28,6 +30,7 @@ struct RunReport {
     double survey_s = 0, merge_s = 0, beam_s = 0, receiver_s = 0, display_s = 0;  ///< wall seconds
     std::size_t peak_budget_bytes = 0;
     int threads = 0;
+    Skipped skipped{};  ///< tiles that no wedge has read, by Skip
 };
 
 }  // namespace wedgescope

@@ -67,6 +67,9 @@ enum class Skip : std::uint8_t {
     detail,    ///< finer than the scope resolves
 };
 inline constexpr std::size_t skip_count = 7;
+/// As reports call them, by Skip.
+inline constexpr std::array<const char*, skip_count> skip_names = {"none",  "range",   "horizon", "hidden",
+                                                                   "voids", "culture", "detail"};
 
 struct SkipCount {
     std::uint64_t posts = 0, tiles = 0, bytes = 0;  ///< bytes as decoded

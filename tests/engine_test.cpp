@@ -397,7 +397,7 @@ TEST_CASE("on a flat plain the mean depression of a cell is that of its range", 
     for (const SpokeRun& run : wedge.runs) {
         Front front(sweep, run, sums);
         const Interval lines{0, grid.line_count(run.quadrant)};
-        const Chunk chunk = source.load(front.window(lines), lines_are_columns(run.quadrant));
+        const Chunk chunk = source.load(front.request(lines, nullptr));
         front.advance(lines, &chunk);
         front.finish();
     }

@@ -5,7 +5,10 @@
 #include <cstdint>
 #include <functional>
 #include <limits>
+#include <memory>
+#include <mutex>
 #include <random>
+#include <utility>
 #include <vector>
 
 #include "lib/wedge_source.hpp"
@@ -13,6 +16,46 @@
 namespace wedgescope::test {
 
 inline constexpr float void_post = std::numeric_limits<float>::quiet_NaN();
+
+/// The bounds of a raster, found post by post.
+class DrawnMap : public BlockMap {
+public:
+    DrawnMap(std::int64_t columns, std::int64_t rows, bool cyclic,
+             std::function<std::pair<float, float>(std::int64_t column, std::int64_t row)> post)
+        : columns_(columns), rows_(rows), cyclic_(cyclic), post_(std::move(post)) {}
+    int levels() const override {
+        int n = 1;
+        while (std::max(columns_, rows_) > (block_posts << (n - 1)) * 64) ++n;
+        return n;
+    }
+    BlockWindow read(int level, const Window& blocks) override {
+        BlockWindow out{blocks, {}};
+        const std::int64_t edge = block_posts << level;
+        for (std::int64_t j = blocks.rows.begin; j < blocks.rows.end; ++j)
+            for (std::int64_t i = blocks.columns.begin; i < blocks.columns.end; ++i) {
+                BlockBounds b;
+                bool any_void = false, any_valid = false;
+                for (std::int64_t r = j * edge; r <= std::min((j + 1) * edge, rows_ - 1); ++r)
+                    for (std::int64_t c = i * edge; c <= std::min((i + 1) * edge, columns_ - (cyclic_ ? 0 : 1)); ++c) {
+                        const auto [z, culture] = post_(c % columns_, r);
+                        any_void = any_void || z != z;
+                        if (z != z) continue;
+                        any_valid = true;
+                        b.lowest_m = std::min(b.lowest_m, z);
+                        b.highest_m = std::max(b.highest_m, z);
+                        b.culture_m = std::max(b.culture_m, culture);
+                    }
+                b.voids = !any_valid ? Voids::all : any_void ? Voids::some : Voids::none;
+                out.bounds.push_back(b);
+            }
+        return out;
+    }
+
+private:
+    std::int64_t columns_, rows_;
+    bool cyclic_;
+    std::function<std::pair<float, float>(std::int64_t, std::int64_t)> post_;
+};
 
 /// columns x rows posts, `post_m` apart; post (c, r) stands at x = c post_m, y = -r post_m.
 class MemorySource : public WedgeSource {
@@ -52,6 +95,16 @@ public:
                 classes_[index(c, r)] = static_cast<ClassId>(id(static_cast<double>(c), static_cast<double>(r)));
     }
     DataBase& editable() { return db_; }
+    /// From now on bounds are known, and what is not needed is not given.
+    void set_block_map() {
+        map_ = std::make_unique<DrawnMap>(db_.columns, db_.rows, false, [this](std::int64_t c, std::int64_t r) {
+            return std::pair(terrain_[index(c, r)], culture_height_.empty() ? 0.0F : culture_height_[index(c, r)]);
+        });
+    }
+    BlockMap* block_map() override { return map_.get(); }
+    std::uint64_t posts_read() const { return posts_read_; }
+    /// Was this post given to anybody?
+    bool was_read(std::int64_t column, std::int64_t row) const { return !read_.empty() && read_[index(column, row)]; }
 
     const DataBase& data_base() const override { return db_; }
 
@@ -62,13 +115,19 @@ public:
         Chunk chunk;
         chunk.window = window;
         chunk.lines_are_columns = lines_are_columns;
+        const std::lock_guard lock(mutex_);
+        read_.resize(terrain_.size());
         const Interval& major = lines_are_columns ? window.columns : window.rows;
         const Interval& minor = lines_are_columns ? window.rows : window.columns;
         for (std::int64_t i = major.begin; i < major.end; ++i)
             for (std::int64_t j = minor.begin; j < minor.end; ++j) {
                 const std::size_t at = lines_are_columns ? index(i, j) : index(j, i);
-                const float culture = culture_height_.empty() ? 0.0F : culture_height_[at];
-                chunk.surface_m.push_back(terrain_[at] + culture);
+                const bool needed = is_needed(request, lines_are_columns ? i : j, lines_are_columns ? j : i);
+                posts_read_ += needed;
+                if (needed) read_[at] = true;
+                const float culture = culture_height_.empty() || !needed ? 0.0F : culture_height_[at];
+                chunk.surface_m.push_back(needed ? terrain_[at] + culture
+                                                 : fill(request, lines_are_columns ? i : j, lines_are_columns ? j : i));
                 if (!culture_height_.empty()) chunk.culture_height_m.push_back(culture);
             }
         chunk.posts_read = static_cast<std::uint64_t>(window.posts());
@@ -105,7 +164,33 @@ public:
 private:
     std::size_t index(std::int64_t c, std::int64_t r) const { return static_cast<std::size_t>(r * db_.columns + c); }
 
+    static std::size_t block_index(const ChunkRequest& request, std::int64_t column, std::int64_t row) {
+        const Window b = blocks_of({{column, column + 1}, {row, row + 1}});
+        return static_cast<std::size_t>((b.rows.begin - request.blocks.rows.begin) * request.blocks.columns.size() +
+                                        b.columns.begin - request.blocks.columns.begin);
+    }
+    /// In a needed block, or at most `margin` posts from one.
+    static bool is_needed(const ChunkRequest& request, std::int64_t column, std::int64_t row) {
+        if (request.skip.empty()) return true;
+        constexpr std::int64_t margin = ChunkRequest::margin;
+        for (const std::int64_t r : {row - margin, row, row + margin})
+            for (const std::int64_t c : {column - margin, column, column + margin}) {
+                const Window b = blocks_of({{c, c + 1}, {r, r + 1}});
+                if (!request.blocks.columns.contains(b.columns.begin) || !request.blocks.rows.contains(b.rows.begin))
+                    continue;
+                if (request.skip[block_index(request, c, r)] == Skip::none) return true;
+            }
+        return false;
+    }
+    static float fill(const ChunkRequest& request, std::int64_t column, std::int64_t row) {
+        return request.fill_m[block_index(request, column, row)];
+    }
+
     DataBase db_;
+    std::unique_ptr<BlockMap> map_;
+    std::mutex mutex_;
+    std::vector<bool> read_;
+    std::uint64_t posts_read_ = 0;
     std::vector<float> terrain_, culture_height_;
     std::vector<ClassId> classes_;
 };

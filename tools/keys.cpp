@@ -689,6 +689,9 @@ std::vector<Key> make_keys() {
               bytes, above("0B"), [](auto& s) -> auto& { return s.memory_bytes; }),
           "1GiB", "most to be held, beside 64 MiB for the program; changes no bit of the result");
 
+    t.add("no-cull", flag([](auto& s) -> auto& { return s.no_cull; }), "off",
+          "read and sweep also what is known to stay hidden; changes no bit of the result");
+
     t.group(KeyGroup::output, false);
     t.add("output", path([](auto& s) -> auto& { return s.output; }), "", "the scope picture").letter = 'o';
     t.add("echo", path([](auto& s) -> auto& { return s.echo; }), "",

@@ -37,6 +37,7 @@ WedgeReport sum(Iterator begin, Iterator end) {
         for (const Stage& stage : stages) total.*stage.seconds += (*w).*stage.seconds;
         total.wall_s += w->wall_s;
         total.posts_read += w->posts_read;
+        for (std::size_t cause = 0; cause < skip_count; ++cause) total.posts_skipped[cause] += w->posts_skipped[cause];
         total.bytes_read += w->bytes_read;
         total.chunks += w->chunks;
         total.samples += w->samples;
@@ -108,6 +109,9 @@ nlohmann::ordered_json report_json(const Settings& settings, const RunResult& ru
         entry["wall_s"] = wedge.wall_s;
         entry["chunks"] = wedge.chunks;
         entry["posts_read"] = wedge.posts_read;
+        entry["posts_skipped"] = json::object();
+        for (std::size_t cause = 1; cause < skip_count; ++cause)
+            entry["posts_skipped"][skip_names[cause]] = wedge.posts_skipped[cause];
         entry["bytes_read"] = wedge.bytes_read;
         entry["samples"] = wedge.samples;
         entry["visible_pieces"] = wedge.visible_pieces;
@@ -125,8 +129,10 @@ nlohmann::ordered_json report_json(const Settings& settings, const RunResult& ru
     out["total"] = facts(sum(report.wedges.begin(), report.wedges.end()));
     out["total"].erase("wall_s");  // the wedges' overlap in time
     out["skipped"] = json::object();
-    for (const char* cause : {"range", "horizon", "hidden", "culture", "detail"}) {
-        out["skipped"][cause] = json{{"posts", 0}, {"tiles", 0}, {"bytes", 0}};
+    for (std::size_t cause = 1; cause < skip_count; ++cause) {
+        const SkipCount& count = report.skipped[cause];
+        out["skipped"][skip_names[cause]] =
+            json{{"posts", count.posts}, {"tiles", count.tiles}, {"bytes", count.bytes}};
     }
     out["states"] = json::object();
     for (std::size_t code = 0; code < report.states.size(); ++code)

@@ -50,6 +50,7 @@ EngineParams engine_params(const Settings& settings) {
     params.threads = settings.threads;
     params.wedges = settings.wedges;
     params.memory_bytes = static_cast<std::size_t>(settings.memory_bytes);
+    params.cull = !settings.no_cull;
     return params;
 }
 

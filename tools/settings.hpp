@@ -34,6 +34,7 @@ struct Settings {
     std::string driver;                                       ///< --of
     std::vector<std::string> creation;                        ///< --co K=V
     std::vector<std::pair<std::string, std::string>> config;  ///< --config K=V
+    bool no_cull = false;
     bool overwrite = false, reproducible = false;
 
     bool verbose = false, quiet = false, json = false, help = false;
