@@ -179,7 +179,7 @@ TEST_CASE("a wrong command or option costs one line and exit code 2", "[cli]") {
     refuses(folder, {"--dem", dem}, 2, {"--dem"});
     refuses(folder, {"help", "view"}, 2, {"unknown command 'view'"});
     refuses(folder, with(with(good, out), {"--rang", "5km"}), 2, {"--rang", "did you mean --range?"});
-    refuses(folder, with(with(good, out), {"--no-cull", "on"}), 2, {"--no-cull"});
+    refuses(folder, with(with(good, out), {"--rain", "on"}), 2, {"--rain"});
     refuses(folder, with(with(good, out), {"--pulse", "2.4"}), 2, {"--pulse is '2.4'", "s, ms, us, ns"});
     refuses(folder, with(with(good, out), {"--pulse", "2.4m"}), 2, {"unknown unit 'm'", "s, ms, us, ns"});
     refuses(folder, with(with(good, out), {"--pulse", "2,4us"}), 2, {"--pulse is '2,4us'"});

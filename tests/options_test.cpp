@@ -272,11 +272,12 @@ TEST_CASE("every key of the design's first stage exists and later ones do not ye
                              "overwrite",
                              "verbose",
                              "reproducible",
+                             "no-cull",
                              "quiet"}) {
         INFO(name);
         CHECK(find_key(name));
     }
-    for (const char* name : {"source", "no-cull", "work-dir", "bwe-scale", "rain", "timeline"})
+    for (const char* name : {"bwe-scale", "rain", "sea-state", "far-shore", "gases", "wals"})
         CHECK_FALSE(find_key(name));
 }
 
@@ -496,7 +497,7 @@ TEST_CASE("a scene file is refused with the line that is wrong", "[options]") {
     CHECK_THAT(wrong("= 30"), Contains("unknown key"));
     CHECK_THAT(wrong("[scene]"), Contains("key = value"));
     CHECK_THAT(wrong("json = on"), Contains("unknown key"));
-    CHECK_THAT(wrong("no-cull = on"), Contains("unknown key"));
+    CHECK_THAT(wrong("rain = 4"), Contains("unknown key"));
     CHECK_THAT(wrong("bwe = yes"), Contains("on or off"));
     CHECK_THAT(wrong("latlon = 1,2\nxy = 1,2"), Contains("exactly one of latlon and xy"));
     CHECK_THAT(wrong("altitude-msl = 1km\naltitude-hae = 1km"), Contains("exactly one of altitude-msl"));

@@ -13,6 +13,11 @@ struct CloseDataset {
 };
 using DatasetHandle = std::unique_ptr<GDALDataset, CloseDataset>;
 
+/// Registers the drivers of usual files; once.
+void register_usual_drivers();
+/// Registers all of GDAL's drivers; once. They take 7 MiB: only for files that the usual ones do not know.
+void register_all_drivers();
+
 /// Keeps what GDAL says on this thread while it lives, instead of letting it be printed.
 class GdalErrors {
 public:

@@ -1,11 +1,13 @@
 #include "tiles/gdal_session.hpp"
 
 #include <cpl_conv.h>
+#include <gdal_frmts.h>
 #include <ogr_srs_api.h>
 
 #include <algorithm>
 #include <cctype>
 #include <charconv>
+#include <mutex>
 #include <optional>
 
 #include "lib/error.hpp"
@@ -58,12 +60,31 @@ std::string GdalErrors::reason() const {
     return failure_ + "; " + last_;
 }
 
+void register_usual_drivers() {
+    // Those only that know their files by themselves, so that no other driver would have been asked first.
+    static std::once_flag once;
+    std::call_once(once, [] {
+        GDALRegister_VRT();
+        GDALRegister_GTiff();
+        GDALRegister_SRTMHGT();
+        GDALRegister_DTED();
+        GDALRegister_PNG();
+        GDALRegister_AAIGrid();
+        GDALRegister_MEM();
+    });
+}
+
+void register_all_drivers() {
+    static std::once_flag once;
+    std::call_once(once, [] { GDALAllRegister(); });
+}
+
 GdalSession::GdalSession(std::size_t cache_bytes, const std::vector<std::pair<std::string, std::string>>& config) {
     CPLSetErrorHandler(CPLQuietErrorHandler);
     // Each handle of a VRT gets its own sources: handles wander between threads, shared sources may not.
     CPLSetConfigOption("VRT_SHARED_SOURCE", "0");
     OSRSetPROJEnableNetwork(0);
-    GDALAllRegister();
+    register_usual_drivers();
     set_cache_bytes(cache_bytes);
     for (const auto& [key, value] : config) {
         if (key.empty()) throw InputError(text("config '=", value, "' has no name; accepted: --config NAME=VALUE"));

@@ -24,9 +24,18 @@ double unit_in_metres(std::string unit) {
 }
 
 DatasetHandle open(const RasterFacts& facts) {
+    constexpr unsigned how = GDAL_OF_RASTER | GDAL_OF_READONLY;
+    register_usual_drivers();
+    DatasetHandle dataset;
+    {
+        GdalErrors quiet;
+        dataset.reset(GDALDataset::Open(facts.path.c_str(), how));
+    }
+    // A VRT may be made of anything.
+    if (!dataset || (dataset->GetDriver() && EQUAL(dataset->GetDriver()->GetDescription(), "VRT")))
+        register_all_drivers();
     GdalErrors errors;
-    DatasetHandle dataset(
-        GDALDataset::Open(facts.path.c_str(), GDAL_OF_RASTER | GDAL_OF_READONLY | GDAL_OF_VERBOSE_ERROR));
+    if (!dataset) dataset.reset(GDALDataset::Open(facts.path.c_str(), how | GDAL_OF_VERBOSE_ERROR));
     if (!dataset) {
         std::string reason = errors.reason();
         if (reason.starts_with(facts.path + ": ")) reason = reason.substr(facts.path.size() + 2);

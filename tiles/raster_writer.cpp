@@ -40,6 +40,10 @@ GDALDriver& find_driver(const std::string& path, const RasterFormat& format) {
     GDALDriverManager& drivers = *GetGDALDriverManager();
     if (!format.driver.empty()) {
         GDALDriver* driver = drivers.GetDriverByName(format.driver.c_str());
+        if (!driver) {
+            register_all_drivers();
+            driver = drivers.GetDriverByName(format.driver.c_str());
+        }
         if (!driver || !writes_rasters(*driver))
             throw InputError(text("of '", format.driver,
                                   "' is no GDAL driver that writes raster files; accepted: GTiff, PNG, JPEG, HFA, ",
@@ -50,8 +54,12 @@ GDALDriver& find_driver(const std::string& path, const RasterFormat& format) {
     static const std::map<std::string, const char*> first_choice = {
         {"tif", "GTiff"}, {"tiff", "GTiff"}, {"png", "PNG"},    {"jpg", "JPEG"},
         {"jpeg", "JPEG"}, {"img", "HFA"},    {"asc", "AAIGrid"}};
-    if (const auto known = first_choice.find(extension); known != first_choice.end())
+    const auto known = first_choice.find(extension);
+    for (const bool all : {false, true}) {
+        if (all) register_all_drivers();
+        if (known == first_choice.end()) continue;
         if (GDALDriver* driver = drivers.GetDriverByName(known->second)) return *driver;
+    }
     if (!extension.empty())
         for (int i = 0; i < drivers.GetDriverCount(); ++i) {
             GDALDriver& driver = *drivers.GetDriver(i);
