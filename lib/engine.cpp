@@ -169,12 +169,7 @@ void Wedges::load(WedgeTask& task) {
         const SpokeRun& run = task.wedge.runs[task.run];
         if (!task.front) task.front = std::make_unique<Front>(setting_.sweep, run, *task.cells);
         if (task.front->finished()) break;  // sweep() closes it
-        // To the far border of the strip of cells that lie between the line behind and the next one.
-        const std::int64_t from = task.front->next_line(), at = setting_.grid.line_index(run.quadrant, from);
-        const std::int64_t strip = plan_.strip_lines, cell = outward(run.quadrant) > 0 ? at - 1 : at,
-                           in_strip = ((cell % strip) + strip) % strip;
-        const std::int64_t count = outward(run.quadrant) > 0 ? strip - in_strip : in_strip + 1;
-        task.lines = {from, std::min(setting_.grid.line_count(run.quadrant), from + count)};
+        task.lines = setting_.grid.strip_lines(run.quadrant, task.front->next_line(), plan_.strip_lines);
         const ChunkRequest request = task.front->request(task.lines, params_.cull ? source_.block_map() : nullptr);
         if (!request.window.empty()) {
             count_skipped(request, task.report);

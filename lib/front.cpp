@@ -171,37 +171,15 @@ void Front::start() {
 
 // ---- reading ----
 
-Window Front::window(Interval lines) const {
-    const SpokeGrid& grid = *scene_->grid;
-    const DataBase& db = *scene_->data_base;
-    if (lines.empty() || live_begin_ >= live_end_) return {};
-    if (lines.begin > 0) --lines.begin;
-    // Slopes that are still followed, with what a doubling adds between them.
-    const double step = 1 / static_cast<double>(grid.rings(quadrant_)[ring_].spokes);
-    const double lo = std::max(-1.0, slope(live_begin_) - step), hi = std::min(1.0, slope(live_end_ - 1) + step);
-    double least = infinite, most = -infinite;
-    for (std::int64_t i = lines.begin; i < lines.end; ++i) {
-        const double d = grid.distance(quadrant_, i);
-        least = std::min(least, grid.map().place(quadrant_, lo, d).minor);
-        most = std::max(most, grid.map().place(quadrant_, hi, d).minor);
-    }
-    const bool cyclic_minor = db.cyclic && !lines_are_columns(quadrant_);
-    const std::int64_t count = lines_are_columns(quadrant_) ? db.rows : db.columns;
-    const std::int64_t nadir = floor_of(grid.map().nadir_minor(quadrant_));
-    const Interval all =
-        cyclic_minor ? Interval{nadir - db.cycle_columns / 2, nadir + db.cycle_columns / 2} : Interval{0, count};
-    const Interval minor = intersection({floor_of(least) - 2, floor_of(most) + 4}, all);
-    if (minor.empty()) return {};
-    const std::int64_t a = grid.line_index(quadrant_, lines.begin), b = grid.line_index(quadrant_, lines.end - 1);
-    const Interval major{std::min(a, b), std::max(a, b) + 1};
-    return lines_are_columns(quadrant_) ? Window{major, minor} : Window{minor, major};
-}
-
 ChunkRequest Front::request(Interval lines, BlockMap* map) const {
     const DataBase& db = *scene_->data_base;
     const bool columns = lines_are_columns(quadrant_);
     ChunkRequest request;
-    request.window = window(lines);
+    if (live_begin_ >= live_end_) return request;
+    const std::int64_t first_spoke = run_->spokes[ring_].begin;
+    request.window = scene_->grid->window(
+        quadrant_, scene_->grid->rings(quadrant_)[ring_].spokes,
+        {first_spoke + static_cast<std::int64_t>(live_begin_), first_spoke + static_cast<std::int64_t>(live_end_)}, lines);
     request.lines_are_columns = columns;
     const Window& window = request.window;
     // Across the seam of a cyclic raster the blocks do not meet.

@@ -119,7 +119,6 @@ private:
         double sine0, sine1;
     };
 
-    Window window(Interval lines) const;
     /// Places of lanes begin.. on a line: minor[i], arc_m[i] of lane begin + i.
     void places(double distance, std::size_t begin, std::size_t end, double* minor, double* arc_m,
                 std::vector<SpokeMap::LinePiece>& pieces) const;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 #include "lib/error.hpp"
@@ -24,7 +25,7 @@ Sampling sampling(Quality quality) {
 }
 
 SpokeGrid::SpokeGrid(const DataBase& data_base, const SpokeMap& map, const Sampling& sampling, std::int64_t circle_bins)
-    : map_(map), circle_bins_(circle_bins), azimuth_step_(2 * std::numbers::pi / static_cast<double>(circle_bins)) {
+    : data_base_(data_base), map_(map), circle_bins_(circle_bins), azimuth_step_(2 * std::numbers::pi / static_cast<double>(circle_bins)) {
     // The same least K in all quadrants: no spoke wider than half an azimuth bin.
     std::int64_t least = 64;
     for (Quadrant q : all_quadrants)
@@ -76,6 +77,42 @@ SpokeGrid::SpokeGrid(const DataBase& data_base, const SpokeMap& map, const Sampl
             i = next;
         }
     }
+}
+
+Interval SpokeGrid::strip_lines(Quadrant q, std::int64_t line, std::int64_t strip) const {
+    const std::int64_t at = line_index(q, line), cell = outward(q) > 0 ? at - 1 : at,
+                       in_strip = ((cell % strip) + strip) % strip;
+    const std::int64_t count = outward(q) > 0 ? strip - in_strip : in_strip + 1;
+    return {line, std::min(line_count(q), line + count)};
+}
+
+Window SpokeGrid::window(Quadrant q, std::int64_t spokes, Interval run, Interval lines) const {
+    if (lines.empty() || run.empty()) return {};
+    if (lines.begin > 0) --lines.begin;
+    const double k = static_cast<double>(spokes);
+    const double lo = std::max(-1.0, static_cast<double>(run.begin - 1) / k),
+                 hi = std::min(1.0, static_cast<double>(run.end) / k);
+    double least = std::numeric_limits<double>::infinity(), most = -least;
+    const auto look = [&](std::int64_t line) {
+        const double d = distance(q, line);
+        least = std::min(least, map_.place(q, lo, d).minor);
+        most = std::max(most, map_.place(q, hi, d).minor);
+    };
+    // Between two of these a spoke leaves the straight way by far less than the margin.
+    constexpr std::int64_t step = 16;
+    for (std::int64_t i = lines.begin; i < lines.end; i += map_.straight() ? lines.size() : step) look(i);
+    look(lines.end - 1);
+    const DataBase& db = data_base_;
+    const auto floor_of = [](double v) { return static_cast<std::int64_t>(std::floor(v)); };
+    const std::int64_t nadir = floor_of(map_.nadir_minor(q));
+    const Interval all = db.cyclic && !lines_are_columns(q)
+                             ? Interval{nadir - db.cycle_columns / 2, nadir + db.cycle_columns / 2}
+                             : Interval{0, lines_are_columns(q) ? db.rows : db.columns};
+    const Interval minor = intersection({floor_of(least) - 2, floor_of(most) + 4}, all);
+    if (minor.empty()) return {};
+    const std::int64_t a = line_index(q, lines.begin), b = line_index(q, lines.end - 1);
+    const Interval major{std::min(a, b), std::max(a, b) + 1};
+    return lines_are_columns(q) ? Window{major, minor} : Window{minor, major};
 }
 
 double SpokeGrid::distance(Quadrant q, std::int64_t line) const {

@@ -70,6 +70,12 @@ public:
 
     Wedge wedge(std::int64_t index, Interval bins) const;
 
+    /// Lines from `line` on up to the far border of its strip of cells: borders stand at multiples of `strip` posts.
+    Interval strip_lines(Quadrant q, std::int64_t line, std::int64_t strip) const;
+    /// The posts that spokes first_k..last_k of K need from the line behind lines.begin (if there is one) to the last of
+    /// `lines`, with those that a doubling brings between them; empty if none meets the raster there.
+    Window window(Quadrant q, std::int64_t spokes, Interval run, Interval lines) const;
+
 private:
     struct QuadrantLines {
         std::int64_t first_line = 0, line_count = 0;
@@ -81,6 +87,7 @@ private:
     double edge_azimuth(Quadrant q, std::int64_t spokes, std::int64_t half_index) const;
     Interval touching_spokes(Quadrant q, std::int64_t spokes, double azimuth_lo, double azimuth_hi) const;
 
+    const DataBase& data_base_;
     const SpokeMap& map_;
     std::int64_t circle_bins_;
     double azimuth_step_;
