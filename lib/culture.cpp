@@ -15,27 +15,36 @@ Interval tiles_between(double a, double b, std::int64_t edge) {
 
 }  // namespace
 
-void Culture::open(const Window& posts) {
+Window Culture::tiles_under(const DataBase& db, const Window& posts) {
     // Pieces of ground between the line before the window and its first line lie outside of it.
     constexpr double margin = 2;
-    const auto first = [](Interval i) { return static_cast<double>(i.begin) - margin; };
-    const auto last = [](Interval i) { return static_cast<double>(i.end - 1) + margin; };
-    tiles_ = {
-        tiles_between(cell_column(first(posts.columns)), cell_column(last(posts.columns)), db_.culture_tile_columns),
-        tiles_between(cell_row(first(posts.rows)), cell_row(last(posts.rows)), db_.culture_tile_rows)};
+    const auto under = [&](Interval i, double offset, double scale, std::int64_t edge) {
+        return tiles_between(offset + scale * (static_cast<double>(i.begin) - margin),
+                             offset + scale * (static_cast<double>(i.end - 1) + margin), edge);
+    };
+    return {under(posts.columns, db.culture_column_offset, db.culture_column_scale, db.culture_tile_columns),
+            under(posts.rows, db.culture_row_offset, db.culture_row_scale, db.culture_tile_rows)};
+}
+
+void Culture::open(const Window& posts, bool all) {
+    tiles_ = tiles_under(db_, posts);
     cells_.clear();
     cells_.resize(static_cast<std::size_t>(tiles_.posts()));
     beyond_ = {};
     last_ = nullptr;
     bytes_ = 0;
+    if (!all) return;
+    for (std::int64_t row = tiles_.rows.begin; row < tiles_.rows.end; ++row)
+        for (std::int64_t column = tiles_.columns.begin; column < tiles_.columns.end; ++column)
+            find(column * db_.culture_tile_columns, row * db_.culture_tile_rows);
 }
 
 const CultureCells& Culture::find(std::int64_t cell_column, std::int64_t cell_row) {
-    const std::int64_t wide = db_.culture_tile_columns, high = db_.culture_tile_rows;
-    const std::int64_t column = tile_index(cell_column, wide), row = tile_index(cell_row, high);
+    const std::int64_t column = tile_index(cell_column, db_.culture_tile_columns),
+                       row = tile_index(cell_row, db_.culture_tile_rows);
     const bool inside = tiles_.columns.contains(column) && tiles_.rows.contains(row);
     CultureCells& tile = inside ? cells_[index(tiles_, column, row)] : beyond_;
-    const Window window{{column * wide, (column + 1) * wide}, {row * high, (row + 1) * high}};
+    const Window window = cells_of_tile(db_, column, row);
     if (tile.window != window) {
         if (!inside) bytes_ -= tile.bytes();
         tile = source_->load_classes(window);

@@ -16,8 +16,15 @@ class Culture {
 public:
     Culture(const DataBase& data_base, WedgeSource* source) : db_(data_base), source_(source) {}
 
-    /// Forgets what was read, and makes room for what lies under these posts and a little round them.
-    void open(const Window& posts);
+    /// Tiles of the culture raster under these posts and a little round them.
+    static Window tiles_under(const DataBase& data_base, const Window& posts);
+    static Window cells_of_tile(const DataBase& db, std::int64_t column, std::int64_t row) {
+        const std::int64_t wide = db.culture_tile_columns, high = db.culture_tile_rows;
+        return {{column * wide, (column + 1) * wide}, {row * high, (row + 1) * high}};
+    }
+
+    /// Forgets what was read, and makes room for what lies under these posts; `all`: reads it at once.
+    void open(const Window& posts, bool all);
 
     double cell_column(double column) const { return db_.culture_column_offset + db_.culture_column_scale * column; }
     double cell_row(double row) const { return db_.culture_row_offset + db_.culture_row_scale * row; }

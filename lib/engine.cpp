@@ -6,6 +6,7 @@
 #include <time.h>
 
 #include <algorithm>
+#include <atomic>
 #include <chrono>
 #include <limits>
 #include <memory>
@@ -105,6 +106,8 @@ struct WedgeTask {
     Interval lines;  // of the chunk that was loaded last
     Chunk chunk;
     bool has_chunk = false;
+    std::size_t beside_bytes = 0;  // while it was read
+    std::size_t held_bytes = 0;    // as last counted
     MemoryBudget::Token token;
     std::optional<std::int32_t> unknown_code;
     WedgeReport report;
@@ -125,6 +128,8 @@ private:
     void load(WedgeTask& task);
     bool sweep(WedgeTask& task);  // true: another chunk is wanted
     void merge(WedgeTask& task);
+    /// The wedge holds so much from now on.
+    void hold(WedgeTask& task, std::size_t bytes);
 
     const Setting& setting_;
     WedgeSource& source_;
@@ -134,7 +139,16 @@ private:
     MemoryBudget budget_;
     std::optional<std::int32_t> unknown_code_;
     std::size_t merged_ = 0;
+    std::atomic<std::size_t> held_{0}, most_held_{0};
 };
+
+void Wedges::hold(WedgeTask& task, std::size_t bytes) {
+    const std::size_t now = held_.fetch_add(bytes - task.held_bytes) + bytes - task.held_bytes;
+    task.held_bytes = bytes;
+    std::size_t most = most_held_.load();
+    while (now > most && !most_held_.compare_exchange_weak(most, now)) {
+    }
+}
 
 Task Wedges::enter(std::size_t index) {
     auto task = std::make_shared<WedgeTask>();
@@ -174,6 +188,7 @@ void Wedges::load(WedgeTask& task) {
         if (!request.window.empty()) {
             count_skipped(request, task.report);
             task.chunk = source_.load(request);
+            task.beside_bytes = source_.cost(request).beside_bytes;
             task.has_chunk = true;
             task.report.posts_read += task.chunk.posts_read;
             task.report.bytes_read += task.chunk.bytes_read;
@@ -190,7 +205,9 @@ bool Wedges::sweep(WedgeTask& task) {
     const double start = thread_cpu_s();
     Front& front = *task.front;
     if (!front.finished()) front.advance(task.lines, task.has_chunk ? &task.chunk : nullptr, params_.cull);
-    task.report.peak_bytes = std::max(task.report.peak_bytes, task.cells->bytes() + task.chunk.bytes() + front.bytes());
+    const std::size_t held = task.cells->bytes() + task.chunk.bytes() + task.beside_bytes + front.bytes();
+    task.report.peak_bytes = std::max(task.report.peak_bytes, held);
+    hold(task, held);
     if (front.finished()) {
         front.finish();
         const SweepCost& cost = front.cost();
@@ -232,8 +249,10 @@ void Wedges::merge(WedgeTask& task) {
     r.wall_s = seconds_since(task.entered);
     result_.report.wedges.push_back(r);
     task.cells.reset();
+    hold(task, 0);
     task.token = {};
     result_.report.peak_budget_bytes = std::max(result_.report.peak_budget_bytes, plan_.fixed_bytes + budget_.peak());
+    result_.report.peak_held_bytes = plan_.fixed_bytes + most_held_.load();
     ++merged_;
     if (params_.progress) params_.progress(static_cast<double>(merged_) / static_cast<double>(plan_.wedges.size()));
     result_.report.merge_s += seconds_since(start);
@@ -304,9 +323,19 @@ PolarImage<std::uint8_t> shown_states(const ResolvedScene& s, const PolarImage<s
 
 }  // namespace
 
+namespace {
+int threads_of(const EngineParams& params) {
+    return params.threads > 0 ? params.threads : tbb::this_task_arena::max_concurrency();
+}
+}  // namespace
+
+Plan plan(const ResolvedScene& scene, WedgeSource& source, const EngineParams& params) {
+    const Setting setting(scene, source);
+    return plan(scene, source, setting.grid, params, threads_of(params), true);
+}
+
 RunResult run(const ResolvedScene& scene, WedgeSource& source, const EngineParams& params) {
-    const int machine = tbb::this_task_arena::max_concurrency();
-    const int threads = params.threads > 0 ? params.threads : machine;
+    const int threads = threads_of(params);
     const tbb::global_control control(tbb::global_control::max_allowed_parallelism, static_cast<std::size_t>(threads));
 
     RunResult result;
@@ -317,6 +346,8 @@ RunResult run(const ResolvedScene& scene, WedgeSource& source, const EngineParam
     const Setting setting(scene, source);
     const Plan wedges = plan(scene, source, setting.grid, params, threads);
     result.report.survey_s = seconds_since(start);
+    const WedgeForecast planned = wedges.total();
+    result.report.planned = {wedges.wedges.size(), planned.chunks, planned.posts, planned.bytes, planned.peak_bytes};
 
     result.echo_w = PolarImage<float>(scene.swept);
     result.echo_state = PolarImage<std::uint8_t>(scene.swept);

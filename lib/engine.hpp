@@ -61,6 +61,10 @@ struct RunResult {
 BeamSetting beam_setting(const ResolvedScene& scene);
 DisplaySetting display_setting(const ResolvedScene& scene);
 
+struct Plan;
+/// What run() would do, without sweeping; with what coarse bounds of the terrain say of what is hidden.
+Plan plan(const ResolvedScene& scene, WedgeSource& source, const EngineParams& params);
+
 /// The same bits for any number of wedges and threads and any budget. InputError if the budget is too small, saying
 /// the smallest that would do; before any sweep.
 RunResult run(const ResolvedScene& scene, WedgeSource& source, const EngineParams& params);

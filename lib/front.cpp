@@ -80,10 +80,14 @@ Front::Front(const SweepScene& scene, const SpokeRun& run, WedgeCells& cells)
     start();
 }
 
+std::size_t Front::bytes_of(std::size_t lanes) {
+    return lanes * (21 * sizeof(double) + sizeof(std::int64_t) + sizeof(std::int32_t)) +
+           tile_lanes * (3 * 9 + 7 + 2) * sizeof(double);
+}
+
 std::size_t Front::bytes() const {
-    return lanes_.mode.capacity() * (21 * sizeof(double) + sizeof(std::int64_t) + sizeof(std::int32_t)) +
-           lanes_.straddlers.capacity() * sizeof(std::int32_t) + tile_lanes * (3 * 9 + 7 + 2) * sizeof(double) +
-           (patch_posts_.capacity() + patch_culture_.capacity()) * sizeof(float) + culture_.bytes();
+    return bytes_of(lanes_.mode.capacity()) + lanes_.straddlers.capacity() * sizeof(std::int32_t) +
+           chunk_bounds_.capacity() * sizeof(float) + culture_.bytes();
 }
 
 double Front::slope(std::size_t lane) const {
@@ -179,7 +183,8 @@ ChunkRequest Front::request(Interval lines, BlockMap* map) const {
     const std::int64_t first_spoke = run_->spokes[ring_].begin;
     request.window = scene_->grid->window(
         quadrant_, scene_->grid->rings(quadrant_)[ring_].spokes,
-        {first_spoke + static_cast<std::int64_t>(live_begin_), first_spoke + static_cast<std::int64_t>(live_end_)}, lines);
+        {first_spoke + static_cast<std::int64_t>(live_begin_), first_spoke + static_cast<std::int64_t>(live_end_)},
+        lines);
     request.lines_are_columns = columns;
     const Window& window = request.window;
     // Across the seam of a cyclic raster the blocks do not meet.
@@ -311,7 +316,7 @@ void Front::advance(Interval lines, const Chunk* chunk, bool leap) {
     between_.in_chunk = chunk != nullptr;
     chunk_bounds_.clear();
     if (chunk) {
-        if (scene_->data_base->has_culture) culture_.open(chunk->window);
+        if (scene_->data_base->has_culture) culture_.open(chunk->window, !leap);
         const auto blocks = blocks_of(chunk->window);
         chunk_blocks_ = lines_are_columns(quadrant_) ? blocks : Window{blocks.rows, blocks.columns};
         chunk_bounds_.assign(static_cast<std::size_t>(chunk_blocks_.posts()), void_post);
@@ -377,7 +382,8 @@ void Front::advance_tile(Interval lines, const Chunk* chunk, std::size_t begin, 
         from += skip;
         while (to > from && is(to - 1, mode_done)) --to;
         if (skip) copy(to - from, now_, skip, now_, 0);
-        if (leaps_ && chunk && from < to) line = std::max(line, leap(line, lines.end - 1, *chunk, from, to, between) + 1);
+        if (leaps_ && chunk && from < to)
+            line = std::max(line, leap(line, lines.end - 1, *chunk, from, to, between) + 1);
         if (line >= lines.end) break;
         const std::int64_t index = grid.line_index(quadrant_, line);
         between.ahead = chunk ? line_of(*chunk, chunk->surface_m, index) : no_posts();
@@ -399,9 +405,9 @@ void Front::advance_tile(Interval lines, const Chunk* chunk, std::size_t begin, 
 }
 
 float Front::highest_in_chunk(const Chunk& chunk, std::int64_t major_block, std::int64_t minor_block) {
-    float& bound = chunk_bounds_[static_cast<std::size_t>(
-        (major_block - chunk_blocks_.columns.begin) * chunk_blocks_.rows.size() + minor_block -
-        chunk_blocks_.rows.begin)];
+    float& bound =
+        chunk_bounds_[static_cast<std::size_t>((major_block - chunk_blocks_.columns.begin) * chunk_blocks_.rows.size() +
+                                               minor_block - chunk_blocks_.rows.begin)];
     if (bound == bound) return bound;
     const bool columns = lines_are_columns(quadrant_);
     const auto posts = [](std::int64_t block, Interval cut) {
@@ -447,9 +453,8 @@ std::int64_t Front::leap(std::int64_t line, std::int64_t last, const Chunk& chun
         passes = passes && intersection(all, chunk_blocks_.rows) == all && along.contains(floor_of(lo)) &&
                  along.contains(floor_of(hi) + 1);
         for (std::int64_t j = all.begin; j < all.end && passes; ++j)
-            passes = highest_sine(scene_->sensor_m, static_cast<double>(highest_in_chunk(chunk, block, j)),
-                                  now_.arc[i], ahead_.arc[i],
-                                  lanes_.inverse_radius[lane]) < lanes_.horizon[lane];
+            passes = highest_sine(scene_->sensor_m, static_cast<double>(highest_in_chunk(chunk, block, j)), now_.arc[i],
+                                  ahead_.arc[i], lanes_.inverse_radius[lane]) < lanes_.horizon[lane];
     }
     if (passes) {
         sample_line(line_of(chunk, chunk.surface_m, to), begin, end, 0, ahead_);

@@ -76,6 +76,7 @@ public:
     const SweepCost& cost() const { return cost_; }
     std::uint64_t culture_bytes_read() const { return culture_.bytes_read(); }
     std::size_t bytes() const;
+    static std::size_t bytes_of(std::size_t lanes);  ///< without culture
     /// Least culture code that no legend entry names, on seen ground.
     std::optional<std::int32_t> unknown_code() const { return unknown_code_; }
 

@@ -2,45 +2,196 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
+#include <limits>
+#include <numeric>
 
+#include "lib/cull.hpp"
 #include "lib/error.hpp"
+#include "lib/front.hpp"
 
 namespace wedgescope {
 namespace {
 
-/// The most a wedge of so many azimuth bins holds: cells, the largest chunk, the front's spokes.
-std::size_t wedge_bytes(const ResolvedScene& scene, const DataBase& db, const SpokeGrid& grid, std::int64_t bins,
-                        std::int64_t strip_lines) {
-    const double cells = static_cast<double>(bins + 1) * static_cast<double>(scene.swept.range_bins.size()) * 9;
-    double chunk = 0, spokes = 0;
-    for (Quadrant q : all_quadrants) {
-        const std::int64_t lines = grid.line_count(q);
-        const double across = static_cast<double>(lines_are_columns(q) ? db.rows : db.columns);
-        const double reach = lines ? grid.distance(q, lines - 1) : 0;
-        // What the wedge spans in slope, 2 being the whole quadrant.
-        const double slopes =
-            std::min(2.0, static_cast<double>(bins) * grid.azimuth_step_rad() * grid.map().slope_per_azimuth(q));
-        const double width =
-            std::min(across, reach * grid.map().spacing_slack() * slopes + 16 + 2 * static_cast<double>(strip_lines));
-        double layers = sizeof(float);
-        if (db.has_culture_height) layers += sizeof(float);
-        // While a chunk is read its posts stand in the order of the file and in that of the lines.
-        double bytes =
-            2 * layers * width * static_cast<double>(std::min(strip_lines, std::max<std::int64_t>(lines, 1)));
-        if (db.has_culture)
-            bytes += 5 * (width + 4) * (static_cast<double>(strip_lines) + 4) *
-                     std::abs(db.culture_column_scale * db.culture_row_scale);
-        chunk = std::max(chunk, bytes);
-        const double k = static_cast<double>(grid.rings(q).back().spokes);
-        spokes = std::max(spokes, std::min(2 * k + 1, k * slopes + 64));
+/// A few spokes of a run over coarse blocks of the terrain: how much of it can be seen at all.
+class CoarseLook {
+public:
+    CoarseLook(const ResolvedScene& scene, const DataBase& db, const SpokeGrid& grid, BlockMap& map, Quadrant quadrant)
+        : scene_(scene), db_(db), grid_(grid), map_(map), quadrant_(quadrant) {}
+
+    /// Share of the window's posts that spokes lo..hi (slopes) may see on these lines; call strip after strip.
+    double visible(const Window& window, Interval lines, double lo, double hi) {
+        if (window.columns.begin < 0 || window.columns.end > db_.columns) return 1;
+        const int level = std::min(coarse_level, map_.levels() - 1);
+        const BlockWindow bounds = map_.read(level, blocks_of(window, level));
+        const std::int64_t edge = block_posts << level;
+        int seen = 0, looks = 0;
+        for (std::size_t i = 0; i < spokes; ++i) {
+            const double slope = lo + (hi - lo) * (static_cast<double>(i) + 0.5) / spokes;
+            for (std::int64_t line = lines.begin; line < lines.end; line += edge) {
+                const std::int64_t last = std::min(line + edge, lines.end) - 1;
+                const SpokeMap::Place near = grid_.map().place(quadrant_, slope, grid_.distance(quadrant_, line)),
+                                      far = grid_.map().place(quadrant_, slope, grid_.distance(quadrant_, last));
+                const auto minor = static_cast<std::int64_t>(std::floor(0.5 * (near.minor + far.minor))),
+                           major = grid_.line_index(quadrant_, (line + last) / 2);
+                const bool columns = lines_are_columns(quadrant_);
+                const Window block = blocks_of({{columns ? major : minor, (columns ? major : minor) + 1},
+                                                {columns ? minor : major, (columns ? minor : major) + 1}},
+                                               level);
+                if (!bounds.blocks.columns.contains(block.columns.begin) ||
+                    !bounds.blocks.rows.contains(block.rows.begin))
+                    continue;
+                const BlockBounds& b = bounds.at(block.columns.begin, block.rows.begin);
+                if (b.voids == Voids::all) continue;
+                const double inverse = grid_.map().inverse_radius(quadrant_, slope), sensor = scene_.sensor_m;
+                ++looks;
+                seen += highest_sine(sensor, static_cast<double>(b.highest_m + b.culture_m), near.arc_m, far.arc_m,
+                                     inverse) >= horizon_[i];
+                // Somewhere across a block of this size stands ground nearly as high as its highest.
+                const double crest = 0.3 * static_cast<double>(b.lowest_m) + 0.7 * static_cast<double>(b.highest_m);
+                horizon_[i] = std::max(horizon_[i], sight_line(sensor, far.arc_m, crest, inverse).sine);
+            }
+        }
+        return looks ? static_cast<double>(seen) / looks : 0;
     }
-    return static_cast<std::size_t>(cells + chunk + spokes * 1.5 * 180 + 512 * 1024);
-}
+
+private:
+    static constexpr std::size_t spokes = 8;
+    static constexpr int coarse_level = 1;
+    const ResolvedScene& scene_;
+    const DataBase& db_;
+    const SpokeGrid& grid_;
+    BlockMap& map_;
+    Quadrant quadrant_;
+    std::array<double, spokes> horizon_ = [] {
+        std::array<double, spokes> none;
+        none.fill(-2);
+        return none;
+    }();
+};
+
+class Walk {
+public:
+    Walk(const ResolvedScene& scene, WedgeSource& source, const SpokeGrid& grid, std::int64_t strip, bool look)
+        : scene_(scene), source_(source), db_(source.data_base()), grid_(grid), strip_(strip), look_(look) {}
+
+    WedgeForecast operator()(const Wedge& wedge) const {
+        WedgeForecast f;
+        const std::size_t cells = static_cast<std::size_t>(wedge.bins.size() * scene_.swept.range_bins.size()) * 9;
+        std::size_t most = 0;
+        for (const SpokeRun& run : wedge.runs) most = std::max(most, walk(run, f));
+        f.peak_bytes = cells + most + allocations;
+        return f;
+    }
+
+private:
+    /// Returns the most that front and chunk hold at a time.
+    std::size_t walk(const SpokeRun& run, WedgeForecast& f) const {
+        const Quadrant q = run.quadrant;
+        const auto& rings = grid_.rings(q);
+        const double most_arc = grid_.map().params().max_arc_m;
+        std::optional<CoarseLook> coarse;
+        if (BlockMap* map = look_ ? source_.block_map() : nullptr) coarse.emplace(scene_, db_, grid_, *map, q);
+        std::size_t most = 0, ring = 0;
+        Interval live = run.spokes[0];
+        for (std::int64_t line = 0; line < grid_.line_count(q) && !live.empty();) {
+            const std::int64_t spokes = rings[ring].spokes;
+            const auto beyond = [&](std::int64_t k) {
+                return line > 0 && grid_.map()
+                                           .place(q, static_cast<double>(k) / static_cast<double>(spokes),
+                                                  grid_.distance(q, line - 1))
+                                           .arc_m > most_arc;
+            };
+            while (!live.empty() && beyond(live.begin)) ++live.begin;
+            while (!live.empty() && beyond(live.end - 1)) --live.end;
+            if (live.empty()) break;
+            const Interval lines = grid_.strip_lines(q, line, strip_);
+            // The ring that the strip ends in has the most spokes.
+            std::size_t last_ring = ring;
+            while (last_ring + 1 < rings.size() && rings[last_ring].lines.end <= lines.end) ++last_ring;
+            const std::size_t lanes = static_cast<std::size_t>(run.spokes[last_ring].size() + run.spokes[ring].size());
+            const ChunkRequest request{grid_.window(q, spokes, live, lines), lines_are_columns(q), {}, {}, {}};
+            std::size_t held = Front::bytes_of(lanes);
+            f.steps += static_cast<std::uint64_t>(live.size() * lines.size()) << (last_ring - ring);
+            if (!request.window.empty()) {
+                const LoadCost cost = source_.cost(request);
+                ++f.chunks;
+                f.posts += cost.posts;
+                f.bytes += cost.bytes;
+                held += cost.chunk_bytes + cost.beside_bytes;
+                std::uint64_t class_bytes = 0;
+                if (db_.has_culture) {
+                    const Window tiles = Culture::tiles_under(db_, request.window);
+                    for (std::int64_t r = tiles.rows.begin; r < tiles.rows.end; ++r)
+                        for (std::int64_t c = tiles.columns.begin; c < tiles.columns.end; ++c)
+                            class_bytes += source_.class_bytes(Culture::cells_of_tile(db_, c, r));
+                    held += static_cast<std::size_t>(tiles.posts() * db_.culture_tile_columns * db_.culture_tile_rows) *
+                            sizeof(ClassId);
+                }
+                f.bytes += class_bytes;
+                double share = 1;
+                if (coarse)
+                    share = coarse->visible(request.window, lines,
+                                            static_cast<double>(live.begin) / static_cast<double>(spokes),
+                                            static_cast<double>(live.end - 1) / static_cast<double>(spokes));
+                f.likely_posts += share * static_cast<double>(cost.posts);
+                f.likely_bytes += share * static_cast<double>(cost.bytes + class_bytes);
+            }
+            most = std::max(most, held);
+            line = lines.end;
+            while (ring + 1 < rings.size() && rings[ring].lines.end <= line) {
+                ++ring;
+                // Children of those that are left.
+                live = intersection({2 * live.begin - 1, 2 * live.end}, run.spokes[ring]);
+            }
+        }
+        return most;
+    }
+
+    static constexpr std::size_t allocations = 256 * 1024;  // what the heap takes for many small pieces
+    const ResolvedScene& scene_;
+    WedgeSource& source_;
+    const DataBase& db_;
+    const SpokeGrid& grid_;
+    std::int64_t strip_;
+    bool look_;
+};
 
 }  // namespace
 
-Plan plan(const ResolvedScene& scene, const WedgeSource& source, const SpokeGrid& grid, const EngineParams& params,
-          int threads) {
+std::size_t Plan::peak_bytes() const {
+    std::vector<std::size_t> bytes;
+    for (const WedgeForecast& f : forecast) bytes.push_back(f.peak_bytes);
+    const auto largest = std::min(bytes.size(), static_cast<std::size_t>(in_flight));
+    std::partial_sort(bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(largest), bytes.end(),
+                      std::greater<>());
+    return std::accumulate(bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(largest), fixed_bytes);
+}
+
+WedgeForecast Plan::total() const {
+    WedgeForecast sum;
+    for (const WedgeForecast& f : forecast) {
+        sum.chunks += f.chunks;
+        sum.posts += f.posts;
+        sum.bytes += f.bytes;
+        sum.steps += f.steps;
+        sum.likely_posts += f.likely_posts;
+        sum.likely_bytes += f.likely_bytes;
+    }
+    sum.peak_bytes = peak_bytes();
+    return sum;
+}
+
+double Plan::likely_seconds(bool all) const {
+    constexpr double step_s = 45e-9, post_s = 6e-9, chunk_s = 60e-6;
+    const WedgeForecast sum = total();
+    const double share = all || sum.posts == 0 ? 1 : sum.likely_posts / static_cast<double>(sum.posts);
+    return share * (step_s * static_cast<double>(sum.steps) + post_s * static_cast<double>(sum.posts)) +
+           chunk_s * static_cast<double>(sum.chunks);
+}
+
+Plan plan(const ResolvedScene& scene, WedgeSource& source, const SpokeGrid& grid, const EngineParams& params,
+          int threads, bool look) {
     const DataBase& db = source.data_base();
     Plan p;
     const std::int64_t block = std::min(db.block_columns, db.block_rows);
@@ -54,29 +205,41 @@ Plan plan(const ResolvedScene& scene, const WedgeSource& source, const SpokeGrid
     const std::int64_t bins = scene.swept.azimuth_bins.size();
     std::int64_t count = std::clamp<std::int64_t>(std::max<std::int64_t>(params.wedges, 1), 1, bins);
     if (params.wedges == 0) count = std::min<std::int64_t>(bins, threads > 1 ? 8 * threads : 4);
-    const auto bytes = [&](std::int64_t n) { return wedge_bytes(scene, db, grid, (bins + n - 1) / n, p.strip_lines); };
-    const auto fits = [&](std::int64_t n, int in_flight) {
-        return p.fixed_bytes + bytes(n) * static_cast<std::size_t>(in_flight) <= params.memory_bytes;
+    const auto split = [&](std::int64_t n, bool guess) {
+        p.wedges.clear();
+        p.forecast.clear();
+        const Walk walk(scene, source, grid, p.strip_lines, guess && params.cull);
+        for (std::int64_t i = 0; i < n; ++i) {
+            p.wedges.push_back(
+                {scene.swept.azimuth_bins.begin + bins * i / n, scene.swept.azimuth_bins.begin + bins * (i + 1) / n});
+            p.forecast.push_back(walk(grid.wedge(i, p.wedges.back())));
+        }
+        p.wedge_bytes = 0;
+        for (const WedgeForecast& f : p.forecast) p.wedge_bytes = std::max(p.wedge_bytes, f.peak_bytes);
+    };
+    const auto fits = [&](int in_flight) {
+        return p.fixed_bytes + p.wedge_bytes * static_cast<std::size_t>(in_flight) <= params.memory_bytes;
     };
     p.in_flight = threads;
-    while (!fits(count, p.in_flight) && count < bins) count = std::min(bins, count * 2);
-    while (p.in_flight > 1 && !fits(count, p.in_flight)) --p.in_flight;
-    if (!fits(count, 1)) {
+    split(count, false);
+    while (!fits(p.in_flight) && count < bins) {
+        count = std::min(bins, count * 2);
+        split(count, false);
+    }
+    while (p.in_flight > 1 && !fits(p.in_flight)) --p.in_flight;
+    if (!fits(1)) {
         constexpr std::size_t mebibyte = std::size_t{1} << 20;
         // The source's cache grows with the budget.
         const double cache = static_cast<double>(source.cache_bytes()),
                      share = cache / static_cast<double>(params.memory_bytes),
-                     rest = static_cast<double>(p.fixed_bytes + bytes(bins)) - cache;
+                     rest = static_cast<double>(p.fixed_bytes + p.wedge_bytes) - cache;
         const auto least =
             static_cast<std::size_t>(std::ceil(std::max(rest / (1 - std::min(share, 0.9)), rest + cache) / mebibyte));
         throw InputError(text("memory is ", params.memory_bytes / mebibyte, " MiB; this scene needs at least ", least,
                               " MiB (", scene.swept.azimuth_bins.size(), " x ", scene.swept.range_bins.size(),
                               " cells)"));
     }
-    p.wedge_bytes = bytes(count);
-    for (std::int64_t i = 0; i < count; ++i)
-        p.wedges.push_back({scene.swept.azimuth_bins.begin + bins * i / count,
-                            scene.swept.azimuth_bins.begin + bins * (i + 1) / count});
+    if (look) split(count, true);
     return p;
 }
 

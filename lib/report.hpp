@@ -28,7 +28,13 @@ struct RunReport {
     std::vector<WedgeReport> wedges;
     std::array<std::uint64_t, state_count> states{};                              ///< cells of the states image by code
     double survey_s = 0, merge_s = 0, beam_s = 0, receiver_s = 0, display_s = 0;  ///< wall seconds
-    std::size_t peak_budget_bytes = 0;
+    std::size_t peak_budget_bytes = 0;  ///< granted at a time
+    std::size_t peak_held_bytes = 0;    ///< counted at a time
+    /// What the plan said, if nothing is left out.
+    struct Planned {
+        std::uint64_t wedges = 0, chunks = 0, posts = 0, bytes = 0;
+        std::size_t peak_bytes = 0;
+    } planned;
     int threads = 0;
     Skipped skipped{};  ///< tiles that no wedge has read, by Skip
 };

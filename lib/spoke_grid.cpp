@@ -25,7 +25,8 @@ Sampling sampling(Quality quality) {
 }
 
 SpokeGrid::SpokeGrid(const DataBase& data_base, const SpokeMap& map, const Sampling& sampling, std::int64_t circle_bins)
-    : data_base_(data_base), map_(map), circle_bins_(circle_bins), azimuth_step_(2 * std::numbers::pi / static_cast<double>(circle_bins)) {
+    : data_base_(data_base), map_(map), circle_bins_(circle_bins),
+      azimuth_step_(2 * std::numbers::pi / static_cast<double>(circle_bins)) {
     // The same least K in all quadrants: no spoke wider than half an azimuth bin.
     std::int64_t least = 64;
     for (Quadrant q : all_quadrants)

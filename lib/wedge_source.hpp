@@ -120,6 +120,13 @@ struct CultureCells {
     std::size_t bytes() const { return classes.size() * sizeof(ClassId) + codes.size() * sizeof(std::int32_t); }
 };
 
+/// What a load comes to.
+struct LoadCost {
+    std::uint64_t posts = 0, bytes = 0;  ///< as Chunk counts them
+    std::size_t chunk_bytes = 0;         ///< of the chunk, at the most
+    std::size_t beside_bytes = 0;        ///< held beside it while it is read, at the most
+};
+
 struct Extremes {
     float lowest_m = 0;
     float highest_m = 0;  ///< surface: terrain + culture height
@@ -134,6 +141,18 @@ public:
     /// Reads one rectangle. May be called from several threads at once. IoError, DataError.
     virtual Chunk load(const ChunkRequest& request) = 0;
     Chunk load(const Window& window, bool lines_are_columns) { return load({window, lines_are_columns, {}, {}, {}}); }
+    /// What load() of the same would come to, without reading.
+    virtual LoadCost cost(const ChunkRequest& request) const {
+        const auto posts = static_cast<std::uint64_t>(request.window.posts());
+        const std::size_t layers = data_base().has_culture_height ? 2 : 1;
+        return {posts, posts * layers * sizeof(float), posts * layers * sizeof(float), 0};
+    }
+    /// Decoded bytes that load_classes() of these would read.
+    virtual std::uint64_t class_bytes(const Window& cells) const {
+        const DataBase& d = data_base();
+        return static_cast<std::uint64_t>(intersection(cells.columns, {0, d.culture_columns}).size() *
+                                          intersection(cells.rows, {0, d.culture_rows}).size());
+    }
     /// Classes of culture cells; only with culture. May be called from several threads at once. IoError, DataError.
     virtual CultureCells load_classes(const Window& cells) = 0;
     /// Null where nothing is known without reading.

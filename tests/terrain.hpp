@@ -131,7 +131,7 @@ public:
                 if (!culture_height_.empty()) chunk.culture_height_m.push_back(culture);
             }
         chunk.posts_read = static_cast<std::uint64_t>(window.posts());
-        chunk.bytes_read = chunk.posts_read * sizeof(float);
+        chunk.bytes_read = chunk.posts_read * (culture_height_.empty() ? 1 : 2) * sizeof(float);
         return chunk;
     }
     CultureCells load_classes(const Window& cells) override {
@@ -141,6 +141,7 @@ public:
             for (std::int64_t c = cells.columns.begin; c < cells.columns.end; ++c) {
                 const bool inside = c >= 0 && r >= 0 && c < db_.columns && r < db_.rows;
                 out.classes.push_back(inside ? classes_[index(c, r)] : db_.default_class);
+                out.bytes_read += inside;
             }
         return out;
     }

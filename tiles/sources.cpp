@@ -286,6 +286,26 @@ public:
         return chunk;
     }
 
+    LoadCost cost(const ChunkRequest& request) const override {
+        const auto posts = static_cast<std::uint64_t>(request.window.posts());
+        LoadCost cost{posts, posts * static_cast<std::uint64_t>(terrain_.facts().type_bytes), posts * sizeof(float), 0};
+        const std::int64_t width = request.window.columns.size(), rows = request.window.rows.size();
+        const auto slab = static_cast<std::size_t>(width * std::min(rows, std::max<std::int64_t>(1, slab_posts / width)));
+        cost.beside_bytes = request.lines_are_columns ? slab * sizeof(float) : 0;
+        if (height_) {
+            const double cells = std::fabs(height_->columns.scale * height_->rows.scale);
+            cost.bytes += static_cast<std::uint64_t>(static_cast<double>(posts) * cells) *
+                          static_cast<std::uint64_t>(height_->file.facts().type_bytes);
+            cost.chunk_bytes *= 2;
+            cost.beside_bytes += 2 * slab * sizeof(float);
+        }
+        return cost;
+    }
+
+    std::uint64_t class_bytes(const Window& cells) const override {
+        return WedgeSource::class_bytes(cells) * static_cast<std::uint64_t>(culture_->file.facts().type_bytes);
+    }
+
     CultureCells load_classes(const Window& window) override {
         if (!culture_) throw std::out_of_range("load_classes: there is no culture");
         CultureCells cells;

@@ -1,6 +1,7 @@
 #include <algorithm>
 
 #include "lib/material.hpp"
+#include "lib/plan.hpp"
 #include "tiles/gdal_session.hpp"
 #include "tiles/raster.hpp"
 #include "tools/commands.hpp"
@@ -15,8 +16,6 @@ namespace wedgescope {
 namespace {
 
 using json = nlohmann::ordered_json;
-
-constexpr std::size_t info_cache_bytes = std::size_t{64} << 20;
 
 // ------------------------------------------------------------------------------------------------------- rasters
 
@@ -146,7 +145,7 @@ SceneFacts scene_facts(const std::string& path) {
     facts.path = path;
     facts.settings = parse_scene_file(path);
     check_complete(facts.settings);
-    const auto source = open_direct_source(data_base_params(facts.settings, info_cache_bytes));
+    const auto source = open_direct_source(data_base_params(facts.settings, cache_bytes(facts.settings)));
     facts.columns = source->data_base().columns;
     facts.rows = source->data_base().rows;
     facts.resolved = resolve(facts.settings.scene, *source);
@@ -212,13 +211,68 @@ std::string to_text(const SceneFacts& facts) {
     return out;
 }
 
+// ---------------------------------------------------------------------------------------------------------- plans
+
+json plan_json(const Settings& settings, const ResolvedScene& scene, const Plan& plan) {
+    const WedgeForecast all = plan.total();
+    json out{{"format", "wedgescope-plan-1"}, {"version", version()}};
+    out["scene"] = parameters_json(with_resolved(settings, scene), true);
+    out["scene"]["resolved"] = resolved_json(scene);
+    out["wedges"] = plan.wedges.size();
+    out["wedges_in_flight"] = plan.in_flight;
+    out["chunks"] = all.chunks;
+    out["posts"] = all.posts;
+    out["bytes_read"] = all.bytes;
+    out["likely_posts"] = std::llround(all.likely_posts);
+    out["likely_bytes_read"] = std::llround(all.likely_bytes);
+    out["bytes_spilled"] = 0;
+    out["temporary_disk_bytes"] = 0;
+    out["peak_bytes"] = all.peak_bytes;
+    out["granted_bytes"] = plan.fixed_bytes + plan.wedge_bytes * static_cast<std::size_t>(plan.in_flight);
+    out["likely_cpu_s"] = plan.likely_seconds(settings.no_cull);
+    return out;
+}
+
+std::string plan_text(const Settings& settings, const Plan& plan, bool map) {
+    const WedgeForecast all = plan.total();
+    const auto bytes = [](auto n) { return readable_bytes(static_cast<double>(n)); };
+    std::string out;
+    out += row("wedges", fmt::format("{}, {} at a time", plan.wedges.size(), plan.in_flight));
+    out += row("chunks", fmt::format("{}, of at most {} lines", grouped(all.chunks), plan.strip_lines));
+    out += row("to read", fmt::format("{} posts, {}, if nothing is left out", grouped(all.posts), bytes(all.bytes)));
+    if (settings.no_cull) {
+        out += row("", "no-cull: nothing will be");
+    } else {
+        out += row("", map ? fmt::format("likely {} posts, {}: the rest lies hidden by the coarse block map",
+                                         grouped(static_cast<std::uint64_t>(all.likely_posts)), bytes(all.likely_bytes))
+                           : std::string("nothing can be left out: no block map is known"));
+    }
+    out += row("spill", "none: windows are read directly");
+    out +=
+        row("memory", fmt::format("{} at the peak of {} granted", bytes(all.peak_bytes), bytes(settings.memory_bytes)));
+    out += row("time", fmt::format("about {:.1f} s of CPU for the wedges (within a factor of three)",
+                                   plan.likely_seconds(settings.no_cull)));
+    return out;
+}
+
+void print_plan(const Settings& settings) {
+    check_complete(settings);
+    const auto source = open_direct_source(data_base_params(settings, cache_bytes(settings)));
+    const ResolvedScene scene = resolve(settings.scene, *source);
+    const Plan found = plan(scene, *source, engine_params(settings));
+    print(settings.json ? plan_json(settings, scene, found).dump(2, ' ', false, json::error_handler_t::replace) + "\n"
+                        : plan_text(settings, found, source->block_map() != nullptr));
+}
+
 }  // namespace
 
 void info(const std::vector<std::string>& arguments, Stop& stop) {
     const Settings settings = parse_arguments(command_info, arguments);
     if (settings.help) return print(help_text(command_by_name("info")));
-    if (settings.files.empty()) throw InputError("info needs the path of a raster or of a scene file (*.ini)");
-    const GdalSession session(info_cache_bytes, settings.config);
+    if (settings.files.empty() && !settings.plan)
+        throw InputError("info needs the path of a raster or of a scene file (*.ini)");
+    const GdalSession session(cache_bytes(settings), settings.config);
+    if (settings.plan) return print_plan(settings);
     const std::optional<Legend> codes = legend(settings);
     json all{{"format", "wedgescope-info-1"}, {"version", version()}, {"files", json::array()}};
     std::string page;

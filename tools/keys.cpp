@@ -687,7 +687,8 @@ std::vector<Key> make_keys() {
     t.add("memory",
           quantity(
               bytes, above("0B"), [](auto& s) -> auto& { return s.memory_bytes; }),
-          "1GiB", "most to be held, beside 64 MiB for the program; changes no bit of the result");
+          "1GiB", "most to be held, beside 64 MiB for the program; changes no bit of the result")
+        .commands |= command_info;
 
     t.add("no-cull", flag([](auto& s) -> auto& { return s.no_cull; }), "off",
           "read and sweep also what is known to stay hidden; changes no bit of the result");
@@ -732,6 +733,12 @@ std::vector<Key> make_keys() {
         Key& j = t.add("json", flag([](auto& s) -> auto& { return s.json; }), "off", "JSON on stdout");
         j.commands = command_info;
         j.in_scene_file = false;
+    }
+    {
+        Key& p = t.add("plan", flag([](auto& s) -> auto& { return s.plan; }), "off",
+                       "wedges, chunks, bytes, memory and time of a simulation, without running it");
+        p.commands = command_info;
+        p.in_scene_file = false;
     }
     {
         Key& h = t.add("help", flag([](auto& s) -> auto& { return s.help; }), "off", "this page");

@@ -47,10 +47,10 @@ std::string suggestion(std::string_view word, const std::vector<std::string>& kn
 
 // ------------------------------------------------------------------------------------------------ command line
 
-po::options_description descriptions(Command command) {
+po::options_description descriptions(unsigned commands) {
     po::options_description all;
     for (const Key& key : key_table()) {
-        if (!(key.commands & command)) continue;
+        if (!(key.commands & commands)) continue;
         const std::string name = key.letter ? key.name + "," + key.letter : key.name;
         auto* value = po::value<std::string>();
         if (key.value.empty()) value->zero_tokens();
@@ -67,9 +67,17 @@ const CommandInfo& info_of(Command command) {
     throw Error("no such command");
 }
 
+/// Commands whose keys a command takes: `info --plan` takes simulate's too.
+unsigned keys_taken(Command command, const std::vector<std::string>& arguments) {
+    const bool plan =
+        command == command_info && std::find(arguments.begin(), arguments.end(), "--plan") != arguments.end();
+    return plan ? command_info | command_simulate : static_cast<unsigned>(command);
+}
+
 /// Options and positional arguments of a command line.
 std::vector<Given> read_command_line(Command command, const std::vector<std::string>& arguments,
                                      std::vector<std::string>& files) {
+    const unsigned taken = keys_taken(command, arguments);
     const CommandInfo& info = info_of(command);
     // An unknown option is refused here, in words of our own, so that a value that looks like one (-3dB) stays a value.
     const auto refuse_unknown = [&](std::string_view option) {
@@ -77,13 +85,13 @@ std::vector<Given> read_command_line(Command command, const std::vector<std::str
         while (word.starts_with('-')) word.remove_prefix(1);
         word = word.substr(0, word.find('='));
         throw InputError(text("unknown option ", in_quotes(option.substr(0, option.find('='))),
-                              suggestion(word, key_names(command, false), "--"), " (wedgescope help ", info.name,
+                              suggestion(word, key_names(taken, false), "--"), " (wedgescope help ", info.name,
                               " lists them all)"));
     };
     using namespace po::command_line_style;
     po::positional_options_description positional;
     positional.add("argument", -1);
-    const po::options_description known = descriptions(command);
+    const po::options_description known = descriptions(taken);
     std::vector<Given> given;
     // A flag takes no value but behind '='; Boost knows flags only without, or with the next word too.
     std::vector<std::string> words;
@@ -97,7 +105,7 @@ std::vector<Given> read_command_line(Command command, const std::vector<std::str
         const Key* key = word.starts_with("--") && equals != std::string::npos
                              ? find_key(std::string_view(word).substr(2, equals - 2))
                              : nullptr;
-        if (key && key->value.empty() && (key->commands & command)) {
+        if (key && key->value.empty() && (key->commands & taken)) {
             given.push_back({key->name, word.substr(equals + 1), "--" + key->name, ""});
         } else {
             words.push_back(word);
@@ -180,11 +188,13 @@ const std::vector<CommandInfo>& command_table() {
          "line wins; relative "
          "paths in the file start from its folder. Outputs appear under their names only when they are whole.",
          "wedgescope simulate --dem terrain.tif --latlon 33.9,-117.3 --altitude-msl 7000ft --range 30nmi -o scope.png"},
-        {command_info, "info", "wedgescope info [options] FILE...",
+        {command_info, "info", "wedgescope info [options] FILE... | info --plan [simulate's options] [scene.ini]",
          "what rasters hold, or what a scene file (*.ini) resolves to",
          "For a raster: grid, CRS, heights, voids; with --culture-legend also its codes, how often each occurs, and "
          "their materials. For a scene "
-         "file: where the sensor is, what is swept, sizes and memory.",
+         "file: where the sensor is, what is swept, sizes and memory. With --plan, which takes every option of "
+         "simulate: "
+         "what a run would do, without running.",
          "wedgescope info --culture-legend fbfm40 culture.tif"},
         {command_help, "help", "wedgescope help [COMMAND]", "this page, or a command's options", "",
          "wedgescope help simulate"},
@@ -310,7 +320,7 @@ Settings parse_arguments(Command command, const std::vector<std::string>& argume
         return settings;
     }
     std::vector<Given> scene_file;
-    if (command == command_simulate && !files.empty()) {
+    if ((keys_taken(command, arguments) & command_simulate) && !files.empty()) {
         if (files.size() > 1) {
             throw InputError(text("there are two scene files, ", in_quotes(files[0]), " and ", in_quotes(files[1]),
                                   "; one at most is taken"));

@@ -137,6 +137,13 @@ nlohmann::ordered_json report_json(const Settings& settings, const RunResult& ru
     out["states"] = json::object();
     for (std::size_t code = 0; code < report.states.size(); ++code)
         out["states"][state_names[code]] = report.states[code];
+    const RunReport::Planned& plan = report.planned;
+    const WedgeReport actual = sum(report.wedges.begin(), report.wedges.end());
+    out["plan"] = json{{"wedges", {{"planned", plan.wedges}, {"actual", report.wedges.size()}}},
+                       {"chunks", {{"planned", plan.chunks}, {"actual", actual.chunks}}},
+                       {"posts", {{"planned", plan.posts}, {"actual", actual.posts_read}}},
+                       {"bytes_read", {{"planned", plan.bytes}, {"actual", actual.bytes_read}}},
+                       {"peak_bytes", {{"planned", plan.peak_bytes}, {"actual", report.peak_held_bytes}}}};
     out["reused"] = 0;
     out["levels"] = json::array();
     out["stages_wall_s"] = json{{"survey", report.survey_s},     {"merge", report.merge_s},     {"beam", report.beam_s},

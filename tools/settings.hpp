@@ -37,7 +37,7 @@ struct Settings {
     bool no_cull = false;
     bool overwrite = false, reproducible = false;
 
-    bool verbose = false, quiet = false, json = false, help = false;
+    bool verbose = false, quiet = false, json = false, plan = false, help = false;
     std::vector<std::string> files;  ///< positional
 };
 
