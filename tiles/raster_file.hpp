@@ -1,99 +1,41 @@
 // RasterFile: one raster, opened and checked, and a pool of handles that threads read its first band through.
-// For the .cpp files of this folder only. Leaves chunks to sources.cpp and counting to raster.cpp.
+// For the .cpp files of this folder only. Leaves what the values mean to raster_layer.hpp, chunks to sources.cpp and
+// counting to raster.cpp.
 //
 // Memory: one GDAL handle per thread that reads at the same time; a handle goes back to the pool with its lease. The
 // pool grows to the largest number of readers at a time and never waits.
 #pragma once
-#include <ogr_spatialref.h>
-
-#include <cstdint>
-#include <functional>
 #include <memory>
 #include <mutex>
-#include <optional>
 #include <string>
 #include <vector>
 
-#include "lib/interval.hpp"
 #include "tiles/gdal_handle.hpp"
+#include "tiles/raster_layer.hpp"
 
 namespace wedgescope {
 
-/// |z| above this is no height on earth.
-inline constexpr float highest_height_m = 1e5F;
-/// Marks a culture cell without data.
-inline constexpr std::int32_t void_code = INT32_MIN;
-
-struct RasterFacts {
-    std::string role;  ///< for messages: "dem", "culture", "culture-height"
-    std::string path;
-    std::string driver;
-    std::int64_t columns = 0, rows = 0, block_columns = 0, block_rows = 0;
-    GDALDataType type = GDT_Unknown;
-    int type_bytes = 0;
-    bool signed_byte = false;           ///< Byte whose values are -128..127 (PIXELTYPE=SIGNEDBYTE)
-    bool has_geotransform = false;      ///< else the lower left cell's centre is 0, 0 and cells are 1 x 1
-    double corner_x = 0, corner_y = 0;  ///< outer corner of the first cell, CRS units
-    double step_x = 1, step_y = -1;
-    std::shared_ptr<OGRSpatialReference> crs;  ///< horizontal part, x (longitude) first; null: none
-    bool geographic = false;
-    bool wgs84_lat_lon = false;
-    double metres_per_unit = 1;    ///< of x and y, if not geographic
-    double scale = 1, offset = 0;  ///< value = (stored * scale + offset) * unit_m
-    std::string unit;
-    double unit_m = 1;
-    bool has_no_data = false;
-    double no_data = 0;
-    bool has_mask = false;  ///< a mask or alpha band that must be read beside the values
-    std::string compression;
-
-    double edge_x() const { return corner_x + static_cast<double>(columns) * step_x; }
-    double edge_y() const { return corner_y + static_cast<double>(rows) * step_y; }
-    std::string named() const { return role + " '" + path + "'"; }
-};
-
-class RasterFile {
+class RasterFile final : public RasterLayer {
 public:
     /// IoError if it cannot be opened, DataError if it is nothing we can work with (rotated, complex, empty, ...).
     RasterFile(std::string role, std::string path);
 
-    const RasterFacts& facts() const { return facts_; }
+    void read_values(const Window& window, void* out, GDALDataType type, std::int64_t line_bytes) override;
+    /// Closes the handles that nobody reads through just now; the next reader opens one again.
+    void close_idle();
 
-    /// Heights in metres, row after row, NaN = void; `window` inside the raster. Rows lie `stride` floats apart.
-    /// IoError if it cannot be read; DataError naming the post if one is infinite or above highest_height_m.
-    void read_heights(const Window& window, float* out, std::int64_t stride);
-    /// Codes, row after row; void_code where there is none. DataError for a value that is no whole number.
-    void read_codes(const Window& window, std::int32_t* out);
+protected:
+    bool read_mask(const Window& window, std::vector<std::uint8_t>& masks) override;
 
 private:
     struct Reader {
         DatasetHandle dataset;
         GDALRasterBand* band = nullptr;
-        std::vector<std::uint8_t> mask;
-        std::vector<double> wide;
     };
     class Lease;
 
-    void read(Reader& reader, const Window& window, void* out, GDALDataType type, std::int64_t line_bytes) const;
-    bool read_mask(Reader& reader, const Window& window) const;
-
-    RasterFacts facts_;
-    bool may_be_void_ = false;      ///< some test for void is needed
-    bool may_be_wild_ = false;      ///< the type can hold heights that are none
-    float no_data_ = 0;             ///< as GDAL converts it
-    bool no_data_is_huge_ = false;  ///< -3.4e38 and its kind: all of its size and sign is void
     std::mutex mutex_;
     std::vector<std::unique_ptr<Reader>> free_;
 };
-
-/// Calls `body` for windows of at most `most_posts`, made of whole blocks where they fit, row by row of blocks.
-void for_each_window(const RasterFacts& facts, std::int64_t columns, std::int64_t most_posts,
-                     const std::function<void(const Window&)>& body);
-
-/// WGS84 latitude and longitude, longitude first.
-OGRSpatialReference wgs84_lon_lat();
-
-/// Name and best short definition ("EPSG:32611", else a PROJ string, else WKT) of a CRS.
-std::string crs_definition(const OGRSpatialReference& crs);
 
 }  // namespace wedgescope

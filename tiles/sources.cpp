@@ -2,218 +2,26 @@
 
 #include <algorithm>
 #include <array>
-#include <cctype>
 #include <cmath>
-#include <filesystem>
 #include <limits>
 #include <mutex>
 #include <numeric>
+#include <queue>
 #include <stdexcept>
 #include <utility>
 #include <vector>
 
 #include "lib/error.hpp"
+#include "tiles/gdal_session.hpp"
+#include "tiles/georeference.hpp"
+#include "tiles/needed_posts.hpp"
 #include "tiles/raster_file.hpp"
+#include "tiles/registered_layer.hpp"
+#include "tiles/tile_ledger.hpp"
+#include "tiles/tile_store.hpp"
 
 namespace wedgescope {
 namespace {
-
-constexpr std::int64_t slab_posts = std::int64_t{1} << 20;  ///< read and turned at a time: 4 MiB of floats
-constexpr double degrees_round = 360;
-
-// ---------------------------------------------------------------- where the terrain's posts are on earth
-
-/// Between WGS84 latitude and longitude and the raster's columns and rows.
-class Georeference {
-public:
-    explicit Georeference(const RasterFacts& facts) : facts_(facts) {
-        if (facts_.wgs84_lat_lon) return;
-        GdalErrors errors;
-        const OGRSpatialReference wgs84 = wgs84_lon_lat();
-        to_raster_.reset(OGRCreateCoordinateTransformation(&wgs84, facts_.crs.get()));
-        to_wgs84_.reset(OGRCreateCoordinateTransformation(facts_.crs.get(), &wgs84));
-        if (!to_raster_ || !to_wgs84_)
-            throw DataError(text(facts_.named(), ": PROJ knows no way between WGS84 and its CRS '",
-                                 crs_definition(*facts_.crs), "': ", errors.reason()));
-    }
-
-    IndexPosition locate(double lat_deg, double lon_deg) {
-        double x = lon_deg, y = lat_deg;
-        if (to_raster_) {
-            const std::lock_guard lock(mutex_);
-            GdalErrors errors;
-            if (!transform(*to_raster_, x, y))
-                throw DataError(text(facts_.named(), ": PROJ finds no place for latitude ", lat_deg, ", longitude ",
-                                     lon_deg, " in its CRS '", crs_definition(*facts_.crs), "': ", errors.reason()));
-        }
-        IndexPosition at{(x - facts_.corner_x) / facts_.step_x - 0.5, (y - facts_.corner_y) / facts_.step_y - 0.5};
-        if (facts_.geographic) {
-            const double circle = degrees_round / facts_.step_x;
-            const double middle = 0.5 * static_cast<double>(facts_.columns - 1);
-            at.column -= circle * std::round((at.column - middle) / circle);
-        }
-        return at;
-    }
-
-    std::optional<std::pair<double, double>> lat_lon(double column, double row) {
-        double x = facts_.corner_x + (column + 0.5) * facts_.step_x;
-        double y = facts_.corner_y + (row + 0.5) * facts_.step_y;
-        if (to_wgs84_) {
-            const std::lock_guard lock(mutex_);
-            GdalErrors quiet;
-            if (!transform(*to_wgs84_, x, y)) return std::nullopt;
-        }
-        if (!(std::fabs(y) <= 90) || !std::isfinite(x)) return std::nullopt;
-        return std::pair(y, std::fabs(x) <= 180 ? x : std::remainder(x, degrees_round));
-    }
-
-private:
-    static bool transform(OGRCoordinateTransformation& way, double& x, double& y) {
-        int good = 0;
-        way.Transform(1, &x, &y, nullptr, &good);
-        return good && std::isfinite(x) && std::isfinite(y);
-    }
-
-    RasterFacts facts_;
-    std::mutex mutex_;
-    std::unique_ptr<OGRCoordinateTransformation> to_raster_, to_wgs84_;
-};
-
-// ---------------------------------------------------------------- runs of columns
-
-/// Part of a row of wanted columns that one window reads: `count` wanted from `at` on lie in source columns `source`.
-struct Run {
-    std::int64_t at = 0, count = 0;
-    Interval source;
-};
-
-/// Cuts a list of source columns (-1: nowhere) where it jumps by more than `step` or turns.
-std::vector<Run> runs(const std::vector<std::int64_t>& source, std::int64_t step) {
-    std::vector<Run> found;
-    const auto n = static_cast<std::int64_t>(source.size());
-    for (std::int64_t i = 0; i < n;) {
-        const std::int64_t first = source[static_cast<std::size_t>(i)];
-        std::int64_t end = i + 1, last = first;
-        for (; end < n; ++end) {
-            const std::int64_t next = source[static_cast<std::size_t>(end)];
-            if (first < 0 || next < last || next > last + step) break;
-            last = next;
-        }
-        if (first >= 0) found.push_back({i, end - i, {first, last + 1}});
-        i = end;
-    }
-    return found;
-}
-
-// ---------------------------------------------------------------- a second raster under the terrain's posts
-
-/// Cell = floor(offset + scale * index) of the terrain's columns or rows.
-struct Axis {
-    double offset = 0.5, scale = 1;
-    std::int64_t cells = 0;
-    double circle = 0;  ///< cells in 360 degrees, 0 where there is no circle
-
-    std::int64_t cell(std::int64_t index) const {
-        return static_cast<std::int64_t>(std::floor(offset + scale * static_cast<double>(index)));
-    }
-    /// The cell of the raster that holds what lies in cell `i`, whole circles away if need be; -1 if none does.
-    std::int64_t inside(std::int64_t i) const {
-        if (i >= 0 && i < cells) return i;
-        if (circle > 0)
-            for (int turns : {-1, 1, -2, 2}) {
-                const double moved = std::floor(static_cast<double>(i) + 0.5 + turns * circle);
-                if (moved >= 0 && moved < static_cast<double>(cells)) return static_cast<std::int64_t>(moved);
-            }
-        return -1;
-    }
-    /// Cells that the terrain posts of `posts` and all between them lie in.
-    Interval under(Interval posts) const {
-        const std::int64_t a = cell(posts.begin), b = cell(posts.end - 1);
-        return {std::min(a, b), std::max(a, b) + 1};
-    }
-};
-
-Axis axis(double terrain_corner, double terrain_step, std::int64_t posts, double corner, double step,
-          std::int64_t cells, bool longitude) {
-    Axis out;
-    out.cells = cells;
-    if (longitude) {
-        // The turn that brings the two middles together.
-        out.circle = degrees_round / step;
-        const double apart = terrain_corner + 0.5 * static_cast<double>(posts) * terrain_step -
-                             (corner + 0.5 * static_cast<double>(cells) * step);
-        corner += degrees_round * std::round(apart / degrees_round);
-    }
-    out.scale = terrain_step / step;
-    out.offset = (terrain_corner + 0.5 * terrain_step - corner) / step;
-    // Grids that are the same but for rounding are the same.
-    const double n = static_cast<double>(posts);
-    if (std::fabs(out.scale - 1) * n < 1e-6) {
-        out.scale = 1;
-        const double centre = std::floor(out.offset) + 0.5;
-        if (std::fabs(out.offset - centre) < 1e-6) out.offset = centre;
-    }
-    return out;
-}
-
-std::string extent(const RasterFacts& facts) {
-    return text("x ", std::min(facts.corner_x, facts.edge_x()), " to ", std::max(facts.corner_x, facts.edge_x()),
-                ", y ", std::min(facts.corner_y, facts.edge_y()), " to ", std::max(facts.corner_y, facts.edge_y()));
-}
-
-std::string quoted(const std::string& word) {
-    const bool plain = std::all_of(word.begin(), word.end(), [](unsigned char c) {
-        return std::isalnum(c) || c == '/' || c == '.' || c == '_' || c == '-' || c == ':' || c == '+' || c == '=';
-    });
-    if (plain && !word.empty()) return word;
-    std::string out = "'";
-    for (char c : word) out += c == '\'' ? std::string("'\\''") : std::string(1, c);
-    return out + "'";
-}
-
-std::string warp_line(const RasterFacts& terrain, const RasterFacts& layer) {
-    const std::filesystem::path source(layer.path);
-    const std::string warped = (source.parent_path() / (source.stem().string() + "_warped.tif")).string();
-    return text("gdalwarp -t_srs ", quoted(crs_definition(*terrain.crs)), " -r near -tr ", terrain.step_x, " ",
-                std::fabs(terrain.step_y), " -te ", std::min(terrain.corner_x, terrain.edge_x()), " ",
-                std::min(terrain.corner_y, terrain.edge_y()), " ", std::max(terrain.corner_x, terrain.edge_x()), " ",
-                std::max(terrain.corner_y, terrain.edge_y()), " ", quoted(layer.path), " ", quoted(warped));
-}
-
-/// A raster registered to the terrain: culture or culture height.
-struct Layer {
-    RasterFile file;
-    Axis columns, rows;
-
-    Layer(const char* role, const std::string& path, const RasterFacts& terrain) : file(role, path) {
-        const RasterFacts& facts = file.facts();
-        if (facts.crs && terrain.crs) {
-            const char* const options[] = {"IGNORE_DATA_AXIS_TO_SRS_AXIS_MAPPING=YES", nullptr};
-            GdalErrors quiet;
-            if (!facts.crs->IsSame(terrain.crs.get(), options))
-                throw DataError(text(facts.named(), " is in CRS '", crs_definition(*facts.crs), "', the dem in '",
-                                     crs_definition(*terrain.crs),
-                                     "'; accepted: the dem's; use: ", warp_line(terrain, facts)));
-        }
-        const bool same_size = facts.columns == terrain.columns && facts.rows == terrain.rows;
-        if (facts.has_geotransform != terrain.has_geotransform || !facts.has_geotransform) {
-            if (!same_size)
-                throw DataError(text(facts.named(), " (", facts.columns, " x ", facts.rows, ") and the dem (",
-                                     terrain.columns, " x ", terrain.rows,
-                                     ") do not both have a geotransform; accepted without: rasters of the same size"));
-            columns.cells = facts.columns;
-            rows.cells = facts.rows;
-            return;
-        }
-        columns = axis(terrain.corner_x, terrain.step_x, terrain.columns, facts.corner_x, facts.step_x, facts.columns,
-                       terrain.geographic);
-        rows = axis(terrain.corner_y, terrain.step_y, terrain.rows, facts.corner_y, facts.step_y, facts.rows, false);
-        if (intersection(columns.under({0, terrain.columns}), {0, facts.columns}).empty() ||
-            intersection(rows.under({0, terrain.rows}), {0, facts.rows}).empty())
-            throw DataError(text(facts.named(), " (", extent(facts), ") does not touch the dem (", extent(terrain),
-                                 "); accepted: rasters that overlap"));
-    }
-};
 
 /// Lowest and highest of many floats, NaN left out; in lanes, so that no comparison waits for the one before.
 class Range {
@@ -251,24 +59,44 @@ private:
     std::array<float, lanes> high_ = filled(-std::numeric_limits<float>::infinity());
 };
 
-// ---------------------------------------------------------------- the source
-
 class DirectSource final : public WedgeSource {
 public:
-    explicit DirectSource(const DataBaseParams& params) : params_(params), terrain_("dem", params.dem) {
-        const RasterFacts& facts = terrain_.facts();
+    explicit DirectSource(const DataBaseParams& params) : params_(params) {
+        std::unique_ptr<RasterLayer> culture, height;
+        if (is_tile_store(params_.dem)) {
+            // A quarter is left to GDAL, for layers beside the store and for what is written.
+            GdalSession::set_cache_bytes(params_.cache_bytes / 4);
+            store_ = std::make_unique<TileStore>(params_.dem, params_.cache_bytes / 4 * 3);
+            terrain_ = store_->layer(StoreLayerKind::dem);
+            if (params_.culture.empty()) {
+                culture = store_->layer(StoreLayerKind::culture);
+                if (!params_.legend) params_.legend = store_->legend();
+            }
+            if (params_.culture_height.empty()) {
+                height = store_->layer(StoreLayerKind::culture_height);
+                map_ = store_->block_map(params_.culture_height_scale);
+            }
+        } else {
+            terrain_ = std::make_unique<RasterFile>("dem", params_.dem);
+        }
+        if (!params_.culture.empty()) culture = std::make_unique<RasterFile>("culture", params_.culture);
+        if (!params_.culture_height.empty())
+            height = std::make_unique<RasterFile>("culture-height", params_.culture_height);
+
+        const RasterFacts& facts = terrain_->facts();
         if (facts.columns < 2 || facts.rows < 2)
             throw DataError(
                 text(facts.named(), " has ", facts.columns, " x ", facts.rows, " posts; accepted: at least 2 x 2"));
-        describe(facts);
-        if (!params.culture.empty()) open_culture(facts);
-        if (!params.culture_height.empty()) {
-            if (!(params.culture_height_scale >= 0) || !std::isfinite(params.culture_height_scale))
-                throw InputError(
-                    text("culture-height-scale is ", params.culture_height_scale, "; accepted: a number from 0 up"));
-            height_ = std::make_unique<Layer>("culture-height", params.culture_height, facts);
-            data_base_.has_culture_height = true;
-        }
+        data_base_ = describe(facts);
+        data_base_.default_class = params_.default_class;
+        ledger_ = std::make_unique<TileLedger>(facts);
+        if (culture) open_culture(std::move(culture));
+        if (!height) return;
+        if (!(params_.culture_height_scale >= 0) || !std::isfinite(params_.culture_height_scale))
+            throw InputError(
+                text("culture-height-scale is ", params_.culture_height_scale, "; accepted: a number from 0 up"));
+        height_ = std::make_unique<RegisteredLayer>(std::move(height), facts);
+        data_base_.has_culture_height = true;
     }
 
     const DataBase& data_base() const override { return data_base_; }
@@ -282,7 +110,7 @@ public:
         Chunk chunk;
         chunk.window = window;
         chunk.lines_are_columns = request.lines_are_columns;
-        load_surface(chunk);
+        load_surface(chunk, NeededPosts(request));
         return chunk;
     }
 
@@ -312,8 +140,8 @@ public:
         cells.window = window;
         cells.classes.assign(static_cast<std::size_t>(window.posts()), params_.default_class);
         bool any_unknown = false;
-        const std::int64_t read =
-            read_codes(window, [&](std::int64_t row, std::int64_t at, const std::int32_t* codes, std::int64_t n) {
+        const std::int64_t read = culture_->read_codes(
+            window, [&](std::int64_t row, std::int64_t at, const std::int32_t* codes, std::int64_t n) {
                 ClassId* to = cells.classes.data() + row * window.columns.size() + at;
                 bool unknown = false;
                 for (std::int64_t i = 0; i < n; ++i) {
@@ -323,10 +151,10 @@ public:
                 }
                 any_unknown |= unknown;
             });
-        cells.bytes_read = static_cast<std::uint64_t>(read * culture_->file.facts().type_bytes);
+        cells.bytes_read = static_cast<std::uint64_t>(read * culture_->facts().type_bytes);
         if (!any_unknown) return cells;
         cells.codes.assign(cells.classes.size(), void_code);
-        read_codes(window, [&](std::int64_t row, std::int64_t at, const std::int32_t* codes, std::int64_t n) {
+        culture_->read_codes(window, [&](std::int64_t row, std::int64_t at, const std::int32_t* codes, std::int64_t n) {
             std::copy_n(codes, n, cells.codes.data() + row * window.columns.size() + at);
         });
         return cells;
@@ -337,7 +165,7 @@ public:
         if (column < 0 || column >= data_base_.columns || row < 0 || row >= data_base_.rows)
             throw std::out_of_range("bare_terrain_m: post outside the raster");
         float z = 0;
-        terrain_.read_heights({{column, column + 1}, {row, row + 1}}, &z, 1);
+        terrain_->read_heights({{column, column + 1}, {row, row + 1}}, &z, 1);
         return z;
     }
 
@@ -347,59 +175,40 @@ public:
         return *extremes_;
     }
 
-    std::size_t cache_bytes() const override { return params_.cache_bytes; }
+    BlockMap* block_map() override { return map_.get(); }
 
-private:
-    void describe(const RasterFacts& facts) {
-        DataBase& d = data_base_;
-        d.name = facts.path;
-        d.columns = facts.columns;
-        d.rows = facts.rows;
-        d.block_columns = facts.block_columns;
-        d.block_rows = facts.block_rows;
-        d.origin_x = facts.corner_x + 0.5 * facts.step_x;
-        d.origin_y = facts.corner_y + 0.5 * facts.step_y;
-        d.step_x = facts.step_x;
-        d.step_y = facts.step_y;
-        d.default_class = params_.default_class;
-        d.has_crs = facts.crs != nullptr;
-        d.crs_in_metres = !facts.geographic;
-        d.metres_per_unit = facts.metres_per_unit;
-        if (!facts.crs) return;
-        char* wkt = nullptr;
-        const char* const options[] = {"FORMAT=WKT2_2019", nullptr};
-        if (facts.crs->exportToWkt(&wkt, options) == OGRERR_NONE && wkt) d.crs_wkt = wkt;
-        CPLFree(wkt);
-        if (facts.geographic) {
-            // A thousandth of a post: steps written with ten digits still close the circle.
-            const double circle = degrees_round / facts.step_x;
-            for (std::int64_t cycle : {facts.columns, facts.columns - 1})
-                if (!d.cyclic && std::fabs(static_cast<double>(cycle) - circle) <= 1e-3) {
-                    d.cyclic = true;
-                    d.cycle_columns = cycle;
-                }
-        }
-        const auto where = std::make_shared<Georeference>(facts);
-        d.locate = [where](double lat_deg, double lon_deg) { return where->locate(lat_deg, lon_deg); };
-        d.lat_lon = [where](double column, double row) { return where->lat_lon(column, row); };
+    Skipped skipped() const override {
+        Skipped sum{};
+        ledger_->add_to(sum);
+        for (const auto* layer : {culture_.get(), height_.get()})
+            if (layer) layer->ledger().add_to(sum);
+        return sum;
     }
 
-    void open_culture(const RasterFacts& terrain) {
+    std::size_t cache_bytes() const override {
+        std::size_t bytes = params_.cache_bytes + ledger_->bytes();
+        for (const auto* layer : {culture_.get(), height_.get()})
+            if (layer) bytes += layer->ledger().bytes();
+        return bytes;
+    }
+
+private:
+    void open_culture(std::unique_ptr<RasterLayer> raster) {
         if (!params_.legend)
             throw InputError(
                 "culture needs culture-legend; accepted: fbfm40, nlcd, worldcover, smc or a CSV file of code,material");
-        culture_ = std::make_unique<Layer>("culture", params_.culture, terrain);
-        const RasterFacts& facts = culture_->file.facts();
+        culture_ = std::make_unique<RegisteredLayer>(std::move(raster), terrain_->facts());
+        const RasterFacts& facts = culture_->facts();
         if (facts.scale != 1 || facts.offset != 0)
             throw DataError(text(facts.named(), " has band scale ", facts.scale, " and offset ", facts.offset,
                                  "; accepted: plain codes, scale 1 and offset 0"));
         data_base_.has_culture = true;
-        data_base_.culture_name = params_.culture;
+        data_base_.culture_name = facts.path;
         data_base_.legend_name = params_.legend ? params_.legend->name() : "none";
-        data_base_.culture_column_offset = culture_->columns.offset;
-        data_base_.culture_column_scale = culture_->columns.scale;
-        data_base_.culture_row_offset = culture_->rows.offset;
-        data_base_.culture_row_scale = culture_->rows.scale;
+        data_base_.culture_column_offset = culture_->columns().offset;
+        data_base_.culture_column_scale = culture_->columns().scale;
+        data_base_.culture_row_offset = culture_->rows().offset;
+        data_base_.culture_row_scale = culture_->rows().scale;
         data_base_.culture_columns = facts.columns;
         data_base_.culture_rows = facts.rows;
         data_base_.culture_tile_columns = std::clamp<std::int64_t>(facts.block_columns, 64, 512);
@@ -424,72 +233,6 @@ private:
         for (std::size_t i = 0; i < source.size(); ++i)
             source[i] = wrapped(columns.begin + static_cast<std::int64_t>(i));
         return runs(source, 1);
-    }
-
-    /// What is needed to read culture heights under a run of terrain columns.
-    struct HeightPlan {
-        std::vector<std::int64_t> cells;  ///< of each column; -1: none
-        std::vector<Run> runs;
-        std::int64_t widest = 1;
-    };
-    HeightPlan height_plan(Interval columns) const {
-        HeightPlan plan;
-        plan.cells.resize(static_cast<std::size_t>(columns.size()));
-        for (std::size_t i = 0; i < plan.cells.size(); ++i)
-            plan.cells[i] =
-                height_->columns.inside(height_->columns.cell(columns.begin + static_cast<std::int64_t>(i)));
-        plan.runs = runs(plan.cells, static_cast<std::int64_t>(std::ceil(height_->columns.scale)));
-        for (const Run& run : plan.runs) plan.widest = std::max(plan.widest, run.source.size());
-        return plan;
-    }
-
-    /// Scaled culture heights at the posts of `rows`, row after row; 0 where none is known. Returns posts read.
-    std::int64_t read_culture_heights(const HeightPlan& plan, Interval rows, float* out, std::vector<float>& scratch) {
-        const std::size_t width = plan.cells.size();
-        std::fill_n(out, width * static_cast<std::size_t>(rows.size()), 0.0F);
-        const Axis& axis = height_->rows;
-        const Interval raster{0, axis.cells};
-        // As many rows at a time as fit; one terrain row needs one row of the layer, however fine it is.
-        const double per_row = std::max(1.0, std::fabs(axis.scale));
-        const std::int64_t at_once = std::max<std::int64_t>(
-            1, static_cast<std::int64_t>(static_cast<double>(slab_posts / plan.widest) / per_row));
-        std::int64_t read = 0;
-        for (std::int64_t r0 = rows.begin; r0 < rows.end; r0 += at_once) {
-            const Interval part{r0, std::min(r0 + at_once, rows.end)};
-            const Interval source = intersection(axis.under(part), raster);
-            if (source.empty()) continue;
-            for (const Run& run : plan.runs) {
-                const Window window{run.source, source};
-                scratch.resize(static_cast<std::size_t>(window.posts()));
-                height_->file.read_heights(window, scratch.data(), window.columns.size());
-                refuse_negative(window, scratch);
-                read += window.posts();
-                for (std::int64_t r = part.begin; r < part.end; ++r) {
-                    const std::int64_t cell = axis.cell(r);
-                    if (!source.contains(cell)) continue;
-                    const float* from = scratch.data() + (cell - source.begin) * window.columns.size();
-                    float* to = out + static_cast<std::size_t>(r - rows.begin) * width;
-                    for (std::int64_t i = run.at; i < run.at + run.count; ++i) {
-                        const float value = from[plan.cells[static_cast<std::size_t>(i)] - run.source.begin];
-                        to[i] = std::isnan(value)
-                                    ? 0.0F
-                                    : static_cast<float>(params_.culture_height_scale * static_cast<double>(value));
-                    }
-                }
-            }
-        }
-        return read;
-    }
-
-    void refuse_negative(const Window& window, const std::vector<float>& values) const {
-        for (std::size_t i = 0; i < values.size(); ++i)
-            if (values[i] < 0) {
-                const auto at = static_cast<std::int64_t>(i);
-                throw DataError(text(height_->file.facts().named(), ": height at column ",
-                                     window.columns.begin + at % window.columns.size(), ", row ",
-                                     window.rows.begin + at / window.columns.size(), " is ", values[i],
-                                     "; accepted: 0 and above"));
-            }
     }
 
     /// Rows read at a time for a window so wide: whole rows of blocks where they fit.
@@ -520,13 +263,13 @@ private:
             }
     }
 
-    void load_surface(Chunk& chunk) {
+    void load_surface(Chunk& chunk, const NeededPosts& needed) {
         const Interval columns = chunk.window.columns, rows = chunk.window.rows;
         const std::int64_t width = columns.size(), minor = chunk.minor_count();
         const auto posts = static_cast<std::size_t>(chunk.window.posts());
         const std::vector<Run> terrain = terrain_runs(columns);
-        HeightPlan plan;
-        if (height_) plan = height_plan(columns);
+        RegisteredLayer::Plan plan;
+        if (height_) plan = height_->plan(columns);
         chunk.surface_m.resize(posts);
         std::vector<float> slab, culture, scratch;
         for (const Interval part : slabs(rows, width)) {
@@ -537,52 +280,62 @@ private:
                 slab.resize(n);
                 surface = slab.data();
             }
-            for (const Run& run : terrain) terrain_.read_heights({run.source, part}, surface + run.at, width);
-            chunk.posts_read += n;
-            chunk.bytes_read += n * static_cast<std::size_t>(terrain_.facts().type_bytes);
+            for (const Run& run : terrain)
+                chunk.posts_read += read_terrain(run, columns.begin, part, needed, surface, width);
+            if (culture_) pass_culture({columns, part}, needed);
             if (height_) {
                 culture.resize(n);
-                const std::int64_t read = read_culture_heights(plan, part, culture.data(), scratch);
-                chunk.bytes_read += static_cast<std::size_t>(read * height_->file.facts().type_bytes);
-                if (std::any_of(culture.begin(), culture.end(), [](float h) { return h != 0; })) {
-                    for (std::size_t i = 0; i < n; ++i) surface[i] += culture[i];
-                    chunk.culture_height_m.resize(posts);
-                    if (chunk.lines_are_columns)
-                        turn(culture.data(), part.size(), width, chunk.culture_height_m.data(), minor, first);
-                    else
-                        std::copy(culture.begin(), culture.end(), chunk.culture_height_m.begin() + first * width);
-                }
+                const std::int64_t read =
+                    height_->read_heights(plan, part, params_.culture_height_scale, needed, culture.data(), scratch);
+                chunk.bytes_read += static_cast<std::size_t>(read * height_->facts().type_bytes);
+                for (std::size_t i = 0; i < n; ++i) surface[i] += culture[i];
+            }
+            needed.fill({columns, part}, surface, height_ ? culture.data() : nullptr);
+            if (height_ && std::any_of(culture.begin(), culture.end(), [](float h) { return h != 0; })) {
+                chunk.culture_height_m.resize(posts);
+                if (chunk.lines_are_columns)
+                    turn(culture.data(), part.size(), width, chunk.culture_height_m.data(), minor, first);
+                else
+                    std::copy(culture.begin(), culture.end(), chunk.culture_height_m.begin() + first * width);
             }
             if (chunk.lines_are_columns) turn(slab.data(), part.size(), width, chunk.surface_m.data(), minor, first);
         }
+        chunk.bytes_read += chunk.posts_read * static_cast<std::uint64_t>(terrain_->facts().type_bytes);
     }
 
-    /// Calls body(row, at, codes, n) for every run of culture cells in the window that the raster holds.
-    template <class Body>
-    std::int64_t read_codes(const Window& window, Body&& body) {
-        std::vector<std::int64_t> cells(static_cast<std::size_t>(window.columns.size()));
-        for (std::size_t i = 0; i < cells.size(); ++i)
-            cells[i] = culture_->columns.inside(window.columns.begin + static_cast<std::int64_t>(i));
-        const std::vector<Run> found = runs(cells, 1);
-        const Interval rows = intersection(window.rows, {0, culture_->rows.cells});
-        std::vector<std::int32_t> codes;
-        std::int64_t read = 0;
-        const std::int64_t block = culture_->file.facts().block_rows;
-        for (const Run& run : found)
-            for (std::int64_t r = rows.begin; r < rows.end;) {
-                std::int64_t end = r + std::max<std::int64_t>(1, slab_posts / run.source.size());
-                if (end - r >= block) end -= end % block;
-                end = std::min(end, rows.end);
-                const Window part{run.source, {r, end}};
-                codes.resize(static_cast<std::size_t>(part.posts()));
-                culture_->file.read_codes(part, codes.data());
-                read += part.posts();
-                for (std::int64_t y = r; y < end; ++y)
-                    body(y - window.rows.begin, run.at, codes.data() + (y - r) * part.columns.size(),
-                         part.columns.size());
-                r = end;
-            }
+    /// What is needed of one run of the columns that begin at `first`; returns posts read.
+    std::uint64_t read_terrain(const Run& run, std::int64_t first, Interval rows, const NeededPosts& needed, float* out,
+                               std::int64_t stride) {
+        const std::int64_t shift = first + run.at - run.source.begin;
+        std::uint64_t read = 0;
+        for_each_tile_run(
+            terrain_->facts(), {run.source, rows},
+            [&](const Window& cells) {
+                return needed.reason({{cells.columns.begin + shift, cells.columns.end + shift}, cells.rows});
+            },
+            [&](const Window& cells) {
+                ledger_->touch(cells);
+                terrain_->read_heights(
+                    cells, out + (cells.rows.begin - rows.begin) * stride + cells.columns.begin + shift - first,
+                    stride);
+                read += static_cast<std::uint64_t>(cells.posts());
+            },
+            [&](const Window& cells, Skip why) { ledger_->pass(cells, why); });
         return read;
+    }
+
+    /// Notes why classes under these posts may stay unread: for the ground's reason, or because nothing sees it.
+    void pass_culture(const Window& posts, const NeededPosts& needed) {
+        const auto pass = [&](const Window& part) {
+            const Skip why = needed.reason(part);
+            culture_->pass(part, why == Skip::none ? Skip::culture : why);
+        };
+        if (needed.all()) return pass(posts);
+        const Window blocks = blocks_of(posts);
+        for (std::int64_t r = blocks.rows.begin; r < blocks.rows.end; ++r)
+            for (std::int64_t c = blocks.columns.begin; c < blocks.columns.end; ++c)
+                pass({intersection(posts.columns, {c * block_posts, (c + 1) * block_posts}),
+                      intersection(posts.rows, {r * block_posts, (r + 1) * block_posts})});
     }
 
     ClassId class_of(std::int32_t code) const {
@@ -593,18 +346,21 @@ private:
     }
 
     Extremes find_extremes() {
+        if (store_ && (!height_ || map_)) return store_extremes();
         Extremes out;
         Range bare, surface;
         std::vector<float> terrain, culture, scratch;
-        const std::int64_t width = data_base_.cyclic ? data_base_.cycle_columns : data_base_.columns;
-        for_each_window(terrain_.facts(), width, slab_posts, [&](const Window& window) {
+        const ChunkRequest everything;
+        const NeededPosts all(everything);
+        for_each_window(terrain_->facts(), terrain_->facts().own_columns(), slab_posts, [&](const Window& window) {
             const auto n = static_cast<std::size_t>(window.posts());
             terrain.resize(n);
-            terrain_.read_heights(window, terrain.data(), window.columns.size());
+            terrain_->read_heights(window, terrain.data(), window.columns.size());
             out.void_posts += bare.add(terrain);
             if (!height_) return;
             culture.resize(n);
-            read_culture_heights(height_plan(window.columns), window.rows, culture.data(), scratch);
+            height_->read_heights(height_->plan(window.columns), window.rows, params_.culture_height_scale, all,
+                                  culture.data(), scratch);
             for (std::size_t i = 0; i < n; ++i) terrain[i] += culture[i];
             surface.add(terrain);
         });
@@ -616,11 +372,54 @@ private:
         return out;
     }
 
+    /// From what the store knows; with culture height a few blocks are read, the most promising first.
+    Extremes store_extremes() {
+        Extremes out = store_->terrain_extremes();
+        if (!height_ || !out.any_valid) return out;
+        struct Candidate {
+            float bound;
+            int level;
+            std::int64_t column, row;
+            bool operator<(const Candidate& other) const { return bound < other.bound; }
+        };
+        std::priority_queue<Candidate> candidates;
+        const Interval all_columns{0, terrain_->facts().own_columns()}, all_rows{0, data_base_.rows};
+        const auto add = [&](int level, const Window& blocks) {
+            const BlockWindow found = map_->read(level, blocks);
+            for (std::int64_t r = blocks.rows.begin; r < blocks.rows.end; ++r)
+                for (std::int64_t c = blocks.columns.begin; c < blocks.columns.end; ++c) {
+                    const BlockBounds& b = found.at(c, r);
+                    if (b.voids != Voids::all) candidates.push({b.highest_m + b.culture_m, level, c, r});
+                }
+        };
+        const int top = map_->levels() - 1;
+        add(top, blocks_of({{0, data_base_.columns}, all_rows}, top));
+        float highest = out.highest_m;  // of the bare terrain
+        while (!candidates.empty() && candidates.top().bound > highest) {
+            const Candidate c = candidates.top();
+            candidates.pop();
+            const std::int64_t edge = block_posts << c.level;
+            const Window posts{intersection(all_columns, {c.column * edge, (c.column + 1) * edge}),
+                               intersection(all_rows, {c.row * edge, (c.row + 1) * edge})};
+            if (posts.empty()) continue;
+            if (c.level > 0) {
+                add(c.level - 1, blocks_of(posts, c.level - 1));
+                continue;
+            }
+            for (const float z : load(posts, false).surface_m) highest = z > highest ? z : highest;
+        }
+        out.highest_m = highest;
+        return out;
+    }
+
     static constexpr std::int32_t table_begin = -32768, table_size = 32768 + 65536;
 
     DataBaseParams params_;
-    RasterFile terrain_;
-    std::unique_ptr<Layer> culture_, height_;
+    std::unique_ptr<TileStore> store_;  ///< null: plain rasters
+    std::unique_ptr<BlockMap> map_;
+    std::unique_ptr<RasterLayer> terrain_;
+    std::unique_ptr<TileLedger> ledger_;  ///< of the terrain
+    std::unique_ptr<RegisteredLayer> culture_, height_;
     std::vector<ClassId> class_of_;  ///< of codes from table_begin on
     DataBase data_base_;
     std::mutex extremes_mutex_;

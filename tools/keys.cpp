@@ -457,18 +457,20 @@ std::vector<Key> make_keys() {
     Table t;
 
     t.group(KeyGroup::data_base, false);
-    t.add("dem", path([](auto& s) -> auto& { return s.dem; }), "", "terrain heights: any raster GDAL opens; needed");
+    t.add("dem", path([](auto& s) -> auto& { return s.dem; }), "", "terrain heights: any raster GDAL opens, or a tile store; needed");
     t.add("culture", path([](auto& s) -> auto& { return s.culture; }), "",
-          "raster of culture codes; needs culture-legend");
+          "raster of culture codes; needs culture-legend")
+        .commands |= command_tile;
     t.add("culture-height", path([](auto& s) -> auto& { return s.culture_height; }), "",
-          "raster of the heights of what stands on the terrain");
+          "raster of the heights of what stands on the terrain")
+        .commands |= command_tile;
     t.add("culture-height-scale",
           number(
               at_least("0"), [](auto& s) -> auto& { return s.culture_height_scale; }),
           "1", "metres in one unit of the culture-height raster (0.1 for tenths of a metre)");
     t.add("culture-legend", legend_choice(), "",
           "turns culture codes into materials: a built-in legend or a CSV file of lines code,material")
-        .commands |= command_info;
+        .commands |= command_info | command_tile;
     t.add("material", material_choice(), "soil", "the ground where there is no culture, or where it has no data");
 
     t.group(KeyGroup::position, true);
@@ -683,12 +685,25 @@ std::vector<Key> make_keys() {
     t.add("threads",
           count(
               1, 4096, [](auto& s) -> auto& { return s.threads; }, "all"),
-          "all", "changes no bit of the result");
+          "all", "changes no bit of the result")
+        .commands |= command_tile;
     t.add("memory",
           quantity(
               bytes, above("0B"), [](auto& s) -> auto& { return s.memory_bytes; }),
           "1GiB", "most to be held, beside 64 MiB for the program; changes no bit of the result")
-        .commands |= command_info;
+        .commands |= command_info | command_tile;
+    {
+        Key& size = t.add("tile-size",
+                          count(
+                              64, 2048, [](auto& s) -> auto& { return s.tile_posts; }),
+                          "256", "posts of a tile's side: 64, 128, 256, 512, 1024 or 2048");
+        size.commands = command_tile;
+        size.in_scene_file = false;
+        Key& resume = t.add("resume", flag([](auto& s) -> auto& { return s.resume; }), "off",
+                            "go on with FOLDER.part, what a run that was stopped has left");
+        resume.commands = command_tile;
+        resume.in_scene_file = false;
+    }
 
     t.add("no-cull", flag([](auto& s) -> auto& { return s.no_cull; }), "off",
           "read and sweep also what is known to stay hidden; changes no bit of the result");
@@ -712,8 +727,10 @@ std::vector<Key> make_keys() {
     {
         Key& co = t.add("co", creation(), "", "creation option of that driver; may be repeated");
         co.repeatable = true;
+        co.commands |= command_tile;
     }
-    t.add("overwrite", flag([](auto& s) -> auto& { return s.overwrite; }), "off", "replace outputs that exist");
+    t.add("overwrite", flag([](auto& s) -> auto& { return s.overwrite; }), "off", "replace outputs that exist")
+        .commands |= command_tile;
     t.add("reproducible", flag([](auto& s) -> auto& { return s.reproducible; }), "off",
           "rasters and pictures are the same bytes every time (a report holds times)");
 
@@ -721,13 +738,13 @@ std::vector<Key> make_keys() {
     {
         Key& c = t.add("config", config(), "", "GDAL configuration option; may be repeated");
         c.repeatable = true;
-        c.commands |= command_info;
+        c.commands |= command_info | command_tile;
     }
     t.add("verbose", flag([](auto& s) -> auto& { return s.verbose; }), "off", "a table of what was done, on stderr");
     {
         Key& q = t.add("quiet", flag([](auto& s) -> auto& { return s.quiet; }), "off", "no progress and no remarks");
         q.letter = 'q';
-        q.commands |= command_info;
+        q.commands |= command_info | command_tile;
     }
     {
         Key& j = t.add("json", flag([](auto& s) -> auto& { return s.json; }), "off", "JSON on stdout");
@@ -743,7 +760,7 @@ std::vector<Key> make_keys() {
     {
         Key& h = t.add("help", flag([](auto& s) -> auto& { return s.help; }), "off", "this page");
         h.letter = 'h';
-        h.commands = command_simulate | command_info | command_help;
+        h.commands = command_simulate | command_info | command_help | command_tile;
         h.in_scene_file = false;
     }
     return t.take();

@@ -12,7 +12,7 @@
 
 namespace wedgescope {
 
-enum Command : unsigned { command_simulate = 1, command_info = 2, command_help = 4 };
+enum Command : unsigned { command_simulate = 1, command_info = 2, command_help = 4, command_tile = 8 };
 
 enum class KeyGroup { data_base, position, look, radar, antenna, receiver, errors, display, run, output, talk };
 const char* title(KeyGroup group);

@@ -8,6 +8,7 @@
 #include <fstream>
 #include <map>
 
+#include "tiles/tile_store.hpp"
 #include "tools/units.hpp"
 
 namespace po = boost::program_options;
@@ -196,6 +197,12 @@ const std::vector<CommandInfo>& command_table() {
          "simulate: "
          "what a run would do, without running.",
          "wedgescope info --culture-legend fbfm40 culture.tif"},
+        {command_tile, "tile", "wedgescope tile [options] RASTER... FOLDER",
+         "terrain rasters, culture -> a tile store that --dem takes",
+         "One or many terrain rasters (cells of a mosaic may differ in posting) become one data base: tiled, with block "
+         "map, overviews and checksums, which any GDAL program opens too (FOLDER/dem.vrt). Of a post that several "
+         "rasters hold, the first in the order given that has a value there wins.",
+         "wedgescope tile n33_w118.dt2 n33_w117.dt2 --culture fuel.tif --culture-legend fbfm40 inland"},
         {command_help, "help", "wedgescope help [COMMAND]", "this page, or a command's options", "",
          "wedgescope help simulate"},
     };
@@ -353,7 +360,8 @@ void check_complete(const Settings& settings) {
         throw InputError(
             "culture is given without culture-legend; one of fbfm40, nlcd, worldcover, smc or a CSV file is needed");
     }
-    if (settings.culture.empty() && !settings.culture_legend.empty()) {
+    // A tile store may bring a culture of its own.
+    if (settings.culture.empty() && !settings.culture_legend.empty() && !is_tile_store(settings.dem)) {
         throw InputError(text("culture-legend is ", in_quotes(settings.culture_legend),
                               " but there is no culture; the path of a culture raster is needed"));
     }

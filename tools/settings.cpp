@@ -16,6 +16,12 @@ std::optional<Legend> legend(const Settings& settings) {
     const std::string& name = settings.culture_legend;
     if (name.empty()) return std::nullopt;
     if (auto built_in = Legend::built_in(name)) return built_in;
+    return Legend::from_csv(name, legend_csv(settings));
+}
+
+std::string legend_csv(const Settings& settings) {
+    const std::string& name = settings.culture_legend;
+    if (name.empty() || Legend::built_in(name)) return "";
     std::ifstream file(name, std::ios::binary);
     if (!file) {
         throw IoError(text(
@@ -25,7 +31,7 @@ std::optional<Legend> legend(const Settings& settings) {
     std::ostringstream content;
     content << file.rdbuf();
     if (!file) throw IoError(text("culture-legend ", in_quotes(name), ": cannot be read as a CSV file"));
-    return Legend::from_csv(name, content.str());
+    return content.str();
 }
 
 DataBaseParams data_base_params(const Settings& settings, std::size_t cache) {

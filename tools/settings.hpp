@@ -25,6 +25,9 @@ struct Settings {
     std::string culture_legend;  ///< built-in word or CSV path; empty: none
     std::string material = "soil";
 
+    std::int64_t tile_posts = 256;  ///< --tile-size
+    bool resume = false;
+
     int threads = 0;          ///< 0: all the machine has
     std::int64_t wedges = 0;  ///< 0: chosen
     std::uint64_t memory_bytes = std::uint64_t{1} << 30;
@@ -43,6 +46,9 @@ struct Settings {
 
 /// The culture legend that `culture-legend` names; none without one. InputError, IoError.
 std::optional<Legend> legend(const Settings& settings);
+
+/// Content of the CSV file that it names; empty for a built-in one.
+std::string legend_csv(const Settings& settings);
 
 /// What the sources need; reads the legend. `cache_bytes`: GDAL's share of the memory.
 DataBaseParams data_base_params(const Settings& settings, std::size_t cache_bytes);

@@ -1,0 +1,90 @@
+// BlockMapFile: a block map on disk, in pages with a checksum each, read page by page.
+// For the .cpp files of this folder only. Leaves what bounds mean to lib/block_map.hpp.
+//
+// Format: a header of 64 bytes ("wedgescope-blocks-1\n", zeros to byte 32, columns, rows and levels as 64-bit
+// integers, XXH3 of all that), then the pages of level 0, row after row, those of level 1, and so on. A page holds 64 x 64 blocks of 16 bytes (lowest, highest, culture as floats; voids; three zeros)
+// and 8 bytes of XXH3, seeded with the page's number. Little-endian.
+// Memory: readers keep `most_pages` pages (4 MiB); the writer one page and its four children.
+#pragma once
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <list>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "lib/block_map.hpp"
+#include "tiles/plain_file.hpp"
+
+namespace wedgescope {
+
+inline constexpr std::int64_t page_blocks = 64;
+
+struct BlockMapShape {
+    std::int64_t columns = 0, rows = 0;  ///< posts
+
+    int levels() const;
+    std::int64_t block_columns(int level) const;
+    std::int64_t block_rows(int level) const;
+    std::int64_t page_columns(int level) const { return (block_columns(level) + page_blocks - 1) / page_blocks; }
+    std::int64_t page_rows(int level) const { return (block_rows(level) + page_blocks - 1) / page_blocks; }
+    /// Number of a page in the file.
+    std::uint64_t page(int level, std::int64_t column, std::int64_t row) const;
+    std::uint64_t file_bytes() const;
+};
+
+using BlockPage = std::vector<BlockBounds>;  ///< page_blocks x page_blocks, row after row
+
+class BlockMapWriter {
+public:
+    /// Opens or makes the file with all its pages, those not written yet damaged. IoError.
+    BlockMapWriter(std::string path, BlockMapShape shape);
+    /// From several threads at once, each its own pages.
+    void write(int level, std::int64_t column, std::int64_t row, const BlockPage& page);
+    /// True if the page is whole.
+    bool holds(int level, std::int64_t column, std::int64_t row) const;
+    void sync() { file_.sync(); }
+    /// Levels above 0 from those below, and to disk. DataError if a page of level 0 is missing.
+    void finish();
+
+private:
+    std::optional<BlockPage> read(int level, std::int64_t column, std::int64_t row) const;
+
+    BlockMapShape shape_;
+    PlainFile file_;
+};
+
+class BlockMapFile final : public BlockMap {
+public:
+    /// `scale`: metres in one unit of stored culture height. DataError if the file is no map of that shape.
+    BlockMapFile(const std::string& path, BlockMapShape shape, double scale);
+    int levels() const override { return shape_.levels(); }
+    BlockWindow read(int level, const Window& blocks) override;
+
+    /// Most that all readers of one map hold.
+    static constexpr std::size_t most_pages = 64;
+
+private:
+    using Bytes = std::vector<std::byte>;
+    std::shared_ptr<const Bytes> page(int level, std::int64_t column, std::int64_t row);
+
+    BlockMapShape shape_;
+    double scale_;
+    PlainFile file_;
+    std::mutex mutex_;
+    std::list<std::pair<std::uint64_t, std::shared_ptr<const Bytes>>> recent_;  ///< the last used in front
+};
+
+/// Calls damaged(words) for each page that is not as its checksum says, or once for the header.
+void check_block_map(const std::string& path, BlockMapShape shape,
+                     const std::function<void(const std::string&)>& damaged);
+
+/// Bounds of the blocks of level 0 that begin in `own`: heights and culture heights (or null) of the posts of `given`,
+/// row after row, which reaches one post beyond `own` to the right and below where the raster goes on.
+void bound_blocks(const Window& own, const Window& given, const float* terrain, const float* culture,
+                  const std::function<BlockBounds&(std::int64_t column, std::int64_t row)>& block);
+
+}  // namespace wedgescope

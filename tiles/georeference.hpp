@@ -1,0 +1,31 @@
+// Georeference: between WGS84 latitude and longitude and a raster's columns and rows, exact (PROJ).
+// For the .cpp files of this folder only. Leaves fitted, quick ways to lib/spoke_map.hpp.
+#pragma once
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <utility>
+
+#include "lib/wedge_source.hpp"
+#include "tiles/raster_layer.hpp"
+
+namespace wedgescope {
+
+class Georeference {
+public:
+    /// DataError if PROJ knows no way between WGS84 and the raster's CRS.
+    explicit Georeference(const RasterFacts& facts);
+
+    IndexPosition locate(double lat_deg, double lon_deg);
+    std::optional<std::pair<double, double>> lat_lon(double column, double row);
+
+private:
+    RasterFacts facts_;
+    std::mutex mutex_;
+    std::unique_ptr<OGRCoordinateTransformation> to_raster_, to_wgs84_;
+};
+
+/// The grid of the terrain's posts and where it lies on earth; nothing about culture.
+DataBase describe(const RasterFacts& facts);
+
+}  // namespace wedgescope

@@ -1,0 +1,387 @@
+#include "tiles/mosaic.hpp"
+
+#include <sys/stat.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <limits>
+
+#include "lib/error.hpp"
+#include "tiles/registered_layer.hpp"
+
+namespace wedgescope {
+namespace {
+
+constexpr std::size_t most_open = 32;
+constexpr double on_a_post = 0.01;  ///< posts nearer than this are the same
+constexpr float nan_m = std::numeric_limits<float>::quiet_NaN();
+
+bool near(double a, double b, double tolerance) { return std::fabs(a - b) <= tolerance; }
+
+/// First posts of cells that may reach round the earth: moved by whole circles so that they lie side by side.
+std::vector<double> unrolled(const std::vector<double>& west, const std::vector<double>& width) {
+    std::vector<std::size_t> order(west.size());
+    for (std::size_t i = 0; i < order.size(); ++i) order[i] = i;
+    const auto on_circle = [](double x) { return x - 360 * std::floor(x / 360); };
+    std::sort(order.begin(), order.end(),
+              [&](std::size_t a, std::size_t b) { return on_circle(west[a]) < on_circle(west[b]); });
+    // The widest gap on the circle is where the data base begins.
+    double reach = on_circle(west[order[0]]), widest = -1;
+    std::size_t begin = 0;
+    for (std::size_t k = 0; k < order.size(); ++k) {
+        reach = std::max(reach, on_circle(west[order[k]]) + width[order[k]]);
+        const double next = k + 1 < order.size() ? on_circle(west[order[k + 1]]) : on_circle(west[order[0]]) + 360;
+        if (next - reach > widest + 1e-9) {
+            widest = next - reach;
+            begin = (k + 1) % order.size();
+        }
+    }
+    const double first = on_circle(west[order[begin]]);
+    // Where the rasters lie anyhow, if that is possible.
+    const double turn = 360 * std::round((west[order[begin]] - first) / 360);
+    std::vector<double> out(west.size());
+    for (std::size_t i = 0; i < west.size(); ++i) {
+        const double x = on_circle(west[i]);
+        out[i] = (x < first - 1e-9 ? x + 360 : x) + turn;
+    }
+    return out;
+}
+
+}  // namespace
+
+Mosaic::Mosaic(const std::string& role, const std::vector<std::string>& paths) {
+    for (const std::string& path : paths) {
+        Piece piece;
+        piece.raster = std::make_unique<RasterFile>(role, path);
+        if (paths.size() > 1) piece.raster->close_idle();
+        pieces_.push_back(std::move(piece));
+    }
+    facts_ = pieces_[0].raster->facts();
+    if (!single()) {
+        choose_grid(role);
+        facts_.path = text(pieces_.size(), " rasters");
+    } else {
+        pieces_[0].posts = {{0, facts_.columns}, {0, facts_.rows}};
+    }
+    choose_type();
+}
+
+std::vector<StoreSource> Mosaic::sources() const {
+    std::vector<StoreSource> out;
+    for (const Piece& piece : pieces_) {
+        StoreSource source{piece.raster->facts().path, 0, 0};
+        struct stat facts {};
+        if (::stat(source.path.c_str(), &facts) == 0 && S_ISREG(facts.st_mode)) {
+            source.bytes = static_cast<std::uint64_t>(facts.st_size);
+            source.mtime_s = static_cast<std::int64_t>(facts.st_mtime);
+        }
+        out.push_back(source);
+    }
+    return out;
+}
+
+void Mosaic::choose_grid(const std::string& role) {
+    const RasterFacts first = pieces_[0].raster->facts();
+    std::vector<double> west, width;
+    std::size_t finest_x = 0, finest_y = 0;
+    for (std::size_t i = 0; i < pieces_.size(); ++i) {
+        const RasterFacts& f = pieces_[i].raster->facts();
+        if (!f.has_geotransform)
+            throw DataError(text(
+                f.named(), " has no geotransform; accepted where there are several: rasters that know their place"));
+        if ((f.crs == nullptr) != (first.crs == nullptr))
+            throw DataError(text((f.crs ? first : f).named(), " has no CRS, ", (f.crs ? f : first).named(),
+                                 " has one; accepted: rasters of one CRS"));
+        refuse_other_crs(f, first, text("'", first.path, "'"));
+        west.push_back(f.corner_x);
+        width.push_back(static_cast<double>(f.columns) * f.step_x);
+        const auto finer = [](double a, double b) { return std::fabs(a) < std::fabs(b) * (1 - 1e-7); };
+        if (finer(f.step_x, pieces_[finest_x].raster->facts().step_x)) finest_x = i;
+        if (finer(f.step_y, pieces_[finest_y].raster->facts().step_y)) finest_y = i;
+    }
+    if (first.geographic) west = unrolled(west, width);
+
+    const RasterFacts& fx = pieces_[finest_x].raster->facts();
+    const RasterFacts& fy = pieces_[finest_y].raster->facts();
+    const double step_x = fx.step_x, step_y = fy.step_y;
+    const double x0 = west[finest_x] + 0.5 * step_x, y0 = fy.corner_y + 0.5 * step_y;  // of a post of the grid
+    Window all;
+    bool resampled = false;
+    for (std::size_t i = 0; i < pieces_.size(); ++i) {
+        Piece& piece = pieces_[i];
+        const RasterFacts& f = piece.raster->facts();
+        // Own post = own0 + own_step * grid post.
+        const auto place = [](double grid_at, double grid_step, double own_corner, double own_step, std::int64_t posts,
+                              double& own, double& step, bool& copied) {
+            step = grid_step / own_step;
+            own = (grid_at - own_corner) / own_step - 0.5;
+            if (near(step, 1, on_a_post / static_cast<double>(posts)) && near(own, std::round(own), on_a_post)) {
+                step = 1;
+                own = std::round(own);
+            } else {
+                copied = false;
+            }
+            const double last = static_cast<double>(posts - 1);
+            const double a = -own / step, b = (last - own) / step;
+            return Interval{static_cast<std::int64_t>(std::ceil(std::min(a, b) - 1e-6)),
+                            static_cast<std::int64_t>(std::floor(std::max(a, b) + 1e-6)) + 1};
+        };
+        piece.posts.columns =
+            place(x0, step_x, west[i], f.step_x, f.columns, piece.column, piece.column_step, piece.copied);
+        piece.posts.rows = place(y0, step_y, f.corner_y, f.step_y, f.rows, piece.row, piece.row_step, piece.copied);
+        resampled |= !piece.copied;
+        all = {hull(all.columns, piece.posts.columns), hull(all.rows, piece.posts.rows)};
+    }
+    if (all.columns.size() > INT32_MAX || all.rows.size() > INT32_MAX)
+        throw DataError(text("the rasters together span ", all.columns.size(), " x ", all.rows.size(),
+                             " posts; accepted: at most ", INT32_MAX, " a side"));
+    for (Piece& piece : pieces_) {
+        piece.column += piece.column_step * static_cast<double>(all.columns.begin);
+        piece.row += piece.row_step * static_cast<double>(all.rows.begin);
+        for (auto [side, begin] :
+             {std::pair(&piece.posts.columns, all.columns.begin), std::pair(&piece.posts.rows, all.rows.begin)}) {
+            side->begin -= begin;
+            side->end -= begin;
+        }
+    }
+    facts_.role = role;
+    facts_.columns = all.columns.size();
+    facts_.rows = all.rows.size();
+    facts_.corner_x = west[finest_x] + static_cast<double>(all.columns.begin) * step_x;
+    facts_.corner_y = fy.corner_y + static_cast<double>(all.rows.begin) * step_y;
+    facts_.step_x = step_x;
+    facts_.step_y = step_y;
+    as_stored_ = !resampled;
+    if (resampled) {
+        const auto count = std::count_if(pieces_.begin(), pieces_.end(), [](const Piece& p) { return !p.copied; });
+        note_ = text(count, " of ", pieces_.size(), " rasters resampled bilinearly to steps of ", step_x, ", ", step_y);
+    }
+}
+
+void Mosaic::choose_type() {
+    const RasterFacts own = pieces_[0].raster->facts();
+    const auto become = [&](GDALDataType type, double no_data) {
+        facts_.type = type;
+        facts_.type_bytes = GDALGetDataTypeSizeBytes(type);
+        facts_.has_no_data = true;
+        facts_.no_data = no_data;
+    };
+    facts_.has_mask = facts_.signed_byte = false;
+    if (single()) {
+        if (own.signed_byte) {
+            facts_.type = GDT_Int16;
+            facts_.type_bytes = 2;
+        }
+        if (!own.has_mask || own.has_no_data) return;
+        // A mask becomes a no-data value that no cell can have.
+        if (own.type == GDT_Byte)
+            become(GDT_Int16, INT16_MIN);
+        else if (own.type == GDT_Int16 || own.type == GDT_UInt16)
+            become(GDT_Int32, INT32_MIN);
+        else if (own.type == GDT_Float32 || own.type == GDT_Float64)
+            become(own.type, std::numeric_limits<double>::quiet_NaN());
+        else
+            become(GDT_Float64, std::numeric_limits<double>::quiet_NaN());
+        return;
+    }
+    bool alike = as_stored_, one_no_data = true;
+    for (const Piece& piece : pieces_) {
+        const RasterFacts& f = piece.raster->facts();
+        alike = alike && f.type == own.type && f.scale == own.scale && f.offset == own.offset &&
+                f.unit_m == own.unit_m && !f.signed_byte;
+        one_no_data = one_no_data && f.has_no_data && f.no_data == own.no_data;
+    }
+    const bool metres = own.scale == 1 && own.offset == 0 && own.unit_m == 1;
+    if (alike && (own.type == GDT_Int16 || own.type == GDT_Int32 || (own.type == GDT_Float32 && metres))) {
+        if (one_no_data) return;
+        return become(own.type, own.type == GDT_Int16   ? INT16_MIN
+                                : own.type == GDT_Int32 ? INT32_MIN
+                                                        : std::numeric_limits<double>::quiet_NaN());
+    }
+    // Metres, whatever the rasters hold.
+    as_stored_ = false;
+    facts_.scale = 1;
+    facts_.offset = 0;
+    facts_.unit.assign(1, 'm');
+    facts_.unit_m = 1;
+    become(GDT_Float32, std::numeric_limits<double>::quiet_NaN());
+    if (note_.empty()) note_ = "rasters of unlike types, scales or units";
+    note_ += ": stored as Float32 metres";
+}
+
+std::vector<std::size_t> Mosaic::pieces_in(const Window& window) const {
+    std::vector<std::size_t> found;
+    for (std::size_t i = 0; i < pieces_.size(); ++i)
+        if (!Window{intersection(window.columns, pieces_[i].posts.columns),
+                    intersection(window.rows, pieces_[i].posts.rows)}
+                 .empty())
+            found.push_back(i);
+    return found;
+}
+
+void Mosaic::used(std::size_t piece) {
+    if (single()) return;
+    const std::lock_guard lock(mutex_);
+    open_.remove(piece);
+    open_.push_front(piece);
+    if (open_.size() <= most_open) return;
+    pieces_[open_.back()].raster->close_idle();
+    open_.pop_back();
+}
+
+void Mosaic::read(const Window& window, const Window& counted, Kind kind, const std::vector<std::size_t>& pieces,
+                  Posts& out) {
+    if (single()) return read_single(window, kind, out);
+    const auto n = static_cast<std::size_t>(window.posts());
+    out.heights.assign(n, nan_m);
+    const bool overlap = pieces.size() > 1;
+    if (overlap) out.owners.assign(n, -1);
+    for (const std::size_t index : pieces) {
+        used(index);
+        if (pieces_[index].copied)
+            add_copied(index, window, overlap ? counted : Window{}, out);
+        else
+            add_resampled(index, window, out);
+    }
+    store_heights(window, out);
+}
+
+void Mosaic::read_single(const Window& window, Kind kind, Posts& out) {
+    RasterFile& raster = *pieces_[0].raster;
+    const RasterFacts& own = raster.facts();
+    const auto n = static_cast<std::size_t>(window.posts());
+    const std::int64_t width = window.columns.size();
+    out.stored.resize(n * static_cast<std::size_t>(facts_.type_bytes));
+    if (kind == Kind::heights) {
+        out.heights.resize(n);
+        raster.read_heights(window, out.heights.data(), width);
+    } else {
+        out.codes.resize(n);
+        raster.read_codes(window, out.codes.data());
+    }
+    raster.read_values(window, out.stored.data(), facts_.type, width * facts_.type_bytes);
+    if (own.signed_byte)
+        for (std::size_t i = 0; i < n; ++i) {
+            std::int16_t value = 0;
+            std::memcpy(&value, out.stored.data() + 2 * i, 2);
+            if (value > 127) value = static_cast<std::int16_t>(value - 256);
+            std::memcpy(out.stored.data() + 2 * i, &value, 2);
+        }
+    if (!own.has_mask) return;
+    const auto size = static_cast<std::size_t>(facts_.type_bytes);
+    std::vector<std::byte> none(size);
+    GDALCopyWords(&facts_.no_data, GDT_Float64, 0, none.data(), facts_.type, facts_.type_bytes, 1);
+    for (std::size_t i = 0; i < n; ++i)
+        if (kind == Kind::heights ? std::isnan(out.heights[i]) : out.codes[i] == void_code)
+            std::memcpy(out.stored.data() + i * size, none.data(), size);
+}
+
+void Mosaic::add_copied(std::size_t index, const Window& window, const Window& counted, Posts& out) {
+    const Piece& piece = pieces_[index];
+    const Window here{intersection(window.columns, piece.posts.columns), intersection(window.rows, piece.posts.rows)};
+    if (here.empty()) return;
+    const auto column = static_cast<std::int64_t>(piece.column), row = static_cast<std::int64_t>(piece.row);
+    const std::int64_t width = here.columns.size();
+    out.part.resize(static_cast<std::size_t>(here.posts()));
+    piece.raster->read_heights(
+        {{here.columns.begin + column, here.columns.end + column}, {here.rows.begin + row, here.rows.end + row}},
+        out.part.data(), width);
+    for (std::int64_t r = here.rows.begin; r < here.rows.end; ++r)
+        for (std::int64_t c = here.columns.begin; c < here.columns.end; ++c) {
+            const float z = out.part[static_cast<std::size_t>((r - here.rows.begin) * width + c - here.columns.begin)];
+            if (std::isnan(z)) continue;
+            const auto at =
+                static_cast<std::size_t>((r - window.rows.begin) * window.columns.size() + c - window.columns.begin);
+            float& kept = out.heights[at];
+            if (std::isnan(kept)) {
+                kept = z;
+                if (!counted.empty()) out.owners[at] = static_cast<std::int32_t>(index);
+            } else if (kept != z && !counted.empty() && out.owners[at] >= 0 && counted.columns.contains(c) &&
+                       counted.rows.contains(r)) {
+                out.disagreement.add({1, std::fabs(kept - z), c, r, out.owners[at], static_cast<std::int64_t>(index)});
+            }
+        }
+}
+
+void Mosaic::add_resampled(std::size_t index, const Window& window, Posts& out) {
+    const Piece& piece = pieces_[index];
+    const RasterFacts& f = piece.raster->facts();
+    const Window here{intersection(window.columns, piece.posts.columns), intersection(window.rows, piece.posts.rows)};
+    if (here.empty()) return;
+    // Own post below, and the share of the one above; what is nearer to a post than a millionth stands on it.
+    struct Between {
+        std::int64_t post;
+        double share;
+    };
+    const auto between = [](double at, std::int64_t posts) {
+        const double on = std::round(at);
+        if (near(at, on, 1e-6)) at = on;
+        const auto post = std::clamp<std::int64_t>(static_cast<std::int64_t>(std::floor(at)), 0, posts - 1);
+        return Between{post, post + 1 < posts ? std::clamp(at - static_cast<double>(post), 0.0, 1.0) : 0.0};
+    };
+    const auto side = [&](Interval posts, double own, double step, std::int64_t count, std::vector<Between>& list) {
+        Interval needed;
+        for (std::int64_t i = posts.begin; i < posts.end; ++i) {
+            list.push_back(between(own + step * static_cast<double>(i), count));
+            const Between& b = list.back();
+            needed = hull(needed, {b.post, b.post + (b.share > 0 ? 2 : 1)});
+        }
+        return needed;
+    };
+    std::vector<Between> columns, rows;
+    const Window source{side(here.columns, piece.column, piece.column_step, f.columns, columns),
+                        side(here.rows, piece.row, piece.row_step, f.rows, rows)};
+    out.part.resize(static_cast<std::size_t>(source.posts()));
+    piece.raster->read_heights(source, out.part.data(), source.columns.size());
+    const auto own = [&](std::int64_t c, std::int64_t r) {
+        return static_cast<double>(out.part[static_cast<std::size_t>((r - source.rows.begin) * source.columns.size() +
+                                                                     c - source.columns.begin)]);
+    };
+    for (std::int64_t r = here.rows.begin; r < here.rows.end; ++r) {
+        const Between& y = rows[static_cast<std::size_t>(r - here.rows.begin)];
+        for (std::int64_t c = here.columns.begin; c < here.columns.end; ++c) {
+            float& kept = out.heights[static_cast<std::size_t>((r - window.rows.begin) * window.columns.size() + c -
+                                                               window.columns.begin)];
+            if (!std::isnan(kept)) continue;
+            const Between& x = columns[static_cast<std::size_t>(c - here.columns.begin)];
+            const auto along = [&](std::int64_t row) {
+                const double a = own(x.post, row);
+                return x.share > 0 ? a + (own(x.post + 1, row) - a) * x.share : a;
+            };
+            double z = along(y.post);
+            if (y.share > 0) z += (along(y.post + 1) - z) * y.share;
+            kept = static_cast<float>(z);
+        }
+    }
+}
+
+void Mosaic::store_heights(const Window& window, Posts& out) const {
+    const std::size_t n = out.heights.size(), size = static_cast<std::size_t>(facts_.type_bytes);
+    out.stored.resize(n * size);
+    if (facts_.type == GDT_Float32) {
+        const auto none = static_cast<float>(facts_.no_data);
+        for (std::size_t i = 0; i < n; ++i) {
+            const float value = std::isnan(out.heights[i]) ? none : out.heights[i];
+            std::memcpy(out.stored.data() + i * size, &value, size);
+        }
+        return;
+    }
+    // Whole numbers: back to what the rasters hold.
+    for (std::size_t i = 0; i < n; ++i) {
+        double value = facts_.no_data;
+        if (!std::isnan(out.heights[i])) {
+            value = std::round((static_cast<double>(out.heights[i]) / facts_.unit_m - facts_.offset) / facts_.scale);
+            if (value == facts_.no_data) {
+                const auto at = static_cast<std::int64_t>(i);
+                throw DataError(text("height at column ", window.columns.begin + at % window.columns.size(), ", row ",
+                                     window.rows.begin + at / window.columns.size(), " of the mosaic is ",
+                                     out.heights[i], " m, which its no-data value ", facts_.no_data,
+                                     " stands for; accepted: heights above it"));
+            }
+        }
+        GDALCopyWords(&value, GDT_Float64, 0, out.stored.data() + i * size, facts_.type, facts_.type_bytes, 1);
+    }
+}
+
+}  // namespace wedgescope

@@ -1,0 +1,78 @@
+// Mosaic: one or many rasters of one layer as one raster on one grid, and what it is stored as.
+// For the .cpp files of this folder only. Leaves sheets to sheet_writer.hpp.
+//
+// One raster keeps its grid and its values as they are. Several lie on the finest posting among them; of a post that
+// several hold, the first in the order given that has a value there wins. A raster whose posts stand on those of the
+// grid is copied, any other resampled bilinearly between its own posts (void if a post that counts is void).
+// GDAL's own resampling is not used: its result depends on the windows that are asked for.
+//
+// Memory: one handle a reading thread for each of the `most_open` rasters read last; a read takes its window in floats
+// once more, and where rasters overlap once more for who holds a post.
+#pragma once
+#include <list>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "tiles/raster_file.hpp"
+#include "tiles/store_manifest.hpp"
+
+namespace wedgescope {
+
+class Mosaic {
+public:
+    /// IoError, DataError: rasters that cannot be read or put together.
+    Mosaic(const std::string& role, const std::vector<std::string>& paths);
+
+    /// Of the whole, as it is stored.
+    const RasterFacts& facts() const { return facts_; }
+    /// What was done to unlike rasters, in a sentence; empty: nothing.
+    const std::string& note() const { return note_; }
+    const std::string& path(std::size_t file) const { return pieces_[file].raster->facts().path; }
+    std::vector<StoreSource> sources() const;
+    bool single() const { return pieces_.size() == 1; }
+
+    /// Rasters that hold posts of the window.
+    std::vector<std::size_t> pieces_in(const Window& window) const;
+
+    /// What a read gives, row after row of its window.
+    struct Posts {
+        std::vector<std::byte> stored;     ///< in facts().type
+        std::vector<float> heights;        ///< metres, NaN void
+        std::vector<std::int32_t> codes;   ///< void_code where there is none
+        std::vector<std::int32_t> owners;  ///< scratch
+        std::vector<float> part;           ///< scratch
+        Disagreement disagreement;         ///< added to
+    };
+    enum class Kind { heights, codes };
+    /// `counted`: where disagreements count. From several threads at once.
+    void read(const Window& window, const Window& counted, Kind kind, const std::vector<std::size_t>& pieces,
+              Posts& out);
+
+private:
+    struct Piece {
+        std::unique_ptr<RasterFile> raster;
+        bool copied = true;                    ///< else resampled
+        double column = 0, row = 0;            ///< of the grid's post (0, 0) in the raster's own
+        double column_step = 1, row_step = 1;  ///< from post to post of the grid
+        Window posts;                          ///< of the grid that it holds
+    };
+
+    void choose_grid(const std::string& role);
+    void choose_type();
+    void used(std::size_t piece);
+    void add_copied(std::size_t index, const Window& window, const Window& counted, Posts& out);
+    void add_resampled(std::size_t index, const Window& window, Posts& out);
+    void store_heights(const Window& window, Posts& out) const;
+    void read_single(const Window& window, Kind kind, Posts& out);
+
+    std::vector<Piece> pieces_;
+    RasterFacts facts_;
+    std::string note_;
+    bool as_stored_ = true;  ///< the rasters' own values are stored, not metres
+    std::mutex mutex_;
+    std::list<std::size_t> open_;  ///< the last used in front
+};
+
+}  // namespace wedgescope

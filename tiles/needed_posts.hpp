@@ -1,0 +1,110 @@
+// NeededPosts: what a chunk request needs, post by post and rectangle by rectangle.
+// For the .cpp files of this folder only. Leaves reading to sources.cpp and registered_layer.hpp.
+#pragma once
+#include <algorithm>
+
+#include "lib/wedge_source.hpp"
+#include "tiles/raster_layer.hpp"
+
+namespace wedgescope {
+
+class NeededPosts {
+public:
+    explicit NeededPosts(const ChunkRequest& request) : request_(request) {}
+
+    bool all() const { return request_.skip.empty(); }
+
+    /// Skip::none if a post of the rectangle must be read; else the last of its blocks' reasons in the enumeration.
+    Skip reason(const Window& posts) const {
+        if (all()) return Skip::none;
+        constexpr std::int64_t margin = ChunkRequest::margin;
+        const Window near = blocks_of({{posts.columns.begin - margin, posts.columns.end + margin},
+                                       {posts.rows.begin - margin, posts.rows.end + margin}});
+        const Interval columns = intersection(near.columns, request_.blocks.columns),
+                       rows = intersection(near.rows, request_.blocks.rows);
+        const Window own = blocks_of(posts);
+        Skip last = Skip::range;
+        for (std::int64_t r = rows.begin; r < rows.end; ++r)
+            for (std::int64_t c = columns.begin; c < columns.end; ++c) {
+                const Skip why = at(c, r);
+                if (why == Skip::none) return Skip::none;
+                if (own.columns.contains(c) && own.rows.contains(r)) last = std::max(last, why);
+            }
+        return last;
+    }
+
+    /// Puts fill heights, and 0 for culture heights (if not null), where nothing needs be read. Row after row of
+    /// `posts`, a part of the request's window.
+    void fill(const Window& posts, float* surface, float* culture) const {
+        if (all()) return;
+        const Window blocks = blocks_of(posts);
+        const Interval columns = intersection(blocks.columns, request_.blocks.columns),
+                       rows = intersection(blocks.rows, request_.blocks.rows);
+        for (std::int64_t r = rows.begin; r < rows.end; ++r)
+            for (std::int64_t c = columns.begin; c < columns.end; ++c)
+                if (at(c, r) != Skip::none) fill_block(posts, c, r, surface, culture);
+    }
+
+private:
+    std::size_t index(std::int64_t c, std::int64_t r) const {
+        const Window& b = request_.blocks;
+        return static_cast<std::size_t>((r - b.rows.begin) * b.columns.size() + c - b.columns.begin);
+    }
+    Skip at(std::int64_t c, std::int64_t r) const { return request_.skip[index(c, r)]; }
+    bool needed(std::int64_t c, std::int64_t r) const {
+        return request_.blocks.columns.contains(c) && request_.blocks.rows.contains(r) && at(c, r) == Skip::none;
+    }
+
+    void fill_block(const Window& posts, std::int64_t c, std::int64_t r, float* surface, float* culture) const {
+        constexpr std::int64_t margin = ChunkRequest::margin;
+        const float height = request_.fill_m[index(c, r)];
+        const Interval across = {c * block_posts, (c + 1) * block_posts},
+                       down = {r * block_posts, (r + 1) * block_posts};
+        const std::int64_t width = posts.columns.size();
+        for (std::int64_t y = std::max(down.begin, posts.rows.begin); y < std::min(down.end, posts.rows.end); ++y) {
+            // The rows of blocks that this row of posts is in or near to: of these, columns beside and above.
+            const std::int64_t near = y < down.begin + margin ? r - 1 : y >= down.end - margin ? r + 1 : r;
+            if (near != r && needed(c, near)) continue;
+            const bool west = needed(c - 1, r) || (near != r && needed(c - 1, near)),
+                       east = needed(c + 1, r) || (near != r && needed(c + 1, near));
+            const std::int64_t from = std::max(across.begin + (west ? margin : 0), posts.columns.begin),
+                               to = std::min(across.end - (east ? margin : 0), posts.columns.end);
+            if (from >= to) continue;
+            const std::int64_t first = (y - posts.rows.begin) * width + from - posts.columns.begin;
+            std::fill_n(surface + first, to - from, height);
+            if (culture) std::fill_n(culture + first, to - from, 0.0F);
+        }
+    }
+
+    const ChunkRequest& request_;
+};
+
+/// Calls read(cells, needed) for the rectangles of a window's file tiles (at least as wide as a block each way):
+/// those that are needed in runs side by side, the others one by one. `reason(cells)`: Skip::none for what is needed.
+template <class Reason, class Read, class Pass>
+void for_each_tile_run(const RasterFacts& facts, const Window& window, Reason&& reason, Read&& read, Pass&& pass) {
+    const auto unit = [](std::int64_t tile) { return tile * ((block_posts + tile - 1) / tile); };
+    const std::int64_t wide = unit(facts.block_columns), high = unit(facts.block_rows);
+    for (std::int64_t r = window.rows.begin; r < window.rows.end;) {
+        const std::int64_t r_end = std::min(window.rows.end, (r / high + 1) * high);
+        Interval run{0, 0};
+        for (std::int64_t c = window.columns.begin; c < window.columns.end;) {
+            const std::int64_t c_end = std::min(window.columns.end, (c / wide + 1) * wide);
+            const Window tile{{c, c_end}, {r, r_end}};
+            const Skip why = reason(tile);
+            if (why == Skip::none) {
+                run = run.empty() ? tile.columns : Interval{run.begin, c_end};
+            } else {
+                pass(tile, why);
+            }
+            c = c_end;
+            if (!run.empty() && (why != Skip::none || c == window.columns.end)) {
+                read(Window{run, {r, r_end}});
+                run = {};
+            }
+        }
+        r = r_end;
+    }
+}
+
+}  // namespace wedgescope

@@ -1,0 +1,140 @@
+#include "tiles/plain_file.hpp"
+
+#include <fcntl.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <vector>
+
+#include "lib/error.hpp"
+#include "tiles/checksum.hpp"
+
+namespace wedgescope {
+namespace {
+
+[[noreturn]] void fail(const std::string& path, const char* what) {
+    throw IoError(text("'", path, "' cannot be ", what, ": ", std::strerror(errno)));
+}
+
+}  // namespace
+
+PlainFile::PlainFile(std::string path, Use use) : path_(std::move(path)) {
+    file_ = ::open(path_.c_str(), (use == Use::read ? O_RDONLY : O_RDWR | O_CREAT) | O_CLOEXEC, 0666);
+    if (file_ < 0) fail(path_, "opened");
+}
+
+PlainFile::~PlainFile() {
+    if (file_ >= 0) ::close(file_);
+}
+
+std::uint64_t PlainFile::bytes() const {
+    struct stat facts {};
+    if (::fstat(file_, &facts) != 0) fail(path_, "read");
+    return static_cast<std::uint64_t>(facts.st_size);
+}
+
+void PlainFile::read(std::uint64_t at, void* out, std::size_t count) const {
+    auto* to = static_cast<char*>(out);
+    while (count > 0) {
+        const ssize_t n = ::pread(file_, to, count, static_cast<off_t>(at));
+        if (n < 0 && errno == EINTR) continue;
+        if (n < 0) fail(path_, "read");
+        if (n == 0) throw IoError(text("'", path_, "' ends at byte ", at, ", ", count, " bytes too early"));
+        to += n;
+        at += static_cast<std::uint64_t>(n);
+        count -= static_cast<std::size_t>(n);
+    }
+}
+
+void PlainFile::write(std::uint64_t at, const void* from, std::size_t count) {
+    const auto* bytes = static_cast<const char*>(from);
+    while (count > 0) {
+        const ssize_t n = ::pwrite(file_, bytes, count, static_cast<off_t>(at));
+        if (n < 0 && errno == EINTR) continue;
+        if (n < 0) fail(path_, "written");
+        bytes += n;
+        at += static_cast<std::uint64_t>(n);
+        count -= static_cast<std::size_t>(n);
+    }
+}
+
+void PlainFile::resize(std::uint64_t size) {
+    if (::ftruncate(file_, static_cast<off_t>(size)) != 0) fail(path_, "written");
+}
+
+void PlainFile::sync() {
+    if (::fsync(file_) != 0) fail(path_, "written to disk");
+}
+
+bool PlainFile::lock() { return ::flock(file_, LOCK_EX | LOCK_NB) == 0; }
+
+std::uint64_t file_bytes(const std::string& path) {
+    struct stat facts {};
+    if (::stat(path.c_str(), &facts) != 0) fail(path, "read");
+    return static_cast<std::uint64_t>(facts.st_size);
+}
+
+std::string file_text(const std::string& path, std::size_t most) {
+    const PlainFile file(path, PlainFile::Use::read);
+    const std::uint64_t size = file.bytes();
+    if (size > most) throw DataError(text("'", path, "' has ", size, " bytes; accepted: at most ", most));
+    std::string content(size, '\0');
+    file.read(0, content.data(), content.size());
+    return content;
+}
+
+void replace_file(const std::string& path, const std::string& content) {
+    const std::string temporary = path + ".tmp";
+    {
+        PlainFile file(temporary, PlainFile::Use::write);
+        file.resize(0);
+        file.write(0, content.data(), content.size());
+        file.sync();
+    }
+    rename_path(temporary, path);
+}
+
+void sync_path(const std::string& path, bool folder) {
+    const int file = ::open(path.c_str(), (folder ? O_RDONLY | O_DIRECTORY : O_RDONLY) | O_CLOEXEC);
+    if (file < 0) fail(path, "opened");
+    const bool good = ::fsync(file) == 0 || (folder && (errno == EINVAL || errno == ENOTSUP || errno == EROFS));
+    const int reason = errno;
+    ::close(file);
+    errno = reason;
+    if (!good) fail(path, "written to disk");
+}
+
+void rename_path(const std::string& from, const std::string& to) {
+    if (std::rename(from.c_str(), to.c_str()) != 0) fail(to, "put in place");
+}
+
+std::string hex(std::uint64_t sum) { return fmt::format("{:016x}", sum); }
+
+std::uint64_t file_checksum(const std::string& path) {
+    constexpr std::size_t piece = std::size_t{1} << 18;
+    const PlainFile file(path, PlainFile::Use::read);
+    const std::uint64_t size = file.bytes();
+    std::vector<char> buffer(piece);
+    XXH3_state_t* state = XXH3_createState();
+    if (!state) throw IoError("no memory for a checksum");
+    XXH3_64bits_reset(state);
+    try {
+        for (std::uint64_t at = 0; at < size; at += piece) {
+            const auto n = static_cast<std::size_t>(size - at < piece ? size - at : piece);
+            file.read(at, buffer.data(), n);
+            XXH3_64bits_update(state, buffer.data(), n);
+        }
+    } catch (...) {
+        XXH3_freeState(state);
+        throw;
+    }
+    const std::uint64_t sum = XXH3_64bits_digest(state);
+    XXH3_freeState(state);
+    return sum;
+}
+
+}  // namespace wedgescope

@@ -1,0 +1,43 @@
+// PlainFile: bytes of a file at a place, read and written whole or with an error that names the file.
+// For the .cpp files of this folder only. Leaves formats to others.
+#pragma once
+#include <cstddef>
+#include <cstdint>
+#include <string>
+
+namespace wedgescope {
+
+class PlainFile {
+public:
+    enum class Use { read, write };  ///< write: made if it is missing, never cut
+    PlainFile(std::string path, Use use);
+    ~PlainFile();
+    PlainFile(const PlainFile&) = delete;
+    PlainFile& operator=(const PlainFile&) = delete;
+
+    const std::string& path() const { return path_; }
+    std::uint64_t bytes() const;
+    /// IoError, also if the file ends before.
+    void read(std::uint64_t at, void* out, std::size_t count) const;
+    void write(std::uint64_t at, const void* from, std::size_t count);
+    void resize(std::uint64_t bytes);
+    void sync();
+    /// False if another process holds the lock, which ends with the file's close.
+    bool lock();
+
+private:
+    std::string path_;
+    int file_ = -1;
+};
+
+/// Bytes of a file; IoError naming it.
+std::uint64_t file_bytes(const std::string& path);
+/// All of a small file. DataError if it is larger than `most`.
+std::string file_text(const std::string& path, std::size_t most);
+/// Writes `content` to `path` + ".tmp", syncs it and puts it in place. IoError.
+void replace_file(const std::string& path, const std::string& content);
+/// Syncs a file or folder; file systems that cannot sync folders are forgiven.
+void sync_path(const std::string& path, bool folder);
+void rename_path(const std::string& from, const std::string& to);
+
+}  // namespace wedgescope

@@ -1,0 +1,210 @@
+#include "tiles/raster_layer.hpp"
+
+#include <cpl_conv.h>
+
+#include <algorithm>
+#include <cctype>
+#include <cmath>
+#include <limits>
+
+#include "lib/error.hpp"
+#include "tiles/gdal_handle.hpp"
+
+namespace wedgescope {
+
+double unit_in_metres(std::string unit) {
+    std::erase_if(unit, [](unsigned char c) { return !std::isalnum(c); });
+    std::transform(unit.begin(), unit.end(), unit.begin(),
+                   [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+    for (const char* word : {"ft", "foot", "feet", "internationalfoot", "internationalfeet", "footinternational"})
+        if (unit == word) return 0.3048;
+    for (const char* word : {"usft", "ftus", "sft", "ussurveyfoot", "ussurveyfeet", "footus", "surveyfoot",
+                             "surveyfeet", "footussurvey", "usfoot", "usfeet"})
+        if (unit == word) return 1200.0 / 3937;
+    return 1;
+}
+
+void set_crs(RasterFacts& facts, const OGRSpatialReference& given) {
+    if (given.IsEmpty() || !facts.has_geotransform) return;
+    auto crs = std::make_shared<OGRSpatialReference>(given);
+    if (crs->IsCompound()) crs->StripVertical();
+    crs->SetAxisMappingStrategy(OAMS_TRADITIONAL_GIS_ORDER);
+    if (crs->IsGeocentric())
+        throw DataError(
+            text(facts.named(), " has a geocentric CRS; accepted: latitude and longitude, or a projection"));
+    if (crs->IsGeographic()) {
+        const double degree = crs->GetAngularUnits(static_cast<const char**>(nullptr)) * 180 / M_PI;
+        if (std::fabs(degree - 1) > 1e-9)
+            throw DataError(text(facts.named(), " has angles in units of ", degree, " degrees; accepted: degrees"));
+        facts.geographic = true;
+        const OGRSpatialReference wgs84 = wgs84_lon_lat();
+        const char* const options[] = {"IGNORE_DATA_AXIS_TO_SRS_AXIS_MAPPING=YES",
+                                       "CRITERION=EQUIVALENT_EXCEPT_AXIS_ORDER_GEOGCRS", nullptr};
+        facts.wgs84_lat_lon = crs->IsSame(&wgs84, options) != 0;
+    } else {
+        facts.metres_per_unit = crs->GetLinearUnits(static_cast<const char**>(nullptr));
+        if (!(facts.metres_per_unit > 0)) facts.metres_per_unit = 1;
+        if (!crs->IsProjected()) return;  // a local grid: a plane with a unit, nowhere on earth
+    }
+    facts.crs = std::move(crs);
+}
+
+OGRSpatialReference wgs84_lon_lat() {
+    OGRSpatialReference wgs84;
+    wgs84.SetWellKnownGeogCS("WGS84");
+    wgs84.SetAxisMappingStrategy(OAMS_TRADITIONAL_GIS_ORDER);
+    return wgs84;
+}
+
+std::string crs_definition(const OGRSpatialReference& crs) {
+    const char* authority = crs.GetAuthorityName(nullptr);
+    const char* code = crs.GetAuthorityCode(nullptr);
+    if (authority && code) return text(authority, ":", code);
+    GdalErrors quiet;
+    char* words = nullptr;
+    std::string definition;
+    if (crs.exportToProj4(&words) == OGRERR_NONE && words) definition = words;
+    CPLFree(words);
+    if (!definition.empty()) return definition;
+    return crs_wkt(crs);
+}
+
+std::string crs_wkt(const OGRSpatialReference& crs) {
+    GdalErrors quiet;
+    char* words = nullptr;
+    const char* const options[] = {"FORMAT=WKT2_2019", nullptr};
+    std::string wkt;
+    if (crs.exportToWkt(&words, options) == OGRERR_NONE && words) wkt = words;
+    CPLFree(words);
+    return wkt;
+}
+
+std::int64_t RasterFacts::cycle_columns() const {
+    if (!crs || !geographic) return 0;
+    // A thousandth of a post: steps written with ten digits still close the circle.
+    const double circle = 360 / step_x;
+    for (const std::int64_t cycle : {columns, columns - 1})
+        if (std::fabs(static_cast<double>(cycle) - circle) <= 1e-3) return cycle;
+    return 0;
+}
+
+std::int64_t RasterFacts::own_columns() const {
+    const std::int64_t cycle = cycle_columns();
+    return cycle > 0 ? cycle : columns;
+}
+
+void RasterLayer::prepare() {
+    const bool floating = facts_.type == GDT_Float32 || facts_.type == GDT_Float64;
+    // The same conversion that the values go through.
+    GDALCopyWords(&facts_.no_data, GDT_Float64, 0, &no_data_, GDT_Float32, 0, 1);
+    no_data_is_huge_ = facts_.has_no_data && floating && std::fabs(facts_.no_data) > 1e30;
+    may_be_void_ = facts_.has_no_data || facts_.has_mask;
+    const double largest = facts_.type == GDT_Byte     ? 255
+                           : facts_.type == GDT_Int16  ? 32768
+                           : facts_.type == GDT_UInt16 ? 65535
+                                                       : 1e300;
+    may_be_wild_ = (largest * std::fabs(facts_.scale) + std::fabs(facts_.offset)) * facts_.unit_m >
+                   static_cast<double>(highest_height_m);
+}
+
+std::string place(const Window& window) {
+    return text("columns ", window.columns.begin, " to ", window.columns.end - 1, ", rows ", window.rows.begin, " to ",
+                window.rows.end - 1);
+}
+
+void RasterLayer::read_heights(const Window& window, float* out, std::int64_t stride) {
+    if (window.empty()) return;
+    read_values(window, out, GDT_Float32, stride * static_cast<std::int64_t>(sizeof(float)));
+    std::vector<std::uint8_t> masks;
+    const bool masked = read_mask(window, masks);
+    const bool scaled = facts_.scale != 1 || facts_.offset != 0 || facts_.unit_m != 1;
+    if (!may_be_void_ && !may_be_wild_ && !scaled && !facts_.signed_byte) return;
+
+    constexpr float nan = std::numeric_limits<float>::quiet_NaN();
+    const std::int64_t n = window.columns.size();
+    for (std::int64_t r = 0; r < window.rows.size(); ++r) {
+        float* line = out + r * stride;
+        if (facts_.signed_byte)
+            for (std::int64_t c = 0; c < n; ++c) line[c] = line[c] > 127 ? line[c] - 256 : line[c];
+        if (no_data_is_huge_) {
+            const float sign = facts_.no_data < 0 ? -1.0F : 1.0F;
+            for (std::int64_t c = 0; c < n; ++c) line[c] = line[c] * sign > 1e30F ? nan : line[c];
+        } else if (facts_.has_no_data) {
+            const float none = no_data_;
+            for (std::int64_t c = 0; c < n; ++c) line[c] = line[c] == none ? nan : line[c];
+        }
+        if (masked) {
+            const std::uint8_t* mask = masks.data() + r * n;
+            for (std::int64_t c = 0; c < n; ++c) line[c] = mask[c] == 0 ? nan : line[c];
+        }
+        if (scaled) {
+            const double scale = facts_.scale, offset = facts_.offset, unit = facts_.unit_m;
+            for (std::int64_t c = 0; c < n; ++c)
+                line[c] = static_cast<float>((static_cast<double>(line[c]) * scale + offset) * unit);
+        }
+        if (!may_be_wild_) continue;
+        int wild = 0;
+        for (std::int64_t c = 0; c < n; ++c) wild |= std::fabs(line[c]) > highest_height_m;
+        if (!wild) continue;
+        for (std::int64_t c = 0; c < n; ++c)
+            if (std::fabs(line[c]) > highest_height_m)
+                throw DataError(text(facts_.named(), ": height at column ", window.columns.begin + c, ", row ",
+                                     window.rows.begin + r, " is ", line[c], " m; accepted: at most ", highest_height_m,
+                                     " m either way, NaN or the declared no-data value"));
+    }
+}
+
+void RasterLayer::read_codes(const Window& window, std::int32_t* out) {
+    if (window.empty()) return;
+    const auto n = static_cast<std::size_t>(window.posts());
+    const std::int64_t width = window.columns.size();
+    const bool narrow =
+        facts_.type == GDT_Byte || facts_.type == GDT_Int16 || facts_.type == GDT_UInt16 || facts_.type == GDT_Int32;
+    if (narrow) {
+        read_values(window, out, GDT_Int32, width * static_cast<std::int64_t>(sizeof(std::int32_t)));
+        if (facts_.signed_byte)
+            for (std::size_t i = 0; i < n; ++i) out[i] = out[i] > 127 ? out[i] - 256 : out[i];
+        if (facts_.has_no_data && facts_.no_data >= INT32_MIN && facts_.no_data <= INT32_MAX &&
+            facts_.no_data == std::trunc(facts_.no_data)) {
+            const auto none = static_cast<std::int32_t>(facts_.no_data);
+            for (std::size_t i = 0; i < n; ++i) out[i] = out[i] == none ? void_code : out[i];
+        }
+    } else {
+        std::vector<double> wide(n);
+        read_values(window, wide.data(), GDT_Float64, width * static_cast<std::int64_t>(sizeof(double)));
+        const double none = facts_.type == GDT_Float32 ? static_cast<double>(no_data_) : facts_.no_data;
+        for (std::size_t i = 0; i < n; ++i) {
+            const double v = wide[i];
+            if (std::isnan(v) || (facts_.has_no_data && (v == none || (no_data_is_huge_ && v * none > 1e60)))) {
+                out[i] = void_code;
+            } else if (v > INT32_MIN && v <= INT32_MAX && v == std::trunc(v)) {
+                out[i] = static_cast<std::int32_t>(v);
+            } else {
+                const auto at = static_cast<std::int64_t>(i);
+                throw DataError(text(
+                    facts_.named(), ": code at column ", window.columns.begin + at % window.columns.size(), ", row ",
+                    window.rows.begin + at / window.columns.size(), " is ", v, "; accepted: whole numbers of 32 bits"));
+            }
+        }
+    }
+    std::vector<std::uint8_t> masks;
+    if (read_mask(window, masks))
+        for (std::size_t i = 0; i < n; ++i) out[i] = masks[i] == 0 ? void_code : out[i];
+}
+
+void for_each_window(const RasterFacts& facts, std::int64_t columns, std::int64_t most_posts,
+                     const std::function<void(const Window&)>& body) {
+    // As many whole blocks side by side as fit; then as many rows of blocks; cut blocks only if one alone is too large.
+    const std::int64_t block_rows = std::min(facts.block_rows, facts.rows);
+    const std::int64_t block_columns = std::min(facts.block_columns, columns);
+    std::int64_t wide = std::clamp(most_posts / block_rows / block_columns * block_columns, block_columns, columns);
+    if (wide > most_posts) wide = most_posts;
+    std::int64_t high = most_posts / wide;
+    if (high >= block_rows) high = high / block_rows * block_rows;
+    high = std::clamp<std::int64_t>(high, 1, facts.rows);
+    for (std::int64_t r = 0; r < facts.rows; r += high)
+        for (std::int64_t c = 0; c < columns; c += wide)
+            body({{c, std::min(c + wide, columns)}, {r, std::min(r + high, facts.rows)}});
+}
+
+}  // namespace wedgescope

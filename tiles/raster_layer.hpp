@@ -1,0 +1,104 @@
+// RasterLayer: values of one raster layer, wherever they are kept, as heights in metres or as codes.
+// For the .cpp files of this folder only. Leaves where the values come from to raster_file.hpp and store_layer.hpp.
+#pragma once
+#include <gdal.h>
+#include <ogr_spatialref.h>
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "lib/interval.hpp"
+
+namespace wedgescope {
+
+/// |z| above this is no height on earth.
+inline constexpr float highest_height_m = 1e5F;
+/// Marks a culture cell without data.
+inline constexpr std::int32_t void_code = INT32_MIN;
+
+struct RasterFacts {
+    std::string role;  ///< for messages: "dem", "culture", "culture-height"
+    std::string path;
+    std::string driver;
+    std::int64_t columns = 0, rows = 0, block_columns = 0, block_rows = 0;
+    GDALDataType type = GDT_Unknown;
+    int type_bytes = 0;
+    bool signed_byte = false;           ///< Byte whose values are -128..127 (PIXELTYPE=SIGNEDBYTE)
+    bool has_geotransform = false;      ///< else the lower left cell's centre is 0, 0 and cells are 1 x 1
+    double corner_x = 0, corner_y = 0;  ///< outer corner of the first cell, CRS units
+    double step_x = 1, step_y = -1;
+    std::shared_ptr<OGRSpatialReference> crs;  ///< horizontal part, x (longitude) first; null: none
+    bool geographic = false;
+    bool wgs84_lat_lon = false;
+    double metres_per_unit = 1;    ///< of x and y, if not geographic
+    double scale = 1, offset = 0;  ///< value = (stored * scale + offset) * unit_m
+    std::string unit;
+    double unit_m = 1;
+    bool has_no_data = false;
+    double no_data = 0;
+    bool has_mask = false;  ///< a mask or alpha band that must be read beside the values
+    std::string compression;
+
+    double edge_x() const { return corner_x + static_cast<double>(columns) * step_x; }
+    double edge_y() const { return corner_y + static_cast<double>(rows) * step_y; }
+    std::string named() const { return role + " '" + path + "'"; }
+    /// Columns of the circle of longitude; 0 where the raster does not span it. With one column more, the last
+    /// repeats the first.
+    std::int64_t cycle_columns() const;
+    /// Columns without that one.
+    std::int64_t own_columns() const;
+};
+
+/// Takes CRS, kind of CRS and its units from `given`. DataError for a CRS that is none of ours.
+void set_crs(RasterFacts& facts, const OGRSpatialReference& given);
+/// Metres of a height unit; 1 for what is not known.
+double unit_in_metres(std::string unit);
+
+class RasterLayer {
+public:
+    virtual ~RasterLayer() = default;
+    const RasterFacts& facts() const { return facts_; }
+
+    /// Heights in metres, row after row, NaN = void; `window` inside the raster. Rows lie `stride` floats apart.
+    /// IoError if it cannot be read; DataError naming the post if one is infinite or above highest_height_m.
+    /// May be called from several threads at once.
+    void read_heights(const Window& window, float* out, std::int64_t stride);
+    /// Codes, row after row; void_code where there is none. DataError for a value that is no whole number.
+    void read_codes(const Window& window, std::int32_t* out);
+    /// Values as stored, or converted as GDAL does; rows `line_bytes` apart. IoError.
+    virtual void read_values(const Window& window, void* out, GDALDataType type, std::int64_t line_bytes) = 0;
+
+protected:
+    /// The mask of a window: 0 void. False if nothing there is.
+    virtual bool read_mask(const Window&, std::vector<std::uint8_t>&) { return false; }
+    /// To be called once facts_ is complete.
+    void prepare();
+
+    RasterFacts facts_;
+
+private:
+    bool may_be_void_ = false;      ///< some test for void is needed
+    bool may_be_wild_ = false;      ///< the type can hold heights that are none
+    float no_data_ = 0;             ///< as GDAL converts it
+    bool no_data_is_huge_ = false;  ///< -3.4e38 and its kind: all of its size and sign is void
+};
+
+/// Calls `body` for windows of at most `most_posts`, made of whole blocks where they fit, row by row of blocks.
+void for_each_window(const RasterFacts& facts, std::int64_t columns, std::int64_t most_posts,
+                     const std::function<void(const Window&)>& body);
+
+/// "columns 3 to 5, rows 0 to 9".
+std::string place(const Window& window);
+
+/// WGS84 latitude and longitude, longitude first.
+OGRSpatialReference wgs84_lon_lat();
+
+/// Name and best short definition ("EPSG:32611", else a PROJ string, else WKT) of a CRS.
+std::string crs_definition(const OGRSpatialReference& crs);
+/// WKT 2 of 2019; empty if PROJ cannot write it.
+std::string crs_wkt(const OGRSpatialReference& crs);
+
+}  // namespace wedgescope

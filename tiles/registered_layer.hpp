@@ -1,0 +1,108 @@
+// RegisteredLayer: a raster (culture, culture height) registered by coordinate to the terrain's posts.
+// For the .cpp files of this folder only. Leaves the terrain itself and chunks to sources.cpp.
+#pragma once
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "tiles/needed_posts.hpp"
+#include "tiles/raster_layer.hpp"
+#include "tiles/tile_ledger.hpp"
+
+namespace wedgescope {
+
+/// Posts read and turned at a time.
+inline constexpr std::int64_t slab_posts = std::int64_t{1} << 20;
+
+/// Part of a row of wanted columns that one window reads: `count` wanted from `at` on lie in source columns `source`.
+struct Run {
+    std::int64_t at = 0, count = 0;
+    Interval source;
+};
+/// Cuts a list of source columns (-1: nowhere) where it jumps by more than `step` or turns.
+std::vector<Run> runs(const std::vector<std::int64_t>& source, std::int64_t step);
+
+/// Cell = floor(offset + scale * index) of the terrain's columns or rows.
+struct Axis {
+    double offset = 0.5, scale = 1;
+    std::int64_t cells = 0;
+    double circle = 0;  ///< cells in 360 degrees, 0 where there is no circle
+
+    std::int64_t cell(std::int64_t index) const;
+    /// The cell of the raster that holds what lies in cell `i`, whole circles away if need be; -1 if none does.
+    std::int64_t inside(std::int64_t i) const;
+    /// Cells that the terrain posts of `posts` and all between them lie in.
+    Interval under(Interval posts) const;
+};
+
+class RegisteredLayer {
+public:
+    /// DataError if it is in another CRS than the terrain or nowhere near it.
+    RegisteredLayer(std::unique_ptr<RasterLayer> raster, const RasterFacts& terrain);
+
+    RasterLayer& raster() { return *raster_; }
+    const RasterFacts& facts() const { return raster_->facts(); }
+    const Axis& columns() const { return columns_; }
+    const Axis& rows() const { return rows_; }
+    TileLedger& ledger() { return ledger_; }
+    const TileLedger& ledger() const { return ledger_; }
+
+    /// What is needed to read heights under a run of terrain columns.
+    struct Plan {
+        Interval columns;
+        std::vector<std::int64_t> cells;  ///< of each column; -1: none
+        std::vector<Run> runs;
+        std::int64_t widest = 1;
+    };
+    Plan plan(Interval columns) const;
+
+    /// Scaled heights at the posts of `rows`, row after row; 0 where none is known or, up to the file's tiles, none is
+    /// needed. Returns posts read. DataError naming a cell below 0.
+    std::int64_t read_heights(const Plan& plan, Interval rows, double scale, const NeededPosts& needed, float* out,
+                              std::vector<float>& scratch);
+
+    /// Calls body(row, at, codes, n) for every run of cells in the window that the raster holds; returns cells read.
+    template <class Body>
+    std::int64_t read_codes(const Window& window, Body&& body) {
+        std::vector<std::int64_t> cells(static_cast<std::size_t>(window.columns.size()));
+        for (std::size_t i = 0; i < cells.size(); ++i)
+            cells[i] = columns_.inside(window.columns.begin + static_cast<std::int64_t>(i));
+        const std::vector<Run> found = runs(cells, 1);
+        const Interval inside = intersection(window.rows, {0, rows_.cells});
+        std::vector<std::int32_t> codes;
+        std::int64_t read = 0;
+        const std::int64_t block = facts().block_rows;
+        for (const Run& run : found)
+            for (std::int64_t r = inside.begin; r < inside.end;) {
+                std::int64_t end = r + std::max<std::int64_t>(1, slab_posts / run.source.size());
+                if (end - r >= block) end -= end % block;
+                end = std::min(end, inside.end);
+                const Window part{run.source, {r, end}};
+                codes.resize(static_cast<std::size_t>(part.posts()));
+                ledger_.touch(part);
+                raster_->read_codes(part, codes.data());
+                read += part.posts();
+                for (std::int64_t y = r; y < end; ++y)
+                    body(y - window.rows.begin, run.at, codes.data() + (y - r) * part.columns.size(),
+                         part.columns.size());
+                r = end;
+            }
+        return read;
+    }
+
+    /// Notes in the ledger that the cells under these posts were passed by.
+    void pass(const Window& posts, Skip reason);
+
+private:
+    void refuse_negative(const Window& window, const float* values, std::int64_t stride) const;
+
+    std::unique_ptr<RasterLayer> raster_;
+    Axis columns_, rows_;
+    TileLedger ledger_;
+};
+
+/// DataError with the gdalwarp line to use if both rasters have a CRS and these differ. `dem`: word for the second.
+void refuse_other_crs(const RasterFacts& layer, const RasterFacts& terrain, const std::string& dem);
+
+}  // namespace wedgescope

@@ -1,0 +1,185 @@
+#include "tiles/store_layer.hpp"
+
+#include <algorithm>
+#include <cstring>
+#include <filesystem>
+
+#include "lib/error.hpp"
+#include "tiles/checksum.hpp"
+#include "tiles/plain_file.hpp"
+
+namespace wedgescope {
+
+TileCache::Tile TileCache::find(const Key& key) {
+    const std::lock_guard lock(mutex_);
+    const auto place = places_.find(key);
+    if (place == places_.end()) return nullptr;
+    recent_.splice(recent_.begin(), recent_, place->second);
+    return place->second->second;
+}
+
+void TileCache::add(const Key& key, Tile tile) {
+    std::list<Entry> gone;  // freed behind the lock
+    const std::lock_guard lock(mutex_);
+    if (tile->size() > most_ || places_.contains(key)) return;
+    held_ += tile->size();
+    recent_.emplace_front(key, std::move(tile));
+    places_[key] = recent_.begin();
+    while (held_ > most_) {
+        held_ -= recent_.back().second->size();
+        places_.erase(recent_.back().first);
+        gone.splice(gone.begin(), recent_, std::prev(recent_.end()));
+    }
+}
+
+DatasetHandle open_sheet(const std::string& path) {
+    // No list of the folder's files: it may be long, and nothing beside the sheet counts.
+    const char* const drivers[] = {"GTiff", nullptr};
+    const char* const siblings[] = {nullptr};
+    return DatasetHandle(GDALDataset::Open(path.c_str(), GDAL_OF_RASTER | GDAL_OF_READONLY | GDAL_OF_VERBOSE_ERROR,
+                                           drivers, nullptr, siblings));
+}
+
+void fill_no_data(const RasterFacts& facts, std::byte* out, std::size_t count) {
+    const double value = facts.has_no_data ? facts.no_data : 0;
+    constexpr std::size_t most = std::size_t{1} << 24;  // GDAL counts in ints
+    for (std::size_t at = 0; at < count; at += most)
+        GDALCopyWords(&value, GDT_Float64, 0, out + at * static_cast<std::size_t>(facts.type_bytes), facts.type,
+                      facts.type_bytes, static_cast<int>(std::min(most, count - at)));
+}
+
+namespace {
+
+SheetSums sums_of(const std::string& folder, const StoreLayerEntry& layer, const StoreSheet& sheet) {
+    const std::string path = (std::filesystem::path(folder) / sheet.sums).string();
+    SheetSums sums = read_sums(path, sheet.sums_checksum);
+    const Window posts = layer.posts(sheet.column, sheet.row);
+    if (sums.columns != posts.columns.size() || sums.rows != posts.rows.size() ||
+        sums.tile != layer.facts.block_columns || sums.file_bytes != sheet.bytes)
+        throw DataError(text("checksum file '", path, "' belongs to another sheet"));
+    return sums;
+}
+
+}  // namespace
+
+SheetReader::SheetReader(const std::string& folder, const StoreLayerEntry& layer, const StoreSheet& sheet)
+    : SheetReader((std::filesystem::path(folder) / sheet.file).string(), layer.facts,
+                  layer.posts(sheet.column, sheet.row), sums_of(folder, layer, sheet)) {}
+
+SheetReader::SheetReader(std::string path, const RasterFacts& layer, const Window& posts, SheetSums sums)
+    : path_(std::move(path)), facts_(layer), sums_(std::move(sums)), posts_(posts) {
+    if (const std::uint64_t bytes = file_bytes(path_); bytes != sums_.file_bytes)
+        throw DataError(
+            text("sheet '", path_, "' has ", bytes, " bytes; it had ", sums_.file_bytes, " when the store was made"));
+    GdalErrors errors;
+    dataset_ = open_sheet(path_);
+    if (!dataset_) throw DataError(text("sheet '", path_, "' is damaged, it cannot be opened: ", errors.reason()));
+    int wide = 0, high = 0;
+    GDALRasterBand* band = dataset_->GetRasterBand(1);
+    if (band) band->GetBlockSize(&wide, &high);
+    if (!band || dataset_->GetRasterXSize() != sums_.columns || dataset_->GetRasterYSize() != sums_.rows ||
+        wide != sums_.tile || high != sums_.tile || band->GetRasterDataType() != facts_.type)
+        throw DataError(text("sheet '", path_, "' is damaged: its size, type or tiles are not those of the manifest"));
+}
+
+std::vector<std::byte> SheetReader::tile(int level, std::int64_t column, std::int64_t row) {
+    const std::int64_t edge = sums_.tile;
+    const auto bytes = static_cast<std::size_t>(facts_.type_bytes);
+    const std::int64_t wide = std::min(edge, SheetSums::side(sums_.columns, level) - column * edge),
+                       high = std::min(edge, SheetSums::side(sums_.rows, level) - row * edge);
+    const auto named = [&](const std::string& what) {
+        std::string where = text("sheet '", path_, "': ");
+        if (level > 0) where += text("overview ", level, ", ");
+        const std::int64_t c = posts_.columns.begin + ((column * edge) << level),
+                           r = posts_.rows.begin + ((row * edge) << level);
+        return text(where, "tile ", column, ", ", row, " (",
+                    place({{c, std::min(posts_.columns.end, c + (edge << level))},
+                           {r, std::min(posts_.rows.end, r + (edge << level))}}),
+                    " of the layer) ", what);
+    };
+    GdalErrors errors;
+    GDALRasterBand* band = dataset_->GetRasterBand(1);
+    if (level > 0) band = band->GetOverview(level - 1);
+    int block_wide = 0, block_high = 0;
+    if (band) band->GetBlockSize(&block_wide, &block_high);
+    std::vector<std::byte> values(static_cast<std::size_t>(edge * edge) * bytes);
+    if (!band || block_wide != edge || block_high != edge ||
+        band->ReadBlock(static_cast<int>(column), static_cast<int>(row), values.data()) != CE_None)
+        throw DataError(named("cannot be read: " + errors.reason()));
+    if (wide < edge)
+        for (std::int64_t r = 1; r < high; ++r)
+            std::memmove(values.data() + static_cast<std::size_t>(r * wide) * bytes,
+                         values.data() + static_cast<std::size_t>(r * edge) * bytes,
+                         static_cast<std::size_t>(wide) * bytes);
+    values.resize(static_cast<std::size_t>(wide * high) * bytes);
+    if (checksum(values.data(), values.size()) != sums_.tiles[sums_.index(level, column, row)])
+        throw DataError(named("is damaged"));
+    return values;
+}
+
+StoreLayer::StoreLayer(std::string folder, const StoreLayerEntry& entry, std::shared_ptr<TileCache> cache)
+    : folder_(std::move(folder)), entry_(entry), cache_(std::move(cache)) {
+    facts_ = entry_.facts;
+    for (const StoreSheet& sheet : entry_.sheets) sheets_[{sheet.column, sheet.row}] = &sheet;
+    prepare();
+}
+
+TileCache::Tile StoreLayer::tile(std::int64_t column, std::int64_t row) {
+    const std::int64_t edge = facts_.block_columns, a_sheet = sheet_posts / edge;
+    const std::int64_t across = (facts_.columns + edge - 1) / edge;
+    const TileCache::Key key{static_cast<int>(entry_.kind), static_cast<std::uint64_t>(row * across + column)};
+    if (auto found = cache_->find(key)) return found;
+    const auto place = sheets_.find({column / a_sheet, row / a_sheet});
+    std::vector<std::byte> values;
+    if (place == sheets_.end()) {
+        const std::int64_t wide = std::min(edge, facts_.columns - column * edge),
+                           high = std::min(edge, facts_.rows - row * edge);
+        values.resize(static_cast<std::size_t>(wide * high * facts_.type_bytes));
+        fill_no_data(facts_, values.data(), static_cast<std::size_t>(wide * high));
+    } else {
+        const StoreSheet* sheet = place->second;
+        std::unique_ptr<SheetReader> reader;
+        {
+            const std::lock_guard lock(mutex_);
+            const auto waiting =
+                std::find_if(idle_.begin(), idle_.end(), [&](const auto& entry) { return entry.first == sheet; });
+            if (waiting != idle_.end()) {
+                reader = std::move(waiting->second);
+                idle_.erase(waiting);
+            }
+        }
+        if (!reader) reader = std::make_unique<SheetReader>(folder_, entry_, *sheet);
+        values = reader->tile(0, column % a_sheet, row % a_sheet);
+        std::unique_ptr<SheetReader> closed;
+        const std::lock_guard lock(mutex_);
+        idle_.emplace_front(sheet, std::move(reader));
+        if (idle_.size() > most_idle) {
+            closed = std::move(idle_.back().second);
+            idle_.pop_back();
+        }
+    }
+    auto kept = std::make_shared<const std::vector<std::byte>>(std::move(values));
+    cache_->add(key, kept);
+    return kept;
+}
+
+void StoreLayer::read_values(const Window& window, void* out, GDALDataType type, std::int64_t line_bytes) {
+    if (window.empty()) return;
+    const std::int64_t edge = facts_.block_columns;
+    const int size = GDALGetDataTypeSizeBytes(type);
+    for (std::int64_t tr = window.rows.begin / edge; tr <= (window.rows.end - 1) / edge; ++tr)
+        for (std::int64_t tc = window.columns.begin / edge; tc <= (window.columns.end - 1) / edge; ++tc) {
+            const TileCache::Tile values = tile(tc, tr);
+            const std::int64_t wide = std::min(edge, facts_.columns - tc * edge);
+            const Interval columns = intersection(window.columns, {tc * edge, tc * edge + wide}),
+                           rows = intersection(window.rows, {tr * edge, (tr + 1) * edge});
+            for (std::int64_t r = rows.begin; r < rows.end; ++r)
+                GDALCopyWords(values->data() + ((r - tr * edge) * wide + columns.begin - tc * edge) * facts_.type_bytes,
+                              facts_.type, facts_.type_bytes,
+                              static_cast<std::byte*>(out) + (r - window.rows.begin) * line_bytes +
+                                  (columns.begin - window.columns.begin) * size,
+                              type, size, static_cast<int>(columns.size()));
+        }
+}
+
+}  // namespace wedgescope

@@ -1,0 +1,83 @@
+// StoreLayer: one layer of a tile store, read tile by tile, each tile checked against its checksum as it is decoded.
+// For the .cpp files of this folder only. Leaves which tiles are needed to sources.cpp.
+//
+// Memory: TileCache, and for each reading thread one sheet's handle and one tile; `most_idle` handles wait open.
+#pragma once
+#include <cstddef>
+#include <list>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "tiles/gdal_handle.hpp"
+#include "tiles/store_manifest.hpp"
+
+namespace wedgescope {
+
+/// Decoded tiles by layer and number; the ones not used for longest go when it is full.
+class TileCache {
+public:
+    using Tile = std::shared_ptr<const std::vector<std::byte>>;
+    using Key = std::pair<int, std::uint64_t>;
+
+    explicit TileCache(std::size_t most_bytes) : most_(most_bytes) {}
+    Tile find(const Key& key);
+    void add(const Key& key, Tile tile);
+
+private:
+    using Entry = std::pair<Key, Tile>;
+    const std::size_t most_;
+    std::mutex mutex_;
+    std::list<Entry> recent_;  ///< the last used in front
+    std::map<Key, std::list<Entry>::iterator> places_;
+    std::size_t held_ = 0;
+};
+
+/// One sheet, opened for reading its tiles.
+class SheetReader {
+public:
+    /// IoError / DataError naming the file if it or its checksums are not as the manifest says.
+    SheetReader(const std::string& folder, const StoreLayerEntry& layer, const StoreSheet& sheet);
+    /// A sheet whose sums are known; `posts`: of the layer.
+    SheetReader(std::string path, const RasterFacts& layer, const Window& posts, SheetSums sums);
+
+    const SheetSums& sums() const { return sums_; }
+    const std::string& path() const { return path_; }
+    /// Values of a tile as stored, row after row, cut at the sheet's edge. IoError / DataError naming file and tile.
+    std::vector<std::byte> tile(int level, std::int64_t column, std::int64_t row);
+
+private:
+    std::string path_;
+    RasterFacts facts_;
+    SheetSums sums_;
+    DatasetHandle dataset_;
+    Window posts_;
+};
+
+class StoreLayer final : public RasterLayer {
+public:
+    StoreLayer(std::string folder, const StoreLayerEntry& entry, std::shared_ptr<TileCache> cache);
+    void read_values(const Window& window, void* out, GDALDataType type, std::int64_t line_bytes) override;
+
+    static constexpr std::size_t most_idle = 16;
+
+private:
+    TileCache::Tile tile(std::int64_t column, std::int64_t row);
+
+    std::string folder_;
+    StoreLayerEntry entry_;
+    std::map<std::pair<std::int64_t, std::int64_t>, const StoreSheet*> sheets_;
+    std::shared_ptr<TileCache> cache_;
+    std::mutex mutex_;
+    std::list<std::pair<const StoreSheet*, std::unique_ptr<SheetReader>>> idle_;  ///< the last used in front
+};
+
+/// Opens a sheet's GeoTIFF, and nothing beside it. Null with the reason in `errors`.
+DatasetHandle open_sheet(const std::string& path);
+/// The no-data value (else 0) `count` times, as stored.
+void fill_no_data(const RasterFacts& facts, std::byte* out, std::size_t count);
+
+}  // namespace wedgescope

@@ -1,0 +1,297 @@
+#include "tiles/store_manifest.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "lib/error.hpp"
+#include "tiles/checksum.hpp"
+#include "tiles/gdal_handle.hpp"
+#include "tiles/plain_file.hpp"
+
+namespace wedgescope {
+namespace {
+
+using json = nlohmann::ordered_json;
+
+constexpr const char* format_name = "wedgescope-store-1";
+constexpr std::size_t largest_manifest = std::size_t{1} << 28;
+constexpr std::string_view sum_key = "\"checksum\": \"";
+constexpr std::size_t sum_digits = 16;
+constexpr std::string_view sums_magic = "wedgescope-sums-1\n";
+
+/// JSON knows no NaN and no infinity.
+json number(double value) {
+    if (std::isnan(value)) return "nan";
+    if (std::isinf(value)) return value < 0 ? "-inf" : "inf";
+    return value;
+}
+double number(const json& value) {
+    if (!value.is_string()) return value.get<double>();
+    const std::string word = value.get<std::string>();
+    return word == "nan"    ? std::numeric_limits<double>::quiet_NaN()
+           : word == "-inf" ? -std::numeric_limits<double>::infinity()
+                            : std::numeric_limits<double>::infinity();
+}
+
+std::uint64_t from_hex(const json& value) { return std::strtoull(value.get<std::string>().c_str(), nullptr, 16); }
+
+json to_json(const ValueFacts& v) {
+    return {{"lowest", number(static_cast<double>(v.lowest))},
+            {"highest", number(static_cast<double>(v.highest))},
+            {"void_posts", v.voids}};
+}
+ValueFacts values_from(const json& j) {
+    return {static_cast<float>(number(j.at("lowest"))), static_cast<float>(number(j.at("highest"))),
+            j.at("void_posts").get<std::uint64_t>()};
+}
+
+json to_json(const StoreLayerEntry& layer) {
+    const RasterFacts& f = layer.facts;
+    json out{{"name", name(layer.kind)},
+             {"vrt", layer.vrt},
+             {"vrt_checksum", hex(layer.vrt_checksum)},
+             {"columns", f.columns},
+             {"rows", f.rows},
+             {"tile", f.block_columns},
+             {"type", GDALGetDataTypeName(f.type)}};
+    out["geotransform"] = f.has_geotransform ? json{f.corner_x, f.step_x, 0, f.corner_y, 0, f.step_y} : json(nullptr);
+    out["crs"] = f.crs ? crs_wkt(*f.crs) : "";
+    out["metres_per_unit"] = f.metres_per_unit;
+    out["scale"] = f.scale;
+    out["offset"] = f.offset;
+    out["unit"] = f.unit;
+    out["no_data"] = f.has_no_data ? number(f.no_data) : json(nullptr);
+    out["compression"] = f.compression;
+    out["values"] = to_json(layer.values);
+    out["sources"] = json::array();
+    for (const StoreSource& s : layer.sources)
+        out["sources"].push_back({{"path", s.path}, {"bytes", s.bytes}, {"mtime_s", s.mtime_s}});
+    out["sheets"] = json::array();
+    for (const StoreSheet& s : layer.sheets)
+        out["sheets"].push_back({{"column", s.column},
+                                 {"row", s.row},
+                                 {"file", s.file},
+                                 {"bytes", s.bytes},
+                                 {"sums", s.sums},
+                                 {"sums_checksum", hex(s.sums_checksum)}});
+    return out;
+}
+
+StoreLayerEntry layer_from(const json& j, const std::string& folder) {
+    StoreLayerEntry layer;
+    const auto word = j.at("name").get<std::string>();
+    for (const StoreLayerKind kind : {StoreLayerKind::dem, StoreLayerKind::culture, StoreLayerKind::culture_height})
+        if (word == name(kind)) layer.kind = kind;
+    RasterFacts& f = layer.facts;
+    layer.vrt = j.at("vrt").get<std::string>();
+    layer.vrt_checksum = from_hex(j.at("vrt_checksum"));
+    f.role = layer.kind == StoreLayerKind::culture_height ? "culture-height" : name(layer.kind);
+    f.path = layer.kind == StoreLayerKind::dem ? folder : (std::filesystem::path(folder) / layer.vrt).string();
+    f.driver = "tile store";
+    f.columns = j.at("columns").get<std::int64_t>();
+    f.rows = j.at("rows").get<std::int64_t>();
+    f.block_columns = f.block_rows = j.at("tile").get<std::int64_t>();
+    f.type = GDALGetDataTypeByName(j.at("type").get<std::string>().c_str());
+    f.type_bytes = GDALGetDataTypeSizeBytes(f.type);
+    if (const json& g = j.at("geotransform"); !g.is_null()) {
+        f.has_geotransform = true;
+        f.corner_x = g.at(0).get<double>();
+        f.step_x = g.at(1).get<double>();
+        f.corner_y = g.at(3).get<double>();
+        f.step_y = g.at(5).get<double>();
+    } else {
+        f.corner_x = -0.5;
+        f.corner_y = static_cast<double>(f.rows) - 0.5;
+    }
+    if (const auto wkt = j.at("crs").get<std::string>(); !wkt.empty()) {
+        OGRSpatialReference crs;
+        GdalErrors errors;
+        if (crs.importFromWkt(wkt.c_str()) != OGRERR_NONE)
+            throw DataError(text("'", folder, "': the CRS in the manifest cannot be understood: ", errors.reason()));
+        set_crs(f, crs);
+    }
+    f.metres_per_unit = j.at("metres_per_unit").get<double>();
+    f.scale = j.at("scale").get<double>();
+    f.offset = j.at("offset").get<double>();
+    f.unit = j.at("unit").get<std::string>();
+    f.unit_m = unit_in_metres(f.unit);
+    if (const json& none = j.at("no_data"); !none.is_null()) {
+        f.has_no_data = true;
+        f.no_data = number(none);
+    }
+    f.compression = j.at("compression").get<std::string>();
+    layer.values = values_from(j.at("values"));
+    for (const json& s : j.at("sources"))
+        layer.sources.push_back(
+            {s.at("path").get<std::string>(), s.at("bytes").get<std::uint64_t>(), s.at("mtime_s").get<std::int64_t>()});
+    for (const json& s : j.at("sheets"))
+        layer.sheets.push_back({s.at("column").get<std::int64_t>(), s.at("row").get<std::int64_t>(),
+                                s.at("file").get<std::string>(), s.at("sums").get<std::string>(),
+                                s.at("bytes").get<std::uint64_t>(), from_hex(s.at("sums_checksum"))});
+    return layer;
+}
+
+}  // namespace
+
+const char* name(StoreLayerKind kind) {
+    return kind == StoreLayerKind::dem ? "dem" : kind == StoreLayerKind::culture ? "culture" : "culture_height";
+}
+
+void ValueFacts::add(const ValueFacts& other) {
+    lowest = std::min(lowest, other.lowest);
+    highest = std::max(highest, other.highest);
+    voids += other.voids;
+}
+
+void Disagreement::add(const Disagreement& other) {
+    const std::uint64_t sum = posts + other.posts;
+    // Of several as large the first in the raster's order, so that no order of work shows.
+    if (other.posts > 0 &&
+        (posts == 0 || other.largest_m > largest_m ||
+         (other.largest_m == largest_m && std::pair(other.row, other.column) < std::pair(row, column))))
+        *this = other;
+    posts = sum;
+}
+
+Window StoreLayerEntry::posts(std::int64_t column, std::int64_t row) const {
+    return {{column * sheet_posts, std::min(facts.columns, (column + 1) * sheet_posts)},
+            {row * sheet_posts, std::min(facts.rows, (row + 1) * sheet_posts)}};
+}
+
+const StoreLayerEntry* StoreManifest::layer(StoreLayerKind kind) const {
+    for (const StoreLayerEntry& layer : layers)
+        if (layer.kind == kind) return &layer;
+    return nullptr;
+}
+
+std::string manifest_text(const StoreManifest& m) {
+    json out{{"format", format_name}, {"version", m.version}, {"software", m.software}, {"layers", json::array()}};
+    for (const StoreLayerEntry& layer : m.layers) out["layers"].push_back(to_json(layer));
+    out["block_map"] = json{{"file", m.block_map}, {"checksum", hex(m.block_map_checksum)}};
+    out["legend"] = m.legend_name.empty() ? json(nullptr) : json{{"name", m.legend_name}, {"csv", m.legend_csv}};
+    // Of all bytes, its own digits taken for zeros.
+    out["checksum"] = std::string(sum_digits, '0');
+    std::string content = out.dump(1, ' ', false, json::error_handler_t::replace) + "\n";
+    const std::size_t at = content.rfind(sum_key) + sum_key.size();
+    content.replace(at, sum_digits, hex(checksum(content)));
+    return content;
+}
+
+StoreManifest read_manifest(const std::string& folder) {
+    const std::string path = (std::filesystem::path(folder) / manifest_name).string();
+    std::string content = file_text(path, largest_manifest);
+    const auto damaged = [&](const std::string& why) {
+        return DataError(text("tile store manifest '", path, "' is damaged: ", why));
+    };
+    const std::size_t found = content.rfind(sum_key);
+    if (found == std::string::npos || found + sum_key.size() + sum_digits > content.size())
+        throw damaged("it holds no checksum");
+    const std::string sum = content.substr(found + sum_key.size(), sum_digits);
+    content.replace(found + sum_key.size(), sum_digits, sum_digits, '0');
+    if (sum != hex(checksum(content))) throw damaged("its content is not what its checksum says");
+    try {
+        const json j = json::parse(content);
+        if (const auto format = j.at("format").get<std::string>(); format != format_name)
+            throw DataError(text("'", path, "' has the format '", format, "'; accepted: ", format_name));
+        StoreManifest m;
+        m.version = j.at("version").get<std::int64_t>();
+        m.software = j.at("software").get<std::string>();
+        for (const json& layer : j.at("layers")) m.layers.push_back(layer_from(layer, folder));
+        if (m.layers.empty() || m.layers[0].kind != StoreLayerKind::dem) throw damaged("it names no terrain");
+        m.block_map = j.at("block_map").at("file").get<std::string>();
+        m.block_map_checksum = from_hex(j.at("block_map").at("checksum"));
+        if (const json& legend = j.at("legend"); !legend.is_null()) {
+            m.legend_name = legend.at("name").get<std::string>();
+            m.legend_csv = legend.at("csv").get<std::string>();
+        }
+        return m;
+    } catch (const json::exception& e) {
+        throw damaged(e.what());
+    }
+}
+
+int overview_count(std::int64_t columns, std::int64_t rows, std::int64_t tile) {
+    int count = 0;
+    while (SheetSums::side(std::max(columns, rows), count) > tile) ++count;
+    return count;
+}
+
+std::size_t SheetSums::index(int level, std::int64_t column, std::int64_t row) const {
+    std::int64_t before = 0;
+    for (int k = 0; k < level; ++k) before += across(k) * down(k);
+    return static_cast<std::size_t>(before + (level < levels() ? row * across(level) + column : 0));
+}
+
+std::string sums_text(const SheetSums& s) {
+    json head{{"columns", s.columns},
+              {"rows", s.rows},
+              {"tile", s.tile},
+              {"file_bytes", s.file_bytes},
+              {"file_checksum", hex(s.file_checksum)},
+              {"values", to_json(s.values)}};
+    if (s.disagreement.posts > 0)
+        head["disagreement"] = {
+            {"posts", s.disagreement.posts},         {"largest_m", static_cast<double>(s.disagreement.largest_m)},
+            {"column", s.disagreement.column},       {"row", s.disagreement.row},
+            {"kept_file", s.disagreement.kept_file}, {"other_file", s.disagreement.other_file}};
+    if (!s.codes.empty()) {
+        head["unknown_codes"] = json::array();
+        for (const auto& [code, cells] : s.codes) head["unknown_codes"].push_back(json::array({code, cells}));
+    }
+    const std::string words = head.dump();
+    const std::uint64_t length = words.size();
+    std::string content(sums_magic);
+    content.append(reinterpret_cast<const char*>(&length), sizeof(length));
+    content += words;
+    content.append(reinterpret_cast<const char*>(s.tiles.data()), s.tiles.size() * sizeof(std::uint64_t));
+    const std::uint64_t sum = checksum(content);
+    content.append(reinterpret_cast<const char*>(&sum), sizeof(sum));
+    return content;
+}
+
+SheetSums read_sums(const std::string& path, std::optional<std::uint64_t> expected) {
+    constexpr std::size_t most = std::size_t{1} << 24;
+    const std::string content = file_text(path, most);
+    const DataError damaged(text("checksum file '", path, "' is damaged"));
+    std::uint64_t sum = 0, length = 0;
+    if (content.size() < sums_magic.size() + 2 * sizeof(sum) || !content.starts_with(sums_magic)) throw damaged;
+    if (expected && checksum(content) != *expected) throw damaged;
+    const std::size_t end = content.size() - sizeof(sum);
+    std::memcpy(&sum, content.data() + end, sizeof(sum));
+    if (checksum(std::string_view(content).substr(0, end)) != sum) throw damaged;
+    const std::size_t words = sums_magic.size() + sizeof(length);
+    std::memcpy(&length, content.data() + sums_magic.size(), sizeof(length));
+    if (length > end - words) throw damaged;
+    SheetSums s;
+    try {
+        const json head = json::parse(content.substr(words, length));
+        s.columns = head.at("columns").get<std::int64_t>();
+        s.rows = head.at("rows").get<std::int64_t>();
+        s.tile = head.at("tile").get<std::int64_t>();
+        s.file_bytes = head.at("file_bytes").get<std::uint64_t>();
+        s.file_checksum = from_hex(head.at("file_checksum"));
+        s.values = values_from(head.at("values"));
+        if (head.contains("disagreement")) {
+            const json& d = head.at("disagreement");
+            s.disagreement = {
+                d.at("posts").get<std::uint64_t>(),    static_cast<float>(d.at("largest_m").get<double>()),
+                d.at("column").get<std::int64_t>(),    d.at("row").get<std::int64_t>(),
+                d.at("kept_file").get<std::int64_t>(), d.at("other_file").get<std::int64_t>()};
+        }
+        if (head.contains("unknown_codes"))
+            for (const json& c : head.at("unknown_codes"))
+                s.codes[c.at(0).get<std::int32_t>()] = c.at(1).get<std::uint64_t>();
+    } catch (const json::exception&) {
+        throw damaged;
+    }
+    const std::size_t bytes = end - words - length;
+    if (s.columns < 1 || s.rows < 1 || s.tile < 1 || bytes != s.tile_count() * sizeof(std::uint64_t)) throw damaged;
+    s.tiles.resize(s.tile_count());
+    std::memcpy(s.tiles.data(), content.data() + words + length, bytes);
+    return s;
+}
+
+}  // namespace wedgescope

@@ -1,0 +1,13 @@
+// The VRT of a store layer: its sheets as one raster for any GDAL program.
+// For the .cpp files of this folder only. We read sheets ourselves (store_layer.hpp).
+#pragma once
+#include <string>
+
+#include "tiles/store_manifest.hpp"
+
+namespace wedgescope {
+
+/// To be written beside the folder of the sheets.
+std::string vrt_text(const StoreLayerEntry& layer);
+
+}  // namespace wedgescope

@@ -1,0 +1,608 @@
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <sys/syscall.h>
+#include <tbb/parallel_for_each.h>
+#include <tbb/task_arena.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cerrno>
+#include <cmath>
+#include <cstring>
+#include <filesystem>
+#include <mutex>
+#include <nlohmann/json.hpp>
+#include <set>
+
+#include "lib/error.hpp"
+#include "tiles/block_map_file.hpp"
+#include "tiles/checksum.hpp"
+#include "tiles/mosaic.hpp"
+#include "tiles/plain_file.hpp"
+#include "tiles/registered_layer.hpp"
+#include "tiles/sheet_writer.hpp"
+#include "tiles/store_manifest.hpp"
+#include "tiles/store_vrt.hpp"
+#include "tiles/tile_store.hpp"
+
+namespace wedgescope {
+namespace {
+
+namespace fs = std::filesystem;
+using json = nlohmann::ordered_json;
+
+constexpr const char* plan_name = "unfinished.json";
+constexpr const char* map_name = "blocks.map";
+constexpr std::int64_t unit_posts = std::int64_t{1} << 20;  ///< read and tiled at a time, about
+
+/// One layer on its way into the store.
+struct Layer {
+    StoreLayerKind kind;
+    Mosaic input;
+    StoreLayerEntry entry;
+    std::vector<std::string> creation;
+
+    Layer(StoreLayerKind k, const std::string& role, const std::vector<std::string>& paths)
+        : kind(k), input(role, paths) {}
+    bool codes() const { return kind == StoreLayerKind::culture; }
+};
+
+struct Job {
+    Layer* layer;
+    std::int64_t column, row;  ///< of the sheet
+    std::size_t place;         ///< in the layer's list
+};
+
+/// What a job leaves.
+struct Done {
+    bool made = false, reused = false;
+    StoreSheet sheet;
+    ValueFacts values;
+    Disagreement disagreement;
+    std::map<std::int32_t, std::uint64_t> codes;
+};
+
+class StoreWriter {
+public:
+    explicit StoreWriter(const TileStoreParams& params);
+    TileStoreSummary run();
+
+private:
+    void check_output() const;
+    void open_layers();
+    void choose_creation(Layer& layer) const;
+    std::size_t job_bytes(const Layer& layer) const;
+    int jobs_at_once() const;
+    std::string plan() const;
+    void open_folder();
+    void make_sheets();
+    void make(const Job& job);
+    Done write_sheet(const Job& job, const std::vector<std::size_t>& pieces);
+    bool finished_before(const Job& job, Done& done) const;
+    Window with_next(const Window& posts) const;
+    void bound(const Window& unit, const Mosaic::Posts& posts, const Window& given, std::vector<BlockPage>& pages,
+               const Window& sheet);
+    void finish();
+    void move_into_place();
+    TileStoreSummary summary() const;
+    std::string inside(const std::string& file) const { return (fs::path(folder_) / file).string(); }
+
+    const TileStoreParams& params_;
+    std::string folder_;  ///< where it is made
+    std::vector<std::unique_ptr<Layer>> layers_;
+    std::unique_ptr<RegisteredLayer> height_;  ///< culture height at the terrain's posts
+    std::unique_ptr<BlockMapWriter> map_;
+    std::unique_ptr<PlainFile> lock_;
+    std::vector<std::vector<Done>> done_;
+    std::mutex mutex_;
+    std::uint64_t posts_done_ = 0, posts_ = 0;
+    StoreManifest manifest_;
+};
+
+StoreWriter::StoreWriter(const TileStoreParams& params) : params_(params) {
+    std::string output = params.output;
+    while (output.size() > 1 && output.back() == '/') output.pop_back();
+    folder_ = output + ".part";
+}
+
+void StoreWriter::check_output() const {
+    const std::string output = folder_.substr(0, folder_.size() - 5);
+    if (params_.tile_posts < 64 || params_.tile_posts > 2048 || (params_.tile_posts & (params_.tile_posts - 1)) != 0)
+        throw InputError(
+            text("tile-size is ", params_.tile_posts, "; accepted: 64, 128, 256, 512, 1024 or 2048 posts"));
+    std::error_code error;
+    const auto status = fs::symlink_status(output, error);
+    if (fs::exists(status)) {
+        if (!params_.overwrite) throw InputError(text("output '", output, "' exists; add --overwrite"));
+        if (!is_tile_store(output) && !(fs::is_directory(status) && fs::is_empty(output, error)))
+            throw InputError(text("output '", output, "' is no tile store; --overwrite replaces nothing else"));
+    }
+    const std::string parent = fs::path(output).parent_path().string();
+    if (!parent.empty() && !fs::is_directory(parent, error))
+        throw IoError(text("output '", output, "': there is no folder '", parent, "'"));
+    if (fs::exists(fs::symlink_status(folder_, error)) && !params_.overwrite && !params_.resume)
+        throw InputError(
+            text("'", folder_, "' holds an unfinished run; --resume goes on with it, --overwrite starts anew"));
+}
+
+void StoreWriter::open_layers() {
+    if (params_.dems.empty()) throw InputError("tile needs at least one terrain raster and the folder to write");
+    layers_.push_back(std::make_unique<Layer>(StoreLayerKind::dem, "dem", params_.dems));
+    const RasterFacts& terrain = layers_[0]->input.facts();
+    if (!params_.culture.empty()) {
+        layers_.push_back(std::make_unique<Layer>(StoreLayerKind::culture, "culture", std::vector{params_.culture}));
+        const RasterFacts& facts = layers_.back()->input.facts();
+        if (facts.scale != 1 || facts.offset != 0)
+            throw DataError(text(facts.named(), " has band scale ", facts.scale, " and offset ", facts.offset,
+                                 "; accepted: plain codes, scale 1 and offset 0"));
+        // Only to be refused if it does not fit.
+        const RegisteredLayer check(std::make_unique<RasterFile>("culture", params_.culture), terrain);
+    }
+    if (!params_.culture_height.empty()) {
+        layers_.push_back(std::make_unique<Layer>(StoreLayerKind::culture_height, "culture-height",
+                                                  std::vector{params_.culture_height}));
+        height_ = std::make_unique<RegisteredLayer>(
+            std::make_unique<RasterFile>("culture-height", params_.culture_height), terrain);
+    }
+    for (const auto& layer : layers_) {
+        StoreLayerEntry& entry = layer->entry;
+        entry.kind = layer->kind;
+        entry.facts = layer->input.facts();
+        entry.facts.block_columns = entry.facts.block_rows = params_.tile_posts;
+        entry.vrt = text(name(layer->kind), ".vrt");
+        entry.sources = layer->input.sources();
+        choose_creation(*layer);
+        posts_ += static_cast<std::uint64_t>(entry.facts.columns * entry.facts.rows);
+        const RasterFacts& own = layer->input.facts();
+        const double block = static_cast<double>(own.block_columns) * static_cast<double>(own.block_rows) *
+                             static_cast<double>(own.type_bytes);
+        if (layer->input.single() && block > static_cast<double>(params_.memory_bytes) / 4)
+            throw DataError(text(own.named(), " is stored in blocks of ", own.block_columns, " x ", own.block_rows,
+                                 " posts, more than a quarter of the memory of ", params_.memory_bytes,
+                                 " bytes; accepted: smaller blocks (gdal_translate -co TILED=YES), or more memory"));
+    }
+}
+
+void StoreWriter::choose_creation(Layer& layer) const {
+    std::map<std::string, std::string> given;
+    for (const std::string& option : params_.creation) {
+        const auto equals = option.find('=');
+        std::string key = option.substr(0, equals);
+        std::transform(key.begin(), key.end(), key.begin(), [](unsigned char c) { return std::toupper(c); });
+        for (const char* own : {"TILED", "BLOCKXSIZE", "BLOCKYSIZE", "INTERLEAVE", "PROFILE", "NBITS", "PIXELTYPE",
+                                "SPARSE_OK", "NUM_THREADS", "PHOTOMETRIC", "ALPHA", "TFW", "WORLDFILE", "GEOTIFF_KEYS"})
+            if (key == own)
+                throw InputError(text("co is '", option, "'; ", own, " is not open to choice in a tile store",
+                                      key.starts_with("BLOCK") || key == "TILED" ? " (tile-size is)" : ""));
+        given[key] = equals == std::string::npos ? "" : option.substr(equals + 1);
+    }
+    if (!given.contains("COMPRESS")) {
+        given["COMPRESS"] = "ZSTD";
+        given.try_emplace("ZSTD_LEVEL", text(1));
+    }
+    const std::string& compress = given["COMPRESS"];
+    const bool predicts =
+        EQUAL(compress.c_str(), "ZSTD") || EQUAL(compress.c_str(), "DEFLATE") || EQUAL(compress.c_str(), "LZW");
+    const GDALDataType type = layer.entry.facts.type;
+    if (predicts && !given.contains("PREDICTOR") && !layer.codes())
+        given["PREDICTOR"] = text(type == GDT_Float32 || type == GDT_Float64 ? 3 : 2);
+    layer.creation.clear();
+    for (const auto& [key, value] : given) layer.creation.push_back(key + "=" + value);
+    layer.entry.facts.compression = compress;
+}
+
+std::size_t StoreWriter::job_bytes(const Layer& layer) const {
+    const std::int64_t tile = params_.tile_posts;
+    const auto unit = static_cast<std::size_t>(std::max(unit_posts, tile * tile) + 2 * (sheet_posts + tile) + 1);
+    std::size_t post = static_cast<std::size_t>(layer.entry.facts.type_bytes) + sizeof(float);
+    if (!layer.input.single()) post += sizeof(float) + sizeof(std::int32_t);
+    std::size_t bytes = sheet_writer_bytes(layer.entry.facts);
+    if (layer.kind == StoreLayerKind::dem) {
+        bytes += 4 * page_blocks * page_blocks * sizeof(BlockBounds);
+        if (height_) {
+            post += sizeof(float);
+            bytes += static_cast<std::size_t>(2 * slab_posts) * sizeof(float);
+        }
+    }
+    return bytes + unit * post;
+}
+
+int StoreWriter::jobs_at_once() const {
+    std::size_t most = 0;
+    for (const auto& layer : layers_) most = std::max(most, job_bytes(*layer));
+    const std::size_t fixed = params_.cache_bytes;
+    if (params_.memory_bytes < fixed + most) {
+        constexpr std::size_t mib = std::size_t{1} << 20;
+        // The cache is an eighth of what is granted.
+        throw InputError(text("memory of ", params_.memory_bytes / mib,
+                              " MiB is too small for sheets of this type; at least ",
+                              (most * 8 / 7 + mib - 1) / mib + 1, "MiB is needed"));
+    }
+    const std::size_t fit = (params_.memory_bytes - fixed) / most;
+    return static_cast<int>(std::min(fit, static_cast<std::size_t>(std::max(1, params_.threads))));
+}
+
+std::string StoreWriter::plan() const {
+    json out{{"format", "wedgescope-store-plan-1"}, {"software", params_.software}, {"layers", json::array()}};
+    for (const auto& layer : layers_) {
+        const RasterFacts& f = layer->entry.facts;
+        json one{{"name", name(layer->kind)},
+                 {"columns", f.columns},
+                 {"rows", f.rows},
+                 {"type", GDALGetDataTypeName(f.type)},
+                 {"no_data", f.has_no_data ? text(f.no_data) : "none"},
+                 {"tile_size", f.block_columns},
+                 {"co", layer->creation},
+                 {"sources", json::array()}};
+        for (const StoreSource& s : layer->entry.sources)
+            one["sources"].push_back({{"path", s.path}, {"bytes", s.bytes}, {"mtime_s", s.mtime_s}});
+        out["layers"].push_back(one);
+    }
+    out["legend"] = {{"name", params_.legend_name}, {"csv", params_.legend_csv}};
+    return out.dump(1, ' ', false, json::error_handler_t::replace) + "\n";
+}
+
+void StoreWriter::open_folder() {
+    std::error_code error;
+    const std::string wanted = plan();
+    const std::string plan_path = inside(plan_name);
+    if (fs::exists(folder_, error)) {
+        const bool ours = fs::exists(plan_path, error);
+        if (!ours && !fs::is_empty(folder_, error))
+            throw InputError(text("'", folder_, "' is no unfinished tile store; move it away"));
+        lock_ = std::make_unique<PlainFile>(plan_path, PlainFile::Use::write);
+        if (!lock_->lock()) throw IoError(text("'", folder_, "' is in use by another run"));
+        if (params_.resume && ours) {
+            const std::string found = file_text(plan_path, std::size_t{1} << 28);
+            if (!found.empty() && found != wanted)
+                throw InputError(text("'", folder_,
+                                      "' was begun with other rasters or options, or a raster has changed since; "
+                                      "--overwrite without --resume starts anew"));
+        } else {
+            for (const auto& entry : fs::directory_iterator(folder_))
+                if (entry.path().filename() != plan_name) fs::remove_all(entry.path());
+        }
+    } else if (::mkdir(folder_.c_str(), 0777) != 0) {
+        throw IoError(text("output folder '", folder_, "' cannot be made: ", std::strerror(errno)));
+    } else {
+        lock_ = std::make_unique<PlainFile>(plan_path, PlainFile::Use::write);
+        if (!lock_->lock()) throw IoError(text("'", folder_, "' is in use by another run"));
+    }
+    lock_->resize(0);
+    lock_->write(0, wanted.data(), wanted.size());
+    lock_->sync();
+    for (const auto& layer : layers_) {
+        fs::create_directories(inside(name(layer->kind)), error);
+        if (error) throw IoError(text("'", inside(name(layer->kind)), "' cannot be made: ", error.message()));
+        for (const auto& entry : fs::directory_iterator(inside(name(layer->kind))))
+            if (entry.path().extension() == ".tmp") fs::remove(entry.path());
+    }
+}
+
+bool StoreWriter::finished_before(const Job& job, Done& done) const {
+    const StoreLayerEntry& entry = job.layer->entry;
+    const Window posts = entry.posts(job.column, job.row);
+    const std::string sums_path = inside(done.sheet.sums), path = inside(done.sheet.file);
+    std::error_code error;
+    if (!fs::exists(sums_path, error) || !fs::exists(path, error)) return false;
+    try {
+        const SheetSums sums = read_sums(sums_path, std::nullopt);
+        if (sums.columns != posts.columns.size() || sums.rows != posts.rows.size() || sums.tile != params_.tile_posts ||
+            sums.file_bytes != file_bytes(path))
+            return false;
+        if (job.layer->kind == StoreLayerKind::dem) {
+            const Window pages = blocks_of(posts, 6);  // 64 blocks of 32 posts
+            for (std::int64_t r = pages.rows.begin; r < pages.rows.end; ++r)
+                for (std::int64_t c = pages.columns.begin; c < pages.columns.end; ++c)
+                    if (!map_->holds(0, c, r)) return false;
+        }
+        done.sheet.bytes = sums.file_bytes;
+        done.sheet.sums_checksum = file_checksum(sums_path);
+        done.values = sums.values;
+        done.disagreement = sums.disagreement;
+        done.codes = sums.codes;
+    } catch (const Error&) {
+        return false;
+    }
+    done.made = done.reused = true;
+    return true;
+}
+
+/// With the posts to the right and below that its blocks need too.
+Window StoreWriter::with_next(const Window& posts) const {
+    const RasterFacts& f = layers_[0]->entry.facts;
+    return {{posts.columns.begin, std::min(posts.columns.end + 1, f.columns)},
+            {posts.rows.begin, std::min(posts.rows.end + 1, f.rows)}};
+}
+
+void StoreWriter::bound(const Window& unit, const Mosaic::Posts& posts, const Window& given,
+                        std::vector<BlockPage>& pages, const Window& sheet) {
+    std::vector<float> culture, scratch;
+    const ChunkRequest everything;
+    const NeededPosts all(everything);
+    if (height_) {
+        culture.resize(static_cast<std::size_t>(given.posts()));
+        height_->read_heights(height_->plan(given.columns), given.rows, 1, all, culture.data(), scratch);
+    }
+    const Window sheet_pages = blocks_of(sheet, 6);
+    bound_blocks(unit, given, posts.heights.data(), height_ ? culture.data() : nullptr,
+                 [&](std::int64_t c, std::int64_t r) -> BlockBounds& {
+                     const std::int64_t pc = c / page_blocks - sheet_pages.columns.begin,
+                                        pr = r / page_blocks - sheet_pages.rows.begin;
+                     return pages[static_cast<std::size_t>(pr * sheet_pages.columns.size() + pc)]
+                                 [static_cast<std::size_t>(r % page_blocks * page_blocks + c % page_blocks)];
+                 });
+}
+
+Done StoreWriter::write_sheet(const Job& job, const std::vector<std::size_t>& pieces) {
+    Layer& layer = *job.layer;
+    const bool dem = layer.kind == StoreLayerKind::dem;
+    const RasterFacts& facts = layer.entry.facts;
+    const Window sheet = layer.entry.posts(job.column, job.row);
+    const std::int64_t tile = params_.tile_posts, own_columns = facts.own_columns();
+    const bool closes = dem && facts.cycle_columns() == facts.columns;
+    Done done = done_[static_cast<std::size_t>(
+        std::find_if(layers_.begin(), layers_.end(), [&](const auto& l) { return l.get() == &layer; }) -
+        layers_.begin())][job.place];
+    const std::string path = inside(done.sheet.file), temporary = path + ".tmp";
+    std::vector<BlockPage> pages;
+    const Window sheet_pages = blocks_of(sheet, 6);
+    if (dem) pages.assign(static_cast<std::size_t>(sheet_pages.posts()), BlockPage(page_blocks * page_blocks));
+
+    SheetWriter writer(facts, layer.codes(), sheet, temporary, layer.creation);
+    const Mosaic::Kind kind = layer.codes() ? Mosaic::Kind::codes : Mosaic::Kind::heights;
+    const std::int64_t tiles_wide = std::max<std::int64_t>(1, unit_posts / (tile * tile));
+    Mosaic::Posts posts;
+    for (std::int64_t r = sheet.rows.begin; r < sheet.rows.end; r += tile)
+        for (std::int64_t c = sheet.columns.begin; c < sheet.columns.end; c += tiles_wide * tile) {
+            if (params_.stop) params_.stop->check();
+            const Window unit{{c, std::min(c + tiles_wide * tile, sheet.columns.end)},
+                              {r, std::min(r + tile, sheet.rows.end)}};
+            const Window given = dem ? with_next(unit) : unit;
+            layer.input.read(given, unit, kind, pieces, posts);
+            const std::int64_t width = given.columns.size();
+            for (std::int64_t y = unit.rows.begin; y < unit.rows.end; ++y)
+                for (std::int64_t x = unit.columns.begin; x < std::min(unit.columns.end, own_columns); ++x) {
+                    const auto at = static_cast<std::size_t>((y - given.rows.begin) * width + x - given.columns.begin);
+                    if (layer.codes()) {
+                        const std::int32_t code = posts.codes[at];
+                        if (code == void_code) {
+                            ++done.values.voids;
+                            continue;
+                        }
+                        done.values.lowest = std::min(done.values.lowest, static_cast<float>(code));
+                        done.values.highest = std::max(done.values.highest, static_cast<float>(code));
+                        if (params_.legend && !params_.legend->find(code)) ++done.codes[code];
+                    } else {
+                        const float z = posts.heights[at];
+                        done.values.voids += z != z;
+                        done.values.lowest = z < done.values.lowest ? z : done.values.lowest;
+                        done.values.highest = z > done.values.highest ? z : done.values.highest;
+                        if (z < 0 && layer.kind == StoreLayerKind::culture_height)
+                            throw DataError(text(layer.input.facts().named(), ": height at column ", x, ", row ", y,
+                                                 " is ", z, "; accepted: 0 and above"));
+                    }
+                }
+            for (std::int64_t x = unit.columns.begin; x < unit.columns.end; x += tile)
+                writer.write((x - sheet.columns.begin) / tile, (r - sheet.rows.begin) / tile,
+                             posts.stored.data() + (x - given.columns.begin) * facts.type_bytes, width);
+            if (!dem) continue;
+            bound(unit, posts, given, pages, sheet);
+            if (closes && unit.columns.end == facts.columns) {
+                // The post after the last column is column 0: it widens the bounds of the last blocks.
+                const Window first{{0, 1}, given.rows};
+                Mosaic::Posts edge;
+                layer.input.read(first, {}, kind, layer.input.pieces_in(first), edge);
+                const Window last_blocks{{(facts.columns - 1) / block_posts * block_posts, facts.columns}, unit.rows};
+                std::vector<BlockPage> edge_pages(pages.size(), BlockPage(page_blocks * page_blocks));
+                const Window as_if{{facts.columns, facts.columns + 1}, given.rows};
+                bound(last_blocks, edge, as_if, edge_pages, sheet);
+                const Window blocks = blocks_of(last_blocks);
+                for (std::int64_t b = blocks.rows.begin; b < blocks.rows.end; ++b) {
+                    const std::int64_t pc = blocks.columns.begin / page_blocks - sheet_pages.columns.begin,
+                                       pr = b / page_blocks - sheet_pages.rows.begin;
+                    const auto page = static_cast<std::size_t>(pr * sheet_pages.columns.size() + pc);
+                    const auto at =
+                        static_cast<std::size_t>(b % page_blocks * page_blocks + blocks.columns.begin % page_blocks);
+                    pages[page][at].add(edge_pages[page][at]);
+                }
+            }
+        }
+    done.disagreement = posts.disagreement;
+    SheetSums sums = writer.finish();
+    sums.values = done.values;
+    sums.disagreement = done.disagreement;
+    sums.codes = done.codes;
+    if (dem) {
+        for (std::int64_t r = 0; r < sheet_pages.rows.size(); ++r)
+            for (std::int64_t c = 0; c < sheet_pages.columns.size(); ++c)
+                map_->write(0, sheet_pages.columns.begin + c, sheet_pages.rows.begin + r,
+                            pages[static_cast<std::size_t>(r * sheet_pages.columns.size() + c)]);
+        map_->sync();
+    }
+    rename_path(temporary, path);
+    const std::string content = sums_text(sums);
+    replace_file(inside(done.sheet.sums), content);
+    done.sheet.bytes = sums.file_bytes;
+    done.sheet.sums_checksum = checksum(content);
+    done.made = true;
+    return done;
+}
+
+void StoreWriter::make(const Job& job) {
+    if (params_.stop) params_.stop->check();
+    Layer& layer = *job.layer;
+    std::size_t index = 0;
+    while (layers_[index].get() != &layer) ++index;
+    Done& done = done_[index][job.place];
+    done.sheet.column = job.column;
+    done.sheet.row = job.row;
+    const std::string stem = text(name(layer.kind), "/c", job.column, "_r", job.row);
+    done.sheet.file = stem + ".tif";
+    done.sheet.sums = stem + ".sum";
+    const Window sheet = layer.entry.posts(job.column, job.row);
+    if (!finished_before(job, done)) {
+        const bool dem = layer.kind == StoreLayerKind::dem;
+        const std::vector<std::size_t> pieces = layer.input.pieces_in(dem ? with_next(sheet) : sheet);
+        if (!pieces.empty()) {
+            done = write_sheet(job, pieces);
+        } else {
+            // Nothing but voids: the sheet is left out.
+            const RasterFacts& f = layer.entry.facts;
+            done.values.voids = static_cast<std::uint64_t>(intersection(sheet.columns, {0, f.own_columns()}).size() *
+                                                           sheet.rows.size());
+            const Window pages = blocks_of(sheet, 6);
+            for (std::int64_t r = pages.rows.begin; dem && r < pages.rows.end; ++r)
+                for (std::int64_t c = pages.columns.begin; c < pages.columns.end; ++c)
+                    map_->write(0, c, r, BlockPage(page_blocks * page_blocks));
+        }
+    }
+    const std::lock_guard lock(mutex_);
+    posts_done_ += static_cast<std::uint64_t>(sheet.posts());
+    if (params_.progress) params_.progress(static_cast<double>(posts_done_) / static_cast<double>(posts_));
+}
+
+void StoreWriter::make_sheets() {
+    std::vector<Job> jobs;
+    for (const auto& layer : layers_) {
+        const StoreLayerEntry& entry = layer->entry;
+        std::size_t place = 0;
+        for (std::int64_t r = 0; r < entry.sheet_rows(); ++r)
+            for (std::int64_t c = 0; c < entry.sheet_columns(); ++c) jobs.push_back({layer.get(), c, r, place++});
+        done_.emplace_back(place);
+    }
+    tbb::task_arena arena(jobs_at_once());
+    arena.execute([&] { tbb::parallel_for_each(jobs.begin(), jobs.end(), [&](const Job& job) { make(job); }); });
+}
+
+void StoreWriter::finish() {
+    map_->finish();
+    manifest_.software = params_.software;
+    manifest_.legend_name = params_.legend_name;
+    manifest_.legend_csv = params_.legend_csv;
+    manifest_.block_map = map_name;
+    manifest_.block_map_checksum = file_checksum(inside(map_name));
+    for (std::size_t i = 0; i < layers_.size(); ++i) {
+        StoreLayerEntry& entry = layers_[i]->entry;
+        for (const Done& done : done_[i]) {
+            entry.values.add(done.values);
+            if (done.made) entry.sheets.push_back(done.sheet);
+        }
+        const std::string vrt = vrt_text(entry);
+        replace_file(inside(entry.vrt), vrt);
+        entry.vrt_checksum = checksum(vrt);
+        // A raster that changed meanwhile is in the store partly old, partly new.
+        const std::vector<StoreSource> now = layers_[i]->input.sources();
+        for (std::size_t k = 0; k < now.size(); ++k)
+            if (now[k].bytes != entry.sources[k].bytes || now[k].mtime_s != entry.sources[k].mtime_s)
+                throw DataError(text(entry.facts.role, " '", now[k].path, "' changed while it was read"));
+        manifest_.layers.push_back(entry);
+        sync_path(inside(name(layers_[i]->kind)), true);
+    }
+    replace_file(inside(manifest_name), manifest_text(manifest_));
+    fs::remove(inside(plan_name));
+    sync_path(folder_, true);
+}
+
+void StoreWriter::move_into_place() {
+    const std::string output = folder_.substr(0, folder_.size() - 5);
+    std::error_code error;
+    lock_.reset();
+    if (fs::exists(fs::symlink_status(output, error))) {
+        // Both names change at once where the system can do that.
+        constexpr unsigned exchange = 2;
+        if (::syscall(SYS_renameat2, AT_FDCWD, folder_.c_str(), AT_FDCWD, output.c_str(), exchange) != 0) {
+            const std::string old = output + ".old";
+            fs::remove_all(old, error);
+            rename_path(output, old);
+            rename_path(folder_, output);
+            fs::remove_all(old, error);
+        }
+        fs::remove_all(folder_, error);
+    } else {
+        rename_path(folder_, output);
+    }
+    const std::string parent = fs::path(output).parent_path().string();
+    sync_path(parent.empty() ? "." : parent, true);
+}
+
+TileStoreSummary StoreWriter::summary() const {
+    TileStoreSummary out;
+    out.note = layers_[0]->input.note();
+    Disagreement all;
+    std::map<std::int32_t, std::uint64_t> codes;
+    for (std::size_t i = 0; i < layers_.size(); ++i) {
+        const RasterFacts& f = layers_[i]->entry.facts;
+        TileStoreSummary::Layer layer{name(layers_[i]->kind), GDALGetDataTypeName(f.type), f.columns, f.rows, 0, 0, 0};
+        for (const Done& done : done_[i]) {
+            layer.sheets += done.made;
+            layer.reused += done.reused;
+            layer.bytes += done.sheet.bytes;
+            all.add(done.disagreement);
+            for (const auto& [code, cells] : done.codes) codes[code] += cells;
+        }
+        out.layers.push_back(layer);
+    }
+    for (const auto& [code, cells] : codes) out.unknown_codes.push_back({code, cells});
+    out.disagreements = all.posts;
+    out.largest_m = all.largest_m;
+    if (all.posts > 0)
+        out.largest_where = text("between '", layers_[0]->input.path(static_cast<std::size_t>(all.kept_file)),
+                                 "' (kept) and '", layers_[0]->input.path(static_cast<std::size_t>(all.other_file)),
+                                 "' at column ", all.column, ", row ", all.row);
+    return out;
+}
+
+TileStoreSummary StoreWriter::run() {
+    check_output();
+    open_layers();
+    jobs_at_once();  // too small a memory is refused before any work
+    bool opened = false;
+    const auto any_sheet = [&] {
+        std::error_code error;
+        for (const auto& entry : fs::recursive_directory_iterator(folder_, error))
+            if (entry.path().extension() == ".sum") return true;
+        return false;
+    };
+    const auto clean = [&](bool keep_sheets) {
+        std::error_code ignored;
+        if (!opened) return false;
+        if (!keep_sheets || !any_sheet()) {
+            map_.reset();
+            fs::remove_all(folder_, ignored);
+            return false;
+        }
+        std::vector<fs::path> temporary;
+        for (const auto& entry : fs::recursive_directory_iterator(folder_, ignored))
+            if (entry.path().extension() == ".tmp") temporary.push_back(entry.path());
+        for (const fs::path& path : temporary) fs::remove(path, ignored);
+        return true;
+    };
+    try {
+        open_folder();
+        opened = true;
+        map_ = std::make_unique<BlockMapWriter>(
+            inside(map_name), BlockMapShape{layers_[0]->entry.facts.columns, layers_[0]->entry.facts.rows});
+        make_sheets();
+        finish();
+        move_into_place();
+    } catch (const Interrupted&) {
+        clean(true);
+        throw;
+    } catch (const IoError& e) {
+        if (clean(true))
+            throw IoError(text(e.what(), " (finished sheets are kept in '", folder_, "'; --resume goes on)"));
+        throw;
+    } catch (...) {
+        clean(false);
+        throw;
+    }
+    return summary();
+}
+
+}  // namespace
+
+TileStoreSummary write_tile_store(const TileStoreParams& params) { return StoreWriter(params).run(); }
+
+}  // namespace wedgescope

@@ -1,0 +1,50 @@
+#include "tiles/tile_store.hpp"
+
+#include <filesystem>
+
+#include "tiles/store_layer.hpp"
+#include "tiles/store_manifest.hpp"
+
+namespace wedgescope {
+
+bool is_tile_store(const std::string& path) {
+    std::error_code ignored;
+    return std::filesystem::is_regular_file(std::filesystem::path(path) / manifest_name, ignored);
+}
+
+TileStore::TileStore(std::string path, std::size_t cache_bytes)
+    : path_(std::move(path)), manifest_(std::make_unique<StoreManifest>(read_manifest(path_))),
+      cache_(std::make_shared<TileCache>(cache_bytes)) {}
+
+TileStore::~TileStore() = default;
+
+std::unique_ptr<RasterLayer> TileStore::layer(StoreLayerKind kind) const {
+    const StoreLayerEntry* entry = manifest_->layer(kind);
+    if (!entry) return nullptr;
+    return std::make_unique<StoreLayer>(path_, *entry, cache_);
+}
+
+std::unique_ptr<BlockMap> TileStore::block_map(double scale) const {
+    const std::string file = (std::filesystem::path(path_) / manifest_->block_map).string();
+    return std::make_unique<BlockMapFile>(file, manifest_->map_shape(), scale);
+}
+
+std::optional<Legend> TileStore::legend() const {
+    if (manifest_->legend_name.empty()) return std::nullopt;
+    if (manifest_->legend_csv.empty()) return Legend::built_in(manifest_->legend_name);
+    return Legend::from_csv(manifest_->legend_name, manifest_->legend_csv);
+}
+
+Extremes TileStore::terrain_extremes() const {
+    const RasterFacts& facts = manifest_->layers[0].facts;
+    const ValueFacts& values = manifest_->layers[0].values;
+    Extremes out;
+    out.void_posts = values.voids;
+    out.any_valid = values.voids < static_cast<std::uint64_t>(facts.own_columns() * facts.rows);
+    if (!out.any_valid) return out;
+    out.lowest_m = values.lowest;
+    out.highest_m = values.highest;
+    return out;
+}
+
+}  // namespace wedgescope

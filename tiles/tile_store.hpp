@@ -1,0 +1,94 @@
+// TileStore: a data base on disk that was tiled once: sheets of tiles under a VRT a layer, checksums, block map and
+// the manifest that names them. Opens one for reading, and makes one from rasters.
+// Leaves the files' formats to store_manifest.hpp, sheet_sums.hpp and block_map_file.hpp, chunks to sources.hpp.
+//
+// Memory: decoded tiles up to `cache_bytes`, shared by all layers and threads; one tile a reading thread beside it; at
+// most `StoreLayer::most_idle` open sheets a layer; pages of the block map (BlockMapFile).
+#pragma once
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "lib/stop.hpp"
+#include "lib/wedge_source.hpp"
+
+namespace wedgescope {
+
+class RasterLayer;
+struct StoreManifest;
+class TileCache;
+
+enum class StoreLayerKind { dem, culture, culture_height };
+/// "dem", "culture", "culture_height": also names of folders and VRTs in the store.
+const char* name(StoreLayerKind kind);
+
+/// A folder with a manifest.
+bool is_tile_store(const std::string& path);
+
+class TileStore {
+public:
+    /// Reads the manifest only. IoError, DataError naming the file.
+    TileStore(std::string path, std::size_t cache_bytes);
+    ~TileStore();
+
+    const StoreManifest& manifest() const { return *manifest_; }
+    /// Null if the store has no such layer.
+    std::unique_ptr<RasterLayer> layer(StoreLayerKind kind) const;
+    /// `scale`: metres in one unit of the stored culture height.
+    std::unique_ptr<BlockMap> block_map(double scale) const;
+    std::optional<Legend> legend() const;
+    /// Of the bare terrain.
+    Extremes terrain_extremes() const;
+
+private:
+    std::string path_;
+    std::unique_ptr<StoreManifest> manifest_;
+    std::shared_ptr<TileCache> cache_;
+};
+
+struct TileStoreParams {
+    std::vector<std::string> dems;        ///< where several hold a post, the first with a value there wins
+    std::string culture, culture_height;  ///< empty: none
+    std::string legend_name, legend_csv;  ///< kept in the store; csv empty for a built-in one
+    std::optional<Legend> legend;         ///< the same, for naming codes that it does not know
+    std::string output;                   ///< the folder
+    std::int64_t tile_posts = 256;        ///< a power of two from 64 to 2048
+    std::vector<std::string> creation;    ///< GeoTIFF creation options K=V
+    std::size_t memory_bytes = std::size_t{1} << 30;
+    std::size_t cache_bytes = 0;  ///< of these, what the session grants GDAL's block cache
+    int threads = 1;
+    bool overwrite = false;  ///< replace a store that stands there
+    bool resume = false;     ///< go on with `output`.part if it is there
+    Stop* stop = nullptr;
+    std::function<void(double)> progress;  ///< called with 0..1 from one thread at a time
+    std::string software;
+};
+
+struct TileStoreSummary {
+    struct Layer {
+        std::string name, type;
+        std::int64_t columns = 0, rows = 0;
+        std::uint64_t sheets = 0, reused = 0, bytes = 0;
+    };
+    std::vector<Layer> layers;
+    std::string note;                 ///< what was done to unlike rasters; empty: nothing
+    std::uint64_t disagreements = 0;  ///< posts that two rasters hold with unlike heights
+    float largest_m = 0;
+    std::string largest_where;  ///< files, column and row of the store
+    struct Code {
+        std::int32_t code;
+        std::uint64_t cells;
+    };
+    std::vector<Code> unknown_codes;  ///< that the legend does not know
+};
+
+/// InputError for options, an output that stands already or too small a memory; IoError and DataError naming file and
+/// post. Until it is whole the store is `output`.part; that is kept after an interruption or a failure of the machine
+/// if a sheet is done, for `resume`.
+TileStoreSummary write_tile_store(const TileStoreParams& params);
+
+}  // namespace wedgescope

@@ -1,0 +1,90 @@
+#include <tbb/info.h>
+
+#include <filesystem>
+
+#include "tiles/gdal_session.hpp"
+#include "tiles/tile_store.hpp"
+#include "tools/commands.hpp"
+#include "tools/help.hpp"
+#include "tools/options.hpp"
+#include "tools/report_json.hpp"
+#include "tools/terminal.hpp"
+#include "tools/units.hpp"
+
+namespace wedgescope {
+namespace {
+
+TileStoreParams store_params(const Settings& settings) {
+    if (settings.files.size() < 2)
+        throw InputError(text("tile needs at least one terrain raster and, last, the folder to write; found ",
+                              settings.files.size(), settings.files.size() == 1 ? " path" : " paths"));
+    if (!settings.culture_legend.empty() && settings.culture.empty())
+        throw InputError(text("culture-legend is ", in_quotes(settings.culture_legend),
+                              " but there is no culture; the path of a culture raster is needed"));
+    TileStoreParams params;
+    params.dems.assign(settings.files.begin(), settings.files.end() - 1);
+    params.output = settings.files.back();
+    params.culture = settings.culture;
+    params.culture_height = settings.culture_height;
+    params.legend = legend(settings);
+    if (params.legend) {
+        params.legend_name = settings.culture_legend;
+        params.legend_csv = legend_csv(settings);
+    }
+    params.tile_posts = settings.tile_posts;
+    params.creation = settings.creation;
+    params.memory_bytes = static_cast<std::size_t>(settings.memory_bytes);
+    params.cache_bytes = cache_bytes(settings);
+    params.threads = settings.threads > 0 ? settings.threads : tbb::info::default_concurrency();
+    params.overwrite = settings.overwrite;
+    params.resume = settings.resume;
+    params.software = text("wedgescope ", version());
+    return params;
+}
+
+void tell(const Settings& settings, const TileStoreSummary& summary, double seconds) {
+    const auto say = [&](const std::string& line) { remark(settings.quiet, line); };
+    if (!summary.note.empty()) say(summary.note);
+    if (summary.disagreements > 0)
+        say(fmt::format("{} posts that rasters share disagree, by {:.6g} m at the most, {}",
+                        grouped(summary.disagreements), summary.largest_m, summary.largest_where));
+    if (!summary.unknown_codes.empty()) {
+        constexpr std::size_t named = 10;
+        std::string codes;
+        std::uint64_t cells = 0;
+        for (std::size_t i = 0; i < summary.unknown_codes.size(); ++i) {
+            const auto& [code, count] = summary.unknown_codes[i];
+            cells += count;
+            if (i < named) codes += fmt::format("{}{} ({} cells)", i ? ", " : "", code, grouped(count));
+        }
+        if (summary.unknown_codes.size() > named) codes += ", ...";
+        say(fmt::format("culture: {} codes in {} cells are not in the legend {}: {}", summary.unknown_codes.size(),
+                        grouped(cells), in_quotes(settings.culture_legend), codes));
+    }
+    std::uint64_t reused = 0;
+    for (const auto& layer : summary.layers) {
+        say(fmt::format("{}: {} x {} {} in {} sheets, {}", layer.name, layer.columns, layer.rows, layer.type,
+                        layer.sheets, readable_bytes(static_cast<double>(layer.bytes))));
+        reused += layer.reused;
+    }
+    if (settings.resume) say(fmt::format("resumed: {} sheets stood already", reused));
+    say(fmt::format("written: {} ({:.1f} s)", settings.files.back(), seconds));
+}
+
+}  // namespace
+
+void tile(const std::vector<std::string>& arguments, Stop& stop) {
+    const double start_s = now_s();
+    const Settings settings = parse_arguments(command_tile, arguments);
+    if (settings.help) return print(help_text(command_by_name("tile")));
+    TileStoreParams params = store_params(settings);
+    const GdalSession session(params.cache_bytes, settings.config);
+    params.stop = &stop;
+    Progress progress(settings.quiet);
+    params.progress = [&](double fraction) { progress.report(fraction); };
+    const TileStoreSummary summary = write_tile_store(params);
+    progress.done();
+    tell(settings, summary, now_s() - start_s);
+}
+
+}  // namespace wedgescope
