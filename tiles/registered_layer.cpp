@@ -160,7 +160,6 @@ std::int64_t RegisteredLayer::read_heights(const Plan& plan, Interval rows, doub
             scratch.assign(static_cast<std::size_t>(window.posts()), 0.0F);
             // The posts whose cells lie in a rectangle of cells: both axes run one way.
             const auto reason = [&](const Window& cells) {
-                if (needed.all()) return Skip::none;
                 const auto first = plan.cells.begin() + run.at, last = first + run.count;
                 const Interval across{
                     plan.columns.begin + (std::lower_bound(first, last, cells.columns.begin) - plan.cells.begin()),
@@ -171,17 +170,19 @@ std::int64_t RegisteredLayer::read_heights(const Plan& plan, Interval rows, doub
                 if (across.empty() || down.empty()) return Skip::range;
                 return needed.reason({across, down});
             };
-            for_each_tile_run(
-                facts(), window, reason,
-                [&](const Window& cells) {
-                    float* to = scratch.data() + (cells.rows.begin - source.begin) * stride + cells.columns.begin -
-                                run.source.begin;
-                    ledger_.touch(cells);
-                    raster_->read_heights(cells, to, stride);
-                    refuse_negative(cells, to, stride);
-                    read += cells.posts();
-                },
-                [&](const Window& cells, Skip why) { ledger_.pass(cells, why); });
+            const auto take = [&](const Window& cells) {
+                float* to = scratch.data() + (cells.rows.begin - source.begin) * stride + cells.columns.begin -
+                            run.source.begin;
+                ledger_.touch(cells);
+                raster_->read_heights(cells, to, stride);
+                refuse_negative(cells, to, stride);
+                read += cells.posts();
+            };
+            if (needed.all())
+                take(window);
+            else
+                for_each_tile_run(facts(), window, reason, take,
+                                  [&](const Window& cells, Skip why) { ledger_.pass(cells, why); });
             for (std::int64_t r = part.begin; r < part.end; ++r) {
                 const std::int64_t cell = rows_.cell(r);
                 if (!source.contains(cell)) continue;

@@ -116,22 +116,28 @@ public:
 
     LoadCost cost(const ChunkRequest& request) const override {
         const auto posts = static_cast<std::uint64_t>(request.window.posts());
-        LoadCost cost{posts, posts * static_cast<std::uint64_t>(terrain_.facts().type_bytes), posts * sizeof(float), 0};
+        LoadCost cost{posts, posts * static_cast<std::uint64_t>(terrain_->facts().type_bytes), posts * sizeof(float),
+                      0};
         const std::int64_t width = request.window.columns.size(), rows = request.window.rows.size();
-        const auto slab = static_cast<std::size_t>(width * std::min(rows, std::max<std::int64_t>(1, slab_posts / width)));
+        const auto slab =
+            static_cast<std::size_t>(width * std::min(rows, std::max<std::int64_t>(1, slab_posts / width)));
         cost.beside_bytes = request.lines_are_columns ? slab * sizeof(float) : 0;
         if (height_) {
-            const double cells = std::fabs(height_->columns.scale * height_->rows.scale);
+            const double cells = std::fabs(height_->columns().scale * height_->rows().scale);
             cost.bytes += static_cast<std::uint64_t>(static_cast<double>(posts) * cells) *
-                          static_cast<std::uint64_t>(height_->file.facts().type_bytes);
+                          static_cast<std::uint64_t>(height_->facts().type_bytes);
             cost.chunk_bytes *= 2;
             cost.beside_bytes += 2 * slab * sizeof(float);
+        }
+        if (store_) {  // one tile as it is decoded, and packed
+            const RasterFacts& f = terrain_->facts();
+            cost.beside_bytes += static_cast<std::size_t>(2 * f.block_columns * f.block_rows * f.type_bytes);
         }
         return cost;
     }
 
     std::uint64_t class_bytes(const Window& cells) const override {
-        return WedgeSource::class_bytes(cells) * static_cast<std::uint64_t>(culture_->file.facts().type_bytes);
+        return WedgeSource::class_bytes(cells) * static_cast<std::uint64_t>(culture_->facts().type_bytes);
     }
 
     CultureCells load_classes(const Window& window) override {
@@ -307,6 +313,11 @@ private:
     std::uint64_t read_terrain(const Run& run, std::int64_t first, Interval rows, const NeededPosts& needed, float* out,
                                std::int64_t stride) {
         const std::int64_t shift = first + run.at - run.source.begin;
+        if (needed.all()) {
+            ledger_->touch({run.source, rows});
+            terrain_->read_heights({run.source, rows}, out + run.at, stride);
+            return static_cast<std::uint64_t>(run.source.size() * rows.size());
+        }
         std::uint64_t read = 0;
         for_each_tile_run(
             terrain_->facts(), {run.source, rows},

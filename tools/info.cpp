@@ -4,6 +4,8 @@
 #include "lib/plan.hpp"
 #include "tiles/gdal_session.hpp"
 #include "tiles/raster.hpp"
+#include "tiles/store_check.hpp"
+#include "tiles/tile_store.hpp"
 #include "tools/commands.hpp"
 #include "tools/help.hpp"
 #include "tools/options.hpp"
@@ -127,6 +129,98 @@ std::string to_text(const RasterFacts& facts) {
         std::count_if(facts.codes.begin(), facts.codes.end(), [](const CodeCount& c) { return !c.material; });
     out += row("unknown", unknown == 0 ? "none" : text(unknown, " codes, ", grouped(unknown_cells(facts)), " cells"));
     return out;
+}
+
+// ---------------------------------------------------------------------------------------------------- tile stores
+
+struct StoreFacts {
+    StoreDescription store;
+    std::optional<StoreVerdict> verdict;
+};
+
+json to_json(const StoreFacts& facts) {
+    const StoreDescription& s = facts.store;
+    json out{{"path", s.path}, {"kind", "tile store"}, {"version", s.version}, {"software", s.software}};
+    out["legend"] = s.legend.empty() ? json(nullptr) : json(s.legend);
+    out["layers"] = json::array();
+    for (const auto& layer : s.layers) {
+        json one{{"name", layer.name},     {"data_type", layer.type}, {"columns", layer.columns},
+                 {"rows", layer.rows},     {"tile_size", layer.tile}, {"compression", layer.compression},
+                 {"sheets", layer.sheets}, {"tiles", layer.tiles},    {"bytes", layer.bytes}};
+        one["crs"] = layer.has_crs ? json(layer.crs_name) : json(nullptr);
+        one["geographic"] = layer.geographic;
+        one["origin_x"] = layer.origin_x;
+        one["origin_y"] = layer.origin_y;
+        one["step_x"] = layer.step_x;
+        one["step_y"] = layer.step_y;
+        one["no_data"] = layer.has_no_data ? json(layer.no_data) : json(nullptr);
+        one["unit"] = layer.unit;
+        one["void_posts"] = layer.void_posts;
+        if (layer.lowest <= layer.highest) {
+            one["lowest"] = layer.lowest;
+            one["highest"] = layer.highest;
+        }
+        one["sources"] = layer.sources;
+        out["layers"].push_back(one);
+    }
+    out["block_map"] = json{{"levels", s.block_levels}, {"bytes", s.block_map_bytes}};
+    if (facts.verdict)
+        out["verify"] =
+            json{{"files", facts.verdict->files}, {"bytes", facts.verdict->bytes}, {"damage", facts.verdict->damage}};
+    return out;
+}
+
+std::string to_text(const StoreFacts& facts) {
+    const StoreDescription& s = facts.store;
+    std::string out = s.path + "\n";
+    out += row("tile store",
+               text("version ", s.version, ", by ", s.software, s.legend.empty() ? "" : ", legend ", s.legend));
+    out += row("block map", fmt::format("{} levels of blocks of 32 x 32 posts and more, {}", s.block_levels,
+                                        readable_bytes(static_cast<double>(s.block_map_bytes))));
+    for (const auto& layer : s.layers) {
+        const std::uint64_t posts = static_cast<std::uint64_t>(layer.columns) * static_cast<std::uint64_t>(layer.rows);
+        out += fmt::format("  {}\n", layer.name);
+        out += row("  posts", text(grouped(static_cast<std::uint64_t>(layer.columns)), " columns x ",
+                                   grouped(static_cast<std::uint64_t>(layer.rows)), " rows = ", grouped(posts)));
+        out += row("  format", fmt::format("{}, {}, {} tiles of {} x {} in {} sheets, {}", layer.type,
+                                           layer.compression, grouped(layer.tiles), layer.tile, layer.tile,
+                                           grouped(layer.sheets), readable_bytes(static_cast<double>(layer.bytes))));
+        out += row("  CRS", layer.has_crs ? layer.crs_name + (layer.geographic ? " (latitude, longitude)" : "")
+                                          : "none (geometry grid only)");
+        out += row("  corner", fmt::format("{:.10g}, {:.10g}", layer.origin_x, layer.origin_y));
+        out += row("  step", fmt::format("{:.10g}, {:.10g}", layer.step_x, layer.step_y));
+        out += row("  voids", fmt::format("{} posts ({:.3g} %)", grouped(layer.void_posts),
+                                          100 * static_cast<double>(layer.void_posts) / static_cast<double>(posts)));
+        if (layer.lowest <= layer.highest)
+            out += row("  values", fmt::format("{:.10g} to {:.10g}", layer.lowest, layer.highest));
+        out += row("  from", text(layer.sources.empty() ? "" : layer.sources[0],
+                                  layer.sources.size() > 1 ? text(" and ", layer.sources.size() - 1, " more") : ""));
+    }
+    if (facts.verdict && facts.verdict->damage.empty())
+        out += row("verified", fmt::format("{} files, {}: all as they were written", grouped(facts.verdict->files),
+                                           readable_bytes(static_cast<double>(facts.verdict->bytes))));
+    if (facts.verdict)
+        for (const std::string& line : facts.verdict->damage) out += row("damage", line);
+    return out;
+}
+
+/// `damage`: lines found so far, which end in an error when all is printed.
+StoreFacts store_facts(const Settings& settings, const std::string& path, const Stop& stop, std::size_t& damage) {
+    StoreFacts facts;
+    if (!settings.verify) {
+        facts.store = describe_store(path);
+        return facts;
+    }
+    Progress progress(settings.quiet);
+    facts.verdict = verify_store(path, &stop, [&](double fraction) { progress.report(fraction); });
+    progress.done();
+    damage += facts.verdict->damage.size();
+    try {
+        facts.store = describe_store(path);
+    } catch (const Error&) {  // a damaged manifest is in the verdict
+        facts.store.path = path;
+    }
+    return facts;
 }
 
 // ---------------------------------------------------------------------------------------------------- scene files
@@ -276,6 +370,7 @@ void info(const std::vector<std::string>& arguments, Stop& stop) {
     const std::optional<Legend> codes = legend(settings);
     json all{{"format", "wedgescope-info-1"}, {"version", version()}, {"files", json::array()}};
     std::string page;
+    std::size_t damage = 0;
     for (const std::string& path : settings.files) {
         stop.check();
         const auto add = [&](const auto& facts) {
@@ -288,11 +383,16 @@ void info(const std::vector<std::string>& arguments, Stop& stop) {
         };
         if (path.ends_with(".ini")) {
             add(scene_facts(path));
+        } else if (is_tile_store(path)) {
+            add(store_facts(settings, path, stop, damage));
+        } else if (settings.verify) {
+            throw InputError(text("verify is for tile stores; ", in_quotes(path), " is none"));
         } else {
             add(raster_facts(path, codes));
         }
     }
     print(settings.json ? all.dump(2, ' ', false, json::error_handler_t::replace) + "\n" : page);
+    if (damage > 0) throw DataError(text(damage, damage == 1 ? " damage was" : " damages were", " found"));
 }
 
 }  // namespace wedgescope

@@ -747,6 +747,12 @@ std::vector<Key> make_keys() {
         q.commands |= command_info | command_tile;
     }
     {
+        Key& v = t.add("verify", flag([](auto& s) -> auto& { return s.verify; }), "off",
+                       "read all of a tile store and name what is damaged");
+        v.commands = command_info;
+        v.in_scene_file = false;
+    }
+    {
         Key& j = t.add("json", flag([](auto& s) -> auto& { return s.json; }), "off", "JSON on stdout");
         j.commands = command_info;
         j.in_scene_file = false;

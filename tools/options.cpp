@@ -190,16 +190,16 @@ const std::vector<CommandInfo>& command_table() {
          "paths in the file start from its folder. Outputs appear under their names only when they are whole.",
          "wedgescope simulate --dem terrain.tif --latlon 33.9,-117.3 --altitude-msl 7000ft --range 30nmi -o scope.png"},
         {command_info, "info", "wedgescope info [options] FILE... | info --plan [simulate's options] [scene.ini]",
-         "what rasters hold, or what a scene file (*.ini) resolves to",
+         "what rasters and tile stores hold, or what a scene file (*.ini) resolves to",
          "For a raster: grid, CRS, heights, voids; with --culture-legend also its codes, how often each occurs, and "
-         "their materials. For a scene "
-         "file: where the sensor is, what is swept, sizes and memory. With --plan, which takes every option of "
-         "simulate: "
-         "what a run would do, without running.",
+         "their materials. For a tile store: its layers, and with --verify whether all of it is as it was written. For "
+         "a scene file: where the sensor is, what is swept, sizes and memory. With --plan, which takes every option of "
+         "simulate: what a run would do, without running.",
          "wedgescope info --culture-legend fbfm40 culture.tif"},
         {command_tile, "tile", "wedgescope tile [options] RASTER... FOLDER",
          "terrain rasters, culture -> a tile store that --dem takes",
-         "One or many terrain rasters (cells of a mosaic may differ in posting) become one data base: tiled, with block "
+         "One or many terrain rasters (cells of a mosaic may differ in posting) become one data base: tiled, with "
+         "block "
          "map, overviews and checksums, which any GDAL program opens too (FOLDER/dem.vrt). Of a post that several "
          "rasters hold, the first in the order given that has a value there wins.",
          "wedgescope tile n33_w118.dt2 n33_w117.dt2 --culture fuel.tif --culture-legend fbfm40 inland"},

@@ -40,6 +40,7 @@ struct Settings {
     bool no_cull = false;
     bool overwrite = false, reproducible = false;
 
+    bool verify = false;  ///< info --verify
     bool verbose = false, quiet = false, json = false, plan = false, help = false;
     std::vector<std::string> files;  ///< positional
 };

@@ -1,0 +1,154 @@
+#include "tiles/store_check.hpp"
+
+#include <filesystem>
+
+#include "lib/error.hpp"
+#include "tiles/checksum.hpp"
+#include "tiles/plain_file.hpp"
+#include "tiles/store_layer.hpp"
+#include "tiles/store_manifest.hpp"
+
+namespace wedgescope {
+namespace {
+
+namespace fs = std::filesystem;
+
+class Verifier {
+public:
+    Verifier(const std::string& path, const Stop* stop, const std::function<void(double)>& progress)
+        : path_(path), stop_(stop), progress_(progress) {}
+
+    StoreVerdict run() {
+        try {
+            manifest_ = read_manifest(path_);
+        } catch (const Error& e) {
+            verdict_.damage.emplace_back(e.what());
+            return verdict_;
+        }
+        count(inside(manifest_name));
+        std::size_t sheets = 0, done = 0;
+        for (const StoreLayerEntry& layer : manifest_.layers) sheets += layer.sheets.size();
+        for (const StoreLayerEntry& layer : manifest_.layers) {
+            tried([&] {
+                count(inside(layer.vrt));
+                if (file_checksum(inside(layer.vrt)) != layer.vrt_checksum)
+                    throw DataError(text("'", inside(layer.vrt), "' is damaged"));
+            });
+            for (const StoreSheet& sheet : layer.sheets) {
+                if (stop_) stop_->check();
+                tried([&] { check(layer, sheet); });
+                if (progress_) progress_(static_cast<double>(++done) / static_cast<double>(sheets));
+            }
+        }
+        tried([&] { check_map(); });
+        return verdict_;
+    }
+
+private:
+    std::string inside(const std::string& file) const { return (fs::path(path_) / file).string(); }
+    void count(const std::string& path) {
+        ++verdict_.files;
+        verdict_.bytes += file_bytes(path);
+    }
+    template <class Body>
+    void tried(Body&& body) {
+        try {
+            body();
+        } catch (const DataError& e) {
+            verdict_.damage.emplace_back(e.what());
+        } catch (const IoError& e) {
+            verdict_.damage.emplace_back(e.what());
+        }
+    }
+
+    void check(const StoreLayerEntry& layer, const StoreSheet& sheet) {
+        const std::string path = inside(sheet.file), sums_path = inside(sheet.sums);
+        count(sums_path);
+        const SheetSums sums = read_sums(sums_path, sheet.sums_checksum);
+        count(path);
+        if (file_bytes(path) == sums.file_bytes && file_checksum(path) == sums.file_checksum) return;
+        // Something in the file is not as it was: which tiles?
+        const std::size_t before = verdict_.damage.size();
+        tried([&] {
+            SheetReader reader(path_, layer, sheet);
+            for (int k = 0; k < sums.levels(); ++k)
+                for (std::int64_t r = 0; r < sums.down(k); ++r)
+                    for (std::int64_t c = 0; c < sums.across(k); ++c) tried([&] { reader.tile(k, c, r); });
+        });
+        if (verdict_.damage.size() == before)
+            throw DataError(text("sheet '", path, "' is damaged outside its tiles (header, tags or padding)"));
+    }
+
+    void check_map() {
+        const std::string path = inside(manifest_.block_map);
+        count(path);
+        const std::size_t before = verdict_.damage.size();
+        check_block_map(path, manifest_.map_shape(), [&](const std::string& line) { verdict_.damage.push_back(line); });
+        if (verdict_.damage.size() == before && file_checksum(path) != manifest_.block_map_checksum)
+            throw DataError(text("block map '", path, "' is not the one that the manifest names"));
+    }
+
+    const std::string& path_;
+    const Stop* stop_;
+    const std::function<void(double)>& progress_;
+    StoreManifest manifest_;
+    StoreVerdict verdict_;
+};
+
+}  // namespace
+
+StoreDescription describe_store(const std::string& path) {
+    const StoreManifest m = read_manifest(path);
+    StoreDescription out;
+    out.path = path;
+    out.software = m.software;
+    out.version = m.version;
+    out.legend = m.legend_name;
+    out.block_levels = m.map_shape().levels();
+    out.block_map_bytes = m.map_shape().file_bytes();
+    for (const StoreLayerEntry& entry : m.layers) {
+        const RasterFacts& f = entry.facts;
+        StoreDescription::Layer layer;
+        layer.name = name(entry.kind);
+        layer.type = GDALGetDataTypeName(f.type);
+        layer.compression = f.compression;
+        layer.unit = f.unit;
+        layer.has_crs = f.crs != nullptr;
+        layer.geographic = f.geographic;
+        if (f.crs) {
+            const char* words = f.crs->GetName();
+            const char* authority = f.crs->GetAuthorityName(nullptr);
+            const char* code = f.crs->GetAuthorityCode(nullptr);
+            layer.crs_name = words ? words : "";
+            if (authority && code) layer.crs_name += text(" (", authority, ":", code, ")");
+        }
+        layer.has_no_data = f.has_no_data;
+        layer.no_data = f.no_data;
+        layer.columns = f.columns;
+        layer.rows = f.rows;
+        layer.tile = f.block_columns;
+        layer.origin_x = f.corner_x;
+        layer.origin_y = f.corner_y;
+        layer.step_x = f.step_x;
+        layer.step_y = f.step_y;
+        layer.sheets = entry.sheets.size();
+        for (const StoreSheet& sheet : entry.sheets) {
+            const Window posts = entry.posts(sheet.column, sheet.row);
+            const auto along = [&](Interval side) { return (side.size() + layer.tile - 1) / layer.tile; };
+            layer.tiles += static_cast<std::uint64_t>(along(posts.columns) * along(posts.rows));
+            layer.bytes += sheet.bytes;
+        }
+        layer.void_posts = entry.values.voids;
+        layer.lowest = static_cast<double>(entry.values.lowest);
+        layer.highest = static_cast<double>(entry.values.highest);
+        for (const StoreSource& source : entry.sources) layer.sources.push_back(source.path);
+        out.layers.push_back(layer);
+    }
+    return out;
+}
+
+StoreVerdict verify_store(const std::string& path, const Stop* stop, const std::function<void(double)>& progress) {
+    return Verifier(path, stop, progress).run();
+}
+
+}  // namespace wedgescope
