@@ -146,6 +146,8 @@ private:
     /// horizon of any spoke; returns the last line passed, or one before `line` if there is none.
     std::int64_t leap(std::int64_t line, std::int64_t last, const Chunk& chunk, std::size_t begin, std::size_t end,
                       Between& between);
+    /// Does every spoke on its own stay above what it comes by, from where it is now to where it is ahead?
+    bool passes_alone(const Chunk& chunk, std::int64_t block, std::size_t begin, std::size_t end);
     /// Highest surface of the chunk's posts on the lines of one block and `block_posts` + 1 posts along them; +inf if
     /// one is void.
     float highest_in_chunk(const Chunk& chunk, std::int64_t major_block, std::int64_t minor_block);
