@@ -196,7 +196,9 @@ struct Outcome {
 };
 
 /// Runs the program; `kill_after_us` > 0: kill -9 then.
-Outcome run_program(const std::vector<std::string>& arguments, const std::string& log, int kill_after_us = 0) {
+/// `most_bytes` > 0: no file may grow beyond.
+Outcome run_program(const std::vector<std::string>& arguments, const std::string& log, int kill_after_us = 0,
+                    std::uint64_t most_bytes = 0) {
     std::string program = WEDGESCOPE_PROGRAM;
     std::vector<std::string> copy = arguments;
     std::vector<char*> list{program.data()};
@@ -206,6 +208,7 @@ Outcome run_program(const std::vector<std::string>& arguments, const std::string
     if (child == 0) {
         const int e = ::open(log.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0600);
         if (e < 0 || ::dup2(e, 2) < 0 || ::dup2(e, 1) < 0) ::_exit(99);
+        if (const rlimit limit{most_bytes, most_bytes}; most_bytes > 0) ::setrlimit(RLIMIT_FSIZE, &limit);
         ::execv(program.c_str(), list.data());
         ::_exit(98);
     }
@@ -840,6 +843,26 @@ TEST_CASE("bad posts and truncated rasters are named, and leave nothing behind",
     params.cache_bytes = std::size_t{1} << 19;
     CHECK_THAT(refusal([&] { write_tile_store(params); }), Contains("memory of 4 MiB is too small"));
     CHECK(folder.names() == std::vector<std::string>{"short.tif", "wild.tif"});
+}
+
+TEST_CASE("a disk that is full is an error with the sheet's name, and what was written goes", "[store]") {
+    const Folder folder;
+    draw(folder / "dem.tif", hills(600, 400));
+    const Outcome outcome = run_program({"tile", folder / "dem.tif", folder / "store", "-q", "--co", "COMPRESS=NONE"},
+                                        folder / "log", 0, 200000);
+    CHECK(outcome.code == 1);
+    CHECK_THAT(outcome.err, Contains("c0_r0.tif") && Contains("cannot be written") && Contains("large"));
+    CHECK(std::count(outcome.err.begin(), outcome.err.end(), '\n') == 1);
+    CHECK(folder.names() == std::vector<std::string>{"dem.tif", "log"});
+    REQUIRE(run_program({"tile", folder / "dem.tif", folder / "store", "-q"}, folder / "log").code == 0);
+    CHECK(run_program({"tile", folder / "dem.tif", folder / "store", "-q"}, folder / "log").code == 2);
+    std::fstream file(folder / "store/dem/c0_r0.sum", std::ios::in | std::ios::out | std::ios::binary);
+    file.seekp(50);
+    file.put('\0');
+    file.close();
+    const Outcome damaged = run_program({"info", "--verify", folder / "store"}, folder / "log");
+    CHECK(damaged.code == 1);
+    CHECK_THAT(damaged.err, Contains("c0_r0.sum") && Contains("1 damage was found"));
 }
 
 TEST_CASE("codes that the legend does not know are counted", "[store]") {

@@ -192,7 +192,9 @@ public:
     }
 
     std::size_t cache_bytes() const override {
-        std::size_t bytes = params_.cache_bytes + ledger_->bytes();
+        // Of a store also pages of the block map and the sheets that wait open, 4 MiB each at the most.
+        constexpr std::size_t of_store = std::size_t{8} << 20;
+        std::size_t bytes = params_.cache_bytes + ledger_->bytes() + (store_ ? of_store : 0);
         for (const auto* layer : {culture_.get(), height_.get()})
             if (layer) bytes += layer->ledger().bytes();
         return bytes;
