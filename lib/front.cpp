@@ -307,7 +307,8 @@ LinePosts Front::line_of(const Chunk& chunk, const std::vector<float>& layer, st
     const bool columns = lines_are_columns(quadrant_);
     const Interval minor = columns ? chunk.window.rows : chunk.window.columns;
     const std::int64_t first = columns ? chunk.window.columns.begin : chunk.window.rows.begin;
-    return {layer.data() + (index - first) * minor.size(), minor.begin, minor.end};
+    const std::int64_t line = chunk.flat ? 0 : index - first;
+    return {layer.data() + line * minor.size(), minor.begin, minor.end};
 }
 
 void Front::advance(Interval lines, const Chunk* chunk, bool leap) {
@@ -412,6 +413,7 @@ float Front::highest_in_chunk(const Chunk& chunk, std::int64_t major_block, std:
         chunk_bounds_[static_cast<std::size_t>((major_block - chunk_blocks_.columns.begin) * chunk_blocks_.rows.size() +
                                                minor_block - chunk_blocks_.rows.begin)];
     if (bound == bound) return bound;
+    if (chunk.flat) return bound = chunk.surface_m[0];
     const bool columns = lines_are_columns(quadrant_);
     const auto posts = [](std::int64_t block, Interval cut) {
         return intersection({block * block_posts, (block + 1) * block_posts + 1}, cut);

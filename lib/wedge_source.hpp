@@ -87,6 +87,17 @@ struct ChunkRequest {
     Window blocks;
     std::vector<Skip> skip;
     std::vector<float> fill_m;
+
+    /// The height to fill all of it with, if none of its posts must be read and none need be void.
+    std::optional<float> flat_m() const {
+        float lowest = std::numeric_limits<float>::infinity();
+        for (std::size_t i = 0; i < skip.size(); ++i) {
+            if (skip[i] == Skip::none || skip[i] == Skip::voids) return std::nullopt;
+            lowest = fill_m[i] < lowest ? fill_m[i] : lowest;
+        }
+        if (!(lowest < std::numeric_limits<float>::infinity())) return std::nullopt;
+        return lowest;
+    }
 };
 
 /// One rectangle of posts, as the spokes of a quadrant cross it: line by line.
@@ -96,6 +107,7 @@ struct Chunk {
     /// Surface height (terrain + culture height), metres, NaN = void: line-major, the lines in raster
     /// order, `minor_count()` posts a line in raster order.
     std::vector<float> surface_m;
+    bool flat = false;  ///< nothing of it was needed: the first line stands for all
     /// Culture height (scaled), metres, at the same posts; empty where none stands in the window.
     std::vector<float> culture_height_m;
 

@@ -115,6 +115,11 @@ public:
         Chunk chunk;
         chunk.window = window;
         chunk.lines_are_columns = lines_are_columns;
+        if (const auto height = request.flat_m()) {
+            chunk.flat = true;
+            chunk.surface_m.assign(static_cast<std::size_t>(chunk.minor_count()), *height);
+            return chunk;
+        }
         const std::lock_guard lock(mutex_);
         read_.resize(terrain_.size());
         const Interval& major = lines_are_columns ? window.columns : window.rows;

@@ -110,7 +110,13 @@ public:
         Chunk chunk;
         chunk.window = window;
         chunk.lines_are_columns = request.lines_are_columns;
-        load_surface(chunk, NeededPosts(request));
+        if (const auto height = request.flat_m()) {
+            pass_surface(request);
+            chunk.flat = true;
+            chunk.surface_m.assign(static_cast<std::size_t>(chunk.minor_count()), *height);
+        } else {
+            load_surface(chunk, NeededPosts(request));
+        }
         return chunk;
     }
 
@@ -290,7 +296,7 @@ private:
             }
             for (const Run& run : terrain)
                 chunk.posts_read += read_terrain(run, columns.begin, part, needed, surface, width);
-            if (culture_) pass_culture({columns, part}, needed);
+            if (culture_) pass_layer(*culture_, {columns, part}, needed);
             if (height_) {
                 culture.resize(n);
                 const std::int64_t read =
@@ -337,11 +343,28 @@ private:
         return read;
     }
 
-    /// Notes why classes under these posts may stay unread: for the ground's reason, or because nothing sees it.
-    void pass_culture(const Window& posts, const NeededPosts& needed) {
+    /// Notes why nothing of a request's posts is read.
+    void pass_surface(const ChunkRequest& request) {
+        const NeededPosts needed(request);
+        const Window& window = request.window;
+        for (const Run& run : terrain_runs(window.columns)) {
+            const std::int64_t shift = window.columns.begin + run.at - run.source.begin;
+            const auto reason = [&](const Window& cells) {
+                return needed.reason({{cells.columns.begin + shift, cells.columns.end + shift}, cells.rows});
+            };
+            for_each_tile_run(
+                terrain_->facts(), {run.source, window.rows}, reason, [](const Window&) {},
+                [&](const Window& cells, Skip why) { ledger_->pass(cells, why); });
+        }
+        for (auto* layer : {culture_.get(), height_.get()})
+            if (layer) pass_layer(*layer, window, needed);
+    }
+
+    /// Notes why a layer under these posts may stay unread: for the ground's reason, or because nothing sees it.
+    static void pass_layer(RegisteredLayer& layer, const Window& posts, const NeededPosts& needed) {
         const auto pass = [&](const Window& part) {
             const Skip why = needed.reason(part);
-            culture_->pass(part, why == Skip::none ? Skip::culture : why);
+            layer.pass(part, why == Skip::none ? Skip::culture : why);
         };
         if (needed.all()) return pass(posts);
         const Window blocks = blocks_of(posts);
