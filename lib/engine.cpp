@@ -353,6 +353,7 @@ RunResult run(const ResolvedScene& scene, WedgeSource& source, const EngineParam
     result.echo_state = PolarImage<std::uint8_t>(scene.swept);
     Wedges(setting, source, wedges, params, result).sweep_all(threads);
     result.report.skipped = source.skipped();
+    result.report.source = source.report();
 
     tbb::task_arena arena(threads);
     arena.execute([&] {

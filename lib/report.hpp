@@ -36,6 +36,7 @@ struct RunReport {
         std::size_t peak_bytes = 0;
     } planned;
     int threads = 0;
+    SourceReport source;
     Skipped skipped{};  ///< tiles that no wedge has read, by Skip
 };
 

@@ -146,6 +146,16 @@ struct Extremes {
     bool any_valid = false;
 };
 
+/// What a source did beside the chunks it handed out: the partition of a spilled one.
+struct SourceReport {
+    std::string kind = "direct";
+    double partition_s = 0;              ///< wall seconds of the pass
+    std::uint64_t partition_bytes = 0;   ///< decoded bytes that the pass read
+    std::uint64_t held_bytes = 0;        ///< blocks that stayed in memory
+    std::uint64_t spilled_bytes = 0;     ///< written to the spill file
+    std::uint64_t spill_read_bytes = 0;  ///< read from it again
+};
+
 class WedgeSource {
 public:
     virtual ~WedgeSource() = default;
@@ -175,6 +185,7 @@ public:
     virtual float bare_terrain_m(std::int64_t column, std::int64_t row) = 0;
     /// Over the whole raster (one pass the first time). For the default range.
     virtual Extremes extremes() = 0;
+    virtual SourceReport report() const { return {}; }
     /// Memory the source itself holds beside the chunks it hands out (caches).
     virtual std::size_t cache_bytes() const = 0;
 };

@@ -426,6 +426,33 @@ TEST_CASE("info counts voids and codes", "[cli]") {
     CHECK_THAT(single.out, Contains("no terrain for simulate"));
 }
 
+TEST_CASE("the spilled source writes the same files as the direct one, and info says which is chosen", "[cli]") {
+    const Folder folder;
+    fs::create_directory(folder.work() / "spill");
+    const Strings outputs{"--echo", "echo.tif", "--states", "states.tif", "--reproducible", "--overwrite"};
+    REQUIRE(folder.run(with(good, with(outputs, {"--source", "direct"}))).code == 0);
+    const std::string echo = content(folder.work() / "echo.tif"), states = content(folder.work() / "states.tif");
+    for (const char* memory : {"40MiB", "1GiB"}) {
+        const Outcome outcome = folder.run(with(good, with(outputs, {"--source", "spilled", "--memory", memory,
+                                                                     "--temp-dir", "spill", "--report", "run.json"})));
+        INFO(outcome.err);
+        REQUIRE(outcome.code == 0);
+        CHECK(content(folder.work() / "echo.tif") == echo);
+        CHECK(content(folder.work() / "states.tif") == states);
+        const auto report = nlohmann::json::parse(content(folder.work() / "run.json"));
+        CHECK(report["source"]["kind"] == "spilled");
+        CHECK(report["source"]["partition_bytes"] > 0);
+        CHECK(fs::is_empty(folder.work() / "spill"));
+    }
+    const std::string scene = "dem = " + dem + "\nlatlon = 33.9,-117.4\naltitude-msl = 3km\n";
+    folder.write("a.ini", scene);
+    folder.write("b.ini", scene + "source = spilled\n");
+    CHECK_THAT(folder.run({"info", "a.ini"}).out, Contains("direct: ") && Contains("fit into the cache"));
+    CHECK_THAT(folder.run({"info", "b.ini"}).out, Contains("spilled: as asked for"));
+    CHECK(nlohmann::json::parse(folder.run({"info", "--json", "b.ini"}).out)["files"][0]["source"]["kind"] ==
+          "spilled");
+}
+
 TEST_CASE("a signal ends the run with 128 + its number and leaves nothing", "[cli]") {
     const Folder folder;
     const Strings arguments = with(good, {"-o", "scope.png", "--echo", "echo.tif", "--range", "40km", "--quality",

@@ -274,6 +274,8 @@ TEST_CASE("every key of the design's first stage exists and later ones do not ye
                              "overwrite",
                              "verbose",
                              "reproducible",
+                             "source",
+                             "temp-dir",
                              "no-cull",
                              "quiet"}) {
         INFO(name);

@@ -65,9 +65,9 @@ public:
     /// Heights in metres, row after row, NaN = void; `window` inside the raster. Rows lie `stride` floats apart.
     /// IoError if it cannot be read; DataError naming the post if one is infinite or above highest_height_m.
     /// May be called from several threads at once.
-    void read_heights(const Window& window, float* out, std::int64_t stride);
+    virtual void read_heights(const Window& window, float* out, std::int64_t stride);
     /// Codes, row after row; void_code where there is none. DataError for a value that is no whole number.
-    void read_codes(const Window& window, std::int32_t* out);
+    virtual void read_codes(const Window& window, std::int32_t* out);
     /// Values as stored, or converted as GDAL does; rows `line_bytes` apart. IoError.
     virtual void read_values(const Window& window, void* out, GDALDataType type, std::int64_t line_bytes) = 0;
 

@@ -107,7 +107,7 @@ void refuse_other_crs(const RasterFacts& layer, const RasterFacts& terrain, cons
 }
 
 RegisteredLayer::RegisteredLayer(std::unique_ptr<RasterLayer> raster, const RasterFacts& terrain)
-    : raster_(std::move(raster)), ledger_(raster_->facts()) {
+    : raster_(std::move(raster)), ledger_(std::make_unique<TileLedger>(raster_->facts())) {
     const RasterFacts& own = raster_->facts();
     refuse_other_crs(own, terrain, "the dem");
     const bool same_size = own.columns == terrain.columns && own.rows == terrain.rows;
@@ -173,7 +173,7 @@ std::int64_t RegisteredLayer::read_heights(const Plan& plan, Interval rows, doub
             const auto take = [&](const Window& cells) {
                 float* to = scratch.data() + (cells.rows.begin - source.begin) * stride + cells.columns.begin -
                             run.source.begin;
-                ledger_.touch(cells);
+                ledger_->touch(cells);
                 raster_->read_heights(cells, to, stride);
                 refuse_negative(cells, to, stride);
                 read += cells.posts();
@@ -182,7 +182,7 @@ std::int64_t RegisteredLayer::read_heights(const Plan& plan, Interval rows, doub
                 take(window);
             else
                 for_each_tile_run(facts(), window, reason, take,
-                                  [&](const Window& cells, Skip why) { ledger_.pass(cells, why); });
+                                  [&](const Window& cells, Skip why) { ledger_->pass(cells, why); });
             for (std::int64_t r = part.begin; r < part.end; ++r) {
                 const std::int64_t cell = rows_.cell(r);
                 if (!source.contains(cell)) continue;
@@ -208,12 +208,12 @@ void RegisteredLayer::refuse_negative(const Window& window, const float* values,
 
 void RegisteredLayer::pass(const Window& posts, Skip reason) {
     const Interval rows = rows_.under(posts.rows), cells = columns_.under(posts.columns);
-    if (columns_.circle == 0) return ledger_.pass({cells, rows}, reason);
+    if (columns_.circle == 0) return ledger_->pass({cells, rows}, reason);
     const std::int64_t first = columns_.inside(cells.begin), last = columns_.inside(cells.end - 1);
-    if (first >= 0 && last >= first) return ledger_.pass({{first, last + 1}, rows}, reason);
+    if (first >= 0 && last >= first) return ledger_->pass({{first, last + 1}, rows}, reason);
     // Partly outside, or across the end of the circle.
-    if (first >= 0) ledger_.pass({{first, columns_.cells}, rows}, reason);
-    if (last >= 0) ledger_.pass({{0, last + 1}, rows}, reason);
+    if (first >= 0) ledger_->pass({{first, columns_.cells}, rows}, reason);
+    if (last >= 0) ledger_->pass({{0, last + 1}, rows}, reason);
 }
 
 }  // namespace wedgescope

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "tiles/needed_posts.hpp"
@@ -45,8 +46,17 @@ public:
     const RasterFacts& facts() const { return raster_->facts(); }
     const Axis& columns() const { return columns_; }
     const Axis& rows() const { return rows_; }
-    TileLedger& ledger() { return ledger_; }
-    const TileLedger& ledger() const { return ledger_; }
+    TileLedger& ledger() { return *ledger_; }
+    const TileLedger& ledger() const { return *ledger_; }
+    /// The same posts from somewhere else, and a new ledger for its tiles; returns what they came from before.
+    std::unique_ptr<RasterLayer> replace(std::unique_ptr<RasterLayer> raster) {
+        std::swap(raster_, raster);
+        ledger_ = std::make_unique<TileLedger>(raster_->facts());
+        return raster;
+    }
+
+    /// As if nothing had been read yet.
+    void forget() { ledger_ = std::make_unique<TileLedger>(raster_->facts()); }
 
     /// What is needed to read heights under a run of terrain columns.
     struct Plan {
@@ -80,7 +90,7 @@ public:
                 end = std::min(end, inside.end);
                 const Window part{run.source, {r, end}};
                 codes.resize(static_cast<std::size_t>(part.posts()));
-                ledger_.touch(part);
+                ledger_->touch(part);
                 raster_->read_codes(part, codes.data());
                 read += part.posts();
                 for (std::int64_t y = r; y < end; ++y)
@@ -99,7 +109,7 @@ private:
 
     std::unique_ptr<RasterLayer> raster_;
     Axis columns_, rows_;
-    TileLedger ledger_;
+    std::unique_ptr<TileLedger> ledger_;
 };
 
 /// DataError with the gdalwarp line to use if both rasters have a CRS and these differ. `dem`: word for the second.

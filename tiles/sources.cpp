@@ -1,20 +1,29 @@
 #include "tiles/sources.hpp"
 
+#include <malloc.h>
+
 #include <algorithm>
 #include <array>
+#include <chrono>
 #include <cmath>
+#include <cstring>
+#include <filesystem>
 #include <limits>
+#include <locale>
 #include <mutex>
 #include <numeric>
 #include <queue>
+#include <sstream>
 #include <stdexcept>
 #include <utility>
 #include <vector>
 
+#include "lib/engine.hpp"
 #include "lib/error.hpp"
 #include "tiles/gdal_session.hpp"
 #include "tiles/georeference.hpp"
 #include "tiles/needed_posts.hpp"
+#include "tiles/partition.hpp"
 #include "tiles/raster_file.hpp"
 #include "tiles/registered_layer.hpp"
 #include "tiles/tile_ledger.hpp"
@@ -59,9 +68,10 @@ private:
     std::array<float, lanes> high_ = filled(-std::numeric_limits<float>::infinity());
 };
 
-class DirectSource final : public WedgeSource {
+/// Chunks of whatever layers there are: rasters, a store's, or blocks that a partition put in their place.
+class RasterSource : public WedgeSource {
 public:
-    explicit DirectSource(const DataBaseParams& params) : params_(params) {
+    explicit RasterSource(const DataBaseParams& params) : params_(params) {
         std::unique_ptr<RasterLayer> culture, height;
         if (is_tile_store(params_.dem)) {
             // A quarter is left to GDAL, for layers beside the store and for what is written.
@@ -200,13 +210,17 @@ public:
     std::size_t cache_bytes() const override {
         // Of a store also pages of the block map and the sheets that wait open, 4 MiB each at the most.
         constexpr std::size_t of_store = std::size_t{8} << 20;
-        std::size_t bytes = params_.cache_bytes + ledger_->bytes() + (store_ ? of_store : 0);
+        return params_.cache_bytes + ledger_bytes() + (store_ ? of_store : 0);
+    }
+
+protected:
+    std::size_t ledger_bytes() const {
+        std::size_t bytes = ledger_->bytes();
         for (const auto* layer : {culture_.get(), height_.get()})
             if (layer) bytes += layer->ledger().bytes();
         return bytes;
     }
 
-private:
     void open_culture(std::unique_ptr<RasterLayer> raster) {
         if (!params_.legend)
             throw InputError(
@@ -462,11 +476,513 @@ private:
     std::optional<Extremes> extremes_;
 };
 
+// ---------------------------------------------------------------- spilled
+
+/// Size and time of last change of every file that a raster is made of.
+struct Stamp {
+    std::string file;
+    std::uint64_t bytes = 0;
+    std::int64_t changed_s = 0, changed_ns = 0;
+    friend bool operator==(const Stamp&, const Stamp&) = default;
+};
+
+std::vector<Stamp> stamps(const std::string& path) {
+    std::vector<std::string> files;
+    {
+        GdalErrors quiet;
+        const DatasetHandle dataset(GDALDataset::Open(path.c_str(), GDAL_OF_RASTER | GDAL_OF_READONLY));
+        if (dataset) {
+            char** list = dataset->GetFileList();
+            for (char** f = list; f && *f; ++f) files.emplace_back(*f);
+            CSLDestroy(list);
+        }
+    }
+    std::vector<Stamp> found;
+    for (const std::string& file : files) {
+        VSIStatBufL facts{};
+        if (VSIStatExL(file.c_str(), &facts, VSI_STAT_EXISTS_FLAG | VSI_STAT_SIZE_FLAG) != 0) continue;
+        found.push_back({file, static_cast<std::uint64_t>(facts.st_size), facts.st_mtim.tv_sec, facts.st_mtim.tv_nsec});
+    }
+    return found;
+}
+
+/// What a scene may need, also where its range is to follow from the terrain.
+PartitionScope scope_before_terrain(const Scene& scene, WedgeSource& source) {
+    if (scene.range_m) return scope_of(resolve(scene, source));
+    Scene probe = scene;  // any range does for position and sector
+    probe.range_m = scene.range_start_m + 1;
+    PartitionScope scope = scope_of(resolve(probe, source));
+    // resolve() refuses a range beyond 0.3 radii.
+    constexpr double largest_radius_m = 6.4e6;
+    scope.reach_m.reset();
+    if (scene.earth_k) scope.reach_m = 0.3 * 1.025 * *scene.earth_k * largest_radius_m;
+    return scope;
+}
+
+class PartitionedSource final : public RasterSource {
+public:
+    /// `extremes`: take them on the way, over the whole raster.
+    /// `keep`: the path of a spill that stays; empty: none does.
+    PartitionedSource(const DataBaseParams& params, const PartitionScope& scope, bool extremes,
+                      const SpillOptions& options, const std::string& keep)
+        : RasterSource(params) {
+        const auto start = std::chrono::steady_clock::now();
+        partition(scope, extremes, options, keep);
+        seconds_ = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    }
+    /// From a spill that was kept.
+    PartitionedSource(const DataBaseParams& params, const std::string& path, const IndexPosition& nadir,
+                      std::size_t memory_bytes)
+        : RasterSource(params) {
+        reopen(path, nadir, memory_bytes);
+    }
+
+    float bare_terrain_m(std::int64_t column, std::int64_t row) override {
+        const std::int64_t at = data_base_.cyclic ? wrapped(column) : column;
+        return terrain_blocks_->holds(at, row) ? RasterSource::bare_terrain_m(column, row)
+                                               : direct().bare_terrain_m(column, row);
+    }
+
+    Extremes extremes() override {
+        {
+            const std::lock_guard lock(extremes_mutex_);
+            if (extremes_) return *extremes_;
+        }
+        return direct().extremes();
+    }
+
+    SourceReport report() const override {
+        return {"spilled", seconds_, pass_bytes_, spill_->bytes_held(), spill_->bytes_spilled(), spill_->bytes_read()};
+    }
+
+    std::size_t cache_bytes() const override {
+        return spill_->bytes_held() + spill_->index_bytes() + map_bytes_ + ledger_bytes();
+    }
+
+private:
+    void partition(const PartitionScope& scope, bool extremes, const SpillOptions& options, const std::string& keep) {
+        const std::size_t share = options.memory_bytes / 4;
+        std::vector<std::string> paths{params_.dem};
+        for (const std::string& path : {params_.culture, params_.culture_height})
+            if (!path.empty()) paths.push_back(path);
+        std::vector<std::vector<Stamp>> before;
+        for (const std::string& path : paths) before.push_back(stamps(path));
+
+        PassParams pass;
+        pass.memory_bytes = share;
+        pass.threads = options.threads;
+        pass.stop = options.stop;
+        for (RasterLayer* layer : readers()) check_blocks(layer->facts(), options.memory_bytes);
+
+        // What is needed of each layer.
+        const BlockSet terrain = blocks_in_scope(data_base_, scope, block_edge(terrain_->facts(), share));
+        BlockSet height, culture;
+        if (height_) height = blocks_under(*height_, terrain, extremes, share);
+        if (culture_) culture = blocks_under(*culture_, terrain, false, share);
+
+        SpillParams params;
+        params.folder = options.temp_folder;
+        params.keep = keep;
+        params.memory_bytes = share;
+        params.buckets = static_cast<int>(std::clamp<std::size_t>(share >> 21, 4, 64));
+        spill_ = std::make_shared<Spill>(params);
+        const WedgeBuckets buckets{scope.nadir, params.buckets};
+
+        std::vector<LayerPass> passes;
+        std::uint64_t expected = 0;
+        const auto add = [&](RasterLayer& in, bool codes, const BlockSet& blocks, const RegisteredLayer* registered) {
+            const RasterFacts& f = in.facts();
+            LayerPass layer{in, codes, blocks, false, *spill_, 0, {}, nullptr, {}};
+            layer.layer = spill_->add_layer({f.role, blocks.edge, f.columns, f.rows, blocks.blocks});
+            layer.place = [this, buckets, registered](const Window& posts) {
+                return buckets.place(corners(posts, registered));
+            };
+            expected += static_cast<std::uint64_t>(std::count(blocks.needed.begin(), blocks.needed.end(), true) *
+                                                   blocks.edge * blocks.edge * std::min(f.type_bytes, 4));
+            passes.push_back(std::move(layer));
+        };
+        // Culture heights first: the terrain's survey looks them up.
+        if (height_) add(height_->raster(), false, height, height_.get());
+        add(*terrain_, false, terrain, nullptr);
+        if (culture_) add(culture_->raster(), true, culture, culture_.get());
+        if (spill_->index_bytes() > options.memory_bytes / 8)
+            throw InputError(text("memory is ", options.memory_bytes >> 20,
+                                  " MiB; the index of the spilled blocks alone needs a budget of at least ",
+                                  (spill_->index_bytes() >> 17) + 1, " MiB"));
+        spill_->expect(expected);
+
+        map_bytes_ = Survey::map_bytes(terrain);
+        const bool with_map = map_bytes_ <= options.memory_bytes / 16;
+        if (!with_map) map_bytes_ = 0;
+        Survey survey(data_base_, terrain, with_map);
+        LayerPass& terrain_pass = passes[height_ ? 1 : 0];
+        terrain_pass.survey = &survey;
+        terrain_pass.read_all = extremes;
+        if (height_)
+            terrain_pass.culture = [this](const Window& window, std::vector<float>& out) {
+                std::vector<float> scratch;
+                const ChunkRequest everything;
+                out.resize(static_cast<std::size_t>(window.posts()));
+                height_->read_heights(height_->plan(window.columns), window.rows, params_.culture_height_scale,
+                                      NeededPosts(everything), out.data(), scratch);
+            };
+
+        std::uint64_t total = 0, done = 0;
+        for (const LayerPass& layer : passes) total += posts_of_pass(layer, pass);
+        pass.progress = [&](std::uint64_t posts) {
+            done += posts;
+            if (options.progress) options.progress(static_cast<double>(done) / static_cast<double>(total));
+        };
+        std::vector<std::unique_ptr<RasterLayer>> rasters;  // until the end: a pass may still read from one
+        for (const LayerPass& layer : passes) {
+            pass_bytes_ += run_pass(layer, pass);
+            auto blocks = std::make_unique<SpilledLayer>(layer.in.facts(), spill_, layer.layer);
+            if (height_ && &layer.in == &height_->raster())
+                rasters.push_back(height_->replace(std::move(blocks)));
+            else if (culture_ && &layer.in == &culture_->raster())
+                rasters.push_back(culture_->replace(std::move(blocks)));
+            else
+                rasters.push_back(replace_terrain(std::move(blocks)));
+        }
+        for (std::size_t i = 0; i < paths.size(); ++i)
+            if (stamps(paths[i]) != before[i])
+                throw DataError(text("'", paths[i], "' changed while it was read; run again when it is at rest"));
+        rasters.clear();
+        if (extremes) extremes_ = survey.extremes();
+        map_ = survey.take_map();
+        if (keep.empty()) {
+            spill_->seal();
+        } else {
+            if (map_) put_map();
+            spill_->keep(description(scope.nadir));
+        }
+        if (height_) height_->forget();
+        store_.reset();
+        data_base_.block_columns = data_base_.block_rows = terrain.edge;
+        if (culture_) data_base_.culture_tile_columns = data_base_.culture_tile_rows = culture.edge;
+        ::malloc_trim(0);  // what the pass held is the engine's now
+    }
+
+    // A kept spill: the layers' blocks, the finest level of the block map as one more layer, and a description, line
+    // by line: what it was made for and of.
+
+    static constexpr const char* map_layer = "block map";
+    static constexpr std::int64_t map_edge = 64;
+    struct StoredBounds {
+        float lowest_m, highest_m, culture_m;
+        std::uint32_t voids;
+    };
+
+    void put_map() {
+        const BlockWindow finest = map_->read(0, blocks_of({{0, data_base_.columns}, {0, data_base_.rows}}));
+        const std::int64_t columns = finest.blocks.columns.size(), rows = finest.blocks.rows.size();
+        const BlockSet all = all_blocks(columns, rows, map_edge);
+        const std::size_t layer = spill_->add_layer({map_layer, map_edge, columns, rows, all.blocks});
+        for (std::int64_t r = 0; r < all.blocks.rows.end; ++r)
+            for (std::int64_t c = 0; c < all.blocks.columns.end; ++c) {
+                const Window part = spill_->layer(layer).posts(c, r);
+                std::vector<StoredBounds> stored;
+                for (std::int64_t y = part.rows.begin; y < part.rows.end; ++y)
+                    for (std::int64_t x = part.columns.begin; x < part.columns.end; ++x) {
+                        const BlockBounds& b = finest.at(x, y);
+                        stored.push_back({b.lowest_m, b.highest_m, b.culture_m, static_cast<std::uint32_t>(b.voids)});
+                    }
+                spill_->put(layer, c, r, 0, 0, std::as_bytes(std::span(stored)));
+            }
+    }
+
+    void take_map(std::size_t layer) {
+        const SpillLayer& f = spill_->layer(layer);
+        std::vector<BlockBounds> finest(static_cast<std::size_t>(f.posts_columns * f.posts_rows));
+        std::vector<std::byte> buffer;
+        for (std::int64_t r = 0; r < f.blocks.rows.end; ++r)
+            for (std::int64_t c = 0; c < f.blocks.columns.end; ++c) {
+                const Window part = f.posts(c, r);
+                const std::span<const std::byte> bytes = spill_->get(layer, c, r, buffer);
+                if (bytes.size() != static_cast<std::size_t>(part.posts()) * sizeof(StoredBounds))
+                    throw DataError("the kept spill's block map is no map of its raster");
+                std::size_t at = 0;
+                for (std::int64_t y = part.rows.begin; y < part.rows.end; ++y)
+                    for (std::int64_t x = part.columns.begin; x < part.columns.end; ++x, at += sizeof(StoredBounds)) {
+                        StoredBounds b;
+                        std::memcpy(&b, bytes.data() + at, sizeof b);
+                        finest[static_cast<std::size_t>(y * f.posts_columns + x)] = {
+                            b.lowest_m, b.highest_m, b.culture_m, static_cast<Voids>(b.voids)};
+                    }
+            }
+        map_ = map_from_finest(data_base_, std::move(finest));
+    }
+
+    /// A layer's files as lines: role, size, time of change, path.
+    static std::string files(const RasterFacts& f) {
+        std::string lines;
+        for (const Stamp& s : stamps(f.path)) {
+            std::error_code none;
+            const std::filesystem::path whole = std::filesystem::weakly_canonical(s.file, none);
+            lines += text("file ", f.role, ' ', s.bytes, ' ', s.changed_s, ' ', s.changed_ns, ' ',
+                          none ? s.file : whole.string(), '\n');
+        }
+        return lines;
+    }
+
+    std::string description(const IndexPosition& nadir) const {
+        const Extremes& e = *extremes_;
+        std::string lines =
+            text("nadir ", nadir.column, ' ', nadir.row, '\n', "culture-height-scale ", params_.culture_height_scale,
+                 '\n', "extremes ", e.lowest_m, ' ', e.highest_m, ' ', e.void_posts, ' ', e.any_valid ? 1 : 0, '\n');
+        for (RasterLayer* layer : readers()) lines += files(layer->facts());
+        return lines;
+    }
+
+    void reopen(const std::string& path, const IndexPosition& nadir, std::size_t memory_bytes) {
+        spill_ = Spill::open_kept(path);
+        const auto refuse = [&](const std::string& why) {
+            throw DataError(text("the kept spill '", path, "' ", why, "; tile --around makes it anew"));
+        };
+        if (spill_->index_bytes() > memory_bytes / 8)
+            throw InputError(text("memory is ", memory_bytes >> 20, " MiB; the index of the kept spill '", path,
+                                  "' needs a budget of at least ", (spill_->index_bytes() >> 17) + 1, " MiB"));
+        IndexPosition made_for;
+        double scale = 1;
+        Extremes e;
+        std::string made_of;
+        std::istringstream lines(spill_->description());
+        lines.imbue(std::locale::classic());
+        for (std::string line; std::getline(lines, line);) {
+            std::istringstream words(line);
+            words.imbue(std::locale::classic());
+            std::string word;
+            int valid = 0;
+            words >> word;
+            if (word == "nadir") words >> made_for.column >> made_for.row;
+            if (word == "culture-height-scale") words >> scale;
+            if (word == "extremes") {
+                words >> e.lowest_m >> e.highest_m >> e.void_posts >> valid;
+                e.any_valid = valid != 0;
+            }
+            if (word == "file") made_of += line + '\n';
+        }
+        if (std::fabs(made_for.column - nadir.column) > 1 || std::fabs(made_for.row - nadir.row) > 1)
+            refuse(
+                fmt::format("was made for column {:.2f}, row {:.2f}; the sensor stands over column {:.2f}, row {:.2f}",
+                            made_for.column, made_for.row, nadir.column, nadir.row));
+        const auto take = [&](const RasterFacts& f) {
+            std::size_t number = 0;
+            while (number < spill_->layer_count() && spill_->layer(number).name != f.role) ++number;
+            if (number == spill_->layer_count()) refuse(text("holds no ", f.role));
+            const SpillLayer& layer = spill_->layer(number);
+            std::string then;
+            std::istringstream all(made_of);
+            for (std::string line; std::getline(all, line);)
+                if (line.starts_with(text("file ", f.role, ' '))) then += line + '\n';
+            if (then != files(f) || layer.posts_columns != f.columns || layer.posts_rows != f.rows)
+                refuse(text("was made of another raster than ", f.named(), ", or before that was changed"));
+            return std::make_unique<SpilledLayer>(f, spill_, number);
+        };
+        if (height_ && scale != params_.culture_height_scale)
+            refuse(text("was made with culture-height-scale ", scale, ", not ", params_.culture_height_scale));
+        const bool culture_then = made_of.find("file culture-height ") != std::string::npos;
+        if (culture_then != static_cast<bool>(height_))
+            refuse(culture_then ? "was made with a culture-height" : "holds no culture-height");
+        replace_terrain(take(terrain_->facts()));
+        if (height_) height_->replace(take(height_->facts()));
+        if (culture_) culture_->replace(take(culture_->facts()));
+        map_.reset();
+        extremes_ = e;
+        map_bytes_ = Survey::map_bytes(all_blocks(data_base_.columns, data_base_.rows, block_posts));
+        for (std::size_t i = 0; i < spill_->layer_count(); ++i)
+            if (spill_->layer(i).name == map_layer && map_bytes_ <= memory_bytes / 16) take_map(i);
+        if (!map_) map_bytes_ = 0;
+        data_base_.block_columns = data_base_.block_rows = terrain_->facts().block_rows;
+        if (culture_) data_base_.culture_tile_columns = data_base_.culture_tile_rows = culture_->facts().block_rows;
+    }
+
+    std::unique_ptr<RasterLayer> replace_terrain(std::unique_ptr<SpilledLayer> blocks) {
+        terrain_blocks_ = blocks.get();
+        ledger_ = std::make_unique<TileLedger>(blocks->facts());
+        return std::exchange(terrain_, std::move(blocks));
+    }
+
+    std::vector<RasterLayer*> readers() const {
+        std::vector<RasterLayer*> all{terrain_.get()};
+        if (height_) all.push_back(&height_->raster());
+        if (culture_) all.push_back(&culture_->raster());
+        return all;
+    }
+
+    /// GDAL decodes a block of the file as a whole.
+    static void check_blocks(const RasterFacts& f, std::size_t memory_bytes) {
+        const double bytes = static_cast<double>(f.block_columns) * static_cast<double>(f.block_rows) * f.type_bytes;
+        if (bytes > 0.5 * static_cast<double>(memory_bytes))
+            throw InputError(text("memory is ", memory_bytes >> 20, " MiB; ", f.named(),
+                                  " can only be read in blocks of ", f.block_columns, " x ", f.block_rows,
+                                  ", which need at least ", static_cast<std::uint64_t>(std::ceil(bytes * 2 / 1048576)),
+                                  " MiB"));
+    }
+
+    /// Places on the terrain's grid of the corners of a block of the terrain's or of a layer's own posts.
+    static std::array<IndexPosition, 4> corners(const Window& posts, const RegisteredLayer* layer) {
+        std::array<IndexPosition, 4> found;
+        std::size_t i = 0;
+        for (const std::int64_t r : {posts.rows.begin, posts.rows.end - 1})
+            for (const std::int64_t c : {posts.columns.begin, posts.columns.end - 1}) {
+                IndexPosition p{static_cast<double>(c), static_cast<double>(r)};
+                if (layer)
+                    p = {(p.column + 0.5 - layer->columns().offset) / layer->columns().scale,
+                         (p.row + 0.5 - layer->rows().offset) / layer->rows().scale};
+                found[i++] = p;
+            }
+        return found;
+    }
+
+    /// Blocks of a layer that lie under needed blocks of the terrain.
+    static BlockSet blocks_under(const RegisteredLayer& layer, const BlockSet& terrain, bool all,
+                                 std::size_t memory_bytes) {
+        const RasterFacts& f = layer.facts();
+        BlockSet set = all_blocks(f.columns, f.rows, block_edge(f, memory_bytes));
+        if (all) return set;
+        const auto under = [&](const Axis& axis, Interval blocks) {
+            std::vector<std::vector<std::int64_t>> found;
+            for (std::int64_t b = blocks.begin; b < blocks.end; ++b) {
+                // A post more on either side, as the engine's classes are asked for places between posts.
+                const Interval cells = axis.under({b * terrain.edge - 2, (b + 1) * terrain.edge + 3});
+                std::vector<std::int64_t>& list = found.emplace_back();
+                for (std::int64_t i = cells.begin - 1; i <= cells.end; ++i)
+                    if (const std::int64_t cell = axis.inside(i); cell >= 0) {
+                        const std::int64_t block = cell / set.edge;
+                        if (list.empty() || list.back() != block) list.push_back(block);
+                    }
+            }
+            return found;
+        };
+        const auto columns = under(layer.columns(), terrain.blocks.columns),
+                   rows = under(layer.rows(), terrain.blocks.rows);
+        set.needed.assign(set.needed.size(), false);
+        for (std::size_t r = 0; r < rows.size(); ++r)
+            for (std::size_t c = 0; c < columns.size(); ++c)
+                if (terrain.needed[r * columns.size() + c])
+                    for (const std::int64_t y : rows[r])
+                        for (const std::int64_t x : columns[c]) set.needed[set.at(x, y)] = true;
+        return set;
+    }
+
+    /// For what the blocks do not hold.
+    WedgeSource& direct() {
+        const std::lock_guard lock(direct_mutex_);
+        if (!direct_) direct_ = open_direct_source(params_);
+        return *direct_;
+    }
+
+    std::shared_ptr<Spill> spill_;
+    SpilledLayer* terrain_blocks_ = nullptr;  ///< terrain_
+    std::size_t map_bytes_ = 0;
+    double seconds_ = 0;
+    std::uint64_t pass_bytes_ = 0;
+    std::mutex direct_mutex_;
+    std::unique_ptr<WedgeSource> direct_;
+};
+
+/// How a raster is cut, and how many posts a window of 1024 x 1024 would decode for each one asked for.
+struct Cut {
+    std::int64_t columns = 0, rows = 0;
+    std::string compression;
+    double decoded = 1;
+};
+Cut cut_of(const RasterFacts& f) {
+    Cut cut{f.block_columns, f.block_rows, f.compression, 1};
+    if (f.driver == "VRT") {
+        // The first raster it is made of tells more than the blocks it shows.
+        GdalErrors quiet;
+        const DatasetHandle vrt(GDALDataset::Open(f.path.c_str(), GDAL_OF_RASTER | GDAL_OF_READONLY));
+        char** list = vrt ? vrt->GetFileList() : nullptr;
+        for (char** file = list; file && *file; ++file) {
+            const DatasetHandle part(GDALDataset::Open(*file, GDAL_OF_RASTER | GDAL_OF_READONLY));
+            if (!part || part->GetRasterCount() < 1 || EQUAL(part->GetDriver()->GetDescription(), "VRT")) continue;
+            int columns = 0, rows = 0;
+            part->GetRasterBand(1)->GetBlockSize(&columns, &rows);
+            cut.columns = columns;
+            cut.rows = rows;
+            if (const char* c = part->GetMetadataItem("COMPRESSION", "IMAGE_STRUCTURE")) cut.compression = c;
+            break;
+        }
+        CSLDestroy(list);
+    }
+    // Blocks that a run of n posts touches on average, and what they hold.
+    const auto ratio = [](std::int64_t block, std::int64_t posts) {
+        const auto n = static_cast<double>(std::min<std::int64_t>(1024, posts)), b = static_cast<double>(block);
+        return std::min((1 + (n - 1) / b) * b, static_cast<double>(posts)) / n;
+    };
+    cut.decoded = ratio(cut.columns, f.columns) * ratio(cut.rows, f.rows);
+    return cut;
+}
+
 }  // namespace
 
 std::unique_ptr<WedgeSource> open_direct_source(const DataBaseParams& params) {
     if (params.dem.empty()) throw InputError("dem is missing; accepted: the path of a raster of heights");
-    return std::make_unique<DirectSource>(params);
+    return std::make_unique<RasterSource>(params);
+}
+
+std::unique_ptr<WedgeSource> open_spilled_source(const DataBaseParams& params, const Scene& scene,
+                                                 const SpillOptions& options) {
+    const PartitionScope scope = scope_before_terrain(scene, *open_direct_source(params));
+    return std::make_unique<PartitionedSource>(params, scope, !scene.range_m, options, "");
+}
+
+namespace {
+
+std::string kept_path(const std::string& folder) { return (std::filesystem::path(folder) / "wedges.spill").string(); }
+
+}  // namespace
+
+void keep_spill(const DataBaseParams& params, const PlatformParams& point, const std::string& folder,
+                const SpillOptions& options) {
+    Scene scene;  // nothing but its place counts
+    scene.platform.latlon = point.latlon;
+    scene.platform.xy = point.xy;
+    scene.platform.altitude_m = 9e5;
+    scene.range_m = 1;
+    PartitionScope scope = scope_of(resolve(scene, *open_direct_source(params)));
+    scope.reach_m.reset();
+    scope.width_rad = 7;
+    const PartitionedSource made(params, scope, true, options, kept_path(folder));
+}
+
+std::unique_ptr<WedgeSource> open_kept_spill(const DataBaseParams& params, const Scene& scene,
+                                             const std::string& folder, const SpillOptions& options) {
+    const IndexPosition nadir = scope_before_terrain(scene, *open_direct_source(params)).nadir;
+    return std::make_unique<PartitionedSource>(params, kept_path(folder), nadir, options.memory_bytes);
+}
+
+SourceChoice choose_source(const DataBaseParams& params, SourceKind asked) {
+    constexpr double most_decoded = 4;
+    Cut worst;
+    double bytes = 0;
+    const bool store = is_tile_store(params.dem);
+    const auto look = [&](const char* role, const std::string& path) {
+        if (path.empty()) return;
+        const RasterFile file(role, path);
+        const RasterFacts& f = file.facts();
+        bytes += static_cast<double>(f.columns) * static_cast<double>(f.rows) * f.type_bytes;
+        const Cut cut = cut_of(f);
+        if (worst.columns == 0 || cut.decoded > worst.decoded) worst = cut;
+    };
+    if (!store) look("dem", params.dem);
+    look("culture", params.culture);
+    look("culture-height", params.culture_height);
+    if (worst.columns == 0) return {asked == SourceKind::spilled, store ? "a tile store" : "no raster"};
+    const std::string shape = text(worst.columns == 1 ? "columns"
+                                   : worst.rows <= 16 ? "rows"
+                                                      : "tiles",
+                                   " of ", worst.columns, " x ", worst.rows,
+                                   worst.compression.empty() ? std::string() : ", " + worst.compression);
+    if (asked != SourceKind::automatic) return {asked == SourceKind::spilled, "as asked for; " + shape};
+    if (bytes <= static_cast<double>(params.cache_bytes))
+        return {false, text(shape, "; all ", static_cast<std::uint64_t>(std::ceil(bytes / 1048576)),
+                            " MiB fit into the cache")};
+    if (worst.decoded <= most_decoded) return {false, shape};
+    return {true, text(shape, "; a window would decode ", fmt::format("{:.0f}", worst.decoded),
+                       " times the posts it asks for")};
 }
 
 }  // namespace wedgescope

@@ -1,15 +1,20 @@
-// Sources: the WedgeSources. Direct: windows of rasters, read near to far as the engine asks.
-// Leaves the sequential partition with spill to partition.hpp (to come).
+// Sources: the WedgeSources. Direct: windows of rasters, read near to far as the engine asks. Spilled: the same posts
+// after one sequential pass, from blocks in wedge buckets. Both hand out the same bits.
+// Leaves the pass to partition.hpp and the blocks' file to spill.hpp.
 //
-// Memory: a source holds one GDAL handle per reading thread and layer, and GDAL's own block cache, whose size the
+// Memory: a direct source holds one GDAL handle per reading thread and layer, and GDAL's own block cache, whose size the
 // session sets; chunks belong to whoever asked for them. While it reads, load() takes up to 16 MiB beside its chunk.
+// A spilled source holds at most a quarter of the memory in blocks, an eighth in its index and a sixteenth in its block
+// map (without which it does when that would be larger); during the pass another quarter for the windows in flight.
 #pragma once
-#include <map>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
 
 #include "lib/material.hpp"
+#include "lib/scene.hpp"
+#include "lib/stop.hpp"
 #include "lib/wedge_source.hpp"
 
 namespace wedgescope {
@@ -26,5 +31,35 @@ struct DataBaseParams {
 
 /// Opens and checks everything that can be checked without reading posts. DataError or IoError naming the file.
 std::unique_ptr<WedgeSource> open_direct_source(const DataBaseParams& params);
+
+struct SpillOptions {
+    std::string temp_folder;  ///< empty: temporary_folder()
+    std::size_t memory_bytes = std::size_t{1} << 30;
+    int threads = 1;
+    Stop* stop = nullptr;
+    std::function<void(double)> progress;  ///< called with 0..1 from one thread at a time
+};
+
+/// Reads what `scene` may need in one pass. Posts out of its reach or sector come out void, and so they stand in the block
+/// map. InputError where the memory is too small; IoError (disk full, no folder, ...); DataError; Interrupted.
+std::unique_ptr<WedgeSource> open_spilled_source(const DataBaseParams& params, const Scene& scene,
+                                                 const SpillOptions& options);
+
+/// The whole of the rasters, sorted round a point for scenes from there, in a file of its own in `folder` that appears
+/// when it is whole; an older one is replaced. Errors as above.
+void keep_spill(const DataBaseParams& params, const PlatformParams& point, const std::string& folder,
+                const SpillOptions& options);
+/// Opens it for a scene. DataError naming it where it was made for a point more than one post away, of other rasters or
+/// before they were changed, or where it is damaged; IoError where it cannot be read.
+std::unique_ptr<WedgeSource> open_kept_spill(const DataBaseParams& params, const Scene& scene,
+                                             const std::string& folder, const SpillOptions& options);
+
+enum class SourceKind { automatic, direct, spilled };
+struct SourceChoice {
+    bool spilled = false;
+    std::string why;  ///< "tiles of 256 x 256", ...
+};
+/// Direct for what fits into the cache and for what windows read well, spilled for the rest, unless `asked`.
+SourceChoice choose_source(const DataBaseParams& params, SourceKind asked);
 
 }  // namespace wedgescope

@@ -232,6 +232,7 @@ struct SceneFacts {
     Frame frame;
     std::uint64_t image_bytes = 0;  ///< of all images that a run holds
     std::int64_t columns = 0, rows = 0;
+    SourceChoice source;
 };
 
 SceneFacts scene_facts(const std::string& path) {
@@ -239,7 +240,9 @@ SceneFacts scene_facts(const std::string& path) {
     facts.path = path;
     facts.settings = parse_scene_file(path);
     check_complete(facts.settings);
-    const auto source = open_direct_source(data_base_params(facts.settings, cache_bytes(facts.settings)));
+    const DataBaseParams layers = data_base_params(facts.settings, cache_bytes(facts.settings));
+    facts.source = choose_source(layers, facts.settings.source);
+    const auto source = open_direct_source(layers);
     facts.columns = source->data_base().columns;
     facts.rows = source->data_base().rows;
     facts.resolved = resolve(facts.settings.scene, *source);
@@ -262,6 +265,7 @@ json to_json(const SceneFacts& facts) {
                           {"metres_per_pixel", facts.frame.metres_per_pixel}};
     out["pulse_extent_m"] = facts.resolved.scene.radar.pulse_extent_m();
     out["noise_dbm"] = noise_dbm(facts.resolved);
+    out["source"] = json{{"kind", facts.source.spilled ? "spilled" : "direct"}, {"why", facts.source.why}};
     out["image_bytes"] = facts.image_bytes;
     return out;
 }
@@ -271,6 +275,7 @@ std::string to_text(const SceneFacts& facts) {
     const Scene& s = r.scene;
     std::string out = facts.path + "\n";
     out += row("terrain", text(facts.settings.dem, ", ", facts.columns, " x ", facts.rows, " posts"));
+    out += row("source", text(facts.source.spilled ? "spilled: " : "direct: ", facts.source.why));
     if (r.has_lat_lon) out += row("position", fmt::format("latitude {:.6f}, longitude {:.6f}", r.lat_deg, r.lon_deg));
     out += row(r.has_lat_lon ? "" : "position",
                fmt::format("x {:.3f}, y {:.3f}; column {:.3f}, row {:.3f}{}", r.x, r.y, r.nadir.column, r.nadir.row,

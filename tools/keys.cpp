@@ -705,6 +705,15 @@ std::vector<Key> make_keys() {
         resume.in_scene_file = false;
     }
 
+    t.add("source",
+          choice<SourceKind>(
+              {{"auto", SourceKind::automatic}, {"direct", SourceKind::direct}, {"spilled", SourceKind::spilled}},
+              [](auto& s) -> auto& { return s.source; }),
+          "auto",
+          "rasters by windows, or sorted into wedges in one pass; auto: direct unless windows read them badly; changes "
+          "no bit of the result");
+    t.add("temp-dir", path([](auto& s) -> auto& { return s.temp_dir; }), "",
+          "folder for what does not fit into memory; without it CPL_TMPDIR, TMPDIR or /tmp");
     t.add("no-cull", flag([](auto& s) -> auto& { return s.no_cull; }), "off",
           "read and sweep also what is known to stay hidden; changes no bit of the result");
 

@@ -134,6 +134,12 @@ nlohmann::ordered_json report_json(const Settings& settings, const RunResult& ru
         out["skipped"][skip_names[cause]] =
             json{{"posts", count.posts}, {"tiles", count.tiles}, {"bytes", count.bytes}};
     }
+    out["source"] = json{{"kind", report.source.kind},
+                         {"partition_s", report.source.partition_s},
+                         {"partition_bytes", report.source.partition_bytes},
+                         {"held_bytes", report.source.held_bytes},
+                         {"spilled_bytes", report.source.spilled_bytes},
+                         {"spill_read_bytes", report.source.spill_read_bytes}};
     out["states"] = json::object();
     for (std::size_t code = 0; code < report.states.size(); ++code)
         out["states"][state_names[code]] = report.states[code];
@@ -203,6 +209,12 @@ std::string report_table(const RunReport& report, double write_s, const Usage& u
         out += fmt::format(" {} {:.1f} %", state_names[code],
                            cells ? 100.0 * static_cast<double>(report.states[code]) / static_cast<double>(cells) : 0.0);
     }
+    if (report.source.kind == "spilled")
+        out += fmt::format("\nspilled source: {} read in {:.2f} s, {} held in memory, {} written, {} read back",
+                           readable_bytes(static_cast<double>(report.source.partition_bytes)),
+                           report.source.partition_s, readable_bytes(static_cast<double>(report.source.held_bytes)),
+                           readable_bytes(static_cast<double>(report.source.spilled_bytes)),
+                           readable_bytes(static_cast<double>(report.source.spill_read_bytes)));
     out += fmt::format(
         "\nwall {:.2f} s, user {:.2f} s, system {:.2f} s, {} threads; peak {} resident, {} of the memory budget held\n",
         usage.wall_s, usage.user_s, usage.system_s, report.threads,

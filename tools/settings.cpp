@@ -5,6 +5,7 @@
 #include <cstring>
 #include <fstream>
 #include <sstream>
+#include <thread>
 
 #include "tools/units.hpp"
 
@@ -49,6 +50,15 @@ DataBaseParams data_base_params(const Settings& settings, std::size_t cache) {
 std::size_t cache_bytes(const Settings& settings) {
     constexpr std::uint64_t most = std::uint64_t{256} << 20;
     return static_cast<std::size_t>(std::min(settings.memory_bytes / 8, most));
+}
+
+SpillOptions spill_options(const Settings& settings) {
+    SpillOptions options;
+    options.temp_folder = settings.temp_dir;
+    options.memory_bytes = static_cast<std::size_t>(settings.memory_bytes);
+    options.threads =
+        settings.threads > 0 ? settings.threads : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+    return options;
 }
 
 EngineParams engine_params(const Settings& settings) {

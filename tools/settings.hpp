@@ -28,6 +28,8 @@ struct Settings {
     std::int64_t tile_posts = 256;  ///< --tile-size
     bool resume = false;
 
+    SourceKind source = SourceKind::automatic;
+    std::string temp_dir;     ///< empty: the system's
     int threads = 0;          ///< 0: all the machine has
     std::int64_t wedges = 0;  ///< 0: chosen
     std::uint64_t memory_bytes = std::uint64_t{1} << 30;
@@ -56,6 +58,9 @@ DataBaseParams data_base_params(const Settings& settings, std::size_t cache_byte
 
 /// Share of the memory budget for GDAL's block cache.
 std::size_t cache_bytes(const Settings& settings);
+
+/// Where a spilled source keeps what; `stop` and `progress` are the caller's to add.
+SpillOptions spill_options(const Settings& settings);
 
 EngineParams engine_params(const Settings& settings);
 

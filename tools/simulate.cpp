@@ -162,10 +162,22 @@ void simulate(const std::vector<std::string>& arguments, Stop& stop) {
     if (outputs.power) check_output(*outputs.power, OutputLayer::power, polar);
     if (outputs.states) check_output(*outputs.states, OutputLayer::states, polar);
 
-    const auto source = open_direct_source(data_base_params(settings, cache_bytes(settings)));
+    const DataBaseParams layers = data_base_params(settings, cache_bytes(settings));
+    std::unique_ptr<WedgeSource> source;
+    const bool terminal = ::isatty(STDERR_FILENO) == 1;
+    if (const SourceChoice choice = choose_source(layers, settings.source); choice.spilled) {
+        remark(settings.quiet || !terminal, text("sorting the terrain into wedges: ", choice.why));
+        SpillOptions options = spill_options(settings);
+        options.stop = &stop;
+        Progress sorting(settings.quiet);
+        options.progress = [&](double fraction) { sorting.report(fraction); };
+        source = open_spilled_source(layers, settings.scene, options);
+        sorting.done();
+    } else {
+        source = open_direct_source(layers);
+    }
     const ResolvedScene scene = resolve(settings.scene, *source);
     // On a terminal at once; in a log behind all that can fail, so that an error stays a single line.
-    const bool terminal = ::isatty(STDERR_FILENO) == 1;
     remark(settings.quiet || !terminal, text("sensor: ", place(scene)));
 
     EngineParams params = engine_params(settings);

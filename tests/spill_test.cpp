@@ -1,0 +1,845 @@
+// The spilled source: the same posts as the direct one, in any memory; its file, its faults, and what it leaves behind.
+#include <catch2/catch.hpp>
+
+#include <fcntl.h>
+#include <signal.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <cstring>
+#include <fstream>
+#include <random>
+#include <set>
+#include <thread>
+
+#include "lib/engine.hpp"
+#include "lib/error.hpp"
+#include "tests/drawn_raster.hpp"
+#include "tiles/gdal_session.hpp"
+#include "tiles/packed_block.hpp"
+#include "tiles/sources.hpp"
+#include "tiles/spill.hpp"
+
+using namespace wedgescope;
+using Catch::Matchers::Contains;
+using wedgescope::test::draw;
+using wedgescope::test::Drawing;
+using wedgescope::test::Folder;
+
+namespace {
+
+const std::string data = WEDGESCOPE_TEST_DATA;
+const GdalSession session(std::size_t{16} << 20, {});
+constexpr std::size_t little = std::size_t{256} << 10, plenty = std::size_t{256} << 20;
+
+DataBaseParams only(const std::string& dem) {
+    DataBaseParams params;
+    params.dem = dem;
+    return params;
+}
+
+/// Over the middle of the raster, on a flat earth: everything is in reach.
+Scene above(const DataBaseParams& params) {
+    const auto source = open_direct_source(params);
+    const DataBase& d = source->data_base();
+    Scene s;
+    s.platform.xy = PointXY{d.origin_x + 0.5 * static_cast<double>(d.columns - 1) * d.step_x,
+                            d.origin_y + 0.5 * static_cast<double>(d.rows - 1) * d.step_y};
+    s.platform.altitude_m = 9000;
+    s.earth_k.reset();
+    return s;
+}
+
+SpillOptions in(const Folder& folder, std::size_t memory_bytes) {
+    SpillOptions options;
+    options.temp_folder = folder / ".";
+    options.memory_bytes = memory_bytes;
+    options.threads = 2;
+    return options;
+}
+
+std::uint32_t bits(float z) {
+    std::uint32_t b;
+    std::memcpy(&b, &z, sizeof b);
+    return std::isnan(z) ? 0x7FC00000U : b;
+}
+std::int64_t differences(const std::vector<float>& a, const std::vector<float>& b) {
+    if (a.size() != b.size()) return -1;
+    std::int64_t n = 0;
+    for (std::size_t i = 0; i < a.size(); ++i) n += bits(a[i]) != bits(b[i]);
+    return n;
+}
+
+Interval pick(std::mt19937& random, std::int64_t begin, std::int64_t end) {
+    const auto one = [&] { return begin + static_cast<std::int64_t>(random() % static_cast<unsigned>(end - begin)); };
+    const std::int64_t a = one(), b = one();
+    return {std::min(a, b), std::max(a, b) + 1};
+}
+
+/// Every post and class of random windows, and what is asked of the whole.
+void same_as_direct(const DataBaseParams& params, const Scene& scene, unsigned seed, std::size_t small = little) {
+    CAPTURE(seed, params.dem);
+    const auto direct = open_direct_source(params);
+    const DataBase& d = direct->data_base();
+    const Folder folder;
+    for (const std::size_t memory : {small, plenty}) {
+        CAPTURE(memory);
+        const auto spilled = open_spilled_source(params, scene, in(folder, memory));
+        const std::uint64_t bytes = spilled->report().spilled_bytes;
+        CHECK((memory == small ? bytes > 0 : bytes == 0));
+        std::mt19937 random(seed);
+        const std::int64_t turn = d.cyclic ? d.cycle_columns : 0;
+        for (int trial = 0; trial < 12; ++trial) {
+            const Window w{pick(random, -turn / 2, d.columns + turn / 2), pick(random, 0, d.rows)};
+            const Chunk a = direct->load(w, trial % 2 == 0), b = spilled->load(w, trial % 2 == 0);
+            CHECK(differences(a.surface_m, b.surface_m) == 0);
+            // No heights at all and heights of nothing are the same.
+            const std::vector<float> none(a.surface_m.size(), 0.0F);
+            CHECK(differences(a.culture_height_m.empty() ? none : a.culture_height_m,
+                              b.culture_height_m.empty() ? none : b.culture_height_m) == 0);
+            const std::int64_t c = w.columns.begin, r = w.rows.begin;
+            CHECK(bits(direct->bare_terrain_m(c, r)) == bits(spilled->bare_terrain_m(c, r)));
+            if (!d.has_culture) continue;
+            const Window cells{pick(random, 0, d.culture_columns), pick(random, 0, d.culture_rows)};
+            const CultureCells x = direct->load_classes(cells), y = spilled->load_classes(cells);
+            CHECK(x.classes == y.classes);
+            CHECK(x.codes == y.codes);
+        }
+        const Extremes a = direct->extremes(), b = spilled->extremes();
+        CHECK(a.lowest_m == b.lowest_m);
+        CHECK(a.highest_m == b.highest_m);
+        CHECK(a.void_posts == b.void_posts);
+        CHECK(a.any_valid == b.any_valid);
+        CHECK(folder.names().empty());
+    }
+}
+void same_as_direct(const DataBaseParams& params, unsigned seed, std::size_t small = little) {
+    same_as_direct(params, above(params), seed, small);
+}
+
+/// Hills with every kind of number that the type holds.
+Drawing hills(int columns, int rows, GDALDataType type) {
+    Drawing d;
+    d.columns = columns;
+    d.rows = rows;
+    d.type = type;
+    d.value = [](int c, int r) { return std::floor(400 * std::sin(c * 0.05) * std::cos(r * 0.03)) + (c * 7 + r) % 5; };
+    return d;
+}
+
+/// The one file without a name that this process has open in a folder.
+int nameless_file(const Folder& folder) {
+    const std::string start = std::filesystem::canonical(folder / ".").string();
+    int found = -1;
+    for (const auto& entry : std::filesystem::directory_iterator("/proc/self/fd")) {
+        std::error_code error;
+        const std::string target = std::filesystem::read_symlink(entry.path(), error).string();
+        if (!error && target.starts_with(start) && target.find("(deleted)") != std::string::npos)
+            found = std::stoi(entry.path().filename().string());
+    }
+    return found;
+}
+
+std::vector<std::byte> random_bytes(std::mt19937& random, std::size_t n) {
+    std::vector<std::byte> bytes(n);
+    for (std::byte& b : bytes) b = static_cast<std::byte>(random() & 255);
+    return bytes;
+}
+
+/// A spill of 6 x 5 blocks and what was put into it.
+struct Filled {
+    Spill spill;
+    std::vector<std::vector<std::byte>> bytes;
+    explicit Filled(const SpillParams& params) : spill(params) {
+        std::mt19937 random(11);
+        spill.add_layer({"dem", 32, 190, 155, {{0, 6}, {0, 5}}});
+        for (std::int64_t r = 0; r < 5; ++r)
+            for (std::int64_t c = 0; c < 6; ++c) {
+                bytes.push_back(random_bytes(random, 40 + random() % 900));
+                spill.put(0, c, r, static_cast<int>((c + r) % 3), static_cast<double>(c * c + r * r), bytes.back());
+            }
+        spill.seal();
+    }
+    bool good(std::int64_t c, std::int64_t r) {
+        std::vector<std::byte> buffer;
+        const auto found = spill.get(0, c, r, buffer);
+        const auto& want = bytes[static_cast<std::size_t>(r * 6 + c)];
+        return std::equal(found.begin(), found.end(), want.begin(), want.end());
+    }
+};
+SpillParams small_spill(const Folder& folder, std::size_t memory_bytes) {
+    SpillParams params;
+    params.folder = folder / ".";
+    params.memory_bytes = memory_bytes;
+    params.buckets = 3;
+    return params;
+}
+
+template <class Body>
+std::string message_of(Body&& body) {
+    try {
+        body();
+    } catch (const Error& e) {
+        CHECK(std::string(e.what()).find('\n') == std::string::npos);
+        return e.what();
+    }
+    return "nothing was refused";
+}
+
+}  // namespace
+
+// ---------------------------------------------------------------- blocks
+
+TEST_CASE("a packed block gives every post back bit for bit, as narrow as it goes", "[spill]") {
+    std::mt19937 random(3);
+    const float nan = std::numeric_limits<float>::quiet_NaN();
+    const PackScale plain{}, tenths{0.1, -50, 1}, feet{1, 0, 0.3048};
+    struct Case {
+        const char* what;
+        std::function<float(std::size_t)> post;
+        PackScale scale;
+        std::size_t bytes_a_post;
+    };
+    const auto stored = [&](int v, const PackScale& s) {
+        return static_cast<float>((static_cast<double>(v) * s.scale + s.offset) * s.unit_m);
+    };
+    const Case cases[] = {
+        {"alike", [](std::size_t) { return 12.25F; }, plain, 0},
+        {"all void", [&](std::size_t) { return nan; }, plain, 0},
+        {"small", [&](std::size_t i) { return i % 7 == 0 ? nan : static_cast<float>(i % 255); }, plain, 1},
+        {"just too large for 8 bits", [](std::size_t i) { return static_cast<float>(i % 256); }, plain, 2},
+        {"below zero", [&](std::size_t i) { return i % 5 == 0 ? nan : -static_cast<float>(i % 32768); }, plain, 2},
+        {"the number that stands for void", [](std::size_t i) { return i == 4 ? -32768.0F : 1.0F; }, plain, 4},
+        {"beyond 16 bits", [](std::size_t i) { return i == 4 ? 32768.0F : 1.0F; }, plain, 4},
+        {"a negative zero", [](std::size_t i) { return i == 4 ? -0.0F : 1.0F; }, plain, 4},
+        {"fractions", [&](std::size_t) { return static_cast<float>(random()) * 1e-7F; }, plain, 4},
+        {"scaled", [&](std::size_t i) { return i % 9 == 0 ? nan : stored(static_cast<int>(i) * 13 - 9000, tenths); },
+         tenths, 2},
+        {"feet", [&](std::size_t i) { return stored(static_cast<int>(i) - 900, feet); }, feet, 2},
+        {"feet, but one that is none",
+         [&](std::size_t i) { return i == 700 ? 0.1F : stored(static_cast<int>(i), feet); }, feet, 4},
+    };
+    constexpr std::int64_t columns = 37, rows = 41, stride = 50;
+    for (const Case& k : cases) {
+        INFO(k.what);
+        std::vector<float> posts(stride * rows, 77.0F);
+        for (std::int64_t r = 0; r < rows; ++r)
+            for (std::int64_t c = 0; c < columns; ++c)
+                posts[static_cast<std::size_t>(r * stride + c)] = k.post(static_cast<std::size_t>(r * columns + c));
+        std::vector<std::byte> bytes;
+        pack_heights(posts.data(), stride, columns, rows, k.scale, bytes);
+        CHECK(bytes.size() == (k.bytes_a_post ? 1 + k.bytes_a_post * columns * rows : 5));
+        for (const Window& part :
+             {Window{{0, columns}, {0, rows}}, Window{{5, 6}, {40, 41}}, Window{{3, 30}, {7, 20}}}) {
+            std::vector<float> out(static_cast<std::size_t>(part.posts()));
+            REQUIRE(unpack_heights(bytes, columns, rows, k.scale, part, out.data(), part.columns.size()));
+            std::int64_t wrong = 0;
+            for (std::int64_t r = part.rows.begin; r < part.rows.end; ++r)
+                for (std::int64_t c = part.columns.begin; c < part.columns.end; ++c)
+                    wrong += bits(out[static_cast<std::size_t>((r - part.rows.begin) * part.columns.size() + c -
+                                                               part.columns.begin)]) !=
+                             bits(posts[static_cast<std::size_t>(r * stride + c)]);
+            CHECK(wrong == 0);
+        }
+        std::vector<float> out(columns * rows);
+        bytes.push_back(std::byte{0});
+        CHECK_FALSE(unpack_heights(bytes, columns, rows, k.scale, {{0, columns}, {0, rows}}, out.data(), columns));
+    }
+    for (const std::int32_t most : {1, 254, 255, 32767, 32768, INT32_MAX}) {
+        std::vector<std::int32_t> codes(columns * rows);
+        for (std::int32_t& code : codes)
+            code = random() % 5 == 0 ? INT32_MIN : static_cast<std::int32_t>(random() % 3 == 0 ? most : most / 2);
+        std::vector<std::byte> bytes;
+        pack_codes(codes.data(), columns, columns, rows, bytes);
+        std::vector<std::int32_t> out(codes.size());
+        REQUIRE(unpack_codes(bytes, columns, rows, {{0, columns}, {0, rows}}, out.data(), columns));
+        CHECK(out == codes);
+    }
+}
+
+TEST_CASE("blocks come back from memory and from the file alike, and the file has no name", "[spill]") {
+    const Folder folder;
+    for (const std::size_t memory : {std::size_t{0}, std::size_t{3000}, std::size_t{1} << 20}) {
+        Filled filled(small_spill(folder, memory));
+        CHECK(filled.spill.bytes_held() <= memory);
+        CHECK((filled.spill.bytes_spilled() > 0) == (memory < (1 << 20)));
+        CHECK(folder.names().empty());
+        std::int64_t wrong = 0;
+        for (std::int64_t r = 0; r < 5; ++r)
+            for (std::int64_t c = 0; c < 6; ++c) wrong += !filled.good(c, r);
+        CHECK(wrong == 0);
+        std::vector<std::byte> buffer;
+        CHECK(filled.spill.get(0, 6, 0, buffer).empty());
+        CHECK(filled.spill.get(0, 0, -1, buffer).empty());
+    }
+    CHECK(folder.names().empty());
+}
+
+TEST_CASE("every flipped byte of the spill file is named with file and block, and no other block suffers", "[spill]") {
+    const Folder folder;
+    Filled filled(small_spill(folder, 0));
+    const int file = nameless_file(folder);
+    REQUIRE(file >= 0);
+    std::mt19937 random(20);
+    const auto size = static_cast<std::uint64_t>(filled.spill.bytes_spilled());
+    std::set<std::uint64_t> places;
+    for (std::uint64_t i = 64; i < 64 + 24; ++i) places.insert(i);  // the first block's own header
+    while (places.size() < 300) places.insert(64 + random() % (size - 64));
+    for (const std::uint64_t at : places) {
+        CAPTURE(at);
+        unsigned char byte = 0;
+        REQUIRE(::pread(file, &byte, 1, static_cast<off_t>(at)) == 1);
+        const unsigned char flipped = byte ^ static_cast<unsigned char>(1U << (random() % 8));
+        REQUIRE(::pwrite(file, &flipped, 1, static_cast<off_t>(at)) == 1);
+        int damaged = 0;
+        for (std::int64_t r = 0; r < 5; ++r)
+            for (std::int64_t c = 0; c < 6; ++c) {
+                try {
+                    const bool good = filled.good(c, r);
+                    CHECK(good);
+                } catch (const DataError& e) {
+                    ++damaged;
+                    CHECK_THAT(e.what(), Contains(folder / ".") && Contains("block of the dem") &&
+                                             Contains(text("columns ", c * 32, " to ")) &&
+                                             Contains(text("rows ", r * 32, " to ")));
+                }
+            }
+        CHECK(damaged == 1);
+        REQUIRE(::pwrite(file, &byte, 1, static_cast<off_t>(at)) == 1);
+    }
+    REQUIRE(::ftruncate(file, static_cast<off_t>(size - 1)) == 0);
+    CHECK_THAT(message_of([&] {
+                   for (std::int64_t r = 0; r < 5; ++r)
+                       for (std::int64_t c = 0; c < 6; ++c) filled.good(c, r);
+               }),
+               Contains("ends at byte") && Contains("block of the dem"));
+}
+
+TEST_CASE("a full disk is one line that names the folder and the bytes, and leaves nothing", "[spill]") {
+    const Folder folder;
+    ::signal(SIGXFSZ, SIG_IGN);
+    struct rlimit before {};
+    REQUIRE(::getrlimit(RLIMIT_FSIZE, &before) == 0);
+    const struct rlimit limit { 4000, before.rlim_max };
+    REQUIRE(::setrlimit(RLIMIT_FSIZE, &limit) == 0);
+    const std::string message = message_of([&] { Filled(small_spill(folder, 2000)); });
+    REQUIRE(::setrlimit(RLIMIT_FSIZE, &before) == 0);
+    CHECK_THAT(message, Contains(folder / ".") && Contains("bytes") && Contains("File too large"));
+    CHECK(folder.names().empty());
+}
+
+TEST_CASE("a temporary folder that is none is refused before any work", "[spill]") {
+    const Folder folder;
+    draw(folder / "dem.tif", hills(300, 200, GDT_Int16));
+    std::ofstream(folder / "file") << "x";
+    for (const std::string& bad : {folder / "missing", folder / "file", std::string("/proc")}) {
+        SpillOptions options = in(folder, little);
+        options.temp_folder = bad;
+        bool worked = false;
+        options.progress = [&](double) { worked = true; };
+        const DataBaseParams params = only(folder / "dem.tif");
+        const Scene scene = above(params);
+        CHECK_THAT(message_of([&] { open_spilled_source(params, scene, options); }),
+                   Contains("temp-dir '" + bad + "'") && Contains("accepted"));
+        CHECK_FALSE(worked);
+    }
+}
+
+TEST_CASE("a killed program leaves no spill file", "[spill]") {
+    const Folder folder;
+    int ready[2];
+    REQUIRE(::pipe(ready) == 0);
+    const pid_t child = ::fork();
+    if (child == 0) {
+        ::close(ready[0]);
+        const Filled filled(small_spill(folder, 0));
+        const char yes = nameless_file(folder) >= 0 ? 'y' : 'n';
+        if (::write(ready[1], &yes, 1) != 1) ::_exit(2);
+        ::pause();
+        ::_exit(0);
+    }
+    ::close(ready[1]);
+    char answer = 0;
+    REQUIRE(::read(ready[0], &answer, 1) == 1);
+    ::close(ready[0]);
+    CHECK(answer == 'y');
+    ::kill(child, SIGKILL);
+    ::waitpid(child, nullptr, 0);
+    CHECK(folder.names().empty());
+}
+
+// ---------------------------------------------------------------- the source
+
+TEST_CASE("posts of every type come out of the spill as they come out of the raster", "[spill]") {
+    const Folder folder;
+    Drawing d = hills(700, 530, GDT_Int16);
+    d.no_data = 3;
+    draw(folder / "short.tif", d);
+    same_as_direct(only(folder / "short.tif"), 1);
+
+    d.creation = {"TILED=YES", "COMPRESS=DEFLATE", "BLOCKXSIZE=80", "BLOCKYSIZE=48"};
+    draw(folder / "tiled.tif", d);
+    same_as_direct(only(folder / "tiled.tif"), 2);
+
+    d.creation = {"COMPRESS=DEFLATE", "BLOCKYSIZE=530"};  // one strip
+    d.scale = 0.1;
+    d.offset = 30;
+    d.unit = "ft";
+    draw(folder / "scaled.tif", d);
+    same_as_direct(only(folder / "scaled.tif"), 3, std::size_t{2} << 20);  // GDAL takes the strip as a whole
+
+    Drawing f = hills(300, 400, GDT_Float32);
+    f.value = [](int c, int r) { return c % 97 == 0 ? std::nan("") : 1e-3 * c * r - 20 + (c == 5 ? -0.0 : 0.0); };
+    f.masked = [](int c, int r) { return (c / 20 + r / 30) % 4 == 0; };
+    draw(folder / "float.tif", f);
+    same_as_direct(only(folder / "float.tif"), 4);
+
+    Drawing b = hills(350, 260, GDT_Byte);
+    b.value = [](int c, int r) { return (c * r) % 256; };
+    b.geotransform = {{1000, 10, 0, 2000, 0, 10}};  // south up
+    draw(folder / "byte.tif", b);
+    same_as_direct(only(folder / "byte.tif"), 5);
+
+    b.value = [](int c, int) { return c < 200 ? 9 : 40; };
+    b.no_data = 9;  // blocks of nothing but voids
+    draw(folder / "half.tif", b);
+    same_as_direct(only(folder / "half.tif"), 6);
+}
+
+TEST_CASE("columns of a DTED-like file are read as columns", "[spill]") {
+    same_as_direct(only(data + "/N44W072.hgt"), 7, std::size_t{4} << 20);
+}
+
+TEST_CASE("a raster round the whole earth comes out of the spill across its seam", "[spill]") {
+    const Folder folder;
+    for (const int extra : {0, 1}) {
+        Drawing d = hills(720 + extra, 300, GDT_Int16);
+        d.crs = "EPSG:4326";
+        d.geotransform = {{-180.25, 0.5, 0, 75, 0, -0.5}};
+        d.value = [](int c, int r) { return c % 720 + r; };
+        draw(folder / "world.tif", d);
+        const DataBaseParams params = only(folder / "world.tif");
+        Scene scene = above(params);
+        scene.platform.xy.reset();
+        scene.platform.latlon = LatLon{10, 179.9};
+        same_as_direct(params, scene, 8);
+    }
+}
+
+TEST_CASE("culture and heights on grids of their own come out of the spill as they are", "[spill]") {
+    DataBaseParams params = only(data + "/worcester_vermont_dem.tif");
+    params.culture_height = data + "/worcester_vermont_canopy.tif";
+    params.culture_height_scale = 0.1;
+    params.culture = data + "/worcester_vermont_culture.tif";
+    params.legend = Legend("partial", {{101, 4}, {102, 5}, {122, 6}});  // most codes are unknown
+    same_as_direct(params, 9);
+
+    const Folder folder;
+    Drawing d = hills(400, 300, GDT_Int16);
+    draw(folder / "dem.tif", d);
+    Drawing h = d;
+    h.type = GDT_Float32;
+    h.columns = 700;
+    h.rows = 450;
+    h.value = [](int c, int r) { return (c / 3 + r / 5) % 4 == 0 ? 1.0 + c % 11 : 0.0; };
+    h.geotransform = {{1500.5, 3.1, 0, 1900.5, 0, -4.7}};  // finer, over a part
+    draw(folder / "height.tif", h);
+    Drawing k = d;
+    k.type = GDT_Int32;
+    k.columns = 150;
+    k.rows = 120;
+    k.geotransform = {{900, 31, 0, -800, 0, 29}};  // coarser, south up
+    k.value = [](int c, int r) { return (c + r) % 3 == 0 ? 1000000 : 7 + c % 2; };
+    draw(folder / "codes.tif", k);
+    params = only(folder / "dem.tif");
+    params.culture_height = folder / "height.tif";
+    params.culture_height_scale = 1.7;
+    params.culture = folder / "codes.tif";
+    params.legend = Legend("drawn", {{7, 1}, {8, 2}});
+    same_as_direct(params, 10);
+}
+
+TEST_CASE("within a scene's reach and sector every post is stored, and far from both none is", "[spill]") {
+    const Folder folder;
+    const Drawing d = hills(1500, 1200, GDT_Int16);  // 10 m posts: 15 km x 12 km
+    draw(folder / "dem.tif", d);
+    const DataBaseParams params = only(folder / "dem.tif");
+    const auto direct = open_direct_source(params);
+    for (const bool outside : {false, true})
+        for (const Geometry geometry : {Geometry::grid, Geometry::geodesic}) {
+            Scene scene = above(params);
+            if (outside) scene.platform.xy = PointXY{-2000, -2000};
+            scene.geometry = geometry;
+            scene.range_m = outside ? 9000 : 4000;
+            scene.platform.altitude_m = 1500;
+            scene.platform.heading = Angle::degrees(70);
+            scene.sector = Sector{Angle::degrees(-30), Angle::degrees(20)};
+            const auto spilled = open_spilled_source(params, scene, in(folder, plenty));
+            const ResolvedScene r = resolve(scene, *spilled);
+            const Chunk a = direct->load({{0, 1500}, {0, 1200}}, false),
+                        b = spilled->load({{0, 1500}, {0, 1200}}, false);
+            std::int64_t wrong = 0, stored = 0, far = 0, far_stored = 0;
+            for (std::int64_t y = 0; y < 1200; ++y)
+                for (std::int64_t x = 0; x < 1500; ++x) {
+                    const auto i = static_cast<std::size_t>(y * 1500 + x);
+                    const bool here = !std::isnan(b.surface_m[i]);
+                    stored += here;
+                    wrong += here && a.surface_m[i] != b.surface_m[i];
+                    const double dx = 10 * (static_cast<double>(x) - r.nadir.column),
+                                 dy = 10 * (r.nadir.row - static_cast<double>(y)), arc = std::hypot(dx, dy);
+                    // The sector with some degrees of skirt; the grid's north is within 2 degrees of true north here.
+                    const double off = std::fabs(std::remainder(std::atan2(dx, dy) * 180 / 3.14159265358979 - 65, 360));
+                    wrong += !here && arc < *scene.range_m && off < 27;
+                    const bool is_far = arc > *scene.range_m + 6000 || (off > 60 && arc * std::sin(off / 57.3) > 6000);
+                    far += is_far;
+                    far_stored += is_far && here;
+                }
+            CHECK(wrong == 0);
+            CHECK(stored > 10000);
+            CHECK(far > 10000);
+            CHECK(far_stored == 0);
+            CHECK(bits(spilled->bare_terrain_m(3, 4)) == bits(direct->bare_terrain_m(3, 4)));  // read after all
+        }
+}
+
+TEST_CASE("the block map made on the way bounds every block with the first posts beyond it", "[spill]") {
+    const Folder folder;
+    Drawing d = hills(451, 330, GDT_Int16);
+    d.no_data = -12345;
+    d.value = [](int c, int r) {
+        return (c - 200) * (c - 200) + (r - 50) * (r - 50) < 900 ? -12345 : c * 3 - r * 2 + c * r % 13;
+    };
+    draw(folder / "dem.tif", d);
+    Drawing h = d;
+    h.value = [](int c, int r) { return c % 50 == 32 && r % 40 == 32 ? c : 0; };
+    draw(folder / "height.tif", h);
+    DataBaseParams params = only(folder / "dem.tif");
+    params.culture_height = folder / "height.tif";
+    Drawing w = hills(720, 200, GDT_Int16);
+    w.crs = "EPSG:4326";
+    w.geotransform = {{-180.25, 0.5, 0, 50, 0, -0.5}};
+    w.value = [](int c, int r) { return c == 0 ? 3000 + r : c; };
+    draw(folder / "world.tif", w);
+    Scene near = above(params);
+    near.range_m = 1000;
+    for (const auto& [what, scene] : {std::pair(params, above(params)), std::pair(params, near),
+                                      std::pair(only(folder / "world.tif"), above(only(folder / "world.tif")))}) {
+        const auto source = open_spilled_source(what, scene, in(folder, plenty));
+        const DataBase& db = source->data_base();
+        BlockMap* map = source->block_map();
+        REQUIRE(map);
+        const std::int64_t columns = db.columns + (db.cyclic ? 1 : 0);
+        const Chunk all = source->load({{0, columns}, {0, db.rows}}, false);
+        std::int64_t wrong = 0, blocks = 0;
+        for (int level = 0; level < map->levels(); ++level) {
+            const std::int64_t edge = block_posts << level, nc = (db.columns + edge - 1) / edge,
+                               nr = (db.rows + edge - 1) / edge;
+            const BlockWindow found = map->read(level, {{0, nc}, {0, nr}});
+            for (std::int64_t br = 0; br < nr; ++br)
+                for (std::int64_t bc = 0; bc < nc; ++bc) {
+                    BlockBounds want;
+                    std::int64_t voids = 0, posts = 0;
+                    for (std::int64_t r = br * edge; r <= std::min(br * edge + edge, db.rows - 1); ++r)
+                        for (std::int64_t c = bc * edge; c <= std::min(bc * edge + edge, columns - 1); ++c, ++posts) {
+                            const auto i = static_cast<std::size_t>(r * columns + c);
+                            const float culture = all.culture_height_m.empty() ? 0 : all.culture_height_m[i];
+                            const float z = all.surface_m[i] - culture;  // whole numbers: exact
+                            want.culture_m = std::max(want.culture_m, culture);
+                            voids += std::isnan(z);
+                            if (std::isnan(z)) continue;
+                            want.lowest_m = std::min(want.lowest_m, z);
+                            want.highest_m = std::max(want.highest_m, z);
+                        }
+                    want.voids = voids == 0 ? Voids::none : voids == posts ? Voids::all : Voids::some;
+                    const BlockBounds& got = found.at(bc, br);
+                    // Where all is void, culture heights do not matter.
+                    wrong += want.voids == Voids::all ? got.voids != Voids::all : !(got == want);
+                    ++blocks;
+                }
+            if (level + 1 == map->levels()) CHECK((nc <= 64 && nr <= 64));
+        }
+        CHECK(wrong == 0);
+        CHECK(blocks > 20);
+        if (db.cyclic)
+            CHECK(map->read(0, {{22, 23}, {1, 2}}).at(22, 1).highest_m == 3064);  // column 0 is its neighbour
+    }
+}
+
+TEST_CASE("blocks that a request does not need are not read, and are counted by reason", "[spill]") {
+    const Folder folder;
+    draw(folder / "dem.tif", hills(640, 512, GDT_Int16));
+    const DataBaseParams params = only(folder / "dem.tif");
+    const auto direct = open_direct_source(params);
+    const auto source = open_spilled_source(params, above(params), in(folder, little));
+    const std::int64_t edge = source->data_base().block_columns;
+    std::mt19937 random(30);
+    for (const bool by_columns : {false, true}) {
+        ChunkRequest request;
+        request.window = {{70, 500}, {33, 300}};
+        request.lines_are_columns = by_columns;
+        request.blocks = blocks_of(request.window);
+        const auto n = static_cast<std::size_t>(request.blocks.posts());
+        for (std::size_t i = 0; i < n; ++i) {
+            const bool far = static_cast<std::int64_t>(i) % request.blocks.columns.size() > 6;
+            request.skip.push_back(far || random() % 3 == 0 ? Skip::hidden : Skip::none);
+            request.fill_m.push_back(5000 + static_cast<float>(i));
+        }
+        const std::uint64_t before = source->report().spill_read_bytes;
+        const Chunk got = source->load(request), want = direct->load(request.window, by_columns);
+        std::int64_t wrong = 0, filled = 0;
+        for (std::int64_t r = 33; r < 300; ++r)
+            for (std::int64_t c = 70; c < 500; ++c) {
+                const std::size_t i = static_cast<std::size_t>(by_columns ? (c - 70) * (300 - 33) + r - 33
+                                                                          : (r - 33) * (500 - 70) + c - 70);
+                bool needed = false;
+                for (const std::int64_t y : {r - 2, r + 2})
+                    for (const std::int64_t x : {c - 2, c + 2}) {
+                        const Window b = blocks_of({{x, x + 1}, {y, y + 1}});
+                        if (!request.blocks.columns.contains(b.columns.begin) ||
+                            !request.blocks.rows.contains(b.rows.begin))
+                            continue;
+                        needed |= request.skip[static_cast<std::size_t>(
+                                      (b.rows.begin - request.blocks.rows.begin) * request.blocks.columns.size() +
+                                      b.columns.begin - request.blocks.columns.begin)] == Skip::none;
+                    }
+                const Window own = blocks_of({{c, c + 1}, {r, r + 1}});
+                const float fill = 5000 + static_cast<float>((own.rows.begin - request.blocks.rows.begin) *
+                                                                 request.blocks.columns.size() +
+                                                             own.columns.begin - request.blocks.columns.begin);
+                const bool is_fill = got.surface_m[i] == fill;
+                filled += is_fill;
+                wrong += !is_fill && got.surface_m[i] != want.surface_m[i];
+                wrong += needed && is_fill;
+            }
+        CHECK(wrong == 0);
+        CHECK(filled > 30000);
+        CHECK(got.posts_read < static_cast<std::uint64_t>(request.window.posts()));
+        CHECK(source->report().spill_read_bytes - before < 2 * got.posts_read + 2 * 4 * 512 * 640 / 4);
+    }
+    const Skipped skipped = source->skipped();
+    const std::uint64_t hidden = skipped[static_cast<std::size_t>(Skip::hidden)].tiles,
+                        never = skipped[static_cast<std::size_t>(Skip::range)].tiles;
+    CHECK(hidden > 0);
+    // Columns right of the window and rows below it were never asked for.
+    CHECK(never >= static_cast<std::uint64_t>((512 - 300) / edge * (640 / edge)));
+    CHECK(hidden + never < static_cast<std::uint64_t>(640 / edge * (512 / edge)));
+}
+
+TEST_CASE("a raster that changes under the pass is an error that names it", "[spill]") {
+    const Folder folder;
+    const Folder temporary;
+    draw(folder / "dem.tif", hills(600, 400, GDT_Int16));
+    const DataBaseParams params = only(folder / "dem.tif");
+    SpillOptions options = in(temporary, little);
+    options.progress = [&](double) { std::ofstream(folder / "dem.tif", std::ios::app | std::ios::binary) << "x"; };
+    CHECK_THAT(message_of([&] { open_spilled_source(params, above(params), options); }),
+               Contains("dem.tif") && Contains("changed while it was read"));
+    CHECK(temporary.names().empty());
+}
+
+TEST_CASE("a stop is heard during the pass", "[spill]") {
+    const Folder folder;
+    const Folder temporary;
+    draw(folder / "dem.tif", hills(600, 400, GDT_Int16));
+    const DataBaseParams params = only(folder / "dem.tif");
+    Stop stop;
+    SpillOptions options = in(temporary, little);
+    options.stop = &stop;
+    double reached = 0;
+    options.progress = [&](double part) {
+        CHECK(part >= reached);
+        CHECK(part <= 1);
+        reached = part;
+        stop.request(SIGTERM);
+    };
+    CHECK_THROWS_AS(open_spilled_source(params, above(params), options), Interrupted);
+    CHECK(reached < 1);
+    CHECK(temporary.names().empty());
+}
+
+TEST_CASE("many threads read the same posts through one spill", "[spill]") {
+    const Folder folder;
+    const DataBaseParams params = only(data + "/olympic_coast_dem.tif");
+    const auto direct = open_direct_source(params);
+    const auto source = open_spilled_source(params, above(params), in(folder, std::size_t{4} << 20));
+    CHECK(source->report().spilled_bytes > 0);
+    std::vector<std::thread> threads;
+    std::atomic<std::int64_t> wrong = 0;
+    for (int t = 0; t < 4; ++t)
+        threads.emplace_back([&, t] {
+            std::mt19937 random(static_cast<unsigned>(t));
+            for (int k = 0; k < 6; ++k) {
+                const Window w{pick(random, 0, 1200), pick(random, 0, 900)};
+                wrong += differences(direct->load(w, k % 2 == 0).surface_m, source->load(w, k % 2 == 0).surface_m) != 0;
+            }
+        });
+    for (std::thread& thread : threads) thread.join();
+    CHECK(wrong == 0);
+}
+
+TEST_CASE("a scene gives the same bits from the spill as from the raster", "[spill]") {
+    const Folder folder;
+    DataBaseParams params = only(data + "/inland_empire_dem.tif");
+    params.culture = data + "/inland_empire_culture.tif";
+    params.culture_height = data + "/inland_empire_canopy.tif";
+    params.culture_height_scale = 0.1;
+    params.legend = Legend::built_in("fbfm40");
+    const auto direct = open_direct_source(params);
+    Scene scene;
+    scene.platform.latlon = LatLon{33.9, -117.4};
+    scene.platform.altitude_above = AltitudeAbove::ground;
+    scene.platform.altitude_m = 700;
+    scene.azimuth_bins = 360;
+    scene.range_bin_m = 60;
+    scene.display.size = 64;
+    for (const bool narrow : {false, true}) {
+        if (narrow) {
+            scene.range_m = 15000;
+            scene.sector = Sector{Angle::degrees(100), Angle::degrees(230)};
+        }
+        EngineParams engine;
+        engine.threads = 2;
+        const RunResult want = run(resolve(scene, *direct), *direct, engine);
+        for (const std::size_t memory : {std::size_t{2} << 20, plenty}) {
+            const auto spilled = open_spilled_source(params, scene, in(folder, memory));
+            for (const std::int64_t wedges : {1, 7}) {
+                engine.wedges = wedges;
+                const RunResult got = run(resolve(scene, *spilled), *spilled, engine);
+                CHECK(*got.scene.scene.range_m == *want.scene.scene.range_m);
+                CHECK(got.echo_w.cells == want.echo_w.cells);
+                CHECK(got.echo_state.cells == want.echo_state.cells);
+            }
+        }
+    }
+}
+
+// ---------------------------------------------------------------- kept
+
+namespace {
+
+/// A raster with heights, its kept spill, and a scene from the point it was made for.
+struct Kept {
+    Folder folder;
+    DataBaseParams params;
+    Scene scene;
+    std::string path;
+    explicit Kept(std::size_t memory_bytes = std::size_t{1} << 20) {
+        Drawing d = hills(300, 260, GDT_Int16);
+        d.no_data = 3;
+        draw(folder / "dem.tif", d);
+        d.value = [](int c, int r) { return c % 10 == 0 ? r % 7 : 0; };
+        d.no_data.reset();
+        draw(folder / "height.tif", d);
+        params = only(folder / "dem.tif");
+        params.culture_height = folder / "height.tif";
+        scene = above(params);
+        path = folder / "wedges.spill";
+        make(memory_bytes);
+    }
+    void make(std::size_t memory_bytes) const {
+        keep_spill(params, scene.platform, folder / ".", in(folder, memory_bytes));
+    }
+    std::unique_ptr<WedgeSource> open(const Scene& s) const {
+        return open_kept_spill(params, s, folder / ".", in(folder, plenty));
+    }
+};
+
+}  // namespace
+
+TEST_CASE("a kept spill serves other scenes from the same point with the posts of the rasters", "[spill]") {
+    for (const std::size_t memory : {std::size_t{1} << 20, plenty}) {
+        const Kept kept(memory);
+        CHECK(kept.folder.names() == std::vector<std::string>{"dem.tif", "height.tif", "wedges.spill"});
+        const auto direct = open_direct_source(kept.params);
+        Scene other = kept.scene;
+        other.range_m = 700;
+        other.platform.altitude_m = 3000;
+        for (const Scene& scene : {kept.scene, other}) {
+            const auto source = kept.open(scene);
+            CHECK(source->report().held_bytes == 0);
+            for (const bool by_columns : {false, true}) {
+                const Window all{{0, 300}, {0, 260}};
+                const Chunk a = direct->load(all, by_columns), b = source->load(all, by_columns);
+                CHECK(differences(a.surface_m, b.surface_m) == 0);
+                CHECK(differences(a.culture_height_m, b.culture_height_m) == 0);
+            }
+            CHECK(source->extremes().highest_m == direct->extremes().highest_m);
+            CHECK(source->extremes().lowest_m == direct->extremes().lowest_m);
+            CHECK(source->extremes().void_posts == direct->extremes().void_posts);
+            if (memory != plenty) continue;
+            const auto fresh = open_spilled_source(kept.params, kept.scene, in(kept.folder, plenty));
+            BlockMap *x = fresh->block_map(), *y = source->block_map();
+            REQUIRE((x && y));
+            CHECK(x->levels() == y->levels());
+            CHECK(x->read(0, {{0, 10}, {0, 9}}).bounds == y->read(0, {{0, 10}, {0, 9}}).bounds);
+        }
+        kept.make(memory);  // in place of the old one
+        CHECK(kept.folder.names() == std::vector<std::string>{"dem.tif", "height.tif", "wedges.spill"});
+    }
+}
+
+TEST_CASE("a kept spill that does not fit is refused by name", "[spill]") {
+    const Kept kept;
+    const auto refused = [&](const DataBaseParams& params, const Scene& scene, const std::string& why) {
+        CHECK_THAT(message_of([&] { open_kept_spill(params, scene, kept.folder / ".", in(kept.folder, plenty)); }),
+                   Contains("wedges.spill") && Contains(why));
+    };
+    Scene elsewhere = kept.scene;
+    elsewhere.platform.xy->x += 11;  // posts are 10 m apart
+    refused(kept.params, elsewhere, "was made for column 149.50, row 129.50; the sensor stands over column 150.60");
+    DataBaseParams other = kept.params;
+    other.culture_height_scale = 2;
+    refused(other, kept.scene, "culture-height-scale 1, not 2");
+    other = kept.params;
+    other.culture_height.clear();
+    refused(other, kept.scene, "was made with a culture-height");
+    other = kept.params;
+    other.culture = kept.folder / "height.tif";
+    other.legend = Legend("drawn", {{0, 1}});
+    refused(other, kept.scene, "holds no culture");
+    std::filesystem::copy(kept.folder / "dem.tif", kept.folder / "copy.tif");
+    other = kept.params;
+    other.dem = kept.folder / "copy.tif";
+    refused(other, kept.scene, "another raster than dem");
+    std::filesystem::last_write_time(kept.folder / "dem.tif",
+                                     std::filesystem::file_time_type::clock::now() + std::chrono::seconds(5));
+    refused(kept.params, kept.scene, "before that was changed");
+    std::filesystem::remove(kept.path);
+    refused(kept.params, kept.scene, "No such file");
+}
+
+TEST_CASE("any byte of a kept spill that is flipped, and any end cut off, is named", "[spill]") {
+    const Kept kept;
+    std::mt19937 random(77);
+    std::fstream file(kept.path, std::ios::in | std::ios::out | std::ios::binary);
+    file.seekg(0, std::ios::end);
+    const auto size = static_cast<std::uint64_t>(file.tellg());
+    const auto read_all = [&] {
+        const auto source = kept.open(kept.scene);
+        source->load({{0, 300}, {0, 260}}, false);
+    };
+    read_all();
+    std::set<std::uint64_t> places;
+    for (std::uint64_t i = 0; i < 64; ++i) places.insert(i);
+    while (places.size() < 140) places.insert(random() % size);
+    for (std::uint64_t i = 1; i < 100; i += 9) places.insert(size - i);
+    for (const std::uint64_t at : places) {
+        CAPTURE(at, size);
+        file.seekg(static_cast<std::streamoff>(at));
+        const auto byte = static_cast<char>(file.get());
+        file.seekp(static_cast<std::streamoff>(at));
+        file.put(static_cast<char>(byte ^ static_cast<char>(1U << (random() % 7))));
+        file.flush();
+        CHECK_THAT(message_of(read_all), Contains("wedges.spill"));
+        file.seekp(static_cast<std::streamoff>(at));
+        file.put(byte);
+        file.flush();
+    }
+    read_all();
+    for (const std::uint64_t end : {size - 1, size / 2, std::uint64_t{63}, std::uint64_t{0}}) {
+        std::filesystem::resize_file(kept.path, end);
+        CHECK_THAT(message_of(read_all), Contains("wedges.spill") && Contains("damaged"));
+    }
+}

@@ -1,0 +1,658 @@
+#include "tiles/partition.hpp"
+
+#include <tbb/parallel_pipeline.h>
+#include <tbb/task_arena.h>
+
+#include <GeographicLib/Geodesic.hpp>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <mutex>
+#include <numbers>
+#include <stdexcept>
+#include <utility>
+
+#include "lib/error.hpp"
+
+namespace wedgescope {
+namespace {
+
+constexpr double pi = std::numbers::pi, turn = 2 * pi;
+constexpr std::int64_t most_window_posts = std::int64_t{1} << 22;
+constexpr std::size_t bytes_a_post = 13;  ///< on its way: height, culture height, packed, mask
+
+std::int64_t up(std::int64_t v, std::int64_t unit) { return (v + unit - 1) / unit; }
+std::int64_t down(std::int64_t v, std::int64_t unit) { return (v >= 0 ? v : v - unit + 1) / unit; }
+
+/// Blocks that hold the posts of a window.
+Window in_blocks(const Window& posts, std::int64_t edge) {
+    return {{down(posts.columns.begin, edge), up(posts.columns.end, edge)},
+            {down(posts.rows.begin, edge), up(posts.rows.end, edge)}};
+}
+
+/// Cuts the hull down to what is needed.
+BlockSet trimmed(const Window& all, std::int64_t edge, const std::vector<bool>& needed) {
+    BlockSet out;
+    out.edge = edge;
+    for (std::int64_t r = 0; r < all.rows.size(); ++r)
+        for (std::int64_t c = 0; c < all.columns.size(); ++c)
+            if (needed[static_cast<std::size_t>(r * all.columns.size() + c)])
+                out.blocks = {hull(out.blocks.columns, {c, c + 1}), hull(out.blocks.rows, {r, r + 1})};
+    out.needed.resize(static_cast<std::size_t>(out.blocks.posts()));
+    for (std::int64_t r = out.blocks.rows.begin; r < out.blocks.rows.end; ++r)
+        for (std::int64_t c = out.blocks.columns.begin; c < out.blocks.columns.end; ++c)
+            out.needed[out.at(c, r)] = needed[static_cast<std::size_t>(r * all.columns.size() + c)];
+    return out;
+}
+
+/// A post as seen from the nadir: ground range, azimuth, and where it is (metres, or degrees in geodesic geometry).
+struct Direction {
+    double arc_m = 0, azimuth_rad = 0, x = 0, y = 0;
+    bool known = true;  ///< else PROJ has no answer
+};
+Direction direction(const DataBase& db, const PartitionScope& s, double column, double row) {
+    if (!s.geodesic) {
+        const double dx = (column - s.nadir.column) * db.step_x * db.metres_per_unit,
+                     dy = (row - s.nadir.row) * db.step_y * db.metres_per_unit;
+        return {std::hypot(dx, dy), std::atan2(dx, dy), dx, dy};
+    }
+    const auto ll = db.lat_lon(column, row);
+    if (!ll) return {0, 0, 0, 0, false};
+    double arc = 0, azimuth = 0, back = 0;
+    GeographicLib::Geodesic::WGS84().Inverse(s.lat_deg, s.lon_deg, ll->first, ll->second, arc, azimuth, back);
+    return {arc, azimuth * pi / 180, ll->second, ll->first};
+}
+double apart(const PartitionScope& s, const Direction& a, const Direction& b) {
+    if (!s.geodesic) return std::hypot(a.x - b.x, a.y - b.y);
+    double arc = 0;
+    GeographicLib::Geodesic::WGS84().Inverse(a.y, a.x, b.y, b.x, arc);
+    return arc;
+}
+
+}  // namespace
+
+PartitionScope scope_of(const ResolvedScene& s) {
+    PartitionScope scope;
+    scope.nadir = s.nadir;
+    scope.geodesic = s.geometry == Geometry::geodesic;
+    scope.lat_deg = s.lat_deg;
+    scope.lon_deg = s.lon_deg;
+    // The arc of a slant range, as the engine bounds it, and a little more.
+    const double range = s.scene.range_m.value_or(0), theta = range * s.earth.inverse_radius();
+    scope.reach_m = range * (1.001 + theta * theta / 4);
+    scope.from_rad = static_cast<double>(s.swept.azimuth_bins.begin) * s.swept.azimuth_step_rad();
+    scope.width_rad = static_cast<double>(s.swept.azimuth_bins.size()) * s.swept.azimuth_step_rad();
+    return scope;
+}
+
+BlockSet all_blocks(std::int64_t columns, std::int64_t rows, std::int64_t edge) {
+    BlockSet out;
+    out.edge = edge;
+    out.blocks = {{0, up(columns, edge)}, {0, up(rows, edge)}};
+    out.needed.assign(static_cast<std::size_t>(out.blocks.posts()), true);
+    return out;
+}
+
+BlockSet blocks_in_scope(const DataBase& db, const PartitionScope& scope, std::int64_t edge) {
+    const Window all{{0, up(db.columns, edge)}, {0, up(db.rows, edge)}};
+    const auto width = static_cast<std::size_t>(all.columns.size()), height = static_cast<std::size_t>(all.rows.size());
+    const bool round = scope.width_rad >= turn - 1e-9;
+    if (!scope.reach_m && round) return all_blocks(db.columns, db.rows, edge);
+
+    const auto column = [&](std::size_t i) {
+        return static_cast<double>(std::min(static_cast<std::int64_t>(i) * edge, db.columns - 1));
+    };
+    const auto row = [&](std::size_t i) {
+        return static_cast<double>(std::min(static_cast<std::int64_t>(i) * edge, db.rows - 1));
+    };
+    const auto wanted = [&](const std::array<Direction, 4>& corners, std::size_t c, std::size_t r) {
+        double nearest = std::numeric_limits<double>::infinity();
+        for (const Direction& d : corners) {
+            if (!d.known) return true;
+            nearest = std::min(nearest, d.arc_m);
+        }
+        // No post is farther from all corners than half a diagonal, and a bit where the sides are curved.
+        const double half_m =
+            0.55 * std::max(apart(scope, corners[0], corners[3]), apart(scope, corners[1], corners[2]));
+        nearest -= half_m;
+        if (nearest <= half_m) return true;
+        if (scope.nadir.column >= column(c) && scope.nadir.column <= column(c + 1) && scope.nadir.row >= row(r) &&
+            scope.nadir.row <= row(r + 1))
+            return true;
+        if (scope.reach_m && nearest > *scope.reach_m) return false;
+        if (round) return true;
+        double lo = 0, hi = 0;
+        for (const Direction& d : corners) {
+            const double off = std::remainder(d.azimuth_rad - corners[0].azimuth_rad, turn);
+            lo = std::min(lo, off);
+            hi = std::max(hi, off);
+        }
+        double begin = std::fmod(corners[0].azimuth_rad + lo - scope.from_rad, turn);
+        if (begin < 0) begin += turn;
+        return begin <= scope.width_rad || begin + (hi - lo) >= turn;
+    };
+    std::vector<bool> inside(width * height, false);
+    std::vector<Direction> above(width + 1), below(width + 1);
+    for (std::size_t c = 0; c <= width; ++c) below[c] = direction(db, scope, column(c), row(0));
+    for (std::size_t r = 0; r < height; ++r) {
+        std::swap(above, below);
+        for (std::size_t c = 0; c <= width; ++c) below[c] = direction(db, scope, column(c), row(r + 1));
+        for (std::size_t c = 0; c < width; ++c)
+            inside[r * width + c] = wanted({above[c], above[c + 1], below[c], below[c + 1]}, c, r);
+    }
+    // One block more all round: what a wedge takes beside its own spokes, and what rounding makes of the edge.
+    std::vector<bool> needed(width * height, false);
+    for (std::size_t r = 0; r < height; ++r)
+        for (std::size_t c = 0; c < width; ++c) {
+            if (!inside[r * width + c]) continue;
+            for (std::size_t y = r > 0 ? r - 1 : 0; y <= std::min(r + 1, height - 1); ++y) {
+                for (std::size_t x = c > 0 ? c - 1 : 0; x <= std::min(c + 1, width - 1); ++x)
+                    needed[y * width + x] = true;
+                // Across the seam; the last block may be a narrow one.
+                if (db.cyclic && (c < 2 || c + 2 >= width))
+                    for (std::size_t x : {std::size_t{0}, std::min<std::size_t>(1, width - 1),
+                                          width - std::min<std::size_t>(2, width), width - 1})
+                        needed[y * width + x] = true;
+            }
+        }
+    return trimmed(all, edge, needed);
+}
+
+std::int64_t block_edge(const RasterFacts& facts, std::size_t memory_bytes) {
+    const bool by_columns = facts.block_columns < facts.block_rows;
+    const std::int64_t along = by_columns ? facts.rows : facts.columns;
+    const std::int64_t file_along = by_columns ? facts.block_rows : facts.block_columns;
+    if (2 * file_along <= along) return spill_edge;  // the file itself is cut that way
+    std::int64_t edge = spill_edge;
+    while (edge > block_posts && static_cast<std::size_t>(edge * along) * bytes_a_post > memory_bytes) edge /= 2;
+    return edge;
+}
+
+WedgeBuckets::Place WedgeBuckets::place(const std::array<IndexPosition, 4>& corners) const {
+    IndexPosition middle;
+    for (const IndexPosition& p : corners) {
+        middle.column += p.column / 4;
+        middle.row += p.row / 4;
+    }
+    const auto angle = [&](const IndexPosition& p) { return std::atan2(p.row - nadir.row, p.column - nadir.column); };
+    const double centre = angle(middle);
+    double first = 0;
+    for (const IndexPosition& p : corners) first = std::min(first, std::remainder(angle(p) - centre, turn));
+    double part = std::fmod((centre + first) / turn + 2, 1.0);
+    return {std::clamp(static_cast<int>(part * count), 0, count - 1),
+            std::hypot(middle.column - nadir.column, middle.row - nadir.row)};
+}
+
+// ---------------------------------------------------------------- what the pass learns on the way
+
+namespace {
+
+/// Bounds while they grow: nothing seen yet is neither valid nor void.
+struct Bounds {
+    float lowest = std::numeric_limits<float>::infinity(), highest = -std::numeric_limits<float>::infinity();
+    float culture = 0;
+    std::uint8_t valid = 0, voids = 0;
+
+    void add(const Bounds& o) {
+        lowest = std::min(lowest, o.lowest);
+        highest = std::max(highest, o.highest);
+        culture = std::max(culture, o.culture);
+        valid |= o.valid;
+        voids |= o.voids;
+    }
+    BlockBounds block() const {
+        return {lowest, highest, culture, voids == 0 ? Voids::none : valid == 0 ? Voids::all : Voids::some};
+    }
+};
+
+Bounds bounds_of(const Window& posts, const Window& window, const float* terrain, const float* culture) {
+    Bounds b;
+    const std::int64_t stride = window.columns.size(), n = posts.columns.size();
+    std::int64_t none = 0;
+    for (std::int64_t r = posts.rows.begin; r < posts.rows.end; ++r) {
+        const std::int64_t at = (r - window.rows.begin) * stride + posts.columns.begin - window.columns.begin;
+        const float* row = terrain + at;
+        for (std::int64_t c = 0; c < n; ++c) {
+            const float z = row[c];
+            none += z != z;
+            b.lowest = z < b.lowest ? z : b.lowest;
+            b.highest = z > b.highest ? z : b.highest;
+        }
+        if (culture)
+            for (std::int64_t c = 0; c < n; ++c) b.culture = std::max(b.culture, culture[at + c]);
+    }
+    b.voids = none > 0;
+    b.valid = none < posts.posts();
+    return b;
+}
+
+}  // namespace
+
+struct Survey::Part {
+    struct Block {
+        std::int64_t column = 0, row = 0;
+        Bounds own, first_column, first_row, corner;
+    };
+    std::vector<Block> blocks;
+    std::uint64_t void_posts = 0;
+    float lowest = std::numeric_limits<float>::infinity(), highest = -std::numeric_limits<float>::infinity();
+};
+
+class GrownMap final : public BlockMap {
+public:
+    GrownMap(const DataBase& db, const BlockSet& needed) {
+        const std::int64_t fine = needed.edge / block_posts;
+        columns_ = up(db.columns, block_posts);
+        rows_ = up(db.rows, block_posts);
+        cyclic_ = db.cyclic;
+        const Window hull{{needed.blocks.columns.begin * fine, std::min(needed.blocks.columns.end * fine, columns_)},
+                          {needed.blocks.rows.begin * fine, std::min(needed.blocks.rows.end * fine, rows_)}};
+        levels_.push_back({hull, std::vector<BlockBounds>()});
+        growing_.resize(static_cast<std::size_t>(hull.posts()));
+    }
+    GrownMap(const DataBase& db, std::vector<BlockBounds> finest)
+        : columns_(up(db.columns, block_posts)), rows_(up(db.rows, block_posts)), cyclic_(db.cyclic) {
+        levels_.push_back({{{0, columns_}, {0, rows_}}, std::move(finest)});
+        add_levels();
+    }
+
+    Bounds* growing(std::int64_t column, std::int64_t row) {
+        if (cyclic_ && column < 0) column += columns_;
+        const Window& hull = levels_[0].hull;
+        if (!hull.columns.contains(column) || !hull.rows.contains(row)) return nullptr;
+        return &growing_[at(hull, column, row)];
+    }
+
+    /// After the last post: what lies beside what was read, then the coarser levels.
+    void finish(const DataBase& db, const BlockSet& needed) {
+        const std::int64_t fine = needed.edge / block_posts;
+        const Window hull = levels_[0].hull;
+        const auto is_needed = [&](std::int64_t c, std::int64_t r) { return needed.contains(c / fine, r / fine); };
+        Level& first = levels_[0];
+        first.bounds.resize(growing_.size());
+        for (std::int64_t r = hull.rows.begin; r < hull.rows.end; ++r)
+            for (std::int64_t c = hull.columns.begin; c < hull.columns.end; ++c) {
+                if (!is_needed(c, r)) continue;
+                Bounds& b = growing_[at(hull, c, r)];
+                std::int64_t right = c + 1;
+                if (right >= columns_) right = db.cyclic ? 0 : -1;
+                const std::int64_t under = r + 1 < rows_ ? r + 1 : -1;
+                for (const auto& [x, y] : {std::pair(right, r), std::pair(c, under), std::pair(right, under)})
+                    if (x >= 0 && y >= 0 && !is_needed(x, y)) b.voids = 1;
+                first.bounds[at(hull, c, r)] = b.block();
+            }
+        growing_.clear();
+        growing_.shrink_to_fit();
+        add_levels();
+    }
+
+    int levels() const override { return static_cast<int>(levels_.size()); }
+    BlockWindow read(int level, const Window& blocks) override {
+        BlockWindow out;
+        out.blocks = blocks;
+        out.bounds.reserve(static_cast<std::size_t>(blocks.posts()));
+        const Level& l = levels_.at(static_cast<std::size_t>(level));
+        for (std::int64_t r = blocks.rows.begin; r < blocks.rows.end; ++r)
+            for (std::int64_t c = blocks.columns.begin; c < blocks.columns.end; ++c)
+                out.bounds.push_back(bounds(l, c, r));
+        return out;
+    }
+
+private:
+    struct Level {
+        Window hull;
+        std::vector<BlockBounds> bounds;
+    };
+
+    void add_levels() {
+        std::int64_t columns = columns_, rows = rows_;
+        while (columns > 64 || rows > 64) {
+            const Level& finer = levels_.back();
+            Level level;
+            level.hull = {{finer.hull.columns.begin / 2, up(finer.hull.columns.end, 2)},
+                          {finer.hull.rows.begin / 2, up(finer.hull.rows.end, 2)}};
+            level.bounds.resize(static_cast<std::size_t>(level.hull.posts()));
+            for (std::int64_t r = level.hull.rows.begin; r < level.hull.rows.end; ++r)
+                for (std::int64_t c = level.hull.columns.begin; c < level.hull.columns.end; ++c) {
+                    BlockBounds& b = level.bounds[at(level.hull, c, r)];
+                    bool any = false;
+                    for (std::int64_t y = 2 * r; y < std::min(2 * r + 2, rows); ++y)
+                        for (std::int64_t x = 2 * c; x < std::min(2 * c + 2, columns); ++x) {
+                            const BlockBounds child = bounds(finer, x, y);
+                            if (any)
+                                b.add(child);
+                            else
+                                b = child;
+                            any = true;
+                        }
+                }
+            levels_.push_back(std::move(level));
+            columns = up(columns, 2);
+            rows = up(rows, 2);
+        }
+    }
+
+    static std::size_t at(const Window& hull, std::int64_t c, std::int64_t r) {
+        return static_cast<std::size_t>((r - hull.rows.begin) * hull.columns.size() + c - hull.columns.begin);
+    }
+    static BlockBounds bounds(const Level& level, std::int64_t c, std::int64_t r) {
+        if (!level.hull.columns.contains(c) || !level.hull.rows.contains(r)) return {};
+        return level.bounds[at(level.hull, c, r)];
+    }
+
+    std::int64_t columns_ = 0, rows_ = 0;
+    bool cyclic_ = false;
+    std::vector<Bounds> growing_;
+    std::vector<Level> levels_;
+};
+
+std::size_t Survey::map_bytes(const BlockSet& needed) {
+    const std::int64_t fine = needed.edge / block_posts;
+    // Level 0 twice, while it becomes what is read; a third more for all coarser levels.
+    return static_cast<std::size_t>(needed.blocks.posts() * fine * fine) *
+           (sizeof(Bounds) + sizeof(BlockBounds) * 4 / 3);
+}
+
+Survey::Survey(const DataBase& data_base, const BlockSet& needed, bool with_map)
+    : data_base_(data_base), needed_(needed), lowest_(std::numeric_limits<float>::infinity()), highest_(-lowest_) {
+    if (with_map) map_ = std::make_unique<GrownMap>(data_base, needed);
+}
+Survey::~Survey() = default;
+
+std::unique_ptr<BlockMap> map_from_finest(const DataBase& data_base, std::vector<BlockBounds> finest) {
+    return std::make_unique<GrownMap>(data_base, std::move(finest));
+}
+
+std::unique_ptr<Survey::Part> Survey::look(const Window& window, const float* terrain, const float* culture) const {
+    auto part = std::make_unique<Part>();
+    // Each post of the circle once: the last column may repeat the first.
+    const std::int64_t last = data_base_.cyclic ? data_base_.cycle_columns : data_base_.columns;
+    const std::int64_t stride = window.columns.size();
+    const std::int64_t n = std::min(window.columns.end, last) - window.columns.begin;
+    for (std::int64_t r = 0; r < window.rows.size(); ++r) {
+        const float* row = terrain + r * stride;
+        const float* raised = culture ? culture + r * stride : nullptr;
+        std::int64_t none = 0;
+        for (std::int64_t c = 0; c < n; ++c) {
+            const float z = row[c], top = raised ? z + raised[c] : z;
+            none += z != z;
+            part->lowest = z < part->lowest ? z : part->lowest;
+            part->highest = top > part->highest ? top : part->highest;
+        }
+        part->void_posts += static_cast<std::uint64_t>(none);
+    }
+    if (!map_) return part;
+    const Window blocks = blocks_of(window);
+    const std::int64_t fine = needed_.edge / block_posts;
+    for (std::int64_t r = blocks.rows.begin; r < blocks.rows.end; ++r)
+        for (std::int64_t c = blocks.columns.begin; c < blocks.columns.end; ++c) {
+            if (!needed_.contains(c / fine, r / fine)) continue;
+            const Interval columns = intersection({c * block_posts, (c + 1) * block_posts}, window.columns),
+                           rows = intersection({r * block_posts, (r + 1) * block_posts}, window.rows);
+            const Interval one_column{columns.begin, columns.begin + 1}, one_row{rows.begin, rows.begin + 1};
+            part->blocks.push_back({c, r, bounds_of({columns, rows}, window, terrain, culture),
+                                    bounds_of({one_column, rows}, window, terrain, culture),
+                                    bounds_of({columns, one_row}, window, terrain, culture),
+                                    bounds_of({one_column, one_row}, window, terrain, culture)});
+        }
+    return part;
+}
+
+void Survey::add(const Part& part) {
+    extremes_.void_posts += part.void_posts;
+    lowest_ = std::min(lowest_, part.lowest);
+    highest_ = std::max(highest_, part.highest);
+    extremes_.any_valid = lowest_ < std::numeric_limits<float>::infinity();
+    if (extremes_.any_valid) {
+        extremes_.lowest_m = lowest_;
+        extremes_.highest_m = highest_;
+    }
+    for (const Part::Block& b : part.blocks) {
+        const auto give = [&](std::int64_t column, std::int64_t row, const Bounds& bounds) {
+            if (row < 0) return;
+            if (Bounds* to = map_->growing(column, row)) to->add(bounds);
+        };
+        give(b.column, b.row, b.own);
+        give(b.column - 1, b.row, b.first_column);
+        give(b.column, b.row - 1, b.first_row);
+        give(b.column - 1, b.row - 1, b.corner);
+    }
+}
+
+std::unique_ptr<BlockMap> Survey::take_map() {
+    if (map_) map_->finish(data_base_, needed_);
+    return std::move(map_);
+}
+
+// ---------------------------------------------------------------- the pass
+
+namespace {
+
+/// Windows of whole blocks in the order of the file; together all that must be read.
+std::vector<Window> windows_of(const LayerPass& layer, std::int64_t most_posts) {
+    const RasterFacts& f = layer.in.facts();
+    const std::int64_t edge = layer.blocks.edge;
+    const Window all{{0, f.columns}, {0, f.rows}};
+    Window hull = all;
+    if (!layer.read_all)
+        hull = {intersection({layer.blocks.blocks.columns.begin * edge, layer.blocks.blocks.columns.end * edge},
+                             all.columns),
+                intersection({layer.blocks.blocks.rows.begin * edge, layer.blocks.blocks.rows.end * edge}, all.rows)};
+    std::vector<Window> windows;
+    if (hull.empty()) return windows;
+    // Across: from window row to window row; along: what one row of file blocks runs over.
+    const bool by_columns = f.block_columns < f.block_rows;
+    const Interval across = by_columns ? hull.columns : hull.rows, along = by_columns ? hull.rows : hull.columns;
+    const std::int64_t file_across = by_columns ? f.block_columns : f.block_rows;
+    const std::int64_t file_along = by_columns ? f.block_rows : f.block_columns;
+    constexpr std::int64_t most_unit = 1024;
+    const auto unit = [&](std::int64_t file) { return file <= most_unit ? up(file, edge) * edge : edge; };
+    std::int64_t high = unit(file_across), wide = along.size();
+    if (high * wide > most_posts) {
+        const bool cut_that_way = 2 * file_along <= along.size();
+        if (!cut_that_way) high = edge;
+        if (high * wide > most_posts) {
+            const std::int64_t step = cut_that_way ? unit(file_along) : edge;
+            wide = std::max(step, most_posts / high / step * step);
+            if (high * wide > most_posts) {
+                high = edge;
+                wide = std::max(edge, most_posts / high / edge * edge);
+            }
+        }
+    } else {
+        high *= std::max<std::int64_t>(1, most_posts / (high * wide));
+    }
+    // Edges at whole multiples, so that the file's blocks are cut by none.
+    const std::int64_t wide_unit = wide >= along.size() ? 0 : wide;
+    for (std::int64_t a = across.begin; a < across.end;) {
+        const std::int64_t a_end = std::min((down(a, high) + 1) * high, across.end);
+        for (std::int64_t b = along.begin; b < along.end;) {
+            const std::int64_t b_end =
+                wide_unit ? std::min((down(b, wide_unit) + 1) * wide_unit, along.end) : along.end;
+            Window w = by_columns ? Window{{a, a_end}, {b, b_end}} : Window{{b, b_end}, {a, a_end}};
+            if (!layer.read_all) {
+                // Only the hull of the blocks needed here.
+                const Window blocks = in_blocks(w, edge);
+                Window needed;
+                for (std::int64_t r = blocks.rows.begin; r < blocks.rows.end; ++r)
+                    for (std::int64_t c = blocks.columns.begin; c < blocks.columns.end; ++c)
+                        if (layer.blocks.contains(c, r))
+                            needed = {wedgescope::hull(needed.columns, {c, c + 1}),
+                                      wedgescope::hull(needed.rows, {r, r + 1})};
+                w = {intersection({needed.columns.begin * edge, needed.columns.end * edge}, w.columns),
+                     intersection({needed.rows.begin * edge, needed.rows.end * edge}, w.rows)};
+            }
+            if (!w.empty()) windows.push_back(w);
+            b = b_end;
+        }
+        a = a_end;
+    }
+    return windows;
+}
+
+/// File blocks so high that each window decodes one anew unless it is still there: one reader only.
+bool one_by_one(const RasterFacts& f) { return std::min(f.block_rows, f.block_columns) > 1024; }
+
+std::size_t tokens_of(const RasterFacts& f, const PassParams& params) {
+    return one_by_one(f) ? 1 : static_cast<std::size_t>(std::max(1, params.threads)) + (params.threads > 1 ? 1 : 0);
+}
+
+std::int64_t posts_a_window(const LayerPass& layer, const PassParams& params) {
+    const std::size_t tokens = tokens_of(layer.in.facts(), params);
+    return std::clamp<std::int64_t>(static_cast<std::int64_t>(params.memory_bytes / (tokens * bytes_a_post)),
+                                    layer.blocks.edge * layer.blocks.edge, most_window_posts);
+}
+
+struct Packed {
+    Window window;
+    struct Block {
+        std::int64_t column = 0, row = 0;
+        std::vector<std::byte> bytes;
+    };
+    std::vector<Block> blocks;
+    std::unique_ptr<Survey::Part> seen;
+};
+
+std::shared_ptr<Packed> read_and_pack(const LayerPass& layer, const Window& window) {
+    auto out = std::make_shared<Packed>();
+    out->window = window;
+    const RasterFacts& f = layer.in.facts();
+    const PackScale scale{f.scale, f.offset, f.unit_m};
+    const auto posts = static_cast<std::size_t>(window.posts());
+    std::vector<float> heights, culture;
+    std::vector<std::int32_t> codes;
+    if (layer.codes) {
+        codes.resize(posts);
+        layer.in.read_codes(window, codes.data());
+    } else {
+        heights.resize(posts);
+        layer.in.read_heights(window, heights.data(), window.columns.size());
+    }
+    if (layer.survey) {
+        if (layer.culture) layer.culture(window, culture);
+        out->seen = layer.survey->look(window, heights.data(), culture.empty() ? nullptr : culture.data());
+        culture = {};
+    }
+    const std::int64_t edge = layer.blocks.edge, stride = window.columns.size();
+    const Window blocks = in_blocks(window, edge);
+    for (std::int64_t r = blocks.rows.begin; r < blocks.rows.end; ++r)
+        for (std::int64_t c = blocks.columns.begin; c < blocks.columns.end; ++c) {
+            if (!layer.blocks.contains(c, r)) continue;
+            const Window block{intersection({c * edge, (c + 1) * edge}, window.columns),
+                               intersection({r * edge, (r + 1) * edge}, window.rows)};
+            const std::int64_t at =
+                (block.rows.begin - window.rows.begin) * stride + block.columns.begin - window.columns.begin;
+            Packed::Block& packed = out->blocks.emplace_back();
+            packed.column = c;
+            packed.row = r;
+            if (layer.codes)
+                pack_codes(codes.data() + at, stride, block.columns.size(), block.rows.size(), packed.bytes);
+            else
+                pack_heights(heights.data() + at, stride, block.columns.size(), block.rows.size(), scale, packed.bytes);
+        }
+    return out;
+}
+
+}  // namespace
+
+std::uint64_t posts_of_pass(const LayerPass& layer, const PassParams& params) {
+    std::uint64_t posts = 0;
+    for (const Window& w : windows_of(layer, posts_a_window(layer, params)))
+        posts += static_cast<std::uint64_t>(w.posts());
+    return posts;
+}
+
+std::uint64_t run_pass(const LayerPass& layer, const PassParams& params) {
+    const std::vector<Window> windows = windows_of(layer, posts_a_window(layer, params));
+    std::size_t next = 0;
+    std::uint64_t posts = 0;
+    const auto give = [&](tbb::flow_control& control) -> Window {
+        if (params.stop) params.stop->check();
+        if (next >= windows.size()) {
+            control.stop();
+            return {};
+        }
+        return windows[next++];
+    };
+    const auto take = [&](const std::shared_ptr<Packed>& packed) {
+        for (const Packed::Block& b : packed->blocks) {
+            const WedgeBuckets::Place place = layer.place(layer.spill.layer(layer.layer).posts(b.column, b.row));
+            layer.spill.put(layer.layer, b.column, b.row, place.bucket, place.distance, b.bytes);
+        }
+        if (packed->seen) layer.survey->add(*packed->seen);
+        const auto n = static_cast<std::uint64_t>(packed->window.posts());
+        posts += n;
+        if (params.progress) params.progress(n);
+    };
+    tbb::task_arena arena(std::max(1, params.threads));
+    arena.execute([&] {
+        tbb::parallel_pipeline(
+            tokens_of(layer.in.facts(), params),
+            tbb::make_filter<void, Window>(tbb::filter_mode::serial_in_order, give) &
+                tbb::make_filter<Window, std::shared_ptr<Packed>>(
+                    tbb::filter_mode::parallel, [&](const Window& w) { return read_and_pack(layer, w); }) &
+                tbb::make_filter<std::shared_ptr<Packed>, void>(tbb::filter_mode::serial_in_order, take));
+    });
+    return posts * static_cast<std::uint64_t>(layer.in.facts().type_bytes);
+}
+
+// ---------------------------------------------------------------- reading back
+
+SpilledLayer::SpilledLayer(const RasterFacts& facts, std::shared_ptr<Spill> spill, std::size_t layer)
+    : scale_{facts.scale, facts.offset, facts.unit_m}, spill_(std::move(spill)), layer_(layer) {
+    facts_ = facts;
+    facts_.block_columns = facts_.block_rows = spill_->layer(layer).edge;
+    prepare();
+}
+
+void SpilledLayer::read_values(const Window&, void*, GDALDataType, std::int64_t) {
+    throw std::logic_error("SpilledLayer::read_values: a spill does not hold values as stored");
+}
+
+bool SpilledLayer::holds(std::int64_t column, std::int64_t row) const {
+    const std::int64_t edge = spill_->layer(layer_).edge;
+    return spill_->holds(layer_, down(column, edge), down(row, edge));
+}
+
+template <class Value, class Unpack>
+void SpilledLayer::read(const Window& window, Value none, Value* out, std::int64_t stride, Unpack&& unpack) {
+    if (window.empty()) return;
+    static thread_local std::vector<std::byte> buffer;
+    const SpillLayer& layer = spill_->layer(layer_);
+    const Window blocks = in_blocks(window, layer.edge);
+    for (std::int64_t r = blocks.rows.begin; r < blocks.rows.end; ++r)
+        for (std::int64_t c = blocks.columns.begin; c < blocks.columns.end; ++c) {
+            const Window block = layer.posts(c, r);
+            const Window part{intersection(block.columns, window.columns), intersection(block.rows, window.rows)};
+            Value* to =
+                out + (part.rows.begin - window.rows.begin) * stride + part.columns.begin - window.columns.begin;
+            const std::span<const std::byte> bytes = spill_->get(layer_, c, r, buffer);
+            if (bytes.empty()) {
+                for (std::int64_t y = 0; y < part.rows.size(); ++y)
+                    std::fill_n(to + y * stride, part.columns.size(), none);
+                continue;
+            }
+            const Window inside{{part.columns.begin - block.columns.begin, part.columns.end - block.columns.begin},
+                                {part.rows.begin - block.rows.begin, part.rows.end - block.rows.begin}};
+            if (!unpack(bytes, block, inside, to))
+                throw DataError(text("the spill of ", facts_.named(), ": block at column ", block.columns.begin,
+                                     ", row ", block.rows.begin, " is no block of its size"));
+        }
+}
+
+void SpilledLayer::read_heights(const Window& window, float* out, std::int64_t stride) {
+    read(window, std::numeric_limits<float>::quiet_NaN(), out, stride,
+         [&](std::span<const std::byte> bytes, const Window& block, const Window& inside, float* to) {
+             return unpack_heights(bytes, block.columns.size(), block.rows.size(), scale_, inside, to, stride);
+         });
+}
+
+void SpilledLayer::read_codes(const Window& window, std::int32_t* out) {
+    const std::int64_t stride = window.columns.size();
+    read(window, void_code, out, stride,
+         [&](std::span<const std::byte> bytes, const Window& block, const Window& inside, std::int32_t* to) {
+             return unpack_codes(bytes, block.columns.size(), block.rows.size(), inside, to, stride);
+         });
+}
+
+}  // namespace wedgescope
