@@ -2,6 +2,9 @@
 
 #include <cmath>
 
+#include "lib/stopwatch.hpp"
+#include "lib/ticks.hpp"
+
 namespace wedgescope {
 namespace {
 
@@ -47,7 +50,12 @@ const CultureCells& Culture::find(std::int64_t cell_column, std::int64_t cell_ro
     const Window window = cells_of_tile(db_, column, row);
     if (tile.window != window) {
         if (!inside) bytes_ -= tile.bytes();
+        const Stopwatch watch;
+        const std::uint64_t clock = ticks();
         tile = source_->load_classes(window);
+        cost_.cpu_s += watch.cpu_s();
+        cost_.wait_s += watch.wait_s();
+        cost_.ticks += ticks() - clock;
         bytes_read_ += tile.bytes_read;
         bytes_ += tile.bytes();
     }

@@ -42,6 +42,12 @@ public:
     }
 
     std::uint64_t bytes_read() const { return bytes_read_; }
+    /// What reading took so far.
+    struct Cost {
+        double cpu_s = 0, wait_s = 0;  ///< wait: wall less CPU seconds
+        std::uint64_t ticks = 0;
+    };
+    const Cost& cost() const { return cost_; }
     std::size_t bytes() const { return bytes_; }
 
 private:
@@ -62,6 +68,7 @@ private:
     CultureCells beyond_;  ///< one tile that lies outside of `tiles_`
     const CultureCells* last_ = nullptr;
     std::uint64_t bytes_read_ = 0;
+    Cost cost_;
     std::size_t bytes_ = 0;
 };
 

@@ -3,13 +3,14 @@
 #include <tbb/flow_graph.h>
 #include <tbb/global_control.h>
 #include <tbb/task_arena.h>
-#include <time.h>
 
 #include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <limits>
 #include <memory>
+#include <mutex>
+#include <span>
 
 #include "lib/error.hpp"
 #include "lib/fluctuation.hpp"
@@ -19,6 +20,7 @@
 #include "lib/receiver.hpp"
 #include "lib/rounding.hpp"
 #include "lib/spoke_map.hpp"
+#include "lib/stopwatch.hpp"
 
 namespace wedgescope {
 namespace {
@@ -26,12 +28,6 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
-
-double thread_cpu_s() {
-    timespec t{};
-    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
-    return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
-}
 
 double most_gamma(const std::vector<ClassGamma>& gamma) {
     double most = 0;
@@ -111,17 +107,20 @@ struct WedgeTask {
     MemoryBudget::Token token;
     std::optional<std::int32_t> unknown_code;
     WedgeReport report;
+    WedgeKey key;  // in the archive, if there is one
     Clock::time_point entered;
 };
 using Task = std::shared_ptr<WedgeTask>;
 
 class Wedges {
 public:
-    Wedges(const Setting& setting, WedgeSource& source, const Plan& plan, const EngineParams& params, RunResult& result)
-        : setting_(setting), source_(source), plan_(plan), params_(params), result_(result),
-          budget_(params.memory_bytes) {}
+    Wedges(const Setting& setting, WedgeSource& source, const Plan& plan, const EngineParams& params, int threads,
+           RunResult& result)
+        : setting_(setting), source_(source), plan_(plan), params_(params), threads_(static_cast<std::size_t>(threads)),
+          result_(result), budget_(params.memory_bytes),
+          wanted_(params.only_wedges.value_or(Interval{0, static_cast<std::int64_t>(plan.wedges.size())})) {}
 
-    void sweep_all(int threads);
+    void sweep_all();
 
 private:
     Task enter(std::size_t index);
@@ -130,16 +129,31 @@ private:
     void merge(WedgeTask& task);
     /// The wedge holds so much from now on.
     void hold(WedgeTask& task, std::size_t bytes);
+    bool find(WedgeTask& task);
+    void keep(WedgeTask& task);
+    void leave(WedgeTask& task);
+    double memory_wait_s(Clock::time_point entered);
+    void note_memory() const {
+        if (params_.timeline) params_.timeline->memory(plan_.fixed_bytes + budget_.held());
+    }
+    std::span<float> echo_rows(const WedgeTask& task);
+    std::span<std::uint8_t> state_rows(const WedgeTask& task);
 
     const Setting& setting_;
     WedgeSource& source_;
     const Plan& plan_;
     const EngineParams& params_;
+    std::size_t threads_;
     RunResult& result_;
     MemoryBudget budget_;
+    Interval wanted_;  // wedges to do
     std::optional<std::int32_t> unknown_code_;
     std::size_t merged_ = 0;
     std::atomic<std::size_t> held_{0}, most_held_{0};
+    std::mutex door_mutex_;
+    Clock::time_point opened_;
+    std::size_t entered_ = 0;
+    std::vector<Clock::time_point> left_;
 };
 
 void Wedges::hold(WedgeTask& task, std::size_t bytes) {
@@ -151,14 +165,19 @@ void Wedges::hold(WedgeTask& task, std::size_t bytes) {
 }
 
 Task Wedges::enter(std::size_t index) {
+    const Span span(params_.timeline, "enter", "wedge", static_cast<std::int64_t>(index));
     auto task = std::make_shared<WedgeTask>();
     task->entered = Clock::now();
+    const double memory_wait = memory_wait_s(task->entered);
     // The limiter lets no more wedges in than the plan grants memory for: this never waits.
     task->token = budget_.take(plan_.wedge_bytes);
     task->wedge = setting_.grid.wedge(static_cast<std::int64_t>(index), plan_.wedges[index]);
-    task->cells = std::make_unique<WedgeCells>(static_cast<std::size_t>(plan_.wedges[index].size()), setting_.cells);
     task->report.index = static_cast<std::int64_t>(index);
     task->report.azimuth_bins = plan_.wedges[index];
+    note_memory();
+    if (params_.archive && find(*task)) return task;
+    task->report.memory_wait_s = memory_wait;
+    task->cells = std::make_unique<WedgeCells>(static_cast<std::size_t>(plan_.wedges[index].size()), setting_.cells);
     return task;
 }
 
@@ -175,9 +194,70 @@ void count_skipped(const ChunkRequest& request, WedgeReport& report) {
         }
 }
 
-void Wedges::load(WedgeTask& task) {
+/// With more memory a wedge would enter as soon as fewer are in than there are threads.
+double Wedges::memory_wait_s(Clock::time_point entered) {
+    const std::lock_guard lock(door_mutex_);
+    const std::size_t order = entered_++;
+    if (static_cast<std::size_t>(plan_.in_flight) >= threads_) return 0;
+    const Clock::time_point free = order < threads_ ? opened_ : left_.at(order - threads_);
+    return std::max(0.0, std::chrono::duration<double>(entered - free).count());
+}
+
+void Wedges::leave(WedgeTask& task) {
+    task.token = {};
+    note_memory();
+    const std::lock_guard lock(door_mutex_);
+    left_.push_back(Clock::now());
+}
+
+std::span<float> Wedges::echo_rows(const WedgeTask& task) {
+    PolarImage<float>& image = result_.echo_w;
+    const Interval bins = task.report.azimuth_bins;
+    return {image.row(static_cast<std::size_t>(bins.begin - image.grid.azimuth_bins.begin)),
+            static_cast<std::size_t>(bins.size()) * image.grid.range_count()};
+}
+
+std::span<std::uint8_t> Wedges::state_rows(const WedgeTask& task) {
+    PolarImage<std::uint8_t>& image = result_.echo_state;
+    const Interval bins = task.report.azimuth_bins;
+    return {image.row(static_cast<std::size_t>(bins.begin - image.grid.azimuth_bins.begin)),
+            static_cast<std::size_t>(bins.size()) * image.grid.range_count()};
+}
+
+/// True if the archive has the wedge; it is then through but for the merge.
+bool Wedges::find(WedgeTask& task) {
     if (params_.stop) params_.stop->check();
-    const double start = thread_cpu_s();
+    const ResolvedScene& scene = setting_.scene;
+    const std::vector<Window> posts = hull(setting_.grid, task.wedge, scene.nadir_patch.window);
+    // Taken before anything is read: should the data change under the run, what is kept does not fit it any more.
+    task.key = {task.report.index, task.report.azimuth_bins, scene.swept.range_bins, source_.fingerprint(posts)};
+    const auto kept = params_.archive->find(task.key, echo_rows(task), state_rows(task));
+    if (!kept) return false;
+    task.unknown_code = kept->unknown_code;
+    task.report = kept->report;
+    task.report.index = task.key.index;
+    task.report.azimuth_bins = task.key.azimuth_bins;
+    task.report.reused = true;
+    task.run = task.wedge.runs.size();
+    return true;
+}
+
+/// Its rows of the images are final, so this may take its time while others are swept and merged.
+void Wedges::keep(WedgeTask& task) {
+    if (!params_.archive || task.report.reused) return;
+    Span span(params_.timeline, "keep", "disk", task.key.index);
+    const Stopwatch watch;
+    span.add_bytes(echo_rows(task).size_bytes() + state_rows(task).size_bytes());
+    params_.archive->keep(task.key, {task.unknown_code, task.report}, echo_rows(task), state_rows(task));
+    const std::lock_guard lock(door_mutex_);
+    result_.report.keep_s += watch.wall_s();
+}
+
+void Wedges::load(WedgeTask& task) {
+    if (task.report.reused) return;
+    if (params_.stop) params_.stop->check();
+    Span span(params_.timeline, "load", "disk", task.report.index);
+    const Stopwatch watch;
     task.has_chunk = false;
     while (task.run < task.wedge.runs.size()) {
         const SpokeRun& run = task.wedge.runs[task.run];
@@ -192,17 +272,22 @@ void Wedges::load(WedgeTask& task) {
             task.has_chunk = true;
             task.report.posts_read += task.chunk.posts_read;
             task.report.bytes_read += task.chunk.bytes_read;
+            task.report.bytes_spilled += task.chunk.bytes_spilled;
+            span.add_bytes(task.chunk.bytes_read);
             ++task.report.chunks;
         }
         break;
     }
-    task.report.load_s += thread_cpu_s() - start;
+    task.report.load_s += watch.cpu_s();
+    task.report.disk_wait_s += watch.wait_s();
+    note_memory();
 }
 
 bool Wedges::sweep(WedgeTask& task) {
     if (task.run >= task.wedge.runs.size()) return false;
     if (params_.stop) params_.stop->check();
-    const double start = thread_cpu_s();
+    const Span span(params_.timeline, "sweep", "cpu", task.report.index);
+    const Stopwatch watch;
     Front& front = *task.front;
     if (!front.finished()) front.advance(task.lines, task.has_chunk ? &task.chunk : nullptr, params_.cull);
     const std::size_t held = task.cells->bytes() + task.chunk.bytes() + task.beside_bytes + front.bytes();
@@ -214,6 +299,9 @@ bool Wedges::sweep(WedgeTask& task) {
         task.report.samples += cost.samples;
         task.report.visible_pieces += cost.pieces;
         task.report.bytes_read += front.culture_bytes_read();
+        task.report.load_s += front.culture_cost().cpu_s;
+        task.report.wall_s -= front.culture_cost().cpu_s;
+        task.report.disk_wait_s += front.culture_cost().wait_s;
         if (front.unknown_code() && (!task.unknown_code || *front.unknown_code() < *task.unknown_code))
             task.unknown_code = front.unknown_code();
         // The front counts ticks; CPU seconds of the node are shared out by them below.
@@ -225,15 +313,16 @@ bool Wedges::sweep(WedgeTask& task) {
         ++task.run;
     }
     task.chunk = Chunk{};
-    task.report.wall_s += thread_cpu_s() - start;  // CPU of this node, until merge() puts wall time here
+    task.report.wall_s += watch.cpu_s();  // CPU of this node, until merge() puts wall time here
     return task.run < task.wedge.runs.size();
 }
 
 void Wedges::merge(WedgeTask& task) {
-    const auto start = Clock::now();
+    const Span span(params_.timeline, "merge", "cpu", task.report.index);
+    const Stopwatch watch;
     const PolarGrid& swept = setting_.scene.swept;
     const auto first = static_cast<std::size_t>(task.report.azimuth_bins.begin - swept.azimuth_bins.begin);
-    for (std::size_t row = 0; row < task.cells->rows(); ++row) {
+    for (std::size_t row = 0; task.cells && row < task.cells->rows(); ++row) {
         float* echo = result_.echo_w.row(first + row);
         std::uint8_t* state = result_.echo_state.row(first + row);
         for (std::size_t j = 0; j < task.cells->columns(); ++j) {
@@ -244,29 +333,36 @@ void Wedges::merge(WedgeTask& task) {
     if (task.unknown_code && (!unknown_code_ || *task.unknown_code < *unknown_code_)) unknown_code_ = task.unknown_code;
     WedgeReport& r = task.report;
     const double ticks = r.sample_s + r.sweep_s + r.shade_s + r.deposit_s;
-    if (ticks > 0)
+    if (ticks > 0 && !r.reused)
         for (double* part : {&r.sample_s, &r.sweep_s, &r.shade_s, &r.deposit_s}) *part *= r.wall_s / ticks;
-    r.wall_s = seconds_since(task.entered);
+    if (!r.reused) {
+        std::uint64_t skipped = 0;
+        for (const std::uint64_t posts : r.posts_skipped) skipped += posts;
+        r.bytes_skipped = skipped * static_cast<std::uint64_t>(setting_.data_base.post_bytes);
+        r.merge_s = watch.cpu_s();
+        r.wall_s = seconds_since(task.entered);
+    }
     result_.report.wedges.push_back(r);
     task.cells.reset();
     hold(task, 0);
-    task.token = {};
     result_.report.peak_budget_bytes = std::max(result_.report.peak_budget_bytes, plan_.fixed_bytes + budget_.peak());
     result_.report.peak_held_bytes = plan_.fixed_bytes + most_held_.load();
     ++merged_;
-    if (params_.progress) params_.progress(static_cast<double>(merged_) / static_cast<double>(plan_.wedges.size()));
-    result_.report.merge_s += seconds_since(start);
+    if (params_.progress) params_.progress(static_cast<double>(merged_) / static_cast<double>(wanted_.size()));
+    result_.report.merge_s += watch.wall_s();
 }
 
-void Wedges::sweep_all(int threads) {
+void Wedges::sweep_all() {
     namespace flow = tbb::flow;
-    tbb::task_arena arena(threads);
+    const Span span(params_.timeline, "wedges", "stage");
+    opened_ = Clock::now();
+    tbb::task_arena arena(static_cast<int>(threads_));
     arena.execute([&] {
         flow::graph graph;
-        std::size_t next = 0;
+        auto next = static_cast<std::size_t>(wanted_.begin);
         flow::input_node<std::size_t> wedges(graph, [&](tbb::flow_control& control) -> std::size_t {
             // The node may ask again after it was told to stop.
-            if (next >= plan_.wedges.size()) {
+            if (next >= static_cast<std::size_t>(wanted_.end)) {
                 control.stop();
                 return 0;
             }
@@ -286,8 +382,13 @@ void Wedges::sweep_all(int threads) {
             else
                 std::get<1>(out).try_put(task);
         });
-        flow::function_node<Task, flow::continue_msg> merger(graph, flow::serial, [&](const Task& task) {
+        flow::function_node<Task, Task> merger(graph, flow::serial, [&](const Task& task) {
             merge(*task);
+            return task;
+        });
+        flow::function_node<Task, flow::continue_msg> keeper(graph, flow::unlimited, [&](const Task& task) {
+            keep(*task);
+            leave(*task);
             return flow::continue_msg();
         });
         flow::make_edge(wedges, limiter);
@@ -296,7 +397,8 @@ void Wedges::sweep_all(int threads) {
         flow::make_edge(loader, sweeper);
         flow::make_edge(flow::output_port<0>(sweeper), loader);
         flow::make_edge(flow::output_port<1>(sweeper), merger);
-        flow::make_edge(merger, limiter.decrementer());
+        flow::make_edge(merger, keeper);
+        flow::make_edge(keeper, limiter.decrementer());
         wedges.activate();
         graph.wait_for_all();
     });
@@ -321,6 +423,12 @@ PolarImage<std::uint8_t> shown_states(const ResolvedScene& s, const PolarImage<s
     return out;
 }
 
+void check_only(const std::optional<Interval>& only, std::size_t wedges) {
+    if (!only || (!only->empty() && only->begin >= 0 && only->end <= static_cast<std::int64_t>(wedges))) return;
+    throw InputError(text("only-wedge is ", only->begin, "-", only->end - 1, "; this run has ", wedges,
+                          wedges == 1 ? " wedge, 0" : text(" wedges, 0 to ", wedges - 1)));
+}
+
 }  // namespace
 
 namespace {
@@ -342,36 +450,53 @@ RunResult run(const ResolvedScene& scene, WedgeSource& source, const EngineParam
     result.scene = scene;
     result.report.threads = threads;
 
+    Span survey(params.timeline, "survey", "stage");
     auto start = Clock::now();
     const Setting setting(scene, source);
-    const Plan wedges = plan(scene, source, setting.grid, params, threads);
+    Plan wedges = plan(scene, source, setting.grid, params, threads);
+    check_only(params.only_wedges, wedges.wedges.size());
+    if (params.archive && params.archive->record_split(wedges.wedges) != wedges.wedges) {
+        wedges = plan(scene, source, setting.grid, params, threads);  // another process was first
+        check_only(params.only_wedges, wedges.wedges.size());
+    }
+    const std::uint64_t data = source.fingerprint({});
     result.report.survey_s = seconds_since(start);
     const WedgeForecast planned = wedges.total();
     result.report.planned = {wedges.wedges.size(), planned.chunks, planned.posts, planned.bytes, planned.peak_bytes};
+    survey.end();
 
     result.echo_w = PolarImage<float>(scene.swept);
     result.echo_state = PolarImage<std::uint8_t>(scene.swept);
-    Wedges(setting, source, wedges, params, result).sweep_all(threads);
+    Wedges(setting, source, wedges, params, threads, result).sweep_all();
     result.report.skipped = source.skipped();
     result.report.source = source.report();
+    if (source.fingerprint({}) != data)
+        throw DataError(text("the data base '", source.data_base().name, "' changed while it was read"));
+    if (params.only_wedges) return result;
 
     tbb::task_arena arena(threads);
     arena.execute([&] {
         result.state = shown_states(scene, result.echo_state);
         for (const std::uint8_t s : result.state.cells) ++result.report.states[s];
 
+        if (params.timeline) params.timeline->memory(wedges.fixed_bytes);
+        Span stage(params.timeline, "beam", "stage");
         start = Clock::now();
         const BeamSetting beam = beam_setting(scene);
         result.power_w = power_image(result.echo_w, scene.shown, beam);
         result.report.beam_s = seconds_since(start);
+        stage.end();
 
+        Span receive(params.timeline, "receiver", "stage");
         start = Clock::now();
         const ReceiverParams& receiver = scene.scene.receiver;
         const FluctuationSetting fluctuation{receiver.speckle_looks, receiver.noise, scene.noise_power_w,
                                              receiver.seed};
         const PolarImage<float> received = received_power(result.echo_w, result.power_w, beam, fluctuation);
         result.report.receiver_s = seconds_since(start);
+        receive.end();
 
+        const Span draw(params.timeline, "display", "stage");
         start = Clock::now();
         result.scope = picture(received, result.state, display_setting(scene), Receiver(receiver, scene.scene.radar));
         result.report.display_s = seconds_since(start);

@@ -10,6 +10,8 @@
 #include "lib/report.hpp"
 #include "lib/scene.hpp"
 #include "lib/stop.hpp"
+#include "lib/timeline.hpp"
+#include "lib/wedge_archive.hpp"
 #include "lib/wedge_source.hpp"
 
 namespace wedgescope {
@@ -45,6 +47,9 @@ struct EngineParams {
     std::size_t memory_bytes = std::size_t{1} << 30;
     bool cull = true;  ///< leave out what is known to stay hidden; never changes a bit of the result
     Stop* stop = nullptr;
+    WedgeArchive* archive = nullptr;  ///< keeps finished wedges and gives back those of an earlier run
+    Timeline* timeline = nullptr;
+    std::optional<Interval> only_wedges;   ///< these alone, into the archive: no power, states or scope come out
     std::function<void(double)> progress;  ///< called with 0..1 from one thread at a time
 };
 
@@ -66,7 +71,7 @@ struct Plan;
 Plan plan(const ResolvedScene& scene, WedgeSource& source, const EngineParams& params);
 
 /// The same bits for any number of wedges and threads and any budget. InputError if the budget is too small, saying
-/// the smallest that would do; before any sweep.
+/// the smallest that would do; before any sweep. DataError if the data base changed while it was read.
 RunResult run(const ResolvedScene& scene, WedgeSource& source, const EngineParams& params);
 
 }  // namespace wedgescope

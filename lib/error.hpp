@@ -36,7 +36,9 @@ public:
 /// SIGINT or SIGTERM: exit code 128 + signal.
 class Interrupted : public Error {
 public:
-    explicit Interrupted(int signal) : Error(fmt::format("stopped by signal {}", signal)), signal_(signal) {}
+    /// `more`: what follows on the line.
+    explicit Interrupted(int signal, const std::string& more = "")
+        : Error(fmt::format("stopped by signal {}{}", signal, more)), signal_(signal) {}
     int signal() const { return signal_; }
 
 private:

@@ -595,7 +595,7 @@ void Front::take(const Between& between, std::size_t begin, std::size_t end, boo
                         {sine0_.data() + at, now_.lanes(at), next.lanes(at), bump_.data() + at, power_.data() + at,
                          inverse_width_.data() + at, bow_.data() + at},
                         *scene_->pattern, scene_->constant);
-    const std::uint64_t shaded = ticks();
+    const std::uint64_t shaded = ticks(), read = culture_.cost().ticks;
     for (std::size_t at = 0; at < n; at += block) {
         const Rises& found = rises[at / block];
         const std::size_t m = std::min(block, n - at), lane = begin + at;
@@ -617,7 +617,7 @@ void Front::take(const Between& between, std::size_t begin, std::size_t end, boo
     cost_.sample += sampled - clock;
     cost_.sweep += swept - sampled;
     cost_.shade += shaded - swept;
-    cost_.deposit += ticks() - shaded;
+    cost_.deposit += ticks() - shaded - (culture_.cost().ticks - read);
     std::swap(now_, next);
 }
 

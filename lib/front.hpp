@@ -75,6 +75,8 @@ public:
 
     const SweepCost& cost() const { return cost_; }
     std::uint64_t culture_bytes_read() const { return culture_.bytes_read(); }
+    /// Of reading culture, on the way from shade to deposit; no part of cost().
+    const Culture::Cost& culture_cost() const { return culture_.cost(); }
     std::size_t bytes() const;
     static std::size_t bytes_of(std::size_t lanes);  ///< without culture
     /// Least culture code that no legend entry names, on seen ground.

@@ -205,13 +205,17 @@ Plan plan(const ResolvedScene& scene, WedgeSource& source, const SpokeGrid& grid
     const std::int64_t bins = scene.swept.azimuth_bins.size();
     std::int64_t count = std::clamp<std::int64_t>(std::max<std::int64_t>(params.wedges, 1), 1, bins);
     if (params.wedges == 0) count = std::min<std::int64_t>(bins, threads > 1 ? 8 * threads : 4);
+    // A split that stands is kept: its wedges may be done already.
+    const std::vector<Interval> recorded = params.archive ? params.archive->recorded_split() : std::vector<Interval>{};
+    if (!recorded.empty()) count = static_cast<std::int64_t>(recorded.size());
     const auto split = [&](std::int64_t n, bool guess) {
         p.wedges.clear();
         p.forecast.clear();
         const Walk walk(scene, source, grid, p.strip_lines, guess && params.cull);
         for (std::int64_t i = 0; i < n; ++i) {
-            p.wedges.push_back(
-                {scene.swept.azimuth_bins.begin + bins * i / n, scene.swept.azimuth_bins.begin + bins * (i + 1) / n});
+            const Interval even{scene.swept.azimuth_bins.begin + bins * i / n,
+                                scene.swept.azimuth_bins.begin + bins * (i + 1) / n};
+            p.wedges.push_back(recorded.empty() ? even : recorded[static_cast<std::size_t>(i)]);
             p.forecast.push_back(walk(grid.wedge(i, p.wedges.back())));
         }
         p.wedge_bytes = 0;
@@ -222,7 +226,7 @@ Plan plan(const ResolvedScene& scene, WedgeSource& source, const SpokeGrid& grid
     };
     p.in_flight = threads;
     split(count, false);
-    while (!fits(p.in_flight) && count < bins) {
+    while (recorded.empty() && !fits(p.in_flight) && count < bins) {
         count = std::min(bins, count * 2);
         split(count, false);
     }
@@ -236,8 +240,8 @@ Plan plan(const ResolvedScene& scene, WedgeSource& source, const SpokeGrid& grid
         const auto least =
             static_cast<std::size_t>(std::ceil(std::max(rest / (1 - std::min(share, 0.9)), rest + cache) / mebibyte));
         throw InputError(text("memory is ", params.memory_bytes / mebibyte, " MiB; this scene needs at least ", least,
-                              " MiB (", scene.swept.azimuth_bins.size(), " x ", scene.swept.range_bins.size(),
-                              " cells)"));
+                              " MiB (", scene.swept.azimuth_bins.size(), " x ", scene.swept.range_bins.size(), " cells",
+                              !recorded.empty() ? text(", in the ", count, " wedges of the work folder") : "", ")"));
     }
     if (look) split(count, true);
     return p;

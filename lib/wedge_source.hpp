@@ -44,6 +44,8 @@ struct DataBase {
     /// Tiles (or strips) of the terrain file: the unit it is read in.
     std::int64_t block_columns = 256, block_rows = 256;
 
+    std::int64_t post_bytes = 4;  ///< of one post, decoded, in all layers that load() reads
+
     std::string culture_name, legend_name;  ///< for messages
     bool has_culture = false;
     bool has_culture_height = false;
@@ -112,7 +114,8 @@ struct Chunk {
     std::vector<float> culture_height_m;
 
     std::uint64_t posts_read = 0;
-    std::uint64_t bytes_read = 0;  ///< decoded bytes of the windows read
+    std::uint64_t bytes_read = 0;     ///< decoded bytes of the windows read
+    std::uint64_t bytes_spilled = 0;  ///< of these, what came back from a spill on disk
 
     std::int64_t line_count() const { return lines_are_columns ? window.columns.size() : window.rows.size(); }
     std::int64_t minor_count() const { return lines_are_columns ? window.rows.size() : window.columns.size(); }
@@ -186,6 +189,13 @@ public:
     /// Over the whole raster (one pass the first time). For the default range.
     virtual Extremes extremes() = 0;
     virtual SourceReport report() const { return {}; }
+    /// A number that changes when what load() and load_classes() give for these posts may have changed, and is the same
+    /// in another process otherwise; none: for the whole data base. 0: it never changes. From several threads at once.
+    /// IoError.
+    virtual std::uint64_t fingerprint(const std::vector<Window>& posts) {
+        (void)posts;
+        return 0;
+    }
     /// Memory the source itself holds beside the chunks it hands out (caches).
     virtual std::size_t cache_bytes() const = 0;
 };

@@ -1,6 +1,9 @@
 // The run report: JSON by contract, and the table for the terminal.
 #include <catch2/catch.hpp>
 
+#include <fstream>
+#include <sstream>
+
 #include "tools/options.hpp"
 #include "tools/report_json.hpp"
 #include "tools/terminal.hpp"
@@ -28,6 +31,9 @@ RunResult drawn_run(std::size_t wedges) {
         w.posts_read = 1000 * (i + 1);
         w.bytes_read = 2000;
         w.samples = 7;
+        w.disk_wait_s = 0.125;
+        w.bytes_skipped = 3;
+        w.bytes_spilled = 4;
         w.peak_bytes = 100 * (i + 1);
         run.report.wedges.push_back(w);
     }
@@ -44,7 +50,7 @@ TEST_CASE("the report holds what the contract names", "[report]") {
         parse_arguments(command_simulate, {"--dem", "a.tif", "--latlon", "1,2", "--altitude-msl", "2km"});
     const auto out =
         report_json(settings, run, {{"dem", "a.tif", 42, "WGS 84"}, {"culture", "/vsicurl/x", std::nullopt, ""}}, 0.5,
-                    {2, 1.5, 0.25, 1 << 20});
+                    {2, 1.5, 0.25, 1 << 20, 3, 1000, 2000, {}, {}});
     CHECK(out["format"] == "wedgescope-report-1");
     CHECK(out["version"] == version());
     REQUIRE(out["wedges"].is_array());
@@ -68,6 +74,18 @@ TEST_CASE("the report holds what the contract names", "[report]") {
     CHECK(out["user_s"] == 1.5);
     CHECK(out["system_s"] == 0.25);
     CHECK(out["peak_rss_bytes"] == 1 << 20);
+    CHECK(out["io"]["read_bytes"] == 1000);
+    CHECK(out["io"]["written_bytes"] == 2000);
+    CHECK(out["io"]["disk_read_bytes"].is_null());
+    CHECK(out["io"]["major_faults"] == 3);
+    CHECK(out["wedges"][1]["cpu_s"]["merge"] == 0.0);
+    CHECK(out["wedges"][1]["disk_wait_s"] == 0.125);
+    CHECK(out["wedges"][1]["memory_wait_s"] == 0.0);
+    CHECK(out["wedges"][1]["bytes_skipped"] == 3);
+    CHECK(out["wedges"][1]["bytes_spilled"] == 4);
+    CHECK(out["total"]["disk_wait_s"] == 0.375);
+    CHECK(out["total"]["bytes_spilled"] == 12);
+    CHECK(out["wedges"][1]["reused"] == false);
     CHECK(out["threads"] == 2);
     // Defaults are numbers, with their units.
     CHECK(out["scene"]["frequency"] == "16.5GHz");
@@ -82,14 +100,44 @@ TEST_CASE("the report holds what the contract names", "[report]") {
 }
 
 TEST_CASE("the table has a row for each wedge, and for many one for the rest", "[report]") {
-    const auto lines = [](const std::string& page) { return std::count(page.begin(), page.end(), '\n'); };
-    const std::string few = report_table(drawn_run(3).report, 0.1, {});
-    const std::string many = report_table(drawn_run(1000).report, 0.1, {}, 40);
-    CHECK(lines(few) == 1 + 3 + 1 + 3);
-    CHECK(lines(many) == 1 + 40 + 1 + 3);
-    CHECK_THAT(many, Contains("961 wedges"));
-    CHECK_THAT(few, Contains("seen 20.0 %"));
-    CHECK(lines(report_table(RunReport{}, 0, {})) == 1 + 1 + 3);
+    const auto lines = [](const std::string& page) {
+        std::vector<std::string> all;
+        std::istringstream in(page);
+        for (std::string line; std::getline(in, line);) all.push_back(line);
+        return all;
+    };
+    const auto few = lines(report_table(drawn_run(3).report, 0.1, {}));
+    CHECK(few.size() == 2 + 3 + 1 + 4);
+    RunReport report = drawn_run(1000).report;
+    report.wedges[500].sweep_s = 9999;
+    report.wedges[400].sweep_s = 99;
+    report.wedges[7].reused = true;
+    const auto many = lines(report_table(report, 0.1, {}, 40));
+    CHECK(many.size() == 2 + 40 + 1 + 1 + 4);
+    // Columns stand under one another, and the dearest wedges come first.
+    for (const auto& page : {few, many})
+        for (std::size_t i = 0; i + 5 < page.size(); ++i) {
+            if (page[i].starts_with("reused")) continue;
+            INFO(page[i]);
+            CHECK(page[i].size() == page[0].size());
+            CHECK(page[i].size() <= 140);
+        }
+    CHECK_THAT(many[2], Contains("500") && Contains("5000..5009") && Contains(" 9999 "));
+    CHECK_THAT(many[3], Contains("400"));
+    CHECK_THAT(many[41], Contains("960 wedges"));
+    CHECK_THAT(many[43], Contains("reused 1 of 1000 wedges"));
+    CHECK_THAT(few[7], Contains("seen 20.0 %"));
+    CHECK(lines(report_table(RunReport{}, 0, {})).size() == 2 + 1 + 4);
+}
+
+TEST_CASE("what the process used is counted", "[report]") {
+    const Usage before = usage_since(now_s());
+    REQUIRE(before.written_bytes);
+    std::ofstream("/dev/null") << std::string(1 << 20, 'x');
+    const Usage after = usage_since(now_s());
+    CHECK(*after.written_bytes >= *before.written_bytes + (1 << 20));
+    CHECK(after.read_bytes);
+    CHECK(after.disk_read_bytes);
 }
 
 TEST_CASE("what the process used is positive and a kibibyte multiple", "[report]") {

@@ -59,7 +59,7 @@ if ((${#presets[@]})); then
 else
     run release
     run asan --exclude-regex '^reference_'  # one thread and no memory of its own: minutes, for nothing new
-    run tsan --tests-regex '^(beam|cli|engine|memory_budget|source)_test$'
+    run tsan --tests-regex '^(beam|cli|engine|memory_budget|resume|source|timeline)_test$'
 fi
 
 echo

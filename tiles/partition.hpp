@@ -131,12 +131,15 @@ std::uint64_t posts_of_pass(const LayerPass& layer, const PassParams& params);
 /// A layer read back from a spill: the same posts, where they were stored; void elsewhere.
 class SpilledLayer final : public RasterLayer {
 public:
-    SpilledLayer(const RasterFacts& facts, std::shared_ptr<Spill> spill, std::size_t layer);
+    /// `fingerprint`: of the whole raster that the spill was made of.
+    SpilledLayer(const RasterFacts& facts, std::uint64_t fingerprint, std::shared_ptr<Spill> spill, std::size_t layer);
 
     void read_heights(const Window& window, float* out, std::int64_t stride) override;
     void read_codes(const Window& window, std::int32_t* out) override;
     /// Blocks hold heights and codes, not what the file stored: an error of the caller's.
     void read_values(const Window& window, void* out, GDALDataType type, std::int64_t line_bytes) override;
+
+    std::uint64_t fingerprint(const std::vector<Window>&) override { return fingerprint_; }
 
     bool holds(std::int64_t column, std::int64_t row) const;  ///< the block of a post
 
@@ -144,6 +147,7 @@ private:
     template <class Value, class Unpack>
     void read(const Window& window, Value none, Value* out, std::int64_t stride, Unpack&& unpack);
 
+    std::uint64_t fingerprint_;
     PackScale scale_;
     std::shared_ptr<Spill> spill_;
     std::size_t layer_;

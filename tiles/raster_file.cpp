@@ -1,9 +1,14 @@
 #include "tiles/raster_file.hpp"
 
+#include <cpl_vsi.h>
+#include <sys/stat.h>
+
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 
 #include "lib/error.hpp"
+#include "tiles/checksum.hpp"
 
 namespace wedgescope {
 namespace {
@@ -114,6 +119,29 @@ RasterFacts inspect(GDALDataset& dataset, RasterFacts facts) {
 
 }  // namespace
 
+std::uint64_t RasterFile::fingerprint(const std::vector<Window>&) {
+    Checksum sum;
+    for (const std::string& path : files_) {
+        struct stat plain {};
+        VSIStatBufL other{};
+        if (::stat(path.c_str(), &plain) == 0) {
+            // The same file from any folder.
+            std::error_code error;
+            sum.add(std::filesystem::absolute(path, error).lexically_normal().string());
+            sum.add(static_cast<std::uint64_t>(plain.st_size));
+            sum.add(static_cast<std::uint64_t>(plain.st_mtim.tv_sec));
+            sum.add(static_cast<std::uint64_t>(plain.st_mtim.tv_nsec));
+        } else if (VSIStatExL(path.c_str(), &other, VSI_STAT_EXISTS_FLAG | VSI_STAT_SIZE_FLAG) == 0) {  // /vsizip/ ...
+            sum.add(path);
+            sum.add(static_cast<std::uint64_t>(other.st_size));
+            sum.add(static_cast<std::uint64_t>(other.st_mtime));
+        } else {
+            sum.add(path + " is gone");
+        }
+    }
+    return sum.value();
+}
+
 /// A reader for as long as it is needed.
 class RasterFile::Lease {
 public:
@@ -151,6 +179,10 @@ RasterFile::RasterFile(std::string role, std::string path) {
     facts_.path = std::move(path);
     DatasetHandle dataset = open(facts_);
     facts_ = inspect(*dataset, std::move(facts_));
+    if (char** files = dataset->GetFileList()) {
+        for (char** file = files; *file; ++file) files_.emplace_back(*file);
+        CSLDestroy(files);
+    }
 
     prepare();
     auto reader = std::make_unique<Reader>();

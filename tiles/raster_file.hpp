@@ -27,6 +27,9 @@ public:
 protected:
     bool read_mask(const Window& window, std::vector<std::uint8_t>& masks) override;
 
+    /// By paths, sizes and times of change of all files that GDAL reads it from, whatever the windows.
+    std::uint64_t fingerprint(const std::vector<Window>& cells) override;
+
 private:
     struct Reader {
         DatasetHandle dataset;
@@ -36,6 +39,7 @@ private:
 
     std::mutex mutex_;
     std::vector<std::unique_ptr<Reader>> free_;
+    std::vector<std::string> files_;  ///< itself, side files, a mosaic's parts
 };
 
 }  // namespace wedgescope

@@ -70,6 +70,9 @@ public:
     virtual void read_codes(const Window& window, std::int32_t* out);
     /// Values as stored, or converted as GDAL does; rows `line_bytes` apart. IoError.
     virtual void read_values(const Window& window, void* out, GDALDataType type, std::int64_t line_bytes) = 0;
+    /// A number that changes when the cells of these windows (inside the raster; none: all) may have changed, and is the
+    /// same in another process otherwise. May be called from several threads at once.
+    virtual std::uint64_t fingerprint(const std::vector<Window>& cells) = 0;
 
 protected:
     /// The mask of a window: 0 void. False if nothing there is.

@@ -20,6 +20,7 @@
 
 #include "lib/engine.hpp"
 #include "lib/error.hpp"
+#include "tiles/checksum.hpp"
 #include "tiles/gdal_session.hpp"
 #include "tiles/georeference.hpp"
 #include "tiles/needed_posts.hpp"
@@ -68,6 +69,20 @@ private:
     std::array<float, lanes> high_ = filled(-std::numeric_limits<float>::infinity());
 };
 
+/// Cells that may be read for these posts; all columns where a window leaves a raster that spans the circle.
+std::vector<Window> cells_under(const Axis& columns, const Axis& rows, const std::vector<Window>& posts) {
+    constexpr std::int64_t margin = 2;
+    const auto side = [](const Axis& axis, Interval part) {
+        const Interval all{0, axis.cells}, under = axis.under({part.begin - margin, part.end + margin});
+        return axis.circle > 0 && intersection(under, all) != under ? all : intersection(under, all);
+    };
+    std::vector<Window> cells;
+    for (const Window& window : posts)
+        if (const Window under{side(columns, window.columns), side(rows, window.rows)}; !under.empty())
+            cells.push_back(under);
+    return cells;
+}
+
 /// Chunks of whatever layers there are: rasters, a store's, or blocks that a partition put in their place.
 class RasterSource : public WedgeSource {
 public:
@@ -107,6 +122,7 @@ public:
                 text("culture-height-scale is ", params_.culture_height_scale, "; accepted: a number from 0 up"));
         height_ = std::make_unique<RegisteredLayer>(std::move(height), facts);
         data_base_.has_culture_height = true;
+        data_base_.post_bytes += height_->facts().type_bytes;
     }
 
     const DataBase& data_base() const override { return data_base_; }
@@ -195,6 +211,18 @@ public:
         const std::lock_guard lock(extremes_mutex_);
         if (!extremes_) extremes_ = find_extremes();
         return *extremes_;
+    }
+
+    std::uint64_t fingerprint(const std::vector<Window>& posts) override {
+        Checksum sum;
+        Axis columns, rows;
+        columns.cells = data_base_.columns;
+        columns.circle = static_cast<double>(data_base_.cycle_columns);
+        rows.cells = data_base_.rows;
+        sum.add(terrain_->fingerprint(cells_under(columns, rows, posts)));
+        for (auto* layer : {culture_.get(), height_.get()})
+            sum.add(layer ? layer->raster().fingerprint(cells_under(layer->columns(), layer->rows(), posts)) : 0);
+        return sum.value();
     }
 
     BlockMap* block_map() override { return map_.get(); }
@@ -634,9 +662,12 @@ private:
             if (options.progress) options.progress(static_cast<double>(done) / static_cast<double>(total));
         };
         std::vector<std::unique_ptr<RasterLayer>> rasters;  // until the end: a pass may still read from one
+        std::vector<std::uint64_t> fingerprints;            // before anything is read
+        for (const LayerPass& layer : passes) fingerprints.push_back(layer.in.fingerprint({}));
         for (const LayerPass& layer : passes) {
             pass_bytes_ += run_pass(layer, pass);
-            auto blocks = std::make_unique<SpilledLayer>(layer.in.facts(), spill_, layer.layer);
+            auto blocks = std::make_unique<SpilledLayer>(
+                layer.in.facts(), fingerprints[static_cast<std::size_t>(&layer - passes.data())], spill_, layer.layer);
             if (height_ && &layer.in == &height_->raster())
                 rasters.push_back(height_->replace(std::move(blocks)));
             else if (culture_ && &layer.in == &culture_->raster())
@@ -766,7 +797,8 @@ private:
             refuse(
                 fmt::format("was made for column {:.2f}, row {:.2f}; the sensor stands over column {:.2f}, row {:.2f}",
                             made_for.column, made_for.row, nadir.column, nadir.row));
-        const auto take = [&](const RasterFacts& f) {
+        const auto take = [&](RasterLayer& raster) {
+            const RasterFacts& f = raster.facts();
             std::size_t number = 0;
             while (number < spill_->layer_count() && spill_->layer(number).name != f.role) ++number;
             if (number == spill_->layer_count()) refuse(text("holds no ", f.role));
@@ -777,16 +809,16 @@ private:
                 if (line.starts_with(text("file ", f.role, ' '))) then += line + '\n';
             if (then != files(f) || layer.posts_columns != f.columns || layer.posts_rows != f.rows)
                 refuse(text("was made of another raster than ", f.named(), ", or before that was changed"));
-            return std::make_unique<SpilledLayer>(f, spill_, number);
+            return std::make_unique<SpilledLayer>(f, raster.fingerprint({}), spill_, number);
         };
         if (height_ && scale != params_.culture_height_scale)
             refuse(text("was made with culture-height-scale ", scale, ", not ", params_.culture_height_scale));
         const bool culture_then = made_of.find("file culture-height ") != std::string::npos;
         if (culture_then != static_cast<bool>(height_))
             refuse(culture_then ? "was made with a culture-height" : "holds no culture-height");
-        replace_terrain(take(terrain_->facts()));
-        if (height_) height_->replace(take(height_->facts()));
-        if (culture_) culture_->replace(take(culture_->facts()));
+        replace_terrain(take(*terrain_));
+        if (height_) height_->replace(take(height_->raster()));
+        if (culture_) culture_->replace(take(culture_->raster()));
         map_.reset();
         extremes_ = e;
         map_bytes_ = Survey::map_bytes(all_blocks(data_base_.columns, data_base_.rows, block_posts));

@@ -124,6 +124,24 @@ StoreLayer::StoreLayer(std::string folder, const StoreLayerEntry& entry, std::sh
     prepare();
 }
 
+std::uint64_t StoreLayer::fingerprint(const std::vector<Window>& cells) {
+    Checksum sum;
+    sum.add(static_cast<std::uint64_t>(facts_.columns));
+    sum.add(static_cast<std::uint64_t>(facts_.rows));
+    for (const auto& [place, sheet] : sheets_) {
+        const Window posts = entry_.posts(place.first, place.second);
+        const bool met = std::any_of(cells.begin(), cells.end(), [&](const Window& w) {
+            return !intersection(w.columns, posts.columns).empty() && !intersection(w.rows, posts.rows).empty();
+        });
+        if (!met && !cells.empty()) continue;
+        sum.add(static_cast<std::uint64_t>(place.first));
+        sum.add(static_cast<std::uint64_t>(place.second));
+        sum.add(sheet->bytes);
+        sum.add(sheet->sums_checksum);
+    }
+    return sum.value();
+}
+
 TileCache::Tile StoreLayer::tile(std::int64_t column, std::int64_t row) {
     const std::int64_t edge = facts_.block_columns, a_sheet = sheet_posts / edge;
     const std::int64_t across = (facts_.columns + edge - 1) / edge;

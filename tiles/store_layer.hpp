@@ -62,6 +62,9 @@ public:
     StoreLayer(std::string folder, const StoreLayerEntry& entry, std::shared_ptr<TileCache> cache);
     void read_values(const Window& window, void* out, GDALDataType type, std::int64_t line_bytes) override;
 
+    /// By the checksums of the sheets' sums, in the manifest: wherever the store lies, and not before another version.
+    std::uint64_t fingerprint(const std::vector<Window>& cells) override;
+
     static constexpr std::size_t most_idle = 16;
 
 private:

@@ -373,6 +373,32 @@ Codec seed() {
     return codec;
 }
 
+Codec only_wedge() {
+    Codec codec{"A-B", "", {}, {}};
+    codec.set = [](Settings& s, const Given& given) {
+        constexpr std::int64_t most = std::int64_t{1} << 20;
+        const std::string_view value = trimmed(given.value);
+        const auto dash = value.find('-', 1);
+        try {
+            const std::int64_t first = parse_count(given.origin, value.substr(0, dash), 0, most);
+            const std::int64_t last =
+                dash == std::string_view::npos ? first : parse_count(given.origin, value.substr(dash + 1), 0, most);
+            if (last >= first) {
+                s.only_wedges = Interval{first, last + 1};
+                return;
+            }
+        } catch (const InputError&) {
+        }
+        throw InputError(text(given.origin, " is ", in_quotes(given.value),
+                              "; it must be the numbers of the first and the last wedge, such as 0-3, or of one"));
+    };
+    codec.get = [](const Settings& s) -> std::optional<std::string> {
+        if (!s.only_wedges) return std::nullopt;
+        return text(s.only_wedges->begin, "-", s.only_wedges->end - 1);
+    };
+    return codec;
+}
+
 std::pair<std::string, std::string> key_and_value(const Given& given) {
     const auto equals = given.value.find('=');
     if (equals == std::string::npos || equals == 0) {
@@ -424,9 +450,10 @@ Codec word_of(std::string value, std::string Settings::*field) {
 
 class Table {
 public:
-    Table& group(KeyGroup g, bool changes_result) {
+    Table& group(KeyGroup g, bool changes_result, bool after_echo = false) {
         group_ = g;
         changes_result_ = changes_result;
+        after_echo_ = after_echo;
         return *this;
     }
     Key& add(const std::string& name, Codec codec, const std::string& fallback, const std::string& help) {
@@ -440,6 +467,7 @@ public:
         key.help = help;
         key.group = group_;
         key.changes_result = changes_result_;
+        key.after_echo = after_echo_;
         keys_.push_back(std::move(key));
         return keys_.back();
     }
@@ -448,7 +476,7 @@ public:
 private:
     std::vector<Key> keys_;
     KeyGroup group_ = KeyGroup::data_base;
-    bool changes_result_ = false;
+    bool changes_result_ = false, after_echo_ = false;
 };
 
 std::vector<Key> make_keys() {
@@ -457,7 +485,8 @@ std::vector<Key> make_keys() {
     Table t;
 
     t.group(KeyGroup::data_base, false);
-    t.add("dem", path([](auto& s) -> auto& { return s.dem; }), "", "terrain heights: any raster GDAL opens, or a tile store; needed");
+    t.add("dem", path([](auto& s) -> auto& { return s.dem; }), "",
+          "terrain heights: any raster GDAL opens, or a tile store; needed");
     t.add("culture", path([](auto& s) -> auto& { return s.culture; }), "",
           "raster of culture codes; needs culture-legend")
         .commands |= command_tile;
@@ -601,7 +630,7 @@ std::vector<Key> make_keys() {
               angle, between("-90deg", "90deg"), [](auto& s) -> auto& { return s.scene.radar.antenna.tilt; }),
           "0deg", "of the antenna, positive down; the nose is at knee + tilt");
 
-    t.group(KeyGroup::receiver, true);
+    t.group(KeyGroup::receiver, true, true);
     t.add("if-gain",
           quantity(
               decibel, between("-200dB", "300dB"), [](auto& s) -> auto& { return s.scene.receiver.if_gain; }),
@@ -640,6 +669,7 @@ std::vector<Key> make_keys() {
           "beam-width error: echoes as wide as the beam");
     t.add("ple", on_off([](auto& s) -> auto& { return s.scene.radar.pulse_length_error; }), "on",
           "pulse-length error: echoes as long as the pulse");
+    t.group(KeyGroup::errors, true, true);
     t.add("noise", on_off([](auto& s) -> auto& { return s.scene.receiver.noise; }), "off",
           "fluctuation of the thermal noise round its mean");
     t.add("speckle",
@@ -659,6 +689,7 @@ std::vector<Key> make_keys() {
           "gpi",
           "radius on the tube: ground range by the set's sweep, each echo's own ground range, slant range, slant range "
           "less a delay");
+    t.group(KeyGroup::display, true, true);
     t.add("sweep-delay",
           quantity(
               length, between("0m", "10000km"), [](auto& s) -> auto& { return s.scene.display.sweep_delay_m; }, "auto"),
@@ -699,11 +730,16 @@ std::vector<Key> make_keys() {
                           "256", "posts of a tile's side: 64, 128, 256, 512, 1024 or 2048");
         size.commands = command_tile;
         size.in_scene_file = false;
-        Key& resume = t.add("resume", flag([](auto& s) -> auto& { return s.resume; }), "off",
-                            "go on with FOLDER.part, what a run that was stopped has left");
-        resume.commands = command_tile;
-        resume.in_scene_file = false;
     }
+    t.add("work-dir", path([](auto& s) -> auto& { return s.work_dir; }), "",
+          "folder where finished wedges are kept, for resume; made if it is missing");
+    t.add("resume", flag([](auto& s) -> auto& { return s.resume; }), "off",
+          "go on with the run in work-dir, or begin it; wedges that are done are used again. tile: go on with "
+          "FOLDER.part, what a run that was stopped has left")
+        .commands |= command_tile;
+    t.add("only-wedge", only_wedge(), "",
+          "these wedges alone, counted from 0, into work-dir; several processes may fill one folder, and resume then "
+          "makes the picture");
 
     t.add("source",
           choice<SourceKind>(
@@ -726,6 +762,8 @@ std::vector<Key> make_keys() {
           "0 no data, 1 shadow, 2 seen, 3 unknown, 4 outside");
     t.add("report", path([](auto& s) -> auto& { return s.report; }), "",
           "JSON: inputs, parameters, what each wedge did, times, memory");
+    t.add("timeline", path([](auto& s) -> auto& { return s.timeline; }), "",
+          "Trace Event JSON: what each thread did when, and the memory in use; opens in Perfetto");
     t.add("power-unit",
           choice<PowerUnit>(
               {{"W", PowerUnit::watt}, {"dBm", PowerUnit::dbm}}, [](auto& s) -> auto& { return s.power_unit; }),
@@ -749,7 +787,9 @@ std::vector<Key> make_keys() {
         c.repeatable = true;
         c.commands |= command_info | command_tile;
     }
-    t.add("verbose", flag([](auto& s) -> auto& { return s.verbose; }), "off", "a table of what was done, on stderr");
+    t.add("profile", flag([](auto& s) -> auto& { return s.profile; }), "off",
+          "a table on stderr: CPU by stage, waits, posts, bytes and memory of each wedge");
+    t.add("verbose", flag([](auto& s) -> auto& { return s.verbose; }), "off", "the same table");
     {
         Key& q = t.add("quiet", flag([](auto& s) -> auto& { return s.quiet; }), "off", "no progress and no remarks");
         q.letter = 'q';

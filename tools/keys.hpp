@@ -41,6 +41,7 @@ struct Key {
     bool repeatable = false;
     bool in_scene_file = true;
     bool changes_result = false;                       ///< part of SCENE_JSON: position, look, set, receiver, display
+    bool after_echo = false;                           ///< changes_result, but never the echo: receiver, tube, noise
     std::function<void(Settings&, const Given&)> set;  ///< InputError
     std::function<std::optional<std::string>(const Settings&)>
         get;  ///< the value as a user would write it; none: not given

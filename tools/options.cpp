@@ -365,6 +365,11 @@ void check_complete(const Settings& settings) {
         throw InputError(text("culture-legend is ", in_quotes(settings.culture_legend),
                               " but there is no culture; the path of a culture raster is needed"));
     }
+    for (const char* key : {"resume", "only-wedge"}) {
+        const bool given = *key == 'r' ? settings.resume : settings.only_wedges.has_value();
+        if (given && settings.work_dir.empty())
+            throw InputError(text(key, " is given without work-dir; the folder that keeps the wedges is needed"));
+    }
     validate(settings.scene);
 }
 

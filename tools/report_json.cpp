@@ -17,11 +17,9 @@ struct Stage {
     const char* name;
     double WedgeReport::*seconds;
 };
-constexpr Stage stages[] = {{"load", &WedgeReport::load_s},
-                            {"sample", &WedgeReport::sample_s},
-                            {"sweep", &WedgeReport::sweep_s},
-                            {"shade", &WedgeReport::shade_s},
-                            {"deposit", &WedgeReport::deposit_s}};
+constexpr Stage stages[] = {{"load", &WedgeReport::load_s},       {"sample", &WedgeReport::sample_s},
+                            {"sweep", &WedgeReport::sweep_s},     {"shade", &WedgeReport::shade_s},
+                            {"deposit", &WedgeReport::deposit_s}, {"merge", &WedgeReport::merge_s}};
 
 double cpu_s(const WedgeReport& wedge) {
     double sum = 0;
@@ -29,13 +27,18 @@ double cpu_s(const WedgeReport& wedge) {
     return sum;
 }
 
-/// All wedges of a report as one; its peak is the largest one's.
+/// All wedges that a run did itself as one; its peak is the largest one's.
 template <class Iterator>
 WedgeReport sum(Iterator begin, Iterator end) {
     WedgeReport total;
     for (Iterator w = begin; w != end; ++w) {
+        if (w->reused) continue;
         for (const Stage& stage : stages) total.*stage.seconds += (*w).*stage.seconds;
         total.wall_s += w->wall_s;
+        total.memory_wait_s += w->memory_wait_s;
+        total.disk_wait_s += w->disk_wait_s;
+        total.bytes_spilled += w->bytes_spilled;
+        total.bytes_skipped += w->bytes_skipped;
         total.posts_read += w->posts_read;
         for (std::size_t cause = 0; cause < skip_count; ++cause) total.posts_skipped[cause] += w->posts_skipped[cause];
         total.bytes_read += w->bytes_read;
@@ -65,14 +68,40 @@ std::uint64_t peak_rss_bytes() {
     return static_cast<std::uint64_t>(usage.ru_maxrss) * 1024;
 }
 
+/// A blank and the number, as wide as a column; without decimals where they do not fit.
+std::string cell(double value, std::size_t width, int decimals) {
+    const std::string exact = fmt::format("{:.{}f}", value, decimals);
+    return fmt::format(" {:>{}}", exact.size() <= width ? exact : fmt::format("{:.0f}", value), width);
+}
+
 }  // namespace
+
+std::size_t reused_count(const RunReport& report) {
+    return static_cast<std::size_t>(
+        std::count_if(report.wedges.begin(), report.wedges.end(), [](const WedgeReport& w) { return w.reused; }));
+}
 
 double now_s() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
 
 Usage usage_since(double start_s) {
     rusage used{};
     getrusage(RUSAGE_SELF, &used);
-    return {now_s() - start_s, seconds(used.ru_utime), seconds(used.ru_stime), peak_rss_bytes()};
+    Usage usage;
+    usage.wall_s = now_s() - start_s;
+    usage.user_s = seconds(used.ru_utime);
+    usage.system_s = seconds(used.ru_stime);
+    usage.peak_rss_bytes = peak_rss_bytes();
+    usage.major_faults = static_cast<std::uint64_t>(used.ru_majflt);
+    std::ifstream io("/proc/self/io");
+    for (std::string name; io >> name;) {
+        std::uint64_t value = 0;
+        if (!(io >> value)) break;
+        if (name == "rchar:") usage.read_bytes = value;
+        if (name == "wchar:") usage.written_bytes = value;
+        if (name == "read_bytes:") usage.disk_read_bytes = value;
+        if (name == "write_bytes:") usage.disk_written_bytes = value;
+    }
+    return usage;
 }
 
 std::string crs_name(const std::string& wkt) {
@@ -107,12 +136,16 @@ nlohmann::ordered_json report_json(const Settings& settings, const RunResult& ru
         entry["cpu_s"] = cpu;
         entry["cpu_total_s"] = cpu_s(wedge);
         entry["wall_s"] = wedge.wall_s;
+        entry["memory_wait_s"] = wedge.memory_wait_s;
+        entry["disk_wait_s"] = wedge.disk_wait_s;
         entry["chunks"] = wedge.chunks;
         entry["posts_read"] = wedge.posts_read;
         entry["posts_skipped"] = json::object();
         for (std::size_t cause = 1; cause < skip_count; ++cause)
             entry["posts_skipped"][skip_names[cause]] = wedge.posts_skipped[cause];
         entry["bytes_read"] = wedge.bytes_read;
+        entry["bytes_spilled"] = wedge.bytes_spilled;
+        entry["bytes_skipped"] = wedge.bytes_skipped;
         entry["samples"] = wedge.samples;
         entry["visible_pieces"] = wedge.visible_pieces;
         entry["peak_bytes"] = wedge.peak_bytes;
@@ -123,6 +156,7 @@ nlohmann::ordered_json report_json(const Settings& settings, const RunResult& ru
         json entry{{"wedge", wedge.index},
                    {"azimuth_bin_begin", wedge.azimuth_bins.begin},
                    {"azimuth_bin_end", wedge.azimuth_bins.end}};
+        entry["reused"] = wedge.reused;
         entry.update(facts(wedge));
         out["wedges"].push_back(entry);
     }
@@ -150,13 +184,21 @@ nlohmann::ordered_json report_json(const Settings& settings, const RunResult& ru
                        {"posts", {{"planned", plan.posts}, {"actual", actual.posts_read}}},
                        {"bytes_read", {{"planned", plan.bytes}, {"actual", actual.bytes_read}}},
                        {"peak_bytes", {{"planned", plan.peak_bytes}, {"actual", report.peak_held_bytes}}}};
-    out["reused"] = 0;
+    out["reused"] = reused_count(report);
     out["levels"] = json::array();
-    out["stages_wall_s"] = json{{"survey", report.survey_s},     {"merge", report.merge_s},     {"beam", report.beam_s},
-                                {"receiver", report.receiver_s}, {"display", report.display_s}, {"write", write_s}};
+    out["stages_wall_s"] =
+        json{{"survey", report.survey_s}, {"merge", report.merge_s},       {"keep", report.keep_s},
+             {"beam", report.beam_s},     {"receiver", report.receiver_s}, {"display", report.display_s},
+             {"write", write_s}};
     out["wall_s"] = usage.wall_s;
     out["user_s"] = usage.user_s;
     out["system_s"] = usage.system_s;
+    const auto known = [](const std::optional<std::uint64_t>& v) { return v ? json(*v) : json(nullptr); };
+    out["io"] = json{{"read_bytes", known(usage.read_bytes)},
+                     {"written_bytes", known(usage.written_bytes)},
+                     {"disk_read_bytes", known(usage.disk_read_bytes)},
+                     {"disk_written_bytes", known(usage.disk_written_bytes)},
+                     {"major_faults", usage.major_faults}};
     out["peak_rss_bytes"] = usage.peak_rss_bytes;
     out["peak_budget_bytes"] = report.peak_budget_bytes;
     out["threads"] = report.threads;
@@ -164,18 +206,32 @@ nlohmann::ordered_json report_json(const Settings& settings, const RunResult& ru
 }
 
 std::string report_table(const RunReport& report, double write_s, const Usage& usage, std::size_t most_rows) {
-    std::string out = fmt::format("{:>6} {:>13} {:>8} {:>8} {:>8} {:>8} {:>8} {:>10} {:>10} {:>10} {:>10}\n", "wedge",
-                                  "azimuth bins", "load s", "sample s", "sweep s", "shade s", "depos. s", "Mposts",
-                                  "MiB read", "Msamples", "peak MiB");
+    const double mebibyte = 1048576;
+    std::string out = fmt::format(
+        "{:>6} {:>12} {:>7} {:>7} {:>7} {:>7} {:>7} {:>7} {:>8} {:>7} {:>7} {:>8} {:>8} {:>8} {:>8} {:>8}\n", "",
+        "azimuth", "load", "sample", "sweep", "shade", "deposit", "merge", "wall", "disk", "memory", "million",
+        "million", "MiB", "MiB", "peak");
+    out += fmt::format(
+        "{:>6} {:>12} {:>7} {:>7} {:>7} {:>7} {:>7} {:>7} {:>8} {:>7} {:>7} {:>8} {:>8} {:>8} {:>8} {:>8}\n", "wedge",
+        "bins", "s", "s", "s", "s", "s", "s", "s", "wait s", "wait s", "posts", "samples", "read", "skipped", "MiB");
     const auto row = [&](const std::string& name, const std::string& bins, const WedgeReport& w) {
-        out += fmt::format(
-            "{:>6} {:>13} {:>8.3f} {:>8.3f} {:>8.3f} {:>8.3f} {:>8.3f} {:>10.3f} {:>10.2f} {:>10.3f} {:>10.2f}\n", name,
-            bins, w.load_s, w.sample_s, w.sweep_s, w.shade_s, w.deposit_s, static_cast<double>(w.posts_read) * 1e-6,
-            static_cast<double>(w.bytes_read) / 1048576.0, static_cast<double>(w.samples) * 1e-6,
-            static_cast<double>(w.peak_bytes) / 1048576.0);
+        out += fmt::format("{:>6} {:>12}", name, bins);
+        for (const Stage& stage : stages) out += cell(w.*stage.seconds, 7, 3);
+        out += cell(w.wall_s, 8, 3) + cell(w.disk_wait_s, 7, 3) + cell(w.memory_wait_s, 7, 3);
+        out += cell(static_cast<double>(w.posts_read) * 1e-6, 8, 3) + cell(static_cast<double>(w.samples) * 1e-6, 8, 3);
+        for (const std::uint64_t bytes : {w.bytes_read, w.bytes_skipped, std::uint64_t{w.peak_bytes}})
+            out += cell(static_cast<double>(bytes) / mebibyte, 8, 2);
+        out += '\n';
     };
-    const auto& wedges = report.wedges;
-    const std::size_t shown = wedges.size() <= most_rows ? wedges.size() : most_rows - 1;
+    std::vector<WedgeReport> wedges;
+    for (const WedgeReport& w : report.wedges)
+        if (!w.reused) wedges.push_back(w);
+    std::size_t shown = wedges.size();
+    if (wedges.size() > most_rows) {
+        shown = most_rows - 1;
+        std::stable_sort(wedges.begin(), wedges.end(),
+                         [](const WedgeReport& a, const WedgeReport& b) { return cpu_s(a) > cpu_s(b); });
+    }
     for (std::size_t i = 0; i < shown; ++i) {
         row(std::to_string(wedges[i].index),
             fmt::format("{}..{}", wedges[i].azimuth_bins.begin, wedges[i].azimuth_bins.end - 1), wedges[i]);
@@ -186,12 +242,16 @@ std::string report_table(const RunReport& report, double write_s, const Usage& u
     }
     const WedgeReport total = sum(wedges.begin(), wedges.end());
     row("all", "", total);
+    if (wedges.size() < report.wedges.size()) {
+        out += fmt::format("reused {} of {} wedges, done by an earlier run\n", report.wedges.size() - wedges.size(),
+                           report.wedges.size());
+    }
 
     // Shares: CPU seconds of the wedges' stages, wall seconds of what comes before and after them.
     std::vector<std::pair<std::string, double>> parts;
     for (const Stage& stage : stages) parts.emplace_back(stage.name, total.*stage.seconds);
     for (const auto& [name, s] : {std::pair<const char*, double>{"survey", report.survey_s},
-                                  {"merge", report.merge_s},
+                                  {"keep", report.keep_s},
                                   {"beam", report.beam_s},
                                   {"receiver", report.receiver_s},
                                   {"display", report.display_s},
@@ -220,6 +280,12 @@ std::string report_table(const RunReport& report, double write_s, const Usage& u
         usage.wall_s, usage.user_s, usage.system_s, report.threads,
         readable_bytes(static_cast<double>(usage.peak_rss_bytes)),
         readable_bytes(static_cast<double>(report.peak_budget_bytes)));
+    const auto io = [](const std::optional<std::uint64_t>& v) {
+        return v ? readable_bytes(static_cast<double>(*v)) : std::string("?");
+    };
+    out += fmt::format("read {} ({} from disk), written {} ({} to disk), spilled and read again {}\n",
+                       io(usage.read_bytes), io(usage.disk_read_bytes), io(usage.written_bytes),
+                       io(usage.disk_written_bytes), readable_bytes(static_cast<double>(total.bytes_spilled)));
     return out;
 }
 

@@ -20,16 +20,23 @@ struct InputFile {
 struct Usage {
     double wall_s = 0, user_s = 0, system_s = 0;
     std::uint64_t peak_rss_bytes = 0;
+    std::uint64_t major_faults = 0;
+    /// From /proc/self/io; none where that cannot be read. Through the system's calls, and what of it met the disk.
+    std::optional<std::uint64_t> read_bytes, written_bytes, disk_read_bytes, disk_written_bytes;
 };
 /// `start_s` and the clock's now: seconds of one monotonic clock.
 Usage usage_since(double start_s);
 double now_s();
 
+/// Wedges that an earlier run had done.
+std::size_t reused_count(const RunReport& report);
+
 nlohmann::ordered_json report_json(const Settings& settings, const RunResult& run, const std::vector<InputFile>& inputs,
                                    double write_s, const Usage& usage);
 
-/// Rows per wedge (at most `most_rows`, the rest summed in one), totals, share of time by stage.
-std::string report_table(const RunReport& report, double write_s, const Usage& usage, std::size_t most_rows = 40);
+/// A row for each wedge that was done, or for those that cost most CPU, at most `most_rows` with one for the rest; totals,
+/// share of time by stage. Lines of at most 140 characters.
+std::string report_table(const RunReport& report, double write_s, const Usage& usage, std::size_t most_rows = 24);
 
 /// The name of the CRS that a WKT text begins with; empty without one.
 std::string crs_name(const std::string& wkt);

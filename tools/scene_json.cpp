@@ -1,6 +1,9 @@
 #include "tools/scene_json.hpp"
 
+#include <filesystem>
+
 #include "lib/receiver.hpp"
+#include "tiles/checksum.hpp"
 #include "tools/options.hpp"
 #include "tools/units.hpp"
 
@@ -99,6 +102,29 @@ std::string scene_json(const Settings& settings, const ResolvedScene& resolved) 
     out["parameters"] = parameters_json(settings, false);
     out["resolved"] = resolved_json(resolved);
     return out.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
+}
+
+WorkDir::Run work_run(const Settings& settings, const ResolvedScene& resolved, const DataBase& data_base) {
+    WorkDir::Run run;
+    run.version = version();
+    run.facts = echo_facts(resolved, data_base);
+    for (const Key& key : key_table()) {
+        const bool data = key.group == KeyGroup::data_base;
+        if (!(key.commands & command_simulate) || key.after_echo || !(key.changes_result || data)) continue;
+        std::string value = key.get(settings).value_or("");
+        if (value.empty()) continue;
+        if (key.name == "culture-legend") {
+            // By what it says, wherever it lies.
+            if (!Legend::built_in(value))
+                value = text("a CSV file of checksum ", hex(checksum(legend_csv(settings))));
+        } else if (key.value == "PATH") {
+            std::error_code error;
+            if (std::filesystem::exists(value, error)) value = std::filesystem::canonical(value, error).string();
+        }
+        run.asked.push_back({key.name, value});
+        if (data) run.facts.push_back({"--" + key.name, value});
+    }
+    return run;
 }
 
 }  // namespace wedgescope

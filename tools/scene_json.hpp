@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
+#include "tiles/work_dir.hpp"
 #include "tools/settings.hpp"
 
 namespace wedgescope {
@@ -21,5 +22,8 @@ nlohmann::ordered_json resolved_json(const ResolvedScene& resolved);
 /// SCENE_JSON of the output rasters: the parameters with every fixed default but `auto` left as it was (so that what
 /// follows from another changes with it), and the numbers that `auto` became.
 std::string scene_json(const Settings& settings, const ResolvedScene& resolved);
+
+/// What the work folder compares: the keys that may change the echo, and what the echo depends on. IoError.
+WorkDir::Run work_run(const Settings& settings, const ResolvedScene& resolved, const DataBase& data_base);
 
 }  // namespace wedgescope

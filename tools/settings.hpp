@@ -26,7 +26,6 @@ struct Settings {
     std::string material = "soil";
 
     std::int64_t tile_posts = 256;  ///< --tile-size
-    bool resume = false;
 
     SourceKind source = SourceKind::automatic;
     std::string temp_dir;     ///< empty: the system's
@@ -34,7 +33,11 @@ struct Settings {
     std::int64_t wedges = 0;  ///< 0: chosen
     std::uint64_t memory_bytes = std::uint64_t{1} << 30;
 
-    std::string output, echo, power, states, report;  ///< paths; empty: not written
+    std::string work_dir;  ///< path; empty: none
+    bool resume = false;
+    std::optional<Interval> only_wedges;
+
+    std::string output, echo, power, states, report, timeline;  ///< paths; empty: not written
     PowerUnit power_unit = PowerUnit::watt;
     std::string driver;                                       ///< --of
     std::vector<std::string> creation;                        ///< --co K=V
@@ -43,7 +46,7 @@ struct Settings {
     bool overwrite = false, reproducible = false;
 
     bool verify = false;  ///< info --verify
-    bool verbose = false, quiet = false, json = false, plan = false, help = false;
+    bool verbose = false, profile = false, quiet = false, json = false, plan = false, help = false;
     std::vector<std::string> files;  ///< positional
 };
 

@@ -5,11 +5,13 @@
 #include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <memory>
 #include <system_error>
 
 #include "tiles/gdal_session.hpp"
 #include "tiles/output_file.hpp"
 #include "tiles/picture.hpp"
+#include "tiles/work_dir.hpp"
 #include "tools/commands.hpp"
 #include "tools/help.hpp"
 #include "tools/legend.hpp"
@@ -17,6 +19,7 @@
 #include "tools/report_json.hpp"
 #include "tools/scene_json.hpp"
 #include "tools/terminal.hpp"
+#include "tools/timeline.hpp"
 #include "tools/units.hpp"
 
 namespace wedgescope {
@@ -26,7 +29,7 @@ namespace fs = std::filesystem;
 
 /// Outputs under temporary names; they appear all together at the end.
 struct Outputs {
-    std::optional<OutputFile> scope, echo, power, states, report;
+    std::optional<OutputFile> scope, echo, power, states, report, timeline;
 };
 
 bool same_file(const std::string& a, const std::string& b) {
@@ -38,8 +41,9 @@ bool same_file(const std::string& a, const std::string& b) {
 
 /// Everything that can go wrong with an output's name is found here, before any work.
 Outputs open_outputs(const Settings& s) {
-    const std::pair<const char*, const std::string*> outputs[] = {
-        {"output", &s.output}, {"echo", &s.echo}, {"power", &s.power}, {"states", &s.states}, {"report", &s.report}};
+    const std::pair<const char*, const std::string*> outputs[] = {{"output", &s.output}, {"echo", &s.echo},
+                                                                  {"power", &s.power},   {"states", &s.states},
+                                                                  {"report", &s.report}, {"timeline", &s.timeline}};
     const std::pair<const char*, const std::string*> inputs[] = {
         {"dem", &s.dem},
         {"culture", &s.culture},
@@ -64,18 +68,21 @@ Outputs open_outputs(const Settings& s) {
             }
         }
     }
-    if (!any)
-        throw InputError("no output is given; at least one of output (-o), echo, power, states, report is needed");
+    if (!any && !s.only_wedges)
+        throw InputError(
+            "no output is given; at least one of output (-o), echo, power, states, report, timeline is needed");
     Outputs out;
     const auto open = [&](std::optional<OutputFile>& file, const std::string& path) {
         if (path.empty()) return;
         file.emplace(path, s.overwrite);
     };
+    open(out.report, s.report);
+    open(out.timeline, s.timeline);
+    if (s.only_wedges) return out;  // fills the work folder; pictures are --resume's
     open(out.scope, s.output);
     open(out.echo, s.echo);
     open(out.power, s.power);
     open(out.states, s.states);
-    open(out.report, s.report);
     return out;
 }
 
@@ -130,6 +137,23 @@ std::vector<std::string> doubts(const RunResult& r) {
     return lines;
 }
 
+/// The work folder, opened before any work.
+std::unique_ptr<WorkDir> open_work_dir(const Settings& s) {
+    if (s.work_dir.empty()) return nullptr;
+    const auto start = s.resume || s.only_wedges ? WorkDir::Start::join
+                       : s.overwrite             ? WorkDir::Start::over
+                                                 : WorkDir::Start::fresh;
+    return std::make_unique<WorkDir>(s.work_dir, start);
+}
+
+/// How to go on from what is kept, for the end of an error's line; empty if nothing is.
+std::string kept_words(const WorkDir* work) {
+    const std::size_t count = work ? work->kept() : 0;
+    if (count == 0) return "";
+    return text("; ", count, count == 1 ? " wedge is" : " wedges are", " kept in ", in_quotes(work->path()),
+                " (--resume goes on)");
+}
+
 void write_report(OutputFile& file, const nlohmann::ordered_json& report) {
     std::ofstream out(file.temporary_path(), std::ios::binary);
     out << report.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) << '\n';
@@ -138,13 +162,7 @@ void write_report(OutputFile& file, const nlohmann::ordered_json& report) {
         throw IoError(text("report ", in_quotes(file.final_path()), " cannot be written: ", std::strerror(errno)));
 }
 
-}  // namespace
-
-void simulate(const std::vector<std::string>& arguments, Stop& stop) {
-    const double start_s = now_s();
-    const Settings settings = parse_arguments(command_simulate, arguments);
-    if (settings.help) return print(help_text(command_by_name("simulate")));
-    check_complete(settings);
+void simulate(const Settings& settings, WorkDir* work, double start_s, Stop& stop) {
     Outputs outputs = open_outputs(settings);
     const bool with_legend = settings.scene.display.legend && outputs.scope;
     const std::string helper = with_legend ? find_picture_helper() : "";
@@ -162,6 +180,9 @@ void simulate(const std::vector<std::string>& arguments, Stop& stop) {
     if (outputs.power) check_output(*outputs.power, OutputLayer::power, polar);
     if (outputs.states) check_output(*outputs.states, OutputLayer::states, polar);
 
+    std::unique_ptr<TimelineFile> timeline;
+    if (outputs.timeline) timeline = std::make_unique<TimelineFile>(*outputs.timeline);
+    Span opening(timeline.get(), "open", "stage");
     const DataBaseParams layers = data_base_params(settings, cache_bytes(settings));
     std::unique_ptr<WedgeSource> source;
     const bool terminal = ::isatty(STDERR_FILENO) == 1;
@@ -176,18 +197,30 @@ void simulate(const std::vector<std::string>& arguments, Stop& stop) {
     } else {
         source = open_direct_source(layers);
     }
+    opening.end();
+    Span resolving(timeline.get(), "resolve", "stage");
     const ResolvedScene scene = resolve(settings.scene, *source);
+    resolving.end();
     // On a terminal at once; in a log behind all that can fail, so that an error stays a single line.
     remark(settings.quiet || !terminal, text("sensor: ", place(scene)));
 
     EngineParams params = engine_params(settings);
     params.stop = &stop;
+    if (work) work->bind(work_run(settings, scene, source->data_base()));
+    params.archive = work;
+    params.timeline = timeline.get();
     Progress progress(settings.quiet);
     params.progress = [&](double fraction) { progress.report(fraction); };
     RunResult result = run(scene, *source, params);
     progress.done();
+    if (work) {
+        for (const std::string& line : work->remarks()) remark(settings.quiet, line);
+        if (const std::size_t reused = reused_count(result.report))
+            remark(settings.quiet, text("reused ", reused, " of ", result.report.wedges.size(), " wedges"));
+    }
 
     const double write_start_s = now_s();
+    Span writing(timeline.get(), "write", "stage");
     for (RasterFormat* format : {&plain, &chosen}) {
         format->scene_json = scene_json(settings, scene);
         format->crs_wkt = source->data_base().crs_wkt;
@@ -203,6 +236,8 @@ void simulate(const std::vector<std::string>& arguments, Stop& stop) {
     if (outputs.states) write_states(result, *outputs.states, polar);
     stop.check();
     const double write_s = now_s() - write_start_s;
+    writing.end();
+    if (timeline) timeline->finish();
     const Usage usage = usage_since(start_s);
     if (outputs.report) {
         write_report(*outputs.report,
@@ -211,16 +246,39 @@ void simulate(const std::vector<std::string>& arguments, Stop& stop) {
     stop.check();
     std::string written;
     std::vector<OutputFile*> files;
-    for (auto* file : {&outputs.scope, &outputs.echo, &outputs.power, &outputs.states, &outputs.report}) {
+    for (auto* file :
+         {&outputs.scope, &outputs.echo, &outputs.power, &outputs.states, &outputs.report, &outputs.timeline}) {
         if (!*file) continue;
         files.push_back(&**file);
         written += (written.empty() ? "" : ", ") + (*file)->final_path();
     }
     OutputFile::commit(files);
     remark(settings.quiet || terminal, text("sensor: ", place(scene)));
-    for (const std::string& line : doubts(result)) remark(settings.quiet, line);
-    if (settings.verbose) fmt::print(stderr, "{}", report_table(result.report, write_s, usage));
+    if (!settings.only_wedges)
+        for (const std::string& line : doubts(result)) remark(settings.quiet, line);
+    if (settings.verbose || settings.profile) fmt::print(stderr, "{}", report_table(result.report, write_s, usage));
+    if (settings.only_wedges) {
+        written += text(written.empty() ? "" : ", ", work->kept(), " of ", work->recorded_split().size(), " wedges in ",
+                        in_quotes(work->path()));
+    }
     remark(settings.quiet, text("written: ", written, fmt::format(" ({:.1f} s)", now_s() - start_s)));
+}
+
+}  // namespace
+
+void simulate(const std::vector<std::string>& arguments, Stop& stop) {
+    const double start_s = now_s();
+    const Settings settings = parse_arguments(command_simulate, arguments);
+    if (settings.help) return print(help_text(command_by_name("simulate")));
+    check_complete(settings);
+    const std::unique_ptr<WorkDir> work = open_work_dir(settings);
+    try {
+        simulate(settings, work.get(), start_s, stop);
+    } catch (const Interrupted& e) {
+        throw Interrupted(e.signal(), kept_words(work.get()));
+    } catch (const IoError& e) {
+        throw IoError(e.what() + kept_words(work.get()));
+    }
 }
 
 }  // namespace wedgescope

@@ -1,0 +1,71 @@
+#include "lib/wedge_archive.hpp"
+
+#include "lib/engine.hpp"
+#include "lib/error.hpp"
+
+namespace wedgescope {
+
+std::vector<Fact> echo_facts(const ResolvedScene& s, const DataBase& db) {
+    std::vector<Fact> facts;
+    const auto add = [&](const char* name, const auto&... values) { facts.push_back({name, text(values...)}); };
+    add("engine", echo_revision);
+    add("dem columns and rows", db.columns, " x ", db.rows);
+    add("dem origin", db.origin_x, ",", db.origin_y);
+    add("dem posting", db.step_x, ",", db.step_y, " units of ", db.metres_per_unit, " m");
+    add("dem CRS", db.crs_wkt);
+    add("dem circle", db.cyclic ? db.cycle_columns : 0);
+    add("culture", db.has_culture, " ", db.culture_columns, " x ", db.culture_rows, " from ", db.culture_column_offset,
+        ",", db.culture_row_offset, " by ", db.culture_column_scale, ",", db.culture_row_scale);
+    add("culture-height", db.has_culture_height);
+    add("material", static_cast<int>(db.default_class));
+
+    const Scene& scene = s.scene;
+    add("geometry", word(s.geometry));
+    add("latlon", s.lat_deg, ",", s.lon_deg);
+    add("xy", s.nadir.column, ",", s.nadir.row);
+    add("altitude", s.sensor_m);
+    add("ground below", s.reference_m, " ", s.nadir_on_data, " ", s.nadir_in_raster, " ",
+        s.nadir_on_data ? s.nadir_surface_m : 0.0);
+    add("earth", scene.earth_k ? text(*scene.earth_k) : std::string("flat"));
+    add("range", scene.range_m.value_or(0));
+    add("quality", word(scene.quality));
+    add("azimuth-bins", s.swept.circle_bins);
+    add("range-bin", s.swept.range_bin_m);
+    add("sector", s.swept.azimuth_bins.begin, "..", s.swept.azimuth_bins.end);
+    add("range-start", s.swept.range_bins.begin, "..", s.swept.range_bins.end);
+    add("display", scene.display.kind == DisplayKind::gpi_true ? "ground" : "slant", " range");
+
+    const RadarParams& radar = scene.radar;
+    add("frequency", radar.frequency_hz);
+    add("transmit-power", radar.transmit_power_w);
+    add("gain", radar.gain.db());
+    add("losses", radar.losses.db());
+    add("gamma", scene.gamma ? text(scene.gamma->db()) : std::string("off"));
+    const AntennaParams& antenna = radar.antenna;
+    add("antenna", word(antenna.elevation));
+    add("antenna-knee", antenna.knee.rad());
+    add("antenna-width", antenna.width.rad());
+    add("antenna-exponent", antenna.elevation == ElevationPattern::cos_csc2 ? antenna.exponent : 0.0);
+    add("antenna-floor", antenna.floor.db());
+    add("tilt", antenna.tilt.rad());
+    return facts;
+}
+
+std::vector<Window> hull(const SpokeGrid& grid, const Wedge& wedge, const Window& nadir_patch) {
+    constexpr std::int64_t strip = 64;
+    std::vector<Window> windows;
+    if (!nadir_patch.empty()) windows.push_back(nadir_patch);
+    for (const SpokeRun& run : wedge.runs) {
+        const std::vector<Ring>& rings = grid.rings(run.quadrant);
+        for (std::size_t ring = 0; ring < rings.size(); ++ring)
+            for (Interval lines = rings[ring].lines; !lines.empty();) {
+                const Interval part = intersection(grid.strip_lines(run.quadrant, lines.begin, strip), lines);
+                const Window window = grid.window(run.quadrant, rings[ring].spokes, run.spokes[ring], part);
+                if (!window.empty()) windows.push_back(window);
+                lines.begin = part.end;
+            }
+    }
+    return windows;
+}
+
+}  // namespace wedgescope

@@ -1,0 +1,133 @@
+#include "tools/timeline.hpp"
+
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <charconv>
+#include <cstring>
+
+#include "lib/error.hpp"
+#include "tools/settings.hpp"
+#include "tools/units.hpp"
+
+namespace wedgescope {
+namespace {
+
+constexpr std::size_t piece_bytes = 64 << 10;
+
+/// Of this process, from an open /proc/self/statm; 0 where there is none.
+std::size_t resident_bytes(int statm) {
+    char text[128];
+    const ssize_t n = statm < 0 ? -1 : ::pread(statm, text, sizeof text, 0);
+    if (n <= 0) return 0;
+    const char* at = static_cast<const char*>(std::memchr(text, ' ', static_cast<std::size_t>(n)));
+    std::size_t pages = 0;
+    if (at) std::from_chars(at + 1, text + n, pages);
+    return pages * static_cast<std::size_t>(::sysconf(_SC_PAGESIZE));
+}
+
+}  // namespace
+
+TimelineFile::TimelineFile(OutputFile& file) : file_(file) {
+    out_ = ::open(file_.temporary_path().c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
+    if (out_ < 0)
+        throw IoError(text("timeline ", in_quotes(file_.final_path()), " cannot be written: ", std::strerror(errno)));
+    statm_ = ::open("/proc/self/statm", O_RDONLY | O_CLOEXEC);
+    pending_ = fmt::format(
+        "{{\"displayTimeUnit\":\"ms\",\"otherData\":{{\"program\":\"wedgescope {}\"}},\"traceEvents\":[\n"
+        "{{\"name\":\"process_name\",\"ph\":\"M\",\"pid\":{},\"tid\":0,\"args\":{{\"name\":\"wedgescope\"}}}}",
+        version(), ::getpid());
+}
+
+TimelineFile::~TimelineFile() {
+    if (out_ >= 0) ::close(out_);
+    if (statm_ >= 0) ::close(statm_);
+}
+
+std::string TimelineFile::since_start_us(Clock::time_point at) const {
+    const auto ns = std::chrono::duration_cast<std::chrono::nanoseconds>(at - start_).count();
+    return fmt::format("{}.{:03}", ns / 1000, ns % 1000);
+}
+
+/// Number of the calling thread's track; names it the first time.
+int TimelineFile::track() {
+    const auto thread = static_cast<int>(::gettid());
+    const auto [at, fresh] = tracks_.emplace(thread, static_cast<int>(tracks_.size()));
+    if (fresh) {
+        const std::string name = thread == ::getpid() ? "main" : fmt::format("worker {}", at->second);
+        add(fmt::format("{{\"name\":\"thread_name\",\"ph\":\"M\",\"pid\":{},\"tid\":{},\"args\":{{\"name\":\"{}\"}}}}",
+                        ::getpid(), thread, name));
+    }
+    return thread;
+}
+
+void TimelineFile::add(const std::string& event) {
+    pending_ += ",\n";
+    pending_ += event;
+    if (pending_.size() >= piece_bytes) flush();
+}
+
+void TimelineFile::flush() noexcept {
+    const char* from = pending_.data();
+    for (std::size_t left = pending_.size(); left > 0 && error_ == 0;) {
+        const ssize_t n = ::write(out_, from, left);
+        if (n < 0 && errno == EINTR) continue;
+        if (n <= 0) {
+            error_ = n < 0 ? errno : ENOSPC;
+            break;
+        }
+        from += n;
+        left -= static_cast<std::size_t>(n);
+    }
+    pending_.clear();
+}
+
+void TimelineFile::span(const char* name, const char* category, Clock::time_point from, Clock::time_point to,
+                        std::int64_t wedge, std::uint64_t bytes) noexcept {
+    const std::lock_guard lock(mutex_);
+    if (finished_) return;
+    try {
+        std::string args;
+        if (wedge >= 0) args = fmt::format("\"wedge\":{}", wedge);
+        if (bytes > 0) args += fmt::format("{}\"bytes\":{}", args.empty() ? "" : ",", bytes);
+        const int thread = track();
+        add(fmt::format(
+            "{{\"name\":\"{}\",\"cat\":\"{}\",\"ph\":\"X\",\"ts\":{},\"dur\":{},\"pid\":{},\"tid\":{},"
+            "\"args\":{{{}}}}}",
+            name, category, since_start_us(from), since_start_us(start_ + (to - from)), ::getpid(), thread, args));
+    } catch (const std::bad_alloc&) {
+        error_ = ENOMEM;
+    }
+}
+
+void TimelineFile::memory(std::size_t held_bytes) noexcept {
+    const std::lock_guard lock(mutex_);
+    const auto now = Clock::now();
+    if (finished_ || now - last_memory_ < std::chrono::milliseconds(2)) return;
+    last_memory_ = now;
+    try {
+        add(
+            fmt::format("{{\"name\":\"memory\",\"ph\":\"C\",\"ts\":{},\"pid\":{},\"tid\":0,"
+                        "\"args\":{{\"budget held\":{}}}}}",
+                        since_start_us(now), ::getpid(), held_bytes));
+        add(
+            fmt::format("{{\"name\":\"resident\",\"ph\":\"C\",\"ts\":{},\"pid\":{},\"tid\":0,"
+                        "\"args\":{{\"bytes\":{}}}}}",
+                        since_start_us(now), ::getpid(), resident_bytes(statm_)));
+    } catch (const std::bad_alloc&) {
+        error_ = ENOMEM;
+    }
+}
+
+void TimelineFile::finish() {
+    const std::lock_guard lock(mutex_);
+    finished_ = true;
+    pending_ += "\n]}\n";
+    flush();
+    if (::close(std::exchange(out_, -1)) != 0 && error_ == 0) error_ = errno;
+    if (error_)
+        throw IoError(text("timeline ", in_quotes(file_.final_path()), " cannot be written: ", std::strerror(error_)));
+}
+
+}  // namespace wedgescope
