@@ -752,6 +752,7 @@ void Cover::sweep(const Side& side, Interval lines, const std::vector<Interval>&
             test.rise = desk.post_rise.data();
             test.nadir = nadir;
             test.distance = d;
+            test.bow = bow_per_slope(here) / (static_cast<double>(s.of) * static_cast<double>(s.of));
             test.posts = desk.line.data();
             test.behind = desk.behind.data();
             test.horizon = s.horizon.data();
@@ -781,6 +782,8 @@ void Cover::sweep(const Side& side, Interval lines, const std::vector<Interval>&
             raise.posts = desk.line.data();
             raise.behind = desk.behind.data();
             raise.distance = static_cast<float>(d);
+            raise.bow =
+                static_cast<float>(bow_per_slope(here) / (static_cast<double>(s.of) * static_cast<double>(s.of)));
             raise.horizon = s.horizon.data() + g0 * knot_step;
             raise_lanes(raise, lift_, sampling_.cross_lines && line > 0);
         }

@@ -40,7 +40,7 @@ WEDGESCOPE_LANES_PART void raise(const RaiseLanes& lanes, const Lift& lift) noex
     const float* __restrict behind = lanes.behind;
     float* __restrict horizon = lanes.horizon;
     constexpr float none = std::numeric_limits<float>::quiet_NaN();
-    const float inverse_distance = 1 / lanes.distance;
+    const float inverse_distance = 1 / lanes.distance, bow = lanes.bow;
     for (std::size_t g = 0; g < lanes.groups; ++g) {
         const double at = lanes.at[g];
         const auto base = static_cast<std::int64_t>(std::floor(at));
@@ -62,7 +62,8 @@ WEDGESCOPE_LANES_PART void raise(const RaiseLanes& lanes, const Lift& lift) noex
             const float f = y - static_cast<float>(i), a = z[i], b = z[i + 1];
             const float between = a + f * (b - a);
             const float height = f == 0 ? a : between;
-            const float lifts = up + lane * up_step, drops = down + lane * down_step;
+            const float lifts = up + lane * up_step,
+                        drops = down + lane * (down_step + bow * (lane - static_cast<float>(knot_step)));
             const float tangent = lift.w(height) * lifts - drops;
             float old = h[l];
             if (cross) {
@@ -109,6 +110,8 @@ WEDGESCOPE_LANES_PART void test(const TestLanes& lanes, const Lift& lift) noexce
         const auto [drop0, drop1] = line(static_cast<double>(lanes.drop[g]), static_cast<double>(lanes.drop[g + 1]));
         const auto [ray0, ray1] = line(static_cast<double>(lanes.ray[g]), static_cast<double>(lanes.ray[g + 1]));
         const auto [rise0, rise1] = line(static_cast<double>(lanes.rise[g]), static_cast<double>(lanes.rise[g + 1]));
+        const float bow = static_cast<float>(lanes.bow * spoke_step * spoke_step), begins = static_cast<float>(lead),
+                    ends = static_cast<float>(lead + width);
         const float slope0 = static_cast<float>((static_cast<double>(first) - lanes.nadir) / lanes.distance);
         const float* __restrict z = lanes.posts + (first - lanes.origin);
         const float* __restrict zb = lanes.behind + (first - lanes.origin);
@@ -127,7 +130,8 @@ WEDGESCOPE_LANES_PART void test(const TestLanes& lanes, const Lift& lift) noexce
             const float level = left_there + f * (right_there - left_there);
 
             const float height = z[l], top = height + target, w = lift.w(top);
-            const float lifts = lift0 + lane * lift1, drops = drop0 + lane * drop1;
+            const float bends = bow * ((lane - begins) * (lane - ends));
+            const float lifts = lift0 + lane * lift1, drops = drop0 + lane * drop1 + bends;
             const float high = w * lifts, tangent = high - drops;
             const float slack = ((high < 0 ? -high : high) + drops) * level_slack;
             const float over = tangent + slack - level;  // below 0: hidden
@@ -139,7 +143,7 @@ WEDGESCOPE_LANES_PART void test(const TestLanes& lanes, const Lift& lift) noexce
             const float entry = across > 0 ? back + to_corner : back;
             const float climbs = across > 0 ? (height - back) + to_beside : height - back;
             const float growth = lift.growth(height), ray_w = w * (ray0 + lane * ray1),
-                        ray_rise = rise0 + lane * rise1, ray = ray_w + ray_rise;
+                        ray_rise = rise0 + lane * rise1 + bends, ray = ray_w + ray_rise;
             const float stands = target * growth;
             const float cell_slack = ((ray_w < 0 ? -ray_w : ray_w) + ray_rise) * level_slack;
             const float steeper = climbs * growth - ray + cell_slack;  // at the post; below 0: a back slope

@@ -8,7 +8,8 @@
 //     tan e = w / (Re sin theta) - tan(theta / 2)
 //     f tan e = w lift - drop     lift = 1 / (d (1 + stretch) sinc theta)     drop = f tan(theta / 2)
 // so neither root nor division is left for the single sample. Everything smooth (positions, lift, drop) is exact at
-// knots, every 16th spoke or post, and linear between them.
+// knots, every 16th spoke or post, and linear between them; but for drop, whose f^2 is a parabola in m (half a line of
+// posts would be lost at the sea's horizon).
 #pragma once
 #include <array>
 #include <cstddef>
@@ -49,6 +50,8 @@ struct LineForm {
     std::array<double, 3> square{};     ///< f^2 = sum square[n] m^n
     std::array<double, 3> curvature{};  ///< f^2 / Re
 };
+/// Second-order coefficient of drop in m.
+inline double bow_per_slope(const LineForm& line) { return 0.5 * line.distance * line.curvature[2]; }
 /// Part of a line on which bend and stretch are one polynomial (SpokeMap::LinePiece).
 struct PieceForm {
     double middle = 0, scale = 1;
@@ -78,6 +81,7 @@ struct RaiseLanes {
     const float *lift, *drop;
     PostLine posts, behind;
     float distance;
+    float bow;              ///< of drop, per spoke squared: bow_per_slope / K^2
     float* horizon;
 };
 void raise_lanes(const RaiseLanes& lanes, const Lift& lift, bool cross) noexcept;
@@ -91,6 +95,7 @@ struct TestLanes {
     const double* at;       ///< spoke at the knots
     const float *lift, *drop, *ray, *rise;
     double nadir, distance; ///< post below which the sensor stands; posts from it to the line
+    double bow;             ///< of drop, per spoke squared
     PostLine posts, behind;
     const float* horizon;   ///< [spokes], of spoke first_spoke on
     std::int64_t first_spoke;

@@ -4,9 +4,9 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <cstdlib>
 #include <random>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "lib/coverage.hpp"
@@ -19,10 +19,6 @@ using namespace wedgescope;
 namespace {
 
 const std::string data = WEDGESCOPE_TEST_DATA;
-
-struct Measure {
-    double wrong = 0, union_share = 1, visible = 0;
-};
 
 std::vector<std::uint8_t> states_of(WedgeSource& source, const Scene& scene, Quality quality) {
     const DataBase& db = source.data_base();
@@ -41,7 +37,6 @@ std::vector<std::uint8_t> states_of(WedgeSource& source, const Scene& scene, Qua
 struct Place {
     const char* file;
     double column, row;  ///< of the sensor, parts of the raster
-    int scene;
 };
 
 void compare(const Place& place, bool geodesic) {
@@ -51,7 +46,7 @@ void compare(const Place& place, bool geodesic) {
     base.cache_bytes = 64 << 20;
     const auto source = open_direct_source(base);
     const DataBase& db = source->data_base();
-    const reference::Raster raster = reference::read(path, geodesic);
+    const reference::Raster raster = reference::read(path, geodesic), second = reference::read(path, geodesic);
     const double column = std::floor(place.column * static_cast<double>(db.columns)) + 0.25,
                  row = std::floor(place.row * static_cast<double>(db.rows)) + 0.375;
     for (const double agl : {30.0, 500.0, 3000.0}) {
@@ -66,34 +61,35 @@ void compare(const Place& place, bool geodesic) {
         sensor.row = resolved.nadir.row;
         sensor.height_m = resolved.sensor_m;
         sensor.earth_k = 4.0 / 3;
-        const reference::LineOfSight sight(raster.matrix, raster.grid, sensor);
+        // Seeded posts, looked at by two threads, each with a reference of its own.
         std::mt19937 random(20240711);
-        std::vector<std::size_t> posts(100000);
-        std::vector<bool> truth(posts.size());
-        std::size_t voids = 0;
-        for (std::size_t i = 0; i < posts.size();) {
+        std::vector<std::size_t> posts;
+        while (posts.size() < 100000) {
             const auto c = static_cast<std::int64_t>(random() % static_cast<unsigned>(db.columns)),
                        r = static_cast<std::int64_t>(random() % static_cast<unsigned>(db.rows));
-            if (std::isnan(raster.matrix.at(c, r))) {
-                ++voids;
-                continue;
-            }
-            posts[i] = static_cast<std::size_t>(r * db.columns + c);
-            truth[i++] = sight.look(c, r).state == reference::Verdict::seen;
+            if (!std::isnan(raster.matrix.at(c, r))) posts.push_back(static_cast<std::size_t>(r * db.columns + c));
         }
+        std::vector<char> truth(posts.size());
+        const auto look = [&](const reference::Grid& grid, std::size_t begin, std::size_t end) {
+            const reference::LineOfSight sight(raster.matrix, grid, sensor);
+            for (std::size_t i = begin; i < end; ++i)
+                truth[i] = sight.look(static_cast<std::int64_t>(posts[i]) % db.columns,
+                                      static_cast<std::int64_t>(posts[i]) / db.columns)
+                               .state == reference::Verdict::seen;
+        };
+        std::thread other([&] { look(second.grid, posts.size() / 2, posts.size()); });
+        look(raster.grid, 0, posts.size() / 2);
+        other.join();
         for (const Quality quality : {Quality::normal, Quality::exact}) {
             const auto mask = states_of(*source, scene, quality);
             std::size_t wrong = 0, both = 0, either = 0, seen = 0, odd = 0;
             for (std::size_t i = 0; i < posts.size(); ++i) {
-                const bool mine = mask[posts[i]] == 255;
+                const bool mine = mask[posts[i]] == 255, theirs = truth[i] != 0;
                 odd += mask[posts[i]] != 255 && mask[posts[i]] != 0;
-                wrong += mine != truth[i];
-                both += mine && truth[i];
-                either += mine || truth[i];
-                seen += truth[i];
-                if (std::getenv("COVERAGE_WRONG") && mine != truth[i])
-                    std::printf("WRONG %d,%d mine %d\n", static_cast<int>(posts[i] % static_cast<std::size_t>(db.columns)),
-                                static_cast<int>(posts[i] / static_cast<std::size_t>(db.columns)), mine);
+                wrong += mine != theirs;
+                both += mine && theirs;
+                either += mine || theirs;
+                seen += theirs;
             }
             const double n = static_cast<double>(posts.size()), share = 100 * static_cast<double>(wrong) / n,
                          overlap = either ? static_cast<double>(both) / static_cast<double>(either) : 1,
@@ -113,10 +109,10 @@ void compare(const Place& place, bool geodesic) {
 
 TEST_CASE("posts of real terrain are judged as an exact walk of their rays judges them", "[coverage]") {
     const GdalSession session(64 << 20, {});
-    compare({"inland_empire_dem.tif", 0.45, 0.55, 0}, true);
-    compare({"inland_empire_dem.tif", 0.45, 0.55, 0}, false);
-    compare({"worcester_vermont_dem.tif", 0.5, 0.5, 0}, true);
-    compare({"olympic_coast_dem.tif", 0.55, 0.45, 0}, true);
-    compare({"azores_dem.tif", 0.36, 0.72, 0}, true);
-    compare({"N44W072.hgt", 0.5, 0.5, 0}, true);
+    compare({"inland_empire_dem.tif", 0.45, 0.55}, true);
+    compare({"lake_sunapee_dem.tif", 0.4, 0.6}, false);
+    compare({"worcester_vermont_dem.tif", 0.5, 0.5}, true);
+    compare({"olympic_coast_dem.tif", 0.55, 0.45}, true);
+    compare({"azores_dem.tif", 0.36, 0.72}, true);
+    compare({"N44W072.hgt", 0.5, 0.5}, true);
 }

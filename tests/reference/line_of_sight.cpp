@@ -138,36 +138,39 @@ Verdict LineOfSight::look(std::int64_t column, std::int64_t row) const {
     verdict.depression_deg = -std::atan2(up, out) * 180 / std::numbers::pi;
 
     // Parts of the way at which the track crosses lines of posts.
-    std::vector<double> parts{0, 1};
+    std::vector<double> parts{0};
     const auto crossings = [&](bool columns) {
         const double from = columns ? w.sensor.column : w.sensor.row, to = columns ? x : y;
         const auto value = [&](double part) {
             const auto at = track.at(part);
             return columns ? at.first : at.second;
         };
-        // Monotone pieces, found on a coarse ladder.
+        // Monotone pieces, found on a coarse ladder. In each the next crossing is guessed from the last two and
+        // corrected; where that fails it is found by halves.
         constexpr int ladder = 64;
         double a = 0, fa = from;
         for (int i = 1; i <= ladder; ++i) {
             const double b = static_cast<double>(i) / ladder, fb = i == ladder ? to : value(b);
-            const double lo = std::min(fa, fb), hi = std::max(fa, fb);
-            for (double line = std::floor(lo) + 1; line < hi; ++line) {
-                double p = a, q = b, fp = fa - line, fq = fb - line;
-                double root = p - fp * (q - p) / (fq - fp);
-                for (int turn = 0; turn < 60; ++turn) {
-                    const double f = value(root) - line;
-                    if (std::abs(f) < 1e-11) break;
-                    if ((f < 0) == (fp < 0)) {
-                        p = root;
-                        fp = f;
-                    } else {
-                        q = root;
-                        fq = f;
+            const double lo = std::min(fa, fb), hi = std::max(fa, fb), sign = fb > fa ? 1 : -1;
+            double guess = nan, rate = (b - a) / (fb - fa);
+            for (double line = fb > fa ? std::floor(lo) + 1 : std::ceil(hi) - 1; line > lo && line < hi; line += sign) {
+                double root = std::isnan(guess) ? a + (line - fa) * rate : guess, miss = value(root) - line;
+                for (int turn = 0; turn < 8 && std::abs(miss) >= 1e-9; ++turn) {
+                    const double next = root - miss * rate, next_miss = value(next) - line;
+                    if (next_miss != miss) rate = (next - root) / (next_miss - miss);
+                    root = next;
+                    miss = next_miss;
+                }
+                if (!(std::abs(miss) < 1e-9 && root >= a && root <= b)) {
+                    double p = a, q = b;
+                    for (int turn = 0; turn < 60; ++turn) {
+                        root = 0.5 * (p + q);
+                        ((value(root) < line) == (fa < line) ? p : q) = root;
                     }
-                    const double next = p - fp * (q - p) / (fq - fp);
-                    root = turn % 3 == 2 ? 0.5 * (p + q) : next;
+                    rate = (b - a) / (fb - fa);
                 }
                 parts.push_back(root);
+                guess = root + rate * sign;
             }
             if (fb == std::floor(fb) && i < ladder) parts.push_back(b);
             a = b;
@@ -175,10 +178,14 @@ Verdict LineOfSight::look(std::int64_t column, std::int64_t row) const {
         }
     };
     crossings(true);
+    const auto middle = static_cast<std::ptrdiff_t>(parts.size());
     crossings(false);
-    std::sort(parts.begin(), parts.end());
+    std::inplace_merge(parts.begin(), parts.begin() + middle, parts.end());
+    parts.push_back(1);
 
     // In each cell: the surface along the straight chord is a parabola, the ray all but straight.
+    // Level with its horizon a post is seen.
+    const double slack = 1e-7 + 1e-12 * std::abs(w.sensor.height_m);
     auto before = track.at(0);
     for (std::size_t i = 1; i < parts.size(); ++i) {
         const double p0 = parts[i - 1], p1 = parts[i];
@@ -221,9 +228,9 @@ Verdict LineOfSight::look(std::int64_t column, std::int64_t row) const {
         }
         if (least < verdict.clearance_m) verdict.clearance_m = least;
         before = here;
+        if (verdict.clearance_m < -slack && !w.sensor.whole_way) break;
     }
-    // Level with its horizon a post is seen.
-    if (verdict.clearance_m < -1e-7 - 1e-12 * std::abs(w.sensor.height_m)) verdict.state = Verdict::hidden;
+    if (verdict.clearance_m < -slack) verdict.state = Verdict::hidden;
     return verdict;
 }
 

@@ -36,13 +36,13 @@ struct Sensor {
     double height_m = 0;           ///< above sea level
     std::optional<double> earth_k; ///< of the mean radius on a plane, of Euler's on WGS84; none: flat
     double target_m = 0;           ///< raises the post that is looked at
+    bool whole_way = false;        ///< else a walk ends where its ray is hidden, and clearance says only that
 };
 
 struct Verdict {
     enum State { no_data, hidden, seen } state = no_data;
     /// Least height of the ray above the surface, metres; below 0: hidden by so much.
     double clearance_m = std::numeric_limits<double>::infinity();
-    /// Highest tangent of elevation on the way, of the ground before the post.
     double slant_range_m = 0, depression_deg = 0;
 };
 
