@@ -1006,23 +1006,29 @@ Sampling coverage_sampling(Quality quality) {
     return {};
 }
 
-std::size_t least_coverage_bytes(const ResolvedScene& scene, const WedgeSource& source, const CoverageParams& params) {
+namespace {
+
+void check(const Cover& work, const WedgeSource& source, const CoverageParams& params) {
+    const std::size_t cache = source.cache_bytes(), own = work.fixed_bytes() + work.desk_bytes();
+    if (own + cache <= params.memory_bytes) return;
     // The source's cache grows with the budget.
-    const Cover cover(scene, const_cast<WedgeSource&>(source), params, nullptr);
-    const double cache = static_cast<double>(source.cache_bytes()),
-                 share = std::min(0.9, cache / static_cast<double>(params.memory_bytes));
-    return static_cast<std::size_t>(static_cast<double>(cover.fixed_bytes() + cover.desk_bytes()) / (1 - share));
+    constexpr double mebibyte = 1 << 20;
+    const double budget = static_cast<double>(params.memory_bytes),
+                 share = std::min(0.9, static_cast<double>(cache) / budget);
+    throw InputError(fmt::format("memory is {:.0f} MiB; this coverage needs at least {:.0f} MiB", budget / mebibyte,
+                                 std::ceil(static_cast<double>(own) / (1 - share) / mebibyte)));
+}
+
+}  // namespace
+
+void check_coverage(const ResolvedScene& scene, WedgeSource& source, const CoverageParams& params) {
+    check(Cover(scene, source, params, nullptr), source, params);
 }
 
 CoverageReport cover(const ResolvedScene& scene, WedgeSource& source, const CoverageParams& params,
                      const std::function<void(const CoverageTile&)>& write) {
-    constexpr std::size_t mebibyte = std::size_t{1} << 20;
     Cover work(scene, source, params, &write);
-    if (work.fixed_bytes() + work.desk_bytes() + source.cache_bytes() > params.memory_bytes) {
-        const std::size_t least = least_coverage_bytes(scene, source, params);
-        throw InputError(text("memory is ", params.memory_bytes / mebibyte, " MiB; this coverage needs at least ",
-                              (least + mebibyte - 1) / mebibyte, " MiB"));
-    }
+    check(work, source, params);
     return work.run();
 }
 

@@ -71,8 +71,8 @@ Sampling coverage_sampling(Quality quality);
 /// As resolve(), but without a range all of the raster is in range. InputError, DataError.
 ResolvedScene resolve_coverage(const Scene& scene, WedgeSource& source);
 
-/// The least memory that cover() takes for a scene.
-std::size_t least_coverage_bytes(const ResolvedScene& scene, const WedgeSource& source, const CoverageParams& params);
+/// InputError, saying the smallest that would do, if the budget is too small for cover().
+void check_coverage(const ResolvedScene& scene, WedgeSource& source, const CoverageParams& params);
 
 /// Hands out each tile of the raster once, in the order of the strips, from one thread at a time (not the caller's).
 /// The same bits for any number of threads, any budget, culled or not. InputError if the budget is too small, before

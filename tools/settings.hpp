@@ -2,10 +2,12 @@
 // lib/scene.hpp. Leaves how it is spelled to options.hpp.
 #pragma once
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "lib/coverage.hpp"
 #include "lib/engine.hpp"
 #include "lib/scene.hpp"
 #include "tiles/polar_raster.hpp"
@@ -27,6 +29,10 @@ struct Settings {
 
     std::int64_t tile_posts = 256;  ///< --tile-size
     bool resume = false;
+    // Coverage only; threads, memory and culling stand below.
+    CoverageParams coverage;
+    std::optional<std::int64_t> no_data_value;  ///< of the mask, declared in any case
+    bool snap_to_post = false;                  ///< gdal_viewshed's way: the sensor stands over the nearest post
 
     int threads = 0;          ///< 0: all the machine has
     std::int64_t wedges = 0;  ///< 0: chosen

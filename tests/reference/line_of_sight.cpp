@@ -64,7 +64,7 @@ struct LineOfSight::Walk {
         geodesic.Inverse(lat, lon, there->first, there->second, t.length_m, azimuth, ahead);
         t.inverse_radius = sensor.earth_k ? 1 / (*sensor.earth_k * euler_m(lat, azimuth)) : 0;
         const GeographicLib::GeodesicLine line = geodesic.Line(lat, lon, azimuth);
-        constexpr int nodes = 7;
+        constexpr int nodes = 5;
         for (int i = 0; i < nodes; ++i) {
             const double part = 0.5 - 0.5 * std::cos(std::numbers::pi * i / (nodes - 1));
             double a = 0, b = 0;
