@@ -68,14 +68,15 @@ struct Spokes {
 
 bool has(float horizon) { return horizon > 0.5F * no_horizon_f; }
 
-/// Twice as many: even spokes are their parents, odd ones stand between two.
+/// Twice as many: even spokes are their parents, odd ones stand between two; where one of these has met no ground, at
+/// the raster's edge, the child has met none either.
 void double_spokes(Spokes& s, Spokes& scratch) {
     const std::size_t n = s.horizon.size();
     scratch.resize(2 * s.of, {2 * s.range.begin, 2 * s.range.end}, !s.voids.empty());
     for (std::size_t i = 0; i < n; ++i) {
         const float a = s.horizon[i], b = i + 1 < n ? s.horizon[i + 1] : no_horizon_f;
         scratch.horizon[2 * i] = a;
-        scratch.horizon[2 * i + 1] = has(a) && has(b) ? 0.5F * (a + b) : has(a) ? a : b;
+        scratch.horizon[2 * i + 1] = has(a) && has(b) ? 0.5F * (a + b) : no_horizon_f;
     }
     if (!s.voids.empty())
         for (std::size_t i = 0; i < n; ++i) {
@@ -114,7 +115,7 @@ using TileKey = std::pair<std::int64_t, std::int64_t>;  ///< row, column
 struct Desk {
     Spokes spokes, scratch;
     std::vector<float> line, behind;
-    std::vector<double> at, at_behind, from, post_at, post_slope, post_arc;
+    std::vector<double> at, at_behind, from, post_at, post_slope, post_along;
     std::vector<float> lift, drop, post_lift, post_drop, post_ray, post_rise;
     std::vector<std::uint8_t> state;
     std::vector<float> raise_m, tangent;
@@ -428,7 +429,7 @@ void Cover::place_posts(const Side& side, const LineForm& line, std::int64_t k, 
                         Desk& desk) {
     const std::int64_t first = floor_to(posts.begin, knot), groups = (floor_to(posts.end - 1, knot) - first) / knot + 1;
     const auto n = static_cast<std::size_t>(groups + 1);
-    for (auto* v : {&desk.from, &desk.post_at, &desk.post_slope, &desk.post_arc}) v->resize(n);
+    for (auto* v : {&desk.from, &desk.post_at, &desk.post_slope, &desk.post_along}) v->resize(n);
     for (auto* v : {&desk.post_lift, &desk.post_drop, &desk.post_ray, &desk.post_rise}) v->resize(n);
     for (std::size_t i = 0; i < n; ++i)
         desk.from[i] = static_cast<double>(
@@ -445,7 +446,7 @@ void Cover::place_posts(const Side& side, const LineForm& line, std::int64_t k, 
             for (end = i; end < n && desk.from[end] < border;) ++end;
         }
         post_knots(line, {piece.middle, piece.scale, piece.bend, piece.stretch}, k, desk.from.data() + i, end - i,
-                   {desk.post_at.data() + i, desk.post_slope.data() + i, desk.post_arc.data() + i,
+                   {desk.post_at.data() + i, desk.post_slope.data() + i, desk.post_along.data() + i,
                     desk.post_lift.data() + i, desk.post_drop.data() + i, desk.post_ray.data() + i,
                     desk.post_rise.data() + i});
         i = end;
@@ -456,10 +457,10 @@ double Cover::spoke_at(const Side& side, const LineForm& line, std::int64_t k, d
     std::vector<SpokeMap::LinePiece> pieces;
     const double guess = (minor - line.nadir_minor) / line.distance;
     map_.line(side.quadrant, line.distance, std::clamp(guess, -1.0, 1.0), std::clamp(guess, -1.0, 1.0), pieces);
-    double at = 0, slope = 0, arc = 0;
+    double at = 0, slope = 0, along = 0;
     float lift = 0, drop = 0, ray = 0, rise = 0;
     const SpokeMap::LinePiece& p = pieces.front();
-    post_knots(line, {p.middle, p.scale, p.bend, p.stretch}, k, &minor, 1, {&at, &slope, &arc, &lift, &drop, &ray, &rise});
+    post_knots(line, {p.middle, p.scale, p.bend, p.stretch}, k, &minor, 1, {&at, &slope, &along, &lift, &drop, &ray, &rise});
     return at;
 }
 
@@ -492,7 +493,7 @@ void Cover::pass_voids(Desk& desk, Interval window, bool behind) {
                 if (inside(j) && !is_void(before[j])) top = std::max(top, before[j]);
         }
         if (top > -std::numeric_limits<float>::infinity()) {
-            const float w = lift_.w(top);
+            const float w = lift_.w(top - lift_.sensor_m);
             s.voids.tangent[i] = std::max(
                 {s.voids.tangent[i], w * lift - drop, w * s.voids.lift[i] - s.voids.drop[i]});
         }
@@ -536,7 +537,7 @@ void Cover::finish_line(const Side& side, const LineForm& line, Interval own, In
                 if (tangent[j] < bar) s = static_cast<std::uint8_t>(State::unknown);
             }
             if (!with_posts_) continue;
-            const double m = between(desk.post_slope), arc = between(desk.post_arc);
+            const double m = between(desk.post_slope);
             if (scene_.scene.sector) {
                 bool in = false;
                 for (const auto& [lo, hi] : side.sector) in = in || (m >= lo && m <= hi);
@@ -545,7 +546,7 @@ void Cover::finish_line(const Side& side, const LineForm& line, Interval own, In
             const double z = static_cast<double>(height[j]);
             const double squared = side.square[0] + m * (side.square[1] + m * side.square[2]),
                          bent = side.curvature[0] + m * (side.curvature[1] + m * side.curvature[2]);
-            const double inverse_radius = bent / squared;
+            const double inverse_radius = bent / squared, arc = between(desk.post_along) * std::sqrt(squared);
             // A void's place in range is that of the level surface at the reference height.
             const double top = s == no_data || z != z ? scene_.reference_m : z + params_.target_m;
             const SightLine sight = sight_line(scene_.sensor_m, arc, top, inverse_radius);

@@ -2,7 +2,7 @@
 // Leaves which posts there are and how they are read to wedge_source.hpp, and files to tiles.
 //
 // The four quadrants advance together, strip by strip: a strip is the lines of one column (row) of output tiles. Its
-// spokes are cut into runs that share nothing, so runs are the unit of reading, of threads and of skipping. A tile is
+// spokes are cut into runs that share nothing, so runs are the unit of reading and of threads. A tile is
 // handed out when all its posts are known; only those that a diagonal cuts wait for another quadrant's strip.
 #pragma once
 #include <array>
@@ -36,8 +36,7 @@ struct CoverageParams {
     double target_m = 0;  ///< raises the post tested, and no other
     /// Elevation angles at the sensor, positive up, that count; outside of them nothing is in view.
     std::optional<std::pair<Angle, Angle>> elevation;
-    bool cull = true;  ///< false: nothing is skipped; the same bits
-    int threads = 0;   ///< 0: all the machine has
+    int threads = 0;  ///< 0: all the machine has
     std::size_t memory_bytes = std::size_t{1} << 30;
     Stop* stop = nullptr;
     std::function<void(double)> progress;  ///< called with 0..1 from one thread at a time
@@ -55,7 +54,6 @@ struct CoverageTile {
 struct CoverageReport {
     std::array<std::uint64_t, state_count> states{};  ///< posts of the raster by state
     std::uint64_t posts_read = 0, bytes_read = 0;     ///< with what neighbouring runs read twice
-    std::uint64_t posts_skipped = 0;                  ///< in blocks hidden behind nearer terrain, not swept
     std::uint64_t runs = 0;
     std::size_t peak_budget_bytes = 0;
     double wall_s = 0;
@@ -75,7 +73,7 @@ ResolvedScene resolve_coverage(const Scene& scene, WedgeSource& source);
 void check_coverage(const ResolvedScene& scene, WedgeSource& source, const CoverageParams& params);
 
 /// Hands out each tile of the raster once, in the order of the strips, from one thread at a time (not the caller's).
-/// The same bits for any number of threads, any budget, culled or not. InputError if the budget is too small, before
+/// The same bits for any number of threads, any budget. InputError if the budget is too small, before
 /// any work; IoError, DataError; what `write` throws.
 CoverageReport cover(const ResolvedScene& scene, WedgeSource& source, const CoverageParams& params,
                      const std::function<void(const CoverageTile&)>& write);

@@ -8,7 +8,7 @@ namespace wedgescope {
 namespace {
 
 struct Polynomials {
-    double lift, drop, ray, rise, arc_m;
+    double lift, drop, ray, rise, along;
 };
 
 /// Slope m on a line -> the factors of the tangent.
@@ -26,7 +26,7 @@ WEDGESCOPE_LANES_PART Polynomials factors(const LineForm& line, double m, double
     p.drop = 0.5 * along * curvature * half_tangent;
     p.ray = p.lift * (1 + stretch) * cosine;
     p.rise = p.drop * (1 + stretch);
-    p.arc_m = along * std::sqrt(square);
+    p.along = along;
     return p;
 }
 
@@ -46,7 +46,7 @@ WEDGESCOPE_LANES_PART void raise(const RaiseLanes& lanes, const Lift& lift) noex
         const auto base = static_cast<std::int64_t>(std::floor(at));
         const float part = static_cast<float>(at - static_cast<double>(base)),
                     step = static_cast<float>((lanes.at[g + 1] - at) * (1.0 / knot_step));
-        const float up = lanes.lift[g], up_step = (lanes.lift[g + 1] - up) * (1.0F / knot_step), down = lanes.drop[g],
+        const float first_lift = lanes.lift[g], lift_step = (lanes.lift[g + 1] - first_lift) * (1.0F / knot_step), down = lanes.drop[g],
                     down_step = (lanes.drop[g + 1] - down) * (1.0F / knot_step);
         const float* __restrict z = posts + (base - lanes.origin);
         const float* __restrict zb = behind + (base - lanes.origin);
@@ -60,11 +60,11 @@ WEDGESCOPE_LANES_PART void raise(const RaiseLanes& lanes, const Lift& lift) noex
             const float lane = static_cast<float>(l), y = part + lane * step;
             const int i = static_cast<int>(y);
             const float f = y - static_cast<float>(i), a = z[i], b = z[i + 1];
-            const float between = a + f * (b - a);
-            const float height = f == 0 ? a : between;
-            const float lifts = up + lane * up_step,
+            const float up_a = a - lift.sensor_m, between = up_a + f * (b - a);
+            const float above = f == 0 ? up_a : between;
+            const float lifts = first_lift + lane * lift_step,
                         drops = down + lane * (down_step + bow * (lane - static_cast<float>(knot_step)));
-            const float tangent = lift.w(height) * lifts - drops;
+            const float tangent = lift.w(above) * lifts - drops;
             float old = h[l];
             if (cross) {
                 const float y0 = back + lane * back_step, low = y0 < y ? y0 : y, high = y0 < y ? y : y0;
@@ -74,7 +74,7 @@ WEDGESCOPE_LANES_PART void raise(const RaiseLanes& lanes, const Lift& lift) noex
                 const bool met = column > low && column < high;
                 const float tau = (y - column) / (met ? y - y0 : 1.0F);  // lines back
                 const int at_column = met ? c : 0;
-                const float ahead = z[at_column], there = ahead + tau * (zb[at_column] - ahead);
+                const float ahead = z[at_column], there = (ahead - lift.sensor_m) + tau * (zb[at_column] - ahead);
                 // lift and drop at a line tau nearer.
                 const float nearer = 1 - tau * inverse_distance;
                 const float crossing = lift.w(met ? there : none) * lifts / nearer - drops * nearer;
@@ -125,29 +125,32 @@ WEDGESCOPE_LANES_PART void test(const TestLanes& lanes, const Lift& lift) noexce
             const int down = static_cast<int>(k), up = down + spoke_base, kept = up < 0 ? 0 : up > last_spoke ? last_spoke : up;
             const float f = k - static_cast<float>(down);
             const float left = horizon[kept], right = horizon[kept + 1];
-            const float left_there = left > 0.5F * no_horizon_f ? left : right,
-                        right_there = right > 0.5F * no_horizon_f ? right : left;
-            const float level = left_there + f * (right_there - left_there);
+            // A spoke that has met no ground runs outside the raster, and so does the post's ray.
+            const bool free = left < 0.5F * no_horizon_f || right < 0.5F * no_horizon_f;
+            const float level = free ? no_horizon_f : left + f * (right - left);
 
-            const float height = z[l], top = height + target, w = lift.w(top);
+            const float height = z[l], w = lift.w((height - lift.sensor_m) + target);
             const float bends = bow * ((lane - begins) * (lane - ends));
             const float lifts = lift0 + lane * lift1, drops = drop0 + lane * drop1 + bends;
             const float high = w * lifts, tangent = high - drops;
-            const float slack = ((high < 0 ? -high : high) + drops) * level_slack;
-            const float over = tangent + slack - level;  // below 0: hidden
             // The own cell, the one on the sensor's side, along the straight chord: its course u = 0..1 from the line
             // behind to the post is a parabola, and so is how high the ray runs above it.
             const float slope = slope0 + lane * slope_step, across = slope < 0 ? -slope : slope;
             const float beside = slope < 0 ? z[l + 1] : z[l - 1], corner = slope < 0 ? zb[l + 1] : zb[l - 1], back = zb[l];
             const float to_corner = across * (corner - back), to_beside = across * (height - beside);
-            const float entry = across > 0 ? back + to_corner : back;
-            const float climbs = across > 0 ? (height - back) + to_beside : height - back;
+            const float step = height - back, to_entry = across > 0 ? step - to_corner : step;
+            const float climbs = across > 0 ? step + to_beside : step;
             const float growth = lift.growth(height), ray_w = w * (ray0 + lane * ray1),
                         ray_rise = rise0 + lane * rise1 + bends, ray = ray_w + ray_rise;
             const float stands = target * growth;
-            const float cell_slack = ((ray_w < 0 ? -ray_w : ray_w) + ray_rise) * level_slack;
+            const float step_size = step < 0 ? -step : step, size = step == step ? step_size : 0.0F, side = across > 0 ? (to_beside < 0 ? -to_beside : to_beside) + (to_corner < 0 ? -to_corner : to_corner) : 0.0F;
+            const float relief = size + (side == side ? side : 0.0F);
+            const float cell_slack = ((ray_w < 0 ? -ray_w : ray_w) + ray_rise + relief) * level_slack;
+            // Spokes' positions are good to place_slack of a post.
+            const float slack = ((high < 0 ? -high : high) + drops) * level_slack + relief * lifts * place_slack;
+            const float over = tangent + slack - level;  // below 0: hidden
             const float steeper = climbs * growth - ray + cell_slack;  // at the post; below 0: a back slope
-            const float above0 = nearest > 0 ? 1.0F : stands - ray + (height - entry) * growth + cell_slack;
+            const float above0 = nearest > 0 ? 1.0F : stands - ray + to_entry * growth + cell_slack;
             const bool void_post = height != height;
             bool hidden = over < 0;
             if (raised) {
@@ -200,7 +203,7 @@ void spoke_knots(const LineForm& line, const PieceForm& piece, std::int64_t spok
 WEDGESCOPE_LANES
 void post_knots(const LineForm& line, const PieceForm& piece, std::int64_t spokes, const double* minor, std::size_t n,
                 const KnotLanes& out) noexcept {
-    double *__restrict at = out.at, *__restrict slope = out.slope, *__restrict arc = out.arc_m;
+    double *__restrict at = out.at, *__restrict slope = out.slope, *__restrict along = out.along;
     float *__restrict lift = out.lift, *__restrict drop = out.drop, *__restrict ray = out.ray,
           *__restrict rise = out.rise;
     const double* __restrict place = minor;
@@ -217,7 +220,7 @@ void post_knots(const LineForm& line, const PieceForm& piece, std::int64_t spoke
         const Polynomials p = factors(line, m, horner(piece.stretch, (m - piece.middle) * piece.scale));
         at[i] = m * static_cast<double>(spokes);
         slope[i] = m;
-        arc[i] = p.arc_m;
+        along[i] = p.along;
         lift[i] = static_cast<float>(p.lift);
         drop[i] = static_cast<float>(p.drop);
         ray[i] = static_cast<float>(p.ray);

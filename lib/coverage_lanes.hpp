@@ -22,14 +22,17 @@ namespace wedgescope {
 inline constexpr std::size_t knot_step = 16;
 inline constexpr float no_horizon_f = -1e30F;  ///< of a spoke that has met no ground
 /// What rounding may add to a tangent, relative to its two terms: so that what is level with its horizon is seen.
-inline constexpr float level_slack = 0x1p-22F;
+inline constexpr float level_slack = 0x1p-21F;
+/// And to a position, posts.
+inline constexpr float place_slack = 0x1p-19F;
 
-/// Height to w: float, for heights up to 1e5 m within 1e-9 of the quotient.
+/// Height above the sensor to w: float, for heights up to 1e5 m within 1e-9 of the quotient. What is subtracted from the
+/// sensor's height first keeps its last bits.
 struct Lift {
     float sensor_m = 0, inverse_radius = 0;
-    float w(float height_m) const {
-        const float x = height_m * inverse_radius;
-        return (height_m - sensor_m) * (1 - x * (1 - x * (1 - x)));
+    float w(float up_m) const {
+        const float x = (up_m + sensor_m) * inverse_radius;
+        return up_m * (1 - x * (1 - x * (1 - x)));
     }
     /// dw / dh.
     float growth(float height_m) const { return (1 + sensor_m * inverse_radius) * (1 - 2 * height_m * inverse_radius); }
@@ -39,7 +42,7 @@ struct Lift {
 struct KnotLanes {
     double *at;           ///< spokes: raster position along the line; posts: spoke, as a number
     double *slope;        ///< posts only: m
-    double *arc_m;        ///< posts only
+    double *along;        ///< posts only: d (1 + stretch), so that the arc is along f(m)
     float *lift, *drop;
     float *ray, *rise;    ///< posts only: what a level ray climbs in w a line outwards is w ray + rise
 };

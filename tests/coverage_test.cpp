@@ -95,7 +95,8 @@ double wrong(MemorySource& source, const Scene& scene, const Result& mask, doubl
                 continue;
             }
             ++posts;
-            bad += (mask.at(c, r) == 255) != (verdict.state == reference::Verdict::seen);
+            const bool other = (mask.at(c, r) == 255) != (verdict.state == reference::Verdict::seen);
+            bad += other;
         }
     return 100.0 * static_cast<double>(bad) / static_cast<double>(std::max<std::size_t>(posts, 1));
 }
@@ -111,14 +112,21 @@ TEST_CASE("every post of a plain is seen, wherever the sensor stands", "[coverag
             if (height == 100.0 && place[0] != std::floor(place[0])) continue;
             INFO("column " << place[0] << ", row " << place[1] << ", " << height << " m");
             const Result seen = look(source, scene_at(place[0], place[1], height));
-            CHECK(std::all_of(seen.bytes.begin(), seen.bytes.end(), [](int b) { return b == 255; }));
+            for (std::size_t i = 0; i < seen.bytes.size(); ++i)
+                if (seen.bytes[i] != 255) {
+                    FAIL_CHECK("column " << i % 300 << ", row " << i / 300 << " is " << int{seen.bytes[i]});
+                    break;
+                }
         }
 }
 
 TEST_CASE("a tilted plain through the sensor is level with its own horizon, and seen", "[coverage]") {
     MemorySource source(200, 200, post_m, [](double c, double r) { return 500 + 2 * (c - 100) + 3 * (r - 100); });
     const Result seen = look(source, scene_at(100, 100, 500));
-    CHECK(std::all_of(seen.bytes.begin(), seen.bytes.end(), [](int b) { return b == 255; }));
+    for (std::size_t i = 0; i < seen.bytes.size(); ++i) {
+        INFO("column " << i % 200 << ", row " << i / 200);
+        REQUIRE(int{seen.bytes[i]} == 255);
+    }
 }
 
 TEST_CASE("a ridge hides the ground behind it as far as its shadow reaches", "[coverage]") {
@@ -195,7 +203,7 @@ TEST_CASE("range, sector and pitch limit what is in view", "[coverage]") {
     params.elevation.emplace(Angle::degrees(-25), Angle::degrees(-12));
     params.mask.outside = 7;
     const Result seen = look(source, scene, params);
-    std::size_t inside = 0;
+    std::size_t inside = 0, wrong_posts = 0;
     for (std::int64_t r = 0; r < 600; ++r)
         for (std::int64_t c = 0; c < 600; ++c) {
             const double x = static_cast<double>(c - 300) * post_m, y = static_cast<double>(300 - r) * post_m,
@@ -208,8 +216,12 @@ TEST_CASE("range, sector and pitch limit what is in view", "[coverage]") {
             if (edge < 1) continue;
             const bool in = slant < 5000 && slant > 2000 && azimuth > -30 && azimuth < 90 && pitch > -25 && pitch < -12;
             inside += in;
-            CHECK(seen.at(c, r) == (in ? 255 : 7));
+            wrong_posts += seen.at(c, r) != (in ? 255 : 7);
+            if (seen.at(c, r) != (in ? 255 : 7) && wrong_posts < 3)
+                FAIL_CHECK("column " << c << ", row " << r << ": " << seen.at(c, r) << ", slant " << slant << ", azimuth "
+                                     << azimuth << ", pitch " << pitch);
         }
+    CHECK(wrong_posts == 0);
     CHECK(inside > 1000);
     CHECK(seen.report.states[static_cast<std::size_t>(State::seen)] >= inside);
 }
@@ -221,7 +233,7 @@ TEST_CASE("rolling ground is judged as an exact walk of each ray judges it", "[c
     struct Place {
         double column, row, height;
     };
-    for (const Place& place : {Place{160, 140, 500}, {160.25, 140.75, 420}, {-30, 100, 900}, {200, 400, 1500},
+    for (const Place& place : {Place{329.5, -0.5, 600}, Place{160, 140, 500}, {160.25, 140.75, 420}, {-30, 100, 900}, {200, 400, 1500},
                                {0, 289, 700}, {329.5, -0.5, 600}, {100, 50.5, 30000}}) {
         Scene scene = scene_at(place.column, place.row, place.height, 4.0 / 3);
         INFO("column " << place.column << ", row " << place.row << ", " << place.height << " m");
@@ -256,7 +268,7 @@ TEST_CASE("seams at diagonals and axes do not show", "[coverage]") {
     const reference::LineOfSight sight(matrix, grid, sensor);
     int bad = 0, posts = 0;
     for (std::int64_t i = 1; i <= 200; ++i)
-        for (const auto [c, r] : {std::pair{i, i}, {i, -i}, {-i, i}, {-i, -i}, {i, 0L}, {-i, 0L}, {0L, i}, {0L, -i},
+        for (const auto& [c, r] : {std::pair{i, i}, {i, -i}, {-i, i}, {-i, -i}, {i, 0L}, {-i, 0L}, {0L, i}, {0L, -i},
                                   {i, i - 1}, {i - 1, i}, {-i, 1 - i}, {1 - i, -i}}) {
             ++posts;
             bad += (seen.at(200 + c, 200 + r) == 255) !=
@@ -303,7 +315,7 @@ TEST_CASE("voids are no data, hide nothing, and what they may hide is unknown", 
     CHECK(look(none, scene_at(20, 50, 100)).report.states[0] == 70 * 60);
 }
 
-TEST_CASE("threads, memory and culling change no bit", "[coverage]") {
+TEST_CASE("threads and memory change no bit", "[coverage]") {
     MemorySource source(700, 600, post_m, test::rolling(400, 200, 11));
     source.set_culture_height([](double c, double r) { return std::fmod(c * 7 + r * 3, 50) == 0 ? 15 : 0; });
     for (const auto kind : {CoverageLayer::mask, CoverageLayer::states, CoverageLayer::height}) {
@@ -312,16 +324,14 @@ TEST_CASE("threads, memory and culling change no bit", "[coverage]") {
         params.threads = 1;
         const Result first = look(source, scene, params);
         for (const int threads : {1, 2})
-            for (const std::size_t mebibytes : {64, 1024})
-                for (const bool cull : {false, true}) {
-                    params.threads = threads;
-                    params.memory_bytes = mebibytes << 20;
-                    params.cull = cull;
-                    const Result other = look(source, scene, params);
-                    CHECK(other.bytes == first.bytes);
-                    CHECK((is_bytes(kind) || other.values == first.values));
-                    CHECK(other.report.states == first.report.states);
-                }
+            for (const std::size_t mebibytes : {64, 1024}) {
+                params.threads = threads;
+                params.memory_bytes = mebibytes << 20;
+                const Result other = look(source, scene, params);
+                CHECK(other.bytes == first.bytes);
+                CHECK((is_bytes(kind) || other.values == first.values));
+                CHECK(other.report.states == first.report.states);
+            }
     }
     CoverageParams small;
     small.memory_bytes = 3 << 20;

@@ -841,7 +841,7 @@ std::vector<Key> make_keys() {
     for (const char* name :
          {"culture-height", "culture-height-scale", "latlon", "xy", "altitude-msl", "altitude-agl", "altitude-hae",
           "geoid-offset", "heading", "sector", "range", "range-start", "geometry", "earth", "quality", "threads",
-          "memory", "no-cull", "report", "of", "co", "overwrite", "reproducible", "config", "quiet", "help"})
+          "memory", "report", "of", "co", "overwrite", "reproducible", "config", "quiet", "help"})
         for (Key& key : keys)
             if (key.name == name) key.commands |= command_coverage;
     return keys;
