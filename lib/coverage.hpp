@@ -42,7 +42,8 @@ struct CoverageParams {
     std::function<void(double)> progress;  ///< called with 0..1 from one thread at a time
 };
 
-/// A tile of the output: `bytes` of mask and states, `values` of the others; rows lie `stride` posts apart.
+/// A tile of the output: `bytes` of mask and states, `values` of the others; rows lie `stride` posts apart, and there
+/// are `edge` of them, also where the raster ends before.
 struct CoverageTile {
     static constexpr std::int64_t edge = 256;  ///< posts a side; aligned to the raster, cut at its edges
     Window window;

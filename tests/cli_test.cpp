@@ -206,7 +206,7 @@ TEST_CASE("coverage writes a mask on the raster's own grid, and every layer", "[
     REQUIRE(folder.run({"coverage", dem, "again.tif", "--latlon", "33.93,-117.33", "--altitude-agl", "300m",
                         "--reproducible", "--threads", "1", "--memory", "64MiB", "-q"})
                 .code == 0);
-    CHECK(content(folder.file("again.tif")) == content(folder.file("seen.tif")));
+    CHECK((content(folder.file("again.tif")) == content(folder.file("seen.tif"))));
     for (const char* layer : {"states", "height", "range", "grazing", "depression"}) {
         const Outcome one = folder.run({"coverage", dem, std::string(layer) + ".tif", "--layer", layer, "--xy",
                                         "453717,3740093", "--altitude-msl", "2km", "--range", "8km", "-q"});

@@ -65,7 +65,18 @@ void CoverageFile::write(const CoverageTile& tile) {
     const void* cells = bytes ? static_cast<const void*>(tile.bytes) : static_cast<const void*>(tile.values);
     const int columns = static_cast<int>(tile.window.columns.size()), rows = static_cast<int>(tile.window.rows.size());
     const GSpacing step = bytes ? 1 : sizeof(float);
-    if (open_->dataset->GetRasterBand(1)->RasterIO(
+    GDALRasterBand& band = *open_->dataset->GetRasterBand(1);
+    int block_columns = 0, block_rows = 0;
+    band.GetBlockSize(&block_columns, &block_rows);
+    if (block_columns == CoverageTile::edge && block_rows == CoverageTile::edge && tile.stride == CoverageTile::edge) {
+        // A tile is a block: past GDAL's cache, so that blocks stand in the file in the order they come.
+        if (band.WriteBlock(static_cast<int>(tile.window.columns.begin / CoverageTile::edge),
+                            static_cast<int>(tile.window.rows.begin / CoverageTile::edge),
+                            const_cast<void*>(cells)) != CE_None)
+            throw IoError(text("output '", open_->final_path, "' cannot be written: ", errors.reason()));
+        return;
+    }
+    if (band.RasterIO(
             GF_Write, static_cast<int>(tile.window.columns.begin), static_cast<int>(tile.window.rows.begin), columns,
             rows, const_cast<void*>(cells), columns, rows, bytes ? GDT_Byte : GDT_Float32, step,
             step * static_cast<GSpacing>(tile.stride), nullptr) != CE_None)
