@@ -31,9 +31,11 @@ struct ResolvedScene {
     Chunk nadir_patch;  ///< the posts round the nadir, rows as lines; empty where it is outside the raster
     bool nadir_on_data = false;  ///< inside the raster and not void
     bool nadir_in_raster = false;
-    Earth earth;      ///< of what belongs to no spoke
-    PolarGrid shown;  ///< what was asked: power, states and scope
-    PolarGrid swept;  ///< shown plus the beam's skirt and the pulse's lead-in: echo
+    Earth earth;                 ///< of what belongs to no spoke
+    double farthest_arc_m = 0;   ///< coverage only: no post that counts is farther
+    bool range_limited = false;  ///< coverage only: a range was asked for
+    PolarGrid shown;             ///< what was asked: power, states and scope
+    PolarGrid swept;             ///< shown plus the beam's skirt and the pulse's lead-in: echo
     double noise_power_w = 0;
     double sweep_delay_m = 0;
 };

@@ -6,6 +6,7 @@
 #include <limits>
 #include <numbers>
 
+#include "lib/coverage.hpp"
 #include "lib/engine.hpp"
 #include "lib/error.hpp"
 #include "lib/rounding.hpp"
@@ -128,12 +129,8 @@ void choose_earth(ResolvedScene& s) {
     s.earth = Earth(*s.scene.earth_k * radius);
 }
 
-/// The nearer of the farthest edge post (at the highest terrain) and what the horizon allows.
-double default_range(const ResolvedScene& s, WedgeSource& source) {
-    const DataBase& db = source.data_base();
-    const Extremes e = source.extremes();
-    if (!e.any_valid) throw DataError(text("'", db.name, "' holds no valid post"));
-    const double highest = static_cast<double>(e.highest_m);
+/// Arc to the farthest of some posts on the raster's edge.
+double farthest_edge_m(const ResolvedScene& s, const DataBase& db) {
     double farthest = 0;
     const auto& geod = GeographicLib::Geodesic::WGS84();
     const auto reach = [&](double column, double row) {
@@ -157,6 +154,15 @@ double default_range(const ResolvedScene& s, WedgeSource& source) {
         reach(0, r);
         reach(static_cast<double>(db.columns - 1), r);
     }
+    return farthest;
+}
+
+/// The nearer of the farthest edge post (at the highest terrain) and what the horizon allows.
+double default_range(const ResolvedScene& s, WedgeSource& source) {
+    const Extremes e = source.extremes();
+    if (!e.any_valid) throw DataError(text("'", source.data_base().name, "' holds no valid post"));
+    const double highest = static_cast<double>(e.highest_m);
+    const double farthest = farthest_edge_m(s, source.data_base());
     // Horizons over the lowest ground, should it lie below sea level.
     const double low = std::min({0.0, static_cast<double>(e.lowest_m), s.sensor_m});
     const double horizon =
@@ -197,7 +203,10 @@ DisplaySetting display_setting(const ResolvedScene& s) {
     return d;
 }
 
-ResolvedScene resolve(const Scene& scene, WedgeSource& source) {
+namespace {
+
+/// Place, height and earth.
+ResolvedScene resolve_place(const Scene& scene, WedgeSource& source) {
     validate(scene);
     const DataBase& db = source.data_base();
     ResolvedScene s;
@@ -215,6 +224,40 @@ ResolvedScene resolve(const Scene& scene, WedgeSource& source) {
     stand(s, source);
     choose_earth(s);
     s.scene.geometry = s.geometry;
+    return s;
+}
+
+}  // namespace
+
+ResolvedScene resolve_coverage(const Scene& scene, WedgeSource& source) {
+    ResolvedScene s = resolve_place(scene, source);
+    if (!scene.range_m) {
+        // A slant range that holds every post: the chord of the farthest arc and all heights there may be.
+        constexpr double highest_m = 1e5;
+        const double farthest = farthest_edge_m(s, source.data_base());
+        s.scene.range_m = 1.01 * farthest + std::abs(s.sensor_m) + highest_m;
+        if (s.earth.inverse_radius() * farthest > 0.29)
+            throw InputError(fmt::format(
+                "the raster reaches {:.0f} m from the sensor; give a range of at most {:.0f} m on this earth", farthest,
+                0.29 / s.earth.inverse_radius()));
+        s.farthest_arc_m = 1.01 * farthest;
+    } else {
+        const double range = *scene.range_m;
+        if (s.earth.inverse_radius() * range > 0.3)
+            throw InputError(fmt::format("range is {:.0f} m; at most {:.0f} m on this earth", range,
+                                         0.3 / s.earth.inverse_radius()));
+        if (scene.range_start_m >= range)
+            throw InputError(
+                text("range-start is ", scene.range_start_m, " m; it must be below the range, ", range, " m"));
+        const double theta = range * s.earth.inverse_radius();
+        s.range_limited = true;
+        s.farthest_arc_m = range * (1.0005 + theta * theta / 4);
+    }
+    return s;
+}
+
+ResolvedScene resolve(const Scene& scene, WedgeSource& source) {
+    ResolvedScene s = resolve_place(scene, source);
     if (!scene.range_m) s.scene.range_m = default_range(s, source);
     const double range = *s.scene.range_m;
     if (s.earth.inverse_radius() * range > 0.3)

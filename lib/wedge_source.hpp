@@ -27,8 +27,9 @@ struct DataBase {
     std::int64_t columns = 0;  ///< posts; at least 2 x 2
     std::int64_t rows = 0;
     bool has_crs = false;
-    bool crs_in_metres = false;  ///< x and y are metres (or scaled to them) on a plane: grid geometry is possible
-    std::string crs_wkt;         ///< empty without a CRS
+    bool has_geotransform = true;  ///< else x and y are columns and rows
+    bool crs_in_metres = false;    ///< x and y are metres (or scaled to them) on a plane: grid geometry is possible
+    std::string crs_wkt;           ///< empty without a CRS
     double origin_x = 0, origin_y = 0;  ///< of post (0, 0), in CRS units
     double step_x = 0, step_y = 0;      ///< from post to post, in CRS units; step_y below 0 for north-up rasters
     double metres_per_unit = 1;         ///< of x and y on a plane

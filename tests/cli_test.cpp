@@ -174,7 +174,7 @@ TEST_CASE("help and version go to stdout", "[cli]") {
 TEST_CASE("a wrong command or option costs one line and exit code 2", "[cli]") {
     const Folder folder;
     refuses(folder, {}, 2, {"no command"});
-    refuses(folder, {"coverage"}, 2, {"unknown command 'coverage'"});
+    refuses(folder, {"coverage"}, 2, {"coverage takes two paths"});
     refuses(folder, {"simulat"}, 2, {"did you mean simulate?"});
     refuses(folder, {"--dem", dem}, 2, {"--dem"});
     refuses(folder, {"help", "view"}, 2, {"unknown command 'view'"});
@@ -187,6 +187,82 @@ TEST_CASE("a wrong command or option costs one line and exit code 2", "[cli]") {
     refuses(folder, with(with(good, out), {"--gain", "nandB"}), 2, {"--gain"});
     refuses(folder, good, 2, {"no output"});
     refuses(folder, {"info"}, 2, {"path"});
+}
+
+TEST_CASE("coverage writes a mask on the raster's own grid, and every layer", "[cli]") {
+    const Folder folder;
+    const Strings start = {"coverage", dem, "seen.tif", "--latlon", "33.93,-117.33", "--altitude-agl", "300m"};
+    const Outcome outcome = folder.run(with(start, {"--report", "seen.json", "--reproducible"}));
+    INFO(outcome.err);
+    REQUIRE(outcome.code == 0);
+    CHECK(outcome.out.empty());
+    CHECK_THAT(outcome.err, Contains("Mposts/s") && Contains("% of those in range"));
+    const auto report = nlohmann::json::parse(content(folder.file("seen.json")));
+    std::uint64_t posts = 0;
+    for (const auto& [name, count] : report["states"].items()) posts += count.get<std::uint64_t>();
+    CHECK(posts == 1600 * 1600);
+    CHECK(report["scene"]["altitude-agl"] == "300m");
+    // The same bytes by one thread and in little memory.
+    REQUIRE(folder.run({"coverage", dem, "again.tif", "--latlon", "33.93,-117.33", "--altitude-agl", "300m",
+                        "--reproducible", "--threads", "1", "--memory", "64MiB", "-q"})
+                .code == 0);
+    CHECK((content(folder.file("again.tif")) == content(folder.file("seen.tif"))));
+    for (const char* layer : {"states", "height", "range", "grazing", "depression"}) {
+        const Outcome one = folder.run({"coverage", dem, std::string(layer) + ".tif", "--layer", layer, "--xy",
+                                        "453717,3740093", "--altitude-msl", "2km", "--range", "8km", "-q"});
+        INFO(layer << ": " << one.err);
+        CHECK(one.code == 0);
+        CHECK(one.err.empty());
+        CHECK(folder.names().contains(std::string(layer) + ".tif"));
+    }
+    refuses(folder, start, 2, {"seen.tif", "--overwrite"});
+    refuses(folder, {"coverage", dem, "x.tif", "--latlon", "33.93,-117.33"}, 2, {"altitude"});
+    refuses(folder, {"coverage", dem, "x.png", "--latlon", "33.93,-117.33", "--altitude-agl", "1km"}, 2,
+            {"x.png", "whole rasters"});
+    refuses(folder, {"coverage", dem, dem, "--latlon", "33.93,-117.33", "--altitude-agl", "1km", "--overwrite"}, 2,
+            {"input"});
+    refuses(folder, {"coverage", dem, "x.tif", "--latlon", "33.93,-117.33", "--altitude-agl", "1km", "--pitch", "5deg,1deg"},
+            2, {"--pitch", "first one below"});
+    refuses(folder, {"coverage", dem, "x.tif", "--latlon", "33.93,-117.33", "--altitude-agl", "1km", "--memory", "2MiB"}, 2,
+            {"memory is 2 MiB", "at least"});
+    refuses(folder, {"simulate", "--layer", "mask"}, 2, {"--layer"});
+}
+
+TEST_CASE("coverage understands gdal_viewshed's options", "[cli]") {
+    const Folder folder;
+    const Strings place = {"-ox", "453717", "-oy", "3740093", "-oz", "100"};
+    const auto report_of = [&](const Strings& options) {
+        const Outcome outcome = folder.run(
+            with({"coverage", dem, "seen.tif", "--overwrite", "--report", "seen.json"}, with(place, options)));
+        INFO(outcome.err);
+        REQUIRE(outcome.code == 0);
+        return nlohmann::json::parse(content(folder.file("seen.json")));
+    };
+    const auto plain = report_of({});
+    CHECK(plain["scene"]["geometry"] == "grid");
+    CHECK(plain["scene"]["altitude-agl"] == "100m");
+    CHECK(plain["scene"]["outside-value"] == "0");
+    // K R1 = a / cc
+    CHECK(std::stod(plain["scene"]["earth"].get<std::string>()) * 0.85714 * 6371008.7714 == Approx(6378137).epsilon(1e-9));
+    const auto all = report_of({"-tz", "3.5", "-md", "9000", "-cc", "0", "-ov", "9", "-vv", "200", "-iv", "100",
+                                "-a_nodata", "17", "-b", "1", "-f", "GTiff", "-co", "COMPRESS=LZW", "-om", "NORMAL"});
+    CHECK(all["scene"]["target-height"] == "3.5m");
+    CHECK(all["scene"]["range"] == "9km");
+    CHECK(all["scene"]["earth"] == "flat");
+    CHECK(all["scene"]["outside-value"] == "9");
+    CHECK(all["scene"]["seen-value"] == "200");
+    CHECK(all["scene"]["hidden-value"] == "100");
+    CHECK(all["scene"]["no-data-value"] == "17");
+    fs::remove(folder.file("seen.tif"));
+    fs::remove(folder.file("seen.json"));
+    const Strings run = {"coverage", dem, "x.tif"};
+    refuses(folder, with(run, {"-ox", "453717"}), 2, {"-oy is missing"});
+    refuses(folder, with(run, {"-ox", "east", "-oy", "3740093"}), 2, {"-ox is 'east'"});
+    refuses(folder, with(run, with(place, {"-b", "2"})), 2, {"-b is '2'"});
+    refuses(folder, with(run, with(place, {"-om", "DEM"})), 2, {"-om is 'DEM'", "--layer height"});
+    refuses(folder, with(run, with(place, {"-vv", "300"})), 2, {"seen-value", "255"});
+    refuses(folder, with(run, with(place, {"-oz"})), 2, {"-oz"});
+    refuses(folder, {"coverage", data + "/N44W072.hgt", "x.tif", "-ox", "-71.5", "-oy", "44.5"}, 2, {"geodesic"});
 }
 
 TEST_CASE("a scene that contradicts itself or says too little is refused", "[cli]") {

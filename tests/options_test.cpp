@@ -185,9 +185,10 @@ TEST_CASE("every key says what it is, and its default is the program's own", "[o
         CHECK(key.commands != 0);
         CHECK(key.set);
         CHECK(key.get);
-        CHECK(help_text(command_by_name(key.commands & command_simulate ? "simulate"
-                                        : key.commands & command_info   ? "info"
-                                                                        : "tile"))
+        CHECK(help_text(command_by_name(key.commands & command_simulate   ? "simulate"
+                                        : key.commands & command_coverage ? "coverage"
+                                        : key.commands & command_info     ? "info"
+                                                                          : "tile"))
                   .find("--" + key.name) != std::string::npos);
         if (key.fallback.empty()) {
             CHECK_FALSE(key.get(Settings{}).has_value());
@@ -422,7 +423,7 @@ TEST_CASE("the command line refuses what it cannot mean", "[options]") {
     CHECK_THAT(refusal_of({"--json"}), Contains("unknown option '--json'"));
     CHECK_THAT(refusal_of({"a.ini", "b.ini"}), Contains("two scene files") || Contains("cannot be opened"));
     CHECK_THAT(refusal([] { command_by_name("simulat"); }), Contains("did you mean simulate?"));
-    CHECK_THAT(refusal([] { command_by_name("coverage"); }), Contains("unknown command 'coverage'"));
+    CHECK_THAT(refusal([] { command_by_name("vieww"); }), Contains("unknown command 'vieww'"));
 }
 
 TEST_CASE("a complete scene has a terrain, one place, one altitude and a legend for its culture", "[options]") {

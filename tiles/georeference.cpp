@@ -70,6 +70,7 @@ DataBase describe(const RasterFacts& facts) {
     d.step_x = facts.step_x;
     d.step_y = facts.step_y;
     d.has_crs = facts.crs != nullptr;
+    d.has_geotransform = facts.has_geotransform;
     d.crs_in_metres = !facts.geographic;
     d.metres_per_unit = facts.metres_per_unit;
     if (!facts.crs) return d;

@@ -292,6 +292,29 @@ void write_raster(const RasterContent& content, const OutputFile& file, const Ra
     if (errors.failed()) fail(final_path, errors);
 }
 
+DatasetHandle create_raster(const RasterContent& content, const OutputFile& file, const RasterFormat& format) {
+    const std::string& final_path = file.final_path();
+    GDALDriver& driver = driver_for(final_path, content.type, format);
+    const CPLStringList options = creation_options(driver, content.type, format);
+    if (!has(driver, GDAL_DCAP_CREATE))
+        throw InputError(text("output '", final_path, "': driver ", driver.GetDescription(),
+                              " writes whole rasters only; accepted: one that writes tile by tile, such as GTiff"));
+    GdalErrors errors;
+    DatasetHandle dataset(driver.Create(file.temporary_path().c_str(), static_cast<int>(content.columns),
+                                        static_cast<int>(content.rows), static_cast<int>(content.bands.size()),
+                                        content.type, const_cast<char**>(options.List())));
+    if (!dataset) fail(final_path, errors);
+    describe(*dataset, content, {});
+    return dataset;
+}
+
+void close_raster(DatasetHandle dataset, const std::string& final_path) {
+    GdalErrors errors;
+    dataset->FlushCache(true);
+    dataset.reset();
+    if (errors.failed()) fail(final_path, errors);
+}
+
 Metadata scene_metadata(const ResolvedScene& scene, const RasterFormat& format) {
     Metadata items;
     items.emplace_back("SOFTWARE", format.version.empty() ? "wedgescope" : "wedgescope " + format.version);

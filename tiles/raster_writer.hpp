@@ -57,6 +57,12 @@ struct RasterContent {
 /// option that will not do; IoError naming the final file if anything was not written.
 void write_raster(const RasterContent& content, const OutputFile& file, const RasterFormat& format);
 
+/// The same, but empty, to be written piece by piece; closed by close_raster. `cells` of the bands are not used; neither is
+/// a geolocation grid. InputError too for a driver that writes whole rasters only.
+DatasetHandle create_raster(const RasterContent& content, const OutputFile& file, const RasterFormat& format);
+/// IoError naming the final file if anything was not written.
+void close_raster(DatasetHandle dataset, const std::string& final_path);
+
 /// Sensor, scene and version: what every output tells.
 Metadata scene_metadata(const ResolvedScene& scene, const RasterFormat& format);
 

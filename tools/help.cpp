@@ -63,7 +63,7 @@ std::string help_text(const CommandInfo& command) {
         if (!key.fallback.empty() && !key.value.empty()) help += " [" + key.fallback + "]";
         out += wrapped(help, column, page_width) + "\n";
     }
-    if (command.command == command_simulate) {
+    if (command.command == command_simulate || command.command == command_coverage) {
         out += "\nUnits: a number with a dimension needs its unit (0 does not)\n";
         for (const Dimension d : {Dimension::length, Dimension::time, Dimension::frequency, Dimension::power,
                                   Dimension::level, Dimension::angle, Dimension::decibel, Dimension::bytes}) {

@@ -364,6 +364,38 @@ Codec earth() {
     return codec;
 }
 
+Codec pitch() {
+    Codec codec{"FROM,TO|full", "each from -90deg to 90deg, positive up", {}, {}};
+    codec.set = [](Settings& s, const Given& given) {
+        constexpr double right = std::numbers::pi / 2;
+        if (trimmed(given.value) == "full") return s.coverage.elevation.reset();
+        const auto [first, second] = two(given, "FROM,TO, two angles such as -30deg,5deg, or full");
+        const double from = parse_quantity(Dimension::angle, given.origin, first);
+        const double to = parse_quantity(Dimension::angle, given.origin, second);
+        if (std::abs(from) > right * (1 + 1e-12) || std::abs(to) > right * (1 + 1e-12) || !(to > from))
+            throw InputError(text(given.origin, " is ", in_quotes(given.value),
+                                  "; the angles must be from -90deg to 90deg, the first one below the second"));
+        s.coverage.elevation.emplace(Angle::radians(from), Angle::radians(to));
+    };
+    codec.get = [](const Settings& s) -> std::optional<std::string> {
+        if (!s.coverage.elevation) return "full";
+        return quantity_text(Dimension::angle, s.coverage.elevation->first.rad()) + "," +
+               quantity_text(Dimension::angle, s.coverage.elevation->second.rad());
+    };
+    return codec;
+}
+
+/// A value of the mask.
+template <class Field>
+Codec mask_value(Field field) {
+    Codec codec{"0..255", "a whole number from 0 to 255", {}, {}};
+    codec.set = [=](Settings& s, const Given& given) {
+        field(s) = static_cast<std::uint8_t>(parse_count(given.origin, given.value, 0, 255));
+    };
+    codec.get = [=](const Settings& s) -> std::optional<std::string> { return text(static_cast<int>(field(s))); };
+    return codec;
+}
+
 Codec seed() {
     Codec codec{"COUNT", "from 0 to 18446744073709551615", {}, {}};
     codec.set = [](Settings& s, const Given& given) {
@@ -526,10 +558,13 @@ std::vector<Key> make_keys() {
 
     t.group(KeyGroup::look, true);
     t.add("sector", sector(), "full", "azimuths swept, relative to heading, clockwise");
-    t.add("range",
-          quantity(
-              length, above_to("0m", "10000km"), [](auto& s) -> auto& { return s.scene.range_m; }, "auto"),
-          "auto", "largest slant range; auto: the nearer of the farthest edge of the terrain and the radar horizon");
+    t.add(
+        "range",
+        quantity(
+            length, above_to("0m", "10000km"), [](auto& s) -> auto& { return s.scene.range_m; }, "auto"),
+        "auto",
+        "largest slant range; auto: the nearer of the farthest edge of the terrain and the radar horizon (coverage: no "
+        "limit)");
     t.add("range-start",
           quantity(
               length, between("0m", "10000km"), [](auto& s) -> auto& { return s.scene.range_start_m; }),
@@ -557,6 +592,41 @@ std::vector<Key> make_keys() {
                {"draft", Quality::draft}},
               [](auto& s) -> auto& { return s.scene.quality; }),
           "normal", "how finely the ground is sampled");
+
+    t.group(KeyGroup::coverage, true);
+    {
+        const auto coverage_only = [&](Key& key) {
+            key.commands = command_coverage;
+            key.in_scene_file = false;
+        };
+        coverage_only(t.add("layer",
+                            choice<CoverageLayer>(
+                                {{"mask", CoverageLayer::mask},
+                                 {"states", CoverageLayer::states},
+                                 {"height", CoverageLayer::height},
+                                 {"range", CoverageLayer::range},
+                                 {"grazing", CoverageLayer::grazing},
+                                 {"depression", CoverageLayer::depression}},
+                                [](auto& s) -> auto& { return s.coverage.layer; }),
+                            "mask",
+                            "seen or not; 0 no data, 1 shadow, 2 seen, 3 unknown, 4 outside; metres to be raised to be "
+                            "seen; slant range, m; ray to ground, deg; below the horizontal, deg"));
+        coverage_only(t.add("target-height",
+                            quantity(
+                                length, between("0m", "100km"), [](auto& s) -> auto& { return s.coverage.target_m; }),
+                            "0m", "of what stands on the post that is looked at"));
+        coverage_only(t.add("pitch", pitch(), "full", "elevation angles at the sensor that count"));
+        coverage_only(t.add("seen-value", mask_value([](auto& s) -> auto& { return s.coverage.mask.seen; }), "255",
+                            "of the mask where the ground is seen"));
+        coverage_only(t.add("hidden-value", mask_value([](auto& s) -> auto& { return s.coverage.mask.hidden; }), "0",
+                            "of the mask where it is not"));
+        coverage_only(t.add("outside-value", mask_value([](auto& s) -> auto& { return s.coverage.mask.outside; }), "1",
+                            "of the mask out of range, sector or pitch"));
+        coverage_only(t.add("no-data-value",
+                            count(
+                                0, 255, [](auto& s) -> auto& { return s.no_data_value; }, "auto"),
+                            "auto", "of the mask where the terrain is void, declared; auto: 1, declared if any is"));
+    }
 
     t.group(KeyGroup::radar, true);
     t.add("frequency",
@@ -818,7 +888,35 @@ std::vector<Key> make_keys() {
         h.commands = command_simulate | command_info | command_help | command_tile;
         h.in_scene_file = false;
     }
-    return t.take();
+    std::vector<Key> keys = t.take();
+    for (const char* name : {"culture-height",
+                             "culture-height-scale",
+                             "latlon",
+                             "xy",
+                             "altitude-msl",
+                             "altitude-agl",
+                             "altitude-hae",
+                             "geoid-offset",
+                             "heading",
+                             "sector",
+                             "range",
+                             "range-start",
+                             "geometry",
+                             "earth",
+                             "quality",
+                             "threads",
+                             "memory",
+                             "report",
+                             "of",
+                             "co",
+                             "overwrite",
+                             "reproducible",
+                             "config",
+                             "quiet",
+                             "help"})
+        for (Key& key : keys)
+            if (key.name == name) key.commands |= command_coverage;
+    return keys;
 }
 
 }  // namespace
@@ -831,6 +929,8 @@ const char* title(KeyGroup group) {
             return "Position";
         case KeyGroup::look:
             return "Look";
+        case KeyGroup::coverage:
+            return "Coverage";
         case KeyGroup::radar:
             return "Radar";
         case KeyGroup::antenna:

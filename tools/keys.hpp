@@ -12,9 +12,28 @@
 
 namespace wedgescope {
 
-enum Command : unsigned { command_simulate = 1, command_info = 2, command_help = 4, command_tile = 8 };
+enum Command : unsigned {
+    command_simulate = 1,
+    command_info = 2,
+    command_help = 4,
+    command_tile = 8,
+    command_coverage = 16
+};
 
-enum class KeyGroup { data_base, position, look, radar, antenna, receiver, errors, display, run, output, talk };
+enum class KeyGroup {
+    data_base,
+    position,
+    look,
+    coverage,
+    radar,
+    antenna,
+    receiver,
+    errors,
+    display,
+    run,
+    output,
+    talk
+};
 const char* title(KeyGroup group);
 
 /// Of the keys of one kind exactly one is needed; one on the command line replaces any of the scene file's.

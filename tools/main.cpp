@@ -56,6 +56,8 @@ void run_command(const std::vector<std::string>& words) {
             return simulate(rest, stop);
         case command_tile:
             return tile(rest, stop);
+        case command_coverage:
+            return coverage(rest, stop);
         case command_info:
             return info(rest, stop);
         case command_help:

@@ -189,6 +189,14 @@ const std::vector<CommandInfo>& command_table() {
          "line wins; relative "
          "paths in the file start from its folder. Outputs appear under their names only when they are whole.",
          "wedgescope simulate --dem terrain.tif --latlon 33.9,-117.3 --altitude-msl 7000ft --range 30nmi -o scope.png"},
+        {command_coverage, "coverage", "wedgescope coverage [options] IN OUT",
+         "terrain raster -> which of its posts are seen, or how high, far and steep they lie",
+         "OUT has IN's grid; the mask holds 255 where the ground is seen, 0 where it is not, 1 where there is no data "
+         "or "
+         "out of range. gdal_viewshed's options -ox -oy -oz -tz -md -cc -ov -vv -iv -a_nodata -b -f -co are understood "
+         "too, in its units; with -ox and -oy the ground is a plane, the sensor stands over the nearest post, and "
+         "defaults are gdal_viewshed's.",
+         "wedgescope coverage --latlon 33.9,-117.3 --altitude-agl 500m terrain.tif seen.tif"},
         {command_info, "info", "wedgescope info [options] FILE... | info --plan [simulate's options] [scene.ini]",
          "what rasters and tile stores hold, or what a scene file (*.ini) resolves to",
          "For a raster: grid, CRS, heights, voids; with --culture-legend also its codes, how often each occurs, and "

@@ -115,8 +115,7 @@ WorkDir::Run work_run(const Settings& settings, const ResolvedScene& resolved, c
         if (value.empty()) continue;
         if (key.name == "culture-legend") {
             // By what it says, wherever it lies.
-            if (!Legend::built_in(value))
-                value = text("a CSV file of checksum ", hex(checksum(legend_csv(settings))));
+            if (!Legend::built_in(value)) value = text("a CSV file of checksum ", hex(checksum(legend_csv(settings))));
         } else if (key.value == "PATH") {
             std::error_code error;
             if (std::filesystem::exists(value, error)) value = std::filesystem::canonical(value, error).string();

@@ -2,10 +2,12 @@
 // lib/scene.hpp. Leaves how it is spelled to options.hpp.
 #pragma once
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "lib/coverage.hpp"
 #include "lib/engine.hpp"
 #include "lib/scene.hpp"
 #include "tiles/polar_raster.hpp"
@@ -26,6 +28,10 @@ struct Settings {
     std::string material = "soil";
 
     std::int64_t tile_posts = 256;  ///< --tile-size
+    // Coverage only; threads, memory and culling stand below.
+    CoverageParams coverage;
+    std::optional<std::int64_t> no_data_value;  ///< of the mask, declared in any case
+    bool snap_to_post = false;                  ///< gdal_viewshed's way: the sensor stands over the nearest post
 
     SourceKind source = SourceKind::automatic;
     std::string temp_dir;     ///< empty: the system's

@@ -1,0 +1,1045 @@
+#include "lib/coverage.hpp"
+
+#include <tbb/enumerable_thread_specific.h>
+#include <tbb/parallel_for.h>
+#include <tbb/task_arena.h>
+#include <tbb/task_group.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <memory>
+#include <numbers>
+#include <set>
+#include <stdexcept>
+#include <vector>
+
+#include "lib/coverage_lanes.hpp"
+#include "lib/error.hpp"
+#include "lib/rounding.hpp"
+#include "lib/sweep.hpp"
+
+namespace wedgescope {
+namespace {
+
+constexpr std::int64_t tile_edge = CoverageTile::edge;
+constexpr std::int64_t knot = static_cast<std::int64_t>(knot_step);
+constexpr std::int64_t run_spokes = 2048;  ///< of a run, at the end of its strip
+constexpr float nan_f = std::numeric_limits<float>::quiet_NaN();
+
+std::int64_t floor_to(std::int64_t v, std::int64_t step) {
+    return (v >= 0 ? v / step : -((-v + step - 1) / step)) * step;
+}
+std::int64_t floor_i(double v) { return static_cast<std::int64_t>(std::floor(v)); }
+std::int64_t ceil_i(double v) { return static_cast<std::int64_t>(std::ceil(v)); }
+
+/// What is behind the voids that a run of spokes has passed; only the states ask for it.
+struct VoidLanes {
+    std::vector<float> tangent;     ///< of the highest that may stand in the voids passed
+    std::vector<float> top;         ///< highest valid post round the void being crossed; -inf: none is
+    std::vector<float> lift, drop;  ///< where it began
+    void resize(std::size_t n) {
+        tangent.resize(n, no_horizon_f);
+        top.resize(n, -std::numeric_limits<float>::infinity());
+        lift.resize(n);
+        drop.resize(n);
+    }
+    bool empty() const { return tangent.empty(); }
+};
+
+/// State of the spokes first, first + 1, ... of K.
+struct Spokes {
+    std::int64_t of = 0;  ///< K
+    Interval range;
+    std::vector<float> horizon;
+    VoidLanes voids;
+
+    void resize(std::int64_t k, Interval spokes, bool with_voids) {
+        of = k;
+        range = spokes;
+        horizon.assign(static_cast<std::size_t>(spokes.size()), no_horizon_f);
+        voids = {};
+        if (with_voids) voids.resize(horizon.size());
+    }
+    std::size_t bytes_each() const { return voids.empty() ? sizeof(float) : 5 * sizeof(float); }
+};
+
+bool has(float horizon) { return horizon > 0.5F * no_horizon_f; }
+
+/// Twice as many: even spokes are their parents, odd ones stand between two; where one of these has met no ground, at
+/// the raster's edge, the child has met none either.
+void double_spokes(Spokes& s, Spokes& scratch) {
+    const std::size_t n = s.horizon.size();
+    scratch.resize(2 * s.of, {2 * s.range.begin, 2 * s.range.end}, !s.voids.empty());
+    for (std::size_t i = 0; i < n; ++i) {
+        const float a = s.horizon[i], b = i + 1 < n ? s.horizon[i + 1] : no_horizon_f;
+        scratch.horizon[2 * i] = a;
+        scratch.horizon[2 * i + 1] = has(a) && has(b) ? 0.5F * (a + b) : no_horizon_f;
+    }
+    if (!s.voids.empty())
+        for (std::size_t i = 0; i < n; ++i) {
+            const std::size_t next = std::min(i + 1, n - 1);
+            for (std::size_t child : {2 * i, 2 * i + 1}) {
+                scratch.voids.tangent[child] = s.voids.tangent[i];
+                scratch.voids.top[child] = s.voids.top[i];
+                scratch.voids.lift[child] = s.voids.lift[i];
+                scratch.voids.drop[child] = s.voids.drop[i];
+            }
+            scratch.voids.tangent[2 * i + 1] = std::max(s.voids.tangent[i], s.voids.tangent[next]);
+        }
+    std::swap(s, scratch);
+}
+
+/// One quadrant: its lines, its fan of spokes, and how far it has come.
+struct Side {
+    Quadrant quadrant = Quadrant::east;
+    std::int64_t lines = 0;
+    Interval minor;                     ///< posts along a line
+    double slope_lo = 0, slope_hi = 0;  ///< spokes that meet the raster at all
+    std::array<double, 3> square{}, curvature{};
+    std::vector<std::pair<double, double>> sector;  ///< slopes in the sector; only where there is one
+    Spokes spokes;                                  ///< before the next strip
+    std::int64_t tile = 0, tile_end = 0;            ///< next strip, and the one past the last; in steps outward
+};
+
+struct Tile {
+    std::vector<std::uint8_t> bytes;
+    std::vector<float> values;
+    std::int64_t left = 0;  ///< posts not known yet
+};
+using TileKey = std::pair<std::int64_t, std::int64_t>;  ///< row, column
+
+/// What a thread works in.
+struct Desk {
+    Spokes spokes, scratch;
+    std::vector<float> line, behind;
+    std::vector<double> at, at_behind, from, post_at, post_slope, post_along;
+    std::vector<float> lift, drop, post_lift, post_drop, post_ray, post_rise;
+    std::vector<std::uint8_t> state;
+    std::vector<float> raise_m, tangent;
+    std::vector<std::uint8_t> bytes;  ///< of a run's posts, line after line
+    std::vector<float> values;
+    std::vector<Interval> own;  ///< of each line
+    std::vector<SpokeMap::LinePiece> pieces;
+    std::array<std::uint64_t, state_count> states{};
+    std::uint64_t posts_read = 0, bytes_read = 0, runs = 0;
+};
+
+class Cover {
+public:
+    Cover(const ResolvedScene& scene, WedgeSource& source, const CoverageParams& params,
+          const std::function<void(const CoverageTile&)>* write)
+        : scene_(scene), source_(source), db_(source.data_base()), params_(params), write_(write),
+          sampling_(coverage_sampling(scene.scene.quality)), map_(db_, map_params()), grid_(db_, map_, sampling_, 4),
+          bytes_(is_bytes(params.layer)), voids_(params.layer == CoverageLayer::states) {
+        lift_.sensor_m = static_cast<float>(scene.sensor_m);
+        lift_.inverse_radius = static_cast<float>(scene.earth.inverse_radius());
+        with_range_ = scene.range_limited || scene.scene.range_start_m > 0;
+        with_posts_ = with_range_ || scene.scene.sector || params.elevation || !bytes_;
+        if (params.elevation) {
+            least_tangent_ = rounded(std::tan(params.elevation->first.rad()), 40);
+            most_tangent_ = rounded(std::tan(params.elevation->second.rad()), 40);
+        }
+        for (Quadrant q : all_quadrants) set_up(q);
+        own_east_west();
+    }
+
+    std::size_t fixed_bytes() const {
+        std::size_t bytes = own_.size() * sizeof(Interval);
+        for (const Side& side : sides_) {
+            const double k = static_cast<double>(grid_.rings(side.quadrant).back().spokes);
+            const double spokes = (side.slope_hi - side.slope_lo) * k + 64;
+            bytes += static_cast<std::size_t>(2 * spokes * static_cast<double>((voids_ ? 5 : 1) * sizeof(float)));
+        }
+        // Tiles: those of a strip, those on their way out, those that wait on the diagonals.
+        const std::int64_t across = std::max(db_.columns, db_.rows) / tile_edge + 2;
+        bytes += static_cast<std::size_t>((2 * across + across / 4 + 64) * tile_edge * tile_edge) *
+                 (bytes_ ? 1 : sizeof(float));
+        return bytes + (std::size_t{6} << 20);
+    }
+    std::size_t desk_bytes() const {
+        // A run's window is as wide as its spokes and as they drift over the strip; it stands there as read and turned.
+        const std::int64_t width = run_spokes + tile_edge + 12 * knot + 2 * line_margin;
+        const auto posts = static_cast<std::size_t>(width * (tile_edge + 1));
+        return posts * (3 * sizeof(float) + (bytes_ ? 1 : sizeof(float))) + (std::size_t{1} << 20);
+    }
+
+    CoverageReport run();
+
+private:
+    SpokeMapParams map_params() const {
+        const double post = std::hypot(db_.step_x, db_.step_y) * db_.metres_per_unit * (db_.crs_in_metres ? 1 : 111320);
+        return {scene_.geometry, scene_.nadir,         scene_.lat_deg,
+                scene_.lon_deg,  scene_.scene.earth_k, rounded(scene_.farthest_arc_m + 2 * post, 10)};
+    }
+
+    void set_up(Quadrant q);
+    void own_east_west();
+    Interval tile_lines(const Side& side, std::int64_t step, Interval& indices) const;
+    LineForm form(const Side& side, double distance) const;
+    void strip(Side& side);
+    void sweep(const Side& side, Interval lines, const std::vector<Interval>& own, Interval spokes, bool first,
+               bool last, Spokes& after);
+    void place_knots(const Side& side, const LineForm& line, std::int64_t k, Interval spokes, Desk& desk);
+    void place_posts(const Side& side, const LineForm& line, std::int64_t k, Interval own, Interval posts, Desk& desk);
+    double spoke_at(const Side& side, const LineForm& line, std::int64_t k, double minor) const;
+    void pass_voids(Desk& desk, Interval window, bool behind);
+    void finish_line(const Side& side, const LineForm& line, Interval own, Interval posts, Interval window, Desk& desk,
+                     std::size_t out);
+    void copy_out(const Side& side, Interval lines, Interval window, Desk& desk);
+    std::int64_t real_column(std::int64_t c) const {
+        if (!db_.cyclic) return c;
+        const std::int64_t rest = c % db_.cycle_columns;
+        return rest < 0 ? rest + db_.cycle_columns : rest;
+    }
+    /// A column, and the one that repeats it where the raster has one more than the circle.
+    std::vector<std::int64_t> same_columns(std::int64_t real) const {
+        if (db_.cyclic && real == 0 && db_.columns > db_.cycle_columns) return {real, db_.cycle_columns};
+        return {real};
+    }
+    std::uint8_t byte_of(std::uint8_t state) const {
+        if (params_.layer == CoverageLayer::states) return state;
+        const MaskValues& mask = params_.mask;
+        return state == 2 || state == 3 ? mask.seen
+               : state == 1             ? mask.hidden
+               : state == 0             ? mask.no_data
+                                        : mask.outside;
+    }
+    std::uint8_t outside_byte() const { return byte_of(static_cast<std::uint8_t>(State::outside)); }
+    void make_buffer(Tile& tile) const;
+    Tile& tile_at(std::int64_t row, std::int64_t column);
+    std::int64_t tile_area(std::int64_t row, std::int64_t column) const {
+        return std::min(tile_edge, db_.rows - row * tile_edge) * std::min(tile_edge, db_.columns - column * tile_edge);
+    }
+    void known(std::int64_t row, std::int64_t column, std::int64_t posts);
+    void hand_out(std::vector<std::pair<TileKey, Tile>> tiles);
+    void put_nadir();
+
+    const ResolvedScene& scene_;
+    WedgeSource& source_;
+    const DataBase& db_;
+    const CoverageParams& params_;
+    const std::function<void(const CoverageTile&)>* write_;
+    Sampling sampling_;
+    SpokeMap map_;
+    SpokeGrid grid_;
+    bool bytes_, voids_;
+    bool with_range_ = false;  ///< a slant range is asked for
+    bool with_posts_ = false;  ///< the single post must be looked at
+    double least_tangent_ = 0, most_tangent_ = 0;
+    Lift lift_;
+    std::array<Side, 4> sides_;
+    std::vector<Interval> own_;  ///< by column of the raster: rows that belong to the quadrants east and west
+    std::map<TileKey, Tile> tiles_;
+    std::vector<std::pair<TileKey, Tile>> done_;
+    tbb::enumerable_thread_specific<Desk> desks_;
+};
+
+void Cover::set_up(Quadrant q) {
+    Side& side = sides_[static_cast<std::size_t>(q)];
+    side.quadrant = q;
+    side.lines = grid_.line_count(q);
+    const bool columns = lines_are_columns(q);
+    const double nadir = map_.nadir_minor(q);
+    side.minor = {0, columns ? db_.rows : db_.columns};
+    if (db_.cyclic && !columns)
+        side.minor = {floor_i(nadir) - db_.cycle_columns / 2 + 1, floor_i(nadir) + db_.cycle_columns / 2};
+    // The slopes of the spokes that meet the raster.
+    side.slope_lo = 1, side.slope_hi = -1;
+    for (std::int64_t line : {std::int64_t{0}, side.lines - 1}) {
+        if (side.lines == 0) break;
+        const double d = grid_.distance(q, line), bend = map_.straight() ? 0 : map_.most_bend(q);
+        side.slope_lo = std::min(side.slope_lo, (static_cast<double>(side.minor.begin) - 2 - bend - nadir) / d);
+        side.slope_hi = std::max(side.slope_hi, (static_cast<double>(side.minor.end) + 1 + bend - nadir) / d);
+    }
+    side.slope_lo = std::clamp(side.slope_lo, -1.0, 1.0);
+    side.slope_hi = std::clamp(side.slope_hi, side.slope_lo, 1.0);
+    // f^2 and f^2 / Re are quadratic in the slope.
+    const auto quadratic = [](double below, double middle, double above) {
+        return std::array<double, 3>{middle, 0.5 * (above - below), 0.5 * (above + below) - middle};
+    };
+    const auto square = [&](double m) { return map_.metres_per_post(q, m) * map_.metres_per_post(q, m); };
+    const auto curvature = [&](double m) { return square(m) * map_.inverse_radius(q, m); };
+    side.square = quadratic(square(-1), square(0), square(1));
+    side.curvature = quadratic(curvature(-1), curvature(0), curvature(1));
+    if (scene_.scene.sector) {
+        const double from = scene_.scene.platform.heading.rad() + scene_.scene.sector->from.rad();
+        const double width = scene_.scene.sector->to.rad() - scene_.scene.sector->from.rad();
+        const double a = map_.azimuth_rad(q, -1), b = map_.azimuth_rad(q, 1);
+        const double sign = b > a ? 1 : -1;
+        const auto slope_of = [&](double azimuth) {
+            double lo = -1, hi = 1;
+            for (int i = 0; i < 60; ++i) {
+                const double middle = 0.5 * (lo + hi);
+                ((map_.azimuth_rad(q, middle) - azimuth) * sign < 0 ? lo : hi) = middle;
+            }
+            return rounded(0.5 * (lo + hi), 36);
+        };
+        constexpr double circle = 2 * std::numbers::pi;
+        for (int turn = -3; turn <= 3; ++turn) {
+            const double begin = std::max(from + turn * circle, std::min(a, b)),
+                         end = std::min(from + width + turn * circle, std::max(a, b));
+            if (begin > end) continue;
+            // A hair beyond the quadrant, so that no post on a diagonal falls between two.
+            double lo = slope_of(begin), hi = slope_of(end);
+            if (lo > hi) std::swap(lo, hi);
+            if (begin == std::min(a, b)) (sign > 0 ? lo : hi) += sign > 0 ? -1 : 1;
+            if (end == std::max(a, b)) (sign > 0 ? hi : lo) += sign > 0 ? 1 : -1;
+            side.sector.emplace_back(lo, hi);
+        }
+    }
+    const std::int64_t k = grid_.rings(q).front().spokes;
+    side.spokes.resize(k,
+                       {floor_to(floor_i(side.slope_lo * static_cast<double>(k)), knot),
+                        floor_to(floor_i(side.slope_hi * static_cast<double>(k)), knot) + knot},
+                       voids_);
+    // Strips, in the order outward. The quadrants north and south have the rows without lines too.
+    const auto tile_of = [](std::int64_t index) { return floor_to(index, tile_edge) / tile_edge; };
+    const double major = map_.nadir_major(q);
+    if (columns) {
+        if (side.lines == 0) return;
+        side.tile = tile_of(grid_.line_index(q, 0));
+        side.tile_end = tile_of(grid_.line_index(q, side.lines - 1)) + outward(q);
+    } else {
+        const std::int64_t border = std::clamp<std::int64_t>(ceil_i(major), 0, db_.rows);  // first row of the south
+        const Interval rows = q == Quadrant::south ? Interval{border, db_.rows} : Interval{0, border};
+        if (rows.empty()) return;
+        side.tile = tile_of(q == Quadrant::south ? rows.begin : rows.end - 1);
+        side.tile_end = (q == Quadrant::south ? tile_of(rows.end - 1) : tile_of(rows.begin)) + outward(q);
+    }
+}
+
+void Cover::own_east_west() {
+    own_.assign(static_cast<std::size_t>(db_.columns), {});
+    for (Quadrant q : {Quadrant::east, Quadrant::west}) {
+        const Side& side = sides_[static_cast<std::size_t>(q)];
+        if (side.lines == 0) continue;
+        const auto rows = [&](std::int64_t line) {
+            const double d = grid_.distance(q, line);
+            const Interval fan{ceil_i(map_.place(q, -1, d).minor), floor_i(map_.place(q, 1, d).minor) + 1};
+            return intersection(fan, {0, db_.rows});
+        };
+        Interval last;
+        for (std::int64_t line = 0; line < side.lines; ++line) {
+            last = rows(line);
+            const std::int64_t column = real_column(grid_.line_index(q, line));
+            own_[static_cast<std::size_t>(column)] = last;
+        }
+    }
+    // One column more than the circle: the last repeats the first.
+    if (db_.cyclic && db_.columns > db_.cycle_columns) own_.back() = own_.front();
+}
+
+/// Lines of a strip that spokes cross; and the raster's columns (rows) that the strip stands for.
+Interval Cover::tile_lines(const Side& side, std::int64_t step, Interval& indices) const {
+    const Quadrant q = side.quadrant;
+    indices = {step * tile_edge, (step + 1) * tile_edge};
+    if (!lines_are_columns(q)) {
+        const std::int64_t border = std::clamp<std::int64_t>(ceil_i(map_.nadir_major(q)), 0, db_.rows);
+        indices = intersection(indices, q == Quadrant::south ? Interval{border, db_.rows} : Interval{0, border});
+    }
+    if (side.lines == 0) return {};
+    const std::int64_t first = grid_.line_index(q, 0);
+    const Interval lines = outward(q) > 0 ? Interval{indices.begin - first, indices.end - first}
+                                          : Interval{first - indices.end + 1, first - indices.begin + 1};
+    const Interval real = intersection(lines, {0, side.lines});
+    if (lines_are_columns(q)) {
+        const std::int64_t a = grid_.line_index(q, real.begin), b = grid_.line_index(q, real.end - 1);
+        indices = {std::min(a, b), std::max(a, b) + 1};
+    }
+    return real;
+}
+
+LineForm Cover::form(const Side& side, double distance) const {
+    return {distance, map_.nadir_minor(side.quadrant), side.square, side.curvature};
+}
+
+Tile& Cover::tile_at(std::int64_t row, std::int64_t column) {
+    const auto [at, fresh] = tiles_.try_emplace({row, column});
+    if (fresh) at->second.left = tile_area(row, column);
+    return at->second;
+}
+
+/// Outside, until a run says more. A tile that no spoke crosses needs no buffer.
+void Cover::make_buffer(Tile& tile) const {
+    const auto posts = static_cast<std::size_t>(tile_edge * tile_edge);
+    if (bytes_ && tile.bytes.empty()) tile.bytes.assign(posts, outside_byte());
+    if (!bytes_ && tile.values.empty()) tile.values.assign(posts, nan_f);
+}
+
+/// A post right below the sensor lies on no line.
+void Cover::put_nadir() {
+    const std::int64_t c = floor_i(scene_.nadir.column), r = floor_i(scene_.nadir.row);
+    const bool on_post = static_cast<double>(c) == scene_.nadir.column && static_cast<double>(r) == scene_.nadir.row;
+    const Window& patch = scene_.nadir_patch.window;
+    if (!on_post || r < 0 || r >= db_.rows || !patch.columns.contains(c) || !patch.rows.contains(r)) return;
+    const float z = scene_.nadir_patch.surface_m[static_cast<std::size_t>(
+        (r - patch.rows.begin) * patch.columns.size() + c - patch.columns.begin)];
+    const double above_m = scene_.sensor_m - static_cast<double>(z) - params_.target_m;
+    State state = z == z ? State::seen : State::no_data;
+    if (with_range_ && !(std::abs(above_m) <= *scene_.scene.range_m && std::abs(above_m) >= scene_.scene.range_start_m))
+        state = State::outside;
+    if (params_.elevation && state == State::seen && params_.elevation->first.deg() > -90 + 1e-9)
+        state = State::outside;
+    float value = nan_f;
+    if (state == State::seen) {
+        value = params_.layer == CoverageLayer::height  ? 0.0F
+                : params_.layer == CoverageLayer::range ? static_cast<float>(std::abs(above_m))
+                                                        : 90.0F;
+    }
+    for (std::int64_t column : same_columns(real_column(c))) {
+        Tile& tile = tile_at(r / tile_edge, column / tile_edge);
+        make_buffer(tile);
+        const auto at = static_cast<std::size_t>((r % tile_edge) * tile_edge + column % tile_edge);
+        if (bytes_)
+            tile.bytes[at] = byte_of(static_cast<std::uint8_t>(state));
+        else
+            tile.values[at] = value;
+        ++desks_.local().states[static_cast<std::size_t>(state)];
+    }
+}
+
+void Cover::known(std::int64_t row, std::int64_t column, std::int64_t posts) {
+    if (posts == 0) return;
+    Tile& tile = tile_at(row, column);
+    tile.left -= posts;
+    if (tile.left < 0) throw std::logic_error("coverage: a post belongs to two quadrants");
+}
+
+void Cover::place_knots(const Side& side, const LineForm& line, std::int64_t k, Interval spokes, Desk& desk) {
+    const auto n = static_cast<std::size_t>(spokes.size() / knot + 1);
+    desk.at.resize(n);
+    desk.lift.resize(n);
+    desk.drop.resize(n);
+    map_.line(side.quadrant, line.distance, static_cast<double>(spokes.begin) / static_cast<double>(k),
+              static_cast<double>(spokes.end) / static_cast<double>(k), desk.pieces);
+    std::size_t i = 0;
+    for (std::size_t p = 0; p < desk.pieces.size(); ++p) {
+        const SpokeMap::LinePiece& piece = desk.pieces[p];
+        std::size_t end = n;
+        if (p + 1 < desk.pieces.size())
+            for (end = i; end < n && static_cast<double>(spokes.begin + static_cast<std::int64_t>(end) * knot) <
+                                         piece.slope_end * static_cast<double>(k);)
+                ++end;
+        spoke_knots(
+            line, {piece.middle, piece.scale, piece.bend, piece.stretch}, k,
+            spokes.begin + static_cast<std::int64_t>(i) * knot, end - i,
+            {desk.at.data() + i, nullptr, nullptr, desk.lift.data() + i, desk.drop.data() + i, nullptr, nullptr});
+        i = end;
+    }
+}
+
+void Cover::place_posts(const Side& side, const LineForm& line, std::int64_t k, Interval own, Interval posts,
+                        Desk& desk) {
+    const std::int64_t first = floor_to(posts.begin, knot), groups = (floor_to(posts.end - 1, knot) - first) / knot + 1;
+    const auto n = static_cast<std::size_t>(groups + 1);
+    for (auto* v : {&desk.from, &desk.post_at, &desk.post_slope, &desk.post_along}) v->resize(n);
+    for (auto* v : {&desk.post_lift, &desk.post_drop, &desk.post_ray, &desk.post_rise}) v->resize(n);
+    for (std::size_t i = 0; i < n; ++i)
+        desk.from[i] =
+            static_cast<double>(std::clamp(first + static_cast<std::int64_t>(i) * knot, own.begin, own.end - 1));
+    map_.line(side.quadrant, line.distance, -1, 1, desk.pieces);
+    std::size_t i = 0;
+    for (std::size_t p = 0; p < desk.pieces.size(); ++p) {
+        const SpokeMap::LinePiece& piece = desk.pieces[p];
+        std::size_t end = n;
+        if (p + 1 < desk.pieces.size()) {
+            const double u = (piece.slope_end - piece.middle) * piece.scale;
+            const double border = line.nadir_minor + piece.slope_end * line.distance + piece.bend[0] +
+                                  u * (piece.bend[1] + u * (piece.bend[2] + u * (piece.bend[3] + u * piece.bend[4])));
+            for (end = i; end < n && desk.from[end] < border;) ++end;
+        }
+        post_knots(
+            line, {piece.middle, piece.scale, piece.bend, piece.stretch}, k, desk.from.data() + i, end - i,
+            {desk.post_at.data() + i, desk.post_slope.data() + i, desk.post_along.data() + i, desk.post_lift.data() + i,
+             desk.post_drop.data() + i, desk.post_ray.data() + i, desk.post_rise.data() + i});
+        i = end;
+    }
+}
+
+double Cover::spoke_at(const Side& side, const LineForm& line, std::int64_t k, double minor) const {
+    std::vector<SpokeMap::LinePiece> pieces;
+    const double guess = (minor - line.nadir_minor) / line.distance;
+    map_.line(side.quadrant, line.distance, std::clamp(guess, -1.0, 1.0), std::clamp(guess, -1.0, 1.0), pieces);
+    double at = 0, slope = 0, along = 0;
+    float lift = 0, drop = 0, ray = 0, rise = 0;
+    const SpokeMap::LinePiece& p = pieces.front();
+    post_knots(line, {p.middle, p.scale, p.bend, p.stretch}, k, &minor, 1,
+               {&at, &slope, &along, &lift, &drop, &ray, &rise});
+    return at;
+}
+
+/// Carries the void state of every spoke over a line, by the positions on it and on the line behind.
+void Cover::pass_voids(Desk& desk, Interval window, bool behind) {
+    Spokes& s = desk.spokes;
+    const float* line = desk.line.data() + line_margin - window.begin;
+    const float* before = desk.behind.data() + line_margin - window.begin;
+    const auto inside = [&](std::int64_t j) { return j >= window.begin && j < window.end; };
+    for (std::size_t i = 0; i < s.horizon.size(); ++i) {
+        const std::size_t g = i / knot_step;
+        const double part = static_cast<double>(i % knot_step) / knot_step;
+        const double y = desk.at[g] + part * (desk.at[g + 1] - desk.at[g]);
+        const std::int64_t c = floor_i(y), next = y > static_cast<double>(c) ? c + 1 : c;
+        if (!inside(c) || !inside(next)) continue;  // ground outside the data base hides nothing
+        const auto is_void = [](float z) { return z != z; };
+        const bool now = is_void(line[c]) || is_void(line[next]);
+        float& top = s.voids.top[i];
+        const bool open = top == top && (top > -std::numeric_limits<float>::infinity() || s.voids.lift[i] > 0);
+        if (!now && !open) continue;
+        const float lift = desk.lift[g] + static_cast<float>(part) * (desk.lift[g + 1] - desk.lift[g]),
+                    drop = desk.drop[g] + static_cast<float>(part) * (desk.drop[g + 1] - desk.drop[g]);
+        if (!open) s.voids.lift[i] = lift, s.voids.drop[i] = drop;
+        for (std::int64_t j : {c, next})
+            if (!is_void(line[j])) top = std::max(top, line[j]);
+        if (behind) {
+            const double y0 = desk.at_behind[g] + part * (desk.at_behind[g + 1] - desk.at_behind[g]);
+            const std::int64_t b = floor_i(y0);
+            for (std::int64_t j : {b, y0 > static_cast<double>(b) ? b + 1 : b})
+                if (inside(j) && !is_void(before[j])) top = std::max(top, before[j]);
+        }
+        if (top > -std::numeric_limits<float>::infinity()) {
+            const float w = lift_.w(top - lift_.sensor_m);
+            s.voids.tangent[i] = std::max({s.voids.tangent[i], w * lift - drop, w * s.voids.lift[i] - s.voids.drop[i]});
+        }
+        if (!now) {
+            top = -std::numeric_limits<float>::infinity();
+            s.voids.lift[i] = 0;
+        }
+    }
+}
+
+/// The run's posts of a line, from their state to what the layer holds.
+void Cover::finish_line(const Side& side, const LineForm& line, Interval own, Interval posts, Interval window,
+                        Desk& desk, std::size_t out) {
+    const std::int64_t first = floor_to(posts.begin, knot);
+    std::uint8_t* state = desk.state.data() + line_margin - window.begin;
+    const float* height = desk.line.data() + line_margin - window.begin;
+    const float* back = desk.behind.data() + line_margin - window.begin;
+    const float* raise = desk.raise_m.data() + line_margin - window.begin;
+    const float* tangent = desk.tangent.data() + line_margin - window.begin;
+    std::uint8_t* bytes = bytes_ ? desk.bytes.data() + out : nullptr;
+    float* values = bytes_ ? nullptr : desk.values.data() + out;
+    constexpr auto outside = static_cast<std::uint8_t>(State::outside), seen = static_cast<std::uint8_t>(State::seen),
+                   no_data = static_cast<std::uint8_t>(State::no_data);
+    static_cast<void>(own);
+    if (with_posts_ || voids_)
+        for (std::int64_t j = posts.begin; j < posts.end; ++j) {
+            const auto g = static_cast<std::size_t>((j - first) / knot);
+            const double width = desk.from[g + 1] - desk.from[g],
+                         part = width > 0 ? (static_cast<double>(j) - desk.from[g]) / width : 0;
+            const auto between = [&](const auto& v) {
+                return static_cast<double>(v[g]) + part * (static_cast<double>(v[g + 1]) - static_cast<double>(v[g]));
+            };
+            std::uint8_t& s = state[j];
+            if (voids_ && s == seen) {
+                const double k = between(desk.post_at) - static_cast<double>(desk.spokes.range.begin);
+                const auto at =
+                    static_cast<std::size_t>(std::clamp<std::int64_t>(floor_i(k), 0, desk.spokes.range.size() - 2));
+                const float f = static_cast<float>(k - static_cast<double>(at)), a = desk.spokes.voids.tangent[at],
+                            b = desk.spokes.voids.tangent[at + 1];
+                const float bar = has(a) && has(b) ? a + f * (b - a) : std::max(a, b);
+                if (tangent[j] < bar) s = static_cast<std::uint8_t>(State::unknown);
+            }
+            if (!with_posts_) continue;
+            const double m = between(desk.post_slope);
+            if (scene_.scene.sector) {
+                bool in = false;
+                for (const auto& [lo, hi] : side.sector) in = in || (m >= lo && m <= hi);
+                if (!in) s = outside;
+            }
+            const double z = static_cast<double>(height[j]);
+            const double squared = side.square[0] + m * (side.square[1] + m * side.square[2]),
+                         bent = side.curvature[0] + m * (side.curvature[1] + m * side.curvature[2]);
+            const double inverse_radius = bent / squared, arc = between(desk.post_along) * std::sqrt(squared);
+            // A void's place in range is that of the level surface at the reference height.
+            const double top = s == no_data || z != z ? scene_.reference_m : z + params_.target_m;
+            const SightLine sight = sight_line(scene_.sensor_m, arc, top, inverse_radius);
+            if (with_range_ && !(sight.range_m <= *scene_.scene.range_m && sight.range_m >= scene_.scene.range_start_m))
+                s = outside;
+            if (params_.elevation && s != no_data &&
+                !(sight.up_m >= least_tangent_ * sight.out_m && sight.up_m <= most_tangent_ * sight.out_m))
+                s = outside;
+            if (bytes_) continue;
+            float value = nan_f;
+            if (s != outside && s != no_data) switch (params_.layer) {
+                    case CoverageLayer::height:
+                        value = raise[j];
+                        break;
+                    case CoverageLayer::range:
+                        value = static_cast<float>(sight.range_m);
+                        break;
+                    case CoverageLayer::depression:
+                        value = static_cast<float>(
+                            rounded(std::atan2(-sight.up_m, sight.out_m) * (180 / std::numbers::pi), 30));
+                        break;
+                    case CoverageLayer::grazing: {
+                        // The gradient of the own cell at the post, by the metric at the sensor.
+                        const double slope = (static_cast<double>(j) - line.nadir_minor) / line.distance;
+                        const double beside = static_cast<double>(slope < 0 ? height[j + 1] : height[j - 1]);
+                        const double along = z - static_cast<double>(back[j]),
+                                     across = slope < 0 ? beside - z : z - beside;
+                        const double along_z = along == along ? along : 0, across_z = across == across ? across : 0;
+                        // Metric of index space: |(a, b)|^2 = g0 a^2 + g1 a b + g2 b^2; gradient squared is by its
+                        // inverse; the rise along the ray by the arc of one line.
+                        const double g0 = side.square[0], g1 = side.square[1], g2 = side.square[2];
+                        const double det = g0 * g2 - 0.25 * g1 * g1;
+                        const double steep =
+                            (g2 * along_z * along_z - g1 * along_z * across_z + g0 * across_z * across_z) / det;
+                        const double rise = (along_z + slope * across_z) * line.distance / arc;
+                        const double theta = arc * inverse_radius;
+                        // The ray at the post: depression less the angle between the two verticals.
+                        const double angle = std::atan2(-sight.up_m, sight.out_m) - theta;
+                        const double sine = (std::sin(angle) + rise * std::cos(angle)) / std::sqrt(1 + steep);
+                        value = static_cast<float>(
+                            rounded(std::asin(std::clamp(sine, -1.0, 1.0)) * (180 / std::numbers::pi), 30));
+                        break;
+                    }
+                    default:
+                        break;
+                }
+            values[j - posts.begin] = value;
+        }
+    std::array<std::uint32_t, state_count> count{};
+    for (std::int64_t j = posts.begin; j < posts.end; ++j) ++count[state[j]];
+    for (std::size_t i = 0; i < count.size(); ++i) desk.states[i] += count[i];
+    if (!bytes_) return;
+    if (params_.layer == CoverageLayer::states) {
+        std::copy(state + posts.begin, state + posts.end, bytes);
+        return;
+    }
+    for (std::int64_t j = posts.begin; j < posts.end; ++j) bytes[j - posts.begin] = byte_of(state[j]);
+}
+
+/// From the desk into the tiles. Runs own different posts, so nobody waits.
+void Cover::copy_out(const Side& side, Interval lines, Interval window, Desk& desk) {
+    const bool columns = lines_are_columns(side.quadrant);
+    const auto width = static_cast<std::size_t>(window.size());
+    const auto buffer = [&](std::int64_t row, std::int64_t column) -> Tile& {
+        return tiles_.find({row / tile_edge, column / tile_edge})->second;
+    };
+    const auto copy = [&](auto* from, auto member) {
+        for (std::int64_t l = 0; l < lines.size(); ++l) {
+            const Interval own = desk.own[static_cast<std::size_t>(l)];
+            const auto* source = from + static_cast<std::size_t>(l) * width;
+            const std::int64_t index = grid_.line_index(side.quadrant, lines.begin + l);
+            if (columns) {
+                for (std::int64_t column : same_columns(real_column(index)))
+                    for (std::int64_t j = own.begin; j < own.end;) {
+                        const std::int64_t end = std::min(own.end, floor_to(j, tile_edge) + tile_edge);
+                        auto* cell =
+                            (buffer(j, column).*member).data() + (j % tile_edge) * tile_edge + column % tile_edge;
+                        for (; j < end; ++j, cell += tile_edge) *cell = source[j - own.begin];
+                    }
+            } else {
+                for (std::int64_t j = own.begin; j < own.end;) {
+                    const std::int64_t real = real_column(j);
+                    std::int64_t end = std::min(own.end, j + tile_edge - real % tile_edge);
+                    if (db_.cyclic) end = std::min(end, j + db_.cycle_columns - real);
+                    std::copy(
+                        source + (j - own.begin), source + (end - own.begin),
+                        (buffer(index, real).*member).data() + (index % tile_edge) * tile_edge + real % tile_edge);
+                    if (db_.cyclic && real == 0 && db_.columns > db_.cycle_columns)
+                        (buffer(index, db_.cycle_columns).*member)[static_cast<std::size_t>(
+                            (index % tile_edge) * tile_edge + db_.cycle_columns % tile_edge)] = source[j - own.begin];
+                    j = end;
+                }
+            }
+        }
+    };
+    if (bytes_)
+        copy(desk.bytes.data(), &Tile::bytes);
+    else
+        copy(desk.values.data(), &Tile::values);
+}
+
+void Cover::sweep(const Side& side, Interval lines, const std::vector<Interval>& own, Interval spokes, bool first,
+                  bool last, Spokes& after) {
+    if (params_.stop) params_.stop->check();
+    const Quadrant q = side.quadrant;
+    const bool columns = lines_are_columns(q);
+    Desk& desk = desks_.local();
+    ++desk.runs;
+    // One group of neighbours on either side.
+    Spokes& s = desk.spokes;
+    s.resize(side.spokes.of, {spokes.begin - knot, spokes.end + knot}, voids_);
+    {
+        const Interval mine = intersection(s.range, side.spokes.range);
+        const auto to = static_cast<std::ptrdiff_t>(mine.begin - s.range.begin),
+                   from = static_cast<std::ptrdiff_t>(mine.begin - side.spokes.range.begin);
+        const auto take = [&](const std::vector<float>& a, std::vector<float>& b) {
+            std::copy(a.begin() + from, a.begin() + from + static_cast<std::ptrdiff_t>(mine.size()), b.begin() + to);
+        };
+        take(side.spokes.horizon, s.horizon);
+        if (voids_) {
+            take(side.spokes.voids.tangent, s.voids.tangent);
+            take(side.spokes.voids.top, s.voids.top);
+            take(side.spokes.voids.lift, s.voids.lift);
+            take(side.spokes.voids.drop, s.voids.drop);
+        }
+    }
+    // Posts that the spokes can touch.
+    double lo = std::numeric_limits<double>::infinity(), hi = -lo;
+    for (std::int64_t line : {lines.begin, lines.end - 1}) {
+        const double d = grid_.distance(q, line);
+        const LineForm at = form(side, d);
+        place_knots(side, at, s.of, s.range, desk);
+        lo = std::min(lo, *std::min_element(desk.at.begin(), desk.at.end()));
+        hi = std::max(hi, *std::max_element(desk.at.begin(), desk.at.end()));
+    }
+    Interval window = intersection({floor_i(lo) - 4, ceil_i(hi) + 5}, side.minor);
+    for (std::size_t l = 0; l < static_cast<std::size_t>(lines.size()); ++l)
+        if (first && last) window = hull(window, own[l]);
+    desk.own.assign(static_cast<std::size_t>(lines.size()), {});
+    // The line behind the strip too, if the raster has it.
+    std::int64_t before = grid_.line_index(q, lines.begin) - outward(q);
+    const bool has_before = (db_.cyclic && columns) || (before >= 0 && before < (columns ? db_.columns : db_.rows));
+    const std::int64_t a = has_before ? before : before + outward(q), b = grid_.line_index(q, lines.end - 1);
+    const Interval major{std::min(a, b), std::max(a, b) + 1};
+    Chunk chunk;
+    if (!window.empty()) {
+        chunk = source_.load(columns ? Window{major, window} : Window{window, major}, columns);
+        desk.posts_read += chunk.posts_read;
+        desk.bytes_read += chunk.bytes_read;
+    }
+    const auto width = static_cast<std::size_t>(window.size());
+    for (auto* v : {&desk.line, &desk.behind, &desk.raise_m, &desk.tangent})
+        v->assign(width + 2 * static_cast<std::size_t>(line_margin), nan_f);
+    desk.state.assign(desk.line.size(), 0);
+    if (bytes_)
+        desk.bytes.resize(width * static_cast<std::size_t>(lines.size()));
+    else
+        desk.values.resize(width * static_cast<std::size_t>(lines.size()));
+    const auto take_line = [&](std::int64_t index, std::vector<float>& to) {
+        if (width == 0) return;
+        const float* from = chunk.surface_m.data() + static_cast<std::size_t>(index - major.begin) * width;
+        std::copy(from, from + width, to.begin() + line_margin);
+    };
+    if (has_before) take_line(before, desk.line);
+
+    Interval core = spokes;
+    const auto& rings = grid_.rings(q);
+    std::size_t ring = 0;
+    while (ring + 1 < rings.size() && rings[ring + 1].lines.begin <= lines.begin) ++ring;
+    const double nadir = map_.nadir_minor(q);
+    for (std::int64_t line = lines.begin; line < lines.end; ++line) {
+        std::swap(desk.line, desk.behind);
+        take_line(grid_.line_index(q, line), desk.line);
+        while (ring + 1 < rings.size() && rings[ring + 1].lines.begin <= line) ++ring;
+        bool doubled = line == lines.begin;
+        while (s.of < rings[ring].spokes) {
+            double_spokes(s, desk.scratch);
+            core = {2 * core.begin, 2 * core.end};
+            doubled = true;
+        }
+        const double d = grid_.distance(q, line);
+        const LineForm here = form(side, d);
+        if (doubled && line > 0) place_knots(side, form(side, d - 1), s.of, s.range, desk);
+        std::swap(desk.at, desk.at_behind);
+        place_knots(side, here, s.of, s.range, desk);
+
+        const auto l = static_cast<std::size_t>(line - lines.begin);
+        const Interval all = own[l];
+        const auto edge = [&](std::int64_t k) {
+            return ceil_i(desk.at[static_cast<std::size_t>((k - s.range.begin) / knot)]);
+        };
+        const Interval posts{first ? all.begin : std::clamp(edge(core.begin), all.begin, all.end),
+                             last ? all.end : std::clamp(edge(core.end), all.begin, all.end)};
+        if (!posts.empty()) {
+            desk.own[l] = posts;
+            place_posts(side, here, s.of, all, posts, desk);
+            TestLanes test{};
+            test.groups = desk.from.size() - 1;
+            test.origin = window.begin - line_margin;
+            test.first = floor_to(posts.begin, knot);
+            test.from = desk.from.data();
+            test.at = desk.post_at.data();
+            test.lift = desk.post_lift.data();
+            test.drop = desk.post_drop.data();
+            test.ray = desk.post_ray.data();
+            test.rise = desk.post_rise.data();
+            test.nadir = nadir;
+            test.distance = d;
+            test.bow = bow_per_slope(here) / (static_cast<double>(s.of) * static_cast<double>(s.of));
+            test.posts = desk.line.data();
+            test.behind = desk.behind.data();
+            test.horizon = s.horizon.data();
+            test.first_spoke = s.range.begin;
+            test.spokes = static_cast<std::int32_t>(s.range.size());
+            test.nearest = d <= 1;
+            test.target_m = static_cast<float>(params_.target_m);
+            test.state = desk.state.data();
+            test.raise_m = params_.layer == CoverageLayer::height || voids_ ? desk.raise_m.data() : nullptr;
+            test.tangent = voids_ ? desk.tangent.data() : nullptr;
+            test_lanes(test, lift_);
+            finish_line(side, here, all, posts, window, desk, l * width);
+        }
+        if (width > 0) {
+            // Groups that touch the window; the others meet no ground.
+            std::size_t g0 = 0, g1 = desk.at.size() - 1;
+            while (g0 < g1 && desk.at[g0 + 1] <= static_cast<double>(window.begin - 1)) ++g0;
+            while (g1 > g0 && desk.at[g1 - 1] >= static_cast<double>(window.end)) --g1;
+            if (voids_) pass_voids(desk, window, line > 0);
+            RaiseLanes raise{};
+            raise.groups = g1 - g0;
+            raise.origin = window.begin - line_margin;
+            raise.at = desk.at.data() + g0;
+            raise.at_behind = line > 0 ? desk.at_behind.data() + g0 : raise.at;
+            raise.lift = desk.lift.data() + g0;
+            raise.drop = desk.drop.data() + g0;
+            raise.posts = desk.line.data();
+            raise.behind = desk.behind.data();
+            raise.distance = static_cast<float>(d);
+            raise.bow =
+                static_cast<float>(bow_per_slope(here) / (static_cast<double>(s.of) * static_cast<double>(s.of)));
+            raise.horizon = s.horizon.data() + g0 * knot_step;
+            raise_lanes(raise, lift_, sampling_.cross_lines && line > 0);
+        }
+        // Where spokes leave the raster, the first one outside is a neighbour of the last posts inside: it follows.
+        const auto follow = [&](std::int64_t outside, std::int64_t inside) {
+            if (s.range.contains(outside) && s.range.contains(inside))
+                s.horizon[static_cast<std::size_t>(outside - s.range.begin)] =
+                    s.horizon[static_cast<std::size_t>(inside - s.range.begin)];
+        };
+        if (!(db_.cyclic && !columns)) {
+            if (window.begin == side.minor.begin && nadir >= 0 && nadir < d * 1.5) {
+                const std::int64_t outside = ceil_i(spoke_at(side, here, s.of, 0)) - 1;
+                follow(outside, outside + 1);
+            }
+            const auto top = static_cast<double>(side.minor.end - 1);
+            if (window.end == side.minor.end && nadir <= top && top - nadir < d * 1.5) {
+                const std::int64_t outside = floor_i(spoke_at(side, here, s.of, top)) + 1;
+                follow(outside, outside - 1);
+            }
+        }
+    }
+    // The run's own spokes go on to the next strip.
+    const Interval mine = intersection(core, after.range);
+    const auto from = static_cast<std::ptrdiff_t>(mine.begin - s.range.begin),
+               to = static_cast<std::ptrdiff_t>(mine.begin - after.range.begin);
+    const auto give = [&](const std::vector<float>& x, std::vector<float>& y) {
+        if (!mine.empty())
+            std::copy(x.begin() + from, x.begin() + from + static_cast<std::ptrdiff_t>(mine.size()), y.begin() + to);
+    };
+    give(s.horizon, after.horizon);
+    if (voids_) {
+        give(s.voids.tangent, after.voids.tangent);
+        give(s.voids.top, after.voids.top);
+        give(s.voids.lift, after.voids.lift);
+        give(s.voids.drop, after.voids.drop);
+    }
+    copy_out(side, lines, window, desk);
+}
+
+void Cover::strip(Side& side) {
+    const Quadrant q = side.quadrant;
+    const bool columns = lines_are_columns(q);
+    Interval indices;
+    const Interval lines = tile_lines(side, side.tile, indices);
+    std::vector<Interval> own(static_cast<std::size_t>(lines.size()));
+    std::set<TileKey> crossed;  // by spokes
+    if (columns) {
+        // The strip's columns lie in one tile of the raster, or in two where it closes the circle.
+        std::map<TileKey, std::int64_t> posts;
+        for (std::int64_t line = lines.begin; line < lines.end; ++line) {
+            const std::int64_t column = real_column(grid_.line_index(q, line));
+            const Interval rows = own_[static_cast<std::size_t>(column)];
+            own[static_cast<std::size_t>(line - lines.begin)] = rows;
+            for (std::int64_t c : same_columns(column))
+                for (std::int64_t r = rows.begin; r < rows.end;) {
+                    const std::int64_t end = std::min(rows.end, floor_to(r, tile_edge) + tile_edge);
+                    posts[{r / tile_edge, c / tile_edge}] += end - r;
+                    r = end;
+                }
+        }
+        for (const auto& [key, n] : posts) {
+            known(key.first, key.second, n);
+            crossed.insert(key);
+        }
+    } else {
+        // The fan of each row, without what belongs to east and west; all else in the row is outside.
+        for (std::int64_t line = lines.begin; line < lines.end; ++line) {
+            const double d = grid_.distance(q, line);
+            const std::int64_t row = grid_.line_index(q, line);
+            const auto theirs = [&](std::int64_t c) {
+                return own_[static_cast<std::size_t>(real_column(c))].contains(row);
+            };
+            Interval fan = intersection(
+                {floor_i(map_.place(q, -1, d).minor) - 2, ceil_i(map_.place(q, 1, d).minor) + 3}, side.minor);
+            while (!fan.empty() && theirs(fan.begin)) ++fan.begin;
+            while (!fan.empty() && theirs(fan.end - 1)) --fan.end;
+            own[static_cast<std::size_t>(line - lines.begin)] = fan;
+            for (std::int64_t c = fan.begin; c < fan.end; c += tile_edge - real_column(c) % tile_edge)
+                for (std::int64_t same : same_columns(real_column(c))) crossed.insert({side.tile, same / tile_edge});
+            if (!fan.empty()) crossed.insert({side.tile, real_column(fan.end - 1) / tile_edge});
+        }
+        for (std::int64_t tc = 0; tc * tile_edge < db_.columns; ++tc) {
+            std::int64_t posts = 0;
+            for (std::int64_t c = tc * tile_edge; c < std::min(db_.columns, (tc + 1) * tile_edge); ++c)
+                posts += indices.size() - intersection(own_[static_cast<std::size_t>(c)], indices).size();
+            known(side.tile, tc, posts);
+        }
+    }
+    for (const TileKey& key : crossed) make_buffer(tile_at(key.first, key.second));
+    if (q == Quadrant::south && indices.contains(floor_i(scene_.nadir.row))) put_nadir();
+    if (!lines.empty()) {
+        const auto& rings = grid_.rings(q);
+        std::size_t ring = 0;
+        while (ring + 1 < rings.size() && rings[ring + 1].lines.begin <= lines.end - 1) ++ring;
+        const std::int64_t k = rings[ring].spokes, growth = k / side.spokes.of;
+        Spokes after;
+        after.resize(k,
+                     {floor_to(floor_i(side.slope_lo * static_cast<double>(k)), knot),
+                      floor_to(floor_i(side.slope_hi * static_cast<double>(k)), knot) + knot},
+                     voids_);
+        const std::int64_t step = std::max(knot, run_spokes / growth);
+        const Interval all = side.spokes.range;
+        std::vector<Interval> runs;
+        for (std::int64_t at = all.begin; at < all.end;) {
+            const std::int64_t end = std::min(all.end, floor_to(at, step) + step);
+            runs.push_back({at, end});
+            at = end;
+        }
+        tbb::parallel_for(std::size_t{0}, runs.size(), [&](std::size_t i) {
+            sweep(side, lines, own, runs[i], i == 0, i + 1 == runs.size(), after);
+        });
+        side.spokes = std::move(after);
+    }
+    for (auto at = tiles_.begin(); at != tiles_.end();) {
+        if (at->second.left == 0) {
+            done_.emplace_back(at->first, std::move(at->second));
+            at = tiles_.erase(at);
+        } else {
+            ++at;
+        }
+    }
+    side.tile += outward(q);
+}
+
+void Cover::hand_out(std::vector<std::pair<TileKey, Tile>> tiles) {
+    std::vector<std::uint8_t> bytes;
+    std::vector<float> values;
+    for (auto& [key, tile] : tiles) {
+        if (params_.stop) params_.stop->check();
+        CoverageTile out;
+        out.window = {{key.second * tile_edge, std::min((key.second + 1) * tile_edge, db_.columns)},
+                      {key.first * tile_edge, std::min((key.first + 1) * tile_edge, db_.rows)}};
+        out.stride = tile_edge;
+        if (bytes_) {
+            if (tile.bytes.empty() && bytes.empty())
+                bytes.assign(static_cast<std::size_t>(tile_edge * tile_edge), outside_byte());
+            out.bytes = tile.bytes.empty() ? bytes.data() : tile.bytes.data();
+        } else {
+            if (tile.values.empty() && values.empty())
+                values.assign(static_cast<std::size_t>(tile_edge * tile_edge), nan_f);
+            out.values = tile.values.empty() ? values.data() : tile.values.data();
+        }
+        (*write_)(out);
+        tile = {};
+    }
+}
+
+CoverageReport Cover::run() {
+    const auto start = std::chrono::steady_clock::now();
+    CoverageReport report;
+    report.threads = params_.threads > 0 ? params_.threads : tbb::this_task_arena::max_concurrency();
+    const std::size_t fixed = fixed_bytes() + source_.cache_bytes(), desk = desk_bytes();
+    while (report.threads > 1 && fixed + desk * static_cast<std::size_t>(report.threads) > params_.memory_bytes)
+        --report.threads;
+    report.peak_budget_bytes = fixed + desk * static_cast<std::size_t>(report.threads);
+    std::int64_t strips = 0, passed = 0;
+    for (const Side& side : sides_) strips += std::abs(side.tile_end - side.tile);
+    tbb::task_arena arena(report.threads);
+    arena.execute([&] {
+        tbb::task_group writer;
+        // The nearest strip first, so that what a diagonal cuts waits least.
+        for (;;) {
+            Side* next = nullptr;
+            double least = 0;
+            for (Side& side : sides_) {
+                if (side.tile == side.tile_end) continue;
+                const double edge = static_cast<double>((side.tile + (outward(side.quadrant) > 0 ? 1 : 0)) * tile_edge);
+                const double reach = std::abs(edge - map_.nadir_major(side.quadrant));
+                if (!next || reach < least) next = &side, least = reach;
+            }
+            if (!next) break;
+            try {
+                strip(*next);
+                if (++passed == strips)
+                    if (!tiles_.empty()) throw std::logic_error("coverage: a post belongs to no quadrant");
+                writer.wait();
+            } catch (...) {
+                writer.cancel();
+                try {
+                    writer.wait();
+                } catch (...) {
+                }
+                throw;
+            }
+            if (params_.progress) params_.progress(static_cast<double>(passed) / static_cast<double>(strips));
+            if (!done_.empty())
+                writer.run([this, tiles = std::make_shared<std::vector<std::pair<TileKey, Tile>>>(std::move(done_))] {
+                    hand_out(std::move(*tiles));
+                });
+            done_.clear();
+        }
+        writer.wait();
+    });
+    for (const Desk& d : desks_) {
+        for (std::size_t i = 0; i < d.states.size(); ++i) report.states[i] += d.states[i];
+        report.posts_read += d.posts_read;
+        report.bytes_read += d.bytes_read;
+        report.runs += d.runs;
+    }
+    std::uint64_t inside = 0;
+    for (std::uint64_t n : report.states) inside += n;
+    report.states[static_cast<std::size_t>(State::outside)] +=
+        static_cast<std::uint64_t>(db_.columns * db_.rows) - inside;
+    report.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    return report;
+}
+
+}  // namespace
+
+Sampling coverage_sampling(Quality quality) {
+    switch (quality) {
+        case Quality::draft:
+            return {.spokes_per_post = 1, .cross_lines = false, .exact_course = false};
+        case Quality::normal:
+            return {.spokes_per_post = 2, .cross_lines = false, .exact_course = false};
+        case Quality::fine:
+            return {.spokes_per_post = 2, .cross_lines = true, .exact_course = false};
+        case Quality::exact:
+            return {.spokes_per_post = 4, .cross_lines = true, .exact_course = false};
+    }
+    return {};
+}
+
+namespace {
+
+void check(const Cover& work, const WedgeSource& source, const CoverageParams& params) {
+    const std::size_t cache = source.cache_bytes(), own = work.fixed_bytes() + work.desk_bytes();
+    if (own + cache <= params.memory_bytes) return;
+    // The source's cache grows with the budget.
+    constexpr double mebibyte = 1 << 20;
+    const double budget = static_cast<double>(params.memory_bytes),
+                 share = std::min(0.9, static_cast<double>(cache) / budget);
+    throw InputError(fmt::format("memory is {:.0f} MiB; this coverage needs at least {:.0f} MiB", budget / mebibyte,
+                                 std::ceil(static_cast<double>(own) / (1 - share) / mebibyte)));
+}
+
+}  // namespace
+
+void check_coverage(const ResolvedScene& scene, WedgeSource& source, const CoverageParams& params) {
+    check(Cover(scene, source, params, nullptr), source, params);
+}
+
+CoverageReport cover(const ResolvedScene& scene, WedgeSource& source, const CoverageParams& params,
+                     const std::function<void(const CoverageTile&)>& write) {
+    Cover work(scene, source, params, &write);
+    check(work, source, params);
+    return work.run();
+}
+
+}  // namespace wedgescope

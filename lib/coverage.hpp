@@ -1,0 +1,82 @@
+// Coverage: what the sensor sees on the raster's own posts: states, and how high, far and steep they lie.
+// Leaves which posts there are and how they are read to wedge_source.hpp, and files to tiles.
+//
+// The four quadrants advance together, strip by strip: a strip is the lines of one column (row) of output tiles. Its
+// spokes are cut into runs that share nothing, so runs are the unit of reading and of threads. A tile is
+// handed out when all its posts are known; only those that a diagonal cuts wait for another quadrant's strip.
+#pragma once
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <utility>
+
+#include "lib/engine.hpp"
+#include "lib/spoke_grid.hpp"
+
+namespace wedgescope {
+
+/// What a raster of coverage holds. mask: Byte; states: Byte, codes of State; the others Float32, NaN where there is no
+/// data or where the post is outside the limits.
+///   height      metres that a post (with its target height) would have to be raised to be seen; 0 where it is seen
+///   range       slant range, m
+///   grazing     deg, of the ray on the post's own cell, the one on the sensor's side; below 0 on a back slope
+///   depression  deg, at the sensor, positive down
+enum class CoverageLayer { mask, states, height, range, grazing, depression };
+constexpr bool is_bytes(CoverageLayer layer) { return layer == CoverageLayer::mask || layer == CoverageLayer::states; }
+
+/// Values of the mask.
+struct MaskValues {
+    std::uint8_t seen = 255, hidden = 0, no_data = 1, outside = 1;
+};
+
+struct CoverageParams {
+    CoverageLayer layer = CoverageLayer::mask;
+    MaskValues mask;
+    double target_m = 0;  ///< raises the post tested, and no other
+    /// Elevation angles at the sensor, positive up, that count; outside of them nothing is in view.
+    std::optional<std::pair<Angle, Angle>> elevation;
+    int threads = 0;  ///< 0: all the machine has
+    std::size_t memory_bytes = std::size_t{1} << 30;
+    Stop* stop = nullptr;
+    std::function<void(double)> progress;  ///< called with 0..1 from one thread at a time
+};
+
+/// A tile of the output: `bytes` of mask and states, `values` of the others; rows lie `stride` posts apart, and there
+/// are `edge` of them, also where the raster ends before.
+struct CoverageTile {
+    static constexpr std::int64_t edge = 256;  ///< posts a side; aligned to the raster, cut at its edges
+    Window window;
+    const std::uint8_t* bytes = nullptr;
+    const float* values = nullptr;
+    std::int64_t stride = 0;
+};
+
+struct CoverageReport {
+    std::array<std::uint64_t, state_count> states{};  ///< posts of the raster by state
+    std::uint64_t posts_read = 0, bytes_read = 0;     ///< with what neighbouring runs read twice
+    std::uint64_t runs = 0;
+    std::size_t peak_budget_bytes = 0;
+    double wall_s = 0;
+    int threads = 0;
+    std::uint64_t seen() const {
+        return states[static_cast<std::size_t>(State::seen)] + states[static_cast<std::size_t>(State::unknown)];
+    }
+};
+
+/// Spokes a post and crossings of the other axis for a quality.
+Sampling coverage_sampling(Quality quality);
+
+/// As resolve(), but without a range all of the raster is in range. InputError, DataError.
+ResolvedScene resolve_coverage(const Scene& scene, WedgeSource& source);
+
+/// InputError, saying the smallest that would do, if the budget is too small for cover().
+void check_coverage(const ResolvedScene& scene, WedgeSource& source, const CoverageParams& params);
+
+/// Hands out each tile of the raster once, in the order of the strips, from one thread at a time (not the caller's).
+/// The same bits for any number of threads, any budget. InputError if the budget is too small, before
+/// any work; IoError, DataError; what `write` throws.
+CoverageReport cover(const ResolvedScene& scene, WedgeSource& source, const CoverageParams& params,
+                     const std::function<void(const CoverageTile&)>& write);
+
+}  // namespace wedgescope

@@ -1,0 +1,256 @@
+#include "lib/coverage_lanes.hpp"
+
+#include <cmath>
+
+#include "lib/lanes.hpp"
+
+namespace wedgescope {
+namespace {
+
+struct Polynomials {
+    double lift, drop, ray, rise, along;
+};
+
+/// Slope m on a line -> the factors of the tangent.
+WEDGESCOPE_LANES_PART Polynomials factors(const LineForm& line, double m, double stretch) noexcept {
+    const double square = line.square[0] + m * (line.square[1] + m * line.square[2]);
+    const double curvature = line.curvature[0] + m * (line.curvature[1] + m * line.curvature[2]);
+    const double along = line.distance * (1 + stretch);
+    // theta^2 = s^2 / Re^2, with s^2 = along^2 f^2 and 1 / Re = curvature / f^2
+    const double x = along * along * curvature * curvature / square;
+    const double sinc = 1 - x * (1.0 / 6) * (1 - x * (1.0 / 20) * (1 - x * (1.0 / 42)));
+    const double half_tangent = 1 + x * (1.0 / 12) * (1 + x * (1.0 / 10) * (1 + x * (17.0 / 168)));
+    const double cosine = 1 - x * (1.0 / 2) * (1 - x * (1.0 / 12) * (1 - x * (1.0 / 30)));
+    Polynomials p;
+    p.lift = 1 / (along * sinc);
+    p.drop = 0.5 * along * curvature * half_tangent;
+    p.ray = p.lift * (1 + stretch) * cosine;
+    p.rise = p.drop * (1 + stretch);
+    p.along = along;
+    return p;
+}
+
+WEDGESCOPE_LANES_PART double horner(const std::array<double, 5>& c, double u) noexcept {
+    return c[0] + u * (c[1] + u * (c[2] + u * (c[3] + u * c[4])));
+}
+
+template <bool cross>
+WEDGESCOPE_LANES_PART void raise(const RaiseLanes& lanes, const Lift& lift) noexcept {
+    const float* __restrict posts = lanes.posts;
+    const float* __restrict behind = lanes.behind;
+    float* __restrict horizon = lanes.horizon;
+    constexpr float none = std::numeric_limits<float>::quiet_NaN();
+    const float inverse_distance = 1 / lanes.distance, bow = lanes.bow;
+    for (std::size_t g = 0; g < lanes.groups; ++g) {
+        const double at = lanes.at[g];
+        const auto base = static_cast<std::int64_t>(std::floor(at));
+        const float part = static_cast<float>(at - static_cast<double>(base)),
+                    step = static_cast<float>((lanes.at[g + 1] - at) * (1.0 / knot_step));
+        const float first_lift = lanes.lift[g], lift_step = (lanes.lift[g + 1] - first_lift) * (1.0F / knot_step),
+                    down = lanes.drop[g], down_step = (lanes.drop[g + 1] - down) * (1.0F / knot_step);
+        const float* __restrict z = posts + (base - lanes.origin);
+        const float* __restrict zb = behind + (base - lanes.origin);
+        float* __restrict h = horizon + g * knot_step;
+        const float back = cross ? static_cast<float>(lanes.at_behind[g] - static_cast<double>(base)) : 0,
+                    back_step =
+                        cross ? static_cast<float>((lanes.at_behind[g + 1] - lanes.at_behind[g]) * (1.0 / knot_step))
+                              : 0;
+        WEDGESCOPE_INDEPENDENT
+        for (int l = 0; l < static_cast<int>(knot_step); ++l) {
+            const float lane = static_cast<float>(l), y = part + lane * step;
+            const int i = static_cast<int>(y);
+            const float f = y - static_cast<float>(i), a = z[i], b = z[i + 1];
+            const float up_a = a - lift.sensor_m, between = up_a + f * (b - a);
+            const float above = f == 0 ? up_a : between;
+            const float lifts = first_lift + lane * lift_step,
+                        drops = down + lane * (down_step + bow * (lane - static_cast<float>(knot_step)));
+            const float tangent = lift.w(above) * lifts - drops;
+            float old = h[l];
+            if (cross) {
+                const float y0 = back + lane * back_step, low = y0 < y ? y0 : y, high = y0 < y ? y : y0;
+                // Positions are above -17 here: rounded down by way of positive numbers.
+                const int c = static_cast<int>(high + 32) - 32;
+                const float column = static_cast<float>(c);
+                const bool met = column > low && column < high;
+                const float tau = (y - column) / (met ? y - y0 : 1.0F);  // lines back
+                const int at_column = met ? c : 0;
+                const float ahead = z[at_column], there = (ahead - lift.sensor_m) + tau * (zb[at_column] - ahead);
+                // lift and drop at a line tau nearer.
+                const float nearer = 1 - tau * inverse_distance;
+                const float crossing = lift.w(met ? there : none) * lifts / nearer - drops * nearer;
+                old = crossing > old ? crossing : old;
+            }
+            h[l] = tangent > old ? tangent : old;
+        }
+    }
+}
+
+template <bool raised, bool wanted>
+WEDGESCOPE_LANES_PART void test(const TestLanes& lanes, const Lift& lift) noexcept {
+    const float* __restrict horizon = lanes.horizon;
+    const int last_spoke = lanes.spokes - 2;
+    const float target = raised ? lanes.target_m : 0;
+    const float slope_step = static_cast<float>(1 / lanes.distance);
+    const float inverse_distance = slope_step;
+    const float nearest = lanes.nearest ? 1.0F : 0.0F;
+    for (std::size_t g = 0; g < lanes.groups; ++g) {
+        const std::int64_t first = lanes.first + static_cast<std::int64_t>(g * knot_step);
+        const double from = lanes.from[g], width = lanes.from[g + 1] - from;
+        const double per_post = width > 0 ? 1 / width : 0;
+        const double lead = from - static_cast<double>(first);
+        const auto line = [&](double a, double b) {
+            const double step = (b - a) * per_post;
+            return std::pair(static_cast<float>(a - lead * step), static_cast<float>(step));
+        };
+        const double spoke_step = (lanes.at[g + 1] - lanes.at[g]) * per_post, spoke0 = lanes.at[g] - lead * spoke_step;
+        const double whole = std::floor(spoke0);
+        const float spoke = static_cast<float>(spoke0 - whole), spokes_step = static_cast<float>(spoke_step);
+        const int spoke_base = static_cast<int>(static_cast<std::int64_t>(whole) - lanes.first_spoke);
+        const auto [lift0, lift1] = line(static_cast<double>(lanes.lift[g]), static_cast<double>(lanes.lift[g + 1]));
+        const auto [drop0, drop1] = line(static_cast<double>(lanes.drop[g]), static_cast<double>(lanes.drop[g + 1]));
+        const auto [ray0, ray1] = line(static_cast<double>(lanes.ray[g]), static_cast<double>(lanes.ray[g + 1]));
+        const auto [rise0, rise1] = line(static_cast<double>(lanes.rise[g]), static_cast<double>(lanes.rise[g + 1]));
+        const float bow = static_cast<float>(lanes.bow * spoke_step * spoke_step), begins = static_cast<float>(lead),
+                    ends = static_cast<float>(lead + width);
+        const float slope0 = static_cast<float>((static_cast<double>(first) - lanes.nadir) / lanes.distance);
+        const float* __restrict z = lanes.posts + (first - lanes.origin);
+        const float* __restrict zb = lanes.behind + (first - lanes.origin);
+        std::uint8_t* __restrict state = lanes.state + (first - lanes.origin);
+        float* __restrict raise_m = wanted ? lanes.raise_m + (first - lanes.origin) : nullptr;
+        float* __restrict tangent_out = wanted && lanes.tangent ? lanes.tangent + (first - lanes.origin) : nullptr;
+        alignas(64) float tangents[knot_step];
+        WEDGESCOPE_INDEPENDENT
+        for (int l = 0; l < static_cast<int>(knot_step); ++l) {
+            const float lane = static_cast<float>(l), k = spoke + lane * spokes_step;
+            const int down = static_cast<int>(k), up = down + spoke_base,
+                      kept = up < 0            ? 0
+                             : up > last_spoke ? last_spoke
+                                               : up;
+            const float f = k - static_cast<float>(down);
+            const float left = horizon[kept], right = horizon[kept + 1];
+            // A spoke that has met no ground runs outside the raster, and so does the post's ray.
+            const bool free = left < 0.5F * no_horizon_f || right < 0.5F * no_horizon_f;
+            const float level = free ? no_horizon_f : left + f * (right - left);
+
+            const float height = z[l], w = lift.w((height - lift.sensor_m) + target);
+            const float bends = bow * ((lane - begins) * (lane - ends));
+            const float lifts = lift0 + lane * lift1, drops = drop0 + lane * drop1 + bends;
+            const float high = w * lifts, tangent = high - drops;
+            // The own cell, the one on the sensor's side, along the straight chord: its course u = 0..1 from the line
+            // behind to the post is a parabola, and so is how high the ray runs above it.
+            const float slope = slope0 + lane * slope_step, across = slope < 0 ? -slope : slope;
+            const float beside = slope < 0 ? z[l + 1] : z[l - 1], corner = slope < 0 ? zb[l + 1] : zb[l - 1],
+                        back = zb[l];
+            const float to_corner = across * (corner - back), to_beside = across * (height - beside);
+            const float step = height - back, to_entry = across > 0 ? step - to_corner : step;
+            const float climbs = across > 0 ? step + to_beside : step;
+            const float growth = lift.growth(height), ray_w = w * (ray0 + lane * ray1),
+                        ray_rise = rise0 + lane * rise1 + bends, ray = ray_w + ray_rise;
+            const float stands = target * growth;
+            const float step_size = step < 0 ? -step : step, size = step == step ? step_size : 0.0F,
+                        side = across > 0
+                                   ? (to_beside < 0 ? -to_beside : to_beside) + (to_corner < 0 ? -to_corner : to_corner)
+                                   : 0.0F;
+            const float relief = size + (side == side ? side : 0.0F);
+            const float cell_slack = ((ray_w < 0 ? -ray_w : ray_w) + ray_rise + relief) * level_slack;
+            // Spokes' positions are good to place_slack of a post.
+            const float slack = ((high < 0 ? -high : high) + drops) * level_slack + relief * lifts * place_slack;
+            const float over = tangent + slack - level;                // below 0: hidden
+            const float steeper = climbs * growth - ray + cell_slack;  // at the post; below 0: a back slope
+            const float above0 = nearest > 0 ? 1.0F : stands - ray + to_entry * growth + cell_slack;
+            const bool void_post = height != height;
+            bool hidden = over < 0;
+            if (raised) {
+                const float b = stands - above0, bend = -steeper - b, tilt = b - bend;  // above0 + tilt u + bend u^2
+                const bool dips =
+                    nearest == 0 && bend > 0 && tilt < 0 && tilt + 2 * bend > 0 && 4 * bend * above0 < tilt * tilt;
+                hidden = hidden | (above0 < 0) | dips;
+            } else {
+                hidden = hidden | (above0 < 0) | (steeper < 0);
+            }
+            const int seen = hidden ? 1 : 2;
+            state[l] = static_cast<std::uint8_t>(void_post ? 0 : seen);
+            if (wanted) {
+                // What would lift the post to its horizon, and its ray out of its own cell.
+                const float to_horizon = over < 0 ? -over / (lifts * growth) : 0.0F;
+                const float b = stands - above0, bend = -steeper - b, tilt = b - bend;
+                const bool inside = nearest == 0 && bend > 0 && tilt < 0 && tilt + 2 * bend > 0;
+                const float u = inside ? -tilt / (2 * bend) : 0.0F;
+                const float least = above0 + u * (tilt + u * bend);
+                const float moves = 1 - (1 - u) * inverse_distance;  // of the ray there, when the post rises
+                const float out_of_cell =
+                    nearest == 0 && least < 0 ? -least / ((moves > 0.125F ? moves : 0.125F) * growth) : 0.0F;
+                const float most = to_horizon > out_of_cell ? to_horizon : out_of_cell;
+                const float some = most > 0.001F ? most : 0.001F;
+                raise_m[l] = hidden ? some : 0.0F;
+                tangents[l] = tangent;
+            }
+        }
+        if (wanted && tangent_out)
+            for (std::size_t l = 0; l < knot_step; ++l) tangent_out[l] = tangents[l];
+    }
+}
+
+}  // namespace
+
+WEDGESCOPE_LANES
+void spoke_knots(const LineForm& line, const PieceForm& piece, std::int64_t spokes, std::int64_t first, std::size_t n,
+                 const KnotLanes& out) noexcept {
+    double* __restrict at = out.at;
+    float* __restrict lift = out.lift, * __restrict drop = out.drop;
+    const double inverse = 1 / static_cast<double>(spokes), start = static_cast<double>(first);
+    WEDGESCOPE_INDEPENDENT
+    for (std::size_t i = 0; i < n; ++i) {
+        const double m = (start + static_cast<double>(i * knot_step)) * inverse, u = (m - piece.middle) * piece.scale;
+        const Polynomials p = factors(line, m, horner(piece.stretch, u));
+        at[i] = line.nadir_minor + m * line.distance + horner(piece.bend, u);
+        lift[i] = static_cast<float>(p.lift);
+        drop[i] = static_cast<float>(p.drop);
+    }
+}
+
+WEDGESCOPE_LANES
+void post_knots(const LineForm& line, const PieceForm& piece, std::int64_t spokes, const double* minor, std::size_t n,
+                const KnotLanes& out) noexcept {
+    double* __restrict at = out.at, * __restrict slope = out.slope, * __restrict along = out.along;
+    float* __restrict lift = out.lift, * __restrict drop = out.drop, * __restrict ray = out.ray, * __restrict rise = out.rise;
+    const double* __restrict place = minor;
+    const std::array<double, 5> derivative = {piece.bend[1] * piece.scale, 2 * piece.bend[2] * piece.scale,
+                                              3 * piece.bend[3] * piece.scale, 4 * piece.bend[4] * piece.scale, 0};
+    WEDGESCOPE_INDEPENDENT
+    for (std::size_t i = 0; i < n; ++i) {
+        const double t = place[i] - line.nadir_minor;
+        double m = t / line.distance;
+        for (int round = 0; round < 4; ++round) {  // Newton's; bend is small beside the way, so three would do
+            const double u = (m - piece.middle) * piece.scale;
+            m -= (m * line.distance + horner(piece.bend, u) - t) / (line.distance + horner(derivative, u));
+        }
+        const Polynomials p = factors(line, m, horner(piece.stretch, (m - piece.middle) * piece.scale));
+        at[i] = m * static_cast<double>(spokes);
+        slope[i] = m;
+        along[i] = p.along;
+        lift[i] = static_cast<float>(p.lift);
+        drop[i] = static_cast<float>(p.drop);
+        ray[i] = static_cast<float>(p.ray);
+        rise[i] = static_cast<float>(p.rise);
+    }
+}
+
+WEDGESCOPE_LANES
+void raise_lanes(const RaiseLanes& lanes, const Lift& lift, bool cross) noexcept {
+    if (cross)
+        raise<true>(lanes, lift);
+    else
+        raise<false>(lanes, lift);
+}
+
+WEDGESCOPE_LANES
+void test_lanes(const TestLanes& lanes, const Lift& lift) noexcept {
+    const bool wanted = lanes.raise_m != nullptr;
+    if (lanes.target_m > 0)
+        wanted ? test<true, true>(lanes, lift) : test<true, false>(lanes, lift);
+    else
+        wanted ? test<false, true>(lanes, lift) : test<false, false>(lanes, lift);
+}
+
+}  // namespace wedgescope

@@ -1,0 +1,114 @@
+// Coverage lanes: the two hot loops of coverage: spokes take a line of posts, and posts test themselves against spokes.
+// Leaves where lines and spokes lie to coverage.cpp. Plain loops over contiguous arrays, compiled for several
+// instruction sets.
+//
+// What is compared is the tangent of the elevation angle times f(m), metres a post of the spoke, which is constant along
+// it. With w = (h - hs) / (1 + h / Re), theta = s / Re and the arc s = d f (1 + stretch) the exact tangent (physics
+// "Effective earth") is
+//     tan e = w / (Re sin theta) - tan(theta / 2)
+//     f tan e = w lift - drop     lift = 1 / (d (1 + stretch) sinc theta)     drop = f tan(theta / 2)
+// so neither root nor division is left for the single sample. Everything smooth (positions, lift, drop) is exact at
+// knots, every 16th spoke or post, and linear between them; but for drop, whose f^2 is a parabola in m (half a line of
+// posts would be lost at the sea's horizon).
+#pragma once
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+#include <utility>
+
+namespace wedgescope {
+
+inline constexpr std::size_t knot_step = 16;
+inline constexpr float no_horizon_f = -1e30F;  ///< of a spoke that has met no ground
+/// What rounding may add to a tangent, relative to its two terms: so that what is level with its horizon is seen.
+inline constexpr float level_slack = 0x1p-21F;
+/// And to a position, posts.
+inline constexpr float place_slack = 0x1p-19F;
+
+/// Height above the sensor to w: float, for heights up to 1e5 m within 1e-9 of the quotient. What is subtracted from the
+/// sensor's height first keeps its last bits.
+struct Lift {
+    float sensor_m = 0, inverse_radius = 0;
+    float w(float up_m) const {
+        const float x = (up_m + sensor_m) * inverse_radius;
+        return up_m * (1 - x * (1 - x * (1 - x)));
+    }
+    /// dw / dh.
+    float growth(float height_m) const { return (1 + sensor_m * inverse_radius) * (1 - 2 * height_m * inverse_radius); }
+};
+
+/// Values at the knots of a line.
+struct KnotLanes {
+    double* at;     ///< spokes: raster position along the line; posts: spoke, as a number
+    double* slope;  ///< posts only: m
+    double* along;  ///< posts only: d (1 + stretch), so that the arc is along f(m)
+    float *lift, *drop;
+    float *ray, *rise;  ///< posts only: what a level ray climbs in w a line outwards is w ray + rise
+};
+
+/// One line as its knots need it.
+struct LineForm {
+    double distance = 0, nadir_minor = 0;
+    std::array<double, 3> square{};     ///< f^2 = sum square[n] m^n
+    std::array<double, 3> curvature{};  ///< f^2 / Re
+};
+/// Second-order coefficient of drop in m.
+inline double bow_per_slope(const LineForm& line) { return 0.5 * line.distance * line.curvature[2]; }
+/// Part of a line on which bend and stretch are one polynomial (SpokeMap::LinePiece).
+struct PieceForm {
+    double middle = 0, scale = 1;
+    std::array<double, 5> bend{}, stretch{};
+};
+
+/// Knots of spokes first, first + 16, ... of K.
+void spoke_knots(const LineForm& line, const PieceForm& piece, std::int64_t spokes, std::int64_t first, std::size_t n,
+                 const KnotLanes& out) noexcept;
+/// Knots at places `minor`[n] along the line.
+void post_knots(const LineForm& line, const PieceForm& piece, std::int64_t spokes, const double* minor, std::size_t n,
+                const KnotLanes& out) noexcept;
+
+/// Posts of a line: post j is at[j - origin]; readable line_margin posts beyond either end, NaN there and where it is void.
+using PostLine = const float*;
+inline constexpr std::int64_t line_margin = 40;
+
+/// Groups of 16 spokes take a line: horizon = max(horizon, surface where they cross it). `cross`: and where they crossed
+/// the other axis' line between the line behind and this one.
+///   at, lift, drop  [groups + 1]  knots;  at_behind  positions on the line behind, `cross` only
+///   horizon         [16 groups]
+/// A crossing between two posts is void if one of them is.
+struct RaiseLanes {
+    std::size_t groups;
+    std::int64_t origin;
+    const double *at, *at_behind;
+    const float *lift, *drop;
+    PostLine posts, behind;
+    float distance;
+    float bow;  ///< of drop, per spoke squared: bow_per_slope / K^2
+    float* horizon;
+};
+void raise_lanes(const RaiseLanes& lanes, const Lift& lift, bool cross) noexcept;
+
+/// Posts test themselves, in groups of 16.
+struct TestLanes {
+    std::size_t groups;
+    std::int64_t origin;  ///< of the lines and of what comes out
+    std::int64_t first;   ///< post of the first group's first lane
+    const double* from;   ///< [groups + 1] where the knots stand: posts
+    const double* at;     ///< spoke at the knots
+    const float *lift, *drop, *ray, *rise;
+    double nadir, distance;  ///< post below which the sensor stands; posts from it to the line
+    double bow;              ///< of drop, per spoke squared
+    PostLine posts, behind;
+    const float* horizon;  ///< [spokes], of spoke first_spoke on
+    std::int64_t first_spoke;
+    std::int32_t spokes;
+    bool nearest;  ///< the line behind is not between the sensor and this one
+    float target_m;
+    std::uint8_t* state;  ///< out, by post: codes of State no_data, shadow, seen
+    float* raise_m;       ///< out, by post: metres to be seen; may be null
+    float* tangent;       ///< out, by post: f tan e; may be null
+};
+void test_lanes(const TestLanes& lanes, const Lift& lift) noexcept;
+
+}  // namespace wedgescope

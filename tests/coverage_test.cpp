@@ -1,0 +1,362 @@
+// Coverage on drawn terrain: answers known in closed form or from a walk along the ray; the same bits however it is run.
+#include <catch2/catch.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <numbers>
+#include <random>
+
+#include "lib/coverage.hpp"
+#include "lib/error.hpp"
+#include "tests/reference/line_of_sight.hpp"
+#include "tests/terrain.hpp"
+
+using namespace wedgescope;
+using test::MemorySource;
+
+namespace {
+
+constexpr double post_m = 30;
+
+Scene scene_at(double column, double row, double height_m, std::optional<double> earth_k = std::nullopt) {
+    Scene scene;
+    scene.platform.xy = PointXY{column * post_m, -row * post_m};
+    scene.platform.altitude_above = AltitudeAbove::sea_level;
+    scene.platform.altitude_m = height_m;
+    scene.geometry = Geometry::grid;
+    scene.earth_k = earth_k;
+    return scene;
+}
+
+struct Result {
+    std::int64_t columns = 0;
+    std::vector<std::uint8_t> bytes;
+    std::vector<float> values;
+    std::vector<int> times;  ///< each post was handed out
+    CoverageReport report;
+    int at(std::int64_t c, std::int64_t r) const { return bytes[static_cast<std::size_t>(r * columns + c)]; }
+    float value(std::int64_t c, std::int64_t r) const { return values[static_cast<std::size_t>(r * columns + c)]; }
+};
+
+Result look(MemorySource& source, const Scene& scene, CoverageParams params = {}) {
+    const DataBase& db = source.data_base();
+    Result out;
+    out.columns = db.columns;
+    const auto posts = static_cast<std::size_t>(db.columns * db.rows);
+    out.bytes.resize(posts, 99);
+    out.values.resize(posts, -99);
+    out.times.resize(posts);
+    out.report = cover(resolve_coverage(scene, source), source, params, [&](const CoverageTile& tile) {
+        for (std::int64_t r = tile.window.rows.begin; r < tile.window.rows.end; ++r)
+            for (std::int64_t c = tile.window.columns.begin; c < tile.window.columns.end; ++c) {
+                const auto from = (r - tile.window.rows.begin) * tile.stride + c - tile.window.columns.begin;
+                const auto to = static_cast<std::size_t>(r * db.columns + c);
+                if (tile.bytes) out.bytes[to] = tile.bytes[from];
+                if (tile.values) out.values[to] = tile.values[from];
+                ++out.times[to];
+            }
+    });
+    CHECK(std::all_of(out.times.begin(), out.times.end(), [](int n) { return n == 1; }));
+    std::uint64_t all = 0;
+    for (std::uint64_t n : out.report.states) all += n;
+    CHECK(all == posts);
+    return out;
+}
+
+CoverageParams layer(CoverageLayer kind) {
+    CoverageParams params;
+    params.layer = kind;
+    return params;
+}
+
+/// Share of posts, in %, that an exact walk judges otherwise.
+double wrong(MemorySource& source, const Scene& scene, const Result& mask, double target_m = 0) {
+    const DataBase& db = source.data_base();
+    const Chunk all = source.load({{0, db.columns}, {0, db.rows}}, false);
+    reference::Matrix matrix{db.columns, db.rows, {all.surface_m.begin(), all.surface_m.end()}};
+    const ResolvedScene resolved = resolve_coverage(scene, source);
+    reference::Sensor sensor;
+    sensor.column = resolved.nadir.column;
+    sensor.row = resolved.nadir.row;
+    sensor.height_m = resolved.sensor_m;
+    sensor.earth_k = scene.earth_k;
+    sensor.target_m = target_m;
+    reference::Grid grid;
+    grid.column_m = db.step_x;
+    grid.row_m = db.step_y;
+    const reference::LineOfSight sight(matrix, grid, sensor);
+    std::size_t bad = 0, posts = 0;
+    for (std::int64_t r = 0; r < db.rows; ++r)
+        for (std::int64_t c = 0; c < db.columns; ++c) {
+            const auto verdict = sight.look(c, r);
+            if (verdict.state == reference::Verdict::no_data) {
+                bad += mask.at(c, r) != 1;
+                continue;
+            }
+            ++posts;
+            const bool other = (mask.at(c, r) == 255) != (verdict.state == reference::Verdict::seen);
+            bad += other;
+        }
+    return 100.0 * static_cast<double>(bad) / static_cast<double>(std::max<std::size_t>(posts, 1));
+}
+
+}  // namespace
+
+TEST_CASE("every post of a plain is seen, wherever the sensor stands", "[coverage]") {
+    MemorySource source(300, 520, post_m, [](double, double) { return 100; });
+    const double places[][2] = {{150, 260},   {150.5, 260.25}, {0, 0},     {299, 519},   {149.5, 0},
+                                {-40.5, 100}, {700, 900},      {150, -30}, {255.5, 256}, {150.3, 519.9}};
+    for (const auto& place : places)
+        for (const double height : {100.0, 100.5, 30000.0}) {
+            if (height == 100.0 && place[0] != std::floor(place[0])) continue;
+            INFO("column " << place[0] << ", row " << place[1] << ", " << height << " m");
+            const Result seen = look(source, scene_at(place[0], place[1], height));
+            for (std::size_t i = 0; i < seen.bytes.size(); ++i)
+                if (seen.bytes[i] != 255) {
+                    FAIL_CHECK("column " << i % 300 << ", row " << i / 300 << " is " << int{seen.bytes[i]});
+                    break;
+                }
+        }
+}
+
+TEST_CASE("a tilted plain through the sensor is level with its own horizon, and seen", "[coverage]") {
+    MemorySource source(200, 200, post_m, [](double c, double r) { return 500 + 2 * (c - 100) + 3 * (r - 100); });
+    const Result seen = look(source, scene_at(100, 100, 500));
+    for (std::size_t i = 0; i < seen.bytes.size(); ++i) {
+        INFO("column " << i % 200 << ", row " << i / 200);
+        REQUIRE(int{seen.bytes[i]} == 255);
+    }
+}
+
+TEST_CASE("a ridge hides the ground behind it as far as its shadow reaches", "[coverage]") {
+    // 100 m over the plain, a ridge of 50 m at 60 posts: the shadow ends at 120 posts.
+    MemorySource source(400, 41, post_m, [](double c, double) { return c == 70 ? 50 : 0; });
+    const Result seen = look(source, scene_at(10, 20, 100));
+    CHECK(seen.at(70, 20) == 255);
+    for (std::int64_t c = 71; c < 130; ++c) CHECK(seen.at(c, 20) == 0);
+    for (std::int64_t c = 130; c < 400; ++c) CHECK(seen.at(c, 20) == 255);
+    // What it takes to be seen: the ray over the ridge.
+    const Result height = look(source, scene_at(10, 20, 100), layer(CoverageLayer::height));
+    CHECK(height.value(70, 20) == 0);
+    for (std::int64_t c = 75; c < 128; ++c)
+        CHECK(height.value(c, 20) == Approx(100 - 50.0 * static_cast<double>(c - 10) / 60).margin(0.01));
+    CHECK(height.value(300, 20) == 0);
+    // A target as high as that is seen, one a little lower is not; and it hides nobody else.
+    CoverageParams params;
+    params.target_m = 25.1;
+    const Result raised = look(source, scene_at(10, 20, 100), params);
+    CHECK(raised.at(100, 20) == 255);
+    CHECK(raised.at(99, 20) == 0);
+}
+
+TEST_CASE("the sea is seen as far as its horizon", "[coverage]") {
+    constexpr double k = 4.0 / 3, sensor = 40, radius = k * 6371008.7714;
+    MemorySource source(1400, 9, post_m, [](double, double) { return 0; });
+    const Result seen = look(source, scene_at(0, 4, sensor, k));
+    // cos(theta) = R / (R + h)
+    const double horizon = radius * std::acos(radius / (radius + sensor)) / post_m;
+    REQUIRE(horizon < 1300);
+    for (std::int64_t c = 0; c < 1400; ++c) {
+        if (std::abs(static_cast<double>(c) - horizon) < 1) continue;
+        INFO(c);
+        CHECK(seen.at(c, 4) == (static_cast<double>(c) < horizon ? 255 : 0));
+    }
+}
+
+TEST_CASE("range, depression and grazing are those of the triangle", "[coverage]") {
+    MemorySource source(300, 300, post_m, [](double, double) { return 50; });
+    const Scene scene = scene_at(100, 120, 2050);
+    const Result range = look(source, scene, layer(CoverageLayer::range)),
+                 depression = look(source, scene, layer(CoverageLayer::depression)),
+                 grazing = look(source, scene, layer(CoverageLayer::grazing));
+    for (std::int64_t r = 0; r < 300; r += 7)
+        for (std::int64_t c = 0; c < 300; c += 11) {
+            const double ground = std::hypot(static_cast<double>(c - 100), static_cast<double>(r - 120)) * post_m;
+            CHECK(range.value(c, r) == Approx(std::hypot(ground, 2000)).epsilon(1e-6));
+            const double angle = std::atan2(2000, ground) * 180 / std::numbers::pi;
+            CHECK(depression.value(c, r) == Approx(angle).epsilon(1e-6));
+            CHECK(grazing.value(c, r) == Approx(angle).epsilon(1e-5));
+        }
+    CHECK(range.value(100, 120) == 2000);
+    CHECK(depression.value(100, 120) == 90);
+
+    // Slopes towards and away from the sensor add to and take from it.
+    MemorySource slope(300, 41, post_m, [](double c, double) { return 3 * std::abs(c - 150); });
+    const Result steep = look(slope, scene_at(20, 20, 3000), layer(CoverageLayer::grazing));
+    const double rise = std::atan(0.1) * 180 / std::numbers::pi;
+    const auto depressed = [&](double c, double z) {
+        return std::atan2(3000 - z, (c - 20) * post_m) * 180 / std::numbers::pi;
+    };
+    CHECK(steep.value(200, 20) == Approx(depressed(200, 150) + rise).margin(1e-3));
+    CHECK(steep.value(100, 20) == Approx(depressed(100, 150) - rise).margin(1e-3));
+}
+
+TEST_CASE("range, sector and pitch limit what is in view", "[coverage]") {
+    MemorySource source(600, 600, post_m, [](double, double) { return 0; });
+    Scene scene = scene_at(300, 300, 1000);
+    scene.range_m = 5000;
+    scene.range_start_m = 2000;
+    scene.platform.heading = Angle::degrees(350);
+    scene.sector = Sector{Angle::degrees(-20), Angle::degrees(100)};
+    CoverageParams params;
+    params.elevation.emplace(Angle::degrees(-25), Angle::degrees(-12));
+    params.mask.outside = 7;
+    const Result seen = look(source, scene, params);
+    std::size_t inside = 0, wrong_posts = 0;
+    for (std::int64_t r = 0; r < 600; ++r)
+        for (std::int64_t c = 0; c < 600; ++c) {
+            const double x = static_cast<double>(c - 300) * post_m, y = static_cast<double>(300 - r) * post_m,
+                         ground = std::hypot(x, y), slant = std::hypot(ground, 1000),
+                         pitch = -std::atan2(1000, ground) * 180 / std::numbers::pi,
+                         azimuth = std::atan2(x, y) * 180 / std::numbers::pi;
+            const double edge = std::min({std::abs(slant - 5000), std::abs(slant - 2000),
+                                          ground * std::abs(azimuth + 30) / 57, ground * std::abs(azimuth - 90) / 57,
+                                          ground * std::abs(pitch + 25) / 57, ground * std::abs(pitch + 12) / 57});
+            if (edge < 1) continue;
+            const bool in = slant < 5000 && slant > 2000 && azimuth > -30 && azimuth < 90 && pitch > -25 && pitch < -12;
+            inside += in;
+            wrong_posts += seen.at(c, r) != (in ? 255 : 7);
+            if (seen.at(c, r) != (in ? 255 : 7) && wrong_posts < 3)
+                FAIL_CHECK("column " << c << ", row " << r << ": " << seen.at(c, r) << ", slant " << slant
+                                     << ", azimuth " << azimuth << ", pitch " << pitch);
+        }
+    CHECK(wrong_posts == 0);
+    CHECK(inside > 1000);
+    CHECK(seen.report.states[static_cast<std::size_t>(State::seen)] >= inside);
+}
+
+TEST_CASE("rolling ground is judged as an exact walk of each ray judges it", "[coverage]") {
+    const unsigned seed = 20260131;
+    INFO("seed " << seed);
+    MemorySource source(330, 290, post_m, test::rolling(300, 120, seed));
+    struct Place {
+        double column, row, height;
+    };
+    for (const Place& place : {Place{329.5, -0.5, 600},
+                               Place{160, 140, 500},
+                               {160.25, 140.75, 420},
+                               {-30, 100, 900},
+                               {200, 400, 1500},
+                               {0, 289, 700},
+                               {329.5, -0.5, 600},
+                               {100, 50.5, 30000}}) {
+        Scene scene = scene_at(place.column, place.row, place.height, 4.0 / 3);
+        INFO("column " << place.column << ", row " << place.row << ", " << place.height << " m");
+        scene.quality = Quality::normal;
+        const Result normal = look(source, scene);
+        CHECK(wrong(source, scene, normal) < 0.2);
+        scene.quality = Quality::exact;
+        CHECK(wrong(source, scene, look(source, scene)) < 0.06);
+        scene.quality = Quality::normal;
+        CoverageParams params;
+        params.target_m = 20;
+        CHECK(wrong(source, scene, look(source, scene, params), 20) < 0.2);
+        // height is 0 just where the mask is 255
+        const Result height = look(source, scene, layer(CoverageLayer::height));
+        std::size_t unlike = 0;
+        for (std::size_t i = 0; i < height.values.size(); ++i)
+            unlike += (height.values[i] == 0) != (normal.bytes[i] == 255);
+        CHECK(unlike == 0);
+    }
+}
+
+TEST_CASE("seams at diagonals and axes do not show", "[coverage]") {
+    MemorySource source(401, 401, post_m, test::rolling(250, 90, 7));
+    const Scene scene = scene_at(200, 200, 450);
+    const Result seen = look(source, scene);
+    const Chunk all = source.load({{0, 401}, {0, 401}}, false);
+    reference::Matrix matrix{401, 401, {all.surface_m.begin(), all.surface_m.end()}};
+    reference::Grid grid{post_m, -post_m, {}, {}};
+    reference::Sensor sensor;
+    sensor.column = sensor.row = 200;
+    sensor.height_m = 450;
+    const reference::LineOfSight sight(matrix, grid, sensor);
+    int bad = 0, posts = 0;
+    for (std::int64_t i = 1; i <= 200; ++i)
+        for (const auto& [c, r] : {std::pair{i, i},
+                                   {i, -i},
+                                   {-i, i},
+                                   {-i, -i},
+                                   {i, 0L},
+                                   {-i, 0L},
+                                   {0L, i},
+                                   {0L, -i},
+                                   {i, i - 1},
+                                   {i - 1, i},
+                                   {-i, 1 - i},
+                                   {1 - i, -i}}) {
+            ++posts;
+            bad +=
+                (seen.at(200 + c, 200 + r) == 255) != (sight.look(200 + c, 200 + r).state == reference::Verdict::seen);
+        }
+    CHECK(bad <= posts / 400);
+}
+
+TEST_CASE("voids are no data, hide nothing, and what they may hide is unknown", "[coverage]") {
+    // A hill of 60 m stands round a void on the way east.
+    const auto ground = [](double c, double r) -> double {
+        if (c >= 100 && c <= 110 && std::abs(r - 50) <= 10) return std::numeric_limits<double>::quiet_NaN();
+        if (c >= 98 && c <= 112 && std::abs(r - 50) <= 12) return 60;
+        return 0;
+    };
+    MemorySource source(300, 101, post_m, ground);
+    const Scene scene = scene_at(20, 50, 100);
+    const Result mask = look(source, scene), states = look(source, scene, layer(CoverageLayer::states));
+    CHECK(mask.at(105, 50) == 1);
+    CHECK(states.at(105, 50) == 0);
+    CHECK(states.report.states[0] == 11 * 21);
+    for (std::int64_t c = 115; c < 200; ++c) CHECK(mask.at(c, 50) == 0);  // behind the hill's edge
+    CHECK(states.at(50, 50) == 2);
+    CHECK(wrong(source, scene, mask) < 0.2);
+
+    // Without the edge: level ground behind a void is seen; unknown only if something near the void is higher.
+    MemorySource flat(300, 101, post_m, [](double c, double) {
+        return c >= 100 && c <= 110 ? std::numeric_limits<double>::quiet_NaN() : c == 111 ? 5.0 : 0.0;
+    });
+    const Result open = look(flat, scene_at(20, 50, 100), layer(CoverageLayer::states));
+    CHECK(open.at(50, 50) == 2);
+    CHECK(open.at(111, 50) == 2);
+    CHECK(open.at(113, 50) == 1);  // behind the step
+    CHECK(open.at(290, 50) == 2);
+    MemorySource step(300, 101, post_m, [](double c, double) {
+        return c >= 100 && c <= 110 ? std::numeric_limits<double>::quiet_NaN() : c == 99 ? 20.0 : c > 110 ? 19.0 : 0.0;
+    });
+    // Would-be ground of 20 m at column 110 hides what lies between it and its shadow's end.
+    const Result hidden = look(step, scene_at(20, 50, 100), layer(CoverageLayer::states));
+    CHECK(hidden.at(111, 50) == 3);
+    CHECK(hidden.at(250, 50) == 2);
+    CHECK(look(step, scene_at(20, 50, 100)).at(111, 50) == 255);
+    MemorySource none(70, 60, post_m, [](double, double) { return std::numeric_limits<double>::quiet_NaN(); });
+    CHECK(look(none, scene_at(20, 50, 100)).report.states[0] == 70 * 60);
+}
+
+TEST_CASE("threads and memory change no bit", "[coverage]") {
+    MemorySource source(700, 600, post_m, test::rolling(400, 200, 11));
+    source.set_culture_height([](double c, double r) { return std::fmod(c * 7 + r * 3, 50) == 0 ? 15 : 0; });
+    for (const auto kind : {CoverageLayer::mask, CoverageLayer::states, CoverageLayer::height}) {
+        const Scene scene = scene_at(310.5, 222, 600, 4.0 / 3);
+        CoverageParams params = layer(kind);
+        params.threads = 1;
+        const Result first = look(source, scene, params);
+        for (const int threads : {1, 2})
+            for (const std::size_t mebibytes : {64, 1024}) {
+                params.threads = threads;
+                params.memory_bytes = mebibytes << 20;
+                const Result other = look(source, scene, params);
+                CHECK(other.bytes == first.bytes);
+                CHECK((is_bytes(kind) || other.values == first.values));
+                CHECK(other.report.states == first.report.states);
+            }
+    }
+    CoverageParams small;
+    small.memory_bytes = 3 << 20;
+    CHECK_THROWS_AS(look(source, scene_at(310, 222, 600), small), InputError);
+}
+
+TEST_CASE("what the writer throws ends the work and arrives", "[coverage]") {
+    MemorySource source(300, 300, post_m, [](double, double) { return 0; });
+    CHECK_THROWS_AS(cover(resolve_coverage(scene_at(100, 100, 50), source), source, {},
+                          [](const CoverageTile&) { throw IoError("disk full"); }),
+                    IoError);
+}
