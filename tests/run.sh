@@ -58,8 +58,8 @@ if ((${#presets[@]})); then
     for preset in "${presets[@]}"; do run "$preset"; done
 else
     run release
-    run asan --exclude-regex '^reference_'  # one thread and no memory of its own: minutes, for nothing new
-    run tsan --tests-regex '^(beam|cli|engine|memory_budget|resume|source|timeline)_test$'
+    run asan --exclude-regex '^(reference|matrix)_'  # minutes, for nothing that the others do not try
+    run tsan --tests-regex '^(beam|cli|engine|memory_budget|resume|source|spill|timeline)_test$'
 fi
 
 echo
