@@ -131,6 +131,23 @@ Strings with(Strings base, const Strings& more) {
     return base;
 }
 
+/// An ENVI raster of 16-bit heights in scanlines: hills of several hundred metres in every 128 x 128 posts.
+std::string scanlines(const Folder& folder, const std::string& name, int edge) {
+    std::string bytes;
+    bytes.reserve(static_cast<std::size_t>(edge) * static_cast<std::size_t>(edge) * 2);
+    for (int r = 0; r < edge; ++r)
+        for (int c = 0; c < edge; ++c) {
+            const int z = std::abs(c % 120 - 60) * 7 + std::abs(r % 100 - 50) * 5;
+            bytes += static_cast<char>(z & 255);
+            bytes += static_cast<char>(z >> 8);
+        }
+    const std::string size = std::to_string(edge);
+    folder.write(name + ".hdr", "ENVI\nsamples = " + size + "\nlines = " + size +
+                                    "\nbands = 1\ndata type = 2\ninterleave = bsq\nbyte order = 0\n"
+                                    "map info = {UTM, 1, 1, 465000, 3750300, 30, 30, 11, North, WGS-84}\n");
+    return folder.write(name + ".dat", bytes);
+}
+
 /// The program must refuse with `code`, in exactly one line that holds `words`, and leave the folder as it was.
 void refuses(const Folder& folder, const Strings& arguments, int code, const Strings& words) {
     std::string line;
@@ -203,8 +220,9 @@ TEST_CASE("coverage writes a mask on the raster's own grid, and every layer", "[
     CHECK(posts == 1600 * 1600);
     CHECK(report["scene"]["altitude-agl"] == "300m");
     // The same bytes by one thread and in little memory.
-    REQUIRE(folder.run({"coverage", dem, "again.tif", "--latlon", "33.93,-117.33", "--altitude-agl", "300m",
-                        "--reproducible", "--threads", "1", "--memory", "64MiB", "-q"})
+    REQUIRE(folder
+                .run({"coverage", dem, "again.tif", "--latlon", "33.93,-117.33", "--altitude-agl", "300m",
+                      "--reproducible", "--threads", "1", "--memory", "64MiB", "-q"})
                 .code == 0);
     CHECK((content(folder.file("again.tif")) == content(folder.file("seen.tif"))));
     for (const char* layer : {"states", "height", "range", "grazing", "depression"}) {
@@ -221,9 +239,11 @@ TEST_CASE("coverage writes a mask on the raster's own grid, and every layer", "[
             {"x.png", "whole rasters"});
     refuses(folder, {"coverage", dem, dem, "--latlon", "33.93,-117.33", "--altitude-agl", "1km", "--overwrite"}, 2,
             {"input"});
-    refuses(folder, {"coverage", dem, "x.tif", "--latlon", "33.93,-117.33", "--altitude-agl", "1km", "--pitch", "5deg,1deg"},
-            2, {"--pitch", "first one below"});
-    refuses(folder, {"coverage", dem, "x.tif", "--latlon", "33.93,-117.33", "--altitude-agl", "1km", "--memory", "2MiB"}, 2,
+    refuses(folder,
+            {"coverage", dem, "x.tif", "--latlon", "33.93,-117.33", "--altitude-agl", "1km", "--pitch", "5deg,1deg"}, 2,
+            {"--pitch", "first one below"});
+    refuses(folder,
+            {"coverage", dem, "x.tif", "--latlon", "33.93,-117.33", "--altitude-agl", "1km", "--memory", "2MiB"}, 2,
             {"memory is 2 MiB", "at least"});
     refuses(folder, {"simulate", "--layer", "mask"}, 2, {"--layer"});
 }
@@ -243,9 +263,11 @@ TEST_CASE("coverage understands gdal_viewshed's options", "[cli]") {
     CHECK(plain["scene"]["altitude-agl"] == "100m");
     CHECK(plain["scene"]["outside-value"] == "0");
     // K R1 = a / cc
-    CHECK(std::stod(plain["scene"]["earth"].get<std::string>()) * 0.85714 * 6371008.7714 == Approx(6378137).epsilon(1e-9));
-    const auto all = report_of({"-tz", "3.5", "-md", "9000", "-cc", "0", "-ov", "9", "-vv", "200", "-iv", "100",
-                                "-a_nodata", "17", "-b", "1", "-f", "GTiff", "-co", "COMPRESS=LZW", "-om", "NORMAL"});
+    CHECK(std::stod(plain["scene"]["earth"].get<std::string>()) * 0.85714 * 6371008.7714 ==
+          Approx(6378137).epsilon(1e-9));
+    const auto all =
+        report_of({"-tz", "3.5",       "-md", "9000", "-cc", "0",  "-ov",   "9",   "-vv",          "200", "-iv",
+                   "100", "-a_nodata", "17",  "-b",   "1",   "-f", "GTiff", "-co", "COMPRESS=LZW", "-om", "NORMAL"});
     CHECK(all["scene"]["target-height"] == "3.5m");
     CHECK(all["scene"]["range"] == "9km");
     CHECK(all["scene"]["earth"] == "flat");
@@ -554,4 +576,212 @@ TEST_CASE("a signal ends the run with 128 + its number and leaves nothing", "[cl
         CHECK(outcome.error_lines() == 1);
         CHECK(folder.names().empty());
     }
+}
+
+TEST_CASE("a plan of a spilled run foretells what the run reads, spills and holds", "[cli]") {
+    const Folder folder;
+    fs::create_directory(folder.work() / "spill");
+    // 18 MB, of which the range leaves about three quarters; a quarter of the memory may stay in blocks.
+    const Strings scene{"--dem",
+                        scanlines(folder, "hills", 3000),
+                        "--xy",
+                        "510000,3705300",
+                        "--altitude-msl",
+                        "9km",
+                        "--range",
+                        "42km",
+                        "--no-cull",
+                        "--azimuth-bins",
+                        "720",
+                        "--range-bin",
+                        "200m",
+                        "--memory",
+                        "40MiB",
+                        "--source",
+                        "spilled",
+                        "--temp-dir",
+                        "spill"};
+    const Outcome planned = folder.run(with({"info", "--plan", "--json"}, scene));
+    INFO(planned.err);
+    REQUIRE(planned.code == 0);
+    const auto plan = nlohmann::json::parse(planned.out);
+    CHECK(plan["source"]["kind"] == "spilled");
+    CHECK_FALSE(plan["likely_cpu_s"] < 0.01);
+    CHECK(plan["temporary_disk_bytes"] == plan["bytes_spilled"]);
+    CHECK(plan["peak_bytes"] <= 40 << 20);
+    CHECK(plan["source_bytes"] < plan["peak_bytes"]);
+    const Outcome page = folder.run(with({"info", "--plan"}, scene));
+    CHECK_THAT(page.out, Contains("spilled: as asked for; rows of 3000 x 1") && Contains("read once") &&
+                             Contains("to a file in temp-dir at the most"));
+
+    const Outcome outcome = folder.run(with({"simulate"}, with(scene, {"--echo", "echo.tif", "--report", "run.json"})));
+    INFO(outcome.err);
+    REQUIRE(outcome.code == 0);
+    const auto report = nlohmann::json::parse(content(folder.work() / "run.json"));
+    const auto near = [](double value, double truth) { return std::abs(value - truth) <= 0.2 * truth; };
+    for (const char* what : {"posts", "bytes_read", "peak_bytes", "partition_bytes", "bytes_spilled"}) {
+        CAPTURE(what, report["plan"][what].dump());
+        const double actual = report["plan"][what]["actual"];
+        CHECK(actual > 0);
+        CHECK(near(report["plan"][what]["planned"], actual));
+    }
+    CHECK(report["source"]["spilled_bytes"] > 1 << 20);
+    CHECK(report["plan"]["bytes_spilled"]["actual"] == report["source"]["spilled_bytes"]);
+    for (const char* what : {"partition_bytes", "bytes_spilled"}) CHECK(plan[what] == report["plan"][what]["planned"]);
+    CHECK(plan["bytes_read"] == report["plan"]["bytes_read"]["planned"]);
+    // A direct run spills nothing.
+    Strings direct = scene;
+    direct[16] = "direct";
+    const auto none = nlohmann::json::parse(folder.run(with({"info", "--plan", "--json"}, direct)).out);
+    CHECK(none["source"]["kind"] == "direct");
+    CHECK(none["bytes_spilled"] == 0);
+    CHECK(none["partition_bytes"] == 0);
+}
+
+TEST_CASE("a signal during the pass or the wedges of a spilled run leaves nothing in temp-dir", "[cli]") {
+    const Folder folder;
+    fs::create_directory(folder.work() / "spill");
+    const std::string hills = scanlines(folder, "hills", 3000);
+    const auto before = folder.names();
+    for (const int wait_ms : {0, 20, 60, 120, 250}) {
+        const pid_t child =
+            folder.start({"simulate",       "--dem",      hills,      "--xy",           "510000,3705300",
+                          "--altitude-msl", "9km",        "--range",  "60km",           "--quality",
+                          "exact",          "--threads",  "1",        "--azimuth-bins", "720",
+                          "--range-bin",    "50m",        "--memory", "40MiB",          "--source",
+                          "spilled",        "--temp-dir", "spill",    "--echo",         "echo.tif",
+                          "--no-cull"});
+        for (int i = 0; i < 2000 && folder.names() == before; ++i)
+            std::this_thread::sleep_for(std::chrono::milliseconds(5));
+        std::this_thread::sleep_for(std::chrono::milliseconds(wait_ms));
+        REQUIRE(::kill(child, SIGTERM) == 0);
+        const Outcome outcome = folder.finish(child);
+        INFO(wait_ms << " ms: " << outcome.err);
+        CHECK(outcome.code == 143);
+        CHECK_THAT(outcome.err, Contains("stopped by signal 15"));
+        CHECK(fs::is_empty(folder.work() / "spill"));
+        CHECK(folder.names() == before);
+    }
+}
+
+TEST_CASE("tile refuses wrong options and rasters in one line, and leaves nothing", "[cli]") {
+    const Folder folder;
+    const std::string a = grid(folder, "a", "5");
+    refuses(folder, {"tile"}, 2, {"at least one terrain raster", "0 paths"});
+    refuses(folder, {"tile", a}, 2, {"at least one terrain raster", "1 path"});
+    refuses(folder, {"tile", a, "store", "--tile-size", "100"}, 2, {"tile-size", "100", "64, 128, 256"});
+    refuses(folder, {"tile", a, "store", "--memory", "1MiB"}, 2, {"memory", "1"});
+    refuses(folder, {"tile", a, "store", "--co", "TILED=NO"}, 2, {"TILED=NO", "tile-size"});
+    refuses(folder, {"tile", a, "store", "--around", "91,0"}, 2, {"around", "LAT,LON", "-90 to 90"});
+    refuses(folder, {"tile", a, "store", "--around", "here"}, 2, {"around", "here"});
+    refuses(folder, {"tile", a, "store", "--culture-legend", "nlcd"}, 2, {"culture-legend", "no culture"});
+    refuses(folder, {"tile", a, "store", "--range", "3km"}, 2, {"range"});
+    refuses(folder, {"tile", "none.tif", "store"}, 1, {"none.tif"});
+    fs::create_directory(folder.work() / "mine");
+    folder.write("mine/letter.txt", "dear");
+    refuses(folder, {"tile", a, "mine"}, 2, {"'mine'", "exists", "--overwrite"});
+    refuses(folder, {"tile", a, "mine", "--overwrite"}, 2, {"'mine'", "no tile store"});
+    CHECK(content(folder.work() / "mine/letter.txt") == "dear");
+    const std::string other = data + "/worcester_vermont_dem.tif";
+    refuses(folder, {"tile", dem, other, "store"}, 1, {"worcester_vermont_dem.tif", "gdalwarp -t_srs EPSG:32611"});
+}
+
+TEST_CASE("a stopped tile keeps its finished sheets and says how to go on", "[cli]") {
+    const Folder folder;
+    const std::string hills = scanlines(folder, "hills", 5000);  // four sheets
+    const pid_t child = folder.start({"tile", hills, "store", "--threads", "1"});
+    for (int i = 0; i < 20000 && !fs::exists(folder.work() / "store.part/dem/c0_r0.sum"); ++i)
+        std::this_thread::sleep_for(std::chrono::milliseconds(2));
+    REQUIRE(::kill(child, SIGINT) == 0);
+    const Outcome stopped = folder.finish(child);
+    INFO(stopped.err);
+    REQUIRE(stopped.code == 130);
+    CHECK_THAT(stopped.err,
+               Contains("stopped by signal 2; finished sheets are kept in 'store.part' (--resume goes on)"));
+    const Outcome resumed = folder.run({"tile", hills, "store", "--threads", "1", "--resume"});
+    INFO(resumed.err);
+    CHECK(resumed.code == 0);
+    CHECK_THAT(resumed.err, Contains("sheets stood already") && !Contains("resumed: 0 sheets"));
+    CHECK(folder.names().count("store") == 1);
+    CHECK(folder.names().count("store.part") == 0);
+}
+
+TEST_CASE("a store tiled around a point serves scenes from there by its kept spill, bit for bit", "[cli]") {
+    const Folder folder;
+    const Outcome tiled = folder.run({"tile", dem, "store", "--culture", data + "/inland_empire_culture.tif",
+                                      "--culture-legend", "fbfm40", "--around", "33.93,-117.33"});
+    INFO(tiled.err);
+    REQUIRE(tiled.code == 0);
+    CHECK_THAT(tiled.err, Contains("wedges.spill"));
+    CHECK(fs::exists(folder.work() / "store/wedges.spill"));
+    const auto simulate = [&](const std::string& place, const Strings& more) {
+        return folder.run(with(
+            {"simulate", "--dem", "store", "--latlon", place, "--altitude-msl", "7000ft", "--range", "5km", "--echo",
+             "echo.tif", "--states", "states.tif", "--report", "run.json", "--reproducible", "--overwrite"},
+            more));
+    };
+    const auto report = [&] { return nlohmann::json::parse(content(folder.work() / "run.json")); };
+    const auto pictures = [&] {
+        return std::pair(content(folder.work() / "echo.tif"), content(folder.work() / "states.tif"));
+    };
+    REQUIRE(simulate("33.93,-117.33", {"--source", "direct"}).code == 0);
+    CHECK(report()["source"]["kind"] == "direct");
+    CHECK(report()["source"]["kept"].is_null());
+    const auto direct = pictures();
+    for (const Strings& source : {Strings{"--source", "spilled"}, Strings{}}) {
+        const Outcome outcome = simulate("33.93,-117.33", source);
+        INFO(outcome.err);
+        REQUIRE(outcome.code == 0);
+        CHECK(report()["source"]["kind"] == "spilled");
+        CHECK(report()["source"]["kept"] == "store/wedges.spill");
+        CHECK(report()["source"]["partition_bytes"] == 0);
+        CHECK(report()["source"]["spilled_bytes"] == 0);
+        CHECK(report()["source"]["spill_read_bytes"] > 0);
+        CHECK(pictures() == direct);
+    }
+    // From elsewhere it is not used, and that is said.
+    REQUIRE(simulate("33.95,-117.33", {"--source", "direct"}).code == 0);
+    const auto elsewhere = pictures();
+    for (const char* source : {"auto", "spilled"}) {
+        const Outcome outcome = simulate("33.95,-117.33", {"--source", source});
+        INFO(outcome.err);
+        REQUIRE(outcome.code == 0);
+        CHECK_THAT(outcome.err, Contains("not used: the kept spill 'store/wedges.spill' was made for column"));
+        CHECK(report()["source"]["kept"].is_null());
+        CHECK(report()["source"]["kind"] == (source == std::string("auto") ? "direct" : "spilled"));
+        CHECK(pictures() == elsewhere);
+    }
+    const std::string scene = "dem = store\naltitude-msl = 3km\nlatlon = ";
+    folder.write("here.ini", scene + "33.93,-117.33\n");
+    folder.write("there.ini", scene + "33.95,-117.33\n");
+    CHECK_THAT(folder.run({"info", "here.ini"}).out,
+               Contains("spilled: a tile store; sorted for this point in 'store/"));
+    CHECK_THAT(folder.run({"info", "--plan", "here.ini"}).out, Contains("none: a kept spill is read"));
+    CHECK_THAT(folder.run({"info", "there.ini"}).out,
+               Contains("direct: a tile store") && Contains("not used: the kept"));
+    CHECK_THAT(folder.run({"info", "store"}).out, Contains("kept spill") && Contains("latitude 33.930000"));
+    const Outcome whole = folder.run({"info", "--verify", "store"});
+    CHECK(whole.code == 0);
+    // Damage is named wherever it is.
+    const std::string bytes = content(folder.work() / "store/wedges.spill");
+    for (const std::size_t at : {std::size_t{70}, bytes.size() / 3, bytes.size() - 5}) {
+        std::string changed = bytes;
+        changed[at] = static_cast<char>(changed[at] ^ 16);
+        folder.write("store/wedges.spill", changed);
+        const Outcome found = folder.run({"info", "--verify", "store"});
+        INFO(found.err << found.out);
+        CHECK(found.code == 1);
+        CHECK_THAT(found.out, Contains("the kept spill 'store/wedges.spill' is damaged"));
+    }
+    const Outcome damaged = simulate("33.93,-117.33", {});
+    CHECK(damaged.code == 1);
+    CHECK(damaged.error_lines() == 1);
+    CHECK_THAT(damaged.err, Contains("'store/wedges.spill' is damaged: its index"));
+    // Made anew, for another point.
+    const Outcome again = folder.run({"tile", "store", "--around", "33.95,-117.33"});
+    INFO(again.err);
+    REQUIRE(again.code == 0);
+    REQUIRE(simulate("33.95,-117.33", {}).code == 0);
+    CHECK(report()["source"]["kept"] == "store/wedges.spill");
+    CHECK(pictures() == elsewhere);
 }

@@ -646,6 +646,12 @@ TEST_CASE("any byte flipped anywhere in a store is found and its file is named",
     params.culture = folder / "dem.tif";
     params.tile_posts = 64;
     write_tile_store(params);
+    PlatformParams point;
+    point.xy = PointXY{1500, 1500};
+    DataBaseParams layers = base(folder / "store");
+    layers.legend = Legend("drawn", {{0, 1}});
+    keep_spill(layers, point, folder / "store", {});
+    CHECK(describe_store(folder / "store").kept->column == 49.5);
     REQUIRE(verify_store(folder / "store", nullptr, {}).damage.empty());
     const unsigned seed = std::random_device{}();
     INFO("seed " << seed);
@@ -667,10 +673,47 @@ TEST_CASE("any byte flipped anywhere in a store is found and its file is named",
         REQUIRE_FALSE(cut.damage.empty());
         CHECK_THAT(cut.damage[0], Contains(name));
         fs::remove(path);
-        CHECK_THAT(verify_store(folder / "store", nullptr, {}).damage.at(0), Contains(name));
+        if (name != kept_spill_name)
+            CHECK_THAT(verify_store(folder / "store", nullptr, {}).damage.at(0), Contains(name));
         std::ofstream(path, std::ios::binary) << bytes;
     }
     CHECK(verify_store(folder / "store", nullptr, {}).damage.empty());
+}
+
+TEST_CASE("a kept spill serves a store that was moved, and lends its block map where memory is little", "[store]") {
+    const Folder folder;
+    draw(folder / "dem.tif", hills(300, 260));
+    write_tile_store(into(folder / "made", {folder / "dem.tif"}));
+    Scene scene;
+    scene.platform.xy = PointXY{2500, 700};
+    scene.platform.altitude_m = 3000;
+    scene.range_m = 1000;
+    SpillOptions options;
+    keep_spill(base(folder / "made"), scene.platform, folder / "made", options);
+    fs::rename(folder / "made", folder / "moved");
+    const auto params = base(folder / "moved");
+    const SourceChoice choice = choose_source(params, SourceKind::automatic, scene, options.memory_bytes);
+    CHECK(choice.kept);
+    CHECK(choice.unfit.empty());
+    const auto direct = open_direct_source(params);
+    for (const std::size_t memory : {std::size_t{32} << 10, std::size_t{1} << 30}) {
+        options.memory_bytes = memory;
+        const auto kept = open_source(choice, params, scene, options);
+        CHECK(same(heights(*kept), heights(*direct)));
+        REQUIRE(kept->block_map());
+        const Window all{{0, 10}, {0, 9}};
+        CHECK(kept->block_map()->read(0, all).bounds == direct->block_map()->read(0, all).bounds);
+    }
+    // Made anew from another raster under the same name, the store is another one.
+    Drawing other = hills(300, 260);
+    other.value = [](int c, int r) { return c + r; };
+    draw(folder / "dem.tif", other);
+    write_tile_store(into(folder / "again", {folder / "dem.tif"}));
+    fs::copy(folder / "moved/wedges.spill", folder / "again/wedges.spill");
+    const SourceChoice refused =
+        choose_source(base(folder / "again"), SourceKind::automatic, scene, options.memory_bytes);
+    CHECK_FALSE(refused.kept);
+    CHECK_THAT(refused.unfit, Contains("again/wedges.spill") && Contains("another raster than dem"));
 }
 
 TEST_CASE("damage that a run meets is named with its file and block", "[store]") {

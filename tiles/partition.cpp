@@ -562,6 +562,58 @@ std::uint64_t posts_of_pass(const LayerPass& layer, const PassParams& params) {
     return posts;
 }
 
+namespace {
+
+/// Bytes of a packed post: integers of two bytes and more hold heights and codes of 16 bits.
+std::int64_t packed_width(const LayerPass& layer) {
+    const RasterFacts& f = layer.in.facts();
+    if (f.type_bytes == 1) return 1;
+    return layer.codes || GDALDataTypeIsInteger(f.type) ? 2 : 4;
+}
+
+}  // namespace
+
+PassForecast forecast_passes(const std::vector<LayerPass>& layers, const PassParams& params, std::size_t spill_bytes,
+                             int buckets) {
+    PassForecast sum;
+    struct Bucket {
+        std::size_t bytes = 0, blocks = 0;
+    };
+    std::vector<Bucket> held(static_cast<std::size_t>(buckets));
+    for (const LayerPass& layer : layers) {
+        const std::int64_t edge = layer.blocks.edge, width = packed_width(layer);
+        const std::vector<Window> windows = windows_of(layer, posts_a_window(layer, params));
+        const std::size_t at_once = std::min(windows.size(), tokens_of(layer.in.facts(), params));
+        for (const Window& window : windows) {
+            sum.window_bytes =
+                std::max(sum.window_bytes, at_once * static_cast<std::size_t>(window.posts()) * bytes_a_post);
+            sum.read_bytes += static_cast<std::uint64_t>(window.posts() * layer.in.facts().type_bytes);
+            const Window blocks = in_blocks(window, edge);
+            for (std::int64_t r = blocks.rows.begin; r < blocks.rows.end; ++r)
+                for (std::int64_t c = blocks.columns.begin; c < blocks.columns.end; ++c) {
+                    if (!layer.blocks.contains(c, r)) continue;
+                    const Window posts = layer.spill.layer(layer.layer).posts(c, r);
+                    const std::size_t bytes =
+                        1 + static_cast<std::size_t>(posts.posts() * width) + Spill::held_overhead;
+                    Bucket& bucket = held[static_cast<std::size_t>(layer.place(posts).bucket)];
+                    bucket.bytes += bytes;
+                    ++bucket.blocks;
+                    sum.held_bytes += bytes;
+                    while (sum.held_bytes > spill_bytes) {
+                        Bucket& most =
+                            *std::max_element(held.begin(), held.end(),
+                                              [](const Bucket& x, const Bucket& y) { return x.bytes < y.bytes; });
+                        if (sum.spilled_bytes == 0) sum.spilled_bytes = Spill::header_bytes;
+                        sum.spilled_bytes += most.bytes - most.blocks * (Spill::held_overhead - Spill::file_overhead);
+                        sum.held_bytes -= most.bytes;
+                        most = {};
+                    }
+                }
+        }
+    }
+    return sum;
+}
+
 std::uint64_t run_pass(const LayerPass& layer, const PassParams& params) {
     const std::vector<Window> windows = windows_of(layer, posts_a_window(layer, params));
     std::size_t next = 0;

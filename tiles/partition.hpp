@@ -128,6 +128,17 @@ std::uint64_t run_pass(const LayerPass& layer, const PassParams& params);
 /// Posts that run_pass will read, for progress.
 std::uint64_t posts_of_pass(const LayerPass& layer, const PassParams& params);
 
+/// What passes over these layers, one after the other, come to, without reading: blocks as wide as their layer's type.
+struct PassForecast {
+    std::uint64_t read_bytes = 0;     ///< decoded
+    std::uint64_t spilled_bytes = 0;  ///< written to the file
+    std::size_t held_bytes = 0;       ///< blocks that stay in memory
+    std::size_t window_bytes = 0;     ///< windows in flight, at the most
+};
+/// `spill_bytes`: the spill's share of memory.
+PassForecast forecast_passes(const std::vector<LayerPass>& layers, const PassParams& params, std::size_t spill_bytes,
+                             int buckets);
+
 /// A layer read back from a spill: the same posts, where they were stored; void elsewhere.
 class SpilledLayer final : public RasterLayer {
 public:

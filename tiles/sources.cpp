@@ -547,15 +547,26 @@ PartitionScope scope_before_terrain(const Scene& scene, WedgeSource& source) {
     return scope;
 }
 
+/// A kept spill for another scene, or other rasters.
+class Unfit : public DataError {
+public:
+    using DataError::DataError;
+};
+/// A kept spill that needs more memory.
+class TooLarge : public InputError {
+public:
+    using InputError::InputError;
+};
+
 class PartitionedSource final : public RasterSource {
 public:
     /// `extremes`: take them on the way, over the whole raster.
-    /// `keep`: the path of a spill that stays; empty: none does.
+    /// `keep`: the path of a spill that stays; empty: none does. `about`: lines for the start of its description.
     PartitionedSource(const DataBaseParams& params, const PartitionScope& scope, bool extremes,
-                      const SpillOptions& options, const std::string& keep)
+                      const SpillOptions& options, const std::string& keep, const std::string& about = "")
         : RasterSource(params) {
         const auto start = std::chrono::steady_clock::now();
-        partition(scope, extremes, options, keep);
+        partition(scope, extremes, options, keep, about);
         seconds_ = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     }
     /// From a spill that was kept.
@@ -563,12 +574,22 @@ public:
                       std::size_t memory_bytes)
         : RasterSource(params) {
         reopen(path, nadir, memory_bytes);
+        kept_ = path;
+    }
+    /// A forecast of the first.
+    PartitionedSource(const DataBaseParams& params, const PartitionScope& scope, bool extremes,
+                      const SpillOptions& options)
+        : RasterSource(params) {
+        Passes made;
+        lay_out(made, scope, extremes, options, "");
+        data_base_.block_columns = data_base_.block_rows = made.terrain.edge;
+        if (culture_) data_base_.culture_tile_columns = data_base_.culture_tile_rows = made.culture.edge;
     }
 
     float bare_terrain_m(std::int64_t column, std::int64_t row) override {
         const std::int64_t at = data_base_.cyclic ? wrapped(column) : column;
-        return terrain_blocks_->holds(at, row) ? RasterSource::bare_terrain_m(column, row)
-                                               : direct().bare_terrain_m(column, row);
+        return !terrain_blocks_ || terrain_blocks_->holds(at, row) ? RasterSource::bare_terrain_m(column, row)
+                                                                   : direct().bare_terrain_m(column, row);
     }
 
     Extremes extremes() override {
@@ -576,35 +597,49 @@ public:
             const std::lock_guard lock(extremes_mutex_);
             if (extremes_) return *extremes_;
         }
-        return direct().extremes();
+        return terrain_blocks_ ? direct().extremes() : RasterSource::extremes();
     }
 
     SourceReport report() const override {
-        return {"spilled", seconds_, pass_bytes_, spill_->bytes_held(), spill_->bytes_spilled(), spill_->bytes_read()};
+        SourceReport r;
+        r.kind = "spilled";
+        r.partition_s = seconds_;
+        r.partition_bytes = pass_bytes_;
+        r.held_bytes = spill_->bytes_held();
+        r.spilled_bytes = kept_.empty() ? spill_->bytes_spilled() : 0;
+        r.spill_read_bytes = spill_->bytes_read();
+        r.planned_partition_bytes = forecast_.read_bytes;
+        r.planned_spilled_bytes = forecast_.spilled_bytes;
+        r.pass_peak_bytes = pass_peak_bytes_;
+        r.kept = kept_;
+        return r;
     }
 
     std::size_t cache_bytes() const override {
-        return spill_->bytes_held() + spill_->index_bytes() + map_bytes_ + ledger_bytes();
+        const std::size_t blocks = terrain_blocks_ ? spill_->bytes_held() : forecast_.held_bytes;
+        return blocks + spill_->index_bytes() + map_bytes_ + ledger_bytes();
     }
 
 private:
-    void partition(const PartitionScope& scope, bool extremes, const SpillOptions& options, const std::string& keep) {
-        const std::size_t share = options.memory_bytes / 4;
-        std::vector<std::string> paths{params_.dem};
-        for (const std::string& path : {params_.culture, params_.culture_height})
-            if (!path.empty()) paths.push_back(path);
-        std::vector<std::vector<Stamp>> before;
-        for (const std::string& path : paths) before.push_back(stamps(path));
-
+    /// What will be read and where it will go.
+    struct Passes {
         PassParams pass;
+        BlockSet terrain, height, culture;
+        std::vector<LayerPass> layers;
+        bool with_map = false;
+    };
+
+    void lay_out(Passes& made, const PartitionScope& scope, bool extremes, const SpillOptions& options,
+                 const std::string& keep) {
+        const std::size_t share = options.memory_bytes / 4;
+        auto& [pass, terrain, height, culture, passes, with_map] = made;
         pass.memory_bytes = share;
         pass.threads = options.threads;
         pass.stop = options.stop;
         for (RasterLayer* layer : readers()) check_blocks(layer->facts(), options.memory_bytes);
 
         // What is needed of each layer.
-        const BlockSet terrain = blocks_in_scope(data_base_, scope, block_edge(terrain_->facts(), share));
-        BlockSet height, culture;
+        terrain = blocks_in_scope(data_base_, scope, block_edge(terrain_->facts(), share));
         if (height_) height = blocks_under(*height_, terrain, extremes, share);
         if (culture_) culture = blocks_under(*culture_, terrain, false, share);
 
@@ -616,8 +651,6 @@ private:
         spill_ = std::make_shared<Spill>(params);
         const WedgeBuckets buckets{scope.nadir, params.buckets};
 
-        std::vector<LayerPass> passes;
-        std::uint64_t expected = 0;
         const auto add = [&](RasterLayer& in, bool codes, const BlockSet& blocks, const RegisteredLayer* registered) {
             const RasterFacts& f = in.facts();
             LayerPass layer{in, codes, blocks, false, *spill_, 0, {}, nullptr, {}};
@@ -625,8 +658,6 @@ private:
             layer.place = [this, buckets, registered](const Window& posts) {
                 return buckets.place(corners(posts, registered));
             };
-            expected += static_cast<std::uint64_t>(std::count(blocks.needed.begin(), blocks.needed.end(), true) *
-                                                   blocks.edge * blocks.edge * std::min(f.type_bytes, 4));
             passes.push_back(std::move(layer));
         };
         // Culture heights first: the terrain's survey looks them up.
@@ -637,15 +668,40 @@ private:
             throw InputError(text("memory is ", options.memory_bytes >> 20,
                                   " MiB; the index of the spilled blocks alone needs a budget of at least ",
                                   (spill_->index_bytes() >> 17) + 1, " MiB"));
-        spill_->expect(expected);
+        passes[height_ ? 1 : 0].read_all = extremes;
 
         map_bytes_ = Survey::map_bytes(terrain);
-        const bool with_map = map_bytes_ <= options.memory_bytes / 16;
+        with_map = map_bytes_ <= options.memory_bytes / 16;
         if (!with_map) map_bytes_ = 0;
+        forecast_ = forecast_passes(passes, pass, share, params.buckets);
+        const std::size_t blocks = forecast_.spilled_bytes > 0 ? share : forecast_.held_bytes;
+        pass_peak_bytes_ = blocks + forecast_.window_bytes + spill_->index_bytes() + map_bytes_ +
+                           std::min<std::size_t>(params_.cache_bytes, forecast_.read_bytes);
+    }
+
+    void partition(const PartitionScope& scope, bool extremes, const SpillOptions& options, const std::string& keep,
+                   const std::string& about) {
+        std::vector<std::string> paths{params_.dem};
+        for (const std::string& path : {params_.culture, params_.culture_height})
+            if (!path.empty()) paths.push_back(path);
+        std::vector<std::vector<Stamp>> before;
+        for (const std::string& path : paths) before.push_back(stamps(path));
+
+        Passes made;
+        lay_out(made, scope, extremes, options, keep);
+        auto& [pass, terrain, height, culture, passes, with_map] = made;
+        std::uint64_t expected = 0;
+        for (const LayerPass& layer : passes) {
+            const BlockSet& blocks = layer.blocks;
+            expected +=
+                static_cast<std::uint64_t>(std::count(blocks.needed.begin(), blocks.needed.end(), true) * blocks.edge *
+                                           blocks.edge * std::min(layer.in.facts().type_bytes, 4));
+        }
+        spill_->expect(expected);
+
         Survey survey(data_base_, terrain, with_map);
         LayerPass& terrain_pass = passes[height_ ? 1 : 0];
         terrain_pass.survey = &survey;
-        terrain_pass.read_all = extremes;
         if (height_)
             terrain_pass.culture = [this](const Window& window, std::vector<float>& out) {
                 std::vector<float> scratch;
@@ -685,7 +741,7 @@ private:
             spill_->seal();
         } else {
             if (map_) put_map();
-            spill_->keep(description(scope.nadir));
+            spill_->keep(about + description(scope.nadir));
         }
         if (height_) height_->forget();
         store_.reset();
@@ -744,8 +800,14 @@ private:
         map_ = map_from_finest(data_base_, std::move(finest));
     }
 
-    /// A layer's files as lines: role, size, time of change, path.
-    static std::string files(const RasterFacts& f) {
+    /// What a layer is made of: of a store's the fingerprint of its checksums, so that the store may be moved; else its
+    /// files as lines: role, size, time of change, path.
+    std::string files(RasterLayer& layer) const {
+        const RasterFacts& f = layer.facts();
+        const bool given = f.role == "culture" ? !params_.culture.empty()
+                                               : f.role == "culture-height" && !params_.culture_height.empty();
+        if (!given && is_tile_store(params_.dem))
+            return text("file ", f.role, " in store ", layer.fingerprint({}), '\n');
         std::string lines;
         for (const Stamp& s : stamps(f.path)) {
             std::error_code none;
@@ -761,18 +823,18 @@ private:
         std::string lines =
             text("nadir ", nadir.column, ' ', nadir.row, '\n', "culture-height-scale ", params_.culture_height_scale,
                  '\n', "extremes ", e.lowest_m, ' ', e.highest_m, ' ', e.void_posts, ' ', e.any_valid ? 1 : 0, '\n');
-        for (RasterLayer* layer : readers()) lines += files(layer->facts());
+        for (RasterLayer* layer : readers()) lines += files(*layer);
         return lines;
     }
 
     void reopen(const std::string& path, const IndexPosition& nadir, std::size_t memory_bytes) {
         spill_ = Spill::open_kept(path);
         const auto refuse = [&](const std::string& why) {
-            throw DataError(text("the kept spill '", path, "' ", why, "; tile --around makes it anew"));
+            throw Unfit(text("the kept spill '", path, "' ", why, "; tile --around makes it anew"));
         };
         if (spill_->index_bytes() > memory_bytes / 8)
-            throw InputError(text("memory is ", memory_bytes >> 20, " MiB; the index of the kept spill '", path,
-                                  "' needs a budget of at least ", (spill_->index_bytes() >> 17) + 1, " MiB"));
+            throw TooLarge(text("memory is ", memory_bytes >> 20, " MiB; the index of the kept spill '", path,
+                                "' needs a budget of at least ", (spill_->index_bytes() >> 17) + 1, " MiB"));
         IndexPosition made_for;
         double scale = 1;
         Extremes e;
@@ -807,7 +869,7 @@ private:
             std::istringstream all(made_of);
             for (std::string line; std::getline(all, line);)
                 if (line.starts_with(text("file ", f.role, ' '))) then += line + '\n';
-            if (then != files(f) || layer.posts_columns != f.columns || layer.posts_rows != f.rows)
+            if (then != files(raster) || layer.posts_columns != f.columns || layer.posts_rows != f.rows)
                 refuse(text("was made of another raster than ", f.named(), ", or before that was changed"));
             return std::make_unique<SpilledLayer>(f, raster.fingerprint({}), spill_, number);
         };
@@ -819,12 +881,17 @@ private:
         replace_terrain(take(*terrain_));
         if (height_) height_->replace(take(height_->raster()));
         if (culture_) culture_->replace(take(culture_->raster()));
-        map_.reset();
+        std::unique_ptr<BlockMap> of_store = std::move(map_);
         extremes_ = e;
         map_bytes_ = Survey::map_bytes(all_blocks(data_base_.columns, data_base_.rows, block_posts));
         for (std::size_t i = 0; i < spill_->layer_count(); ++i)
             if (spill_->layer(i).name == map_layer && map_bytes_ <= memory_bytes / 16) take_map(i);
-        if (!map_) map_bytes_ = 0;
+        if (!map_) {
+            constexpr std::size_t pages = std::size_t{4} << 20;  // a store's map is read page by page
+            map_bytes_ = of_store ? pages : 0;
+            map_ = std::move(of_store);
+        }
+        store_.reset();
         data_base_.block_columns = data_base_.block_rows = terrain_->facts().block_rows;
         if (culture_) data_base_.culture_tile_columns = data_base_.culture_tile_rows = culture_->facts().block_rows;
     }
@@ -908,6 +975,9 @@ private:
     std::shared_ptr<Spill> spill_;
     SpilledLayer* terrain_blocks_ = nullptr;  ///< terrain_
     std::size_t map_bytes_ = 0;
+    PassForecast forecast_;
+    std::size_t pass_peak_bytes_ = 0;
+    std::string kept_;  ///< path of the kept spill that is read; empty: none
     double seconds_ = 0;
     std::uint64_t pass_bytes_ = 0;
     std::mutex direct_mutex_;
@@ -961,9 +1031,15 @@ std::unique_ptr<WedgeSource> open_spilled_source(const DataBaseParams& params, c
     return std::make_unique<PartitionedSource>(params, scope, !scene.range_m, options, "");
 }
 
+std::unique_ptr<WedgeSource> forecast_spilled_source(const DataBaseParams& params, const Scene& scene,
+                                                     const SpillOptions& options) {
+    const PartitionScope scope = scope_before_terrain(scene, *open_direct_source(params));
+    return std::make_unique<PartitionedSource>(params, scope, !scene.range_m, options);
+}
+
 namespace {
 
-std::string kept_path(const std::string& folder) { return (std::filesystem::path(folder) / "wedges.spill").string(); }
+std::string kept_path(const std::string& folder) { return (std::filesystem::path(folder) / kept_spill_name).string(); }
 
 }  // namespace
 
@@ -974,10 +1050,13 @@ void keep_spill(const DataBaseParams& params, const PlatformParams& point, const
     scene.platform.xy = point.xy;
     scene.platform.altitude_m = 9e5;
     scene.range_m = 1;
-    PartitionScope scope = scope_of(resolve(scene, *open_direct_source(params)));
+    const ResolvedScene place = resolve(scene, *open_direct_source(params));
+    PartitionScope scope = scope_of(place);
     scope.reach_m.reset();
     scope.width_rad = 7;
-    const PartitionedSource made(params, scope, true, options, kept_path(folder));
+    const std::string about =
+        place.has_lat_lon ? text("latlon ", place.lat_deg, ' ', place.lon_deg, '\n') : std::string();
+    const PartitionedSource made(params, scope, true, options, kept_path(folder), about);
 }
 
 std::unique_ptr<WedgeSource> open_kept_spill(const DataBaseParams& params, const Scene& scene,
@@ -986,7 +1065,10 @@ std::unique_ptr<WedgeSource> open_kept_spill(const DataBaseParams& params, const
     return std::make_unique<PartitionedSource>(params, kept_path(folder), nadir, options.memory_bytes);
 }
 
-SourceChoice choose_source(const DataBaseParams& params, SourceKind asked) {
+namespace {
+
+/// By the rasters alone.
+SourceChoice choose_by_shape(const DataBaseParams& params, SourceKind asked) {
     constexpr double most_decoded = 4;
     Cut worst;
     double bytes = 0;
@@ -1002,19 +1084,51 @@ SourceChoice choose_source(const DataBaseParams& params, SourceKind asked) {
     if (!store) look("dem", params.dem);
     look("culture", params.culture);
     look("culture-height", params.culture_height);
-    if (worst.columns == 0) return {asked == SourceKind::spilled, store ? "a tile store" : "no raster"};
+    if (worst.columns == 0) return {asked == SourceKind::spilled, false, store ? "a tile store" : "no raster", ""};
     const std::string shape = text(worst.columns == 1 ? "columns"
                                    : worst.rows <= 16 ? "rows"
                                                       : "tiles",
                                    " of ", worst.columns, " x ", worst.rows,
                                    worst.compression.empty() ? std::string() : ", " + worst.compression);
-    if (asked != SourceKind::automatic) return {asked == SourceKind::spilled, "as asked for; " + shape};
+    if (asked != SourceKind::automatic) return {asked == SourceKind::spilled, false, "as asked for; " + shape, ""};
     if (bytes <= static_cast<double>(params.cache_bytes))
-        return {false, text(shape, "; all ", static_cast<std::uint64_t>(std::ceil(bytes / 1048576)),
-                            " MiB fit into the cache")};
-    if (worst.decoded <= most_decoded) return {false, shape};
-    return {true, text(shape, "; a window would decode ", fmt::format("{:.0f}", worst.decoded),
-                       " times the posts it asks for")};
+        return {
+            false, false,
+            text(shape, "; all ", static_cast<std::uint64_t>(std::ceil(bytes / 1048576)), " MiB fit into the cache"),
+            ""};
+    if (worst.decoded <= most_decoded) return {false, false, shape, ""};
+    return {
+        true, false,
+        text(shape, "; a window would decode ", fmt::format("{:.0f}", worst.decoded), " times the posts it asks for"),
+        ""};
+}
+
+}  // namespace
+
+SourceChoice choose_source(const DataBaseParams& params, SourceKind asked, const Scene& scene,
+                           std::size_t memory_bytes) {
+    SourceChoice choice = choose_by_shape(params, asked);
+    std::error_code ignored;
+    if (asked == SourceKind::direct || !is_tile_store(params.dem) ||
+        !std::filesystem::exists(kept_path(params.dem), ignored))
+        return choice;
+    try {
+        SpillOptions options;
+        options.memory_bytes = memory_bytes;
+        open_kept_spill(params, scene, params.dem, options);
+        return {true, true, text("a tile store; sorted for this point in '", kept_path(params.dem), "'"), ""};
+    } catch (const Unfit& e) {
+        choice.unfit = e.what();
+    } catch (const TooLarge& e) {
+        choice.unfit = e.what();
+    }
+    return choice;
+}
+
+std::unique_ptr<WedgeSource> open_source(const SourceChoice& choice, const DataBaseParams& params, const Scene& scene,
+                                         const SpillOptions& options) {
+    if (choice.kept) return open_kept_spill(params, scene, params.dem, options);
+    return choice.spilled ? open_spilled_source(params, scene, options) : open_direct_source(params);
 }
 
 }  // namespace wedgescope

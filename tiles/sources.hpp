@@ -45,6 +45,13 @@ struct SpillOptions {
 std::unique_ptr<WedgeSource> open_spilled_source(const DataBaseParams& params, const Scene& scene,
                                                  const SpillOptions& options);
 
+/// Plans instead: cost and held memory are those of the spilled source, its report says what the pass would read and spill
+/// (blocks at the width of their type; flat ones get narrower), and no pass is made. Posts come from the rasters.
+std::unique_ptr<WedgeSource> forecast_spilled_source(const DataBaseParams& params, const Scene& scene,
+                                                     const SpillOptions& options);
+
+/// Name of a kept spill in its folder.
+inline constexpr const char* kept_spill_name = "wedges.spill";
 /// The whole of the rasters, sorted round a point for scenes from there, in a file of its own in `folder` that appears
 /// when it is whole; an older one is replaced. Errors as above.
 void keep_spill(const DataBaseParams& params, const PlatformParams& point, const std::string& folder,
@@ -57,9 +64,17 @@ std::unique_ptr<WedgeSource> open_kept_spill(const DataBaseParams& params, const
 enum class SourceKind { automatic, direct, spilled };
 struct SourceChoice {
     bool spilled = false;
-    std::string why;  ///< "tiles of 256 x 256", ...
+    bool kept = false;  ///< spilled, by a kept spill in the tile store
+    std::string why;    ///< "tiles of 256 x 256", ...
+    std::string
+        unfit;  ///< why a kept spill that stands in the tile store does not serve the scene; empty: there is none
 };
-/// Direct for what fits into the cache and for what windows read well, spilled for the rest, unless `asked`.
-SourceChoice choose_source(const DataBaseParams& params, SourceKind asked);
+/// A kept spill that fits; else direct for what fits into the cache and for what windows read well, spilled for the rest;
+/// unless `asked`. DataError, IoError for a kept spill that is damaged.
+SourceChoice choose_source(const DataBaseParams& params, SourceKind asked, const Scene& scene,
+                           std::size_t memory_bytes);
+/// Opens what was chosen.
+std::unique_ptr<WedgeSource> open_source(const SourceChoice& choice, const DataBaseParams& params, const Scene& scene,
+                                         const SpillOptions& options);
 
 }  // namespace wedgescope

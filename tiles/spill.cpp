@@ -25,7 +25,6 @@ static_assert(std::endian::native == std::endian::little);
 constexpr std::uint32_t block_mark = 0x4B425357;            // "WSBK"
 constexpr std::uint64_t file_mark = 0x314C4C4950535357ULL;  // "WSSPILL1"
 constexpr std::size_t staging_bytes = std::size_t{1} << 20;
-constexpr std::size_t block_overhead = 64;  ///< of a block in memory: its place in a bucket and the allocator's share
 
 struct BlockHeader {
     std::uint32_t mark = block_mark;
@@ -33,7 +32,7 @@ struct BlockHeader {
     std::uint64_t place = 0;
     std::uint64_t checksum = 0;
 };
-static_assert(sizeof(BlockHeader) == 24);
+static_assert(sizeof(BlockHeader) == Spill::file_overhead);
 
 struct FileHeader {
     std::uint64_t mark = file_mark;
@@ -41,7 +40,7 @@ struct FileHeader {
     std::uint64_t unused[3] = {};
     std::uint64_t checksum = 0;
 };
-static_assert(sizeof(FileHeader) == 64);
+static_assert(sizeof(FileHeader) == Spill::header_bytes);
 
 std::uint64_t checksum_of(const BlockHeader& header, const std::byte* bytes, std::size_t n) {
     return XXH3_64bits_withSeed(bytes, n, XXH3_64bits(&header, offsetof(BlockHeader, checksum)));
@@ -188,8 +187,8 @@ void Spill::put(std::size_t layer, std::int64_t column, std::int64_t row, int bu
     std::memcpy(memory.get(), bytes.data(), bytes.size());
     Bucket& b = buckets_.at(static_cast<std::size_t>(bucket));
     b.pending.push_back({distance, layer, column, row});
-    b.bytes += bytes.size() + block_overhead;
-    held_ += bytes.size() + block_overhead;
+    b.bytes += bytes.size() + held_overhead;
+    held_ += bytes.size() + held_overhead;
     stored_ += bytes.size();
     {
         const std::unique_lock lock(slots_mutex_);

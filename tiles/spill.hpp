@@ -50,6 +50,10 @@ struct SpillLayer {
 
 class Spill {
 public:
+    /// Beside a block's own bytes: in memory (its place in a bucket and the allocator's share) and in the file; and the
+    /// file's header.
+    static constexpr std::size_t held_overhead = 64, file_overhead = 24, header_bytes = 64;
+
     explicit Spill(SpillParams params);
     /// A kept one. IoError if it cannot be opened, DataError if it is none or its header or index is damaged.
     static std::unique_ptr<Spill> open_kept(const std::string& path);

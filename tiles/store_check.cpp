@@ -1,10 +1,15 @@
 #include "tiles/store_check.hpp"
 
 #include <filesystem>
+#include <limits>
+#include <locale>
+#include <sstream>
 
 #include "lib/error.hpp"
 #include "tiles/checksum.hpp"
 #include "tiles/plain_file.hpp"
+#include "tiles/sources.hpp"
+#include "tiles/spill.hpp"
 #include "tiles/store_layer.hpp"
 #include "tiles/store_manifest.hpp"
 
@@ -41,6 +46,7 @@ public:
             }
         }
         tried([&] { check_map(); });
+        check_kept();
         return verdict_;
     }
 
@@ -88,12 +94,49 @@ private:
             throw DataError(text("block map '", path, "' is not the one that the manifest names"));
     }
 
+    void check_kept() {
+        const std::string path = inside(kept_spill_name);
+        std::error_code ignored;
+        if (!fs::exists(path, ignored)) return;
+        tried([&] {
+            count(path);
+            const std::unique_ptr<Spill> spill = Spill::open_kept(path);
+            std::vector<std::byte> buffer;
+            for (std::size_t layer = 0; layer < spill->layer_count(); ++layer) {
+                const Window& blocks = spill->layer(layer).blocks;
+                for (std::int64_t r = blocks.rows.begin; r < blocks.rows.end; ++r) {
+                    if (stop_) stop_->check();
+                    for (std::int64_t c = blocks.columns.begin; c < blocks.columns.end; ++c)
+                        tried([&] { spill->get(layer, c, r, buffer); });
+                }
+            }
+        });
+    }
+
     const std::string& path_;
     const Stop* stop_;
     const std::function<void(double)>& progress_;
     StoreManifest manifest_;
     StoreVerdict verdict_;
 };
+
+std::optional<StoreDescription::Kept> describe_kept(const std::string& path) {
+    std::error_code ignored;
+    if (!fs::exists(path, ignored)) return std::nullopt;
+    StoreDescription::Kept kept;
+    try {
+        kept.bytes = file_bytes(path);
+        std::istringstream lines(Spill::open_kept(path)->description());
+        lines.imbue(std::locale::classic());
+        for (std::string word; lines >> word; lines.ignore(std::numeric_limits<std::streamsize>::max(), '\n')) {
+            if (word == "nadir") lines >> kept.column >> kept.row;
+            if (word == "latlon") kept.has_lat_lon = static_cast<bool>(lines >> kept.lat_deg >> kept.lon_deg);
+        }
+    } catch (const Error& e) {
+        kept.damage = e.what();
+    }
+    return kept;
+}
 
 }  // namespace
 
@@ -144,6 +187,7 @@ StoreDescription describe_store(const std::string& path) {
         for (const StoreSource& source : entry.sources) layer.sources.push_back(source.path);
         out.layers.push_back(layer);
     }
+    out.kept = describe_kept((fs::path(path) / kept_spill_name).string());
     return out;
 }
 

@@ -3,6 +3,7 @@
 #pragma once
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -27,6 +28,14 @@ struct StoreDescription {
     std::vector<Layer> layers;  ///< dem first
     int block_levels = 0;
     std::uint64_t block_map_bytes = 0;
+    struct Kept {
+        std::uint64_t bytes = 0;
+        double column = 0, row = 0;  ///< of the dem
+        bool has_lat_lon = false;
+        double lat_deg = 0, lon_deg = 0;
+        std::string damage;  ///< why it cannot be read; empty: it can
+    };
+    std::optional<Kept> kept;  ///< a spill that stands in the store, for scenes from its point
 };
 /// IoError, DataError naming the manifest.
 StoreDescription describe_store(const std::string& path);

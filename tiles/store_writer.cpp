@@ -579,6 +579,7 @@ TileStoreSummary StoreWriter::run() {
         for (const fs::path& path : temporary) fs::remove(path, ignored);
         return true;
     };
+    const std::string kept = text("finished sheets are kept in '", folder_, "' (--resume goes on)");
     try {
         open_folder();
         opened = true;
@@ -587,12 +588,11 @@ TileStoreSummary StoreWriter::run() {
         make_sheets();
         finish();
         move_into_place();
-    } catch (const Interrupted&) {
-        clean(true);
+    } catch (const Interrupted& e) {
+        if (clean(true)) throw Interrupted(e.signal(), text("; ", kept));
         throw;
     } catch (const IoError& e) {
-        if (clean(true))
-            throw IoError(text(e.what(), " (finished sheets are kept in '", folder_, "'; --resume goes on)"));
+        if (clean(true)) throw IoError(text(e.what(), "; ", kept));
         throw;
     } catch (...) {
         clean(false);

@@ -164,6 +164,12 @@ json to_json(const StoreFacts& facts) {
         out["layers"].push_back(one);
     }
     out["block_map"] = json{{"levels", s.block_levels}, {"bytes", s.block_map_bytes}};
+    out["kept_spill"] = nullptr;
+    if (s.kept) {
+        out["kept_spill"] = json{{"bytes", s.kept->bytes}, {"column", s.kept->column}, {"row", s.kept->row}};
+        if (s.kept->has_lat_lon) out["kept_spill"].update({{"lat", s.kept->lat_deg}, {"lon", s.kept->lon_deg}});
+        out["kept_spill"]["damage"] = s.kept->damage.empty() ? json(nullptr) : json(s.kept->damage);
+    }
     if (facts.verdict)
         out["verify"] =
             json{{"files", facts.verdict->files}, {"bytes", facts.verdict->bytes}, {"damage", facts.verdict->damage}};
@@ -196,6 +202,15 @@ std::string to_text(const StoreFacts& facts) {
         out += row("  from", text(layer.sources.empty() ? "" : layer.sources[0],
                                   layer.sources.size() > 1 ? text(" and ", layer.sources.size() - 1, " more") : ""));
     }
+    if (s.kept && s.kept->damage.empty())
+        out += row("kept spill",
+                   fmt::format("for scenes from {}column {:.2f}, row {:.2f}, {}",
+                               s.kept->has_lat_lon ? fmt::format("latitude {:.6f}, longitude {:.6f}: ", s.kept->lat_deg,
+                                                                 s.kept->lon_deg)
+                                                   : std::string(),
+                               s.kept->column, s.kept->row, readable_bytes(static_cast<double>(s.kept->bytes))));
+    else if (s.kept)
+        out += row("kept spill", s.kept->damage);
     if (facts.verdict && facts.verdict->damage.empty())
         out += row("verified", fmt::format("{} files, {}: all as they were written", grouped(facts.verdict->files),
                                            readable_bytes(static_cast<double>(facts.verdict->bytes))));
@@ -235,13 +250,25 @@ struct SceneFacts {
     SourceChoice source;
 };
 
+json source_json(const SourceChoice& choice) {
+    json out{{"kind", choice.spilled ? "spilled" : "direct"}, {"why", choice.why}, {"kept", choice.kept}};
+    out["unfit"] = choice.unfit.empty() ? json(nullptr) : json(choice.unfit);
+    return out;
+}
+
+std::string source_text(const SourceChoice& choice) {
+    return row("source", text(choice.spilled ? "spilled: " : "direct: ", choice.why)) +
+           (choice.unfit.empty() ? "" : row("", text("not used: ", choice.unfit)));
+}
+
 SceneFacts scene_facts(const std::string& path) {
     SceneFacts facts;
     facts.path = path;
     facts.settings = parse_scene_file(path);
     check_complete(facts.settings);
     const DataBaseParams layers = data_base_params(facts.settings, cache_bytes(facts.settings));
-    facts.source = choose_source(layers, facts.settings.source);
+    facts.source = choose_source(layers, facts.settings.source, facts.settings.scene,
+                                 static_cast<std::size_t>(facts.settings.memory_bytes));
     const auto source = open_direct_source(layers);
     facts.columns = source->data_base().columns;
     facts.rows = source->data_base().rows;
@@ -265,7 +292,7 @@ json to_json(const SceneFacts& facts) {
                           {"metres_per_pixel", facts.frame.metres_per_pixel}};
     out["pulse_extent_m"] = facts.resolved.scene.radar.pulse_extent_m();
     out["noise_dbm"] = noise_dbm(facts.resolved);
-    out["source"] = json{{"kind", facts.source.spilled ? "spilled" : "direct"}, {"why", facts.source.why}};
+    out["source"] = source_json(facts.source);
     out["image_bytes"] = facts.image_bytes;
     return out;
 }
@@ -275,7 +302,7 @@ std::string to_text(const SceneFacts& facts) {
     const Scene& s = r.scene;
     std::string out = facts.path + "\n";
     out += row("terrain", text(facts.settings.dem, ", ", facts.columns, " x ", facts.rows, " posts"));
-    out += row("source", text(facts.source.spilled ? "spilled: " : "direct: ", facts.source.why));
+    out += source_text(facts.source);
     if (r.has_lat_lon) out += row("position", fmt::format("latitude {:.6f}, longitude {:.6f}", r.lat_deg, r.lon_deg));
     out += row(r.has_lat_lon ? "" : "position",
                fmt::format("x {:.3f}, y {:.3f}; column {:.3f}, row {:.3f}{}", r.x, r.y, r.nadir.column, r.nadir.row,
@@ -312,7 +339,38 @@ std::string to_text(const SceneFacts& facts) {
 
 // ---------------------------------------------------------------------------------------------------------- plans
 
-json plan_json(const Settings& settings, const ResolvedScene& scene, const Plan& plan) {
+/// What simulate would read from, and what that comes to.
+struct PlannedSource {
+    SourceChoice choice;
+    std::unique_ptr<WedgeSource> source;  ///< a forecast, where a pass would be made
+    SourceReport report;
+};
+
+PlannedSource planned_source(const Settings& settings) {
+    const DataBaseParams layers = data_base_params(settings, cache_bytes(settings));
+    const SpillOptions options = spill_options(settings);
+    PlannedSource planned;
+    planned.choice = choose_source(layers, settings.source, settings.scene, options.memory_bytes);
+    planned.source = planned.choice.spilled && !planned.choice.kept
+                         ? forecast_spilled_source(layers, settings.scene, options)
+                         : open_source(planned.choice, layers, settings.scene, options);
+    planned.report = planned.source->report();
+    return planned;
+}
+
+/// The pass is over before the wedges begin.
+std::size_t peak_bytes(const PlannedSource& planned, const Plan& plan) {
+    return std::max(planned.report.pass_peak_bytes, plan.peak_bytes());
+}
+
+/// CPU seconds of pass and wedges.
+double likely_seconds(const Settings& settings, const PlannedSource& planned, const Plan& plan) {
+    constexpr double pass_byte_s = 8e-9;  // measured with int16 posts
+    return plan.likely_seconds(settings.no_cull) +
+           pass_byte_s * static_cast<double>(planned.report.planned_partition_bytes);
+}
+
+json plan_json(const Settings& settings, const ResolvedScene& scene, const PlannedSource& planned, const Plan& plan) {
     const WedgeForecast all = plan.total();
     json out{{"format", "wedgescope-plan-1"}, {"version", version()}};
     out["scene"] = parameters_json(with_resolved(settings, scene), true);
@@ -324,18 +382,22 @@ json plan_json(const Settings& settings, const ResolvedScene& scene, const Plan&
     out["bytes_read"] = all.bytes;
     out["likely_posts"] = std::llround(all.likely_posts);
     out["likely_bytes_read"] = std::llround(all.likely_bytes);
-    out["bytes_spilled"] = 0;
-    out["temporary_disk_bytes"] = 0;
-    out["peak_bytes"] = all.peak_bytes;
+    out["source"] = source_json(planned.choice);
+    out["partition_bytes"] = planned.report.planned_partition_bytes;
+    out["bytes_spilled"] = planned.report.planned_spilled_bytes;
+    out["temporary_disk_bytes"] = planned.report.planned_spilled_bytes;
+    out["source_bytes"] = planned.source->cache_bytes();
+    out["peak_bytes"] = peak_bytes(planned, plan);
     out["granted_bytes"] = plan.fixed_bytes + plan.wedge_bytes * static_cast<std::size_t>(plan.in_flight);
-    out["likely_cpu_s"] = plan.likely_seconds(settings.no_cull);
+    out["likely_cpu_s"] = likely_seconds(settings, planned, plan);
     return out;
 }
 
-std::string plan_text(const Settings& settings, const Plan& plan, bool map) {
+std::string plan_text(const Settings& settings, const PlannedSource& planned, const Plan& plan) {
     const WedgeForecast all = plan.total();
     const auto bytes = [](auto n) { return readable_bytes(static_cast<double>(n)); };
-    std::string out;
+    const bool map = planned.source->block_map() != nullptr, pass = planned.choice.spilled && !planned.choice.kept;
+    std::string out = source_text(planned.choice);
     out += row("wedges", fmt::format("{}, {} at a time", plan.wedges.size(), plan.in_flight));
     out += row("chunks", fmt::format("{}, of at most {} lines", grouped(all.chunks), plan.strip_lines));
     out += row("to read", fmt::format("{} posts, {}, if nothing is left out", grouped(all.posts), bytes(all.bytes)));
@@ -344,23 +406,34 @@ std::string plan_text(const Settings& settings, const Plan& plan, bool map) {
     } else {
         out += row("", map ? fmt::format("likely {} posts, {}: the rest lies hidden by the coarse block map",
                                          grouped(static_cast<std::uint64_t>(all.likely_posts)), bytes(all.likely_bytes))
-                           : std::string("nothing can be left out: no block map is known"));
+                           : std::string(pass ? "what can be left out shows in the pass"
+                                              : "nothing can be left out: no block map is known"));
     }
-    out += row("spill", "none: windows are read directly");
-    out +=
-        row("memory", fmt::format("{} at the peak of {} granted", bytes(all.peak_bytes), bytes(settings.memory_bytes)));
-    out += row("time", fmt::format("about {:.1f} s of CPU for the wedges (within a factor of three)",
-                                   plan.likely_seconds(settings.no_cull)));
+    if (!pass) {
+        out += row("spill", planned.choice.kept ? "none: a kept spill is read" : "none: windows are read directly");
+    } else {
+        const SourceReport& r = planned.report;
+        out += row("pass", fmt::format("{} read once, in the order of the file", bytes(r.planned_partition_bytes)));
+        out += row("spill", r.planned_spilled_bytes == 0
+                                ? std::string("none: all blocks stay in memory")
+                                : fmt::format("{} to a file in temp-dir at the most", bytes(r.planned_spilled_bytes)));
+    }
+    out += row("memory",
+               fmt::format("{} at the peak of {} granted, {} of it the source's", bytes(peak_bytes(planned, plan)),
+                           bytes(settings.memory_bytes), bytes(planned.source->cache_bytes())));
+    out += row("time", fmt::format("about {:.1f} s of CPU for {} (within a factor of three)",
+                                   likely_seconds(settings, planned, plan), pass ? "pass and wedges" : "the wedges"));
     return out;
 }
 
 void print_plan(const Settings& settings) {
     check_complete(settings);
-    const auto source = open_direct_source(data_base_params(settings, cache_bytes(settings)));
-    const ResolvedScene scene = resolve(settings.scene, *source);
-    const Plan found = plan(scene, *source, engine_params(settings));
-    print(settings.json ? plan_json(settings, scene, found).dump(2, ' ', false, json::error_handler_t::replace) + "\n"
-                        : plan_text(settings, found, source->block_map() != nullptr));
+    const PlannedSource planned = planned_source(settings);
+    const ResolvedScene scene = resolve(settings.scene, *planned.source);
+    const Plan found = plan(scene, *planned.source, engine_params(settings));
+    print(settings.json
+              ? plan_json(settings, scene, planned, found).dump(2, ' ', false, json::error_handler_t::replace) + "\n"
+              : plan_text(settings, planned, found));
 }
 
 }  // namespace

@@ -276,6 +276,20 @@ Codec latlon() {
     return codec;
 }
 
+Codec around() {
+    Codec codec = latlon();
+    codec.set = [set = codec.set](Settings& s, const Given& given) {
+        Settings point;
+        set(point, given);
+        s.around = point.scene.platform.latlon;
+    };
+    codec.get = [](const Settings& s) -> std::optional<std::string> {
+        if (!s.around) return std::nullopt;
+        return text(s.around->lat_deg, ",", s.around->lon_deg);
+    };
+    return codec;
+}
+
 Codec xy() {
     Codec codec{"X,Y", "", {}, {}};
     codec.set = [](Settings& s, const Given& given) {
@@ -528,7 +542,10 @@ std::vector<Key> make_keys() {
     t.add("culture-height-scale",
           number(
               at_least("0"), [](auto& s) -> auto& { return s.culture_height_scale; }),
-          "1", "metres in one unit of the culture-height raster (0.1 for tenths of a metre)");
+          "1",
+          "metres in one unit of the culture-height raster (0.1 for tenths of a metre); tile: of the scenes that "
+          "around is for")
+        .commands |= command_tile;
     t.add("culture-legend", legend_choice(), "",
           "turns culture codes into materials: a built-in legend or a CSV file of lines code,material")
         .commands |= command_info | command_tile;
@@ -800,6 +817,14 @@ std::vector<Key> make_keys() {
                           "256", "posts of a tile's side: 64, 128, 256, 512, 1024 or 2048");
         size.commands = command_tile;
         size.in_scene_file = false;
+    }
+    {
+        Key& k =
+            t.add("around", around(), "",
+                  "also keep the terrain sorted into wedges round this point, for scenes from there; FOLDER alone: of "
+                  "a store that stands");
+        k.commands = command_tile;
+        k.in_scene_file = false;
     }
     t.add("work-dir", path([](auto& s) -> auto& { return s.work_dir; }), "",
           "folder where finished wedges are kept, for resume; made if it is missing");

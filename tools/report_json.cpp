@@ -174,16 +174,21 @@ nlohmann::ordered_json report_json(const Settings& settings, const RunResult& ru
                          {"held_bytes", report.source.held_bytes},
                          {"spilled_bytes", report.source.spilled_bytes},
                          {"spill_read_bytes", report.source.spill_read_bytes}};
+    out["source"]["kept"] = report.source.kept.empty() ? json(nullptr) : json(report.source.kept);
     out["states"] = json::object();
     for (std::size_t code = 0; code < report.states.size(); ++code)
         out["states"][state_names[code]] = report.states[code];
     const RunReport::Planned& plan = report.planned;
     const WedgeReport actual = sum(report.wedges.begin(), report.wedges.end());
-    out["plan"] = json{{"wedges", {{"planned", plan.wedges}, {"actual", report.wedges.size()}}},
-                       {"chunks", {{"planned", plan.chunks}, {"actual", actual.chunks}}},
-                       {"posts", {{"planned", plan.posts}, {"actual", actual.posts_read}}},
-                       {"bytes_read", {{"planned", plan.bytes}, {"actual", actual.bytes_read}}},
-                       {"peak_bytes", {{"planned", plan.peak_bytes}, {"actual", report.peak_held_bytes}}}};
+    out["plan"] = json{
+        {"wedges", {{"planned", plan.wedges}, {"actual", report.wedges.size()}}},
+        {"chunks", {{"planned", plan.chunks}, {"actual", actual.chunks}}},
+        {"posts", {{"planned", plan.posts}, {"actual", actual.posts_read}}},
+        {"bytes_read", {{"planned", plan.bytes}, {"actual", actual.bytes_read}}},
+        {"partition_bytes",
+         {{"planned", report.source.planned_partition_bytes}, {"actual", report.source.partition_bytes}}},
+        {"bytes_spilled", {{"planned", report.source.planned_spilled_bytes}, {"actual", report.source.spilled_bytes}}},
+        {"peak_bytes", {{"planned", plan.peak_bytes}, {"actual", report.peak_held_bytes}}}};
     out["reused"] = reused_count(report);
     out["levels"] = json::array();
     out["stages_wall_s"] =
@@ -269,7 +274,10 @@ std::string report_table(const RunReport& report, double write_s, const Usage& u
         out += fmt::format(" {} {:.1f} %", state_names[code],
                            cells ? 100.0 * static_cast<double>(report.states[code]) / static_cast<double>(cells) : 0.0);
     }
-    if (report.source.kind == "spilled")
+    if (!report.source.kept.empty())
+        out += fmt::format("\nkept spill '{}': {} read back", report.source.kept,
+                           readable_bytes(static_cast<double>(report.source.spill_read_bytes)));
+    else if (report.source.kind == "spilled")
         out += fmt::format("\nspilled source: {} read in {:.2f} s, {} held in memory, {} written, {} read back",
                            readable_bytes(static_cast<double>(report.source.partition_bytes)),
                            report.source.partition_s, readable_bytes(static_cast<double>(report.source.held_bytes)),

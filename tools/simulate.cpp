@@ -186,16 +186,17 @@ void simulate(const Settings& settings, WorkDir* work, double start_s, Stop& sto
     const DataBaseParams layers = data_base_params(settings, cache_bytes(settings));
     std::unique_ptr<WedgeSource> source;
     const bool terminal = ::isatty(STDERR_FILENO) == 1;
-    if (const SourceChoice choice = choose_source(layers, settings.source); choice.spilled) {
+    SpillOptions options = spill_options(settings);
+    const SourceChoice choice = choose_source(layers, settings.source, settings.scene, options.memory_bytes);
+    if (choice.spilled && !choice.kept) {
         remark(settings.quiet || !terminal, text("sorting the terrain into wedges: ", choice.why));
-        SpillOptions options = spill_options(settings);
         options.stop = &stop;
         Progress sorting(settings.quiet);
         options.progress = [&](double fraction) { sorting.report(fraction); };
-        source = open_spilled_source(layers, settings.scene, options);
+        source = open_source(choice, layers, settings.scene, options);
         sorting.done();
     } else {
-        source = open_direct_source(layers);
+        source = open_source(choice, layers, settings.scene, options);
     }
     opening.end();
     Span resolving(timeline.get(), "resolve", "stage");
@@ -254,6 +255,7 @@ void simulate(const Settings& settings, WorkDir* work, double start_s, Stop& sto
     }
     OutputFile::commit(files);
     remark(settings.quiet || terminal, text("sensor: ", place(scene)));
+    if (!choice.unfit.empty()) remark(settings.quiet, text("not used: ", choice.unfit));
     if (!settings.only_wedges)
         for (const std::string& line : doubts(result)) remark(settings.quiet, line);
     if (settings.verbose || settings.profile) fmt::print(stderr, "{}", report_table(result.report, write_s, usage));

@@ -14,6 +14,44 @@
 namespace wedgescope {
 namespace {
 
+/// A store that stands, to which nothing but a kept spill is to be added.
+bool adds_to_store(const Settings& settings) {
+    return settings.around && settings.files.size() == 1 && is_tile_store(settings.files[0]);
+}
+
+std::string kept_file(const Settings& settings) {
+    return (std::filesystem::path(settings.files.back()) / kept_spill_name).string();
+}
+
+/// Sorts the store's posts round the point; returns the time that took.
+double keep_around(const Settings& settings, Stop& stop) {
+    const double start_s = now_s();
+    const std::string& store = settings.files.back();
+    DataBaseParams params;
+    params.dem = store;
+    params.culture_height_scale = settings.culture_height_scale;
+    params.cache_bytes = cache_bytes(settings);
+    PlatformParams point;
+    point.latlon = settings.around;
+    SpillOptions options = spill_options(settings);
+    options.stop = &stop;
+    Progress progress(settings.quiet);
+    options.progress = [&](double fraction) { progress.report(fraction); };
+    const auto words = text("; the store ", in_quotes(store), " is whole, and tile --around ", settings.around->lat_deg,
+                            ",", settings.around->lon_deg, " ", store, " keeps the spill");
+    try {
+        keep_spill(params, point, store, options);
+    } catch (const Interrupted& e) {
+        throw Interrupted(e.signal(), words);
+    } catch (const IoError& e) {
+        throw IoError(e.what() + words);
+    } catch (const InputError& e) {
+        throw InputError(e.what() + words);
+    }
+    progress.done();
+    return now_s() - start_s;
+}
+
 TileStoreParams store_params(const Settings& settings) {
     if (settings.files.size() < 2)
         throw InputError(text("tile needs at least one terrain raster and, last, the folder to write; found ",
@@ -68,7 +106,8 @@ void tell(const Settings& settings, const TileStoreSummary& summary, double seco
         reused += layer.reused;
     }
     if (settings.resume) say(fmt::format("resumed: {} sheets stood already", reused));
-    say(fmt::format("written: {} ({:.1f} s)", settings.files.back(), seconds));
+    say(fmt::format("written: {}{} ({:.1f} s)", settings.files.back(),
+                    settings.around ? ", " + kept_file(settings) : "", seconds));
 }
 
 }  // namespace
@@ -77,6 +116,11 @@ void tile(const std::vector<std::string>& arguments, Stop& stop) {
     const double start_s = now_s();
     const Settings settings = parse_arguments(command_tile, arguments);
     if (settings.help) return print(help_text(command_by_name("tile")));
+    if (adds_to_store(settings)) {
+        const GdalSession session(cache_bytes(settings), settings.config);
+        const double seconds = keep_around(settings, stop);
+        return remark(settings.quiet, fmt::format("written: {} ({:.1f} s)", kept_file(settings), seconds));
+    }
     TileStoreParams params = store_params(settings);
     const GdalSession session(params.cache_bytes, settings.config);
     params.stop = &stop;
@@ -84,6 +128,7 @@ void tile(const std::vector<std::string>& arguments, Stop& stop) {
     params.progress = [&](double fraction) { progress.report(fraction); };
     const TileStoreSummary summary = write_tile_store(params);
     progress.done();
+    if (settings.around) keep_around(settings, stop);
     tell(settings, summary, now_s() - start_s);
 }
 
