@@ -111,4 +111,8 @@ struct TestLanes {
 };
 void test_lanes(const TestLanes& lanes, const Lift& lift) noexcept;
 
+/// Lowest and highest of a rectangle of posts, lines `stride` apart; true if one is void. Takes what is there into account.
+bool add_extremes(PostLine posts, std::size_t stride, std::size_t lines, std::size_t width, float& lowest,
+                  float& highest) noexcept;
+
 }  // namespace wedgescope

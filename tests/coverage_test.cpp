@@ -360,3 +360,79 @@ TEST_CASE("what the writer throws ends the work and arrives", "[coverage]") {
                           [](const CoverageTile&) { throw IoError("disk full"); }),
                     IoError);
 }
+
+TEST_CASE("what stays below every horizon is left out, and no bit changes", "[coverage][cull]") {
+    const unsigned seed = 20261121;
+    INFO("seed " << seed);
+    std::mt19937 random(seed);
+    const auto part = [&](double lo, double hi) { return std::uniform_real_distribution(lo, hi)(random); };
+    std::uint64_t passed_read = 0, passed_map = 0, posts_all = 0;
+    for (int turn = 0; turn < 24; ++turn) {
+        const auto columns = static_cast<std::int64_t>(part(200, 900)),
+                   rows = static_cast<std::int64_t>(part(200, 700));
+        const auto hills = test::rolling(part(50, 400), part(60, 300), static_cast<unsigned>(random()));
+        const double hole_c = part(0, 900), hole_r = part(0, 700), hole = turn % 3 == 0 ? part(5, 150) : 0;
+        const auto ground = [&](double c, double r) -> double {
+            if (std::max(std::abs(c - hole_c), std::abs(r - hole_r)) < hole)
+                return std::numeric_limits<double>::quiet_NaN();
+            return hills(c, r);
+        };
+        MemorySource plain(columns, rows, post_m, ground), mapped(columns, rows, post_m, ground);
+        if (turn % 4 == 1)
+            for (MemorySource* source : {&plain, &mapped})
+                source->set_culture_height(
+                    [](double c, double r) { return std::fmod(c * 5 + r * 11, 97) < 1 ? 40 : 0; });
+        mapped.set_block_map();
+        const bool outside = turn % 5 == 4;
+        Scene scene = scene_at(outside ? -part(0, 400) : part(0, 1) * static_cast<double>(columns - 1),
+                               part(-0.2, 1.2) * static_cast<double>(rows - 1), part(150, 500), 4.0 / 3);
+        if (turn % 6 == 5) scene.sector = Sector{Angle::degrees(part(-170, 0)), Angle::degrees(part(10, 170))};
+        if (turn % 7 == 6) scene.range_m = part(3000, 20000);
+        scene.quality = std::array{Quality::draft, Quality::normal, Quality::fine, Quality::exact}[random() % 4];
+        for (const auto kind : {CoverageLayer::mask, CoverageLayer::states, CoverageLayer::height}) {
+            CoverageParams params = layer(kind);
+            params.target_m = turn % 2 ? 15 : 0;
+            params.cull = false;
+            const Result whole = look(plain, scene, params);
+            CHECK(whole.report.posts_passed == 0);
+            params.cull = true;
+            const Result swept = look(plain, scene, params), read = look(mapped, scene, params);
+            INFO("turn " << turn << ", layer " << static_cast<int>(kind));
+            for (const Result* other : {&swept, &read}) {
+                CHECK(other->bytes == whole.bytes);
+                CHECK(std::equal(other->values.begin(), other->values.end(), whole.values.begin(),
+                                 [](float a, float b) { return a == b || (a != a && b != b); }));
+                CHECK(other->report.states == whole.report.states);
+            }
+            passed_read += swept.report.posts_passed;
+            passed_map += read.report.posts_passed;
+        }
+        posts_all += static_cast<std::uint64_t>(columns * rows);
+    }
+    CHECK(passed_read > posts_all / 10);
+    CHECK(passed_map > posts_all / 10);
+}
+
+TEST_CASE("ground behind a wall is never read, and nothing but voids neither", "[coverage][cull]") {
+    // A wall of 400 m from north to south, 4.5 km east of the sensor; far behind it void.
+    const auto ground = [](double c, double) -> double {
+        if (c >= 1000) return std::numeric_limits<double>::quiet_NaN();
+        return c >= 250 && c < 254 ? 400 : 0;
+    };
+    MemorySource source(1300, 300, post_m, ground);
+    source.set_block_map();
+    const Scene scene = scene_at(100, 150, 100);
+    const Result mask = look(source, scene);
+    CHECK(mask.at(240, 150) == 255);
+    CHECK(mask.at(600, 150) == 0);
+    CHECK(mask.at(1100, 150) == 1);
+    std::size_t behind = 0;
+    for (std::int64_t r = 0; r < 300; ++r)
+        for (std::int64_t c = 530; c < 990; ++c) behind += source.was_read(c, r);
+    CHECK(behind == 0);
+    CHECK(source.was_read(200, 150));
+    // Who asks for heights behind the wall gets them; voids are not read for that.
+    look(source, scene, layer(CoverageLayer::height));
+    CHECK(source.was_read(600, 150));
+    CHECK_FALSE(source.was_read(1200, 150));
+}

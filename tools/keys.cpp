@@ -906,6 +906,7 @@ std::vector<Key> make_keys() {
                              "quality",
                              "threads",
                              "memory",
+                             "no-cull",
                              "report",
                              "of",
                              "co",
