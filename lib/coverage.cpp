@@ -217,6 +217,11 @@ private:
     void own_east_west();
     Interval tile_lines(const Side& side, std::int64_t step, Interval& indices) const;
     LineForm form(const Side& side, double distance) const;
+    /// Spokes that are carried: one beyond the outermost at least, for what rounding puts outside of it.
+    static Interval fan(const Side& side, std::int64_t k) {
+        return {floor_to(floor_i(side.slope_lo * static_cast<double>(k)) - 1, knot),
+                floor_to(floor_i(side.slope_hi * static_cast<double>(k)) + 1, knot) + knot};
+    }
     void strip(Side& side);
     void sweep(const Side& side, Interval lines, const std::vector<Interval>& own, Interval spokes, bool first,
                bool last, Spokes& after);
@@ -335,10 +340,7 @@ void Cover::set_up(Quadrant q) {
         }
     }
     const std::int64_t k = grid_.rings(q).front().spokes;
-    side.spokes.resize(k,
-                       {floor_to(floor_i(side.slope_lo * static_cast<double>(k)), knot),
-                        floor_to(floor_i(side.slope_hi * static_cast<double>(k)), knot) + knot},
-                       voids_);
+    side.spokes.resize(k, fan(side, k), voids_);
     // Strips, in the order outward. The quadrants north and south have the rows without lines too.
     const auto tile_of = [](std::int64_t index) { return floor_to(index, tile_edge) / tile_edge; };
     const double major = map_.nadir_major(q);
@@ -593,8 +595,10 @@ void Cover::hide(const Side& side, Interval lines, std::int64_t major, bool all_
     place_knots(side, near, s.of, s.range, desk);
     // Spokes beyond the fan are nobody's.
     const std::int64_t growth = s.of / side.spokes.of, groups = s.range.size() / knot;
-    const Interval fan{side.spokes.range.begin * growth, side.spokes.range.end * growth};
-    const auto in_fan = [&](std::int64_t g) { return g >= 0 && g < groups && fan.contains(s.range.begin + g * knot); };
+    const Interval carried{side.spokes.range.begin * growth, side.spokes.range.end * growth};
+    const auto in_fan = [&](std::int64_t g) {
+        return g >= 0 && g < groups && carried.contains(s.range.begin + g * knot);
+    };
     desk.least.resize(static_cast<std::size_t>(groups));
     for (std::int64_t g = 0; g < groups; ++g)
         desk.least[static_cast<std::size_t>(g)] =
@@ -1150,15 +1154,12 @@ void Cover::strip(Side& side) {
         while (ring + 1 < rings.size() && rings[ring + 1].lines.begin <= lines.end - 1) ++ring;
         const std::int64_t k = rings[ring].spokes, growth = k / side.spokes.of;
         Spokes after;
-        after.resize(k,
-                     {floor_to(floor_i(side.slope_lo * static_cast<double>(k)), knot),
-                      floor_to(floor_i(side.slope_hi * static_cast<double>(k)), knot) + knot},
-                     voids_);
+        after.resize(k, fan(side, k), voids_);
         const std::int64_t step = std::max(knot, run_spokes / growth);
         const Interval all = side.spokes.range;
         std::vector<Interval> runs;
         for (std::int64_t at = all.begin; at < all.end;) {
-            const std::int64_t end = std::min(all.end, floor_to(at, step) + step);
+            const std::int64_t end = std::min(all.end, floor_to(at + knot, step) + step);  // none of one group
             runs.push_back({at, end});
             at = end;
         }
