@@ -158,7 +158,8 @@ struct Desk {
     std::vector<float> raise_m, tangent;
     std::vector<std::uint8_t> bytes;  ///< of a run's posts, line after line
     std::vector<float> values;
-    std::vector<Interval> own;  ///< of each line
+    std::vector<std::pair<Interval, Skip>> parts;  ///< of a line
+    std::vector<Interval> own;                     ///< of each line
     std::vector<SpokeMap::LinePiece> pieces;
     std::array<std::uint64_t, state_count> states{};
     std::uint64_t posts_read = 0, bytes_read = 0, posts_passed = 0, runs = 0;
@@ -232,10 +233,11 @@ private:
     static void leave_out(bool columns, const Blocks& blocks, ChunkRequest& request);
     void look_at(const Chunk& chunk, Interval major, Interval minor, Blocks& blocks) const;
     void hide(const Side& side, Interval lines, std::int64_t major, bool all_posts, Desk& desk);
-    void test_groups(TestLanes& test, Interval posts, std::int64_t row, Desk& desk) const;
+    void part_line(Interval posts, std::int64_t row, Desk& desk) const;
     void pass_voids(Desk& desk, Interval window, bool behind);
-    void finish_line(const Side& side, const LineForm& line, Interval own, Interval posts, Interval window, Desk& desk,
+    void finish_line(const Side& side, const LineForm& line, Interval posts, Interval window, Desk& desk,
                      std::size_t out);
+    void test_part(const LineForm& line, const Spokes& s, Interval posts, Interval window, Desk& desk) const;
     void copy_out(const Side& side, Interval lines, Interval window, Desk& desk);
     std::int64_t real_column(std::int64_t c) const {
         if (!db_.cyclic) return c;
@@ -649,39 +651,19 @@ void Cover::hide(const Side& side, Interval lines, std::int64_t major, bool all_
     std::swap(desk.at, desk.kept_at);
 }
 
-/// Tests the groups of a line whose blocks are needed; what is hidden needs no test.
-void Cover::test_groups(TestLanes& test, Interval posts, std::int64_t row, Desk& desk) const {
+/// Parts of a line's posts, whole groups but for the ends, with why they need no test.
+void Cover::part_line(Interval posts, std::int64_t row, Desk& desk) const {
     const Blocks& blocks = desk.blocks;
-    if (blocks.empty()) return test_lanes(test, lift_);
-    const TestLanes all = test;
-    const std::size_t groups = test.groups;
-    // A group never leaves its block.
-    const auto skip = [&](std::size_t g) {
-        const std::int64_t block = block_along(all.first + static_cast<std::int64_t>(g) * knot);
-        return blocks.minors.contains(block) ? blocks.skip[blocks.at(row, block)] : Skip::none;
-    };
-    for (std::size_t g = 0; g < groups;) {
-        const Skip why = skip(g);
-        std::size_t end = g + 1;
-        while (end < groups && skip(end) == why) ++end;
-        const std::int64_t from = all.first + static_cast<std::int64_t>(g) * knot,
-                           to = all.first + static_cast<std::int64_t>(end) * knot;
-        if (why == Skip::none) {
-            test.groups = end - g;
-            test.first = from;
-            test.from = all.from + g;
-            test.at = all.at + g;
-            test.lift = all.lift + g;
-            test.drop = all.drop + g;
-            test.ray = all.ray + g;
-            test.rise = all.rise + g;
-            test_lanes(test, lift_);
-        } else {
-            std::fill(desk.state.begin() + (from - all.origin), desk.state.begin() + (to - all.origin),
-                      static_cast<std::uint8_t>(why == Skip::voids ? State::no_data : State::shadow));
-            desk.posts_passed += static_cast<std::uint64_t>(intersection(posts, {from, to}).size());
-        }
-        g = end;
+    desk.parts.clear();
+    if (blocks.empty()) return desk.parts.push_back({posts, Skip::none});
+    for (std::int64_t j = posts.begin; j < posts.end;) {
+        const std::int64_t block = block_along(j), end = std::min(posts.end, (block + 1) * block_posts);
+        const Skip why = blocks.minors.contains(block) ? blocks.skip[blocks.at(row, block)] : Skip::none;
+        if (!desk.parts.empty() && desk.parts.back().second == why)
+            desk.parts.back().first.end = end;
+        else
+            desk.parts.push_back({{j, end}, why});
+        j = end;
     }
 }
 
@@ -724,9 +706,37 @@ void Cover::pass_voids(Desk& desk, Interval window, bool behind) {
     }
 }
 
+/// Posts of a line, whose knots stand on the desk, test themselves.
+void Cover::test_part(const LineForm& line, const Spokes& s, Interval posts, Interval window, Desk& desk) const {
+    TestLanes test{};
+    test.groups = desk.from.size() - 1;
+    test.origin = window.begin - line_margin;
+    test.first = floor_to(posts.begin, knot);
+    test.from = desk.from.data();
+    test.at = desk.post_at.data();
+    test.lift = desk.post_lift.data();
+    test.drop = desk.post_drop.data();
+    test.ray = desk.post_ray.data();
+    test.rise = desk.post_rise.data();
+    test.nadir = line.nadir_minor;
+    test.distance = line.distance;
+    test.bow = bow_per_slope(line) / (static_cast<double>(s.of) * static_cast<double>(s.of));
+    test.posts = desk.line.data();
+    test.behind = desk.behind.data();
+    test.horizon = s.horizon.data();
+    test.first_spoke = s.range.begin;
+    test.spokes = static_cast<std::int32_t>(s.range.size());
+    test.nearest = line.distance <= 1;
+    test.target_m = static_cast<float>(params_.target_m);
+    test.state = desk.state.data();
+    test.raise_m = params_.layer == CoverageLayer::height || voids_ ? desk.raise_m.data() : nullptr;
+    test.tangent = voids_ ? desk.tangent.data() : nullptr;
+    test_lanes(test, lift_);
+}
+
 /// The run's posts of a line, from their state to what the layer holds.
-void Cover::finish_line(const Side& side, const LineForm& line, Interval own, Interval posts, Interval window,
-                        Desk& desk, std::size_t out) {
+void Cover::finish_line(const Side& side, const LineForm& line, Interval posts, Interval window, Desk& desk,
+                        std::size_t out) {
     const std::int64_t first = floor_to(posts.begin, knot);
     std::uint8_t* state = desk.state.data() + line_margin - window.begin;
     const float* height = desk.line.data() + line_margin - window.begin;
@@ -737,7 +747,6 @@ void Cover::finish_line(const Side& side, const LineForm& line, Interval own, In
     float* values = bytes_ ? nullptr : desk.values.data() + out;
     constexpr auto outside = static_cast<std::uint8_t>(State::outside), seen = static_cast<std::uint8_t>(State::seen),
                    no_data = static_cast<std::uint8_t>(State::no_data);
-    static_cast<void>(own);
     if (with_posts_ || voids_)
         for (std::int64_t j = posts.begin; j < posts.end; ++j) {
             const auto g = static_cast<std::size_t>((j - first) / knot);
@@ -815,15 +824,14 @@ void Cover::finish_line(const Side& side, const LineForm& line, Interval own, In
                 }
             values[j - posts.begin] = value;
         }
-    std::array<std::uint32_t, state_count> count{};
-    for (std::int64_t j = posts.begin; j < posts.end; ++j) ++count[state[j]];
-    for (std::size_t i = 0; i < count.size(); ++i) desk.states[i] += count[i];
+    const std::uint8_t* from = state + posts.begin;
+    const auto n = static_cast<std::size_t>(posts.size());
+    count_states(from, n, desk.states);
     if (!bytes_) return;
-    if (params_.layer == CoverageLayer::states) {
-        std::copy(state + posts.begin, state + posts.end, bytes);
-        return;
-    }
-    for (std::int64_t j = posts.begin; j < posts.end; ++j) bytes[j - posts.begin] = byte_of(state[j]);
+    if (params_.layer == CoverageLayer::states)
+        std::copy(from, from + n, bytes);
+    else
+        paint_mask(from, n, {byte_of(0), byte_of(1), byte_of(2), byte_of(3), byte_of(4)}, bytes);
 }
 
 /// From the desk into the tiles. Runs own different posts, so nobody waits.
@@ -1000,32 +1008,23 @@ void Cover::sweep(const Side& side, Interval lines, const std::vector<Interval>&
                              last ? all.end : std::clamp(edge(core.end), all.begin, all.end)};
         if (!posts.empty()) {
             desk.own[l] = posts;
-            place_posts(side, here, s.of, all, posts, desk);
-            TestLanes test{};
-            test.groups = desk.from.size() - 1;
-            test.origin = window.begin - line_margin;
-            test.first = floor_to(posts.begin, knot);
-            test.from = desk.from.data();
-            test.at = desk.post_at.data();
-            test.lift = desk.post_lift.data();
-            test.drop = desk.post_drop.data();
-            test.ray = desk.post_ray.data();
-            test.rise = desk.post_rise.data();
-            test.nadir = nadir;
-            test.distance = d;
-            test.bow = bow_per_slope(here) / (static_cast<double>(s.of) * static_cast<double>(s.of));
-            test.posts = desk.line.data();
-            test.behind = desk.behind.data();
-            test.horizon = s.horizon.data();
-            test.first_spoke = s.range.begin;
-            test.spokes = static_cast<std::int32_t>(s.range.size());
-            test.nearest = d <= 1;
-            test.target_m = static_cast<float>(params_.target_m);
-            test.state = desk.state.data();
-            test.raise_m = params_.layer == CoverageLayer::height || voids_ ? desk.raise_m.data() : nullptr;
-            test.tangent = voids_ ? desk.tangent.data() : nullptr;
-            test_groups(test, posts, row, desk);
-            finish_line(side, here, all, posts, window, desk, l * width);
+            part_line(posts, row, desk);
+            for (const auto& [part, why] : desk.parts) {
+                const std::size_t out = l * width + static_cast<std::size_t>(part.begin - posts.begin);
+                if (why != Skip::none) {
+                    desk.posts_passed += static_cast<std::uint64_t>(part.size());
+                    const auto state = static_cast<std::uint8_t>(why == Skip::voids ? State::no_data : State::shadow);
+                    if (!with_posts_) {
+                        desk.states[state] += static_cast<std::uint64_t>(part.size());
+                        std::fill_n(desk.bytes.begin() + static_cast<std::ptrdiff_t>(out), part.size(), byte_of(state));
+                        continue;
+                    }
+                    std::fill_n(desk.state.begin() + (part.begin - window.begin + line_margin), part.size(), state);
+                }
+                place_posts(side, here, s.of, all, part, desk);
+                if (why == Skip::none) test_part(here, s, part, window, desk);
+                finish_line(side, here, part, window, desk, out);
+            }
         }
         if (width > 0) {
             // Groups that touch the window; the others meet no ground.

@@ -254,6 +254,37 @@ void test_lanes(const TestLanes& lanes, const Lift& lift) noexcept {
 }
 
 WEDGESCOPE_LANES
+void count_states(const std::uint8_t* states, std::size_t n,
+                  std::array<std::uint64_t, coverage_states>& count) noexcept {
+    std::uint32_t ones = 0, twos = 0, threes = 0, fours = 0;  // n is of a line
+    for (std::size_t i = 0; i < n; ++i) {
+        ones += states[i] == 1;
+        twos += states[i] == 2;
+        threes += states[i] == 3;
+        fours += states[i] == 4;
+    }
+    count[0] += n - ones - twos - threes - fours;
+    count[1] += ones;
+    count[2] += twos;
+    count[3] += threes;
+    count[4] += fours;
+}
+
+WEDGESCOPE_LANES
+void paint_mask(const std::uint8_t* states, std::size_t n, const std::array<std::uint8_t, coverage_states>& value,
+                std::uint8_t* bytes) noexcept {
+    const std::uint8_t* __restrict from = states;
+    std::uint8_t* __restrict to = bytes;
+    const std::uint8_t v0 = value[0], v1 = value[1], v2 = value[2], v3 = value[3], v4 = value[4];
+    WEDGESCOPE_INDEPENDENT
+    for (std::size_t i = 0; i < n; ++i) {
+        const std::uint8_t s = from[i];
+        const std::uint8_t high = s == 3 ? v3 : v4, middle = s == 2 ? v2 : high, low = s == 1 ? v1 : middle;
+        to[i] = s == 0 ? v0 : low;
+    }
+}
+
+WEDGESCOPE_LANES
 bool add_extremes(PostLine posts, std::size_t stride, std::size_t lines, std::size_t width, float& lowest,
                   float& highest) noexcept {
     float low[knot_step], high[knot_step];
