@@ -217,15 +217,20 @@ void post_knots(const LineForm& line, const PieceForm& piece, std::int64_t spoke
     const double* __restrict place = minor;
     const std::array<double, 5> derivative = {piece.bend[1] * piece.scale, 2 * piece.bend[2] * piece.scale,
                                               3 * piece.bend[3] * piece.scale, 4 * piece.bend[4] * piece.scale, 0};
+    const double middle = piece.middle, scale = piece.scale, distance = line.distance;
+    const std::array<double, 5> bend = piece.bend, stretch = piece.stretch;
+    const LineForm form = line;
+    const auto better = [=](double m, double t) __attribute__((always_inline)) {
+        const double u = (m - middle) * scale;
+        return m - (m * distance + horner(bend, u) - t) / (distance + horner(derivative, u));
+    };
     WEDGESCOPE_INDEPENDENT
     for (std::size_t i = 0; i < n; ++i) {
-        const double t = place[i] - line.nadir_minor;
-        double m = t / line.distance;
-        for (int round = 0; round < 4; ++round) {  // Newton's; bend is small beside the way, so three would do
-            const double u = (m - piece.middle) * piece.scale;
-            m -= (m * line.distance + horner(piece.bend, u) - t) / (line.distance + horner(derivative, u));
-        }
-        const Polynomials p = factors(line, m, horner(piece.stretch, (m - piece.middle) * piece.scale));
+        const double t = place[i] - form.nadir_minor;
+        double m = t / distance;
+        // Newton's, by hand so that the loop stays one; bend is small beside the way, so three rounds would do.
+        m = better(better(better(better(m, t), t), t), t);
+        const Polynomials p = factors(form, m, horner(stretch, (m - middle) * scale));
         at[i] = m * static_cast<double>(spokes);
         slope[i] = m;
         along[i] = p.along;
