@@ -451,8 +451,11 @@ TEST_CASE("ground behind a wall is never read, and nothing but voids neither", "
 
 TEST_CASE("no post behind a wall all round is seen, on the diagonals neither", "[coverage][cull]") {
     // Lines of tiles begin at 256, 512, 768; on them the spokes beyond the diagonal are as good as the others.
-    for (const auto& [column, row, earth_k] :
-         {std::tuple{449.5, 449.5, 1.0}, {433.25, 470.25, 4.0 / 3}, {490.5, 500.5, 2}, {437.5, 417.5, 2}, {533.5, 537.5, 2}}) {
+    for (const auto& [column, row, earth_k] : {std::tuple{449.5, 449.5, 1.0},
+                                               {433.25, 470.25, 4.0 / 3},
+                                               {490.5, 500.5, 2},
+                                               {437.5, 417.5, 2},
+                                               {533.5, 537.5, 2}}) {
         MemorySource source(1000, 1000, post_m, [c0 = column, r0 = row](double c, double r) {
             const double d = std::hypot(c - c0, r - r0);
             return d > 40 && d < 44 ? 400 : 3 * std::sin(c) * std::sin(1.7 * r);
