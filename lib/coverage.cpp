@@ -111,20 +111,58 @@ struct Tile {
 };
 using TileKey = std::pair<std::int64_t, std::int64_t>;  ///< row, column
 
+std::int64_t block_along(std::int64_t post) { return floor_to(post, block_posts) / block_posts; }
+
+/// What is known of the posts of a run's window, by block: rows of blocks along the lines.
+struct Blocks {
+    Interval majors, minors;
+    std::vector<BlockBounds> bounds;  ///< empty: nothing is known, all is swept
+    std::vector<Skip> skip;           ///< none: something of it may be seen; range: no spoke comes by
+    double relief_m = 0, most_m = 0;  ///< from the lowest to the highest surface; and farthest from sea level
+    bool empty() const { return bounds.empty(); }
+    /// What follows from the bounds alone.
+    void measure() {
+        skip.assign(bounds.size(), Skip::none);
+        double lowest = std::numeric_limits<double>::infinity(), highest = -lowest;
+        for (const BlockBounds& b : bounds)
+            if (b.voids != Voids::all) {
+                lowest = std::min(lowest, static_cast<double>(b.lowest_m));
+                highest = std::max(highest, static_cast<double>(b.highest_m) + static_cast<double>(b.culture_m));
+            }
+        relief_m = lowest <= highest ? highest - lowest : 0;
+        most_m = lowest <= highest ? std::max(std::abs(lowest), std::abs(highest)) : 0;
+    }
+    /// Is nothing of these posts of a row of blocks needed?
+    bool none_needed(std::int64_t major, Interval posts) const {
+        const Interval part = intersection({block_along(posts.begin), block_along(posts.end - 1) + 1}, minors);
+        for (std::int64_t j = part.begin; j < part.end; ++j)
+            if (skip[at(major, j)] == Skip::none) return false;
+        return true;
+    }
+    std::size_t at(std::int64_t major, std::int64_t minor) const {
+        return static_cast<std::size_t>((major - majors.begin) * minors.size() + minor - minors.begin);
+    }
+};
+
 /// What a thread works in.
 struct Desk {
+    Blocks blocks;
+    std::vector<float> least;  ///< of the horizons of each group of spokes
     Spokes spokes, scratch;
     std::vector<float> line, behind;
     std::vector<double> at, at_behind, from, post_at, post_slope, post_along;
+    std::vector<double> far_at, kept_at;
+    std::vector<float> far_lift;
     std::vector<float> lift, drop, post_lift, post_drop, post_ray, post_rise;
     std::vector<std::uint8_t> state;
     std::vector<float> raise_m, tangent;
     std::vector<std::uint8_t> bytes;  ///< of a run's posts, line after line
     std::vector<float> values;
-    std::vector<Interval> own;  ///< of each line
+    std::vector<std::pair<Interval, Skip>> parts;  ///< of a line
+    std::vector<Interval> own;                     ///< of each line
     std::vector<SpokeMap::LinePiece> pieces;
     std::array<std::uint64_t, state_count> states{};
-    std::uint64_t posts_read = 0, bytes_read = 0, runs = 0;
+    std::uint64_t posts_read = 0, bytes_read = 0, posts_passed = 0, runs = 0;
 };
 
 class Cover {
@@ -142,6 +180,7 @@ public:
             least_tangent_ = rounded(std::tan(params.elevation->first.rad()), 40);
             most_tangent_ = rounded(std::tan(params.elevation->second.rad()), 40);
         }
+        hides_ = params.cull && bytes_ && !params.elevation && !(scene.scene.range_start_m > 0);
         for (Quadrant q : all_quadrants) set_up(q);
         own_east_west();
     }
@@ -179,15 +218,26 @@ private:
     void own_east_west();
     Interval tile_lines(const Side& side, std::int64_t step, Interval& indices) const;
     LineForm form(const Side& side, double distance) const;
+    /// Spokes that are carried: one beyond the outermost at least, for what rounding puts outside of it.
+    static Interval fan(const Side& side, std::int64_t k) {
+        return {floor_to(floor_i(side.slope_lo * static_cast<double>(k)) - 1, knot),
+                floor_to(floor_i(side.slope_hi * static_cast<double>(k)) + 1, knot) + knot};
+    }
     void strip(Side& side);
     void sweep(const Side& side, Interval lines, const std::vector<Interval>& own, Interval spokes, bool first,
                bool last, Spokes& after);
     void place_knots(const Side& side, const LineForm& line, std::int64_t k, Interval spokes, Desk& desk);
     void place_posts(const Side& side, const LineForm& line, std::int64_t k, Interval own, Interval posts, Desk& desk);
     double spoke_at(const Side& side, const LineForm& line, std::int64_t k, double minor) const;
+    void ask_map(const Side& side, Interval major, Interval minor, Blocks& blocks);
+    static void leave_out(bool columns, const Blocks& blocks, ChunkRequest& request);
+    void look_at(const Chunk& chunk, Interval major, Interval minor, Blocks& blocks) const;
+    void hide(const Side& side, Interval lines, std::int64_t major, bool all_posts, Desk& desk);
+    void part_line(Interval posts, std::int64_t row, Desk& desk) const;
     void pass_voids(Desk& desk, Interval window, bool behind);
-    void finish_line(const Side& side, const LineForm& line, Interval own, Interval posts, Interval window, Desk& desk,
+    void finish_line(const Side& side, const LineForm& line, Interval posts, Interval window, Desk& desk,
                      std::size_t out);
+    void test_part(const LineForm& line, const Spokes& s, Interval posts, Interval window, Desk& desk) const;
     void copy_out(const Side& side, Interval lines, Interval window, Desk& desk);
     std::int64_t real_column(std::int64_t c) const {
         if (!db_.cyclic) return c;
@@ -228,6 +278,7 @@ private:
     bool bytes_, voids_;
     bool with_range_ = false;  ///< a slant range is asked for
     bool with_posts_ = false;  ///< the single post must be looked at
+    bool hides_ = false;       ///< a post below every horizon can be judged without its height
     double least_tangent_ = 0, most_tangent_ = 0;
     Lift lift_;
     std::array<Side, 4> sides_;
@@ -291,10 +342,7 @@ void Cover::set_up(Quadrant q) {
         }
     }
     const std::int64_t k = grid_.rings(q).front().spokes;
-    side.spokes.resize(k,
-                       {floor_to(floor_i(side.slope_lo * static_cast<double>(k)), knot),
-                        floor_to(floor_i(side.slope_hi * static_cast<double>(k)), knot) + knot},
-                       voids_);
+    side.spokes.resize(k, fan(side, k), voids_);
     // Strips, in the order outward. The quadrants north and south have the rows without lines too.
     const auto tile_of = [](std::int64_t index) { return floor_to(index, tile_edge) / tile_edge; };
     const double major = map_.nadir_major(q);
@@ -471,6 +519,154 @@ double Cover::spoke_at(const Side& side, const LineForm& line, std::int64_t k, d
     return at;
 }
 
+/// Bounds of the blocks under a window, from the source's map; none across the seam of a cyclic raster, where blocks do
+/// not meet.
+void Cover::ask_map(const Side& side, Interval major, Interval minor, Blocks& blocks) {
+    blocks.bounds.clear();
+    BlockMap* map = params_.cull ? source_.block_map() : nullptr;
+    const bool columns = lines_are_columns(side.quadrant);
+    const Window window = columns ? Window{major, minor} : Window{minor, major};
+    if (!map || window.columns.begin < 0 || window.columns.end > db_.columns) return;
+    const BlockWindow known = map->read(0, blocks_of(window));
+    blocks.majors = columns ? known.blocks.columns : known.blocks.rows;
+    blocks.minors = columns ? known.blocks.rows : known.blocks.columns;
+    for (std::int64_t i = blocks.majors.begin; i < blocks.majors.end; ++i)
+        for (std::int64_t j = blocks.minors.begin; j < blocks.minors.end; ++j)
+            blocks.bounds.push_back(columns ? known.at(i, j) : known.at(j, i));
+}
+
+/// What of a request need not be read.
+void Cover::leave_out(bool columns, const Blocks& blocks, ChunkRequest& request) {
+    request.blocks = columns ? Window{blocks.majors, blocks.minors} : Window{blocks.minors, blocks.majors};
+    for (std::int64_t r = request.blocks.rows.begin; r < request.blocks.rows.end; ++r)
+        for (std::int64_t c = request.blocks.columns.begin; c < request.blocks.columns.end; ++c) {
+            const std::size_t at = columns ? blocks.at(c, r) : blocks.at(r, c);
+            request.skip.push_back(blocks.skip[at]);
+            request.fill_m.push_back(blocks.bounds[at].voids == Voids::all ? nan_f : blocks.bounds[at].lowest_m);
+        }
+}
+
+/// The same, of posts that were read.
+void Cover::look_at(const Chunk& chunk, Interval major, Interval minor, Blocks& blocks) const {
+    blocks.bounds.clear();
+    if (!hides_ || chunk.flat) return;
+    blocks.majors = {block_along(major.begin), block_along(major.end - 1) + 1};
+    blocks.minors = {block_along(minor.begin), block_along(minor.end - 1) + 1};
+    for (std::int64_t i = blocks.majors.begin; i < blocks.majors.end; ++i)
+        for (std::int64_t j = blocks.minors.begin; j < blocks.minors.end; ++j) {
+            const Interval lines = intersection(major, {i * block_posts, (i + 1) * block_posts + 1}),
+                           posts = intersection(minor, {j * block_posts, (j + 1) * block_posts + 1});
+            BlockBounds b;
+            const bool voids = add_extremes(
+                chunk.surface_m.data() + (lines.begin - major.begin) * minor.size() + posts.begin - minor.begin,
+                static_cast<std::size_t>(minor.size()), static_cast<std::size_t>(lines.size()),
+                static_cast<std::size_t>(posts.size()), b.lowest_m, b.highest_m);
+            b.voids = b.lowest_m > b.highest_m ? Voids::all : voids ? Voids::some : Voids::none;
+            blocks.bounds.push_back(b);
+        }
+}
+
+/// Judges the blocks of one row, of which `lines` are to come, by the horizons that the desk's spokes have now: these
+/// only rise, and a spoke between two never gets less than the lower of them. A block is hidden if its highest ground,
+/// with a target on it, stays below the spokes that come by, and those beside them: then no sample of it raises a
+/// horizon, and no post of it is seen. Heights from the lowest to the highest give the same answers then, so what is
+/// not read may have any of them.
+void Cover::hide(const Side& side, Interval lines, std::int64_t major, bool all_posts, Desk& desk) {
+    Blocks& blocks = desk.blocks;
+    const Spokes& s = desk.spokes;
+    const Quadrant q = side.quadrant;
+    for (std::int64_t j = blocks.minors.begin; j < blocks.minors.end; ++j)
+        blocks.skip[blocks.at(major, j)] = blocks.bounds[blocks.at(major, j)].voids == Voids::all ? Skip::voids
+                                           : all_posts                                            ? Skip::none
+                                                                                                  : Skip::range;
+    const auto expose = [&](std::int64_t j) {
+        Skip& skip = blocks.skip[blocks.at(major, j)];
+        if (skip != Skip::voids) skip = Skip::none;
+    };
+    // A line more on either side, for the cells that reach into the row.
+    if (lines.begin < 1 || grid_.distance(q, lines.begin) < 3) {
+        for (std::int64_t j = blocks.minors.begin; j < blocks.minors.end; ++j) expose(j);
+        return;
+    }
+    const LineForm near = form(side, grid_.distance(q, lines.begin) - 1),
+                   far = form(side, grid_.distance(q, lines.end - 1) + 1);
+    std::swap(desk.at, desk.kept_at);
+    place_knots(side, far, s.of, s.range, desk);
+    std::swap(desk.at, desk.far_at);
+    std::swap(desk.lift, desk.far_lift);
+    place_knots(side, near, s.of, s.range, desk);
+    // Spokes beyond the fan are nobody's.
+    const std::int64_t growth = s.of / side.spokes.of, groups = s.range.size() / knot;
+    const Interval carried{side.spokes.range.begin * growth, side.spokes.range.end * growth};
+    const auto in_fan = [&](std::int64_t g) {
+        return g >= 0 && g < groups && carried.contains(s.range.begin + g * knot);
+    };
+    desk.least.resize(static_cast<std::size_t>(groups));
+    for (std::int64_t g = 0; g < groups; ++g)
+        desk.least[static_cast<std::size_t>(g)] =
+            *std::min_element(s.horizon.begin() + g * knot, s.horizon.begin() + (g + 1) * knot);
+    // Far above what float's rounding, and straight lines between knots, make of a tangent.
+    constexpr double slack = 0x1p-14;
+    const double spokes = static_cast<double>(s.of),
+                 bow = std::abs(bow_per_slope(near)) * (0.25 * knot * knot) / (spokes * spokes);
+    const double raised_m = params_.target_m + blocks.relief_m * 8 * static_cast<double>(place_slack);
+    for (std::int64_t g = 0; g < groups; ++g) {
+        if (!in_fan(g)) continue;
+        float least = desk.least[static_cast<std::size_t>(g)];
+        for (const std::int64_t beside : {g - 1, g + 1})
+            if (in_fan(beside)) least = std::min(least, desk.least[static_cast<std::size_t>(beside)]);
+        const auto i = static_cast<std::size_t>(g);
+        const Interval touched =
+            intersection({block_along(floor_i(std::min(desk.at[i], desk.far_at[i])) - 3),
+                          block_along(ceil_i(std::max(desk.at[i + 1], desk.far_at[i + 1])) + 3) + 1},
+                         blocks.minors);
+        const double steep = static_cast<double>(std::max(desk.lift[i], desk.lift[i + 1])),
+                     gentle = static_cast<double>(std::min(desk.far_lift[i], desk.far_lift[i + 1])),
+                     drop = static_cast<double>(std::min(desk.drop[i], desk.drop[i + 1])) - bow;
+        bool judged = hides_ && has(least);
+        if (judged && with_range_) {
+            // All that a block holds must be in range, whatever its height.
+            const auto metres = [&](std::int64_t k) {
+                const double m = static_cast<double>(k) / spokes;
+                return std::sqrt(side.square[0] + m * (side.square[1] + m * side.square[2]));
+            };
+            const std::int64_t k = s.range.begin + g * knot;
+            const double arc = 1.03 * std::max(metres(k), metres(k + knot)) / gentle;
+            judged = arc * (1 + arc * scene_.earth.inverse_radius()) + 2 * std::abs(scene_.sensor_m) +
+                         2 * blocks.most_m + params_.target_m <
+                     *scene_.scene.range_m;
+        }
+        for (std::int64_t j = touched.begin; j < touched.end; ++j) {
+            Skip& skip = blocks.skip[blocks.at(major, j)];
+            if (skip == Skip::none || skip == Skip::voids) continue;
+            const BlockBounds& b = blocks.bounds[blocks.at(major, j)];
+            const double top_m = static_cast<double>(b.highest_m) + static_cast<double>(b.culture_m) + raised_m,
+                         w = (top_m - static_cast<double>(lift_.sensor_m)) /
+                             (1 + top_m * static_cast<double>(lift_.inverse_radius)),
+                         highest = w * (w > 0 ? steep : gentle) - drop + slack * (std::abs(w) * steep + drop);
+            const bool below = judged && b.voids == Voids::none && highest < static_cast<double>(least);
+            skip = below ? Skip::hidden : Skip::none;
+        }
+    }
+    std::swap(desk.at, desk.kept_at);
+}
+
+/// Parts of a line's posts, whole groups but for the ends, with why they need no test.
+void Cover::part_line(Interval posts, std::int64_t row, Desk& desk) const {
+    const Blocks& blocks = desk.blocks;
+    desk.parts.clear();
+    if (blocks.empty()) return desk.parts.push_back({posts, Skip::none});
+    for (std::int64_t j = posts.begin; j < posts.end;) {
+        const std::int64_t block = block_along(j), end = std::min(posts.end, (block + 1) * block_posts);
+        const Skip why = blocks.minors.contains(block) ? blocks.skip[blocks.at(row, block)] : Skip::none;
+        if (!desk.parts.empty() && desk.parts.back().second == why)
+            desk.parts.back().first.end = end;
+        else
+            desk.parts.push_back({{j, end}, why});
+        j = end;
+    }
+}
+
 /// Carries the void state of every spoke over a line, by the positions on it and on the line behind.
 void Cover::pass_voids(Desk& desk, Interval window, bool behind) {
     Spokes& s = desk.spokes;
@@ -510,9 +706,37 @@ void Cover::pass_voids(Desk& desk, Interval window, bool behind) {
     }
 }
 
+/// Posts of a line, whose knots stand on the desk, test themselves.
+void Cover::test_part(const LineForm& line, const Spokes& s, Interval posts, Interval window, Desk& desk) const {
+    TestLanes test{};
+    test.groups = desk.from.size() - 1;
+    test.origin = window.begin - line_margin;
+    test.first = floor_to(posts.begin, knot);
+    test.from = desk.from.data();
+    test.at = desk.post_at.data();
+    test.lift = desk.post_lift.data();
+    test.drop = desk.post_drop.data();
+    test.ray = desk.post_ray.data();
+    test.rise = desk.post_rise.data();
+    test.nadir = line.nadir_minor;
+    test.distance = line.distance;
+    test.bow = bow_per_slope(line) / (static_cast<double>(s.of) * static_cast<double>(s.of));
+    test.posts = desk.line.data();
+    test.behind = desk.behind.data();
+    test.horizon = s.horizon.data();
+    test.first_spoke = s.range.begin;
+    test.spokes = static_cast<std::int32_t>(s.range.size());
+    test.nearest = line.distance <= 1;
+    test.target_m = static_cast<float>(params_.target_m);
+    test.state = desk.state.data();
+    test.raise_m = params_.layer == CoverageLayer::height || voids_ ? desk.raise_m.data() : nullptr;
+    test.tangent = voids_ ? desk.tangent.data() : nullptr;
+    test_lanes(test, lift_);
+}
+
 /// The run's posts of a line, from their state to what the layer holds.
-void Cover::finish_line(const Side& side, const LineForm& line, Interval own, Interval posts, Interval window,
-                        Desk& desk, std::size_t out) {
+void Cover::finish_line(const Side& side, const LineForm& line, Interval posts, Interval window, Desk& desk,
+                        std::size_t out) {
     const std::int64_t first = floor_to(posts.begin, knot);
     std::uint8_t* state = desk.state.data() + line_margin - window.begin;
     const float* height = desk.line.data() + line_margin - window.begin;
@@ -523,7 +747,6 @@ void Cover::finish_line(const Side& side, const LineForm& line, Interval own, In
     float* values = bytes_ ? nullptr : desk.values.data() + out;
     constexpr auto outside = static_cast<std::uint8_t>(State::outside), seen = static_cast<std::uint8_t>(State::seen),
                    no_data = static_cast<std::uint8_t>(State::no_data);
-    static_cast<void>(own);
     if (with_posts_ || voids_)
         for (std::int64_t j = posts.begin; j < posts.end; ++j) {
             const auto g = static_cast<std::size_t>((j - first) / knot);
@@ -601,15 +824,14 @@ void Cover::finish_line(const Side& side, const LineForm& line, Interval own, In
                 }
             values[j - posts.begin] = value;
         }
-    std::array<std::uint32_t, state_count> count{};
-    for (std::int64_t j = posts.begin; j < posts.end; ++j) ++count[state[j]];
-    for (std::size_t i = 0; i < count.size(); ++i) desk.states[i] += count[i];
+    const std::uint8_t* from = state + posts.begin;
+    const auto n = static_cast<std::size_t>(posts.size());
+    count_states(from, n, desk.states);
     if (!bytes_) return;
-    if (params_.layer == CoverageLayer::states) {
-        std::copy(state + posts.begin, state + posts.end, bytes);
-        return;
-    }
-    for (std::int64_t j = posts.begin; j < posts.end; ++j) bytes[j - posts.begin] = byte_of(state[j]);
+    if (params_.layer == CoverageLayer::states)
+        std::copy(from, from + n, bytes);
+    else
+        paint_mask(from, n, {byte_of(0), byte_of(1), byte_of(2), byte_of(3), byte_of(4)}, bytes);
 }
 
 /// From the desk into the tiles. Runs own different posts, so nobody waits.
@@ -697,11 +919,35 @@ void Cover::sweep(const Side& side, Interval lines, const std::vector<Interval>&
     const bool has_before = (db_.cyclic && columns) || (before >= 0 && before < (columns ? db_.columns : db_.rows));
     const std::int64_t a = has_before ? before : before + outward(q), b = grid_.line_index(q, lines.end - 1);
     const Interval major{std::min(a, b), std::max(a, b) + 1};
+    // Of a row of blocks the lines that are swept here; where it is only the line behind, that one.
+    const auto row_lines = [&](std::int64_t row) {
+        const Interval part = intersection({row * block_posts, (row + 1) * block_posts}, major);
+        const std::int64_t zero = grid_.line_index(q, 0);
+        return outward(q) > 0 ? Interval{part.begin - zero, part.end - zero}
+                              : Interval{zero - part.end + 1, zero - part.begin + 1};
+    };
+    Blocks& blocks = desk.blocks;
+    blocks.bounds.clear();
     Chunk chunk;
     if (!window.empty()) {
-        chunk = source_.load(columns ? Window{major, window} : Window{window, major}, columns);
+        ChunkRequest request;
+        request.window = columns ? Window{major, window} : Window{window, major};
+        request.lines_are_columns = columns;
+        ask_map(side, major, window, blocks);
+        const bool mapped = !blocks.empty();
+        if (mapped) {
+            blocks.measure();
+            for (std::int64_t i = blocks.majors.begin; i < blocks.majors.end; ++i)
+                hide(side, row_lines(i), i, first && last, desk);
+            leave_out(columns, blocks, request);
+        }
+        chunk = source_.load(request);
         desk.posts_read += chunk.posts_read;
         desk.bytes_read += chunk.bytes_read;
+        if (!mapped) {
+            look_at(chunk, major, window, blocks);
+            blocks.measure();
+        }
     }
     const auto width = static_cast<std::size_t>(window.size());
     for (auto* v : {&desk.line, &desk.behind, &desk.raise_m, &desk.tangent})
@@ -713,7 +959,8 @@ void Cover::sweep(const Side& side, Interval lines, const std::vector<Interval>&
         desk.values.resize(width * static_cast<std::size_t>(lines.size()));
     const auto take_line = [&](std::int64_t index, std::vector<float>& to) {
         if (width == 0) return;
-        const float* from = chunk.surface_m.data() + static_cast<std::size_t>(index - major.begin) * width;
+        const std::int64_t at = chunk.flat ? 0 : index - major.begin;
+        const float* from = chunk.surface_m.data() + static_cast<std::size_t>(at) * width;
         std::copy(from, from + width, to.begin() + line_margin);
     };
     if (has_before) take_line(before, desk.line);
@@ -723,10 +970,23 @@ void Cover::sweep(const Side& side, Interval lines, const std::vector<Interval>&
     std::size_t ring = 0;
     while (ring + 1 < rings.size() && rings[ring + 1].lines.begin <= lines.begin) ++ring;
     const double nadir = map_.nadir_minor(q);
+    std::int64_t row = block_along(grid_.line_index(q, lines.begin)) - outward(q);  // of blocks
+    bool row_has_voids = true;
     for (std::int64_t line = lines.begin; line < lines.end; ++line) {
         std::swap(desk.line, desk.behind);
         take_line(grid_.line_index(q, line), desk.line);
         while (ring + 1 < rings.size() && rings[ring + 1].lines.begin <= line) ++ring;
+        const bool next_row = block_along(grid_.line_index(q, line)) != row;
+        if (next_row) {
+            row = block_along(grid_.line_index(q, line));
+            if (!blocks.empty()) {
+                hide(side, intersection(row_lines(row), lines), row, first && last, desk);
+                const auto from =
+                    blocks.bounds.begin() + static_cast<std::ptrdiff_t>(blocks.at(row, blocks.minors.begin));
+                row_has_voids = std::any_of(from, from + static_cast<std::ptrdiff_t>(blocks.minors.size()),
+                                            [](const BlockBounds& bounds) { return bounds.voids != Voids::none; });
+            }
+        }
         bool doubled = line == lines.begin;
         while (s.of < rings[ring].spokes) {
             double_spokes(s, desk.scratch);
@@ -748,53 +1008,57 @@ void Cover::sweep(const Side& side, Interval lines, const std::vector<Interval>&
                              last ? all.end : std::clamp(edge(core.end), all.begin, all.end)};
         if (!posts.empty()) {
             desk.own[l] = posts;
-            place_posts(side, here, s.of, all, posts, desk);
-            TestLanes test{};
-            test.groups = desk.from.size() - 1;
-            test.origin = window.begin - line_margin;
-            test.first = floor_to(posts.begin, knot);
-            test.from = desk.from.data();
-            test.at = desk.post_at.data();
-            test.lift = desk.post_lift.data();
-            test.drop = desk.post_drop.data();
-            test.ray = desk.post_ray.data();
-            test.rise = desk.post_rise.data();
-            test.nadir = nadir;
-            test.distance = d;
-            test.bow = bow_per_slope(here) / (static_cast<double>(s.of) * static_cast<double>(s.of));
-            test.posts = desk.line.data();
-            test.behind = desk.behind.data();
-            test.horizon = s.horizon.data();
-            test.first_spoke = s.range.begin;
-            test.spokes = static_cast<std::int32_t>(s.range.size());
-            test.nearest = d <= 1;
-            test.target_m = static_cast<float>(params_.target_m);
-            test.state = desk.state.data();
-            test.raise_m = params_.layer == CoverageLayer::height || voids_ ? desk.raise_m.data() : nullptr;
-            test.tangent = voids_ ? desk.tangent.data() : nullptr;
-            test_lanes(test, lift_);
-            finish_line(side, here, all, posts, window, desk, l * width);
+            part_line(posts, row, desk);
+            for (const auto& [part, why] : desk.parts) {
+                const std::size_t out = l * width + static_cast<std::size_t>(part.begin - posts.begin);
+                if (why != Skip::none) {
+                    desk.posts_passed += static_cast<std::uint64_t>(part.size());
+                    const auto state = static_cast<std::uint8_t>(why == Skip::voids ? State::no_data : State::shadow);
+                    if (!with_posts_) {
+                        desk.states[state] += static_cast<std::uint64_t>(part.size());
+                        std::fill_n(desk.bytes.begin() + static_cast<std::ptrdiff_t>(out), part.size(), byte_of(state));
+                        continue;
+                    }
+                    std::fill_n(desk.state.begin() + (part.begin - window.begin + line_margin), part.size(), state);
+                }
+                place_posts(side, here, s.of, all, part, desk);
+                if (why == Skip::none) test_part(here, s, part, window, desk);
+                finish_line(side, here, part, window, desk, out);
+            }
         }
         if (width > 0) {
             // Groups that touch the window; the others meet no ground.
             std::size_t g0 = 0, g1 = desk.at.size() - 1;
             while (g0 < g1 && desk.at[g0 + 1] <= static_cast<double>(window.begin - 1)) ++g0;
             while (g1 > g0 && desk.at[g1 - 1] >= static_cast<double>(window.end)) --g1;
-            if (voids_) pass_voids(desk, window, line > 0);
+            if (voids_ && (row_has_voids || next_row)) pass_voids(desk, window, line > 0);
             RaiseLanes raise{};
-            raise.groups = g1 - g0;
             raise.origin = window.begin - line_margin;
-            raise.at = desk.at.data() + g0;
-            raise.at_behind = line > 0 ? desk.at_behind.data() + g0 : raise.at;
-            raise.lift = desk.lift.data() + g0;
-            raise.drop = desk.drop.data() + g0;
             raise.posts = desk.line.data();
             raise.behind = desk.behind.data();
             raise.distance = static_cast<float>(d);
             raise.bow =
                 static_cast<float>(bow_per_slope(here) / (static_cast<double>(s.of) * static_cast<double>(s.of)));
-            raise.horizon = s.horizon.data() + g0 * knot_step;
-            raise_lanes(raise, lift_, sampling_.cross_lines && line > 0);
+            const bool cross = sampling_.cross_lines && line > 0;
+            // Groups that may rise, run by run; on the first line of a row of blocks cells of the last one lie behind.
+            const auto rises = [&](std::size_t g) {
+                return blocks.empty() || (cross && next_row) ||
+                       !blocks.none_needed(row, {floor_i(desk.at[g]) - 2, ceil_i(desk.at[g + 1]) + 3});
+            };
+            for (std::size_t g = g0; g < g1;) {
+                while (g < g1 && !rises(g)) ++g;
+                std::size_t end = g;
+                while (end < g1 && rises(end)) ++end;
+                if (g == end) break;
+                raise.groups = end - g;
+                raise.at = desk.at.data() + g;
+                raise.at_behind = line > 0 ? desk.at_behind.data() + g : raise.at;
+                raise.lift = desk.lift.data() + g;
+                raise.drop = desk.drop.data() + g;
+                raise.horizon = s.horizon.data() + g * knot_step;
+                raise_lanes(raise, lift_, cross);
+                g = end;
+            }
         }
         // Where spokes leave the raster, the first one outside is a neighbour of the last posts inside: it follows.
         const auto follow = [&](std::int64_t outside, std::int64_t inside) {
@@ -889,15 +1153,12 @@ void Cover::strip(Side& side) {
         while (ring + 1 < rings.size() && rings[ring + 1].lines.begin <= lines.end - 1) ++ring;
         const std::int64_t k = rings[ring].spokes, growth = k / side.spokes.of;
         Spokes after;
-        after.resize(k,
-                     {floor_to(floor_i(side.slope_lo * static_cast<double>(k)), knot),
-                      floor_to(floor_i(side.slope_hi * static_cast<double>(k)), knot) + knot},
-                     voids_);
+        after.resize(k, fan(side, k), voids_);
         const std::int64_t step = std::max(knot, run_spokes / growth);
         const Interval all = side.spokes.range;
         std::vector<Interval> runs;
         for (std::int64_t at = all.begin; at < all.end;) {
-            const std::int64_t end = std::min(all.end, floor_to(at, step) + step);
+            const std::int64_t end = std::min(all.end, floor_to(at + knot, step) + step);  // none of one group
             runs.push_back({at, end});
             at = end;
         }
@@ -990,8 +1251,10 @@ CoverageReport Cover::run() {
         for (std::size_t i = 0; i < d.states.size(); ++i) report.states[i] += d.states[i];
         report.posts_read += d.posts_read;
         report.bytes_read += d.bytes_read;
+        report.posts_passed += d.posts_passed;
         report.runs += d.runs;
     }
+    report.skipped = source_.skipped();
     std::uint64_t inside = 0;
     for (std::uint64_t n : report.states) inside += n;
     report.states[static_cast<std::size_t>(State::outside)] +=

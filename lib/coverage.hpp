@@ -36,7 +36,8 @@ struct CoverageParams {
     double target_m = 0;  ///< raises the post tested, and no other
     /// Elevation angles at the sensor, positive up, that count; outside of them nothing is in view.
     std::optional<std::pair<Angle, Angle>> elevation;
-    int threads = 0;  ///< 0: all the machine has
+    bool cull = true;  ///< neither read nor sweep what is known to stay hidden; changes no bit
+    int threads = 0;   ///< 0: all the machine has
     std::size_t memory_bytes = std::size_t{1} << 30;
     Stop* stop = nullptr;
     std::function<void(double)> progress;  ///< called with 0..1 from one thread at a time
@@ -55,6 +56,8 @@ struct CoverageTile {
 struct CoverageReport {
     std::array<std::uint64_t, state_count> states{};  ///< posts of the raster by state
     std::uint64_t posts_read = 0, bytes_read = 0;     ///< with what neighbouring runs read twice
+    std::uint64_t posts_passed = 0;                   ///< neither swept nor tested: in blocks below every horizon
+    Skipped skipped{};                                ///< tiles that no run has read, by Skip
     std::uint64_t runs = 0;
     std::size_t peak_budget_bytes = 0;
     double wall_s = 0;

@@ -217,15 +217,20 @@ void post_knots(const LineForm& line, const PieceForm& piece, std::int64_t spoke
     const double* __restrict place = minor;
     const std::array<double, 5> derivative = {piece.bend[1] * piece.scale, 2 * piece.bend[2] * piece.scale,
                                               3 * piece.bend[3] * piece.scale, 4 * piece.bend[4] * piece.scale, 0};
+    const double middle = piece.middle, scale = piece.scale, distance = line.distance;
+    const std::array<double, 5> bend = piece.bend, stretch = piece.stretch;
+    const LineForm form = line;
+    const auto better = [=](double m, double t) __attribute__((always_inline)) {
+        const double u = (m - middle) * scale;
+        return m - (m * distance + horner(bend, u) - t) / (distance + horner(derivative, u));
+    };
     WEDGESCOPE_INDEPENDENT
     for (std::size_t i = 0; i < n; ++i) {
-        const double t = place[i] - line.nadir_minor;
-        double m = t / line.distance;
-        for (int round = 0; round < 4; ++round) {  // Newton's; bend is small beside the way, so three would do
-            const double u = (m - piece.middle) * piece.scale;
-            m -= (m * line.distance + horner(piece.bend, u) - t) / (line.distance + horner(derivative, u));
-        }
-        const Polynomials p = factors(line, m, horner(piece.stretch, (m - piece.middle) * piece.scale));
+        const double t = place[i] - form.nadir_minor;
+        double m = t / distance;
+        // Newton's, by hand so that the loop stays one; bend is small beside the way, so three rounds would do.
+        m = better(better(better(better(m, t), t), t), t);
+        const Polynomials p = factors(form, m, horner(stretch, (m - middle) * scale));
         at[i] = m * static_cast<double>(spokes);
         slope[i] = m;
         along[i] = p.along;
@@ -251,6 +256,63 @@ void test_lanes(const TestLanes& lanes, const Lift& lift) noexcept {
         wanted ? test<true, true>(lanes, lift) : test<true, false>(lanes, lift);
     else
         wanted ? test<false, true>(lanes, lift) : test<false, false>(lanes, lift);
+}
+
+WEDGESCOPE_LANES
+void count_states(const std::uint8_t* states, std::size_t n,
+                  std::array<std::uint64_t, coverage_states>& count) noexcept {
+    std::uint32_t ones = 0, twos = 0, threes = 0, fours = 0;  // n is of a line
+    for (std::size_t i = 0; i < n; ++i) {
+        ones += states[i] == 1;
+        twos += states[i] == 2;
+        threes += states[i] == 3;
+        fours += states[i] == 4;
+    }
+    count[0] += n - ones - twos - threes - fours;
+    count[1] += ones;
+    count[2] += twos;
+    count[3] += threes;
+    count[4] += fours;
+}
+
+WEDGESCOPE_LANES
+void paint_mask(const std::uint8_t* states, std::size_t n, const std::array<std::uint8_t, coverage_states>& value,
+                std::uint8_t* bytes) noexcept {
+    const std::uint8_t* __restrict from = states;
+    std::uint8_t* __restrict to = bytes;
+    const std::uint8_t v0 = value[0], v1 = value[1], v2 = value[2], v3 = value[3], v4 = value[4];
+    WEDGESCOPE_INDEPENDENT
+    for (std::size_t i = 0; i < n; ++i) {
+        const std::uint8_t s = from[i];
+        const std::uint8_t high = s == 3 ? v3 : v4, middle = s == 2 ? v2 : high, low = s == 1 ? v1 : middle;
+        to[i] = s == 0 ? v0 : low;
+    }
+}
+
+WEDGESCOPE_LANES
+bool add_extremes(PostLine posts, std::size_t stride, std::size_t lines, std::size_t width, float& lowest,
+                  float& highest) noexcept {
+    float low[knot_step], high[knot_step];
+    int voids[knot_step] = {};
+    for (std::size_t k = 0; k < knot_step; ++k) low[k] = lowest, high[k] = highest;
+    const auto add = [&](std::size_t k, float z) {
+        voids[k] |= z != z;
+        low[k] = z < low[k] ? z : low[k];
+        high[k] = z > high[k] ? z : high[k];
+    };
+    for (std::size_t l = 0; l < lines; ++l, posts += stride) {
+        std::size_t i = 0;
+        for (; i + knot_step <= width; i += knot_step)
+            for (std::size_t k = 0; k < knot_step; ++k) add(k, posts[i + k]);
+        for (; i < width; ++i) add(0, posts[i]);
+    }
+    int any = 0;
+    for (std::size_t k = 0; k < knot_step; ++k) {
+        any |= voids[k];
+        lowest = low[k] < lowest ? low[k] : lowest;
+        highest = high[k] > highest ? high[k] : highest;
+    }
+    return any != 0;
 }
 
 }  // namespace wedgescope

@@ -90,6 +90,11 @@ TEST_CASE("no command holds more than --memory and 64 MiB, on a raster ten times
           {"--echo", folder / "echo.tif", "--power", folder / "power.tif", "--states", folder / "states.tif", "--size",
            "2500", "--noise", "on", "--speckle", "3"});
     check(64, {"info", hills}, {});
+    for (const std::uint64_t memory : {64, 256})
+        check(memory,
+              {"coverage", hills, folder / "seen.tif", "--xy", "492000,4408000", "--altitude-agl", "900m",
+               "--overwrite", "-q", "--threads", "2"},
+              {});
 }
 
 TEST_CASE("the budget that a refusal names will do", "[memory]") {

@@ -56,6 +56,12 @@ std::string report_text(const Settings& settings, const CoverageReport& report, 
     for (std::size_t i = 0; i < report.states.size(); ++i) out["states"][state_names[i]] = report.states[i];
     out["posts_read"] = report.posts_read;
     out["bytes_read"] = report.bytes_read;
+    out["posts_passed"] = report.posts_passed;
+    out["skipped"] = json::object();
+    for (std::size_t cause = 1; cause < skip_count; ++cause) {
+        const SkipCount& count = report.skipped[cause];
+        out["skipped"][skip_names[cause]] = {{"posts", count.posts}, {"tiles", count.tiles}, {"bytes", count.bytes}};
+    }
     out["runs"] = report.runs;
     out["threads"] = report.threads;
     out["peak_budget_bytes"] = report.peak_budget_bytes;
@@ -106,6 +112,7 @@ void coverage(const std::vector<std::string>& arguments, Stop& stop) {
     const ResolvedScene scene = resolve_coverage(settings.scene, *source);
 
     CoverageParams params = settings.coverage;
+    params.cull = !settings.no_cull;
     params.threads = settings.threads;
     params.memory_bytes = static_cast<std::size_t>(settings.memory_bytes);
     params.stop = &stop;

@@ -931,6 +931,7 @@ std::vector<Key> make_keys() {
                              "quality",
                              "threads",
                              "memory",
+                             "no-cull",
                              "report",
                              "of",
                              "co",
