@@ -47,6 +47,15 @@ std::int64_t floor_of(double v) {
 /// The block that a post, or the cell that begins with it, lies in.
 std::int64_t block_along(std::int64_t post) { return blocks_of({{post, post + 1}, {0, 1}}).columns.begin; }
 
+/// The block of the cells that begin at line `from`, outwards, and its far border, or line `last` before that.
+struct CellsAhead {
+    std::int64_t block, to;
+};
+CellsAhead cells_ahead(std::int64_t from, std::int64_t last, std::int64_t out) {
+    const std::int64_t block = block_along(out > 0 ? from : from - 1);
+    return {block, out > 0 ? std::min((block + 1) * block_posts, last) : std::max(block * block_posts, last)};
+}
+
 }  // namespace
 
 void Front::Samples::resize(std::size_t n) {
@@ -218,9 +227,7 @@ ChunkRequest Front::request(Interval lines, BlockMap* map) const {
     while (line < lines.end) {
         // The cells between the line behind and the block's far edge.
         const std::int64_t from = grid.line_index(quadrant_, line) - out;
-        std::int64_t block = block_along(out > 0 ? from : from - 1);
-        std::int64_t to = out > 0 ? (block + 1) * block_posts : block * block_posts;
-        to = out > 0 ? std::min(to, last) : std::max(to, last);
+        auto [block, to] = cells_ahead(from, last, out);
         line += (to - from) * out;
         // Before the first line stands no block: what counts is that line.
         if (!majors.contains(block)) block = block_along(to);
@@ -450,9 +457,7 @@ std::int64_t Front::leap(std::int64_t line, std::int64_t last, const Chunk& chun
     const std::uint64_t clock = ticks();
     const SpokeGrid& grid = *scene_->grid;
     const std::int64_t out = outward(quadrant_), from = grid.line_index(quadrant_, line) - out;
-    const std::int64_t block = block_along(out > 0 ? from : from - 1);
-    std::int64_t to = out > 0 ? (block + 1) * block_posts : block * block_posts;
-    to = out > 0 ? std::min(to, grid.line_index(quadrant_, last)) : std::max(to, grid.line_index(quadrant_, last));
+    const auto [block, to] = cells_ahead(from, grid.line_index(quadrant_, last), out);
     // Tried where a block begins, and not for a few lines.
     constexpr std::int64_t least = 4;
     const std::int64_t away = out > 0 ? from - block * block_posts : (block + 1) * block_posts - from;
@@ -492,7 +497,6 @@ std::int64_t Front::leap(std::int64_t line, std::int64_t last, const Chunk& chun
         between.behind_culture = line_of(chunk, chunk.culture_height_m, to);
         between.behind_major = static_cast<double>(to);
         cost_.samples += n;
-        cost_.leapt += static_cast<std::uint64_t>(n) * static_cast<std::uint64_t>(target - line + 1);
     }
     cost_.sweep += ticks() - clock;
     return passes ? target : line - 1;

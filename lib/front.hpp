@@ -53,7 +53,6 @@ struct SweepScene {
 struct SweepCost {
     std::uint64_t sample = 0, sweep = 0, shade = 0, deposit = 0;
     std::uint64_t samples = 0, pieces = 0;
-    std::uint64_t leapt = 0;  ///< lines passed over, spoke by spoke
 };
 
 class Front {
