@@ -859,6 +859,31 @@ TEST_CASE("killed at any moment, a run is resumed to the same bytes", "[store]")
     }
 }
 
+TEST_CASE("killed just before it is put in place, or just begun, a run goes on", "[store]") {
+    const Folder folder;
+    draw(folder / "dem.tif", hills(900, 700));
+    auto params = into(folder / "whole", {folder / "dem.tif"});
+    write_tile_store(params);
+    const auto whole = contents(folder / "whole");
+    params.output = folder / "store";
+    params.resume = true;
+    SECTION("all but the name is there") {
+        fs::copy(folder / "whole", folder / "store.part", fs::copy_options::recursive);
+    }
+    SECTION("no manifest yet") {
+        fs::copy(folder / "whole", folder / "store.part", fs::copy_options::recursive);
+        fs::remove(folder / "store.part/manifest.json");
+    }
+    SECTION("only the folder") { fs::create_directory(folder / "store.part"); }
+    SECTION("the plan is empty") {
+        fs::create_directory(folder / "store.part");
+        std::ofstream(folder / "store.part/plan.json").flush();
+    }
+    write_tile_store(params);
+    CHECK(contents(folder / "store") == whole);
+    CHECK_FALSE(fs::exists(folder / "store.part"));
+}
+
 TEST_CASE("bad posts and truncated rasters are named, and leave nothing behind", "[store]") {
     const Folder folder;
     Drawing d;

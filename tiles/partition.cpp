@@ -13,6 +13,7 @@
 #include <utility>
 
 #include "lib/error.hpp"
+#include "lib/handover.hpp"
 
 namespace wedgescope {
 namespace {
@@ -618,7 +619,9 @@ std::uint64_t run_pass(const LayerPass& layer, const PassParams& params) {
     const std::vector<Window> windows = windows_of(layer, posts_a_window(layer, params));
     std::size_t next = 0;
     std::uint64_t posts = 0;
+    Handover handover;
     const auto give = [&](tbb::flow_control& control) -> Window {
+        const Handover::Task task(handover);
         if (params.stop) params.stop->check();
         if (next >= windows.size()) {
             control.stop();
@@ -626,7 +629,12 @@ std::uint64_t run_pass(const LayerPass& layer, const PassParams& params) {
         }
         return windows[next++];
     };
+    const auto pack = [&](const Window& window) {
+        const Handover::Task task(handover);
+        return read_and_pack(layer, window);
+    };
     const auto take = [&](const std::shared_ptr<Packed>& packed) {
+        const Handover::Task task(handover);
         for (const Packed::Block& b : packed->blocks) {
             const WedgeBuckets::Place place = layer.place(layer.spill.layer(layer.layer).posts(b.column, b.row));
             layer.spill.put(layer.layer, b.column, b.row, place.bucket, place.distance, b.bytes);
@@ -637,14 +645,15 @@ std::uint64_t run_pass(const LayerPass& layer, const PassParams& params) {
         if (params.progress) params.progress(n);
     };
     tbb::task_arena arena(std::max(1, params.threads));
+    handover.pass();
     arena.execute([&] {
         tbb::parallel_pipeline(
             tokens_of(layer.in.facts(), params),
             tbb::make_filter<void, Window>(tbb::filter_mode::serial_in_order, give) &
-                tbb::make_filter<Window, std::shared_ptr<Packed>>(
-                    tbb::filter_mode::parallel, [&](const Window& w) { return read_and_pack(layer, w); }) &
+                tbb::make_filter<Window, std::shared_ptr<Packed>>(tbb::filter_mode::parallel, pack) &
                 tbb::make_filter<std::shared_ptr<Packed>, void>(tbb::filter_mode::serial_in_order, take));
     });
+    handover.pass();
     return posts * static_cast<std::uint64_t>(layer.in.facts().type_bytes);
 }
 

@@ -46,6 +46,11 @@ public:
             }
         }
         tried([&] { check_map(); });
+        tried([&] {
+            count(inside(manifest_.plan));
+            if (file_checksum(inside(manifest_.plan)) != manifest_.plan_checksum)
+                throw DataError(text("'", inside(manifest_.plan), "' is damaged"));
+        });
         check_kept();
         return verdict_;
     }

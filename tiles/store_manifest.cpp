@@ -171,6 +171,7 @@ std::string manifest_text(const StoreManifest& m) {
     json out{{"format", format_name}, {"version", m.version}, {"software", m.software}, {"layers", json::array()}};
     for (const StoreLayerEntry& layer : m.layers) out["layers"].push_back(to_json(layer));
     out["block_map"] = json{{"file", m.block_map}, {"checksum", hex(m.block_map_checksum)}};
+    out["plan"] = json{{"file", m.plan}, {"checksum", hex(m.plan_checksum)}};
     out["legend"] = m.legend_name.empty() ? json(nullptr) : json{{"name", m.legend_name}, {"csv", m.legend_csv}};
     // Of all bytes, its own digits taken for zeros.
     out["checksum"] = std::string(sum_digits, '0');
@@ -203,6 +204,8 @@ StoreManifest read_manifest(const std::string& folder) {
         if (m.layers.empty() || m.layers[0].kind != StoreLayerKind::dem) throw damaged("it names no terrain");
         m.block_map = j.at("block_map").at("file").get<std::string>();
         m.block_map_checksum = from_hex(j.at("block_map").at("checksum"));
+        m.plan = j.at("plan").at("file").get<std::string>();
+        m.plan_checksum = from_hex(j.at("plan").at("checksum"));
         if (const json& legend = j.at("legend"); !legend.is_null()) {
             m.legend_name = legend.at("name").get<std::string>();
             m.legend_csv = legend.at("csv").get<std::string>();

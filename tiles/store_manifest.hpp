@@ -68,6 +68,8 @@ struct StoreManifest {
     std::vector<StoreLayerEntry> layers;  ///< dem first
     std::string block_map;
     std::uint64_t block_map_checksum = 0;
+    std::string plan;  ///< the file that tells what the store was made of and with
+    std::uint64_t plan_checksum = 0;
     std::string legend_name, legend_csv;
 
     const StoreLayerEntry* layer(StoreLayerKind kind) const;

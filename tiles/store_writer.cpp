@@ -32,7 +32,7 @@ namespace {
 namespace fs = std::filesystem;
 using json = nlohmann::ordered_json;
 
-constexpr const char* plan_name = "unfinished.json";
+constexpr const char* plan_name = "plan.json";  // stays in the store: one killed while it finishes can go on
 constexpr const char* map_name = "blocks.map";
 constexpr std::int64_t unit_posts = std::int64_t{1} << 20;  ///< read and tiled at a time, about
 
@@ -85,6 +85,8 @@ private:
                const Window& sheet);
     void finish();
     void move_into_place();
+    void remove_all_but_plan() const;
+    void remove_folder() const;
     TileStoreSummary summary() const;
     std::string inside(const std::string& file) const { return (fs::path(folder_) / file).string(); }
 
@@ -260,8 +262,7 @@ void StoreWriter::open_folder() {
                                       "' was begun with other rasters or options, or a raster has changed since; "
                                       "--overwrite without --resume starts anew"));
         } else {
-            for (const auto& entry : fs::directory_iterator(folder_))
-                if (entry.path().filename() != plan_name) fs::remove_all(entry.path());
+            remove_all_but_plan();
         }
     } else if (::mkdir(folder_.c_str(), 0777) != 0) {
         throw IoError(text("output folder '", folder_, "' cannot be made: ", std::strerror(errno)));
@@ -269,6 +270,8 @@ void StoreWriter::open_folder() {
         lock_ = std::make_unique<PlainFile>(plan_path, PlainFile::Use::write);
         if (!lock_->lock()) throw IoError(text("'", folder_, "' is in use by another run"));
     }
+    // Another run may have finished and moved it just before.
+    if (!fs::exists(plan_path, error)) throw IoError(text("'", folder_, "' is in use by another run"));
     lock_->resize(0);
     lock_->write(0, wanted.data(), wanted.size());
     lock_->sync();
@@ -278,6 +281,21 @@ void StoreWriter::open_folder() {
         for (const auto& entry : fs::directory_iterator(inside(name(layer->kind))))
             if (entry.path().extension() == ".tmp") fs::remove(entry.path());
     }
+}
+
+void StoreWriter::remove_all_but_plan() const {
+    for (const auto& entry : fs::directory_iterator(folder_))
+        if (entry.path().filename() != plan_name) fs::remove_all(entry.path());
+}
+
+void StoreWriter::remove_folder() const {
+    try {
+        remove_all_but_plan();  // which tells one killed here what the rest is
+    } catch (const fs::filesystem_error&) {
+        return;
+    }
+    std::error_code ignored;
+    fs::remove_all(folder_, ignored);
 }
 
 bool StoreWriter::finished_before(const Job& job, Done& done) const {
@@ -483,6 +501,8 @@ void StoreWriter::finish() {
     manifest_.legend_csv = params_.legend_csv;
     manifest_.block_map = map_name;
     manifest_.block_map_checksum = file_checksum(inside(map_name));
+    manifest_.plan = plan_name;
+    manifest_.plan_checksum = file_checksum(inside(plan_name));
     for (std::size_t i = 0; i < layers_.size(); ++i) {
         StoreLayerEntry& entry = layers_[i]->entry;
         for (const Done& done : done_[i]) {
@@ -501,7 +521,6 @@ void StoreWriter::finish() {
         sync_path(inside(name(layers_[i]->kind)), true);
     }
     replace_file(inside(manifest_name), manifest_text(manifest_));
-    fs::remove(inside(plan_name));
     sync_path(folder_, true);
 }
 
@@ -518,8 +537,9 @@ void StoreWriter::move_into_place() {
             rename_path(output, old);
             rename_path(folder_, output);
             fs::remove_all(old, error);
+        } else {
+            remove_folder();
         }
-        fs::remove_all(folder_, error);
     } else {
         rename_path(folder_, output);
     }
@@ -570,7 +590,7 @@ TileStoreSummary StoreWriter::run() {
         if (!opened) return false;
         if (!keep_sheets || !any_sheet()) {
             map_.reset();
-            fs::remove_all(folder_, ignored);
+            remove_folder();
             return false;
         }
         std::vector<fs::path> temporary;
