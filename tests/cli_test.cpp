@@ -463,7 +463,7 @@ TEST_CASE("all outputs of one run appear, and the report describes them", "[cli]
     CHECK(bins == swept["azimuth_bin_end"].get<std::int64_t>() - swept["azimuth_bin_begin"].get<std::int64_t>());
 }
 
-TEST_CASE("reproducible outputs do not depend on wedges and threads", "[cli]") {
+TEST_CASE("reproducible outputs do not depend on wedges and threads", "[cli][threads]") {
     const Folder folder;
     std::string first[3];
     for (const char* wedges : {"1", "7", "64"}) {
@@ -524,7 +524,8 @@ TEST_CASE("info counts voids and codes", "[cli]") {
     CHECK_THAT(single.out, Contains("no terrain for simulate"));
 }
 
-TEST_CASE("the spilled source writes the same files as the direct one, and info says which is chosen", "[cli]") {
+TEST_CASE("the spilled source writes the same files as the direct one, and info says which is chosen",
+          "[cli][threads]") {
     const Folder folder;
     fs::create_directory(folder.work() / "spill");
     const Strings outputs{"--echo", "echo.tif", "--states", "states.tif", "--reproducible", "--overwrite"};
@@ -638,7 +639,7 @@ TEST_CASE("a plan of a spilled run foretells what the run reads, spills and hold
     CHECK(none["partition_bytes"] == 0);
 }
 
-TEST_CASE("a signal during the pass or the wedges of a spilled run leaves nothing in temp-dir", "[cli]") {
+TEST_CASE("a signal during the pass or the wedges of a spilled run leaves nothing in temp-dir", "[cli][threads]") {
     const Folder folder;
     fs::create_directory(folder.work() / "spill");
     const std::string hills = scanlines(folder, "hills", 3000);
@@ -686,7 +687,7 @@ TEST_CASE("tile refuses wrong options and rasters in one line, and leaves nothin
     refuses(folder, {"tile", dem, other, "store"}, 1, {"worcester_vermont_dem.tif", "gdalwarp -t_srs EPSG:32611"});
 }
 
-TEST_CASE("a stopped tile keeps its finished sheets and says how to go on", "[cli]") {
+TEST_CASE("a stopped tile keeps its finished sheets and says how to go on", "[cli][threads]") {
     const Folder folder;
     const std::string hills = scanlines(folder, "hills", 5000);  // four sheets
     const pid_t child = folder.start({"tile", hills, "store", "--threads", "1"});
@@ -706,7 +707,7 @@ TEST_CASE("a stopped tile keeps its finished sheets and says how to go on", "[cl
     CHECK(folder.names().count("store.part") == 0);
 }
 
-TEST_CASE("a store tiled around a point serves scenes from there by its kept spill, bit for bit", "[cli]") {
+TEST_CASE("a store tiled around a point serves scenes from there by its kept spill, bit for bit", "[cli][threads]") {
     const Folder folder;
     const Outcome tiled = folder.run({"tile", dem, "store", "--culture", data + "/inland_empire_culture.tif",
                                       "--culture-legend", "fbfm40", "--around", "33.93,-117.33"});

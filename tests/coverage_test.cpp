@@ -343,7 +343,7 @@ TEST_CASE("voids are no data, hide nothing, and what they may hide is unknown", 
     CHECK(look(none, scene_at(20, 50, 100)).report.states[0] == 70 * 60);
 }
 
-TEST_CASE("threads and memory change no bit", "[coverage]") {
+TEST_CASE("threads and memory change no bit", "[coverage][threads]") {
     MemorySource source(700, 600, post_m, test::rolling(400, 200, 11));
     source.set_culture_height([](double c, double r) { return std::fmod(c * 7 + r * 3, 50) == 0 ? 15 : 0; });
     for (const auto kind : {CoverageLayer::mask, CoverageLayer::states, CoverageLayer::height}) {
@@ -366,7 +366,7 @@ TEST_CASE("threads and memory change no bit", "[coverage]") {
     CHECK_THROWS_AS(look(source, scene_at(310, 222, 600), small), InputError);
 }
 
-TEST_CASE("what the writer throws ends the work and arrives", "[coverage]") {
+TEST_CASE("what the writer throws ends the work and arrives", "[coverage][threads]") {
     MemorySource source(300, 300, post_m, [](double, double) { return 0; });
     CHECK_THROWS_AS(cover(resolve_coverage(scene_at(100, 100, 50), source), source, {},
                           [](const CoverageTile&) { throw IoError("disk full"); }),

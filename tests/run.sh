@@ -59,7 +59,7 @@ if ((${#presets[@]})); then
 else
     run release
     run asan --exclude-regex '^(reference|matrix)_'  # minutes, for nothing that the others do not try
-    run tsan --tests-regex '^(beam|engine|memory_budget|resume|source|timeline)_test$'
+    run tsan --tests-regex '^(beam|engine|memory_budget|resume|source|spill|tile_store|timeline)_test$|_threads$'
 fi
 
 echo
