@@ -1,5 +1,6 @@
 #include "lib/coverage_lanes.hpp"
 
+#include <bit>
 #include <cmath>
 
 #include "lib/lanes.hpp"
@@ -32,6 +33,13 @@ WEDGESCOPE_LANES_PART Polynomials factors(const LineForm& line, double m, double
 
 WEDGESCOPE_LANES_PART double horner(const std::array<double, 5>& c, double u) noexcept {
     return c[0] + u * (c[1] + u * (c[2] + u * (c[3] + u * c[4])));
+}
+
+/// a where it holds, else b: a choice that the compiler sees as arithmetic. It leads branches through several of ?: and
+/// makes no lanes then.
+WEDGESCOPE_LANES_PART float pick(bool holds, float a, float b) noexcept {
+    const std::uint32_t mask = -static_cast<std::uint32_t>(holds);
+    return std::bit_cast<float>((std::bit_cast<std::uint32_t>(a) & mask) | (std::bit_cast<std::uint32_t>(b) & ~mask));
 }
 
 template <bool cross>
@@ -71,13 +79,13 @@ WEDGESCOPE_LANES_PART void raise(const RaiseLanes& lanes, const Lift& lift) noex
                 // Positions are above -17 here: rounded down by way of positive numbers.
                 const int c = static_cast<int>(high + 32) - 32;
                 const float column = static_cast<float>(c);
-                const bool met = column > low && column < high;
-                const float tau = (y - column) / (met ? y - y0 : 1.0F);  // lines back
-                const int at_column = met ? c : 0;
+                const bool met = (column > low) & (column < high);
+                const float tau = (y - column) / (pick(met, y - y0, 1.0F));  // lines back
+                const int at_column = c & -static_cast<int>(met);
                 const float ahead = z[at_column], there = (ahead - lift.sensor_m) + tau * (zb[at_column] - ahead);
                 // lift and drop at a line tau nearer.
                 const float nearer = 1 - tau * inverse_distance;
-                const float crossing = lift.w(met ? there : none) * lifts / nearer - drops * nearer;
+                const float crossing = lift.w(pick(met, there, none)) * lifts / nearer - drops * nearer;
                 old = crossing > old ? crossing : old;
             }
             h[l] = tangent > old ? tangent : old;
@@ -85,14 +93,14 @@ WEDGESCOPE_LANES_PART void raise(const RaiseLanes& lanes, const Lift& lift) noex
     }
 }
 
-template <bool raised, bool wanted>
-WEDGESCOPE_LANES_PART void test(const TestLanes& lanes, const Lift& lift) noexcept {
+template <bool raised, bool wanted, bool nearest>
+WEDGESCOPE_LANES_PART void test(const TestLanes& lanes, const Lift& how) noexcept {
+    const Lift lift = how;  // bytes are written below, which might be anything of its
     const float* __restrict horizon = lanes.horizon;
     const int last_spoke = lanes.spokes - 2;
     const float target = raised ? lanes.target_m : 0;
     const float slope_step = static_cast<float>(1 / lanes.distance);
     const float inverse_distance = slope_step;
-    const float nearest = lanes.nearest ? 1.0F : 0.0F;
     for (std::size_t g = 0; g < lanes.groups; ++g) {
         const std::int64_t first = lanes.first + static_cast<std::int64_t>(g * knot_step);
         const double from = lanes.from[g], width = lanes.from[g + 1] - from;
@@ -122,15 +130,14 @@ WEDGESCOPE_LANES_PART void test(const TestLanes& lanes, const Lift& lift) noexce
         WEDGESCOPE_INDEPENDENT
         for (int l = 0; l < static_cast<int>(knot_step); ++l) {
             const float lane = static_cast<float>(l), k = spoke + lane * spokes_step;
-            const int down = static_cast<int>(k), up = down + spoke_base,
-                      kept = up < 0            ? 0
-                             : up > last_spoke ? last_spoke
-                                               : up;
+            // Two steps, not a choice of three, which would keep the compiler from making lanes of it.
+            const int down = static_cast<int>(k), up = down + spoke_base, over_first = up > 0 ? up : 0,
+                      kept = over_first < last_spoke ? over_first : last_spoke;
             const float f = k - static_cast<float>(down);
             const float left = horizon[kept], right = horizon[kept + 1];
             // A spoke that has met no ground runs outside the raster, and so does the post's ray.
-            const bool free = left < 0.5F * no_horizon_f || right < 0.5F * no_horizon_f;
-            const float level = free ? no_horizon_f : left + f * (right - left);
+            const bool free = (left < 0.5F * no_horizon_f) | (right < 0.5F * no_horizon_f);
+            const float between = left + f * (right - left), level = pick(free, no_horizon_f, between);
 
             const float height = z[l], w = lift.w((height - lift.sensor_m) + target);
             const float bends = bow * ((lane - begins) * (lane - ends));
@@ -139,8 +146,9 @@ WEDGESCOPE_LANES_PART void test(const TestLanes& lanes, const Lift& lift) noexce
             // The own cell, the one on the sensor's side, along the straight chord: its course u = 0..1 from the line
             // behind to the post is a parabola, and so is how high the ray runs above it.
             const float slope = slope0 + lane * slope_step, across = slope < 0 ? -slope : slope;
-            const float beside = slope < 0 ? z[l + 1] : z[l - 1], corner = slope < 0 ? zb[l + 1] : zb[l - 1],
-                        back = zb[l];
+            const float left_post = z[l - 1], right_post = z[l + 1], left_back = zb[l - 1], right_back = zb[l + 1];
+            const float beside = pick(slope < 0, right_post, left_post),
+                        corner = pick(slope < 0, right_back, left_back), back = zb[l];
             const float to_corner = across * (corner - back), to_beside = across * (height - beside);
             const float step = height - back, to_entry = across > 0 ? step - to_corner : step;
             const float climbs = across > 0 ? step + to_beside : step;
@@ -157,38 +165,43 @@ WEDGESCOPE_LANES_PART void test(const TestLanes& lanes, const Lift& lift) noexce
             const float slack = ((high < 0 ? -high : high) + drops) * level_slack + relief * lifts * place_slack;
             const float over = tangent + slack - level;                // below 0: hidden
             const float steeper = climbs * growth - ray + cell_slack;  // at the post; below 0: a back slope
-            const float above0 = nearest > 0 ? 1.0F : stands - ray + to_entry * growth + cell_slack;
+            const float above0 = nearest ? 1.0F : stands - ray + to_entry * growth + cell_slack;
             const bool void_post = height != height;
             bool hidden = over < 0;
             if (raised) {
                 const float b = stands - above0, bend = -steeper - b, tilt = b - bend;  // above0 + tilt u + bend u^2
                 const bool dips =
-                    nearest == 0 && bend > 0 && tilt < 0 && tilt + 2 * bend > 0 && 4 * bend * above0 < tilt * tilt;
+                    !nearest & (bend > 0) & (tilt < 0) & (tilt + 2 * bend > 0) & (4 * bend * above0 < tilt * tilt);
                 hidden = hidden | (above0 < 0) | dips;
             } else {
                 hidden = hidden | (above0 < 0) | (steeper < 0);
             }
-            const int seen = hidden ? 1 : 2;
-            state[l] = static_cast<std::uint8_t>(void_post ? 0 : seen);
+            const int seen = 2 - static_cast<int>(hidden), valid = -static_cast<int>(!void_post);
+            state[l] = static_cast<std::uint8_t>(seen & valid);
             if (wanted) {
                 // What would lift the post to its horizon, and its ray out of its own cell.
                 const float to_horizon = over < 0 ? -over / (lifts * growth) : 0.0F;
                 const float b = stands - above0, bend = -steeper - b, tilt = b - bend;
-                const bool inside = nearest == 0 && bend > 0 && tilt < 0 && tilt + 2 * bend > 0;
+                const bool inside = !nearest & (bend > 0) & (tilt < 0) & (tilt + 2 * bend > 0);
                 const float u = inside ? -tilt / (2 * bend) : 0.0F;
                 const float least = above0 + u * (tilt + u * bend);
                 const float moves = 1 - (1 - u) * inverse_distance;  // of the ray there, when the post rises
                 const float out_of_cell =
-                    nearest == 0 && least < 0 ? -least / ((moves > 0.125F ? moves : 0.125F) * growth) : 0.0F;
+                    !nearest & (least < 0) ? -least / ((moves > 0.125F ? moves : 0.125F) * growth) : 0.0F;
                 const float most = to_horizon > out_of_cell ? to_horizon : out_of_cell;
                 const float some = most > 0.001F ? most : 0.001F;
-                raise_m[l] = hidden ? some : 0.0F;
+                raise_m[l] = pick(hidden, some, 0.0F);
                 tangents[l] = tangent;
             }
         }
         if (wanted && tangent_out)
             for (std::size_t l = 0; l < knot_step; ++l) tangent_out[l] = tangents[l];
     }
+}
+
+template <bool raised, bool wanted>
+WEDGESCOPE_LANES_PART void test_line(const TestLanes& lanes, const Lift& lift) noexcept {
+    lanes.nearest ? test<raised, wanted, true>(lanes, lift) : test<raised, wanted, false>(lanes, lift);
 }
 
 }  // namespace
@@ -253,9 +266,9 @@ WEDGESCOPE_LANES
 void test_lanes(const TestLanes& lanes, const Lift& lift) noexcept {
     const bool wanted = lanes.raise_m != nullptr;
     if (lanes.target_m > 0)
-        wanted ? test<true, true>(lanes, lift) : test<true, false>(lanes, lift);
+        wanted ? test_line<true, true>(lanes, lift) : test_line<true, false>(lanes, lift);
     else
-        wanted ? test<false, true>(lanes, lift) : test<false, false>(lanes, lift);
+        wanted ? test_line<false, true>(lanes, lift) : test_line<false, false>(lanes, lift);
 }
 
 WEDGESCOPE_LANES

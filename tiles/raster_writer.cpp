@@ -92,7 +92,8 @@ CPLStringList creation_options(GDALDriver& driver, GDALDataType type, const Rast
     if (name == "GTiff") {
         options.SetNameValue("TILED", "YES");
         options.SetNameValue("COMPRESS", "DEFLATE");
-        options.SetNameValue("PREDICTOR", GDALDataTypeIsFloating(type) ? "3" : "2");
+        // Bytes are codes: differences of neighbours take longer to make and to pack, and more room.
+        if (type != GDT_Byte) options.SetNameValue("PREDICTOR", GDALDataTypeIsFloating(type) ? "3" : "2");
         options.SetNameValue("INTERLEAVE", "BAND");
         options.SetNameValue("BIGTIFF", "IF_SAFER");
     } else if (name == "COG") {
