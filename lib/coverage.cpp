@@ -1,6 +1,7 @@
 #include "lib/coverage.hpp"
 
 #include <tbb/enumerable_thread_specific.h>
+#include <tbb/global_control.h>
 #include <tbb/parallel_for.h>
 #include <tbb/task_arena.h>
 #include <tbb/task_group.h>
@@ -19,6 +20,7 @@
 #include "lib/coverage_lanes.hpp"
 #include "lib/error.hpp"
 #include "lib/rounding.hpp"
+#include "lib/stopwatch.hpp"
 #include "lib/sweep.hpp"
 
 namespace wedgescope {
@@ -162,7 +164,7 @@ struct Desk {
     std::vector<Interval> own;                     ///< of each line
     std::vector<SpokeMap::LinePiece> pieces;
     std::array<std::uint64_t, state_count> states{};
-    std::uint64_t posts_read = 0, bytes_read = 0, posts_passed = 0, runs = 0;
+    std::array<QuadrantReport, 4> did{};  ///< by Quadrant
 };
 
 class Cover {
@@ -208,6 +210,14 @@ public:
     CoverageReport run();
 
 private:
+    /// Between two strips.
+    std::size_t held_bytes(int threads) const {
+        std::size_t bytes =
+            source_.cache_bytes() + desk_bytes() * static_cast<std::size_t>(threads) +
+            tiles_.size() * static_cast<std::size_t>(tile_edge * tile_edge) * (bytes_ ? 1 : sizeof(float));
+        for (const Side& side : sides_) bytes += side.spokes.horizon.size() * side.spokes.bytes_each();
+        return bytes;
+    }
     SpokeMapParams map_params() const {
         const double post = std::hypot(db_.step_x, db_.step_y) * db_.metres_per_unit * (db_.crs_in_metres ? 1 : 111320);
         return {scene_.geometry, scene_.nadir,         scene_.lat_deg,
@@ -286,6 +296,7 @@ private:
     std::map<TileKey, Tile> tiles_;
     std::vector<std::pair<TileKey, Tile>> done_;
     tbb::enumerable_thread_specific<Desk> desks_;
+    double write_s_ = 0;  ///< of the one task at a time that hands out
 };
 
 void Cover::set_up(Quadrant q) {
@@ -882,7 +893,11 @@ void Cover::sweep(const Side& side, Interval lines, const std::vector<Interval>&
     const Quadrant q = side.quadrant;
     const bool columns = lines_are_columns(q);
     Desk& desk = desks_.local();
-    ++desk.runs;
+    QuadrantReport& did = desk.did[static_cast<std::size_t>(q)];
+    ++did.runs;
+    const Span span(params_.timeline, "run", "wedge", static_cast<std::int64_t>(q));
+    const Stopwatch all_of_it;
+    double load_s = 0;
     // One group of neighbours on either side.
     Spokes& s = desk.spokes;
     s.resize(side.spokes.of, {spokes.begin - knot, spokes.end + knot}, voids_);
@@ -941,9 +956,17 @@ void Cover::sweep(const Side& side, Interval lines, const std::vector<Interval>&
                 hide(side, row_lines(i), i, first && last, desk);
             leave_out(columns, blocks, request);
         }
-        chunk = source_.load(request);
-        desk.posts_read += chunk.posts_read;
-        desk.bytes_read += chunk.bytes_read;
+        {
+            Span reading(params_.timeline, "load", "wedge", static_cast<std::int64_t>(q));
+            const Stopwatch watch;
+            chunk = source_.load(request);
+            reading.add_bytes(chunk.bytes_read);
+            load_s = watch.cpu_s();
+            did.disk_wait_s += watch.wait_s();
+        }
+        did.posts_read += chunk.posts_read;
+        did.bytes_read += chunk.bytes_read;
+        did.bytes_spilled += chunk.bytes_spilled;
         if (!mapped) {
             look_at(chunk, major, window, blocks);
             blocks.measure();
@@ -1012,7 +1035,7 @@ void Cover::sweep(const Side& side, Interval lines, const std::vector<Interval>&
             for (const auto& [part, why] : desk.parts) {
                 const std::size_t out = l * width + static_cast<std::size_t>(part.begin - posts.begin);
                 if (why != Skip::none) {
-                    desk.posts_passed += static_cast<std::uint64_t>(part.size());
+                    did.posts_passed += static_cast<std::uint64_t>(part.size());
                     const auto state = static_cast<std::uint8_t>(why == Skip::voids ? State::no_data : State::shadow);
                     if (!with_posts_) {
                         desk.states[state] += static_cast<std::uint64_t>(part.size());
@@ -1094,6 +1117,8 @@ void Cover::sweep(const Side& side, Interval lines, const std::vector<Interval>&
         give(s.voids.drop, after.voids.drop);
     }
     copy_out(side, lines, window, desk);
+    did.load_s += load_s;
+    did.sweep_s += all_of_it.cpu_s() - load_s;
 }
 
 void Cover::strip(Side& side) {
@@ -1179,6 +1204,8 @@ void Cover::strip(Side& side) {
 }
 
 void Cover::hand_out(std::vector<std::pair<TileKey, Tile>> tiles) {
+    const Span span(params_.timeline, "write", "stage");
+    const Stopwatch watch;
     std::vector<std::uint8_t> bytes;
     std::vector<float> values;
     for (auto& [key, tile] : tiles) {
@@ -1199,6 +1226,7 @@ void Cover::hand_out(std::vector<std::pair<TileKey, Tile>> tiles) {
         (*write_)(out);
         tile = {};
     }
+    write_s_ += watch.wall_s();
 }
 
 CoverageReport Cover::run() {
@@ -1211,6 +1239,8 @@ CoverageReport Cover::run() {
     report.peak_budget_bytes = fixed + desk * static_cast<std::size_t>(report.threads);
     std::int64_t strips = 0, passed = 0;
     for (const Side& side : sides_) strips += std::abs(side.tile_end - side.tile);
+    const tbb::global_control control(tbb::global_control::max_allowed_parallelism,
+                                      static_cast<std::size_t>(report.threads));  // also above the number of cores
     tbb::task_arena arena(report.threads);
     arena.execute([&] {
         tbb::task_group writer;
@@ -1238,6 +1268,7 @@ CoverageReport Cover::run() {
                 }
                 throw;
             }
+            if (params_.timeline) params_.timeline->memory(held_bytes(report.threads));
             if (params_.progress) params_.progress(static_cast<double>(passed) / static_cast<double>(strips));
             if (!done_.empty())
                 writer.run([this, tiles = std::make_shared<std::vector<std::pair<TileKey, Tile>>>(std::move(done_))] {
@@ -1249,12 +1280,11 @@ CoverageReport Cover::run() {
     });
     for (const Desk& d : desks_) {
         for (std::size_t i = 0; i < d.states.size(); ++i) report.states[i] += d.states[i];
-        report.posts_read += d.posts_read;
-        report.bytes_read += d.bytes_read;
-        report.posts_passed += d.posts_passed;
-        report.runs += d.runs;
+        for (std::size_t i = 0; i < d.did.size(); ++i) report.quadrants[i].add(d.did[i]);
     }
     report.skipped = source_.skipped();
+    report.source = source_.report();
+    report.write_s = write_s_;
     std::uint64_t inside = 0;
     for (std::uint64_t n : report.states) inside += n;
     report.states[static_cast<std::size_t>(State::outside)] +=

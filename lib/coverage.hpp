@@ -13,6 +13,7 @@
 
 #include "lib/engine.hpp"
 #include "lib/spoke_grid.hpp"
+#include "lib/timeline.hpp"
 
 namespace wedgescope {
 
@@ -40,6 +41,7 @@ struct CoverageParams {
     int threads = 0;   ///< 0: all the machine has
     std::size_t memory_bytes = std::size_t{1} << 30;
     Stop* stop = nullptr;
+    Timeline* timeline = nullptr;          ///< told of runs and of what is written
     std::function<void(double)> progress;  ///< called with 0..1 from one thread at a time
 };
 
@@ -53,15 +55,40 @@ struct CoverageTile {
     std::int64_t stride = 0;
 };
 
+/// What the runs of a quadrant, the wedges of coverage, did and cost.
+struct QuadrantReport {
+    double load_s = 0, sweep_s = 0;                ///< CPU seconds
+    double disk_wait_s = 0;                        ///< wall less CPU seconds of the reads
+    std::uint64_t posts_read = 0, bytes_read = 0;  ///< with what neighbouring runs read twice
+    std::uint64_t bytes_spilled = 0;               ///< of bytes_read, what came back from a spill on disk
+    std::uint64_t posts_passed = 0;                ///< neither swept nor tested: in blocks below every horizon
+    std::uint64_t runs = 0;
+    void add(const QuadrantReport& other) {
+        load_s += other.load_s;
+        sweep_s += other.sweep_s;
+        disk_wait_s += other.disk_wait_s;
+        posts_read += other.posts_read;
+        bytes_read += other.bytes_read;
+        bytes_spilled += other.bytes_spilled;
+        posts_passed += other.posts_passed;
+        runs += other.runs;
+    }
+};
+
 struct CoverageReport {
     std::array<std::uint64_t, state_count> states{};  ///< posts of the raster by state
-    std::uint64_t posts_read = 0, bytes_read = 0;     ///< with what neighbouring runs read twice
-    std::uint64_t posts_passed = 0;                   ///< neither swept nor tested: in blocks below every horizon
+    std::array<QuadrantReport, 4> quadrants{};        ///< by Quadrant
     Skipped skipped{};                                ///< tiles that no run has read, by Skip
-    std::uint64_t runs = 0;
+    SourceReport source;
     std::size_t peak_budget_bytes = 0;
+    double write_s = 0;  ///< wall seconds of handing out tiles, beside the sweep
     double wall_s = 0;
     int threads = 0;
+    QuadrantReport total() const {
+        QuadrantReport sum;
+        for (const QuadrantReport& q : quadrants) sum.add(q);
+        return sum;
+    }
     std::uint64_t seen() const {
         return states[static_cast<std::size_t>(State::seen)] + states[static_cast<std::size_t>(State::unknown)];
     }

@@ -209,16 +209,36 @@ TEST_CASE("a wrong command or option costs one line and exit code 2", "[cli]") {
 TEST_CASE("coverage writes a mask on the raster's own grid, and every layer", "[cli]") {
     const Folder folder;
     const Strings start = {"coverage", dem, "seen.tif", "--latlon", "33.93,-117.33", "--altitude-agl", "300m"};
-    const Outcome outcome = folder.run(with(start, {"--report", "seen.json", "--reproducible"}));
+    const Outcome outcome =
+        folder.run(with(start, {"--report", "seen.json", "--timeline", "time.json", "--profile", "--reproducible",
+                                "--threads", "5"}));  // more than the machine may have
     INFO(outcome.err);
     REQUIRE(outcome.code == 0);
     CHECK(outcome.out.empty());
-    CHECK_THAT(outcome.err, Contains("Mposts/s") && Contains("% of those in range"));
+    CHECK_THAT(outcome.err,
+               Contains("Mposts/s") && Contains("% of those in range") && Contains("quadrant") && !Contains("TBB"));
     const auto report = nlohmann::json::parse(content(folder.file("seen.json")));
     std::uint64_t posts = 0;
     for (const auto& [name, count] : report["states"].items()) posts += count.get<std::uint64_t>();
     CHECK(posts == 1600 * 1600);
     CHECK(report["scene"]["altitude-agl"] == "300m");
+    CHECK(report["threads"] == 5);
+    REQUIRE(report["wedges"].size() == 4);
+    std::uint64_t read = 0, passed = 0;
+    for (const auto& wedge : report["wedges"]) {
+        read += wedge["posts_read"].get<std::uint64_t>();
+        passed += wedge["posts_passed"].get<std::uint64_t>();
+        CHECK(wedge["cpu_total_s"].get<double>() > 0);
+    }
+    CHECK(report["total"]["posts_read"] == read);
+    CHECK(read + passed >= 1600 * 1600);
+    std::map<std::string, std::uint64_t> spans;
+    const auto timeline = nlohmann::json::parse(content(folder.file("time.json")));
+    for (const auto& event : timeline["traceEvents"])
+        if (event["ph"] == "X") ++spans[event["name"]];
+    CHECK(spans["run"] == report["total"]["runs"]);
+    CHECK(spans["load"] <= spans["run"]);
+    CHECK(spans["write"] > 0);
     // The same bytes by one thread and in little memory.
     REQUIRE(folder
                 .run({"coverage", dem, "again.tif", "--latlon", "33.93,-117.33", "--altitude-agl", "300m",
@@ -234,6 +254,7 @@ TEST_CASE("coverage writes a mask on the raster's own grid, and every layer", "[
         CHECK(folder.names().contains(std::string(layer) + ".tif"));
     }
     refuses(folder, start, 2, {"seen.tif", "--overwrite"});
+    refuses(folder, with(start, {"--overwrite", "--report", "seen.tif"}), 2, {"report", "output", "seen.tif"});
     refuses(folder, {"coverage", dem, "x.tif", "--latlon", "33.93,-117.33"}, 2, {"altitude"});
     refuses(folder, {"coverage", dem, "x.png", "--latlon", "33.93,-117.33", "--altitude-agl", "1km"}, 2,
             {"x.png", "whole rasters"});

@@ -406,7 +406,7 @@ TEST_CASE("what stays below every horizon is left out, and no bit changes", "[co
             params.target_m = turn % 2 ? 15 : 0;
             params.cull = false;
             const Result whole = look(plain, scene, params);
-            CHECK(whole.report.posts_passed == 0);
+            CHECK(whole.report.total().posts_passed == 0);
             params.cull = true;
             const Result swept = look(plain, scene, params), read = look(mapped, scene, params);
             INFO("turn " << turn << ", layer " << static_cast<int>(kind));
@@ -416,8 +416,8 @@ TEST_CASE("what stays below every horizon is left out, and no bit changes", "[co
                                  [](float a, float b) { return a == b || (a != a && b != b); }));
                 CHECK(other->report.states == whole.report.states);
             }
-            passed_read += swept.report.posts_passed;
-            passed_map += read.report.posts_passed;
+            passed_read += swept.report.total().posts_passed;
+            passed_map += read.report.total().posts_passed;
         }
         posts_all += static_cast<std::uint64_t>(columns * rows);
     }

@@ -45,6 +45,7 @@ CoverageFile::CoverageFile(const ResolvedScene& scene, const DataBase& db, const
     content.columns = db.columns;
     content.rows = db.rows;
     content.type = is_bytes(layer.kind) ? GDT_Byte : GDT_Float32;
+    content.patches = is_bytes(layer.kind);
     content.bands.resize(1);
     content.bands[0].description = words(layer.kind).description;
     content.bands[0].unit = words(layer.kind).unit;

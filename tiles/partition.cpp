@@ -1,5 +1,6 @@
 #include "tiles/partition.hpp"
 
+#include <tbb/global_control.h>
 #include <tbb/parallel_pipeline.h>
 #include <tbb/task_arena.h>
 
@@ -644,7 +645,10 @@ std::uint64_t run_pass(const LayerPass& layer, const PassParams& params) {
         posts += n;
         if (params.progress) params.progress(n);
     };
-    tbb::task_arena arena(std::max(1, params.threads));
+    const int threads = std::max(1, params.threads);
+    const tbb::global_control control(tbb::global_control::max_allowed_parallelism,
+                                      static_cast<std::size_t>(threads));  // also above the number of cores
+    tbb::task_arena arena(threads);
     handover.pass();
     arena.execute([&] {
         tbb::parallel_pipeline(

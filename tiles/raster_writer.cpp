@@ -86,12 +86,12 @@ GDALDriver& driver_for(const std::string& path, GDALDataType type, const RasterF
     return driver;
 }
 
-CPLStringList creation_options(GDALDriver& driver, GDALDataType type, const RasterFormat& format) {
+CPLStringList creation_options(GDALDriver& driver, GDALDataType type, bool patches, const RasterFormat& format) {
     CPLStringList options;
     const std::string name = driver.GetDescription();
     if (name == "GTiff") {
         options.SetNameValue("TILED", "YES");
-        options.SetNameValue("COMPRESS", "DEFLATE");
+        options.SetNameValue("COMPRESS", patches ? "PACKBITS" : "DEFLATE");
         // Bytes are codes: differences of neighbours take longer to make and to pack, and more room.
         if (type != GDT_Byte) options.SetNameValue("PREDICTOR", GDALDataTypeIsFloating(type) ? "3" : "2");
         options.SetNameValue("INTERLEAVE", "BAND");
@@ -109,7 +109,7 @@ CPLStringList creation_options(GDALDriver& driver, GDALDataType type, const Rast
         given.SetNameValue(key.c_str(), option.c_str() + equals + 1);
         options.SetNameValue(key.c_str(), option.c_str() + equals + 1);
     }
-    const std::string compression = given.FetchNameValueDef("COMPRESS", "DEFLATE");
+    const std::string compression = options.FetchNameValueDef("COMPRESS", "");
     if (!EQUAL(compression.c_str(), "DEFLATE") && !EQUAL(compression.c_str(), "LZW") &&
         !EQUAL(compression.c_str(), "ZSTD") && !given.FetchNameValue("PREDICTOR"))
         options.SetNameValue("PREDICTOR", nullptr);
@@ -202,7 +202,7 @@ void write_geolocation(const GeolocationGrid& grid, const std::string& path, con
     GDALDriver& driver = *GetGDALDriverManager()->GetDriverByName("GTiff");
     GdalErrors errors;
     DatasetHandle dataset(driver.Create(path.c_str(), static_cast<int>(content.columns), static_cast<int>(content.rows),
-                                        2, GDT_Float64, creation_options(driver, GDT_Float64, {}).List()));
+                                        2, GDT_Float64, creation_options(driver, GDT_Float64, false, {}).List()));
     if (!dataset) fail(final_path, errors);
     describe(*dataset, content, {});
     write_bands(*dataset, content, final_path, errors);
@@ -252,13 +252,13 @@ GeolocationGrid geolocation_grid(std::int64_t columns, std::int64_t rows, std::i
 void check_output(const OutputFile& file, OutputLayer layer, const RasterFormat& format) {
     const bool bytes = layer == OutputLayer::scope || layer == OutputLayer::states;
     const GDALDataType type = bytes ? GDT_Byte : GDT_Float32;
-    creation_options(driver_for(file.final_path(), type, format), type, format);
+    creation_options(driver_for(file.final_path(), type, format), type, false, format);
 }
 
 void write_raster(const RasterContent& content, const OutputFile& file, const RasterFormat& format) {
     const std::string& final_path = file.final_path();
     GDALDriver& driver = driver_for(final_path, content.type, format);
-    const CPLStringList options = creation_options(driver, content.type, format);
+    const CPLStringList options = creation_options(driver, content.type, content.patches, format);
     if (content.columns < 1 || content.rows < 1 || content.columns > std::numeric_limits<int>::max() ||
         content.rows > std::numeric_limits<int>::max())
         throw InputError(text("output '", final_path, "' would have ", content.columns, " x ", content.rows,
@@ -296,7 +296,7 @@ void write_raster(const RasterContent& content, const OutputFile& file, const Ra
 DatasetHandle create_raster(const RasterContent& content, const OutputFile& file, const RasterFormat& format) {
     const std::string& final_path = file.final_path();
     GDALDriver& driver = driver_for(final_path, content.type, format);
-    const CPLStringList options = creation_options(driver, content.type, format);
+    const CPLStringList options = creation_options(driver, content.type, content.patches, format);
     if (!has(driver, GDAL_DCAP_CREATE))
         throw InputError(text("output '", final_path, "': driver ", driver.GetDescription(),
                               " writes whole rasters only; accepted: one that writes tile by tile, such as GTiff"));

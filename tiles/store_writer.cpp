@@ -1,6 +1,7 @@
 #include <fcntl.h>
 #include <sys/stat.h>
 #include <sys/syscall.h>
+#include <tbb/global_control.h>
 #include <tbb/parallel_for_each.h>
 #include <tbb/task_arena.h>
 #include <unistd.h>
@@ -490,7 +491,10 @@ void StoreWriter::make_sheets() {
             for (std::int64_t c = 0; c < entry.sheet_columns(); ++c) jobs.push_back({layer.get(), c, r, place++});
         done_.emplace_back(place);
     }
-    tbb::task_arena arena(jobs_at_once());
+    const int jobs_now = jobs_at_once();
+    const tbb::global_control control(tbb::global_control::max_allowed_parallelism,
+                                      static_cast<std::size_t>(jobs_now));  // also above the number of cores
+    tbb::task_arena arena(jobs_now);
     arena.execute([&] { tbb::parallel_for_each(jobs.begin(), jobs.end(), [&](const Job& job) { make(job); }); });
 }
 

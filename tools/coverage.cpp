@@ -1,14 +1,10 @@
 #include "lib/coverage.hpp"
 
-#include <unistd.h>
-
-#include <cerrno>
+#include <array>
 #include <cmath>
-#include <cstring>
-#include <filesystem>
-#include <fstream>
+#include <memory>
 #include <nlohmann/json.hpp>
-#include <system_error>
+#include <optional>
 
 #include "tiles/coverage_raster.hpp"
 #include "tiles/gdal_session.hpp"
@@ -17,7 +13,9 @@
 #include "tools/help.hpp"
 #include "tools/options.hpp"
 #include "tools/report_json.hpp"
+#include "tools/run_files.hpp"
 #include "tools/terminal.hpp"
+#include "tools/timeline.hpp"
 #include "tools/units.hpp"
 #include "tools/viewshed_options.hpp"
 
@@ -37,40 +35,64 @@ json parameters(const Settings& settings) {
     return out;
 }
 
-bool same_file(const std::string& a, const std::string& b) {
-    std::error_code error;
-    return std::filesystem::equivalent(a, b, error) && !error;
-}
+constexpr std::array<const char*, 4> quadrant_names{"east", "west", "south", "north"};
 
-std::string report_text(const Settings& settings, const CoverageReport& report, const DataBase& db,
-                        const Usage& usage) {
+json report_json(const Settings& settings, const CoverageReport& report, const DataBase& db, const Usage& usage) {
+    const auto facts = [](const QuadrantReport& q) {
+        return json{{"cpu_s", {{"load", q.load_s}, {"sweep", q.sweep_s}}},
+                    {"cpu_total_s", q.load_s + q.sweep_s},
+                    {"disk_wait_s", q.disk_wait_s},
+                    {"runs", q.runs},
+                    {"posts_read", q.posts_read},
+                    {"posts_passed", q.posts_passed},
+                    {"bytes_read", q.bytes_read},
+                    {"bytes_spilled", q.bytes_spilled}};
+    };
     json out;
-    out["format"] = "wedgescope coverage report 1";
-    out["program"] = text("wedgescope ", version());
+    out["format"] = "wedgescope-coverage-report-1";
+    out["version"] = version();
     out["scene"] = parameters(settings);
-    out["dem"] = settings.dem;
+    out["inputs"] = inputs_json(input_files(settings, db));
     out["output"] = settings.output;
     out["columns"] = db.columns;
     out["rows"] = db.rows;
+    out["wedges"] = json::array();  // the quadrants
+    for (std::size_t q = 0; q < report.quadrants.size(); ++q) {
+        json entry{{"wedge", q}, {"quadrant", quadrant_names[q]}, {"reused", false}};
+        entry.update(facts(report.quadrants[q]));
+        out["wedges"].push_back(entry);
+    }
+    out["total"] = facts(report.total());
+    out["skipped"] = skipped_json(report.skipped);
+    out["source"] = source_json(report.source);
     out["states"] = json::object();
     for (std::size_t i = 0; i < report.states.size(); ++i) out["states"][state_names[i]] = report.states[i];
-    out["posts_read"] = report.posts_read;
-    out["bytes_read"] = report.bytes_read;
-    out["posts_passed"] = report.posts_passed;
-    out["skipped"] = json::object();
-    for (std::size_t cause = 1; cause < skip_count; ++cause) {
-        const SkipCount& count = report.skipped[cause];
-        out["skipped"][skip_names[cause]] = {{"posts", count.posts}, {"tiles", count.tiles}, {"bytes", count.bytes}};
-    }
-    out["runs"] = report.runs;
-    out["threads"] = report.threads;
+    out["reused"] = 0;
+    out["levels"] = json::array();
+    out["stages_wall_s"] = json{{"sweep", report.wall_s}, {"write", report.write_s}};
+    add_usage(out, usage);
     out["peak_budget_bytes"] = report.peak_budget_bytes;
-    out["sweep_s"] = report.wall_s;
-    out["wall_s"] = usage.wall_s;
-    out["user_s"] = usage.user_s;
-    out["system_s"] = usage.system_s;
-    out["peak_rss_bytes"] = usage.peak_rss_bytes;
-    return out.dump(2, ' ', false, json::error_handler_t::replace) + "\n";
+    out["threads"] = report.threads;
+    return out;
+}
+
+std::string report_table(const CoverageReport& report, const Usage& usage) {
+    constexpr double mebibyte = 1048576;
+    std::string out = fmt::format("{:>8} {:>8} {:>8} {:>8} {:>7} {:>10} {:>10} {:>8}\n", "", "load", "sweep", "disk",
+                                  "", "million", "million", "MiB");
+    out += fmt::format("{:>8} {:>8} {:>8} {:>8} {:>7} {:>10} {:>10} {:>8}\n", "quadrant", "s", "s", "wait s", "runs",
+                       "posts", "passed", "read");
+    const auto row = [&](const char* name, const QuadrantReport& q) {
+        out += fmt::format("{:>8} {:>8.3f} {:>8.3f} {:>8.3f} {:>7} {:>10.3f} {:>10.3f} {:>8.1f}\n", name, q.load_s,
+                           q.sweep_s, q.disk_wait_s, q.runs, static_cast<double>(q.posts_read) * 1e-6,
+                           static_cast<double>(q.posts_passed) * 1e-6, static_cast<double>(q.bytes_read) / mebibyte);
+    };
+    for (std::size_t q = 0; q < report.quadrants.size(); ++q) row(quadrant_names[q], report.quadrants[q]);
+    const QuadrantReport total = report.total();
+    row("all", total);
+    out += fmt::format("sweep {:.2f} s of wall, write {:.2f} s beside it", report.wall_s, report.write_s);
+    out += source_line(report.source) + "\n";
+    return out + usage_lines(usage, report.threads, report.peak_budget_bytes, total.bytes_spilled);
 }
 
 }  // namespace
@@ -87,19 +109,20 @@ void coverage(const std::vector<std::string>& arguments, Stop& stop) {
     settings.output = settings.files[1];
     settings.snap_to_post = translated.gdal_style;
     check_complete(settings);
-    for (const auto* output : {&settings.output, &settings.report})
-        for (const auto* input : {&settings.dem, &settings.culture_height})
-            if (!output->empty() && !input->empty() && same_file(*output, *input))
-                throw InputError(
-                    text("output ", in_quotes(*output), " is an input too; an output may not replace one"));
+    check_names({{"output", settings.output}, {"report", settings.report}, {"timeline", settings.timeline}},
+                {{"dem", settings.dem}, {"culture-height", settings.culture_height}});
     if (settings.no_data_value)
         settings.coverage.mask.no_data = static_cast<std::uint8_t>(*settings.no_data_value);
     else if (translated.gdal_style)
         settings.coverage.mask.no_data = settings.coverage.mask.outside;
     OutputFile file(settings.output, settings.overwrite);
-    std::optional<OutputFile> report_file;
+    std::optional<OutputFile> report_file, timeline_file;
     if (!settings.report.empty()) report_file.emplace(settings.report, settings.overwrite);
+    if (!settings.timeline.empty()) timeline_file.emplace(settings.timeline, settings.overwrite);
+    std::unique_ptr<TimelineFile> timeline;
+    if (timeline_file) timeline = std::make_unique<TimelineFile>(*timeline_file);
 
+    Span opening(timeline.get(), "open", "stage");
     const GdalSession session(cache_bytes(settings), settings.config);
     const auto source = open_direct_source(data_base_params(settings, cache_bytes(settings)));
     const DataBase& db = source->data_base();
@@ -111,7 +134,9 @@ void coverage(const std::vector<std::string>& arguments, Stop& stop) {
     }
     const ResolvedScene scene = resolve_coverage(settings.scene, *source);
 
+    opening.end();
     CoverageParams params = settings.coverage;
+    params.timeline = timeline.get();
     params.cull = !settings.no_cull;
     params.threads = settings.threads;
     params.memory_bytes = static_cast<std::size_t>(settings.memory_bytes);
@@ -136,18 +161,14 @@ void coverage(const std::vector<std::string>& arguments, Stop& stop) {
     const auto posts_in = [&](State s) { return report.states[static_cast<std::size_t>(s)]; };
     raster.close(posts_in(State::no_data) + posts_in(State::outside));
     stop.check();
+    if (timeline) timeline->finish();
     const Usage usage = usage_since(start_s);
     std::vector<OutputFile*> files{&file};
     if (report_file) {
-        errno = 0;
-        std::ofstream out(report_file->temporary_path(), std::ios::binary);
-        out << report_text(settings, report, db, usage);
-        out.close();
-        if (!out)
-            throw IoError(text("report ", in_quotes(settings.report),
-                               " cannot be written: ", errno ? std::strerror(errno) : "disk full?"));
+        write_report(*report_file, report_json(settings, report, db, usage));
         files.push_back(&*report_file);
     }
+    if (timeline_file) files.push_back(&*timeline_file);
     OutputFile::commit(files);
     const double all = static_cast<double>(db.columns) * static_cast<double>(db.rows), wall = now_s() - start_s,
                  judged = static_cast<double>(report.seen() + posts_in(State::shadow));
@@ -157,6 +178,7 @@ void coverage(const std::vector<std::string>& arguments, Stop& stop) {
                        judged > 0 ? 100 * static_cast<double>(report.seen()) / judged : 0.0));
     remark(settings.quiet,
            text("written: ", settings.output, fmt::format(" ({:.1f} s, {:.0f} Mposts/s)", wall, all / wall * 1e-6)));
+    if (settings.profile || settings.verbose) fmt::print(stderr, "{}", report_table(report, usage));
 }
 
 }  // namespace wedgescope

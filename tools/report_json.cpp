@@ -111,6 +111,75 @@ std::string crs_name(const std::string& wkt) {
     return close == std::string::npos ? "" : wkt.substr(open + 1, close - open - 1);
 }
 
+nlohmann::ordered_json inputs_json(const std::vector<InputFile>& inputs) {
+    auto out = nlohmann::ordered_json::array();
+    for (const InputFile& input : inputs) {
+        nlohmann::ordered_json entry{{"key", input.key}, {"path", input.path}, {"bytes", nullptr}, {"crs", nullptr}};
+        if (input.bytes) entry["bytes"] = *input.bytes;
+        if (!input.crs.empty()) entry["crs"] = input.crs;
+        out.push_back(entry);
+    }
+    return out;
+}
+
+nlohmann::ordered_json skipped_json(const Skipped& skipped) {
+    auto out = nlohmann::ordered_json::object();
+    for (std::size_t cause = 1; cause < skip_count; ++cause)
+        out[skip_names[cause]] = {
+            {"posts", skipped[cause].posts}, {"tiles", skipped[cause].tiles}, {"bytes", skipped[cause].bytes}};
+    return out;
+}
+
+nlohmann::ordered_json source_json(const SourceReport& source) {
+    nlohmann::ordered_json out{{"kind", source.kind},
+                               {"partition_s", source.partition_s},
+                               {"partition_bytes", source.partition_bytes},
+                               {"held_bytes", source.held_bytes},
+                               {"spilled_bytes", source.spilled_bytes},
+                               {"spill_read_bytes", source.spill_read_bytes},
+                               {"kept", nullptr}};
+    if (!source.kept.empty()) out["kept"] = source.kept;
+    return out;
+}
+
+void add_usage(nlohmann::ordered_json& report, const Usage& usage) {
+    using json = nlohmann::ordered_json;
+    report["wall_s"] = usage.wall_s;
+    report["user_s"] = usage.user_s;
+    report["system_s"] = usage.system_s;
+    const auto known = [](const std::optional<std::uint64_t>& v) { return v ? json(*v) : json(nullptr); };
+    report["io"] = json{{"read_bytes", known(usage.read_bytes)},
+                        {"written_bytes", known(usage.written_bytes)},
+                        {"disk_read_bytes", known(usage.disk_read_bytes)},
+                        {"disk_written_bytes", known(usage.disk_written_bytes)},
+                        {"major_faults", usage.major_faults}};
+    report["peak_rss_bytes"] = usage.peak_rss_bytes;
+}
+
+std::string source_line(const SourceReport& source) {
+    const auto bytes = [](std::uint64_t n) { return readable_bytes(static_cast<double>(n)); };
+    if (!source.kept.empty())
+        return fmt::format("\nkept spill '{}': {} read back", source.kept, bytes(source.spill_read_bytes));
+    if (source.kind != "spilled") return "";
+    return fmt::format("\nspilled source: {} read in {:.2f} s, {} held in memory, {} written, {} read back",
+                       bytes(source.partition_bytes), source.partition_s, bytes(source.held_bytes),
+                       bytes(source.spilled_bytes), bytes(source.spill_read_bytes));
+}
+
+std::string usage_lines(const Usage& usage, int threads, std::size_t budget_bytes, std::uint64_t bytes_spilled) {
+    std::string out = fmt::format(
+        "wall {:.2f} s, user {:.2f} s, system {:.2f} s, {} threads; peak {} resident, {} of the memory budget held\n",
+        usage.wall_s, usage.user_s, usage.system_s, threads, readable_bytes(static_cast<double>(usage.peak_rss_bytes)),
+        readable_bytes(static_cast<double>(budget_bytes)));
+    const auto io = [](const std::optional<std::uint64_t>& v) {
+        return v ? readable_bytes(static_cast<double>(*v)) : std::string("?");
+    };
+    out += fmt::format("read {} ({} from disk), written {} ({} to disk), spilled and read again {}\n",
+                       io(usage.read_bytes), io(usage.disk_read_bytes), io(usage.written_bytes),
+                       io(usage.disk_written_bytes), readable_bytes(static_cast<double>(bytes_spilled)));
+    return out;
+}
+
 nlohmann::ordered_json report_json(const Settings& settings, const RunResult& run, const std::vector<InputFile>& inputs,
                                    double write_s, const Usage& usage) {
     using json = nlohmann::ordered_json;
@@ -122,13 +191,7 @@ nlohmann::ordered_json report_json(const Settings& settings, const RunResult& ru
     scene["threads"] = std::to_string(report.threads);
     scene["resolved"] = resolved_json(run.scene);
     out["scene"] = scene;
-    out["inputs"] = json::array();
-    for (const InputFile& input : inputs) {
-        json entry{{"key", input.key}, {"path", input.path}, {"bytes", nullptr}, {"crs", nullptr}};
-        if (input.bytes) entry["bytes"] = *input.bytes;
-        if (!input.crs.empty()) entry["crs"] = input.crs;
-        out["inputs"].push_back(entry);
-    }
+    out["inputs"] = inputs_json(inputs);
     const auto facts = [](const WedgeReport& wedge) {
         json entry;
         json cpu;
@@ -162,19 +225,8 @@ nlohmann::ordered_json report_json(const Settings& settings, const RunResult& ru
     }
     out["total"] = facts(sum(report.wedges.begin(), report.wedges.end()));
     out["total"].erase("wall_s");  // the wedges' overlap in time
-    out["skipped"] = json::object();
-    for (std::size_t cause = 1; cause < skip_count; ++cause) {
-        const SkipCount& count = report.skipped[cause];
-        out["skipped"][skip_names[cause]] =
-            json{{"posts", count.posts}, {"tiles", count.tiles}, {"bytes", count.bytes}};
-    }
-    out["source"] = json{{"kind", report.source.kind},
-                         {"partition_s", report.source.partition_s},
-                         {"partition_bytes", report.source.partition_bytes},
-                         {"held_bytes", report.source.held_bytes},
-                         {"spilled_bytes", report.source.spilled_bytes},
-                         {"spill_read_bytes", report.source.spill_read_bytes}};
-    out["source"]["kept"] = report.source.kept.empty() ? json(nullptr) : json(report.source.kept);
+    out["skipped"] = skipped_json(report.skipped);
+    out["source"] = source_json(report.source);
     out["states"] = json::object();
     for (std::size_t code = 0; code < report.states.size(); ++code)
         out["states"][state_names[code]] = report.states[code];
@@ -195,16 +247,7 @@ nlohmann::ordered_json report_json(const Settings& settings, const RunResult& ru
         json{{"survey", report.survey_s}, {"merge", report.merge_s},       {"keep", report.keep_s},
              {"beam", report.beam_s},     {"receiver", report.receiver_s}, {"display", report.display_s},
              {"write", write_s}};
-    out["wall_s"] = usage.wall_s;
-    out["user_s"] = usage.user_s;
-    out["system_s"] = usage.system_s;
-    const auto known = [](const std::optional<std::uint64_t>& v) { return v ? json(*v) : json(nullptr); };
-    out["io"] = json{{"read_bytes", known(usage.read_bytes)},
-                     {"written_bytes", known(usage.written_bytes)},
-                     {"disk_read_bytes", known(usage.disk_read_bytes)},
-                     {"disk_written_bytes", known(usage.disk_written_bytes)},
-                     {"major_faults", usage.major_faults}};
-    out["peak_rss_bytes"] = usage.peak_rss_bytes;
+    add_usage(out, usage);
     out["peak_budget_bytes"] = report.peak_budget_bytes;
     out["threads"] = report.threads;
     return out;
@@ -274,26 +317,8 @@ std::string report_table(const RunReport& report, double write_s, const Usage& u
         out += fmt::format(" {} {:.1f} %", state_names[code],
                            cells ? 100.0 * static_cast<double>(report.states[code]) / static_cast<double>(cells) : 0.0);
     }
-    if (!report.source.kept.empty())
-        out += fmt::format("\nkept spill '{}': {} read back", report.source.kept,
-                           readable_bytes(static_cast<double>(report.source.spill_read_bytes)));
-    else if (report.source.kind == "spilled")
-        out += fmt::format("\nspilled source: {} read in {:.2f} s, {} held in memory, {} written, {} read back",
-                           readable_bytes(static_cast<double>(report.source.partition_bytes)),
-                           report.source.partition_s, readable_bytes(static_cast<double>(report.source.held_bytes)),
-                           readable_bytes(static_cast<double>(report.source.spilled_bytes)),
-                           readable_bytes(static_cast<double>(report.source.spill_read_bytes)));
-    out += fmt::format(
-        "\nwall {:.2f} s, user {:.2f} s, system {:.2f} s, {} threads; peak {} resident, {} of the memory budget held\n",
-        usage.wall_s, usage.user_s, usage.system_s, report.threads,
-        readable_bytes(static_cast<double>(usage.peak_rss_bytes)),
-        readable_bytes(static_cast<double>(report.peak_budget_bytes)));
-    const auto io = [](const std::optional<std::uint64_t>& v) {
-        return v ? readable_bytes(static_cast<double>(*v)) : std::string("?");
-    };
-    out += fmt::format("read {} ({} from disk), written {} ({} to disk), spilled and read again {}\n",
-                       io(usage.read_bytes), io(usage.disk_read_bytes), io(usage.written_bytes),
-                       io(usage.disk_written_bytes), readable_bytes(static_cast<double>(total.bytes_spilled)));
+    out += source_line(report.source) + "\n";
+    out += usage_lines(usage, report.threads, report.peak_budget_bytes, total.bytes_spilled);
     return out;
 }
 

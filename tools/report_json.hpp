@@ -28,6 +28,17 @@ struct Usage {
 Usage usage_since(double start_s);
 double now_s();
 
+nlohmann::ordered_json inputs_json(const std::vector<InputFile>& inputs);
+/// Tiles that nobody has read, by cause.
+nlohmann::ordered_json skipped_json(const Skipped& skipped);
+nlohmann::ordered_json source_json(const SourceReport& source);
+/// Times, I/O and memory of the process, at the end of a report.
+void add_usage(nlohmann::ordered_json& report, const Usage& usage);
+/// The same as two lines, with what the memory budget holds and what came back from a spill.
+std::string usage_lines(const Usage& usage, int threads, std::size_t budget_bytes, std::uint64_t bytes_spilled);
+/// What a spilled source did, a line with a line break before it; empty for a direct one.
+std::string source_line(const SourceReport& source);
+
 /// Wedges that an earlier run had done.
 std::size_t reused_count(const RunReport& report);
 

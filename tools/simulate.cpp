@@ -1,5 +1,6 @@
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cmath>
 #include <cstring>
@@ -17,6 +18,7 @@
 #include "tools/legend.hpp"
 #include "tools/options.hpp"
 #include "tools/report_json.hpp"
+#include "tools/run_files.hpp"
 #include "tools/scene_json.hpp"
 #include "tools/terminal.hpp"
 #include "tools/timeline.hpp"
@@ -32,42 +34,16 @@ struct Outputs {
     std::optional<OutputFile> scope, echo, power, states, report, timeline;
 };
 
-bool same_file(const std::string& a, const std::string& b) {
-    std::error_code error;
-    if (fs::equivalent(a, b, error) && !error) return true;
-    // weakly_canonical alone leaves a name as it is whose first part does not exist.
-    return fs::weakly_canonical(fs::absolute(a), error) == fs::weakly_canonical(fs::absolute(b), error) && !error;
-}
-
 /// Everything that can go wrong with an output's name is found here, before any work.
 Outputs open_outputs(const Settings& s) {
-    const std::pair<const char*, const std::string*> outputs[] = {{"output", &s.output}, {"echo", &s.echo},
-                                                                  {"power", &s.power},   {"states", &s.states},
-                                                                  {"report", &s.report}, {"timeline", &s.timeline}};
-    const std::pair<const char*, const std::string*> inputs[] = {
-        {"dem", &s.dem},
-        {"culture", &s.culture},
-        {"culture-height", &s.culture_height},
-        {"culture-legend", &s.culture_legend},
-        {"the scene file", s.files.empty() ? nullptr : &s.files[0]}};
-    bool any = false;
-    for (const auto& [key, path] : outputs) {
-        if (path->empty()) continue;
-        any = true;
-        for (const auto& [other_key, other] : outputs) {
-            if (other == path) break;
-            if (!other->empty() && same_file(*path, *other)) {
-                throw InputError(
-                    text(key, " and ", other_key, " are both ", in_quotes(*path), "; every output needs its own file"));
-            }
-        }
-        for (const auto& [input_key, input] : inputs) {
-            if (input && !input->empty() && same_file(*path, *input)) {
-                throw InputError(text(key, " is ", in_quotes(*path), ", which is ", input_key,
-                                      " too; an output may not replace an input"));
-            }
-        }
-    }
+    const NamedPaths outputs{{"output", s.output}, {"echo", s.echo},     {"power", s.power},
+                             {"states", s.states}, {"report", s.report}, {"timeline", s.timeline}};
+    check_names(outputs, {{"dem", s.dem},
+                          {"culture", s.culture},
+                          {"culture-height", s.culture_height},
+                          {"culture-legend", s.culture_legend},
+                          {"the scene file", s.files.empty() ? "" : s.files[0]}});
+    const bool any = std::any_of(outputs.begin(), outputs.end(), [](const auto& out) { return !out.second.empty(); });
     if (!any && !s.only_wedges)
         throw InputError(
             "no output is given; at least one of output (-o), echo, power, states, report, timeline is needed");
@@ -84,23 +60,6 @@ Outputs open_outputs(const Settings& s) {
     open(out.power, s.power);
     open(out.states, s.states);
     return out;
-}
-
-std::vector<InputFile> input_files(const Settings& s, const DataBase& data_base) {
-    std::vector<InputFile> inputs;
-    const auto add = [&](const char* key, const std::string& path, bool raster) {
-        if (path.empty()) return;
-        std::error_code error;
-        InputFile input{key, path, std::nullopt, raster ? crs_name(data_base.crs_wkt) : ""};
-        if (const auto bytes = fs::file_size(path, error); !error) input.bytes = bytes;
-        inputs.push_back(input);
-    };
-    add("dem", s.dem, true);
-    add("culture", s.culture, true);
-    add("culture-height", s.culture_height, true);
-    if (!Legend::built_in(s.culture_legend)) add("culture-legend", s.culture_legend, false);
-    if (!s.files.empty()) add("scene", s.files[0], false);
-    return inputs;
 }
 
 std::string place(const ResolvedScene& r) {
@@ -152,14 +111,6 @@ std::string kept_words(const WorkDir* work) {
     if (count == 0) return "";
     return text("; ", count, count == 1 ? " wedge is" : " wedges are", " kept in ", in_quotes(work->path()),
                 " (--resume goes on)");
-}
-
-void write_report(OutputFile& file, const nlohmann::ordered_json& report) {
-    std::ofstream out(file.temporary_path(), std::ios::binary);
-    out << report.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) << '\n';
-    out.close();
-    if (!out)
-        throw IoError(text("report ", in_quotes(file.final_path()), " cannot be written: ", std::strerror(errno)));
 }
 
 void simulate(const Settings& settings, WorkDir* work, double start_s, Stop& stop) {
@@ -241,8 +192,10 @@ void simulate(const Settings& settings, WorkDir* work, double start_s, Stop& sto
     if (timeline) timeline->finish();
     const Usage usage = usage_since(start_s);
     if (outputs.report) {
-        write_report(*outputs.report,
-                     report_json(settings, result, input_files(settings, source->data_base()), write_s, usage));
+        write_report(*outputs.report, report_json(settings, result,
+                                                  input_files(settings, source->data_base(),
+                                                              settings.files.empty() ? "" : settings.files[0]),
+                                                  write_s, usage));
     }
     stop.check();
     std::string written;

@@ -1,0 +1,69 @@
+#include "tools/run_files.hpp"
+
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <optional>
+#include <system_error>
+
+#include "lib/error.hpp"
+#include "tools/units.hpp"
+
+namespace wedgescope {
+namespace {
+
+namespace fs = std::filesystem;
+
+bool same_file(const std::string& a, const std::string& b) {
+    std::error_code error;
+    if (fs::equivalent(a, b, error) && !error) return true;
+    // weakly_canonical alone leaves a name as it is whose first part does not exist.
+    return fs::weakly_canonical(fs::absolute(a), error) == fs::weakly_canonical(fs::absolute(b), error) && !error;
+}
+
+}  // namespace
+
+void check_names(const NamedPaths& outputs, const NamedPaths& inputs) {
+    for (std::size_t i = 0; i < outputs.size(); ++i) {
+        const auto& [key, path] = outputs[i];
+        if (path.empty()) continue;
+        for (std::size_t j = 0; j < i; ++j)
+            if (!outputs[j].second.empty() && same_file(path, outputs[j].second))
+                throw InputError(text(key, " and ", outputs[j].first, " are both ", in_quotes(path),
+                                      "; every output needs its own file"));
+        for (const auto& [input_key, input] : inputs)
+            if (!input.empty() && same_file(path, input))
+                throw InputError(text(key, " is ", in_quotes(path), ", which is ", input_key,
+                                      " too; an output may not replace an input"));
+    }
+}
+
+std::vector<InputFile> input_files(const Settings& s, const DataBase& data_base, const std::string& scene_file) {
+    std::vector<InputFile> inputs;
+    const auto add = [&](const char* key, const std::string& path, bool raster) {
+        if (path.empty()) return;
+        std::error_code error;
+        InputFile input{key, path, std::nullopt, raster ? crs_name(data_base.crs_wkt) : ""};
+        if (const auto bytes = fs::file_size(path, error); !error) input.bytes = bytes;
+        inputs.push_back(input);
+    };
+    add("dem", s.dem, true);
+    add("culture", s.culture, true);
+    add("culture-height", s.culture_height, true);
+    if (!Legend::built_in(s.culture_legend)) add("culture-legend", s.culture_legend, false);
+    add("scene", scene_file, false);
+    return inputs;
+}
+
+void write_report(OutputFile& file, const nlohmann::ordered_json& report) {
+    errno = 0;
+    std::ofstream out(file.temporary_path(), std::ios::binary);
+    out << report.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) << '\n';
+    out.close();
+    if (!out)
+        throw IoError(text("report ", in_quotes(file.final_path()),
+                           " cannot be written: ", errno ? std::strerror(errno) : "disk full?"));
+}
+
+}  // namespace wedgescope

@@ -1,0 +1,29 @@
+// Run files: names of a run's inputs and outputs, checked before any work, and its report.
+// Leaves what is written to the commands.
+#pragma once
+#include <nlohmann/json.hpp>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "lib/wedge_source.hpp"
+#include "tiles/output_file.hpp"
+#include "tools/report_json.hpp"
+#include "tools/settings.hpp"
+
+namespace wedgescope {
+
+/// Keys and the paths that they name; empty paths name nothing.
+using NamedPaths = std::vector<std::pair<const char*, std::string>>;
+
+/// InputError where an output is an input too, or two outputs are one file.
+void check_names(const NamedPaths& outputs, const NamedPaths& inputs);
+
+/// Inputs of a run for its report: those of the settings that are named, and the scene file where there is one.
+std::vector<InputFile> input_files(const Settings& settings, const DataBase& data_base,
+                                   const std::string& scene_file = {});
+
+/// Under the file's temporary name. IoError.
+void write_report(OutputFile& file, const nlohmann::ordered_json& report);
+
+}  // namespace wedgescope
