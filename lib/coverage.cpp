@@ -177,7 +177,8 @@ public:
         lift_.sensor_m = static_cast<float>(scene.sensor_m);
         lift_.inverse_radius = static_cast<float>(scene.earth.inverse_radius());
         with_range_ = scene.range_limited || scene.scene.range_start_m > 0;
-        with_posts_ = with_range_ || scene.scene.sector || params.elevation || !bytes_;
+        limited_ = with_range_ || scene.scene.sector || params.elevation;
+        with_posts_ = limited_ || !bytes_;
         if (params.elevation) {
             least_tangent_ = rounded(std::tan(params.elevation->first.rad()), 40);
             most_tangent_ = rounded(std::tan(params.elevation->second.rad()), 40);
@@ -287,6 +288,7 @@ private:
     SpokeGrid grid_;
     bool bytes_, voids_;
     bool with_range_ = false;  ///< a slant range is asked for
+    bool limited_ = false;     ///< not all of the raster is in view
     bool with_posts_ = false;  ///< the single post must be looked at
     bool hides_ = false;       ///< a post below every horizon can be judged without its height
     double least_tangent_ = 0, most_tangent_ = 0;
@@ -758,7 +760,10 @@ void Cover::finish_line(const Side& side, const LineForm& line, Interval posts, 
     float* values = bytes_ ? nullptr : desk.values.data() + out;
     constexpr auto outside = static_cast<std::uint8_t>(State::outside), seen = static_cast<std::uint8_t>(State::seen),
                    no_data = static_cast<std::uint8_t>(State::no_data);
-    if (with_posts_ || voids_)
+    if (values && !limited_ && params_.layer == CoverageLayer::height) {
+        for (std::int64_t j = posts.begin; j < posts.end; ++j)
+            values[j - posts.begin] = state[j] == no_data ? nan_f : raise[j];
+    } else if (with_posts_ || voids_) {
         for (std::int64_t j = posts.begin; j < posts.end; ++j) {
             const auto g = static_cast<std::size_t>((j - first) / knot);
             const double width = desk.from[g + 1] - desk.from[g],
@@ -835,6 +840,7 @@ void Cover::finish_line(const Side& side, const LineForm& line, Interval posts, 
                 }
             values[j - posts.begin] = value;
         }
+    }
     const std::uint8_t* from = state + posts.begin;
     const auto n = static_cast<std::size_t>(posts.size());
     count_states(from, n, desk.states);

@@ -94,6 +94,8 @@ CPLStringList creation_options(GDALDriver& driver, GDALDataType type, bool patch
         options.SetNameValue("COMPRESS", patches ? "PACKBITS" : "DEFLATE");
         // Bytes are codes: differences of neighbours take longer to make and to pack, and more room.
         if (type != GDT_Byte) options.SetNameValue("PREDICTOR", GDALDataTypeIsFloating(type) ? "3" : "2");
+        // Floats: higher levels take twice as long for two hundredths less.
+        if (GDALDataTypeIsFloating(type)) options.SetNameValue("ZLEVEL", "1");
         options.SetNameValue("INTERLEAVE", "BAND");
         options.SetNameValue("BIGTIFF", "IF_SAFER");
     } else if (name == "COG") {

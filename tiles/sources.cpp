@@ -1025,16 +1025,29 @@ std::unique_ptr<WedgeSource> open_direct_source(const DataBaseParams& params) {
     return std::make_unique<RasterSource>(params);
 }
 
+namespace {
+
+PartitionScope scope_before_terrain(const Scene& scene, const DataBaseParams& params, const SpillOptions& options) {
+    PartitionScope scope = scope_before_terrain(scene, *open_direct_source(params));
+    if (options.all_round) {
+        if (!scene.range_m) scope.reach_m.reset();
+        scope.width_rad = 7;
+    }
+    return scope;
+}
+
+}  // namespace
+
 std::unique_ptr<WedgeSource> open_spilled_source(const DataBaseParams& params, const Scene& scene,
                                                  const SpillOptions& options) {
-    const PartitionScope scope = scope_before_terrain(scene, *open_direct_source(params));
-    return std::make_unique<PartitionedSource>(params, scope, !scene.range_m, options, "");
+    const PartitionScope scope = scope_before_terrain(scene, params, options);
+    return std::make_unique<PartitionedSource>(params, scope, !scene.range_m && !options.all_round, options, "");
 }
 
 std::unique_ptr<WedgeSource> forecast_spilled_source(const DataBaseParams& params, const Scene& scene,
                                                      const SpillOptions& options) {
-    const PartitionScope scope = scope_before_terrain(scene, *open_direct_source(params));
-    return std::make_unique<PartitionedSource>(params, scope, !scene.range_m, options);
+    const PartitionScope scope = scope_before_terrain(scene, params, options);
+    return std::make_unique<PartitionedSource>(params, scope, !scene.range_m && !options.all_round, options);
 }
 
 namespace {

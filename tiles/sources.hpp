@@ -34,6 +34,7 @@ std::unique_ptr<WedgeSource> open_direct_source(const DataBaseParams& params);
 
 struct SpillOptions {
     std::string temp_folder;  ///< empty: temporary_folder()
+    bool all_round = false;   ///< for coverage: whatever the sector, and without a range all of the raster
     std::size_t memory_bytes = std::size_t{1} << 30;
     int threads = 1;
     Stop* stop = nullptr;

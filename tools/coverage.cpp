@@ -124,14 +124,28 @@ void coverage(const std::vector<std::string>& arguments, Stop& stop) {
 
     Span opening(timeline.get(), "open", "stage");
     const GdalSession session(cache_bytes(settings), settings.config);
-    const auto source = open_direct_source(data_base_params(settings, cache_bytes(settings)));
-    const DataBase& db = source->data_base();
+    const DataBaseParams layers = data_base_params(settings, cache_bytes(settings));
+    std::unique_ptr<WedgeSource> source = open_direct_source(layers);
     if (settings.snap_to_post && settings.scene.platform.xy) {
         // gdal_viewshed's observer stands in the middle of the cell that the place lies in.
+        const DataBase& db = source->data_base();
         PointXY& at = *settings.scene.platform.xy;
         at.x = db.origin_x + std::floor((at.x - db.origin_x) / db.step_x + 0.5) * db.step_x;
         at.y = db.origin_y + std::floor((at.y - db.origin_y) / db.step_y + 0.5) * db.step_y;
     }
+    SpillOptions spill = spill_options(settings);
+    spill.all_round = true;
+    spill.stop = &stop;
+    const SourceChoice choice = choose_source(layers, settings.source, settings.scene, spill.memory_bytes);
+    if (choice.spilled) {
+        resolve_coverage(settings.scene, *source);  // refused before the pass
+        source.reset();
+        Progress sorting(settings.quiet || choice.kept);
+        spill.progress = [&](double fraction) { sorting.report(fraction); };
+        source = open_source(choice, layers, settings.scene, spill);
+        sorting.done();
+    }
+    const DataBase& db = source->data_base();
     const ResolvedScene scene = resolve_coverage(settings.scene, *source);
 
     opening.end();
@@ -176,6 +190,8 @@ void coverage(const std::vector<std::string>& arguments, Stop& stop) {
            fmt::format("sensor: {:.1f} m above sea level; seen: {} posts, {:.2f} % of those in range with data",
                        scene.sensor_m, grouped(report.seen()),
                        judged > 0 ? 100 * static_cast<double>(report.seen()) / judged : 0.0));
+    if (choice.spilled) remark(settings.quiet, text("terrain sorted into wedges first: ", choice.why));
+    if (!choice.unfit.empty()) remark(settings.quiet, text("not used: ", choice.unfit));
     remark(settings.quiet,
            text("written: ", settings.output, fmt::format(" ({:.1f} s, {:.0f} Mposts/s)", wall, all / wall * 1e-6)));
     if (settings.profile || settings.verbose) fmt::print(stderr, "{}", report_table(report, usage));

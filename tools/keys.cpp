@@ -931,6 +931,8 @@ std::vector<Key> make_keys() {
                              "quality",
                              "threads",
                              "memory",
+                             "source",
+                             "temp-dir",
                              "no-cull",
                              "report",
                              "timeline",
