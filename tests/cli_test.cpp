@@ -564,6 +564,20 @@ TEST_CASE("the spilled source writes the same files as the direct one, and info 
         CHECK(report["source"]["partition_bytes"] > 0);
         CHECK(fs::is_empty(folder.work() / "spill"));
     }
+    // Coverage too, for which all of the raster is needed.
+    const Strings cover{"coverage",       dem,    "seen.tif",       "--latlon",    "33.93,-117.33",
+                        "--altitude-agl", "300m", "--reproducible", "--overwrite", "-q"};
+    REQUIRE(folder.run(with(cover, {"--source", "direct"})).code == 0);
+    const std::string seen = content(folder.work() / "seen.tif");
+    REQUIRE(folder
+                .run(with(cover,
+                          {"--source", "spilled", "--memory", "64MiB", "--temp-dir", "spill", "--report", "run.json"}))
+                .code == 0);
+    CHECK((content(folder.work() / "seen.tif") == seen));
+    const auto covered = nlohmann::json::parse(content(folder.work() / "run.json"));
+    CHECK(covered["source"]["kind"] == "spilled");
+    CHECK(covered["source"]["partition_bytes"] > 0);
+    CHECK(fs::is_empty(folder.work() / "spill"));
     const std::string scene = "dem = " + dem + "\nlatlon = 33.9,-117.4\naltitude-msl = 3km\n";
     folder.write("a.ini", scene);
     folder.write("b.ini", scene + "source = spilled\n");

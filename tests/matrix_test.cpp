@@ -1,4 +1,5 @@
 // The same bits, whatever the split, the threads, the memory, the source, the tiles and the way they were come by.
+#include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <cstring>
@@ -68,13 +69,14 @@ struct Bits {
 Bits bits(const RunResult& r) { return {r.echo_w.cells, r.echo_state.cells}; }
 
 /// The states of all posts.
-std::vector<std::uint8_t> covered(const Scene& scene, WedgeSource& source, int threads, std::size_t memory) {
+std::vector<std::uint8_t> covered(const Scene& scene, WedgeSource& source, int threads, std::size_t memory, bool cull) {
     const DataBase& db = source.data_base();
     std::vector<std::uint8_t> posts(static_cast<std::size_t>(db.columns * db.rows));
     CoverageParams params;
     params.layer = CoverageLayer::states;
     params.threads = threads;
     params.memory_bytes = memory;
+    params.cull = cull;
     cover(resolve_coverage(scene, source), source, params, [&](const CoverageTile& tile) {
         for (std::int64_t r = tile.window.rows.begin; r < tile.window.rows.end; ++r)
             std::copy_n(tile.bytes + (r - tile.window.rows.begin) * tile.stride, tile.window.columns.size(),
@@ -158,14 +160,20 @@ TEST_CASE("no way of running a scene changes a bit of it", "[matrix]") {
                 params.culture_height.clear();
             }
             for (const std::size_t memory : {64 * mebibyte, 1024 * mebibyte})
-                for (const bool spilled : {false, true}) {
+                for (const char* way : {"direct", "spilled, held", "spilled to disk"}) {
+                    const bool spilled = way[0] == 's', to_disk = std::strstr(way, "disk") != nullptr;
                     params.cache_bytes = memory / 8;
                     GdalSession::set_cache_bytes(params.cache_bytes);
                     SpillOptions options;
                     options.temp_folder = folder / "";
-                    options.memory_bytes = memory;
-                    const std::unique_ptr<WedgeSource> source =
-                        spilled ? open_spilled_source(params, scene, options) : open_direct_source(params);
+                    options.memory_bytes = to_disk ? mebibyte : memory;  // a quarter of it for blocks
+                    const auto open = [&] {
+                        auto source =
+                            spilled ? open_spilled_source(params, scene, options) : open_direct_source(params);
+                        CHECK((source->report().spilled_bytes > 0) == to_disk);
+                        return source;
+                    };
+                    const std::unique_ptr<WedgeSource> source = open();
                     const ResolvedScene resolved = resolve(scene, *source);
                     const auto run_with = [&](std::int64_t wedges, int threads, bool cull, bool resumed) {
                         EngineParams how;
@@ -190,22 +198,26 @@ TEST_CASE("no way of running a scene changes a bit of it", "[matrix]") {
                                     const Bits got = run_with(wedges, threads, cull, resumed);
                                     ++runs;
                                     if (!straight) straight = got;
-                                    INFO(name << ", memory " << memory / mebibyte << " MiB, "
-                                              << (spilled ? "spilled" : "direct") << ", " << wedges << " wedges, "
-                                              << threads << " threads, cull " << cull << ", resumed " << resumed);
+                                    INFO(name << ", memory " << memory / mebibyte << " MiB, " << way << ", " << wedges
+                                              << " wedges, " << threads << " threads, cull " << cull << ", resumed "
+                                              << resumed);
                                     CHECK(got == *straight);
                                 }
-                    if (spilled) continue;  // its posts end at the scene's range
-                    for (const int threads : {1, 2}) {
-                        const auto got = covered(scene, *source, threads, memory);
-                        if (!seen) seen = got;
-                        INFO(name << ", memory " << memory / mebibyte << " MiB, " << threads << " threads");
-                        CHECK(got == *seen);
-                    }
+                    options.all_round = true;
+                    const std::unique_ptr<WedgeSource> round = open();
+                    for (const int threads : {1, 2})
+                        for (const bool cull : {true, false}) {
+                            const auto got = covered(scene, *round, threads, memory, cull);
+                            if (!seen) seen = got;
+                            INFO(name << ", memory " << memory / mebibyte << " MiB, " << way << ", " << threads
+                                      << " threads, cull " << cull);
+                            CHECK(got == *seen);
+                        }
                 }
         }
-    CHECK(runs == 3 * 2 * 2 * 2 * 24);
+    CHECK(runs == 3 * 2 * 2 * 3 * 24);
     std::size_t lit = 0;
     for (const float w : straight->echo_w) lit += w > 0;
     CHECK(lit > straight->echo_w.size() / 10);
+    for (const int state : {0, 1, 2, 3, 4}) CHECK(std::count(seen->begin(), seen->end(), state) > 0);
 }
