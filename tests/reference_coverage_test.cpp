@@ -122,7 +122,7 @@ TEST_CASE("posts of real terrain are judged as an exact walk of their rays judge
     compare(degree, true, {30});
 }
 
-// The other heights take minutes: by name, or as [every-height].
+// The other heights, a test of its own for ctest so that the two run side by side.
 TEST_CASE("the same from every height", "[.][every-height]") {
     const GdalSession session(64 << 20, {});
     compare(inland, true, {30, 3000});
