@@ -213,8 +213,9 @@ void spoke_knots(const LineForm& line, const PieceForm& piece, std::int64_t spok
     float* __restrict lift = out.lift, * __restrict drop = out.drop;
     const double inverse = 1 / static_cast<double>(spokes), start = static_cast<double>(first);
     WEDGESCOPE_INDEPENDENT
-    for (std::size_t i = 0; i < n; ++i) {
-        const double m = (start + static_cast<double>(i * knot_step)) * inverse, u = (m - piece.middle) * piece.scale;
+    for (int i = 0; i < static_cast<int>(n); ++i) {  // which AVX2 can turn into doubles
+        const double m = (start + static_cast<double>(i * static_cast<int>(knot_step))) * inverse,
+                     u = (m - piece.middle) * piece.scale;
         const Polynomials p = factors(line, m, horner(piece.stretch, u));
         at[i] = line.nadir_minor + m * line.distance + horner(piece.bend, u);
         lift[i] = static_cast<float>(p.lift);
