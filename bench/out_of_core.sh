@@ -1,39 +1,17 @@
 #!/usr/bin/env bash
 # Large rasters in little memory: makes terrains, tiles them, checks that the ways give the same bits, then times coverage and
-# simulate from the store and from a spill, on one thread and on all, beside gdal_viewshed on the same posts, in turns.
-#   bench/out_of_core.sh [--posts "10000 20000"] [--rounds 3] [--memory 256MiB] [--program PATH]
+# simulate from the store and from a spill, on one thread and on all, beside gdal_viewshed on the same posts, in turns: on the plain
+# file (gdal_viewshed, the ratio's measure) and on the store (viewshed_store).
+#   bench/out_of_core.sh [--sizes "10000 20000"] [--rounds 3] [--memory 256MiB] [--program PATH]
 # `ridged`: mountains from 500 m above the ground, most posts hidden; `bowl`: every post seen (simulate with --no-cull, so that
 # direct and spilled do the same work). Takes half an hour and 4 GB of temporary disk.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
-sizes="10000 20000" rounds=3 memory=256MiB program=
-while (($#)); do
-    case "$1 ${2-}" in
-        "--posts "[0-9]*) sizes=$2 ;;
-        "--rounds "[0-9]*) rounds=$2 ;;
-        "--memory "[0-9]*) memory=$2 ;;
-        "--program "?*) program=$(realpath "$2") ;;
-        *)
-            echo "bench/out_of_core.sh: '$*' is not understood; accepted are --posts \"N ...\", --rounds N, --memory SIZE, --program PATH" >&2
-            exit 2
-            ;;
-    esac
-    shift 2
-done
-
-bash tools/install_packages.sh --bench
-if [[ -z $program ]]; then
-    cmake --preset release -DWEDGESCOPE_BENCH=ON --log-level=WARNING
-    cmake --build --preset release --parallel "$(nproc)"
-    program=$PWD/build/release/tools/wedgescope
-fi
-tools=$(dirname "$program")/../bench
-data=$PWD/tests/data
-work=$(mktemp -d)
-trap 'rm -rf "$work"' EXIT
-cd "$work"
-all_threads=$(nproc)
+source bench/setup.sh
+bench_setup "--sizes 10000 20000
+--rounds 3
+--memory 256MiB" "$@"
 
 run() {  # case, terrain, threads: leaves the command in `command`
     local height=500 place extra=()
@@ -41,6 +19,7 @@ run() {  # case, terrain, threads: leaves the command in `command`
     place=(--xy "$x,$y" --altitude-agl "${height}m" --geometry grid --memory "$memory" --threads "$3" --overwrite --quiet)
     case $1 in
         gdal_viewshed) command=(gdal_viewshed -q -ox "$x" -oy "$y" -oz "$height" -cc 0.75 "$2.tif" viewshed.tif) ;;
+        viewshed_store) command=(gdal_viewshed -q -ox "$x" -oy "$y" -oz "$height" -cc 0.75 "$2.store/dem.vrt" viewshed.tif) ;;
         coverage) command=("$program" coverage "${place[@]}" "$2.store" coverage.tif) ;;
         direct | spilled)
             [[ $2 == bowl* ]] && extra=(--no-cull)
@@ -69,7 +48,7 @@ for posts in $sizes; do
             fi
             reference=$bits
         done
-        cases=("gdal_viewshed 1" "coverage 1" "coverage $all_threads" "direct 1" "direct $all_threads" "spilled 1" "spilled $all_threads")
+        cases=("gdal_viewshed 1" "viewshed_store 1" "coverage 1" "coverage $all_threads" "direct 1" "direct $all_threads" "spilled 1" "spilled $all_threads")
         rm -f times.*
         for ((round = 1; round <= rounds; ++round)); do
             for case in "${cases[@]}"; do
@@ -80,7 +59,6 @@ for posts in $sizes; do
                 echo >>"times.$name.$threads"
             done
         done
-        middle() { sed '/^$/d' "$1" | sort -n | sed -n "$(((rounds + 1) / 2))p"; }
         baseline=$(middle times.gdal_viewshed.1 | cut -d ' ' -f 1)
         for case in "${cases[@]}"; do
             read -r name threads <<<"$case"

@@ -8,32 +8,10 @@
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
-posts=5000 rounds=3 program=
-while (($#)); do
-    case "$1 ${2-}" in
-        "--posts "[0-9]*) posts=$2 ;;
-        "--rounds "[0-9]*) rounds=$2 ;;
-        "--program "?*) program=$(realpath "$2") ;;
-        *)
-            echo "bench/run.sh: '$*' is not understood; accepted are --posts N, --rounds N, --program PATH" >&2
-            exit 2
-            ;;
-    esac
-    shift 2
-done
+source bench/setup.sh
+bench_setup "--posts 5000
+--rounds 3" "$@"
 
-bash tools/install_packages.sh --bench
-if [[ -z $program ]]; then
-    cmake --preset release -DWEDGESCOPE_BENCH=ON --log-level=WARNING
-    cmake --build --preset release --parallel "$(nproc)"
-    program=$PWD/build/release/tools/wedgescope
-fi
-tools=$(dirname "$program")/../bench
-work=$(mktemp -d)
-trap 'rm -rf "$work"' EXIT
-cd "$work"
-
-all_threads=$(nproc)
 y=$((4500000 - 30 * (posts / 2) - 15)) x=$((400000 + 30 * (posts / 2) + 15))  # the post in the middle
 declare -A height=([ridged]=500 [bowl]=2900)                                  # above the ground, metres
 
@@ -97,10 +75,10 @@ echo "Median of $rounds rounds; ratio: wall time of gdal_viewshed / of this. swe
 echo "raster a CPU second; all: with the deposit into cells."
 printf '%-7s %-14s %7s %7s %7s %8s %8s %6s %9s %7s\n' terrain program threads "wall s" "CPU s" Mposts/s "peak MiB" ratio "sweep M/s" "all M/s"
 for terrain in ridged bowl; do
-    baseline=$(sort -n "$terrain.gdal_viewshed.1" | sed -n "$(((rounds + 1) / 2))p" | cut -d ' ' -f 1)
+    baseline=$(middle "$terrain.gdal_viewshed.1" | cut -d ' ' -f 1)
     for case in "${cases[@]}"; do
         read -r name threads <<<"$case"
-        sort -n "$terrain.$name.$threads" | sed -n "$(((rounds + 1) / 2))p" |
+        middle "$terrain.$name.$threads" |
             awk -v terrain="$terrain" -v name="$name" -v threads="$threads" -v posts="$posts" -v baseline="$baseline" '{
                 n = posts * posts / 1e6
                 printf("%-7s %-14s %7d %7.2f %7.2f %8.1f %8.0f %6.2f %9s %7s\n", terrain, name, threads, $1, $2 + $3, n / $1, $4 / 1024,
