@@ -782,6 +782,17 @@ TEST_CASE("two processes fill one folder, and resume merges", "[resume][program]
     CHECK(merged.code == 0);
     CHECK_THAT(merged.err, Contains("reused 8 of 12 wedges"));
     CHECK(Images(folder) == straight);
+    // No pass where nothing is left to do, but one where something is.
+    const Strings sorted = scene + outputs + Strings{"--work-dir", "work", "--resume", "--source", "spilled"};
+    REQUIRE(program.run(sorted).code == 0);
+    CHECK(report(folder)["reused"] == 12);
+    CHECK(report(folder)["source"]["partition_bytes"] == 0);
+    CHECK(Images(folder) == straight);
+    fs::remove(folder / "work/wedge_000005.bin");
+    REQUIRE(program.run(sorted).code == 0);
+    CHECK(report(folder)["reused"] == 11);
+    CHECK(report(folder)["source"]["partition_bytes"] > 0);
+    CHECK(Images(folder) == straight);
     const Outcome beyond = program.run(scene + Strings{"--work-dir", "work", "--only-wedge", "9-12"});
     CHECK(beyond.code == 2);
     CHECK_THAT(beyond.err, Contains("only-wedge is 9-12") && Contains("0 to 11"));

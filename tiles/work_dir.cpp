@@ -12,6 +12,7 @@
 #include <cstdio>
 #include <cstring>
 #include <filesystem>
+#include <fstream>
 #include <iterator>
 #include <nlohmann/json.hpp>
 #include <utility>
@@ -446,6 +447,17 @@ void WorkDir::keep(const WedgeKey& key, const WedgeOutcome& outcome, std::span<c
     out.write(state.data(), state.size());
     out.write(&sum, sizeof sum);
     out.replace();
+}
+
+bool WorkDir::seems_done() const {
+    std::error_code error;
+    if (start_ != Start::join || !fs::exists(file(run_name), error)) return false;
+    std::ifstream in(file(run_name), std::ios::binary);
+    const json run = json::parse(in, nullptr, false);
+    if (!run.is_object() || !run.contains("wedges") || run["wedges"].size() < 2) return false;
+    for (std::size_t i = 0; i + 1 < run["wedges"].size(); ++i)
+        if (!fs::exists(file(wedge_name(static_cast<std::int64_t>(i))), error)) return false;
+    return true;
 }
 
 std::size_t WorkDir::kept() const {

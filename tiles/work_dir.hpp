@@ -27,6 +27,9 @@ public:
     WorkDir(const WorkDir&) = delete;
     WorkDir& operator=(const WorkDir&) = delete;
 
+    /// Before bind(), at a glance: does each wedge of the run that stands there, and that will be gone on with, have a file?
+    bool seems_done() const;
+
     /// The run that the folder is for.
     struct Run {
         std::string version;      ///< of the program
