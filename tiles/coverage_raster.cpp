@@ -61,6 +61,12 @@ CoverageFile::CoverageFile(const ResolvedScene& scene, const DataBase& db, const
 
 CoverageFile::~CoverageFile() = default;
 
+bool CoverageFile::by_tiles() const {
+    int columns = 0, rows = 0;
+    open_->dataset->GetRasterBand(1)->GetBlockSize(&columns, &rows);
+    return columns == CoverageTile::edge && rows == CoverageTile::edge;
+}
+
 void CoverageFile::write(const CoverageTile& tile) {
     GdalErrors errors;
     const bool bytes = is_bytes(open_->layer.kind);
@@ -68,9 +74,7 @@ void CoverageFile::write(const CoverageTile& tile) {
     const int columns = static_cast<int>(tile.window.columns.size()), rows = static_cast<int>(tile.window.rows.size());
     const GSpacing step = bytes ? 1 : sizeof(float);
     GDALRasterBand& band = *open_->dataset->GetRasterBand(1);
-    int block_columns = 0, block_rows = 0;
-    band.GetBlockSize(&block_columns, &block_rows);
-    if (block_columns == CoverageTile::edge && block_rows == CoverageTile::edge && tile.stride == CoverageTile::edge) {
+    if (by_tiles() && tile.stride == CoverageTile::edge) {
         // A tile is a block: past GDAL's cache, so that blocks stand in the file in the order they come.
         if (band.WriteBlock(static_cast<int>(tile.window.columns.begin / CoverageTile::edge),
                             static_cast<int>(tile.window.rows.begin / CoverageTile::edge),

@@ -29,6 +29,8 @@ public:
     CoverageFile(const CoverageFile&) = delete;
     CoverageFile& operator=(const CoverageFile&) = delete;
 
+    /// Are the file's blocks the tiles of coverage? Others are written in parts, which takes far longer.
+    bool by_tiles() const;
     /// IoError naming the file.
     void write(const CoverageTile& tile);
     /// Writes what is left; `void_posts`: posts without data or out of range. The caller commits the file. IoError.

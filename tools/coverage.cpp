@@ -172,6 +172,7 @@ void coverage(const std::vector<std::string>& arguments, Stop& stop) {
     CoverageFile raster(scene, db, layer, file, format);
     const CoverageReport report = cover(scene, *source, params, [&](const CoverageTile& tile) { raster.write(tile); });
     progress.done();
+    const bool by_tiles = raster.by_tiles();
     const auto posts_in = [&](State s) { return report.states[static_cast<std::size_t>(s)]; };
     raster.close(posts_in(State::no_data) + posts_in(State::outside));
     stop.check();
@@ -190,6 +191,9 @@ void coverage(const std::vector<std::string>& arguments, Stop& stop) {
            fmt::format("sensor: {:.1f} m above sea level; seen: {} posts, {:.2f} % of those in range with data",
                        scene.sensor_m, grouped(report.seen()),
                        judged > 0 ? 100 * static_cast<double>(report.seen()) / judged : 0.0));
+    if (!by_tiles)
+        remark(settings.quiet, text(settings.output, " is not cut into tiles of ", CoverageTile::edge, " x ",
+                                    CoverageTile::edge, " posts, which takes longer to write"));
     if (choice.spilled) remark(settings.quiet, text("terrain sorted into wedges first: ", choice.why));
     if (!choice.unfit.empty()) remark(settings.quiet, text("not used: ", choice.unfit));
     remark(settings.quiet,
