@@ -456,6 +456,211 @@ TEST_CASE("DTED cells of unequal posting become one grid of the finest, and edge
     CHECK(other->bare_terrain_m(120, 124) == source->bare_terrain_m(120, 124) + 7);
 }
 
+TEST_CASE("cells of unequal posting that disagree on their shared row are reported", "[store]") {
+    const Folder folder;
+    GDALAllRegister();
+    // A plane that bilinear leaves as it is: 10 m from post to post of 30", 5 m down the rows. South of 50 degrees every
+    // 30", north of it every 60" along the rows.
+    const auto cell = [&](int lat, int columns, const std::string& name, const std::map<int, int>& off) {
+        Drawing d;
+        d.columns = columns;
+        d.rows = 121;
+        d.type = GDT_Int16;
+        d.crs = "EPSG:4326";
+        const double sx = 1.0 / (columns - 1), sy = 1.0 / 120;
+        d.geotransform = {{10 - sx / 2, sx, 0, lat + 1 + sy / 2, 0, -sy}};
+        d.value = [=](int c, int r) {
+            const int wrong = r == 0 && off.contains(c) ? off.at(c) : 0;
+            return 1000.0 + 10 * c * 120 / (columns - 1) + 5 * (r + (50 - lat) * 120) + wrong;
+        };
+        draw(folder / "cell.tif", d);
+        GDALDataset* in = GDALDataset::Open((folder / "cell.tif").c_str());
+        GDALDataset* out = GetGDALDriverManager()->GetDriverByName("DTED")->CreateCopy((folder / name).c_str(), in, 0,
+                                                                                       nullptr, nullptr, nullptr);
+        REQUIRE(out);
+        GDALClose(out);
+        GDALClose(in);
+        return folder / name;
+    };
+    // Posts 10, 20 and 22 are the northern cell's too, 11, 13 and 15 lie between two of its posts, which are 20 m apart.
+    const std::string south = cell(49, 121, "south.dt0", {{10, 1}, {11, 20}, {13, 60}, {15, 50}, {20, -40}, {22, 0}}),
+                      north = cell(50, 61, "north.dt0", {});
+    for (const bool south_first : {true, false}) {
+        const std::vector<std::string> given = south_first ? std::vector{south, north} : std::vector{north, south};
+        auto params = into(folder / "store", given);
+        params.overwrite = true;
+        const TileStoreSummary summary = write_tile_store(params);
+        CHECK(summary.disagreements == 3);  // 10, 13, 20
+        CHECK(summary.largest_m == 60);
+        CHECK_THAT(summary.largest_where,
+                   Contains(fs::path(given[0]).filename().string() + "' (kept)") &&
+                       Contains(fs::path(given[1]).filename().string() + "' at column 13, row 120"));
+        const auto source = open_direct_source(base(folder / "store"));
+        CHECK(source->bare_terrain_m(13, 120) == (south_first ? 1790.0F : 1730.0F));
+        CHECK(source->bare_terrain_m(20, 120) == (south_first ? 1760.0F : 1800.0F));
+    }
+}
+
+TEST_CASE("rasters that overlap at unlike posting or between each other's posts disagree as far as they can be told",
+          "[store]") {
+    const Folder folder;
+    // Fine: 60 x 50 posts of 10 m on a plane of 2 m a column and 1 m a row.
+    const auto fine = [](double x, double y) { return 500 + 2 * x + y; };
+    Drawing d;
+    d.columns = 60;
+    d.rows = 50;
+    d.value = [&](int c, int r) { return c == 50 && r == 21 ? NAN : fine(c, r); };
+    draw(folder / "fine.tif", d);
+    // Another of the same plane, raised; its first post is the fine raster's (40, 20).
+    const auto other = [&](double posting, double shift, double raised, double roughness) {
+        Drawing o;
+        o.columns = o.rows = static_cast<int>(60 / posting) + 1;
+        o.geotransform = {{1000 + 10 * (40.5 + shift - posting / 2), 10 * posting, 0,
+                           2000 - 10 * (20.5 + shift - posting / 2), 0, -10 * posting}};
+        o.value = [=](int c, int r) {
+            return fine(40 + shift + c * posting, 20 + shift + r * posting) + raised + roughness * ((c + r) % 2);
+        };
+        draw(folder / "other.tif", o);
+    };
+    const auto tiled = [&](const std::string& first, const std::string& second) {
+        auto params = into(folder / "store", {folder / first, folder / second});
+        params.overwrite = true;
+        return write_tile_store(params);
+    };
+    const auto disagreements = [&] {
+        const TileStoreSummary summary = tiled("fine.tif", "other.tif"), turned = tiled("other.tif", "fine.tif");
+        CHECK(summary.disagreements == turned.disagreements);
+        CHECK(summary.largest_m == turned.largest_m);
+        return summary;
+    };
+    // Columns 40 to 59, rows 20 to 49 are in both: 600 posts, of which one is void. Of half the posting 10 x 15 coincide.
+    other(2, 0, 0, 0);
+    CHECK(disagreements().disagreements == 0);
+    other(2, 0, 100, 0);
+    CHECK(disagreements().disagreements == 599);
+    CHECK(disagreements().largest_m == 100);
+    CHECK_THAT(disagreements().largest_where, Contains("column 40, row 20"));
+    other(2, 0, 20, 0);  // between posts no more than may be
+    CHECK(disagreements().disagreements == 150);
+    // Half a post aside, on the grid of the first: the other's posts lie between its own, columns 41 to 59, rows 21 to 49.
+    // The void takes one post from the fine raster, and four where that is interpolated.
+    other(1, 0.5, 0, 0);
+    CHECK(tiled("fine.tif", "other.tif").disagreements == 0);
+    CHECK(tiled("other.tif", "fine.tif").disagreements == 0);
+    other(1, 0.5, 100, 0);
+    const TileStoreSummary aside = tiled("fine.tif", "other.tif");
+    CHECK_THAT(aside.note, Contains("1 of 2 rasters resampled"));
+    CHECK(aside.disagreements == 19 * 29 - 1);
+    CHECK(aside.largest_m == 100);
+    CHECK_THAT(aside.largest_where, Contains("column 41, row 21"));
+    CHECK(tiled("other.tif", "fine.tif").disagreements == 19 * 29 - 4);
+    // A relief of 3 m between four neighbours and 30 m more may be.
+    other(1, 0.5, 33, 0);
+    CHECK(tiled("fine.tif", "other.tif").disagreements == 0);
+    other(1, 0.5, 33.125, 0);
+    CHECK(tiled("fine.tif", "other.tif").disagreements == 19 * 29 - 1);
+    // Posts up and down by 200 m tell nothing of the ground between them.
+    other(1, 0.5, -100, 200);
+    CHECK(tiled("fine.tif", "other.tif").disagreements == 0);
+    // Three times the posting and a little more, so that posts drift apart by hundredths: they are the same all the same,
+    // and compared as they are.
+    Drawing o;
+    o.columns = o.rows = 20;
+    o.geotransform = {{1000 + 10 * (40.5 - 1.5), 30.01, 0, 2000 - 10 * (20.5 - 1.5), 0, -30.01}};
+    o.value = [&](int c, int r) { return fine(40 + 3 * c, 20 + 3 * r) + 1; };
+    draw(folder / "other.tif", o);
+    CHECK(disagreements().disagreements == 7 * 10);
+    CHECK(disagreements().largest_m == 1);
+}
+
+TEST_CASE("a post where several rasters disagree counts once, with the largest difference", "[store]") {
+    const Folder folder;
+    std::vector<std::string> paths;
+    for (const double height : {100.0, 103.0, 90.0, 100.0}) {
+        Drawing d;
+        d.columns = 40;
+        d.rows = 30;
+        d.value = [=](int c, int r) { return c == 7 && r == 9 ? height : 100.0; };
+        paths.push_back(folder / (std::to_string(paths.size()) + ".tif"));
+        draw(paths.back(), d);
+    }
+    Drawing coarse;  // of every second post, 8 m lower
+    coarse.columns = 20;
+    coarse.rows = 15;
+    coarse.geotransform = {{995, 20, 0, 2005, 0, -20}};
+    coarse.value = [](int, int) { return 92.0; };
+    const TileStoreSummary fine = write_tile_store(into(folder / "fine", paths));
+    CHECK(fine.disagreements == 1);
+    CHECK(fine.largest_m == 10);
+    CHECK_THAT(fine.largest_where, Contains("0.tif' (kept) and '") && Contains("2.tif' at column 7, row 9"));
+    draw(folder / "coarse.tif", coarse);
+    paths.push_back(folder / "coarse.tif");
+    const TileStoreSummary all = write_tile_store(into(folder / "all", paths));
+    CHECK(all.disagreements == 1 + 20 * 15);
+    CHECK(all.largest_m == 10);
+}
+
+TEST_CASE("what disagrees does not depend on threads, memory, tiles or the rasters' order", "[store]") {
+    const Folder folder;
+    // Rough ground over three sheets, and a coarser raster of its own roughness over the seams between them.
+    const auto rough = [](std::int64_t c, std::int64_t r, unsigned seed) {
+        std::uint64_t x = static_cast<std::uint64_t>(c * 7919 + r * 104729 + 1) * (2654435761U + 2 * seed);
+        x ^= x >> 29;
+        return static_cast<double>(x * 0x9E3779B97F4A7C15U >> 58);  // 0 to 63
+    };
+    constexpr int wide = 2 * 4096 + 100, high = 90, coarse_wide = 2200, coarse_high = 40, first = 3990, top = 5;
+    const auto fine = [&](int c, int r) { return 1000 + rough(c, r, 1); };
+    const auto coarse = [&](int c, int r) { return 1040 + rough(c, r, 2); };
+    Drawing d;
+    d.columns = wide;
+    d.rows = high;
+    d.type = GDT_Int16;
+    d.no_data = -32768;
+    d.value = [&](int c, int r) { return r == 40 ? -32768.0 : fine(c, r); };
+    draw(folder / "fine.tif", d);
+    Drawing o = d;
+    o.columns = coarse_wide;
+    o.rows = coarse_high;
+    o.geotransform = {{1000 + 10.0 * (first - 0.5), 20, 0, 2000 - 10.0 * (top - 0.5), 0, -20}};
+    o.value = [&](int c, int r) { return c == 100 ? -32768.0 : coarse(c, r); };
+    draw(folder / "coarse.tif", o);
+
+    // As the guide has it, post by post.
+    std::uint64_t posts = 0;
+    double largest = 0;
+    for (int r = 0; r < high; ++r)
+        for (int c = 0; c < wide; ++c) {
+            const int x = c - first, y = r - top;
+            if (r == 40 || x < 0 || y < 0 || x > 2 * (coarse_wide - 1) || y > 2 * (coarse_high - 1)) continue;
+            std::vector<double> around;
+            for (int v = y / 2; v <= (y + 1) / 2; ++v)
+                for (int u = x / 2; u <= (x + 1) / 2; ++u) around.push_back(u == 100 ? NAN : coarse(u, v));
+            double mean = 0;
+            for (const double z : around) mean += z / static_cast<double>(around.size());
+            if (std::isnan(mean)) continue;
+            const double apart = std::fabs(mean - fine(c, r));
+            const auto [low, top_z] = std::minmax_element(around.begin(), around.end());
+            if (around.size() == 1 ? apart == 0 : apart <= *top_z - *low + 30) continue;
+            ++posts;
+            largest = std::max(largest, apart);
+        }
+    REQUIRE(posts > 100000);
+    for (const std::int64_t tile : {64, 256})
+        for (const int threads : {1, 2})
+            for (const bool fine_first : {true, false}) {
+                CAPTURE(tile, threads, fine_first);
+                auto params = into(folder / "store", {folder / (fine_first ? "fine.tif" : "coarse.tif"),
+                                                      folder / (fine_first ? "coarse.tif" : "fine.tif")});
+                params.overwrite = true;
+                params.tile_posts = tile;
+                params.threads = threads;
+                params.memory_bytes = std::size_t{threads == 1 ? 64U : 512U} << 20;
+                const TileStoreSummary summary = write_tile_store(params);
+                CHECK(summary.disagreements == posts);
+                CHECK(static_cast<double>(summary.largest_m) == largest);
+            }
+}
+
 TEST_CASE("HGT cells and a GeoTIFF across the antimeridian lie side by side", "[store]") {
     const Folder folder;
     GDALAllRegister();

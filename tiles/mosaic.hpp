@@ -6,8 +6,12 @@
 // grid is copied, any other resampled bilinearly between its own posts (void if a post that counts is void).
 // GDAL's own resampling is not used: its result depends on the windows that are asked for.
 //
+// A post of the grid disagrees where the raster whose value is kept and another one have unlike values there. Where
+// both have a post of their own any difference counts; where one is interpolated, only what is beyond the relief of the
+// posts it was interpolated from by more than `between_posts_m`: ground between posts is not known any better.
+//
 // Memory: one handle a reading thread for each of the `most_open` rasters read last; a read takes its window in floats
-// once more, and where rasters overlap once more for who holds a post.
+// once more, where rasters overlap once more for who holds a post, and once more for its doubt if any is resampled.
 #pragma once
 #include <list>
 #include <memory>
@@ -32,6 +36,7 @@ public:
     const std::string& path(std::size_t file) const { return pieces_[file].raster->facts().path; }
     std::vector<StoreSource> sources() const;
     bool single() const { return pieces_.size() == 1; }
+    bool resampled() const { return resampled_; }
 
     /// Rasters that hold posts of the window.
     std::vector<std::size_t> pieces_in(const Window& window) const;
@@ -41,7 +46,8 @@ public:
         std::vector<std::byte> stored;     ///< in facts().type
         std::vector<float> heights;        ///< metres, NaN void
         std::vector<std::int32_t> codes;   ///< void_code where there is none
-        std::vector<std::int32_t> owners;  ///< scratch
+        std::vector<std::int32_t> owners;  ///< scratch: 1 + the piece kept, below 0 once it disagreed; 0: none
+        std::vector<float> doubts;         ///< scratch: of what is kept, metres; empty: 0
         std::vector<float> part;           ///< scratch
         Disagreement disagreement;         ///< added to
     };
@@ -63,14 +69,17 @@ private:
     void choose_type();
     void used(std::size_t piece);
     void add_copied(std::size_t index, const Window& window, const Window& counted, Posts& out);
-    void add_resampled(std::size_t index, const Window& window, Posts& out);
+    void add_resampled(std::size_t index, const Window& window, const Window& counted, Posts& out);
+    static void keep_or_compare(std::size_t index, float height_m, float doubt_m, std::int64_t column, std::int64_t row,
+                                const Window& window, const Window& counted, Posts& out);
     void store_heights(const Window& window, Posts& out) const;
     void read_single(const Window& window, Kind kind, Posts& out);
 
     std::vector<Piece> pieces_;
     RasterFacts facts_;
     std::string note_;
-    bool as_stored_ = true;  ///< the rasters' own values are stored, not metres
+    bool resampled_ = false;  ///< at least one of them
+    bool as_stored_ = true;   ///< the rasters' own values are stored, not metres
     std::mutex mutex_;
     std::list<std::size_t> open_;  ///< the last used in front
 };

@@ -149,9 +149,8 @@ void ValueFacts::add(const ValueFacts& other) {
 void Disagreement::add(const Disagreement& other) {
     const std::uint64_t sum = posts + other.posts;
     // Of several as large the first in the raster's order, so that no order of work shows.
-    if (other.posts > 0 &&
-        (posts == 0 || other.largest_m > largest_m ||
-         (other.largest_m == largest_m && std::pair(other.row, other.column) < std::pair(row, column))))
+    if (other.largest_m > largest_m ||
+        (other.largest_m == largest_m && std::pair(other.row, other.column) < std::pair(row, column)))
         *this = other;
     posts = sum;
 }

@@ -32,10 +32,10 @@ struct ValueFacts {
     void add(const ValueFacts& other);
 };
 
-/// Posts that two rasters hold with unlike heights.
+/// Posts that rasters hold with unlike heights.
 struct Disagreement {
-    std::uint64_t posts = 0;
-    float largest_m = 0;
+    std::uint64_t posts = 0;                     ///< each once, however many rasters are unlike there
+    float largest_m = 0;                         ///< above 0 where there are any
     std::int64_t column = 0, row = 0;            ///< of the largest
     std::int64_t kept_file = 0, other_file = 0;  ///< numbers in the order given
     void add(const Disagreement& other);

@@ -200,6 +200,7 @@ std::size_t StoreWriter::job_bytes(const Layer& layer) const {
     const auto unit = static_cast<std::size_t>(std::max(unit_posts, tile * tile) + 2 * (sheet_posts + tile) + 1);
     std::size_t post = static_cast<std::size_t>(layer.entry.facts.type_bytes) + sizeof(float);
     if (!layer.input.single()) post += sizeof(float) + sizeof(std::int32_t);
+    if (layer.input.resampled()) post += sizeof(float);
     std::size_t bytes = sheet_writer_bytes(layer.entry.facts);
     if (layer.kind == StoreLayerKind::dem) {
         bytes += 4 * page_blocks * page_blocks * sizeof(BlockBounds);
