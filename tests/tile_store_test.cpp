@@ -491,6 +491,7 @@ TEST_CASE("cells of unequal posting that disagree on their shared row are report
         params.overwrite = true;
         const TileStoreSummary summary = write_tile_store(params);
         CHECK(summary.disagreements == 3);  // 10, 13, 20
+        CHECK(summary.interpolated == 1);
         CHECK(summary.largest_m == 60);
         CHECK_THAT(summary.largest_where,
                    Contains(fs::path(given[0]).filename().string() + "' (kept)") &&
@@ -542,6 +543,7 @@ TEST_CASE("rasters that overlap at unlike posting or between each other's posts 
     CHECK_THAT(disagreements().largest_where, Contains("column 40, row 20"));
     other(2, 0, 20, 0);  // between posts no more than may be
     CHECK(disagreements().disagreements == 150);
+    CHECK(disagreements().interpolated == 0);
     // Half a post aside, on the grid of the first: the other's posts lie between its own, columns 41 to 59, rows 21 to 49.
     // The void takes one post from the fine raster, and four where that is interpolated.
     other(1, 0.5, 0, 0);
@@ -551,6 +553,7 @@ TEST_CASE("rasters that overlap at unlike posting or between each other's posts 
     const TileStoreSummary aside = tiled("fine.tif", "other.tif");
     CHECK_THAT(aside.note, Contains("1 of 2 rasters resampled"));
     CHECK(aside.disagreements == 19 * 29 - 1);
+    CHECK(aside.interpolated == aside.disagreements);
     CHECK(aside.largest_m == 100);
     CHECK_THAT(aside.largest_where, Contains("column 41, row 21"));
     CHECK(tiled("other.tif", "fine.tif").disagreements == 19 * 29 - 4);
@@ -597,6 +600,7 @@ TEST_CASE("a post where several rasters disagree counts once, with the largest d
     paths.push_back(folder / "coarse.tif");
     const TileStoreSummary all = write_tile_store(into(folder / "all", paths));
     CHECK(all.disagreements == 1 + 20 * 15);
+    CHECK(all.interpolated == 0);
     CHECK(all.largest_m == 10);
 }
 
@@ -626,7 +630,7 @@ TEST_CASE("what disagrees does not depend on threads, memory, tiles or the raste
     draw(folder / "coarse.tif", o);
 
     // As the guide has it, post by post.
-    std::uint64_t posts = 0;
+    std::uint64_t posts = 0, between = 0;
     double largest = 0;
     for (int r = 0; r < high; ++r)
         for (int c = 0; c < wide; ++c) {
@@ -642,9 +646,11 @@ TEST_CASE("what disagrees does not depend on threads, memory, tiles or the raste
             const auto [low, top_z] = std::minmax_element(around.begin(), around.end());
             if (around.size() == 1 ? apart == 0 : apart <= *top_z - *low + 30) continue;
             ++posts;
+            between += around.size() > 1;
             largest = std::max(largest, apart);
         }
     REQUIRE(posts > 100000);
+    REQUIRE(between > 1000);
     for (const std::int64_t tile : {64, 256})
         for (const int threads : {1, 2})
             for (const bool fine_first : {true, false}) {
@@ -657,6 +663,7 @@ TEST_CASE("what disagrees does not depend on threads, memory, tiles or the raste
                 params.memory_bytes = std::size_t{threads == 1 ? 64U : 512U} << 20;
                 const TileStoreSummary summary = write_tile_store(params);
                 CHECK(summary.disagreements == posts);
+                CHECK(summary.interpolated == between);
                 CHECK(static_cast<double>(summary.largest_m) == largest);
             }
 }

@@ -267,10 +267,12 @@ inline void Mosaic::keep_or_compare(std::size_t index, float height_m, float dou
     }
     if (kept_m == height_m || !counted.columns.contains(column) || !counted.rows.contains(row)) return;
     const float apart_m = std::fabs(kept_m - height_m);
-    if (!out.doubts.empty() && !(apart_m > doubt_m + out.doubts[at])) return;
+    const float both_m = doubt_m + (out.doubts.empty() ? 0.0F : out.doubts[at]);
+    if (!(apart_m > both_m)) return;
     std::int32_t& owner = out.owners[at];
-    out.disagreement.add(
-        {owner > 0 ? 1U : 0U, apart_m, column, row, std::abs(owner) - 1, static_cast<std::int64_t>(index)});
+    const bool first = owner > 0;
+    out.disagreement.add({first ? 1U : 0U, apart_m, column, row, std::abs(owner) - 1, static_cast<std::int64_t>(index),
+                          first && both_m > 0 ? 1U : 0U});
     owner = -std::abs(owner);
 }
 

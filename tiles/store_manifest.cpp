@@ -147,12 +147,13 @@ void ValueFacts::add(const ValueFacts& other) {
 }
 
 void Disagreement::add(const Disagreement& other) {
-    const std::uint64_t sum = posts + other.posts;
+    const std::uint64_t sum = posts + other.posts, between = interpolated + other.interpolated;
     // Of several as large the first in the raster's order, so that no order of work shows.
     if (other.largest_m > largest_m ||
         (other.largest_m == largest_m && std::pair(other.row, other.column) < std::pair(row, column)))
         *this = other;
     posts = sum;
+    interpolated = between;
 }
 
 Window StoreLayerEntry::posts(std::int64_t column, std::int64_t row) const {
@@ -235,10 +236,13 @@ std::string sums_text(const SheetSums& s) {
               {"file_checksum", hex(s.file_checksum)},
               {"values", to_json(s.values)}};
     if (s.disagreement.posts > 0)
-        head["disagreement"] = {
-            {"posts", s.disagreement.posts},         {"largest_m", static_cast<double>(s.disagreement.largest_m)},
-            {"column", s.disagreement.column},       {"row", s.disagreement.row},
-            {"kept_file", s.disagreement.kept_file}, {"other_file", s.disagreement.other_file}};
+        head["disagreement"] = {{"posts", s.disagreement.posts},
+                                {"largest_m", static_cast<double>(s.disagreement.largest_m)},
+                                {"column", s.disagreement.column},
+                                {"row", s.disagreement.row},
+                                {"kept_file", s.disagreement.kept_file},
+                                {"other_file", s.disagreement.other_file},
+                                {"interpolated", s.disagreement.interpolated}};
     if (!s.codes.empty()) {
         head["unknown_codes"] = json::array();
         for (const auto& [code, cells] : s.codes) head["unknown_codes"].push_back(json::array({code, cells}));
@@ -279,9 +283,10 @@ SheetSums read_sums(const std::string& path, std::optional<std::uint64_t> expect
         if (head.contains("disagreement")) {
             const json& d = head.at("disagreement");
             s.disagreement = {
-                d.at("posts").get<std::uint64_t>(),    static_cast<float>(d.at("largest_m").get<double>()),
-                d.at("column").get<std::int64_t>(),    d.at("row").get<std::int64_t>(),
-                d.at("kept_file").get<std::int64_t>(), d.at("other_file").get<std::int64_t>()};
+                d.at("posts").get<std::uint64_t>(),       static_cast<float>(d.at("largest_m").get<double>()),
+                d.at("column").get<std::int64_t>(),       d.at("row").get<std::int64_t>(),
+                d.at("kept_file").get<std::int64_t>(),    d.at("other_file").get<std::int64_t>(),
+                d.value("interpolated", std::uint64_t{0})};
         }
         if (head.contains("unknown_codes"))
             for (const json& c : head.at("unknown_codes"))

@@ -38,6 +38,7 @@ struct Disagreement {
     float largest_m = 0;                         ///< above 0 where there are any
     std::int64_t column = 0, row = 0;            ///< of the largest
     std::int64_t kept_file = 0, other_file = 0;  ///< numbers in the order given
+    std::uint64_t interpolated = 0;              ///< of the posts, those that are no post of one of the rasters
     void add(const Disagreement& other);
 };
 

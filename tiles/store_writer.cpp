@@ -571,6 +571,7 @@ TileStoreSummary StoreWriter::summary() const {
     }
     for (const auto& [code, cells] : codes) out.unknown_codes.push_back({code, cells});
     out.disagreements = all.posts;
+    out.interpolated = all.interpolated;
     out.largest_m = all.largest_m;
     if (all.posts > 0)
         out.largest_where = text("between '", layers_[0]->input.path(static_cast<std::size_t>(all.kept_file)),

@@ -77,6 +77,7 @@ struct TileStoreSummary {
     std::vector<Layer> layers;
     std::string note;                 ///< what was done to unlike rasters; empty: nothing
     std::uint64_t disagreements = 0;  ///< posts that two rasters hold with unlike heights
+    std::uint64_t interpolated = 0;   ///< of these, where one of the two has no post of its own
     float largest_m = 0;
     std::string largest_where;  ///< files, column and row of the store
     struct Code {

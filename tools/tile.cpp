@@ -84,8 +84,10 @@ void tell(const Settings& settings, const TileStoreSummary& summary, double seco
     const auto say = [&](const std::string& line) { remark(settings.quiet, line); };
     if (!summary.note.empty()) say(summary.note);
     if (summary.disagreements > 0)
-        say(fmt::format("{} posts that rasters share disagree, by {:.6g} m at the most, {}",
-                        grouped(summary.disagreements), summary.largest_m, summary.largest_where));
+        say(fmt::format(
+            "{} posts that rasters share disagree{}, by {:.6g} m at the most, {}", grouped(summary.disagreements),
+            summary.interpolated > 0 ? text(", ", grouped(summary.interpolated), " of them interpolated") : "",
+            summary.largest_m, summary.largest_where));
     if (!summary.unknown_codes.empty()) {
         constexpr std::size_t named = 10;
         std::string codes;
