@@ -614,6 +614,47 @@ TEST_CASE("a signal ends the run with 128 + its number and leaves nothing", "[cl
     }
 }
 
+TEST_CASE("a signal while a raster is read from end to end ends the run at once", "[cli]") {
+    const Folder folder;
+    // 7.2 GB of zeros that the disk need not hold: many seconds to read.
+    const std::string big = float_raster(folder, "big", 1, 1, {0});
+    folder.write("big.hdr",
+                 "ENVI\nsamples = 60000\nlines = 60000\nbands = 1\ndata type = 2\ninterleave = bsq\n"
+                 "byte order = 0\nmap info = {UTM, 1, 1, 465000, 3750300, 30, 30, 11, North, WGS-84}\n");
+    fs::resize_file(big, std::uintmax_t{2} * 60000 * 60000);
+    folder.write("scene.ini", "dem = big.dat\nxy = 510000,3705300\naltitude-msl = 9km\nsource = direct\n");
+    const auto before = folder.names();
+    const auto reads = [&](pid_t child) {
+        std::error_code gone;
+        for (const auto& entry : fs::directory_iterator("/proc/" + std::to_string(child) + "/fd", gone))
+            if (fs::read_symlink(entry.path(), gone).filename() == "big.dat") return true;
+        return false;
+    };
+    const Strings codes{"info", "big.dat", "--culture-legend", "nlcd"};
+    const std::vector<std::pair<Strings, int>> cases{{{"info", "big.dat"}, SIGINT},
+                                                     {{"info", "big.dat"}, SIGTERM},
+                                                     {{"info", "--json", "big.dat"}, SIGHUP},
+                                                     {codes, SIGINT},
+                                                     {codes, SIGTERM},
+                                                     {{"info", "scene.ini"}, SIGINT},
+                                                     {{"info", "--plan", "scene.ini"}, SIGTERM},
+                                                     {{"simulate", "scene.ini", "--echo", "echo.tif"}, SIGINT}};
+    for (const auto& [arguments, signal] : cases) {
+        INFO(arguments[0] << " " << arguments[1] << " ended by " << signal);
+        const pid_t child = folder.start(arguments);
+        for (int i = 0; i < 5000 && !reads(child); ++i) std::this_thread::sleep_for(std::chrono::milliseconds(2));
+        std::this_thread::sleep_for(std::chrono::milliseconds(100));
+        const auto sent = std::chrono::steady_clock::now();
+        REQUIRE(::kill(child, signal) == 0);
+        const Outcome outcome = folder.finish(child);
+        CHECK(std::chrono::steady_clock::now() - sent < std::chrono::seconds(2));
+        CHECK(outcome.code == 128 + signal);
+        CHECK(outcome.err == "wedgescope: stopped by signal " + std::to_string(signal) + "\n");
+        CHECK(outcome.out.empty());
+        CHECK(folder.names() == before);
+    }
+}
+
 TEST_CASE("a plan of a spilled run foretells what the run reads, spills and holds", "[cli]") {
     const Folder folder;
     fs::create_directory(folder.work() / "spill");

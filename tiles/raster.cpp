@@ -35,7 +35,7 @@ void find_bounds(const RasterFacts& facts, RasterSummary& summary) {
 
 }  // namespace
 
-RasterSummary summarise_raster(const std::string& path, bool count_codes) {
+RasterSummary summarise_raster(const std::string& path, bool count_codes, const Stop* stop) {
     RasterFile file("raster", path);
     const RasterFacts& facts = file.facts();
     RasterSummary summary;
@@ -76,6 +76,7 @@ RasterSummary summarise_raster(const std::string& path, bool count_codes) {
     std::vector<float> heights;
     std::vector<std::int32_t> codes;
     for_each_window(facts, facts.columns, most_posts, [&](const Window& window) {
+        if (stop) stop->check();
         const auto posts = static_cast<std::size_t>(window.posts());
         const std::uint64_t before = valid;
         if (count_codes) {

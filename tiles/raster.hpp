@@ -5,6 +5,8 @@
 #include <map>
 #include <string>
 
+#include "lib/stop.hpp"
+
 namespace wedgescope {
 
 /// What `info` says of a raster. Counting reads it once, block by block.
@@ -21,7 +23,8 @@ struct RasterSummary {
     std::map<int, std::uint64_t> codes;        ///< count of each value; only when asked for (culture)
 };
 
-/// IoError / DataError naming the file and, for a bad value, the post (column, row).
-RasterSummary summarise_raster(const std::string& path, bool count_codes);
+/// IoError / DataError naming the file and, for a bad value, the post (column, row); Interrupted, looked at every few
+/// MiB.
+RasterSummary summarise_raster(const std::string& path, bool count_codes, const Stop* stop = nullptr);
 
 }  // namespace wedgescope

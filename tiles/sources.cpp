@@ -431,6 +431,7 @@ protected:
         const ChunkRequest everything;
         const NeededPosts all(everything);
         for_each_window(terrain_->facts(), terrain_->facts().own_columns(), slab_posts, [&](const Window& window) {
+            if (params_.stop) params_.stop->check();
             const auto n = static_cast<std::size_t>(window.posts());
             terrain.resize(n);
             terrain_->read_heights(window, terrain.data(), window.columns.size());

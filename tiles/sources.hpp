@@ -27,6 +27,7 @@ struct DataBaseParams {
     std::optional<Legend> legend;  ///< needed with culture
     ClassId default_class = 4;     ///< no culture, or its no-data
     std::size_t cache_bytes = 0;   ///< what the session grants GDAL's block cache
+    const Stop* stop = nullptr;    ///< looked at while all posts are read for their extremes
 };
 
 /// Opens and checks everything that can be checked without reading posts. DataError or IoError naming the file.

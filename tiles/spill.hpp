@@ -83,10 +83,14 @@ public:
     /// What keep() was given.
     const std::string& description() const { return description_; }
 
-    std::uint64_t bytes_stored() const { return stored_; }     ///< of all blocks
-    std::uint64_t bytes_spilled() const { return file_end_; }  ///< written to the file
-    std::uint64_t bytes_read() const { return read_; }         ///< from the file
-    std::size_t bytes_held() const { return held_; }           ///< blocks in memory
+    std::uint64_t bytes_stored() const { return stored_; }  ///< of all blocks
+    /// Size of the file; 0 while there is no block in it.
+    std::uint64_t bytes_spilled() const {
+        const std::uint64_t bytes = file_end_;
+        return bytes > header_bytes ? bytes : 0;
+    }
+    std::uint64_t bytes_read() const { return read_; }  ///< from the file
+    std::size_t bytes_held() const { return held_; }    ///< blocks in memory
     std::size_t index_bytes() const;
 
 private:

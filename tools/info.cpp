@@ -33,8 +33,8 @@ struct RasterFacts {
     std::vector<CodeCount> codes;
 };
 
-RasterFacts raster_facts(const std::string& path, const std::optional<Legend>& legend) {
-    RasterFacts facts{summarise_raster(path, legend.has_value()), "", {}};
+RasterFacts raster_facts(const std::string& path, const std::optional<Legend>& legend, const Stop& stop) {
+    RasterFacts facts{summarise_raster(path, legend.has_value(), &stop), "", {}};
     if (!legend) return facts;
     facts.legend = legend->name();
     for (const auto& [code, count] : facts.summary.codes) facts.codes.push_back({code, count, legend->find(code)});
@@ -261,12 +261,12 @@ std::string source_text(const SourceChoice& choice) {
            (choice.unfit.empty() ? "" : row("", text("not used: ", choice.unfit)));
 }
 
-SceneFacts scene_facts(const std::string& path) {
+SceneFacts scene_facts(const std::string& path, const Stop& stop) {
     SceneFacts facts;
     facts.path = path;
     facts.settings = parse_scene_file(path);
     check_complete(facts.settings);
-    const DataBaseParams layers = data_base_params(facts.settings, cache_bytes(facts.settings));
+    const DataBaseParams layers = data_base_params(facts.settings, cache_bytes(facts.settings), stop);
     facts.source = choose_source(layers, facts.settings.source, facts.settings.scene,
                                  static_cast<std::size_t>(facts.settings.memory_bytes));
     const auto source = open_direct_source(layers);
@@ -346,8 +346,8 @@ struct PlannedSource {
     SourceReport report;
 };
 
-PlannedSource planned_source(const Settings& settings) {
-    const DataBaseParams layers = data_base_params(settings, cache_bytes(settings));
+PlannedSource planned_source(const Settings& settings, const Stop& stop) {
+    const DataBaseParams layers = data_base_params(settings, cache_bytes(settings), stop);
     const SpillOptions options = spill_options(settings);
     PlannedSource planned;
     planned.choice = choose_source(layers, settings.source, settings.scene, options.memory_bytes);
@@ -426,9 +426,9 @@ std::string plan_text(const Settings& settings, const PlannedSource& planned, co
     return out;
 }
 
-void print_plan(const Settings& settings) {
+void print_plan(const Settings& settings, const Stop& stop) {
     check_complete(settings);
-    const PlannedSource planned = planned_source(settings);
+    const PlannedSource planned = planned_source(settings, stop);
     const ResolvedScene scene = resolve(settings.scene, *planned.source);
     const Plan found = plan(scene, *planned.source, engine_params(settings));
     print(settings.json
@@ -444,7 +444,7 @@ void info(const std::vector<std::string>& arguments, Stop& stop) {
     if (settings.files.empty() && !settings.plan)
         throw InputError("info needs the path of a raster or of a scene file (*.ini)");
     const GdalSession session(cache_bytes(settings), settings.config);
-    if (settings.plan) return print_plan(settings);
+    if (settings.plan) return print_plan(settings, stop);
     const std::optional<Legend> codes = legend(settings);
     json all{{"format", "wedgescope-info-1"}, {"version", version()}, {"files", json::array()}};
     std::string page;
@@ -460,13 +460,13 @@ void info(const std::vector<std::string>& arguments, Stop& stop) {
             }
         };
         if (path.ends_with(".ini")) {
-            add(scene_facts(path));
+            add(scene_facts(path, stop));
         } else if (is_tile_store(path)) {
             add(store_facts(settings, path, stop, damage));
         } else if (settings.verify) {
             throw InputError(text("verify is for tile stores; ", in_quotes(path), " is none"));
         } else {
-            add(raster_facts(path, codes));
+            add(raster_facts(path, codes, stop));
         }
     }
     print(settings.json ? all.dump(2, ' ', false, json::error_handler_t::replace) + "\n" : page);

@@ -35,7 +35,7 @@ std::string legend_csv(const Settings& settings) {
     return content.str();
 }
 
-DataBaseParams data_base_params(const Settings& settings, std::size_t cache) {
+DataBaseParams data_base_params(const Settings& settings, std::size_t cache, const Stop& stop) {
     DataBaseParams params;
     params.dem = settings.dem;
     params.culture = settings.culture;
@@ -44,6 +44,7 @@ DataBaseParams data_base_params(const Settings& settings, std::size_t cache) {
     params.legend = legend(settings);
     params.default_class = material_by_name("material", settings.material);
     params.cache_bytes = cache;
+    params.stop = &stop;
     return params;
 }
 

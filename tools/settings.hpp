@@ -63,8 +63,8 @@ std::optional<Legend> legend(const Settings& settings);
 /// Content of the CSV file that it names; empty for a built-in one.
 std::string legend_csv(const Settings& settings);
 
-/// What the sources need; reads the legend. `cache_bytes`: GDAL's share of the memory.
-DataBaseParams data_base_params(const Settings& settings, std::size_t cache_bytes);
+/// What the sources need; reads the legend. `cache_bytes`: GDAL's share of the memory; `stop` is to outlive them.
+DataBaseParams data_base_params(const Settings& settings, std::size_t cache_bytes, const Stop& stop);
 
 /// Share of the memory budget for GDAL's block cache.
 std::size_t cache_bytes(const Settings& settings);

@@ -134,7 +134,7 @@ void simulate(const Settings& settings, WorkDir* work, double start_s, Stop& sto
     std::unique_ptr<TimelineFile> timeline;
     if (outputs.timeline) timeline = std::make_unique<TimelineFile>(*outputs.timeline);
     Span opening(timeline.get(), "open", "stage");
-    const DataBaseParams layers = data_base_params(settings, cache_bytes(settings));
+    const DataBaseParams layers = data_base_params(settings, cache_bytes(settings), stop);
     std::unique_ptr<WedgeSource> source;
     const bool terminal = ::isatty(STDERR_FILENO) == 1;
     SpillOptions options = spill_options(settings);

@@ -31,6 +31,7 @@ double keep_around(const Settings& settings, Stop& stop) {
     params.dem = store;
     params.culture_height_scale = settings.culture_height_scale;
     params.cache_bytes = cache_bytes(settings);
+    params.stop = &stop;
     PlatformParams point;
     point.latlon = settings.around;
     SpillOptions options = spill_options(settings);
