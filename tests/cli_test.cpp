@@ -854,11 +854,25 @@ TEST_CASE("a store tiled around a point serves scenes from there by its kept spi
     CHECK(damaged.code == 1);
     CHECK(damaged.error_lines() == 1);
     CHECK_THAT(damaged.err, Contains("'store/wedges.spill' is damaged: its index"));
-    // Made anew, for another point.
+    // Made anew, for another point: nothing is lost that was damaged.
     const Outcome again = folder.run({"tile", "store", "--around", "33.95,-117.33"});
     INFO(again.err);
     REQUIRE(again.code == 0);
     REQUIRE(simulate("33.95,-117.33", {}).code == 0);
     CHECK(report()["source"]["kept"] == "store/wedges.spill");
     CHECK(pictures() == elsewhere);
+    // A whole one for another point is replaced only when that is asked for; one for the same point is made again.
+    const std::string whole_one = content(folder.work() / "store/wedges.spill");
+    refuses(folder, {"tile", "store", "--around", "33.93,-117.33"}, 2,
+            {"'store/wedges.spill'", "latitude 33.950000, longitude -117.330000", "--overwrite"});
+    CHECK(content(folder.work() / "store/wedges.spill") == whole_one);
+    CHECK(folder.run({"tile", "store", "--around", "33.950001,-117.33"}).code == 0);
+    CHECK(folder.run({"tile", "store", "--around", "33.93,-117.33", "--overwrite"}).code == 0);
+    REQUIRE(simulate("33.93,-117.33", {}).code == 0);
+    CHECK(report()["source"]["kept"] == "store/wedges.spill");
+    CHECK(pictures() == direct);
+    // A store is no raster to make another of.
+    refuses(folder, {"tile", "store", "other"}, 2, {"'store' is a tile store", "'store/dem.vrt'"});
+    refuses(folder, {"tile", dem, "other", "--culture", "store", "--culture-legend", "fbfm40"}, 2,
+            {"'store' is a tile store", "'store/culture.vrt'"});
 }

@@ -152,8 +152,9 @@ std::vector<std::byte> random_bytes(std::mt19937& random, std::size_t n) {
 struct Filled {
     Spill spill;
     std::vector<std::vector<std::byte>> bytes;
-    explicit Filled(const SpillParams& params) : spill(params) {
+    explicit Filled(const SpillParams& params, std::uint64_t expected_bytes = 0) : spill(params) {
         std::mt19937 random(11);
+        spill.expect(expected_bytes);
         spill.add_layer({"dem", 32, 190, 155, {{0, 6}, {0, 5}}});
         for (std::int64_t r = 0; r < 5; ++r)
             for (std::int64_t c = 0; c < 6; ++c) {
@@ -275,6 +276,14 @@ TEST_CASE("blocks come back from memory and from the file alike, and the file ha
         CHECK(filled.spill.get(0, 0, -1, buffer).empty());
     }
     CHECK(folder.names().empty());
+}
+
+TEST_CASE("a spill file without a block counts for nothing", "[spill]") {
+    const Folder folder;
+    Filled filled(small_spill(folder, std::size_t{1} << 20), std::uint64_t{1} << 30);
+    CHECK(nameless_file(folder) >= 0);  // made because so much was expected
+    CHECK(filled.spill.bytes_held() > 0);
+    CHECK(filled.spill.bytes_spilled() == 0);
 }
 
 TEST_CASE("every flipped byte of the spill file is named with file and block, and no other block suffers", "[spill]") {
@@ -402,10 +411,10 @@ TEST_CASE("posts of every type come out of the spill as they come out of the ras
     draw(folder / "byte.tif", b);
     same_as_direct(only(folder / "byte.tif"), 5);
 
-    b.value = [](int c, int) { return c < 200 ? 9 : 40; };
+    b.value = [](int c, int r) { return c < 200 ? 9 : 40 + c * r % 100; };
     b.no_data = 9;  // blocks of nothing but voids
     draw(folder / "half.tif", b);
-    same_as_direct(only(folder / "half.tif"), 6);
+    same_as_direct(only(folder / "half.tif"), 6, little / 2);
 }
 
 TEST_CASE("columns of a DTED-like file are read as columns", "[spill]") {

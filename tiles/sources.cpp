@@ -830,8 +830,8 @@ private:
 
     void reopen(const std::string& path, const IndexPosition& nadir, std::size_t memory_bytes) {
         spill_ = Spill::open_kept(path);
-        const auto refuse = [&](const std::string& why) {
-            throw Unfit(text("the kept spill '", path, "' ", why, "; tile --around makes it anew"));
+        const auto refuse = [&](const std::string& why, const char* way_out = "tile --around makes it anew") {
+            throw Unfit(text("the kept spill '", path, "' ", why, "; ", way_out));
         };
         if (spill_->index_bytes() > memory_bytes / 8)
             throw TooLarge(text("memory is ", memory_bytes >> 20, " MiB; the index of the kept spill '", path,
@@ -859,7 +859,8 @@ private:
         if (std::fabs(made_for.column - nadir.column) > 1 || std::fabs(made_for.row - nadir.row) > 1)
             refuse(
                 fmt::format("was made for column {:.2f}, row {:.2f}; the sensor stands over column {:.2f}, row {:.2f}",
-                            made_for.column, made_for.row, nadir.column, nadir.row));
+                            made_for.column, made_for.row, nadir.column, nadir.row),
+                "tile --overwrite --around replaces it");
         const auto take = [&](RasterLayer& raster) {
             const RasterFacts& f = raster.facts();
             std::size_t number = 0;
@@ -1055,22 +1056,56 @@ namespace {
 
 std::string kept_path(const std::string& folder) { return (std::filesystem::path(folder) / kept_spill_name).string(); }
 
-}  // namespace
-
-void keep_spill(const DataBaseParams& params, const PlatformParams& point, const std::string& folder,
-                const SpillOptions& options) {
-    Scene scene;  // nothing but its place counts
+/// A scene that has nothing but its place.
+ResolvedScene place_of(const DataBaseParams& params, const PlatformParams& point) {
+    Scene scene;
     scene.platform.latlon = point.latlon;
     scene.platform.xy = point.xy;
     scene.platform.altitude_m = 9e5;
     scene.range_m = 1;
-    const ResolvedScene place = resolve(scene, *open_direct_source(params));
+    return resolve(scene, *open_direct_source(params));
+}
+
+bool same_point(const IndexPosition& a, const IndexPosition& b) {
+    return std::fabs(a.column - b.column) <= 1 && std::fabs(a.row - b.row) <= 1;
+}
+
+}  // namespace
+
+void keep_spill(const DataBaseParams& params, const PlatformParams& point, const std::string& folder,
+                const SpillOptions& options) {
+    const ResolvedScene place = place_of(params, point);
     PartitionScope scope = scope_of(place);
     scope.reach_m.reset();
     scope.width_rad = 7;
     const std::string about =
         place.has_lat_lon ? text("latlon ", place.lat_deg, ' ', place.lon_deg, '\n') : std::string();
     const PartitionedSource made(params, scope, true, options, kept_path(folder), about);
+}
+
+void refuse_other_kept_spill(const DataBaseParams& params, const PlatformParams& point, const std::string& folder) {
+    const std::string path = kept_path(folder);
+    std::error_code ignored;
+    if (!std::filesystem::exists(path, ignored)) return;
+    IndexPosition made_for;
+    std::string where;
+    try {
+        std::istringstream lines(Spill::open_kept(path)->description());
+        lines.imbue(std::locale::classic());
+        double lat_deg = 0, lon_deg = 0;
+        for (std::string word; lines >> word; lines.ignore(std::numeric_limits<std::streamsize>::max(), '\n')) {
+            if (word == "nadir") lines >> made_for.column >> made_for.row;
+            if (word == "latlon" && lines >> lat_deg >> lon_deg)
+                where = fmt::format("latitude {:.6f}, longitude {:.6f}: ", lat_deg, lon_deg);
+        }
+    } catch (const Error&) {
+        return;
+    }
+    if (same_point(made_for, scope_of(place_of(params, point)).nadir)) return;
+    throw InputError(
+        fmt::format("the kept spill '{}' stands, made for another point ({}column {:.2f}, row {:.2f}); "
+                    "--overwrite replaces it",
+                    path, where, made_for.column, made_for.row));
 }
 
 std::unique_ptr<WedgeSource> open_kept_spill(const DataBaseParams& params, const Scene& scene,

@@ -58,6 +58,9 @@ inline constexpr const char* kept_spill_name = "wedges.spill";
 /// when it is whole; an older one is replaced. Errors as above.
 void keep_spill(const DataBaseParams& params, const PlatformParams& point, const std::string& folder,
                 const SpillOptions& options);
+/// InputError naming a kept spill in `folder` that was made for a point more than one post away. One that cannot be
+/// read is nothing that would be lost.
+void refuse_other_kept_spill(const DataBaseParams& params, const PlatformParams& point, const std::string& folder);
 /// Opens it for a scene. DataError naming it where it was made for a point more than one post away, of other rasters or
 /// before they were changed, or where it is damaged; IoError where it cannot be read.
 std::unique_ptr<WedgeSource> open_kept_spill(const DataBaseParams& params, const Scene& scene,

@@ -34,6 +34,7 @@ double keep_around(const Settings& settings, Stop& stop) {
     params.stop = &stop;
     PlatformParams point;
     point.latlon = settings.around;
+    if (!settings.overwrite) refuse_other_kept_spill(params, point, store);
     SpillOptions options = spill_options(settings);
     options.stop = &stop;
     Progress progress(settings.quiet);
@@ -60,6 +61,15 @@ TileStoreParams store_params(const Settings& settings) {
     if (!settings.culture_legend.empty() && settings.culture.empty())
         throw InputError(text("culture-legend is ", in_quotes(settings.culture_legend),
                               " but there is no culture; the path of a culture raster is needed"));
+    const auto refuse_store = [](const std::string& path, const char* layer) {
+        if (is_tile_store(path))
+            throw InputError(text(in_quotes(path), " is a tile store; accepted: rasters, such as ",
+                                  in_quotes((std::filesystem::path(path) / layer).string() + ".vrt"),
+                                  " (no checksum of a tile is looked at then; info --verify ", path, " does)"));
+    };
+    for (std::size_t i = 0; i + 1 < settings.files.size(); ++i) refuse_store(settings.files[i], "dem");
+    refuse_store(settings.culture, "culture");
+    refuse_store(settings.culture_height, "culture_height");
     TileStoreParams params;
     params.dems.assign(settings.files.begin(), settings.files.end() - 1);
     params.output = settings.files.back();
