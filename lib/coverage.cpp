@@ -205,7 +205,8 @@ public:
         // A run's window is as wide as its spokes and as they drift over the strip; it stands there as read and turned.
         const std::int64_t width = run_spokes + tile_edge + 12 * knot + 2 * line_margin;
         const auto posts = static_cast<std::size_t>(width * (tile_edge + 1));
-        return posts * (3 * sizeof(float) + (bytes_ ? 1 : sizeof(float))) + (std::size_t{1} << 20);
+        return posts * (3 * sizeof(float) + (bytes_ ? 1 : sizeof(float))) + (std::size_t{1} << 20) +
+               source_.reader_bytes();
     }
 
     CoverageReport run();
@@ -1320,12 +1321,10 @@ namespace {
 void check(const Cover& work, const WedgeSource& source, const CoverageParams& params) {
     const std::size_t cache = source.cache_bytes(), own = work.fixed_bytes() + work.desk_bytes();
     if (own + cache <= params.memory_bytes) return;
-    // The source's cache grows with the budget.
-    constexpr double mebibyte = 1 << 20;
-    const double budget = static_cast<double>(params.memory_bytes),
-                 share = std::min(0.9, static_cast<double>(cache) / budget);
-    throw InputError(fmt::format("memory is {:.0f} MiB; this coverage needs at least {:.0f} MiB", budget / mebibyte,
-                                 std::ceil(static_cast<double>(own) / (1 - share) / mebibyte)));
+    // A guess: the source's cache grows with the budget.
+    const double share = std::min(0.9, static_cast<double>(cache) / static_cast<double>(params.memory_bytes));
+    throw TooLittleMemory(params.memory_bytes, static_cast<std::size_t>(static_cast<double>(own) / (1 - share)),
+                          "this coverage");
 }
 
 }  // namespace

@@ -3,6 +3,7 @@
 #pragma once
 #include <fmt/format.h>
 
+#include <cstddef>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -19,6 +20,20 @@ public:
 class InputError : public Error {
 public:
     using Error::Error;
+};
+
+/// A memory budget that does not do. `subject`: what needs more ("this scene"); `about`: what follows on the line.
+class TooLittleMemory : public InputError {
+public:
+    TooLittleMemory(std::size_t budget, std::size_t least, const std::string& subject, const std::string& about = "")
+        : InputError(fmt::format("memory is {} MiB; {} needs at least {} MiB{}", budget >> 20, subject,
+                                 (least + (std::size_t{1} << 20) - 1) >> 20, about)),
+          subject_(subject), about_(about) {}
+    /// The same with another smallest budget.
+    TooLittleMemory with(std::size_t budget, std::size_t least) const { return {budget, least, subject_, about_}; }
+
+private:
+    std::string subject_, about_;
 };
 
 /// The content of a raster or of another input file: exit code 1.

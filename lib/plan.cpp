@@ -232,16 +232,15 @@ Plan plan(const ResolvedScene& scene, WedgeSource& source, const SpokeGrid& grid
     }
     while (p.in_flight > 1 && !fits(p.in_flight)) --p.in_flight;
     if (!fits(1)) {
-        constexpr std::size_t mebibyte = std::size_t{1} << 20;
-        // The source's cache grows with the budget.
+        // A guess: the source's cache grows with the budget.
         const double cache = static_cast<double>(source.cache_bytes()),
                      share = cache / static_cast<double>(params.memory_bytes),
                      rest = static_cast<double>(p.fixed_bytes + p.wedge_bytes) - cache;
-        const auto least =
-            static_cast<std::size_t>(std::ceil(std::max(rest / (1 - std::min(share, 0.9)), rest + cache) / mebibyte));
-        throw InputError(text("memory is ", params.memory_bytes / mebibyte, " MiB; this scene needs at least ", least,
-                              " MiB (", scene.swept.azimuth_bins.size(), " x ", scene.swept.range_bins.size(), " cells",
-                              !recorded.empty() ? text(", in the ", count, " wedges of the work folder") : "", ")"));
+        const auto least = static_cast<std::size_t>(std::max(rest / (1 - std::min(share, 0.9)), rest + cache));
+        throw TooLittleMemory(
+            params.memory_bytes, least, "this scene",
+            text(" (", scene.swept.azimuth_bins.size(), " x ", scene.swept.range_bins.size(), " cells",
+                 !recorded.empty() ? text(", in the ", count, " wedges of the work folder") : "", ")"));
     }
     if (look) split(count, true);
     return p;

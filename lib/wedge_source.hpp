@@ -203,6 +203,8 @@ public:
     }
     /// Memory the source itself holds beside the chunks it hands out (caches).
     virtual std::size_t cache_bytes() const = 0;
+    /// And for each thread that reads at the same time: a block as it is decoded, and packed. Part of what cost() says.
+    virtual std::size_t reader_bytes() const { return 0; }
 };
 
 }  // namespace wedgescope

@@ -83,6 +83,8 @@ GdalSession::GdalSession(std::size_t cache_bytes, const std::vector<std::pair<st
     CPLSetErrorHandler(CPLQuietErrorHandler);
     // Each handle of a VRT gets its own sources: handles wander between threads, shared sources may not.
     CPLSetConfigOption("VRT_SHARED_SOURCE", "0");
+    // Each part of a VRT that stays open keeps buffers of its own.
+    CPLSetConfigOption("GDAL_MAX_DATASET_POOL_SIZE", std::to_string(most_parts_open).c_str());
     OSRSetPROJEnableNetwork(0);
     register_usual_drivers();
     set_cache_bytes(cache_bytes);

@@ -13,7 +13,8 @@
 namespace wedgescope {
 namespace {
 
-constexpr std::size_t most_open = 32;
+// For the buffers of rasters held open.
+constexpr std::size_t open_bytes = std::size_t{8} << 20;
 constexpr double on_a_post = 0.01;  ///< posts nearer than this are the same
 /// How far beyond their relief ground between posts may lie without being an error: the accuracy that DTED promises in
 /// height (MIL-PRF-89020B, 30 m at 90 %). Between posts twice and three times as far apart as those of real mountains
@@ -69,6 +70,9 @@ Mosaic::Mosaic(const std::string& role, const std::vector<std::string>& paths) {
         pieces_[0].posts = {{0, facts_.columns}, {0, facts_.rows}};
     }
     choose_type();
+    std::size_t packed = 1;
+    for (const Piece& piece : pieces_) packed = std::max(packed, piece.raster->reader_bytes().packed);
+    most_open_ = std::clamp<std::size_t>(open_bytes / packed, 1, most_open_);
 }
 
 std::vector<StoreSource> Mosaic::sources() const {
@@ -228,7 +232,7 @@ void Mosaic::used(std::size_t piece) {
     const std::lock_guard lock(mutex_);
     open_.remove(piece);
     open_.push_front(piece);
-    if (open_.size() <= most_open) return;
+    if (open_.size() <= most_open_) return;
     pieces_[open_.back()].raster->close_idle();
     open_.pop_back();
 }

@@ -10,9 +10,10 @@
 // both have a post of their own any difference counts; where one is interpolated, only what is beyond the relief of the
 // posts it was interpolated from by more than `between_posts_m`: ground between posts is not known any better.
 //
-// Memory: one handle a reading thread for each of the `most_open` rasters read last; a read takes its window in floats
+// Memory: one handle a reading thread for each of the `most_open_` rasters read last; a read takes its window in floats
 // once more, where rasters overlap once more for who holds a post, and once more for its doubt if any is resampled.
 #pragma once
+#include <algorithm>
 #include <list>
 #include <memory>
 #include <mutex>
@@ -37,6 +38,17 @@ public:
     std::vector<StoreSource> sources() const;
     bool single() const { return pieces_.size() == 1; }
     bool resampled() const { return resampled_; }
+
+    /// Of a reading thread, over all its handles.
+    ReaderBytes reader_bytes() const {
+        ReaderBytes most;
+        for (const Piece& piece : pieces_) {
+            const ReaderBytes own = piece.raster->reader_bytes();
+            most = {std::max(most.decoded, own.decoded), std::max(most.packed, own.packed)};
+        }
+        most.packed *= std::min(pieces_.size(), most_open_);
+        return most;
+    }
 
     /// Rasters that hold posts of the window.
     std::vector<std::size_t> pieces_in(const Window& window) const;
@@ -82,6 +94,7 @@ private:
     bool as_stored_ = true;   ///< the rasters' own values are stored, not metres
     std::mutex mutex_;
     std::list<std::size_t> open_;  ///< the last used in front
+    std::size_t most_open_ = 32;   ///< fewer where a handle's buffers are large
 };
 
 }  // namespace wedgescope

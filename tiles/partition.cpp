@@ -586,6 +586,7 @@ PassForecast forecast_passes(const std::vector<LayerPass>& layers, const PassPar
         const std::int64_t edge = layer.blocks.edge, width = packed_width(layer);
         const std::vector<Window> windows = windows_of(layer, posts_a_window(layer, params));
         const std::size_t at_once = std::min(windows.size(), tokens_of(layer.in.facts(), params));
+        sum.readers = std::max(sum.readers, std::min(at_once, static_cast<std::size_t>(std::max(1, params.threads))));
         for (const Window& window : windows) {
             sum.window_bytes =
                 std::max(sum.window_bytes, at_once * static_cast<std::size_t>(window.posts()) * bytes_a_post);

@@ -134,6 +134,7 @@ struct PassForecast {
     std::uint64_t spilled_bytes = 0;  ///< written to the file
     std::size_t held_bytes = 0;       ///< blocks that stay in memory
     std::size_t window_bytes = 0;     ///< windows in flight, at the most
+    std::size_t readers = 0;          ///< threads that read at the same time, at the most
 };
 /// `spill_bytes`: the spill's share of memory.
 PassForecast forecast_passes(const std::vector<LayerPass>& layers, const PassParams& params, std::size_t spill_bytes,

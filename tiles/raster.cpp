@@ -35,6 +35,13 @@ void find_bounds(const RasterFacts& facts, RasterSummary& summary) {
 
 }  // namespace
 
+std::size_t summary_bytes(const std::string& path) {
+    const ReaderBytes reader = RasterFile("raster", path).reader_bytes();
+    // A window's values, and its mask.
+    constexpr std::size_t window = static_cast<std::size_t>(most_posts) * (sizeof(double) + sizeof(float) + 1);
+    return reader.decoded + reader.packed + window;
+}
+
 RasterSummary summarise_raster(const std::string& path, bool count_codes, const Stop* stop) {
     RasterFile file("raster", path);
     const RasterFacts& facts = file.facts();

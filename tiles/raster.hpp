@@ -23,6 +23,9 @@ struct RasterSummary {
     std::map<int, std::uint64_t> codes;        ///< count of each value; only when asked for (culture)
 };
 
+/// What summarise_raster holds of one at the most, beside GDAL's cache. IoError, DataError.
+std::size_t summary_bytes(const std::string& path);
+
 /// IoError / DataError naming the file and, for a bad value, the post (column, row); Interrupted, looked at every few
 /// MiB.
 RasterSummary summarise_raster(const std::string& path, bool count_codes, const Stop* stop = nullptr);

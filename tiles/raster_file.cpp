@@ -9,6 +9,7 @@
 
 #include "lib/error.hpp"
 #include "tiles/checksum.hpp"
+#include "tiles/gdal_session.hpp"
 
 namespace wedgescope {
 namespace {
@@ -117,6 +118,73 @@ RasterFacts inspect(GDALDataset& dataset, RasterFacts facts) {
     return facts;
 }
 
+/// Of one band: its block, and the largest as the file holds it. Only GeoTIFF tells how large those are.
+ReaderBytes block_bytes(GDALRasterBand& band, bool tiff) {
+    int wide = 0, high = 0;
+    band.GetBlockSize(&wide, &high);
+    ReaderBytes bytes;
+    bytes.decoded = static_cast<std::size_t>(std::max(1, wide)) * static_cast<std::size_t>(std::max(1, high)) *
+                    static_cast<std::size_t>(GDALGetDataTypeSizeBytes(band.GetRasterDataType()));
+    // What does not shrink may grow a little.
+    bytes.packed = bytes.decoded + bytes.decoded / 64 + 1024;
+    constexpr std::size_t small = std::size_t{1} << 20;
+    constexpr std::int64_t most_asked = 1 << 14;
+    if (!tiff || bytes.decoded < small) return bytes;
+    const std::int64_t across = (band.GetXSize() + wide - 1) / wide, down = (band.GetYSize() + high - 1) / high;
+    if (across * down > most_asked) return bytes;
+    std::size_t largest = 0;
+    for (std::int64_t r = 0; r < down; ++r)
+        for (std::int64_t c = 0; c < across; ++c)
+            if (const char* size = band.GetMetadataItem(text("BLOCK_SIZE_", c, '_', r).c_str(), "TIFF"))
+                largest = std::max(largest, static_cast<std::size_t>(CPLAtoGIntBig(size)));
+    constexpr std::size_t handle = std::size_t{1} << 18;  // measured beside the buffer itself
+    if (largest > 0) bytes.packed = std::min(bytes.packed, largest + largest / 64 + handle);
+    return bytes;
+}
+
+ReaderBytes dataset_bytes(GDALDataset& dataset) {
+    GdalErrors quiet;
+    const bool tiff = dataset.GetDriver() && EQUAL(dataset.GetDriver()->GetDescription(), "GTiff");
+    GDALRasterBand& band = *dataset.GetRasterBand(1);
+    ReaderBytes bytes = block_bytes(band, tiff);
+    // Bands that lie post by post beside one another are decoded together, and once more apart.
+    const char* order = dataset.GetMetadataItem("INTERLEAVE", "IMAGE_STRUCTURE");
+    const char* compression = dataset.GetMetadataItem("COMPRESSION", "IMAGE_STRUCTURE");
+    constexpr std::size_t zstd_window = std::size_t{8} << 20;  // up to level 19
+    if (compression && EQUAL(compression, "ZSTD")) bytes.packed += std::min(bytes.decoded, zstd_window);
+    const int bands = dataset.GetRasterCount();
+    if (bands > 1 && order && EQUAL(order, "PIXEL")) {
+        bytes.decoded *= 2 * static_cast<std::size_t>(bands);
+        bytes.packed *= static_cast<std::size_t>(bands);
+    }
+    const int flags = band.GetMaskFlags();
+    if ((flags & (GMF_ALL_VALID | GMF_NODATA)) == 0)
+        if (GDALRasterBand* mask = band.GetMaskBand()) {
+            const ReaderBytes more = block_bytes(*mask, tiff);
+            bytes.decoded += more.decoded;
+            bytes.packed += more.packed;
+        }
+    return bytes;
+}
+
+/// Of the rasters that a VRT is made of; GDAL holds some of them open.
+ReaderBytes vrt_bytes(const std::vector<std::string>& files, ReaderBytes bytes) {
+    constexpr std::size_t most_asked = 64;  // of a large mosaic's parts these stand for all
+    GdalErrors quiet;
+    ReaderBytes largest;
+    std::size_t parts = 0;
+    for (const std::string& file : files) {
+        if (parts++ >= most_asked) break;
+        const DatasetHandle part(GDALDataset::Open(file.c_str(), GDAL_OF_RASTER | GDAL_OF_READONLY));
+        if (!part || part->GetRasterCount() < 1 || EQUAL(part->GetDriver()->GetDescription(), "VRT")) continue;
+        const ReaderBytes own = dataset_bytes(*part);
+        largest = {std::max(largest.decoded, own.decoded), std::max(largest.packed, own.packed)};
+    }
+    bytes.decoded += largest.decoded;
+    bytes.packed += largest.packed * std::min(files.size(), GdalSession::most_parts_open);
+    return bytes;
+}
+
 }  // namespace
 
 std::uint64_t RasterFile::fingerprint(const std::vector<Window>&) {
@@ -183,6 +251,8 @@ RasterFile::RasterFile(std::string role, std::string path) {
         for (char** file = files; *file; ++file) files_.emplace_back(*file);
         CSLDestroy(files);
     }
+    reader_bytes_ = dataset_bytes(*dataset);
+    if (facts_.driver == "VRT") reader_bytes_ = vrt_bytes(files_, reader_bytes_);
 
     prepare();
     auto reader = std::make_unique<Reader>();

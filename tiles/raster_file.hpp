@@ -3,7 +3,7 @@
 // counting to raster.cpp.
 //
 // Memory: one GDAL handle per thread that reads at the same time; a handle goes back to the pool with its lease. The
-// pool grows to the largest number of readers at a time and never waits.
+// pool grows to the largest number of readers at a time and never waits. What each holds: reader_bytes().
 #pragma once
 #include <memory>
 #include <mutex>
@@ -21,6 +21,7 @@ public:
     RasterFile(std::string role, std::string path);
 
     void read_values(const Window& window, void* out, GDALDataType type, std::int64_t line_bytes) override;
+    ReaderBytes reader_bytes() const override { return reader_bytes_; }
     /// Closes the handles that nobody reads through just now; the next reader opens one again.
     void close_idle();
 
@@ -40,6 +41,7 @@ private:
     std::mutex mutex_;
     std::vector<std::unique_ptr<Reader>> free_;
     std::vector<std::string> files_;  ///< itself, side files, a mosaic's parts
+    ReaderBytes reader_bytes_;
 };
 
 }  // namespace wedgescope

@@ -57,10 +57,17 @@ void set_crs(RasterFacts& facts, const OGRSpatialReference& given);
 /// Metres of a height unit; 1 for what is not known.
 double unit_in_metres(std::string unit);
 
+/// What a thread holds that reads from a layer, beside GDAL's cache: a file is decoded block by block.
+struct ReaderBytes {
+    std::size_t decoded = 0;  ///< the block in use, which stays even where the cache is smaller
+    std::size_t packed = 0;   ///< what its handles keep of blocks as the file holds them
+};
+
 class RasterLayer {
 public:
     virtual ~RasterLayer() = default;
     const RasterFacts& facts() const { return facts_; }
+    virtual ReaderBytes reader_bytes() const { return {}; }
 
     /// Heights in metres, row after row, NaN = void; `window` inside the raster. Rows lie `stride` floats apart.
     /// IoError if it cannot be read; DataError naming the post if one is infinite or above highest_height_m.

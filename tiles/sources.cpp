@@ -27,6 +27,7 @@
 #include "tiles/partition.hpp"
 #include "tiles/raster_file.hpp"
 #include "tiles/registered_layer.hpp"
+#include "tiles/store_layer.hpp"
 #include "tiles/tile_ledger.hpp"
 #include "tiles/tile_store.hpp"
 
@@ -161,10 +162,7 @@ public:
             cost.chunk_bytes *= 2;
             cost.beside_bytes += 2 * slab * sizeof(float);
         }
-        if (store_) {  // one tile as it is decoded, and packed
-            const RasterFacts& f = terrain_->facts();
-            cost.beside_bytes += static_cast<std::size_t>(2 * f.block_columns * f.block_rows * f.type_bytes);
-        }
+        cost.beside_bytes += reader_bytes();
         return cost;
     }
 
@@ -236,12 +234,32 @@ public:
     }
 
     std::size_t cache_bytes() const override {
-        // Of a store also pages of the block map and the sheets that wait open, 4 MiB each at the most.
-        constexpr std::size_t of_store = std::size_t{8} << 20;
-        return params_.cache_bytes + ledger_bytes() + (store_ ? of_store : 0);
+        // Of a store also pages of the block map and the sheets that wait open.
+        constexpr std::size_t pages = std::size_t{4} << 20;
+        std::size_t idle = 0;
+        for (const RasterLayer* layer : readers())
+            if (const auto* part = dynamic_cast<const StoreLayer*>(layer)) idle += part->idle_bytes();
+        return params_.cache_bytes + ledger_bytes() + idle + (store_ ? pages : 0);
+    }
+
+    /// One layer is read at a time, but a handle keeps its buffers.
+    std::size_t reader_bytes() const override {
+        ReaderBytes all;
+        for (const RasterLayer* layer : readers()) {
+            const ReaderBytes own = layer->reader_bytes();
+            all = {std::max(all.decoded, own.decoded), all.packed + own.packed};
+        }
+        return all.decoded + all.packed;
     }
 
 protected:
+    std::vector<RasterLayer*> readers() const {
+        std::vector<RasterLayer*> all{terrain_.get()};
+        if (height_) all.push_back(&height_->raster());
+        if (culture_) all.push_back(&culture_->raster());
+        return all;
+    }
+
     std::size_t ledger_bytes() const {
         std::size_t bytes = ledger_->bytes();
         for (const auto* layer : {culture_.get(), height_.get()})
@@ -505,6 +523,27 @@ protected:
     std::optional<Extremes> extremes_;
 };
 
+/// The same rasters, none of whose posts is read.
+class UnreadSource final : public RasterSource {
+public:
+    UnreadSource(const DataBaseParams& params, float ground_m, const Extremes& guess)
+        : RasterSource(params), ground_m_(ground_m) {
+        extremes_ = guess;
+    }
+    using WedgeSource::load;
+    Chunk load(const ChunkRequest& request) override {
+        Chunk chunk;
+        chunk.window = request.window;
+        chunk.lines_are_columns = request.lines_are_columns;
+        chunk.surface_m.assign(static_cast<std::size_t>(request.window.posts()), ground_m_);
+        return chunk;
+    }
+    float bare_terrain_m(std::int64_t, std::int64_t) override { return ground_m_; }
+
+private:
+    float ground_m_;
+};
+
 // ---------------------------------------------------------------- spilled
 
 /// Size and time of last change of every file that a raster is made of.
@@ -535,28 +574,27 @@ std::vector<Stamp> stamps(const std::string& path) {
     return found;
 }
 
-/// What a scene may need, also where its range is to follow from the terrain.
-PartitionScope scope_before_terrain(const Scene& scene, WedgeSource& source) {
-    if (scene.range_m) return scope_of(resolve(scene, source));
-    Scene probe = scene;  // any range does for position and sector
-    probe.range_m = scene.range_start_m + 1;
-    PartitionScope scope = scope_of(resolve(probe, source));
+/// What a scene may need; `range_given`: else its range is to follow from the terrain, and any is possible.
+PartitionScope scope_before_terrain(const ResolvedScene& scene, bool range_given) {
+    PartitionScope scope = scope_of(scene);
+    if (range_given) return scope;
     // resolve() refuses a range beyond 0.3 radii.
     constexpr double largest_radius_m = 6.4e6;
     scope.reach_m.reset();
-    if (scene.earth_k) scope.reach_m = 0.3 * 1.025 * *scene.earth_k * largest_radius_m;
+    if (scene.scene.earth_k) scope.reach_m = 0.3 * 1.025 * *scene.scene.earth_k * largest_radius_m;
     return scope;
+}
+PartitionScope scope_before_terrain(const Scene& scene, WedgeSource& source) {
+    if (scene.range_m) return scope_before_terrain(resolve(scene, source), true);
+    Scene probe = scene;  // any range does for position and sector
+    probe.range_m = scene.range_start_m + 1;
+    return scope_before_terrain(resolve(probe, source), false);
 }
 
 /// A kept spill for another scene, or other rasters.
 class Unfit : public DataError {
 public:
     using DataError::DataError;
-};
-/// A kept spill that needs more memory.
-class TooLarge : public InputError {
-public:
-    using InputError::InputError;
 };
 
 class PartitionedSource final : public RasterSource {
@@ -585,6 +623,12 @@ public:
         lay_out(made, scope, extremes, options, "");
         data_base_.block_columns = data_base_.block_rows = made.terrain.edge;
         if (culture_) data_base_.culture_tile_columns = data_base_.culture_tile_rows = made.culture.edge;
+        // The ledgers will be of the blocks.
+        for (const LayerPass& layer : made.layers) {
+            const RasterFacts& f = layer.in.facts();
+            forecast_ledgers_ +=
+                static_cast<std::size_t>(all_blocks(f.columns, f.rows, layer.blocks.edge).blocks.posts());
+        }
     }
 
     float bare_terrain_m(std::int64_t column, std::int64_t row) override {
@@ -616,10 +660,13 @@ public:
         return r;
     }
 
+    /// Of a spill that has gone to disk its whole share: how much of it the last bucket left is no matter for a budget.
     std::size_t cache_bytes() const override {
-        const std::size_t blocks = terrain_blocks_ ? spill_->bytes_held() : forecast_.held_bytes;
-        return blocks + spill_->index_bytes() + map_bytes_ + ledger_bytes();
+        std::size_t blocks = forecast_.spilled_bytes > 0 ? share_ : forecast_.held_bytes;
+        if (terrain_blocks_) blocks = kept_.empty() && spill_->bytes_spilled() > 0 ? share_ : spill_->bytes_held();
+        return blocks + spill_->index_bytes() + map_bytes_ + ledger_bytes() + forecast_ledgers_;
     }
+    std::size_t reader_bytes() const override { return 0; }  // the rasters are closed after the pass
 
 private:
     /// What will be read and where it will go.
@@ -632,13 +679,11 @@ private:
 
     void lay_out(Passes& made, const PartitionScope& scope, bool extremes, const SpillOptions& options,
                  const std::string& keep) {
-        const std::size_t share = options.memory_bytes / 4;
+        const std::size_t share = share_ = options.memory_bytes / 4;
         auto& [pass, terrain, height, culture, passes, with_map] = made;
         pass.memory_bytes = share;
         pass.threads = options.threads;
         pass.stop = options.stop;
-        for (RasterLayer* layer : readers()) check_blocks(layer->facts(), options.memory_bytes);
-
         // What is needed of each layer.
         terrain = blocks_in_scope(data_base_, scope, block_edge(terrain_->facts(), share));
         if (height_) height = blocks_under(*height_, terrain, extremes, share);
@@ -666,18 +711,34 @@ private:
         add(*terrain_, false, terrain, nullptr);
         if (culture_) add(culture_->raster(), true, culture, culture_.get());
         if (spill_->index_bytes() > options.memory_bytes / 8)
-            throw InputError(text("memory is ", options.memory_bytes >> 20,
-                                  " MiB; the index of the spilled blocks alone needs a budget of at least ",
-                                  (spill_->index_bytes() >> 17) + 1, " MiB"));
+            throw TooLittleMemory(options.memory_bytes, spill_->index_bytes() * 8, "the index of the spilled blocks");
         passes[height_ ? 1 : 0].read_all = extremes;
 
         map_bytes_ = Survey::map_bytes(terrain);
         with_map = map_bytes_ <= options.memory_bytes / 16;
         if (!with_map) map_bytes_ = 0;
-        forecast_ = forecast_passes(passes, pass, share, params.buckets);
-        const std::size_t blocks = forecast_.spilled_bytes > 0 ? share : forecast_.held_bytes;
-        pass_peak_bytes_ = blocks + forecast_.window_bytes + spill_->index_bytes() + map_bytes_ +
-                           std::min<std::size_t>(params_.cache_bytes, forecast_.read_bytes);
+        for (;;) {
+            forecast_ = forecast_passes(passes, pass, share, params.buckets);
+            const std::size_t blocks = forecast_.spilled_bytes > 0 ? share : forecast_.held_bytes;
+            pass_peak_bytes_ = blocks + forecast_.window_bytes + spill_->index_bytes() + map_bytes_ +
+                               std::min<std::size_t>(params_.cache_bytes, forecast_.read_bytes) +
+                               forecast_.readers * RasterSource::reader_bytes();
+            constexpr std::size_t smallest = std::size_t{1} << 20;
+            if (pass_peak_bytes_ <= options.memory_bytes) break;
+            if (pass.threads > 1)
+                --pass.threads;
+            else if (pass.memory_bytes > smallest)
+                pass.memory_bytes /= 2;
+            else
+                break;
+        }
+        // Budgets are whole MiB; what is less is no promise.
+        if (pass_peak_bytes_ > std::max(options.memory_bytes, std::size_t{1} << 20)) {
+            const RasterFacts& f = terrain_->facts();
+            throw TooLittleMemory(
+                options.memory_bytes, pass_peak_bytes_, "sorting the terrain into wedges",
+                text(" (", f.named(), " is stored in blocks of ", f.block_columns, " x ", f.block_rows, " posts)"));
+        }
     }
 
     void partition(const PartitionScope& scope, bool extremes, const SpillOptions& options, const std::string& keep,
@@ -834,8 +895,8 @@ private:
             throw Unfit(text("the kept spill '", path, "' ", why, "; ", way_out));
         };
         if (spill_->index_bytes() > memory_bytes / 8)
-            throw TooLarge(text("memory is ", memory_bytes >> 20, " MiB; the index of the kept spill '", path,
-                                "' needs a budget of at least ", (spill_->index_bytes() >> 17) + 1, " MiB"));
+            throw TooLittleMemory(memory_bytes, spill_->index_bytes() * 8,
+                                  text("the index of the kept spill '", path, "'"));
         IndexPosition made_for;
         double scale = 1;
         Extremes e;
@@ -904,23 +965,6 @@ private:
         return std::exchange(terrain_, std::move(blocks));
     }
 
-    std::vector<RasterLayer*> readers() const {
-        std::vector<RasterLayer*> all{terrain_.get()};
-        if (height_) all.push_back(&height_->raster());
-        if (culture_) all.push_back(&culture_->raster());
-        return all;
-    }
-
-    /// GDAL decodes a block of the file as a whole.
-    static void check_blocks(const RasterFacts& f, std::size_t memory_bytes) {
-        const double bytes = static_cast<double>(f.block_columns) * static_cast<double>(f.block_rows) * f.type_bytes;
-        if (bytes > 0.5 * static_cast<double>(memory_bytes))
-            throw InputError(text("memory is ", memory_bytes >> 20, " MiB; ", f.named(),
-                                  " can only be read in blocks of ", f.block_columns, " x ", f.block_rows,
-                                  ", which need at least ", static_cast<std::uint64_t>(std::ceil(bytes * 2 / 1048576)),
-                                  " MiB"));
-    }
-
     /// Places on the terrain's grid of the corners of a block of the terrain's or of a layer's own posts.
     static std::array<IndexPosition, 4> corners(const Window& posts, const RegisteredLayer* layer) {
         std::array<IndexPosition, 4> found;
@@ -978,7 +1022,7 @@ private:
     SpilledLayer* terrain_blocks_ = nullptr;  ///< terrain_
     std::size_t map_bytes_ = 0;
     PassForecast forecast_;
-    std::size_t pass_peak_bytes_ = 0;
+    std::size_t pass_peak_bytes_ = 0, share_ = 0, forecast_ledgers_ = 0;
     std::string kept_;  ///< path of the kept spill that is read; empty: none
     double seconds_ = 0;
     std::uint64_t pass_bytes_ = 0;
@@ -1029,12 +1073,15 @@ std::unique_ptr<WedgeSource> open_direct_source(const DataBaseParams& params) {
 
 namespace {
 
+/// For coverage, which takes all of the raster where no range is given.
+void turn_round(PartitionScope& scope, bool range_given) {
+    if (!range_given) scope.reach_m.reset();
+    scope.width_rad = 7;
+}
+
 PartitionScope scope_before_terrain(const Scene& scene, const DataBaseParams& params, const SpillOptions& options) {
     PartitionScope scope = scope_before_terrain(scene, *open_direct_source(params));
-    if (options.all_round) {
-        if (!scene.range_m) scope.reach_m.reset();
-        scope.width_rad = 7;
-    }
+    if (options.all_round) turn_round(scope, scene.range_m.has_value());
     return scope;
 }
 
@@ -1046,10 +1093,15 @@ std::unique_ptr<WedgeSource> open_spilled_source(const DataBaseParams& params, c
     return std::make_unique<PartitionedSource>(params, scope, !scene.range_m && !options.all_round, options, "");
 }
 
-std::unique_ptr<WedgeSource> forecast_spilled_source(const DataBaseParams& params, const Scene& scene,
-                                                     const SpillOptions& options) {
-    const PartitionScope scope = scope_before_terrain(scene, params, options);
-    return std::make_unique<PartitionedSource>(params, scope, !scene.range_m && !options.all_round, options);
+std::unique_ptr<WedgeSource> forecast_spilled_source(const DataBaseParams& params, const ResolvedScene& scene,
+                                                     bool range_given, const SpillOptions& options) {
+    PartitionScope scope = scope_before_terrain(scene, range_given);
+    if (options.all_round) turn_round(scope, range_given);
+    return std::make_unique<PartitionedSource>(params, scope, !range_given && !options.all_round, options);
+}
+
+std::unique_ptr<WedgeSource> open_unread_source(const DataBaseParams& params, float ground_m, const Extremes& guess) {
+    return std::make_unique<UnreadSource>(params, ground_m, guess);
 }
 
 namespace {
@@ -1117,16 +1169,19 @@ std::unique_ptr<WedgeSource> open_kept_spill(const DataBaseParams& params, const
 namespace {
 
 /// By the rasters alone.
-SourceChoice choose_by_shape(const DataBaseParams& params, SourceKind asked) {
+SourceChoice choose_by_shape(const DataBaseParams& params, SourceKind asked, std::size_t memory_bytes) {
     constexpr double most_decoded = 4;
     Cut worst;
     double bytes = 0;
+    ReaderBytes reader;
     const bool store = is_tile_store(params.dem);
     const auto look = [&](const char* role, const std::string& path) {
         if (path.empty()) return;
         const RasterFile file(role, path);
         const RasterFacts& f = file.facts();
         bytes += static_cast<double>(f.columns) * static_cast<double>(f.rows) * f.type_bytes;
+        const ReaderBytes own = file.reader_bytes();
+        reader = {std::max(reader.decoded, own.decoded), reader.packed + own.packed};
         const Cut cut = cut_of(f);
         if (worst.columns == 0 || cut.decoded > worst.decoded) worst = cut;
     };
@@ -1145,6 +1200,12 @@ SourceChoice choose_by_shape(const DataBaseParams& params, SourceKind asked) {
             false, false,
             text(shape, "; all ", static_cast<std::uint64_t>(std::ceil(bytes / 1048576)), " MiB fit into the cache"),
             ""};
+    // Beside images and chunks there must be room for a block, every time that something is read.
+    if (worst.decoded <= most_decoded && reader.decoded + reader.packed > memory_bytes / 4)
+        return {
+            true, false,
+            text(shape, "; to read one takes ", (reader.decoded + reader.packed) >> 20, " MiB of ", memory_bytes >> 20),
+            ""};
     if (worst.decoded <= most_decoded) return {false, false, shape, ""};
     return {
         true, false,
@@ -1156,7 +1217,7 @@ SourceChoice choose_by_shape(const DataBaseParams& params, SourceKind asked) {
 
 SourceChoice choose_source(const DataBaseParams& params, SourceKind asked, const Scene& scene,
                            std::size_t memory_bytes) {
-    SourceChoice choice = choose_by_shape(params, asked);
+    SourceChoice choice = choose_by_shape(params, asked, memory_bytes);
     std::error_code ignored;
     if (asked == SourceKind::direct || !is_tile_store(params.dem) ||
         !std::filesystem::exists(kept_path(params.dem), ignored))
@@ -1168,7 +1229,7 @@ SourceChoice choose_source(const DataBaseParams& params, SourceKind asked, const
         return {true, true, text("a tile store; sorted for this point in '", kept_path(params.dem), "'"), ""};
     } catch (const Unfit& e) {
         choice.unfit = e.what();
-    } catch (const TooLarge& e) {
+    } catch (const TooLittleMemory& e) {
         choice.unfit = e.what();
     }
     return choice;

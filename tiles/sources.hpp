@@ -2,16 +2,20 @@
 // after one sequential pass, from blocks in wedge buckets. Both hand out the same bits.
 // Leaves the pass to partition.hpp and the blocks' file to spill.hpp.
 //
-// Memory: a direct source holds one GDAL handle per reading thread and layer, and GDAL's own block cache, whose size the
-// session sets; chunks belong to whoever asked for them. While it reads, load() takes up to 16 MiB beside its chunk.
+// Memory: a direct source holds GDAL's own block cache, whose size the session sets, and for each reading thread and layer
+// one GDAL handle: the block that it decodes, which the cache keeps even where it is larger than all of the cache, and
+// that block as the file holds it (reader_bytes). Chunks belong to whoever asked for them. While it reads, load() takes
+// up to 16 MiB beside its chunk.
 // A spilled source holds at most a quarter of the memory in blocks, an eighth in its index and a sixteenth in its block
-// map (without which it does when that would be larger); during the pass another quarter for the windows in flight.
+// map (without which it does when that would be larger); during the pass another quarter for the windows in flight, GDAL's
+// cache and what readers hold; of these fewer where they would not fit.
 #pragma once
 #include <functional>
 #include <memory>
 #include <optional>
 #include <string>
 
+#include "lib/engine.hpp"
 #include "lib/material.hpp"
 #include "lib/scene.hpp"
 #include "lib/stop.hpp"
@@ -48,9 +52,14 @@ std::unique_ptr<WedgeSource> open_spilled_source(const DataBaseParams& params, c
                                                  const SpillOptions& options);
 
 /// Plans instead: cost and held memory are those of the spilled source, its report says what the pass would read and spill
-/// (blocks at the width of their type; flat ones get narrower), and no pass is made. Posts come from the rasters.
-std::unique_ptr<WedgeSource> forecast_spilled_source(const DataBaseParams& params, const Scene& scene,
-                                                     const SpillOptions& options);
+/// (blocks at the width of their type; flat ones get narrower), and no pass is made: nothing is read. `range_given`: else
+/// the scene's range is a guess, and the pass has to find it. Errors as above.
+std::unique_ptr<WedgeSource> forecast_spilled_source(const DataBaseParams& params, const ResolvedScene& scene,
+                                                     bool range_given, const SpillOptions& options);
+
+/// The rasters unread: all ground at one height (NaN: void), extremes as guessed. To resolve a scene and plan it where
+/// reading a post would already take too much.
+std::unique_ptr<WedgeSource> open_unread_source(const DataBaseParams& params, float ground_m, const Extremes& guess);
 
 /// Name of a kept spill in its folder.
 inline constexpr const char* kept_spill_name = "wedges.spill";

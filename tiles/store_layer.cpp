@@ -171,7 +171,7 @@ TileCache::Tile StoreLayer::tile(std::int64_t column, std::int64_t row) {
         std::unique_ptr<SheetReader> closed;
         const std::lock_guard lock(mutex_);
         idle_.emplace_front(sheet, std::move(reader));
-        if (idle_.size() > most_idle) {
+        if (idle_.size() > most_idle()) {
             closed = std::move(idle_.back().second);
             idle_.pop_back();
         }

@@ -1,8 +1,10 @@
 // StoreLayer: one layer of a tile store, read tile by tile, each tile checked against its checksum as it is decoded.
 // For the .cpp files of this folder only. Leaves which tiles are needed to sources.cpp.
 //
-// Memory: TileCache, and for each reading thread one sheet's handle and one tile; `most_idle` handles wait open.
+// Memory: TileCache, and for each reading thread one sheet's handle and one tile; at most 16 handles wait open,
+// fewer where tiles are large (idle_bytes).
 #pragma once
+#include <algorithm>
 #include <cstddef>
 #include <list>
 #include <map>
@@ -65,9 +67,19 @@ public:
     /// By the checksums of the sheets' sums, in the manifest: wherever the store lies, and not before another version.
     std::uint64_t fingerprint(const std::vector<Window>& cells) override;
 
-    static constexpr std::size_t most_idle = 16;
+    /// Values of a tile, the tile as the file holds it, and what unpacking takes.
+    ReaderBytes reader_bytes() const override {
+        const auto tile = static_cast<std::size_t>(facts_.block_columns * facts_.block_rows * facts_.type_bytes);
+        return {tile, 2 * tile};
+    }
+    /// Of the sheets that wait open, each with a tile's buffer.
+    std::size_t idle_bytes() const { return most_idle() * reader_bytes().packed; }
 
 private:
+    std::size_t most_idle() const {
+        constexpr std::size_t most = 16, together = std::size_t{8} << 20;
+        return std::min(together / reader_bytes().packed, most);
+    }
     TileCache::Tile tile(std::int64_t column, std::int64_t row);
 
     std::string folder_;

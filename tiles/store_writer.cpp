@@ -157,13 +157,6 @@ void StoreWriter::open_layers() {
         entry.sources = layer->input.sources();
         choose_creation(*layer);
         posts_ += static_cast<std::uint64_t>(entry.facts.columns * entry.facts.rows);
-        const RasterFacts& own = layer->input.facts();
-        const double block = static_cast<double>(own.block_columns) * static_cast<double>(own.block_rows) *
-                             static_cast<double>(own.type_bytes);
-        if (layer->input.single() && block > static_cast<double>(params_.memory_bytes) / 4)
-            throw DataError(text(own.named(), " is stored in blocks of ", own.block_columns, " x ", own.block_rows,
-                                 " posts, more than a quarter of the memory of ", params_.memory_bytes,
-                                 " bytes; accepted: smaller blocks (gdal_translate -co TILED=YES), or more memory"));
     }
 }
 
@@ -209,6 +202,9 @@ std::size_t StoreWriter::job_bytes(const Layer& layer) const {
             bytes += static_cast<std::size_t>(2 * slab_posts) * sizeof(float);
         }
     }
+    // Blocks as they are decoded, one layer at a time; what its handles keep of each layer's packed ones.
+    bytes += layer.input.reader_bytes().decoded + (height_ ? height_->raster().reader_bytes().packed : 0);
+    for (const auto& other : layers_) bytes += other->input.reader_bytes().packed;
     return bytes + unit * post;
 }
 
@@ -217,11 +213,12 @@ int StoreWriter::jobs_at_once() const {
     for (const auto& layer : layers_) most = std::max(most, job_bytes(*layer));
     const std::size_t fixed = params_.cache_bytes;
     if (params_.memory_bytes < fixed + most) {
-        constexpr std::size_t mib = std::size_t{1} << 20;
-        // The cache is an eighth of what is granted.
-        throw InputError(text("memory of ", params_.memory_bytes / mib,
-                              " MiB is too small for sheets of this type; at least ",
-                              (most * 8 / 7 + mib - 1) / mib + 1, "MiB is needed"));
+        // The cache is an eighth of what is granted, or less.
+        const RasterFacts& own = layers_[0]->input.facts();
+        throw TooLittleMemory(params_.memory_bytes, most * 8 / 7 + 1, text("tiling ", own.named()),
+                              layers_[0]->input.single()
+                                  ? text(" (blocks of ", own.block_columns, " x ", own.block_rows, " posts)")
+                                  : "");
     }
     const std::size_t fit = (params_.memory_bytes - fixed) / most;
     return static_cast<int>(std::min(fit, static_cast<std::size_t>(std::max(1, params_.threads))));

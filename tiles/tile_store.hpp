@@ -3,7 +3,7 @@
 // Leaves the files' formats to store_manifest.hpp, sheet_sums.hpp and block_map_file.hpp, chunks to sources.hpp.
 //
 // Memory: decoded tiles up to `cache_bytes`, shared by all layers and threads; one tile a reading thread beside it; at
-// most `StoreLayer::most_idle` open sheets a layer; pages of the block map (BlockMapFile).
+// most 16 open sheets a layer (`StoreLayer::idle_bytes`); pages of the block map (BlockMapFile).
 #pragma once
 #include <cstddef>
 #include <cstdint>

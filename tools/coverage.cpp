@@ -9,6 +9,7 @@
 #include "tiles/coverage_raster.hpp"
 #include "tiles/gdal_session.hpp"
 #include "tiles/output_file.hpp"
+#include "tools/budget.hpp"
 #include "tools/commands.hpp"
 #include "tools/help.hpp"
 #include "tools/options.hpp"
@@ -133,12 +134,18 @@ void coverage(const std::vector<std::string>& arguments, Stop& stop) {
         at.x = db.origin_x + std::floor((at.x - db.origin_x) / db.step_x + 0.5) * db.step_x;
         at.y = db.origin_y + std::floor((at.y - db.origin_y) / db.step_y + 0.5) * db.step_y;
     }
+    CoverageParams params = settings.coverage;
+    params.timeline = timeline.get();
+    params.cull = !settings.no_cull;
+    params.threads = settings.threads;
+    params.memory_bytes = static_cast<std::size_t>(settings.memory_bytes);
+    params.stop = &stop;
+    check_coverage_budget(settings, params, stop);
     SpillOptions spill = spill_options(settings);
     spill.all_round = true;
     spill.stop = &stop;
     const SourceChoice choice = choose_source(layers, settings.source, settings.scene, spill.memory_bytes);
     if (choice.spilled) {
-        resolve_coverage(settings.scene, *source);  // refused before the pass
         source.reset();
         Progress sorting(settings.quiet || choice.kept);
         spill.progress = [&](double fraction) { sorting.report(fraction); };
@@ -149,12 +156,6 @@ void coverage(const std::vector<std::string>& arguments, Stop& stop) {
     const ResolvedScene scene = resolve_coverage(settings.scene, *source);
 
     opening.end();
-    CoverageParams params = settings.coverage;
-    params.timeline = timeline.get();
-    params.cull = !settings.no_cull;
-    params.threads = settings.threads;
-    params.memory_bytes = static_cast<std::size_t>(settings.memory_bytes);
-    params.stop = &stop;
     Progress progress(settings.quiet);
     params.progress = [&](double fraction) { progress.report(fraction); };
 
@@ -168,7 +169,6 @@ void coverage(const std::vector<std::string>& arguments, Stop& stop) {
     layer.kind = params.layer;
     layer.mask = params.mask;
     if (settings.no_data_value) layer.no_data = params.mask.no_data;
-    check_coverage(scene, *source, params);
     CoverageFile raster(scene, db, layer, file, format);
     const CoverageReport report = cover(scene, *source, params, [&](const CoverageTile& tile) { raster.write(tile); });
     progress.done();

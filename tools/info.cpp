@@ -6,6 +6,7 @@
 #include "tiles/raster.hpp"
 #include "tiles/store_check.hpp"
 #include "tiles/tile_store.hpp"
+#include "tools/budget.hpp"
 #include "tools/commands.hpp"
 #include "tools/help.hpp"
 #include "tools/options.hpp"
@@ -270,6 +271,10 @@ SceneFacts scene_facts(const std::string& path, const Stop& stop) {
     facts.source = choose_source(layers, facts.settings.source, facts.settings.scene,
                                  static_cast<std::size_t>(facts.settings.memory_bytes));
     const auto source = open_direct_source(layers);
+    check_budget(facts.settings, [&](std::size_t memory) {
+        const Settings granted = with_memory(facts.settings, memory);
+        check_reader(*open_direct_source(data_base_params(granted, cache_bytes(granted), stop)), memory);
+    });
     facts.columns = source->data_base().columns;
     facts.rows = source->data_base().rows;
     facts.resolved = resolve(facts.settings.scene, *source);
@@ -343,6 +348,7 @@ std::string to_text(const SceneFacts& facts) {
 struct PlannedSource {
     SourceChoice choice;
     std::unique_ptr<WedgeSource> source;  ///< a forecast, where a pass would be made
+    ResolvedScene scene;
     SourceReport report;
 };
 
@@ -351,8 +357,9 @@ PlannedSource planned_source(const Settings& settings, const Stop& stop) {
     const SpillOptions options = spill_options(settings);
     PlannedSource planned;
     planned.choice = choose_source(layers, settings.source, settings.scene, options.memory_bytes);
+    planned.scene = resolve(settings.scene, *open_direct_source(layers));
     planned.source = planned.choice.spilled && !planned.choice.kept
-                         ? forecast_spilled_source(layers, settings.scene, options)
+                         ? forecast_spilled_source(layers, planned.scene, settings.scene.range_m.has_value(), options)
                          : open_source(planned.choice, layers, settings.scene, options);
     planned.report = planned.source->report();
     return planned;
@@ -428,9 +435,16 @@ std::string plan_text(const Settings& settings, const PlannedSource& planned, co
 
 void print_plan(const Settings& settings, const Stop& stop) {
     check_complete(settings);
+    check_simulation(settings, stop);
     const PlannedSource planned = planned_source(settings, stop);
-    const ResolvedScene scene = resolve(settings.scene, *planned.source);
-    const Plan found = plan(scene, *planned.source, engine_params(settings));
+    const ResolvedScene& scene = planned.scene;
+    const Plan found = [&] {
+        try {
+            return plan(scene, *planned.source, engine_params(settings));
+        } catch (const TooLittleMemory& e) {
+            refuse(e, memory_bytes(settings), simulation(settings, scene, settings.scene.range_m.has_value(), stop));
+        }
+    }();
     print(settings.json
               ? plan_json(settings, scene, planned, found).dump(2, ' ', false, json::error_handler_t::replace) + "\n"
               : plan_text(settings, planned, found));
@@ -466,6 +480,7 @@ void info(const std::vector<std::string>& arguments, Stop& stop) {
         } else if (settings.verify) {
             throw InputError(text("verify is for tile stores; ", in_quotes(path), " is none"));
         } else {
+            check_summary(settings, path);
             add(raster_facts(path, codes, stop));
         }
     }

@@ -13,6 +13,7 @@
 #include "tiles/output_file.hpp"
 #include "tiles/picture.hpp"
 #include "tiles/work_dir.hpp"
+#include "tools/budget.hpp"
 #include "tools/commands.hpp"
 #include "tools/help.hpp"
 #include "tools/legend.hpp"
@@ -134,6 +135,9 @@ void simulate(const Settings& settings, WorkDir* work, double start_s, Stop& sto
     std::unique_ptr<TimelineFile> timeline;
     if (outputs.timeline) timeline = std::make_unique<TimelineFile>(*outputs.timeline);
     Span opening(timeline.get(), "open", "stage");
+    Settings as_read = settings;
+    if (work && work->seems_done()) as_read.source = SourceKind::direct;
+    check_simulation(as_read, stop);
     const DataBaseParams layers = data_base_params(settings, cache_bytes(settings), stop);
     std::unique_ptr<WedgeSource> source;
     const bool terminal = ::isatty(STDERR_FILENO) == 1;
@@ -164,7 +168,14 @@ void simulate(const Settings& settings, WorkDir* work, double start_s, Stop& sto
     params.timeline = timeline.get();
     Progress progress(settings.quiet);
     params.progress = [&](double fraction) { progress.report(fraction); };
-    RunResult result = run(scene, *source, params);
+    RunResult result = [&] {
+        try {
+            return run(scene, *source, params);
+        } catch (const TooLittleMemory& e) {
+            source.reset();
+            refuse(e, params.memory_bytes, simulation(as_read, scene, settings.scene.range_m.has_value(), stop, work));
+        }
+    }();
     progress.done();
     if (work) {
         for (const std::string& line : work->remarks()) remark(settings.quiet, line);

@@ -1,0 +1,181 @@
+#include "tools/budget.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <optional>
+
+#include "lib/plan.hpp"
+#include "tiles/raster.hpp"
+
+namespace wedgescope {
+namespace {
+
+constexpr std::size_t mebibyte = std::size_t{1} << 20;
+
+/// Flat ground that serves to place the sensor.
+float any_ground_m(const Scene& scene) {
+    return scene.platform.altitude_above == AltitudeAbove::ground ? 0 : std::numeric_limits<float>::quiet_NaN();
+}
+
+/// The least and the largest range that the terrain may give a scene without one; nothing where none can be found.
+std::optional<std::pair<double, double>> ranges(const Scene& scene, const DataBaseParams& layers, float ground_m) {
+    const float known = std::isnan(ground_m) ? 0 : ground_m;
+    constexpr float lowest_m = -500, highest_m = 9000;
+    std::optional<std::pair<double, double>> found;
+    for (const auto& [low, high] :
+         {std::pair{known, known}, {lowest_m, known}, {lowest_m, highest_m}, {std::min(known, 0.0F), highest_m}}) {
+        try {
+            const auto unread = open_unread_source(layers, ground_m, {low, high, 0, true});
+            const double range = resolve(scene, *unread).scene.range_m.value_or(0);
+            found = found ? std::pair{std::min(found->first, range), std::max(found->second, range)}
+                          : std::pair{range, range};
+        } catch (const InputError&) {  // too far for this earth: the run says so when it knows
+        }
+    }
+    return found;
+}
+
+ResolvedScene at_range(Scene scene, double range_m, WedgeSource& source) {
+    scene.range_m = range_m;
+    return resolve(scene, source);
+}
+
+}  // namespace
+
+std::size_t memory_bytes(const Settings& settings) { return static_cast<std::size_t>(settings.memory_bytes); }
+
+Settings with_memory(const Settings& settings, std::size_t memory_bytes) {
+    Settings other = settings;
+    other.memory_bytes = memory_bytes;
+    return other;
+}
+
+void refuse(const TooLittleMemory& e, std::size_t memory_bytes, const Attempt& attempt) {
+    const auto does = [&](std::size_t mib) {
+        try {
+            attempt(mib * mebibyte);
+            return true;
+        } catch (const TooLittleMemory&) {
+            return false;
+        }
+    };
+    constexpr std::size_t most = std::size_t{1} << 24;
+    std::size_t too_little = memory_bytes / mebibyte, enough = std::max<std::size_t>(1, 2 * too_little);
+    while (!does(enough)) {
+        too_little = enough;
+        enough *= 2;
+        if (enough > most) throw e;
+    }
+    while (enough - too_little > 1) {
+        const std::size_t middle = too_little + (enough - too_little) / 2;
+        (does(middle) ? enough : too_little) = middle;
+    }
+    throw e.with(memory_bytes, enough * mebibyte);
+}
+
+void check_budget(const Settings& settings, const Attempt& attempt) {
+    try {
+        attempt(memory_bytes(settings));
+    } catch (const TooLittleMemory& e) {
+        refuse(e, memory_bytes(settings), attempt);
+    }
+}
+
+void check_reader(const WedgeSource& source, std::size_t memory_bytes) {
+    const std::size_t needed = source.cache_bytes() + source.reader_bytes();
+    if (needed > memory_bytes) {
+        const DataBase& db = source.data_base();
+        throw TooLittleMemory(memory_bytes, needed, text("reading '", db.name, "'"),
+                              text(" (blocks of ", db.block_columns, " x ", db.block_rows, " posts)"));
+    }
+}
+
+Attempt simulation(const Settings& settings, const ResolvedScene& scene, bool range_given, const Stop& stop,
+                   WedgeArchive* archive) {
+    return [&settings, &scene, range_given, &stop, archive](std::size_t memory) {
+        const Settings granted = with_memory(settings, memory);
+        const DataBaseParams layers = data_base_params(granted, cache_bytes(granted), stop);
+        const SpillOptions options = spill_options(granted);
+        // A post is read in any case.
+        check_reader(*open_direct_source(layers), memory);
+        const SourceChoice choice = choose_source(layers, granted.source, granted.scene, memory);
+        const auto source = choice.spilled && !choice.kept
+                                ? forecast_spilled_source(layers, scene, range_given, options)
+                                : open_source(choice, layers, granted.scene, options);
+        EngineParams params = engine_params(granted);
+        params.archive = archive;
+        plan(scene, *source, params);
+    };
+}
+
+void check_simulation(const Settings& settings, const Stop& stop) {
+    const std::size_t memory = memory_bytes(settings);
+    const DataBaseParams layers = data_base_params(settings, cache_bytes(settings), stop);
+    const bool range_given = settings.scene.range_m.has_value();
+    const auto direct = open_direct_source(layers);
+    const bool readable = direct->cache_bytes() + direct->reader_bytes() <= memory;
+    if (readable && range_given && !choose_source(layers, settings.source, settings.scene, memory).spilled)
+        return;  // the run itself refuses before it reads more
+    // The ground below the sensor is the only height known so far.
+    float ground_m = any_ground_m(settings.scene);
+    Scene place = settings.scene;
+    if (!range_given) place.range_m = place.range_start_m + 1;
+    if (readable) {
+        const ResolvedScene s = resolve(place, *direct);
+        if (s.nadir_on_data) ground_m = static_cast<float>(s.reference_m);
+    }
+    const auto unread = open_unread_source(layers, ground_m, {});
+    WedgeSource& ground = readable ? *direct : *unread;
+    ResolvedScene least, largest;
+    if (range_given) {
+        least = largest = resolve(settings.scene, ground);
+    } else {
+        const auto found = ranges(settings.scene, layers, ground_m);
+        if (!found) return;
+        least = at_range(settings.scene, found->first, ground);
+        largest = at_range(settings.scene, found->second, ground);
+    }
+    try {
+        simulation(settings, least, range_given, stop)(memory);
+    } catch (const TooLittleMemory& e) {
+        // A small raster is soon read: then the range is known.
+        constexpr std::int64_t small_posts = std::int64_t{1} << 24;
+        const DataBase& db = direct->data_base();
+        if (readable && !range_given && db.columns * db.rows <= small_posts) largest = resolve(settings.scene, *direct);
+        refuse(e, memory, simulation(settings, largest, range_given, stop));
+    }
+}
+
+void check_coverage_budget(const Settings& settings, const CoverageParams& params, const Stop& stop) {
+    const DataBaseParams layers = data_base_params(settings, cache_bytes(settings), stop);
+    const auto direct = open_direct_source(layers);
+    std::unique_ptr<WedgeSource> unread;
+    if (direct->cache_bytes() + direct->reader_bytes() > memory_bytes(settings))
+        unread = open_unread_source(layers, any_ground_m(settings.scene), {});
+    const ResolvedScene scene = resolve_coverage(settings.scene, unread ? *unread : *direct);
+    check_budget(settings, [&](std::size_t memory) {
+        const Settings granted = with_memory(settings, memory);
+        const DataBaseParams own_layers = data_base_params(granted, cache_bytes(granted), stop);
+        SpillOptions options = spill_options(granted);
+        options.all_round = true;
+        check_reader(*open_direct_source(own_layers), memory);
+        const SourceChoice choice = choose_source(own_layers, granted.source, granted.scene, memory);
+        const auto source = choice.spilled && !choice.kept
+                                ? forecast_spilled_source(own_layers, scene, granted.scene.range_m.has_value(), options)
+                                : open_source(choice, own_layers, granted.scene, options);
+        CoverageParams own = params;
+        own.memory_bytes = memory;
+        check_coverage(scene, *source, own);
+    });
+}
+
+void check_summary(const Settings& settings, const std::string& path) {
+    const std::size_t own = summary_bytes(path);
+    check_budget(settings, [&](std::size_t memory) {
+        const std::size_t needed = own + cache_bytes(with_memory(settings, memory));
+        if (needed > memory) throw TooLittleMemory(memory, needed, text("reading '", path, "'"));
+    });
+}
+
+}  // namespace wedgescope

@@ -1,0 +1,45 @@
+// Budget: does a command fit into the memory granted, asked before any work; and if not, what is the smallest that would
+// do. Found by trying the very checks that a run makes at growing budgets: shares of the budget, held blocks and the
+// choice of a source follow no formula. Leaves what each stage holds to the stages.
+#pragma once
+#include <cstddef>
+#include <functional>
+
+#include "lib/engine.hpp"
+#include "lib/error.hpp"
+#include "tools/settings.hpp"
+
+namespace wedgescope {
+
+/// Throws TooLittleMemory if a budget does not do.
+using Attempt = std::function<void(std::size_t memory_bytes)>;
+
+/// `e` with the smallest budget of whole MiB above `memory_bytes` at which `attempt` passes.
+[[noreturn]] void refuse(const TooLittleMemory& e, std::size_t memory_bytes, const Attempt& attempt);
+
+/// Runs the attempt at the budget granted, and refuses that with the smallest that would do.
+void check_budget(const Settings& settings, const Attempt& attempt);
+
+/// What is granted, and the same settings with another budget.
+std::size_t memory_bytes(const Settings& settings);
+Settings with_memory(const Settings& settings, std::size_t memory_bytes);
+
+/// TooLittleMemory if a source's cache and one reader do not fit: then not a single post can be read.
+void check_reader(const WedgeSource& source, std::size_t memory_bytes);
+
+/// Plans the scene as simulate would run it with so much memory, without reading posts (but those of a kept spill's
+/// index). `range_given`: else the scene's range is a guess.
+Attempt simulation(const Settings& settings, const ResolvedScene& scene, bool range_given, const Stop& stop,
+                   WedgeArchive* archive = nullptr);
+
+/// Before simulate reads more than the posts below the sensor. Where the range follows from the terrain, the scene is
+/// refused if it does not fit at the least range that this may be, and the budget named does for the largest.
+void check_simulation(const Settings& settings, const Stop& stop);
+
+/// Before coverage reads more than the posts below the sensor.
+void check_coverage_budget(const Settings& settings, const CoverageParams& params, const Stop& stop);
+
+/// Before `info` counts a raster, or resolves a scene on one.
+void check_summary(const Settings& settings, const std::string& path);
+
+}  // namespace wedgescope
