@@ -729,7 +729,7 @@ TEST_CASE("another scene is refused, an edited data base and a damaged wedge are
     refuses({"--dem", "other.tif"}, "dem is");
     refuses({"--quality", "fine"}, "quality");
     refuses({"--material", "water"}, "material");
-    refuses({"--memory", "6MiB"}, "memory");
+    refuses({"--memory", "16MiB", "--size", "6000"}, "memory");
     refuses({}, "--resume", false);
     // Display is not the echo's; nor are threads, wedges and memory.
     CHECK(program
