@@ -461,13 +461,21 @@ RunResult run(const ResolvedScene& scene, WedgeSource& source, const EngineParam
     }
     const std::uint64_t data = source.fingerprint({});
     result.report.survey_s = seconds_since(start);
-    const WedgeForecast planned = wedges.total();
-    result.report.planned = {wedges.wedges.size(), planned.chunks, planned.posts, planned.bytes, planned.peak_bytes};
     survey.end();
 
     result.echo_w = PolarImage<float>(scene.swept);
     result.echo_state = PolarImage<std::uint8_t>(scene.swept);
     Wedges(setting, source, wedges, params, threads, result).sweep_all();
+    result.report.peak_held_bytes += source.held_bytes() - source.cache_bytes();
+    {
+        // Of the wedges that were left to do.
+        std::vector<bool> done(wedges.wedges.size(), false);
+        std::size_t count = 0;
+        for (const WedgeReport& w : result.report.wedges)
+            if (!w.reused) done[static_cast<std::size_t>(w.index)] = true, ++count;
+        const WedgeForecast planned = wedges.total(done);
+        result.report.planned = {count, planned.chunks, planned.posts, planned.bytes, planned.peak_bytes};
+    }
     result.report.skipped = source.skipped();
     result.report.source = source.report();
     if (source.fingerprint({}) != data)

@@ -159,18 +159,22 @@ private:
 
 }  // namespace
 
-std::size_t Plan::peak_bytes() const {
+std::size_t Plan::peak_bytes(const std::vector<bool>& done) const {
     std::vector<std::size_t> bytes;
-    for (const WedgeForecast& f : forecast) bytes.push_back(f.peak_bytes);
+    for (std::size_t i = 0; i < forecast.size(); ++i)
+        if (done.empty() || done[i]) bytes.push_back(forecast[i].peak_bytes);
     const auto largest = std::min(bytes.size(), static_cast<std::size_t>(in_flight));
     std::partial_sort(bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(largest), bytes.end(),
                       std::greater<>());
-    return std::accumulate(bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(largest), fixed_bytes);
+    return std::accumulate(bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(largest),
+                           fixed_bytes - unfilled_bytes);
 }
 
-WedgeForecast Plan::total() const {
+WedgeForecast Plan::total(const std::vector<bool>& done) const {
     WedgeForecast sum;
-    for (const WedgeForecast& f : forecast) {
+    for (std::size_t i = 0; i < forecast.size(); ++i) {
+        if (!done.empty() && !done[i]) continue;
+        const WedgeForecast& f = forecast[i];
         sum.chunks += f.chunks;
         sum.posts += f.posts;
         sum.bytes += f.bytes;
@@ -178,7 +182,7 @@ WedgeForecast Plan::total() const {
         sum.likely_posts += f.likely_posts;
         sum.likely_bytes += f.likely_bytes;
     }
-    sum.peak_bytes = peak_bytes();
+    sum.peak_bytes = peak_bytes(done);
     return sum;
 }
 
@@ -243,6 +247,7 @@ Plan plan(const ResolvedScene& scene, WedgeSource& source, const SpokeGrid& grid
                  !recorded.empty() ? text(", in the ", count, " wedges of the work folder") : "", ")"));
     }
     if (look) split(count, true);
+    p.unfilled_bytes = source.cache_bytes() - source.filled_bytes(p.total().bytes);
     return p;
 }
 

@@ -23,10 +23,11 @@ struct Plan {
     std::int64_t strip_lines = 64;        ///< lines of a chunk at the most; strips are aligned to raster indices
     int in_flight = 1;                    ///< wedges at a time
     std::size_t fixed_bytes = 0;          ///< images and the source's cache
+    std::size_t unfilled_bytes = 0;       ///< of these, what the cache will not fill
     std::size_t wedge_bytes = 0;          ///< the most one wedge in flight holds
-    /// The most held at a time: the images and the largest wedges.
-    std::size_t peak_bytes() const;
-    WedgeForecast total() const;  ///< of all wedges; peak_bytes as above
+    /// The most held at a time: the images and the largest wedges, of those that `done` says; empty: all.
+    std::size_t peak_bytes(const std::vector<bool>& done = {}) const;
+    WedgeForecast total(const std::vector<bool>& done = {}) const;  ///< of the same; peak_bytes as above
     /// CPU seconds of all threads together, from rates measured on one machine: a guess within a factor of two or three.
     double likely_seconds(bool all) const;
 };

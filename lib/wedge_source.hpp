@@ -203,6 +203,12 @@ public:
     }
     /// Memory the source itself holds beside the chunks it hands out (caches).
     virtual std::size_t cache_bytes() const = 0;
+    /// Of these, what it holds after reads of so many decoded bytes, and what it holds now: a cache may not fill.
+    virtual std::size_t filled_bytes(std::uint64_t bytes_read) const {
+        (void)bytes_read;
+        return cache_bytes();
+    }
+    virtual std::size_t held_bytes() const { return cache_bytes(); }
     /// And for each thread that reads at the same time: a block as it is decoded, and packed. Part of what cost() says.
     virtual std::size_t reader_bytes() const { return 0; }
 };

@@ -781,6 +781,12 @@ TEST_CASE("two processes fill one folder, and resume merges", "[resume][program]
     const Outcome merged = program.run(scene + outputs + Strings{"--work-dir", "work", "--resume"});
     CHECK(merged.code == 0);
     CHECK_THAT(merged.err, Contains("reused 8 of 12 wedges"));
+    // The plan is of what was left to do.
+    const auto plan = report(folder)["plan"];
+    CHECK(plan["wedges"]["planned"] == 4);
+    CHECK(plan["wedges"]["actual"] == 4);
+    CHECK(plan["bytes_read"]["planned"] >= plan["bytes_read"]["actual"]);
+    CHECK(plan["bytes_read"]["planned"].get<double>() < 1.5 * plan["bytes_read"]["actual"].get<double>());
     CHECK(Images(folder) == straight);
     // No pass where nothing is left to do, but one where something is.
     const Strings sorted = scene + outputs + Strings{"--work-dir", "work", "--resume", "--source", "spilled"};

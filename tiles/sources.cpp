@@ -241,6 +241,14 @@ public:
             if (const auto* part = dynamic_cast<const StoreLayer*>(layer)) idle += part->idle_bytes();
         return params_.cache_bytes + ledger_bytes() + idle + (store_ ? pages : 0);
     }
+    std::size_t filled_bytes(std::uint64_t bytes_read) const override {
+        const std::size_t cache = params_.cache_bytes;
+        return cache_bytes() - cache + static_cast<std::size_t>(std::min<std::uint64_t>(cache, bytes_read));
+    }
+    std::size_t held_bytes() const override {
+        const auto blocks = static_cast<std::size_t>(GDALGetCacheUsed64()), tiles = store_ ? store_->cached_bytes() : 0;
+        return filled_bytes(blocks + tiles);
+    }
 
     /// One layer is read at a time, but a handle keeps its buffers.
     std::size_t reader_bytes() const override {
@@ -666,6 +674,8 @@ public:
         if (terrain_blocks_) blocks = kept_.empty() && spill_->bytes_spilled() > 0 ? share_ : spill_->bytes_held();
         return blocks + spill_->index_bytes() + map_bytes_ + ledger_bytes() + forecast_ledgers_;
     }
+    std::size_t filled_bytes(std::uint64_t) const override { return cache_bytes(); }
+    std::size_t held_bytes() const override { return cache_bytes(); }
     std::size_t reader_bytes() const override { return 0; }  // the rasters are closed after the pass
 
 private:

@@ -28,6 +28,10 @@ public:
     explicit TileCache(std::size_t most_bytes) : most_(most_bytes) {}
     Tile find(const Key& key);
     void add(const Key& key, Tile tile);
+    std::size_t bytes() {
+        const std::lock_guard lock(mutex_);
+        return held_;
+    }
 
 private:
     using Entry = std::pair<Key, Tile>;

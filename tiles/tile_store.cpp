@@ -24,6 +24,8 @@ std::unique_ptr<RasterLayer> TileStore::layer(StoreLayerKind kind) const {
     return std::make_unique<StoreLayer>(path_, *entry, cache_);
 }
 
+std::size_t TileStore::cached_bytes() const { return cache_->bytes(); }
+
 std::unique_ptr<BlockMap> TileStore::block_map(double scale) const {
     const std::string file = (std::filesystem::path(path_) / manifest_->block_map).string();
     return std::make_unique<BlockMapFile>(file, manifest_->map_shape(), scale);

@@ -33,6 +33,8 @@ class TileStore {
 public:
     /// Reads the manifest only. IoError, DataError naming the file.
     TileStore(std::string path, std::size_t cache_bytes);
+    /// Of tiles that are held decoded.
+    std::size_t cached_bytes() const;
     ~TileStore();
 
     const StoreManifest& manifest() const { return *manifest_; }

@@ -75,9 +75,6 @@ int fail(int code, const char* message) {
 int main(int count, char** arguments) {
     // Each further malloc arena keeps freed memory of its own; two keep the resident size near what is held.
     mallopt(M_ARENA_MAX, 2);
-    // Large blocks go back to the system when they are freed. Left to itself malloc would keep blocks of up to 32 MiB,
-    // and raise what it keeps with every larger one.
-    mallopt(M_MMAP_THRESHOLD, 1 << 20);
     catch_signals();
     try {
         run_command(std::vector<std::string>(arguments + std::min(count, 1), arguments + count));

@@ -233,7 +233,7 @@ nlohmann::ordered_json report_json(const Settings& settings, const RunResult& ru
     const RunReport::Planned& plan = report.planned;
     const WedgeReport actual = sum(report.wedges.begin(), report.wedges.end());
     out["plan"] = json{
-        {"wedges", {{"planned", plan.wedges}, {"actual", report.wedges.size()}}},
+        {"wedges", {{"planned", plan.wedges}, {"actual", report.wedges.size() - reused_count(report)}}},
         {"chunks", {{"planned", plan.chunks}, {"actual", actual.chunks}}},
         {"posts", {{"planned", plan.posts}, {"actual", actual.posts_read}}},
         {"bytes_read", {{"planned", plan.bytes}, {"actual", actual.bytes_read}}},
