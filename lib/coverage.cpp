@@ -55,16 +55,17 @@ struct VoidLanes {
 struct Spokes {
     std::int64_t of = 0;  ///< K
     Interval range;
-    std::vector<float> horizon;
+    std::vector<float> horizon;  ///< [count() + horizon_margin]
     VoidLanes voids;
 
     void resize(std::int64_t k, Interval spokes, bool with_voids) {
         of = k;
         range = spokes;
-        horizon.assign(static_cast<std::size_t>(spokes.size()), no_horizon_f);
+        horizon.assign(count() + horizon_margin, no_horizon_f);
         voids = {};
-        if (with_voids) voids.resize(horizon.size());
+        if (with_voids) voids.resize(count());
     }
+    std::size_t count() const { return static_cast<std::size_t>(range.size()); }
     std::size_t bytes_each() const { return voids.empty() ? sizeof(float) : 5 * sizeof(float); }
 };
 
@@ -73,7 +74,7 @@ bool has(float horizon) { return horizon > 0.5F * no_horizon_f; }
 /// Twice as many: even spokes are their parents, odd ones stand between two; where one of these has met no ground, at
 /// the raster's edge, the child has met none either.
 void double_spokes(Spokes& s, Spokes& scratch) {
-    const std::size_t n = s.horizon.size();
+    const std::size_t n = s.count();
     scratch.resize(2 * s.of, {2 * s.range.begin, 2 * s.range.end}, !s.voids.empty());
     for (std::size_t i = 0; i < n; ++i) {
         const float a = s.horizon[i], b = i + 1 < n ? s.horizon[i + 1] : no_horizon_f;
@@ -217,7 +218,7 @@ private:
         std::size_t bytes =
             source_.cache_bytes() + desk_bytes() * static_cast<std::size_t>(threads) +
             tiles_.size() * static_cast<std::size_t>(tile_edge * tile_edge) * (bytes_ ? 1 : sizeof(float));
-        for (const Side& side : sides_) bytes += side.spokes.horizon.size() * side.spokes.bytes_each();
+        for (const Side& side : sides_) bytes += side.spokes.count() * side.spokes.bytes_each();
         return bytes;
     }
     SpokeMapParams map_params() const {
@@ -687,7 +688,7 @@ void Cover::pass_voids(Desk& desk, Interval window, bool behind) {
     const float* line = desk.line.data() + line_margin - window.begin;
     const float* before = desk.behind.data() + line_margin - window.begin;
     const auto inside = [&](std::int64_t j) { return j >= window.begin && j < window.end; };
-    for (std::size_t i = 0; i < s.horizon.size(); ++i) {
+    for (std::size_t i = 0; i < s.count(); ++i) {
         const std::size_t g = i / knot_step;
         const double part = static_cast<double>(i % knot_step) / knot_step;
         const double y = desk.at[g] + part * (desk.at[g + 1] - desk.at[g]);

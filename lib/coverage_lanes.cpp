@@ -1,52 +1,80 @@
 #include "lib/coverage_lanes.hpp"
 
-#include <bit>
-#include <cmath>
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "lib/coverage_lanes.cpp"
+#include <hwy/foreach_target.h>
+#include <hwy/highway.h>
 
-#include "lib/lanes.hpp"
-
-namespace wedgescope {
+// Compiled once for every instruction set: all that is not a lane operation is + - * / and conversions, and nothing is
+// fused, so each gives the same bits.
+HWY_BEFORE_NAMESPACE();
+namespace wedgescope::HWY_NAMESPACE {
 namespace {
 
-struct Polynomials {
-    double lift, drop, ray, rise, along;
+namespace hn = hwy::HWY_NAMESPACE;
+using Floats = hn::CappedTag<float, knot_step>;
+using Ints = hn::RebindToSigned<Floats>;
+using Lane = hn::Vec<Floats>;
+using Index = hn::Vec<Ints>;
+using Holds = hn::Mask<Floats>;
+
+HWY_INLINE Lane all(float x) { return hn::Set(Floats(), x); }
+/// Where it holds a, else b.
+HWY_INLINE Lane pick(Holds holds, Lane a, Lane b) { return hn::IfThenElse(holds, a, b); }
+HWY_INLINE Lane greater(Lane a, Lane b) { return pick(a > b, a, b); }  // b where one is no number
+HWY_INLINE Lane size_of(Lane x) { return hn::Abs(x); }
+HWY_INLINE Lane whole(Index i) { return hn::ConvertTo(Floats(), i); }
+HWY_INLINE Index down(Lane x) { return hn::ConvertTo(Ints(), x); }  // towards 0
+
+/// table[at], one after the other.
+HWY_INLINE Lane gather(const float* table, Index at) { return hn::GatherIndex(Floats(), table, at); }
+
+/// Lanes that read a table of numbers within a stretch of it: whole loads and permutes, where no lane is farther than
+/// `most` registers from the first.
+template <int most>
+class Stretch {
+public:
+    /// first..last: the least and the greatest of `at`. The table must be readable up to `most` registers from first.
+    HWY_INLINE Stretch(Index at, int first, int last)
+        : at_(at), first_(first), registers_((last - first) / static_cast<int>(hn::Lanes(Floats())) + 1) {
+        const Index offset = at - hn::Set(Ints(), first);
+        const int n = static_cast<int>(hn::Lanes(Floats()));
+        near_ = last >= first && registers_ <= most;
+        offset_ = near_ ? offset : hn::Zero(Ints());
+        (void)n;
+    }
+    HWY_INLINE bool near() const { return near_; }
+    HWY_INLINE int first() const { return first_; }
+    HWY_INLINE Lane read(const float* table) const {
+        if (!near_) return gather(table, at_);
+        const Floats d;
+        const Ints di;
+        const int n = static_cast<int>(hn::Lanes(d));
+        const auto inside = hn::IndicesFromVec(d, hn::And(offset_, hn::Set(di, n - 1)));
+        const float* from = table + first_;
+        Lane found = hn::TableLookupLanes(hn::LoadU(d, from), inside);
+        for (int r = 1; r < registers_; ++r) {
+            const Holds farther = hn::RebindMask(d, offset_ > hn::Set(di, r * n - 1));
+            found = pick(farther, hn::TableLookupLanes(hn::LoadU(d, from + r * n), inside), found);
+        }
+        return found;
+    }
+
+private:
+    Index at_, offset_;
+    int first_, registers_;
+    bool near_;
 };
 
-/// Slope m on a line -> the factors of the tangent.
-WEDGESCOPE_LANES_PART Polynomials factors(const LineForm& line, double m, double stretch) noexcept {
-    const double square = line.square[0] + m * (line.square[1] + m * line.square[2]);
-    const double curvature = line.curvature[0] + m * (line.curvature[1] + m * line.curvature[2]);
-    const double along = line.distance * (1 + stretch);
-    // theta^2 = s^2 / Re^2, with s^2 = along^2 f^2 and 1 / Re = curvature / f^2
-    const double x = along * along * curvature * curvature / square;
-    const double sinc = 1 - x * (1.0 / 6) * (1 - x * (1.0 / 20) * (1 - x * (1.0 / 42)));
-    const double half_tangent = 1 + x * (1.0 / 12) * (1 + x * (1.0 / 10) * (1 + x * (17.0 / 168)));
-    const double cosine = 1 - x * (1.0 / 2) * (1 - x * (1.0 / 12) * (1 - x * (1.0 / 30)));
-    Polynomials p;
-    p.lift = 1 / (along * sinc);
-    p.drop = 0.5 * along * curvature * half_tangent;
-    p.ray = p.lift * (1 + stretch) * cosine;
-    p.rise = p.drop * (1 + stretch);
-    p.along = along;
-    return p;
-}
-
-WEDGESCOPE_LANES_PART double horner(const std::array<double, 5>& c, double u) noexcept {
-    return c[0] + u * (c[1] + u * (c[2] + u * (c[3] + u * c[4])));
-}
-
-/// a where it holds, else b: a choice that the compiler sees as arithmetic. It leads branches through several of ?: and
-/// makes no lanes then.
-WEDGESCOPE_LANES_PART float pick(bool holds, float a, float b) noexcept {
-    const std::uint32_t mask = -static_cast<std::uint32_t>(holds);
-    return std::bit_cast<float>((std::bit_cast<std::uint32_t>(a) & mask) | (std::bit_cast<std::uint32_t>(b) & ~mask));
+HWY_INLINE Lane lifted(const Lift& lift, Lane up_m) {
+    const Lane one = all(1);
+    const Lane x = (up_m + all(lift.sensor_m)) * all(lift.inverse_radius);
+    return up_m * ((one - x) * (one + x * x));
 }
 
 template <bool cross>
-WEDGESCOPE_LANES_PART void raise(const RaiseLanes& lanes, const Lift& lift) noexcept {
-    const float* __restrict posts = lanes.posts;
-    const float* __restrict behind = lanes.behind;
-    float* __restrict horizon = lanes.horizon;
+HWY_ATTR void raise(const RaiseLanes& lanes, const Lift& lift) {
+    const Floats d;
     constexpr float none = std::numeric_limits<float>::quiet_NaN();
     const float inverse_distance = 1 / lanes.distance, bow = lanes.bow;
     for (std::size_t g = 0; g < lanes.groups; ++g) {
@@ -55,278 +83,196 @@ WEDGESCOPE_LANES_PART void raise(const RaiseLanes& lanes, const Lift& lift) noex
         const float part = static_cast<float>(at - static_cast<double>(base)),
                     step = static_cast<float>((lanes.at[g + 1] - at) * (1.0 / knot_step));
         const float first_lift = lanes.lift[g], lift_step = (lanes.lift[g + 1] - first_lift) * (1.0F / knot_step),
-                    down = lanes.drop[g], down_step = (lanes.drop[g + 1] - down) * (1.0F / knot_step);
-        const float* __restrict z = posts + (base - lanes.origin);
-        const float* __restrict zb = behind + (base - lanes.origin);
-        float* __restrict h = horizon + g * knot_step;
+                    drop = lanes.drop[g], drop_step = (lanes.drop[g + 1] - drop) * (1.0F / knot_step);
+        const float* z = lanes.posts + (base - lanes.origin);
+        const float* zb = lanes.behind + (base - lanes.origin);
+        float* horizon = lanes.horizon + g * knot_step;
         const float back = cross ? static_cast<float>(lanes.at_behind[g] - static_cast<double>(base)) : 0,
                     back_step =
                         cross ? static_cast<float>((lanes.at_behind[g + 1] - lanes.at_behind[g]) * (1.0 / knot_step))
                               : 0;
-        WEDGESCOPE_INDEPENDENT
-        for (int l = 0; l < static_cast<int>(knot_step); ++l) {
-            const float lane = static_cast<float>(l), y = part + lane * step;
-            const int i = static_cast<int>(y);
-            const float f = y - static_cast<float>(i), a = z[i], b = z[i + 1];
-            const float up_a = a - lift.sensor_m, between = up_a + f * (b - a);
-            const float above = f == 0 ? up_a : between;
-            const float lifts = first_lift + lane * lift_step,
-                        drops = down + lane * (down_step + bow * (lane - static_cast<float>(knot_step)));
-            const float tangent = lift.w(above) * lifts - drops;
-            float old = h[l];
+        for (std::size_t l = 0; l < knot_step; l += hn::Lanes(d)) {
+            const float lane0 = static_cast<float>(l), lane1 = static_cast<float>(l + hn::Lanes(d) - 1);
+            const Lane lane = hn::Iota(d, lane0);
+            const Lane y = all(part) + lane * all(step);
+            const float y_first = part + lane0 * step, y_last = part + lane1 * step;
+            const Index i = down(y);
+            const Lane f = y - whole(i);
+            const Stretch<2> posts(i, static_cast<int>(y_first), static_cast<int>(y_last));
+            const Lane a = posts.read(z), b = posts.read(z + 1);
+            const Lane up_a = a - all(lift.sensor_m), between = up_a + f * (b - a);
+            const Lane above = pick(f == all(0), up_a, between);
+            const Lane lifts = all(first_lift) + lane * all(lift_step),
+                       drops = all(drop) +
+                               lane * (all(drop_step) + all(bow) * (lane - all(static_cast<float>(knot_step))));
+            const Lane tangent = lifted(lift, above) * lifts - drops;
+            Lane old = hn::LoadU(d, horizon + l);
             if (cross) {
-                const float y0 = back + lane * back_step, low = y0 < y ? y0 : y, high = y0 < y ? y : y0;
+                const Lane y0 = all(back) + lane * all(back_step), low = pick(y0 < y, y0, y), high = pick(y0 < y, y, y0);
+                const float y0_first = back + lane0 * back_step, y0_last = back + lane1 * back_step;
                 // Positions are above -17 here: rounded down by way of positive numbers.
-                const int c = static_cast<int>(high + 32) - 32;
-                const float column = static_cast<float>(c);
-                const bool met = (column > low) & (column < high);
-                const float tau = (y - column) / (pick(met, y - y0, 1.0F));  // lines back
-                const int at_column = c & -static_cast<int>(met);
-                const float ahead = z[at_column], there = (ahead - lift.sensor_m) + tau * (zb[at_column] - ahead);
-                // lift and drop at a line tau nearer.
-                const float nearer = 1 - tau * inverse_distance;
-                const float crossing = lift.w(pick(met, there, none)) * lifts / nearer - drops * nearer;
-                old = crossing > old ? crossing : old;
+                const Index c = down(high + all(32)) - hn::Set(Ints(), 32);
+                const int c_first = static_cast<int>((y0_first < y_first ? y_first : y0_first) + 32) - 32,
+                          c_last = static_cast<int>((y0_last < y_last ? y_last : y0_last) + 32) - 32;
+                const Lane column = whole(c);
+                const Holds met = hn::And(column > low, column < high);
+                if (!hn::AllFalse(d, met)) {
+                    const Lane tau = (y - column) / pick(met, y - y0, all(1));  // lines back
+                    const Stretch<2> crossed(c, c_first, c_last);
+                    const Lane ahead = crossed.read(z),
+                               there = (ahead - all(lift.sensor_m)) + tau * (crossed.read(zb) - ahead);
+                    // lift and drop at a line tau nearer.
+                    const Lane nearer = all(1) - tau * all(inverse_distance);
+                    const Lane crossing = lifted(lift, pick(met, there, all(none))) * lifts / nearer - drops * nearer;
+                    old = greater(crossing, old);
+                }
             }
-            h[l] = tangent > old ? tangent : old;
+            hn::StoreU(greater(tangent, old), d, horizon + l);
         }
     }
 }
 
-template <bool raised, bool wanted, bool nearest>
-WEDGESCOPE_LANES_PART void test(const TestLanes& lanes, const Lift& how) noexcept {
-    const Lift lift = how;  // bytes are written below, which might be anything of its
-    const float* __restrict horizon = lanes.horizon;
+HWY_INLINE void put_states(Holds hidden, Holds is_void, std::uint8_t* to) {
+    const Ints di;
+    const auto shadow = hn::Set(di, 1), seen = hn::Set(di, 2);
+    const Index state = hn::IfThenZeroElse(hn::RebindMask(di, is_void),
+                                           hn::IfThenElse(hn::RebindMask(di, hidden), shadow, seen));
+    const hn::Rebind<std::uint8_t, Ints> bytes;
+    hn::StoreU(hn::DemoteTo(bytes, state), bytes, to);
+}
+
+template <bool raised, bool wanted>
+HWY_ATTR void test(const TestLanes& lanes, const Lift& lift) {
+    const Floats d;
+    const Ints di;
+    const Lane zero = all(0), one = all(1), two = all(2), four = all(4);
     const int last_spoke = lanes.spokes - 2;
-    const float target = raised ? lanes.target_m : 0;
+    const Lane target = all(raised ? lanes.target_m : 0);
     const float slope_step = static_cast<float>(1 / lanes.distance);
     const float inverse_distance = slope_step;
+    const Holds nearest = hn::RebindMask(d, hn::Set(di, lanes.nearest ? 1 : 0) == hn::Set(di, 1));
     for (std::size_t g = 0; g < lanes.groups; ++g) {
         const std::int64_t first = lanes.first + static_cast<std::int64_t>(g * knot_step);
         const double from = lanes.from[g], width = lanes.from[g + 1] - from;
         const double per_post = width > 0 ? 1 / width : 0;
         const double lead = from - static_cast<double>(first);
-        const auto line = [&](double a, double b) {
+        const auto line = [&](double a, double b) HWY_ATTR {
             const double step = (b - a) * per_post;
             return std::pair(static_cast<float>(a - lead * step), static_cast<float>(step));
         };
         const double spoke_step = (lanes.at[g + 1] - lanes.at[g]) * per_post, spoke0 = lanes.at[g] - lead * spoke_step;
-        const double whole = std::floor(spoke0);
-        const float spoke = static_cast<float>(spoke0 - whole), spokes_step = static_cast<float>(spoke_step);
-        const int spoke_base = static_cast<int>(static_cast<std::int64_t>(whole) - lanes.first_spoke);
+        const double whole_spoke = std::floor(spoke0);
+        const float spoke = static_cast<float>(spoke0 - whole_spoke), spokes_step = static_cast<float>(spoke_step);
+        const int spoke_base = static_cast<int>(static_cast<std::int64_t>(whole_spoke) - lanes.first_spoke);
         const auto [lift0, lift1] = line(static_cast<double>(lanes.lift[g]), static_cast<double>(lanes.lift[g + 1]));
         const auto [drop0, drop1] = line(static_cast<double>(lanes.drop[g]), static_cast<double>(lanes.drop[g + 1]));
-        const auto [ray0, ray1] = line(static_cast<double>(lanes.ray[g]), static_cast<double>(lanes.ray[g + 1]));
-        const auto [rise0, rise1] = line(static_cast<double>(lanes.rise[g]), static_cast<double>(lanes.rise[g + 1]));
         const float bow = static_cast<float>(lanes.bow * spoke_step * spoke_step), begins = static_cast<float>(lead),
                     ends = static_cast<float>(lead + width);
         const float slope0 = static_cast<float>((static_cast<double>(first) - lanes.nadir) / lanes.distance);
-        const float* __restrict z = lanes.posts + (first - lanes.origin);
-        const float* __restrict zb = lanes.behind + (first - lanes.origin);
-        std::uint8_t* __restrict state = lanes.state + (first - lanes.origin);
-        float* __restrict raise_m = wanted ? lanes.raise_m + (first - lanes.origin) : nullptr;
-        float* __restrict tangent_out = wanted && lanes.tangent ? lanes.tangent + (first - lanes.origin) : nullptr;
-        alignas(64) float tangents[knot_step];
-        WEDGESCOPE_INDEPENDENT
-        for (int l = 0; l < static_cast<int>(knot_step); ++l) {
-            const float lane = static_cast<float>(l), k = spoke + lane * spokes_step;
-            // Two steps, not a choice of three, which would keep the compiler from making lanes of it.
-            const int down = static_cast<int>(k), up = down + spoke_base, over_first = up > 0 ? up : 0,
-                      kept = over_first < last_spoke ? over_first : last_spoke;
-            const float f = k - static_cast<float>(down);
-            const float left = horizon[kept], right = horizon[kept + 1];
+        const auto [ray0, ray1] = line(static_cast<double>(lanes.ray[g]), static_cast<double>(lanes.ray[g + 1]));
+        const auto [rise0, rise1] = line(static_cast<double>(lanes.rise[g]), static_cast<double>(lanes.rise[g + 1]));
+        for (std::size_t l = 0; l < knot_step; l += hn::Lanes(d)) {
+            const std::int64_t at = first - lanes.origin + static_cast<std::int64_t>(l);
+            const float* z = lanes.posts + at;
+            const float* zb = lanes.behind + at;
+            const float lane0 = static_cast<float>(l), lane1 = static_cast<float>(l + hn::Lanes(d) - 1);
+            const Lane lane = hn::Iota(d, lane0);
+            const Lane k = all(spoke) + lane * all(spokes_step);
+            const Index beneath = down(k);
+            const auto kept_of = [&](int over) { return std::min(std::max(over, 0), last_spoke); };
+            const Index kept = hn::Min(hn::Max(beneath + hn::Set(di, spoke_base), hn::Zero(di)), hn::Set(di, last_spoke));
+            const int kept_first = kept_of(static_cast<int>(spoke + lane0 * spokes_step) + spoke_base),
+                      kept_last = kept_of(static_cast<int>(spoke + lane1 * spokes_step) + spoke_base);
+            const Stretch<4> spokes(kept, kept_first, kept_last);
+            const Lane f = k - whole(beneath);
+            const Lane left = spokes.read(lanes.horizon), right = spokes.read(lanes.horizon + 1);
             // A spoke that has met no ground runs outside the raster, and so does the post's ray.
-            const bool free = (left < 0.5F * no_horizon_f) | (right < 0.5F * no_horizon_f);
-            const float between = left + f * (right - left), level = pick(free, no_horizon_f, between);
+            const Lane half = all(0.5F * no_horizon_f);
+            const Holds free = hn::Or(left < half, right < half);
+            const Lane level = pick(free, all(no_horizon_f), left + f * (right - left));
 
-            const float height = z[l], w = lift.w((height - lift.sensor_m) + target);
-            const float bends = bow * ((lane - begins) * (lane - ends));
-            const float lifts = lift0 + lane * lift1, drops = drop0 + lane * drop1 + bends;
-            const float high = w * lifts, tangent = high - drops;
+            const Lane height = hn::LoadU(d, z), w = lifted(lift, (height - all(lift.sensor_m)) + target);
+            const Lane bends = all(bow) * ((lane - all(begins)) * (lane - all(ends)));
+            const Lane lifts = all(lift0) + lane * all(lift1), drops = all(drop0) + lane * all(drop1) + bends;
+            const Lane high = w * lifts, tangent = high - drops;
             // The own cell, the one on the sensor's side, along the straight chord: its course u = 0..1 from the line
             // behind to the post is a parabola, and so is how high the ray runs above it.
-            const float slope = slope0 + lane * slope_step, across = slope < 0 ? -slope : slope;
-            const float left_post = z[l - 1], right_post = z[l + 1], left_back = zb[l - 1], right_back = zb[l + 1];
-            const float beside = pick(slope < 0, right_post, left_post),
-                        corner = pick(slope < 0, right_back, left_back), back = zb[l];
-            const float to_corner = across * (corner - back), to_beside = across * (height - beside);
-            const float step = height - back, to_entry = across > 0 ? step - to_corner : step;
-            const float climbs = across > 0 ? step + to_beside : step;
-            const float growth = lift.growth(height), ray_w = w * (ray0 + lane * ray1),
-                        ray_rise = rise0 + lane * rise1 + bends, ray = ray_w + ray_rise;
-            const float stands = target * growth;
-            const float step_size = step < 0 ? -step : step, size = step == step ? step_size : 0.0F,
-                        side = across > 0
-                                   ? (to_beside < 0 ? -to_beside : to_beside) + (to_corner < 0 ? -to_corner : to_corner)
-                                   : 0.0F;
-            const float relief = size + (side == side ? side : 0.0F);
-            const float cell_slack = ((ray_w < 0 ? -ray_w : ray_w) + ray_rise + relief) * level_slack;
+            const Lane slope = all(slope0) + lane * all(slope_step), across = size_of(slope);
+            const Holds leftwards = slope < zero, aslant = across > zero;
+            const Lane beside = pick(leftwards, hn::LoadU(d, z + 1), hn::LoadU(d, z - 1)),
+                       corner = pick(leftwards, hn::LoadU(d, zb + 1), hn::LoadU(d, zb - 1)), back = hn::LoadU(d, zb);
+            const Lane to_corner = across * (corner - back), to_beside = across * (height - beside);
+            const Lane step = height - back;
+            const Lane side = hn::IfThenElseZero(aslant, size_of(to_beside) + size_of(to_corner));
+            const Lane relief = hn::IfThenElseZero(step == step, size_of(step)) + hn::IfThenElseZero(side == side, side);
             // Spokes' positions are good to place_slack of a post.
-            const float slack = ((high < 0 ? -high : high) + drops) * level_slack + relief * lifts * place_slack;
-            const float over = tangent + slack - level;                // below 0: hidden
-            const float steeper = climbs * growth - ray + cell_slack;  // at the post; below 0: a back slope
-            const float above0 = nearest ? 1.0F : stands - ray + to_entry * growth + cell_slack;
-            const bool void_post = height != height;
-            bool hidden = over < 0;
-            if (raised) {
-                const float b = stands - above0, bend = -steeper - b, tilt = b - bend;  // above0 + tilt u + bend u^2
-                const bool dips =
-                    !nearest & (bend > 0) & (tilt < 0) & (tilt + 2 * bend > 0) & (4 * bend * above0 < tilt * tilt);
-                hidden = hidden | (above0 < 0) | dips;
-            } else {
-                hidden = hidden | (above0 < 0) | (steeper < 0);
+            const Lane slack =
+                (size_of(high) + drops) * all(level_slack) + relief * lifts * all(place_slack);
+            const Lane over = tangent + slack - level;  // below 0: hidden
+            const Holds is_void = height != height;
+            Holds hidden = over < zero;
+            if (!wanted && hn::AllTrue(d, hn::Or(hidden, is_void))) {
+                put_states(hidden, is_void, lanes.state + at);
+                continue;
             }
-            const int seen = 2 - static_cast<int>(hidden), valid = -static_cast<int>(!void_post);
-            state[l] = static_cast<std::uint8_t>(seen & valid);
+            const Lane to_entry = pick(aslant, step - to_corner, step), climbs = pick(aslant, step + to_beside, step);
+            const Lane growth = all(1 + lift.sensor_m * lift.inverse_radius) * (one - two * height * all(lift.inverse_radius));
+            const Lane ray_w = w * (all(ray0) + lane * all(ray1)), ray_rise = all(rise0) + lane * all(rise1) + bends,
+                       ray = ray_w + ray_rise;
+            const Lane stands = target * growth;
+            const Lane cell_slack = (size_of(ray_w) + ray_rise + relief) * all(level_slack);
+            const Lane steeper = climbs * growth - ray + cell_slack;  // at the post; below 0: a back slope
+            const Lane above0 = pick(nearest, one, stands - ray + to_entry * growth + cell_slack);
+            const Lane b = stands - above0, bend = zero - steeper - b, tilt = b - bend;  // above0 + tilt u + bend u^2
+            const Holds inside =
+                hn::AndNot(nearest, hn::And(hn::And(bend > zero, tilt < zero), tilt + two * bend > zero));
+            if (raised)
+                hidden = hn::Or(hidden, hn::Or(above0 < zero, hn::And(inside, four * bend * above0 < tilt * tilt)));
+            else
+                hidden = hn::Or(hidden, hn::Or(above0 < zero, steeper < zero));
+            put_states(hidden, is_void, lanes.state + at);
             if (wanted) {
                 // What would lift the post to its horizon, and its ray out of its own cell.
-                const float to_horizon = over < 0 ? -over / (lifts * growth) : 0.0F;
-                const float b = stands - above0, bend = -steeper - b, tilt = b - bend;
-                const bool inside = !nearest & (bend > 0) & (tilt < 0) & (tilt + 2 * bend > 0);
-                const float u = inside ? -tilt / (2 * bend) : 0.0F;
-                const float least = above0 + u * (tilt + u * bend);
-                const float moves = 1 - (1 - u) * inverse_distance;  // of the ray there, when the post rises
-                const float out_of_cell =
-                    !nearest & (least < 0) ? -least / ((moves > 0.125F ? moves : 0.125F) * growth) : 0.0F;
-                const float most = to_horizon > out_of_cell ? to_horizon : out_of_cell;
-                const float some = most > 0.001F ? most : 0.001F;
-                raise_m[l] = pick(hidden, some, 0.0F);
-                tangents[l] = tangent;
+                const Lane to_horizon = hn::IfThenElseZero(over < zero, (zero - over) / (lifts * growth));
+                const Lane u = hn::IfThenElseZero(inside, (zero - tilt) / (two * bend));
+                const Lane least = above0 + u * (tilt + u * bend);
+                const Lane moves = one - (one - u) * all(inverse_distance);  // of the ray there, when the post rises
+                const Lane out_of_cell = hn::IfThenElseZero(hn::AndNot(nearest, least < zero),
+                                                            (zero - least) / (greater(moves, all(0.125F)) * growth));
+                const Lane most = greater(to_horizon, out_of_cell), some = greater(most, all(0.001F));
+                hn::StoreU(hn::IfThenElseZero(hidden, some), d, lanes.raise_m + at);
+                if (lanes.tangent) hn::StoreU(tangent, d, lanes.tangent + at);
             }
         }
-        if (wanted && tangent_out)
-            for (std::size_t l = 0; l < knot_step; ++l) tangent_out[l] = tangents[l];
     }
 }
 
-template <bool raised, bool wanted>
-WEDGESCOPE_LANES_PART void test_line(const TestLanes& lanes, const Lift& lift) noexcept {
-    lanes.nearest ? test<raised, wanted, true>(lanes, lift) : test<raised, wanted, false>(lanes, lift);
+HWY_ATTR void raise_any(const RaiseLanes& lanes, const Lift& lift, bool cross) {
+    cross ? raise<true>(lanes, lift) : raise<false>(lanes, lift);
+}
+
+HWY_ATTR void test_any(const TestLanes& lanes, const Lift& lift) {
+    const bool wanted = lanes.raise_m != nullptr;
+    if (lanes.target_m > 0)
+        wanted ? test<true, true>(lanes, lift) : test<true, false>(lanes, lift);
+    else
+        wanted ? test<false, true>(lanes, lift) : test<false, false>(lanes, lift);
 }
 
 }  // namespace
+}  // namespace wedgescope::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
 
-WEDGESCOPE_LANES
-void spoke_knots(const LineForm& line, const PieceForm& piece, std::int64_t spokes, std::int64_t first, std::size_t n,
-                 const KnotLanes& out) noexcept {
-    double* __restrict at = out.at;
-    float* __restrict lift = out.lift, * __restrict drop = out.drop;
-    const double inverse = 1 / static_cast<double>(spokes), start = static_cast<double>(first);
-    WEDGESCOPE_INDEPENDENT
-    for (int i = 0; i < static_cast<int>(n); ++i) {  // which AVX2 can turn into doubles
-        const double m = (start + static_cast<double>(i * static_cast<int>(knot_step))) * inverse,
-                     u = (m - piece.middle) * piece.scale;
-        const Polynomials p = factors(line, m, horner(piece.stretch, u));
-        at[i] = line.nadir_minor + m * line.distance + horner(piece.bend, u);
-        lift[i] = static_cast<float>(p.lift);
-        drop[i] = static_cast<float>(p.drop);
-    }
-}
+#if HWY_ONCE
+namespace wedgescope {
 
-WEDGESCOPE_LANES
-void post_knots(const LineForm& line, const PieceForm& piece, std::int64_t spokes, const double* minor, std::size_t n,
-                const KnotLanes& out) noexcept {
-    double* __restrict at = out.at, * __restrict slope = out.slope, * __restrict along = out.along;
-    float* __restrict lift = out.lift, * __restrict drop = out.drop, * __restrict ray = out.ray, * __restrict rise = out.rise;
-    const double* __restrict place = minor;
-    const std::array<double, 5> derivative = {piece.bend[1] * piece.scale, 2 * piece.bend[2] * piece.scale,
-                                              3 * piece.bend[3] * piece.scale, 4 * piece.bend[4] * piece.scale, 0};
-    const double middle = piece.middle, scale = piece.scale, distance = line.distance;
-    const std::array<double, 5> bend = piece.bend, stretch = piece.stretch;
-    const LineForm form = line;
-    const auto better = [=](double m, double t) __attribute__((always_inline)) {
-        const double u = (m - middle) * scale;
-        return m - (m * distance + horner(bend, u) - t) / (distance + horner(derivative, u));
-    };
-    WEDGESCOPE_INDEPENDENT
-    for (std::size_t i = 0; i < n; ++i) {
-        const double t = place[i] - form.nadir_minor;
-        double m = t / distance;
-        // Newton's, by hand so that the loop stays one; bend is small beside the way, so three rounds would do.
-        m = better(better(better(better(m, t), t), t), t);
-        const Polynomials p = factors(form, m, horner(stretch, (m - middle) * scale));
-        at[i] = m * static_cast<double>(spokes);
-        slope[i] = m;
-        along[i] = p.along;
-        lift[i] = static_cast<float>(p.lift);
-        drop[i] = static_cast<float>(p.drop);
-        ray[i] = static_cast<float>(p.ray);
-        rise[i] = static_cast<float>(p.rise);
-    }
-}
+HWY_EXPORT(raise_any);
+HWY_EXPORT(test_any);
 
-WEDGESCOPE_LANES
 void raise_lanes(const RaiseLanes& lanes, const Lift& lift, bool cross) noexcept {
-    if (cross)
-        raise<true>(lanes, lift);
-    else
-        raise<false>(lanes, lift);
+    HWY_DYNAMIC_DISPATCH(raise_any)(lanes, lift, cross);
 }
-
-WEDGESCOPE_LANES
-void test_lanes(const TestLanes& lanes, const Lift& lift) noexcept {
-    const bool wanted = lanes.raise_m != nullptr;
-    if (lanes.target_m > 0)
-        wanted ? test_line<true, true>(lanes, lift) : test_line<true, false>(lanes, lift);
-    else
-        wanted ? test_line<false, true>(lanes, lift) : test_line<false, false>(lanes, lift);
-}
-
-WEDGESCOPE_LANES
-void count_states(const std::uint8_t* states, std::size_t n,
-                  std::array<std::uint64_t, coverage_states>& count) noexcept {
-    std::uint32_t ones = 0, twos = 0, threes = 0, fours = 0;  // n is of a line
-    for (std::size_t i = 0; i < n; ++i) {
-        ones += states[i] == 1;
-        twos += states[i] == 2;
-        threes += states[i] == 3;
-        fours += states[i] == 4;
-    }
-    count[0] += n - ones - twos - threes - fours;
-    count[1] += ones;
-    count[2] += twos;
-    count[3] += threes;
-    count[4] += fours;
-}
-
-WEDGESCOPE_LANES
-void paint_mask(const std::uint8_t* states, std::size_t n, const std::array<std::uint8_t, coverage_states>& value,
-                std::uint8_t* bytes) noexcept {
-    const std::uint8_t* __restrict from = states;
-    std::uint8_t* __restrict to = bytes;
-    const std::uint8_t v0 = value[0], v1 = value[1], v2 = value[2], v3 = value[3], v4 = value[4];
-    WEDGESCOPE_INDEPENDENT
-    for (std::size_t i = 0; i < n; ++i) {
-        const std::uint8_t s = from[i];
-        const std::uint8_t high = s == 3 ? v3 : v4, middle = s == 2 ? v2 : high, low = s == 1 ? v1 : middle;
-        to[i] = s == 0 ? v0 : low;
-    }
-}
-
-WEDGESCOPE_LANES
-bool add_extremes(PostLine posts, std::size_t stride, std::size_t lines, std::size_t width, float& lowest,
-                  float& highest) noexcept {
-    float low[knot_step], high[knot_step];
-    int voids[knot_step] = {};
-    for (std::size_t k = 0; k < knot_step; ++k) low[k] = lowest, high[k] = highest;
-    const auto add = [&](std::size_t k, float z) {
-        voids[k] |= z != z;
-        low[k] = z < low[k] ? z : low[k];
-        high[k] = z > high[k] ? z : high[k];
-    };
-    for (std::size_t l = 0; l < lines; ++l, posts += stride) {
-        std::size_t i = 0;
-        for (; i + knot_step <= width; i += knot_step)
-            for (std::size_t k = 0; k < knot_step; ++k) add(k, posts[i + k]);
-        for (; i < width; ++i) add(0, posts[i]);
-    }
-    int any = 0;
-    for (std::size_t k = 0; k < knot_step; ++k) {
-        any |= voids[k];
-        lowest = low[k] < lowest ? low[k] : lowest;
-        highest = high[k] > highest ? high[k] : highest;
-    }
-    return any != 0;
-}
+void test_lanes(const TestLanes& lanes, const Lift& lift) noexcept { HWY_DYNAMIC_DISPATCH(test_any)(lanes, lift); }
 
 }  // namespace wedgescope
+#endif

@@ -26,13 +26,13 @@ inline constexpr float level_slack = 0x1p-21F;
 /// And to a position, posts.
 inline constexpr float place_slack = 0x1p-19F;
 
-/// Height above the sensor to w: float, for heights up to 1e5 m within 1e-9 of the quotient. What is subtracted from the
-/// sensor's height first keeps its last bits.
+/// Height above the sensor to w: float, 1 / (1 + x) as 1 - x + x^2 - x^3, for heights up to 1e5 m within 2e-8 of it.
+/// What is subtracted from the sensor's height first keeps its last bits.
 struct Lift {
     float sensor_m = 0, inverse_radius = 0;
     float w(float up_m) const {
         const float x = (up_m + sensor_m) * inverse_radius;
-        return up_m * (1 - x * (1 - x * (1 - x)));
+        return up_m * ((1 - x) * (1 + x * x));
     }
     /// dw / dh.
     float growth(float height_m) const { return (1 + sensor_m * inverse_radius) * (1 - 2 * height_m * inverse_radius); }
@@ -71,6 +71,8 @@ void post_knots(const LineForm& line, const PieceForm& piece, std::int64_t spoke
 /// Posts of a line: post j is at[j - origin]; readable line_margin posts beyond either end, NaN there and where it is void.
 using PostLine = const float*;
 inline constexpr std::int64_t line_margin = 40;
+/// Readable beyond the last spoke of a horizon.
+inline constexpr std::size_t horizon_margin = 17;
 
 /// Groups of 16 spokes take a line: horizon = max(horizon, surface where they cross it). `cross`: and where they crossed
 /// the other axis' line between the line behind and this one.

@@ -62,11 +62,11 @@ SheetSums sums_of(const std::string& folder, const StoreLayerEntry& layer, const
 
 }  // namespace
 
-SheetReader::SheetReader(const std::string& folder, const StoreLayerEntry& layer, const StoreSheet& sheet)
+SheetReader::SheetReader(const std::string& folder, const StoreLayerEntry& layer, const StoreSheet& sheet, By by)
     : SheetReader((std::filesystem::path(folder) / sheet.file).string(), layer.facts,
-                  layer.posts(sheet.column, sheet.row), sums_of(folder, layer, sheet)) {}
+                  layer.posts(sheet.column, sheet.row), sums_of(folder, layer, sheet), by) {}
 
-SheetReader::SheetReader(std::string path, const RasterFacts& layer, const Window& posts, SheetSums sums)
+SheetReader::SheetReader(std::string path, const RasterFacts& layer, const Window& posts, SheetSums sums, By by)
     : path_(std::move(path)), facts_(layer), sums_(std::move(sums)), posts_(posts) {
     if (const std::uint64_t bytes = file_bytes(path_); bytes != sums_.file_bytes)
         throw DataError(
@@ -80,11 +80,15 @@ SheetReader::SheetReader(std::string path, const RasterFacts& layer, const Windo
     if (!band || dataset_->GetRasterXSize() != sums_.columns || dataset_->GetRasterYSize() != sums_.rows ||
         wide != sums_.tile || high != sums_.tile || band->GetRasterDataType() != facts_.type)
         throw DataError(text("sheet '", path_, "' is damaged: its size, type or tiles are not those of the manifest"));
+    if (by == By::whatever_is_fastest)
+        decoder_ = TileDecoder::of(path_, *dataset_, sums_.tile, static_cast<std::size_t>(facts_.type_bytes),
+                                   GDALDataTypeIsFloating(facts_.type) != 0);
 }
 
 std::vector<std::byte> SheetReader::tile(int level, std::int64_t column, std::int64_t row) {
     const std::int64_t edge = sums_.tile;
     const auto bytes = static_cast<std::size_t>(facts_.type_bytes);
+    const std::uint64_t expected = sums_.tiles[sums_.index(level, column, row)];
     const std::int64_t wide = std::min(edge, SheetSums::side(sums_.columns, level) - column * edge),
                        high = std::min(edge, SheetSums::side(sums_.rows, level) - row * edge);
     const auto named = [&](const std::string& what) {
@@ -102,19 +106,41 @@ std::vector<std::byte> SheetReader::tile(int level, std::int64_t column, std::in
     if (level > 0) band = band->GetOverview(level - 1);
     int block_wide = 0, block_high = 0;
     if (band) band->GetBlockSize(&block_wide, &block_high);
-    std::vector<std::byte> values(static_cast<std::size_t>(edge * edge) * bytes);
-    if (!band || block_wide != edge || block_high != edge ||
-        band->ReadBlock(static_cast<int>(column), static_cast<int>(row), values.data()) != CE_None)
+    if (!band || block_wide != edge || block_high != edge)
         throw DataError(named("cannot be read: " + errors.reason()));
+    std::vector<std::byte> values(static_cast<std::size_t>(edge * edge) * bytes);
+    const auto right = [&] {
+        Checksum sum;
+        if (wide == edge) return checksum(values.data(), static_cast<std::size_t>(wide * high) * bytes) == expected;
+        for (std::int64_t r = 0; r < high; ++r)
+            sum.add(values.data() + static_cast<std::size_t>(r * edge) * bytes, static_cast<std::size_t>(wide) * bytes);
+        return sum.value() == expected;
+    };
+    if (!decoded_here(*band, column, row, values, right)) {
+        if (band->ReadBlock(static_cast<int>(column), static_cast<int>(row), values.data()) != CE_None)
+            throw DataError(named("cannot be read: " + errors.reason()));
+        if (!right()) throw DataError(named("is damaged"));
+    }
     if (wide < edge)
         for (std::int64_t r = 1; r < high; ++r)
             std::memmove(values.data() + static_cast<std::size_t>(r * wide) * bytes,
                          values.data() + static_cast<std::size_t>(r * edge) * bytes,
                          static_cast<std::size_t>(wide) * bytes);
     values.resize(static_cast<std::size_t>(wide * high) * bytes);
-    if (checksum(values.data(), values.size()) != sums_.tiles[sums_.index(level, column, row)])
-        throw DataError(named("is damaged"));
     return values;
+}
+
+/// False where GDAL must look.
+bool SheetReader::decoded_here(GDALRasterBand& band, std::int64_t column, std::int64_t row,
+                               std::vector<std::byte>& values, const std::function<bool()>& right) {
+    if (!decoder_) return false;
+    try {
+        if (decoder_->decode(band, column, row, values, right)) return true;
+    } catch (const IoError&) {  // GDAL says which tile
+    }
+    // Another layout than it seemed, or damage: either way once is enough.
+    decoder_.reset();
+    return false;
 }
 
 StoreLayer::StoreLayer(std::string folder, const StoreLayerEntry& entry, std::shared_ptr<TileCache> cache)
@@ -166,7 +192,7 @@ TileCache::Tile StoreLayer::tile(std::int64_t column, std::int64_t row) {
                 idle_.erase(waiting);
             }
         }
-        if (!reader) reader = std::make_unique<SheetReader>(folder_, entry_, *sheet);
+        if (!reader) reader = std::make_unique<SheetReader>(folder_, entry_, *sheet, SheetReader::By::whatever_is_fastest);
         values = reader->tile(0, column % a_sheet, row % a_sheet);
         std::unique_ptr<SheetReader> closed;
         const std::lock_guard lock(mutex_);
@@ -181,6 +207,26 @@ TileCache::Tile StoreLayer::tile(std::int64_t column, std::int64_t row) {
     return kept;
 }
 
+namespace {
+
+template <class T>
+void to_float(const std::byte* from, void* to, std::int64_t count) {
+    const auto* __restrict values = reinterpret_cast<const T*>(from);
+    auto* __restrict out = static_cast<float*>(to);
+    for (std::int64_t i = 0; i < count; ++i) out[i] = static_cast<float>(values[i]);
+}
+
+/// GDALCopyWords, whose loops are not made for the conversions that are done most.
+void copy_line(const std::byte* from, const RasterFacts& facts, void* to, GDALDataType type, std::int64_t count) {
+    if (type == GDT_Float32 && facts.type == GDT_Int16) return to_float<std::int16_t>(from, to, count);
+    if (type == GDT_Float32 && facts.type == GDT_UInt16) return to_float<std::uint16_t>(from, to, count);
+    if (type == GDT_Float32 && facts.type == GDT_Float32) return to_float<float>(from, to, count);
+    GDALCopyWords(from, facts.type, facts.type_bytes, to, type, GDALGetDataTypeSizeBytes(type),
+                  static_cast<int>(count));
+}
+
+}  // namespace
+
 void StoreLayer::read_values(const Window& window, void* out, GDALDataType type, std::int64_t line_bytes) {
     if (window.empty()) return;
     const std::int64_t edge = facts_.block_columns;
@@ -192,11 +238,11 @@ void StoreLayer::read_values(const Window& window, void* out, GDALDataType type,
             const Interval columns = intersection(window.columns, {tc * edge, tc * edge + wide}),
                            rows = intersection(window.rows, {tr * edge, (tr + 1) * edge});
             for (std::int64_t r = rows.begin; r < rows.end; ++r)
-                GDALCopyWords(values->data() + ((r - tr * edge) * wide + columns.begin - tc * edge) * facts_.type_bytes,
-                              facts_.type, facts_.type_bytes,
-                              static_cast<std::byte*>(out) + (r - window.rows.begin) * line_bytes +
-                                  (columns.begin - window.columns.begin) * size,
-                              type, size, static_cast<int>(columns.size()));
+                copy_line(values->data() + ((r - tr * edge) * wide + columns.begin - tc * edge) * facts_.type_bytes,
+                          facts_,
+                          static_cast<std::byte*>(out) + (r - window.rows.begin) * line_bytes +
+                              (columns.begin - window.columns.begin) * size,
+                          type, columns.size());
         }
 }
 

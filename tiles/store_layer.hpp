@@ -6,16 +6,19 @@
 #pragma once
 #include <algorithm>
 #include <cstddef>
+#include <functional>
 #include <list>
 #include <map>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "tiles/gdal_handle.hpp"
 #include "tiles/store_manifest.hpp"
+#include "tiles/tile_decoder.hpp"
 
 namespace wedgescope {
 
@@ -45,10 +48,12 @@ private:
 /// One sheet, opened for reading its tiles.
 class SheetReader {
 public:
+    /// By GDAL: what any GDAL program reads.
+    enum class By { gdal, whatever_is_fastest };
     /// IoError / DataError naming the file if it or its checksums are not as the manifest says.
-    SheetReader(const std::string& folder, const StoreLayerEntry& layer, const StoreSheet& sheet);
+    SheetReader(const std::string& folder, const StoreLayerEntry& layer, const StoreSheet& sheet, By by = By::gdal);
     /// A sheet whose sums are known; `posts`: of the layer.
-    SheetReader(std::string path, const RasterFacts& layer, const Window& posts, SheetSums sums);
+    SheetReader(std::string path, const RasterFacts& layer, const Window& posts, SheetSums sums, By by = By::gdal);
 
     const SheetSums& sums() const { return sums_; }
     const std::string& path() const { return path_; }
@@ -56,10 +61,14 @@ public:
     std::vector<std::byte> tile(int level, std::int64_t column, std::int64_t row);
 
 private:
+    bool decoded_here(GDALRasterBand& band, std::int64_t column, std::int64_t row, std::vector<std::byte>& values,
+                      const std::function<bool()>& right);
+
     std::string path_;
     RasterFacts facts_;
     SheetSums sums_;
     DatasetHandle dataset_;
+    std::optional<TileDecoder> decoder_;
     Window posts_;
 };
 

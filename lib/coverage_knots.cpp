@@ -1,0 +1,145 @@
+#include "lib/coverage_lanes.hpp"
+
+#include <cmath>
+
+#include "lib/lanes.hpp"
+
+namespace wedgescope {
+namespace {
+
+struct Polynomials {
+    double lift, drop, ray, rise, along;
+};
+
+/// Slope m on a line -> the factors of the tangent.
+WEDGESCOPE_LANES_PART Polynomials factors(const LineForm& line, double m, double stretch) noexcept {
+    const double square = line.square[0] + m * (line.square[1] + m * line.square[2]);
+    const double curvature = line.curvature[0] + m * (line.curvature[1] + m * line.curvature[2]);
+    const double along = line.distance * (1 + stretch);
+    // theta^2 = s^2 / Re^2, with s^2 = along^2 f^2 and 1 / Re = curvature / f^2
+    const double x = along * along * curvature * curvature / square;
+    const double sinc = 1 - x * (1.0 / 6) * (1 - x * (1.0 / 20) * (1 - x * (1.0 / 42)));
+    const double half_tangent = 1 + x * (1.0 / 12) * (1 + x * (1.0 / 10) * (1 + x * (17.0 / 168)));
+    const double cosine = 1 - x * (1.0 / 2) * (1 - x * (1.0 / 12) * (1 - x * (1.0 / 30)));
+    Polynomials p;
+    p.lift = 1 / (along * sinc);
+    p.drop = 0.5 * along * curvature * half_tangent;
+    p.ray = p.lift * (1 + stretch) * cosine;
+    p.rise = p.drop * (1 + stretch);
+    p.along = along;
+    return p;
+}
+
+WEDGESCOPE_LANES_PART double horner(const std::array<double, 5>& c, double u) noexcept {
+    return c[0] + u * (c[1] + u * (c[2] + u * (c[3] + u * c[4])));
+}
+
+}  // namespace
+
+WEDGESCOPE_LANES
+void spoke_knots(const LineForm& line, const PieceForm& piece, std::int64_t spokes, std::int64_t first, std::size_t n,
+                 const KnotLanes& out) noexcept {
+    double* __restrict at = out.at;
+    float* __restrict lift = out.lift, * __restrict drop = out.drop;
+    const double inverse = 1 / static_cast<double>(spokes), start = static_cast<double>(first);
+    WEDGESCOPE_INDEPENDENT
+    for (int i = 0; i < static_cast<int>(n); ++i) {  // which AVX2 can turn into doubles
+        const double m = (start + static_cast<double>(i * static_cast<int>(knot_step))) * inverse,
+                     u = (m - piece.middle) * piece.scale;
+        const Polynomials p = factors(line, m, horner(piece.stretch, u));
+        at[i] = line.nadir_minor + m * line.distance + horner(piece.bend, u);
+        lift[i] = static_cast<float>(p.lift);
+        drop[i] = static_cast<float>(p.drop);
+    }
+}
+
+WEDGESCOPE_LANES
+void post_knots(const LineForm& line, const PieceForm& piece, std::int64_t spokes, const double* minor, std::size_t n,
+                const KnotLanes& out) noexcept {
+    double* __restrict at = out.at, * __restrict slope = out.slope, * __restrict along = out.along;
+    float* __restrict lift = out.lift, * __restrict drop = out.drop, * __restrict ray = out.ray, * __restrict rise = out.rise;
+    const double* __restrict place = minor;
+    const std::array<double, 5> derivative = {piece.bend[1] * piece.scale, 2 * piece.bend[2] * piece.scale,
+                                              3 * piece.bend[3] * piece.scale, 4 * piece.bend[4] * piece.scale, 0};
+    const double middle = piece.middle, scale = piece.scale, distance = line.distance;
+    const std::array<double, 5> bend = piece.bend, stretch = piece.stretch;
+    const LineForm form = line;
+    const auto better = [=](double m, double t) __attribute__((always_inline)) {
+        const double u = (m - middle) * scale;
+        return m - (m * distance + horner(bend, u) - t) / (distance + horner(derivative, u));
+    };
+    WEDGESCOPE_INDEPENDENT
+    for (std::size_t i = 0; i < n; ++i) {
+        const double t = place[i] - form.nadir_minor;
+        double m = t / distance;
+        // Newton's, by hand so that the loop stays one; bend is small beside the way, so three rounds would do.
+        m = better(better(better(better(m, t), t), t), t);
+        const Polynomials p = factors(form, m, horner(stretch, (m - middle) * scale));
+        at[i] = m * static_cast<double>(spokes);
+        slope[i] = m;
+        along[i] = p.along;
+        lift[i] = static_cast<float>(p.lift);
+        drop[i] = static_cast<float>(p.drop);
+        ray[i] = static_cast<float>(p.ray);
+        rise[i] = static_cast<float>(p.rise);
+    }
+}
+
+WEDGESCOPE_LANES
+void count_states(const std::uint8_t* states, std::size_t n,
+                  std::array<std::uint64_t, coverage_states>& count) noexcept {
+    std::uint32_t ones = 0, twos = 0, threes = 0, fours = 0;  // n is of a line
+    for (std::size_t i = 0; i < n; ++i) {
+        ones += states[i] == 1;
+        twos += states[i] == 2;
+        threes += states[i] == 3;
+        fours += states[i] == 4;
+    }
+    count[0] += n - ones - twos - threes - fours;
+    count[1] += ones;
+    count[2] += twos;
+    count[3] += threes;
+    count[4] += fours;
+}
+
+WEDGESCOPE_LANES
+void paint_mask(const std::uint8_t* states, std::size_t n, const std::array<std::uint8_t, coverage_states>& value,
+                std::uint8_t* bytes) noexcept {
+    const std::uint8_t* __restrict from = states;
+    std::uint8_t* __restrict to = bytes;
+    const std::uint8_t v0 = value[0], v1 = value[1], v2 = value[2], v3 = value[3], v4 = value[4];
+    WEDGESCOPE_INDEPENDENT
+    for (std::size_t i = 0; i < n; ++i) {
+        const std::uint8_t s = from[i];
+        const std::uint8_t high = s == 3 ? v3 : v4, middle = s == 2 ? v2 : high, low = s == 1 ? v1 : middle;
+        to[i] = s == 0 ? v0 : low;
+    }
+}
+
+WEDGESCOPE_LANES
+bool add_extremes(PostLine posts, std::size_t stride, std::size_t lines, std::size_t width, float& lowest,
+                  float& highest) noexcept {
+    float low[knot_step], high[knot_step];
+    int voids[knot_step] = {};
+    for (std::size_t k = 0; k < knot_step; ++k) low[k] = lowest, high[k] = highest;
+    const auto add = [&](std::size_t k, float z) {
+        voids[k] |= z != z;
+        low[k] = z < low[k] ? z : low[k];
+        high[k] = z > high[k] ? z : high[k];
+    };
+    for (std::size_t l = 0; l < lines; ++l, posts += stride) {
+        std::size_t i = 0;
+        for (; i + knot_step <= width; i += knot_step)
+            for (std::size_t k = 0; k < knot_step; ++k) add(k, posts[i + k]);
+        for (; i < width; ++i) add(0, posts[i]);
+    }
+    int any = 0;
+    for (std::size_t k = 0; k < knot_step; ++k) {
+        any |= voids[k];
+        lowest = low[k] < lowest ? low[k] : lowest;
+        highest = high[k] > highest ? high[k] : highest;
+    }
+    return any != 0;
+}
+
+}  // namespace wedgescope
