@@ -13,6 +13,7 @@
 #include <map>
 #include <memory>
 #include <numbers>
+#include <optional>
 #include <set>
 #include <stdexcept>
 #include <vector>
@@ -135,13 +136,6 @@ struct Blocks {
         relief_m = lowest <= highest ? highest - lowest : 0;
         most_m = lowest <= highest ? std::max(std::abs(lowest), std::abs(highest)) : 0;
     }
-    /// Is nothing of these posts of a row of blocks needed?
-    bool none_needed(std::int64_t major, Interval posts) const {
-        const Interval part = intersection({block_along(posts.begin), block_along(posts.end - 1) + 1}, minors);
-        for (std::int64_t j = part.begin; j < part.end; ++j)
-            if (skip[at(major, j)] == Skip::none) return false;
-        return true;
-    }
     std::size_t at(std::int64_t major, std::int64_t minor) const {
         return static_cast<std::size_t>((major - majors.begin) * minors.size() + minor - minors.begin);
     }
@@ -150,7 +144,10 @@ struct Blocks {
 /// What a thread works in.
 struct Desk {
     Blocks blocks;
-    std::vector<float> least;  ///< of the horizons of each group of spokes
+    std::vector<float> least;           ///< of the horizons of each group of spokes
+    std::vector<Interval> touched;      ///< blocks of a row, by each group
+    std::vector<Interval> groups;       ///< runs of groups that something of the row of blocks may raise
+    std::vector<Interval> every_group;  ///< all, as such a list
     Spokes spokes, scratch;
     std::vector<float> line, behind;
     std::vector<double> at, at_behind, from, post_at, post_slope, post_along;
@@ -239,13 +236,14 @@ private:
     void strip(Side& side);
     void sweep(const Side& side, Interval lines, const std::vector<Interval>& own, Interval spokes, bool first,
                bool last, Spokes& after);
-    void place_knots(const Side& side, const LineForm& line, std::int64_t k, Interval spokes, Desk& desk);
+    void place_knots(const Side& side, const LineForm& line, const Spokes& s, Interval groups, Desk& desk) const;
     void place_posts(const Side& side, const LineForm& line, std::int64_t k, Interval own, Interval posts, Desk& desk);
     double spoke_at(const Side& side, const LineForm& line, std::int64_t k, double minor) const;
     void ask_map(const Side& side, Interval major, Interval minor, Blocks& blocks);
-    static void leave_out(bool columns, const Blocks& blocks, ChunkRequest& request);
+    static void leave_out(bool columns, const Blocks& blocks, Interval majors, std::optional<std::int64_t> only,
+                          ChunkRequest& request);
     void look_at(const Chunk& chunk, Interval major, Interval minor, Blocks& blocks) const;
-    void hide(const Side& side, Interval lines, std::int64_t major, bool all_posts, Desk& desk);
+    void hide(const Side& side, Interval lines, std::int64_t major, Interval core, bool all_posts, Desk& desk);
     void part_line(Interval posts, std::int64_t row, Desk& desk) const;
     void pass_voids(Desk& desk, Interval window, bool behind);
     void finish_line(const Side& side, const LineForm& line, Interval posts, Interval window, Desk& desk,
@@ -471,24 +469,27 @@ void Cover::known(std::int64_t row, std::int64_t column, std::int64_t posts) {
     if (tile.left < 0) throw std::logic_error("coverage: a post belongs to two quadrants");
 }
 
-void Cover::place_knots(const Side& side, const LineForm& line, std::int64_t k, Interval spokes, Desk& desk) {
-    const auto n = static_cast<std::size_t>(spokes.size() / knot + 1);
-    desk.at.resize(n);
-    desk.lift.resize(n);
-    desk.drop.resize(n);
-    map_.line(side.quadrant, line.distance, static_cast<double>(spokes.begin) / static_cast<double>(k),
-              static_cast<double>(spokes.end) / static_cast<double>(k), desk.pieces);
-    std::size_t i = 0;
+/// Knots of some groups of spokes, where they stand among all of them.
+void Cover::place_knots(const Side& side, const LineForm& line, const Spokes& s, Interval groups, Desk& desk) const {
+    const auto all = static_cast<std::size_t>(s.range.size() / knot + 1);
+    desk.at.resize(all);
+    desk.lift.resize(all);
+    desk.drop.resize(all);
+    const std::int64_t k = s.of, first = s.range.begin;
+    const auto slope = [&](std::int64_t g) { return static_cast<double>(first + g * knot) / static_cast<double>(k); };
+    map_.line(side.quadrant, line.distance, slope(groups.begin), slope(groups.end), desk.pieces);
+    auto i = static_cast<std::size_t>(groups.begin);
+    const auto n = static_cast<std::size_t>(groups.end) + 1;
     for (std::size_t p = 0; p < desk.pieces.size(); ++p) {
         const SpokeMap::LinePiece& piece = desk.pieces[p];
         std::size_t end = n;
         if (p + 1 < desk.pieces.size())
-            for (end = i; end < n && static_cast<double>(spokes.begin + static_cast<std::int64_t>(end) * knot) <
+            for (end = i; end < n && static_cast<double>(first + static_cast<std::int64_t>(end) * knot) <
                                          piece.slope_end * static_cast<double>(k);)
                 ++end;
         spoke_knots(
             line, {piece.middle, piece.scale, piece.bend, piece.stretch}, k,
-            spokes.begin + static_cast<std::int64_t>(i) * knot, end - i,
+            first + static_cast<std::int64_t>(i) * knot, end - i,
             {desk.at.data() + i, nullptr, nullptr, desk.lift.data() + i, desk.drop.data() + i, nullptr, nullptr});
         i = end;
     }
@@ -550,14 +551,16 @@ void Cover::ask_map(const Side& side, Interval major, Interval minor, Blocks& bl
             blocks.bounds.push_back(columns ? known.at(i, j) : known.at(j, i));
 }
 
-/// What of a request need not be read.
-void Cover::leave_out(bool columns, const Blocks& blocks, ChunkRequest& request) {
-    request.blocks = columns ? Window{blocks.majors, blocks.minors} : Window{blocks.minors, blocks.majors};
+/// What of some rows of blocks need not be read. `only`: the row that counts alone, of the others what its cells reach.
+void Cover::leave_out(bool columns, const Blocks& blocks, Interval majors, std::optional<std::int64_t> only,
+                      ChunkRequest& request) {
+    request.blocks = columns ? Window{majors, blocks.minors} : Window{blocks.minors, majors};
     for (std::int64_t r = request.blocks.rows.begin; r < request.blocks.rows.end; ++r)
         for (std::int64_t c = request.blocks.columns.begin; c < request.blocks.columns.end; ++c) {
             const std::size_t at = columns ? blocks.at(c, r) : blocks.at(r, c);
-            request.skip.push_back(blocks.skip[at]);
-            request.fill_m.push_back(blocks.bounds[at].voids == Voids::all ? nan_f : blocks.bounds[at].lowest_m);
+            const bool counts = !only || *only == (columns ? c : r), all_void = blocks.bounds[at].voids == Voids::all;
+            request.skip.push_back(counts ? blocks.skip[at] : all_void ? Skip::voids : Skip::range);
+            request.fill_m.push_back(all_void ? nan_f : blocks.bounds[at].lowest_m);
         }
 }
 
@@ -585,8 +588,8 @@ void Cover::look_at(const Chunk& chunk, Interval major, Interval minor, Blocks& 
 /// only rise, and a spoke between two never gets less than the lower of them. A block is hidden if its highest ground,
 /// with a target on it, stays below the spokes that come by, and those beside them: then no sample of it raises a
 /// horizon, and no post of it is seen. Heights from the lowest to the highest give the same answers then, so what is
-/// not read may have any of them.
-void Cover::hide(const Side& side, Interval lines, std::int64_t major, bool all_posts, Desk& desk) {
+/// not read may have any of them. Leaves the groups of spokes that come by something else; `core`: the run's own spokes.
+void Cover::hide(const Side& side, Interval lines, std::int64_t major, Interval core, bool all_posts, Desk& desk) {
     Blocks& blocks = desk.blocks;
     const Spokes& s = desk.spokes;
     const Quadrant q = side.quadrant;
@@ -601,30 +604,33 @@ void Cover::hide(const Side& side, Interval lines, std::int64_t major, bool all_
     // A line more on either side, for the cells that reach into the row.
     if (lines.begin < 1 || grid_.distance(q, lines.begin) < 3) {
         for (std::int64_t j = blocks.minors.begin; j < blocks.minors.end; ++j) expose(j);
+        desk.groups = {{0, s.range.size() / knot}};
         return;
     }
     const LineForm near = form(side, grid_.distance(q, lines.begin) - 1),
                    far = form(side, grid_.distance(q, lines.end - 1) + 1);
     std::swap(desk.at, desk.kept_at);
-    place_knots(side, far, s.of, s.range, desk);
+    const std::int64_t growth = s.of / side.spokes.of, groups = s.range.size() / knot;
+    place_knots(side, far, s, {0, groups}, desk);
     std::swap(desk.at, desk.far_at);
     std::swap(desk.lift, desk.far_lift);
-    place_knots(side, near, s.of, s.range, desk);
+    place_knots(side, near, s, {0, groups}, desk);
     // Spokes beyond the fan are nobody's.
-    const std::int64_t growth = s.of / side.spokes.of, groups = s.range.size() / knot;
     const Interval carried{side.spokes.range.begin * growth, side.spokes.range.end * growth};
+    // Of the run's neighbours one group on either side counts: at a doubling those outside have only one parent.
+    const Interval counted =
+        intersection({(core.begin - s.range.begin) / knot - 1, (core.end - s.range.begin) / knot + 1}, {0, groups});
     const auto in_fan = [&](std::int64_t g) {
-        return g >= 0 && g < groups && carried.contains(s.range.begin + g * knot);
+        return counted.contains(g) && carried.contains(s.range.begin + g * knot);
     };
     desk.least.resize(static_cast<std::size_t>(groups));
-    for (std::int64_t g = 0; g < groups; ++g)
-        desk.least[static_cast<std::size_t>(g)] =
-            *std::min_element(s.horizon.begin() + g * knot, s.horizon.begin() + (g + 1) * knot);
+    least_of_groups(s.horizon.data(), desk.least.size(), desk.least.data());
     // Far above what float's rounding, and straight lines between knots, make of a tangent.
     constexpr double slack = 0x1p-14;
     const double spokes = static_cast<double>(s.of),
                  bow = std::abs(bow_per_slope(near)) * (0.25 * knot * knot) / (spokes * spokes);
     const double raised_m = params_.target_m + blocks.relief_m * 8 * static_cast<double>(place_slack);
+    desk.touched.assign(static_cast<std::size_t>(groups), {});
     for (std::int64_t g = 0; g < groups; ++g) {
         if (!in_fan(g)) continue;
         float least = desk.least[static_cast<std::size_t>(g)];
@@ -635,6 +641,7 @@ void Cover::hide(const Side& side, Interval lines, std::int64_t major, bool all_
             intersection({block_along(floor_i(std::min(desk.at[i], desk.far_at[i])) - 3),
                           block_along(ceil_i(std::max(desk.at[i + 1], desk.far_at[i + 1])) + 3) + 1},
                          blocks.minors);
+        desk.touched[i] = touched;
         const double steep = static_cast<double>(std::max(desk.lift[i], desk.lift[i + 1])),
                      gentle = static_cast<double>(std::min(desk.far_lift[i], desk.far_lift[i + 1])),
                      drop = static_cast<double>(std::min(desk.drop[i], desk.drop[i + 1])) - bow;
@@ -664,6 +671,19 @@ void Cover::hide(const Side& side, Interval lines, std::int64_t major, bool all_
         }
     }
     std::swap(desk.at, desk.kept_at);
+    desk.groups.clear();
+    for (std::int64_t g = counted.begin; g < counted.end; ++g) {
+        bool rises = !in_fan(g);
+        const Interval touched = desk.touched[static_cast<std::size_t>(g)];
+        for (std::int64_t j = touched.begin; j < touched.end && !rises; ++j)
+            rises = blocks.skip[blocks.at(major, j)] == Skip::none;
+        if (!rises) continue;
+        // Runs that all but meet are one.
+        if (!desk.groups.empty() && g - desk.groups.back().end < 4)
+            desk.groups.back().end = g + 1;
+        else
+            desk.groups.push_back({g, g + 1});
+    }
 }
 
 /// Parts of a line's posts, whole groups but for the ends, with why they need no test.
@@ -860,35 +880,47 @@ void Cover::copy_out(const Side& side, Interval lines, Interval window, Desk& de
     const auto buffer = [&](std::int64_t row, std::int64_t column) -> Tile& {
         return tiles_.find({row / tile_edge, column / tile_edge})->second;
     };
-    const auto copy = [&](auto* from, auto member) {
+    const auto copy_columns = [&](auto* from, auto member) {
+        // Some rows of all lines, then the next ones: so a tile's rows stay in the cache.
+        constexpr std::int64_t together = 64;
+        Interval rows;
+        for (const Interval& own : desk.own)
+            if (!own.empty()) rows = rows.empty() ? own : hull(rows, own);
+        for (std::int64_t row = rows.begin; row < rows.end;) {
+            const std::int64_t end = std::min(rows.end, floor_to(row, together) + together);
+            for (std::int64_t l = 0; l < lines.size(); ++l) {
+                const Interval own = desk.own[static_cast<std::size_t>(l)], part = intersection(own, {row, end});
+                if (part.empty()) continue;
+                const auto* source = from + static_cast<std::size_t>(l) * width + (part.begin - own.begin);
+                for (std::int64_t column :
+                     same_columns(real_column(grid_.line_index(side.quadrant, lines.begin + l)))) {
+                    auto* cell = (buffer(row, column).*member).data() + (part.begin % tile_edge) * tile_edge +
+                                 column % tile_edge;
+                    for (std::int64_t j = 0; j < part.size(); ++j) cell[j * tile_edge] = source[j];
+                }
+            }
+            row = end;
+        }
+    };
+    const auto copy_rows = [&](auto* from, auto member) {
         for (std::int64_t l = 0; l < lines.size(); ++l) {
             const Interval own = desk.own[static_cast<std::size_t>(l)];
             const auto* source = from + static_cast<std::size_t>(l) * width;
             const std::int64_t index = grid_.line_index(side.quadrant, lines.begin + l);
-            if (columns) {
-                for (std::int64_t column : same_columns(real_column(index)))
-                    for (std::int64_t j = own.begin; j < own.end;) {
-                        const std::int64_t end = std::min(own.end, floor_to(j, tile_edge) + tile_edge);
-                        auto* cell =
-                            (buffer(j, column).*member).data() + (j % tile_edge) * tile_edge + column % tile_edge;
-                        for (; j < end; ++j, cell += tile_edge) *cell = source[j - own.begin];
-                    }
-            } else {
-                for (std::int64_t j = own.begin; j < own.end;) {
-                    const std::int64_t real = real_column(j);
-                    std::int64_t end = std::min(own.end, j + tile_edge - real % tile_edge);
-                    if (db_.cyclic) end = std::min(end, j + db_.cycle_columns - real);
-                    std::copy(
-                        source + (j - own.begin), source + (end - own.begin),
-                        (buffer(index, real).*member).data() + (index % tile_edge) * tile_edge + real % tile_edge);
-                    if (db_.cyclic && real == 0 && db_.columns > db_.cycle_columns)
-                        (buffer(index, db_.cycle_columns).*member)[static_cast<std::size_t>(
-                            (index % tile_edge) * tile_edge + db_.cycle_columns % tile_edge)] = source[j - own.begin];
-                    j = end;
-                }
+            for (std::int64_t j = own.begin; j < own.end;) {
+                const std::int64_t real = real_column(j);
+                std::int64_t end = std::min(own.end, j + tile_edge - real % tile_edge);
+                if (db_.cyclic) end = std::min(end, j + db_.cycle_columns - real);
+                std::copy(source + (j - own.begin), source + (end - own.begin),
+                          (buffer(index, real).*member).data() + (index % tile_edge) * tile_edge + real % tile_edge);
+                if (db_.cyclic && real == 0 && db_.columns > db_.cycle_columns)
+                    (buffer(index, db_.cycle_columns).*member)[static_cast<std::size_t>(
+                        (index % tile_edge) * tile_edge + db_.cycle_columns % tile_edge)] = source[j - own.begin];
+                j = end;
             }
         }
     };
+    const auto copy = [&](auto* from, auto member) { columns ? copy_columns(from, member) : copy_rows(from, member); };
     if (bytes_)
         copy(desk.bytes.data(), &Tile::bytes);
     else
@@ -929,7 +961,7 @@ void Cover::sweep(const Side& side, Interval lines, const std::vector<Interval>&
     for (std::int64_t line : {lines.begin, lines.end - 1}) {
         const double d = grid_.distance(q, line);
         const LineForm at = form(side, d);
-        place_knots(side, at, s.of, s.range, desk);
+        place_knots(side, at, s, {0, s.range.size() / knot}, desk);
         lo = std::min(lo, *std::min_element(desk.at.begin(), desk.at.end()));
         hi = std::max(hi, *std::max_element(desk.at.begin(), desk.at.end()));
     }
@@ -952,33 +984,32 @@ void Cover::sweep(const Side& side, Interval lines, const std::vector<Interval>&
     Blocks& blocks = desk.blocks;
     blocks.bounds.clear();
     Chunk chunk;
-    if (!window.empty()) {
-        ChunkRequest request;
-        request.window = columns ? Window{major, window} : Window{window, major};
+    Interval held;  // lines of the chunk, as the raster counts them
+    const auto load = [&](Interval of_lines, ChunkRequest request) {
+        request.window = columns ? Window{of_lines, window} : Window{window, of_lines};
         request.lines_are_columns = columns;
-        ask_map(side, major, window, blocks);
-        const bool mapped = !blocks.empty();
-        if (mapped) {
-            blocks.measure();
-            for (std::int64_t i = blocks.majors.begin; i < blocks.majors.end; ++i)
-                hide(side, row_lines(i), i, first && last, desk);
-            leave_out(columns, blocks, request);
-        }
-        {
-            Span reading(params_.timeline, "load", "wedge", static_cast<std::int64_t>(q));
-            const Stopwatch watch;
-            chunk = source_.load(request);
-            reading.add_bytes(chunk.bytes_read);
-            load_s = watch.cpu_s();
-            did.disk_wait_s += watch.wait_s();
-        }
+        Span reading(params_.timeline, "load", "wedge", static_cast<std::int64_t>(q));
+        const Stopwatch watch;
+        chunk = {};
+        chunk = source_.load(request);
+        reading.add_bytes(chunk.bytes_read);
+        load_s += watch.cpu_s();
+        did.disk_wait_s += watch.wait_s();
         did.posts_read += chunk.posts_read;
         did.bytes_read += chunk.bytes_read;
         did.bytes_spilled += chunk.bytes_spilled;
+        held = of_lines;
+    };
+    // With a map each row of blocks is read when its turn comes, and what is hidden by then is not.
+    bool mapped = false;
+    if (!window.empty()) {
+        ask_map(side, major, window, blocks);
+        mapped = !blocks.empty();
         if (!mapped) {
+            load(major, {});
             look_at(chunk, major, window, blocks);
-            blocks.measure();
         }
+        blocks.measure();
     }
     const auto width = static_cast<std::size_t>(window.size());
     for (auto* v : {&desk.line, &desk.behind, &desk.raise_m, &desk.tangent})
@@ -990,11 +1021,17 @@ void Cover::sweep(const Side& side, Interval lines, const std::vector<Interval>&
         desk.values.resize(width * static_cast<std::size_t>(lines.size()));
     const auto take_line = [&](std::int64_t index, std::vector<float>& to) {
         if (width == 0) return;
-        const std::int64_t at = chunk.flat ? 0 : index - major.begin;
+        const std::int64_t at = chunk.flat ? 0 : index - held.begin;
         const float* from = chunk.surface_m.data() + static_cast<std::size_t>(at) * width;
         std::copy(from, from + width, to.begin() + line_margin);
     };
-    if (has_before) take_line(before, desk.line);
+    // Which line of the raster each buffer holds, if any: lines that nothing comes of are not copied.
+    constexpr std::int64_t no_line = std::numeric_limits<std::int64_t>::min();
+    std::int64_t in_line = no_line, in_behind = no_line;
+    const auto hold = [&](std::int64_t index, std::vector<float>& buffer, std::int64_t& of) {
+        if (of != index && index != no_line) take_line(index, buffer);
+        of = index;
+    };
 
     Interval core = spokes;
     const auto& rings = grid_.rings(q);
@@ -1004,64 +1041,99 @@ void Cover::sweep(const Side& side, Interval lines, const std::vector<Interval>&
     std::int64_t row = block_along(grid_.line_index(q, lines.begin)) - outward(q);  // of blocks
     bool row_has_voids = true;
     for (std::int64_t line = lines.begin; line < lines.end; ++line) {
-        std::swap(desk.line, desk.behind);
-        take_line(grid_.line_index(q, line), desk.line);
+        const std::int64_t index = grid_.line_index(q, line), index_behind = line > lines.begin ? index - outward(q)
+                                                                             : has_before       ? before
+                                                                                                : no_line;
         while (ring + 1 < rings.size() && rings[ring + 1].lines.begin <= line) ++ring;
-        const bool next_row = block_along(grid_.line_index(q, line)) != row;
+        const bool next_row = block_along(index) != row;
         if (next_row) {
-            row = block_along(grid_.line_index(q, line));
+            const std::int64_t row_behind = row;
+            row = block_along(index);
             if (!blocks.empty()) {
-                hide(side, intersection(row_lines(row), lines), row, first && last, desk);
+                const bool behind_counts = sampling_.cross_lines && index_behind != no_line;
+                if (mapped && line == lines.begin && behind_counts && row_behind == block_along(index_behind))
+                    hide(side, row_lines(row_behind), row_behind, core, first && last, desk);
+                hide(side, intersection(row_lines(row), lines), row, core, first && last, desk);
                 const auto from =
                     blocks.bounds.begin() + static_cast<std::ptrdiff_t>(blocks.at(row, blocks.minors.begin));
                 row_has_voids = std::any_of(from, from + static_cast<std::ptrdiff_t>(blocks.minors.size()),
                                             [](const BlockBounds& bounds) { return bounds.voids != Voids::none; });
+                if (mapped) {
+                    const Interval band = intersection(row_lines(row), lines);
+                    const std::int64_t near = index_behind != no_line ? index_behind : index,
+                                       far = grid_.line_index(q, band.end - 1);
+                    const Interval of_lines{std::min(near, far), std::max(near, far) + 1};
+                    ChunkRequest request;
+                    leave_out(columns, blocks, {block_along(of_lines.begin), block_along(of_lines.end - 1) + 1},
+                              behind_counts ? std::nullopt : std::optional(row), request);
+                    load(of_lines, std::move(request));
+                    // Of the last row's lines the buffers hold what was needed then.
+                    in_line = in_behind = no_line;
+                }
             }
         }
         bool doubled = line == lines.begin;
         while (s.of < rings[ring].spokes) {
             double_spokes(s, desk.scratch);
             core = {2 * core.begin, 2 * core.end};
+            for (Interval& groups : desk.groups) groups = {2 * groups.begin, 2 * groups.end};
             doubled = true;
         }
         const double d = grid_.distance(q, line);
         const LineForm here = form(side, d);
-        if (doubled && line > 0) place_knots(side, form(side, d - 1), s.of, s.range, desk);
-        std::swap(desk.at, desk.at_behind);
-        place_knots(side, here, s.of, s.range, desk);
+        // On the first line of a row of blocks cells of the last one lie behind.
+        const bool cross = sampling_.cross_lines && line > 0,
+                   everywhere = blocks.empty() || voids_ || (cross && next_row);
+        desk.every_group = {{0, s.range.size() / knot}};
+        const std::vector<Interval>& groups = everywhere ? desk.every_group : desk.groups;
+        if (cross || voids_) {
+            if (line > 0 && (doubled || next_row))
+                for (const Interval& part : groups) place_knots(side, form(side, d - 1), s, part, desk);
+            std::swap(desk.at, desk.at_behind);
+        }
+        for (const Interval& part : groups) place_knots(side, here, s, part, desk);
 
         const auto l = static_cast<std::size_t>(line - lines.begin);
         const Interval all = own[l];
         const auto edge = [&](std::int64_t k) {
-            return ceil_i(desk.at[static_cast<std::size_t>((k - s.range.begin) / knot)]);
+            const std::int64_t g = (k - s.range.begin) / knot;
+            place_knots(side, here, s, {g, g}, desk);
+            return ceil_i(desk.at[static_cast<std::size_t>(g)]);
         };
         const Interval posts{first ? all.begin : std::clamp(edge(core.begin), all.begin, all.end),
                              last ? all.end : std::clamp(edge(core.end), all.begin, all.end)};
+        desk.parts.clear();
         if (!posts.empty()) {
             desk.own[l] = posts;
             part_line(posts, row, desk);
-            for (const auto& [part, why] : desk.parts) {
-                const std::size_t out = l * width + static_cast<std::size_t>(part.begin - posts.begin);
-                if (why != Skip::none) {
-                    did.posts_passed += static_cast<std::uint64_t>(part.size());
-                    const auto state = static_cast<std::uint8_t>(why == Skip::voids ? State::no_data : State::shadow);
-                    if (!with_posts_) {
-                        desk.states[state] += static_cast<std::uint64_t>(part.size());
-                        std::fill_n(desk.bytes.begin() + static_cast<std::ptrdiff_t>(out), part.size(), byte_of(state));
-                        continue;
-                    }
-                    std::fill_n(desk.state.begin() + (part.begin - window.begin + line_margin), part.size(), state);
-                }
-                place_posts(side, here, s.of, all, part, desk);
-                if (why == Skip::none) test_part(here, s, part, window, desk);
-                finish_line(side, here, part, window, desk, out);
+        }
+        const bool looked_at = std::any_of(desk.parts.begin(), desk.parts.end(),
+                                           [&](const auto& part) { return with_posts_ || part.second == Skip::none; });
+        if (looked_at || !groups.empty()) {
+            if (in_line == index_behind) {
+                std::swap(desk.line, desk.behind);
+                std::swap(in_line, in_behind);
             }
+            hold(index_behind, desk.behind, in_behind);
+            hold(index, desk.line, in_line);
+        }
+        for (const auto& [part, why] : desk.parts) {
+            const std::size_t out = l * width + static_cast<std::size_t>(part.begin - posts.begin);
+            if (why != Skip::none) {
+                did.posts_passed += static_cast<std::uint64_t>(part.size());
+                const auto state = static_cast<std::uint8_t>(why == Skip::voids ? State::no_data : State::shadow);
+                if (!with_posts_) {
+                    desk.states[state] += static_cast<std::uint64_t>(part.size());
+                    std::fill_n(desk.bytes.begin() + static_cast<std::ptrdiff_t>(out), part.size(), byte_of(state));
+                    continue;
+                }
+                std::fill_n(desk.state.begin() + (part.begin - window.begin + line_margin), part.size(), state);
+            }
+            place_posts(side, here, s.of, all, part, desk);
+            if (why == Skip::none) test_part(here, s, part, window, desk);
+            finish_line(side, here, part, window, desk, out);
         }
         if (width > 0) {
-            // Groups that touch the window; the others meet no ground.
-            std::size_t g0 = 0, g1 = desk.at.size() - 1;
-            while (g0 < g1 && desk.at[g0 + 1] <= static_cast<double>(window.begin - 1)) ++g0;
-            while (g1 > g0 && desk.at[g1 - 1] >= static_cast<double>(window.end)) --g1;
             if (voids_ && (row_has_voids || next_row)) pass_voids(desk, window, line > 0);
             RaiseLanes raise{};
             raise.origin = window.begin - line_margin;
@@ -1070,25 +1142,18 @@ void Cover::sweep(const Side& side, Interval lines, const std::vector<Interval>&
             raise.distance = static_cast<float>(d);
             raise.bow =
                 static_cast<float>(bow_per_slope(here) / (static_cast<double>(s.of) * static_cast<double>(s.of)));
-            const bool cross = sampling_.cross_lines && line > 0;
-            // Groups that may rise, run by run; on the first line of a row of blocks cells of the last one lie behind.
-            const auto rises = [&](std::size_t g) {
-                return blocks.empty() || (cross && next_row) ||
-                       !blocks.none_needed(row, {floor_i(desk.at[g]) - 2, ceil_i(desk.at[g + 1]) + 3});
-            };
-            for (std::size_t g = g0; g < g1;) {
-                while (g < g1 && !rises(g)) ++g;
-                std::size_t end = g;
-                while (end < g1 && rises(end)) ++end;
-                if (g == end) break;
+            for (const Interval& part : groups) {
+                // Groups that touch the window; the others meet no ground.
+                auto g = static_cast<std::size_t>(part.begin), end = static_cast<std::size_t>(part.end);
+                while (g < end && desk.at[g + 1] <= static_cast<double>(window.begin - 1)) ++g;
+                while (end > g && desk.at[end - 1] >= static_cast<double>(window.end)) --end;
                 raise.groups = end - g;
                 raise.at = desk.at.data() + g;
-                raise.at_behind = line > 0 ? desk.at_behind.data() + g : raise.at;
+                raise.at_behind = cross ? desk.at_behind.data() + g : raise.at;
                 raise.lift = desk.lift.data() + g;
                 raise.drop = desk.drop.data() + g;
                 raise.horizon = s.horizon.data() + g * knot_step;
                 raise_lanes(raise, lift_, cross);
-                g = end;
             }
         }
         // Where spokes leave the raster, the first one outside is a neighbour of the last posts inside: it follows.

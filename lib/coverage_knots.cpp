@@ -53,9 +53,12 @@ void spoke_knots(const LineForm& line, const PieceForm& piece, std::int64_t spok
     }
 }
 
-WEDGESCOPE_LANES
-void post_knots(const LineForm& line, const PieceForm& piece, std::int64_t spokes, const double* minor, std::size_t n,
-                const KnotLanes& out) noexcept {
+namespace {
+
+/// `straight`: neither bend nor stretch.
+template <bool straight>
+WEDGESCOPE_LANES_PART void place_posts(const LineForm& line, const PieceForm& piece, std::int64_t spokes,
+                                       const double* minor, std::size_t n, const KnotLanes& out) noexcept {
     double* __restrict at = out.at, * __restrict slope = out.slope, * __restrict along = out.along;
     float* __restrict lift = out.lift, * __restrict drop = out.drop, * __restrict ray = out.ray, * __restrict rise = out.rise;
     const double* __restrict place = minor;
@@ -68,13 +71,14 @@ void post_knots(const LineForm& line, const PieceForm& piece, std::int64_t spoke
         const double u = (m - middle) * scale;
         return m - (m * distance + horner(bend, u) - t) / (distance + horner(derivative, u));
     };
+    const double inverse = 1 / distance;
     WEDGESCOPE_INDEPENDENT
     for (std::size_t i = 0; i < n; ++i) {
         const double t = place[i] - form.nadir_minor;
-        double m = t / distance;
+        double m = t * inverse;
         // Newton's, by hand so that the loop stays one; bend is small beside the way, so three rounds would do.
-        m = better(better(better(better(m, t), t), t), t);
-        const Polynomials p = factors(form, m, horner(stretch, (m - middle) * scale));
+        if (!straight) m = better(better(better(better(m, t), t), t), t);
+        const Polynomials p = factors(form, m, straight ? 0 : horner(stretch, (m - middle) * scale));
         at[i] = m * static_cast<double>(spokes);
         slope[i] = m;
         along[i] = p.along;
@@ -83,6 +87,18 @@ void post_knots(const LineForm& line, const PieceForm& piece, std::int64_t spoke
         ray[i] = static_cast<float>(p.ray);
         rise[i] = static_cast<float>(p.rise);
     }
+}
+
+}  // namespace
+
+WEDGESCOPE_LANES
+void post_knots(const LineForm& line, const PieceForm& piece, std::int64_t spokes, const double* minor, std::size_t n,
+                const KnotLanes& out) noexcept {
+    const std::array<double, 5> none{};
+    if (piece.bend == none && piece.stretch == none)
+        place_posts<true>(line, piece, spokes, minor, n, out);
+    else
+        place_posts<false>(line, piece, spokes, minor, n, out);
 }
 
 WEDGESCOPE_LANES

@@ -103,12 +103,13 @@ HWY_ATTR void raise(const RaiseLanes& lanes, const Lift& lift) {
             const Lane up_a = a - all(lift.sensor_m), between = up_a + f * (b - a);
             const Lane above = pick(f == all(0), up_a, between);
             const Lane lifts = all(first_lift) + lane * all(lift_step),
-                       drops = all(drop) +
-                               lane * (all(drop_step) + all(bow) * (lane - all(static_cast<float>(knot_step))));
+                       drops =
+                           all(drop) + lane * (all(drop_step) + all(bow) * (lane - all(static_cast<float>(knot_step))));
             const Lane tangent = lifted(lift, above) * lifts - drops;
             Lane old = hn::LoadU(d, horizon + l);
             if (cross) {
-                const Lane y0 = all(back) + lane * all(back_step), low = pick(y0 < y, y0, y), high = pick(y0 < y, y, y0);
+                const Lane y0 = all(back) + lane * all(back_step), low = pick(y0 < y, y0, y),
+                           high = pick(y0 < y, y, y0);
                 const float y0_first = back + lane0 * back_step, y0_last = back + lane1 * back_step;
                 // Positions are above -17 here: rounded down by way of positive numbers.
                 const Index c = down(high + all(32)) - hn::Set(Ints(), 32);
@@ -135,8 +136,8 @@ HWY_ATTR void raise(const RaiseLanes& lanes, const Lift& lift) {
 HWY_INLINE void put_states(Holds hidden, Holds is_void, std::uint8_t* to) {
     const Ints di;
     const auto shadow = hn::Set(di, 1), seen = hn::Set(di, 2);
-    const Index state = hn::IfThenZeroElse(hn::RebindMask(di, is_void),
-                                           hn::IfThenElse(hn::RebindMask(di, hidden), shadow, seen));
+    const Index state =
+        hn::IfThenZeroElse(hn::RebindMask(di, is_void), hn::IfThenElse(hn::RebindMask(di, hidden), shadow, seen));
     const hn::Rebind<std::uint8_t, Ints> bytes;
     hn::StoreU(hn::DemoteTo(bytes, state), bytes, to);
 }
@@ -180,7 +181,8 @@ HWY_ATTR void test(const TestLanes& lanes, const Lift& lift) {
             const Lane k = all(spoke) + lane * all(spokes_step);
             const Index beneath = down(k);
             const auto kept_of = [&](int over) { return std::min(std::max(over, 0), last_spoke); };
-            const Index kept = hn::Min(hn::Max(beneath + hn::Set(di, spoke_base), hn::Zero(di)), hn::Set(di, last_spoke));
+            const Index kept =
+                hn::Min(hn::Max(beneath + hn::Set(di, spoke_base), hn::Zero(di)), hn::Set(di, last_spoke));
             const int kept_first = kept_of(static_cast<int>(spoke + lane0 * spokes_step) + spoke_base),
                       kept_last = kept_of(static_cast<int>(spoke + lane1 * spokes_step) + spoke_base);
             const Stretch<4> spokes(kept, kept_first, kept_last);
@@ -198,25 +200,26 @@ HWY_ATTR void test(const TestLanes& lanes, const Lift& lift) {
             // The own cell, the one on the sensor's side, along the straight chord: its course u = 0..1 from the line
             // behind to the post is a parabola, and so is how high the ray runs above it.
             const Lane slope = all(slope0) + lane * all(slope_step), across = size_of(slope);
-            const Holds leftwards = slope < zero, aslant = across > zero;
+            const Holds leftwards = slope<zero, aslant = across> zero;
             const Lane beside = pick(leftwards, hn::LoadU(d, z + 1), hn::LoadU(d, z - 1)),
                        corner = pick(leftwards, hn::LoadU(d, zb + 1), hn::LoadU(d, zb - 1)), back = hn::LoadU(d, zb);
             const Lane to_corner = across * (corner - back), to_beside = across * (height - beside);
             const Lane step = height - back;
             const Lane side = hn::IfThenElseZero(aslant, size_of(to_beside) + size_of(to_corner));
-            const Lane relief = hn::IfThenElseZero(step == step, size_of(step)) + hn::IfThenElseZero(side == side, side);
+            const Lane relief =
+                hn::IfThenElseZero(step == step, size_of(step)) + hn::IfThenElseZero(side == side, side);
             // Spokes' positions are good to place_slack of a post.
-            const Lane slack =
-                (size_of(high) + drops) * all(level_slack) + relief * lifts * all(place_slack);
+            const Lane slack = (size_of(high) + drops) * all(level_slack) + relief * lifts * all(place_slack);
             const Lane over = tangent + slack - level;  // below 0: hidden
-            const Holds is_void = height != height;
+            const Holds is_void = hn::IsNaN(height);
             Holds hidden = over < zero;
             if (!wanted && hn::AllTrue(d, hn::Or(hidden, is_void))) {
                 put_states(hidden, is_void, lanes.state + at);
                 continue;
             }
             const Lane to_entry = pick(aslant, step - to_corner, step), climbs = pick(aslant, step + to_beside, step);
-            const Lane growth = all(1 + lift.sensor_m * lift.inverse_radius) * (one - two * height * all(lift.inverse_radius));
+            const Lane growth =
+                all(1 + lift.sensor_m * lift.inverse_radius) * (one - two * height * all(lift.inverse_radius));
             const Lane ray_w = w * (all(ray0) + lane * all(ray1)), ray_rise = all(rise0) + lane * all(rise1) + bends,
                        ray = ray_w + ray_rise;
             const Lane stands = target * growth;
@@ -259,6 +262,16 @@ HWY_ATTR void test_any(const TestLanes& lanes, const Lift& lift) {
         wanted ? test<false, true>(lanes, lift) : test<false, false>(lanes, lift);
 }
 
+HWY_ATTR void least_any(const float* horizon, std::size_t groups, float* least) {
+    const Floats d;
+    for (std::size_t g = 0; g < groups; ++g, horizon += knot_step) {
+        Lane lowest = hn::LoadU(d, horizon);
+        for (std::size_t l = hn::Lanes(d); l < knot_step; l += hn::Lanes(d))
+            lowest = hn::Min(lowest, hn::LoadU(d, horizon + l));
+        least[g] = hn::GetLane(hn::MinOfLanes(d, lowest));
+    }
+}
+
 }  // namespace
 }  // namespace wedgescope::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
@@ -268,11 +281,16 @@ namespace wedgescope {
 
 HWY_EXPORT(raise_any);
 HWY_EXPORT(test_any);
+HWY_EXPORT(least_any);
 
 void raise_lanes(const RaiseLanes& lanes, const Lift& lift, bool cross) noexcept {
     HWY_DYNAMIC_DISPATCH(raise_any)(lanes, lift, cross);
 }
 void test_lanes(const TestLanes& lanes, const Lift& lift) noexcept { HWY_DYNAMIC_DISPATCH(test_any)(lanes, lift); }
+
+void least_of_groups(const float* horizon, std::size_t groups, float* least) noexcept {
+    HWY_DYNAMIC_DISPATCH(least_any)(horizon, groups, least);
+}
 
 }  // namespace wedgescope
 #endif

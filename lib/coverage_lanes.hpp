@@ -113,6 +113,9 @@ struct TestLanes {
 };
 void test_lanes(const TestLanes& lanes, const Lift& lift) noexcept;
 
+/// The least of each group's 16 horizons: horizon [16 groups], least [groups].
+void least_of_groups(const float* horizon, std::size_t groups, float* least) noexcept;
+
 inline constexpr std::size_t coverage_states = 5;
 /// Adds how many posts have each state.
 void count_states(const std::uint8_t* states, std::size_t n,

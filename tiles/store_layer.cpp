@@ -106,8 +106,7 @@ std::vector<std::byte> SheetReader::tile(int level, std::int64_t column, std::in
     if (level > 0) band = band->GetOverview(level - 1);
     int block_wide = 0, block_high = 0;
     if (band) band->GetBlockSize(&block_wide, &block_high);
-    if (!band || block_wide != edge || block_high != edge)
-        throw DataError(named("cannot be read: " + errors.reason()));
+    if (!band || block_wide != edge || block_high != edge) throw DataError(named("cannot be read: " + errors.reason()));
     std::vector<std::byte> values(static_cast<std::size_t>(edge * edge) * bytes);
     const auto right = [&] {
         Checksum sum;
@@ -192,7 +191,8 @@ TileCache::Tile StoreLayer::tile(std::int64_t column, std::int64_t row) {
                 idle_.erase(waiting);
             }
         }
-        if (!reader) reader = std::make_unique<SheetReader>(folder_, entry_, *sheet, SheetReader::By::whatever_is_fastest);
+        if (!reader)
+            reader = std::make_unique<SheetReader>(folder_, entry_, *sheet, SheetReader::By::whatever_is_fastest);
         values = reader->tile(0, column % a_sheet, row % a_sheet);
         std::unique_ptr<SheetReader> closed;
         const std::lock_guard lock(mutex_);
