@@ -29,7 +29,8 @@ namespace {
 
 constexpr std::int64_t tile_edge = CoverageTile::edge;
 constexpr std::int64_t knot = static_cast<std::int64_t>(knot_step);
-constexpr std::int64_t run_spokes = 2048;  ///< of a run, at the end of its strip
+constexpr std::int64_t run_spokes = 2048;   ///< of a run, at the end of its strip
+constexpr std::size_t strips_together = 2;  ///< swept side by side
 constexpr float nan_f = std::numeric_limits<float>::quiet_NaN();
 
 std::int64_t floor_to(std::int64_t v, std::int64_t step) {
@@ -115,6 +116,15 @@ struct Tile {
 };
 using TileKey = std::pair<std::int64_t, std::int64_t>;  ///< row, column
 
+/// The next strip of a quadrant, as its runs sweep it side by side.
+struct Strip {
+    Side* side = nullptr;
+    Interval lines;
+    std::vector<Interval> own;   ///< posts of each line
+    std::vector<Interval> runs;  ///< of spokes
+    Spokes after;
+};
+
 std::int64_t block_along(std::int64_t post) { return floor_to(post, block_posts) / block_posts; }
 
 /// What is known of the posts of a run's window, by block: rows of blocks along the lines.
@@ -193,9 +203,10 @@ public:
             const double spokes = (side.slope_hi - side.slope_lo) * k + 64;
             bytes += static_cast<std::size_t>(2 * spokes * static_cast<double>((voids_ ? 5 : 1) * sizeof(float)));
         }
-        // Tiles: those of a strip, those on their way out, those that wait on the diagonals.
+        // Tiles: those of the strips, those on their way out, those that wait on the diagonals.
         const std::int64_t across = std::max(db_.columns, db_.rows) / tile_edge + 2;
-        bytes += static_cast<std::size_t>((2 * across + across / 4 + 64) * tile_edge * tile_edge) *
+        bytes += static_cast<std::size_t>((2 * static_cast<std::int64_t>(strips_together) * across + across / 4 + 64) *
+                                          tile_edge * tile_edge) *
                  (bytes_ ? 1 : sizeof(float));
         return bytes + (std::size_t{6} << 20);
     }
@@ -233,9 +244,9 @@ private:
         return {floor_to(floor_i(side.slope_lo * static_cast<double>(k)) - 1, knot),
                 floor_to(floor_i(side.slope_hi * static_cast<double>(k)) + 1, knot) + knot};
     }
-    void strip(Side& side);
-    void sweep(const Side& side, Interval lines, const std::vector<Interval>& own, Interval spokes, bool first,
-               bool last, Spokes& after);
+    Strip next_strip(Side& side);
+    void sweep(Strip& strip, std::size_t run);
+    void take_done();
     void place_knots(const Side& side, const LineForm& line, const Spokes& s, Interval groups, Desk& desk) const;
     void place_posts(const Side& side, const LineForm& line, std::int64_t k, Interval own, Interval posts, Desk& desk);
     double spoke_at(const Side& side, const LineForm& line, std::int64_t k, double minor) const;
@@ -927,9 +938,13 @@ void Cover::copy_out(const Side& side, Interval lines, Interval window, Desk& de
         copy(desk.values.data(), &Tile::values);
 }
 
-void Cover::sweep(const Side& side, Interval lines, const std::vector<Interval>& own, Interval spokes, bool first,
-                  bool last, Spokes& after) {
+void Cover::sweep(Strip& strip, std::size_t run) {
     if (params_.stop) params_.stop->check();
+    const Side& side = *strip.side;
+    const Interval lines = strip.lines, spokes = strip.runs[run];
+    const std::vector<Interval>& own = strip.own;
+    const bool first = run == 0, last = run + 1 == strip.runs.size();
+    Spokes& after = strip.after;
     const Quadrant q = side.quadrant;
     const bool columns = lines_are_columns(q);
     Desk& desk = desks_.local();
@@ -1194,12 +1209,14 @@ void Cover::sweep(const Side& side, Interval lines, const std::vector<Interval>&
     did.sweep_s += all_of_it.cpu_s() - load_s;
 }
 
-void Cover::strip(Side& side) {
+Strip Cover::next_strip(Side& side) {
     const Quadrant q = side.quadrant;
     const bool columns = lines_are_columns(q);
     Interval indices;
-    const Interval lines = tile_lines(side, side.tile, indices);
-    std::vector<Interval> own(static_cast<std::size_t>(lines.size()));
+    Strip strip{&side, tile_lines(side, side.tile, indices), {}, {}, {}};
+    const Interval lines = strip.lines;
+    std::vector<Interval>& own = strip.own;
+    own.resize(static_cast<std::size_t>(lines.size()));
     std::set<TileKey> crossed;  // by spokes
     if (columns) {
         // The strip's columns lie in one tile of the raster, or in two where it closes the circle.
@@ -1250,21 +1267,21 @@ void Cover::strip(Side& side) {
         std::size_t ring = 0;
         while (ring + 1 < rings.size() && rings[ring + 1].lines.begin <= lines.end - 1) ++ring;
         const std::int64_t k = rings[ring].spokes, growth = k / side.spokes.of;
-        Spokes after;
-        after.resize(k, fan(side, k), voids_);
+        strip.after.resize(k, fan(side, k), voids_);
         const std::int64_t step = std::max(knot, run_spokes / growth);
         const Interval all = side.spokes.range;
-        std::vector<Interval> runs;
         for (std::int64_t at = all.begin; at < all.end;) {
             const std::int64_t end = std::min(all.end, floor_to(at + knot, step) + step);  // none of one group
-            runs.push_back({at, end});
+            strip.runs.push_back({at, end});
             at = end;
         }
-        tbb::parallel_for(std::size_t{0}, runs.size(), [&](std::size_t i) {
-            sweep(side, lines, own, runs[i], i == 0, i + 1 == runs.size(), after);
-        });
-        side.spokes = std::move(after);
     }
+    side.tile += outward(q);
+    return strip;
+}
+
+/// Tiles of which all posts are known go out.
+void Cover::take_done() {
     for (auto at = tiles_.begin(); at != tiles_.end();) {
         if (at->second.left == 0) {
             done_.emplace_back(at->first, std::move(at->second));
@@ -1273,7 +1290,6 @@ void Cover::strip(Side& side) {
             ++at;
         }
     }
-    side.tile += outward(q);
 }
 
 void Cover::hand_out(std::vector<std::pair<TileKey, Tile>> tiles) {
@@ -1317,21 +1333,32 @@ CoverageReport Cover::run() {
     tbb::task_arena arena(report.threads);
     arena.execute([&] {
         tbb::task_group writer;
-        // The nearest strip first, so that what a diagonal cuts waits least.
+        // The nearest strips first, so that what a diagonal cuts waits least; two at a time, so that no thread waits.
         for (;;) {
-            Side* next = nullptr;
-            double least = 0;
+            std::vector<std::pair<double, Side*>> next;
             for (Side& side : sides_) {
                 if (side.tile == side.tile_end) continue;
                 const double edge = static_cast<double>((side.tile + (outward(side.quadrant) > 0 ? 1 : 0)) * tile_edge);
-                const double reach = std::abs(edge - map_.nadir_major(side.quadrant));
-                if (!next || reach < least) next = &side, least = reach;
+                next.emplace_back(std::abs(edge - map_.nadir_major(side.quadrant)), &side);
             }
-            if (!next) break;
+            if (next.empty()) break;
+            std::sort(next.begin(), next.end());
+            next.resize(std::min(next.size(), strips_together));
             try {
-                strip(*next);
-                if (++passed == strips)
-                    if (!tiles_.empty()) throw std::logic_error("coverage: a post belongs to no quadrant");
+                std::vector<Strip> now;
+                std::vector<std::pair<std::size_t, std::size_t>> runs;
+                for (const auto& [reach, side] : next) {
+                    now.push_back(next_strip(*side));
+                    for (std::size_t i = 0; i < now.back().runs.size(); ++i) runs.emplace_back(now.size() - 1, i);
+                }
+                tbb::parallel_for(std::size_t{0}, runs.size(),
+                                  [&](std::size_t i) { sweep(now[runs[i].first], runs[i].second); });
+                for (Strip& strip : now)
+                    if (!strip.lines.empty()) strip.side->spokes = std::move(strip.after);
+                take_done();
+                passed += static_cast<std::int64_t>(now.size());
+                if (passed == strips && !tiles_.empty())
+                    throw std::logic_error("coverage: a post belongs to no quadrant");
                 writer.wait();
             } catch (...) {
                 writer.cancel();
