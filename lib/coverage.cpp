@@ -20,6 +20,7 @@
 
 #include "lib/coverage_lanes.hpp"
 #include "lib/error.hpp"
+#include "lib/post_extremes.hpp"
 #include "lib/rounding.hpp"
 #include "lib/stopwatch.hpp"
 #include "lib/sweep.hpp"
@@ -585,12 +586,14 @@ void Cover::look_at(const Chunk& chunk, Interval major, Interval minor, Blocks& 
         for (std::int64_t j = blocks.minors.begin; j < blocks.minors.end; ++j) {
             const Interval lines = intersection(major, {i * block_posts, (i + 1) * block_posts + 1}),
                            posts = intersection(minor, {j * block_posts, (j + 1) * block_posts + 1});
-            BlockBounds b;
-            const bool voids = add_extremes(
+            const PostExtremes extremes = post_extremes(
                 chunk.surface_m.data() + (lines.begin - major.begin) * minor.size() + posts.begin - minor.begin,
                 static_cast<std::size_t>(minor.size()), static_cast<std::size_t>(lines.size()),
-                static_cast<std::size_t>(posts.size()), b.lowest_m, b.highest_m);
-            b.voids = b.lowest_m > b.highest_m ? Voids::all : voids ? Voids::some : Voids::none;
+                static_cast<std::size_t>(posts.size()));
+            BlockBounds b;
+            b.lowest_m = extremes.lowest_m;
+            b.highest_m = extremes.highest_m;
+            b.voids = b.lowest_m > b.highest_m ? Voids::all : extremes.any_void ? Voids::some : Voids::none;
             blocks.bounds.push_back(b);
         }
 }

@@ -132,30 +132,4 @@ void paint_mask(const std::uint8_t* states, std::size_t n, const std::array<std:
     }
 }
 
-WEDGESCOPE_LANES
-bool add_extremes(PostLine posts, std::size_t stride, std::size_t lines, std::size_t width, float& lowest,
-                  float& highest) noexcept {
-    float low[knot_step], high[knot_step];
-    int voids[knot_step] = {};
-    for (std::size_t k = 0; k < knot_step; ++k) low[k] = lowest, high[k] = highest;
-    const auto add = [&](std::size_t k, float z) {
-        voids[k] |= z != z;
-        low[k] = z < low[k] ? z : low[k];
-        high[k] = z > high[k] ? z : high[k];
-    };
-    for (std::size_t l = 0; l < lines; ++l, posts += stride) {
-        std::size_t i = 0;
-        for (; i + knot_step <= width; i += knot_step)
-            for (std::size_t k = 0; k < knot_step; ++k) add(k, posts[i + k]);
-        for (; i < width; ++i) add(0, posts[i]);
-    }
-    int any = 0;
-    for (std::size_t k = 0; k < knot_step; ++k) {
-        any |= voids[k];
-        lowest = low[k] < lowest ? low[k] : lowest;
-        highest = high[k] > highest ? high[k] : highest;
-    }
-    return any != 0;
-}
-
 }  // namespace wedgescope

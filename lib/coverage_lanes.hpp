@@ -124,8 +124,4 @@ void count_states(const std::uint8_t* states, std::size_t n,
 void paint_mask(const std::uint8_t* states, std::size_t n, const std::array<std::uint8_t, coverage_states>& value,
                 std::uint8_t* bytes) noexcept;
 
-/// Lowest and highest of a rectangle of posts, lines `stride` apart; true if one is void. Takes what is there into account.
-bool add_extremes(PostLine posts, std::size_t stride, std::size_t lines, std::size_t width, float& lowest,
-                  float& highest) noexcept;
-
 }  // namespace wedgescope

@@ -9,6 +9,7 @@
 
 #include "lib/cull.hpp"
 #include "lib/lanes.hpp"
+#include "lib/post_extremes.hpp"
 #include "lib/ticks.hpp"
 
 namespace wedgescope {
@@ -20,24 +21,6 @@ constexpr double several_gammas = -1;  // a piece that does not have one backsca
 constexpr float void_post = std::numeric_limits<float>::quiet_NaN();
 
 LinePosts no_posts() { return {&void_post, 0, 0}; }
-
-/// Of n posts; +inf if one is void.
-WEDGESCOPE_LANES
-float highest_or_infinite(std::size_t n, const float* posts) noexcept {
-    constexpr std::size_t lanes = 16;
-    constexpr float none = std::numeric_limits<float>::infinity();
-    float most[lanes];
-    std::fill_n(most, lanes, -none);
-    const auto add = [](float most_so_far, float z) {
-        const float known = z == z ? z : none;
-        return known > most_so_far ? known : most_so_far;
-    };
-    std::size_t i = 0;
-    for (; i + lanes <= n; i += lanes)
-        for (std::size_t k = 0; k < lanes; ++k) most[k] = add(most[k], posts[i + k]);
-    for (; i < n; ++i) most[0] = add(most[0], posts[i]);
-    return *std::max_element(most, most + lanes);
-}
 
 std::int64_t floor_of(double v) {
     const auto t = static_cast<std::int64_t>(v);
@@ -427,13 +410,13 @@ float Front::highest_in_chunk(const Chunk& chunk, std::int64_t major_block, std:
     };
     const Interval lines = posts(major_block, columns ? chunk.window.columns : chunk.window.rows),
                    along = posts(minor_block, columns ? chunk.window.rows : chunk.window.columns);
-    float highest = -static_cast<float>(infinite);
-    for (std::int64_t i = lines.begin; i < lines.end; ++i) {
-        const LinePosts line = line_of(chunk, chunk.surface_m, i);
-        highest = std::max(highest, highest_or_infinite(static_cast<std::size_t>(along.size()),
-                                                        line.posts + (along.begin - line.begin)));
-    }
-    return bound = highest;
+    if (lines.empty() || along.empty()) return bound = -static_cast<float>(infinite);
+    // Lines lie in the raster's order.
+    const LinePosts line = line_of(chunk, chunk.surface_m, lines.begin);
+    const PostExtremes extremes =
+        post_extremes(line.posts + (along.begin - line.begin), static_cast<std::size_t>(chunk.minor_count()),
+                      static_cast<std::size_t>(lines.size()), static_cast<std::size_t>(along.size()));
+    return bound = extremes.any_void ? static_cast<float>(infinite) : extremes.highest_m;
 }
 
 bool Front::passes_alone(const Chunk& chunk, std::int64_t block, std::size_t begin, std::size_t end) {

@@ -1,0 +1,18 @@
+// PostExtremes: the lowest and the highest of a rectangle of posts. Leaves what follows from it to front.cpp and
+// coverage.cpp, and the maps that are kept to block_map.hpp.
+#pragma once
+#include <cstddef>
+#include <limits>
+
+namespace wedgescope {
+
+struct PostExtremes {
+    float lowest_m = std::numeric_limits<float>::infinity();  ///< of the valid ones
+    float highest_m = -std::numeric_limits<float>::infinity();
+    bool any_void = false;
+};
+
+/// Of lines of `width` posts, metres, NaN = void, that begin `stride` apart.
+PostExtremes post_extremes(const float* posts, std::size_t stride, std::size_t lines, std::size_t width) noexcept;
+
+}  // namespace wedgescope
