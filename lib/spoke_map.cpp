@@ -261,36 +261,41 @@ void SpokeMap::line(Quadrant q, double distance, double slope_lo, double slope_h
         pieces.push_back({-2, 2, 0, 1, {}, {}});
         return;
     }
+    const int last = piece_of(q, slope_hi);
+    for (int i = piece_of(q, slope_lo); i <= last; ++i) pieces.push_back(piece(q, i, distance));
+}
+
+int SpokeMap::piece_of(Quadrant q, double slope) const {
+    const int n = fits_[static_cast<std::size_t>(q)].slope_pieces;
+    const double slope_half = 1.0 / n;
+    return std::clamp(static_cast<int>(std::floor((slope + 1) / (2 * slope_half))), 0, n - 1);
+}
+
+SpokeMap::LinePiece SpokeMap::piece(Quadrant q, int i, double distance) const {
     const Fit& f = fits_[static_cast<std::size_t>(q)];
     const int n = f.slope_pieces;
     const double distance_half = f.reach / (2 * f.distance_pieces), slope_half = 1.0 / n;
     const int j = std::clamp(static_cast<int>(distance / (2 * distance_half)), 0, f.distance_pieces - 1);
     const double v = distance / distance_half - (2 * j + 1);
-    const auto index = [&](double slope) {
-        return std::clamp(static_cast<int>(std::floor((slope + 1) / (2 * slope_half))), 0, n - 1);
-    };
-    for (int i = index(slope_lo); i <= index(slope_hi); ++i) {
-        LinePiece p;
-        p.middle = -1 + (2 * i + 1) * slope_half;
-        p.scale = n;
-        p.slope_begin = i == 0 ? -2 : p.middle - slope_half;
-        p.slope_end = i == n - 1 ? 2 : p.middle + slope_half;
-        const auto at = static_cast<std::size_t>(i * f.distance_pieces + j);
-        for (std::size_t m = 0; m < 5; ++m) {
-            p.bend[m] = horner(f.bend[at][m], v);
-            p.stretch[m] = horner(f.stretch[at][m], v);
-        }
-        pieces.push_back(p);
+    LinePiece p;
+    p.middle = -1 + (2 * i + 1) * slope_half;
+    p.scale = n;
+    p.slope_begin = i == 0 ? -2 : p.middle - slope_half;
+    p.slope_end = i == n - 1 ? 2 : p.middle + slope_half;
+    const auto at = static_cast<std::size_t>(i * f.distance_pieces + j);
+    for (std::size_t m = 0; m < 5; ++m) {
+        p.bend[m] = horner(f.bend[at][m], v);
+        p.stretch[m] = horner(f.stretch[at][m], v);
     }
+    return p;
 }
 
 SpokeMap::Place SpokeMap::place(Quadrant q, double slope, double distance) const {
-    std::vector<LinePiece> pieces;
-    line(q, distance, slope, slope, pieces);
-    const LinePiece& p = pieces.front();
+    const double straight_minor = nadir_minor(q) + slope * distance, plain_arc = distance * metres_per_post(q, slope);
+    if (straight()) return {straight_minor, plain_arc};
+    const LinePiece p = piece(q, piece_of(q, slope), distance);
     const double u = (slope - p.middle) * p.scale;
-    return {nadir_minor(q) + slope * distance + horner(p.bend, u),
-            distance * metres_per_post(q, slope) * (1 + horner(p.stretch, u))};
+    return {straight_minor + horner(p.bend, u), plain_arc * (1 + horner(p.stretch, u))};
 }
 
 }  // namespace wedgescope

@@ -84,6 +84,9 @@ public:
     Place place(Quadrant q, double slope, double distance) const;
 
 private:
+    int piece_of(Quadrant q, double slope) const;
+    LinePiece piece(Quadrant q, int i, double distance) const;
+
     using Patch = std::array<std::array<double, 5>, 5>;  // [power of m][power of d]
     struct Fit {
         double reach = 0;  // posts: pieces hold 0..reach
