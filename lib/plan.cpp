@@ -230,7 +230,8 @@ Plan plan(const ResolvedScene& scene, WedgeSource& source, const SpokeGrid& grid
     };
     p.in_flight = threads;
     split(count, false);
-    while (recorded.empty() && !fits(p.in_flight) && count < bins) {
+    // No number of wedges makes room for what stands beside them.
+    while (recorded.empty() && p.fixed_bytes < params.memory_bytes && !fits(p.in_flight) && count < bins) {
         count = std::min(bins, count * 2);
         split(count, false);
     }
