@@ -629,8 +629,9 @@ void Cover::hide(const Side& side, Interval lines, std::int64_t major, Interval 
     std::swap(desk.at, desk.far_at);
     std::swap(desk.lift, desk.far_lift);
     place_knots(side, near, s, {0, groups}, desk);
-    // Spokes beyond the fan are nobody's.
-    const Interval carried{side.spokes.range.begin * growth, side.spokes.range.end * growth};
+    // Spokes beyond the fan are nobody's; nor are those that doublings brought beyond it, of which the last has one parent.
+    const Interval carried =
+        intersection({side.spokes.range.begin * growth, side.spokes.range.end * growth}, fan(side, s.of));
     // Of the run's neighbours one group on either side counts: at a doubling those outside have only one parent.
     const Interval counted =
         intersection({(core.begin - s.range.begin) / knot - 1, (core.end - s.range.begin) / knot + 1}, {0, groups});
