@@ -20,6 +20,8 @@ struct Shape {
     GDALDataType type = GDT_Int16;
     int columns = 256, rows = 256;  ///< of a block; as wide as the raster: strips
     const char* compression = "NONE";
+    int bands = 1;                        ///< all alike, pixel by pixel in the file
+    int first_column = 0, first_row = 0;  ///< of the hills; 10 m each
 };
 
 /// Hills of 10 m posts. Drawn by a process of its own: what this one once held counts as held by all it starts.
@@ -35,10 +37,11 @@ void draw_hills(const std::string& path, const Shape& shape) {
         options.SetNameValue("BLOCKYSIZE", std::to_string(shape.rows).c_str());
         options.SetNameValue("COMPRESS", shape.compression);
         if (EQUAL(shape.compression, "ZSTD")) options.SetNameValue("ZSTD_LEVEL", "1");
+        options.SetNameValue("INTERLEAVE", "PIXEL");
         GDALDataset* out = GetGDALDriverManager()->GetDriverByName("GTiff")->Create(
-            path.c_str(), shape.posts, shape.posts, 1, shape.type, options.List());
+            path.c_str(), shape.posts, shape.posts, shape.bands, shape.type, options.List());
         if (!out) ::_exit(1);
-        double terms[6] = {400000, 10, 0, 4500000, 0, -10};
+        double terms[6] = {400000.0 + 10 * shape.first_column, 10, 0, 4500000.0 - 10 * shape.first_row, 0, -10};
         out->SetGeoTransform(terms);
         OGRSpatialReference crs;
         crs.importFromEPSG(32611);
@@ -53,14 +56,15 @@ void draw_hills(const std::string& path, const Shape& shape) {
                 std::size_t at = 0;
                 for (int y = 0; y < shape.rows; ++y)
                     for (int x = 0; x < shape.columns; ++x, ++at) {
-                        const auto c = static_cast<std::size_t>(tx * shape.columns + x),
-                                   r = static_cast<std::size_t>(ty * shape.rows + y);
+                        const auto c = static_cast<std::size_t>(shape.first_column + tx * shape.columns + x),
+                                   r = static_cast<std::size_t>(shape.first_row + ty * shape.rows + y);
                         const double z = 500 + wave[(7 * c + 3 * r) & 4095] + wave[(23 * r - 11 * c) & 4095];
                         block[at] = static_cast<float>(z);
                         whole[at] = static_cast<std::int16_t>(z);
                     }
                 void* values = shape.type == GDT_Float32 ? static_cast<void*>(block.data()) : whole.data();
-                if (out->GetRasterBand(1)->WriteBlock(tx, ty, values) != CE_None) ::_exit(1);
+                for (int band = 1; band <= shape.bands; ++band)
+                    if (out->GetRasterBand(band)->WriteBlock(tx, ty, values) != CE_None) ::_exit(1);
             }
         GDALClose(out);
         ::_exit(0);
@@ -70,46 +74,60 @@ void draw_hills(const std::string& path, const Shape& shape) {
         throw std::runtime_error("cannot draw " + path);
 }
 
-/// Runs the program with a budget.
-Ended with_memory(std::uint64_t mib, std::vector<std::string> words, const std::string& log) {
-    words.insert(words.begin(), program);
-    words.insert(words.end(), {"--memory", std::to_string(mib) + "MiB"});
-    return run_program(words, log);
-}
+/// A run of the program with a budget; however it ends, it holds no more than that and 64 MiB.
+struct Budgeted {
+    std::string command;
+    Ended ended;
+    Budgeted(std::uint64_t mib, std::vector<std::string> words, const std::string& log) {
+        words.insert(words.begin(), program);
+        words.insert(words.end(), {"--memory", std::to_string(mib) + "MiB"});
+        for (const std::string& word : words) command += word + " ";
+        ended = run_program(words, log);
+        INFO(command << "\n" << ended.err);
+        CHECK(ended.peak_rss_bytes <= (mib + 64) * mebibyte);
+    }
+};
 
-/// It ends well and holds no more than the budget and 64 MiB.
+/// It ends well.
 void check(std::uint64_t mib, const std::vector<std::string>& words, const std::string& log) {
-    const Ended ended = with_memory(mib, words, log);
-    std::string line;
-    for (const std::string& word : words) line += word + " ";
-    INFO(line << mib << " MiB\n" << ended.err);
-    CHECK(ended.code == 0);
-    CHECK(ended.peak_rss_bytes <= (mib + 64) * mebibyte);
+    const Budgeted run(mib, words, log);
+    INFO(run.command << "\n" << run.ended.err);
+    CHECK(run.ended.code == 0);
 }
 
-/// It is refused in one line within the budget; what that line names will do, and one MiB less is refused too.
+/// It is refused in one line; what that line names will do, and one MiB less is refused too.
 void check_refused(std::uint64_t mib, const std::vector<std::string>& words, const std::string& log) {
-    const Ended refused = with_memory(mib, words, log);
-    std::string line;
-    for (const std::string& word : words) line += word + " ";
-    INFO(line << mib << " MiB\n" << refused.err);
-    CHECK(refused.code == 2);
-    CHECK(refused.peak_rss_bytes <= (mib + 64) * mebibyte);
-    CHECK(std::count(refused.err.begin(), refused.err.end(), '\n') == 1);
+    const Budgeted refused(mib, words, log);
+    INFO(refused.command << "\n" << refused.ended.err);
+    CHECK(refused.ended.code == 2);
+    CHECK(std::count(refused.ended.err.begin(), refused.ended.err.end(), '\n') == 1);
     std::smatch least;
     const std::regex number("needs at least ([0-9]+) MiB");
-    REQUIRE(std::regex_search(refused.err, least, number));
+    REQUIRE(std::regex_search(refused.ended.err, least, number));
     const std::uint64_t enough = std::stoull(least[1].str());
     check(enough, words, log);
-    const Ended less = with_memory(enough - 1, words, log);
-    INFO(enough - 1 << " MiB: " << less.err);
-    CHECK(less.code == 2);
-    CHECK(less.peak_rss_bytes <= (enough - 1 + 64) * mebibyte);
+    const Budgeted less(enough - 1, words, log);
+    INFO(less.command << "\n" << less.ended.err);
+    CHECK(less.ended.code == 2);
 }
 
 std::vector<std::string> joined(std::vector<std::string> words, const std::vector<std::string>& more) {
     words.insert(words.end(), more.begin(), more.end());
     return words;
+}
+
+std::string text_of(const std::string& path) {
+    std::ostringstream all;
+    all << std::ifstream(path).rdbuf();
+    return all.str();
+}
+
+/// The first number of that name in a report.
+std::uint64_t number_in(const std::string& report, const std::string& name) {
+    const std::string all = text_of(report);
+    std::smatch found;
+    REQUIRE(std::regex_search(all, found, std::regex("\"" + name + "\": ([0-9]+)")));
+    return std::stoull(found[1].str());
 }
 
 }  // namespace
@@ -135,12 +153,7 @@ TEST_CASE("no command holds more than --memory and 64 MiB, on a raster ten times
           joined(near, {"--source", "spilled", "--work-dir", folder / "work", "--temp-dir", folder / ".", "--report",
                         folder / "report.json"}),
           log);
-    std::ostringstream report;
-    report << std::ifstream(folder / "report.json").rdbuf();
-    std::smatch spilled;
-    const std::string all = report.str();
-    REQUIRE(std::regex_search(all, spilled, std::regex("\"spilled_bytes\": ([0-9]+)")));
-    CHECK(std::stoull(spilled[1].str()) > 16 * mebibyte);
+    CHECK(number_in(folder / "report.json", "spilled_bytes") > 16 * mebibyte);
     std::vector<std::string> plan = joined({"info", "--plan", "--dem", hills, "--range", "45km"}, place);
     std::erase(plan, "--overwrite");
     check(64, plan, log);
@@ -186,6 +199,64 @@ TEST_CASE("rasters of large blocks keep to --memory too", "[memory]") {
     check_refused(64, simulate(strip, "auto"), log);
     check_refused(64, {"info", strip}, log);
     check_refused(64, {"tile", strip, store, "--overwrite", "-q"}, log);
+}
+
+TEST_CASE("a kept spill, a mosaic and interleaved bands keep to --memory too", "[memory]") {
+    const Folder folder;
+    const std::string log = folder / "log", report = folder / "report.json";
+    // 36 km east and 36 km south of the corner.
+    const std::vector<std::string> place = {
+        "--latlon", "40.322,-117.756", "--altitude-agl", "2km", "--threads", "2", "--overwrite", "-q"};
+    const auto coverage = [&](const std::string& raster) {
+        return joined({"coverage", raster, folder / "seen.tif"}, place);
+    };
+    const auto simulate = [&](const std::string& raster) {
+        return joined({"simulate", "--dem", raster, "--range", "20km", "--range-bin", "100m", "--size", "512",
+                       "--report", report, "-o", folder / "scope.png"},
+                      place);
+    };
+    // Four files of 3600 x 3600 posts, 99 MiB in all, side by side.
+    std::string mosaic =
+        "<VRTDataset rasterXSize=\"7200\" rasterYSize=\"7200\"><SRS>EPSG:32611</SRS><GeoTransform>"
+        "400000, 10, 0, 4500000, 0, -10</GeoTransform><VRTRasterBand dataType=\"Int16\" band=\"1\">";
+    for (const int column : {0, 3600})
+        for (const int row : {0, 3600}) {
+            const std::string name = "part" + std::to_string(column) + "_" + std::to_string(row) + ".tif";
+            draw_hills(folder / name, {.posts = 3600,
+                                       .columns = 512,
+                                       .rows = 512,
+                                       .compression = "ZSTD",
+                                       .first_column = column,
+                                       .first_row = row});
+            const std::string size = "xSize=\"3600\" ySize=\"3600\"";
+            mosaic += "<SimpleSource><SourceFilename relativeToVRT=\"1\">" + name +
+                      "</SourceFilename><SourceBand>1</SourceBand><SrcRect xOff=\"0\" yOff=\"0\" " + size +
+                      "/><DstRect xOff=\"" + std::to_string(column) + "\" yOff=\"" + std::to_string(row) + "\" " +
+                      size + "/></SimpleSource>";
+        }
+    std::ofstream(folder / "mosaic.vrt") << mosaic << "</VRTRasterBand></VRTDataset>";
+    check(64, coverage(folder / "mosaic.vrt"), log);
+    check(64, simulate(folder / "mosaic.vrt"), log);
+    check(64, {"info", folder / "mosaic.vrt"}, log);
+
+    // Its store, sorted round the sensor.
+    const std::string store = folder / "store";
+    check(64, {"tile", folder / "mosaic.vrt", store, "--around", "40.322,-117.756", "-q", "--threads", "2"}, log);
+    check(64, simulate(store), log);
+    CHECK_THAT(text_of(report), Catch::Contains("wedges.spill"));
+    CHECK(number_in(report, "spill_read_bytes") > 8 * mebibyte);
+    check(64, coverage(store), log);
+    check(64, {"tile", store, "--around", "40.4,-117.8", "--overwrite", "-q", "--threads", "2"}, log);
+
+    // A block of the first band brings those of the others into GDAL's cache.
+    const std::string bands = folder / "bands.tif";
+    draw_hills(bands,
+               {.posts = 4096, .type = GDT_Float32, .columns = 512, .rows = 512, .compression = "ZSTD", .bands = 4});
+    check(64, coverage(bands), log);
+    check(64, simulate(bands), log);
+    check(64, joined(simulate(bands), {"--source", "direct"}), log);
+    check(64, {"info", bands}, log);
+    check(64, {"tile", bands, store, "--overwrite", "-q", "--threads", "2"}, log);
 }
 
 TEST_CASE("the budget that a refusal names will do", "[memory]") {
