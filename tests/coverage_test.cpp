@@ -273,35 +273,38 @@ TEST_CASE("rolling ground is judged as an exact walk of each ray judges it", "[c
     }
 }
 
-TEST_CASE("seams at diagonals and axes do not show", "[coverage]") {
+TEST_CASE("seams at diagonals and axes do not show", "[coverage][seam]") {
+    // Diagonals through posts, from a post and from the middle of a cell; strips begin at 256.
     MemorySource source(401, 401, post_m, test::rolling(250, 90, 7));
-    const Scene scene = scene_at(200, 200, 450);
-    const Result seen = look(source, scene);
     const Chunk all = source.load({{0, 401}, {0, 401}}, false);
-    reference::Matrix matrix{401, 401, {all.surface_m.begin(), all.surface_m.end()}};
-    reference::Grid grid{post_m, -post_m, {}, {}};
-    reference::Sensor sensor;
-    sensor.column = sensor.row = 200;
-    sensor.height_m = 450;
-    const reference::LineOfSight sight(matrix, grid, sensor);
+    const reference::Matrix matrix{401, 401, {all.surface_m.begin(), all.surface_m.end()}};
+    const reference::Grid grid{post_m, -post_m, {}, {}};
     int bad = 0, posts = 0;
-    for (std::int64_t i = 1; i <= 200; ++i)
-        for (const auto& [c, r] : {std::pair{i, i},
-                                   {i, -i},
-                                   {-i, i},
-                                   {-i, -i},
-                                   {i, 0L},
-                                   {-i, 0L},
-                                   {0L, i},
-                                   {0L, -i},
-                                   {i, i - 1},
-                                   {i - 1, i},
-                                   {-i, 1 - i},
-                                   {1 - i, -i}}) {
-            ++posts;
-            bad +=
-                (seen.at(200 + c, 200 + r) == 255) != (sight.look(200 + c, 200 + r).state == reference::Verdict::seen);
-        }
+    for (const double place : {200.0, 239.5, 252.0}) {
+        const Scene scene = scene_at(place, place, 450);
+        const Result seen = look(source, scene);
+        CoverageParams swept;
+        swept.cull = false;
+        CHECK(seen.bytes == look(source, scene, swept).bytes);
+        reference::Sensor sensor;
+        sensor.column = sensor.row = place;
+        sensor.height_m = 450;
+        const reference::LineOfSight sight(matrix, grid, sensor);
+        for (double i = 1; i < 200; ++i)
+            for (const double beside : {0, 1, 2})
+                for (const auto& [x, y] : {std::pair{i, i - beside}, {i - beside, i}, {i, 0.0}, {0.0, i}})
+                    for (const auto& [c, r] : {std::pair{place + x, place + y},
+                                               {place - x, place + y},
+                                               {place + x, place - y},
+                                               {place - x, place - y}}) {
+                        const auto column = std::llround(std::floor(c)), row = std::llround(std::floor(r));
+                        if (column < 0 || row < 0 || column > 400 || row > 400) continue;
+                        ++posts;
+                        bad += (seen.at(column, row) == 255) !=
+                               (sight.look(column, row).state == reference::Verdict::seen);
+                    }
+    }
+    CHECK(posts > 20000);
     CHECK(bad <= posts / 400);
 }
 
@@ -472,5 +475,139 @@ TEST_CASE("no post behind a wall all round is seen, on the diagonals neither", "
             INFO("sensor at column " << column << ", row " << row << (cull ? ", culled" : ""));
             CHECK(wrong == 0);
         }
+    }
+}
+
+TEST_CASE("behind a wall all round nothing is seen wherever strips and runs begin, and little is read",
+          "[coverage][cull][seam]") {
+    const unsigned seed = 20261122;
+    INFO("seed " << seed);
+    std::mt19937 random(seed);
+    const auto part = [&](double lo, double hi) { return std::uniform_real_distribution(lo, hi)(random); };
+    for (int turn = 0; turn < 60; ++turn) {
+        // A strip begins at 256, another at 512; exact cuts them into runs.
+        const std::int64_t edge = turn % 12 == 0 ? 560 : 300;
+        const double column = turn % 4 == 0   ? std::floor(part(180, 250))
+                              : turn % 4 == 1 ? std::floor(part(180, 250)) + 0.5
+                                              : part(180, 250),
+                     row = turn % 3 == 0 ? column + std::floor(part(-9, 9)) : part(180, 250);
+        const bool pits = turn % 5 == 2, voids = turn % 7 == 3;
+        const auto away = [=](double c, double r) { return std::hypot(c - column, r - row); };
+        const auto ground = [&](double c, double r) -> double {
+            const double d = away(c, r);
+            if (d > 8 && d < 11) return 400;
+            if (voids && d > 20 && std::fmod(7 * c + 13 * r, 301) < 1) return std::numeric_limits<double>::quiet_NaN();
+            const double pit = pits && d > 60 && std::fmod(c, 64) < 20 ? 2500 : 0;
+            return 3 * std::sin(c) * std::sin(1.7 * r) - pit;
+        };
+        MemorySource plain(edge, edge, post_m, ground), mapped(edge, edge, post_m, ground);
+        mapped.set_block_map();
+        Scene scene = scene_at(column, row, 100, turn % 2 ? std::optional(part(1, 3)) : std::nullopt);
+        scene.quality = turn % 12 == 0
+                            ? Quality::exact
+                            : std::array{Quality::draft, Quality::normal, Quality::fine, Quality::exact}[random() % 4];
+        CoverageParams params;
+        if (turn % 6 == 2) scene.range_m = part(1500, 4000);
+        if (turn % 6 == 3) scene.range_m = 9000, scene.range_start_m = part(1500, 3000);
+        if (turn % 6 == 4) params.elevation.emplace(Angle::degrees(-part(2, 6)), Angle::degrees(20));
+        if (turn % 6 == 5) scene.sector = Sector{Angle::degrees(-45), Angle::degrees(part(30, 100))};
+        INFO("turn " << turn << ": sensor at column " << column << ", row " << row << ", " << word(scene.quality));
+        params.cull = false;
+        const Result swept = look(plain, scene, params);
+        std::size_t wrong = 0, behind = 0;
+        for (std::int64_t r = 0; r < edge; ++r)
+            for (std::int64_t c = 0; c < edge; ++c) {
+                const double d = away(static_cast<double>(c), static_cast<double>(r));
+                if (d < 13) continue;
+                ++behind;
+                wrong += swept.at(c, r) != 0 && swept.at(c, r) != 1;
+            }
+        CHECK(wrong == 0);
+        CHECK(behind > 80000);
+        params.cull = true;
+        CHECK(look(plain, scene, params).bytes == swept.bytes);
+        CHECK(look(mapped, scene, params).bytes == swept.bytes);
+        if (turn % 6 > 1 || voids || std::max(column, row) > 240) continue;
+        // Not a post is read that far behind a wall that ends before the strips, on the diagonals neither.
+        std::size_t read = 0;
+        for (std::int64_t r = 256 + 40; r < edge; ++r)
+            for (std::int64_t c = 256 + 40; c < edge; ++c) read += mapped.was_read(c, r);
+        CHECK(read == 0);
+    }
+}
+
+TEST_CASE("peaks a hair over and under the ray of what hides them are judged alike, culled or not",
+          "[coverage][cull][seam]") {
+    const unsigned seed = 20261123;
+    INFO("seed " << seed);
+    std::mt19937 random(seed);
+    const auto part = [&](double lo, double hi) { return std::uniform_real_distribution(lo, hi)(random); };
+    constexpr std::int64_t length = 24000, width = 32;
+    struct Course {
+        double climbs_m;  ///< of the ray over the wall, a post
+        double below;     ///< of the ground, parts of what the ray climbs; or, with a level ray, metres
+        std::optional<double> earth_k;
+        double target_m;
+    };
+    int turn = 0;
+    for (const Course& course : {Course{-0.01, 0.02, {}, 0},
+                                 {0.01, 0.02, {}, 0},
+                                 {0, 1500, {}, 0},
+                                 {-0.02, 0.02, 60, 0},
+                                 {0.02, 0.02, 60, 3},
+                                 {-0.01, 0.02, {}, 3}}) {
+        const bool rows = turn % 2 == 1, back = turn % 4 > 1;
+        ++turn;
+        const double major = -1000.25, minor = 16.5, wall = 40 - major,
+                     k = course.earth_k ? 1 / (*course.earth_k * 6371008.7714) : 0;
+        // Height of the ray over the wall, `d` lines and `side` posts from the sensor at height 0.
+        const auto ray = [&](double d, double side) {
+            const double f = post_m * std::hypot(1, side / d), top = course.climbs_m * wall;
+            if (k == 0) return top / wall * d;
+            const double theta = wall * f * k, turned = 2 * std::pow(std::sin(theta / 2), 2),
+                         tangent = (top - turned * (1 / k + top)) / ((1 / k + top) * std::sin(theta)),
+                         ahead = d * f * k, sunk = 2 * std::pow(std::sin(ahead / 2), 2) + tangent * std::sin(ahead);
+            return sunk / k / (1 - sunk);
+        };
+        std::vector<double> heights(length * width, -3000);
+        const auto height = [&](std::int64_t line, std::int64_t side) -> double& {
+            return heights[static_cast<std::size_t>(line * width + side)];
+        };
+        for (std::int64_t line = 40; line < length; ++line)
+            for (std::int64_t side = 0; side < width; ++side) {
+                const double d = static_cast<double>(line) - major;
+                height(line, side) =
+                    line == 40 ? course.climbs_m * wall
+                               : ray(d, static_cast<double>(side) - minor) - course.target_m -
+                                     course.below * (course.climbs_m == 0 ? 1 : std::abs(course.climbs_m) * d);
+            }
+        for (int i = 0; i < 800; ++i) {
+            auto line = static_cast<std::int64_t>(part(100, length - 10));
+            if (i % 2) line = line / 32 * 32 + i / 2 % 3 - 1;  // where blocks begin and end
+            const auto side = static_cast<std::int64_t>(part(2, width - 2));
+            const double d = static_cast<double>(line) - major, hair = std::pow(10, -part(3, 7)) * (i % 3 ? -1 : 1);
+            height(line, side) = ray(d, static_cast<double>(side) - minor) - course.target_m +
+                                 hair * (course.climbs_m == 0 ? 1 : std::abs(course.climbs_m) * d);
+        }
+        const std::int64_t columns = rows ? width : length, lines = rows ? length : width;
+        MemorySource source(columns, lines, post_m, [&](double c, double r) {
+            const std::int64_t line = std::llround(rows ? r : c);
+            return height(back ? length - 1 - line : line, std::llround(rows ? c : r));
+        });
+        const double from = back ? static_cast<double>(length - 1) - major : major;
+        const Scene scene = scene_at(rows ? minor : from, rows ? from : minor, 0, course.earth_k);
+        CoverageParams params;
+        params.target_m = course.target_m;
+        params.cull = false;
+        const Result swept = look(source, scene, params);
+        params.cull = true;
+        INFO("course " << turn);
+        const Result culled = look(source, scene, params);
+        CHECK(culled.bytes == swept.bytes);
+        source.set_block_map();
+        const Result unread = look(source, scene, params);
+        CHECK(unread.bytes == swept.bytes);
+        CHECK(swept.report.seen() > 200);
+        CHECK(std::min(culled.report.total().posts_passed, unread.report.total().posts_passed) > length * width / 20);
     }
 }
