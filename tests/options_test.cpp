@@ -11,6 +11,7 @@
 #include <set>
 #include <sstream>
 
+#include "tests/refusal.hpp"
 #include "tools/help.hpp"
 #include "tools/options.hpp"
 #include "tools/scene_json.hpp"
@@ -19,23 +20,11 @@
 using namespace wedgescope;
 using Catch::Matchers::Contains;
 using Catch::Matchers::StartsWith;
+using wedgescope::test::refusal;
 
 namespace {
 
 double parsed(Dimension dimension, const std::string& token) { return parse_quantity(dimension, "--key", token); }
-
-/// The message that `body` throws as an InputError; fails the test if it throws none or one of several lines.
-template <class Body>
-std::string refusal(Body&& body) {
-    try {
-        body();
-    } catch (const InputError& e) {
-        CHECK(std::string(e.what()).find('\n') == std::string::npos);
-        return e.what();
-    }
-    FAIL_CHECK("nothing was refused");
-    return "";
-}
 
 Settings simulated(std::vector<std::string> arguments) { return parse_arguments(command_simulate, arguments); }
 

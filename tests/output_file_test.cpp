@@ -1,19 +1,18 @@
 // Files that appear whole or not at all.
 #include <catch2/catch.hpp>
 
-#include <sys/resource.h>
-
-#include <csignal>
 #include <fstream>
 #include <iterator>
 
 #include "lib/error.hpp"
 #include "tests/drawn_raster.hpp"
+#include "tests/small_disk.hpp"
 #include "tiles/output_file.hpp"
 
 using namespace wedgescope;
 using Catch::Matchers::Contains;
 using wedgescope::test::Folder;
+using wedgescope::test::SmallDisk;
 using Names = std::vector<std::string>;
 
 namespace {
@@ -23,21 +22,6 @@ std::string get(const std::string& path) {
     std::ifstream in(path);
     return {std::istreambuf_iterator<char>(in), {}};
 }
-
-/// No file may grow beyond so many bytes while this lives: a full disk.
-class SmallDisk {
-public:
-    explicit SmallDisk(rlim_t bytes) {
-        std::signal(SIGXFSZ, SIG_IGN);
-        getrlimit(RLIMIT_FSIZE, &before_);
-        const rlimit small{bytes, before_.rlim_max};
-        setrlimit(RLIMIT_FSIZE, &small);
-    }
-    ~SmallDisk() { setrlimit(RLIMIT_FSIZE, &before_); }
-
-private:
-    rlimit before_{};
-};
 
 }  // namespace
 

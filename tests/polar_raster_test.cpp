@@ -2,17 +2,17 @@
 #include <catch2/catch.hpp>
 
 #include <gdal_alg.h>
-#include <sys/resource.h>
 
 #include <GeographicLib/Geodesic.hpp>
 #include <cmath>
-#include <csignal>
 #include <fstream>
 #include <iterator>
 #include <numbers>
 
 #include "lib/error.hpp"
 #include "tests/drawn_raster.hpp"
+#include "tests/refusal.hpp"
+#include "tests/small_disk.hpp"
 #include "tiles/gdal_session.hpp"
 #include "tiles/picture.hpp"
 #include "tiles/polar_raster.hpp"
@@ -20,6 +20,7 @@
 using namespace wedgescope;
 using Catch::Matchers::Contains;
 using wedgescope::test::Folder;
+using wedgescope::test::SmallDisk;
 
 namespace {
 
@@ -339,20 +340,13 @@ TEST_CASE("a raster that does not fit on the disk is an error, and nothing is le
     RunResult run = drawn_run(720, {0, 720}, {0, 1000}, 30);
     std::uint32_t noise = 1;
     for (float& cell : run.power_w.cells) cell = static_cast<float>((noise = noise * 1664525u + 1013904223u) >> 8);
-    std::signal(SIGXFSZ, SIG_IGN);
-    rlimit before{};
-    getrlimit(RLIMIT_FSIZE, &before);
     for (const rlim_t most : {rlim_t{100000}, rlim_t{1000000}, rlim_t{1900000}}) {
-        const rlimit small{most, before.rlim_max};
-        setrlimit(RLIMIT_FSIZE, &small);
-        std::string message = "nothing was thrown";
-        try {
-            write(folder, "power.tif", [&](OutputFile& f) { write_power(run, PowerUnit::watt, f, {}); });
-        } catch (const IoError& e) {
-            message = e.what();
-        }
-        setrlimit(RLIMIT_FSIZE, &before);
-        CHECK_THAT(message, Contains("power.tif' cannot be written") && !Contains("\n"));
+        const std::string message = [&] {
+            const SmallDisk disk(most);
+            return test::refusal<IoError>(
+                [&] { write(folder, "power.tif", [&](OutputFile& f) { write_power(run, PowerUnit::watt, f, {}); }); });
+        }();
+        CHECK_THAT(message, Contains("power.tif' cannot be written"));
         CHECK(folder.names().empty());
     }
 }

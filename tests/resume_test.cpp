@@ -21,6 +21,7 @@
 #include "lib/engine.hpp"
 #include "lib/error.hpp"
 #include "tests/drawn_raster.hpp"
+#include "tests/small_disk.hpp"
 #include "tests/terrain.hpp"
 #include "tiles/checksum.hpp"
 #include "tiles/work_dir.hpp"
@@ -29,6 +30,7 @@ using namespace wedgescope;
 using Catch::Matchers::Contains;
 using wedgescope::test::Folder;
 using wedgescope::test::MemorySource;
+using wedgescope::test::SmallDisk;
 using Start = WorkDir::Start;
 namespace fs = std::filesystem;
 
@@ -124,21 +126,6 @@ bool same(const RunResult& a, const RunResult& b) {
     return a.echo_w.cells == b.echo_w.cells && a.echo_state.cells == b.echo_state.cells &&
            a.power_w.cells == b.power_w.cells && a.state.cells == b.state.cells && a.scope.grey == b.scope.grey;
 }
-
-/// No file may grow beyond so many bytes while this lives: a full disk.
-class SmallDisk {
-public:
-    explicit SmallDisk(rlim_t bytes) {
-        std::signal(SIGXFSZ, SIG_IGN);
-        getrlimit(RLIMIT_FSIZE, &before_);
-        const rlimit small{bytes, before_.rlim_max};
-        setrlimit(RLIMIT_FSIZE, &small);
-    }
-    ~SmallDisk() { setrlimit(RLIMIT_FSIZE, &before_); }
-
-private:
-    rlimit before_{};
-};
 
 /// A drawn wedge of 3 x 5 cells.
 struct Drawn {

@@ -7,6 +7,7 @@
 
 #include "lib/error.hpp"
 #include "lib/scene.hpp"
+#include "tests/refusal.hpp"
 
 using namespace wedgescope;
 using Catch::Contains;
@@ -24,16 +25,11 @@ Scene good() {
     return scene;
 }
 
-/// The message that refuses the good scene after one change; empty if it passes.
+/// The message that refuses the good scene after one change.
 std::string refusal(const std::function<void(Scene&)>& change) {
     Scene scene = good();
     change(scene);
-    try {
-        validate(scene);
-    } catch (const InputError& e) {
-        return e.what();
-    }
-    return "";
+    return test::refusal<InputError>([&] { validate(scene); });
 }
 
 }  // namespace
@@ -55,12 +51,20 @@ TEST_CASE("the radar's derived numbers are those of the radar equation", "[senso
 }
 
 TEST_CASE("a scene with defaults passes", "[scene]") {
-    CHECK(refusal([](Scene&) {}) == "");
-    CHECK(refusal([](Scene& s) { s.earth_k.reset(); }) == "");
-    CHECK(refusal([](Scene& s) { s.sector = Sector{Angle::degrees(-60), Angle::degrees(60)}; }) == "");
-    CHECK(refusal([](Scene& s) { s.sector = Sector{Angle::degrees(300), Angle::degrees(420)}; }) == "");
-    CHECK(refusal([](Scene& s) { s.sector = Sector{Angle::degrees(0), Angle::degrees(360)}; }) == "");
-    CHECK(refusal([](Scene& s) { s.sector = Sector{Angle::degrees(-180), Angle::degrees(180)}; }) == "");
+    CHECK(refusal([](Scene&) {}) == test::nothing_refused);
+    CHECK(refusal([](Scene& s) { s.earth_k.reset(); }) == test::nothing_refused);
+    CHECK(refusal([](Scene& s) {
+              s.sector = Sector{Angle::degrees(-60), Angle::degrees(60)};
+          }) == test::nothing_refused);
+    CHECK(refusal([](Scene& s) {
+              s.sector = Sector{Angle::degrees(300), Angle::degrees(420)};
+          }) == test::nothing_refused);
+    CHECK(refusal([](Scene& s) {
+              s.sector = Sector{Angle::degrees(0), Angle::degrees(360)};
+          }) == test::nothing_refused);
+    CHECK(refusal([](Scene& s) {
+              s.sector = Sector{Angle::degrees(-180), Angle::degrees(180)};
+          }) == test::nothing_refused);
 }
 
 TEST_CASE("a value out of range is refused with key, value and what is accepted", "[scene]") {
@@ -167,7 +171,7 @@ TEST_CASE("a shaped antenna needs its knee below the horizontal, a Gaussian one 
     CHECK(refusal([](Scene& s) {
               s.radar.antenna.knee = Angle::degrees(0);
               s.radar.antenna.elevation = ElevationPattern::gaussian;
-          }) == "");
+          }) == test::nothing_refused);
 }
 
 TEST_CASE("the words are those of the command line", "[scene]") {

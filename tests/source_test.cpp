@@ -9,6 +9,7 @@
 
 #include "lib/error.hpp"
 #include "tests/drawn_raster.hpp"
+#include "tests/refusal.hpp"
 #include "tiles/gdal_session.hpp"
 #include "tiles/sources.hpp"
 
@@ -359,12 +360,7 @@ TEST_CASE("culture in another CRS is refused with the gdalwarp line that mends i
     DataBaseParams params = only(folder / "dem.tif");
     params.culture = folder / "codes.tif";
     params.legend = Legend("drawn", {{1, 1}, {2, 2}, {3, 3}});
-    std::string message;
-    try {
-        open_direct_source(params);
-    } catch (const DataError& e) {
-        message = e.what();
-    }
+    const std::string message = test::refusal<DataError>([&] { open_direct_source(params); });
     INFO(message);
     CHECK_THAT(message, Contains("EPSG:4326") && Contains("-r near -tr 30 30 -te 453000 3739200 454800 3741000"));
     const std::size_t line = message.find("gdalwarp ");

@@ -3,7 +3,6 @@
 
 #include <fcntl.h>
 #include <signal.h>
-#include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -17,6 +16,8 @@
 #include "lib/engine.hpp"
 #include "lib/error.hpp"
 #include "tests/drawn_raster.hpp"
+#include "tests/refusal.hpp"
+#include "tests/small_disk.hpp"
 #include "tiles/gdal_session.hpp"
 #include "tiles/packed_block.hpp"
 #include "tiles/sources.hpp"
@@ -27,6 +28,8 @@ using Catch::Matchers::Contains;
 using wedgescope::test::draw;
 using wedgescope::test::Drawing;
 using wedgescope::test::Folder;
+using wedgescope::test::refusal;
+using wedgescope::test::SmallDisk;
 
 namespace {
 
@@ -178,17 +181,6 @@ SpillParams small_spill(const Folder& folder, std::size_t memory_bytes) {
     return params;
 }
 
-template <class Body>
-std::string message_of(Body&& body) {
-    try {
-        body();
-    } catch (const Error& e) {
-        CHECK(std::string(e.what()).find('\n') == std::string::npos);
-        return e.what();
-    }
-    return "nothing was refused";
-}
-
 }  // namespace
 
 // ---------------------------------------------------------------- blocks
@@ -319,7 +311,7 @@ TEST_CASE("every flipped byte of the spill file is named with file and block, an
         REQUIRE(::pwrite(file, &byte, 1, static_cast<off_t>(at)) == 1);
     }
     REQUIRE(::ftruncate(file, static_cast<off_t>(size - 1)) == 0);
-    CHECK_THAT(message_of([&] {
+    CHECK_THAT(refusal([&] {
                    for (std::int64_t r = 0; r < 5; ++r)
                        for (std::int64_t c = 0; c < 6; ++c) filled.good(c, r);
                }),
@@ -328,13 +320,10 @@ TEST_CASE("every flipped byte of the spill file is named with file and block, an
 
 TEST_CASE("a full disk is one line that names the folder and the bytes, and leaves nothing", "[spill]") {
     const Folder folder;
-    ::signal(SIGXFSZ, SIG_IGN);
-    struct rlimit before {};
-    REQUIRE(::getrlimit(RLIMIT_FSIZE, &before) == 0);
-    const struct rlimit limit { 4000, before.rlim_max };
-    REQUIRE(::setrlimit(RLIMIT_FSIZE, &limit) == 0);
-    const std::string message = message_of([&] { Filled(small_spill(folder, 2000)); });
-    REQUIRE(::setrlimit(RLIMIT_FSIZE, &before) == 0);
+    const std::string message = [&] {
+        const SmallDisk disk(4000);
+        return refusal([&] { Filled(small_spill(folder, 2000)); });
+    }();
     CHECK_THAT(message, Contains(folder / ".") && Contains("bytes") && Contains("File too large"));
     CHECK(folder.names().empty());
 }
@@ -350,7 +339,7 @@ TEST_CASE("a temporary folder that is none is refused before any work", "[spill]
         options.progress = [&](double) { worked = true; };
         const DataBaseParams params = only(folder / "dem.tif");
         const Scene scene = above(params);
-        CHECK_THAT(message_of([&] { open_spilled_source(params, scene, options); }),
+        CHECK_THAT(refusal([&] { open_spilled_source(params, scene, options); }),
                    Contains("temp-dir '" + bad + "'") && Contains("accepted"));
         CHECK_FALSE(worked);
     }
@@ -643,7 +632,7 @@ TEST_CASE("a raster that changes under the pass is an error that names it", "[sp
     const DataBaseParams params = only(folder / "dem.tif");
     SpillOptions options = in(temporary, little);
     options.progress = [&](double) { std::ofstream(folder / "dem.tif", std::ios::app | std::ios::binary) << "x"; };
-    CHECK_THAT(message_of([&] { open_spilled_source(params, above(params), options); }),
+    CHECK_THAT(refusal([&] { open_spilled_source(params, above(params), options); }),
                Contains("dem.tif") && Contains("changed while it was read"));
     CHECK(temporary.names().empty());
 }
@@ -792,7 +781,7 @@ TEST_CASE("a kept spill serves other scenes from the same point with the posts o
 TEST_CASE("a kept spill that does not fit is refused by name", "[spill]") {
     const Kept kept;
     const auto refused = [&](const DataBaseParams& params, const Scene& scene, const std::string& why) {
-        CHECK_THAT(message_of([&] { open_kept_spill(params, scene, kept.folder / ".", in(kept.folder, plenty)); }),
+        CHECK_THAT(refusal([&] { open_kept_spill(params, scene, kept.folder / ".", in(kept.folder, plenty)); }),
                    Contains("wedges.spill") && Contains(why));
     };
     Scene elsewhere = kept.scene;
@@ -841,7 +830,7 @@ TEST_CASE("any byte of a kept spill that is flipped, and any end cut off, is nam
         file.seekp(static_cast<std::streamoff>(at));
         file.put(static_cast<char>(byte ^ static_cast<char>(1U << (random() % 7))));
         file.flush();
-        CHECK_THAT(message_of(read_all), Contains("wedges.spill"));
+        CHECK_THAT(refusal(read_all), Contains("wedges.spill"));
         file.seekp(static_cast<std::streamoff>(at));
         file.put(byte);
         file.flush();
@@ -849,6 +838,6 @@ TEST_CASE("any byte of a kept spill that is flipped, and any end cut off, is nam
     read_all();
     for (const std::uint64_t end : {size - 1, size / 2, std::uint64_t{63}, std::uint64_t{0}}) {
         std::filesystem::resize_file(kept.path, end);
-        CHECK_THAT(message_of(read_all), Contains("wedges.spill") && Contains("damaged"));
+        CHECK_THAT(refusal(read_all), Contains("wedges.spill") && Contains("damaged"));
     }
 }

@@ -19,6 +19,7 @@
 #include "lib/engine.hpp"
 #include "lib/error.hpp"
 #include "tests/drawn_raster.hpp"
+#include "tests/refusal.hpp"
 #include "tiles/gdal_session.hpp"
 #include "tiles/sources.hpp"
 #include "tiles/store_check.hpp"
@@ -29,6 +30,7 @@ using Catch::Matchers::Contains;
 using wedgescope::test::draw;
 using wedgescope::test::Drawing;
 using wedgescope::test::Folder;
+using wedgescope::test::refusal;
 
 namespace {
 
@@ -130,15 +132,25 @@ Drawing hills(int columns, int rows, unsigned seed = 1) {
     return d;
 }
 
-/// What is thrown, or an empty string.
-template <class Body>
-std::string refusal(Body&& body) {
-    try {
-        body();
-    } catch (const Error& e) {
-        return e.what();
-    }
-    return "";
+/// A DTED cell of one degree from its south-western corner on, 30" down the rows; returns its path.
+std::string draw_dted(const Folder& folder, const std::string& name, int lon, int lat, int columns,
+                      const std::function<double(int column, int row)>& value) {
+    Drawing d;
+    d.columns = columns;
+    d.rows = 121;
+    d.type = GDT_Int16;
+    d.crs = "EPSG:4326";
+    const double sx = 1.0 / (columns - 1), sy = 1.0 / 120;
+    d.geotransform = {{lon - sx / 2, sx, 0, lat + 1 + sy / 2, 0, -sy}};
+    d.value = value;
+    draw(folder / "cell.tif", d);
+    GDALDataset* in = GDALDataset::Open((folder / "cell.tif").c_str());
+    GDALDataset* out = GetGDALDriverManager()->GetDriverByName("DTED")->CreateCopy((folder / name).c_str(), in, 0,
+                                                                                   nullptr, nullptr, nullptr);
+    REQUIRE(out);
+    GDALClose(out);
+    GDALClose(in);
+    return folder / name;
 }
 
 /// Bounds of a block straight from its definition.
@@ -400,26 +412,11 @@ TEST_CASE("DTED cells of unequal posting become one grid of the finest, and edge
     // Three cells round 50 degrees north: 3" of longitude below, 6" above. A plane has no error under bilinear.
     const auto plane = [](double lon, double lat) { return std::lround(1000 + 1200 * (lon - 10) + 600 * (lat - 50)); };
     const auto cell = [&](int lon, int lat, int columns, const std::string& name, int wrong) {
-        Drawing d;
-        d.columns = columns;
-        d.rows = 121;
-        d.type = GDT_Int16;
-        d.crs = "EPSG:4326";
-        const double sx = 1.0 / (columns - 1), sy = 1.0 / 120;
-        d.geotransform = {{lon - sx / 2, sx, 0, lat + 1 + sy / 2, 0, -sy}};
-        d.value = [=](int c, int r) {
+        return draw_dted(folder, name, lon, lat, columns, [=](int c, int r) {
             // The western edge of the second cell is off for some posts.
             const int off = c == 0 && r < wrong ? 3 + r : 0;
-            return static_cast<double>(plane(lon + c * sx, lat + 1 - r * sy) + off);
-        };
-        draw(folder / "cell.tif", d);
-        GDALDataset* in = GDALDataset::Open((folder / "cell.tif").c_str());
-        GDALDataset* out = GetGDALDriverManager()->GetDriverByName("DTED")->CreateCopy((folder / name).c_str(), in, 0,
-                                                                                       nullptr, nullptr, nullptr);
-        REQUIRE(out);
-        GDALClose(out);
-        GDALClose(in);
-        return folder / name;
+            return static_cast<double>(plane(lon + c * (1.0 / (columns - 1)), lat + 1 - r * (1.0 / 120)) + off);
+        });
     };
     const std::string a = cell(10, 49, 121, "a.dt0", 0), b = cell(11, 49, 121, "b.dt0", 5),
                       c = cell(10, 50, 61, "c.dt0", 0);
@@ -462,25 +459,10 @@ TEST_CASE("cells of unequal posting that disagree on their shared row are report
     // A plane that bilinear leaves as it is: 10 m from post to post of 30", 5 m down the rows. South of 50 degrees every
     // 30", north of it every 60" along the rows.
     const auto cell = [&](int lat, int columns, const std::string& name, const std::map<int, int>& off) {
-        Drawing d;
-        d.columns = columns;
-        d.rows = 121;
-        d.type = GDT_Int16;
-        d.crs = "EPSG:4326";
-        const double sx = 1.0 / (columns - 1), sy = 1.0 / 120;
-        d.geotransform = {{10 - sx / 2, sx, 0, lat + 1 + sy / 2, 0, -sy}};
-        d.value = [=](int c, int r) {
+        return draw_dted(folder, name, 10, lat, columns, [&](int c, int r) {
             const int wrong = r == 0 && off.contains(c) ? off.at(c) : 0;
             return 1000.0 + 10 * c * 120 / (columns - 1) + 5 * (r + (50 - lat) * 120) + wrong;
-        };
-        draw(folder / "cell.tif", d);
-        GDALDataset* in = GDALDataset::Open((folder / "cell.tif").c_str());
-        GDALDataset* out = GetGDALDriverManager()->GetDriverByName("DTED")->CreateCopy((folder / name).c_str(), in, 0,
-                                                                                       nullptr, nullptr, nullptr);
-        REQUIRE(out);
-        GDALClose(out);
-        GDALClose(in);
-        return folder / name;
+        });
     };
     // Posts 10, 20 and 22 are the northern cell's too, 11, 13 and 15 lie between two of its posts, which are 20 m apart.
     const std::string south = cell(49, 121, "south.dt0", {{10, 1}, {11, 20}, {13, 60}, {15, 50}, {20, -40}, {22, 0}}),

@@ -1,9 +1,6 @@
 // The profile: what a run says of its threads, waits and memory, against what a drawn source made it wait for.
 #include <catch2/catch.hpp>
 
-#include <sys/resource.h>
-
-#include <csignal>
 #include <fstream>
 #include <iterator>
 #include <map>
@@ -15,6 +12,8 @@
 #include "lib/error.hpp"
 #include "lib/stopwatch.hpp"
 #include "tests/drawn_raster.hpp"
+#include "tests/refusal.hpp"
+#include "tests/small_disk.hpp"
 #include "tests/terrain.hpp"
 #include "tools/timeline.hpp"
 
@@ -22,6 +21,7 @@ using namespace wedgescope;
 using Catch::Matchers::Contains;
 using nlohmann::json;
 using wedgescope::test::Folder;
+using wedgescope::test::SmallDisk;
 
 namespace {
 
@@ -197,13 +197,8 @@ TEST_CASE("where memory lets in one wedge for two threads, the others wait for t
     SlowSource source = hills();
     source.pause_ms = 4;
     // The least budget that does lets in one wedge at a time.
-    std::size_t least = 0;
-    try {
-        simulate(source, nullptr, 1 << 10);
-    } catch (const InputError& e) {
-        const std::string words = e.what();
-        least = std::stoull(words.substr(words.find("at least ") + 9)) << 20;
-    }
+    const std::string words = test::refusal<InputError>([&] { simulate(source, nullptr, 1 << 10); });
+    const std::size_t least = std::stoull(words.substr(words.find("at least ") + 9)) << 20;
     REQUIRE(least > 0);
     const Stopwatch watch;
     const RunResult tight = simulate(source, nullptr, least, 180);
@@ -245,17 +240,12 @@ TEST_CASE("threads tell one timeline at once", "[timeline]") {
 
 TEST_CASE("a timeline on a full disk is an error that names it", "[timeline]") {
     const Folder folder;
-    std::signal(SIGXFSZ, SIG_IGN);
-    rlimit before{};
-    getrlimit(RLIMIT_FSIZE, &before);
     {
         OutputFile file(folder / "run.json", false);
         TimelineFile timeline(file);
-        const rlimit small{1000, before.rlim_max};
-        setrlimit(RLIMIT_FSIZE, &small);
+        const SmallDisk disk(1000);
         for (int i = 0; i < 3000; ++i) const Span span(&timeline, "work", "test", i);
         CHECK_THROWS_WITH(timeline.finish(), Contains("run.json") && Contains("File too large"));
-        setrlimit(RLIMIT_FSIZE, &before);
     }
     CHECK(folder.names().empty());
 }
