@@ -484,7 +484,7 @@ TEST_CASE("behind a wall all round nothing is seen wherever strips and runs begi
     INFO("seed " << seed);
     std::mt19937 random(seed);
     const auto part = [&](double lo, double hi) { return std::uniform_real_distribution(lo, hi)(random); };
-    for (int turn = 0; turn < 60; ++turn) {
+    for (int turn = 0; turn < 24; ++turn) {
         // A strip begins at 256, another at 512; exact cuts them into runs.
         const std::int64_t edge = turn % 12 == 0 ? 560 : 300;
         const double column = turn % 4 == 0   ? std::floor(part(180, 250))
