@@ -614,6 +614,20 @@ TEST_CASE("a signal ends the run with 128 + its number and leaves nothing", "[cl
     }
 }
 
+TEST_CASE("what a killed run leaves is gone after the next one", "[cli]") {
+    const Folder folder;
+    Strings slow = with(good, {"-o", "scope.png", "--report", "run.json", "--quality", "exact", "--azimuth-bins",
+                               "8000", "--range-bin", "10m", "--threads", "1"});
+    const pid_t child = folder.start(slow);
+    for (int i = 0; i < 2000 && folder.names().size() < 2; ++i)
+        std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    REQUIRE(::kill(child, SIGKILL) == 0);
+    CHECK(folder.finish(child).code == 1000 + SIGKILL);
+    CHECK(folder.names().size() == 2);
+    CHECK(folder.run(with(good, {"-o", "scope.png", "--report", "run.json"})).code == 0);
+    CHECK(folder.names() == std::set<std::string>{"run.json", "scope.png", "scope.png.aux.xml"});
+}
+
 TEST_CASE("a signal while a raster is read from end to end ends the run at once", "[cli]") {
     const Folder folder;
     // 7.2 GB of zeros that the disk need not hold: many seconds to read.
