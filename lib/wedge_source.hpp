@@ -159,7 +159,7 @@ struct SourceReport {
     std::uint64_t spilled_bytes = 0;                                       ///< written to the spill file
     std::uint64_t spill_read_bytes = 0;                                    ///< read from it again
     std::uint64_t planned_partition_bytes = 0, planned_spilled_bytes = 0;  ///< as forecast before the pass
-    std::size_t pass_peak_bytes = 0;                                       ///< the most that the pass may hold
+    std::size_t pass_peak_bytes = 0, planned_pass_peak_bytes = 0;  ///< the most that the pass held, and may hold
     std::string kept;  ///< path of the kept spill that served instead of a pass; empty: none
 };
 

@@ -6,6 +6,7 @@
 
 #include <GeographicLib/Geodesic.hpp>
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <limits>
 #include <mutex>
@@ -617,10 +618,11 @@ PassForecast forecast_passes(const std::vector<LayerPass>& layers, const PassPar
     return sum;
 }
 
-std::uint64_t run_pass(const LayerPass& layer, const PassParams& params) {
+PassDone run_pass(const LayerPass& layer, const PassParams& params) {
     const std::vector<Window> windows = windows_of(layer, posts_a_window(layer, params));
     std::size_t next = 0;
-    std::uint64_t posts = 0;
+    PassDone done;
+    std::atomic<std::size_t> in_flight{0};  // posts
     Handover handover;
     const auto give = [&](tbb::flow_control& control) -> Window {
         const Handover::Task task(handover);
@@ -633,6 +635,7 @@ std::uint64_t run_pass(const LayerPass& layer, const PassParams& params) {
     };
     const auto pack = [&](const Window& window) {
         const Handover::Task task(handover);
+        in_flight += static_cast<std::size_t>(window.posts());
         return read_and_pack(layer, window);
     };
     const auto take = [&](const std::shared_ptr<Packed>& packed) {
@@ -643,7 +646,9 @@ std::uint64_t run_pass(const LayerPass& layer, const PassParams& params) {
         }
         if (packed->seen) layer.survey->add(*packed->seen);
         const auto n = static_cast<std::uint64_t>(packed->window.posts());
-        posts += n;
+        done.read_bytes += n * static_cast<std::uint64_t>(layer.in.facts().type_bytes);
+        done.held_bytes = std::max(done.held_bytes, layer.spill.bytes_held() + in_flight * bytes_a_post);
+        in_flight -= static_cast<std::size_t>(n);
         if (params.progress) params.progress(n);
     };
     const int threads = std::max(1, params.threads);
@@ -659,7 +664,7 @@ std::uint64_t run_pass(const LayerPass& layer, const PassParams& params) {
                 tbb::make_filter<std::shared_ptr<Packed>, void>(tbb::filter_mode::serial_in_order, take));
     });
     handover.pass();
-    return posts * static_cast<std::uint64_t>(layer.in.facts().type_bytes);
+    return done;
 }
 
 // ---------------------------------------------------------------- reading back

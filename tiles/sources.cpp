@@ -664,21 +664,29 @@ public:
         r.planned_partition_bytes = forecast_.read_bytes;
         r.planned_spilled_bytes = forecast_.spilled_bytes;
         r.pass_peak_bytes = pass_peak_bytes_;
+        r.planned_pass_peak_bytes = planned_pass_peak_bytes_;
         r.kept = kept_;
         return r;
     }
 
-    /// Of a spill that has gone to disk its whole share: how much of it the last bucket left is no matter for a budget.
+    /// As forecast before the pass, however narrow the blocks came out: a run is planned as it was foretold.
     std::size_t cache_bytes() const override {
-        std::size_t blocks = forecast_.spilled_bytes > 0 ? share_ : forecast_.held_bytes;
-        if (terrain_blocks_) blocks = kept_.empty() && spill_->bytes_spilled() > 0 ? share_ : spill_->bytes_held();
-        return blocks + spill_->index_bytes() + map_bytes_ + ledger_bytes() + forecast_ledgers_;
+        const std::size_t forecast = forecast_.spilled_bytes > 0 ? share_ : forecast_.held_bytes;
+        return std::max(forecast, block_bytes()) + beside_blocks_bytes();
     }
     std::size_t filled_bytes(std::uint64_t) const override { return cache_bytes(); }
-    std::size_t held_bytes() const override { return cache_bytes(); }
+    std::size_t held_bytes() const override { return block_bytes() + beside_blocks_bytes(); }
     std::size_t reader_bytes() const override { return 0; }  // the rasters are closed after the pass
 
 private:
+    /// Of a spill that has gone to disk its whole share: how much of it the last bucket left is no matter for a budget.
+    std::size_t block_bytes() const {
+        return kept_.empty() && spill_->bytes_spilled() > 0 ? share_ : spill_->bytes_held();
+    }
+    std::size_t beside_blocks_bytes() const {
+        return spill_->index_bytes() + map_bytes_ + (terrain_blocks_ ? ledger_bytes() : forecast_ledgers_);
+    }
+
     /// What will be read and where it will go.
     struct Passes {
         PassParams pass;
@@ -730,11 +738,11 @@ private:
         for (;;) {
             forecast_ = forecast_passes(passes, pass, share, params.buckets);
             const std::size_t blocks = forecast_.spilled_bytes > 0 ? share : forecast_.held_bytes;
-            pass_peak_bytes_ = blocks + forecast_.window_bytes + spill_->index_bytes() + map_bytes_ +
-                               std::min<std::size_t>(params_.cache_bytes, forecast_.read_bytes) +
-                               forecast_.readers * RasterSource::reader_bytes();
+            planned_pass_peak_bytes_ = blocks + forecast_.window_bytes + spill_->index_bytes() + map_bytes_ +
+                                       std::min<std::size_t>(params_.cache_bytes, forecast_.read_bytes) +
+                                       forecast_.readers * RasterSource::reader_bytes();
             constexpr std::size_t smallest = std::size_t{1} << 20;
-            if (pass_peak_bytes_ <= options.memory_bytes) break;
+            if (planned_pass_peak_bytes_ <= options.memory_bytes) break;
             if (pass.threads > 1)
                 --pass.threads;
             else if (pass.memory_bytes > smallest)
@@ -743,10 +751,10 @@ private:
                 break;
         }
         // Budgets are whole MiB; what is less is no promise.
-        if (pass_peak_bytes_ > std::max(options.memory_bytes, std::size_t{1} << 20)) {
+        if (planned_pass_peak_bytes_ > std::max(options.memory_bytes, std::size_t{1} << 20)) {
             const RasterFacts& f = terrain_->facts();
             throw TooLittleMemory(
-                options.memory_bytes, pass_peak_bytes_, "sorting the terrain into wedges",
+                options.memory_bytes, planned_pass_peak_bytes_, "sorting the terrain into wedges",
                 text(" (", f.named(), " is stored in blocks of ", f.block_columns, " x ", f.block_rows, " posts)"));
         }
     }
@@ -793,7 +801,13 @@ private:
         std::vector<std::uint64_t> fingerprints;            // before anything is read
         for (const LayerPass& layer : passes) fingerprints.push_back(layer.in.fingerprint({}));
         for (const LayerPass& layer : passes) {
-            pass_bytes_ += run_pass(layer, pass);
+            const PassDone done_here = run_pass(layer, pass);
+            pass_bytes_ += done_here.read_bytes;
+            const std::size_t cached =
+                static_cast<std::size_t>(GDALGetCacheUsed64()) + (store_ ? store_->cached_bytes() : 0);
+            pass_peak_bytes_ =
+                std::max(pass_peak_bytes_, done_here.held_bytes + spill_->index_bytes() + map_bytes_ + cached +
+                                               forecast_.readers * RasterSource::reader_bytes());
             auto blocks = std::make_unique<SpilledLayer>(
                 layer.in.facts(), fingerprints[static_cast<std::size_t>(&layer - passes.data())], spill_, layer.layer);
             if (height_ && &layer.in == &height_->raster())
@@ -1032,7 +1046,7 @@ private:
     SpilledLayer* terrain_blocks_ = nullptr;  ///< terrain_
     std::size_t map_bytes_ = 0;
     PassForecast forecast_;
-    std::size_t pass_peak_bytes_ = 0, share_ = 0, forecast_ledgers_ = 0;
+    std::size_t pass_peak_bytes_ = 0, planned_pass_peak_bytes_ = 0, share_ = 0, forecast_ledgers_ = 0;
     std::string kept_;  ///< path of the kept spill that is read; empty: none
     double seconds_ = 0;
     std::uint64_t pass_bytes_ = 0;

@@ -240,7 +240,10 @@ nlohmann::ordered_json report_json(const Settings& settings, const RunResult& ru
         {"partition_bytes",
          {{"planned", report.source.planned_partition_bytes}, {"actual", report.source.partition_bytes}}},
         {"bytes_spilled", {{"planned", report.source.planned_spilled_bytes}, {"actual", report.source.spilled_bytes}}},
-        {"peak_bytes", {{"planned", plan.peak_bytes}, {"actual", report.peak_held_bytes}}}};
+        // The pass is over before the wedges begin.
+        {"peak_bytes",
+         {{"planned", std::max(report.source.planned_pass_peak_bytes, plan.peak_bytes)},
+          {"actual", std::max(report.source.pass_peak_bytes, report.peak_held_bytes)}}}};
     out["reused"] = reused_count(report);
     out["levels"] = json::array();
     out["stages_wall_s"] =
