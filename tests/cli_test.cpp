@@ -868,6 +868,20 @@ TEST_CASE("a store tiled around a point serves scenes from there by its kept spi
     CHECK(report()["source"]["kind"] == "direct");
     CHECK(report()["source"]["kept"].is_null());
     const auto direct = pictures();
+    const auto layers = nlohmann::json::parse(folder.run({"info", "--json", "store"}).out)["files"][0]["layers"];
+    std::uint64_t posts = 0;
+    for (const auto& layer : layers)
+        posts += layer["columns"].get<std::uint64_t>() * layer["rows"].get<std::uint64_t>();
+    // What is read and what is skipped is the data base.
+    const auto counted = [&] {
+        const auto run = report();
+        std::uint64_t sum = run["read"]["posts"];
+        for (const auto& cause : run["skipped"]) sum += cause["posts"].get<std::uint64_t>();
+        return sum;
+    };
+    CHECK(layers.size() == 2);
+    CHECK(report()["read"]["posts"] > 0);
+    CHECK(counted() == posts);
     for (const Strings& source : {Strings{"--source", "spilled"}, Strings{}}) {
         const Outcome outcome = simulate("33.93,-117.33", source);
         INFO(outcome.err);
@@ -877,6 +891,7 @@ TEST_CASE("a store tiled around a point serves scenes from there by its kept spi
         CHECK(report()["source"]["partition_bytes"] == 0);
         CHECK(report()["source"]["spilled_bytes"] == 0);
         CHECK(report()["source"]["spill_read_bytes"] > 0);
+        CHECK(counted() == posts);
         CHECK(pictures() == direct);
     }
     // From elsewhere it is not used, and that is said.
