@@ -439,7 +439,9 @@ int threads_of(const EngineParams& params) {
 
 Plan plan(const ResolvedScene& scene, WedgeSource& source, const EngineParams& params) {
     const Setting setting(scene, source);
-    return plan(scene, source, setting.grid, params, threads_of(params), true);
+    Plan wedges = plan(scene, source, setting.grid, params, threads_of(params), true);
+    if (params.archive) check_only(params.only_wedges, wedges.wedges.size());  // without one the split may be another
+    return wedges;
 }
 
 RunResult run(const ResolvedScene& scene, WedgeSource& source, const EngineParams& params) {

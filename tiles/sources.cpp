@@ -582,21 +582,29 @@ std::vector<Stamp> stamps(const std::string& path) {
     return found;
 }
 
-/// What a scene may need; `range_given`: else its range is to follow from the terrain, and any is possible.
-PartitionScope scope_before_terrain(const ResolvedScene& scene, bool range_given) {
-    PartitionScope scope = scope_of(scene);
-    if (range_given) return scope;
-    // resolve() refuses a range beyond 0.3 radii.
-    constexpr double largest_radius_m = 6.4e6;
-    scope.reach_m.reset();
-    if (scene.scene.earth_k) scope.reach_m = 0.3 * 1.025 * *scene.scene.earth_k * largest_radius_m;
-    return scope;
+/// A scene in its place, before any of the terrain but below the sensor is read: where its range is to follow from the terrain,
+/// with any range.
+ResolvedScene placed(Scene scene, WedgeSource& source) {
+    if (!scene.range_m) scene.range_m = scene.range_start_m + 1;
+    return resolve(scene, source);
 }
-PartitionScope scope_before_terrain(const Scene& scene, WedgeSource& source) {
-    if (scene.range_m) return scope_before_terrain(resolve(scene, source), true);
-    Scene probe = scene;  // any range does for position and sector
-    probe.range_m = scene.range_start_m + 1;
-    return scope_before_terrain(resolve(probe, source), false);
+
+/// What a pass is to keep for a scene; `range_given`: else its range is to follow from the terrain, and any is possible.
+PartitionScope scope_of_pass(const ResolvedScene& scene, bool range_given, const SpillOptions& options) {
+    PartitionScope scope = scope_of(scene);
+    if (!range_given) {
+        // resolve() refuses a range beyond 0.3 radii.
+        constexpr double largest_radius_m = 6.4e6;
+        scope.reach_m.reset();
+        if (scene.scene.earth_k && !options.all_round)
+            scope.reach_m = 0.3 * 1.025 * *scene.scene.earth_k * largest_radius_m;
+    }
+    if (options.only) {
+        scope.from_rad = options.only->from_rad;
+        scope.width_rad = options.only->width_rad;
+    }
+    if (options.all_round) scope.width_rad = PartitionScope{}.width_rad;
+    return scope;
 }
 
 /// A kept spill for another scene, or other rasters.
@@ -1095,32 +1103,16 @@ std::unique_ptr<WedgeSource> open_direct_source(const DataBaseParams& params) {
     return std::make_unique<RasterSource>(params);
 }
 
-namespace {
-
-/// For coverage, which takes all of the raster where no range is given.
-void turn_round(PartitionScope& scope, bool range_given) {
-    if (!range_given) scope.reach_m.reset();
-    scope.width_rad = 7;
-}
-
-PartitionScope scope_before_terrain(const Scene& scene, const DataBaseParams& params, const SpillOptions& options) {
-    PartitionScope scope = scope_before_terrain(scene, *open_direct_source(params));
-    if (options.all_round) turn_round(scope, scene.range_m.has_value());
-    return scope;
-}
-
-}  // namespace
-
 std::unique_ptr<WedgeSource> open_spilled_source(const DataBaseParams& params, const Scene& scene,
                                                  const SpillOptions& options) {
-    const PartitionScope scope = scope_before_terrain(scene, params, options);
-    return std::make_unique<PartitionedSource>(params, scope, !scene.range_m && !options.all_round, options, "");
+    const bool range_given = scene.range_m.has_value();
+    const PartitionScope scope = scope_of_pass(placed(scene, *open_direct_source(params)), range_given, options);
+    return std::make_unique<PartitionedSource>(params, scope, !range_given && !options.all_round, options, "");
 }
 
 std::unique_ptr<WedgeSource> forecast_spilled_source(const DataBaseParams& params, const ResolvedScene& scene,
                                                      bool range_given, const SpillOptions& options) {
-    PartitionScope scope = scope_before_terrain(scene, range_given);
-    if (options.all_round) turn_round(scope, range_given);
+    const PartitionScope scope = scope_of_pass(scene, range_given, options);
     return std::make_unique<PartitionedSource>(params, scope, !range_given && !options.all_round, options);
 }
 
@@ -1186,7 +1178,7 @@ void refuse_other_kept_spill(const DataBaseParams& params, const PlatformParams&
 
 std::unique_ptr<WedgeSource> open_kept_spill(const DataBaseParams& params, const Scene& scene,
                                              const std::string& folder, const SpillOptions& options) {
-    const IndexPosition nadir = scope_before_terrain(scene, *open_direct_source(params)).nadir;
+    const IndexPosition nadir = placed(scene, *open_direct_source(params)).nadir;
     return std::make_unique<PartitionedSource>(params, kept_path(folder), nadir, options.memory_bytes);
 }
 

@@ -37,9 +37,15 @@ struct DataBaseParams {
 /// Opens and checks everything that can be checked without reading posts. DataError or IoError naming the file.
 std::unique_ptr<WedgeSource> open_direct_source(const DataBaseParams& params);
 
+/// Azimuths from north, clockwise.
+struct Arc {
+    double from_rad = 0, width_rad = 0;
+};
+
 struct SpillOptions {
     std::string temp_folder;  ///< empty: temporary_folder()
     bool all_round = false;   ///< for coverage: whatever the sector, and without a range all of the raster
+    std::optional<Arc> only;  ///< not the whole of the scene's sector: what wedges in these azimuths may need
     std::size_t memory_bytes = std::size_t{1} << 30;
     int threads = 1;
     Stop* stop = nullptr;
