@@ -21,7 +21,7 @@
 #include "tests/drawn_raster.hpp"
 #include "tests/refusal.hpp"
 #include "tiles/gdal_session.hpp"
-#include "tiles/sources.hpp"
+#include "tiles/source_choice.hpp"
 #include "tiles/store_check.hpp"
 #include "tiles/tile_store.hpp"
 

@@ -1,8 +1,6 @@
 #include "tiles/partition.hpp"
 
-#include <tbb/global_control.h>
 #include <tbb/parallel_pipeline.h>
-#include <tbb/task_arena.h>
 
 #include <GeographicLib/Geodesic.hpp>
 #include <algorithm>
@@ -16,6 +14,7 @@
 
 #include "lib/error.hpp"
 #include "lib/handover.hpp"
+#include "lib/threads.hpp"
 
 namespace wedgescope {
 namespace {
@@ -651,12 +650,9 @@ PassDone run_pass(const LayerPass& layer, const PassParams& params) {
         in_flight -= static_cast<std::size_t>(n);
         if (params.progress) params.progress(n);
     };
-    const int threads = std::max(1, params.threads);
-    const tbb::global_control control(tbb::global_control::max_allowed_parallelism,
-                                      static_cast<std::size_t>(threads));  // also above the number of cores
-    tbb::task_arena arena(threads);
+    Threads threads(std::max(1, params.threads));
     handover.pass();
-    arena.execute([&] {
+    threads.execute([&] {
         tbb::parallel_pipeline(
             tokens_of(layer.in.facts(), params),
             tbb::make_filter<void, Window>(tbb::filter_mode::serial_in_order, give) &
