@@ -1,7 +1,6 @@
 #include "lib/coverage.hpp"
 
 #include <tbb/enumerable_thread_specific.h>
-#include <tbb/global_control.h>
 #include <tbb/parallel_for.h>
 #include <tbb/task_arena.h>
 #include <tbb/task_group.h>
@@ -24,6 +23,7 @@
 #include "lib/rounding.hpp"
 #include "lib/stopwatch.hpp"
 #include "lib/sweep.hpp"
+#include "lib/threads.hpp"
 
 namespace wedgescope {
 namespace {
@@ -1332,10 +1332,8 @@ CoverageReport Cover::run() {
     report.peak_budget_bytes = fixed + desk * static_cast<std::size_t>(report.threads);
     std::int64_t strips = 0, passed = 0;
     for (const Side& side : sides_) strips += std::abs(side.tile_end - side.tile);
-    const tbb::global_control control(tbb::global_control::max_allowed_parallelism,
-                                      static_cast<std::size_t>(report.threads));  // also above the number of cores
-    tbb::task_arena arena(report.threads);
-    arena.execute([&] {
+    Threads threads(report.threads);
+    threads.execute([&] {
         tbb::task_group writer;
         // The nearest strips first, so that what a diagonal cuts waits least; two at a time, so that no thread waits.
         for (;;) {

@@ -1,7 +1,6 @@
 #include "lib/engine.hpp"
 
 #include <tbb/flow_graph.h>
-#include <tbb/global_control.h>
 #include <tbb/task_arena.h>
 
 #include <algorithm>
@@ -21,6 +20,7 @@
 #include "lib/rounding.hpp"
 #include "lib/spoke_map.hpp"
 #include "lib/stopwatch.hpp"
+#include "lib/threads.hpp"
 
 namespace wedgescope {
 namespace {
@@ -120,7 +120,7 @@ public:
           result_(result), budget_(params.memory_bytes),
           wanted_(params.only_wedges.value_or(Interval{0, static_cast<std::int64_t>(plan.wedges.size())})) {}
 
-    void sweep_all();
+    void sweep_all(Threads& threads);
 
 private:
     Task enter(std::size_t index);
@@ -352,12 +352,11 @@ void Wedges::merge(WedgeTask& task) {
     result_.report.merge_s += watch.wall_s();
 }
 
-void Wedges::sweep_all() {
+void Wedges::sweep_all(Threads& threads) {
     namespace flow = tbb::flow;
     const Span span(params_.timeline, "wedges", "stage");
     opened_ = Clock::now();
-    tbb::task_arena arena(static_cast<int>(threads_));
-    arena.execute([&] {
+    threads.execute([&] {
         flow::graph graph;
         auto next = static_cast<std::size_t>(wanted_.begin);
         flow::input_node<std::size_t> wedges(graph, [&](tbb::flow_control& control) -> std::size_t {
@@ -439,12 +438,14 @@ int threads_of(const EngineParams& params) {
 
 Plan plan(const ResolvedScene& scene, WedgeSource& source, const EngineParams& params) {
     const Setting setting(scene, source);
-    return plan(scene, source, setting.grid, params, threads_of(params), true);
+    Plan wedges = plan(scene, source, setting.grid, params, threads_of(params), true);
+    if (params.archive) check_only(params.only_wedges, wedges.wedges.size());  // without one the split may be another
+    return wedges;
 }
 
 RunResult run(const ResolvedScene& scene, WedgeSource& source, const EngineParams& params) {
     const int threads = threads_of(params);
-    const tbb::global_control control(tbb::global_control::max_allowed_parallelism, static_cast<std::size_t>(threads));
+    Threads crew(threads);
 
     RunResult result;
     result.scene = scene;
@@ -465,7 +466,7 @@ RunResult run(const ResolvedScene& scene, WedgeSource& source, const EngineParam
 
     result.echo_w = PolarImage<float>(scene.swept);
     result.echo_state = PolarImage<std::uint8_t>(scene.swept);
-    Wedges(setting, source, wedges, params, threads, result).sweep_all();
+    Wedges(setting, source, wedges, params, threads, result).sweep_all(crew);
     result.report.peak_held_bytes += source.held_bytes() - source.cache_bytes();
     {
         // Of the wedges that were left to do.
@@ -482,8 +483,7 @@ RunResult run(const ResolvedScene& scene, WedgeSource& source, const EngineParam
         throw DataError(text("the data base '", source.data_base().name, "' changed while it was read"));
     if (params.only_wedges) return result;
 
-    tbb::task_arena arena(threads);
-    arena.execute([&] {
+    crew.execute([&] {
         result.state = shown_states(scene, result.echo_state);
         for (const std::uint8_t s : result.state.cells) ++result.report.states[s];
 

@@ -159,7 +159,7 @@ struct SourceReport {
     std::uint64_t spilled_bytes = 0;                                       ///< written to the spill file
     std::uint64_t spill_read_bytes = 0;                                    ///< read from it again
     std::uint64_t planned_partition_bytes = 0, planned_spilled_bytes = 0;  ///< as forecast before the pass
-    std::size_t pass_peak_bytes = 0;                                       ///< the most that the pass may hold
+    std::size_t pass_peak_bytes = 0, planned_pass_peak_bytes = 0;  ///< the most that the pass held, and may hold
     std::string kept;  ///< path of the kept spill that served instead of a pass; empty: none
 };
 
@@ -186,8 +186,8 @@ public:
     virtual CultureCells load_classes(const Window& cells) = 0;
     /// Null where nothing is known without reading.
     virtual BlockMap* block_map() { return nullptr; }
-    /// Tiles of all layers that no load has touched so far; of several reasons given for one the highest of Skip stays
-    /// (range: none was given), so that no order of threads or wedges shows.
+    /// Tiles of all layers, those that a load has touched so far under Skip::none; of several reasons given for another the
+    /// highest of Skip stays (range: none was given), so that no order of threads or wedges shows.
     virtual Skipped skipped() const { return {}; }
     /// Bare terrain at one post, NaN = void; outside the raster is an error of the caller's.
     virtual float bare_terrain_m(std::int64_t column, std::int64_t row) = 0;

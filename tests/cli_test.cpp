@@ -614,6 +614,20 @@ TEST_CASE("a signal ends the run with 128 + its number and leaves nothing", "[cl
     }
 }
 
+TEST_CASE("what a killed run leaves is gone after the next one", "[cli]") {
+    const Folder folder;
+    Strings slow = with(good, {"-o", "scope.png", "--report", "run.json", "--quality", "exact", "--azimuth-bins",
+                               "8000", "--range-bin", "10m", "--threads", "1"});
+    const pid_t child = folder.start(slow);
+    for (int i = 0; i < 2000 && folder.names().size() < 2; ++i)
+        std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    REQUIRE(::kill(child, SIGKILL) == 0);
+    CHECK(folder.finish(child).code == 1000 + SIGKILL);
+    CHECK(folder.names().size() == 2);
+    CHECK(folder.run(with(good, {"-o", "scope.png", "--report", "run.json"})).code == 0);
+    CHECK(folder.names() == std::set<std::string>{"run.json", "scope.png", "scope.png.aux.xml"});
+}
+
 TEST_CASE("a signal while a raster is read from end to end ends the run at once", "[cli]") {
     const Folder folder;
     // 7.2 GB of zeros that the disk need not hold: many seconds to read.
@@ -677,7 +691,9 @@ TEST_CASE("a plan of a spilled run foretells what the run reads, spills and hold
                         "--source",
                         "spilled",
                         "--temp-dir",
-                        "spill"};
+                        "spill",
+                        "--threads",
+                        "2"};
     const Outcome planned = folder.run(with({"info", "--plan", "--json"}, scene));
     INFO(planned.err);
     REQUIRE(planned.code == 0);
@@ -704,8 +720,11 @@ TEST_CASE("a plan of a spilled run foretells what the run reads, spills and hold
     }
     CHECK(report["source"]["spilled_bytes"] > 1 << 20);
     CHECK(report["plan"]["bytes_spilled"]["actual"] == report["source"]["spilled_bytes"]);
-    for (const char* what : {"partition_bytes", "bytes_spilled"}) CHECK(plan[what] == report["plan"][what]["planned"]);
-    CHECK(plan["bytes_read"] == report["plan"]["bytes_read"]["planned"]);
+    for (const char* what :
+         {"wedges", "chunks", "posts", "bytes_read", "partition_bytes", "bytes_spilled", "peak_bytes"}) {
+        CAPTURE(what);
+        CHECK(plan[what] == report["plan"][what]["planned"]);
+    }
     // A direct run spills nothing.
     Strings direct = scene;
     direct[16] = "direct";
@@ -713,6 +732,50 @@ TEST_CASE("a plan of a spilled run foretells what the run reads, spills and hold
     CHECK(none["source"]["kind"] == "direct");
     CHECK(none["bytes_spilled"] == 0);
     CHECK(none["partition_bytes"] == 0);
+}
+
+TEST_CASE("a run whose blocks pack smaller than foretold is split as it was foretold", "[cli]") {
+    const Folder folder;
+    fs::create_directory(folder.work() / "spill");
+    // Flat ground takes a byte a block; foretold are two bytes a post, which do not stay in a quarter of the memory.
+    const std::string flat = scanlines(folder, "flat", 2000);
+    folder.write("flat.dat", std::string(std::size_t{2} * 2000 * 2000, '\1'));
+    const auto scene = [&](const std::string& memory, const std::string& range_bin, const std::string& wedges) {
+        return Strings{"--dem",          flat,      "--xy",        "495000,3720300",
+                       "--altitude-msl", "9km",     "--range",     "28km",
+                       "--azimuth-bins", "720",     "--range-bin", range_bin,
+                       "--threads",      "1",       "--wedges",    wedges,
+                       "--size",         "512",     "--memory",    memory,
+                       "--source",       "spilled", "--temp-dir",  "spill",
+                       "--no-cull"};
+    };
+    std::set<std::string> larger;
+    for (const auto& [memory, range_bin, wedges] : {std::tuple{"20MiB", "20m", "1"}, {"24MiB", "60m", "16"}}) {
+        CAPTURE(memory);
+        const Outcome planned = folder.run(with({"info", "--plan", "--json"}, scene(memory, range_bin, wedges)));
+        INFO(planned.err);
+        REQUIRE(planned.code == 0);
+        const auto plan = nlohmann::json::parse(planned.out);
+        CHECK(plan["bytes_spilled"] > 1 << 20);
+        CHECK(plan["wedges"] > 1);
+        const Outcome outcome =
+            folder.run(with({"simulate", "--echo", "echo.tif", "--report", "run.json", "--overwrite"},
+                            scene(memory, range_bin, wedges)));
+        INFO(outcome.err);
+        REQUIRE(outcome.code == 0);
+        const auto report = nlohmann::json::parse(content(folder.work() / "run.json"));
+        for (const char* what :
+             {"wedges", "chunks", "posts", "bytes_read", "partition_bytes", "bytes_spilled", "peak_bytes"}) {
+            CAPTURE(what, report["plan"][what].dump());
+            CHECK(plan[what] == report["plan"][what]["planned"]);
+        }
+        CHECK(report["plan"]["wedges"]["actual"] == plan["wedges"]);
+        CHECK(report["plan"]["bytes_spilled"]["actual"] == 0);
+        CHECK(report["plan"]["peak_bytes"]["actual"] <= plan["peak_bytes"]);
+        CHECK(plan["peak_bytes"] > plan["source_bytes"]);
+        larger.insert(plan["peak_bytes"] > plan["granted_bytes"] ? "pass" : "wedges");
+    }
+    CHECK(larger.size() == 2);
 }
 
 TEST_CASE("a signal during the pass or the wedges of a spilled run leaves nothing in temp-dir", "[cli][threads]") {
@@ -805,6 +868,20 @@ TEST_CASE("a store tiled around a point serves scenes from there by its kept spi
     CHECK(report()["source"]["kind"] == "direct");
     CHECK(report()["source"]["kept"].is_null());
     const auto direct = pictures();
+    const auto layers = nlohmann::json::parse(folder.run({"info", "--json", "store"}).out)["files"][0]["layers"];
+    std::uint64_t posts = 0;
+    for (const auto& layer : layers)
+        posts += layer["columns"].get<std::uint64_t>() * layer["rows"].get<std::uint64_t>();
+    // What is read and what is skipped is the data base.
+    const auto counted = [&] {
+        const auto run = report();
+        std::uint64_t sum = run["read"]["posts"];
+        for (const auto& cause : run["skipped"]) sum += cause["posts"].get<std::uint64_t>();
+        return sum;
+    };
+    CHECK(layers.size() == 2);
+    CHECK(report()["read"]["posts"] > 0);
+    CHECK(counted() == posts);
     for (const Strings& source : {Strings{"--source", "spilled"}, Strings{}}) {
         const Outcome outcome = simulate("33.93,-117.33", source);
         INFO(outcome.err);
@@ -814,6 +891,7 @@ TEST_CASE("a store tiled around a point serves scenes from there by its kept spi
         CHECK(report()["source"]["partition_bytes"] == 0);
         CHECK(report()["source"]["spilled_bytes"] == 0);
         CHECK(report()["source"]["spill_read_bytes"] > 0);
+        CHECK(counted() == posts);
         CHECK(pictures() == direct);
     }
     // From elsewhere it is not used, and that is said.

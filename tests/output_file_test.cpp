@@ -1,6 +1,12 @@
 // Files that appear whole or not at all.
 #include <catch2/catch.hpp>
 
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <csignal>
+#include <cstdlib>
+#include <filesystem>
 #include <fstream>
 #include <iterator>
 
@@ -23,7 +29,61 @@ std::string get(const std::string& path) {
     return {std::istreambuf_iterator<char>(in), {}};
 }
 
+/// A process that has begun to write a file, and waits.
+class Writer {
+public:
+    explicit Writer(const std::string& path) {
+        int ready[2];
+        if (::pipe(ready) != 0) throw std::runtime_error("no pipe");
+        child_ = ::fork();
+        if (child_ == 0) {
+            OutputFile file(path, true);
+            put(file.temporary_path(), "half");
+            put(file.temporary_path() + ".geoloc.tif", "half");
+            if (::write(ready[1], "y", 1) == 1) ::pause();
+            ::_exit(0);
+        }
+        char answer = 0;
+        ::close(ready[1]);
+        if (::read(ready[0], &answer, 1) != 1) throw std::runtime_error("the child failed");
+        ::close(ready[0]);
+    }
+    ~Writer() { kill(); }
+    void kill() {
+        if (child_ > 0) ::kill(child_, SIGKILL), ::waitpid(child_, nullptr, 0);
+        child_ = 0;
+    }
+
+private:
+    pid_t child_ = 0;
+};
+
 }  // namespace
+
+TEST_CASE("what a killed process left goes with the next file of the same name, what a living one writes stays",
+          "[output_file]") {
+    const Folder folder;
+    Writer killed(folder / "scope.png");
+    const Names left = folder.names();
+    REQUIRE(left.size() == 1);
+    CHECK_THAT(left[0], Catch::Matchers::StartsWith(".scope.png.tmp-"));
+    const Writer living(folder / "scope.png"), neighbour(folder / "scope.pn"), another(folder / "scope.png.tmp-1");
+    killed.kill();
+    const Names others{".scope.png.tmp-notes", ".scope.png.tmp-1-", "scope.png.tmp-1-1", ".scope.png.tmp-1-1.txt"};
+    for (const std::string& name : others) put(folder / name, "mine");
+    // A name that is used again does not make the dead one alive.
+    const std::string again = text(".scope.png.tmp-", ::getpid(), "-1");
+    std::filesystem::rename(folder / left[0], folder / again);
+    REQUIRE(folder.names().size() == 4 + others.size());
+    OutputFile file(folder / "scope.png", false);
+    CHECK(folder.names().size() == 4 + others.size());  // the living three and its own
+    CHECK_FALSE(std::filesystem::exists(folder / (again + "/scope.png")));
+    put(file.temporary_path(), "whole");
+    file.commit();
+    CHECK(get(folder / "scope.png") == "whole");
+    CHECK(folder.names().size() == 4 + others.size());
+    for (const std::string& name : others) CHECK(get(folder / name) == "mine");
+}
 
 TEST_CASE("nothing stands under the final name before commit, and nothing else after it", "[output_file]") {
     const Folder folder;

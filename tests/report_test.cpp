@@ -61,6 +61,7 @@ TEST_CASE("the report holds what the contract names", "[report]") {
     CHECK(out["wedges"][1]["peak_bytes"] == 200);
     CHECK(out["total"]["posts_read"] == 6000);
     CHECK(out["total"]["peak_bytes"] == 300);
+    for (const char* what : {"posts", "tiles", "bytes"}) CHECK(out["read"][what] == 0);
     for (const char* cause : {"range", "horizon", "hidden", "culture", "detail"}) {
         for (const char* what : {"posts", "tiles", "bytes"}) CHECK(out["skipped"][cause][what] == 0);
     }

@@ -800,6 +800,44 @@ TEST_CASE("two processes fill one folder, and resume merges", "[resume][program]
     CHECK_THAT(program.run(scene + Strings{"--only-wedge", "1"}).err, Contains("only-wedge is given without"));
 }
 
+TEST_CASE("the pass of some wedges alone sorts what these may need, and no bit changes", "[resume][program]") {
+    const Folder folder;
+    Program program(folder);
+    const Strings scene = scene_over(data + "/inland_empire_dem.tif") +
+                          Strings{"--culture", data + "/inland_empire_culture.tif", "--culture-legend", "fbfm40"};
+    const Strings spilled{"--source", "spilled"}, merge{"--work-dir", "work", "--resume"};
+    REQUIRE(program.run(scene + outputs + spilled).code == 0);
+    const auto whole = report(folder)["source"];
+    const Images straight(folder);
+    const std::uint64_t all = whole["partition_bytes"], held = whole["held_bytes"];
+    std::uint64_t kept = 0;
+    // Wedges, and the share of the blocks that is enough: these are wide here, and one more is kept all round.
+    for (const auto& [range, count, share] :
+         {std::tuple{"0-2", 3U, 0.75}, {"3", 1U, 0.75}, {"8-11", 4U, 0.95}, {"4-7", 4U, 0.95}}) {
+        CAPTURE(range);
+        const Outcome part = program.run(
+            scene + spilled + Strings{"--work-dir", "work", "--only-wedge", range, "--report", "report.json"});
+        INFO(part.err);
+        REQUIRE(part.code == 0);
+        const auto run = report(folder);
+        CHECK(run["wedges"].size() == count);
+        CHECK(run["source"]["kind"] == "spilled");
+        CHECK(run["source"]["partition_bytes"].get<double>() < share * static_cast<double>(all));
+        CHECK(run["source"]["held_bytes"].get<double>() < share * static_cast<double>(held));
+        CHECK(run["plan"]["partition_bytes"]["planned"] == run["plan"]["partition_bytes"]["actual"]);
+        kept += run["source"]["held_bytes"].get<std::uint64_t>();
+    }
+    CHECK(kept >= held);  // together all of it, some twice
+    const Outcome merged = program.run(scene + outputs + merge);
+    CHECK_THAT(merged.err, Contains("reused 12 of 12 wedges"));
+    CHECK(Images(folder) == straight);
+    const Outcome beyond = program.run(scene + spilled + Strings{"--work-dir", "work", "--only-wedge", "9-12"});
+    CHECK(beyond.code == 2);
+    CHECK_THAT(beyond.err, Contains("only-wedge is 9-12") && Contains("0 to 11"));
+    CHECK(program.run(scene + spilled + Strings{"--work-dir", "none", "--only-wedge", "99"}).code == 2);
+    CHECK_FALSE(fs::exists(folder / "none"));
+}
+
 TEST_CASE("a tile store is known by its content, not by when it was written", "[resume][program]") {
     const Folder folder;
     Program program(folder);

@@ -3,6 +3,7 @@
 
 #include <fcntl.h>
 #include <signal.h>
+#include <sys/file.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -366,6 +367,26 @@ TEST_CASE("a killed program leaves no spill file", "[spill]") {
     ::kill(child, SIGKILL);
     ::waitpid(child, nullptr, 0);
     CHECK(folder.names().empty());
+}
+
+TEST_CASE("a spill file that a killed program had to name goes with the next, one that is written stays", "[spill]") {
+    const Folder folder;
+    for (const char* name : {".wedgescope-spill-aaaaaa", ".wedgescope-spill-bbbbbb", ".kept.tmp-99", ".other.tmp-99"})
+        std::ofstream(folder / name) << "half";
+    const int writing = ::open((folder / ".wedgescope-spill-bbbbbb").c_str(), O_RDWR);
+    REQUIRE(::flock(writing, LOCK_EX) == 0);
+    {
+        const Filled filled(small_spill(folder, 0));
+        CHECK(folder.names() == std::vector<std::string>{".kept.tmp-99", ".other.tmp-99", ".wedgescope-spill-bbbbbb"});
+    }
+    SpillParams params;
+    params.keep = folder / "kept";
+    Spill spill(params);
+    spill.add_layer({"dem", 32, 32, 32, {{0, 1}, {0, 1}}});
+    spill.put(0, 0, 0, 0, 0, std::vector<std::byte>(7));
+    spill.keep("");
+    CHECK(folder.names() == std::vector<std::string>{".other.tmp-99", ".wedgescope-spill-bbbbbb", "kept"});
+    ::close(writing);
 }
 
 // ---------------------------------------------------------------- the source

@@ -21,7 +21,7 @@
 #include "tests/drawn_raster.hpp"
 #include "tests/refusal.hpp"
 #include "tiles/gdal_session.hpp"
-#include "tiles/sources.hpp"
+#include "tiles/source_choice.hpp"
 #include "tiles/store_check.hpp"
 #include "tiles/tile_store.hpp"
 
@@ -807,6 +807,8 @@ TEST_CASE("tiles that a request does not need are never read, and are counted", 
         CHECK(of(Skip::range).tiles == 0);
         CHECK(of(Skip::hidden).posts == 8 * 128 * 128);
         CHECK(of(Skip::hidden).bytes == 8 * 128 * 128 * 2);
+        CHECK(of(Skip::none).tiles == 2 * 5 * 4 - 16);  // all others
+        CHECK(of(Skip::none).posts == 2 * 640 * 512 - 16 * 128 * 128);
     }
 
     // A tile that is not needed may be damaged without anybody noticing; one that is may not.
@@ -831,6 +833,61 @@ TEST_CASE("tiles that a request does not need are never read, and are counted", 
     CHECK_THAT(refusal([&] { source->load(request.window, false); }),
                Contains("c0_r0.tif") && Contains("tile 1, 2") && Contains("columns 128 to 255, rows 256 to 383") &&
                    Contains("damaged"));
+}
+
+TEST_CASE("of open ground every tile within range is read and every other one is out of range", "[store]") {
+    const Folder folder;
+    Drawing d;
+    d.columns = 640;
+    d.rows = 500;
+    d.type = GDT_Int16;
+    d.value = [](int, int) { return 100; };
+    draw(folder / "dem.tif", d);
+    auto params = into(folder / "store", {folder / "dem.tif"});
+    params.tile_posts = 64;
+    write_tile_store(params);
+    Scene scene;
+    scene.geometry = Geometry::grid;
+    scene.earth_k.reset();
+    scene.platform.xy = PointXY{1005 + 10 * 300.0, 1995 - 10 * 240.0};
+    scene.platform.altitude_m = 300;
+    scene.range_m = 1500;
+    scene.display.size = 64;
+    const double reach = std::sqrt(1500.0 * 1500.0 - 200.0 * 200.0) / 10;  // posts
+    std::uint64_t far = 0, out = 0, tiles = 0;
+    for (int r = 0; r < 500; r += 64)
+        for (int c = 0; c < 640; c += 64) {
+            const double x = std::clamp(300, c, c + 63) - 300, y = std::clamp(240, r, r + 63) - 240;
+            ++tiles;
+            out += std::hypot(x, y) > reach;
+            far += std::hypot(x, y) > reach + 50;  // what a block's depth may add where spokes cross it aslant
+        }
+    REQUIRE(far > 20);
+    for (const char* dem : {"store", "dem.tif"})
+        for (const bool spilled : {false, true}) {
+            CAPTURE(dem, spilled);
+            SpillOptions options;
+            options.temp_folder = folder / ".";
+            const auto source = spilled ? open_spilled_source(base(folder / dem), scene, options)
+                                        : open_direct_source(base(folder / dem));
+            EngineParams engine;
+            engine.wedges = 5;
+            const Skipped found = run(resolve(scene, *source), *source, engine).report.skipped;
+            const auto of = [&](Skip s) { return found[static_cast<std::size_t>(s)]; };
+            SkipCount all;
+            for (const SkipCount& s : found) {
+                all.posts += s.posts;
+                all.bytes += s.bytes;
+                all.tiles += s.tiles;
+            }
+            CHECK(all.posts == 640 * 500);
+            CHECK(all.bytes == 640 * 500 * 2);
+            CHECK(of(Skip::none).posts + of(Skip::range).posts == all.posts);
+            if (spilled || dem != std::string("store")) continue;
+            CHECK(all.tiles == tiles);
+            CHECK(of(Skip::range).tiles >= far);
+            CHECK(of(Skip::range).tiles <= out);
+        }
 }
 
 TEST_CASE("any byte flipped anywhere in a store is found and its file is named", "[store]") {

@@ -69,22 +69,30 @@ OutputFile::OutputFile(std::string final_path, bool overwrite)
             throw InputError(text("output '", final_path_, "': a file '", final_path_, side,
                                   "' exists, which would be taken for a part of it; add --overwrite"));
 
+    const std::string stem = text(".", name, ".tmp-");
+    remove_left_behind(parent, [&](const std::string& other) { return is_numbered(other, stem); });
     // Its own folder tells at once whether anything can be written here: permissions alone do not (root, read-only and
     // special file systems).
     static std::atomic<unsigned> number{0};
-    folder_ = (fs::path(final_path_).parent_path() / text(".", name, ".tmp-", ::getpid(), "-", ++number)).string();
-    if (::mkdir(folder_.c_str(), 0777) != 0) {
-        const int reason = errno;
-        folder_.clear();
-        throw IoError(
-            text("output '", final_path_, "' cannot be written in folder '", parent, "': ", std::strerror(reason)));
-    }
+    do {
+        folder_ = (fs::path(final_path_).parent_path() / text(stem, ::getpid(), "-", ++number)).string();
+        if (::mkdir(folder_.c_str(), 0777) != 0) {
+            const int reason = errno;
+            folder_.clear();
+            if (reason == EEXIST) continue;  // of another machine's process of the same number
+            throw IoError(
+                text("output '", final_path_, "' cannot be written in folder '", parent, "': ", std::strerror(reason)));
+        }
+        claim_ = Descriptor(::open(folder_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+        claim(claim_.get());
+    } while (folder_.empty() || (claim_ && !stands_at(claim_.get(), folder_)));
     temporary_path_ = (fs::path(folder_) / name).string();
 }
 
 OutputFile::OutputFile(OutputFile&& other) noexcept
     : final_path_(std::move(other.final_path_)), folder_(std::exchange(other.folder_, {})),
-      temporary_path_(std::exchange(other.temporary_path_, {})), overwrite_(other.overwrite_) {}
+      temporary_path_(std::exchange(other.temporary_path_, {})), claim_(std::move(other.claim_)),
+      overwrite_(other.overwrite_) {}
 
 OutputFile::~OutputFile() { remove_folder(); }
 
@@ -92,6 +100,7 @@ void OutputFile::remove_folder() noexcept {
     if (folder_.empty()) return;
     std::error_code ignored;
     fs::remove_all(folder_, ignored);
+    claim_ = Descriptor();
     folder_.clear();
     temporary_path_.clear();
 }

@@ -1,13 +1,16 @@
 // OutputFile: a file that appears under its final name only when it is whole; anything else is removed, also when
-// a signal ends the run. Leaves what is written to others.
+// a signal ends the run, and after `kill -9` by the next one of the same name. Leaves what is written to others.
 #pragma once
 #include <string>
 #include <vector>
+
+#include "tiles/claim.hpp"
 
 namespace wedgescope {
 
 class OutputFile {
 public:
+    /// Removes first what killed processes left of the same name.
     /// InputError if the final name, or a side file of it, exists and `overwrite` is off, or if it is no plain file;
     /// IoError if its folder is missing or cannot be written to.
     OutputFile(std::string final_path, bool overwrite);
@@ -32,6 +35,7 @@ private:
     void remove_folder() noexcept;
 
     std::string final_path_, folder_, temporary_path_;
+    Descriptor claim_;  ///< of folder_
     bool overwrite_ = false;
 };
 

@@ -1,11 +1,10 @@
 #include "tiles/partition.hpp"
 
-#include <tbb/global_control.h>
 #include <tbb/parallel_pipeline.h>
-#include <tbb/task_arena.h>
 
 #include <GeographicLib/Geodesic.hpp>
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <limits>
 #include <mutex>
@@ -15,6 +14,7 @@
 
 #include "lib/error.hpp"
 #include "lib/handover.hpp"
+#include "lib/threads.hpp"
 
 namespace wedgescope {
 namespace {
@@ -617,10 +617,11 @@ PassForecast forecast_passes(const std::vector<LayerPass>& layers, const PassPar
     return sum;
 }
 
-std::uint64_t run_pass(const LayerPass& layer, const PassParams& params) {
+PassDone run_pass(const LayerPass& layer, const PassParams& params) {
     const std::vector<Window> windows = windows_of(layer, posts_a_window(layer, params));
     std::size_t next = 0;
-    std::uint64_t posts = 0;
+    PassDone done;
+    std::atomic<std::size_t> in_flight{0};  // posts
     Handover handover;
     const auto give = [&](tbb::flow_control& control) -> Window {
         const Handover::Task task(handover);
@@ -633,6 +634,7 @@ std::uint64_t run_pass(const LayerPass& layer, const PassParams& params) {
     };
     const auto pack = [&](const Window& window) {
         const Handover::Task task(handover);
+        in_flight += static_cast<std::size_t>(window.posts());
         return read_and_pack(layer, window);
     };
     const auto take = [&](const std::shared_ptr<Packed>& packed) {
@@ -643,15 +645,14 @@ std::uint64_t run_pass(const LayerPass& layer, const PassParams& params) {
         }
         if (packed->seen) layer.survey->add(*packed->seen);
         const auto n = static_cast<std::uint64_t>(packed->window.posts());
-        posts += n;
+        done.read_bytes += n * static_cast<std::uint64_t>(layer.in.facts().type_bytes);
+        done.held_bytes = std::max(done.held_bytes, layer.spill.bytes_held() + in_flight * bytes_a_post);
+        in_flight -= static_cast<std::size_t>(n);
         if (params.progress) params.progress(n);
     };
-    const int threads = std::max(1, params.threads);
-    const tbb::global_control control(tbb::global_control::max_allowed_parallelism,
-                                      static_cast<std::size_t>(threads));  // also above the number of cores
-    tbb::task_arena arena(threads);
+    Threads threads(std::max(1, params.threads));
     handover.pass();
-    arena.execute([&] {
+    threads.execute([&] {
         tbb::parallel_pipeline(
             tokens_of(layer.in.facts(), params),
             tbb::make_filter<void, Window>(tbb::filter_mode::serial_in_order, give) &
@@ -659,7 +660,7 @@ std::uint64_t run_pass(const LayerPass& layer, const PassParams& params) {
                 tbb::make_filter<std::shared_ptr<Packed>, void>(tbb::filter_mode::serial_in_order, take));
     });
     handover.pass();
-    return posts * static_cast<std::uint64_t>(layer.in.facts().type_bytes);
+    return done;
 }
 
 // ---------------------------------------------------------------- reading back

@@ -123,8 +123,12 @@ struct LayerPass {
     /// Scaled culture heights at the posts of a window, for the survey; may be empty.
     std::function<void(const Window&, std::vector<float>&)> culture;
 };
-/// Returns the decoded bytes read. IoError, DataError; Interrupted when asked to stop.
-std::uint64_t run_pass(const LayerPass& layer, const PassParams& params);
+struct PassDone {
+    std::uint64_t read_bytes = 0;  ///< decoded
+    std::size_t held_bytes = 0;    ///< blocks and windows in flight, the most at a time
+};
+/// IoError, DataError; Interrupted when asked to stop.
+PassDone run_pass(const LayerPass& layer, const PassParams& params);
 /// Posts that run_pass will read, for progress.
 std::uint64_t posts_of_pass(const LayerPass& layer, const PassParams& params);
 

@@ -68,6 +68,8 @@ public:
     virtual ~RasterLayer() = default;
     const RasterFacts& facts() const { return facts_; }
     virtual ReaderBytes reader_bytes() const { return {}; }
+    /// Held between reads, at the most: files that wait open.
+    virtual std::size_t idle_bytes() const { return 0; }
 
     /// Heights in metres, row after row, NaN = void; `window` inside the raster. Rows lie `stride` floats apart.
     /// IoError if it cannot be read; DataError naming the post if one is infinite or above highest_height_m.

@@ -27,7 +27,6 @@
 #include "tiles/partition.hpp"
 #include "tiles/raster_file.hpp"
 #include "tiles/registered_layer.hpp"
-#include "tiles/store_layer.hpp"
 #include "tiles/tile_ledger.hpp"
 #include "tiles/tile_store.hpp"
 
@@ -237,8 +236,7 @@ public:
         // Of a store also pages of the block map and the sheets that wait open.
         constexpr std::size_t pages = std::size_t{4} << 20;
         std::size_t idle = 0;
-        for (const RasterLayer* layer : readers())
-            if (const auto* part = dynamic_cast<const StoreLayer*>(layer)) idle += part->idle_bytes();
+        for (const RasterLayer* layer : readers()) idle += layer->idle_bytes();
         return params_.cache_bytes + ledger_bytes() + idle + (store_ ? pages : 0);
     }
     std::size_t filled_bytes(std::uint64_t bytes_read) const override {
@@ -582,28 +580,30 @@ std::vector<Stamp> stamps(const std::string& path) {
     return found;
 }
 
-/// What a scene may need; `range_given`: else its range is to follow from the terrain, and any is possible.
-PartitionScope scope_before_terrain(const ResolvedScene& scene, bool range_given) {
-    PartitionScope scope = scope_of(scene);
-    if (range_given) return scope;
-    // resolve() refuses a range beyond 0.3 radii.
-    constexpr double largest_radius_m = 6.4e6;
-    scope.reach_m.reset();
-    if (scene.scene.earth_k) scope.reach_m = 0.3 * 1.025 * *scene.scene.earth_k * largest_radius_m;
-    return scope;
-}
-PartitionScope scope_before_terrain(const Scene& scene, WedgeSource& source) {
-    if (scene.range_m) return scope_before_terrain(resolve(scene, source), true);
-    Scene probe = scene;  // any range does for position and sector
-    probe.range_m = scene.range_start_m + 1;
-    return scope_before_terrain(resolve(probe, source), false);
+/// A scene in its place, before any of the terrain but below the sensor is read: where its range is to follow from the terrain,
+/// with any range.
+ResolvedScene placed(Scene scene, WedgeSource& source) {
+    if (!scene.range_m) scene.range_m = scene.range_start_m + 1;
+    return resolve(scene, source);
 }
 
-/// A kept spill for another scene, or other rasters.
-class Unfit : public DataError {
-public:
-    using DataError::DataError;
-};
+/// What a pass is to keep for a scene; `range_given`: else its range is to follow from the terrain, and any is possible.
+PartitionScope scope_of_pass(const ResolvedScene& scene, bool range_given, const SpillOptions& options) {
+    PartitionScope scope = scope_of(scene);
+    if (!range_given) {
+        // resolve() refuses a range beyond 0.3 radii.
+        constexpr double largest_radius_m = 6.4e6;
+        scope.reach_m.reset();
+        if (scene.scene.earth_k && !options.all_round)
+            scope.reach_m = 0.3 * 1.025 * *scene.scene.earth_k * largest_radius_m;
+    }
+    if (options.only) {
+        scope.from_rad = options.only->from_rad;
+        scope.width_rad = options.only->width_rad;
+    }
+    if (options.all_round) scope.width_rad = PartitionScope{}.width_rad;
+    return scope;
+}
 
 class PartitionedSource final : public RasterSource {
 public:
@@ -664,21 +664,29 @@ public:
         r.planned_partition_bytes = forecast_.read_bytes;
         r.planned_spilled_bytes = forecast_.spilled_bytes;
         r.pass_peak_bytes = pass_peak_bytes_;
+        r.planned_pass_peak_bytes = planned_pass_peak_bytes_;
         r.kept = kept_;
         return r;
     }
 
-    /// Of a spill that has gone to disk its whole share: how much of it the last bucket left is no matter for a budget.
+    /// As forecast before the pass, however narrow the blocks came out: a run is planned as it was foretold.
     std::size_t cache_bytes() const override {
-        std::size_t blocks = forecast_.spilled_bytes > 0 ? share_ : forecast_.held_bytes;
-        if (terrain_blocks_) blocks = kept_.empty() && spill_->bytes_spilled() > 0 ? share_ : spill_->bytes_held();
-        return blocks + spill_->index_bytes() + map_bytes_ + ledger_bytes() + forecast_ledgers_;
+        const std::size_t forecast = forecast_.spilled_bytes > 0 ? share_ : forecast_.held_bytes;
+        return std::max(forecast, block_bytes()) + beside_blocks_bytes();
     }
     std::size_t filled_bytes(std::uint64_t) const override { return cache_bytes(); }
-    std::size_t held_bytes() const override { return cache_bytes(); }
+    std::size_t held_bytes() const override { return block_bytes() + beside_blocks_bytes(); }
     std::size_t reader_bytes() const override { return 0; }  // the rasters are closed after the pass
 
 private:
+    /// Of a spill that has gone to disk its whole share: how much of it the last bucket left is no matter for a budget.
+    std::size_t block_bytes() const {
+        return kept_.empty() && spill_->bytes_spilled() > 0 ? share_ : spill_->bytes_held();
+    }
+    std::size_t beside_blocks_bytes() const {
+        return spill_->index_bytes() + map_bytes_ + (terrain_blocks_ ? ledger_bytes() : forecast_ledgers_);
+    }
+
     /// What will be read and where it will go.
     struct Passes {
         PassParams pass;
@@ -730,11 +738,11 @@ private:
         for (;;) {
             forecast_ = forecast_passes(passes, pass, share, params.buckets);
             const std::size_t blocks = forecast_.spilled_bytes > 0 ? share : forecast_.held_bytes;
-            pass_peak_bytes_ = blocks + forecast_.window_bytes + spill_->index_bytes() + map_bytes_ +
-                               std::min<std::size_t>(params_.cache_bytes, forecast_.read_bytes) +
-                               forecast_.readers * RasterSource::reader_bytes();
+            planned_pass_peak_bytes_ = blocks + forecast_.window_bytes + spill_->index_bytes() + map_bytes_ +
+                                       std::min<std::size_t>(params_.cache_bytes, forecast_.read_bytes) +
+                                       forecast_.readers * RasterSource::reader_bytes();
             constexpr std::size_t smallest = std::size_t{1} << 20;
-            if (pass_peak_bytes_ <= options.memory_bytes) break;
+            if (planned_pass_peak_bytes_ <= options.memory_bytes) break;
             if (pass.threads > 1)
                 --pass.threads;
             else if (pass.memory_bytes > smallest)
@@ -743,10 +751,10 @@ private:
                 break;
         }
         // Budgets are whole MiB; what is less is no promise.
-        if (pass_peak_bytes_ > std::max(options.memory_bytes, std::size_t{1} << 20)) {
+        if (planned_pass_peak_bytes_ > std::max(options.memory_bytes, std::size_t{1} << 20)) {
             const RasterFacts& f = terrain_->facts();
             throw TooLittleMemory(
-                options.memory_bytes, pass_peak_bytes_, "sorting the terrain into wedges",
+                options.memory_bytes, planned_pass_peak_bytes_, "sorting the terrain into wedges",
                 text(" (", f.named(), " is stored in blocks of ", f.block_columns, " x ", f.block_rows, " posts)"));
         }
     }
@@ -793,7 +801,13 @@ private:
         std::vector<std::uint64_t> fingerprints;            // before anything is read
         for (const LayerPass& layer : passes) fingerprints.push_back(layer.in.fingerprint({}));
         for (const LayerPass& layer : passes) {
-            pass_bytes_ += run_pass(layer, pass);
+            const PassDone done_here = run_pass(layer, pass);
+            pass_bytes_ += done_here.read_bytes;
+            const std::size_t cached =
+                static_cast<std::size_t>(GDALGetCacheUsed64()) + (store_ ? store_->cached_bytes() : 0);
+            pass_peak_bytes_ =
+                std::max(pass_peak_bytes_, done_here.held_bytes + spill_->index_bytes() + map_bytes_ + cached +
+                                               forecast_.readers * RasterSource::reader_bytes());
             auto blocks = std::make_unique<SpilledLayer>(
                 layer.in.facts(), fingerprints[static_cast<std::size_t>(&layer - passes.data())], spill_, layer.layer);
             if (height_ && &layer.in == &height_->raster())
@@ -902,7 +916,7 @@ private:
     void reopen(const std::string& path, const IndexPosition& nadir, std::size_t memory_bytes) {
         spill_ = Spill::open_kept(path);
         const auto refuse = [&](const std::string& why, const char* way_out = "tile --around makes it anew") {
-            throw Unfit(text("the kept spill '", path, "' ", why, "; ", way_out));
+            throw UnfitSpill(text("the kept spill '", path, "' ", why, "; ", way_out));
         };
         if (spill_->index_bytes() > memory_bytes / 8)
             throw TooLittleMemory(memory_bytes, spill_->index_bytes() * 8,
@@ -1032,47 +1046,13 @@ private:
     SpilledLayer* terrain_blocks_ = nullptr;  ///< terrain_
     std::size_t map_bytes_ = 0;
     PassForecast forecast_;
-    std::size_t pass_peak_bytes_ = 0, share_ = 0, forecast_ledgers_ = 0;
+    std::size_t pass_peak_bytes_ = 0, planned_pass_peak_bytes_ = 0, share_ = 0, forecast_ledgers_ = 0;
     std::string kept_;  ///< path of the kept spill that is read; empty: none
     double seconds_ = 0;
     std::uint64_t pass_bytes_ = 0;
     std::mutex direct_mutex_;
     std::unique_ptr<WedgeSource> direct_;
 };
-
-/// How a raster is cut, and how many posts a window of 1024 x 1024 would decode for each one asked for.
-struct Cut {
-    std::int64_t columns = 0, rows = 0;
-    std::string compression;
-    double decoded = 1;
-};
-Cut cut_of(const RasterFacts& f) {
-    Cut cut{f.block_columns, f.block_rows, f.compression, 1};
-    if (f.driver == "VRT") {
-        // The first raster it is made of tells more than the blocks it shows.
-        GdalErrors quiet;
-        const DatasetHandle vrt(GDALDataset::Open(f.path.c_str(), GDAL_OF_RASTER | GDAL_OF_READONLY));
-        char** list = vrt ? vrt->GetFileList() : nullptr;
-        for (char** file = list; file && *file; ++file) {
-            const DatasetHandle part(GDALDataset::Open(*file, GDAL_OF_RASTER | GDAL_OF_READONLY));
-            if (!part || part->GetRasterCount() < 1 || EQUAL(part->GetDriver()->GetDescription(), "VRT")) continue;
-            int columns = 0, rows = 0;
-            part->GetRasterBand(1)->GetBlockSize(&columns, &rows);
-            cut.columns = columns;
-            cut.rows = rows;
-            if (const char* c = part->GetMetadataItem("COMPRESSION", "IMAGE_STRUCTURE")) cut.compression = c;
-            break;
-        }
-        CSLDestroy(list);
-    }
-    // Blocks that a run of n posts touches on average, and what they hold.
-    const auto ratio = [](std::int64_t block, std::int64_t posts) {
-        const auto n = static_cast<double>(std::min<std::int64_t>(1024, posts)), b = static_cast<double>(block);
-        return std::min((1 + (n - 1) / b) * b, static_cast<double>(posts)) / n;
-    };
-    cut.decoded = ratio(cut.columns, f.columns) * ratio(cut.rows, f.rows);
-    return cut;
-}
 
 }  // namespace
 
@@ -1081,32 +1061,16 @@ std::unique_ptr<WedgeSource> open_direct_source(const DataBaseParams& params) {
     return std::make_unique<RasterSource>(params);
 }
 
-namespace {
-
-/// For coverage, which takes all of the raster where no range is given.
-void turn_round(PartitionScope& scope, bool range_given) {
-    if (!range_given) scope.reach_m.reset();
-    scope.width_rad = 7;
-}
-
-PartitionScope scope_before_terrain(const Scene& scene, const DataBaseParams& params, const SpillOptions& options) {
-    PartitionScope scope = scope_before_terrain(scene, *open_direct_source(params));
-    if (options.all_round) turn_round(scope, scene.range_m.has_value());
-    return scope;
-}
-
-}  // namespace
-
 std::unique_ptr<WedgeSource> open_spilled_source(const DataBaseParams& params, const Scene& scene,
                                                  const SpillOptions& options) {
-    const PartitionScope scope = scope_before_terrain(scene, params, options);
-    return std::make_unique<PartitionedSource>(params, scope, !scene.range_m && !options.all_round, options, "");
+    const bool range_given = scene.range_m.has_value();
+    const PartitionScope scope = scope_of_pass(placed(scene, *open_direct_source(params)), range_given, options);
+    return std::make_unique<PartitionedSource>(params, scope, !range_given && !options.all_round, options, "");
 }
 
 std::unique_ptr<WedgeSource> forecast_spilled_source(const DataBaseParams& params, const ResolvedScene& scene,
                                                      bool range_given, const SpillOptions& options) {
-    PartitionScope scope = scope_before_terrain(scene, range_given);
-    if (options.all_round) turn_round(scope, range_given);
+    const PartitionScope scope = scope_of_pass(scene, range_given, options);
     return std::make_unique<PartitionedSource>(params, scope, !range_given && !options.all_round, options);
 }
 
@@ -1114,9 +1078,9 @@ std::unique_ptr<WedgeSource> open_unread_source(const DataBaseParams& params, fl
     return std::make_unique<UnreadSource>(params, ground_m, guess);
 }
 
-namespace {
-
 std::string kept_path(const std::string& folder) { return (std::filesystem::path(folder) / kept_spill_name).string(); }
+
+namespace {
 
 /// A scene that has nothing but its place.
 ResolvedScene place_of(const DataBaseParams& params, const PlatformParams& point) {
@@ -1172,83 +1136,8 @@ void refuse_other_kept_spill(const DataBaseParams& params, const PlatformParams&
 
 std::unique_ptr<WedgeSource> open_kept_spill(const DataBaseParams& params, const Scene& scene,
                                              const std::string& folder, const SpillOptions& options) {
-    const IndexPosition nadir = scope_before_terrain(scene, *open_direct_source(params)).nadir;
+    const IndexPosition nadir = placed(scene, *open_direct_source(params)).nadir;
     return std::make_unique<PartitionedSource>(params, kept_path(folder), nadir, options.memory_bytes);
-}
-
-namespace {
-
-/// By the rasters alone.
-SourceChoice choose_by_shape(const DataBaseParams& params, SourceKind asked, std::size_t memory_bytes) {
-    constexpr double most_decoded = 4;
-    Cut worst;
-    double bytes = 0;
-    ReaderBytes reader;
-    const bool store = is_tile_store(params.dem);
-    const auto look = [&](const char* role, const std::string& path) {
-        if (path.empty()) return;
-        const RasterFile file(role, path);
-        const RasterFacts& f = file.facts();
-        bytes += static_cast<double>(f.columns) * static_cast<double>(f.rows) * f.type_bytes;
-        const ReaderBytes own = file.reader_bytes();
-        reader = {std::max(reader.decoded, own.decoded), reader.packed + own.packed};
-        const Cut cut = cut_of(f);
-        if (worst.columns == 0 || cut.decoded > worst.decoded) worst = cut;
-    };
-    if (!store) look("dem", params.dem);
-    look("culture", params.culture);
-    look("culture-height", params.culture_height);
-    if (worst.columns == 0) return {asked == SourceKind::spilled, false, store ? "a tile store" : "no raster", ""};
-    const std::string shape = text(worst.columns == 1 ? "columns"
-                                   : worst.rows <= 16 ? "rows"
-                                                      : "tiles",
-                                   " of ", worst.columns, " x ", worst.rows,
-                                   worst.compression.empty() ? std::string() : ", " + worst.compression);
-    if (asked != SourceKind::automatic) return {asked == SourceKind::spilled, false, "as asked for; " + shape, ""};
-    if (bytes <= static_cast<double>(params.cache_bytes))
-        return {
-            false, false,
-            text(shape, "; all ", static_cast<std::uint64_t>(std::ceil(bytes / 1048576)), " MiB fit into the cache"),
-            ""};
-    // Beside images and chunks there must be room for a block, every time that something is read.
-    if (worst.decoded <= most_decoded && reader.decoded + reader.packed > memory_bytes / 4)
-        return {
-            true, false,
-            text(shape, "; to read one takes ", (reader.decoded + reader.packed) >> 20, " MiB of ", memory_bytes >> 20),
-            ""};
-    if (worst.decoded <= most_decoded) return {false, false, shape, ""};
-    return {
-        true, false,
-        text(shape, "; a window would decode ", fmt::format("{:.0f}", worst.decoded), " times the posts it asks for"),
-        ""};
-}
-
-}  // namespace
-
-SourceChoice choose_source(const DataBaseParams& params, SourceKind asked, const Scene& scene,
-                           std::size_t memory_bytes) {
-    SourceChoice choice = choose_by_shape(params, asked, memory_bytes);
-    std::error_code ignored;
-    if (asked == SourceKind::direct || !is_tile_store(params.dem) ||
-        !std::filesystem::exists(kept_path(params.dem), ignored))
-        return choice;
-    try {
-        SpillOptions options;
-        options.memory_bytes = memory_bytes;
-        open_kept_spill(params, scene, params.dem, options);
-        return {true, true, text("a tile store; sorted for this point in '", kept_path(params.dem), "'"), ""};
-    } catch (const Unfit& e) {
-        choice.unfit = e.what();
-    } catch (const TooLittleMemory& e) {
-        choice.unfit = e.what();
-    }
-    return choice;
-}
-
-std::unique_ptr<WedgeSource> open_source(const SourceChoice& choice, const DataBaseParams& params, const Scene& scene,
-                                         const SpillOptions& options) {
-    if (choice.kept) return open_kept_spill(params, scene, params.dem, options);
-    return choice.spilled ? open_spilled_source(params, scene, options) : open_direct_source(params);
 }
 
 }  // namespace wedgescope

@@ -1,6 +1,6 @@
 // Sources: the WedgeSources. Direct: windows of rasters, read near to far as the engine asks. Spilled: the same posts
 // after one sequential pass, from blocks in wedge buckets. Both hand out the same bits.
-// Leaves the pass to partition.hpp and the blocks' file to spill.hpp.
+// Leaves which of them serves to source_choice.hpp, the pass to partition.hpp and the blocks' file to spill.hpp.
 //
 // Memory: a direct source holds GDAL's own block cache, whose size the session sets, and for each reading thread and layer
 // one GDAL handle: the block that it decodes, which the cache keeps even where it is larger than all of the cache, and
@@ -16,6 +16,7 @@
 #include <string>
 
 #include "lib/engine.hpp"
+#include "lib/error.hpp"
 #include "lib/material.hpp"
 #include "lib/scene.hpp"
 #include "lib/stop.hpp"
@@ -37,9 +38,15 @@ struct DataBaseParams {
 /// Opens and checks everything that can be checked without reading posts. DataError or IoError naming the file.
 std::unique_ptr<WedgeSource> open_direct_source(const DataBaseParams& params);
 
+/// Azimuths from north, clockwise.
+struct Arc {
+    double from_rad = 0, width_rad = 0;
+};
+
 struct SpillOptions {
     std::string temp_folder;  ///< empty: temporary_folder()
     bool all_round = false;   ///< for coverage: whatever the sector, and without a range all of the raster
+    std::optional<Arc> only;  ///< not the whole of the scene's sector: what wedges in these azimuths may need
     std::size_t memory_bytes = std::size_t{1} << 30;
     int threads = 1;
     Stop* stop = nullptr;
@@ -63,6 +70,13 @@ std::unique_ptr<WedgeSource> open_unread_source(const DataBaseParams& params, fl
 
 /// Name of a kept spill in its folder.
 inline constexpr const char* kept_spill_name = "wedges.spill";
+/// Its path in a folder.
+std::string kept_path(const std::string& folder);
+/// A kept spill for another scene, or other rasters.
+class UnfitSpill : public DataError {
+public:
+    using DataError::DataError;
+};
 /// The whole of the rasters, sorted round a point for scenes from there, in a file of its own in `folder` that appears
 /// when it is whole; an older one is replaced. Errors as above.
 void keep_spill(const DataBaseParams& params, const PlatformParams& point, const std::string& folder,
@@ -70,25 +84,9 @@ void keep_spill(const DataBaseParams& params, const PlatformParams& point, const
 /// InputError naming a kept spill in `folder` that was made for a point more than one post away. One that cannot be
 /// read is nothing that would be lost.
 void refuse_other_kept_spill(const DataBaseParams& params, const PlatformParams& point, const std::string& folder);
-/// Opens it for a scene. DataError naming it where it was made for a point more than one post away, of other rasters or
-/// before they were changed, or where it is damaged; IoError where it cannot be read.
+/// Opens it for a scene. UnfitSpill naming it where it was made for a point more than one post away, of other rasters or
+/// before they were changed; DataError where it is damaged, IoError where it cannot be read.
 std::unique_ptr<WedgeSource> open_kept_spill(const DataBaseParams& params, const Scene& scene,
                                              const std::string& folder, const SpillOptions& options);
-
-enum class SourceKind { automatic, direct, spilled };
-struct SourceChoice {
-    bool spilled = false;
-    bool kept = false;  ///< spilled, by a kept spill in the tile store
-    std::string why;    ///< "tiles of 256 x 256", ...
-    std::string
-        unfit;  ///< why a kept spill that stands in the tile store does not serve the scene; empty: there is none
-};
-/// A kept spill that fits; else direct for what fits into the cache and for what windows read well, spilled for the rest;
-/// unless `asked`. DataError, IoError for a kept spill that is damaged.
-SourceChoice choose_source(const DataBaseParams& params, SourceKind asked, const Scene& scene,
-                           std::size_t memory_bytes);
-/// Opens what was chosen.
-std::unique_ptr<WedgeSource> open_source(const SourceChoice& choice, const DataBaseParams& params, const Scene& scene,
-                                         const SpillOptions& options);
 
 }  // namespace wedgescope

@@ -16,6 +16,7 @@
 #include <utility>
 
 #include "lib/error.hpp"
+#include "tiles/claim.hpp"
 
 namespace wedgescope {
 namespace {
@@ -41,6 +42,12 @@ struct FileHeader {
     std::uint64_t checksum = 0;
 };
 static_assert(sizeof(FileHeader) == Spill::header_bytes);
+
+/// Names of files that are to have none, or not yet their own.
+constexpr const char* named_spill = ".wedgescope-spill-";
+std::string keep_stem(const std::string& path) {
+    return text(".", std::filesystem::path(path).filename().string(), ".tmp-");
+}
 
 std::uint64_t checksum_of(const BlockHeader& header, const std::byte* bytes, std::size_t n) {
     return XXH3_64bits_withSeed(bytes, n, XXH3_64bits(&header, offsetof(BlockHeader, checksum)));
@@ -133,19 +140,33 @@ void Spill::open_file() {
     struct stat facts {};
     if (::stat(params_.folder.c_str(), &facts) != 0) fail(errno);
     if (!S_ISDIR(facts.st_mode)) fail(ENOTDIR);
+    remove_left_behind(params_.folder, [&](const std::string& name) {
+        return name.starts_with(named_spill) || (!params_.keep.empty() && is_numbered(name, keep_stem(params_.keep)));
+    });
     file_ = ::open(params_.folder.c_str(), O_TMPFILE | O_RDWR | O_CLOEXEC, 0666);
-    if (file_ < 0 && (errno == EOPNOTSUPP || errno == EISDIR || errno == EINVAL)) {
-        std::string path = (std::filesystem::path(params_.folder) / ".wedgescope-spill-XXXXXX").string();
-        file_ = ::mkostemp(path.data(), O_CLOEXEC);
-        if (file_ >= 0) {
-            unnamed_ = path;
-            if (params_.keep.empty() && ::unlink(path.c_str()) == 0) unnamed_.clear();
-        }
-    }
+    if (file_ >= 0)
+        claim(file_);  // for when it gets a name
+    else if (errno == EOPNOTSUPP || errno == EISDIR || errno == EINVAL)
+        open_named_file();
     if (file_ < 0) fail(errno);
     const FileHeader empty{};
     write(std::as_bytes(std::span(&empty, 1)), 0);
     file_end_ = sizeof empty;
+}
+
+void Spill::open_named_file() {
+    for (;;) {
+        std::string path = (std::filesystem::path(params_.folder) / text(named_spill, "XXXXXX")).string();
+        file_ = ::mkostemp(path.data(), O_CLOEXEC);
+        if (file_ < 0) return;
+        claim(file_);
+        if (stands_at(file_, path)) {
+            unnamed_ = path;
+            if (params_.keep.empty() && ::unlink(path.c_str()) == 0) unnamed_.clear();
+            return;
+        }
+        ::close(file_);
+    }
 }
 
 void Spill::expect(std::uint64_t bytes) {
@@ -337,9 +358,7 @@ void Spill::keep(const std::string& description) {
     const std::string path = params_.keep;
     std::string whole = unnamed_;
     if (whole.empty()) {
-        whole = (std::filesystem::path(params_.folder) /
-                 text(".", std::filesystem::path(path).filename().string(), ".tmp-", ::getpid()))
-                    .string();
+        whole = (std::filesystem::path(params_.folder) / text(keep_stem(path), ::getpid())).string();
         ::unlink(whole.c_str());
         if (::linkat(AT_FDCWD, text("/proc/self/fd/", file_).c_str(), AT_FDCWD, whole.c_str(), AT_SYMLINK_FOLLOW) != 0)
             fail("named");

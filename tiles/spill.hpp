@@ -6,7 +6,8 @@
 // `memory_bytes`. Then the largest bucket goes to the file, near to far, in one run, and its memory is given back, until
 // the rest fits. Beside that a spill holds 24 bytes for each block of its layers, stored or not, and 1 MiB while a
 // bucket is written. The file of a spill that is not kept never has a name (or loses it as soon as it is open), so
-// that nothing stays behind however the program ends; a kept one gets its name when it is whole.
+// that nothing stays behind however the program ends; a kept one gets its name when it is whole. Where a file needs a name
+// at once, or is killed on the way to its own, the next spill in the folder removes it (claim.hpp).
 //
 // File: 64 bytes of header (where the index is; kept spills only), blocks, index. A block is 24 bytes (mark, length,
 // place, checksum) and its bytes; the checksum (XXH3, 64 bits) covers mark, length, place and bytes. Header and index
@@ -116,6 +117,7 @@ private:
     std::string named() const;
     Slot* slot(std::size_t layer, std::int64_t column, std::int64_t row) const;
     void open_file();
+    void open_named_file();  ///< where the system knows no files without a name
     void write(std::span<const std::byte> bytes, std::uint64_t offset);
     void flush(Bucket& bucket);
     void read(std::uint64_t offset, std::span<std::byte> into, const std::string& what) const;

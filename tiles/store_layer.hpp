@@ -86,7 +86,7 @@ public:
         return {tile, 2 * tile};
     }
     /// Of the sheets that wait open, each with a tile's buffer.
-    std::size_t idle_bytes() const { return most_idle() * reader_bytes().packed; }
+    std::size_t idle_bytes() const override { return most_idle() * reader_bytes().packed; }
 
 private:
     std::size_t most_idle() const {

@@ -1,9 +1,7 @@
 #include <fcntl.h>
 #include <sys/stat.h>
 #include <sys/syscall.h>
-#include <tbb/global_control.h>
 #include <tbb/parallel_for_each.h>
-#include <tbb/task_arena.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -17,6 +15,7 @@
 #include <set>
 
 #include "lib/error.hpp"
+#include "lib/threads.hpp"
 #include "tiles/block_map_file.hpp"
 #include "tiles/checksum.hpp"
 #include "tiles/mosaic.hpp"
@@ -489,11 +488,8 @@ void StoreWriter::make_sheets() {
             for (std::int64_t c = 0; c < entry.sheet_columns(); ++c) jobs.push_back({layer.get(), c, r, place++});
         done_.emplace_back(place);
     }
-    const int jobs_now = jobs_at_once();
-    const tbb::global_control control(tbb::global_control::max_allowed_parallelism,
-                                      static_cast<std::size_t>(jobs_now));  // also above the number of cores
-    tbb::task_arena arena(jobs_now);
-    arena.execute([&] { tbb::parallel_for_each(jobs.begin(), jobs.end(), [&](const Job& job) { make(job); }); });
+    Threads threads(jobs_at_once());
+    threads.execute([&] { tbb::parallel_for_each(jobs.begin(), jobs.end(), [&](const Job& job) { make(job); }); });
 }
 
 void StoreWriter::finish() {

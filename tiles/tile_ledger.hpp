@@ -25,14 +25,15 @@ public:
     /// order of threads or wedges shows; none is "not asked for yet".
     void pass(const Window& cells, Skip reason) { mark(cells, static_cast<std::uint8_t>(reason)); }
 
+    /// All tiles: those that were touched under Skip::none.
     void add_to(Skipped& sum) const {
         for (std::size_t i = 0; i < tiles_.size(); ++i) {
             const std::uint8_t state = tiles_[i].load(std::memory_order_relaxed);
-            if (state == touched) continue;
             const auto at = static_cast<std::int64_t>(i);
             const std::int64_t c = at % across_ * wide_, r = at / across_ * high_;
             const auto posts = static_cast<std::uint64_t>(std::min(wide_, columns_ - c) * std::min(high_, rows_ - r));
-            SkipCount& count = sum[state == 0 ? static_cast<std::size_t>(Skip::range) : state];
+            const auto unasked = static_cast<std::uint8_t>(Skip::range), read = static_cast<std::uint8_t>(Skip::none);
+            SkipCount& count = sum[state == 0 ? unasked : state == touched ? read : state];
             count.posts += posts;
             count.tiles += 1;
             count.bytes += posts * type_bytes_;

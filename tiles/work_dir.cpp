@@ -1,7 +1,6 @@
 #include "tiles/work_dir.hpp"
 
 #include <fcntl.h>
-#include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -19,6 +18,7 @@
 
 #include "lib/error.hpp"
 #include "tiles/checksum.hpp"
+#include "tiles/claim.hpp"
 
 namespace wedgescope {
 namespace {
@@ -39,41 +39,18 @@ bool is_temporary(const std::string& name) {
            name.find(temporary_mark) != std::string::npos;
 }
 
-/// A file descriptor that closes itself.
-class Descriptor {
-public:
-    explicit Descriptor(int number) : number_(number) {}
-    Descriptor(Descriptor&& other) noexcept : number_(std::exchange(other.number_, -1)) {}
-    Descriptor& operator=(Descriptor&& other) noexcept {
-        std::swap(number_, other.number_);
-        return *this;
-    }
-    ~Descriptor() {
-        if (number_ >= 0) ::close(number_);
-    }
-    int get() const { return number_; }
-    explicit operator bool() const { return number_ >= 0; }
-
-private:
-    int number_;
-};
-
 /// A file beside the final one, removed unless it is put in place.
 class Temporary {
 public:
-    Temporary(const std::string& folder, const std::string& name) : final_path_(folder + "/" + name), file_(-1) {
+    Temporary(const std::string& folder, const std::string& name) : final_path_(folder + "/" + name) {
         static std::atomic<int> count{0};
         for (;;) {
             path_ = text(folder, "/.", name, temporary_mark, ::getpid(), "-", ++count);
             file_ = Descriptor(::open(path_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666));
             if (!file_ && errno == EEXIST) continue;  // another machine's process of the same number
             if (!file_) fail("cannot be made", errno);
-            // Waits for one who looks whether the writer is dead. Some file systems know no locks: then nobody looks.
-            while (::flock(file_.get(), LOCK_EX) != 0 && errno == EINTR) {
-            }
-            struct stat facts {};
-            if (::fstat(file_.get(), &facts) == 0 && facts.st_nlink > 0) return;
-            // Another process took it for a dead one's before it was locked.
+            claim(file_.get());
+            if (stands_at(file_.get(), path_)) return;
         }
     }
     ~Temporary() {
@@ -273,20 +250,11 @@ WorkDir::WorkDir(std::string path, Start start) : path_(std::move(path)), start_
     }
     if (::access(path_.c_str(), W_OK | X_OK) != 0)
         throw IoError(text(named(), " cannot be written to: ", std::strerror(errno)));
-    remove_stale();
+    remove_left_behind(path_, is_temporary);
 }
 
 WorkDir::~WorkDir() {
     if (made_) ::rmdir(path_.c_str());
-}
-
-void WorkDir::remove_stale() const {
-    std::error_code error;
-    for (const auto& entry : fs::directory_iterator(path_, error)) {
-        if (!is_temporary(entry.path().filename().string())) continue;
-        const Descriptor left(::open(entry.path().c_str(), O_RDONLY | O_NOFOLLOW | O_CLOEXEC));
-        if (left && ::flock(left.get(), LOCK_EX | LOCK_NB) == 0) ::unlink(entry.path().c_str());
-    }
 }
 
 void WorkDir::bind(const Run& run) {

@@ -2,7 +2,7 @@
 // from it; several processes may fill one at the same time. Leaves what a wedge depends on to lib/wedge_archive.hpp.
 //
 // Files: run.json (scene, split) and wedge_NNNNNN.bin, laid out in docs/formats.md. Each is written under a temporary
-// name, synced and put in place in one step; whoever writes a temporary holds a lock on it (flock), so that what a
+// name, synced and put in place in one step; whoever writes a temporary claims it (claim.hpp), so that what a
 // killed process left behind is known and removed by the next one. Nothing is held in memory but a small header.
 #pragma once
 #include <mutex>
@@ -57,7 +57,6 @@ public:
 private:
     std::string file(const std::string& name) const { return path_ + "/" + name; }
     std::string named() const { return "work-dir '" + path_ + "'"; }
-    void remove_stale() const;
     std::string run_text(const std::vector<Interval>& wedges) const;
     bool read_run();
     void remove_wedges() const;

@@ -64,7 +64,7 @@ json report_json(const Settings& settings, const CoverageReport& report, const D
         out["wedges"].push_back(entry);
     }
     out["total"] = facts(report.total());
-    out["skipped"] = skipped_json(report.skipped);
+    add_skipped(out, report.skipped);
     out["source"] = source_json(report.source);
     out["states"] = json::object();
     for (std::size_t i = 0; i < report.states.size(); ++i) out["states"][state_names[i]] = report.states[i];

@@ -367,7 +367,7 @@ PlannedSource planned_source(const Settings& settings, const Stop& stop) {
 
 /// The pass is over before the wedges begin.
 std::size_t peak_bytes(const PlannedSource& planned, const Plan& plan) {
-    return std::max(planned.report.pass_peak_bytes, plan.peak_bytes());
+    return std::max(planned.report.planned_pass_peak_bytes, plan.peak_bytes());
 }
 
 /// CPU seconds of pass and wedges.

@@ -122,12 +122,14 @@ nlohmann::ordered_json inputs_json(const std::vector<InputFile>& inputs) {
     return out;
 }
 
-nlohmann::ordered_json skipped_json(const Skipped& skipped) {
-    auto out = nlohmann::ordered_json::object();
-    for (std::size_t cause = 1; cause < skip_count; ++cause)
-        out[skip_names[cause]] = {
+void add_skipped(nlohmann::ordered_json& report, const Skipped& skipped) {
+    const auto count = [&](std::size_t cause) {
+        return nlohmann::ordered_json{
             {"posts", skipped[cause].posts}, {"tiles", skipped[cause].tiles}, {"bytes", skipped[cause].bytes}};
-    return out;
+    };
+    report["read"] = count(static_cast<std::size_t>(Skip::none));
+    report["skipped"] = nlohmann::ordered_json::object();
+    for (std::size_t cause = 1; cause < skip_count; ++cause) report["skipped"][skip_names[cause]] = count(cause);
 }
 
 nlohmann::ordered_json source_json(const SourceReport& source) {
@@ -225,7 +227,7 @@ nlohmann::ordered_json report_json(const Settings& settings, const RunResult& ru
     }
     out["total"] = facts(sum(report.wedges.begin(), report.wedges.end()));
     out["total"].erase("wall_s");  // the wedges' overlap in time
-    out["skipped"] = skipped_json(report.skipped);
+    add_skipped(out, report.skipped);
     out["source"] = source_json(report.source);
     out["states"] = json::object();
     for (std::size_t code = 0; code < report.states.size(); ++code)
@@ -240,7 +242,10 @@ nlohmann::ordered_json report_json(const Settings& settings, const RunResult& ru
         {"partition_bytes",
          {{"planned", report.source.planned_partition_bytes}, {"actual", report.source.partition_bytes}}},
         {"bytes_spilled", {{"planned", report.source.planned_spilled_bytes}, {"actual", report.source.spilled_bytes}}},
-        {"peak_bytes", {{"planned", plan.peak_bytes}, {"actual", report.peak_held_bytes}}}};
+        // The pass is over before the wedges begin.
+        {"peak_bytes",
+         {{"planned", std::max(report.source.planned_pass_peak_bytes, plan.peak_bytes)},
+          {"actual", std::max(report.source.pass_peak_bytes, report.peak_held_bytes)}}}};
     out["reused"] = reused_count(report);
     out["levels"] = json::array();
     out["stages_wall_s"] =

@@ -29,8 +29,8 @@ Usage usage_since(double start_s);
 double now_s();
 
 nlohmann::ordered_json inputs_json(const std::vector<InputFile>& inputs);
-/// Tiles that nobody has read, by cause.
-nlohmann::ordered_json skipped_json(const Skipped& skipped);
+/// Tiles that were read, and those that nobody has read by cause: together all of the data base's.
+void add_skipped(nlohmann::ordered_json& report, const Skipped& skipped);
 nlohmann::ordered_json source_json(const SourceReport& source);
 /// Times, I/O and memory of the process, at the end of a report.
 void add_usage(nlohmann::ordered_json& report, const Usage& usage);

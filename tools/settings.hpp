@@ -11,7 +11,7 @@
 #include "lib/engine.hpp"
 #include "lib/scene.hpp"
 #include "tiles/polar_raster.hpp"
-#include "tiles/sources.hpp"
+#include "tiles/source_choice.hpp"
 
 namespace wedgescope {
 

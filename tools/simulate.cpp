@@ -9,6 +9,7 @@
 #include <memory>
 #include <system_error>
 
+#include "lib/plan.hpp"
 #include "tiles/gdal_session.hpp"
 #include "tiles/output_file.hpp"
 #include "tiles/picture.hpp"
@@ -106,6 +107,30 @@ std::unique_ptr<WorkDir> open_work_dir(const Settings& s) {
     return std::make_unique<WorkDir>(s.work_dir, start);
 }
 
+/// The azimuths of the wedges that are to be done alone, so that a pass keeps what these need; nothing where the range is to
+/// follow from the terrain, which splits the wedges. Records the split of the whole scene: what a pass keeps may not change it.
+std::optional<Arc> arc_alone(const Settings& settings, const DataBaseParams& layers, const SpillOptions& options,
+                             WorkDir& work, const Stop& stop) {
+    if (!settings.scene.range_m) return {};
+    const ResolvedScene scene = resolve(settings.scene, *open_direct_source(layers));
+    const auto forecast = forecast_spilled_source(layers, scene, true, options);
+    work.bind(work_run(settings, scene, forecast->data_base()));
+    EngineParams params = engine_params(settings);
+    params.archive = &work;
+    try {
+        const std::vector<Interval> wedges = work.record_split(plan(scene, *forecast, params).wedges);
+        const Interval only = *settings.only_wedges;
+        if (only.end > static_cast<std::int64_t>(wedges.size()))
+            return {};  // another process split them; run() refuses
+        const std::int64_t first = wedges.at(static_cast<std::size_t>(only.begin)).begin,
+                           end = wedges.at(static_cast<std::size_t>(only.end - 1)).end;
+        const double step_rad = scene.swept.azimuth_step_rad();
+        return Arc{static_cast<double>(first) * step_rad, static_cast<double>(end - first) * step_rad};
+    } catch (const TooLittleMemory& e) {
+        refuse(e, memory_bytes(settings), simulation(settings, scene, true, stop, &work));
+    }
+}
+
 /// How to go on from what is kept, for the end of an error's line; empty if nothing is.
 std::string kept_words(const WorkDir* work) {
     const std::size_t count = work ? work->kept() : 0;
@@ -146,6 +171,7 @@ void simulate(const Settings& settings, WorkDir* work, double start_s, Stop& sto
     if (work && work->seems_done()) choice = {};  // a pass would be for nothing; what is amiss is read in windows
     if (choice.spilled && !choice.kept) {
         remark(settings.quiet || !terminal, text("sorting the terrain into wedges: ", choice.why));
+        if (settings.only_wedges) options.only = arc_alone(settings, layers, options, *work, stop);
         options.stop = &stop;
         Progress sorting(settings.quiet);
         options.progress = [&](double fraction) { sorting.report(fraction); };

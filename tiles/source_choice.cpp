@@ -1,0 +1,122 @@
+#include "tiles/source_choice.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+
+#include "lib/error.hpp"
+#include "tiles/gdal_session.hpp"
+#include "tiles/raster_file.hpp"
+#include "tiles/tile_store.hpp"
+
+namespace wedgescope {
+namespace {
+
+/// How a raster is cut, and how many posts a window of 1024 x 1024 would decode for each one asked for.
+struct Cut {
+    std::int64_t columns = 0, rows = 0;
+    std::string compression;
+    double decoded = 1;
+};
+Cut cut_of(const RasterFacts& f) {
+    Cut cut{f.block_columns, f.block_rows, f.compression, 1};
+    if (f.driver == "VRT") {
+        // The first raster it is made of tells more than the blocks it shows.
+        GdalErrors quiet;
+        const DatasetHandle vrt(GDALDataset::Open(f.path.c_str(), GDAL_OF_RASTER | GDAL_OF_READONLY));
+        char** list = vrt ? vrt->GetFileList() : nullptr;
+        for (char** file = list; file && *file; ++file) {
+            const DatasetHandle part(GDALDataset::Open(*file, GDAL_OF_RASTER | GDAL_OF_READONLY));
+            if (!part || part->GetRasterCount() < 1 || EQUAL(part->GetDriver()->GetDescription(), "VRT")) continue;
+            int columns = 0, rows = 0;
+            part->GetRasterBand(1)->GetBlockSize(&columns, &rows);
+            cut.columns = columns;
+            cut.rows = rows;
+            if (const char* c = part->GetMetadataItem("COMPRESSION", "IMAGE_STRUCTURE")) cut.compression = c;
+            break;
+        }
+        CSLDestroy(list);
+    }
+    // Blocks that a run of n posts touches on average, and what they hold.
+    const auto ratio = [](std::int64_t block, std::int64_t posts) {
+        const auto n = static_cast<double>(std::min<std::int64_t>(1024, posts)), b = static_cast<double>(block);
+        return std::min((1 + (n - 1) / b) * b, static_cast<double>(posts)) / n;
+    };
+    cut.decoded = ratio(cut.columns, f.columns) * ratio(cut.rows, f.rows);
+    return cut;
+}
+
+/// By the rasters alone.
+SourceChoice choose_by_shape(const DataBaseParams& params, SourceKind asked, std::size_t memory_bytes) {
+    constexpr double most_decoded = 4;
+    Cut worst;
+    double bytes = 0;
+    ReaderBytes reader;
+    const bool store = is_tile_store(params.dem);
+    const auto look = [&](const char* role, const std::string& path) {
+        if (path.empty()) return;
+        const RasterFile file(role, path);
+        const RasterFacts& f = file.facts();
+        bytes += static_cast<double>(f.columns) * static_cast<double>(f.rows) * f.type_bytes;
+        const ReaderBytes own = file.reader_bytes();
+        reader = {std::max(reader.decoded, own.decoded), reader.packed + own.packed};
+        const Cut cut = cut_of(f);
+        if (worst.columns == 0 || cut.decoded > worst.decoded) worst = cut;
+    };
+    if (!store) look("dem", params.dem);
+    look("culture", params.culture);
+    look("culture-height", params.culture_height);
+    if (worst.columns == 0) return {asked == SourceKind::spilled, false, store ? "a tile store" : "no raster", ""};
+    const std::string shape = text(worst.columns == 1 ? "columns"
+                                   : worst.rows <= 16 ? "rows"
+                                                      : "tiles",
+                                   " of ", worst.columns, " x ", worst.rows,
+                                   worst.compression.empty() ? std::string() : ", " + worst.compression);
+    if (asked != SourceKind::automatic) return {asked == SourceKind::spilled, false, "as asked for; " + shape, ""};
+    if (bytes <= static_cast<double>(params.cache_bytes))
+        return {
+            false, false,
+            text(shape, "; all ", static_cast<std::uint64_t>(std::ceil(bytes / 1048576)), " MiB fit into the cache"),
+            ""};
+    // Beside images and chunks there must be room for a block, every time that something is read.
+    if (worst.decoded <= most_decoded && reader.decoded + reader.packed > memory_bytes / 4)
+        return {
+            true, false,
+            text(shape, "; to read one takes ", (reader.decoded + reader.packed) >> 20, " MiB of ", memory_bytes >> 20),
+            ""};
+    if (worst.decoded <= most_decoded) return {false, false, shape, ""};
+    return {
+        true, false,
+        text(shape, "; a window would decode ", fmt::format("{:.0f}", worst.decoded), " times the posts it asks for"),
+        ""};
+}
+
+}  // namespace
+
+SourceChoice choose_source(const DataBaseParams& params, SourceKind asked, const Scene& scene,
+                           std::size_t memory_bytes) {
+    SourceChoice choice = choose_by_shape(params, asked, memory_bytes);
+    std::error_code ignored;
+    if (asked == SourceKind::direct || !is_tile_store(params.dem) ||
+        !std::filesystem::exists(kept_path(params.dem), ignored))
+        return choice;
+    try {
+        SpillOptions options;
+        options.memory_bytes = memory_bytes;
+        open_kept_spill(params, scene, params.dem, options);
+        return {true, true, text("a tile store; sorted for this point in '", kept_path(params.dem), "'"), ""};
+    } catch (const UnfitSpill& e) {
+        choice.unfit = e.what();
+    } catch (const TooLittleMemory& e) {
+        choice.unfit = e.what();
+    }
+    return choice;
+}
+
+std::unique_ptr<WedgeSource> open_source(const SourceChoice& choice, const DataBaseParams& params, const Scene& scene,
+                                         const SpillOptions& options) {
+    if (choice.kept) return open_kept_spill(params, scene, params.dem, options);
+    return choice.spilled ? open_spilled_source(params, scene, options) : open_direct_source(params);
+}
+
+}  // namespace wedgescope
