@@ -185,7 +185,9 @@ public:
           bytes_(is_bytes(params.layer)), voids_(params.layer == CoverageLayer::states) {
         lift_.sensor_m = static_cast<float>(scene.sensor_m);
         lift_.inverse_radius = static_cast<float>(scene.earth.inverse_radius());
-        with_range_ = scene.range_limited || scene.scene.range_start_m > 0;
+        with_range_ = scene.range_limited || scene.scene.range_start_m > 0 || scene.scene.ground_range_m;
+        // A post that stands on the limit is in range, however its distance is rounded.
+        if (scene.scene.ground_range_m) farthest_m_ = *scene.scene.ground_range_m * (1 + 0x1p-32);
         limited_ = with_range_ || scene.scene.sector || params.elevation;
         with_posts_ = limited_ || !bytes_;
         if (params.elevation) {
@@ -299,10 +301,11 @@ private:
     SpokeMap map_;
     SpokeGrid grid_;
     bool bytes_, voids_;
-    bool with_range_ = false;  ///< a slant range is asked for
+    bool with_range_ = false;  ///< a slant range or one along the ground is asked for
     bool limited_ = false;     ///< not all of the raster is in view
     bool with_posts_ = false;  ///< the single post must be looked at
     bool hides_ = false;       ///< a post below every horizon can be judged without its height
+    double farthest_m_ = std::numeric_limits<double>::infinity();  ///< along the ground
     double least_tangent_ = 0, most_tangent_ = 0;
     Lift lift_;
     std::array<Side, 4> sides_;
@@ -661,7 +664,7 @@ void Cover::hide(const Side& side, Interval lines, std::int64_t major, Interval 
                      gentle = static_cast<double>(std::min(desk.far_lift[i], desk.far_lift[i + 1])),
                      drop = static_cast<double>(std::min(desk.drop[i], desk.drop[i + 1])) - bow;
         bool judged = hides_ && has(least);
-        if (judged && with_range_) {
+        if (judged && scene_.range_limited) {
             // All that a block holds must be in range, whatever its height.
             const auto metres = [&](std::int64_t k) {
                 const double m = static_cast<double>(k) / spokes;
@@ -832,7 +835,8 @@ void Cover::finish_line(const Side& side, const LineForm& line, Interval posts, 
             // A void's place in range is that of the level surface at the reference height.
             const double top = s == no_data || z != z ? scene_.reference_m : z + params_.target_m;
             const SightLine sight = sight_line(scene_.sensor_m, arc, top, inverse_radius);
-            if (with_range_ && !(sight.range_m <= *scene_.scene.range_m && sight.range_m >= scene_.scene.range_start_m))
+            if (with_range_ && !(sight.range_m <= *scene_.scene.range_m &&
+                                 sight.range_m >= scene_.scene.range_start_m && arc <= farthest_m_))
                 s = outside;
             if (params_.elevation && s != no_data &&
                 !(sight.up_m >= least_tangent_ * sight.out_m && sight.up_m <= most_tangent_ * sight.out_m))

@@ -231,10 +231,11 @@ ResolvedScene resolve_place(const Scene& scene, WedgeSource& source) {
 
 ResolvedScene resolve_coverage(const Scene& scene, WedgeSource& source) {
     ResolvedScene s = resolve_place(scene, source);
+    const double limit_m = scene.ground_range_m.value_or(std::numeric_limits<double>::infinity());
     if (!scene.range_m) {
         // A slant range that holds every post: the chord of the farthest arc and all heights there may be.
         constexpr double highest_m = 1e5;
-        const double farthest = farthest_edge_m(s, source.data_base());
+        const double farthest = std::min(farthest_edge_m(s, source.data_base()), limit_m);
         s.scene.range_m = 1.01 * farthest + std::abs(s.sensor_m) + highest_m;
         if (s.earth.inverse_radius() * farthest > 0.29)
             throw InputError(fmt::format(
@@ -251,7 +252,7 @@ ResolvedScene resolve_coverage(const Scene& scene, WedgeSource& source) {
                 text("range-start is ", scene.range_start_m, " m; it must be below the range, ", range, " m"));
         const double theta = range * s.earth.inverse_radius();
         s.range_limited = true;
-        s.farthest_arc_m = range * (1.0005 + theta * theta / 4);
+        s.farthest_arc_m = std::min(range * (1.0005 + theta * theta / 4), 1.01 * limit_m);
     }
     return s;
 }

@@ -59,6 +59,7 @@ void validate(const Scene& scene) {
     if (scene.range_m && !(*scene.range_m > scene.range_start_m))
         throw InputError(
             text("range is ", *scene.range_m, " m; it must be above range-start, ", scene.range_start_m, " m"));
+    if (scene.ground_range_m) require_above_to("ground-range", *scene.ground_range_m, 0, 1e7, "m");
     if (scene.azimuth_bins) require_within("azimuth-bins", static_cast<double>(*scene.azimuth_bins), 4, 1e6, "");
     if (scene.range_bin_m) require_within("range-bin", *scene.range_bin_m, 0.001, 1e6, "m");
     validate(scene.radar);

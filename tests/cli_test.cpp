@@ -267,6 +267,9 @@ TEST_CASE("coverage writes a mask on the raster's own grid, and every layer", "[
             {"coverage", dem, "x.tif", "--latlon", "33.93,-117.33", "--altitude-agl", "1km", "--memory", "2MiB"}, 2,
             {"memory is 2 MiB", "at least"});
     refuses(folder, {"simulate", "--layer", "mask"}, 2, {"--layer"});
+    refuses(folder, {"simulate", "--ground-range", "5km"}, 2, {"--ground-range", "coverage's"});
+    const std::string scene = folder.write("scene.ini", "dem = x.tif\nground-range = 5km\n");
+    refuses(folder, {"simulate", scene, "-o", "scope.png"}, 2, {"line 2", "ground-range", "coverage's"});
 }
 
 TEST_CASE("coverage understands gdal_viewshed's options", "[cli]") {
@@ -290,7 +293,8 @@ TEST_CASE("coverage understands gdal_viewshed's options", "[cli]") {
         report_of({"-tz", "3.5",       "-md", "9000", "-cc", "0",  "-ov",   "9",   "-vv",          "200", "-iv",
                    "100", "-a_nodata", "17",  "-b",   "1",   "-f", "GTiff", "-co", "COMPRESS=LZW", "-om", "NORMAL"});
     CHECK(all["scene"]["target-height"] == "3.5m");
-    CHECK(all["scene"]["range"] == "9km");
+    CHECK(all["scene"]["ground-range"] == "9km");
+    CHECK(all["scene"]["range"] == "auto");
     CHECK(all["scene"]["earth"] == "flat");
     CHECK(all["scene"]["outside-value"] == "9");
     CHECK(all["scene"]["seen-value"] == "200");

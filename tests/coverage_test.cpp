@@ -238,6 +238,36 @@ TEST_CASE("range, sector and pitch limit what is in view", "[coverage]") {
     CHECK(seen.report.states[static_cast<std::size_t>(State::seen)] >= inside);
 }
 
+TEST_CASE("a distance along the ground limits the view whatever the heights", "[coverage]") {
+    // A disc of 150 posts, sensor and ground as high as they like; (90, 120) and its like stand on its very edge.
+    MemorySource source(400, 420, post_m, [](double c, double) { return 3 * c; });
+    for (const double sensor : {1300.0, 9000.0, 40000.0})
+        for (const auto earth : {std::optional<double>(), std::optional(4.0 / 3)}) {
+            Scene scene = scene_at(200, 200, sensor, earth);
+            scene.ground_range_m = 150 * post_m;
+            CoverageParams params;
+            params.mask.outside = 7;
+            const Result seen = look(source, scene, params);
+            const Result range = look(source, scene, layer(CoverageLayer::range));
+            std::size_t wrong = 0;
+            for (std::int64_t r = 0; r < 420; ++r)
+                for (std::int64_t c = 0; c < 400; ++c) {
+                    const bool in = (c - 200) * (c - 200) + (r - 200) * (r - 200) <= 150 * 150;
+                    wrong += seen.at(c, r) != (in ? 255 : 7) || std::isnan(range.value(c, r)) == in;
+                }
+            INFO("sensor at " << sensor << " m");
+            CHECK(wrong == 0);
+        }
+    // With a slant range too both count.
+    Scene scene = scene_at(200, 200, 9000);
+    scene.ground_range_m = 150 * post_m;
+    scene.range_m = 9000;
+    const Result both = look(source, scene);
+    CHECK(both.at(220, 200) == 255);
+    CHECK(both.at(200, 290) == 255);  // 8.8 km
+    CHECK(both.at(200, 320) == 1);    // 9.1 km with the ground at 0.6 km: 3.6 km off and 8.4 km below
+}
+
 TEST_CASE("rolling ground is judged as an exact walk of each ray judges it", "[coverage]") {
     const unsigned seed = 20260131;
     INFO("seed " << seed);
@@ -403,6 +433,8 @@ TEST_CASE("what stays below every horizon is left out, and no bit changes", "[co
                                part(-0.2, 1.2) * static_cast<double>(rows - 1), part(150, 500), 4.0 / 3);
         if (turn % 6 == 5) scene.sector = Sector{Angle::degrees(part(-170, 0)), Angle::degrees(part(10, 170))};
         if (turn % 7 == 6) scene.range_m = part(3000, 20000);
+        if (turn % 7 == 4)
+            scene.ground_range_m = 3000 + 500 * turn;  // draws no number, so that the places stay above ground
         scene.quality = std::array{Quality::draft, Quality::normal, Quality::fine, Quality::exact}[random() % 4];
         for (const auto kind : {CoverageLayer::mask, CoverageLayer::states, CoverageLayer::height}) {
             CoverageParams params = layer(kind);

@@ -602,6 +602,10 @@ PartitionScope scope_of_pass(const ResolvedScene& scene, bool range_given, const
         scope.width_rad = options.only->width_rad;
     }
     if (options.all_round) scope.width_rad = PartitionScope{}.width_rad;
+    if (options.all_round && scene.scene.ground_range_m) {
+        const double limit_m = 1.001 * *scene.scene.ground_range_m;
+        scope.reach_m = std::min(scope.reach_m.value_or(limit_m), limit_m);
+    }
     return scope;
 }
 

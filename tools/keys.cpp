@@ -632,6 +632,11 @@ std::vector<Key> make_keys() {
                             quantity(
                                 length, between("0m", "100km"), [](auto& s) -> auto& { return s.coverage.target_m; }),
                             "0m", "of what stands on the post that is looked at"));
+        coverage_only(t.add(
+            "ground-range",
+            quantity(
+                length, above_to("0m", "10000km"), [](auto& s) -> auto& { return s.scene.ground_range_m; }, "none"),
+            "none", "largest distance along the ground, however high sensor and post stand"));
         coverage_only(t.add("pitch", pitch(), "full", "elevation angles at the sensor that count"));
         coverage_only(t.add("seen-value", mask_value([](auto& s) -> auto& { return s.coverage.mask.seen; }), "255",
                             "of the mask where the ground is seen"));

@@ -41,6 +41,16 @@ std::vector<std::string> key_names(unsigned commands, bool scene_file) {
     return names;
 }
 
+/// Of a key that only other commands have: whose it is.
+std::string whose(std::string_view word) {
+    const Key* key = find_key(word);
+    if (!key) return "";
+    std::string owners;
+    for (const CommandInfo& info : command_table())
+        if (key->commands & info.command) owners += text(owners.empty() ? "; it is " : " and ", info.name, "'s");
+    return owners;
+}
+
 std::string suggestion(std::string_view word, const std::vector<std::string>& known, const char* prefix) {
     const auto near = nearest(word, known);
     return near ? text("; did you mean ", prefix, *near, "?") : std::string();
@@ -85,8 +95,9 @@ std::vector<Given> read_command_line(Command command, const std::vector<std::str
         std::string_view word = option;
         while (word.starts_with('-')) word.remove_prefix(1);
         word = word.substr(0, word.find('='));
+        const std::string owners = whose(word);
         throw InputError(text("unknown option ", in_quotes(option.substr(0, option.find('='))),
-                              suggestion(word, key_names(taken, false), "--"), " (wedgescope help ", info.name,
+                              owners.empty() ? suggestion(word, key_names(taken, false), "--") : owners, " (wedgescope help ", info.name,
                               " lists them all)"));
     };
     using namespace po::command_line_style;
@@ -278,9 +289,10 @@ std::vector<Given> read_scene(const std::string& path, std::string_view content)
         const std::string value(trimmed(rest.substr(equals + 1)));
         const Key* key = find_key(name);
         if (!key || !key->in_scene_file || !(key->commands & command_simulate)) {
-            throw InputError(text("scene file ", in_quotes(path), ", line ", line, ": unknown key ",
-                                  in_quotes(name.substr(0, 60)),
-                                  suggestion(name, key_names(command_simulate, true), "")));
+            const std::string owners = key && !(key->commands & command_simulate) ? whose(name) : "";
+            throw InputError(
+                text("scene file ", in_quotes(path), ", line ", line, ": unknown key ", in_quotes(name.substr(0, 60)),
+                     owners.empty() ? suggestion(name, key_names(command_simulate, true), "") : owners));
         }
         if (value.empty())
             throw InputError(text("scene file ", in_quotes(path), ", line ", line, ": ", name, " has no value"));

@@ -76,7 +76,7 @@ ViewshedArguments translate_viewshed(const std::vector<std::string>& arguments) 
     const bool altitude = names("--altitude-msl") || names("--altitude-agl") || names("--altitude-hae");
     if (const auto h = value_or("-oz", altitude ? "" : "2")) add("--altitude-agl", *h + "m");
     if (const auto h = value_or("-tz", "")) add("--target-height", *h + "m");
-    if (const auto d = value_or("-md", ""); d && is_number("-md", *d) != 0) add("--range", *d + "m");
+    if (const auto d = value_or("-md", ""); d && is_number("-md", *d) != 0) add("--ground-range", *d + "m");
     if (const auto c = value_or("-cc", names("--earth") ? "" : "0.85714"))
         add("--earth", earth_of(is_number("-cc", *c)));
     const auto outside = value_or("-ov", names("--outside-value") ? "" : "0");

@@ -1,0 +1,124 @@
+// coverage beside Debian's gdal_viewshed, both given the same words on the same terrain.
+#include <catch2/catch.hpp>
+
+#include <cmath>
+#include <map>
+
+#include "tests/drawn_raster.hpp"
+#include "tests/program.hpp"
+
+using namespace wedgescope::test;
+
+namespace {
+
+const std::string dem = WEDGESCOPE_DATA "/inland_empire_dem.tif";
+
+/// A mask, and where it lies.
+struct Mask {
+    int columns = 0, rows = 0;
+    std::array<double, 6> terms{};
+    bool no_data = false;  ///< declared
+    double no_data_value = 0;
+    std::vector<std::uint8_t> posts;
+
+    explicit Mask(const std::string& path) {
+        GDALAllRegister();
+        GDALDataset* in = GDALDataset::Open(path.c_str());
+        if (!in) throw std::runtime_error("cannot open " + path);
+        columns = in->GetRasterXSize();
+        rows = in->GetRasterYSize();
+        in->GetGeoTransform(terms.data());
+        posts.resize(static_cast<std::size_t>(columns) * static_cast<std::size_t>(rows));
+        GDALRasterBand* band = in->GetRasterBand(1);
+        int declared = 0;
+        no_data_value = band->GetNoDataValue(&declared);
+        no_data = declared != 0;
+        const CPLErr read = band->RasterIO(GF_Read, 0, 0, columns, rows, posts.data(), columns, rows, GDT_Byte, 0, 0);
+        GDALClose(in);
+        if (read != CE_None) throw std::runtime_error("cannot read " + path);
+    }
+    std::uint8_t at(int column, int row) const {
+        return posts[static_cast<std::size_t>(row) * static_cast<std::size_t>(columns) +
+                     static_cast<std::size_t>(column)];
+    }
+};
+
+/// The masks of both programs for the same words.
+struct Pair {
+    Mask theirs, ours;
+};
+Pair both(const Folder& folder, std::vector<std::string> words) {
+    const auto run = [&](std::vector<std::string> program, const std::string& out) {
+        program.insert(program.end(), words.begin(), words.end());
+        program.insert(program.end(), {"-q", dem, out});
+        const Ended ended = run_program(program, folder / "log");
+        INFO(ended.err);
+        REQUIRE(ended.code == 0);
+        return Mask(out);
+    };
+    std::filesystem::remove(folder / "ours.tif");
+    return {run({GDAL_VIEWSHED}, folder / "theirs.tif"),
+            run({WEDGESCOPE_PROGRAM, "coverage"}, folder / "ours.tif")};
+}
+
+/// Posts that one kind of value covers in `theirs` or `ours`, of the posts that `theirs` has.
+struct Agreement {
+    std::size_t posts = 0, same = 0, range_differs = 0;
+    std::map<int, std::size_t> theirs, ours;
+    double percent() const { return 100.0 * static_cast<double>(same) / static_cast<double>(posts); }
+};
+/// gdal_viewshed cuts its output to the square round the disc; ours keeps the terrain's grid, all outside beyond.
+Agreement compare(const Pair& pair, int outside) {
+    const auto& [theirs, ours] = pair;
+    const int left = static_cast<int>(std::lround((theirs.terms[0] - ours.terms[0]) / ours.terms[1])),
+              top = static_cast<int>(std::lround((theirs.terms[3] - ours.terms[3]) / ours.terms[5]));
+    Agreement found;
+    for (int r = 0; r < ours.rows; ++r)
+        for (int c = 0; c < ours.columns; ++c) {
+            const int x = c - left, y = r - top, b = ours.at(c, r);
+            const bool covered = x >= 0 && x < theirs.columns && y >= 0 && y < theirs.rows;
+            const int a = covered ? theirs.at(x, y) : outside;
+            found.range_differs += (a == outside) != (b == outside);
+            ++found.theirs[a];
+            ++found.ours[b];
+            found.posts += a != outside || covered;
+            found.same += covered && a == b;
+        }
+    return found;
+}
+
+}  // namespace
+
+TEST_CASE("coverage marks the posts that gdal_viewshed marks, with the same words", "[viewshed]") {
+    const Folder folder;
+    for (const char* height : {"30", "500"}) {
+        INFO("observer " << height << " m above ground");
+        const Pair pair =
+            both(folder, {"-ox", "453717", "-oy", "3740093", "-oz", height, "-tz", "2", "-vv", "200", "-iv", "50"});
+        CHECK(pair.ours.columns == pair.theirs.columns);
+        CHECK(pair.ours.rows == pair.theirs.rows);
+        CHECK(pair.ours.terms == pair.theirs.terms);
+        CHECK(pair.ours.no_data == pair.theirs.no_data);
+        const Agreement found = compare(pair, 0);
+        CHECK(found.percent() > 97);
+        for (const auto* values : {&found.theirs, &found.ours}) {
+            REQUIRE(values->size() == 2);
+            CHECK(values->contains(50));
+            CHECK(values->contains(200));
+        }
+    }
+}
+
+TEST_CASE("gdal_viewshed's -md is a distance along the ground, however high the observer", "[viewshed]") {
+    const Folder folder;
+    for (const char* height : {"20", "9000"})
+        for (const char* distance : {"4000", "10000"}) {
+            INFO("observer " << height << " m above ground, " << distance << " m");
+            const Pair pair = both(folder, {"-ox", "453000", "-oy", "3740000", "-oz", height, "-md", distance, "-vv",
+                                            "200", "-iv", "50", "-ov", "7"});
+            const Agreement found = compare(pair, 7);
+            CHECK(found.range_differs == 0);
+            CHECK(found.percent() > 97);
+            CHECK(found.ours.at(200) > 1000);
+        }
+}
