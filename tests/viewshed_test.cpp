@@ -122,3 +122,18 @@ TEST_CASE("gdal_viewshed's -md is a distance along the ground, however high the 
             CHECK(found.ours.at(200) > 1000);
         }
 }
+
+TEST_CASE("what is out of range and what is hidden stay apart from no-data, as in gdal_viewshed's masks", "[viewshed]") {
+    const Folder folder;
+    const std::vector<std::string> words = {"-ox", "453717", "-oy", "3740093", "-oz", "30", "-md", "6000"};
+    const Pair plain = both(folder, words);
+    CHECK_FALSE(plain.theirs.no_data);
+    CHECK_FALSE(plain.ours.no_data);
+    CHECK(compare(plain, 0).ours.size() == 2);
+    std::vector<std::string> declared = words;
+    declared.insert(declared.end(), {"-a_nodata", "17"});
+    const Pair named = both(folder, declared);
+    CHECK(named.theirs.no_data_value == 17);
+    CHECK(named.ours.no_data_value == 17);
+    CHECK(named.ours.no_data == named.theirs.no_data);
+}

@@ -19,6 +19,7 @@ public:
         CoverageLayer kind = CoverageLayer::mask;
         /// Mask: declared as no-data in any case; else the values of no data and out of range if they occur.
         std::optional<std::uint8_t> no_data;
+        bool undeclared = false;  ///< mask: nothing is declared unless `no_data` is
         MaskValues mask;
     };
 

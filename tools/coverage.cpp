@@ -169,6 +169,7 @@ void coverage(const std::vector<std::string>& arguments, Stop& stop) {
     layer.kind = params.layer;
     layer.mask = params.mask;
     if (settings.no_data_value) layer.no_data = params.mask.no_data;
+    layer.undeclared = translated.gdal_style;  // and -ov may be what hidden ground is too
     CoverageFile raster(scene, db, layer, file, format);
     const CoverageReport report = cover(scene, *source, params, [&](const CoverageTile& tile) { raster.write(tile); });
     progress.done();
