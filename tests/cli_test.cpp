@@ -958,3 +958,17 @@ TEST_CASE("a store tiled around a point serves scenes from there by its kept spi
     refuses(folder, {"tile", dem, "other", "--culture", "store", "--culture-legend", "fbfm40"}, 2,
             {"'store' is a tile store", "'store/culture.vrt'"});
 }
+
+TEST_CASE("an output without a name is refused before any work", "[cli]") {
+    const Folder folder;
+    const std::string ground = grid(folder, "ground", "5");
+    refuses(folder, {"tile", ground, ""}, 2, {"output has an empty name", "folder"});
+    refuses(folder, {"tile", ground, "", "--overwrite"}, 2, {"output has an empty name"});
+    refuses(folder, {"tile", ground, "", "--resume"}, 2, {"output has an empty name"});
+    refuses(folder, {"coverage", ground, "", "--xy", "465100,3750100", "--altitude-agl", "1km"}, 2,
+            {"output has an empty name"});
+    for (const char* key : {"--output", "--echo", "--power", "--states", "--report", "--timeline", "--work-dir"}) {
+        refuses(folder, with(good, {key, ""}), 2, {key, "is empty"});
+        refuses(folder, with(good, {std::string(key) + "= "}), 2, {key, "is empty"});
+    }
+}

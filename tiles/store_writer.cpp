@@ -110,6 +110,7 @@ StoreWriter::StoreWriter(const TileStoreParams& params) : params_(params) {
 
 void StoreWriter::check_output() const {
     const std::string output = folder_.substr(0, folder_.size() - 5);
+    if (output.empty()) throw InputError("output has an empty name; accepted: the path of a folder");
     if (params_.tile_posts < 64 || params_.tile_posts > 2048 || (params_.tile_posts & (params_.tile_posts - 1)) != 0)
         throw InputError(
             text("tile-size is ", params_.tile_posts, "; accepted: 64, 128, 256, 512, 1024 or 2048 posts"));
