@@ -972,3 +972,17 @@ TEST_CASE("an output without a name is refused before any work", "[cli]") {
         refuses(folder, with(good, {std::string(key) + "= "}), 2, {key, "is empty"});
     }
 }
+
+TEST_CASE("tile works from inside a store", "[cli]") {
+    const Folder folder;
+    const std::string ground = grid(folder, "ground", "5");
+    REQUIRE(folder.run({"tile", ground, "st", "-q"}).code == 0);
+    for (const auto& entry : fs::directory_iterator(folder.work() / "st")) fs::rename(entry, folder.work() / entry.path().filename());
+    REQUIRE(folder.names().contains("manifest.json"));
+    const Outcome outcome = folder.run({"tile", ground, "new", "-q"});
+    INFO(outcome.err);
+    CHECK(outcome.code == 0);
+    CHECK(folder.names().contains("new"));
+    // The store that the current folder is has a name, too.
+    refuses(folder, {"tile", ".", "other"}, 2, {"'.' is a tile store"});
+}

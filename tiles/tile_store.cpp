@@ -8,6 +8,7 @@
 namespace wedgescope {
 
 bool is_tile_store(const std::string& path) {
+    if (path.empty()) return false;  // not the current folder
     std::error_code ignored;
     return std::filesystem::is_regular_file(std::filesystem::path(path) / manifest_name, ignored);
 }
