@@ -2,7 +2,10 @@
 #include <catch2/catch.hpp>
 
 #include <cmath>
+#include <cstdio>
 #include <map>
+#include <regex>
+#include <set>
 
 #include "tests/drawn_raster.hpp"
 #include "tests/program.hpp"
@@ -57,8 +60,7 @@ Pair both(const Folder& folder, std::vector<std::string> words) {
         return Mask(out);
     };
     std::filesystem::remove(folder / "ours.tif");
-    return {run({GDAL_VIEWSHED}, folder / "theirs.tif"),
-            run({WEDGESCOPE_PROGRAM, "coverage"}, folder / "ours.tif")};
+    return {run({GDAL_VIEWSHED}, folder / "theirs.tif"), run({WEDGESCOPE_PROGRAM, "coverage"}, folder / "ours.tif")};
 }
 
 /// Posts that one kind of value covers in `theirs` or `ours`, of the posts that `theirs` has.
@@ -84,6 +86,22 @@ Agreement compare(const Pair& pair, int outside) {
             found.posts += a != outside || covered;
             found.same += covered && a == b;
         }
+    return found;
+}
+
+std::string said_by(const std::string& command) {
+    FILE* pipe = ::popen((command + " 2>&1").c_str(), "r");
+    if (!pipe) throw std::runtime_error("cannot start " + command);
+    std::string all;
+    for (int c = 0; (c = std::fgetc(pipe)) != EOF;) all += static_cast<char>(c);
+    ::pclose(pipe);
+    return all;
+}
+
+std::set<std::string> single_dash_words(const std::string& page) {
+    std::set<std::string> found;
+    const std::regex word(R"((^|[\s\[])(-[a-z][a-z_]*))");
+    for (std::sregex_iterator at(page.begin(), page.end(), word), end; at != end; ++at) found.insert((*at)[2].str());
     return found;
 }
 
@@ -123,7 +141,8 @@ TEST_CASE("gdal_viewshed's -md is a distance along the ground, however high the 
         }
 }
 
-TEST_CASE("what is out of range and what is hidden stay apart from no-data, as in gdal_viewshed's masks", "[viewshed]") {
+TEST_CASE("what is out of range and what is hidden stay apart from no-data, as in gdal_viewshed's masks",
+          "[viewshed]") {
     const Folder folder;
     const std::vector<std::string> words = {"-ox", "453717", "-oy", "3740093", "-oz", "30", "-md", "6000"};
     const Pair plain = both(folder, words);
@@ -136,4 +155,14 @@ TEST_CASE("what is out of range and what is hidden stay apart from no-data, as i
     CHECK(named.theirs.no_data_value == 17);
     CHECK(named.ours.no_data_value == 17);
     CHECK(named.ours.no_data == named.theirs.no_data);
+}
+
+TEST_CASE("the help names every option that gdal_viewshed has", "[viewshed]") {
+    const std::set<std::string> theirs = single_dash_words(said_by(GDAL_VIEWSHED " --help")),
+                                ours = single_dash_words(said_by(WEDGESCOPE_PROGRAM " help coverage"));
+    CHECK(theirs.size() > 12);
+    for (const std::string& option : theirs) {
+        INFO(option);
+        CHECK(ours.contains(option));
+    }
 }

@@ -97,8 +97,8 @@ std::vector<Given> read_command_line(Command command, const std::vector<std::str
         word = word.substr(0, word.find('='));
         const std::string owners = whose(word);
         throw InputError(text("unknown option ", in_quotes(option.substr(0, option.find('='))),
-                              owners.empty() ? suggestion(word, key_names(taken, false), "--") : owners, " (wedgescope help ", info.name,
-                              " lists them all)"));
+                              owners.empty() ? suggestion(word, key_names(taken, false), "--") : owners,
+                              " (wedgescope help ", info.name, " lists them all)"));
     };
     using namespace po::command_line_style;
     po::positional_options_description positional;
@@ -204,9 +204,10 @@ const std::vector<CommandInfo>& command_table() {
          "terrain raster -> which of its posts are seen, or how high, far and steep they lie",
          "OUT has IN's grid; the mask holds 255 where the ground is seen, 0 where it is not, 1 where there is no data "
          "or "
-         "out of range. gdal_viewshed's options -ox -oy -oz -tz -md -cc -ov -vv -iv -a_nodata -b -f -co are understood "
-         "too, in its units; with -ox and -oy the ground is a plane, the sensor stands over the nearest post, and "
-         "defaults are gdal_viewshed's.",
+         "out of range. gdal_viewshed's options -ox -oy -oz -tz -md -cc -ov -vv -iv -a_nodata -b -f -co -om -q are "
+         "understood too, in its units (-b 1 and -om NORMAL only: --layer height gives what -om DEM does); with -ox "
+         "and "
+         "-oy the ground is a plane, the sensor stands over the nearest post, and defaults are gdal_viewshed's.",
          "wedgescope coverage --latlon 33.9,-117.3 --altitude-agl 500m terrain.tif seen.tif"},
         {command_info, "info", "wedgescope info [options] FILE... | info --plan [simulate's options] [scene.ini]",
          "what rasters and tile stores hold, or what a scene file (*.ini) resolves to",
@@ -290,9 +291,9 @@ std::vector<Given> read_scene(const std::string& path, std::string_view content)
         const Key* key = find_key(name);
         if (!key || !key->in_scene_file || !(key->commands & command_simulate)) {
             const std::string owners = key && !(key->commands & command_simulate) ? whose(name) : "";
-            throw InputError(
-                text("scene file ", in_quotes(path), ", line ", line, ": unknown key ", in_quotes(name.substr(0, 60)),
-                     owners.empty() ? suggestion(name, key_names(command_simulate, true), "") : owners));
+            throw InputError(text("scene file ", in_quotes(path), ", line ", line, ": unknown key ",
+                                  in_quotes(name.substr(0, 60)),
+                                  owners.empty() ? suggestion(name, key_names(command_simulate, true), "") : owners));
         }
         if (value.empty())
             throw InputError(text("scene file ", in_quotes(path), ", line ", line, ": ", name, " has no value"));
