@@ -977,7 +977,8 @@ TEST_CASE("tile works from inside a store", "[cli]") {
     const Folder folder;
     const std::string ground = grid(folder, "ground", "5");
     REQUIRE(folder.run({"tile", ground, "st", "-q"}).code == 0);
-    for (const auto& entry : fs::directory_iterator(folder.work() / "st")) fs::rename(entry, folder.work() / entry.path().filename());
+    for (const auto& entry : fs::directory_iterator(folder.work() / "st"))
+        fs::rename(entry, folder.work() / entry.path().filename());
     REQUIRE(folder.names().contains("manifest.json"));
     const Outcome outcome = folder.run({"tile", ground, "new", "-q"});
     INFO(outcome.err);
@@ -985,4 +986,25 @@ TEST_CASE("tile works from inside a store", "[cli]") {
     CHECK(folder.names().contains("new"));
     // The store that the current folder is has a name, too.
     refuses(folder, {"tile", ".", "other"}, 2, {"'.' is a tile store"});
+}
+
+TEST_CASE("coverage of nothing but voids says so", "[cli]") {
+    const Folder folder;
+    const std::string hole =
+        float_raster(folder, "hole", 40, 40, std::vector<float>(1600, std::numeric_limits<float>::quiet_NaN()));
+    for (const Strings& more : {Strings{}, {"-q"}}) {
+        const Outcome outcome = folder.run(with(
+            {"coverage", hole, "seen.tif", "--xy", "465500,3750000", "--altitude-msl", "1km", "--overwrite"}, more));
+        INFO(outcome.err);
+        CHECK(outcome.code == 0);
+        CHECK_THAT(outcome.err, Contains("hole.dat': no post in view holds a height"));
+    }
+    // A place in the sea beside the data, and one of its posts.
+    std::vector<float> posts(1600, std::numeric_limits<float>::quiet_NaN());
+    posts[820] = 7;
+    const std::string rock = float_raster(folder, "rock", 40, 40, posts);
+    const Outcome outcome =
+        folder.run({"coverage", rock, "rock.tif", "--xy", "465500,3750000", "--altitude-msl", "1km", "-q"});
+    CHECK(outcome.code == 0);
+    CHECK(outcome.err.empty());
 }
