@@ -1,0 +1,172 @@
+// The layers of coverage beside one another on real terrain with voids: what the program writes, and triangles drawn
+// with GDAL's positions and GeographicLib's geodesics.
+#include <GeographicLib/Geodesic.hpp>
+
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <map>
+#include <memory>
+#include <numbers>
+
+#include "tests/drawn_raster.hpp"
+#include "tests/program.hpp"
+
+using namespace wedgescope::test;
+
+namespace {
+
+const std::string dem = WEDGESCOPE_DATA "/worcester_vermont_dem.tif";
+constexpr double sensor_lat = 44.45, sensor_lon = -72.6, sensor_m = 1500, degree = std::numbers::pi / 180;
+
+/// All of a raster.
+struct Posts {
+    int columns = 0, rows = 0;
+    std::vector<double> values;
+    std::optional<double> no_data;
+    std::array<double, 6> terms{};
+    std::unique_ptr<OGRCoordinateTransformation> to_lat_lon;
+
+    explicit Posts(const std::string& path) {
+        GDALAllRegister();
+        GDALDataset* in = GDALDataset::Open(path.c_str());
+        if (!in) throw std::runtime_error("cannot open " + path);
+        columns = in->GetRasterXSize();
+        rows = in->GetRasterYSize();
+        values.resize(static_cast<std::size_t>(columns) * static_cast<std::size_t>(rows));
+        GDALRasterBand* band = in->GetRasterBand(1);
+        int declared = 0;
+        const double value = band->GetNoDataValue(&declared);
+        if (declared) no_data = value;
+        in->GetGeoTransform(terms.data());
+        OGRSpatialReference earth;
+        earth.importFromEPSG(4326);
+        earth.SetAxisMappingStrategy(OAMS_TRADITIONAL_GIS_ORDER);
+        to_lat_lon.reset(OGRCreateCoordinateTransformation(in->GetSpatialRef(), &earth));
+        const CPLErr read =
+            band->RasterIO(GF_Read, 0, 0, columns, rows, values.data(), columns, rows, GDT_Float64, 0, 0);
+        GDALClose(in);
+        if (read != CE_None || !to_lat_lon) throw std::runtime_error("cannot read " + path);
+    }
+    std::size_t index(int c, int r) const {
+        return static_cast<std::size_t>(r) * static_cast<std::size_t>(columns) + static_cast<std::size_t>(c);
+    }
+    double at(int c, int r) const { return values[index(c, r)]; }
+    std::pair<double, double> lat_lon(int c, int r) const {
+        double x = terms[0] + (c + 0.5) * terms[1], y = terms[3] + (r + 0.5) * terms[5];
+        if (!to_lat_lon->Transform(1, &x, &y)) throw std::runtime_error("no place on earth");
+        return {y, x};
+    }
+};
+
+struct Line {
+    double arc_m, azimuth, back;  ///< rad, clockwise from north; `back`: at the far end, onward
+};
+Line line(double lat, double lon, std::pair<double, double> to) {
+    Line l{};
+    GeographicLib::Geodesic::WGS84().Inverse(lat, lon, to.first, to.second, l.arc_m, l.azimuth, l.back);
+    l.azimuth *= degree;
+    l.back *= degree;
+    return l;
+}
+
+/// Radius of curvature of WGS84 along an azimuth (Euler), times 4/3.
+double effective_radius(double azimuth) {
+    constexpr double a = 6378137, f = 1 / 298.257223563, e2 = f * (2 - f);
+    const double s = std::sin(sensor_lat * degree), w = std::sqrt(1 - e2 * s * s);
+    const double meridian = a * (1 - e2) / (w * w * w), normal = a / w;
+    return 4.0 / 3 / (std::pow(std::cos(azimuth), 2) / meridian + std::pow(std::sin(azimuth), 2) / normal);
+}
+
+}  // namespace
+
+TEST_CASE("a void is no data in every layer, and what is seen needs no height", "[coverage]") {
+    const Folder folder;
+    const Posts ground(dem);
+    REQUIRE(ground.no_data);
+    std::map<std::string, std::unique_ptr<Posts>> layers;
+    for (const char* layer : {"mask", "states", "height", "range", "grazing", "depression"}) {
+        const std::string out = folder / (std::string(layer) + ".tif");
+        const Ended ended = run_program({WEDGESCOPE_PROGRAM, "coverage", dem, out, "--layer", layer, "--latlon",
+                                         "44.45,-72.6", "--altitude-msl", "1500m", "-q"},
+                                        folder / "log");
+        INFO(ended.err);
+        REQUIRE(ended.code == 0);
+        layers[layer] = std::make_unique<Posts>(out);
+        CHECK(layers[layer]->columns == ground.columns);
+        CHECK(layers[layer]->rows == ground.rows);
+        CHECK(layers[layer]->terms == ground.terms);
+    }
+    const Posts &mask = *layers["mask"], &states = *layers["states"], &height = *layers["height"];
+    REQUIRE(mask.no_data);
+    CHECK(*mask.no_data == 1);
+    for (const char* layer : {"height", "range", "grazing", "depression"}) {
+        REQUIRE(layers[layer]->no_data);
+        CHECK(std::isnan(*layers[layer]->no_data));
+    }
+    std::map<int, std::size_t> count;
+    std::size_t wrong_void = 0, wrong_seen = 0, wrong_height = 0;
+    for (std::size_t i = 0; i < ground.values.size(); ++i) {
+        const bool is_void = ground.values[i] == *ground.no_data;
+        const int m = static_cast<int>(mask.values[i]), s = static_cast<int>(states.values[i]);
+        ++count[s];
+        wrong_void += (m == 1) != is_void || (s == 0) != is_void;
+        for (const char* layer : {"height", "range", "grazing", "depression"})
+            wrong_void += std::isnan(layers[layer]->values[i]) != is_void;
+        wrong_seen += (m == 255) != (s == 2 || s == 3) || (m == 0) != (s == 1);
+        if (!is_void) wrong_height += (height.values[i] == 0) != (m == 255) || height.values[i] < 0;
+    }
+    CHECK(wrong_void == 0);
+    CHECK(wrong_seen == 0);
+    CHECK(wrong_height == 0);
+    CHECK(count[0] > 100000);  // a third of the raster
+    CHECK(count[1] > 1000);
+    CHECK(count[2] > 1000);
+    CHECK(count.size() == 4);  // unknown too, behind the voids
+
+    // Range, depression and grazing of some posts: the triangle of sensor, post and the effective earth's centre.
+    std::size_t looked_at = 0, wrong_range = 0, wrong_depression = 0, wrong_grazing = 0;
+    // Posts whose line from the sensor is known; the sensor's own column and row by the nearest post.
+    double nearest = 1e9;
+    int sensor_c = 0, sensor_r = 0;
+    for (int r = 0; r < ground.rows; r += 5)
+        for (int c = 0; c < ground.columns; c += 5)
+            if (const double d = line(sensor_lat, sensor_lon, ground.lat_lon(c, r)).arc_m; d < nearest)
+                nearest = d, sensor_c = c, sensor_r = r;
+    for (int r = 3; r + 3 < ground.rows; r += 17)
+        for (int c = 3; c + 3 < ground.columns; c += 13) {
+            const double z = ground.at(c, r);
+            if (z == *ground.no_data || std::abs(c - sensor_c) < 12 || std::abs(r - sensor_r) < 12) continue;
+            const auto place = ground.lat_lon(c, r);
+            const Line to = line(sensor_lat, sensor_lon, place);
+            const double radius = effective_radius(to.azimuth), theta = to.arc_m / radius, a = radius + sensor_m,
+                         b = radius + z;
+            const double half = std::sin(theta / 2), slant = std::sqrt((a - b) * (a - b) + 4 * a * b * half * half);
+            const double depression = std::atan2(a - b * std::cos(theta), b * std::sin(theta));
+            const std::size_t i = ground.index(c, r);
+            ++looked_at;
+            wrong_range += !(std::abs(layers["range"]->values[i] - slant) < 0.5);
+            wrong_depression += !(std::abs(layers["depression"]->values[i] * degree - depression) < 0.5 / slant);
+            // The plane through the post and the neighbours on the sensor's side, east and north of the post.
+            const int beside_c = c < sensor_c ? c + 1 : c - 1, beside_r = r < sensor_r ? r + 1 : r - 1;
+            const double zc = ground.at(beside_c, r), zr = ground.at(c, beside_r);
+            if (zc == *ground.no_data || zr == *ground.no_data) continue;
+            const auto offset = [&](int column, int row) {
+                const Line l = line(place.first, place.second, ground.lat_lon(column, row));
+                return std::pair(l.arc_m * std::sin(l.azimuth), l.arc_m * std::cos(l.azimuth));
+            };
+            const auto [cx, cy] = offset(beside_c, r);
+            const auto [rx, ry] = offset(c, beside_r);
+            const double det = cx * ry - cy * rx, gx = ((zc - z) * ry - (zr - z) * cy) / det,
+                         gy = (cx * (zr - z) - rx * (zc - z)) / det;
+            // Towards the sensor: back along the line, up by the depression less the angle of the verticals.
+            const double up = depression - theta, x = -std::sin(to.back) * std::cos(up),
+                         y = -std::cos(to.back) * std::cos(up);
+            const double grazing =
+                std::asin((std::sin(up) - gx * x - gy * y) / std::sqrt(1 + gx * gx + gy * gy)) / degree;
+            if (!(std::abs(layers["grazing"]->values[i] - grazing) < 0.05 + 60 / slant)) ++wrong_grazing;
+        }
+    CHECK(looked_at > 500);
+    CHECK(wrong_range == 0);
+    CHECK(wrong_depression == 0);
+    CHECK(wrong_grazing == 0);
+}
