@@ -1,4 +1,6 @@
 // The promise of --memory, measured from outside: no command ever holds more than it and 64 MiB.
+#include <gdal_utils.h>
+
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
@@ -72,6 +74,56 @@ void draw_hills(const std::string& path, const Shape& shape) {
     int status = 0;
     if (child < 0 || ::waitpid(child, &status, 0) != child || status != 0)
         throw std::runtime_error("cannot draw " + path);
+}
+
+/// Rough hills of 5001 x 5001 posts of 10 m in 100 files of unlike make that share their edges, under a VRT.
+void draw_mosaic(const Folder& folder, const std::string& vrt) {
+    const pid_t child = ::fork();
+    if (child == 0) {
+        GDALAllRegister();
+        constexpr int edge = 501, step = edge - 1, across = 10;
+        const std::vector<std::vector<const char*>> makes = {
+            {"TILED=YES", "COMPRESS=DEFLATE", nullptr}, {"COMPRESS=LZW", nullptr}, {nullptr}};
+        OGRSpatialReference crs;
+        crs.importFromEPSG(32611);
+        std::vector<std::int16_t> posts(edge * edge);
+        std::vector<std::string> names;
+        for (int part = 0; part < across * across; ++part) {
+            const int left = part % across * step, top = part / across * step;
+            names.push_back(folder / ("part" + std::to_string(part) + ".tif"));
+            const auto make = makes[static_cast<std::size_t>(part) % makes.size()];
+            GDALDataset* out = GetGDALDriverManager()->GetDriverByName("GTiff")->Create(
+                names.back().c_str(), edge, edge, 1, GDT_Int16, const_cast<char**>(make.data()));
+            if (!out) ::_exit(1);
+            double terms[6] = {400000 + 10.0 * left, 10, 0, 4500000 - 10.0 * top, 0, -10};
+            out->SetGeoTransform(terms);
+            out->SetSpatialRef(&crs);
+            for (int y = 0; y < edge; ++y)
+                for (int x = 0; x < edge; ++x) {
+                    const int c = left + x, r = top + y;
+                    const auto noise = static_cast<unsigned>(c) * 2654435761U ^ static_cast<unsigned>(r) * 40503U * 77U;
+                    const double z =
+                        800 + 200 * std::sin(c * 0.011 + r * 0.004) + 150 * std::sin(r * 0.017 - c * 0.006);
+                    posts[static_cast<std::size_t>(y * edge + x)] =
+                        static_cast<std::int16_t>(z + static_cast<double>(noise >> 13 & 31));
+                }
+            if (out->GetRasterBand(1)->RasterIO(GF_Write, 0, 0, edge, edge, posts.data(), edge, edge, GDT_Int16, 0, 0,
+                                                nullptr) != CE_None)
+                ::_exit(1);
+            GDALClose(out);
+        }
+        std::vector<const char*> list;
+        for (const std::string& name : names) list.push_back(name.c_str());
+        int bad = 0;
+        GDALDatasetH made =
+            GDALBuildVRT(vrt.c_str(), static_cast<int>(list.size()), nullptr, list.data(), nullptr, &bad);
+        if (!made || bad) ::_exit(1);
+        GDALClose(made);
+        ::_exit(0);
+    }
+    int status = 0;
+    if (child < 0 || ::waitpid(child, &status, 0) != child || status != 0)
+        throw std::runtime_error("cannot draw " + vrt);
 }
 
 /// A run of the program with a budget; however it ends, it holds no more than that and 64 MiB.
@@ -276,4 +328,20 @@ TEST_CASE("the budget that a refusal names will do", "[memory]") {
                   {"coverage", lines, folder / "seen.tif", "--xy", "422000,4478000", "--altitude-agl", "900m", "-q",
                    "--overwrite"},
                   log);
+}
+
+TEST_CASE("a VRT of a hundred rasters keeps to --memory, however many of them are open", "[memory]") {
+    const Folder folder;
+    const std::string mosaic = folder / "all.vrt", log = folder / "log";
+    draw_mosaic(folder, mosaic);
+    const std::vector<std::string> simulate = {"simulate",          "--dem", mosaic,        "--xy",  "425005,4474995",
+                                               "--altitude-agl",    "500m",  "--range-bin", "6.25m", "--echo",
+                                               folder / "echo.tif", "-q",    "--overwrite"};
+    for (const char* threads : {"1", "2"}) check(100, joined(simulate, {"--threads", threads}), log);
+    check(128, joined(simulate, {"--source", "spilled"}), log);
+    check(64,
+          {"coverage", mosaic, folder / "seen.tif", "--xy", "425005,4474995", "--altitude-agl", "500m", "-q",
+           "--overwrite"},
+          log);
+    check(64, {"tile", mosaic, folder / "store", "-q"}, log);
 }

@@ -8,8 +8,10 @@
 #include <algorithm>
 #include <cctype>
 #include <charconv>
+#include <cstdlib>
 #include <mutex>
 #include <optional>
+#include <thread>
 
 #include "lib/error.hpp"
 #include "tiles/gdal_handle.hpp"
@@ -33,6 +35,15 @@ std::optional<GIntBig> cache_max(const std::string& value) {
     const auto [end, error] = std::from_chars(value.data(), value.data() + value.size(), number);
     if (error != std::errc{} || end != value.data() + value.size() || number < 0) return std::nullopt;
     return number < 100000 ? number * (GIntBig{1} << 20) : number;
+}
+
+constexpr const char* pool_size = "GDAL_MAX_DATASET_POOL_SIZE";
+
+/// One for each MiB of cached blocks, for the blocks of a part that is closed go with it. GDAL fails where all that may
+/// be open are in use at once, so there are two for each of the machine's threads.
+std::size_t parts_for(std::size_t cache_bytes) {
+    const std::size_t in_use = 2 * std::max<std::size_t>(1, std::thread::hardware_concurrency());
+    return std::max(in_use, std::clamp<std::size_t>(cache_bytes >> 20, 8, 32));
 }
 
 }  // namespace
@@ -91,7 +102,7 @@ GdalSession::GdalSession(std::size_t cache_bytes, const std::vector<std::pair<st
     // Each handle of a VRT gets its own sources: handles wander between threads, shared sources may not.
     CPLSetConfigOption("VRT_SHARED_SOURCE", "0");
     // Each part of a VRT that stays open keeps buffers of its own.
-    CPLSetConfigOption("GDAL_MAX_DATASET_POOL_SIZE", std::to_string(most_parts_open).c_str());
+    CPLSetConfigOption(pool_size, std::to_string(parts_for(cache_bytes)).c_str());
     OSRSetPROJEnableNetwork(0);
     register_usual_drivers();
     set_cache_bytes(cache_bytes);
@@ -105,6 +116,11 @@ GdalSession::GdalSession(std::size_t cache_bytes, const std::vector<std::pair<st
 
 // GDAL takes its drivers down itself when the program ends; whoever still holds a raster then does no harm.
 GdalSession::~GdalSession() = default;
+
+std::size_t GdalSession::most_parts_open() {
+    constexpr int gdals_own = 100;
+    return static_cast<std::size_t>(std::max(2, std::atoi(CPLGetConfigOption(pool_size, text(gdals_own).c_str()))));
+}
 
 void GdalSession::set_cache_bytes(std::size_t bytes) { GDALSetCacheMax64(static_cast<GIntBig>(bytes)); }
 

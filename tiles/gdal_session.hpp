@@ -16,8 +16,8 @@ public:
     GdalSession(const GdalSession&) = delete;
     GdalSession& operator=(const GdalSession&) = delete;
 
-    /// Rasters that a VRT is made of and that GDAL holds open, over all threads.
-    static constexpr std::size_t most_parts_open = 32;
+    /// Rasters that VRTs are made of and that GDAL holds open at the most, over all threads: fewer in little memory.
+    static std::size_t most_parts_open();
     static void set_cache_bytes(std::size_t bytes);
     static std::string gdal_version();
 };

@@ -181,7 +181,8 @@ ReaderBytes vrt_bytes(const std::vector<std::string>& files, ReaderBytes bytes) 
         largest = {std::max(largest.decoded, own.decoded), std::max(largest.packed, own.packed)};
     }
     bytes.decoded += largest.decoded;
-    bytes.packed += largest.packed * std::min(files.size(), GdalSession::most_parts_open);
+    constexpr std::size_t decoder = std::size_t{1} << 17;  // its tables and buffers beside the block, as measured
+    bytes.packed += (largest.packed + decoder) * std::min(files.size(), GdalSession::most_parts_open());
     return bytes;
 }
 
