@@ -1436,7 +1436,10 @@ CoverageReport cover(const ResolvedScene& scene, WedgeSource& source, const Cove
                      const std::function<void(const CoverageTile&)>& write) {
     Cover work(scene, source, params, &write);
     check(work, source, params);
-    return work.run();
+    const std::uint64_t data = params.data ? *params.data : source.fingerprint({});
+    CoverageReport report = work.run();
+    check_unchanged(source, data);
+    return report;
 }
 
 }  // namespace wedgescope

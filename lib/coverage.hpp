@@ -41,7 +41,9 @@ struct CoverageParams {
     int threads = 0;   ///< 0: all the machine has
     std::size_t memory_bytes = std::size_t{1} << 30;
     Stop* stop = nullptr;
-    Timeline* timeline = nullptr;          ///< told of runs and of what is written
+    Timeline* timeline = nullptr;  ///< told of runs and of what is written
+    /// Fingerprint of the data base before anything of it was read; none: as it is when the work begins.
+    std::optional<std::uint64_t> data;
     std::function<void(double)> progress;  ///< called with 0..1 from one thread at a time
 };
 
@@ -105,7 +107,8 @@ void check_coverage(const ResolvedScene& scene, WedgeSource& source, const Cover
 
 /// Hands out each tile of the raster once, in the order of the strips, from one thread at a time (not the caller's).
 /// The same bits for any number of threads, any budget. InputError if the budget is too small, before
-/// any work; IoError, DataError; what `write` throws.
+/// any work; IoError, DataError (also where the data base changed while it was read: what was handed out is then worth
+/// nothing); what `write` throws.
 CoverageReport cover(const ResolvedScene& scene, WedgeSource& source, const CoverageParams& params,
                      const std::function<void(const CoverageTile&)>& write);
 

@@ -453,6 +453,7 @@ RunResult run(const ResolvedScene& scene, WedgeSource& source, const EngineParam
     result.scene = scene;
     result.report.threads = threads;
 
+    const std::uint64_t data = params.data ? *params.data : source.fingerprint({});
     Span survey(params.timeline, "survey", "stage");
     auto start = Clock::now();
     const Setting setting(scene, source);
@@ -462,7 +463,6 @@ RunResult run(const ResolvedScene& scene, WedgeSource& source, const EngineParam
         wedges = plan(scene, source, setting.grid, params, threads);  // another process was first
         check_only(params.only_wedges, wedges.wedges.size());
     }
-    const std::uint64_t data = source.fingerprint({});
     result.report.survey_s = seconds_since(start);
     survey.end();
 
@@ -482,8 +482,7 @@ RunResult run(const ResolvedScene& scene, WedgeSource& source, const EngineParam
     }
     result.report.skipped = source.skipped();
     result.report.source = source.report();
-    if (source.fingerprint({}) != data)
-        throw DataError(text("the data base '", source.data_base().name, "' changed while it was read"));
+    check_unchanged(source, data);
     if (params.only_wedges) return result;
 
     crew.execute([&] {

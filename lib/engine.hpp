@@ -51,6 +51,8 @@ struct EngineParams {
     Stop* stop = nullptr;
     WedgeArchive* archive = nullptr;  ///< keeps finished wedges and gives back those of an earlier run
     Timeline* timeline = nullptr;
+    /// Fingerprint of the data base before anything of it was read; none: as it is when the run begins.
+    std::optional<std::uint64_t> data;
     std::optional<Interval> only_wedges;   ///< these alone, into the archive: no power, states or scope come out
     std::function<void(double)> progress;  ///< called with 0..1 from one thread at a time
 };

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "lib/block_map.hpp"
+#include "lib/error.hpp"
 #include "lib/interval.hpp"
 #include "lib/material.hpp"
 
@@ -212,5 +213,11 @@ public:
     /// And for each thread that reads at the same time: a block as it is decoded, and packed. Part of what cost() says.
     virtual std::size_t reader_bytes() const { return 0; }
 };
+
+/// DataError if the data base is no longer the one that had this fingerprint.
+inline void check_unchanged(WedgeSource& source, std::uint64_t fingerprint) {
+    if (source.fingerprint({}) != fingerprint)
+        throw DataError(text("the data base '", source.data_base().name, "' changed while it was read"));
+}
 
 }  // namespace wedgescope

@@ -10,6 +10,7 @@
 #include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <functional>
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <set>
@@ -671,6 +672,61 @@ TEST_CASE("a signal while a raster is read from end to end ends the run at once"
         CHECK(outcome.out.empty());
         CHECK(folder.names() == before);
     }
+}
+
+TEST_CASE("a raster that changes in any way while it is read ends the run, and no output appears", "[cli]") {
+    const Folder folder;
+    const std::string hills = scanlines(folder, "hills", 4000), raster = content(hills);
+    fs::create_directory(folder.work() / "spill");
+    const Strings place{"--xy", "510000,3705300", "--altitude-agl", "900m", "--no-cull", "--threads", "1"};
+    const Strings spilled{"--source", "spilled", "--temp-dir", "spill", "--memory", "64MiB"};
+    const Strings cover = with({"coverage", hills, "seen.tif"}, place);
+    const std::vector<Strings> runs{with(cover, {"--source", "direct"}),
+                                    with(cover, spilled),
+                                    with({"simulate", "--dem", hills, "--echo", "echo.tif", "--range", "60km"},
+                                         with(place, {"--source", "direct"})),
+                                    {"tile", hills, "store", "--threads", "1", "-q"}};
+    struct Change {
+        const char* name;
+        std::function<void()> make;
+    };
+    const std::vector<Change> changes{
+        {"touched", [&] { fs::last_write_time(hills, fs::file_time_type::clock::now()); }},
+        {"written to",
+         [&] { std::fstream(hills, std::ios::in | std::ios::out | std::ios::binary).seekp(9000000) << "not this"; }},
+        {"replaced", [&] { fs::rename(folder.write("other.dat", raster), hills); }},
+        {"removed", [&] { fs::remove(hills); }}};
+    // Bytes that the child has read: 4 of the raster's 32 million are more than its libraries and headers make.
+    const auto has_read = [](pid_t child) {
+        std::istringstream io(content("/proc/" + std::to_string(child) + "/io"));
+        std::string word;
+        std::uint64_t bytes = 0;
+        while (io >> word)
+            if (word == "rchar:") io >> bytes;
+        return bytes;
+    };
+    for (const Strings& arguments : runs)
+        for (const Change& change : changes) {
+            INFO(arguments[0] << ", " << change.name);
+            folder.write("hills.dat", raster);
+            std::this_thread::sleep_for(std::chrono::milliseconds(20));  // a tick of the file system's clock
+            const auto before = folder.names();
+            const pid_t child = folder.start(arguments);
+            for (int i = 0; i < 20000 && has_read(child) < 4'000'000; ++i)
+                std::this_thread::sleep_for(std::chrono::microseconds(500));
+            REQUIRE(::kill(child, SIGSTOP) == 0);
+            change.make();
+            REQUIRE(::kill(child, SIGCONT) == 0);
+            const Outcome outcome = folder.finish(child);
+            INFO(outcome.err);
+            CHECK(outcome.code == 1);
+            CHECK(outcome.error_lines() == 1);
+            CHECK_THAT(outcome.err, Contains("hills.dat"));
+            auto after = folder.names();
+            after.insert("hills.dat");
+            CHECK(after == before);
+            CHECK(fs::is_empty(folder.work() / "spill"));
+        }
 }
 
 TEST_CASE("a plan of a spilled run foretells what the run reads, spills and holds", "[cli]") {

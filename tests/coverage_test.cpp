@@ -406,6 +406,37 @@ TEST_CASE("what the writer throws ends the work and arrives", "[coverage][thread
                     IoError);
 }
 
+TEST_CASE("ground that changes while it is read, or since it was opened, is an error", "[coverage]") {
+    class Edited : public MemorySource {
+    public:
+        using MemorySource::MemorySource;
+        using WedgeSource::load;
+        Chunk load(const ChunkRequest& request) override {
+            if (edit_at_a_load) number = 2;
+            return MemorySource::load(request);
+        }
+        std::uint64_t fingerprint(const std::vector<Window>&) override { return number; }
+        std::uint64_t number = 1;
+        bool edit_at_a_load = false;
+    };
+    Edited source(300, 300, post_m, [](double, double) { return 0; });
+    const ResolvedScene scene = resolve_coverage(scene_at(100, 100, 50), source);
+    CoverageParams params;
+    params.threads = 1;
+    params.data = 1;
+    const auto work = [&] { cover(scene, source, params, [](const CoverageTile&) {}); };
+    work();
+    source.edit_at_a_load = true;
+    CHECK_THROWS_WITH(work(), Catch::Matchers::Contains("'drawn' changed while it was read"));
+    source.edit_at_a_load = false;
+    CHECK_THROWS_WITH(work(), Catch::Matchers::Contains("changed"));  // since it was opened
+    params.data.reset();
+    work();
+    source.edit_at_a_load = true;
+    source.number = 1;
+    CHECK_THROWS_AS(work(), DataError);
+}
+
 TEST_CASE("what stays below every horizon is left out, and no bit changes", "[coverage][cull]") {
     const unsigned seed = 20261121;
     INFO("seed " << seed);

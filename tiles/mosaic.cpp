@@ -89,6 +89,12 @@ std::vector<StoreSource> Mosaic::sources() const {
     return out;
 }
 
+std::vector<std::uint64_t> Mosaic::fingerprints() const {
+    std::vector<std::uint64_t> out;
+    for (const Piece& piece : pieces_) out.push_back(piece.raster->fingerprint({}));
+    return out;
+}
+
 void Mosaic::choose_grid(const std::string& role) {
     const RasterFacts first = pieces_[0].raster->facts();
     std::vector<double> west, width;

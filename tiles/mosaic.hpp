@@ -36,6 +36,8 @@ public:
     const std::string& note() const { return note_; }
     const std::string& path(std::size_t file) const { return pieces_[file].raster->facts().path; }
     std::vector<StoreSource> sources() const;
+    /// Of each raster's files, in the order of the rasters: sizes and times of change.
+    std::vector<std::uint64_t> fingerprints() const;
     bool single() const { return pieces_.size() == 1; }
     bool resampled() const { return resampled_; }
 

@@ -22,14 +22,13 @@ public:
 
     void read_values(const Window& window, void* out, GDALDataType type, std::int64_t line_bytes) override;
     ReaderBytes reader_bytes() const override { return reader_bytes_; }
+    /// By paths, sizes and times of change of all files that GDAL reads it from, whatever the windows.
+    std::uint64_t fingerprint(const std::vector<Window>& cells) override;
     /// Closes the handles that nobody reads through just now; the next reader opens one again.
     void close_idle();
 
 protected:
     bool read_mask(const Window& window, std::vector<std::uint8_t>& masks) override;
-
-    /// By paths, sizes and times of change of all files that GDAL reads it from, whatever the windows.
-    std::uint64_t fingerprint(const std::vector<Window>& cells) override;
 
 private:
     struct Reader {

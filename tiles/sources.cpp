@@ -15,6 +15,7 @@
 #include <queue>
 #include <sstream>
 #include <stdexcept>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -645,8 +646,9 @@ public:
 
     float bare_terrain_m(std::int64_t column, std::int64_t row) override {
         const std::int64_t at = data_base_.cyclic ? wrapped(column) : column;
-        return !terrain_blocks_ || terrain_blocks_->holds(at, row) ? RasterSource::bare_terrain_m(column, row)
-                                                                   : direct().bare_terrain_m(column, row);
+        return !terrain_blocks_ || terrain_blocks_->holds(at, row)
+                   ? RasterSource::bare_terrain_m(column, row)
+                   : ask_direct([&](WedgeSource& rasters) { return rasters.bare_terrain_m(column, row); });
     }
 
     Extremes extremes() override {
@@ -654,7 +656,8 @@ public:
             const std::lock_guard lock(extremes_mutex_);
             if (extremes_) return *extremes_;
         }
-        return terrain_blocks_ ? direct().extremes() : RasterSource::extremes();
+        if (!terrain_blocks_) return RasterSource::extremes();
+        return ask_direct([](WedgeSource& rasters) { return rasters.extremes(); });
     }
 
     SourceReport report() const override {
@@ -1039,11 +1042,14 @@ private:
         return set;
     }
 
-    /// For what the blocks do not hold.
-    WedgeSource& direct() {
+    /// For what the blocks do not hold; DataError if the rasters are no longer those that the blocks are of.
+    template <class Ask>
+    std::invoke_result_t<Ask, WedgeSource&> ask_direct(Ask&& ask) {
         const std::lock_guard lock(direct_mutex_);
         if (!direct_) direct_ = open_direct_source(params_);
-        return *direct_;
+        const auto found = ask(*direct_);
+        check_unchanged(*direct_, fingerprint({}));
+        return found;
     }
 
     std::shared_ptr<Spill> spill_;

@@ -42,6 +42,7 @@ struct Layer {
     Mosaic input;
     StoreLayerEntry entry;
     std::vector<std::string> creation;
+    std::vector<std::uint64_t> before;  ///< fingerprints of the input's rasters when they were opened
 
     Layer(StoreLayerKind k, const std::string& role, const std::vector<std::string>& paths)
         : kind(k), input(role, paths) {}
@@ -155,6 +156,7 @@ void StoreWriter::open_layers() {
         entry.facts.block_columns = entry.facts.block_rows = params_.tile_posts;
         entry.vrt = text(name(layer->kind), ".vrt");
         entry.sources = layer->input.sources();
+        layer->before = layer->input.fingerprints();
         choose_creation(*layer);
         posts_ += static_cast<std::uint64_t>(entry.facts.columns * entry.facts.rows);
     }
@@ -512,10 +514,10 @@ void StoreWriter::finish() {
         replace_file(inside(entry.vrt), vrt);
         entry.vrt_checksum = checksum(vrt);
         // A raster that changed meanwhile is in the store partly old, partly new.
-        const std::vector<StoreSource> now = layers_[i]->input.sources();
+        const std::vector<std::uint64_t> now = layers_[i]->input.fingerprints();
         for (std::size_t k = 0; k < now.size(); ++k)
-            if (now[k].bytes != entry.sources[k].bytes || now[k].mtime_s != entry.sources[k].mtime_s)
-                throw DataError(text(entry.facts.role, " '", now[k].path, "' changed while it was read"));
+            if (now[k] != layers_[i]->before[k])
+                throw DataError(text(entry.facts.role, " '", entry.sources[k].path, "' changed while it was read"));
         manifest_.layers.push_back(entry);
         sync_path(inside(name(layers_[i]->kind)), true);
     }

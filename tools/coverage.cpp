@@ -152,6 +152,7 @@ void coverage(const std::vector<std::string>& arguments, Stop& stop) {
         source = open_source(choice, layers, settings.scene, spill);
         sorting.done();
     }
+    params.data = source->fingerprint({});
     const DataBase& db = source->data_base();
     const ResolvedScene scene = resolve_coverage(settings.scene, *source);
 

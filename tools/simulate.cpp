@@ -181,6 +181,7 @@ void simulate(const Settings& settings, WorkDir* work, double start_s, Stop& sto
         source = open_source(choice, layers, settings.scene, options);
     }
     opening.end();
+    const std::uint64_t data = source->fingerprint({});
     Span resolving(timeline.get(), "resolve", "stage");
     const ResolvedScene scene = resolve(settings.scene, *source);
     resolving.end();
@@ -189,6 +190,7 @@ void simulate(const Settings& settings, WorkDir* work, double start_s, Stop& sto
 
     EngineParams params = engine_params(settings);
     params.stop = &stop;
+    params.data = data;
     if (work) work->bind(work_run(settings, scene, source->data_base()));
     params.archive = work;
     params.timeline = timeline.get();
