@@ -62,7 +62,7 @@ struct QuadrantReport {
     double load_s = 0, sweep_s = 0;                ///< CPU seconds
     double disk_wait_s = 0;                        ///< wall less CPU seconds of the reads
     std::uint64_t posts_read = 0, bytes_read = 0;  ///< with what neighbouring runs read twice
-    std::uint64_t bytes_spilled = 0;               ///< of bytes_read, what came back from a spill on disk
+    std::uint64_t bytes_spilled = 0;               ///< read from a spill's file, as stored there: whole packed blocks
     std::uint64_t posts_passed = 0;                ///< neither swept nor tested: in blocks below every horizon
     std::uint64_t runs = 0;
     void add(const QuadrantReport& other) {

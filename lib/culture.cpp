@@ -57,6 +57,7 @@ const CultureCells& Culture::find(std::int64_t cell_column, std::int64_t cell_ro
         cost_.wait_s += watch.wait_s();
         cost_.ticks += ticks() - clock;
         bytes_read_ += tile.bytes_read;
+        bytes_spilled_ += tile.bytes_spilled;
         bytes_ += tile.bytes();
     }
     last_ = &tile;

@@ -42,6 +42,7 @@ public:
     }
 
     std::uint64_t bytes_read() const { return bytes_read_; }
+    std::uint64_t bytes_spilled() const { return bytes_spilled_; }  ///< read from a spill's file
     /// What reading took so far.
     struct Cost {
         double cpu_s = 0, wait_s = 0;  ///< wait: wall less CPU seconds
@@ -67,7 +68,7 @@ private:
     std::vector<CultureCells> cells_;
     CultureCells beyond_;  ///< one tile that lies outside of `tiles_`
     const CultureCells* last_ = nullptr;
-    std::uint64_t bytes_read_ = 0;
+    std::uint64_t bytes_read_ = 0, bytes_spilled_ = 0;
     Cost cost_;
     std::size_t bytes_ = 0;
 };

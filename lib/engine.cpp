@@ -301,6 +301,7 @@ bool Wedges::sweep(WedgeTask& task) {
         task.report.samples += cost.samples;
         task.report.visible_pieces += cost.pieces;
         task.report.bytes_read += front.culture_bytes_read();
+        task.report.bytes_spilled += front.culture_bytes_spilled();
         task.report.load_s += front.culture_cost().cpu_s;
         task.report.wall_s -= front.culture_cost().cpu_s;
         task.report.disk_wait_s += front.culture_cost().wait_s;

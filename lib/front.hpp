@@ -74,6 +74,7 @@ public:
 
     const SweepCost& cost() const { return cost_; }
     std::uint64_t culture_bytes_read() const { return culture_.bytes_read(); }
+    std::uint64_t culture_bytes_spilled() const { return culture_.bytes_spilled(); }
     /// Of reading culture, on the way from shade to deposit; no part of cost().
     const Culture::Cost& culture_cost() const { return culture_.cost(); }
     std::size_t bytes() const;

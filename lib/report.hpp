@@ -22,7 +22,7 @@ struct WedgeReport {
     /// Wall less CPU seconds of its reads: disk, decompression by others, and whatever else kept the thread from running.
     double disk_wait_s = 0;
     std::uint64_t posts_read = 0, bytes_read = 0;
-    std::uint64_t bytes_spilled = 0;  ///< of bytes_read, what came back from a spill on disk
+    std::uint64_t bytes_spilled = 0;  ///< read from a spill's file, as stored there: whole packed blocks
     std::uint64_t bytes_skipped = 0;  ///< decoded, of posts_skipped
     std::uint64_t chunks = 0;
     std::array<std::uint64_t, skip_count> posts_skipped{};  ///< of its chunks, by Skip; not read for this wedge

@@ -117,7 +117,7 @@ struct Chunk {
 
     std::uint64_t posts_read = 0;
     std::uint64_t bytes_read = 0;     ///< decoded bytes of the windows read
-    std::uint64_t bytes_spilled = 0;  ///< of these, what came back from a spill on disk
+    std::uint64_t bytes_spilled = 0;  ///< read for it from a spill's file, as stored there: whole packed blocks
 
     std::int64_t line_count() const { return lines_are_columns ? window.columns.size() : window.rows.size(); }
     std::int64_t minor_count() const { return lines_are_columns ? window.rows.size() : window.columns.size(); }
@@ -134,6 +134,7 @@ struct CultureCells {
     /// Raw codes beside `classes`, kept only where some code has no class (class unknown_class).
     std::vector<std::int32_t> codes;
     std::uint64_t bytes_read = 0;
+    std::uint64_t bytes_spilled = 0;  ///< as a Chunk's
     std::size_t bytes() const { return classes.size() * sizeof(ClassId) + codes.size() * sizeof(std::int32_t); }
 };
 

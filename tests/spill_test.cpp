@@ -15,6 +15,7 @@
 #include <set>
 #include <thread>
 
+#include "lib/coverage.hpp"
 #include "lib/engine.hpp"
 #include "lib/error.hpp"
 #include "tests/drawn_raster.hpp"
@@ -750,6 +751,50 @@ TEST_CASE("a scene gives the same bits from the spill as from the raster", "[spi
                 CHECK(got.echo_state.cells == want.echo_state.cells);
             }
         }
+    }
+}
+
+TEST_CASE("what comes back from the spill's file is counted with the wedge or quadrant that it came back for",
+          "[spill]") {
+    const Folder folder;
+    DataBaseParams params = only(data + "/inland_empire_dem.tif");
+    params.culture = data + "/inland_empire_culture.tif";
+    params.culture_height = data + "/inland_empire_canopy.tif";
+    params.culture_height_scale = 0.1;
+    params.legend = Legend::built_in("fbfm40");
+    Scene scene;
+    scene.platform.latlon = LatLon{33.9, -117.4};
+    scene.platform.altitude_above = AltitudeAbove::ground;
+    scene.platform.altitude_m = 700;
+    scene.range_m = 15000;
+    scene.azimuth_bins = 360;
+    scene.range_bin_m = 60;
+    scene.display.size = 64;
+    SpillOptions options = in(folder, std::size_t{2} << 20);
+    options.all_round = true;
+    for (const std::size_t memory : {std::size_t{2} << 20, plenty}) {
+        options.memory_bytes = memory;
+        const auto source = open_spilled_source(params, scene, options);
+        CHECK((source->report().spilled_bytes > 0) == (memory != plenty));
+        const ResolvedScene resolved = resolve(scene, *source);
+        const std::uint64_t before = source->report().spill_read_bytes;
+        EngineParams engine;
+        engine.threads = 2;
+        engine.wedges = 7;
+        const RunReport report = run(resolved, *source, engine).report;
+        std::uint64_t wedges = 0, touched = 0;
+        for (const WedgeReport& w : report.wedges) wedges += w.bytes_spilled, touched += w.bytes_spilled > 0;
+        CHECK(wedges == report.source.spill_read_bytes - before);
+        // No bucket is held that is larger than one on disk, so that most wedges meet the file.
+        CHECK(touched == (memory == plenty ? 0 : report.wedges.size()));
+
+        const ResolvedScene all = resolve_coverage(scene, *source);
+        const std::uint64_t start = source->report().spill_read_bytes;
+        CoverageParams coverage;
+        coverage.threads = 2;
+        const CoverageReport seen = cover(all, *source, coverage, [](const CoverageTile&) {});
+        CHECK(seen.total().bytes_spilled == seen.source.spill_read_bytes - start);
+        for (const QuadrantReport& q : seen.quadrants) CHECK((q.bytes_spilled > 0) == (memory != plenty));
     }
 }
 

@@ -644,6 +644,20 @@ public:
         }
     }
 
+    using WedgeSource::load;
+    Chunk load(const ChunkRequest& request) override {
+        const std::uint64_t before = Spill::bytes_read_here();
+        Chunk chunk = RasterSource::load(request);
+        chunk.bytes_spilled = Spill::bytes_read_here() - before;
+        return chunk;
+    }
+    CultureCells load_classes(const Window& window) override {
+        const std::uint64_t before = Spill::bytes_read_here();
+        CultureCells cells = RasterSource::load_classes(window);
+        cells.bytes_spilled = Spill::bytes_read_here() - before;
+        return cells;
+    }
+
     float bare_terrain_m(std::int64_t column, std::int64_t row) override {
         const std::int64_t at = data_base_.cyclic ? wrapped(column) : column;
         return !terrain_blocks_ || terrain_blocks_->holds(at, row)

@@ -27,6 +27,8 @@ constexpr std::uint32_t block_mark = 0x4B425357;            // "WSBK"
 constexpr std::uint64_t file_mark = 0x314C4C4950535357ULL;  // "WSSPILL1"
 constexpr std::size_t staging_bytes = std::size_t{1} << 20;
 
+thread_local std::uint64_t read_here = 0;  ///< bytes, by this thread
+
 struct BlockHeader {
     std::uint32_t mark = block_mark;
     std::uint32_t bytes = 0;
@@ -125,6 +127,8 @@ Spill::~Spill() {
     if (file_ >= 0) ::close(file_);
     if (!unnamed_.empty()) ::unlink(unnamed_.c_str());
 }
+
+std::uint64_t Spill::bytes_read_here() { return read_here; }
 
 std::string Spill::named() const {
     return params_.keep.empty() ? text("the spill file in temp-dir '", params_.folder, "'")
@@ -290,6 +294,7 @@ void Spill::read(std::uint64_t offset, std::span<std::byte> into, const std::str
     read_ += into.size();
 }
 
+    read_here += into.size();
 std::span<const std::byte> Spill::get(std::size_t layer, std::int64_t column, std::int64_t row,
                                       std::vector<std::byte>& buffer) {
     const Slot* s = slot(layer, column, row);

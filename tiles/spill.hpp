@@ -91,7 +91,9 @@ public:
         return bytes > header_bytes ? bytes : 0;
     }
     std::uint64_t bytes_read() const { return read_; }  ///< from the file
-    std::size_t bytes_held() const { return held_; }    ///< blocks in memory
+    /// From the files of all spills by the calling thread: what a piece of its work took is a difference of two.
+    static std::uint64_t bytes_read_here();
+    std::size_t bytes_held() const { return held_; }  ///< blocks in memory
     std::size_t index_bytes() const;
 
 private:

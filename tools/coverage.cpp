@@ -79,14 +79,15 @@ json report_json(const Settings& settings, const CoverageReport& report, const D
 
 std::string report_table(const CoverageReport& report, const Usage& usage) {
     constexpr double mebibyte = 1048576;
-    std::string out = fmt::format("{:>8} {:>8} {:>8} {:>8} {:>7} {:>10} {:>10} {:>8}\n", "", "load", "sweep", "disk",
-                                  "", "million", "million", "MiB");
-    out += fmt::format("{:>8} {:>8} {:>8} {:>8} {:>7} {:>10} {:>10} {:>8}\n", "quadrant", "s", "s", "wait s", "runs",
-                       "posts", "passed", "read");
+    std::string out = fmt::format("{:>8} {:>8} {:>8} {:>8} {:>7} {:>10} {:>10} {:>8} {:>8}\n", "", "load", "sweep",
+                                  "disk", "", "million", "million", "MiB", "MiB");
+    out += fmt::format("{:>8} {:>8} {:>8} {:>8} {:>7} {:>10} {:>10} {:>8} {:>8}\n", "quadrant", "s", "s", "wait s",
+                       "runs", "posts", "passed", "read", "spilled");
     const auto row = [&](const char* name, const QuadrantReport& q) {
-        out += fmt::format("{:>8} {:>8.3f} {:>8.3f} {:>8.3f} {:>7} {:>10.3f} {:>10.3f} {:>8.1f}\n", name, q.load_s,
-                           q.sweep_s, q.disk_wait_s, q.runs, static_cast<double>(q.posts_read) * 1e-6,
-                           static_cast<double>(q.posts_passed) * 1e-6, static_cast<double>(q.bytes_read) / mebibyte);
+        out += fmt::format("{:>8} {:>8.3f} {:>8.3f} {:>8.3f} {:>7} {:>10.3f} {:>10.3f} {:>8.1f} {:>8.1f}\n", name,
+                           q.load_s, q.sweep_s, q.disk_wait_s, q.runs, static_cast<double>(q.posts_read) * 1e-6,
+                           static_cast<double>(q.posts_passed) * 1e-6, static_cast<double>(q.bytes_read) / mebibyte,
+                           static_cast<double>(q.bytes_spilled) / mebibyte);
     };
     for (std::size_t q = 0; q < report.quadrants.size(); ++q) row(quadrant_names[q], report.quadrants[q]);
     const QuadrantReport total = report.total();

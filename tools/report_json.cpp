@@ -261,19 +261,20 @@ nlohmann::ordered_json report_json(const Settings& settings, const RunResult& ru
 std::string report_table(const RunReport& report, double write_s, const Usage& usage, std::size_t most_rows) {
     const double mebibyte = 1048576;
     std::string out = fmt::format(
-        "{:>6} {:>12} {:>7} {:>7} {:>7} {:>7} {:>7} {:>7} {:>8} {:>7} {:>7} {:>8} {:>8} {:>8} {:>8} {:>8}\n", "",
+        "{:>6} {:>12} {:>7} {:>7} {:>7} {:>7} {:>7} {:>7} {:>8} {:>7} {:>7} {:>7} {:>7} {:>7} {:>7} {:>7} {:>7}\n", "",
         "azimuth", "load", "sample", "sweep", "shade", "deposit", "merge", "wall", "disk", "memory", "million",
-        "million", "MiB", "MiB", "peak");
+        "million", "MiB", "MiB", "MiB", "peak");
     out += fmt::format(
-        "{:>6} {:>12} {:>7} {:>7} {:>7} {:>7} {:>7} {:>7} {:>8} {:>7} {:>7} {:>8} {:>8} {:>8} {:>8} {:>8}\n", "wedge",
-        "bins", "s", "s", "s", "s", "s", "s", "s", "wait s", "wait s", "posts", "samples", "read", "skipped", "MiB");
+        "{:>6} {:>12} {:>7} {:>7} {:>7} {:>7} {:>7} {:>7} {:>8} {:>7} {:>7} {:>7} {:>7} {:>7} {:>7} {:>7} {:>7}\n",
+        "wedge", "bins", "s", "s", "s", "s", "s", "s", "s", "wait s", "wait s", "posts", "samples", "read", "spilled",
+        "skipped", "MiB");
     const auto row = [&](const std::string& name, const std::string& bins, const WedgeReport& w) {
         out += fmt::format("{:>6} {:>12}", name, bins);
         for (const Stage& stage : stages) out += cell(w.*stage.seconds, 7, 3);
         out += cell(w.wall_s, 8, 3) + cell(w.disk_wait_s, 7, 3) + cell(w.memory_wait_s, 7, 3);
-        out += cell(static_cast<double>(w.posts_read) * 1e-6, 8, 3) + cell(static_cast<double>(w.samples) * 1e-6, 8, 3);
-        for (const std::uint64_t bytes : {w.bytes_read, w.bytes_skipped, std::uint64_t{w.peak_bytes}})
-            out += cell(static_cast<double>(bytes) / mebibyte, 8, 2);
+        out += cell(static_cast<double>(w.posts_read) * 1e-6, 7, 3) + cell(static_cast<double>(w.samples) * 1e-6, 7, 3);
+        for (const std::uint64_t bytes : {w.bytes_read, w.bytes_spilled, w.bytes_skipped, std::uint64_t{w.peak_bytes}})
+            out += cell(static_cast<double>(bytes) / mebibyte, 7, 2);
         out += '\n';
     };
     std::vector<WedgeReport> wedges;
