@@ -1336,6 +1336,7 @@ CoverageReport Cover::run() {
     report.peak_budget_bytes = fixed + desk * static_cast<std::size_t>(report.threads);
     std::int64_t strips = 0, passed = 0;
     for (const Side& side : sides_) strips += std::abs(side.tile_end - side.tile);
+    if (params_.timeline) params_.timeline->memory(held_bytes(report.threads));
     Threads threads(report.threads);
     threads.execute([&] {
         tbb::task_group writer;

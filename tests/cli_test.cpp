@@ -12,6 +12,7 @@
 #include <fstream>
 #include <functional>
 #include <limits>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <set>
 #include <sstream>
@@ -836,6 +837,94 @@ TEST_CASE("a run whose blocks pack smaller than foretold is split as it was fore
         larger.insert(plan["peak_bytes"] > plan["granted_bytes"] ? "pass" : "wedges");
     }
     CHECK(larger.size() == 2);
+}
+
+TEST_CASE("timeline and profile of a spilled run show its pass, its spill and its memory from end to end", "[cli]") {
+    const Folder folder;
+    fs::create_directory(folder.work() / "spill");
+    const std::string hills = scanlines(folder, "hills", 3000);
+    const Strings common{"--xy",       "510000,3705300", "--altitude-agl", "5km",        "--no-cull",  "--threads",
+                         "2",          "--memory",       "64MiB",          "--source",   "spilled",    "--temp-dir",
+                         "spill",      "--report",       "report.json",    "--timeline", "trace.json", "--profile",
+                         "--overwrite"};
+    const std::vector<Strings> runs{with({"simulate", "--dem", hills, "--echo", "echo.tif", "--range", "42km",
+                                          "--azimuth-bins", "1440", "--range-bin", "100m"},
+                                         common),
+                                    with({"coverage", hills, "seen.tif"}, common)};
+    for (const Strings& arguments : runs) {
+        INFO(arguments[0]);
+        const Outcome outcome = folder.run(arguments);
+        INFO(outcome.err);
+        REQUIRE(outcome.code == 0);
+        const auto report = nlohmann::json::parse(content(folder.work() / "report.json"));
+        const auto trace = nlohmann::json::parse(content(folder.work() / "trace.json"));
+
+        // All that came back came back for a wedge or quadrant, but for the few blocks that place the sensor.
+        std::uint64_t spilled = 0;
+        for (const auto& wedge : report["wedges"]) spilled += wedge["bytes_spilled"].get<std::uint64_t>();
+        const auto read_back = report["source"]["spill_read_bytes"].get<std::uint64_t>();
+        CHECK(report["total"]["bytes_spilled"] == spilled);
+        CHECK(spilled > std::uint64_t{1} << 20);
+        CHECK(spilled <= read_back);
+        CHECK(read_back - spilled <= 16 * (std::uint64_t{2} * 128 * 128 + 25));
+        CHECK_THAT(outcome.err, Contains("spilled"));
+        CHECK_THAT(outcome.err, !Contains("spilled and read again 0"));
+
+        struct Stretch {
+            double from, to;
+        };
+        std::map<std::string, std::uint64_t> bytes;
+        std::map<std::string, std::vector<Stretch>> stages;
+        std::map<int, std::vector<Stretch>> threads;
+        std::vector<std::pair<double, double>> held;  // when, how much
+        double end = 0;
+        for (const auto& e : trace["traceEvents"]) {
+            if (e["ph"] == "C" && e["name"] == "memory") held.emplace_back(e["ts"], e["args"]["budget held"]);
+            if (e["ph"] != "X") continue;
+            const Stretch s{e["ts"], e["ts"].get<double>() + e["dur"].get<double>()};
+            end = std::max(end, s.to);
+            threads[e["tid"].get<int>()].push_back(s);
+            bytes[e["name"]] += e["args"].value("bytes", std::uint64_t{0});
+            stages[e["name"]].push_back(s);
+        }
+        CHECK(bytes["pass"] == report["source"]["partition_bytes"]);
+        CHECK(bytes["pass read"] == bytes["pass"]);
+        CHECK(stages["pass pack"].size() == stages["pass read"].size());
+        CHECK(bytes["spill write"] + 64 == report["source"]["spilled_bytes"]);  // the header is the file's own
+        CHECK(bytes["spill read"] == read_back);
+        for (auto& [thread, spans] : threads) {
+            std::sort(spans.begin(), spans.end(), [](const Stretch& a, const Stretch& b) {
+                return a.from != b.from ? a.from < b.from : a.to > b.to;
+            });
+            std::vector<Stretch> open;
+            bool nests = true;
+            constexpr double digits_us = 2e-3;
+            for (const Stretch& s : spans) {
+                while (!open.empty() && open.back().to <= s.from + digits_us) open.pop_back();
+                nests = nests && (open.empty() || s.to <= open.back().to + digits_us);
+                open.push_back(s);
+            }
+            INFO("thread " << thread);
+            CHECK(nests);
+        }
+        const auto most_held = [&](const Stretch& s) {
+            double most = -1;
+            for (const auto& [at, bytes_held] : held)
+                if (at >= s.from && at <= s.to) most = std::max(most, bytes_held);
+            return most;
+        };
+        REQUIRE(stages["pass"].size() == 1);
+        CHECK(most_held(stages["pass"][0]) > 1 << 20);
+        CHECK(most_held({0, end}) <= 64 << 20);
+        CHECK(held.front().first < stages["pass"][0].from);
+        CHECK(held.back().first >= end);
+        // Wherever a stage is longer than any sampling's silence on a busy machine, memory is known in it.
+        for (const auto& [name, spans] : stages)
+            for (const Stretch& s : spans) {
+                INFO(name);
+                if (s.to - s.from > 300e3) CHECK(most_held(s) >= 0);
+            }
+    }
 }
 
 TEST_CASE("a signal during the pass or the wedges of a spilled run leaves nothing in temp-dir", "[cli][threads]") {

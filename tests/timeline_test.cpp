@@ -63,7 +63,7 @@ struct Event {
 struct Told {
     std::map<int, std::vector<Event>> spans;  ///< by thread
     std::set<int> named;
-    std::vector<double> held, resident;
+    std::vector<double> held, held_us, resident;
 };
 
 Told read(const std::string& path) {
@@ -81,7 +81,10 @@ Told read(const std::string& path) {
         } else if (kind == "C") {
             const auto& args = e.at("args");
             CHECK(e.at("ts").get<double>() >= 0);
-            if (e.at("name") == "memory") told.held.push_back(args.at("budget held"));
+            if (e.at("name") == "memory") {
+                told.held.push_back(args.at("budget held"));
+                told.held_us.push_back(e.at("ts"));
+            }
             if (e.at("name") == "resident") told.resident.push_back(args.at("bytes"));
         } else {
             REQUIRE(kind == "X");
@@ -162,9 +165,33 @@ TEST_CASE("a timeline's spans nest on each thread and last as long as the report
     REQUIRE_FALSE(told.held.empty());
     REQUIRE(told.resident.size() == told.held.size());
     const auto budget = static_cast<double>(std::size_t{1} << 30);
-    CHECK(*std::min_element(told.held.begin(), told.held.end()) > 0);
+    CHECK(*std::max_element(told.held.begin(), told.held.end()) > 0);
     CHECK(*std::max_element(told.held.begin(), told.held.end()) <= budget);
     CHECK(*std::min_element(told.resident.begin(), told.resident.end()) > 1 << 20);
+}
+
+TEST_CASE("a stage that tells nothing has its counters, and what was told last holds", "[timeline]") {
+    const Folder folder;
+    OutputFile file(folder / "run.json", false);
+    TimelineFile timeline(file);
+    timeline.memory(5);
+    timeline.memory(7 << 20);  // too soon for a counter of its own
+    {
+        const Span silent(&timeline, "silent", "stage");
+        std::this_thread::sleep_for(std::chrono::milliseconds(500));
+    }
+    timeline.finish();
+    file.commit();
+    const Told told = read(folder / "run.json");
+    REQUIRE(told.spans.size() == 1);
+    const Event silent = told.spans.begin()->second.at(0);
+    std::size_t inside = 0;
+    for (std::size_t i = 0; i < told.held.size(); ++i)
+        inside += told.held_us[i] >= silent.from_us && told.held_us[i] <= silent.to_us && told.held[i] == 7 << 20;
+    CHECK(inside >= 5);
+    CHECK(inside <= 20);  // one each 25 ms
+    CHECK(told.resident.size() == told.held.size());
+    CHECK(told.held.back() == 7 << 20);
 }
 
 TEST_CASE("listening changes no bit", "[timeline]") {

@@ -515,7 +515,7 @@ struct Packed {
     std::unique_ptr<Survey::Part> seen;
 };
 
-std::shared_ptr<Packed> read_and_pack(const LayerPass& layer, const Window& window) {
+std::shared_ptr<Packed> read_and_pack(const LayerPass& layer, const Window& window, Timeline* timeline) {
     auto out = std::make_shared<Packed>();
     out->window = window;
     const RasterFacts& f = layer.in.facts();
@@ -523,6 +523,8 @@ std::shared_ptr<Packed> read_and_pack(const LayerPass& layer, const Window& wind
     const auto posts = static_cast<std::size_t>(window.posts());
     std::vector<float> heights, culture;
     std::vector<std::int32_t> codes;
+    Span reading(timeline, "pass read", "disk");
+    reading.add_bytes(posts * static_cast<std::size_t>(f.type_bytes));
     if (layer.codes) {
         codes.resize(posts);
         layer.in.read_codes(window, codes.data());
@@ -530,6 +532,8 @@ std::shared_ptr<Packed> read_and_pack(const LayerPass& layer, const Window& wind
         heights.resize(posts);
         layer.in.read_heights(window, heights.data(), window.columns.size());
     }
+    reading.end();
+    const Span packing(timeline, "pass pack", "cpu");
     if (layer.survey) {
         if (layer.culture) layer.culture(window, culture);
         out->seen = layer.survey->look(window, heights.data(), culture.empty() ? nullptr : culture.data());
@@ -623,6 +627,11 @@ PassDone run_pass(const LayerPass& layer, const PassParams& params) {
     PassDone done;
     std::atomic<std::size_t> in_flight{0};  // posts
     Handover handover;
+    Span span(params.timeline, "pass", "stage");
+    const auto note_memory = [&] {
+        if (params.timeline)
+            params.timeline->memory(params.fixed_bytes + layer.spill.bytes_held() + in_flight * bytes_a_post);
+    };
     const auto give = [&](tbb::flow_control& control) -> Window {
         const Handover::Task task(handover);
         if (params.stop) params.stop->check();
@@ -635,7 +644,8 @@ PassDone run_pass(const LayerPass& layer, const PassParams& params) {
     const auto pack = [&](const Window& window) {
         const Handover::Task task(handover);
         in_flight += static_cast<std::size_t>(window.posts());
-        return read_and_pack(layer, window);
+        note_memory();
+        return read_and_pack(layer, window, params.timeline);
     };
     const auto take = [&](const std::shared_ptr<Packed>& packed) {
         const Handover::Task task(handover);
@@ -648,6 +658,7 @@ PassDone run_pass(const LayerPass& layer, const PassParams& params) {
         done.read_bytes += n * static_cast<std::uint64_t>(layer.in.facts().type_bytes);
         done.held_bytes = std::max(done.held_bytes, layer.spill.bytes_held() + in_flight * bytes_a_post);
         in_flight -= static_cast<std::size_t>(n);
+        note_memory();
         if (params.progress) params.progress(n);
     };
     Threads threads(std::max(1, params.threads));
@@ -660,6 +671,7 @@ PassDone run_pass(const LayerPass& layer, const PassParams& params) {
                 tbb::make_filter<std::shared_ptr<Packed>, void>(tbb::filter_mode::serial_in_order, take));
     });
     handover.pass();
+    span.add_bytes(done.read_bytes);
     return done;
 }
 

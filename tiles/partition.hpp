@@ -74,6 +74,8 @@ struct PassParams {
     std::size_t memory_bytes = std::size_t{64} << 20;
     int threads = 1;
     Stop* stop = nullptr;
+    Timeline* timeline = nullptr;
+    std::size_t fixed_bytes = 0;  ///< held beside blocks and windows in flight, as the timeline is told
     std::function<void(std::uint64_t posts)> progress;  ///< called with the posts read since the last call
 };
 

@@ -623,9 +623,9 @@ public:
     }
     /// From a spill that was kept.
     PartitionedSource(const DataBaseParams& params, const std::string& path, const IndexPosition& nadir,
-                      std::size_t memory_bytes)
+                      const SpillOptions& options)
         : RasterSource(params) {
-        reopen(path, nadir, memory_bytes);
+        reopen(path, nadir, options);
         kept_ = path;
     }
     /// A forecast of the first.
@@ -723,6 +723,7 @@ private:
         pass.memory_bytes = share;
         pass.threads = options.threads;
         pass.stop = options.stop;
+        pass.timeline = options.timeline;
         // What is needed of each layer.
         terrain = blocks_in_scope(data_base_, scope, block_edge(terrain_->facts(), share));
         if (height_) height = blocks_under(*height_, terrain, extremes, share);
@@ -733,6 +734,7 @@ private:
         params.keep = keep;
         params.memory_bytes = share;
         params.buckets = static_cast<int>(std::clamp<std::size_t>(share >> 21, 4, 64));
+        params.timeline = options.timeline;
         spill_ = std::make_shared<Spill>(params);
         const WedgeBuckets buckets{scope.nadir, params.buckets};
 
@@ -759,9 +761,10 @@ private:
         for (;;) {
             forecast_ = forecast_passes(passes, pass, share, params.buckets);
             const std::size_t blocks = forecast_.spilled_bytes > 0 ? share : forecast_.held_bytes;
-            planned_pass_peak_bytes_ = blocks + forecast_.window_bytes + spill_->index_bytes() + map_bytes_ +
-                                       std::min<std::size_t>(params_.cache_bytes, forecast_.read_bytes) +
-                                       forecast_.readers * RasterSource::reader_bytes();
+            pass.fixed_bytes = spill_->index_bytes() + map_bytes_ +
+                               std::min<std::size_t>(params_.cache_bytes, forecast_.read_bytes) +
+                               forecast_.readers * RasterSource::reader_bytes();
+            planned_pass_peak_bytes_ = blocks + forecast_.window_bytes + pass.fixed_bytes;
             constexpr std::size_t smallest = std::size_t{1} << 20;
             if (planned_pass_peak_bytes_ <= options.memory_bytes) break;
             if (pass.threads > 1)
@@ -854,6 +857,7 @@ private:
         store_.reset();
         data_base_.block_columns = data_base_.block_rows = terrain.edge;
         if (culture_) data_base_.culture_tile_columns = data_base_.culture_tile_rows = culture.edge;
+        if (options.timeline) options.timeline->memory(cache_bytes());
         ::malloc_trim(0);  // what the pass held is the engine's now
     }
 
@@ -934,8 +938,9 @@ private:
         return lines;
     }
 
-    void reopen(const std::string& path, const IndexPosition& nadir, std::size_t memory_bytes) {
-        spill_ = Spill::open_kept(path);
+    void reopen(const std::string& path, const IndexPosition& nadir, const SpillOptions& options) {
+        const std::size_t memory_bytes = options.memory_bytes;
+        spill_ = Spill::open_kept(path, options.timeline);
         const auto refuse = [&](const std::string& why, const char* way_out = "tile --around makes it anew") {
             throw UnfitSpill(text("the kept spill '", path, "' ", why, "; ", way_out));
         };
@@ -1161,7 +1166,7 @@ void refuse_other_kept_spill(const DataBaseParams& params, const PlatformParams&
 std::unique_ptr<WedgeSource> open_kept_spill(const DataBaseParams& params, const Scene& scene,
                                              const std::string& folder, const SpillOptions& options) {
     const IndexPosition nadir = placed(scene, *open_direct_source(params)).nadir;
-    return std::make_unique<PartitionedSource>(params, kept_path(folder), nadir, options.memory_bytes);
+    return std::make_unique<PartitionedSource>(params, kept_path(folder), nadir, options);
 }
 
 }  // namespace wedgescope

@@ -50,6 +50,7 @@ struct SpillOptions {
     std::size_t memory_bytes = std::size_t{1} << 30;
     int threads = 1;
     Stop* stop = nullptr;
+    Timeline* timeline = nullptr;          ///< told of the pass and of what goes to the spill and comes back
     std::function<void(double)> progress;  ///< called with 0..1 from one thread at a time
 };
 

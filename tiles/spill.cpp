@@ -240,6 +240,7 @@ void Spill::write(std::span<const std::byte> bytes, std::uint64_t offset) {
 }
 
 void Spill::flush(Bucket& bucket) {
+    Span span(params_.timeline, "spill write", "disk");
     open_file();
     std::sort(bucket.pending.begin(), bucket.pending.end(), [](const Pending& a, const Pending& b) {
         return std::tie(a.layer, a.distance, a.row, a.column) < std::tie(b.layer, b.distance, b.row, b.column);
@@ -266,6 +267,7 @@ void Spill::flush(Bucket& bucket) {
         staging.insert(staging.end(), s.memory.get(), s.memory.get() + s.bytes);
     }
     write(staging, written);
+    span.add_bytes(written + staging.size() - file_end_);
     file_end_ = written + staging.size();
 
     const std::unique_lock lock(slots_mutex_);
@@ -292,9 +294,9 @@ void Spill::read(std::uint64_t offset, std::span<std::byte> into, const std::str
         }
     }
     read_ += into.size();
+    read_here += into.size();
 }
 
-    read_here += into.size();
 std::span<const std::byte> Spill::get(std::size_t layer, std::int64_t column, std::int64_t row,
                                       std::vector<std::byte>& buffer) {
     const Slot* s = slot(layer, column, row);
@@ -316,7 +318,11 @@ std::span<const std::byte> Spill::get(std::size_t layer, std::int64_t column, st
     }
     const SpillLayer& facts = layers_[layer]->facts;
     buffer.resize(sizeof(BlockHeader) + bytes);
-    read(offset, buffer, place(facts, column, row));
+    {
+        Span span(params_.timeline, "spill read", "disk");
+        read(offset, buffer, place(facts, column, row));
+        span.add_bytes(buffer.size());
+    }
     BlockHeader header;
     std::memcpy(&header, buffer.data(), sizeof header);
     const std::byte* payload = buffer.data() + sizeof header;
@@ -419,9 +425,10 @@ void Spill::read_index() {
     read_ = 0;
 }
 
-std::unique_ptr<Spill> Spill::open_kept(const std::string& path) {
+std::unique_ptr<Spill> Spill::open_kept(const std::string& path, Timeline* timeline) {
     SpillParams params;
     params.keep = path;
+    params.timeline = timeline;
     auto spill = std::make_unique<Spill>(params);
     spill->file_ = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
     if (spill->file_ < 0) throw IoError(text(spill->named(), " cannot be opened: ", std::strerror(errno)));

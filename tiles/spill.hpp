@@ -23,6 +23,7 @@
 #include <vector>
 
 #include "lib/interval.hpp"
+#include "lib/timeline.hpp"
 
 namespace wedgescope {
 
@@ -31,6 +32,7 @@ struct SpillParams {
     std::string keep;    ///< the path of a spill that stays; empty: no name. An older one is replaced
     std::size_t memory_bytes = 0;
     int buckets = 1;
+    Timeline* timeline = nullptr;  ///< told of what goes to the file and comes back
 };
 
 /// CPL_TMPDIR, TMPDIR or /tmp: the first that is set and not empty.
@@ -57,7 +59,7 @@ public:
 
     explicit Spill(SpillParams params);
     /// A kept one. IoError if it cannot be opened, DataError if it is none or its header or index is damaged.
-    static std::unique_ptr<Spill> open_kept(const std::string& path);
+    static std::unique_ptr<Spill> open_kept(const std::string& path, Timeline* timeline = nullptr);
     ~Spill();
     Spill(const Spill&) = delete;
     Spill& operator=(const Spill&) = delete;

@@ -145,6 +145,7 @@ void coverage(const std::vector<std::string>& arguments, Stop& stop) {
     SpillOptions spill = spill_options(settings);
     spill.all_round = true;
     spill.stop = &stop;
+    spill.timeline = timeline.get();
     const SourceChoice choice = choose_source(layers, settings.source, settings.scene, spill.memory_bytes);
     if (choice.spilled) {
         source.reset();
@@ -154,10 +155,12 @@ void coverage(const std::vector<std::string>& arguments, Stop& stop) {
         sorting.done();
     }
     params.data = source->fingerprint({});
-    const DataBase& db = source->data_base();
-    const ResolvedScene scene = resolve_coverage(settings.scene, *source);
-
     opening.end();
+    const DataBase& db = source->data_base();
+    Span resolving(timeline.get(), "resolve", "stage");
+    const ResolvedScene scene = resolve_coverage(settings.scene, *source);
+    resolving.end();
+
     Progress progress(settings.quiet);
     params.progress = [&](double fraction) { progress.report(fraction); };
 
@@ -173,11 +176,15 @@ void coverage(const std::vector<std::string>& arguments, Stop& stop) {
     if (settings.no_data_value) layer.no_data = params.mask.no_data;
     layer.undeclared = translated.gdal_style;  // and -ov may be what hidden ground is too
     CoverageFile raster(scene, db, layer, file, format);
+    Span sweeping(timeline.get(), "strips", "stage");
     const CoverageReport report = cover(scene, *source, params, [&](const CoverageTile& tile) { raster.write(tile); });
     progress.done();
+    sweeping.end();
+    Span closing(timeline.get(), "close", "stage");
     const bool by_tiles = raster.by_tiles();
     const auto posts_in = [&](State s) { return report.states[static_cast<std::size_t>(s)]; };
     raster.close(posts_in(State::no_data) + posts_in(State::outside));
+    closing.end();
     stop.check();
     if (timeline) timeline->finish();
     const Usage usage = usage_since(start_s);

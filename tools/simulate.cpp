@@ -167,6 +167,7 @@ void simulate(const Settings& settings, WorkDir* work, double start_s, Stop& sto
     std::unique_ptr<WedgeSource> source;
     const bool terminal = ::isatty(STDERR_FILENO) == 1;
     SpillOptions options = spill_options(settings);
+    options.timeline = timeline.get();
     SourceChoice choice = choose_source(layers, settings.source, settings.scene, options.memory_bytes);
     if (work && work->seems_done()) choice = {};  // a pass would be for nothing; what is amiss is read in windows
     if (choice.spilled && !choice.kept) {

@@ -6,6 +6,7 @@
 #include <cerrno>
 #include <charconv>
 #include <cstring>
+#include <system_error>
 
 #include "lib/error.hpp"
 #include "tools/settings.hpp"
@@ -38,9 +39,36 @@ TimelineFile::TimelineFile(OutputFile& file) : file_(file) {
         "{{\"displayTimeUnit\":\"ms\",\"otherData\":{{\"program\":\"wedgescope {}\"}},\"traceEvents\":[\n"
         "{{\"name\":\"process_name\",\"ph\":\"M\",\"pid\":{},\"tid\":0,\"args\":{{\"name\":\"wedgescope\"}}}}",
         version(), ::getpid());
+    add_counters(Clock::now());
+    try {
+        sampler_ = std::thread([this] { sample(); });
+    } catch (const std::system_error&) {
+        // Without a thread to spare the counters are those that are told.
+    }
+}
+
+/// So that a stage that tells nothing has its counters too.
+void TimelineFile::sample() {
+    constexpr std::chrono::milliseconds silence(25);
+    std::unique_lock lock(mutex_);
+    while (!finished_) {
+        const auto now = Clock::now();
+        if (now - last_counters_ >= silence) add_counters(now);
+        ended_.wait_for(lock, silence);
+    }
+}
+
+void TimelineFile::end_sampling() noexcept {
+    {
+        const std::lock_guard lock(mutex_);
+        finished_ = true;
+    }
+    ended_.notify_all();
+    if (sampler_.joinable()) sampler_.join();
 }
 
 TimelineFile::~TimelineFile() {
+    end_sampling();
     if (out_ >= 0) ::close(out_);
     if (statm_ >= 0) ::close(statm_);
 }
@@ -103,14 +131,18 @@ void TimelineFile::span(const char* name, const char* category, Clock::time_poin
 
 void TimelineFile::memory(std::size_t held_bytes) noexcept {
     const std::lock_guard lock(mutex_);
+    held_ = held_bytes;
     const auto now = Clock::now();
-    if (finished_ || now - last_memory_ < std::chrono::milliseconds(2)) return;
-    last_memory_ = now;
+    if (!finished_ && now - last_counters_ >= std::chrono::milliseconds(2)) add_counters(now);
+}
+
+void TimelineFile::add_counters(Clock::time_point now) noexcept {
+    last_counters_ = now;
     try {
         add(
             fmt::format("{{\"name\":\"memory\",\"ph\":\"C\",\"ts\":{},\"pid\":{},\"tid\":0,"
                         "\"args\":{{\"budget held\":{}}}}}",
-                        since_start_us(now), ::getpid(), held_bytes));
+                        since_start_us(now), ::getpid(), held_));
         add(
             fmt::format("{{\"name\":\"resident\",\"ph\":\"C\",\"ts\":{},\"pid\":{},\"tid\":0,"
                         "\"args\":{{\"bytes\":{}}}}}",
@@ -121,8 +153,9 @@ void TimelineFile::memory(std::size_t held_bytes) noexcept {
 }
 
 void TimelineFile::finish() {
+    end_sampling();
     const std::lock_guard lock(mutex_);
-    finished_ = true;
+    add_counters(Clock::now());
     pending_ += "\n]}\n";
     flush();
     if (::close(std::exchange(out_, -1)) != 0 && error_ == 0) error_ = errno;
