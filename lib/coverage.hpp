@@ -78,9 +78,11 @@ struct QuadrantReport {
 };
 
 struct CoverageReport {
-    std::array<std::uint64_t, state_count> states{};  ///< posts of the raster by state
-    std::array<QuadrantReport, 4> quadrants{};        ///< by Quadrant
-    Skipped skipped{};                                ///< tiles that no run has read, by Skip
+    /// Posts of the raster by state. Unknown is told from seen only for the layer `states`; for all others, which do not
+    /// carry the horizons of voids, what is unknown counts as seen.
+    std::array<std::uint64_t, state_count> states{};
+    std::array<QuadrantReport, 4> quadrants{};  ///< by Quadrant
+    Skipped skipped{};                          ///< tiles that no run has read, by Skip
     SourceReport source;
     std::size_t peak_budget_bytes = 0;
     double write_s = 0;  ///< wall seconds of handing out tiles, beside the sweep

@@ -372,6 +372,16 @@ TEST_CASE("voids are no data, hide nothing, and what they may hide is unknown", 
     CHECK(hidden.at(111, 50) == 3);
     CHECK(hidden.at(250, 50) == 2);
     CHECK(look(step, scene_at(20, 50, 100)).at(111, 50) == 255);
+    // Only this layer's report tells unknown from seen; all others count both as seen, and all else alike.
+    CHECK(hidden.report.states[3] > 100);
+    for (const CoverageLayer kind : {CoverageLayer::mask, CoverageLayer::height, CoverageLayer::range,
+                                     CoverageLayer::grazing, CoverageLayer::depression}) {
+        const CoverageReport other = look(step, scene_at(20, 50, 100), layer(kind)).report;
+        CHECK(other.states[3] == 0);
+        CHECK(other.states[2] == hidden.report.states[2] + hidden.report.states[3]);
+        for (const std::size_t same : {0, 1, 4}) CHECK(other.states[same] == hidden.report.states[same]);
+        CHECK(other.seen() == hidden.report.seen());
+    }
     MemorySource none(70, 60, post_m, [](double, double) { return std::numeric_limits<double>::quiet_NaN(); });
     CHECK(look(none, scene_at(20, 50, 100)).report.states[0] == 70 * 60);
 }
