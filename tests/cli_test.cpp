@@ -1043,6 +1043,12 @@ TEST_CASE("a store tiled around a point serves scenes from there by its kept spi
         CHECK(counted() == posts);
         CHECK(pictures() == direct);
     }
+    const Outcome seen = folder.run(
+        {"coverage", "store", "seen.tif", "--latlon", "33.93,-117.33", "--altitude-msl", "7000ft", "--range", "5km"});
+    INFO(seen.err);
+    CHECK(seen.code == 0);
+    CHECK_THAT(seen.err, Contains("terrain read from a tile store; sorted for this point in 'store/wedges.spill'\n"));
+    CHECK_THAT(seen.err, !Contains("sorted into wedges first"));
     // From elsewhere it is not used, and that is said.
     REQUIRE(simulate("33.95,-117.33", {"--source", "direct"}).code == 0);
     const auto elsewhere = pictures();

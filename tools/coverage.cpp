@@ -207,7 +207,9 @@ void coverage(const std::vector<std::string>& arguments, Stop& stop) {
     if (!by_tiles)
         remark(settings.quiet, text(settings.output, " is not cut into tiles of ", CoverageTile::edge, " x ",
                                     CoverageTile::edge, " posts, which takes longer to write"));
-    if (choice.spilled) remark(settings.quiet, text("terrain sorted into wedges first: ", choice.why));
+    if (choice.spilled)
+        remark(settings.quiet,
+               text(choice.kept ? "terrain read from " : "terrain sorted into wedges first: ", choice.why));
     if (!choice.unfit.empty()) remark(settings.quiet, text("not used: ", choice.unfit));
     remark(settings.quiet,
            text("written: ", settings.output, fmt::format(" ({:.1f} s, {:.0f} Mposts/s)", wall, all / wall * 1e-6)));
