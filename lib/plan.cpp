@@ -230,8 +230,18 @@ Plan plan(const ResolvedScene& scene, WedgeSource& source, const SpokeGrid& grid
     };
     p.in_flight = threads;
     split(count, false);
-    // No number of wedges makes room for what stands beside them.
-    while (recorded.empty() && p.fixed_bytes < params.memory_bytes && !fits(p.in_flight) && count < bins) {
+    // No number of wedges makes room for what stands beside them; how little each can take is asked of some.
+    const bool hopeless = recorded.empty() && p.fixed_bytes >= params.memory_bytes;
+    if (hopeless) {
+        constexpr std::int64_t asked = 256;
+        const Walk walk(scene, source, grid, p.strip_lines, false);
+        p.wedge_bytes = 0;
+        for (std::int64_t i = 0; i < bins; i += (bins + asked - 1) / asked) {
+            const std::int64_t bin = scene.swept.azimuth_bins.begin + i;
+            p.wedge_bytes = std::max(p.wedge_bytes, walk(grid.wedge(i, {bin, bin + 1})).peak_bytes);
+        }
+    }
+    while (recorded.empty() && !hopeless && !fits(p.in_flight) && count < bins) {
         count = std::min(bins, count * 2);
         split(count, false);
     }
