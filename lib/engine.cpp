@@ -470,7 +470,7 @@ RunResult run(const ResolvedScene& scene, WedgeSource& source, const EngineParam
     result.echo_w = PolarImage<float>(scene.swept);
     result.echo_state = PolarImage<std::uint8_t>(scene.swept);
     Wedges(setting, source, wedges, params, threads, result).sweep_all(crew);
-    ::malloc_trim(0);  // what the wedges held is the images\' now
+    ::malloc_trim(0);  // what the wedges held is the images' now
     result.report.peak_held_bytes += source.held_bytes() - source.cache_bytes();
     {
         // Of the wedges that were left to do.
