@@ -13,6 +13,13 @@
 namespace wedgescope {
 namespace {
 
+/// The smallest window that holds both; an empty one holds nothing.
+Window hull(const Window& a, const Window& b) {
+    if (a.empty()) return b;
+    if (b.empty()) return a;
+    return {hull(a.columns, b.columns), hull(a.rows, b.rows)};
+}
+
 /// A few spokes of a run over coarse blocks of the terrain: how much of it can be seen at all.
 class CoarseLook {
 public:
@@ -116,6 +123,7 @@ private:
             if (!request.window.empty()) {
                 const LoadCost cost = source_.cost(request);
                 ++f.chunks;
+                f.reach = hull(f.reach, request.window);
                 f.posts += cost.posts;
                 f.bytes += cost.bytes;
                 held += cost.chunk_bytes + cost.beside_bytes;
@@ -157,6 +165,23 @@ private:
     bool look_;
 };
 
+/// Decoded bytes that go through the source's cache. Of a raster without a map, thus read by GDAL, whose blocks are wider
+/// than windows (lines, whole strips), each thread's handle decodes, for its own share, all the blocks of the reach.
+std::uint64_t cached_bytes(WedgeSource& source, const Plan& p) {
+    const WedgeForecast sum = p.total();
+    const DataBase& db = source.data_base();
+    constexpr std::int64_t wide = 1024;
+    if (source.block_map() || sum.posts == 0 || db.block_columns < std::min(wide, db.columns)) return sum.bytes;
+    const auto blocks = [](Interval posts, std::int64_t all, std::int64_t block) {
+        const Interval in = intersection(posts, {0, all});
+        return in.empty() ? 0 : std::min(all, (in.end + block - 1) / block * block) - in.begin / block * block;
+    };
+    const double posts = static_cast<double>(blocks(sum.reach.columns, db.columns, db.block_columns)) *
+                         static_cast<double>(blocks(sum.reach.rows, db.rows, db.block_rows));
+    const double each = posts * static_cast<double>(sum.bytes) / static_cast<double>(sum.posts);
+    return std::max(sum.bytes, static_cast<std::uint64_t>(each * p.in_flight));
+}
+
 }  // namespace
 
 std::size_t Plan::peak_bytes(const std::vector<bool>& done) const {
@@ -181,6 +206,7 @@ WedgeForecast Plan::total(const std::vector<bool>& done) const {
         sum.steps += f.steps;
         sum.likely_posts += f.likely_posts;
         sum.likely_bytes += f.likely_bytes;
+        sum.reach = hull(sum.reach, f.reach);
     }
     sum.peak_bytes = peak_bytes(done);
     return sum;
@@ -258,7 +284,7 @@ Plan plan(const ResolvedScene& scene, WedgeSource& source, const SpokeGrid& grid
                  !recorded.empty() ? text(", in the ", count, " wedges of the work folder") : "", ")"));
     }
     if (look) split(count, true);
-    p.unfilled_bytes = source.cache_bytes() - source.filled_bytes(p.total().bytes);
+    p.unfilled_bytes = source.cache_bytes() - source.filled_bytes(cached_bytes(source, p));
     return p;
 }
 
