@@ -162,7 +162,7 @@ struct Desk {
     Spokes spokes, scratch;
     std::vector<float> line, behind;
     std::vector<double> at, at_behind, from, post_at, post_slope, post_along;
-    std::vector<double> far_at, kept_at;
+    std::vector<double> far_at;
     std::vector<float> far_lift;
     std::vector<float> lift, drop, post_lift, post_drop, post_ray, post_rise;
     std::vector<std::uint8_t> state;
@@ -626,7 +626,6 @@ void Cover::hide(const Side& side, Interval lines, std::int64_t major, Interval 
     }
     const LineForm near = form(side, grid_.distance(q, lines.begin) - 1),
                    far = form(side, grid_.distance(q, lines.end - 1) + 1);
-    std::swap(desk.at, desk.kept_at);
     const std::int64_t growth = s.of / side.spokes.of, groups = s.range.size() / knot;
     place_knots(side, far, s, {0, groups}, desk);
     std::swap(desk.at, desk.far_at);
@@ -688,7 +687,6 @@ void Cover::hide(const Side& side, Interval lines, std::int64_t major, Interval 
             skip = below ? Skip::hidden : Skip::none;
         }
     }
-    std::swap(desk.at, desk.kept_at);
     desk.groups.clear();
     for (std::int64_t g = counted.begin; g < counted.end; ++g) {
         bool rises = !in_fan(g);

@@ -37,14 +37,9 @@ public:
     /// first..last: the least and the greatest of `at`. The table must be readable up to `most` registers from first.
     HWY_INLINE Stretch(Index at, int first, int last)
         : at_(at), first_(first), registers_((last - first) / static_cast<int>(hn::Lanes(Floats())) + 1) {
-        const Index offset = at - hn::Set(Ints(), first);
-        const int n = static_cast<int>(hn::Lanes(Floats()));
         near_ = last >= first && registers_ <= most;
-        offset_ = near_ ? offset : hn::Zero(Ints());
-        (void)n;
+        offset_ = near_ ? at - hn::Set(Ints(), first) : hn::Zero(Ints());
     }
-    HWY_INLINE bool near() const { return near_; }
-    HWY_INLINE int first() const { return first_; }
     HWY_INLINE Lane read(const float* table) const {
         if (!near_) return gather(table, at_);
         const Floats d;
