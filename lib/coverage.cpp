@@ -1,37 +1,40 @@
 #include "lib/coverage.hpp"
 
 #include <tbb/enumerable_thread_specific.h>
-#include <tbb/parallel_for.h>
 #include <tbb/task_arena.h>
 #include <tbb/task_group.h>
 
 #include <algorithm>
+#include <atomic>
 #include <chrono>
 #include <cmath>
 #include <limits>
 #include <map>
 #include <memory>
+#include <mutex>
 #include <numbers>
 #include <optional>
-#include <set>
 #include <stdexcept>
 #include <vector>
 
 #include "lib/coverage_lanes.hpp"
+#include "lib/coverage_tiles.hpp"
 #include "lib/error.hpp"
+#include "lib/handover.hpp"
 #include "lib/post_extremes.hpp"
 #include "lib/rounding.hpp"
 #include "lib/stopwatch.hpp"
 #include "lib/sweep.hpp"
 #include "lib/threads.hpp"
+#include "lib/transpose.hpp"
 
 namespace wedgescope {
 namespace {
 
 constexpr std::int64_t tile_edge = CoverageTile::edge;
 constexpr std::int64_t knot = static_cast<std::int64_t>(knot_step);
-constexpr std::int64_t run_spokes = 2048;   ///< of a run, at the end of its strip
-constexpr std::size_t strips_together = 2;  ///< swept side by side
+constexpr std::int64_t run_spokes = 2048;  ///< of a run, at the end of its strip
+constexpr std::size_t strips_ahead = 4;    ///< at most that many on their way at a time
 constexpr float nan_f = std::numeric_limits<float>::quiet_NaN();
 
 std::int64_t floor_to(std::int64_t v, std::int64_t step) {
@@ -107,23 +110,23 @@ struct Side {
     std::array<double, 3> square{}, curvature{};
     std::vector<std::pair<double, double>> sector;  ///< slopes in the sector; only where there is one
     Spokes spokes;                                  ///< before the next strip
-    std::int64_t tile = 0, tile_end = 0;            ///< next strip, and the one past the last; in steps outward
+    std::int64_t tile = 0, tile_end = 0;            ///< first strip, and the one past the last; in steps outward
+    bool busy = false;                              ///< a strip of it is being swept
 };
 
-struct Tile {
-    std::vector<std::uint8_t> bytes;
-    std::vector<float> values;
-    std::int64_t left = 0;  ///< posts not known yet
-};
-using TileKey = std::pair<std::int64_t, std::int64_t>;  ///< row, column
-
-/// The next strip of a quadrant, as its runs sweep it side by side.
+/// A strip of a quadrant; what is below `side` and `tile` stands from when it is begun until it is counted.
 struct Strip {
     Side* side = nullptr;
+    std::int64_t tile = 0;  ///< column (row) of tiles
+    bool begun = false, swept = false;
     Interval lines;
-    std::vector<Interval> own;   ///< posts of each line
-    std::vector<Interval> runs;  ///< of spokes
+    std::vector<Interval> own;                                 ///< posts of each line
+    std::vector<Interval> runs;                                ///< of spokes
+    std::map<CoverageTiles::Key, std::int64_t> posts;          ///< that are known when it is swept
+    std::map<CoverageTiles::Key, CoverageTiles::Tile*> tiles;  ///< that its spokes cross
     Spokes after;
+    std::atomic<std::size_t> left{0};  ///< runs
+    Strip(Side& of, std::int64_t at) : side(&of), tile(at) {}
 };
 
 std::int64_t block_along(std::int64_t post) { return floor_to(post, block_posts) / block_posts; }
@@ -182,7 +185,8 @@ public:
           const std::function<void(const CoverageTile&)>* write)
         : scene_(scene), source_(source), db_(source.data_base()), params_(params), write_(write),
           sampling_(coverage_sampling(scene.scene.quality)), map_(db_, map_params()), grid_(db_, map_, sampling_, 4),
-          bytes_(is_bytes(params.layer)), voids_(params.layer == CoverageLayer::states) {
+          bytes_(is_bytes(params.layer)), voids_(params.layer == CoverageLayer::states),
+          tiles_(db_.columns, db_.rows, bytes_, outside_byte()) {
         lift_.sensor_m = static_cast<float>(scene.sensor_m);
         lift_.inverse_radius = static_cast<float>(scene.earth.inverse_radius());
         with_range_ = scene.range_limited || scene.scene.range_start_m > 0 || scene.scene.ground_range_m;
@@ -199,7 +203,8 @@ public:
         own_east_west();
     }
 
-    std::size_t fixed_bytes() const {
+    /// With so many strips on their way at a time.
+    std::size_t fixed_bytes(std::size_t strips) const {
         std::size_t bytes = own_.size() * sizeof(Interval);
         for (const Side& side : sides_) {
             const double k = static_cast<double>(grid_.rings(side.quadrant).back().spokes);
@@ -207,10 +212,8 @@ public:
             bytes += static_cast<std::size_t>(2 * spokes * static_cast<double>((voids_ ? 5 : 1) * sizeof(float)));
         }
         // Tiles: those of the strips, those on their way out, those that wait on the diagonals.
-        const std::int64_t across = std::max(db_.columns, db_.rows) / tile_edge + 2;
-        bytes += static_cast<std::size_t>((2 * static_cast<std::int64_t>(strips_together) * across + across / 4 + 64) *
-                                          tile_edge * tile_edge) *
-                 (bytes_ ? 1 : sizeof(float));
+        const auto across = static_cast<std::size_t>(most_waiting());
+        bytes += ((strips + 1) * across + across / 4 + 64) * tiles_.tile_bytes();
         return bytes + (std::size_t{6} << 20);
     }
     std::size_t desk_bytes() const {
@@ -224,11 +227,12 @@ public:
     CoverageReport run();
 
 private:
-    /// Between two strips.
+    /// Tiles that may wait for the writer when a strip begins.
+    std::int64_t most_waiting() const { return std::max(db_.columns, db_.rows) / tile_edge + 2; }
+    /// While nobody else begins or ends a strip.
     std::size_t held_bytes(int threads) const {
-        std::size_t bytes =
-            source_.cache_bytes() + desk_bytes() * static_cast<std::size_t>(threads) +
-            tiles_.size() * static_cast<std::size_t>(tile_edge * tile_edge) * (bytes_ ? 1 : sizeof(float));
+        std::size_t bytes = source_.cache_bytes() + desk_bytes() * static_cast<std::size_t>(threads) +
+                            (tiles_.unfinished() + waiting_) * tiles_.tile_bytes();
         for (const Side& side : sides_) bytes += side.spokes.count() * side.spokes.bytes_each();
         return bytes;
     }
@@ -247,9 +251,13 @@ private:
         return {floor_to(floor_i(side.slope_lo * static_cast<double>(k)) - 1, knot),
                 floor_to(floor_i(side.slope_hi * static_cast<double>(k)) + 1, knot) + knot};
     }
-    Strip next_strip(Side& side);
+    void order_strips();
+    void go_on();
+    void begin(Strip& strip);
+    void prepare(Strip& strip);
     void sweep(Strip& strip, std::size_t run);
-    void take_done();
+    void end(Strip& strip);
+    void write_done();
     void place_knots(const Side& side, const LineForm& line, const Spokes& s, Interval groups, Desk& desk) const;
     void place_posts(const Side& side, const LineForm& line, std::int64_t k, Interval own, Interval posts, Desk& desk);
     double spoke_at(const Side& side, const LineForm& line, std::int64_t k, double minor) const;
@@ -263,7 +271,13 @@ private:
     void finish_line(const Side& side, const LineForm& line, Interval posts, Interval window, Desk& desk,
                      std::size_t out);
     void test_part(const LineForm& line, const Spokes& s, Interval posts, Interval window, Desk& desk) const;
-    void copy_out(const Side& side, Interval lines, Interval window, Desk& desk);
+    void copy_out(const Strip& strip, Interval window, Desk& desk);
+    template <class T, class TileOf>
+    void copy_columns(const Side& side, Interval lines, const T* from, std::size_t width, TileOf&& tile,
+                      const Desk& desk) const;
+    template <class T, class TileOf>
+    void copy_rows(const Side& side, Interval lines, const T* from, std::size_t width, TileOf&& tile,
+                   const Desk& desk) const;
     std::int64_t real_column(std::int64_t c) const {
         if (!db_.cyclic) return c;
         const std::int64_t rest = c % db_.cycle_columns;
@@ -283,14 +297,7 @@ private:
                                         : mask.outside;
     }
     std::uint8_t outside_byte() const { return byte_of(static_cast<std::uint8_t>(State::outside)); }
-    void make_buffer(Tile& tile) const;
-    Tile& tile_at(std::int64_t row, std::int64_t column);
-    std::int64_t tile_area(std::int64_t row, std::int64_t column) const {
-        return std::min(tile_edge, db_.rows - row * tile_edge) * std::min(tile_edge, db_.columns - column * tile_edge);
-    }
-    void known(std::int64_t row, std::int64_t column, std::int64_t posts);
-    void hand_out(std::vector<std::pair<TileKey, Tile>> tiles);
-    void put_nadir();
+    void put_nadir(Strip& strip);
 
     const ResolvedScene& scene_;
     WedgeSource& source_;
@@ -310,9 +317,19 @@ private:
     Lift lift_;
     std::array<Side, 4> sides_;
     std::vector<Interval> own_;  ///< by column of the raster: rows that belong to the quadrants east and west
-    std::map<TileKey, Tile> tiles_;
-    std::vector<std::pair<TileKey, Tile>> done_;
     tbb::enumerable_thread_specific<Desk> desks_;
+
+    // The order of work.
+    Handover handover_;
+    tbb::task_group* tasks_ = nullptr;
+    int threads_ = 1;
+    std::size_t strips_ahead_ = strips_ahead;
+    std::mutex mutex_;  ///< of what follows, and of a strip's and a side's flags
+    std::vector<std::unique_ptr<Strip>> strips_;
+    std::size_t counted_ = 0;  ///< of strips_: swept, as all before them, and gone
+    CoverageTiles tiles_;
+    std::size_t waiting_ = 0;  ///< tiles on their way out
+    bool writing_ = false;
     double write_s_ = 0;  ///< of the one task at a time that hands out
 };
 
@@ -432,21 +449,8 @@ LineForm Cover::form(const Side& side, double distance) const {
     return {distance, map_.nadir_minor(side.quadrant), side.square, side.curvature};
 }
 
-Tile& Cover::tile_at(std::int64_t row, std::int64_t column) {
-    const auto [at, fresh] = tiles_.try_emplace({row, column});
-    if (fresh) at->second.left = tile_area(row, column);
-    return at->second;
-}
-
-/// Outside, until a run says more. A tile that no spoke crosses needs no buffer.
-void Cover::make_buffer(Tile& tile) const {
-    const auto posts = static_cast<std::size_t>(tile_edge * tile_edge);
-    if (bytes_ && tile.bytes.empty()) tile.bytes.assign(posts, outside_byte());
-    if (!bytes_ && tile.values.empty()) tile.values.assign(posts, nan_f);
-}
-
 /// A post right below the sensor lies on no line.
-void Cover::put_nadir() {
+void Cover::put_nadir(Strip& strip) {
     const std::int64_t c = floor_i(scene_.nadir.column), r = floor_i(scene_.nadir.row);
     const bool on_post = static_cast<double>(c) == scene_.nadir.column && static_cast<double>(r) == scene_.nadir.row;
     const Window& patch = scene_.nadir_patch.window;
@@ -466,22 +470,14 @@ void Cover::put_nadir() {
                                                         : 90.0F;
     }
     for (std::int64_t column : same_columns(real_column(c))) {
-        Tile& tile = tile_at(r / tile_edge, column / tile_edge);
-        make_buffer(tile);
-        const auto at = static_cast<std::size_t>((r % tile_edge) * tile_edge + column % tile_edge);
+        CoverageTiles::Tile& tile = *strip.tiles.at({r / tile_edge, column / tile_edge});
+        const std::int64_t at = (r % tile_edge) * tile_edge + column % tile_edge;
         if (bytes_)
-            tile.bytes[at] = byte_of(static_cast<std::uint8_t>(state));
+            tiles_.buffer<std::uint8_t>(tile)[at] = byte_of(static_cast<std::uint8_t>(state));
         else
-            tile.values[at] = value;
+            tiles_.buffer<float>(tile)[at] = value;
         ++desks_.local().states[static_cast<std::size_t>(state)];
     }
-}
-
-void Cover::known(std::int64_t row, std::int64_t column, std::int64_t posts) {
-    if (posts == 0) return;
-    Tile& tile = tile_at(row, column);
-    tile.left -= posts;
-    if (tile.left < 0) throw std::logic_error("coverage: a post belongs to two quadrants");
 }
 
 /// Knots of some groups of spokes, where they stand among all of them.
@@ -891,57 +887,92 @@ void Cover::finish_line(const Side& side, const LineForm& line, Interval posts, 
 }
 
 /// From the desk into the tiles. Runs own different posts, so nobody waits.
-void Cover::copy_out(const Side& side, Interval lines, Interval window, Desk& desk) {
-    const bool columns = lines_are_columns(side.quadrant);
+void Cover::copy_out(const Strip& strip, Interval window, Desk& desk) {
+    const Side& side = *strip.side;
+    const Interval lines = strip.lines;
     const auto width = static_cast<std::size_t>(window.size());
-    const auto buffer = [&](std::int64_t row, std::int64_t column) -> Tile& {
-        return tiles_.find({row / tile_edge, column / tile_edge})->second;
+    const auto copy = [&]<class T>(const T* from) {
+        const auto tile = [&](std::int64_t row, std::int64_t column) {
+            return tiles_.buffer<T>(*strip.tiles.find({row / tile_edge, column / tile_edge})->second);
+        };
+        if (lines_are_columns(side.quadrant))
+            copy_columns(side, lines, from, width, tile, desk);
+        else
+            copy_rows(side, lines, from, width, tile, desk);
     };
-    const auto copy_columns = [&](auto* from, auto member) {
-        // Some rows of all lines, then the next ones: so a tile's rows stay in the cache.
-        constexpr std::int64_t together = 64;
-        Interval rows;
-        for (const Interval& own : desk.own)
-            if (!own.empty()) rows = rows.empty() ? own : hull(rows, own);
-        for (std::int64_t row = rows.begin; row < rows.end;) {
-            const std::int64_t end = std::min(rows.end, floor_to(row, together) + together);
-            for (std::int64_t l = 0; l < lines.size(); ++l) {
-                const Interval own = desk.own[static_cast<std::size_t>(l)], part = intersection(own, {row, end});
-                if (part.empty()) continue;
-                const auto* source = from + static_cast<std::size_t>(l) * width + (part.begin - own.begin);
-                for (std::int64_t column :
-                     same_columns(real_column(grid_.line_index(side.quadrant, lines.begin + l)))) {
-                    auto* cell = (buffer(row, column).*member).data() + (part.begin % tile_edge) * tile_edge +
-                                 column % tile_edge;
-                    for (std::int64_t j = 0; j < part.size(); ++j) cell[j * tile_edge] = source[j];
+    if (bytes_)
+        copy(static_cast<const std::uint8_t*>(desk.bytes.data()));
+    else
+        copy(static_cast<const float*>(desk.values.data()));
+}
+
+/// Some rows of all lines, then the next ones: so a tile's rows stay in the cache.
+template <class T, class TileOf>
+void Cover::copy_columns(const Side& side, Interval lines, const T* from, std::size_t width, TileOf&& tile,
+                         const Desk& desk) const {
+    constexpr std::int64_t together = 64;
+    const auto source = [&](std::int64_t line, std::int64_t row) {
+        const auto l = static_cast<std::size_t>(line);
+        return from + l * width + (row - desk.own[l].begin);
+    };
+    Interval rows;
+    for (const Interval& own : desk.own)
+        if (!own.empty()) rows = rows.empty() ? own : hull(rows, own);
+    for (std::int64_t row = rows.begin; row < rows.end;) {
+        const std::int64_t end = std::min(rows.end, floor_to(row, together) + together);
+        for (std::int64_t l = 0; l < lines.size(); l += 16) {
+            const std::int64_t l_end = std::min(lines.size(), l + 16);
+            Interval all = {row, end};  // that each of the lines has
+            for (std::int64_t i = l; i < l_end; ++i) all = intersection(all, desk.own[static_cast<std::size_t>(i)]);
+            if (!std::is_same_v<T, std::uint8_t> || db_.cyclic || l_end - l < 16 || all.empty()) all = {row, row};
+            if constexpr (std::is_same_v<T, std::uint8_t>)
+                if (!all.empty()) {
+                    std::array<const std::uint8_t*, 16> side_by_side;
+                    const std::int64_t first = std::min(grid_.line_index(side.quadrant, lines.begin + l),
+                                                        grid_.line_index(side.quadrant, lines.begin + l_end - 1));
+                    for (std::int64_t i = l; i < l_end; ++i)
+                        side_by_side[static_cast<std::size_t>(grid_.line_index(side.quadrant, lines.begin + i) -
+                                                              first)] = source(i, all.begin);
+                    transpose_bytes(side_by_side, static_cast<std::size_t>(all.size()),
+                                    tile(row, first) + (all.begin % tile_edge) * tile_edge + first % tile_edge,
+                                    static_cast<std::size_t>(tile_edge));
+                }
+            for (std::int64_t i = l; i < l_end; ++i) {
+                const Interval own = intersection(desk.own[static_cast<std::size_t>(i)], {row, end});
+                for (const Interval part : {Interval{own.begin, std::min(own.end, all.begin)},
+                                            Interval{std::max(own.begin, all.end), own.end}}) {
+                    if (part.empty()) continue;
+                    const T* cells = source(i, part.begin);
+                    for (std::int64_t column :
+                         same_columns(real_column(grid_.line_index(side.quadrant, lines.begin + i)))) {
+                        T* cell = tile(row, column) + (part.begin % tile_edge) * tile_edge + column % tile_edge;
+                        for (std::int64_t j = 0; j < part.size(); ++j) cell[j * tile_edge] = cells[j];
+                    }
                 }
             }
-            row = end;
         }
-    };
-    const auto copy_rows = [&](auto* from, auto member) {
-        for (std::int64_t l = 0; l < lines.size(); ++l) {
-            const Interval own = desk.own[static_cast<std::size_t>(l)];
-            const auto* source = from + static_cast<std::size_t>(l) * width;
-            const std::int64_t index = grid_.line_index(side.quadrant, lines.begin + l);
-            for (std::int64_t j = own.begin; j < own.end;) {
-                const std::int64_t real = real_column(j);
-                std::int64_t end = std::min(own.end, j + tile_edge - real % tile_edge);
-                if (db_.cyclic) end = std::min(end, j + db_.cycle_columns - real);
-                std::copy(source + (j - own.begin), source + (end - own.begin),
-                          (buffer(index, real).*member).data() + (index % tile_edge) * tile_edge + real % tile_edge);
-                if (db_.cyclic && real == 0 && db_.columns > db_.cycle_columns)
-                    (buffer(index, db_.cycle_columns).*member)[static_cast<std::size_t>(
-                        (index % tile_edge) * tile_edge + db_.cycle_columns % tile_edge)] = source[j - own.begin];
-                j = end;
-            }
+        row = end;
+    }
+}
+
+template <class T, class TileOf>
+void Cover::copy_rows(const Side& side, Interval lines, const T* from, std::size_t width, TileOf&& tile,
+                      const Desk& desk) const {
+    for (std::int64_t l = 0; l < lines.size(); ++l) {
+        const Interval own = desk.own[static_cast<std::size_t>(l)];
+        const T* source = from + static_cast<std::size_t>(l) * width;
+        const std::int64_t index = grid_.line_index(side.quadrant, lines.begin + l),
+                           row = (index % tile_edge) * tile_edge;
+        for (std::int64_t j = own.begin; j < own.end;) {
+            const std::int64_t real = real_column(j);
+            std::int64_t end = std::min(own.end, j + tile_edge - real % tile_edge);
+            if (db_.cyclic) end = std::min(end, j + db_.cycle_columns - real);
+            std::copy(source + (j - own.begin), source + (end - own.begin), tile(index, real) + row + real % tile_edge);
+            if (db_.cyclic && real == 0 && db_.columns > db_.cycle_columns)
+                tile(index, db_.cycle_columns)[row + db_.cycle_columns % tile_edge] = source[j - own.begin];
+            j = end;
         }
-    };
-    const auto copy = [&](auto* from, auto member) { columns ? copy_columns(from, member) : copy_rows(from, member); };
-    if (bytes_)
-        copy(desk.bytes.data(), &Tile::bytes);
-    else
-        copy(desk.values.data(), &Tile::values);
+    }
 }
 
 void Cover::sweep(Strip& strip, std::size_t run) {
@@ -1210,38 +1241,91 @@ void Cover::sweep(Strip& strip, std::size_t run) {
         give(s.voids.lift, after.voids.lift);
         give(s.voids.drop, after.voids.drop);
     }
-    copy_out(side, lines, window, desk);
+    copy_out(strip, window, desk);
     did.load_s += load_s;
     did.sweep_s += all_of_it.cpu_s() - load_s;
 }
 
-Strip Cover::next_strip(Side& side) {
+/// The nearest first, so that what a diagonal cuts waits least.
+void Cover::order_strips() {
+    std::array<std::int64_t, 4> next{};
+    for (std::size_t q = 0; q < 4; ++q) next[q] = sides_[q].tile;
+    for (;;) {
+        double least = std::numeric_limits<double>::infinity();
+        std::size_t nearest = 4;
+        for (std::size_t q = 0; q < 4; ++q) {
+            const Side& side = sides_[q];
+            if (next[q] == side.tile_end) continue;
+            const double edge = static_cast<double>((next[q] + (outward(side.quadrant) > 0 ? 1 : 0)) * tile_edge),
+                         reach = std::abs(edge - map_.nadir_major(side.quadrant));
+            if (reach < least) least = reach, nearest = q;
+        }
+        if (nearest == 4) return;
+        strips_.push_back(std::make_unique<Strip>(sides_[nearest], next[nearest]));
+        next[nearest] += outward(sides_[nearest].quadrant);
+    }
+}
+
+/// Begins what can be begun: strips whose quadrant has come so far, not too many ahead of the first that is not done,
+/// and none while the writer is behind.
+void Cover::go_on() {
+    for (std::size_t i = counted_; i < std::min(strips_.size(), counted_ + strips_ahead_); ++i) {
+        if (static_cast<std::int64_t>(waiting_ + tiles_.done_count()) > most_waiting()) return;
+        Strip& strip = *strips_[i];
+        if (strip.begun || strip.side->busy) continue;
+        strip.begun = strip.side->busy = true;
+        tasks_->run([this, &strip] {
+            const Handover::Task task(handover_);
+            begin(strip);
+        });
+    }
+}
+
+void Cover::begin(Strip& strip) {
+    prepare(strip);
+    if (strip.runs.empty()) return end(strip);
+    const std::size_t runs = strip.runs.size();  // the strip may be gone when the last of them is under way
+    strip.left = runs;
+    for (std::size_t i = 0; i < runs; ++i)
+        tasks_->run([this, &strip, i] {
+            const Handover::Task task(handover_);
+            sweep(strip, i);
+            if (--strip.left == 0) end(strip);
+        });
+}
+
+/// Its lines, whose posts they are, and its runs.
+void Cover::prepare(Strip& strip) {
+    const Side& side = *strip.side;
     const Quadrant q = side.quadrant;
-    const bool columns = lines_are_columns(q);
     Interval indices;
-    Strip strip{&side, tile_lines(side, side.tile, indices), {}, {}, {}};
+    strip.lines = tile_lines(side, strip.tile, indices);
     const Interval lines = strip.lines;
-    std::vector<Interval>& own = strip.own;
-    own.resize(static_cast<std::size_t>(lines.size()));
-    std::set<TileKey> crossed;  // by spokes
-    if (columns) {
+    strip.own.resize(static_cast<std::size_t>(lines.size()));
+    std::vector<CoverageTiles::Key> crossed;  // by spokes
+    if (lines_are_columns(q)) {
         // The strip's columns lie in one tile of the raster, or in two where it closes the circle.
-        std::map<TileKey, std::int64_t> posts;
+        std::map<std::int64_t, std::vector<std::int64_t>> posts;  // by column of tiles: of each of its tiles
         for (std::int64_t line = lines.begin; line < lines.end; ++line) {
             const std::int64_t column = real_column(grid_.line_index(q, line));
             const Interval rows = own_[static_cast<std::size_t>(column)];
-            own[static_cast<std::size_t>(line - lines.begin)] = rows;
-            for (std::int64_t c : same_columns(column))
+            strip.own[static_cast<std::size_t>(line - lines.begin)] = rows;
+            for (std::int64_t c : same_columns(column)) {
+                std::vector<std::int64_t>& of = posts[c / tile_edge];
+                of.resize(static_cast<std::size_t>(db_.rows / tile_edge + 1));
                 for (std::int64_t r = rows.begin; r < rows.end;) {
                     const std::int64_t end = std::min(rows.end, floor_to(r, tile_edge) + tile_edge);
-                    posts[{r / tile_edge, c / tile_edge}] += end - r;
+                    of[static_cast<std::size_t>(r / tile_edge)] += end - r;
                     r = end;
                 }
+            }
         }
-        for (const auto& [key, n] : posts) {
-            known(key.first, key.second, n);
-            crossed.insert(key);
-        }
+        for (const auto& [column, of] : posts)
+            for (std::size_t row = 0; row < of.size(); ++row)
+                if (of[row] > 0) {
+                    crossed.emplace_back(static_cast<std::int64_t>(row), column);
+                    strip.posts[crossed.back()] = of[row];
+                }
     } else {
         // The fan of each row, without what belongs to east and west; all else in the row is outside.
         for (std::int64_t line = lines.begin; line < lines.end; ++line) {
@@ -1254,134 +1338,119 @@ Strip Cover::next_strip(Side& side) {
                 {floor_i(map_.place(q, -1, d).minor) - 2, ceil_i(map_.place(q, 1, d).minor) + 3}, side.minor);
             while (!fan.empty() && theirs(fan.begin)) ++fan.begin;
             while (!fan.empty() && theirs(fan.end - 1)) --fan.end;
-            own[static_cast<std::size_t>(line - lines.begin)] = fan;
+            strip.own[static_cast<std::size_t>(line - lines.begin)] = fan;
             for (std::int64_t c = fan.begin; c < fan.end; c += tile_edge - real_column(c) % tile_edge)
-                for (std::int64_t same : same_columns(real_column(c))) crossed.insert({side.tile, same / tile_edge});
-            if (!fan.empty()) crossed.insert({side.tile, real_column(fan.end - 1) / tile_edge});
+                for (std::int64_t same : same_columns(real_column(c)))
+                    crossed.emplace_back(strip.tile, same / tile_edge);
+            if (!fan.empty()) crossed.emplace_back(strip.tile, real_column(fan.end - 1) / tile_edge);
         }
         for (std::int64_t tc = 0; tc * tile_edge < db_.columns; ++tc) {
             std::int64_t posts = 0;
             for (std::int64_t c = tc * tile_edge; c < std::min(db_.columns, (tc + 1) * tile_edge); ++c)
                 posts += indices.size() - intersection(own_[static_cast<std::size_t>(c)], indices).size();
-            known(side.tile, tc, posts);
+            strip.posts[{strip.tile, tc}] = posts;
         }
     }
-    for (const TileKey& key : crossed) make_buffer(tile_at(key.first, key.second));
-    if (q == Quadrant::south && indices.contains(floor_i(scene_.nadir.row))) put_nadir();
-    if (!lines.empty()) {
-        const auto& rings = grid_.rings(q);
-        std::size_t ring = 0;
-        while (ring + 1 < rings.size() && rings[ring + 1].lines.begin <= lines.end - 1) ++ring;
-        const std::int64_t k = rings[ring].spokes, growth = k / side.spokes.of;
-        strip.after.resize(k, fan(side, k), voids_);
-        const std::int64_t step = std::max(knot, run_spokes / growth);
-        const Interval all = side.spokes.range;
-        for (std::int64_t at = all.begin; at < all.end;) {
-            const std::int64_t end = std::min(all.end, floor_to(at + knot, step) + step);  // none of one group
-            strip.runs.push_back({at, end});
-            at = end;
-        }
+    const bool nadir = q == Quadrant::south && indices.contains(floor_i(scene_.nadir.row));
+    if (nadir)
+        for (std::int64_t c : same_columns(real_column(floor_i(scene_.nadir.column))))
+            if (c >= 0 && c < db_.columns) crossed.emplace_back(strip.tile, c / tile_edge);
+    std::sort(crossed.begin(), crossed.end());
+    crossed.erase(std::unique(crossed.begin(), crossed.end()), crossed.end());
+    {
+        const std::lock_guard lock(mutex_);
+        for (const CoverageTiles::Key& key : crossed) strip.tiles[key] = &tiles_.at(key);
     }
-    side.tile += outward(q);
-    return strip;
-}
-
-/// Tiles of which all posts are known go out.
-void Cover::take_done() {
-    for (auto at = tiles_.begin(); at != tiles_.end();) {
-        if (at->second.left == 0) {
-            done_.emplace_back(at->first, std::move(at->second));
-            at = tiles_.erase(at);
-        } else {
-            ++at;
-        }
+    if (nadir) put_nadir(strip);
+    if (lines.empty()) return;
+    const auto& rings = grid_.rings(q);
+    std::size_t ring = 0;
+    while (ring + 1 < rings.size() && rings[ring + 1].lines.begin <= lines.end - 1) ++ring;
+    const std::int64_t k = rings[ring].spokes, growth = k / side.spokes.of;
+    strip.after.resize(k, fan(side, k), voids_);
+    const std::int64_t step = std::max(knot, run_spokes / growth);
+    const Interval all = side.spokes.range;
+    for (std::int64_t at = all.begin; at < all.end;) {
+        const std::int64_t end = std::min(all.end, floor_to(at + knot, step) + step);  // none of one group
+        strip.runs.push_back({at, end});
+        at = end;
     }
 }
 
-void Cover::hand_out(std::vector<std::pair<TileKey, Tile>> tiles) {
+/// Its posts are known when those of all strips before it are: so tiles go out in the same order every time.
+void Cover::end(Strip& strip) {
+    const std::lock_guard lock(mutex_);
+    if (!strip.lines.empty()) strip.side->spokes = std::move(strip.after);
+    strip.swept = true;
+    strip.side->busy = false;
+    for (; counted_ < strips_.size() && strips_[counted_]->swept; ++counted_) {
+        for (const auto& [key, posts] : strips_[counted_]->posts) tiles_.known(key, posts);
+        strips_[counted_].reset();
+    }
+    if (counted_ == strips_.size() && tiles_.unfinished() > 0)
+        throw std::logic_error("coverage: a post belongs to no quadrant");
+    if (params_.timeline) params_.timeline->memory(held_bytes(threads_));
+    if (params_.progress) params_.progress(static_cast<double>(counted_) / static_cast<double>(strips_.size()));
+    if (tiles_.any_done() && !writing_) {
+        writing_ = true;
+        tasks_->run([this] {
+            const Handover::Task task(handover_);
+            write_done();
+        });
+    }
+    go_on();
+}
+
+void Cover::write_done() {
     const Span span(params_.timeline, "write", "stage");
     const Stopwatch watch;
-    std::vector<std::uint8_t> bytes;
-    std::vector<float> values;
-    for (auto& [key, tile] : tiles) {
-        if (params_.stop) params_.stop->check();
-        CoverageTile out;
-        out.window = {{key.second * tile_edge, std::min((key.second + 1) * tile_edge, db_.columns)},
-                      {key.first * tile_edge, std::min((key.first + 1) * tile_edge, db_.rows)}};
-        out.stride = tile_edge;
-        if (bytes_) {
-            if (tile.bytes.empty() && bytes.empty())
-                bytes.assign(static_cast<std::size_t>(tile_edge * tile_edge), outside_byte());
-            out.bytes = tile.bytes.empty() ? bytes.data() : tile.bytes.data();
-        } else {
-            if (tile.values.empty() && values.empty())
-                values.assign(static_cast<std::size_t>(tile_edge * tile_edge), nan_f);
-            out.values = tile.values.empty() ? values.data() : tile.values.data();
+    for (;;) {
+        std::vector<CoverageTiles::Done> done;
+        {
+            const std::lock_guard lock(mutex_);
+            done = tiles_.take_done();
+            waiting_ = done.size();
+            if (done.empty()) {
+                writing_ = false;
+                write_s_ += watch.wall_s();
+                return;
+            }
         }
-        (*write_)(out);
-        tile = {};
+        tiles_.hand_out(std::move(done), [&](const CoverageTile& tile) {
+            if (params_.stop) params_.stop->check();
+            (*write_)(tile);
+        });
+        const std::lock_guard lock(mutex_);
+        waiting_ = 0;
+        go_on();
     }
-    write_s_ += watch.wall_s();
 }
 
 CoverageReport Cover::run() {
     const auto start = std::chrono::steady_clock::now();
     CoverageReport report;
     report.threads = params_.threads > 0 ? params_.threads : tbb::this_task_arena::max_concurrency();
-    const std::size_t fixed = fixed_bytes() + source_.cache_bytes(), desk = desk_bytes();
-    while (report.threads > 1 && fixed + desk * static_cast<std::size_t>(report.threads) > params_.memory_bytes)
-        --report.threads;
-    report.peak_budget_bytes = fixed + desk * static_cast<std::size_t>(report.threads);
-    std::int64_t strips = 0, passed = 0;
-    for (const Side& side : sides_) strips += std::abs(side.tile_end - side.tile);
-    if (params_.timeline) params_.timeline->memory(held_bytes(report.threads));
-    Threads threads(report.threads);
+    const auto needed = [&] {
+        return fixed_bytes(strips_ahead_) + source_.cache_bytes() +
+               desk_bytes() * static_cast<std::size_t>(report.threads);
+    };
+    while (strips_ahead_ > 1 && needed() > params_.memory_bytes) --strips_ahead_;
+    while (report.threads > 1 && needed() > params_.memory_bytes) --report.threads;
+    report.peak_budget_bytes = needed();
+    threads_ = report.threads;
+    if (params_.timeline) params_.timeline->memory(held_bytes(threads_));
+    order_strips();
+    Threads threads(threads_);
     threads.execute([&] {
-        tbb::task_group writer;
-        // The nearest strips first, so that what a diagonal cuts waits least; two at a time, so that no thread waits.
-        for (;;) {
-            std::vector<std::pair<double, Side*>> next;
-            for (Side& side : sides_) {
-                if (side.tile == side.tile_end) continue;
-                const double edge = static_cast<double>((side.tile + (outward(side.quadrant) > 0 ? 1 : 0)) * tile_edge);
-                next.emplace_back(std::abs(edge - map_.nadir_major(side.quadrant)), &side);
-            }
-            if (next.empty()) break;
-            std::sort(next.begin(), next.end());
-            next.resize(std::min(next.size(), strips_together));
-            try {
-                std::vector<Strip> now;
-                std::vector<std::pair<std::size_t, std::size_t>> runs;
-                for (const auto& [reach, side] : next) {
-                    now.push_back(next_strip(*side));
-                    for (std::size_t i = 0; i < now.back().runs.size(); ++i) runs.emplace_back(now.size() - 1, i);
-                }
-                tbb::parallel_for(std::size_t{0}, runs.size(),
-                                  [&](std::size_t i) { sweep(now[runs[i].first], runs[i].second); });
-                for (Strip& strip : now)
-                    if (!strip.lines.empty()) strip.side->spokes = std::move(strip.after);
-                take_done();
-                passed += static_cast<std::int64_t>(now.size());
-                if (passed == strips && !tiles_.empty())
-                    throw std::logic_error("coverage: a post belongs to no quadrant");
-                writer.wait();
-            } catch (...) {
-                writer.cancel();
-                try {
-                    writer.wait();
-                } catch (...) {
-                }
-                throw;
-            }
-            if (params_.timeline) params_.timeline->memory(held_bytes(report.threads));
-            if (params_.progress) params_.progress(static_cast<double>(passed) / static_cast<double>(strips));
-            if (!done_.empty())
-                writer.run([this, tiles = std::make_shared<std::vector<std::pair<TileKey, Tile>>>(std::move(done_))] {
-                    hand_out(std::move(*tiles));
-                });
-            done_.clear();
+        tbb::task_group tasks;
+        tasks_ = &tasks;
+        handover_.pass();
+        {
+            const std::lock_guard lock(mutex_);
+            go_on();
         }
-        writer.wait();
+        tasks.wait();
+        handover_.pass();
     });
     for (const Desk& d : desks_) {
         for (std::size_t i = 0; i < d.states.size(); ++i) report.states[i] += d.states[i];
@@ -1417,7 +1486,7 @@ Sampling coverage_sampling(Quality quality) {
 namespace {
 
 void check(const Cover& work, const WedgeSource& source, const CoverageParams& params) {
-    const std::size_t cache = source.cache_bytes(), own = work.fixed_bytes() + work.desk_bytes();
+    const std::size_t cache = source.cache_bytes(), own = work.fixed_bytes(1) + work.desk_bytes();
     if (own + cache <= params.memory_bytes) return;
     // A guess: the source's cache grows with the budget.
     const double share = std::min(0.9, static_cast<double>(cache) / static_cast<double>(params.memory_bytes));

@@ -149,7 +149,7 @@ void Front::start() {
     const Interval across = columns ? patch.window.columns : patch.window.rows,
                    along = columns ? patch.window.rows : patch.window.columns;
     if (!across.contains(index)) return;
-    const auto line = [&](const std::vector<float>& layer, std::vector<float>& store) -> LinePosts {
+    const auto line = [&](const RawVector<float>& layer, std::vector<float>& store) -> LinePosts {
         if (layer.empty()) return no_posts();
         for (std::int64_t j = along.begin; j < along.end; ++j) {
             const std::int64_t row = (columns ? j : index) - patch.window.rows.begin,
@@ -292,7 +292,7 @@ void Front::sample_line(const LinePosts& posts, std::size_t begin, std::size_t e
     }
 }
 
-LinePosts Front::line_of(const Chunk& chunk, const std::vector<float>& layer, std::int64_t index) const {
+LinePosts Front::line_of(const Chunk& chunk, const RawVector<float>& layer, std::int64_t index) const {
     if (layer.empty()) return no_posts();
     const bool columns = lines_are_columns(quadrant_);
     const Interval minor = columns ? chunk.window.rows : chunk.window.columns;

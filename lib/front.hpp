@@ -129,7 +129,7 @@ private:
     /// would take.
     void sample_line(const LinePosts& posts, std::size_t begin, std::size_t end, std::size_t at,
                      Samples& samples) const;
-    LinePosts line_of(const Chunk& chunk, const std::vector<float>& layer, std::int64_t index) const;
+    LinePosts line_of(const Chunk& chunk, const RawVector<float>& layer, std::int64_t index) const;
 
     /// Range coordinate of a place, in bins.
     double coordinate(double range_m, double arc_m) const {

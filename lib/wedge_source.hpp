@@ -13,6 +13,7 @@
 #include "lib/error.hpp"
 #include "lib/interval.hpp"
 #include "lib/material.hpp"
+#include "lib/raw_vector.hpp"
 
 namespace wedgescope {
 
@@ -110,10 +111,10 @@ struct Chunk {
     bool lines_are_columns = false;
     /// Surface height (terrain + culture height), metres, NaN = void: line-major, the lines in raster
     /// order, `minor_count()` posts a line in raster order.
-    std::vector<float> surface_m;
+    RawVector<float> surface_m;
     bool flat = false;  ///< nothing of it was needed: the first line stands for all
     /// Culture height (scaled), metres, at the same posts; empty where none stands in the window.
-    std::vector<float> culture_height_m;
+    RawVector<float> culture_height_m;
 
     std::uint64_t posts_read = 0;
     std::uint64_t bytes_read = 0;     ///< decoded bytes of the windows read

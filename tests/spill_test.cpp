@@ -13,6 +13,7 @@
 #include <fstream>
 #include <random>
 #include <set>
+#include <span>
 #include <thread>
 
 #include "lib/coverage.hpp"
@@ -71,7 +72,7 @@ std::uint32_t bits(float z) {
     std::memcpy(&b, &z, sizeof b);
     return std::isnan(z) ? 0x7FC00000U : b;
 }
-std::int64_t differences(const std::vector<float>& a, const std::vector<float>& b) {
+std::int64_t differences(std::span<const float> a, std::span<const float> b) {
     if (a.size() != b.size()) return -1;
     std::int64_t n = 0;
     for (std::size_t i = 0; i < a.size(); ++i) n += bits(a[i]) != bits(b[i]);
@@ -102,7 +103,7 @@ void same_as_direct(const DataBaseParams& params, const Scene& scene, unsigned s
             const Chunk a = direct->load(w, trial % 2 == 0), b = spilled->load(w, trial % 2 == 0);
             CHECK(differences(a.surface_m, b.surface_m) == 0);
             // No heights at all and heights of nothing are the same.
-            const std::vector<float> none(a.surface_m.size(), 0.0F);
+            const RawVector<float> none(a.surface_m.size(), 0.0F);
             CHECK(differences(a.culture_height_m.empty() ? none : a.culture_height_m,
                               b.culture_height_m.empty() ? none : b.culture_height_m) == 0);
             const std::int64_t c = w.columns.begin, r = w.rows.begin;

@@ -13,6 +13,7 @@
 #include <fstream>
 #include <map>
 #include <random>
+#include <span>
 #include <sstream>
 #include <thread>
 
@@ -94,14 +95,14 @@ bool same(double a, double b) { return a == b || (std::isnan(a) && std::isnan(b)
 bool same(const std::vector<double>& a, const std::vector<double>& b) {
     return std::equal(a.begin(), a.end(), b.begin(), b.end(), [](double x, double y) { return same(x, y); });
 }
-bool same(const std::vector<float>& a, const std::vector<float>& b) {
+bool same(std::span<const float> a, std::span<const float> b) {
     return a.size() == b.size() && std::equal(a.begin(), a.end(), b.begin(), [](float x, float y) {
                return x == y || (std::isnan(x) && std::isnan(y));
            });
 }
 
 /// Heights of the whole data base through the engine's interface.
-std::vector<float> heights(WedgeSource& source) {
+RawVector<float> heights(WedgeSource& source) {
     const DataBase& d = source.data_base();
     return source.load({{0, d.columns}, {0, d.rows}}, false).surface_m;
 }
@@ -154,7 +155,7 @@ std::string draw_dted(const Folder& folder, const std::string& name, int lon, in
 }
 
 /// Bounds of a block straight from its definition.
-BlockBounds brute(const std::vector<float>& z, const std::vector<float>& h, std::int64_t columns, std::int64_t rows,
+BlockBounds brute(std::span<const float> z, std::span<const float> h, std::int64_t columns, std::int64_t rows,
                   bool cyclic, int level, std::int64_t c, std::int64_t r) {
     const std::int64_t edge = block_posts << level;
     BlockBounds b;
@@ -432,7 +433,7 @@ TEST_CASE("DTED cells of unequal posting become one grid of the finest, and edge
     CHECK(d.rows == 241);
     CHECK(d.origin_x == Approx(10).margin(1e-9));
     CHECK(d.origin_y == Approx(51).margin(1e-9));
-    const std::vector<float> z = heights(*source);
+    const RawVector<float> z = heights(*source);
     std::int64_t wrong = 0, voids = 0;
     for (int r = 0; r < 241; ++r)
         for (int col = 0; col < 241; ++col) {
@@ -684,7 +685,7 @@ TEST_CASE("HGT cells and a GeoTIFF across the antimeridian lie side by side", "[
     CHECK(source->data_base().columns == 1501);
     CHECK(source->data_base().rows == 1201);
     CHECK(source->data_base().locate(0.5, -179.9).column == Approx(1320).margin(1e-6));
-    const std::vector<float> z = heights(*source);
+    const RawVector<float> z = heights(*source);
     std::int64_t wrong = 0;
     for (int r = 0; r < 1201; ++r)
         for (int c = 0; c < 1501; ++c) {

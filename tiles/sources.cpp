@@ -21,6 +21,7 @@
 
 #include "lib/engine.hpp"
 #include "lib/error.hpp"
+#include "lib/transpose.hpp"
 #include "tiles/checksum.hpp"
 #include "tiles/gdal_session.hpp"
 #include "tiles/georeference.hpp"
@@ -335,13 +336,9 @@ protected:
     /// Row-major `from` (rows x width) into lines of columns of `minor` posts, from post `at` of each line on.
     static void turn(const float* from, std::int64_t rows, std::int64_t width, float* to, std::int64_t minor,
                      std::int64_t at) {
-        constexpr std::int64_t edge = 16;  // 16 floats fill a cache line
-        for (std::int64_t r0 = 0; r0 < rows; r0 += edge)
-            for (std::int64_t c0 = 0; c0 < width; c0 += edge) {
-                const std::int64_t r1 = std::min(r0 + edge, rows), c1 = std::min(c0 + edge, width);
-                for (std::int64_t c = c0; c < c1; ++c)
-                    for (std::int64_t r = r0; r < r1; ++r) to[c * minor + at + r] = from[r * width + c];
-            }
+        const auto columns = static_cast<std::size_t>(width);
+        transpose_floats(from, columns, static_cast<std::size_t>(rows), columns, to + at,
+                         static_cast<std::size_t>(minor));
     }
 
     void load_surface(Chunk& chunk, const NeededPosts& needed) {
@@ -352,7 +349,8 @@ protected:
         RegisteredLayer::Plan plan;
         if (height_) plan = height_->plan(columns);
         chunk.surface_m.resize(posts);
-        std::vector<float> slab, culture, scratch;
+        RawVector<float> slab;
+        std::vector<float> culture, scratch;
         for (const Interval part : slabs(rows, width)) {
             const auto n = static_cast<std::size_t>(part.size() * width);
             const std::int64_t first = part.begin - rows.begin;
@@ -373,7 +371,7 @@ protected:
             }
             needed.fill({columns, part}, surface, height_ ? culture.data() : nullptr);
             if (height_ && std::any_of(culture.begin(), culture.end(), [](float h) { return h != 0; })) {
-                chunk.culture_height_m.resize(posts);
+                if (chunk.culture_height_m.empty()) chunk.culture_height_m.assign(posts, 0);
                 if (chunk.lines_are_columns)
                     turn(culture.data(), part.size(), width, chunk.culture_height_m.data(), minor, first);
                 else

@@ -85,7 +85,7 @@ SheetReader::SheetReader(std::string path, const RasterFacts& layer, const Windo
                                    GDALDataTypeIsFloating(facts_.type) != 0);
 }
 
-std::vector<std::byte> SheetReader::tile(int level, std::int64_t column, std::int64_t row) {
+RawVector<std::byte> SheetReader::tile(int level, std::int64_t column, std::int64_t row) {
     const std::int64_t edge = sums_.tile;
     const auto bytes = static_cast<std::size_t>(facts_.type_bytes);
     const std::uint64_t expected = sums_.tiles[sums_.index(level, column, row)];
@@ -107,7 +107,7 @@ std::vector<std::byte> SheetReader::tile(int level, std::int64_t column, std::in
     int block_wide = 0, block_high = 0;
     if (band) band->GetBlockSize(&block_wide, &block_high);
     if (!band || block_wide != edge || block_high != edge) throw DataError(named("cannot be read: " + errors.reason()));
-    std::vector<std::byte> values(static_cast<std::size_t>(edge * edge) * bytes);
+    RawVector<std::byte> values(static_cast<std::size_t>(edge * edge) * bytes);
     const auto right = [&] {
         Checksum sum;
         if (wide == edge) return checksum(values.data(), static_cast<std::size_t>(wide * high) * bytes) == expected;
@@ -131,7 +131,7 @@ std::vector<std::byte> SheetReader::tile(int level, std::int64_t column, std::in
 
 /// False where GDAL must look.
 bool SheetReader::decoded_here(GDALRasterBand& band, std::int64_t column, std::int64_t row,
-                               std::vector<std::byte>& values, const std::function<bool()>& right) {
+                               RawVector<std::byte>& values, const std::function<bool()>& right) {
     if (!decoder_) return false;
     try {
         if (decoder_->decode(band, column, row, values, right)) return true;
@@ -173,7 +173,7 @@ TileCache::Tile StoreLayer::tile(std::int64_t column, std::int64_t row) {
     const TileCache::Key key{static_cast<int>(entry_.kind), static_cast<std::uint64_t>(row * across + column)};
     if (auto found = cache_->find(key)) return found;
     const auto place = sheets_.find({column / a_sheet, row / a_sheet});
-    std::vector<std::byte> values;
+    RawVector<std::byte> values;
     if (place == sheets_.end()) {
         const std::int64_t wide = std::min(edge, facts_.columns - column * edge),
                            high = std::min(edge, facts_.rows - row * edge);
@@ -202,7 +202,7 @@ TileCache::Tile StoreLayer::tile(std::int64_t column, std::int64_t row) {
             idle_.pop_back();
         }
     }
-    auto kept = std::make_shared<const std::vector<std::byte>>(std::move(values));
+    auto kept = std::make_shared<const RawVector<std::byte>>(std::move(values));
     cache_->add(key, kept);
     return kept;
 }

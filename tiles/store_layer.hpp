@@ -16,6 +16,7 @@
 #include <utility>
 #include <vector>
 
+#include "lib/raw_vector.hpp"
 #include "tiles/gdal_handle.hpp"
 #include "tiles/store_manifest.hpp"
 #include "tiles/tile_decoder.hpp"
@@ -25,7 +26,7 @@ namespace wedgescope {
 /// Decoded tiles by layer and number; the ones not used for longest go when it is full.
 class TileCache {
 public:
-    using Tile = std::shared_ptr<const std::vector<std::byte>>;
+    using Tile = std::shared_ptr<const RawVector<std::byte>>;
     using Key = std::pair<int, std::uint64_t>;
 
     explicit TileCache(std::size_t most_bytes) : most_(most_bytes) {}
@@ -58,10 +59,10 @@ public:
     const SheetSums& sums() const { return sums_; }
     const std::string& path() const { return path_; }
     /// Values of a tile as stored, row after row, cut at the sheet's edge. IoError / DataError naming file and tile.
-    std::vector<std::byte> tile(int level, std::int64_t column, std::int64_t row);
+    RawVector<std::byte> tile(int level, std::int64_t column, std::int64_t row);
 
 private:
-    bool decoded_here(GDALRasterBand& band, std::int64_t column, std::int64_t row, std::vector<std::byte>& values,
+    bool decoded_here(GDALRasterBand& band, std::int64_t column, std::int64_t row, RawVector<std::byte>& values,
                       const std::function<bool()>& right);
 
     std::string path_;

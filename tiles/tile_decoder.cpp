@@ -7,6 +7,7 @@
 #include <cstring>
 #include <memory>
 #include <string_view>
+#include <type_traits>
 
 #include "lib/error.hpp"
 
@@ -28,13 +29,31 @@ std::optional<std::uint64_t> number(const char* word) {
     return value;
 }
 
+/// Sums of the first 1, 2, ... of eight, by the compiler's vectors of 16 bytes, which every x86-64 has.
+using Eight [[gnu::vector_size(16)]] = std::uint16_t;
+Eight running_sums(Eight v) {
+    const Eight none{};
+    v += __builtin_shufflevector(v, none, 8, 0, 1, 2, 3, 4, 5, 6);
+    v += __builtin_shufflevector(v, none, 8, 9, 0, 1, 2, 3, 4, 5);
+    return v + __builtin_shufflevector(v, none, 8, 9, 10, 11, 0, 1, 2, 3);
+}
+
 /// x[i] += x[i - 1], row by row.
 template <class T>
 void add_up(std::byte* values, std::int64_t edge) {
     for (std::int64_t r = 0; r < edge; ++r) {
         std::byte* line = values + static_cast<std::size_t>(r * edge) * sizeof(T);
         T sum = 0;
-        for (std::int64_t c = 0; c < edge; ++c, line += sizeof(T)) {
+        std::int64_t c = 0;
+        if constexpr (std::is_same_v<T, std::uint16_t>)
+            for (; c + 8 <= edge; c += 8, line += sizeof(Eight)) {
+                Eight v;
+                std::memcpy(&v, line, sizeof v);
+                v = running_sums(v) + sum;
+                std::memcpy(line, &v, sizeof v);
+                sum = v[7];
+            }
+        for (; c < edge; ++c, line += sizeof(T)) {
             T step;
             std::memcpy(&step, line, sizeof step);
             sum = static_cast<T>(sum + step);
@@ -75,7 +94,7 @@ std::optional<TileDecoder> TileDecoder::of(const std::string& path, GDALDataset&
     return decoder;
 }
 
-bool TileDecoder::unpack(std::uint64_t at, std::size_t count, std::vector<std::byte>& values) const {
+bool TileDecoder::unpack(std::uint64_t at, std::size_t count, RawVector<std::byte>& values) const {
     if (!zstd_) {
         if (count != values.size()) return false;
         file_->read(at, values.data(), count);
@@ -88,7 +107,7 @@ bool TileDecoder::unpack(std::uint64_t at, std::size_t count, std::vector<std::b
            values.size();
 }
 
-void TileDecoder::undo(Predictor predictor, std::vector<std::byte>& values) const {
+void TileDecoder::undo(Predictor predictor, RawVector<std::byte>& values) const {
     if (predictor == Predictor::floating) join_bytes(values.data(), edge_, type_bytes_);
     if (predictor != Predictor::horizontal) return;
     switch (type_bytes_) {
@@ -103,7 +122,7 @@ void TileDecoder::undo(Predictor predictor, std::vector<std::byte>& values) cons
     }
 }
 
-bool TileDecoder::decode(GDALRasterBand& band, std::int64_t column, std::int64_t row, std::vector<std::byte>& values,
+bool TileDecoder::decode(GDALRasterBand& band, std::int64_t column, std::int64_t row, RawVector<std::byte>& values,
                          const std::function<bool()>& right) {
     const std::string place = text(column, "_", row);
     const auto at = number(band.GetMetadataItem(("BLOCK_OFFSET_" + place).c_str(), "TIFF")),

@@ -15,6 +15,7 @@
 #include <string>
 #include <vector>
 
+#include "lib/raw_vector.hpp"
 #include "tiles/plain_file.hpp"
 
 namespace wedgescope {
@@ -27,15 +28,15 @@ public:
 
     /// Tile of a band (the sheet's or of an overview): [edge x edge] values. False where it cannot be decoded here, or
     /// `right` says no to all that it may be.
-    bool decode(GDALRasterBand& band, std::int64_t column, std::int64_t row, std::vector<std::byte>& values,
+    bool decode(GDALRasterBand& band, std::int64_t column, std::int64_t row, RawVector<std::byte>& values,
                 const std::function<bool()>& right);
 
 private:
     enum class Predictor { none, horizontal, floating };
     TileDecoder(const std::string& path, std::int64_t edge, std::size_t type_bytes)
         : file_(std::make_unique<PlainFile>(path, PlainFile::Use::read)), edge_(edge), type_bytes_(type_bytes) {}
-    bool unpack(std::uint64_t at, std::size_t count, std::vector<std::byte>& values) const;
-    void undo(Predictor predictor, std::vector<std::byte>& values) const;
+    bool unpack(std::uint64_t at, std::size_t count, RawVector<std::byte>& values) const;
+    void undo(Predictor predictor, RawVector<std::byte>& values) const;
 
     std::unique_ptr<PlainFile> file_;
     std::int64_t edge_;
