@@ -212,8 +212,7 @@ public:
             bytes += static_cast<std::size_t>(2 * spokes * static_cast<double>((voids_ ? 5 : 1) * sizeof(float)));
         }
         // Tiles: those of the strips, those on their way out, those that wait on the diagonals.
-        const auto across = static_cast<std::size_t>(most_waiting());
-        bytes += ((strips + 1) * across + across / 4 + 64) * tiles_.tile_bytes();
+        bytes += (2 * strips * tiles_across() + tiles_across() / 4 + 64) * tiles_.tile_bytes();
         return bytes + (std::size_t{6} << 20);
     }
     std::size_t desk_bytes() const {
@@ -227,8 +226,10 @@ public:
     CoverageReport run();
 
 private:
-    /// Tiles that may wait for the writer when a strip begins.
-    std::int64_t most_waiting() const { return std::max(db_.columns, db_.rows) / tile_edge + 2; }
+    /// Tiles of the longest strip.
+    std::size_t tiles_across() const {
+        return static_cast<std::size_t>(std::max(db_.columns, db_.rows) / tile_edge + 2);
+    }
     /// While nobody else begins or ends a strip.
     std::size_t held_bytes(int threads) const {
         std::size_t bytes = source_.cache_bytes() + desk_bytes() * static_cast<std::size_t>(threads) +
@@ -1270,7 +1271,7 @@ void Cover::order_strips() {
 /// and none while the writer is behind.
 void Cover::go_on() {
     for (std::size_t i = counted_; i < std::min(strips_.size(), counted_ + strips_ahead_); ++i) {
-        if (static_cast<std::int64_t>(waiting_ + tiles_.done_count()) > most_waiting()) return;
+        if (waiting_ + tiles_.done_count() > strips_ahead_ * tiles_across()) return;
         Strip& strip = *strips_[i];
         if (strip.begun || strip.side->busy) continue;
         strip.begun = strip.side->busy = true;
