@@ -1,13 +1,16 @@
 #include "lib/coverage.hpp"
 
 #include <tbb/enumerable_thread_specific.h>
+#include <tbb/parallel_for.h>
 #include <tbb/task_arena.h>
-#include <tbb/task_group.h>
 
 #include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <cmath>
+#include <condition_variable>
+#include <deque>
+#include <exception>
 #include <limits>
 #include <map>
 #include <memory>
@@ -155,6 +158,13 @@ struct Blocks {
     }
 };
 
+/// A thing that a thread does.
+struct Job {
+    enum class Kind { begin, sweep, write } kind = Kind::begin;
+    Strip* strip = nullptr;
+    std::size_t run = 0;
+};
+
 /// What a thread works in.
 struct Desk {
     Blocks blocks;
@@ -253,7 +263,9 @@ private:
                 floor_to(floor_i(side.slope_hi * static_cast<double>(k)) + 1, knot) + knot};
     }
     void order_strips();
+    void work();
     void go_on();
+    void queue(Job job, bool first = false);
     void begin(Strip& strip);
     void prepare(Strip& strip);
     void sweep(Strip& strip, std::size_t run);
@@ -322,10 +334,13 @@ private:
 
     // The order of work.
     Handover handover_;
-    tbb::task_group* tasks_ = nullptr;
     int threads_ = 1;
     std::size_t strips_ahead_ = strips_ahead;
     std::mutex mutex_;  ///< of what follows, and of a strip's and a side's flags
+    std::condition_variable changed_;
+    std::deque<Job> jobs_;
+    bool over_ = false;
+    std::exception_ptr error_;
     std::vector<std::unique_ptr<Strip>> strips_;
     std::size_t counted_ = 0;  ///< of strips_: swept, as all before them, and gone
     CoverageTiles tiles_;
@@ -1275,24 +1290,56 @@ void Cover::go_on() {
         Strip& strip = *strips_[i];
         if (strip.begun || strip.side->busy) continue;
         strip.begun = strip.side->busy = true;
-        tasks_->run([this, &strip] {
-            const Handover::Task task(handover_);
-            begin(strip);
-        });
+        queue({Job::Kind::begin, &strip});
+    }
+    over_ = counted_ == strips_.size() && !writing_;
+    if (over_) changed_.notify_all();
+}
+
+void Cover::queue(Job job, bool first) {
+    first ? jobs_.push_front(job) : jobs_.push_back(job);
+    changed_.notify_one();
+}
+
+/// What each thread does until all is done or something has gone wrong.
+void Cover::work() {
+    for (;;) {
+        Job job;
+        {
+            std::unique_lock lock(mutex_);
+            changed_.wait(lock, [&] { return over_ || !jobs_.empty(); });
+            if (over_) return;
+            job = jobs_.front();
+            jobs_.pop_front();
+        }
+        try {
+            switch (job.kind) {
+                case Job::Kind::begin:
+                    begin(*job.strip);
+                    break;
+                case Job::Kind::sweep:
+                    sweep(*job.strip, job.run);
+                    if (--job.strip->left == 0) end(*job.strip);
+                    break;
+                case Job::Kind::write:
+                    write_done();
+                    break;
+            }
+        } catch (...) {
+            const std::lock_guard lock(mutex_);
+            if (!error_) error_ = std::current_exception();
+            over_ = true;
+            changed_.notify_all();
+        }
     }
 }
 
 void Cover::begin(Strip& strip) {
     prepare(strip);
     if (strip.runs.empty()) return end(strip);
-    const std::size_t runs = strip.runs.size();  // the strip may be gone when the last of them is under way
-    strip.left = runs;
-    for (std::size_t i = 0; i < runs; ++i)
-        tasks_->run([this, &strip, i] {
-            const Handover::Task task(handover_);
-            sweep(strip, i);
-            if (--strip.left == 0) end(strip);
-        });
+    const std::lock_guard lock(mutex_);
+    strip.left = strip.runs.size();
+    for (std::size_t i = 0; i < strip.runs.size(); ++i) queue({Job::Kind::sweep, &strip, i});
 }
 
 /// Its lines, whose posts they are, and its runs.
@@ -1394,10 +1441,7 @@ void Cover::end(Strip& strip) {
     if (params_.progress) params_.progress(static_cast<double>(counted_) / static_cast<double>(strips_.size()));
     if (tiles_.any_done() && !writing_) {
         writing_ = true;
-        tasks_->run([this] {
-            const Handover::Task task(handover_);
-            write_done();
-        });
+        queue({Job::Kind::write}, true);
     }
     go_on();
 }
@@ -1414,7 +1458,7 @@ void Cover::write_done() {
             if (done.empty()) {
                 writing_ = false;
                 write_s_ += watch.wall_s();
-                return;
+                return go_on();
             }
         }
         tiles_.hand_out(std::move(done), [&](const CoverageTile& tile) {
@@ -1443,16 +1487,21 @@ CoverageReport Cover::run() {
     order_strips();
     Threads threads(threads_);
     threads.execute([&] {
-        tbb::task_group tasks;
-        tasks_ = &tasks;
         handover_.pass();
         {
             const std::lock_guard lock(mutex_);
             go_on();
         }
-        tasks.wait();
+        tbb::parallel_for(
+            0, threads_,
+            [this](int) {
+                const Handover::Task task(handover_);
+                work();
+            },
+            tbb::simple_partitioner());
         handover_.pass();
     });
+    if (error_) std::rethrow_exception(error_);
     for (const Desk& d : desks_) {
         for (std::size_t i = 0; i < d.states.size(); ++i) report.states[i] += d.states[i];
         for (std::size_t i = 0; i < d.did.size(); ++i) report.quadrants[i].add(d.did[i]);
