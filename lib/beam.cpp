@@ -199,8 +199,9 @@ std::int64_t strip_bins(const BeamSetting& setting, const PolarGrid& grid, std::
     return std::clamp<std::int64_t>(std::max(fits, lead_in_bins(setting, grid.range_bin_m)), 64, 4096);
 }
 
-PolarImage<float> power_image(const PolarImage<float>& echo, const PolarGrid& shown, const BeamSetting& setting) {
-    PolarImage<float> power(shown);
+PolarImage<float> power_image(const PolarImage<float>& echo, const PolarGrid& shown, const BeamSetting& setting,
+                              PolarImage<float>&& used) {
+    PolarImage<float> power(shown, std::move(used));
     if (shown.cells() == 0) return power;
     const std::int64_t strip = strip_bins(setting, shown, 0, 0);
     for (std::int64_t begin = shown.range_bins.begin; begin < shown.range_bins.end; begin += strip) {

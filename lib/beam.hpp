@@ -39,8 +39,10 @@ std::int64_t lead_in_bins(const BeamSetting& setting, double range_bin_m);
 /// w_m = H(m) - H(m - w), w = c tau / (2 dr), H the integral of the unit hat; m = 0.. bins nearer.
 /// Switched off, the same total weight falls into the own bin. InputError if `echo` does not hold what `shown` needs.
 /// `echo` (watts) covers at least `shown` plus skirt and lead-in where the circle and range 0 allow; the result
-/// covers `shown`. Every output is a sum in a fixed order: the same bits for any number of threads.
-PolarImage<float> power_image(const PolarImage<float>& echo, const PolarGrid& shown, const BeamSetting& setting);
+/// covers `shown`. Every output is a sum in a fixed order: the same bits for any number of threads. `used`: an image whose
+/// memory may serve again.
+PolarImage<float> power_image(const PolarImage<float>& echo, const PolarGrid& shown, const BeamSetting& setting,
+                              PolarImage<float>&& used = {});
 
 /// cos d_j as the beam uses it: of the level surface at range `range_m` (arc where range bins are ground), at least
 /// 0.5.

@@ -7,9 +7,11 @@
 #include <atomic>
 #include <cmath>
 #include <limits>
+#include <memory>
 #include <numbers>
 #include <stdexcept>
 
+#include "lib/display_lanes.hpp"
 #include "lib/error.hpp"
 #include "lib/rounding.hpp"
 
@@ -77,6 +79,11 @@ public:
         return radii;
     }
 
+    double ring_step() const { return ring_step_m_; }
+    /// Marks begin here.
+    double mark_radius_m() const { return radius_m_ - long_mark_m_; }
+    double sector_rad() const { return sector_ ? width_rad_ : 0; }
+
     /// Grey to add at a radius and azimuth; `into_rad` is the angle from the sector's first edge.
     double light(double radius_m, double azimuth_rad, double into_rad) const {
         double grey = 0;
@@ -105,34 +112,6 @@ private:
     int rings_ = 0;
     bool sector_ = false;
 };
-
-/// A place between the centres of two bins: value = (1 - share) of first + share of second.
-struct Between {
-    std::size_t first, second;
-    double share;
-};
-
-/// `position` in bins from the near edge of the first; centres at 1/2, 3/2, ...; beyond the outer centres the outer
-/// bins' own values, or round to the other end.
-Between between(double position, std::int64_t bins, bool wraps) {
-    const double from_centre = position - 0.5;
-    const double below = std::floor(from_centre);
-    auto first = static_cast<std::int64_t>(below);
-    auto second = first + 1;
-    if (wraps) {
-        first = (first + bins) % bins;
-        second = second % bins;
-    } else {
-        first = std::clamp<std::int64_t>(first, 0, bins - 1);
-        second = std::clamp<std::int64_t>(second, 0, bins - 1);
-    }
-    return {static_cast<std::size_t>(first), static_cast<std::size_t>(second), from_centre - below};
-}
-
-std::size_t nearest(double position, std::int64_t bins) {
-    return static_cast<std::size_t>(
-        std::clamp<std::int64_t>(static_cast<std::int64_t>(std::floor(position)), 0, bins - 1));
-}
 
 }  // namespace
 
@@ -210,75 +189,95 @@ Frame frame(const DisplaySetting& setting) {
     return result;
 }
 
+namespace {
+
+PixelScene pixel_scene(const DisplaySetting& setting, const Frame& f, const Graticule& graticule) {
+    const PolarGrid& grid = setting.shown;
+    PixelScene s;
+    s.centre_column = f.centre_column;
+    s.metres_per_pixel = f.metres_per_pixel;
+    s.up_azimuth_rad = f.up_azimuth_rad;
+    s.chord = setting.params.kind == DisplayKind::gpi;
+    s.inverse_radius = setting.earth.inverse_radius();
+    s.rise_m = setting.sensor_m - setting.reference_m;
+    s.growth = (1 + setting.sensor_m * s.inverse_radius) * (1 + setting.reference_m * s.inverse_radius);
+    s.delay_m = setting.params.kind == DisplayKind::tdppi ? setting.sweep_delay_m : 0;
+    s.least_range_m = setting.range_start_m;
+    s.most_range_m = setting.range_m;
+    s.most_radius_m = largest_radius_m(setting);
+    s.bins_per_metre = 1 / grid.range_bin_m;
+    s.bins_per_radian = static_cast<double>(grid.circle_bins) / full_turn;
+    s.first_azimuth = static_cast<double>(grid.azimuth_bins.begin);
+    s.first_range = static_cast<double>(grid.range_bins.begin);
+    s.circle_bins = static_cast<std::int32_t>(grid.circle_bins);
+    s.azimuth_bins = static_cast<std::int32_t>(grid.azimuth_bins.size());
+    s.range_bins = static_cast<std::int32_t>(grid.range_bins.size());
+    s.wraps = grid.full_circle();
+    s.light = setting.params.rings;
+    s.ring_step_m = graticule.ring_step();
+    s.mark_radius_m = graticule.mark_radius_m();
+    s.sector_rad = graticule.sector_rad();
+    return s;
+}
+
+}  // namespace
+
 Picture picture(const PolarImage<float>& received_w, const PolarImage<std::uint8_t>& state,
-                const DisplaySetting& setting, const Receiver& receiver) {
+                const DisplaySetting& setting, const Receiver& receiver, Picture&& used) {
     const PolarGrid& grid = setting.shown;
     if (received_w.grid != grid || state.grid != grid || grid.cells() == 0)
         throw std::invalid_argument("picture: power, states and display have different grids, or empty ones");
 
     Picture result;
     result.frame = frame(setting);
+    result.grey = std::move(used.grey);
+    result.state = std::move(used.state);
     const Frame& f = result.frame;
     const Graticule graticule(setting, f);
     if (setting.params.rings) result.ring_range_m = graticule.ring_radii_m();
     result.grey.assign(static_cast<std::size_t>(f.width * f.height), 0);
     result.state.assign(static_cast<std::size_t>(f.width * f.height), static_cast<std::uint8_t>(State::outside));
 
-    const auto circle = static_cast<double>(grid.circle_bins);
-    const auto azimuth_bins = grid.azimuth_bins.size();
-    const auto range_bins = grid.range_bins.size();
-    const auto first_azimuth = static_cast<double>(grid.azimuth_bins.begin);
-    const auto first_range = static_cast<double>(grid.range_bins.begin);
-    const double largest_m = largest_radius_m(setting);
-    const bool wraps = grid.full_circle();
-
+    const PixelScene scene = pixel_scene(setting, f, graticule);
     std::atomic<std::uint64_t> lit = 0;
-    const auto draw_row = [&](std::int64_t row) {
+    const bool ground_bins = setting.params.kind == DisplayKind::gpi_true;
+    const auto draw_row = [&](std::int64_t row, PixelRow& pixels) {
         std::uint64_t lit_here = 0;
         const double y = (f.centre_row - (static_cast<double>(row) + 0.5)) * f.metres_per_pixel;
-        for (std::int64_t column = 0; column < f.width; ++column) {
-            const double x = (static_cast<double>(column) + 0.5 - f.centre_column) * f.metres_per_pixel;
-            const double radius_m = std::sqrt(x * x + y * y);
-            if (radius_m > largest_m) continue;
-            const std::optional<double> range_m = display_range_m(setting, radius_m);
-            if (!range_m || *range_m < setting.range_start_m || *range_m > setting.range_m) continue;
-            const double azimuth_rad = std::atan2(x, y) + f.up_azimuth_rad;
-
-            // In bins, libm's last bit rounded away.
-            const double range_position = rounded(*range_m / grid.range_bin_m, 20) - first_range;
-            double azimuth_position = rounded(azimuth_rad * (circle / full_turn), 20) - first_azimuth;
-            azimuth_position -= circle * std::floor(azimuth_position / circle);
-            if (azimuth_position >= static_cast<double>(azimuth_bins)) {
-                if (!wraps) continue;
-                azimuth_position = 0;
+        for (std::int64_t column = 0; column < f.width; column += std::int64_t{pixel_lanes}) {
+            const auto n = static_cast<std::size_t>(std::min(f.width - column, std::int64_t{pixel_lanes}));
+            place_pixels(n, column, y, scene, pixels);
+            std::uint8_t* const greys = result.grey.data() + row * f.width + column;
+            std::uint8_t* const states = result.state.data() + row * f.width + column;
+            for (std::size_t i = 0; i < n; ++i) {
+                if (!pixels.shown[i]) continue;
+                const auto index = [](std::int32_t bin) { return static_cast<std::size_t>(bin); };
+                const std::size_t near = index(pixels.range.first[i]), far = index(pixels.range.second[i]);
+                const double along = pixels.range.share[i], across = pixels.azimuth.share[i];
+                const auto between = [&](const float* cells) {
+                    return (1 - along) * static_cast<double>(cells[near]) + along * static_cast<double>(cells[far]);
+                };
+                const double power_w = (1 - across) * between(received_w.row(index(pixels.azimuth.first[i]))) +
+                                       across * between(received_w.row(index(pixels.azimuth.second[i])));
+                const double slant_m =
+                    ground_bins ? setting.earth.slant_range_m(setting.sensor_m, setting.reference_m, pixels.range_m[i])
+                                : pixels.range_m[i];
+                int grey = receiver.grey(power_w, slant_m);
+                lit_here += grey > 0 ? 1 : 0;
+                if (scene.light && pixels.light[i]) {
+                    const double light = graticule.light(pixels.radius_m[i], pixels.azimuth_rad[i],
+                                                         pixels.azimuth_position[i] * grid.azimuth_step_rad());
+                    grey = std::min(255, grey + static_cast<int>(light + 0.5));
+                }
+                greys[i] = static_cast<std::uint8_t>(grey);
+                states[i] = state.row(index(pixels.azimuth.nearest[i]))[pixels.range.nearest[i]];
             }
-
-            const Between a = between(azimuth_position, azimuth_bins, wraps);
-            const Between r = between(range_position, range_bins, false);
-            const auto along = [&](std::size_t azimuth) {
-                const float* const cells = received_w.row(azimuth);
-                return (1 - r.share) * static_cast<double>(cells[r.first]) +
-                       r.share * static_cast<double>(cells[r.second]);
-            };
-            const double power_w = (1 - a.share) * along(a.first) + a.share * along(a.second);
-            const double slant_m = setting.params.kind == DisplayKind::gpi_true
-                                       ? setting.earth.slant_range_m(setting.sensor_m, setting.reference_m, *range_m)
-                                       : *range_m;
-            int grey = receiver.grey(power_w, slant_m);
-            lit_here += grey > 0 ? 1 : 0;
-            if (setting.params.rings) {
-                const double light = graticule.light(radius_m, azimuth_rad, azimuth_position * grid.azimuth_step_rad());
-                grey = std::min(255, grey + static_cast<int>(light + 0.5));
-            }
-            const auto pixel = static_cast<std::size_t>(row * f.width + column);
-            result.grey[pixel] = static_cast<std::uint8_t>(grey);
-            result.state[pixel] =
-                state.row(nearest(azimuth_position, azimuth_bins))[nearest(range_position, range_bins)];
         }
         lit += lit_here;
     };
     oneapi::tbb::parallel_for(oneapi::tbb::blocked_range<std::int64_t>(0, f.height, 8), [&](const auto& rows) {
-        for (std::int64_t row = rows.begin(); row < rows.end(); ++row) draw_row(row);
+        const auto pixels = std::make_unique<PixelRow>();
+        for (std::int64_t row = rows.begin(); row < rows.end(); ++row) draw_row(row, *pixels);
     });
     result.lit = lit;
     return result;

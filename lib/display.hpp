@@ -54,7 +54,8 @@ struct Picture {
 /// full circle), then the receiver; states nearest; range rings at a round step (1, 2 or 5 x 10^n nautical miles, four
 /// to nine of them) and azimuth marks each 10 degrees from the
 /// azimuth that is up, longer each 30, when `rings` is on. They add to the picture as a brighter trace does.
+/// `used`: a picture whose memory may serve again.
 Picture picture(const PolarImage<float>& received_w, const PolarImage<std::uint8_t>& state,
-                const DisplaySetting& setting, const Receiver& receiver);
+                const DisplaySetting& setting, const Receiver& receiver, Picture&& used = {});
 
 }  // namespace wedgescope

@@ -43,8 +43,7 @@ struct Setting {
     const DataBase& data_base;
     SpokeMap map;
     SpokeGrid grid;
-    std::vector<ClassGamma> gamma;
-    PatternTable pattern;
+    std::shared_ptr<const SceneTables> tables;
     Quanta cells;
     SweepScene sweep;
 
@@ -69,12 +68,12 @@ struct Setting {
         return -std::sqrt(1 - cosine * cosine);
     }
 
-    Setting(const ResolvedScene& s, WedgeSource& source)
+    Setting(const ResolvedScene& s, WedgeSource& source, std::shared_ptr<const SceneTables> made)
         : scene(s), data_base(source.data_base()), map(data_base, map_params(s, data_base)),
           grid(data_base, map, sampling(s.scene.quality), s.swept.circle_bins),
-          gamma(gamma_table(s.scene.radar.frequency_hz, s.scene.gamma)), pattern(s.scene.radar.antenna),
-          cells(quanta(s.swept.range_bins, s.swept.range_bin_m, radar_constant(s.scene.radar), pattern.most(),
-                       grid.azimuth_step_rad(), most_gamma(gamma))) {
+          tables(made ? std::move(made) : std::make_shared<const SceneTables>(s.scene)),
+          cells(quanta(s.swept.range_bins, s.swept.range_bin_m, radar_constant(s.scene.radar), tables->pattern.most(),
+                       grid.azimuth_step_rad(), most_gamma(tables->gamma))) {
         sweep.data_base = &data_base;
         sweep.grid = &grid;
         sweep.sampling = sampling(s.scene.quality);
@@ -87,9 +86,9 @@ struct Setting {
         sweep.most_theta = s.scene.earth_k ? sweep.max_arc_m / (*s.scene.earth_k * least_radius_m) : 0;
         sweep.range_bin_m = s.swept.range_bin_m;
         sweep.range_is_ground = s.scene.display.kind == DisplayKind::gpi_true;
-        sweep.pattern = &pattern;
+        sweep.pattern = &tables->pattern;
         sweep.constant = radar_constant(s.scene.radar);
-        sweep.gamma = gamma;
+        sweep.gamma = tables->gamma;
         sweep.source = &source;
         if (BlockMap* bounds = source.block_map()) sweep.smooth_sine = smooth_horizon(*bounds);
     }
@@ -413,8 +412,9 @@ void Wedges::sweep_all(Threads& threads) {
 }
 
 /// The shown part of the swept states.
-PolarImage<std::uint8_t> shown_states(const ResolvedScene& s, const PolarImage<std::uint8_t>& swept) {
-    PolarImage<std::uint8_t> out(s.shown);
+PolarImage<std::uint8_t> shown_states(const ResolvedScene& s, const PolarImage<std::uint8_t>& swept,
+                                      PolarImage<std::uint8_t>&& used) {
+    PolarImage<std::uint8_t> out(s.shown, std::move(used));
     const std::int64_t circle = s.shown.circle_bins;
     const auto skip = static_cast<std::size_t>(s.shown.range_bins.begin - s.swept.range_bins.begin);
     for (std::int64_t a = s.shown.azimuth_bins.begin; a < s.shown.azimuth_bins.end; ++a) {
@@ -431,46 +431,49 @@ void check_only(const std::optional<Interval>& only, std::size_t wedges) {
                           wedges == 1 ? " wedge, 0" : text(" wedges, 0 to ", wedges - 1)));
 }
 
-}  // namespace
-
-namespace {
 int threads_of(const EngineParams& params) {
     return params.threads > 0 ? params.threads : tbb::this_task_arena::max_concurrency();
 }
 }  // namespace
 
+SceneTables::SceneTables(const Scene& scene)
+    : gamma(gamma_table(scene.radar.frequency_hz, scene.gamma)), pattern(scene.radar.antenna),
+      receiver(scene.receiver, scene.radar) {}
+
 Plan plan(const ResolvedScene& scene, WedgeSource& source, const EngineParams& params) {
-    const Setting setting(scene, source);
+    const Setting setting(scene, source, params.tables);
     Plan wedges = plan(scene, source, setting.grid, params, threads_of(params), true);
     if (params.archive) check_only(params.only_wedges, wedges.wedges.size());  // without one the split may be another
     return wedges;
 }
 
-RunResult run(const ResolvedScene& scene, WedgeSource& source, const EngineParams& params) {
-    const int threads = threads_of(params);
-    Threads crew(threads);
+namespace {
 
-    RunResult result;
+/// Echo and states of what is swept, and what the wedges did; the images' memory is used again.
+void sweep(const ResolvedScene& scene, WedgeSource& source, const EngineParams& params, Threads& crew,
+           RunResult& result) {
+    const int threads = threads_of(params);
     result.scene = scene;
+    result.report = RunReport{};
     result.report.threads = threads;
 
     const std::uint64_t data = params.data ? *params.data : source.fingerprint({});
     Span survey(params.timeline, "survey", "stage");
-    auto start = Clock::now();
-    const Setting setting(scene, source);
+    const Stopwatch watch;
+    const Setting setting(scene, source, params.tables);
     Plan wedges = plan(scene, source, setting.grid, params, threads);
     check_only(params.only_wedges, wedges.wedges.size());
     if (params.archive && params.archive->record_split(wedges.wedges) != wedges.wedges) {
         wedges = plan(scene, source, setting.grid, params, threads);  // another process was first
         check_only(params.only_wedges, wedges.wedges.size());
     }
-    result.report.survey_s = seconds_since(start);
+    result.report.survey_s = watch.wall_s();
     survey.end();
 
-    result.echo_w = PolarImage<float>(scene.swept);
-    result.echo_state = PolarImage<std::uint8_t>(scene.swept);
+    result.echo_w = PolarImage<float>(scene.swept, std::move(result.echo_w));
+    result.echo_state = PolarImage<std::uint8_t>(scene.swept, std::move(result.echo_state));
     Wedges(setting, source, wedges, params, threads, result).sweep_all(crew);
-    ::malloc_trim(0);  // what the wedges held is the images' now
+    if (!params.beside_others) ::malloc_trim(0);  // what the wedges held is the images' now
     result.report.peak_held_bytes += source.held_bytes() - source.cache_bytes();
     {
         // Of the wedges that were left to do.
@@ -483,35 +486,149 @@ RunResult run(const ResolvedScene& scene, WedgeSource& source, const EngineParam
     }
     result.report.skipped = source.skipped();
     result.report.source = source.report();
+    if (params.timeline) params.timeline->memory(wedges.fixed_bytes);
     check_unchanged(source, data);
+}
+
+/// What reaches the receiver from the echoes.
+void receive(const EngineParams& params, RunResult& result) {
+    const ResolvedScene& scene = result.scene;
+    const BeamSetting beam = beam_setting(scene);
+    {
+        const Span stage(params.timeline, "beam", "stage");
+        const Stopwatch watch;
+        result.power_w = power_image(result.echo_w, scene.shown, beam, std::move(result.power_w));
+        result.report.beam_s = watch.wall_s();
+    }
+    const Span stage(params.timeline, "receiver", "stage");
+    const Stopwatch watch;
+    const ReceiverParams& receiver = scene.scene.receiver;
+    const FluctuationSetting fluctuation{receiver.speckle_looks, receiver.noise, scene.noise_power_w, receiver.seed};
+    result.received_w = received_power(result.echo_w, result.power_w, beam, fluctuation, std::move(result.received_w));
+    result.report.receiver_s = watch.wall_s();
+}
+
+/// What the tube shows of it.
+void draw(const EngineParams& params, RunResult& result) {
+    const ResolvedScene& scene = result.scene;
+    const Span stage(params.timeline, "display", "stage");
+    const Stopwatch watch;
+    result.state = shown_states(scene, result.echo_state, std::move(result.state));
+    for (const std::uint8_t s : result.state.cells) ++result.report.states[s];
+    result.scope = picture(result.received_w, result.state, display_setting(scene), params.tables->receiver,
+                           std::move(result.scope));
+    result.report.display_s = watch.wall_s();
+}
+
+EngineParams with_tables(const EngineParams& params, const ResolvedScene& scene) {
+    EngineParams own = params;
+    if (!own.tables) own.tables = std::make_shared<const SceneTables>(scene.scene);
+    return own;
+}
+
+/// What a group of azimuths did, into the report of the whole.
+void add(const RunReport& part, RunReport& whole) {
+    for (WedgeReport wedge : part.wedges) {
+        wedge.index = static_cast<std::int64_t>(whole.wedges.size());
+        whole.wedges.push_back(wedge);
+    }
+    whole.survey_s += part.survey_s;
+    whole.merge_s += part.merge_s;
+    whole.beam_s += part.beam_s;
+    whole.receiver_s += part.receiver_s;
+    whole.peak_budget_bytes = std::max(whole.peak_budget_bytes, part.peak_budget_bytes);
+    whole.peak_held_bytes = std::max(whole.peak_held_bytes, part.peak_held_bytes);
+    whole.planned.wedges += part.planned.wedges;
+    whole.planned.chunks += part.planned.chunks;
+    whole.planned.posts += part.planned.posts;
+    whole.planned.bytes += part.planned.bytes;
+    whole.planned.peak_bytes = std::max(whole.planned.peak_bytes, part.planned.peak_bytes);
+    whole.threads = part.threads;
+    whole.source = part.source;
+    whole.skipped = part.skipped;
+}
+
+/// Rows of a group that are the whole's: its own azimuths and, of the first and the last group, those of the skirt outside.
+void take_rows(const RunResult& group, RunResult& whole) {
+    const PolarGrid &shown = whole.scene.shown, &part = group.scene.shown;
+    const std::int64_t circle = shown.circle_bins, skirt = skirt_bins(beam_setting(whole.scene), circle);
+    const auto after = [&](std::int64_t bin, std::int64_t begin) { return ((bin - begin) % circle + circle) % circle; };
+    const std::int64_t begin = after(part.azimuth_bins.begin, shown.azimuth_bins.begin),
+                       end = begin + part.azimuth_bins.size(), all = shown.azimuth_bins.size();
+    const PolarGrid& swept = group.echo_w.grid;
+    for (std::int64_t bin = swept.azimuth_bins.begin; bin < swept.azimuth_bins.end; ++bin) {
+        const std::int64_t at = after(bin, shown.azimuth_bins.begin);
+        const bool own = at < all ? at >= begin && at < end : circle - at <= skirt ? begin == 0 : end == all;
+        if (!own) continue;
+        const auto from = static_cast<std::size_t>(bin - swept.azimuth_bins.begin),
+                   to = static_cast<std::size_t>(after(bin, whole.echo_w.grid.azimuth_bins.begin));
+        if (to >= whole.echo_w.grid.azimuth_count()) continue;
+        std::copy_n(group.echo_w.row(from), swept.range_count(), whole.echo_w.row(to));
+        std::copy_n(group.echo_state.row(from), swept.range_count(), whole.echo_state.row(to));
+    }
+    for (std::int64_t i = begin; i < end; ++i) {
+        const auto from = static_cast<std::size_t>(i - begin), to = static_cast<std::size_t>(i);
+        std::copy_n(group.power_w.row(from), shown.range_count(), whole.power_w.row(to));
+        std::copy_n(group.received_w.row(from), shown.range_count(), whole.received_w.row(to));
+    }
+}
+
+}  // namespace
+
+RunResult run(const ResolvedScene& scene, WedgeSource& source, const EngineParams& params) {
+    return run(scene, source, params, {});
+}
+
+RunResult run(const ResolvedScene& scene, WedgeSource& source, const EngineParams& given, RunResult&& used) {
+    const EngineParams params = with_tables(given, scene);
+    RunResult result = std::move(used);
+    Threads crew(threads_of(params), !params.beside_others);
+    sweep(scene, source, params, crew, result);
     if (params.only_wedges) return result;
-
     crew.execute([&] {
-        result.state = shown_states(scene, result.echo_state);
-        for (const std::uint8_t s : result.state.cells) ++result.report.states[s];
-
-        if (params.timeline) params.timeline->memory(wedges.fixed_bytes);
-        Span stage(params.timeline, "beam", "stage");
-        start = Clock::now();
-        const BeamSetting beam = beam_setting(scene);
-        result.power_w = power_image(result.echo_w, scene.shown, beam);
-        result.report.beam_s = seconds_since(start);
-        stage.end();
-
-        Span receive(params.timeline, "receiver", "stage");
-        start = Clock::now();
-        const ReceiverParams& receiver = scene.scene.receiver;
-        const FluctuationSetting fluctuation{receiver.speckle_looks, receiver.noise, scene.noise_power_w,
-                                             receiver.seed};
-        const PolarImage<float> received = received_power(result.echo_w, result.power_w, beam, fluctuation);
-        result.report.receiver_s = seconds_since(start);
-        receive.end();
-
-        const Span draw(params.timeline, "display", "stage");
-        start = Clock::now();
-        result.scope = picture(received, result.state, display_setting(scene), Receiver(receiver, scene.scene.radar));
-        result.report.display_s = seconds_since(start);
+        receive(params, result);
+        draw(params, result);
     });
+    if (params.stop) params.stop->check();
+    return result;
+}
+
+RunResult run(const ResolvedScene& scene, const Scan& scan, WedgeSource& source, const EngineParams& given,
+              RunResult&& used) {
+    const EngineParams params = with_tables(given, scene);
+    if (params.archive || params.only_wedges || scan.step < 1)
+        throw Error("a scan's groups are steps of at least one bin, and no archive keeps them");
+    RunResult result = std::move(used);
+    result.scene = scene;
+    result.report = RunReport{};
+    result.echo_w = PolarImage<float>(scene.swept, std::move(result.echo_w));
+    result.echo_state = PolarImage<std::uint8_t>(scene.swept, std::move(result.echo_state));
+    result.power_w = PolarImage<float>(scene.shown, std::move(result.power_w));
+    result.received_w = PolarImage<float>(scene.shown, std::move(result.received_w));
+
+    Threads crew(threads_of(params), !params.beside_others);
+    EngineParams own = params;
+    const std::size_t images = image_bytes(scene);
+    own.memory_bytes -= std::min(own.memory_bytes, images);
+    own.progress = {};
+    RunResult group;
+    for (Interval bins{scene.shown.azimuth_bins.begin, 0}; bins.begin < scene.shown.azimuth_bins.end;
+         bins.begin = bins.end) {
+        bins.end = std::min(bins.begin + scan.step, scene.shown.azimuth_bins.end);
+        ResolvedScene place = scan.at(bins);
+        if (place.shown.range_bins != scene.shown.range_bins || place.swept.range_bins != scene.swept.range_bins)
+            throw Error("a scan's groups have other range bins than the whole");
+        sweep(place, source, own, crew, group);
+        crew.execute([&] { receive(own, group); });
+        take_rows(group, result);
+        add(group.report, result.report);
+        if (params.stop) params.stop->check();
+    }
+    result.report.peak_budget_bytes += images;
+    result.report.peak_held_bytes += images;
+    result.report.planned.peak_bytes += images;
+    group = {};
+    crew.execute([&] { draw(params, result); });
     if (params.stop) params.stop->check();
     return result;
 }

@@ -2,13 +2,17 @@
 // The only place that knows all stages. Leaves files to tiles and words to tools.
 #pragma once
 #include <functional>
+#include <memory>
 #include <optional>
+#include <vector>
 
 #include "lib/beam.hpp"
 #include "lib/display.hpp"
 #include "lib/polar.hpp"
+#include "lib/receiver.hpp"
 #include "lib/report.hpp"
 #include "lib/scene.hpp"
+#include "lib/shade.hpp"
 #include "lib/stop.hpp"
 #include "lib/timeline.hpp"
 #include "lib/wedge_archive.hpp"
@@ -42,6 +46,16 @@ struct ResolvedScene {
 
 /// Finds position, height above sea level and every default. InputError, DataError.
 ResolvedScene resolve(const Scene& scene, WedgeSource& source);
+/// Shows these azimuth bins instead, 0 <= begin < circle; sweeps them and the beam's skirt.
+void look_at(ResolvedScene& scene, Interval azimuth_bins);
+
+/// Of a scene what its place does not change: made once for all frames of a track.
+struct SceneTables {
+    explicit SceneTables(const Scene& scene);
+    std::vector<ClassGamma> gamma;  ///< by class
+    PatternTable pattern;
+    Receiver receiver;
+};
 
 struct EngineParams {
     int threads = 0;          ///< 0: all the machine has
@@ -55,6 +69,9 @@ struct EngineParams {
     std::optional<std::uint64_t> data;
     std::optional<Interval> only_wedges;   ///< these alone, into the archive: no power, states or scope come out
     std::function<void(double)> progress;  ///< called with 0..1 from one thread at a time
+    /// One of several runs side by side: it takes `threads` threads of those that the caller lets all of them have together.
+    bool beside_others = false;
+    std::shared_ptr<const SceneTables> tables;  ///< of the scene; none: made for the run
 };
 
 struct RunResult {
@@ -63,6 +80,7 @@ struct RunResult {
     PolarImage<std::uint8_t> echo_state;  ///< on scene.swept
     PolarImage<float> power_w;            ///< on scene.shown, without noise and speckle
     PolarImage<std::uint8_t> state;       ///< on scene.shown
+    PolarImage<float> received_w;         ///< on scene.shown, what the picture is made from
     Picture scope;
     RunReport report;
 };
@@ -77,5 +95,20 @@ Plan plan(const ResolvedScene& scene, WedgeSource& source, const EngineParams& p
 /// The same bits for any number of wedges and threads and any budget. InputError if the budget is too small, saying
 /// the smallest that would do; before any sweep. DataError if the data base changed while it was read.
 RunResult run(const ResolvedScene& scene, WedgeSource& source, const EngineParams& params);
+/// The same in the memory of an earlier result.
+RunResult run(const ResolvedScene& scene, WedgeSource& source, const EngineParams& params, RunResult&& used);
+
+/// A sensor that moves while its antenna turns.
+struct Scan {
+    std::int64_t step = 1;  ///< azimuth bins that are seen from one place; the last group may be smaller
+    /// The scene from where the sensor is when it looks at these bins of the scene's: look_at() them, same bins in range.
+    std::function<ResolvedScene(Interval azimuth_bins)> at;
+};
+/// As run(), but each group of azimuth bins is swept, with the beam's skirt on either side, from its own place: these are
+/// the echoes that the antenna got while it looked there. The picture is drawn as the set does, which takes the sensor to
+/// stand where `scene` is. Echo and states beside the shown azimuths are those of the first and the last group. A sensor
+/// that does not move gives the bits of run().
+RunResult run(const ResolvedScene& scene, const Scan& scan, WedgeSource& source, const EngineParams& params,
+              RunResult&& used);
 
 }  // namespace wedgescope

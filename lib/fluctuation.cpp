@@ -101,19 +101,23 @@ void each(std::size_t n, Body body) {
 }  // namespace
 
 PolarImage<float> received_power(const PolarImage<float>& echo, const PolarImage<float>& power, const BeamSetting& beam,
-                                 const FluctuationSetting& setting) {
+                                 const FluctuationSetting& setting, PolarImage<float>&& used) {
     const PolarGrid& grid = power.grid;
-    PolarImage<float> received(grid);
+    PolarImage<float> received(grid, std::move(used));
+    const std::size_t rows = grid.azimuth_count();
     const bool speckle = setting.speckle_looks > 0;
     if (!speckle && !setting.noise) {
-        for (std::size_t k = 0; k < power.cells.size(); ++k)
-            received.cells[k] = static_cast<float>(power.cells[k] + setting.noise_power_w);
+        each(rows, [&](std::size_t i) {
+            const float* const from = power.row(i);
+            float* const to = received.row(i);
+            for (std::size_t j = 0; j < grid.range_count(); ++j)
+                to[j] = static_cast<float>(static_cast<double>(from[j]) + setting.noise_power_w);
+        });
         return received;
     }
 
     const auto looks = static_cast<std::uint32_t>(std::max(1, setting.speckle_looks));
     const double mean_noise_w = setting.noise ? 0 : setting.noise_power_w;
-    const std::size_t rows = grid.azimuth_count();
     const std::size_t echo_rows = speckle ? echo.grid.azimuth_count() : 0;
     // A strip of ranges at a time, all azimuths of it: memory does not grow with the image.
     const std::int64_t bytes_per_cell = 32;

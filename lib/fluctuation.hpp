@@ -22,7 +22,8 @@ struct FluctuationSetting {
 ///    with speckle off added to a signal of fixed amplitude sqrt(power).
 /// Draws are keyed by (seed; global range bin, global azimuth bin, look, stream). Source: physics "Fluctuation
 /// statistics and random numbers".
+/// `used`: an image whose memory may serve again.
 PolarImage<float> received_power(const PolarImage<float>& echo, const PolarImage<float>& power, const BeamSetting& beam,
-                                 const FluctuationSetting& setting);
+                                 const FluctuationSetting& setting, PolarImage<float>&& used = {});
 
 }  // namespace wedgescope

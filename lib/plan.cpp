@@ -184,6 +184,14 @@ std::uint64_t cached_bytes(WedgeSource& source, const Plan& p) {
 
 }  // namespace
 
+std::size_t image_bytes(const ResolvedScene& scene) {
+    const auto size = static_cast<double>(scene.scene.display.size);
+    auto bytes = static_cast<std::size_t>(static_cast<double>(scene.swept.cells()) * 5 +
+                                          static_cast<double>(scene.shown.cells()) * (4 + 4 + 1) + 2 * size * size);
+    if (scene.scene.receiver.speckle_looks > 0 || scene.scene.receiver.noise) bytes += scene.swept.cells() * 24;
+    return bytes;
+}
+
 std::size_t Plan::peak_bytes(const std::vector<bool>& done) const {
     std::vector<std::size_t> bytes;
     for (std::size_t i = 0; i < forecast.size(); ++i)
@@ -226,11 +234,7 @@ Plan plan(const ResolvedScene& scene, WedgeSource& source, const SpokeGrid& grid
     Plan p;
     const std::int64_t block = std::min(db.block_columns, db.block_rows);
     p.strip_lines = block < 32 ? 64 : std::min<std::int64_t>(block, 256);
-    const auto size = static_cast<double>(scene.scene.display.size);
-    p.fixed_bytes = static_cast<std::size_t>(static_cast<double>(scene.swept.cells()) * 5 +
-                                             static_cast<double>(scene.shown.cells()) * (4 + 4 + 1) + 2 * size * size) +
-                    source.cache_bytes();
-    if (scene.scene.receiver.speckle_looks > 0 || scene.scene.receiver.noise) p.fixed_bytes += scene.swept.cells() * 24;
+    p.fixed_bytes = image_bytes(scene) + source.cache_bytes();
 
     const std::int64_t bins = scene.swept.azimuth_bins.size();
     std::int64_t count = std::clamp<std::int64_t>(std::max<std::int64_t>(params.wedges, 1), 1, bins);

@@ -18,6 +18,9 @@ struct WedgeForecast {
     Window reach;                                    ///< that holds all that is read
 };
 
+/// What a run holds in images, from the echo to the picture.
+std::size_t image_bytes(const ResolvedScene& scene);
+
 struct Plan {
     std::vector<Interval> wedges;         ///< azimuth bins of each, in order; together the swept ones
     std::vector<WedgeForecast> forecast;  ///< of each

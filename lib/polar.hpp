@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <numbers>
+#include <utility>
 #include <vector>
 
 #include "lib/interval.hpp"
@@ -33,6 +34,8 @@ struct PolarImage {
 
     PolarImage() = default;
     explicit PolarImage(const PolarGrid& g) : grid(g), cells(g.cells()) {}
+    /// In the memory that another image had; what its cells hold is left as it may be.
+    PolarImage(const PolarGrid& g, PolarImage&& used) : grid(g), cells(std::move(used.cells)) { cells.resize(g.cells()); }
     T* row(std::size_t azimuth) { return cells.data() + azimuth * grid.range_count(); }
     const T* row(std::size_t azimuth) const { return cells.data() + azimuth * grid.range_count(); }
 };

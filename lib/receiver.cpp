@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace wedgescope {
 namespace {
@@ -37,10 +38,46 @@ Receiver::Receiver(const ReceiverParams& receiver, const RadarParams& radar)
         least_video_[g] =
             receiver.display_gamma == 1 ? shown : static_cast<float>(std::pow(shown, receiver.display_gamma));
     }
+    find_steps();
 }
 
-std::uint8_t Receiver::grey(double power_w, double slant_range_m) const {
-    const double above_black_db = rounded_dbm(power_w) - stc_db(receiver_, slant_range_m) - black_dbm_;
+void Receiver::find_steps() {
+    // The grey never falls with the power: halving finds where it steps, first from where the formula puts it but for
+    // the rounding to 0.001 dB.
+    constexpr double most = std::numeric_limits<double>::max();
+    least_power_w_.fill(std::numeric_limits<double>::infinity());
+    least_power_w_[0] = 0;
+    for (std::size_t g = 1; g < least_power_w_.size() && grey_of(most, 0) >= g; ++g) {
+        const double dbm = black_dbm_ + receiver_.dynamic_range.db() * least_video_[g] / video_factor_,
+                     about_w = std::pow(10.0, (dbm - 30) / 10);
+        double low = about_w * (1 - 5e-4), high = about_w * (1 + 5e-4);
+        if (!(low > 0) || grey_of(low, 0) >= g) low = 0;
+        if (!(high <= most) || grey_of(high, 0) < g) high = most;
+        auto below = std::bit_cast<std::uint64_t>(low), from = std::bit_cast<std::uint64_t>(high);
+        while (from - below > 1) {
+            const std::uint64_t middle = below + (from - below) / 2;
+            (grey_of(std::bit_cast<double>(middle), 0) >= g ? from : below) = middle;
+        }
+        least_power_w_[g] = std::bit_cast<double>(from);
+    }
+    start_grey_.assign(1, 0);
+    if (!(least_power_w_[1] <= most)) return;  // black, whatever comes
+    first_key_ = key_of(least_power_w_[1]);
+    const auto top = static_cast<std::size_t>(
+        std::find_if(least_power_w_.begin(), least_power_w_.end(), [&](double w) { return !(w <= most); }) -
+        least_power_w_.begin() - 1);
+    const std::uint64_t last = key_of(least_power_w_[top]);
+    start_grey_.resize(last - first_key_ + 2);
+    std::size_t grey = 1;
+    for (std::uint64_t key = first_key_; key <= last + 1; ++key) {
+        const double least = std::bit_cast<double>(key << 45);
+        while (grey < top && least_power_w_[grey + 1] <= least) ++grey;
+        start_grey_[key - first_key_] = static_cast<std::uint8_t>(grey);
+    }
+}
+
+std::uint8_t Receiver::grey_of(double power_w, double stc_db) const {
+    const double above_black_db = rounded_dbm(power_w) - stc_db - black_dbm_;
     const double v_if = std::clamp(above_black_db / receiver_.dynamic_range.db(), 0.0, 1.0);
     const double v_video = std::min(1.0, v_if * video_factor_);
     const auto above = std::upper_bound(least_video_.begin() + 1, least_video_.end(), v_video);

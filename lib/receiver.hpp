@@ -4,7 +4,9 @@
 // Source: physics 2.2 to 2.4 (project definitions).
 #pragma once
 #include <array>
+#include <bit>
 #include <cstdint>
+#include <vector>
 
 #include "lib/sensor.hpp"
 
@@ -27,14 +29,31 @@ public:
     /// 0..255 for received power (signal + noise), watts, at a slant range.
     /// v_if = clip((P - A_stc - MDS + G_if - 64 dB) / D_log, 0, 1); v_video = min(1, v_if 10^((G_v - 4 dB)/20)),
     /// to the power 1/gamma; grey = floor(255 v + 0.5).
-    std::uint8_t grey(double power_w, double slant_range_m) const;
+    std::uint8_t grey(double power_w, double slant_range_m) const {
+        if (receiver_.stc_range_m) return grey_of(power_w, stc_db(receiver_, slant_range_m));
+        if (!(power_w >= least_power_w_[1])) return 0;
+        const std::uint64_t key = key_of(power_w) - first_key_;
+        std::size_t grey = key < start_grey_.size() ? start_grey_[key] : start_grey_.back();
+        while (grey < 255 && power_w >= least_power_w_[grey + 1]) ++grey;
+        return static_cast<std::uint8_t>(grey);
+    }
 
 private:
+    /// By the formula.
+    std::uint8_t grey_of(double power_w, double stc_db) const;
+    void find_steps();
+    /// Exponent and first 7 bits of a positive number: grows with it.
+    static std::uint64_t key_of(double power_w) { return std::bit_cast<std::uint64_t>(power_w) >> 45; }
+
     ReceiverParams receiver_;
     double mds_dbm_ = 0;
     double black_dbm_ = 0;  ///< the level at which grey leaves 0, without STC
     double video_factor_ = 1;
     std::array<double, 256> least_video_{};  ///< [g]: the video level from which the grey is g or more
+    // Without STC: [g]: the least power from which the grey is g or more; infinite where there is none.
+    std::array<double, 256> least_power_w_{};
+    std::uint64_t first_key_ = 0;           ///< of the power from which the grey is 1
+    std::vector<std::uint8_t> start_grey_;  ///< by key, less the first: the grey of the least power with that key
 };
 
 }  // namespace wedgescope

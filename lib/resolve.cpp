@@ -257,6 +257,15 @@ ResolvedScene resolve_coverage(const Scene& scene, WedgeSource& source) {
     return s;
 }
 
+void look_at(ResolvedScene& s, Interval azimuth_bins) {
+    const std::int64_t circle = s.shown.circle_bins, skirt = skirt_bins(beam_setting(s), circle);
+    s.shown.azimuth_bins = azimuth_bins.size() == circle ? Interval{0, circle} : azimuth_bins;
+    s.swept.azimuth_bins = {s.shown.azimuth_bins.begin - skirt, s.shown.azimuth_bins.end + skirt};
+    if (s.swept.azimuth_bins.size() >= circle) s.swept.azimuth_bins = {0, circle};
+    if (s.swept.azimuth_bins.begin < 0)
+        s.swept.azimuth_bins = {s.swept.azimuth_bins.begin + circle, s.swept.azimuth_bins.end + circle};
+}
+
 ResolvedScene resolve(const Scene& scene, WedgeSource& source) {
     ResolvedScene s = resolve_place(scene, source);
     if (!scene.range_m) s.scene.range_m = default_range(s, source);
@@ -293,14 +302,9 @@ ResolvedScene resolve(const Scene& scene, WedgeSource& source) {
     } else {
         s.shown.azimuth_bins = {0, circle};
     }
-    if (s.shown.full_circle()) s.shown.azimuth_bins = {0, circle};
-    const BeamSetting beam = beam_setting(s);
-    const std::int64_t skirt = skirt_bins(beam, circle), lead = lead_in_bins(beam, bin);
+    const std::int64_t lead = lead_in_bins(beam_setting(s), bin);
     s.swept.range_bins = {std::max<std::int64_t>(0, s.shown.range_bins.begin - lead), s.shown.range_bins.end};
-    s.swept.azimuth_bins = {s.shown.azimuth_bins.begin - skirt, s.shown.azimuth_bins.end + skirt};
-    if (s.swept.azimuth_bins.size() >= circle) s.swept.azimuth_bins = {0, circle};
-    if (s.swept.azimuth_bins.begin < 0)
-        s.swept.azimuth_bins = {s.swept.azimuth_bins.begin + circle, s.swept.azimuth_bins.end + circle};
+    look_at(s, s.shown.azimuth_bins);
 
     s.noise_power_w = scene.radar.noise_power_w();
     s.sweep_delay_m = scene.display.sweep_delay_m.value_or(std::max(0.0, s.sensor_m - s.reference_m));

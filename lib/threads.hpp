@@ -1,17 +1,31 @@
-// Threads: so many threads for a piece of work by oneTBB, also above the number of cores. Leaves the work to whoever gives it.
+// Threads: so many threads for a piece of work by oneTBB, also above the number of cores. Crew: so many for all the work
+// that goes on side by side. Leaves the work to whoever gives it.
 #pragma once
 #include <tbb/global_control.h>
 #include <tbb/task_arena.h>
 
 #include <cstddef>
+#include <optional>
 #include <utility>
 
 namespace wedgescope {
 
+/// While it lives no more threads than these work for oneTBB, of all arenas.
+class Crew {
+public:
+    explicit Crew(int count)
+        : control_(tbb::global_control::max_allowed_parallelism, static_cast<std::size_t>(count)) {}
+
+private:
+    tbb::global_control control_;
+};
+
 class Threads {
 public:
-    explicit Threads(int count)
-        : control_(tbb::global_control::max_allowed_parallelism, static_cast<std::size_t>(count)), arena_(count) {}
+    /// `alone`: nothing else works for oneTBB; else a Crew lets so many work.
+    explicit Threads(int count, bool alone = true) : arena_(count) {
+        if (alone) crew_.emplace(count);
+    }
 
     /// Runs `body` and all the tasks that it starts on them; returns when it does.
     template <class Body>
@@ -20,7 +34,7 @@ public:
     }
 
 private:
-    tbb::global_control control_;
+    std::optional<Crew> crew_;
     tbb::task_arena arena_;
 };
 

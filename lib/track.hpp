@@ -1,0 +1,42 @@
+// Track: where a moving sensor is, from its places at some times. Leaves reading a file of them to tools/track_file.hpp.
+#pragma once
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "lib/scene.hpp"
+
+namespace wedgescope {
+
+struct TrackPoint {
+    double time_s = 0;
+    double first = 0, second = 0;  ///< latitude and longitude, degrees, or x and y of the raster
+    double altitude_m = 0;
+    Angle heading{};
+    std::int64_t line = 0;  ///< of the file, for messages
+};
+
+class Track {
+public:
+    /// At least one point, times growing. `lat_lon`: else x and y.
+    Track(bool lat_lon, AltitudeAbove altitude, std::vector<TrackPoint> points);
+
+    std::size_t size() const { return points_.size(); }
+    const TrackPoint& operator[](std::size_t i) const { return points_[i]; }
+    bool lat_lon() const { return lat_lon_; }
+    std::size_t bytes() const { return points_.capacity() * sizeof(TrackPoint); }
+
+    /// The sensor at a point; what a track does not say (the geoid's height) as in `base`.
+    PlatformParams at(const PlatformParams& base, std::size_t point) const;
+    /// And so many seconds (not below 0) after it, with the point's heading. Between two points it moves evenly: along the
+    /// WGS84 geodesic, or the straight line in x and y, its altitude in proportion. Past the last point the last leg goes on.
+    /// Where two points are the same place it stands there, to the last bit.
+    PlatformParams after(const PlatformParams& base, std::size_t point, double seconds) const;
+
+private:
+    bool lat_lon_;
+    AltitudeAbove altitude_;
+    std::vector<TrackPoint> points_;
+};
+
+}  // namespace wedgescope
