@@ -589,6 +589,7 @@ RunResult run(const ResolvedScene& scene, WedgeSource& source, const EngineParam
         receive(params, result);
         draw(params, result);
     });
+    if (!params.beside_others) result.received_w = {};
     if (params.stop) params.stop->check();
     return result;
 }
@@ -629,6 +630,7 @@ RunResult run(const ResolvedScene& scene, const Scan& scan, WedgeSource& source,
     result.report.planned.peak_bytes += images;
     group = {};
     crew.execute([&] { draw(params, result); });
+    if (!params.beside_others) result.received_w = {};
     if (params.stop) params.stop->check();
     return result;
 }

@@ -80,7 +80,7 @@ struct RunResult {
     PolarImage<std::uint8_t> echo_state;  ///< on scene.swept
     PolarImage<float> power_w;            ///< on scene.shown, without noise and speckle
     PolarImage<std::uint8_t> state;       ///< on scene.shown
-    PolarImage<float> received_w;         ///< on scene.shown, what the picture is made from
+    PolarImage<float> received_w;  ///< on scene.shown, what the picture is made from; kept of runs side by side only
     Picture scope;
     RunReport report;
 };

@@ -330,6 +330,41 @@ TEST_CASE("the budget that a refusal names will do", "[memory]") {
                   log);
 }
 
+TEST_CASE("a track of frames side by side keeps to --memory too", "[memory]") {
+    const Folder folder;
+    const std::string hills = folder / "hills.tif", small = folder / "small.tif", log = folder / "log",
+                      track = folder / "track.csv", report = folder / "report.json";
+    draw_hills(hills, {.posts = 9000});  // 155 MiB
+    draw_hills(small, {});
+    const auto rows = [&](int x, int y, int step, int count) {
+        std::ofstream out(track);
+        out << "time,x,y,altitude-agl,heading\n";
+        for (int i = 0; i < count; ++i)
+            out << i << ',' << x + i * step << ',' << y + i * step << ',' << 900 + 50 * i << ',' << 30 * i << '\n';
+    };
+    const auto simulate = [&](const std::string& raster) {
+        return std::vector<std::string>{"simulate",       "--dem",    raster, "--track",     track, "-o",
+                                        folder / "s.png", "--report", report, "--overwrite", "-q"};
+    };
+    rows(440000, 4460000, 500, 3);
+    const std::vector<std::string> far =
+        joined(simulate(hills), {"--range", "20km", "--range-bin", "75m", "--size", "400"});
+    check(64, joined(far, {"--threads", "2"}), log);
+    CHECK(number_in(report, "frame_count") == 3);
+    check(64, joined(far, {"--threads", "1", "--echo", folder / "e.tif", "--power", folder / "p.tif"}), log);
+    check(96, joined(far, {"--threads", "3", "--scan-step", "320", "--scan-period", "2s"}), log);
+    // Small enough to stay in memory; then so many frames at a time as fit.
+    rows(404000, 4496000, 10, 5);
+    check(256, joined(simulate(small), {"--threads", "4", "--size", "400"}), log);
+    CHECK(number_in(report, "lanes") == 4);
+    check(64, joined(simulate(small), {"--threads", "4", "--size", "2500"}), log);
+    CHECK(number_in(report, "lanes") < 4);
+    check_refused(8, joined(simulate(small), {"--threads", "2", "--size", "400"}), log);
+    check_refused(
+        8, joined(simulate(small), {"--threads", "2", "--size", "400", "--scan-step", "100", "--scan-period", "2s"}),
+        log);
+}
+
 TEST_CASE("a VRT of a hundred rasters keeps to --memory, however many of them are open", "[memory]") {
     const Folder folder;
     const std::string mosaic = folder / "all.vrt", log = folder / "log";

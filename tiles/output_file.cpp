@@ -50,25 +50,29 @@ constexpr const char* side_files[] = {".aux.xml", ".geoloc.tif"};
 
 }  // namespace
 
-OutputFile::OutputFile(std::string final_path, bool overwrite)
-    : final_path_(std::move(final_path)), overwrite_(overwrite) {
-    if (final_path_.empty()) throw InputError("output has an empty name; accepted: the path of a file");
-    const std::string parent = folder_of(final_path_), name = fs::path(final_path_).filename().string();
+void OutputFile::check(const std::string& final_path, bool overwrite) {
+    if (final_path.empty()) throw InputError("output has an empty name; accepted: the path of a file");
+    const std::string parent = folder_of(final_path), name = fs::path(final_path).filename().string();
     struct stat facts {};
     if (::stat(parent.c_str(), &facts) != 0)
-        throw IoError(text("output '", final_path_, "': folder '", parent, "' cannot be used: ", std::strerror(errno)));
-    if (!S_ISDIR(facts.st_mode)) throw IoError(text("output '", final_path_, "': '", parent, "' is not a folder"));
-    if (name.empty() || (::stat(final_path_.c_str(), &facts) == 0 && S_ISDIR(facts.st_mode)))
-        throw InputError(text("output '", final_path_, "' is a folder; accepted: the path of a file"));
-    if (::stat(final_path_.c_str(), &facts) == 0 && !S_ISREG(facts.st_mode))
-        throw InputError(text("output '", final_path_, "' is a device or a pipe; accepted: the path of a plain file"));
-    if (!overwrite_ && stands(final_path_))
-        throw InputError(text("output '", final_path_, "' exists; add --overwrite"));
+        throw IoError(text("output '", final_path, "': folder '", parent, "' cannot be used: ", std::strerror(errno)));
+    if (!S_ISDIR(facts.st_mode)) throw IoError(text("output '", final_path, "': '", parent, "' is not a folder"));
+    if (name.empty() || (::stat(final_path.c_str(), &facts) == 0 && S_ISDIR(facts.st_mode)))
+        throw InputError(text("output '", final_path, "' is a folder; accepted: the path of a file"));
+    if (::stat(final_path.c_str(), &facts) == 0 && !S_ISREG(facts.st_mode))
+        throw InputError(text("output '", final_path, "' is a device or a pipe; accepted: the path of a plain file"));
+    if (!overwrite && stands(final_path))
+        throw InputError(text("output '", final_path, "' exists; add --overwrite"));
     for (const char* side : side_files)
-        if (!overwrite_ && stands(final_path_ + side))
-            throw InputError(text("output '", final_path_, "': a file '", final_path_, side,
+        if (!overwrite && stands(final_path + side))
+            throw InputError(text("output '", final_path, "': a file '", final_path, side,
                                   "' exists, which would be taken for a part of it; add --overwrite"));
+}
 
+OutputFile::OutputFile(std::string final_path, bool overwrite)
+    : final_path_(std::move(final_path)), overwrite_(overwrite) {
+    check(final_path_, overwrite_);
+    const std::string parent = folder_of(final_path_), name = fs::path(final_path_).filename().string();
     const std::string stem = text(".", name, ".tmp-");
     remove_left_behind(parent, [&](const std::string& other) { return is_numbered(other, stem); });
     // Its own folder tells at once whether anything can be written here: permissions alone do not (root, read-only and

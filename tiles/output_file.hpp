@@ -14,6 +14,8 @@ public:
     /// InputError if the final name, or a side file of it, exists and `overwrite` is off, or if it is no plain file;
     /// IoError if its folder is missing or cannot be written to.
     OutputFile(std::string final_path, bool overwrite);
+    /// The same errors, but for a folder that cannot be written to, without making anything.
+    static void check(const std::string& final_path, bool overwrite);
     /// Removes what was written unless it was committed.
     ~OutputFile();
     OutputFile(OutputFile&&) noexcept;

@@ -262,10 +262,16 @@ std::string source_text(const SourceChoice& choice) {
            (choice.unfit.empty() ? "" : row("", text("not used: ", choice.unfit)));
 }
 
+void check_one_place(const Settings& settings) {
+    if (!settings.track.empty())
+        throw InputError("track is given; info looks at one place (give latlon or xy, and an altitude)");
+}
+
 SceneFacts scene_facts(const std::string& path, const Stop& stop) {
     SceneFacts facts;
     facts.path = path;
     facts.settings = parse_scene_file(path);
+    check_one_place(facts.settings);
     check_complete(facts.settings);
     const DataBaseParams layers = data_base_params(facts.settings, cache_bytes(facts.settings), stop);
     facts.source = choose_source(layers, facts.settings.source, facts.settings.scene,
@@ -434,6 +440,7 @@ std::string plan_text(const Settings& settings, const PlannedSource& planned, co
 }
 
 void print_plan(const Settings& settings, const Stop& stop) {
+    check_one_place(settings);
     check_complete(settings);
     check_simulation(settings, stop);
     const PlannedSource planned = planned_source(settings, stop);

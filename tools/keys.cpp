@@ -573,6 +573,26 @@ std::vector<Key> make_keys() {
               angle, between("-360deg", "360deg"), [](auto& s) -> auto& { return s.scene.platform.heading; }),
           "0deg", "clockwise from north");
 
+    {
+        Key& track =
+            t.add("track", path([](auto& s) -> auto& { return s.track; }), "",
+                  "CSV table of times, positions, altitudes and headings, instead of one of each: a picture a row, "
+                  "numbered scope_0001.png and so on");
+        track.exclusive = Exclusive::track;
+        track.changes_result = false;
+    }
+    t.add("scan-step",
+          count(
+              1, 1000000, [](auto& s) -> auto& { return s.scan_step; }, "off"),
+          "off",
+          "of a track: so many azimuth bins at a time are seen from where the sensor is then; off: all of them from "
+          "the row's "
+          "place");
+    t.add("scan-period",
+          quantity(
+              time, above_to("0s", "100000s"), [](auto& s) -> auto& { return s.scan_period_s; }, "none"),
+          "none", "time of a full turn of the antenna, for scan-step; a row's time is that of the first azimuth");
+
     t.group(KeyGroup::look, true);
     t.add("sector", sector(), "full", "azimuths swept, relative to heading, clockwise");
     t.add(

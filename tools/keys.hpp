@@ -36,8 +36,9 @@ enum class KeyGroup {
 };
 const char* title(KeyGroup group);
 
-/// Of the keys of one kind exactly one is needed; one on the command line replaces any of the scene file's.
-enum class Exclusive { none, place, altitude };
+/// Of the keys of one kind exactly one is needed; one on the command line replaces any of the scene file's. A track stands in
+/// the place of both a place and an altitude.
+enum class Exclusive { none, place, altitude, track };
 
 /// One value as it was given.
 struct Given {

@@ -307,12 +307,24 @@ std::vector<Given> read_scene(const std::string& path, std::string_view content)
     return given;
 }
 
+namespace {
+
+bool excludes(const Key& a, const Key& b) {
+    if (a.exclusive == Exclusive::none || b.exclusive == Exclusive::none) return false;
+    return a.exclusive == b.exclusive || a.exclusive == Exclusive::track || b.exclusive == Exclusive::track;
+}
+
+}  // namespace
+
 Settings settings_from(const std::vector<Given>& scene_file, const std::vector<Given>& command_line) {
     const auto refuse_two = [](const std::vector<Given>& from) {
         for (std::size_t i = 0; i < from.size(); ++i) {
             for (std::size_t j = i + 1; j < from.size(); ++j) {
                 const Key *a = find_key(from[i].key), *b = find_key(from[j].key);
-                if (a == b || a->exclusive == Exclusive::none || a->exclusive != b->exclusive) continue;
+                if (a == b || !excludes(*a, *b)) continue;
+                if (a->exclusive == Exclusive::track || b->exclusive == Exclusive::track)
+                    throw InputError(
+                        text(from[j].origin, " is given beside ", a->name, "; a track alone says where the sensor is"));
                 throw InputError(text(
                     from[j].origin, " is given beside ", a->name, "; exactly one of ",
                     a->exclusive == Exclusive::place ? "latlon and xy" : "altitude-msl, altitude-agl and altitude-hae",
@@ -327,7 +339,7 @@ Settings settings_from(const std::vector<Given>& scene_file, const std::vector<G
         const Key* key = find_key(from_file.key);
         const bool replaced = std::any_of(command_line.begin(), command_line.end(), [&](const Given& given) {
             const Key* other = find_key(given.key);
-            return other == key || (key->exclusive != Exclusive::none && other->exclusive == key->exclusive);
+            return other == key || excludes(*key, *other);
         });
         if (!replaced) all.push_back(from_file);
     }
@@ -362,13 +374,29 @@ Settings parse_arguments(Command command, const std::vector<std::string>& argume
 
 Settings parse_scene_file(const std::string& path) { return settings_from(read_scene(path, file_content(path)), {}); }
 
+namespace {
+
+void check_scan(const Settings& settings) {
+    if (settings.scan_step && settings.track.empty())
+        throw InputError("scan-step is given without track; the places that the sensor passes are needed");
+    if (settings.scan_step && !settings.scan_period_s)
+        throw InputError("scan-step is given without scan-period; the time of a full turn of the antenna is needed");
+    if (settings.scan_period_s && !settings.scan_step)
+        throw InputError(
+            "scan-period is given without scan-step; the azimuth bins that are seen from one place are needed");
+}
+
+}  // namespace
+
 void check_complete(const Settings& settings) {
     const PlatformParams& platform = settings.scene.platform;
     if (settings.dem.empty()) throw InputError("dem is missing; the path of a terrain raster is needed");
-    if (!platform.latlon && !platform.xy)
+    const bool moves = !settings.track.empty();
+    check_scan(settings);
+    if (!moves && !platform.latlon && !platform.xy)
         throw InputError("the sensor's position is missing; exactly one of latlon and xy is needed");
     if (platform.latlon && platform.xy) throw InputError("latlon and xy are both given; exactly one of them is needed");
-    if (!settings.altitude_given) {
+    if (!moves && !settings.altitude_given) {
         throw InputError(
             "the sensor's altitude is missing; exactly one of altitude-msl, altitude-agl and altitude-hae is needed");
     }
@@ -391,7 +419,19 @@ void check_complete(const Settings& settings) {
         if (given && settings.work_dir.empty())
             throw InputError(text(key, " is given without work-dir; the folder that keeps the wedges is needed"));
     }
-    validate(settings.scene);
+    if (moves) {
+        if (!settings.work_dir.empty())
+            throw InputError(
+                "work-dir is given beside track; it keeps the wedges of one picture, and finished pictures of a track "
+                "stay "
+                "anyhow (to go on after a stop, give the rows that are left)");
+        if (settings.source == SourceKind::spilled)
+            throw InputError(
+                "source is spilled, and track is given; a spill is sorted round one place (accepted: auto, direct; "
+                "tile turns rasters that windows read badly into a store)");
+    } else {
+        validate(settings.scene);
+    }
 }
 
 }  // namespace wedgescope

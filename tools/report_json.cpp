@@ -13,17 +13,9 @@
 namespace wedgescope {
 namespace {
 
-struct Stage {
-    const char* name;
-    double WedgeReport::*seconds;
-};
-constexpr Stage stages[] = {{"load", &WedgeReport::load_s},       {"sample", &WedgeReport::sample_s},
-                            {"sweep", &WedgeReport::sweep_s},     {"shade", &WedgeReport::shade_s},
-                            {"deposit", &WedgeReport::deposit_s}, {"merge", &WedgeReport::merge_s}};
-
 double cpu_s(const WedgeReport& wedge) {
     double sum = 0;
-    for (const Stage& stage : stages) sum += wedge.*stage.seconds;
+    for (const CpuStage& stage : cpu_stages) sum += wedge.*stage.seconds;
     return sum;
 }
 
@@ -33,7 +25,7 @@ WedgeReport sum(Iterator begin, Iterator end) {
     WedgeReport total;
     for (Iterator w = begin; w != end; ++w) {
         if (w->reused) continue;
-        for (const Stage& stage : stages) total.*stage.seconds += (*w).*stage.seconds;
+        for (const CpuStage& stage : cpu_stages) total.*stage.seconds += (*w).*stage.seconds;
         total.wall_s += w->wall_s;
         total.memory_wait_s += w->memory_wait_s;
         total.disk_wait_s += w->disk_wait_s;
@@ -197,7 +189,7 @@ nlohmann::ordered_json report_json(const Settings& settings, const RunResult& ru
     const auto facts = [](const WedgeReport& wedge) {
         json entry;
         json cpu;
-        for (const Stage& stage : stages) cpu[stage.name] = wedge.*stage.seconds;
+        for (const CpuStage& stage : cpu_stages) cpu[stage.name] = wedge.*stage.seconds;
         entry["cpu_s"] = cpu;
         entry["cpu_total_s"] = cpu_s(wedge);
         entry["wall_s"] = wedge.wall_s;
@@ -270,7 +262,7 @@ std::string report_table(const RunReport& report, double write_s, const Usage& u
         "skipped", "MiB");
     const auto row = [&](const std::string& name, const std::string& bins, const WedgeReport& w) {
         out += fmt::format("{:>6} {:>12}", name, bins);
-        for (const Stage& stage : stages) out += cell(w.*stage.seconds, 7, 3);
+        for (const CpuStage& stage : cpu_stages) out += cell(w.*stage.seconds, 7, 3);
         out += cell(w.wall_s, 8, 3) + cell(w.disk_wait_s, 7, 3) + cell(w.memory_wait_s, 7, 3);
         out += cell(static_cast<double>(w.posts_read) * 1e-6, 7, 3) + cell(static_cast<double>(w.samples) * 1e-6, 7, 3);
         for (const std::uint64_t bytes : {w.bytes_read, w.bytes_spilled, w.bytes_skipped, std::uint64_t{w.peak_bytes}})
@@ -303,7 +295,7 @@ std::string report_table(const RunReport& report, double write_s, const Usage& u
 
     // Shares: CPU seconds of the wedges' stages, wall seconds of what comes before and after them.
     std::vector<std::pair<std::string, double>> parts;
-    for (const Stage& stage : stages) parts.emplace_back(stage.name, total.*stage.seconds);
+    for (const CpuStage& stage : cpu_stages) parts.emplace_back(stage.name, total.*stage.seconds);
     for (const auto& [name, s] : {std::pair<const char*, double>{"survey", report.survey_s},
                                   {"keep", report.keep_s},
                                   {"beam", report.beam_s},

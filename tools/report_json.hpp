@@ -16,6 +16,15 @@ struct InputFile {
     std::string crs;
 };
 
+/// CPU seconds of a wedge by stage, as reports name them.
+struct CpuStage {
+    const char* name;
+    double WedgeReport::*seconds;
+};
+inline constexpr CpuStage cpu_stages[] = {{"load", &WedgeReport::load_s},       {"sample", &WedgeReport::sample_s},
+                                          {"sweep", &WedgeReport::sweep_s},     {"shade", &WedgeReport::shade_s},
+                                          {"deposit", &WedgeReport::deposit_s}, {"merge", &WedgeReport::merge_s}};
+
 /// What the process has used so far.
 struct Usage {
     double wall_s = 0, user_s = 0, system_s = 0;

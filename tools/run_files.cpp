@@ -1,5 +1,6 @@
 #include "tools/run_files.hpp"
 
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
@@ -39,6 +40,21 @@ void check_names(const NamedPaths& outputs, const NamedPaths& inputs) {
     }
 }
 
+void check_run_names(const Settings& s) {
+    const NamedPaths outputs{{"output", s.output}, {"echo", s.echo},     {"power", s.power},
+                             {"states", s.states}, {"report", s.report}, {"timeline", s.timeline}};
+    check_names(outputs, {{"dem", s.dem},
+                          {"culture", s.culture},
+                          {"culture-height", s.culture_height},
+                          {"culture-legend", s.culture_legend},
+                          {"track", s.track},
+                          {"the scene file", s.files.empty() ? "" : s.files[0]}});
+    const bool any = std::any_of(outputs.begin(), outputs.end(), [](const auto& out) { return !out.second.empty(); });
+    if (!any && !s.only_wedges)
+        throw InputError(
+            "no output is given; at least one of output (-o), echo, power, states, report, timeline is needed");
+}
+
 std::vector<InputFile> input_files(const Settings& s, const DataBase& data_base, const std::string& scene_file) {
     std::vector<InputFile> inputs;
     const auto add = [&](const char* key, const std::string& path, bool raster) {
@@ -52,6 +68,7 @@ std::vector<InputFile> input_files(const Settings& s, const DataBase& data_base,
     add("culture", s.culture, true);
     add("culture-height", s.culture_height, true);
     if (!Legend::built_in(s.culture_legend)) add("culture-legend", s.culture_legend, false);
+    add("track", s.track, false);
     add("scene", scene_file, false);
     return inputs;
 }

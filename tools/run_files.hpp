@@ -19,6 +19,9 @@ using NamedPaths = std::vector<std::pair<const char*, std::string>>;
 /// InputError where an output is an input too, or two outputs are one file.
 void check_names(const NamedPaths& outputs, const NamedPaths& inputs);
 
+/// The same of all of a simulation's outputs; InputError too where none is asked for.
+void check_run_names(const Settings& settings);
+
 /// Inputs of a run for its report: those of the settings that are named, and the scene file where there is one.
 std::vector<InputFile> input_files(const Settings& settings, const DataBase& data_base,
                                    const std::string& scene_file = {});

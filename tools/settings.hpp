@@ -21,6 +21,9 @@ const char* version();
 struct Settings {
     Scene scene;
     bool altitude_given = false;
+    std::string track;                    ///< path; empty: one scene
+    std::optional<std::int64_t> scan_step;  ///< azimuth bins; none: a frame is seen from one place
+    std::optional<double> scan_period_s;    ///< of one turn of the antenna
 
     std::string dem, culture, culture_height;  ///< paths; empty: none
     double culture_height_scale = 1;

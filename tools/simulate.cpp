@@ -12,18 +12,18 @@
 #include "lib/plan.hpp"
 #include "tiles/gdal_session.hpp"
 #include "tiles/output_file.hpp"
-#include "tiles/picture.hpp"
 #include "tiles/work_dir.hpp"
 #include "tools/budget.hpp"
 #include "tools/commands.hpp"
 #include "tools/help.hpp"
-#include "tools/legend.hpp"
+#include "tools/layers.hpp"
 #include "tools/options.hpp"
 #include "tools/report_json.hpp"
 #include "tools/run_files.hpp"
 #include "tools/scene_json.hpp"
 #include "tools/terminal.hpp"
 #include "tools/timeline.hpp"
+#include "tools/track.hpp"
 #include "tools/units.hpp"
 
 namespace wedgescope {
@@ -31,37 +31,32 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Outputs under temporary names; they appear all together at the end.
+/// Outputs under temporary names; they appear all together at the end. Everything that can go wrong with an output's name
+/// is found when they are opened, before any work.
 struct Outputs {
-    std::optional<OutputFile> scope, echo, power, states, report, timeline;
+    explicit Outputs(const Settings& settings);
+    std::vector<OutputFile*> files();
+
+    std::optional<OutputFile> report, timeline;
+    std::optional<LayerFiles> layers;  ///< none with only-wedge, which fills the work folder; pictures are --resume's
 };
 
-/// Everything that can go wrong with an output's name is found here, before any work.
-Outputs open_outputs(const Settings& s) {
-    const NamedPaths outputs{{"output", s.output}, {"echo", s.echo},     {"power", s.power},
-                             {"states", s.states}, {"report", s.report}, {"timeline", s.timeline}};
-    check_names(outputs, {{"dem", s.dem},
-                          {"culture", s.culture},
-                          {"culture-height", s.culture_height},
-                          {"culture-legend", s.culture_legend},
-                          {"the scene file", s.files.empty() ? "" : s.files[0]}});
-    const bool any = std::any_of(outputs.begin(), outputs.end(), [](const auto& out) { return !out.second.empty(); });
-    if (!any && !s.only_wedges)
-        throw InputError(
-            "no output is given; at least one of output (-o), echo, power, states, report, timeline is needed");
-    Outputs out;
+Outputs::Outputs(const Settings& s) {
+    check_run_names(s);
     const auto open = [&](std::optional<OutputFile>& file, const std::string& path) {
-        if (path.empty()) return;
-        file.emplace(path, s.overwrite);
+        if (!path.empty()) file.emplace(path, s.overwrite);
     };
-    open(out.report, s.report);
-    open(out.timeline, s.timeline);
-    if (s.only_wedges) return out;  // fills the work folder; pictures are --resume's
-    open(out.scope, s.output);
-    open(out.echo, s.echo);
-    open(out.power, s.power);
-    open(out.states, s.states);
-    return out;
+    open(report, s.report);
+    open(timeline, s.timeline);
+    if (!s.only_wedges) layers.emplace(s);
+}
+
+std::vector<OutputFile*> Outputs::files() {
+    std::vector<OutputFile*> all;
+    if (layers) all = layers->files();
+    for (auto* file : {&report, &timeline})
+        if (*file) all.push_back(&**file);
+    return all;
 }
 
 std::string place(const ResolvedScene& r) {
@@ -140,22 +135,9 @@ std::string kept_words(const WorkDir* work) {
 }
 
 void simulate(const Settings& settings, WorkDir* work, double start_s, Stop& stop) {
-    Outputs outputs = open_outputs(settings);
-    const bool with_legend = settings.scene.display.legend && outputs.scope;
-    const std::string helper = with_legend ? find_picture_helper() : "";
-
+    Outputs outputs(settings);
     const GdalSession session(cache_bytes(settings), settings.config);
-    RasterFormat plain;
-    plain.reproducible = settings.reproducible;
-    plain.version = version();
-    RasterFormat chosen = plain;
-    chosen.driver = settings.driver;
-    chosen.creation = settings.creation;
-    const RasterFormat& polar = outputs.scope ? plain : chosen;
-    if (outputs.scope) check_output(*outputs.scope, OutputLayer::scope, chosen);
-    if (outputs.echo) check_output(*outputs.echo, OutputLayer::echo, polar);
-    if (outputs.power) check_output(*outputs.power, OutputLayer::power, polar);
-    if (outputs.states) check_output(*outputs.states, OutputLayer::states, polar);
+    if (outputs.layers) outputs.layers->check(settings);
 
     std::unique_ptr<TimelineFile> timeline;
     if (outputs.timeline) timeline = std::make_unique<TimelineFile>(*outputs.timeline);
@@ -214,20 +196,7 @@ void simulate(const Settings& settings, WorkDir* work, double start_s, Stop& sto
 
     const double write_start_s = now_s();
     Span writing(timeline.get(), "write", "stage");
-    for (RasterFormat* format : {&plain, &chosen}) {
-        format->scene_json = scene_json(settings, scene);
-        format->crs_wkt = source->data_base().crs_wkt;
-        format->metres_per_unit = source->data_base().metres_per_unit;
-    }
-    stop.check();
-    if (with_legend) add_legend(helper, settings, scene, result.scope);
-    if (outputs.scope) write_scope(result, *outputs.scope, chosen);
-    stop.check();
-    if (outputs.echo) write_echo(result, *outputs.echo, polar);
-    stop.check();
-    if (outputs.power) write_power(result, settings.power_unit, *outputs.power, polar);
-    if (outputs.states) write_states(result, *outputs.states, polar);
-    stop.check();
+    if (outputs.layers) outputs.layers->write(result, settings, source->data_base(), stop);
     const double write_s = now_s() - write_start_s;
     writing.end();
     if (timeline) timeline->finish();
@@ -240,13 +209,8 @@ void simulate(const Settings& settings, WorkDir* work, double start_s, Stop& sto
     }
     stop.check();
     std::string written;
-    std::vector<OutputFile*> files;
-    for (auto* file :
-         {&outputs.scope, &outputs.echo, &outputs.power, &outputs.states, &outputs.report, &outputs.timeline}) {
-        if (!*file) continue;
-        files.push_back(&**file);
-        written += (written.empty() ? "" : ", ") + (*file)->final_path();
-    }
+    const std::vector<OutputFile*> files = outputs.files();
+    for (const OutputFile* file : files) written += (written.empty() ? "" : ", ") + file->final_path();
     OutputFile::commit(files);
     remark(settings.quiet || terminal, text("sensor: ", place(scene)));
     if (!choice.unfit.empty()) remark(settings.quiet, text("not used: ", choice.unfit));
@@ -267,6 +231,7 @@ void simulate(const std::vector<std::string>& arguments, Stop& stop) {
     const Settings settings = parse_arguments(command_simulate, arguments);
     if (settings.help) return print(help_text(command_by_name("simulate")));
     check_complete(settings);
+    if (!settings.track.empty()) return simulate_track(settings, start_s, stop);
     const std::unique_ptr<WorkDir> work = open_work_dir(settings);
     try {
         simulate(settings, work.get(), start_s, stop);

@@ -1,0 +1,550 @@
+// Tracks: places between the rows of a table, scans by a sensor that moves, and simulate --track from outside.
+#include <signal.h>
+
+#include <catch2/catch.hpp>
+#include <chrono>
+#include <cmath>
+#include <fstream>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <numbers>
+#include <sstream>
+#include <thread>
+
+#include "lib/engine.hpp"
+#include "lib/track.hpp"
+#include "tests/drawn_raster.hpp"
+#include "tests/program.hpp"
+#include "tests/refusal.hpp"
+#include "tests/small_disk.hpp"
+#include "tests/terrain.hpp"
+#include "tiles/shared_source.hpp"
+#include "tools/track_file.hpp"
+
+using namespace wedgescope;
+using namespace wedgescope::test;
+using Catch::Matchers::Contains;
+using Catch::Matchers::WithinAbs;
+
+namespace {
+
+const std::string program = WEDGESCOPE_PROGRAM;
+
+Track read(const std::string& content) {
+    std::istringstream in(content);
+    return track_from("t.csv", in, Angle::degrees(7));
+}
+
+std::string refused(const std::string& content) {
+    return refusal<InputError>([&] { read(content); });
+}
+
+// ---- scans
+
+/// Plane ground, no patterns or spreading: what comes back from one place lands in one cell.
+Scene bare_scene(double x, double y) {
+    Scene s;
+    s.platform.xy = PointXY{x, y};
+    s.platform.altitude_m = 800;
+    s.range_m = 9000;
+    s.earth_k.reset();
+    s.azimuth_bins = 720;
+    s.range_bin_m = 25;
+    s.gamma = Decibel(-15);
+    s.quality = Quality::exact;
+    s.radar.antenna.elevation = ElevationPattern::gaussian;
+    s.radar.antenna.floor = Decibel(0);
+    s.radar.beam_width_error = s.radar.pulse_length_error = false;
+    s.display.size = 64;
+    return s;
+}
+
+Scan scan_of(const Track& track, const ResolvedScene& whole, WedgeSource& source, std::int64_t step, double period_s) {
+    return {step, [&track, &whole, &source, period_s](Interval bins) {
+                Scene own = whole.scene;
+                own.platform = track.after(whole.scene.platform, 0,
+                                           static_cast<double>(bins.begin - whole.shown.azimuth_bins.begin) /
+                                               static_cast<double>(whole.shown.circle_bins) * period_s);
+                own.sector.reset();
+                ResolvedScene place = resolve(own, source);
+                look_at(place, bins);
+                return place;
+            }};
+}
+
+// ---- the program
+
+/// Hills with a wood and a few classes, in metres.
+void draw_data(const Folder& folder, int posts = 160) {
+    const auto hills = rolling(220, 60, 3);
+    Drawing d;
+    d.columns = d.rows = posts;
+    d.geotransform = std::array<double, 6>{465000, 40, 0, 3755000, 0, -40};
+    d.type = GDT_Int16;
+    d.value = [&](int c, int r) { return std::round(300 + hills(c, r)); };
+    draw(folder / "dem.tif", d);
+    d.type = GDT_Byte;
+    d.value = [](int c, int r) { return (c / 5 + r / 7) % 4 + 1; };
+    draw(folder / "codes.tif", d);
+    d.value = [](int c, int r) { return c % 23 < 6 && r % 19 < 9 ? 12 : 0; };
+    draw(folder / "wood.tif", d);
+    std::ofstream(folder / "legend.csv") << "1,soil\n2,trees\n3,urban\n4,grass\n";
+    std::ofstream(folder / "scene.ini")
+        << "dem = dem.tif\nculture = codes.tif\nculture-legend = legend.csv\nculture-height = wood.tif\n"
+           "range = 4km\nrange-bin = 40m\nazimuth-bins = 480\nsize = 200\nnoise = on\nspeckle = 2\n"
+           "reproducible = on\nquiet = on\n";
+}
+
+struct Row {
+    std::string time, x, y, altitude, heading;
+};
+const std::vector<Row> rows = {{"0", "468200", "3752000", "900", "0"},
+                               {"2.5", "468410.5", "3751950", "950", "77.5"},
+                               {"5", "467000", "3752900", "1000", "200"},
+                               {"6", "468200", "3751000", "1200", "-30"}};
+void write_track(const Folder& folder, const std::vector<Row>& all = rows) {
+    std::ofstream out(folder / "track.csv");
+    out << "time,x,y,altitude-msl,heading\n";
+    for (const Row& r : all) out << r.time << ',' << r.x << ',' << r.y << ',' << r.altitude << ',' << r.heading << '\n';
+}
+
+std::vector<std::string> layers(const std::string& folder) {
+    return {"-o",      folder + "/s.png", "--echo",   folder + "/e.tif",
+            "--power", folder + "/p.tif", "--states", folder + "/t.tif"};
+}
+
+std::vector<std::string> joined(std::vector<std::string> a, const std::vector<std::string>& b) {
+    a.insert(a.end(), b.begin(), b.end());
+    return a;
+}
+
+std::string content(const std::filesystem::path& path) {
+    std::ostringstream all;
+    all << std::ifstream(path, std::ios::binary).rdbuf();
+    return all.str();
+}
+
+std::map<std::string, std::string> contents(const std::string& folder) {
+    std::map<std::string, std::string> all;
+    for (const auto& entry : std::filesystem::directory_iterator(folder))
+        all[entry.path().filename().string()] = content(entry.path());
+    return all;
+}
+
+Ended simulate(const Folder& folder, const std::vector<std::string>& arguments) {
+    return run_program(joined({program, "simulate", folder / "scene.ini"}, arguments), folder / "log");
+}
+
+}  // namespace
+
+TEST_CASE("between two rows a sensor moves evenly along the geodesic, and past the last one the last leg goes on",
+          "[track]") {
+    // Along the equator, and due east 60 s of 0.01 degrees.
+    const Track track = read("time,lat,lon,altitude-msl\n10,0,20,1000\n70,0,20.01,1600\n130,0,20.01,1600\n");
+    const PlatformParams base;
+    const auto place = [&](std::size_t row, double s) { return *track.after(base, row, s).latlon; };
+    CHECK(place(0, 0).lon_deg == 20);
+    CHECK_THAT(place(0, 15).lon_deg, WithinAbs(20.0025, 1e-12));
+    CHECK_THAT(place(0, 15).lat_deg, WithinAbs(0, 1e-12));
+    CHECK_THAT(track.after(base, 0, 15).altitude_m, WithinAbs(1150, 1e-9));
+    CHECK(track.after(base, 0, 15).heading.deg() == Angle::degrees(7).deg());
+    CHECK(place(0, 90).lon_deg == 20.01);  // stands, to the last bit
+    CHECK(place(2, 30).lon_deg == 20.01);
+
+    // 60 degrees north the great circle between two points of one latitude bends to the pole: half-way between 0 and 40
+    // degrees of longitude atan(tan 60 / cos 20) on a sphere; the ellipsoid's is within a tenth of a degree of it.
+    const Track far = read("time,lat,lon,altitude-msl\n0,60,0,1000\n10,60,40,1000\n");
+    const LatLon middle = *far.after(base, 0, 5).latlon;
+    CHECK_THAT(middle.lon_deg, WithinAbs(20, 1e-9));
+    CHECK_THAT(middle.lat_deg, WithinAbs(std::atan(std::tan(std::numbers::pi / 3) / std::cos(std::numbers::pi / 9)) *
+                                             180 / std::numbers::pi,
+                                         0.1));
+
+    const Track plane = read("time,x,y,altitude-agl\n0,100,200,10\n4,140,160,30\n");
+    CHECK(plane.after(base, 0, 1).xy->x == 110);
+    CHECK(plane.after(base, 0, 1).xy->y == 190);
+    CHECK(plane.after(base, 1, 2).xy->x == 160);
+    CHECK(plane.after(base, 1, 2).altitude_m == 40);
+    CHECK(plane.after(base, 1, 2).altitude_above == AltitudeAbove::ground);
+}
+
+TEST_CASE("a table of a track names its columns and units in its first line", "[track]") {
+    const Track track = read(
+        "# recorded\nheading, altitude-msl [ft] ,time,lat [deg],lon\n"
+        "\n 90,1000, 5 ,33.5,-117\n1rad,500m,5.5,33.5,-117.25\n");
+    REQUIRE(track.size() == 2);
+    CHECK_THAT(track[0].altitude_m, WithinAbs(304.8, 1e-9));
+    CHECK(track[0].heading.deg() == 90);
+    CHECK(track[0].line == 4);
+    CHECK(track[1].altitude_m == 500);
+    CHECK(track[1].heading.rad() == 1);
+    CHECK(track[1].second == -117.25);
+    CHECK(track.at({}, 1).altitude_above == AltitudeAbove::sea_level);
+    CHECK(read("time,x,y,altitude-agl\n0,1,2,3\n")[0].heading.deg() == Angle::degrees(7).deg());
+    CHECK(read("\xef\xbb\xbftime,x,y,altitude-agl\r\n0,1,2,3\r\n").size() == 1);
+}
+
+TEST_CASE("a bad line of a track is named with what was found and what is accepted", "[track]") {
+    const std::string head = "time,lat,lon,altitude-msl,heading\n";
+    CHECK(refused("") ==
+          "track 't.csv' is empty; accepted: a line that names the columns time, lat and lon or x and y, one of "
+          "altitude-msl, altitude-agl and altitude-hae, and heading, with a unit in brackets where it is not s, "
+          "m or deg");
+    CHECK_THAT(refused(head), Contains("has no rows"));
+    CHECK_THAT(refused("time,lat,lon,alt\n"), Contains("line 1: column 4 is 'alt'; accepted: time, lat and lon"));
+    CHECK_THAT(refused("time,lat,lon\n"), Contains("line 1: no column is an altitude"));
+    CHECK_THAT(refused("lat,lon,altitude-msl\n"), Contains("no column is time"));
+    CHECK_THAT(refused("time,lat,altitude-msl\n"), Contains("of lat and lon one is missing"));
+    CHECK_THAT(refused("time,lat,lon,x,y,altitude-msl\n"), Contains("there are columns lat, lon and x, y"));
+    CHECK_THAT(refused("time,lat,lon,altitude-msl,altitude-agl\n"), Contains("two columns of altitude"));
+    CHECK_THAT(refused("time,lat,lat,lon,altitude-msl\n"), Contains("column 3 is 'lat', and so is one before"));
+    CHECK_THAT(refused("time,lat,lon,altitude-msl [parsec]\n"), Contains("accepted units: "));
+    CHECK_THAT(refused("time,lat,lon,altitude-msl [ft\n"), Contains("accepted units: "));
+    CHECK(refused(head + "0,33,-117,abc,0\n") ==
+          "track 't.csv', line 2, column altitude-msl is 'abc'; it must be a number (m), "
+          "or one with a unit: m, km, ft, kft, nmi, mi, yd");
+    CHECK(refused(head + "0,33,-117,1000,0\n1,93,-117,1000,0\n") ==
+          "track 't.csv', line 3, column lat is '93'; it must be from -90 to 90 degrees");
+    CHECK_THAT(refused(head + "0,33,-117,1000,400\n"),
+               Contains("column heading is '400'; it must be from -360deg to 360deg"));
+    CHECK_THAT(refused(head + "0,33,-117,1000,nan\n"), Contains("column heading is 'nan'"));
+    CHECK_THAT(refused(head + "0,33,-117,2000km,0\n"), Contains("from -10km to 1000km"));
+    CHECK_THAT(refused(head + "0,33,-117,1000\n"), Contains("line 2 has 4 columns; accepted: 5"));
+    CHECK_THAT(refused(head + "0,33,-117,1000,0\n\n# x\n0,33,-117,1000,0\n"),
+               Contains("line 5, column time is 0 s; it must be more than the 0 s of the row before"));
+    CHECK_THAT(refused(head + std::string(5000, '1')), Contains("line 2 has 5000 characters; accepted: at most 4096"));
+}
+
+TEST_CASE("a scan by a sensor that stands is the plain picture, bit for bit", "[track]") {
+    const auto hills = rolling(300, 40, 11);
+    MemorySource source(201, 201, 60, [&](double c, double r) { return 200 + hills(c, r); });
+    Scene s = bare_scene(6010, -5980);
+    s.radar.beam_width_error = s.radar.pulse_length_error = true;
+    s.azimuth_bins.reset();
+    s.receiver.noise = true;
+    s.receiver.speckle_looks = 2;
+    const Track track = read("time,x,y,altitude-msl\n0,6010,-5980,800\n1,6010,-5980,800\n");
+    // All round; a sector across north; one so wide that the beam's skirts meet behind it.
+    for (const auto& [from, to] : {std::pair(0.0, 360.0), {-40.0, 35.0}, {-170.0, 175.0}}) {
+        s.sector = Sector{Angle::degrees(from), Angle::degrees(to)};
+        const ResolvedScene whole = resolve(s, source);
+        const RunResult plain = run(whole, source, EngineParams{});
+        for (const std::int64_t step : {7, 100, 5000}) {
+            EngineParams params;
+            params.threads = 2;
+            params.wedges = 3;
+            const RunResult scanned = run(whole, scan_of(track, whole, source, step, 4), source, params, {});
+            INFO(from << " to " << to << ", " << step << " bins at a time");
+            CHECK(scanned.echo_w.grid == plain.echo_w.grid);
+            CHECK(scanned.echo_w.cells == plain.echo_w.cells);
+            CHECK(scanned.echo_state.cells == plain.echo_state.cells);
+            CHECK(scanned.power_w.cells == plain.power_w.cells);
+            CHECK(scanned.state.cells == plain.state.cells);
+            CHECK(scanned.scope.grey == plain.scope.grey);
+        }
+    }
+}
+
+TEST_CASE("a scan shows a peak where it stands from the place at which its azimuth is looked at", "[track]") {
+    // Peaks 120 m high, one post wide, on a plane; the sensor flies north-east at 300 m/s through a turn of 8 s.
+    constexpr double post = 25, period = 8, east = 240, north = 180, height = 800;
+    const std::vector<std::pair<int, int>> peaks = {{230, 60},  {330, 140}, {345, 262},
+                                                    {250, 360}, {90, 340},  {60, 150}};
+    MemorySource source(401, 401, post, [&](double c, double r) {
+        for (const auto& [pc, pr] : peaks)
+            if (c == pc && r == pr) return 120.0;
+        return 0.0;
+    });
+    const double x0 = 4800, y0 = -5200;
+    const Scene s = bare_scene(x0, y0);
+    std::ostringstream table;
+    table << "time,x,y,altitude-msl\n0," << x0 << ',' << y0 << ',' << height << "\n100," << x0 + 100 * east << ','
+          << y0 + 100 * north << ',' << height << '\n';
+    const Track track = read(table.str());
+    const ResolvedScene whole = resolve(s, source);
+    EngineParams params;
+    params.threads = 2;
+    constexpr std::int64_t step = 4;
+    const RunResult scanned = run(whole, scan_of(track, whole, source, step, period), source, params, {});
+    const RunResult plain = run(whole, source, params);
+    const double bin_rad = whole.shown.azimuth_step_rad();
+    for (const auto& [pc, pr] : peaks) {
+        const double px = pc * post, py = -pr * post;
+        // The group of azimuths in which its place lies, seen from where the sensor is then.
+        std::int64_t found = -1;
+        double azimuth = 0, range = 0;
+        for (std::int64_t group = 0; group < 720; group += step) {
+            const double t = static_cast<double>(group) / 720 * period;
+            const double dx = px - (x0 + east * t), dy = py - (y0 + north * t);
+            const double a = std::fmod(std::atan2(dx, dy) + 2 * std::numbers::pi, 2 * std::numbers::pi);
+            if (a < static_cast<double>(group) * bin_rad || a >= static_cast<double>(group + step) * bin_rad) continue;
+            CHECK(found < 0);
+            found = group;
+            azimuth = a;
+            range = std::sqrt(dx * dx + dy * dy + (height - 60) * (height - 60));
+        }
+        REQUIRE(found >= 0);
+        // The brightest cell near there stands out of the plain: within a bin of the azimuth, a post and a bin in range.
+        const auto row = static_cast<std::int64_t>(azimuth / bin_rad), column = static_cast<std::int64_t>(range / 25);
+        const auto brightest = [&](const RunResult& r) {
+            double best = 0;
+            std::pair<std::int64_t, std::int64_t> at;
+            for (std::int64_t i = -6; i <= 6; ++i)
+                for (std::int64_t j = -12; j <= 12; ++j) {
+                    const auto a = static_cast<std::size_t>((row + i + 720) % 720),
+                               c = static_cast<std::size_t>(column + j);
+                    const double value = static_cast<double>(r.echo_w.row(a)[c]);
+                    if (value > best) best = value, at = {i, j};
+                }
+            return std::pair(at, best);
+        };
+        INFO("peak " << pc << ", " << pr << ": azimuth " << azimuth * 180 / std::numbers::pi << " deg, range " << range
+                     << " m");
+        const auto [at, power] = brightest(scanned);
+        CHECK(std::abs(at.first) <= 1);
+        CHECK(std::abs(at.second) <= 2);
+        const auto background = static_cast<std::size_t>(column - 12);
+        CHECK(power > 2 * static_cast<double>(scanned.echo_w.row(static_cast<std::size_t>(row))[background]));
+        // From where the sensor was at first it stands elsewhere, once the sensor has moved.
+        const double dx = px - x0, dy = py - y0;
+        const double moved_m = std::abs(std::sqrt(dx * dx + dy * dy + (height - 60) * (height - 60)) - range),
+                     turned = std::abs(std::remainder(std::atan2(dx, dy) - azimuth, 2 * std::numbers::pi));
+        if (found > 60) CHECK((moved_m > 100 || turned > 4 * bin_rad));
+        const double there =
+            static_cast<double>(plain.echo_w.row(static_cast<std::size_t>(row))[static_cast<std::size_t>(column)]);
+        CHECK(there < power / 2);
+    }
+}
+
+TEST_CASE("a data base that stays in memory gives the bits of the source beneath", "[track]") {
+    const auto hills = rolling(300, 40, 5);
+    const auto make = [&] {
+        auto source = std::make_unique<MemorySource>(150, 130, 50, [&](double c, double r) {
+            return c > 100 && c < 110 && r > 60 ? static_cast<double>(void_post) : 200 + hills(c, r);
+        });
+        source->set_culture_height([](double c, double r) { return std::fmod(c, 17) < 4 && r > 40 ? 9.0 : 0.0; });
+        source->set_classes([](double c, double r) { return static_cast<int>(c / 9 + r / 11) % 5 + 1; });
+        return source;
+    };
+    Scene s = bare_scene(3600, -3100);
+    s.gamma.reset();
+    const auto plain = make();
+    const RunResult truth = run(resolve(s, *plain), *plain, EngineParams{});
+    for (const std::size_t memory : {std::size_t{1} << 30, std::size_t{1} << 16}) {
+        SharedSource shared(make(), memory);
+        CHECK(shared.keeps() == (memory > std::size_t{1} << 20));
+        shared.read(nullptr);
+        const RunResult r = run(resolve(s, shared), shared, EngineParams{});
+        CHECK(r.echo_w.cells == truth.echo_w.cells);
+        CHECK(r.state.cells == truth.state.cells);
+        CHECK(r.scope.grey == truth.scope.grey);
+        CHECK(shared.held_bytes() <= shared.cache_bytes());
+    }
+}
+
+TEST_CASE("each frame of a track is the picture that its row's numbers give alone, byte for byte", "[track]") {
+    const Folder folder;
+    draw_data(folder);
+    write_track(folder);
+    for (const char* name : {"alone", "track"}) std::filesystem::create_directory(folder / name);
+    const std::vector<std::string> look = {"--sector", "-100deg,120deg", "--orientation", "heading"};
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+        std::vector<std::string> single = joined(look, {"--xy", rows[i].x + "," + rows[i].y, "--altitude-msl",
+                                                        rows[i].altitude + "m", "--heading", rows[i].heading + "deg"});
+        for (std::string word : layers(folder / "alone")) {
+            const auto dot = word.rfind('.');
+            if (dot != std::string::npos && word.find('/') != std::string::npos)
+                word.insert(dot, "_000" + std::to_string(i + 1));
+            single.push_back(word);
+        }
+        const Ended ended = simulate(folder, single);
+        INFO(ended.err);
+        REQUIRE(ended.code == 0);
+    }
+    const auto truth = contents(folder / "alone");
+    REQUIRE(truth.size() >= 4 * rows.size());
+    // 2 MiB: one lane, and nothing of the data base stays in memory but GDAL's blocks.
+    for (const auto& how : std::vector<std::vector<std::string>>{{"--threads", "1"},
+                                                                 {"--threads", "2"},
+                                                                 {"--threads", "3", "--wedges", "5"},
+                                                                 {"--threads", "2", "--memory", "3MiB"},
+                                                                 {"--threads", "2", "--no-cull"}}) {
+        const Ended ended = simulate(folder, joined(joined(joined(look, layers(folder / "track")), how),
+                                                    {"--track", folder / "track.csv", "--overwrite"}));
+        INFO(how.back() << " " << ended.err);
+        REQUIRE(ended.code == 0);
+        const auto made = contents(folder / "track");
+        REQUIRE(made.size() == truth.size());
+        for (const auto& [name, bytes] : truth) {
+            INFO(name);
+            REQUIRE(made.count(name) == 1);
+            CHECK(made.at(name) == bytes);
+        }
+    }
+}
+
+TEST_CASE("the report of a track tells of every frame", "[track]") {
+    const Folder folder;
+    draw_data(folder);
+    write_track(folder);
+    const Ended ended = simulate(folder, {"--track", folder / "track.csv", "--report", folder / "r.json", "-o",
+                                          folder / "s.png", "--timeline", folder / "t.json"});
+    INFO(ended.err);
+    REQUIRE(ended.code == 0);
+    const auto report = nlohmann::json::parse(content(folder / "r.json"));
+    CHECK(report["format"] == "wedgescope-track-1");
+    REQUIRE(report["frames"].size() == rows.size());
+    CHECK(report["frame_count"] == rows.size());
+    CHECK(report["frames_per_second"].get<double>() > 0);
+    const auto& second = report["frames"][1];
+    CHECK(second["frame"] == 2);
+    CHECK(second["line"] == 3);
+    CHECK(second["time_s"] == 2.5);
+    CHECK(second["x"].get<double>() == Approx(468410.5).margin(1e-4));
+    CHECK(second["sensor_height_m"] == 950);
+    CHECK(second["heading_deg"].get<double>() == Approx(77.5));
+    CHECK(second["files"] == nlohmann::json::array({folder / "s_0002.png"}));
+    CHECK(second["wall_s"].get<double>() > 0);
+    CHECK(second["stages_wall_s"]["display"].get<double>() > 0);
+    std::uint64_t cells = 0;
+    for (const auto& [name, count] : second["states"].items()) cells += count.get<std::uint64_t>();
+    CHECK(cells == 480 * 100);
+    CHECK(nlohmann::json::parse(content(folder / "t.json"))["traceEvents"].size() > 20);
+}
+
+TEST_CASE("what ends a track leaves the frames before it whole and nothing else", "[track]") {
+    const Folder folder;
+    draw_data(folder);
+    const auto frames_of = [&] {
+        std::vector<std::string> names = folder.names(), found;
+        for (const std::string& name : names) {
+            CHECK(name.find(".tmp-") == std::string::npos);
+            if (name.starts_with("s_") && name.ends_with(".png")) found.push_back(name);
+        }
+        return found;
+    };
+    SECTION("a row that cannot be") {
+        std::vector<Row> all(6, rows[0]);
+        for (std::size_t i = 0; i < all.size(); ++i) all[i].time = std::to_string(i);
+        all[4].altitude = "-5";
+        write_track(folder, all);
+        const Ended ended = simulate(folder, {"--track", folder / "track.csv", "-o", folder / "s.png"});
+        CHECK(ended.code == 2);
+        CHECK_THAT(ended.err, Contains("line 6 (frame 5): the sensor is ") && Contains("below the terrain"));
+        CHECK(std::count(ended.err.begin(), ended.err.end(), '\n') == 1);
+        CHECK(frames_of().empty());  // found before any work
+    }
+    SECTION("a signal") {
+        std::vector<Row> all(400, rows[0]);
+        for (std::size_t i = 0; i < all.size(); ++i) {
+            all[i].time = std::to_string(i);
+            all[i].x = std::to_string(468200 + i);
+        }
+        write_track(folder, all);
+        const pid_t child = start({program, "simulate", folder / "scene.ini", "--track", folder / "track.csv", "-o",
+                                   folder / "s.png", "--threads", "2"},
+                                  folder / "log");
+        for (int i = 0; i < 3000 && !std::filesystem::exists(folder / "s_0005.png"); ++i)
+            std::this_thread::sleep_for(std::chrono::milliseconds(10));
+        ::kill(child, SIGINT);
+        const Ended ended = wait_for(child, folder / "log");
+        CHECK(ended.code == 130);
+        const auto found = frames_of();
+        REQUIRE(found.size() >= 5);
+        REQUIRE(found.size() < all.size());
+        CHECK_THAT(ended.err, Contains("frames 1 to " + std::to_string(found.size()) + " of 400 are written"));
+        // Without a gap, and each as it is alone.
+        std::filesystem::create_directory(folder / "alone");
+        for (const std::size_t frame : {std::size_t{1}, found.size()}) {
+            char name[32];
+            std::snprintf(name, sizeof name, "s_%04zu.png", frame);
+            const Ended alone = simulate(folder, {"--xy", all[frame - 1].x + "," + all[0].y, "--altitude-msl", "900m",
+                                                  "-o", folder / "alone" + ("/" + std::string(name))});
+            INFO(alone.err);
+            CHECK(alone.code == 0);
+            CHECK(content(folder / name) == content(folder / "alone" + ("/" + std::string(name))));
+        }
+    }
+    SECTION("a full disk") {
+        write_track(folder);
+        const SmallDisk disk(40000);  // an echo is 400 kB
+        const Ended ended = simulate(folder, {"--track", folder / "track.csv", "-o", folder / "s.png", "--echo",
+                                              folder / "e.tif", "--threads", "2"});
+        CHECK(ended.code == 1);
+        CHECK_THAT(ended.err, Contains("e_0001.tif' cannot be written") && Contains("none of 4 frames is written"));
+        CHECK(frames_of().empty());
+    }
+}
+
+TEST_CASE("names of all frames are looked at before work begins", "[track]") {
+    const Folder folder;
+    draw_data(folder);
+    write_track(folder);
+    std::ofstream(folder / "s_0003.png") << "mine";
+    const std::vector<std::string> track = {"--track", folder / "track.csv", "-o", folder / "s.png"};
+    Ended ended = simulate(folder, track);
+    CHECK(ended.code == 2);
+    CHECK_THAT(ended.err, Contains("s_0003.png' exists; add --overwrite"));
+    CHECK(content(folder / "s_0003.png") == "mine");
+    CHECK(!std::filesystem::exists(folder / "s_0001.png"));
+    ended = simulate(folder, joined(track, {"--overwrite"}));
+    INFO(ended.err);
+    CHECK(ended.code == 0);
+    CHECK(content(folder / "s_0003.png") != "mine");
+
+    const auto says = [&](const std::vector<std::string>& more) {
+        const Ended e = simulate(folder, more);
+        CHECK(e.code == 2);
+        CHECK(std::count(e.err.begin(), e.err.end(), '\n') == 1);
+        return e.err;
+    };
+    const std::vector<std::string> again = joined(track, {"--overwrite"});
+    CHECK_THAT(says(joined(again, {"--work-dir", folder / "w"})), Contains("work-dir is given beside track"));
+    CHECK_THAT(says(joined(again, {"--work-dir", folder / "w", "--resume"})),
+               Contains("work-dir is given beside track"));
+    CHECK_THAT(says(joined(again, {"--only-wedge", "0"})), Contains("only-wedge is given without work-dir"));
+    CHECK_THAT(says(joined(again, {"--source", "spilled"})), Contains("source is spilled, and track is given"));
+    CHECK_THAT(says(joined(again, {"--xy", "1,2"})), Contains("--track") || Contains("track alone says"));
+    CHECK_THAT(says(joined(again, {"--scan-step", "4"})), Contains("scan-step is given without scan-period"));
+    CHECK_THAT(says(joined(again, {"--scan-period", "4s"})), Contains("scan-period is given without scan-step"));
+    CHECK_THAT(says(joined(again, {"--report", folder / "track.csv"})),
+               Contains("report is") && Contains("which is track too"));
+    CHECK_THAT(says({"--scan-step", "4", "--scan-period", "4s", "--xy", "468200,3752000", "--altitude-msl", "900m",
+                     "-o", folder / "x.png"}),
+               Contains("scan-step is given without track"));
+    CHECK_THAT(says({"--track", folder / "track.csv"}), Contains("no output is given"));
+}
+
+TEST_CASE("the program scans along a track", "[track]") {
+    const Folder folder;
+    draw_data(folder);
+    // The same place all the time, then 250 m/s.
+    write_track(folder, {{"0", "468200", "3752000", "900", "30"},
+                         {"4", "468200", "3752000", "900", "30"},
+                         {"8", "469200", "3752000", "900", "30"}});
+    const std::vector<std::string> track = {"--track", folder / "track.csv", "--sector", "-60deg,60deg"};
+    for (const char* name : {"plain", "scan"}) std::filesystem::create_directory(folder / name);
+    const Ended plain = simulate(folder, joined(track, {"--power", folder / "plain/p.tif"}));
+    INFO(plain.err);
+    REQUIRE(plain.code == 0);
+    const Ended scan = simulate(folder, joined(track, {"--power", folder / "scan/p.tif", "--scan-step", "16",
+                                                       "--scan-period", "4s", "--threads", "2"}));
+    INFO(scan.err);
+    REQUIRE(scan.code == 0);
+    const auto cells = [&](const std::string& path) {
+        GDALAllRegister();
+        GDALDataset* in = static_cast<GDALDataset*>(GDALOpen(path.c_str(), GA_ReadOnly));
+        REQUIRE(in);
+        const int columns = in->GetRasterXSize(), lines = in->GetRasterYSize();
+        std::vector<float> values(static_cast<std::size_t>(columns) * static_cast<std::size_t>(lines));
+        CHECK(in->GetRasterBand(1)->RasterIO(GF_Read, 0, 0, columns, lines, values.data(), columns, lines, GDT_Float32,
+                                             0, 0, nullptr) == CE_None);
+        GDALClose(in);
+        return values;
+    };
+    CHECK(cells(folder / "plain/p_0001.tif") == cells(folder / "scan/p_0001.tif"));
+    const auto still = cells(folder / "plain/p_0002.tif"), moved = cells(folder / "scan/p_0002.tif");
+    REQUIRE(still.size() == moved.size());
+    CHECK(std::equal(still.begin(), still.begin() + 100, moved.begin()));  // the first azimuth, before it has moved
+    CHECK(still != moved);
+}

@@ -1,0 +1,598 @@
+#include "tools/track.hpp"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <cmath>
+#include <condition_variable>
+#include <exception>
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <thread>
+
+#include "lib/plan.hpp"
+#include "lib/stopwatch.hpp"
+#include "lib/threads.hpp"
+#include "lib/track.hpp"
+#include "tiles/gdal_session.hpp"
+#include "tiles/shared_source.hpp"
+#include "tools/budget.hpp"
+#include "tools/layers.hpp"
+#include "tools/report_json.hpp"
+#include "tools/run_files.hpp"
+#include "tools/scene_json.hpp"
+#include "tools/terminal.hpp"
+#include "tools/timeline.hpp"
+#include "tools/track_file.hpp"
+#include "tools/units.hpp"
+
+namespace wedgescope {
+
+std::string numbered(const std::string& path, std::size_t frame, int digits) {
+    const std::filesystem::path p(path);
+    return (p.parent_path() / fmt::format("{}_{:0{}}{}", p.stem().string(), frame, digits, p.extension().string()))
+        .string();
+}
+
+namespace {
+
+/// What a frame goes through, one after the other.
+enum Stage : std::size_t { resolving, surveying, sweeping, beaming, receiving, displaying, writing, stage_count };
+constexpr std::array<const char*, stage_count> stage_names = {"resolve",  "survey",  "wedges", "beam",
+                                                              "receiver", "display", "write"};
+/// What a frame did; small, for all frames' are kept.
+struct FrameReport {
+    double lat_deg = 0, lon_deg = 0, x = 0, y = 0, sensor_m = 0, range_m = 0;
+    bool has_lat_lon = false;
+    double start_s = 0, end_s = 0;  ///< of the clock now_s()
+    std::array<float, stage_count> wall_s{};
+    std::array<float, std::size(cpu_stages)> cpu_s{};
+    std::array<std::uint64_t, state_count> states{};
+    std::uint64_t samples = 0, pieces = 0, posts = 0, bytes = 0;
+};
+
+/// A track's scenes, one for each row.
+class Frames {
+public:
+    Frames(const Settings& settings, const Track& track) : settings_(settings), track_(track) {
+        digits_ = std::max(4, static_cast<int>(std::to_string(track.size()).size()));
+    }
+
+    std::size_t size() const { return track_.size(); }
+    const Track& track() const { return track_; }
+    bool scans() const { return settings_.scan_step.has_value(); }
+
+    /// As if the row's numbers and its files were given by their keys.
+    Settings settings(std::size_t frame) const {
+        Settings own = settings_;
+        own.track.clear();
+        own.scene.platform = track_.at(settings_.scene.platform, frame);
+        own.altitude_given = true;
+        for (std::string* path : {&own.output, &own.echo, &own.power, &own.states})
+            if (!path->empty()) *path = numbered(*path, frame + 1, digits_);
+        return own;
+    }
+
+    ResolvedScene scene(std::size_t frame, WedgeSource& source) const {
+        Scene own = settings_.scene;
+        own.platform = track_.at(settings_.scene.platform, frame);
+        return resolve(own, source);
+    }
+
+    /// The groups of azimuths of a frame.
+    Scan scan(std::size_t frame, const ResolvedScene& whole, WedgeSource& source) const {
+        Scan scan;
+        scan.step = *settings_.scan_step;
+        scan.at = [this, frame, &whole, &source](Interval bins) {
+            const double turned = static_cast<double>(bins.begin - whole.shown.azimuth_bins.begin) /
+                                  static_cast<double>(whole.shown.circle_bins);
+            Scene own = whole.scene;
+            own.platform = track_.after(settings_.scene.platform, frame, turned * *settings_.scan_period_s);
+            own.sector.reset();
+            ResolvedScene place = resolve(own, source);
+            look_at(place, bins);
+            return place;
+        };
+        return scan;
+    }
+
+    /// What the engine sweeps at a time: the whole of it, or its first group.
+    ResolvedScene largest_part(const ResolvedScene& whole) const {
+        ResolvedScene part = whole;
+        if (scans())
+            look_at(part,
+                    {whole.shown.azimuth_bins.begin,
+                     std::min(whole.shown.azimuth_bins.end, whole.shown.azimuth_bins.begin + *settings_.scan_step)});
+        return part;
+    }
+
+    std::string words(std::size_t frame) const {
+        return text("track ", in_quotes(settings_.track), ", line ", track_[frame].line, " (frame ", frame + 1, ")");
+    }
+
+private:
+    const Settings& settings_;
+    const Track& track_;
+    int digits_ = 4;
+};
+
+/// "frames 1 to 12 of 20 are written", for the end of an error's line.
+std::string finished_words(std::size_t written, std::size_t all) {
+    if (written == 0) return text("; none of ", all, " frames is written");
+    if (written == 1) return text("; frame 1 of ", all, " is written");
+    return text("; frames 1 to ", written, " of ", all, " are written");
+}
+
+/// Puts finished frames in place in the order of their rows, from a thread of its own: waiting for the disk keeps nobody
+/// from the next frame.
+class Committer {
+public:
+    Committer(std::size_t frames, std::function<void(std::size_t)> done)
+        : frames_(frames), done_(std::move(done)), thread_([this] { work(); }) {}
+    ~Committer() { end(); }
+    Committer(const Committer&) = delete;
+    Committer& operator=(const Committer&) = delete;
+
+    /// A frame's files, written. Waits while too many wait for the one before.
+    void take(std::size_t frame, LayerFiles&& files) {
+        std::unique_lock lock(mutex_);
+        constexpr std::size_t most_ahead = 64;
+        changed_.wait(lock, [&] { return error_ || ended_ || frame < written_ + most_ahead; });
+        waiting_.emplace(frame, std::move(files));
+        changed_.notify_all();
+    }
+    /// No more come: those without a gap before them are put in place still. Returns how many are.
+    std::size_t end() {
+        {
+            const std::lock_guard lock(mutex_);
+            ended_ = true;
+            changed_.notify_all();
+        }
+        if (thread_.joinable()) thread_.join();
+        return written_;
+    }
+    bool failed() {
+        const std::lock_guard lock(mutex_);
+        return error_ != nullptr;
+    }
+    std::exception_ptr error() const { return error_; }  ///< after end()
+
+private:
+    void work() {
+        std::unique_lock lock(mutex_);
+        while (written_ < frames_ && !error_) {
+            const auto next = waiting_.find(written_);
+            if (next == waiting_.end()) {
+                if (ended_) break;
+                changed_.wait(lock);
+                continue;
+            }
+            auto node = waiting_.extract(next);
+            lock.unlock();
+            std::exception_ptr error;
+            try {
+                OutputFile::commit(node.mapped().files());
+            } catch (...) {
+                error = std::current_exception();
+            }
+            lock.lock();
+            if (error) {
+                error_ = error;
+            } else {
+                done_(++written_);
+            }
+            changed_.notify_all();
+        }
+        waiting_.clear();
+    }
+
+    const std::size_t frames_;
+    std::function<void(std::size_t)> done_;
+    std::mutex mutex_;
+    std::condition_variable changed_;
+    std::map<std::size_t, LayerFiles> waiting_;
+    std::size_t written_ = 0;
+    bool ended_ = false;
+    std::exception_ptr error_;
+    std::thread thread_;
+};
+
+/// How the threads are shared out.
+struct Lanes {
+    int threads = 1;  ///< of all lanes together
+    int lanes = 1;
+    std::size_t own_bytes = 0;  ///< what one lane may hold, with what all share
+    int threads_of(int lane) const { return threads / lanes + (lane < threads % lanes ? 1 : 0); }
+};
+
+EngineParams lane_params(const Settings& settings, const Lanes& lanes, int lane,
+                         std::shared_ptr<const SceneTables> tables) {
+    EngineParams params = engine_params(settings);
+    params.threads = lanes.threads_of(lane);
+    params.memory_bytes = lanes.own_bytes;
+    params.beside_others = true;
+    params.tables = std::move(tables);
+    return params;
+}
+
+/// As many lanes as there are threads, fewer where the memory does not grant each what any of the frames takes.
+/// TooLittleMemory if it does not even do for one.
+Lanes share_out(const Settings& settings, const Frames& frames, WedgeSource& source,
+                const std::shared_ptr<const SceneTables>& tables, const Stop& stop) {
+    Lanes best;
+    const auto threads = spill_options(settings).threads;
+    best.threads = threads;
+    best.lanes = static_cast<int>(std::min<std::size_t>(static_cast<std::size_t>(threads), frames.size()));
+    const std::size_t memory = memory_bytes(settings),
+                      held = frames.size() * sizeof(FrameReport) + frames.track().bytes();
+    const std::size_t shared = std::min(memory, source.cache_bytes() + held);
+    const auto grant = [&](int lanes) {
+        best.lanes = lanes;
+        best.own_bytes = (memory - shared) / static_cast<std::size_t>(lanes) + source.cache_bytes();
+    };
+    grant(best.lanes);
+    for (std::size_t frame = 0; frame < frames.size(); ++frame) {
+        stop.check();
+        const ResolvedScene whole = with_context(frames.words(frame), [&] { return frames.scene(frame, source); });
+        const ResolvedScene part = frames.largest_part(whole);
+        for (;;) {
+            EngineParams params = lane_params(settings, best, 0, tables);
+            const std::size_t images = frames.scans() ? image_bytes(whole) : 0;
+            params.memory_bytes -= std::min(params.memory_bytes, images);
+            try {
+                plan(part, source, params);
+                break;
+            } catch (const TooLittleMemory& e) {
+                if (best.lanes == 1) throw e.with(memory, memory + (std::size_t{1} << 20));
+                grant(best.lanes - 1);
+            }
+        }
+    }
+    return best;
+}
+
+class Run {
+public:
+    Run(const Settings& settings, const Frames& frames, WedgeSource& source, Timeline* timeline, Stop& stop)
+        : settings_(settings), frames_(frames), source_(source), timeline_(timeline), stop_(stop),
+          tables_(std::make_shared<const SceneTables>(settings.scene)), reports_(frames.size()) {}
+
+    void share_out() { lanes_ = wedgescope::share_out(settings_, frames_, source_, tables_, stop_); }
+
+    /// Returns how many frames are written, all unless it throws.
+    void make_all(const std::function<void(double)>& progress) {
+        start_s_ = now_s();
+        Committer committer(frames_.size(), [&](std::size_t written) {
+            progress(static_cast<double>(written) / static_cast<double>(frames_.size()));
+        });
+        {
+            const Crew crew(lanes_.threads - lanes_.lanes + 1);
+            std::vector<std::thread> others;
+            for (int lane = 1; lane < lanes_.lanes; ++lane) others.emplace_back([&, lane] { work(lane, committer); });
+            work(0, committer);
+            for (std::thread& other : others) other.join();
+        }
+        const std::size_t written = committer.end();
+        end_s_ = now_s();
+        if (!error_) error_ = committer.error();
+        if (error_) end(written);
+    }
+
+    const Lanes& lanes() const { return lanes_; }
+    const std::vector<FrameReport>& reports() const { return reports_; }
+    double frames_s() const { return end_s_ - start_s_; }
+    double start_s() const { return start_s_; }
+
+private:
+    void work(int lane, Committer& committer) noexcept {
+        const EngineParams params = [&] {
+            EngineParams p = lane_params(settings_, lanes_, lane, tables_);
+            p.stop = &stop_;
+            p.timeline = timeline_;
+            return p;
+        }();
+        RunResult result;
+        for (;;) {
+            const std::size_t frame = next_.fetch_add(1);
+            if (frame >= frames_.size() || frame >= first_bad_.load() || committer.failed()) return;
+            try {
+                make(frame, params, result, committer);
+            } catch (...) {
+                const std::lock_guard lock(error_mutex_);
+                // The first row's stands, whichever lane was faster.
+                if (frame < first_bad_.load()) {
+                    first_bad_ = frame;
+                    error_ = std::current_exception();
+                }
+                return;
+            }
+        }
+    }
+
+    void make(std::size_t frame, const EngineParams& params, RunResult& result, Committer& committer) {
+        stop_.check();
+        const Span span(timeline_, "frame", "stage", static_cast<std::int64_t>(frame));
+        FrameReport& report = reports_[frame];
+        report.start_s = now_s();
+        const Settings own = frames_.settings(frame);
+        auto lap = [&, last = report.start_s](Stage stage) mutable {
+            const double now = now_s();
+            report.wall_s[stage] = static_cast<float>(now - last);
+            last = now;
+        };
+        const ResolvedScene scene = with_context(frames_.words(frame), [&] {
+            ResolvedScene s = frames_.scene(frame, source_);
+            lap(resolving);
+            if (frames_.scans())
+                result = run(s, frames_.scan(frame, s, source_), source_, params, std::move(result));
+            else
+                result = run(s, source_, params, std::move(result));
+            lap(sweeping);
+            return s;
+        });
+        const Span write(timeline_, "write", "stage", static_cast<std::int64_t>(frame));
+        // What these convert takes its room.
+        if (!own.echo.empty() || own.power_unit == PowerUnit::dbm) result.received_w = {};
+        LayerFiles files(own);
+        files.write(result, own, source_.data_base(), stop_);
+        lap(writing);
+        report.end_s = now_s();
+        note(result, report);
+        committer.take(frame, std::move(files));
+    }
+
+    static void note(const RunResult& result, FrameReport& report) {
+        const ResolvedScene& s = result.scene;
+        report.has_lat_lon = s.has_lat_lon;
+        report.lat_deg = s.lat_deg;
+        report.lon_deg = s.lon_deg;
+        report.x = s.x;
+        report.y = s.y;
+        report.sensor_m = s.sensor_m;
+        report.range_m = s.scene.range_m.value_or(0);
+        const RunReport& r = result.report;
+        report.wall_s[surveying] = static_cast<float>(r.survey_s);
+        report.wall_s[beaming] = static_cast<float>(r.beam_s);
+        report.wall_s[receiving] = static_cast<float>(r.receiver_s);
+        report.wall_s[displaying] = static_cast<float>(r.display_s);
+        for (const Stage other : {surveying, beaming, receiving, displaying})
+            report.wall_s[sweeping] -= report.wall_s[other];
+        for (const WedgeReport& w : r.wedges) {
+            for (std::size_t i = 0; i < std::size(cpu_stages); ++i)
+                report.cpu_s[i] += static_cast<float>(w.*cpu_stages[i].seconds);
+            report.samples += w.samples;
+            report.pieces += w.visible_pieces;
+            report.posts += w.posts_read;
+            report.bytes += w.bytes_read;
+        }
+        report.states = r.states;
+    }
+
+    [[noreturn]] void end(std::size_t written) {
+        const std::string more = finished_words(written, frames_.size());
+        try {
+            std::rethrow_exception(error_);
+        } catch (const Interrupted& e) {
+            throw Interrupted(e.signal(), more);
+        } catch (const InputError& e) {
+            throw InputError(e.what() + more);
+        } catch (const DataError& e) {
+            throw DataError(e.what() + more);
+        } catch (const IoError& e) {
+            throw IoError(e.what() + more);
+        }
+    }
+
+    const Settings& settings_;
+    const Frames& frames_;
+    WedgeSource& source_;
+    Timeline* timeline_;
+    Stop& stop_;
+    std::shared_ptr<const SceneTables> tables_;
+    std::vector<FrameReport> reports_;
+    Lanes lanes_;
+    std::atomic<std::size_t> next_{0}, first_bad_{static_cast<std::size_t>(-1)};
+    std::mutex error_mutex_;
+    std::exception_ptr error_;
+    double start_s_ = 0, end_s_ = 0;
+};
+
+using json = nlohmann::ordered_json;
+
+json frame_json(const Frames& frames, std::size_t frame, const FrameReport& r, double start_s) {
+    const TrackPoint& point = frames.track()[frame];
+    const Settings own = frames.settings(frame);
+    json out{{"frame", frame + 1}, {"line", point.line}, {"time_s", point.time_s}};
+    if (r.has_lat_lon) {
+        out["lat_deg"] = r.lat_deg;
+        out["lon_deg"] = r.lon_deg;
+    }
+    out["x"] = r.x;
+    out["y"] = r.y;
+    out["sensor_height_m"] = r.sensor_m;
+    out["heading_deg"] = point.heading.deg();
+    out["range_m"] = r.range_m;
+    out["files"] = json::array();
+    for (const auto& [key, path] : layer_paths(own))
+        if (!path.empty()) out["files"].push_back(path);
+    out["start_s"] = r.start_s - start_s;
+    out["wall_s"] = r.end_s - r.start_s;
+    json wall, cpu, states;
+    for (std::size_t i = 0; i < stage_count; ++i) wall[stage_names[i]] = r.wall_s[i];
+    for (std::size_t i = 0; i < std::size(cpu_stages); ++i) cpu[cpu_stages[i].name] = r.cpu_s[i];
+    for (std::size_t code = 0; code < r.states.size(); ++code) states[state_names[code]] = r.states[code];
+    out["stages_wall_s"] = wall;
+    out["cpu_s"] = cpu;
+    out["states"] = states;
+    out["samples"] = r.samples;
+    out["visible_pieces"] = r.pieces;
+    out["posts"] = r.posts;
+    out["bytes_read"] = r.bytes;
+    return out;
+}
+
+/// Seconds of all frames, by stage: wall and CPU.
+std::pair<json, json> sums(const std::vector<FrameReport>& reports) {
+    json wall, cpu;
+    for (std::size_t i = 0; i < stage_count; ++i) {
+        double sum = 0;
+        for (const FrameReport& r : reports) sum += static_cast<double>(r.wall_s[i]);
+        wall[stage_names[i]] = sum;
+    }
+    for (std::size_t i = 0; i < std::size(cpu_stages); ++i) {
+        double sum = 0;
+        for (const FrameReport& r : reports) sum += static_cast<double>(r.cpu_s[i]);
+        cpu[cpu_stages[i].name] = sum;
+    }
+    return {wall, cpu};
+}
+
+/// Frame after frame, so that a long track's report is never held as a whole.
+void write_track_report(OutputFile& file, const Settings& settings, const Frames& frames, const Run& run,
+                        WedgeSource& source, double open_s, const Usage& usage) {
+    json head{{"format", "wedgescope-track-1"}, {"version", version()}};
+    json scene = parameters_json(settings, true);
+    scene["threads"] = std::to_string(run.lanes().threads);
+    head["scene"] = scene;
+    head["inputs"] =
+        inputs_json(input_files(settings, source.data_base(), settings.files.empty() ? "" : settings.files[0]));
+    json tail{{"frame_count", frames.size()},
+              {"frames_s", run.frames_s()},
+              {"frames_per_second", static_cast<double>(frames.size()) / run.frames_s()},
+              {"open_s", open_s},
+              {"lanes", run.lanes().lanes}};
+    std::tie(tail["stages_wall_s"], tail["cpu_s"]) = sums(run.reports());
+    add_skipped(tail, source.skipped());
+    tail["source"] = source_json(source.report());
+    add_usage(tail, usage);
+    tail["threads"] = run.lanes().threads;
+
+    errno = 0;
+    std::ofstream out(file.temporary_path(), std::ios::binary);
+    constexpr auto replace = json::error_handler_t::replace;
+    std::string begin = head.dump(2, ' ', false, replace), end = tail.dump(2, ' ', false, replace);
+    begin.erase(begin.rfind("\n}"));
+    out << begin << ",\n  \"frames\": [";
+    for (std::size_t i = 0; i < frames.size(); ++i)
+        out << (i ? ",\n    " : "\n    ")
+            << frame_json(frames, i, run.reports()[i], run.start_s()).dump(-1, ' ', false, replace);
+    out << "\n  ]," << end.substr(1) << '\n';
+    out.close();
+    if (!out)
+        throw IoError(text("report ", in_quotes(file.final_path()),
+                           " cannot be written: ", errno ? std::strerror(errno) : "disk full?"));
+}
+
+/// Milliseconds a frame, for --profile.
+std::string track_table(const Run& run, const Usage& usage) {
+    const auto [wall, cpu] = sums(run.reports());
+    const auto n = static_cast<double>(run.reports().size());
+    std::string out =
+        fmt::format("{:.0f} frames in {:.2f} s, {:.1f} frames/s, {} at a time on {} threads\nms a frame:", n,
+                    run.frames_s(), n / run.frames_s(), run.lanes().lanes, run.lanes().threads);
+    for (const auto& [name, s] : wall.items()) out += fmt::format(" {} {:.2f}", name, 1e3 * s.get<double>() / n);
+    out += "\nCPU of the wedges:";
+    for (const auto& [name, s] : cpu.items()) out += fmt::format(" {} {:.2f}", name, 1e3 * s.get<double>() / n);
+    out += fmt::format("\nwall {:.2f} s, user {:.2f} s, system {:.2f} s; peak {} resident\n", usage.wall_s,
+                       usage.user_s, usage.system_s, readable_bytes(static_cast<double>(usage.peak_rss_bytes)));
+    return out;
+}
+
+/// Everything that can go wrong with any frame's names is found before work begins.
+void check_outputs(const Settings& settings, const Frames& frames) {
+    check_run_names(settings);
+    NamedPaths inputs{{"dem", settings.dem},
+                      {"culture", settings.culture},
+                      {"culture-height", settings.culture_height},
+                      {"culture-legend", settings.culture_legend},
+                      {"track", settings.track},
+                      {"report", settings.report},
+                      {"timeline", settings.timeline}};
+    for (std::size_t frame = 0; frame < frames.size(); ++frame) {
+        const Settings own = frames.settings(frame);
+        const NamedPaths outputs = layer_paths(own);
+        if (frame == 0) check_names(outputs, inputs);
+        for (const auto& [key, path] : outputs) {
+            if (path.empty()) continue;
+            OutputFile::check(path, settings.overwrite);
+            if (settings.overwrite && frame > 0 && std::filesystem::exists(path)) check_names({{key, path}}, inputs);
+        }
+    }
+    LayerFiles(frames.settings(0)).check(settings);
+}
+
+}  // namespace
+
+void simulate_track(const Settings& settings, double start_s, Stop& stop) {
+    const Track track = read_track(settings.track, settings.scene.platform.heading);
+    const Frames frames(settings, track);
+    const GdalSession session(cache_bytes(settings), settings.config);
+    check_outputs(settings, frames);
+    std::optional<OutputFile> report, timeline_file;
+    if (!settings.report.empty()) report.emplace(settings.report, settings.overwrite);
+    if (!settings.timeline.empty()) timeline_file.emplace(settings.timeline, settings.overwrite);
+    std::unique_ptr<TimelineFile> timeline;
+    if (timeline_file) timeline = std::make_unique<TimelineFile>(*timeline_file);
+
+    Span opening(timeline.get(), "open", "stage");
+    const auto open = [&](const Settings& granted) {
+        const DataBaseParams layers = data_base_params(granted, cache_bytes(granted), stop);
+        auto direct = open_direct_source(layers);
+        check_reader(*direct, memory_bytes(granted));
+        return std::make_unique<SharedSource>(std::move(direct), memory_bytes(granted));
+    };
+    const auto fits = [&](std::size_t memory) {
+        const Settings granted = with_memory(settings, memory);
+        const auto source = open(granted);
+        share_out(granted, frames, *source, std::make_shared<const SceneTables>(granted.scene), stop);
+    };
+    std::unique_ptr<SharedSource> source;
+    std::unique_ptr<Run> run;
+    try {
+        source = open(settings);
+        Threads(spill_options(settings).threads).execute([&] { source->read(&stop); });
+        run = std::make_unique<Run>(settings, frames, *source, timeline.get(), stop);
+        run->share_out();
+    } catch (const TooLittleMemory& e) {
+        run.reset();
+        source.reset();
+        refuse(e, memory_bytes(settings), fits);
+    }
+    opening.end();
+    const double open_s = now_s() - start_s;
+
+    Progress progress(settings.quiet);
+    run->make_all([&](double fraction) { progress.report(fraction); });
+    progress.done();
+
+    if (timeline) timeline->finish();
+    const Usage usage = usage_since(start_s);
+    std::vector<OutputFile*> files;
+    if (report) {
+        write_track_report(*report, settings, frames, *run, *source, open_s, usage);
+        files.push_back(&*report);
+    }
+    if (timeline_file) files.push_back(&*timeline_file);
+    OutputFile::commit(files);
+
+    if (settings.verbose || settings.profile) fmt::print(stderr, "{}", track_table(*run, usage));
+    std::string written;
+    const Settings first = frames.settings(0), last = frames.settings(frames.size() - 1);
+    const NamedPaths from = layer_paths(first), to = layer_paths(last);
+    for (std::size_t i = 0; i < from.size(); ++i) {
+        if (from[i].second.empty()) continue;
+        written += (written.empty() ? "" : ", ") + from[i].second;
+        if (frames.size() > 1) written += " to " + to[i].second;
+    }
+    for (const OutputFile* file : files) written += (written.empty() ? "" : ", ") + file->final_path();
+    remark(settings.quiet, text("written: ", written,
+                                fmt::format(" ({:.1f} s, {:.1f} frames/s)", now_s() - start_s,
+                                            static_cast<double>(frames.size()) / run->frames_s())));
+}
+
+}  // namespace wedgescope

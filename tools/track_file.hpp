@@ -1,0 +1,19 @@
+// Track file: a CSV table of times, places, altitudes and headings -> Track. Its form: docs/formats.md.
+// Leaves where a sensor is between the rows to lib/track.hpp.
+#pragma once
+#include <string>
+
+#include "lib/track.hpp"
+
+namespace wedgescope {
+
+/// Rows of a track at the most: what is held a row is held for all of them.
+inline constexpr std::size_t most_track_rows = 100000;
+
+/// `heading`: of all rows where the file has none. InputError naming file, line, column, what was found and what is accepted;
+/// IoError.
+Track read_track(const std::string& path, Angle heading);
+/// The same of its content.
+Track track_from(const std::string& path, std::istream& content, Angle heading);
+
+}  // namespace wedgescope
