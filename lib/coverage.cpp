@@ -1285,6 +1285,7 @@ void Cover::order_strips() {
 /// Begins what can be begun: strips whose quadrant has come so far, not too many ahead of the first that is not done,
 /// and none while the writer is behind.
 void Cover::go_on() {
+    if (over_) return;  // something has gone wrong
     for (std::size_t i = counted_; i < std::min(strips_.size(), counted_ + strips_ahead_); ++i) {
         if (waiting_ + tiles_.done_count() > strips_ahead_ * tiles_across()) return;
         Strip& strip = *strips_[i];
@@ -1292,8 +1293,10 @@ void Cover::go_on() {
         strip.begun = strip.side->busy = true;
         queue({Job::Kind::begin, &strip});
     }
-    over_ = counted_ == strips_.size() && !writing_;
-    if (over_) changed_.notify_all();
+    if (counted_ == strips_.size() && !writing_) {
+        over_ = true;
+        changed_.notify_all();
+    }
 }
 
 void Cover::queue(Job job, bool first) {
