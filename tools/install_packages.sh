@@ -12,7 +12,7 @@ packages=(
 for option in "$@"; do
     case $option in
         --tests) packages+=(catch2 gdal-bin ccache) ;;
-        --bench) packages+=(gdal-bin) ;;
+        --bench) packages+=(gdal-bin grass-core) ;;
         *)
             echo "install_packages.sh: '$option' is not known; accepted are --tests and --bench" >&2
             exit 2
