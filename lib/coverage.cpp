@@ -43,6 +43,7 @@ constexpr float nan_f = std::numeric_limits<float>::quiet_NaN();
 std::int64_t floor_to(std::int64_t v, std::int64_t step) {
     return (v >= 0 ? v / step : -((-v + step - 1) / step)) * step;
 }
+std::int64_t tile_of(std::int64_t post) { return floor_to(post, tile_edge) / tile_edge; }
 std::int64_t floor_i(double v) { return static_cast<std::int64_t>(std::floor(v)); }
 std::int64_t ceil_i(double v) { return static_cast<std::int64_t>(std::ceil(v)); }
 
@@ -194,9 +195,9 @@ public:
     Cover(const ResolvedScene& scene, WedgeSource& source, const CoverageParams& params,
           const std::function<void(const CoverageTile&)>* write)
         : scene_(scene), source_(source), db_(source.data_base()), params_(params), write_(write),
-          sampling_(coverage_sampling(scene.scene.quality)), map_(db_, map_params()), grid_(db_, map_, sampling_, 4),
-          bytes_(is_bytes(params.layer)), voids_(params.layer == CoverageLayer::states),
-          tiles_(db_.columns, db_.rows, bytes_, outside_byte()) {
+          sampling_(own_sampling(scene.scene, coverage_sampling(scene.scene.quality))), map_(db_, map_params()),
+          grid_(db_, map_, sampling_, 4), bytes_(is_bytes(params.layer)), voids_(params.layer == CoverageLayer::states),
+          tiles_(db_.columns, db_.rows, bytes_, outside_byte(), params.reached_only) {
         lift_.sensor_m = static_cast<float>(scene.sensor_m);
         lift_.inverse_radius = static_cast<float>(scene.earth.inverse_radius());
         with_range_ = scene.range_limited || scene.scene.range_start_m > 0 || scene.scene.ground_range_m;
@@ -211,6 +212,9 @@ public:
         hides_ = params.cull && bytes_ && !params.elevation && !(scene.scene.range_start_m > 0);
         for (Quadrant q : all_quadrants) set_up(q);
         own_east_west();
+        reached_ = {{0, db_.columns}, {0, db_.rows}};
+        if (params.reached_only) leave_unreached();
+        for (Quadrant q : {Quadrant::south, Quadrant::north}) set_rows(q);
     }
 
     /// With so many strips on their way at a time.
@@ -225,20 +229,21 @@ public:
         bytes += (2 * strips * tiles_across() + tiles_across() / 4 + 64) * tiles_.tile_bytes();
         return bytes + (std::size_t{6} << 20);
     }
-    std::size_t desk_bytes() const {
+    /// Without what the source's reader holds.
+    std::size_t own_desk_bytes() const {
         // A run's window is as wide as its spokes and as they drift over the strip; it stands there as read and turned.
         const std::int64_t width = run_spokes + tile_edge + 12 * knot + 2 * line_margin;
         const auto posts = static_cast<std::size_t>(width * (tile_edge + 1));
-        return posts * (3 * sizeof(float) + (bytes_ ? 1 : sizeof(float))) + (std::size_t{1} << 20) +
-               source_.reader_bytes();
+        return posts * (3 * sizeof(float) + (bytes_ ? 1 : sizeof(float))) + (std::size_t{1} << 20);
     }
+    std::size_t desk_bytes() const { return own_desk_bytes() + source_.reader_bytes(); }
 
     CoverageReport run();
 
 private:
     /// Tiles of the longest strip.
     std::size_t tiles_across() const {
-        return static_cast<std::size_t>(std::max(db_.columns, db_.rows) / tile_edge + 2);
+        return static_cast<std::size_t>(std::max(reached_.columns.size(), reached_.rows.size()) / tile_edge + 2);
     }
     /// While nobody else begins or ends a strip.
     std::size_t held_bytes(int threads) const {
@@ -254,7 +259,10 @@ private:
     }
 
     void set_up(Quadrant q);
+    void set_rows(Quadrant q);
     void own_east_west();
+    void leave_unreached();
+    Interval widest_fan(const Side& side, std::int64_t line) const;
     Interval tile_lines(const Side& side, std::int64_t step, Interval& indices) const;
     LineForm form(const Side& side, double distance) const;
     /// Spokes that are carried: one beyond the outermost at least, for what rounding puts outside of it.
@@ -330,6 +338,7 @@ private:
     Lift lift_;
     std::array<Side, 4> sides_;
     std::vector<Interval> own_;  ///< by column of the raster: rows that belong to the quadrants east and west
+    Window reached_;             ///< posts of the tiles that strips account for, in whole tiles
     tbb::enumerable_thread_specific<Desk> desks_;
 
     // The order of work.
@@ -404,20 +413,60 @@ void Cover::set_up(Quadrant q) {
     }
     const std::int64_t k = grid_.rings(q).front().spokes;
     side.spokes.resize(k, fan(side, k), voids_);
-    // Strips, in the order outward. The quadrants north and south have the rows without lines too.
-    const auto tile_of = [](std::int64_t index) { return floor_to(index, tile_edge) / tile_edge; };
-    const double major = map_.nadir_major(q);
-    if (columns) {
-        if (side.lines == 0) return;
-        side.tile = tile_of(grid_.line_index(q, 0));
-        side.tile_end = tile_of(grid_.line_index(q, side.lines - 1)) + outward(q);
-    } else {
-        const std::int64_t border = std::clamp<std::int64_t>(ceil_i(major), 0, db_.rows);  // first row of the south
-        const Interval rows = q == Quadrant::south ? Interval{border, db_.rows} : Interval{0, border};
-        if (rows.empty()) return;
-        side.tile = tile_of(q == Quadrant::south ? rows.begin : rows.end - 1);
-        side.tile_end = (q == Quadrant::south ? tile_of(rows.end - 1) : tile_of(rows.begin)) + outward(q);
+    // Strips, in the order outward. The quadrants north and south have the rows without lines too: set_rows().
+    if (!columns || side.lines == 0) return;
+    side.tile = tile_of(grid_.line_index(q, 0));
+    side.tile_end = tile_of(grid_.line_index(q, side.lines - 1)) + outward(q);
+}
+
+/// Strips of the quadrants north and south.
+void Cover::set_rows(Quadrant q) {
+    Side& side = sides_[static_cast<std::size_t>(q)];
+    const std::int64_t border =
+        std::clamp<std::int64_t>(ceil_i(map_.nadir_major(q)), 0, db_.rows);  // first row of the south
+    const Interval rows =
+        intersection(reached_.rows, q == Quadrant::south ? Interval{border, db_.rows} : Interval{0, border});
+    if (rows.empty()) return;
+    side.tile = tile_of(q == Quadrant::south ? rows.begin : rows.end - 1);
+    side.tile_end = (q == Quadrant::south ? tile_of(rows.end - 1) : tile_of(rows.begin)) + outward(q);
+}
+
+/// Posts of a row that spokes of north and south may come by.
+Interval Cover::widest_fan(const Side& side, std::int64_t line) const {
+    const double d = grid_.distance(side.quadrant, line);
+    return intersection(
+        {floor_i(map_.place(side.quadrant, -1, d).minor) - 2, ceil_i(map_.place(side.quadrant, 1, d).minor) + 3},
+        side.minor);
+}
+
+/// The tiles that spokes come by lie in these columns and rows; of all others nothing need be known.
+void Cover::leave_unreached() {
+    Interval columns, rows;
+    for (std::int64_t c = 0; c < db_.columns; ++c)
+        if (const Interval own = own_[static_cast<std::size_t>(c)]; !own.empty()) {
+            columns = hull(columns, {c, c + 1});
+            rows = hull(rows, own);
+        }
+    for (Quadrant q : {Quadrant::south, Quadrant::north}) {
+        const Side& side = sides_[static_cast<std::size_t>(q)];
+        for (std::int64_t line = 0; line < side.lines; ++line) {
+            const std::int64_t row = grid_.line_index(q, line);
+            columns = hull(columns, widest_fan(side, line));
+            rows = hull(rows, {row, row + 1});
+        }
     }
+    const std::int64_t c = floor_i(scene_.nadir.column), r = floor_i(scene_.nadir.row);
+    if (r >= 0 && r < db_.rows && (db_.cyclic || (c >= 0 && c < db_.columns))) {
+        columns = hull(columns, {c, c + 1});
+        rows = hull(rows, {r, r + 1});
+    }
+    if (db_.cyclic) columns = {0, db_.columns};
+    const auto whole_tiles = [](Interval posts, std::int64_t end) {
+        return posts.empty() ? Interval{}
+                             : Interval{floor_to(posts.begin, tile_edge),
+                                        std::min(end, floor_to(posts.end - 1, tile_edge) + tile_edge)};
+    };
+    reached_ = {whole_tiles(columns, db_.columns), whole_tiles(rows, db_.rows)};
 }
 
 void Cover::own_east_west() {
@@ -1380,13 +1429,11 @@ void Cover::prepare(Strip& strip) {
     } else {
         // The fan of each row, without what belongs to east and west; all else in the row is outside.
         for (std::int64_t line = lines.begin; line < lines.end; ++line) {
-            const double d = grid_.distance(q, line);
             const std::int64_t row = grid_.line_index(q, line);
             const auto theirs = [&](std::int64_t c) {
                 return own_[static_cast<std::size_t>(real_column(c))].contains(row);
             };
-            Interval fan = intersection(
-                {floor_i(map_.place(q, -1, d).minor) - 2, ceil_i(map_.place(q, 1, d).minor) + 3}, side.minor);
+            Interval fan = widest_fan(side, line);
             while (!fan.empty() && theirs(fan.begin)) ++fan.begin;
             while (!fan.empty() && theirs(fan.end - 1)) --fan.end;
             strip.own[static_cast<std::size_t>(line - lines.begin)] = fan;
@@ -1395,7 +1442,7 @@ void Cover::prepare(Strip& strip) {
                     crossed.emplace_back(strip.tile, same / tile_edge);
             if (!fan.empty()) crossed.emplace_back(strip.tile, real_column(fan.end - 1) / tile_edge);
         }
-        for (std::int64_t tc = 0; tc * tile_edge < db_.columns; ++tc) {
+        for (std::int64_t tc = tile_of(reached_.columns.begin); tc * tile_edge < reached_.columns.end; ++tc) {
             std::int64_t posts = 0;
             for (std::int64_t c = tc * tile_edge; c < std::min(db_.columns, (tc + 1) * tile_edge); ++c)
                 posts += indices.size() - intersection(own_[static_cast<std::size_t>(c)], indices).size();
@@ -1440,7 +1487,7 @@ void Cover::end(Strip& strip) {
     }
     if (counted_ == strips_.size() && tiles_.unfinished() > 0)
         throw std::logic_error("coverage: a post belongs to no quadrant");
-    if (params_.timeline) params_.timeline->memory(held_bytes(threads_));
+    if (params_.timeline && !params_.beside_others) params_.timeline->memory(held_bytes(threads_));
     if (params_.progress) params_.progress(static_cast<double>(counted_) / static_cast<double>(strips_.size()));
     if (tiles_.any_done() && !writing_) {
         writing_ = true;
@@ -1486,9 +1533,9 @@ CoverageReport Cover::run() {
     while (report.threads > 1 && needed() > params_.memory_bytes) --report.threads;
     report.peak_budget_bytes = needed();
     threads_ = report.threads;
-    if (params_.timeline) params_.timeline->memory(held_bytes(threads_));
+    if (params_.timeline && !params_.beside_others) params_.timeline->memory(held_bytes(threads_));
     order_strips();
-    Threads threads(threads_);
+    Threads threads(threads_, !params_.beside_others);
     threads.execute([&] {
         handover_.pass();
         {
@@ -1549,6 +1596,11 @@ void check(const Cover& work, const WedgeSource& source, const CoverageParams& p
 
 }  // namespace
 
+std::size_t coverage_bytes(const ResolvedScene& scene, WedgeSource& source, const CoverageParams& params) {
+    const Cover work(scene, source, params, nullptr);
+    return work.fixed_bytes(1) + work.own_desk_bytes();
+}
+
 void check_coverage(const ResolvedScene& scene, WedgeSource& source, const CoverageParams& params) {
     check(Cover(scene, source, params, nullptr), source, params);
 }
@@ -1557,6 +1609,7 @@ CoverageReport cover(const ResolvedScene& scene, WedgeSource& source, const Cove
                      const std::function<void(const CoverageTile&)>& write) {
     Cover work(scene, source, params, &write);
     check(work, source, params);
+    if (params.beside_others) return work.run();
     const std::uint64_t data = params.data ? *params.data : source.fingerprint({});
     CoverageReport report = work.run();
     check_unchanged(source, data);

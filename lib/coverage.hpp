@@ -38,8 +38,13 @@ struct CoverageParams {
     /// Elevation angles at the sensor, positive up, that count; outside of them nothing is in view.
     std::optional<std::pair<Angle, Angle>> elevation;
     bool cull = true;  ///< neither read nor sweep what is known to stay hidden; changes no bit
-    int threads = 0;   ///< 0: all the machine has
+    /// Hands out only the tiles that a spoke comes by: all others are outside.
+    bool reached_only = false;
+    int threads = 0;  ///< 0: all the machine has
     std::size_t memory_bytes = std::size_t{1} << 30;
+    /// One of several side by side: it takes `threads` threads of those that the caller lets all of them have together, and
+    /// leaves it to the caller to see whether the data base changed.
+    bool beside_others = false;
     Stop* stop = nullptr;
     Timeline* timeline = nullptr;  ///< told of runs and of what is written
     /// Fingerprint of the data base before anything of it was read; none: as it is when the work begins.
@@ -104,10 +109,14 @@ Sampling coverage_sampling(Quality quality);
 /// As resolve(), but without a range all of the raster is in range. InputError, DataError.
 ResolvedScene resolve_coverage(const Scene& scene, WedgeSource& source);
 
+/// What cover() holds at the least, beside what the source does (its cache and a reader).
+std::size_t coverage_bytes(const ResolvedScene& scene, WedgeSource& source, const CoverageParams& params);
+
 /// InputError, saying the smallest that would do, if the budget is too small for cover().
 void check_coverage(const ResolvedScene& scene, WedgeSource& source, const CoverageParams& params);
 
-/// Hands out each tile of the raster once, in the order of the strips, from one thread at a time (not the caller's).
+/// Hands out each tile of the raster once (or those reached alone), in the order of the strips, from one thread at a time
+/// (not the caller's).
 /// The same bits for any number of threads, any budget. InputError if the budget is too small, before
 /// any work; IoError, DataError (also where the data base changed while it was read: what was handed out is then worth
 /// nothing); what `write` throws.

@@ -54,6 +54,7 @@ void CoverageTiles::make(Tile& tile) {
 
 void CoverageTiles::hand_out(std::vector<Done> tiles, const std::function<void(const CoverageTile&)>& write) {
     for (auto& [key, tile] : tiles) {
+        if (reached_only_ && tile->bytes.empty() && tile->values.empty()) continue;
         CoverageTile out;
         out.window = {{key.second * edge, std::min((key.second + 1) * edge, columns_)},
                       {key.first * edge, std::min((key.first + 1) * edge, rows_)}};

@@ -30,9 +30,10 @@ public:
         std::unique_ptr<Tile> tile;
     };
 
-    /// Of a raster of so many posts; `bytes` or floats; a post that no run reaches is `outside`, or NaN.
-    CoverageTiles(std::int64_t columns, std::int64_t rows, bool bytes, std::uint8_t outside)
-        : columns_(columns), rows_(rows), bytes_(bytes), outside_(outside) {}
+    /// Of a raster of so many posts; `bytes` or floats; a post that no run reaches is `outside`, or NaN. `reached_only`:
+    /// a tile without a buffer is not handed out.
+    CoverageTiles(std::int64_t columns, std::int64_t rows, bool bytes, std::uint8_t outside, bool reached_only)
+        : columns_(columns), rows_(rows), bytes_(bytes), outside_(outside), reached_only_(reached_only) {}
 
     std::size_t tile_bytes() const { return static_cast<std::size_t>(edge * edge) * (bytes_ ? 1 : sizeof(float)); }
 
@@ -67,6 +68,7 @@ private:
     std::int64_t columns_, rows_;
     bool bytes_;
     std::uint8_t outside_;
+    bool reached_only_;
     std::map<Key, std::unique_ptr<Tile>> tiles_;
     std::vector<Done> done_;
     std::mutex spare_mutex_;  ///< of the two below

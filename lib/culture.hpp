@@ -29,6 +29,12 @@ public:
     double cell_column(double column) const { return db_.culture_column_offset + db_.culture_column_scale * column; }
     double cell_row(double row) const { return db_.culture_row_offset + db_.culture_row_scale * row; }
 
+    /// The tile that a culture cell lies in; until the next one is asked for.
+    const CultureCells& tile_of(std::int64_t cell_column, std::int64_t cell_row) {
+        if (last_ && last_->window.columns.contains(cell_column) && last_->window.rows.contains(cell_row))
+            return *last_;
+        return find(cell_column, cell_row);
+    }
     /// Class of a culture cell; the default class beyond the culture raster and where there is none.
     ClassId at(std::int64_t cell_column, std::int64_t cell_row) {
         if (!db_.has_culture) return db_.default_class;
@@ -54,11 +60,6 @@ public:
 private:
     static std::size_t index(const Window& w, std::int64_t column, std::int64_t row) {
         return static_cast<std::size_t>((row - w.rows.begin) * w.columns.size() + column - w.columns.begin);
-    }
-    const CultureCells& tile_of(std::int64_t cell_column, std::int64_t cell_row) {
-        if (last_ && last_->window.columns.contains(cell_column) && last_->window.rows.contains(cell_row))
-            return *last_;
-        return find(cell_column, cell_row);
     }
     const CultureCells& find(std::int64_t cell_column, std::int64_t cell_row);
 

@@ -2,6 +2,7 @@
 // sum depends on order; and state marks, which are or-ed. Leaves what is deposited to shade.hpp and the image to the
 // engine.
 #pragma once
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -119,6 +120,57 @@ private:
     double begin_, end_;  // range bins, as coordinates
     std::vector<std::int64_t> sums_;
     std::vector<std::uint8_t> bits_;
+};
+
+/// Portions of any spokes, kept until there are enough for WedgeCells::add_lanes.
+class PortionQueue {
+public:
+    static constexpr std::size_t most = WedgeCells::Portions::most;
+
+    bool empty() const { return size_ == 0; }
+    bool full() const { return size_ == most; }
+    std::size_t size() const { return size_; }
+    void clear() { size_ = straddler_count_ = 0; }
+    /// origin, share0, share1, gamma: as WedgeCells::Portions. Not when full.
+    void push(std::int64_t origin, double share0, double share1, const WedgeCells::Portion& portion, double gamma) {
+        const std::size_t i = size_++;
+        origin_[i] = origin;
+        share0_[i] = share0;
+        share1_[i] = share1;
+        if (share1 > 0) straddlers_[straddler_count_++] = static_cast<std::int32_t>(i);
+        x0_[i] = portion.x0;
+        x1_[i] = portion.x1;
+        inverse_width_[i] = portion.inverse_width;
+        power_[i] = portion.power;
+        bow_[i] = portion.bow;
+        gamma_[i] = gamma;
+    }
+    WedgeCells::Portions portions() const {
+        return {code_.data(),
+                origin_.data(),
+                share0_.data(),
+                share1_.data(),
+                {straddlers_.data(), straddler_count_},
+                0,
+                x0_.data(),
+                x1_.data(),
+                inverse_width_.data(),
+                power_.data(),
+                bow_.data(),
+                gamma_.data()};
+    }
+
+private:
+    using Numbers = std::array<double, most>;
+    static constexpr Numbers ones() {
+        Numbers n{};
+        n.fill(1);
+        return n;
+    }
+    std::size_t size_ = 0, straddler_count_ = 0;
+    std::array<std::int64_t, most> origin_{};
+    std::array<std::int32_t, most> straddlers_{};
+    Numbers code_ = ones(), share0_{}, share1_{}, x0_{}, x1_{}, inverse_width_{}, power_{}, bow_{}, gamma_{};
 };
 
 }  // namespace wedgescope

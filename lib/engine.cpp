@@ -70,13 +70,13 @@ struct Setting {
 
     Setting(const ResolvedScene& s, WedgeSource& source, std::shared_ptr<const SceneTables> made)
         : scene(s), data_base(source.data_base()), map(data_base, map_params(s, data_base)),
-          grid(data_base, map, sampling(s.scene.quality), s.swept.circle_bins),
+          grid(data_base, map, sampling(s.scene), s.swept.circle_bins),
           tables(made ? std::move(made) : std::make_shared<const SceneTables>(s.scene)),
           cells(quanta(s.swept.range_bins, s.swept.range_bin_m, radar_constant(s.scene.radar), tables->pattern.most(),
                        grid.azimuth_step_rad(), most_gamma(tables->gamma))) {
         sweep.data_base = &data_base;
         sweep.grid = &grid;
-        sweep.sampling = sampling(s.scene.quality);
+        sweep.sampling = sampling(s.scene);
         sweep.sensor_m = s.sensor_m;
         sweep.reference_m = s.reference_m;
         sweep.nadir_surface_m = s.nadir_on_data ? s.nadir_surface_m : std::numeric_limits<double>::quiet_NaN();

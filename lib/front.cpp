@@ -17,7 +17,8 @@ namespace {
 
 constexpr std::size_t tile_lanes = 128;  // spokes taken over a chunk's lines together: their state stays in cache
 constexpr double infinite = std::numeric_limits<double>::infinity();
-constexpr double several_gammas = -1;  // a piece that does not have one backscatter all along
+// In place of a piece's backscatter: not the same all along; the same, and deposited.
+constexpr double several_gammas = -1, in_parts = -2;
 constexpr float void_post = std::numeric_limits<float>::quiet_NaN();
 
 LinePosts no_posts() { return {&void_post, 0, 0}; }
@@ -37,6 +38,40 @@ struct CellsAhead {
 CellsAhead cells_ahead(std::int64_t from, std::int64_t last, std::int64_t out) {
     const std::int64_t block = block_along(out > 0 ? from : from - 1);
     return {block, out > 0 ? std::min((block + 1) * block_posts, last) : std::max(block * block_posts, last)};
+}
+
+/// What lies from `from` to `to` of the way, 0..1; nothing if that is no share of it. A part of a parabola is one too.
+std::optional<WedgeCells::Portion> part_of(const WedgeCells::Portion& whole, double from, double to) {
+    const double length = to - from, share = length * (1 + whole.bow * (1 - from - to));
+    if (!(share > 0)) return std::nullopt;
+    const double way = whole.x1 - whole.x0;
+    return WedgeCells::Portion{whole.x0 + from * way, whole.x0 + to * way, whole.inverse_width / length,
+                               whole.power * share, whole.bow * length * length / share};
+}
+
+/// A point of a piece.
+struct PieceEnd {
+    double part, range_m, sine, x;
+};
+
+/// Calls deposit(a, b) for the parts of a rising piece, halved until each lies at all but one range: under a low sensor
+/// a piece may be many times as long as its beginning is far, and its echo falls with the fourth power of the range.
+template <class Point, class Deposit>
+void halve(PieceEnd a, const PieceEnd& b, const Point& point, const Deposit& deposit) {
+    constexpr double leaf = 1.03;   // of ranges: what a part spreads evenly falls by a sixth over it
+    std::array<PieceEnd, 40> ends;  // still to come, the nearest last
+    std::size_t n = 0;
+    ends[n++] = b;
+    while (n > 0) {
+        const PieceEnd next = ends[n - 1];
+        if (one_range(a.range_m, next.range_m, next.sine - a.sine, leaf) || n == ends.size()) {
+            if (next.sine > a.sine) deposit(a, next);
+            a = {next.part, next.range_m, std::max(a.sine, next.sine), next.x};
+            --n;
+        } else {
+            ends[n++] = point(0.5 * (a.part + next.part));
+        }
+    }
 }
 
 }  // namespace
@@ -68,13 +103,15 @@ Front::Front(const SweepScene& scene, const SpokeRun& run, WedgeCells& cells)
     for (auto* v : {&cell_, &bump_, &sine0_, &code_, &power_, &inverse_width_, &bow_}) v->resize(tile_lanes);
     gamma_.assign(tile_lanes, scene.gamma[scene.data_base->default_class].ground);
     posts_.resize(4 * tile_lanes);
+    culture_posts_.resize(4 * tile_lanes);
+    culture_cell_.resize(tile_lanes);
     between_.behind = between_.ahead = between_.behind_culture = between_.ahead_culture = no_posts();
     start();
 }
 
 std::size_t Front::bytes_of(std::size_t lanes) {
     return lanes * (21 * sizeof(double) + sizeof(std::int64_t) + sizeof(std::int32_t)) +
-           tile_lanes * (3 * 9 + 7 + 2) * sizeof(double);
+           tile_lanes * (3 * 9 + 8 + 4) * sizeof(double);
 }
 
 std::size_t Front::bytes() const {
@@ -586,13 +623,12 @@ void Front::take(const Between& between, std::size_t begin, std::size_t end, boo
     for (std::size_t at = 0; at < n; at += block) {
         const Rises& found = rises[at / block];
         const std::size_t m = std::min(block, n - at), lane = begin + at;
-        bool in_parts = false;
-        if (found.plain) in_parts = put_plain(at, m, lane, between, next);
-        if (!found.changes && !in_parts) continue;
+        const bool left = found.plain && put_plain(at, m, lane, between, next);
+        if (!found.changes && !left) continue;
         for (std::size_t i = at; i < at + m; ++i) {
             if (code_[i] == 2)
                 change(begin + i, i, between, next.lanes(i));
-            else if (code_[i] == 1 && in_parts && gamma_[i] == several_gammas && lanes_.row[begin + i] >= 0)
+            else if (code_[i] == 1 && left && gamma_[i] == several_gammas && lanes_.row[begin + i] >= 0)
                 put(begin + i,
                     {{from.x[i], to.x[i], inverse_width_[i], power_[i], bow_[i]},
                      track(now_.lanes(i), next.lanes(i), between),
@@ -601,6 +637,7 @@ void Front::take(const Between& between, std::size_t begin, std::size_t end, boo
                     between);
         }
     }
+    if (!parts_.empty()) add_parts_together();
     cost_.sample += sampled - clock;
     cost_.sweep += swept - sampled;
     cost_.shade += shaded - swept;
@@ -609,23 +646,116 @@ void Front::take(const Between& between, std::size_t begin, std::size_t end, boo
 }
 
 bool Front::put_plain(std::size_t at, std::size_t n, std::size_t lane, const Between& between, Samples& next) {
-    const SampleLanes from = now_.lanes(0), to = next.lanes(0);
-    bool in_parts = false;
+    const SampleLanes from = now_.lanes(at), to = next.lanes(at);
+    double* const gamma = gamma_.data() + at;
     if (scene_->with_depression) {
-        std::fill_n(gamma_.begin() + static_cast<std::ptrdiff_t>(at), n, several_gammas);
+        std::fill_n(gamma, n, several_gammas);
         return true;
     }
-    if (!plain_ground_)
-        for (std::size_t i = at; i < at + n; ++i) {
-            if (code_[i] != 1) continue;
-            gamma_[i] = one_gamma(track(now_.lanes(i), next.lanes(i), between), between).value_or(several_gammas);
-            in_parts = in_parts || gamma_[i] == several_gammas;
+    const bool left = !plain_ground_ && find_gammas(at, n, lane, between, next);
+    cells_->add_lanes(n, {code_.data() + at, lanes_.origin.data() + lane, lanes_.share0.data() + lane,
+                          lanes_.share1.data() + lane, straddlers(lane, lane + n), static_cast<std::int32_t>(lane),
+                          from.x, to.x, inverse_width_.data() + at, power_.data() + at, bow_.data() + at, gamma});
+    return left;
+}
+
+bool Front::find_gammas(std::size_t at, std::size_t n, std::size_t lane, const Between& between, Samples& next) {
+    const SampleLanes from = now_.lanes(at), to = next.lanes(at);
+    double* const gamma = gamma_.data() + at;
+    const double* const code = code_.data() + at;
+    if (!between.in_chunk) {
+        std::fill_n(gamma, n, ground_gamma(scene_->data_base->default_class));
+        return false;
+    }
+    CulturePieces pieces{code, from.part, from.minor, to.part, to.minor};
+    if (between.ahead_culture.posts != &void_post || between.behind_culture.posts != &void_post) {
+        const CellLanes corners{culture_cell_.data(), culture_posts_.data(), culture_posts_.data() + 2 * tile_lanes};
+        cell_lanes(between.adjacent ? between.behind_culture : no_posts(), between.ahead_culture, n, from.minor,
+                   to.minor, corners);
+        pieces.cell = corners.cell;
+        pieces.behind_m = corners.behind;
+        pieces.ahead_m = corners.ahead;
+    }
+    const DataBase& db = *scene_->data_base;
+    const bool columns = lines_are_columns(quadrant_);
+    CultureScene scene{columns,
+                       between.behind_major,
+                       between.ahead_major,
+                       db.culture_column_offset,
+                       db.culture_column_scale,
+                       db.culture_row_offset,
+                       db.culture_row_scale,
+                       {}};
+    // Ground and walls by turns.
+    const double* const gammas = &scene_->gamma.data()->ground;
+    static_assert(sizeof(ClassGamma) == 2 * sizeof(double));
+    bool left = false;
+    CultureParts found;
+    std::array<std::uint8_t, CulturePieces::most> odd;
+    std::size_t odd_count = 0;
+    // All in the tile that the first one lies in: mostly there is no other. Those of one class without a branch, for
+    // hardly two neighbours are alike.
+    const auto first = static_cast<std::size_t>(std::find(code, code + n, 1.0) - code);
+    const ClassId* classes = find_cells(from, first, between, n, pieces, scene, found);
+    for (std::size_t i = 0; i < n; ++i) {
+        const ClassId a = classes[found.first[i]], b = classes[found.second[i]], c = classes[found.third[i]];
+        const std::int32_t kind = found.kind[i];
+        const bool one = (a == b) & (b == c) & (a != unknown_class);
+        gamma[i] = gammas[2 * (a == unknown_class ? 0 : a) + (kind == CultureParts::wall ? 1 : 0)];
+        odd[odd_count] = static_cast<std::uint8_t>(i);
+        odd_count += (kind > CultureParts::wall) | ((kind != CultureParts::nothing) & !one) ? 1 : 0;
+    }
+    for (std::size_t k = 0; k < odd_count; ++k) {
+        const std::size_t i = odd[k];
+        if (found.kind[i] == CultureParts::elsewhere) classes = find_cells(from, i, between, n, pieces, scene, found);
+        const std::array<ClassId, 3> three{classes[found.first[i]], classes[found.second[i]], classes[found.third[i]]};
+        const std::int32_t kind = found.kind[i];
+        const bool one = three[0] == three[1] && three[1] == three[2];
+        if (kind > CultureParts::wall || std::find(three.begin(), three.end(), unknown_class) != three.end()) {
+            gamma[i] = several_gammas;
+            left = true;
+        } else if (one) {
+            gamma[i] = gammas[2 * three[0] + (kind == CultureParts::wall ? 1 : 0)];
+        } else {
+            gamma[i] = in_parts;
+            if (lanes_.row[lane + i] >= 0)
+                add_parts(lane + i, {from.x[i], to.x[i], inverse_width_[at + i], power_[at + i], bow_[at + i]},
+                          {0, found.to_second[i], found.to_third[i], 1}, three);
         }
-    cells_->add_lanes(
-        n, {code_.data() + at, lanes_.origin.data() + lane, lanes_.share0.data() + lane, lanes_.share1.data() + lane,
-            straddlers(lane, lane + n), static_cast<std::int32_t>(lane), from.x + at, to.x + at,
-            inverse_width_.data() + at, power_.data() + at, bow_.data() + at, gamma_.data() + at});
-    return in_parts;
+    }
+    return left;
+}
+
+const ClassId* Front::find_cells(const SampleLanes& from, std::size_t i, const Between& between, std::size_t n,
+                                 const CulturePieces& pieces, CultureScene& scene, CultureParts& found) {
+    if (!scene_->data_base->has_culture) {  // one cell for all
+        scene.column_offset = scene.row_offset = 0.5;
+        scene.column_scale = scene.row_scale = 0;
+        scene.tile = {{0, 1}, {0, 1}};
+        culture_lanes(n, scene, pieces, found);
+        return &scene_->data_base->default_class;
+    }
+    const double major = between.major(from.part[i]), minor = from.minor[i];
+    const bool columns = scene.lines_are_columns;
+    const CultureCells& tile = culture_.tile_of(floor_of(culture_.cell_column(columns ? major : minor)),
+                                                floor_of(culture_.cell_row(columns ? minor : major)));
+    scene.tile = tile.window;
+    culture_lanes(n, scene, pieces, found);
+    return tile.classes.data();
+}
+
+void Front::add_parts(std::size_t lane, const WedgeCells::Portion& whole, const std::array<double, 4>& borders,
+                      const std::array<ClassId, 3>& classes) {
+    for (std::size_t begin = 0; begin < classes.size();) {
+        std::size_t end = begin + 1;
+        while (end < classes.size() && classes[end] == classes[begin]) ++end;
+        if (const auto part = part_of(whole, borders[begin], borders[end])) {
+            if (parts_.full()) add_parts_together();
+            parts_.push(lanes_.origin[lane], lanes_.share0[lane], lanes_.share1[lane], *part,
+                        ground_gamma(classes[begin]));
+        }
+        begin = end;
+    }
 }
 
 void Front::change(std::size_t lane, std::size_t i, const Between& between, SampleLanes to) {
@@ -642,14 +772,30 @@ void Front::change(std::size_t lane, std::size_t i, const Between& between, Samp
                      x0 = at(*from.x, x1, part);
         ++cost_.pieces;
         if (lanes_.row[lane] >= 0) {
-            const double power = piece_power(horizon, sine1, range0, range1, *scene_->pattern, scene_->constant);
-            put(lane,
-                {{x0, x1, 1 / std::max(std::abs(x1 - x0), 1e-9), power, bow},
-                 {between.major(at(*from.part, *to.part, begin)), at(*from.minor, *to.minor, begin),
-                  between.major(at(*from.part, *to.part, end)), at(*from.minor, *to.minor, end)},
-                 horizon,
-                 sine1},
-                between);
+            const auto deposit = [&](const PieceEnd& a, const PieceEnd& b, double bent) {
+                const double power =
+                    piece_power(a.sine, b.sine, a.range_m, b.range_m, *scene_->pattern, scene_->constant);
+                put(lane,
+                    {{a.x, b.x, 1 / std::max(std::abs(b.x - a.x), 1e-9), power, bent},
+                     {between.major(at(*from.part, *to.part, a.part)), at(*from.minor, *to.minor, a.part),
+                      between.major(at(*from.part, *to.part, b.part)), at(*from.minor, *to.minor, b.part)},
+                     a.sine,
+                     b.sine},
+                    between);
+            };
+            const PieceEnd first{begin, range0, horizon, x0}, last{end, range1, sine1, x1};
+            if (one_range(range0, range1, sine1 - horizon)) {
+                deposit(first, last, bow);
+            } else {
+                const double bump = bump_[i];
+                const auto point = [&](double u) {
+                    const double up = at(*from.up_m, *to.up_m, u) + bump * 4 * u * (1 - u),
+                                 out = at(*from.out_m, *to.out_m, u), range = std::sqrt(up * up + out * out);
+                    return PieceEnd{u, range, up / range,
+                                    scene_->range_is_ground ? at(*from.x, *to.x, u) : range * bins_per_metre_};
+                };
+                halve(first, last, point, [&](const PieceEnd& a, const PieceEnd& b) { deposit(a, b, 0); });
+            }
             if (sine1 > lanes_.void_horizon[lane]) {
                 lanes_.seen_least[lane] = std::min({lanes_.seen_least[lane], x0, x1});
                 lanes_.seen_most[lane] = std::max({lanes_.seen_most[lane], x0, x1});
@@ -786,14 +932,10 @@ void Front::put_parts(std::size_t lane, const Piece& piece, double depression) {
     const WedgeCells::Target target = lanes_.target(lane);
     const WedgeCells::Portion& whole = piece.portion;
     const auto add = [&](double from, double to, ClassId id) {
-        // A part of a parabola is one too.
-        const double length = to - from, share = length * (1 + whole.bow * (1 - from - to));
-        if (!(share > 0)) return;
-        const double x0 = whole.x0 + from * (whole.x1 - whole.x0), x1 = whole.x0 + to * (whole.x1 - whole.x0);
-        cells_->add(target,
-                    {x0, x1, whole.inverse_width / length, whole.power * share * ground_gamma(id),
-                     whole.bow * length * length / share},
-                    &depression);
+        std::optional<WedgeCells::Portion> part = part_of(whole, from, to);
+        if (!part) return;
+        part->power *= ground_gamma(id);
+        cells_->add(target, *part, &depression);
     };
     // The culture cells that the piece runs through, in order; neighbouring parts of one class together.
     const Track& t = piece.track;

@@ -12,12 +12,14 @@
 // At a doubling even children copy their parent; odd ones take the mean of their two neighbours' horizons (the valid
 // one if one is not) and the greater void horizon, and start from a sample of their own on that line.
 #pragma once
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <span>
 #include <vector>
 
 #include "lib/culture.hpp"
+#include "lib/culture_lanes.hpp"
 #include "lib/deposit.hpp"
 #include "lib/lanes.hpp"
 #include "lib/sample.hpp"
@@ -161,6 +163,18 @@ private:
 
     /// Deposits the plain pieces of lanes at, at + 1, ... of the tile; true if some are left for put() (gamma_ says which).
     bool put_plain(std::size_t at, std::size_t n, std::size_t lane, const Between& between, Samples& next);
+    /// Their backscatter, into gamma_; what runs through several classes of a tile is deposited on the way.
+    bool find_gammas(std::size_t at, std::size_t n, std::size_t lane, const Between& between, Samples& next);
+    /// Culture under n pieces, in the tile that piece i starts from, whose classes it returns.
+    const ClassId* find_cells(const SampleLanes& from, std::size_t i, const Between& between, std::size_t n,
+                              const CulturePieces& pieces, CultureScene& scene, CultureParts& found);
+    /// Of a piece that is of classes[k] from borders[k] to borders[k + 1].
+    void add_parts(std::size_t lane, const WedgeCells::Portion& whole, const std::array<double, 4>& borders,
+                   const std::array<ClassId, 3>& classes);
+    void add_parts_together() {
+        cells_->add_lanes(parts_.size(), parts_.portions());
+        parts_.clear();
+    }
     void put(std::size_t lane, const Piece& piece, const Between& between);
     void put_parts(std::size_t lane, const Piece& piece, double depression);
     Track track(const SampleLanes& from, const SampleLanes& to, const Between& between) const;
@@ -195,6 +209,9 @@ private:
     Samples now_, crossing_, ahead_;
     LaneArray cell_, bump_, sine0_, code_, power_, inverse_width_, bow_, gamma_;
     std::vector<float> posts_;  // of the cells, four a lane
+    LaneArray culture_cell_;
+    std::vector<float> culture_posts_;  // culture heights, four a lane
+    PortionQueue parts_;
     std::vector<SpokeMap::LinePiece> line_pieces_;
     std::vector<double> breaks_;
     std::vector<float> patch_posts_, patch_culture_;  // of the line behind the nadir

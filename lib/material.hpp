@@ -48,6 +48,7 @@ public:
 
     const std::string& name() const { return name_; }
     std::optional<ClassId> find(int code) const;
+    const std::map<int, ClassId>& classes() const { return classes_; }
 
 private:
     std::string name_;

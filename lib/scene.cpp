@@ -60,13 +60,34 @@ void validate(const Scene& scene) {
         throw InputError(
             text("range is ", *scene.range_m, " m; it must be above range-start, ", scene.range_start_m, " m"));
     if (scene.ground_range_m) require_above_to("ground-range", *scene.ground_range_m, 0, 1e7, "m");
-    if (scene.azimuth_bins) require_within("azimuth-bins", static_cast<double>(*scene.azimuth_bins), 4, 1e6, "");
+    if (scene.azimuth_bins) require_within("azimuth-bins", static_cast<double>(*scene.azimuth_bins), 1, 1e6, "");
     if (scene.range_bin_m) require_within("range-bin", *scene.range_bin_m, 0.001, 1e6, "m");
     validate(scene.radar);
     validate(scene.receiver);
     if (scene.display.sweep_delay_m) require_within("sweep-delay", *scene.display.sweep_delay_m, 0, 1e7, "m");
     require_within("size", static_cast<double>(scene.display.size), 16, 32768, "pixels");
+    if (scene.spokes_per_post) require_within("spokes-per-post", *scene.spokes_per_post, 0.25, 16, "");
     if (scene.gamma) require_within("gamma", scene.gamma->db(), -100, 100, "dB");
+}
+
+double promised_rms_db(Quality quality) {
+    switch (quality) {
+        case Quality::exact:
+            return 0.02;
+        case Quality::fine:
+            return 0.05;
+        case Quality::normal:
+            return 0.1;
+        case Quality::draft:
+            return 0.4;
+    }
+    return 0;
+}
+
+std::optional<Quality> quality_within(double rms_db) {
+    for (const Quality quality : {Quality::draft, Quality::normal, Quality::fine, Quality::exact})
+        if (promised_rms_db(quality) <= rms_db) return quality;
+    return std::nullopt;
 }
 
 const char* word(Geometry geometry) { return geometry == Geometry::geodesic ? "geodesic" : "grid"; }

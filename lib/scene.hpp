@@ -67,7 +67,17 @@ struct Scene {
     DisplayParams display;
     std::optional<Decibel> gamma;  ///< one constant gamma at 10 GHz for everything
     Quality quality = Quality::normal;
+    std::optional<double> max_error_db;  ///< asked for in place of a quality, which is then what keeps it
+    // In place of what the quality says.
+    std::optional<double> spokes_per_post;
+    std::optional<bool> crossings;      ///< sampled where spokes cross the other axis' lines too
+    std::optional<bool> curved_course;  ///< the surface's course inside a cell, not a straight line
 };
+
+/// RMS of the power image that a quality promises, dB, where c tau / 2 and beam are two posts or more.
+double promised_rms_db(Quality);
+/// The quickest quality that promises at most so much; nothing where none does.
+std::optional<Quality> quality_within(double rms_db);
 
 /// Checks all that can be checked without the data base; InputError naming the key.
 void validate(const Scene&);

@@ -24,6 +24,11 @@ Sampling sampling(Quality quality) {
     return {};
 }
 
+Sampling own_sampling(const Scene& scene, Sampling of_quality) {
+    return {scene.spokes_per_post.value_or(of_quality.spokes_per_post),
+            scene.crossings.value_or(of_quality.cross_lines), scene.curved_course.value_or(of_quality.exact_course)};
+}
+
 SpokeGrid::SpokeGrid(const DataBase& data_base, const SpokeMap& map, const Sampling& sampling, std::int64_t circle_bins)
     : data_base_(data_base), map_(map), circle_bins_(circle_bins),
       azimuth_step_(2 * std::numbers::pi / static_cast<double>(circle_bins)) {

@@ -23,6 +23,9 @@ struct Sampling {
         false;  ///< the bilinear surface's course between two samples, not a straight line, decides what is seen
 };
 Sampling sampling(Quality quality);
+/// `of_quality` with what the scene itself says.
+Sampling own_sampling(const Scene& scene, Sampling of_quality);
+inline Sampling sampling(const Scene& scene) { return own_sampling(scene, sampling(scene.quality)); }
 
 /// Lines of a quadrant between two doublings of the number of spokes.
 struct Ring {

@@ -51,7 +51,10 @@ WEDGESCOPE_LANES_PART Rises step(std::size_t n, const StepScene& scene, const St
         const double h = horizon[i], m = mode[i];
         const double straight = truth(swing * out0[i] <= p.up_m * out0[i] - up0[i] * p.out_m);
         const double rising = truth(m == mode_visible) * truth(s > h) * (1 - stands);
-        const double plain = rising * straight * truth(h >= void_horizon[i]);
+        // one_range, but for what lies within a metre: that is left to Front.
+        const double together = truth(p.range_m <= most_range_ratio * range0[i]) *
+                                truth(range0[i] <= most_range_ratio * p.range_m) * truth(s - h <= most_sine_step);
+        const double plain = rising * straight * truth(h >= void_horizon[i]) * together;
         const double higher = s > last_sine[i] ? s : last_sine[i];
         const double below = truth(s <= h) * truth(higher * range0[i] + bump * 1.02 <= h * range0[i]);
         const double none = stands + truth(m == mode_done);

@@ -51,6 +51,14 @@ struct SampleLanes {
     double* x;  ///< range coordinate: slant range (arc for gpi-true) in bins
 };
 
+/// Whether a piece may be taken to lie at the mean of its ends' ranges: these differ by at most the factor `most`, and it
+/// does not pass the sensor by in between, as a cliff does. Ranges below a metre count as a metre.
+inline constexpr double most_range_ratio = 1.125, most_sine_step = 0.25;
+inline bool one_range(double range0_m, double range1_m, double sine_step, double most = most_range_ratio) {
+    const double a = range0_m > 1 ? range0_m : 1, b = range1_m > 1 ? range1_m : 1;
+    return (a < b ? b : a) <= most * (a < b ? a : b) && sine_step <= most_sine_step;
+}
+
 /// What the steps of a scene share.
 struct StepScene {
     double sensor_m = 0;
@@ -79,7 +87,7 @@ struct StepLanes {
 };
 /// code: 0 nothing (stays hidden, or no sample here), 1 it raises the horizon of a visible spoke (done here: horizon,
 /// seen_least, seen_most), 2 something changes: see Front. A visible piece is plain (1) if its course rises all the way
-/// (|4 bump| at most what it rises over the ray of the horizon); a hidden one stays hidden if not even its bump can
+/// (|4 bump| at most what it rises over the ray of the horizon) and it lies at one_range; a hidden one stays hidden if not even its bump can
 /// reach the horizon.
 struct Rises {
     int plain = 0, changes = 0;  ///< how many have code 1, and 2

@@ -365,6 +365,37 @@ TEST_CASE("a track of frames side by side keeps to --memory too", "[memory]") {
         log);
 }
 
+TEST_CASE("counts of many observers keep to --memory too, in a file where they do not fit", "[memory]") {
+    const Folder folder;
+    const std::string hills = folder / "hills.tif", small = folder / "small.tif", log = folder / "log",
+                      places = folder / "places.csv", report = folder / "report.json";
+    draw_hills(hills, {.posts = 10000});  // 191 MiB; counts take 100 MiB, of more than 253 observers 200 MiB
+    draw_hills(small, {});
+    const auto observers = [&](int count, int step, const std::string& height) {
+        std::ofstream out(places);
+        out << "x,y,height\n";
+        for (int i = 0; i < count; ++i) out << 403000 + i * step << ',' << 4496000 - i * step << ',' << height << '\n';
+    };
+    const auto coverage = [&](const std::string& raster) {
+        return std::vector<std::string>{"coverage", raster, folder / "counts.tif", "--observers", places,
+                                        "--report", report, "--temp-dir",          folder / ".",  "--overwrite",
+                                        "-q"};
+    };
+    observers(3, 40000, "900");
+    check(64, joined(coverage(hills), {"--threads", "2"}), log);
+    CHECK(number_in(report, "scratch_written_bytes") > 64 * mebibyte);
+    check(256, joined(coverage(hills), {"--threads", "3", "--at-least", "2"}), log);
+    CHECK(number_in(report, "lanes") == 3);
+    // So many that counts take 16 bits; each sees little.
+    observers(400, 230, "20");
+    check(64, joined(coverage(hills), {"--range", "1km", "--threads", "2"}), log);
+    CHECK(number_in(report, "observer_count") == 400);
+    observers(5, 500, "20");
+    check(48, joined(coverage(small), {"--threads", "2"}), log);
+    check_refused(8, joined(coverage(small), {"--threads", "2"}), log);
+    for (const std::string& name : folder.names()) CHECK(name.find("wedgescope") == std::string::npos);
+}
+
 TEST_CASE("a VRT of a hundred rasters keeps to --memory, however many of them are open", "[memory]") {
     const Folder folder;
     const std::string mosaic = folder / "all.vrt", log = folder / "log";

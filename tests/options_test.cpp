@@ -11,6 +11,7 @@
 #include <set>
 #include <sstream>
 
+#include "lib/spoke_grid.hpp"
 #include "tests/refusal.hpp"
 #include "tools/help.hpp"
 #include "tools/options.hpp"
@@ -368,6 +369,28 @@ TEST_CASE("values reach the scene", "[options]") {
     CHECK_FALSE(simulated({"--overwrite=off"}).overwrite);
     CHECK_THAT(refusal_of({"--overwrite=maybe"}), Contains("on or off"));
     CHECK_THAT(refusal_of({"--overwrite", "--overwrite=off"}), Contains("given twice"));
+}
+
+TEST_CASE("an error asked for chooses the quickest quality that promises it", "[options]") {
+    const auto quality = [](const std::string& error) {
+        return simulated({"--dem", "a.tif", "--latlon", "1,2", "--altitude-msl", "1km", "--max-error", error})
+            .scene.quality;
+    };
+    CHECK(quality("0.4dB") == Quality::draft);
+    CHECK(quality("0.39dB") == Quality::normal);
+    CHECK(quality("0.1dB") == Quality::normal);
+    CHECK(quality("0.05dB") == Quality::fine);
+    CHECK(quality("0.02dB") == Quality::exact);
+    CHECK(quality("none") == Quality::normal);
+    CHECK_THROWS_WITH(quality("0.01dB"), Catch::Contains("max-error") && Catch::Contains("0.02dB"));
+    CHECK_THROWS_WITH(simulated({"--dem", "a.tif", "--latlon", "1,2", "--altitude-msl", "1km", "--quality", "fine",
+                                 "--max-error", "0.1dB"}),
+                      Catch::Contains("at most one of quality and max-error"));
+    const Settings raw = simulated({"--dem", "a.tif", "--latlon", "1,2", "--altitude-msl", "1km", "--spokes-per-post",
+                                    "2.5", "--crossings", "off", "--course", "straight"});
+    CHECK(sampling(raw.scene).spokes_per_post == 2.5);
+    CHECK_FALSE(sampling(raw.scene).cross_lines);
+    CHECK_FALSE(sampling(raw.scene).exact_course);
 }
 
 TEST_CASE("a sector runs clockwise, through the back too, and the full circle is none", "[options]") {

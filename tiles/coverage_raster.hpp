@@ -6,6 +6,8 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "lib/coverage.hpp"
 #include "tiles/output_file.hpp"
@@ -21,10 +23,15 @@ public:
         std::optional<std::uint8_t> no_data;
         bool undeclared = false;  ///< mask: nothing is declared unless `no_data` is
         MaskValues mask;
+        bool counts = false;  ///< instead of `kind`: how many observers see a post, UInt16
     };
+    static constexpr std::uint16_t no_count = 65535;  ///< of counts: no data; declared if it occurs
 
     /// InputError for a driver, extension or creation option that will not do; IoError if it cannot be made.
     CoverageFile(const ResolvedScene& scene, const DataBase& data_base, const Layer& layer, const OutputFile& file,
+                 const RasterFormat& format);
+    /// Of many observers: their counts or a mask.
+    CoverageFile(std::size_t observers, const DataBase& data_base, const Layer& layer, const OutputFile& file,
                  const RasterFormat& format);
     ~CoverageFile();
     CoverageFile(const CoverageFile&) = delete;
@@ -34,11 +41,15 @@ public:
     bool by_tiles() const;
     /// IoError naming the file.
     void write(const CoverageTile& tile);
+    void write(const Window& window, const std::uint16_t* counts);  ///< rows CoverageTile::edge apart
     /// Writes what is left; `void_posts`: posts without data or out of range. The caller commits the file. IoError.
     void close(std::uint64_t void_posts);
 
 private:
     struct Open;
+    using Items = std::vector<std::pair<std::string, std::string>>;
+    void create(const DataBase& data_base, const OutputFile& file, const RasterFormat& format, const Items& metadata);
+    void write_cells(const Window& window, const void* cells, std::int64_t stride);
     std::unique_ptr<Open> open_;
 };
 

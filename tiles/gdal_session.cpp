@@ -6,6 +6,7 @@
 #include <ogr_srs_api.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cctype>
 #include <charconv>
 #include <cstdlib>
@@ -36,6 +37,8 @@ std::optional<GIntBig> cache_max(const std::string& value) {
     if (error != std::errc{} || end != value.data() + value.size() || number < 0) return std::nullopt;
     return number < 100000 ? number * (GIntBig{1} << 20) : number;
 }
+
+std::atomic<std::uint64_t> sessions = 0;
 
 constexpr const char* pool_size = "GDAL_MAX_DATASET_POOL_SIZE";
 
@@ -92,6 +95,7 @@ void register_all_drivers() {
 }
 
 GdalSession::GdalSession(std::size_t cache_bytes, const std::vector<std::pair<std::string, std::string>>& config) {
+    ++sessions;
     // Large blocks go back to the system when they are freed. Left to itself malloc would keep dozens of up to 32 MiB.
     // Smaller ones are worth keeping: to fetch zeroed pages again and again costs a fifth of a run.
     const auto large =
@@ -123,6 +127,8 @@ std::size_t GdalSession::most_parts_open() {
 }
 
 void GdalSession::set_cache_bytes(std::size_t bytes) { GDALSetCacheMax64(static_cast<GIntBig>(bytes)); }
+
+std::uint64_t GdalSession::number() { return sessions; }
 
 std::string GdalSession::gdal_version() { return GDALVersionInfo("RELEASE_NAME"); }
 

@@ -2,6 +2,7 @@
 // network off. Leaves every file to raster.hpp and picture.hpp.
 #pragma once
 #include <cstddef>
+#include <cstdint>
 #include <string>
 #include <utility>
 #include <vector>
@@ -20,6 +21,8 @@ public:
     static std::size_t most_parts_open();
     static void set_cache_bytes(std::size_t bytes);
     static std::string gdal_version();
+    /// Of the session that was begun last, from 1; 0 before the first.
+    static std::uint64_t number();
 };
 
 }  // namespace wedgescope

@@ -506,7 +506,6 @@ std::int64_t posts_a_window(const LayerPass& layer, const PassParams& params) {
 }
 
 struct Packed {
-    Window window;
     struct Block {
         std::int64_t column = 0, row = 0;
         std::vector<std::byte> bytes;
@@ -515,9 +514,8 @@ struct Packed {
     std::unique_ptr<Survey::Part> seen;
 };
 
-std::shared_ptr<Packed> read_and_pack(const LayerPass& layer, const Window& window, Timeline* timeline) {
-    auto out = std::make_shared<Packed>();
-    out->window = window;
+std::unique_ptr<Packed> read_and_pack(const LayerPass& layer, const Window& window, Timeline* timeline) {
+    auto out = std::make_unique<Packed>();
     const RasterFacts& f = layer.in.facts();
     const PackScale scale{f.scale, f.offset, f.unit_m};
     const auto posts = static_cast<std::size_t>(window.posts());
@@ -623,6 +621,9 @@ PassForecast forecast_passes(const std::vector<LayerPass>& layers, const PassPar
 
 PassDone run_pass(const LayerPass& layer, const PassParams& params) {
     const std::vector<Window> windows = windows_of(layer, posts_a_window(layer, params));
+    // A pipeline that an error stops drops what waits between its filters without destroying it: so what passes
+    // through it is the number of a window, and what was packed is owned here.
+    std::vector<std::unique_ptr<Packed>> packed(windows.size());
     std::size_t next = 0;
     PassDone done;
     std::atomic<std::size_t> in_flight{0};  // posts
@@ -632,29 +633,31 @@ PassDone run_pass(const LayerPass& layer, const PassParams& params) {
         if (params.timeline)
             params.timeline->memory(params.fixed_bytes + layer.spill.bytes_held() + in_flight * bytes_a_post);
     };
-    const auto give = [&](tbb::flow_control& control) -> Window {
+    const auto give = [&](tbb::flow_control& control) -> std::size_t {
         const Handover::Task task(handover);
         if (params.stop) params.stop->check();
         if (next >= windows.size()) {
             control.stop();
             return {};
         }
-        return windows[next++];
+        return next++;
     };
-    const auto pack = [&](const Window& window) {
+    const auto pack = [&](std::size_t i) {
         const Handover::Task task(handover);
-        in_flight += static_cast<std::size_t>(window.posts());
+        in_flight += static_cast<std::size_t>(windows[i].posts());
         note_memory();
-        return read_and_pack(layer, window, params.timeline);
+        packed[i] = read_and_pack(layer, windows[i], params.timeline);
+        return i;
     };
-    const auto take = [&](const std::shared_ptr<Packed>& packed) {
+    const auto take = [&](std::size_t i) {
         const Handover::Task task(handover);
-        for (const Packed::Block& b : packed->blocks) {
+        const std::unique_ptr<Packed> taken = std::move(packed[i]);
+        for (const Packed::Block& b : taken->blocks) {
             const WedgeBuckets::Place place = layer.place(layer.spill.layer(layer.layer).posts(b.column, b.row));
             layer.spill.put(layer.layer, b.column, b.row, place.bucket, place.distance, b.bytes);
         }
-        if (packed->seen) layer.survey->add(*packed->seen);
-        const auto n = static_cast<std::uint64_t>(packed->window.posts());
+        if (taken->seen) layer.survey->add(*taken->seen);
+        const auto n = static_cast<std::uint64_t>(windows[i].posts());
         done.read_bytes += n * static_cast<std::uint64_t>(layer.in.facts().type_bytes);
         done.held_bytes = std::max(done.held_bytes, layer.spill.bytes_held() + in_flight * bytes_a_post);
         in_flight -= static_cast<std::size_t>(n);
@@ -666,9 +669,9 @@ PassDone run_pass(const LayerPass& layer, const PassParams& params) {
     threads.execute([&] {
         tbb::parallel_pipeline(
             tokens_of(layer.in.facts(), params),
-            tbb::make_filter<void, Window>(tbb::filter_mode::serial_in_order, give) &
-                tbb::make_filter<Window, std::shared_ptr<Packed>>(tbb::filter_mode::parallel, pack) &
-                tbb::make_filter<std::shared_ptr<Packed>, void>(tbb::filter_mode::serial_in_order, take));
+            tbb::make_filter<void, std::size_t>(tbb::filter_mode::serial_in_order, give) &
+                tbb::make_filter<std::size_t, std::size_t>(tbb::filter_mode::parallel, pack) &
+                tbb::make_filter<std::size_t, void>(tbb::filter_mode::serial_in_order, take));
     });
     handover.pass();
     span.add_bytes(done.read_bytes);

@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <map>
+#include <optional>
 
 #include "lib/error.hpp"
 #include "tiles/checksum.hpp"
@@ -186,6 +188,57 @@ ReaderBytes vrt_bytes(const std::vector<std::string>& files, ReaderBytes bytes) 
     return bytes;
 }
 
+/// Which state of which file.
+struct FileStamp {
+    dev_t device;
+    ino_t number;
+    off_t size;
+    std::int64_t changed_s, changed_ns;
+    bool operator==(const FileStamp&) const = default;
+};
+std::optional<FileStamp> stamp(const std::string& path) {
+    struct stat s {};
+    if (::stat(path.c_str(), &s) != 0 || !S_ISREG(s.st_mode)) return std::nullopt;
+    return FileStamp{s.st_dev, s.st_ino, s.st_size, s.st_mtim.tv_sec, s.st_mtim.tv_nsec};
+}
+
+/// What was found out about rasters, for those that are opened again: a run looks at each several times before it
+/// reads it, and to ask GDAL and PROJ takes milliseconds. A mosaic is not remembered, for its parts may change.
+struct Inspected {
+    RasterFacts facts;
+    std::vector<std::string> files;
+    ReaderBytes reader_bytes;
+};
+struct Memory {
+    std::mutex mutex;
+    std::uint64_t session = 0;
+    std::map<std::string, std::pair<FileStamp, Inspected>> known;
+};
+Memory& memory() {
+    static Memory all;
+    return all;
+}
+
+std::optional<Inspected> recall(const std::string& path) {
+    Memory& all = memory();
+    const std::lock_guard lock(all.mutex);
+    if (all.session != GdalSession::number()) return std::nullopt;
+    const auto found = all.known.find(path);
+    if (found == all.known.end() || stamp(path) != found->second.first) return std::nullopt;
+    return found->second.second;
+}
+
+void remember(const FileStamp& when, Inspected found) {
+    constexpr std::size_t most = 64;
+    Memory& all = memory();
+    const std::lock_guard lock(all.mutex);
+    // Another session may read with other options.
+    if (all.session != GdalSession::number() || all.known.size() >= most) all.known.clear();
+    all.session = GdalSession::number();
+    const std::string path = found.facts.path;
+    all.known.insert_or_assign(path, std::pair(when, std::move(found)));
+}
+
 }  // namespace
 
 std::uint64_t RasterFile::fingerprint(const std::vector<Window>&) {
@@ -244,8 +297,17 @@ private:
 };
 
 RasterFile::RasterFile(std::string role, std::string path) {
+    if (auto known = recall(path)) {
+        facts_ = std::move(known->facts);
+        facts_.role = std::move(role);
+        files_ = std::move(known->files);
+        reader_bytes_ = known->reader_bytes;
+        prepare();
+        return;
+    }
     facts_.role = std::move(role);
     facts_.path = std::move(path);
+    const std::optional<FileStamp> before = stamp(facts_.path);
     DatasetHandle dataset = open(facts_);
     facts_ = inspect(*dataset, std::move(facts_));
     if (char** files = dataset->GetFileList()) {
@@ -253,7 +315,11 @@ RasterFile::RasterFile(std::string role, std::string path) {
         CSLDestroy(files);
     }
     reader_bytes_ = dataset_bytes(*dataset);
-    if (facts_.driver == "VRT") reader_bytes_ = vrt_bytes(files_, reader_bytes_);
+    if (facts_.driver == "VRT") {
+        reader_bytes_ = vrt_bytes(files_, reader_bytes_);
+    } else if (before) {
+        remember(*before, {facts_, files_, reader_bytes_});
+    }
 
     prepare();
     auto reader = std::make_unique<Reader>();

@@ -91,11 +91,11 @@ CPLStringList creation_options(GDALDriver& driver, GDALDataType type, bool patch
     const std::string name = driver.GetDescription();
     if (name == "GTiff") {
         options.SetNameValue("TILED", "YES");
-        options.SetNameValue("COMPRESS", patches ? "PACKBITS" : "DEFLATE");
+        options.SetNameValue("COMPRESS", patches && type == GDT_Byte ? "PACKBITS" : "DEFLATE");
         // Bytes are codes: differences of neighbours take longer to make and to pack, and more room.
-        if (type != GDT_Byte) options.SetNameValue("PREDICTOR", GDALDataTypeIsFloating(type) ? "3" : "2");
-        // Floats: higher levels take twice as long for two hundredths less.
-        if (GDALDataTypeIsFloating(type)) options.SetNameValue("ZLEVEL", "1");
+        if (type != GDT_Byte && !patches) options.SetNameValue("PREDICTOR", GDALDataTypeIsFloating(type) ? "3" : "2");
+        // Floats and counts: higher levels take twice as long for little less.
+        if (GDALDataTypeIsFloating(type) || (patches && type != GDT_Byte)) options.SetNameValue("ZLEVEL", "1");
         options.SetNameValue("INTERLEAVE", "BAND");
         options.SetNameValue("BIGTIFF", "IF_SAFER");
     } else if (name == "PNG") {
@@ -321,9 +321,15 @@ void close_raster(DatasetHandle dataset, const std::string& final_path) {
     if (errors.failed()) fail(final_path, errors);
 }
 
-Metadata scene_metadata(const ResolvedScene& scene, const RasterFormat& format) {
+Metadata run_metadata(const RasterFormat& format) {
     Metadata items;
     items.emplace_back("SOFTWARE", format.version.empty() ? "wedgescope" : "wedgescope " + format.version);
+    if (!format.scene_json.empty()) items.emplace_back("SCENE_JSON", format.scene_json);
+    return items;
+}
+
+Metadata scene_metadata(const ResolvedScene& scene, const RasterFormat& format) {
+    Metadata items = run_metadata(format);
     items.emplace_back("REFERENCE_HEIGHT_M", fifteen_digits(scene.reference_m));
     if (scene.has_lat_lon) {
         items.emplace_back("SENSOR_LAT", fifteen_digits(scene.lat_deg));
@@ -332,7 +338,6 @@ Metadata scene_metadata(const ResolvedScene& scene, const RasterFormat& format) 
     items.emplace_back("SENSOR_X", fifteen_digits(scene.x));
     items.emplace_back("SENSOR_Y", fifteen_digits(scene.y));
     items.emplace_back("SENSOR_HEIGHT_M", fifteen_digits(scene.sensor_m));
-    if (!format.scene_json.empty()) items.emplace_back("SCENE_JSON", format.scene_json);
     return items;
 }
 

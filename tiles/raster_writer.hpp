@@ -46,8 +46,8 @@ GeolocationGrid geolocation_grid(std::int64_t columns, std::int64_t rows, std::i
 struct RasterContent {
     std::int64_t columns = 0, rows = 0;
     GDALDataType type = GDT_Float32;
-    /// Bytes that stay the same over many posts, as a mask's do: packed by runs, which every reader of TIFF knows and which
-    /// takes a tenth of DEFLATE's time.
+    /// Codes and counts that stay the same over many posts. Bytes, as a mask's, are packed by runs, which every reader of TIFF
+    /// knows and which takes a tenth of DEFLATE's time; others by DEFLATE at its fastest.
     bool patches = false;
     std::vector<BandContent> bands;
     Metadata metadata;
@@ -66,7 +66,9 @@ DatasetHandle create_raster(const RasterContent& content, const OutputFile& file
 /// IoError naming the final file if anything was not written.
 void close_raster(DatasetHandle dataset, const std::string& final_path);
 
-/// Sensor, scene and version: what every output tells.
+/// Version and scene: what every output tells.
+Metadata run_metadata(const RasterFormat& format);
+/// And of one sensor where it stands.
 Metadata scene_metadata(const ResolvedScene& scene, const RasterFormat& format);
 
 /// Ground positions round the sensor: geodesics in geodesic geometry, straight lines in the raster's x, y otherwise.

@@ -296,9 +296,9 @@ protected:
         data_base_.culture_tile_columns = std::clamp<std::int64_t>(facts.block_columns, 64, 512);
         data_base_.culture_tile_rows = std::clamp<std::int64_t>(facts.block_rows, 64, 512);
         class_of_.resize(table_size, unknown_class);
-        for (std::int32_t code = table_begin; code < table_begin + table_size; ++code)
-            if (const auto id = params_.legend->find(code))
-                class_of_[static_cast<std::size_t>(code - table_begin)] = *id;
+        for (const auto& [code, id] : params_.legend->classes())
+            if (code >= table_begin && code < table_begin + table_size)
+                class_of_[static_cast<std::size_t>(code - table_begin)] = id;
     }
 
     std::int64_t wrapped(std::int64_t column) const {

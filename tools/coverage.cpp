@@ -11,7 +11,9 @@
 #include "tiles/output_file.hpp"
 #include "tools/budget.hpp"
 #include "tools/commands.hpp"
+#include "tools/coverage_report.hpp"
 #include "tools/help.hpp"
+#include "tools/observers.hpp"
 #include "tools/options.hpp"
 #include "tools/report_json.hpp"
 #include "tools/run_files.hpp"
@@ -25,34 +27,13 @@ namespace {
 
 using json = nlohmann::ordered_json;
 
-/// What changes the values, as a user would write it.
-json parameters(const Settings& settings) {
-    json out = json::object();
-    for (const Key& key : key_table()) {
-        if (!(key.commands & command_coverage) || !key.changes_result) continue;
-        const auto value = key.get(settings);
-        out[key.name] = value ? json(*value) : json(nullptr);
-    }
-    return out;
-}
-
 constexpr std::array<const char*, 4> quadrant_names{"east", "west", "south", "north"};
 
 json report_json(const Settings& settings, const CoverageReport& report, const DataBase& db, const Usage& usage) {
-    const auto facts = [](const QuadrantReport& q) {
-        return json{{"cpu_s", {{"load", q.load_s}, {"sweep", q.sweep_s}}},
-                    {"cpu_total_s", q.load_s + q.sweep_s},
-                    {"disk_wait_s", q.disk_wait_s},
-                    {"runs", q.runs},
-                    {"posts_read", q.posts_read},
-                    {"posts_passed", q.posts_passed},
-                    {"bytes_read", q.bytes_read},
-                    {"bytes_spilled", q.bytes_spilled}};
-    };
     json out;
     out["format"] = "wedgescope-coverage-report-1";
     out["version"] = version();
-    out["scene"] = parameters(settings);
+    out["scene"] = coverage_parameters(settings);
     out["inputs"] = inputs_json(input_files(settings, db));
     out["output"] = settings.output;
     out["columns"] = db.columns;
@@ -60,10 +41,10 @@ json report_json(const Settings& settings, const CoverageReport& report, const D
     out["wedges"] = json::array();  // the quadrants
     for (std::size_t q = 0; q < report.quadrants.size(); ++q) {
         json entry{{"wedge", q}, {"quadrant", quadrant_names[q]}, {"reused", false}};
-        entry.update(facts(report.quadrants[q]));
+        entry.update(quadrant_json(report.quadrants[q]));
         out["wedges"].push_back(entry);
     }
-    out["total"] = facts(report.total());
+    out["total"] = quadrant_json(report.total());
     add_skipped(out, report.skipped);
     out["source"] = source_json(report.source);
     out["states"] = json::object();
@@ -111,12 +92,14 @@ void coverage(const std::vector<std::string>& arguments, Stop& stop) {
     settings.output = settings.files[1];
     settings.snap_to_post = translated.gdal_style;
     check_complete(settings);
-    check_names({{"output", settings.output}, {"report", settings.report}, {"timeline", settings.timeline}},
-                {{"dem", settings.dem}, {"culture-height", settings.culture_height}});
+    check_names(
+        {{"output", settings.output}, {"report", settings.report}, {"timeline", settings.timeline}},
+        {{"dem", settings.dem}, {"culture-height", settings.culture_height}, {"observers", settings.observers}});
     if (settings.no_data_value)
         settings.coverage.mask.no_data = static_cast<std::uint8_t>(*settings.no_data_value);
     else if (translated.gdal_style)
         settings.coverage.mask.no_data = settings.coverage.mask.outside;
+    if (!settings.observers.empty()) return coverage_of_observers(settings, start_s, stop);
     OutputFile file(settings.output, settings.overwrite);
     std::optional<OutputFile> report_file, timeline_file;
     if (!settings.report.empty()) report_file.emplace(settings.report, settings.overwrite);
@@ -164,18 +147,12 @@ void coverage(const std::vector<std::string>& arguments, Stop& stop) {
     Progress progress(settings.quiet);
     params.progress = [&](double fraction) { progress.report(fraction); };
 
-    RasterFormat format;
-    format.driver = settings.driver;
-    format.creation = settings.creation;
-    format.reproducible = settings.reproducible;
-    format.version = version();
-    format.scene_json = parameters(settings).dump();
     CoverageFile::Layer layer;
     layer.kind = params.layer;
     layer.mask = params.mask;
     if (settings.no_data_value) layer.no_data = params.mask.no_data;
     layer.undeclared = translated.gdal_style;  // and -ov may be what hidden ground is too
-    CoverageFile raster(scene, db, layer, file, format);
+    CoverageFile raster(scene, db, layer, file, coverage_format(settings));
     Span sweeping(timeline.get(), "strips", "stage");
     const CoverageReport report = cover(scene, *source, params, [&](const CoverageTile& tile) { raster.write(tile); });
     progress.done();
@@ -214,6 +191,17 @@ void coverage(const std::vector<std::string>& arguments, Stop& stop) {
     remark(settings.quiet,
            text("written: ", settings.output, fmt::format(" ({:.1f} s, {:.0f} Mposts/s)", wall, all / wall * 1e-6)));
     if (settings.profile || settings.verbose) fmt::print(stderr, "{}", report_table(report, usage));
+    if (settings.profile) {
+        const QuadrantReport total = report.total();
+        // Posts pass as they are stored.
+        const double posts = static_cast<double>(total.posts_read) * static_cast<double>(db.post_bytes);
+        fmt::print(stderr, "{}",
+                   limits_table({load_work(total.load_s, total.bytes_read, usage),
+                                 {"sweep", total.sweep_s, posts, StageWork::memory},
+                                 {"write", report.write_s, static_cast<double>(usage.written_bytes.value_or(0)),
+                                  StageWork::write}},
+                                limits_here(settings)));
+    }
 }
 
 }  // namespace wedgescope

@@ -11,7 +11,7 @@ packages=(
 )
 for option in "$@"; do
     case $option in
-        --tests) packages+=(catch2 gdal-bin ccache) ;;
+        --tests) packages+=(catch2 gdal-bin ccache locales) ;;  # locales: one with a decimal comma
         --bench) packages+=(gdal-bin grass-core) ;;
         *)
             echo "install_packages.sh: '$option' is not known; accepted are --tests and --bench" >&2

@@ -6,6 +6,7 @@
 #include <iterator>
 #include <numbers>
 
+#include "lib/seen_counts.hpp"
 #include "tools/units.hpp"
 
 namespace wedgescope {
@@ -99,15 +100,24 @@ Codec quantity(Dimension dimension, const Limits& limits, Field field, const std
     return codec;
 }
 
+/// `absent` is the word for an empty optional.
 template <class Field>
-Codec number(const Limits& limits, Field field) {
-    Codec codec{"NUMBER", words(limits), {}, {}};
+Codec number(const Limits& limits, Field field, const std::string& absent = "") {
+    Codec codec{absent.empty() ? "NUMBER" : "NUMBER|" + absent, words(limits), {}, {}};
     codec.set = [=](Settings& s, const Given& given) {
+        if constexpr (requires { field(s).reset(); })
+            if (!absent.empty() && trimmed(given.value) == absent) return field(s).reset();
         const double v = parse_number(given.origin, given.value);
         check_limits(limits, given, v, [&](const std::string& t) { return parse_number(given.origin, t); });
         store(field(s), v);
     };
-    codec.get = [=](const Settings& s) -> std::optional<std::string> { return text(field(s)); };
+    codec.get = [=](const Settings& s) -> std::optional<std::string> {
+        if constexpr (requires { field(s).has_value(); }) {
+            return field(s) ? text(*field(s)) : absent;
+        } else {
+            return text(field(s));
+        }
+    };
     return codec;
 }
 
@@ -207,6 +217,18 @@ Codec path(Field field) {
     codec.set = [=](Settings& s, const Given& given) { field(s) = resolved_path(given); };
     codec.get = [=](const Settings& s) -> std::optional<std::string> {
         return field(s).empty() ? std::nullopt : std::optional<std::string>(field(s));
+    };
+    return codec;
+}
+
+/// Chooses the quality too.
+Codec max_error() {
+    Codec codec = quantity(
+        Dimension::decibel, at_least("0.02dB"), [](auto& s) -> auto& { return s.scene.max_error_db; }, "none");
+    codec.get = [get = codec.get](const Settings& s) { return s.scene.max_error_db ? get(s) : std::nullopt; };
+    codec.set = [set = codec.set](Settings& s, const Given& given) {
+        set(s, given);
+        if (s.scene.max_error_db) s.scene.quality = quality_within(*s.scene.max_error_db).value_or(Quality::exact);
     };
     return codec;
 }
@@ -615,20 +637,38 @@ std::vector<Key> make_keys() {
     t.add("earth", earth(), "4/3", "factor of the earth's radius for straight rays, or a flat earth");
     t.add("azimuth-bins",
           count(
-              4, 1000000, [](auto& s) -> auto& { return s.scene.azimuth_bins; }, "auto"),
+              1, 1000000, [](auto& s) -> auto& { return s.scene.azimuth_bins; }, "auto"),
           "auto", "azimuth bins in the full circle; auto: four a beamwidth");
     t.add("range-bin",
           quantity(
               length, between("0.001m", "1000km"), [](auto& s) -> auto& { return s.scene.range_bin_m; }, "auto"),
           "auto", "slant range in one bin; auto: c tau/8, a quarter of the pulse on the ground");
-    t.add("quality",
-          choice<Quality>(
-              {{"exact", Quality::exact},
-               {"fine", Quality::fine},
-               {"normal", Quality::normal},
-               {"draft", Quality::draft}},
-              [](auto& s) -> auto& { return s.scene.quality; }),
-          "normal", "how finely the ground is sampled");
+    Key& quality = t.add("quality",
+                         choice<Quality>(
+                             {{"exact", Quality::exact},
+                              {"fine", Quality::fine},
+                              {"normal", Quality::normal},
+                              {"draft", Quality::draft}},
+                             [](auto& s) -> auto& { return s.scene.quality; }),
+                         "normal", "how finely the ground is sampled");
+    quality.exclusive = Exclusive::accuracy;
+    quality.get = [own = quality.get](const Settings& s) -> std::optional<std::string> {
+        return s.scene.max_error_db ? std::nullopt : own(s);
+    };
+    t.add("max-error", max_error(), "", "RMS of the power image to keep to: the quickest quality that promises it")
+        .exclusive = Exclusive::accuracy;
+    t.add("spokes-per-post",
+          number(
+              between("0.25", "16"), [](auto& s) -> auto& { return s.scene.spokes_per_post; }, "auto"),
+          "auto", "least spokes for each post of a line; auto: as the quality says");
+    t.add("crossings",
+          choice<std::optional<bool>>(
+              {{"on", true}, {"off", false}}, [](auto& s) -> auto& { return s.scene.crossings; }, "auto"),
+          "auto", "spokes are sampled where they cross the lines of the other axis too; auto: as the quality says");
+    t.add("course",
+          choice<std::optional<bool>>(
+              {{"curved", true}, {"straight", false}}, [](auto& s) -> auto& { return s.scene.curved_course; }, "auto"),
+          "auto", "how the surface runs between two samples in a cell; auto: as the quality says (coverage: straight)");
 
     t.group(KeyGroup::coverage, true);
     {
@@ -648,6 +688,25 @@ std::vector<Key> make_keys() {
                             "mask",
                             "seen or not; 0 no data, 1 shadow, 2 seen, 3 unknown, 4 outside; metres to be raised to be "
                             "seen; slant range, m; ray to ground, deg; below the horizontal, deg"));
+        {
+            Key& observers = t.add(
+                "observers", path([](auto& s) -> auto& { return s.observers; }), "",
+                "many sensors instead of one: the points of a vector file, or of a CSV table (a track is one), with "
+                "fields height (above ground) or altitude (above the sea), range, heading where the options do not say "
+                "it for all; OUT holds how many of them see each post, 65535 where there is no data");
+            coverage_only(observers);
+            observers.exclusive = Exclusive::place;
+            observers.changes_result = false;
+            Key& layer = t.add("observers-layer", word_of("NAME", &Settings::observers_layer), "",
+                               "of a vector file that has several");
+            coverage_only(layer);
+            layer.changes_result = false;
+        }
+        coverage_only(
+            t.add("at-least",
+                  count(
+                      1, static_cast<std::int64_t>(most_observers), [](auto& s) -> auto& { return s.at_least; }, "off"),
+                  "off", "with observers: a mask of what at least so many of them see, instead of counts"));
         coverage_only(t.add("target-height",
                             quantity(
                                 length, between("0m", "100km"), [](auto& s) -> auto& { return s.coverage.target_m; }),
@@ -908,8 +967,9 @@ std::vector<Key> make_keys() {
         c.commands |= command_info | command_tile;
     }
     t.add("profile", flag([](auto& s) -> auto& { return s.profile; }), "off",
-          "a table on stderr: CPU by stage, waits, posts, bytes and memory of each wedge");
-    t.add("verbose", flag([](auto& s) -> auto& { return s.verbose; }), "off", "the same table");
+          "tables on stderr: CPU by stage, waits, posts, bytes and memory of each wedge; and how far each stage is "
+          "from what this machine can do");
+    t.add("verbose", flag([](auto& s) -> auto& { return s.verbose; }), "off", "the first of these tables");
     {
         Key& q = t.add("quiet", flag([](auto& s) -> auto& { return s.quiet; }), "off", "no progress and no remarks");
         q.letter = 'q';
@@ -954,6 +1014,9 @@ std::vector<Key> make_keys() {
                              "geometry",
                              "earth",
                              "quality",
+                             "max-error",
+                             "spokes-per-post",
+                             "crossings",
                              "threads",
                              "memory",
                              "source",

@@ -37,8 +37,8 @@ enum class KeyGroup {
 const char* title(KeyGroup group);
 
 /// Of the keys of one kind exactly one is needed; one on the command line replaces any of the scene file's. A track stands in
-/// the place of both a place and an altitude.
-enum class Exclusive { none, place, altitude, track };
+/// the place of both a place and an altitude; of the accuracy at most one.
+enum class Exclusive { none, place, altitude, track, accuracy };
 
 /// One value as it was given.
 struct Given {

@@ -207,7 +207,8 @@ const std::vector<CommandInfo>& command_table() {
          "out of range. gdal_viewshed's options -ox -oy -oz -tz -md -cc -ov -vv -iv -a_nodata -b -f -co -om -q are "
          "understood too, in its units (-b 1 and -om NORMAL only: --layer height gives what -om DEM does); with -ox "
          "and "
-         "-oy the ground is a plane, the sensor stands over the nearest post, and defaults are gdal_viewshed's.",
+         "-oy the ground is a plane, the sensor stands over the nearest post, and defaults are gdal_viewshed's. With "
+         "--observers many sensors are looked from in one run.",
          "wedgescope coverage --latlon 33.9,-117.3 --altitude-agl 500m terrain.tif seen.tif"},
         {command_info, "info", "wedgescope info [options] FILE... | info --plan [simulate's options] [scene.ini]",
          "what rasters and tile stores hold, or what a scene file (*.ini) resolves to",
@@ -311,7 +312,9 @@ namespace {
 
 bool excludes(const Key& a, const Key& b) {
     if (a.exclusive == Exclusive::none || b.exclusive == Exclusive::none) return false;
-    return a.exclusive == b.exclusive || a.exclusive == Exclusive::track || b.exclusive == Exclusive::track;
+    if (a.exclusive == b.exclusive) return true;
+    const bool accuracy = a.exclusive == Exclusive::accuracy || b.exclusive == Exclusive::accuracy;
+    return !accuracy && (a.exclusive == Exclusive::track || b.exclusive == Exclusive::track);
 }
 
 }  // namespace
@@ -325,6 +328,12 @@ Settings settings_from(const std::vector<Given>& scene_file, const std::vector<G
                 if (a->exclusive == Exclusive::track || b->exclusive == Exclusive::track)
                     throw InputError(
                         text(from[j].origin, " is given beside ", a->name, "; a track alone says where the sensor is"));
+                if (a->exclusive == Exclusive::accuracy)
+                    throw InputError(text(from[j].origin, " is given beside ", a->name,
+                                          "; at most one of quality and max-error may be given"));
+                if (a->name == "observers" || b->name == "observers")
+                    throw InputError(text(from[j].origin, " is given beside ", a->name,
+                                          "; the file of observers alone says where they stand"));
                 throw InputError(text(
                     from[j].origin, " is given beside ", a->name, "; exactly one of ",
                     a->exclusive == Exclusive::place ? "latlon and xy" : "altitude-msl, altitude-agl and altitude-hae",
@@ -386,17 +395,48 @@ void check_scan(const Settings& settings) {
             "scan-period is given without scan-step; the azimuth bins that are seen from one place are needed");
 }
 
+void check_observers(const Settings& settings) {
+    if (settings.observers.empty()) {
+        for (const char* key : {"at-least", "observers-layer"})
+            if (*key == 'a' ? settings.at_least.has_value() : !settings.observers_layer.empty())
+                throw InputError(text(key, " is given without observers; a file of points is needed"));
+        return;
+    }
+    if (settings.coverage.layer != CoverageLayer::mask)
+        throw InputError(
+            text("layer is ", *find_key("layer")->get(settings),
+                 ", and observers is given; accepted: mask (how many see a post, or with at-least a mask)"));
+    if (settings.source == SourceKind::spilled)
+        throw InputError(
+            "source is spilled, and observers is given; a spill is sorted round one place (accepted: auto, direct; "
+            "tile "
+            "turns rasters that windows read badly into a store)");
+    if (settings.at_least) return;
+    const MaskValues plain;
+    const MaskValues& mask = settings.coverage.mask;
+    const char* given = mask.seen != plain.seen         ? "seen-value"
+                        : mask.hidden != plain.hidden   ? "hidden-value"
+                        : mask.outside != plain.outside ? "outside-value"
+                        : settings.no_data_value        ? "no-data-value"
+                                                        : nullptr;
+    if (given)
+        throw InputError(text(given,
+                              " is given, and observers without at-least; counts have no such value (0 is seen by "
+                              "none, 65535 no data)"));
+}
+
 }  // namespace
 
 void check_complete(const Settings& settings) {
     const PlatformParams& platform = settings.scene.platform;
     if (settings.dem.empty()) throw InputError("dem is missing; the path of a terrain raster is needed");
-    const bool moves = !settings.track.empty();
+    const bool moves = !settings.track.empty(), many = !settings.observers.empty();
     check_scan(settings);
-    if (!moves && !platform.latlon && !platform.xy)
+    check_observers(settings);
+    if (!moves && !many && !platform.latlon && !platform.xy)
         throw InputError("the sensor's position is missing; exactly one of latlon and xy is needed");
     if (platform.latlon && platform.xy) throw InputError("latlon and xy are both given; exactly one of them is needed");
-    if (!moves && !settings.altitude_given) {
+    if (!moves && !many && !settings.altitude_given) {
         throw InputError(
             "the sensor's altitude is missing; exactly one of altitude-msl, altitude-agl and altitude-hae is needed");
     }
@@ -429,7 +469,7 @@ void check_complete(const Settings& settings) {
             throw InputError(
                 "source is spilled, and track is given; a spill is sorted round one place (accepted: auto, direct; "
                 "tile turns rasters that windows read badly into a store)");
-    } else {
+    } else if (!many) {
         validate(settings.scene);
     }
 }

@@ -6,6 +6,7 @@
 #include <charconv>
 #include <chrono>
 #include <fstream>
+#include <numeric>
 
 #include "tools/scene_json.hpp"
 #include "tools/terminal.hpp"
@@ -318,6 +319,27 @@ std::string report_table(const RunReport& report, double write_s, const Usage& u
     out += source_line(report.source) + "\n";
     out += usage_lines(usage, report.threads, report.peak_budget_bytes, total.bytes_spilled);
     return out;
+}
+
+StageWork load_work(double load_s, std::uint64_t decoded_bytes, const Usage& usage) {
+    const auto decoded = static_cast<double>(decoded_bytes);
+    const bool packed = usage.read_bytes && static_cast<double>(*usage.read_bytes) < 0.9 * decoded;
+    return {"load", load_s, decoded, packed ? StageWork::decode : StageWork::file};
+}
+
+std::vector<StageWork> stage_work(const RunReport& report, double write_s, const Usage& usage) {
+    const WedgeReport all = sum(report.wedges.begin(), report.wedges.end());
+    const auto cells =
+        static_cast<double>(std::accumulate(report.states.begin(), report.states.end(), std::uint64_t{0}));
+    const double posts = static_cast<double>(all.posts_read), pieces = static_cast<double>(all.visible_pieces);
+    constexpr double post = sizeof(float), sum_cell = sizeof(std::int64_t), image_cell = sizeof(float);
+    return {load_work(all.load_s, all.bytes_read, usage),
+            {"sweep", all.sample_s + all.sweep_s, posts * post, StageWork::memory},
+            {"deposit", all.shade_s + all.deposit_s, pieces * 2 * sum_cell, StageWork::memory},
+            {"merge", all.merge_s + report.merge_s, cells * (sum_cell + image_cell), StageWork::memory},
+            {"beam", report.beam_s, cells * 2 * image_cell, StageWork::memory},
+            {"receiver", report.receiver_s, cells * 2 * image_cell, StageWork::memory},
+            {"write", write_s, static_cast<double>(usage.written_bytes.value_or(0)), StageWork::write}};
 }
 
 }  // namespace wedgescope

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "tools/limits.hpp"
 #include "tools/settings.hpp"
 
 namespace wedgescope {
@@ -57,6 +58,12 @@ nlohmann::ordered_json report_json(const Settings& settings, const RunResult& ru
 /// A row for each wedge that was done, or for those that cost most CPU, at most `most_rows` with one for the rest; totals,
 /// share of time by stage. Lines of at most 140 characters.
 std::string report_table(const RunReport& report, double write_s, const Usage& usage, std::size_t most_rows = 24);
+
+/// What the stages of a run moved, for limits_table(): posts and decoded bytes that were read; a post for each one swept
+/// (4 bytes), a cell (8 bytes, read and written) for each visible piece, cells of the image for what follows.
+std::vector<StageWork> stage_work(const RunReport& report, double write_s, const Usage& usage);
+/// Reading is measured by decoding where the files hold less than came out of them.
+StageWork load_work(double load_s, std::uint64_t decoded_bytes, const Usage& usage);
 
 /// The name of the CRS that a WKT text begins with; empty without one.
 std::string crs_name(const std::string& wkt);

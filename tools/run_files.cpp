@@ -40,15 +40,19 @@ void check_names(const NamedPaths& outputs, const NamedPaths& inputs) {
     }
 }
 
+NamedPaths input_paths(const Settings& s) {
+    return {{"dem", s.dem},
+            {"culture", s.culture},
+            {"culture-height", s.culture_height},
+            {"culture-legend", s.culture_legend},
+            {"track", s.track},
+            {"the scene file", s.files.empty() ? "" : s.files[0]}};
+}
+
 void check_run_names(const Settings& s) {
     const NamedPaths outputs{{"output", s.output}, {"echo", s.echo},     {"power", s.power},
                              {"states", s.states}, {"report", s.report}, {"timeline", s.timeline}};
-    check_names(outputs, {{"dem", s.dem},
-                          {"culture", s.culture},
-                          {"culture-height", s.culture_height},
-                          {"culture-legend", s.culture_legend},
-                          {"track", s.track},
-                          {"the scene file", s.files.empty() ? "" : s.files[0]}});
+    check_names(outputs, input_paths(s));
     const bool any = std::any_of(outputs.begin(), outputs.end(), [](const auto& out) { return !out.second.empty(); });
     if (!any && !s.only_wedges)
         throw InputError(
@@ -69,6 +73,7 @@ std::vector<InputFile> input_files(const Settings& s, const DataBase& data_base,
     add("culture-height", s.culture_height, true);
     if (!Legend::built_in(s.culture_legend)) add("culture-legend", s.culture_legend, false);
     add("track", s.track, false);
+    add("observers", s.observers, false);
     add("scene", scene_file, false);
     return inputs;
 }
@@ -81,6 +86,11 @@ void write_report(OutputFile& file, const nlohmann::ordered_json& report) {
     if (!out)
         throw IoError(text("report ", in_quotes(file.final_path()),
                            " cannot be written: ", errno ? std::strerror(errno) : "disk full?"));
+}
+
+Limits limits_here(const Settings& settings) {
+    constexpr std::size_t buffer_bytes = std::size_t{32} << 20;
+    return measure_limits(settings.temp_dir, buffer_bytes);
 }
 
 }  // namespace wedgescope

@@ -8,6 +8,7 @@
 
 #include "lib/wedge_source.hpp"
 #include "tiles/output_file.hpp"
+#include "tools/limits.hpp"
 #include "tools/report_json.hpp"
 #include "tools/settings.hpp"
 
@@ -19,6 +20,9 @@ using NamedPaths = std::vector<std::pair<const char*, std::string>>;
 /// InputError where an output is an input too, or two outputs are one file.
 void check_names(const NamedPaths& outputs, const NamedPaths& inputs);
 
+/// All that a simulation may read.
+NamedPaths input_paths(const Settings& settings);
+
 /// The same of all of a simulation's outputs; InputError too where none is asked for.
 void check_run_names(const Settings& settings);
 
@@ -28,5 +32,8 @@ std::vector<InputFile> input_files(const Settings& settings, const DataBase& dat
 
 /// Under the file's temporary name. IoError.
 void write_report(OutputFile& file, const nlohmann::ordered_json& report);
+
+/// What the machine does at the most, measured in the folder for temporary files. IoError.
+Limits limits_here(const Settings& settings);
 
 }  // namespace wedgescope

@@ -21,7 +21,7 @@ const char* version();
 struct Settings {
     Scene scene;
     bool altitude_given = false;
-    std::string track;                    ///< path; empty: one scene
+    std::string track;                      ///< path; empty: one scene
     std::optional<std::int64_t> scan_step;  ///< azimuth bins; none: a frame is seen from one place
     std::optional<double> scan_period_s;    ///< of one turn of the antenna
 
@@ -35,6 +35,9 @@ struct Settings {
     // Coverage only; threads, memory and culling stand below.
     CoverageParams coverage;
     std::optional<std::int64_t> no_data_value;  ///< of the mask, declared in any case
+    std::string observers;                      ///< path; empty: one sensor
+    std::string observers_layer;                ///< of a vector file; empty: the only one
+    std::optional<std::int64_t> at_least;       ///< observers: a mask of what so many see; none: counts
     bool snap_to_post = false;                  ///< gdal_viewshed's way: the sensor stands over the nearest post
 
     SourceKind source = SourceKind::automatic;

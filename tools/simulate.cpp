@@ -217,6 +217,8 @@ void simulate(const Settings& settings, WorkDir* work, double start_s, Stop& sto
     if (!settings.only_wedges)
         for (const std::string& line : doubts(result)) remark(settings.quiet, line);
     if (settings.verbose || settings.profile) fmt::print(stderr, "{}", report_table(result.report, write_s, usage));
+    if (settings.profile)
+        fmt::print(stderr, "{}", limits_table(stage_work(result.report, write_s, usage), limits_here(settings)));
     if (settings.only_wedges) {
         written += text(written.empty() ? "" : ", ", work->kept(), " of ", work->recorded_split().size(), " wedges in ",
                         in_quotes(work->path()));

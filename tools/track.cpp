@@ -506,13 +506,9 @@ std::string track_table(const Run& run, const Usage& usage) {
 /// Everything that can go wrong with any frame's names is found before work begins.
 void check_outputs(const Settings& settings, const Frames& frames) {
     check_run_names(settings);
-    NamedPaths inputs{{"dem", settings.dem},
-                      {"culture", settings.culture},
-                      {"culture-height", settings.culture_height},
-                      {"culture-legend", settings.culture_legend},
-                      {"track", settings.track},
-                      {"report", settings.report},
-                      {"timeline", settings.timeline}};
+    // What a frame may not replace.
+    NamedPaths inputs = input_paths(settings);
+    inputs.insert(inputs.end(), {{"report", settings.report}, {"timeline", settings.timeline}});
     for (std::size_t frame = 0; frame < frames.size(); ++frame) {
         const Settings own = frames.settings(frame);
         const NamedPaths outputs = layer_paths(own);

@@ -211,6 +211,13 @@ double parse_quantity(Dimension dimension, std::string_view key, std::string_vie
     refuse(key, token, text("unknown unit ", in_quotes(name), ": ", accepted));
 }
 
+double parse_quantity_or_number(Dimension dimension, std::string_view key, std::string_view token,
+                                const std::string& unit) {
+    const auto head = leading_number(trimmed(token));
+    const bool bare = head && trimmed(head->rest).empty();
+    return parse_quantity(dimension, key, bare ? std::string(trimmed(token)) + unit : std::string(token));
+}
+
 std::string quantity_text(Dimension dimension, double value) {
     if (value == 0) return text(0, first_unit(dimension));
     const auto is_first = [&](const Unit& unit) { return unit.name == first_unit(dimension); };

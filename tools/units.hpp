@@ -33,6 +33,10 @@ std::string unit_list(Dimension dimension);
 /// Powers of ten move the decimal exponent, so "0.5us" is the double nearest to 0.5e-6. The locale plays no part.
 double parse_quantity(Dimension dimension, std::string_view key, std::string_view token);
 
+/// The same, a bare number being one of `unit`: of columns and fields that say their unit once.
+double parse_quantity_or_number(Dimension dimension, std::string_view key, std::string_view token,
+                                const std::string& unit);
+
 /// The shortest text from which parse_quantity makes exactly `value` again. `value` finite.
 std::string quantity_text(Dimension dimension, double value);
 

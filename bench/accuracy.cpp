@@ -1,0 +1,244 @@
+// accuracy OUT.tsv [SCENE...]: error against time. Runs scenes of the shipped data at every quality and at raw settings of
+// the sampling, compares power and states with the independent reference of tests/reference (converged to 0.01 dB), and
+// writes a row for each: what it cost and how far off it was. Beside them polar sampling, rays with even steps, by the
+// reference's own code at coarse steps.
+//
+//   RMS, p99   dB, of the power image over cells above the noise in either, noise added to both (design of the promises)
+//   bands      RMS in the nearest, middle and farthest third of the ranges
+//   states     per cent of cells whose states differ
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <cstring>
+#include <exception>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "lib/engine.hpp"
+#include "lib/error.hpp"
+#include "tests/reference/reference_engine.hpp"
+#include "tiles/gdal_session.hpp"
+#include "tiles/sources.hpp"
+#include "tools/report_json.hpp"
+
+using namespace wedgescope;
+
+namespace {
+
+const std::string data = WEDGESCOPE_TEST_DATA;
+constexpr double step_deg = 0.375;  // four azimuth bins a beam of 1.5 degrees
+constexpr int circle = 960, bins = 240;
+
+struct Place {
+    const char* name;
+    const char* stem;  // of the shipped files
+    bool culture;      // with culture and canopy
+    double lat, lon, altitude_m;
+    int first_bin;
+    double range_m, post_m;
+};
+const Place places[] = {
+    {"inland_empire 2134 m, culture", "inland_empire", true, 33.93, -117.33, 2134, 480, 30000, 30},
+    {"inland_empire 2134 m, bare", "inland_empire", false, 33.93, -117.33, 2134, 480, 30000, 30},
+    {"inland_empire 838 m, culture", "inland_empire", true, 33.93, -117.33, 838, 480, 30000, 30},
+    {"inland_empire 838 m, bare", "inland_empire", false, 33.93, -117.33, 838, 480, 30000, 30},
+    {"worcester 1400 m, culture", "worcester_vermont", true, 44.42, -72.56, 1400, 0, 11000, 30},
+    {"olympic_coast 1500 m", "olympic_coast", false, 48.2, -124.6, 1500, 240, 30000, 30},
+    {"olympic_coast 12000 m", "olympic_coast", false, 48.2, -124.6, 12000, 240, 40000, 30},
+    {"azores 3000 m", "azores", false, 38.5, -28.3, 3000, 240, 60000, 92},
+};
+
+DataBaseParams layers(const Place& p) {
+    DataBaseParams db;
+    db.dem = data + "/" + p.stem + "_dem.tif";
+    if (p.culture) {
+        db.culture = data + "/" + p.stem + "_culture.tif";
+        db.legend = Legend::built_in("fbfm40");
+        db.culture_height = data + "/" + p.stem + "_canopy.tif";
+        db.culture_height_scale = 0.1;
+    }
+    return db;
+}
+
+Scene scene_of(const Place& p) {
+    Scene s;
+    s.platform.latlon = LatLon{p.lat, p.lon};
+    s.platform.altitude_m = p.altitude_m;
+    s.azimuth_bins = circle;
+    s.range_m = p.range_m;
+    s.range_start_m = 2 * p.post_m / s.radar.antenna.beam.rad();  // from where the beam is two posts wide
+    s.sector = Sector{Angle::degrees(p.first_bin * step_deg), Angle::degrees((p.first_bin + bins) * step_deg)};
+    s.display.size = 512;
+    return s;
+}
+
+reference::Scene reference_of(const Place& p, const DataBaseParams& db, const RunResult& like) {
+    reference::Scene r;
+    r.dem = db.dem;
+    r.culture = db.culture;
+    r.culture_height = db.culture_height;
+    r.culture_height_scale = db.culture_height_scale;
+    r.class_of_code = reference::fbfm40_classes();
+    r.gamma = reference::project_gamma();
+    r.lat_deg = p.lat;
+    r.lon_deg = p.lon;
+    r.height_msl_m = p.altitude_m;
+    r.azimuth_bins = circle;
+    r.first_azimuth_bin = p.first_bin;
+    r.azimuth_count = bins;
+    r.range_bin_m = like.power_w.grid.range_bin_m;
+    r.range_bins = static_cast<int>(like.power_w.grid.range_bins.end);
+    return r;
+}
+
+struct Images {
+    std::vector<double> power_w;
+    std::vector<std::uint8_t> state;
+};
+
+/// Without the bins in front of the first one shown.
+Images cut(const reference::Result& whole, std::size_t skip) {
+    Images out;
+    const auto all = static_cast<std::size_t>(whole.range_bins);
+    for (std::size_t i = 0; i < whole.power_w.size(); ++i) {
+        if (i % all < skip) continue;
+        out.power_w.push_back(whole.power_w[i]);
+        out.state.push_back(whole.state[i]);
+    }
+    return out;
+}
+
+struct Errors {
+    reference::Comparison all;
+    double bands_db[3] = {};
+    double states = 0;
+};
+Errors compare(const Images& test, const Images& truth, std::size_t columns, double noise_w) {
+    Errors e;
+    e.all = reference::compare(test.power_w, truth.power_w, noise_w);
+    e.states = reference::state_difference(test.state, truth.state);
+    for (std::size_t band = 0; band < 3; ++band) {
+        const std::size_t begin = band * columns / 3, end = (band + 1) * columns / 3;
+        const auto part = [&](const std::vector<double>& image) {
+            std::vector<double> out;
+            for (std::size_t row = 0; row < image.size() / columns; ++row)
+                out.insert(out.end(), image.begin() + static_cast<std::ptrdiff_t>(row * columns + begin),
+                           image.begin() + static_cast<std::ptrdiff_t>(row * columns + end));
+            return out;
+        };
+        e.bands_db[band] = reference::compare(part(test.power_w), part(truth.power_w), noise_w).rms_db;
+    }
+    return e;
+}
+
+class Table {
+public:
+    explicit Table(const char* path) : file_(std::fopen(path, "w"), std::fclose) {
+        if (!file_) throw IoError(text("'", path, "' cannot be written"));
+        fmt::print(
+            file_.get(),
+            "scene\tsetting\tcpu_s\twall_s\tsamples\tbytes_read\trms_db\tp99_db\tnear_db\tmiddle_db\tfar_db\tstates\n");
+    }
+    void row(const char* scene, const std::string& setting, double cpu_s, double wall_s, std::uint64_t samples,
+             std::uint64_t bytes, const Errors& e) {
+        fmt::print(file_.get(), "{}\t{}\t{:.3f}\t{:.3f}\t{}\t{}\t{:.4f}\t{:.4f}\t{:.4f}\t{:.4f}\t{:.4f}\t{:.4f}\n",
+                   scene, setting, cpu_s, wall_s, samples, bytes, e.all.rms_db, e.all.p99_db, e.bands_db[0],
+                   e.bands_db[1], e.bands_db[2], 100 * e.states);
+        std::fflush(file_.get());
+        fmt::print("{:<32} {:<34} {:>7.3f} s  rms {:.4f}  p99 {:.4f}  states {:.3f} %\n", scene, setting, cpu_s,
+                   e.all.rms_db, e.all.p99_db, 100 * e.states);
+    }
+
+private:
+    std::unique_ptr<std::FILE, int (*)(std::FILE*)> file_;
+};
+
+struct Setting {
+    std::string name;
+    Quality quality = Quality::exact;
+    std::optional<double> spokes;
+    std::optional<bool> crossings, curved;
+};
+std::vector<Setting> settings() {
+    std::vector<Setting> all;
+    for (const Quality q : {Quality::draft, Quality::normal, Quality::fine, Quality::exact})
+        all.push_back({text("quality ", word(q)), q, {}, {}, {}});
+    for (const bool crossings : {false, true})
+        for (const double spokes : {0.5, 1.0, 2.0, 4.0})
+            all.push_back({fmt::format("{} spokes a post{}", spokes, crossings ? ", crossings" : ""), Quality::exact,
+                           spokes, crossings, crossings});
+    return all;
+}
+
+void measure(const Place& place, Table& table) {
+    const DataBaseParams db = layers(place);
+    const double noise_w = reference::noise_w(scene_of(place).radar.noise_bandwidth_hz(), 8);
+    Images truth;
+    std::size_t skip = 0, columns = 0;
+    reference::Scene r;
+    for (const Setting& setting : settings()) {
+        Scene s = scene_of(place);
+        s.quality = setting.quality;
+        s.spokes_per_post = setting.spokes;
+        s.crossings = setting.crossings;
+        s.curved_course = setting.curved;
+        const auto source = open_direct_source(db);
+        EngineParams params;
+        params.threads = 1;
+        const double start = now_s();
+        const RunResult ours = run(resolve(s, *source), *source, params);
+        const double wall_s = now_s() - start;
+        if (truth.power_w.empty()) {
+            r = reference_of(place, db, ours);
+            skip = static_cast<std::size_t>(ours.power_w.grid.range_bins.begin);
+            columns = static_cast<std::size_t>(ours.power_w.grid.range_bins.size());
+            truth = cut(reference::simulate(r), skip);
+        }
+        double cpu_s = 0;
+        std::uint64_t samples = 0, bytes = 0;
+        for (const WedgeReport& w : ours.report.wedges) {
+            for (const CpuStage& stage : cpu_stages) cpu_s += w.*stage.seconds;
+            samples += w.samples;
+            bytes += w.bytes_read;
+        }
+        const Images test{{ours.power_w.cells.begin(), ours.power_w.cells.end()},
+                          {ours.state.cells.begin(), ours.state.cells.end()}};
+        table.row(place.name, setting.name, cpu_s, wall_s, samples, bytes, compare(test, truth, columns, noise_w));
+    }
+    for (const int rays : {2, 4, 8, 16}) {
+        reference::Scene polar = r;
+        polar.rays_per_bin = rays;
+        polar.step_posts = 4.0 / rays;
+        polar.split_steps = false;
+        const reference::Result made = reference::simulate(polar);
+        const double steps = r.range_bins * r.range_bin_m / (made.post_m * polar.step_posts);
+        table.row(place.name, fmt::format("polar, {} rays a bin, steps of {:.3g} posts", rays, polar.step_posts),
+                  made.cpu_s, made.cpu_s, static_cast<std::uint64_t>(steps * rays * bins), 0,
+                  compare(cut(made, skip), truth, columns, noise_w));
+    }
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+    if (argc < 2) {
+        fmt::print(stderr, "usage: accuracy OUT.tsv [SCENE...]   scenes that begin so; all without\n");
+        return 2;
+    }
+    try {
+        const GdalSession session(64 << 20, {});
+        Table table(argv[1]);
+        for (const Place& place : places) {
+            const bool wanted = argc == 2 || std::any_of(argv + 2, argv + argc, [&](const char* name) {
+                                    return std::strncmp(place.name, name, std::strlen(name)) == 0;
+                                });
+            if (wanted) measure(place, table);
+        }
+    } catch (const std::exception& e) {
+        fmt::print(stderr, "accuracy: {}\n", e.what());
+        return 1;
+    }
+}

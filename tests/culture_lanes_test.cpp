@@ -1,0 +1,141 @@
+// Culture cells under pieces, by lanes, against walking along each piece in small steps.
+#include <catch2/catch.hpp>
+
+#include <cmath>
+#include <random>
+#include <vector>
+
+#include "lib/culture_lanes.hpp"
+
+using namespace wedgescope;
+
+namespace {
+
+struct Pieces {
+    std::vector<double> code, part0, minor0, part1, minor1, cell;
+    std::vector<float> behind, ahead;
+    CulturePieces view(bool walls) const {
+        CulturePieces p{code.data(), part0.data(), minor0.data(), part1.data(), minor1.data()};
+        if (walls) {
+            p.cell = cell.data();
+            p.behind_m = behind.data();
+            p.ahead_m = ahead.data();
+        }
+        return p;
+    }
+};
+
+/// Pieces of up to one cell, as they lie between lines, some of them exactly along a line or ending on a post.
+Pieces pieces(std::mt19937& random, double reach) {
+    constexpr std::size_t n = CulturePieces::most;
+    const auto number = [&](double from, double to) { return std::uniform_real_distribution<>(from, to)(random); };
+    Pieces p;
+    for (std::size_t i = 0; i < n; ++i) {
+        const double start = number(-2, 70), way = number(-reach, reach);
+        p.code.push_back(static_cast<double>(random() % 3));
+        p.part0.push_back(random() % 4 == 0 ? 0 : number(0, 0.7));
+        p.part1.push_back(random() % 4 == 0 ? 1 : number(p.part0.back(), 1));
+        p.minor0.push_back(random() % 4 == 0 ? std::floor(start) : start);
+        p.minor1.push_back(random() % 5 == 0 ? p.minor0.back() : p.minor0.back() + way);
+        p.cell.push_back(std::floor(0.5 * (p.minor0.back() + p.minor1.back())));
+    }
+    const float heights[] = {0, 0, 0, 0, 0, 3, 7.5F, 7.5F, NAN, -1};
+    for (auto* posts : {&p.behind, &p.ahead})
+        for (std::size_t i = 0; i < 2 * n; ++i) posts->push_back(heights[random() % std::size(heights)]);
+    return p;
+}
+
+}  // namespace
+
+TEST_CASE("the culture cells along a piece are those that one meets walking along it", "[culture]") {
+    std::mt19937 random(5);
+    for (int turn = 0; turn < 400; ++turn) {
+        const double coarse = turn % 3 == 0 ? 1.0 : turn % 3 == 1 ? 0.61 : 2.3;  // culture cells in a post
+        CultureScene scene{.lines_are_columns = turn % 2 == 0,
+                           .behind_major = turn % 4 < 2 ? 20.0 : 21.0,
+                           .ahead_major = turn % 4 < 2 ? 21.0 : 20.0,
+                           .column_offset = -0.5,
+                           .column_scale = coarse,
+                           .row_offset = 0.25,
+                           .row_scale = coarse,
+                           .tile = {{0, 64}, {0, 48}}};
+        const Pieces p = pieces(random, 1);
+        CultureParts found;
+        const std::size_t n = 1 + random() % CulturePieces::most;
+        culture_lanes(n, scene, p.view(false), found);
+        for (std::size_t i = 0; i < n; ++i) {
+            CAPTURE(turn, i);
+            if (p.code[i] != 1) {
+                REQUIRE(found.kind[i] == CultureParts::nothing);
+                continue;
+            }
+            const auto at = [&](double u) {
+                const double part = p.part0[i] + u * (p.part1[i] - p.part0[i]),
+                             major = scene.behind_major + part * (scene.ahead_major - scene.behind_major),
+                             minor = p.minor0[i] + u * (p.minor1[i] - p.minor0[i]);
+                const double column = scene.lines_are_columns ? major : minor,
+                             row = scene.lines_are_columns ? minor : major;
+                return std::pair(std::floor(scene.column_offset + scene.column_scale * column),
+                                 std::floor(scene.row_offset + scene.row_scale * row));
+            };
+            const auto inside = [&](std::pair<double, double> cell) {
+                return cell.first >= 0 && cell.first < 64 && cell.second >= 0 && cell.second < 48;
+            };
+            const auto from = at(0), to = at(1);
+            if (!inside(from) || !inside(to)) {
+                REQUIRE(found.kind[i] == CultureParts::elsewhere);
+                continue;
+            }
+            if (std::abs(from.first - to.first) > 1 || std::abs(from.second - to.second) > 1) {
+                REQUIRE(found.kind[i] == CultureParts::many);
+                continue;
+            }
+            REQUIRE(found.kind[i] == CultureParts::parts);
+            REQUIRE(0 <= found.to_second[i]);
+            REQUIRE(found.to_second[i] <= found.to_third[i]);
+            REQUIRE(found.to_third[i] <= 1);
+            for (int k = 0; k < 200; ++k) {
+                const double u = (k + 0.5) / 200;
+                if (std::abs(u - found.to_second[i]) < 1e-9 || std::abs(u - found.to_third[i]) < 1e-9) continue;
+                const std::int32_t cell = u < found.to_second[i]  ? found.first[i]
+                                          : u < found.to_third[i] ? found.second[i]
+                                                                  : found.third[i];
+                const auto met = at(u);
+                REQUIRE(cell == static_cast<std::int32_t>(met.second * 64 + met.first));
+            }
+        }
+    }
+}
+
+TEST_CASE("a piece in a cell with culture on a corner is a wall of the corner with the highest one", "[culture]") {
+    std::mt19937 random(6);
+    for (int turn = 0; turn < 400; ++turn) {
+        const bool columns = turn % 2 == 0;
+        const double behind = turn % 4 < 2 ? 20 : 21, ahead = turn % 4 < 2 ? 21 : 20;
+        const CultureScene scene{columns, behind, ahead, 0.5, 1, 0.5, 1, {{0, 64}, {0, 64}}};
+        const Pieces p = pieces(random, 0.2);
+        CultureParts found;
+        culture_lanes(CulturePieces::most, scene, p.view(true), found);
+        for (std::size_t i = 0; i < CulturePieces::most; ++i) {
+            CAPTURE(turn, i);
+            // Of all corners in raster order the first one that no other stands over.
+            float most = 0;
+            int row = 0, column = 0;
+            for (int r = 0; r < 70; ++r)
+                for (int c = 0; c < 70; ++c) {
+                    const double major = columns ? c : r, minor = columns ? r : c;
+                    if (major != behind && major != ahead) continue;
+                    if (minor != p.cell[i] && minor != p.cell[i] + 1) continue;
+                    const float h = (major == behind ? p.behind : p.ahead)[2 * i + (minor == p.cell[i] ? 0 : 1)];
+                    if (!(h > most)) continue;
+                    most = h;
+                    row = r;
+                    column = c;
+                }
+            const bool far = p.cell[i] < 0 || p.cell[i] > 62;
+            if (p.code[i] != 1 || far) continue;
+            REQUIRE((found.kind[i] == CultureParts::wall) == (most > 0));
+            if (most > 0) REQUIRE(found.first[i] == row * 64 + column);
+        }
+    }
+}

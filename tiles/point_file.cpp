@@ -1,0 +1,156 @@
+#include "tiles/point_file.hpp"
+
+#include <cpl_string.h>
+#include <ogrsf_frmts.h>
+
+#include <cmath>
+
+#include "lib/error.hpp"
+#include "tiles/gdal_handle.hpp"
+#include "tiles/raster_layer.hpp"
+
+namespace wedgescope {
+namespace {
+
+std::string quoted(const std::string& words) { return text("'", words, "'"); }
+
+DatasetHandle open_vector(const std::string& path) {
+    return DatasetHandle(GDALDataset::Open(path.c_str(), GDAL_OF_VECTOR | GDAL_OF_READONLY));
+}
+
+/// A field's value as text from which numbers read back as they are.
+std::optional<std::string> value_of(const OGRFeature& feature, int field) {
+    if (field < 0 || !feature.IsFieldSetAndNotNull(field)) return std::nullopt;
+    const OGRFieldType type = const_cast<OGRFeature&>(feature).GetFieldDefnRef(field)->GetType();
+    if (type == OFTReal) return text(feature.GetFieldAsDouble(field));
+    const std::string words = const_cast<OGRFeature&>(feature).GetFieldAsString(field);
+    return words.empty() ? std::nullopt : std::optional(words);
+}
+
+}  // namespace
+
+struct PointFile::Open {
+    std::string role, path;
+    DatasetHandle dataset;
+    OGRLayer* layer = nullptr;
+    std::vector<int> fields;  ///< by their place in the layer; -1: not there
+    bool lat_lon = false;
+    std::unique_ptr<OGRCoordinateTransformation> to_wgs84;  ///< none: as they are
+    std::string named() const { return text(role, " ", quoted(path)); }
+};
+
+PointFile::PointFile(const PointFileParams& params, const DataBase& data_base) : open_(new Open) {
+    Open& o = *open_;
+    o.role = params.role;
+    o.path = params.path;
+    {
+        GdalErrors quiet;
+        o.dataset = open_vector(o.path);
+    }
+    if (!o.dataset) {
+        register_all_drivers();
+        GdalErrors errors;
+        o.dataset = open_vector(o.path);
+        if (!o.dataset) throw IoError(text(o.named(), " cannot be opened as points: ", errors.reason()));
+    }
+    GdalErrors errors;
+    std::string names;
+    for (int i = 0; i < o.dataset->GetLayerCount(); ++i)
+        names += text(names.empty() ? "" : ", ", o.dataset->GetLayer(i)->GetName());
+    if (params.layer.empty()) {
+        if (o.dataset->GetLayerCount() == 0) throw InputError(text(o.named(), " holds no layer of points"));
+        if (o.dataset->GetLayerCount() > 1)
+            throw InputError(
+                text(o.named(), " has ", o.dataset->GetLayerCount(), " layers (", names, "); give ", o.role, "-layer"));
+        o.layer = o.dataset->GetLayer(0);
+    } else {
+        o.layer = o.dataset->GetLayerByName(params.layer.c_str());
+        if (!o.layer)
+            throw InputError(text(o.role, "-layer is ", quoted(params.layer), "; ", quoted(o.path), " has ", names));
+    }
+    OGRFeatureDefn& definition = *o.layer->GetLayerDefn();
+    if (definition.GetGeomFieldCount() == 0)
+        throw InputError(
+            text(o.named(), " has no geometry; accepted: points (or a table of places: a file that ends in .csv)"));
+    for (const std::string& name : params.fields) o.fields.push_back(definition.GetFieldIndex(name.c_str()));
+
+    const OGRSpatialReference* given = o.layer->GetSpatialRef();
+    RasterFacts facts;
+    facts.role = o.role;
+    facts.path = o.path;
+    facts.has_geotransform = true;
+    if (given) set_crs(facts, *given);
+    if (!facts.crs) return;
+    if (!data_base.has_crs)
+        throw DataError(text(o.named(), " is in CRS ", quoted(crs_definition(*facts.crs)), ", and '", data_base.name,
+                             "' has none; accepted: points without a CRS, in the raster's own coordinates"));
+    o.lat_lon = true;
+    if (facts.wgs84_lat_lon) return;
+    OGRSpatialReference terrain;
+    terrain.SetFromUserInput(data_base.crs_wkt.c_str());
+    terrain.SetAxisMappingStrategy(OAMS_TRADITIONAL_GIS_ORDER);
+    const char* const options[] = {"IGNORE_DATA_AXIS_TO_SRS_AXIS_MAPPING=YES",
+                                   "CRITERION=EQUIVALENT_EXCEPT_AXIS_ORDER_GEOGCRS", nullptr};
+    if (facts.crs->IsSame(&terrain, options)) {
+        o.lat_lon = false;
+        return;
+    }
+    const OGRSpatialReference wgs84 = wgs84_lon_lat();
+    o.to_wgs84.reset(OGRCreateCoordinateTransformation(facts.crs.get(), &wgs84));
+    if (!o.to_wgs84)
+        throw DataError(text(o.named(), ": PROJ knows no way from its CRS ", quoted(crs_definition(*facts.crs)),
+                             " to WGS84: ", errors.reason()));
+}
+
+PointFile::~PointFile() = default;
+
+bool PointFile::lat_lon() const { return open_->lat_lon; }
+
+void PointFile::read(const std::function<void(const PointRow&)>& body) {
+    Open& o = *open_;
+    GdalErrors errors;
+    PointRow row;
+    const auto refuse = [&](const std::string& what) {
+        throw DataError(text(o.named(), ", feature ", row.feature, " ", what));
+    };
+    const auto point = [&](const OGRPoint& p) {
+        double x = p.getX(), y = p.getY();
+        if (!std::isfinite(x) || !std::isfinite(y)) refuse(text("is at ", x, ", ", y, "; accepted: finite places"));
+        if (o.to_wgs84) {
+            const double x0 = x, y0 = y;
+            int good = 0;
+            o.to_wgs84->Transform(1, &x, &y, nullptr, &good);
+            if (!good || !std::isfinite(x) || !std::isfinite(y))
+                refuse(text("is at ", x0, ", ", y0, ", which PROJ cannot turn into latitude and longitude"));
+        }
+        if (o.lat_lon && !(std::fabs(y) <= 90 && std::fabs(x) <= 360))
+            refuse(text("is at longitude ", x, ", latitude ", y,
+                        "; accepted: longitude from -360 to 360, latitude from -90 to 90"));
+        row.first = o.lat_lon ? y : x;
+        row.second = o.lat_lon ? x : y;
+        body(row);
+    };
+    o.layer->ResetReading();
+    for (OGRFeatureUniquePtr feature(o.layer->GetNextFeature()); feature; feature.reset(o.layer->GetNextFeature())) {
+        row.feature = feature->GetFID();
+        row.values.clear();
+        for (const int field : o.fields) row.values.push_back(value_of(*feature, field));
+        const OGRGeometry* geometry = feature->GetGeometryRef();
+        if (!geometry) refuse("has no geometry; accepted: a point");
+        const OGRwkbGeometryType type = wkbFlatten(geometry->getGeometryType());
+        if (type != wkbPoint && type != wkbMultiPoint)
+            refuse(text("is a ", OGRGeometryTypeToName(type), "; accepted: a point"));
+        if (geometry->IsEmpty()) refuse("is an empty point; accepted: one that has a place");
+        if (type == wkbPoint) {
+            point(*geometry->toPoint());
+        } else {
+            for (const OGRPoint* part : *geometry->toMultiPoint()) {
+                if (part->IsEmpty()) refuse("has an empty point; accepted: points that have a place");
+                point(*part);
+            }
+        }
+    }
+    if (errors.failed()) throw IoError(text(o.named(), " cannot be read: ", errors.reason()));
+}
+
+}  // namespace wedgescope

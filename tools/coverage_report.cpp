@@ -1,0 +1,40 @@
+#include "tools/coverage_report.hpp"
+
+#include "tools/options.hpp"
+
+namespace wedgescope {
+
+using json = nlohmann::ordered_json;
+
+json coverage_parameters(const Settings& settings) {
+    json out = json::object();
+    for (const Key& key : key_table()) {
+        if (!(key.commands & command_coverage) || !key.changes_result) continue;
+        const auto value = key.get(settings);
+        out[key.name] = value ? json(*value) : json(nullptr);
+    }
+    return out;
+}
+
+json quadrant_json(const QuadrantReport& q) {
+    return json{{"cpu_s", {{"load", q.load_s}, {"sweep", q.sweep_s}}},
+                {"cpu_total_s", q.load_s + q.sweep_s},
+                {"disk_wait_s", q.disk_wait_s},
+                {"runs", q.runs},
+                {"posts_read", q.posts_read},
+                {"posts_passed", q.posts_passed},
+                {"bytes_read", q.bytes_read},
+                {"bytes_spilled", q.bytes_spilled}};
+}
+
+RasterFormat coverage_format(const Settings& settings) {
+    RasterFormat format;
+    format.driver = settings.driver;
+    format.creation = settings.creation;
+    format.reproducible = settings.reproducible;
+    format.version = version();
+    format.scene_json = coverage_parameters(settings).dump();
+    return format;
+}
+
+}  // namespace wedgescope

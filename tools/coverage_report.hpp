@@ -1,0 +1,18 @@
+// Coverage report: what the reports of one sensor's coverage and of many observers' have in common.
+// Leaves the rest to coverage.cpp and observers.cpp.
+#pragma once
+#include <nlohmann/json.hpp>
+
+#include "lib/coverage.hpp"
+#include "tools/settings.hpp"
+
+namespace wedgescope {
+
+/// What changes the values, as a user would write it.
+nlohmann::ordered_json coverage_parameters(const Settings& settings);
+/// What a quadrant, or all of them, did and cost.
+nlohmann::ordered_json quadrant_json(const QuadrantReport& report);
+/// The file's format, as --of, --co and --reproducible say; with `coverage_parameters` in it.
+RasterFormat coverage_format(const Settings& settings);
+
+}  // namespace wedgescope

@@ -1,0 +1,214 @@
+#include "tools/observer_file.hpp"
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <numbers>
+#include <system_error>
+
+#include "lib/error.hpp"
+#include "lib/seen_counts.hpp"
+#include "tiles/point_file.hpp"
+#include "tools/table_file.hpp"
+
+namespace wedgescope {
+namespace {
+
+enum Field { agl, msl, hae, range, heading, lat, lon, x, y };
+
+/// Names of fields and of columns; the first one of each field is the one that documents and messages use.
+constexpr TableColumn names[] = {{agl, "height", "m"},
+                                 {agl, "altitude-agl", "m"},
+                                 {agl, "altitude_agl", "m"},
+                                 {msl, "altitude", "m"},
+                                 {msl, "altitude-msl", "m"},
+                                 {msl, "altitude_msl", "m"},
+                                 {hae, "altitude-hae", "m"},
+                                 {hae, "altitude_hae", "m"},
+                                 {range, "range", "m"},
+                                 {heading, "heading", "deg", Dimension::angle},
+                                 {lat, "lat", "", Dimension::angle, true},
+                                 {lat, "latitude", "", Dimension::angle, true},
+                                 {lon, "lon", "", Dimension::angle, true},
+                                 {lon, "longitude", "", Dimension::angle, true},
+                                 {x, "x"},
+                                 {y, "y"}};
+constexpr const char* accepted_columns =
+    "lat and lon or x and y, and, where the options do not say it for all, height (above ground) or altitude (above "
+    "the "
+    "sea), range and heading, with a unit in brackets where it is not m or deg; others are left out";
+constexpr double circle = 2 * std::numbers::pi * (1 + 1e-12);
+
+struct Bounds {
+    double low, high;
+    const char* words;
+};
+Bounds bounds(int field) {
+    switch (field) {
+        case agl:
+            return {0, 1e6, "from 0m to 1000km"};
+        case range:
+            return {1e-9, 1e7, "above 0m and up to 10000km"};
+        case heading:
+            return {-circle, circle, "from -360deg to 360deg"};
+        case lat:
+            return {-90, 90, "from -90 to 90 degrees"};
+        case lon:
+            return {-360, 360, "from -360 to 360 degrees"};
+        default:
+            return {-10000, 1e6, "from -10km to 1000km"};
+    }
+}
+
+AltitudeAbove above_what(int field) {
+    return field == agl ? AltitudeAbove::ground : field == msl ? AltitudeAbove::sea_level : AltitudeAbove::ellipsoid;
+}
+
+/// Puts what is given of these fields into an observer; `value` reads one and sees to its bounds. `where`: of the observer.
+template <class Given, class Value>
+void take(Observer& observer, const std::string& where, bool altitude_given, Given&& given, Value&& value) {
+    for (const int field : {agl, msl, hae}) {
+        if (!given(field)) continue;
+        if (observer.altitude_m)
+            throw InputError(text(where, " has two of height, altitude and altitude-hae; accepted: one"));
+        observer.altitude_above = above_what(field);
+        observer.altitude_m = value(field);
+    }
+    if (!observer.altitude_m && !altitude_given)
+        throw InputError(text(where,
+                              " has no altitude; accepted: a field height (above ground) or altitude (above the "
+                              "sea), or altitude-agl or altitude-msl for all"));
+    if (given(range)) observer.range_m = value(range);
+    if (given(heading)) observer.heading = Angle::radians(value(heading));
+}
+
+void check_count(const std::string& subject, std::size_t count) {
+    if (count == most_observers)
+        throw InputError(text(subject, " has more than ", most_observers, " observers; accepted: at most so many"));
+}
+
+Observers finish(const std::string& path, const std::string& subject, bool is_table, bool lat_lon,
+                 std::vector<Observer> all) {
+    if (all.empty()) throw InputError(text(subject, " holds no observer; at least one is needed"));
+    all.shrink_to_fit();
+    return Observers(path, is_table, lat_lon, std::move(all));
+}
+
+Observers read_table(const std::string& path, bool altitude_given) {
+    const std::string subject = text("observers ", in_quotes(path));
+    errno = 0;
+    std::ifstream file(path, std::ios::binary);
+    if (!file) throw IoError(text(subject, " cannot be opened: ", std::strerror(errno)));
+    TableReader table(subject, file, names, accepted_columns, true);
+    table.read_header();
+    const bool lat_lon = table.has(lat) || table.has(lon), x_y = table.has(x) || table.has(y);
+    if (lat_lon == x_y)
+        table.refuse_header(lat_lon ? "there are columns lat, lon and x, y" : "no columns are lat, lon or x, y");
+    if (lat_lon && !(table.has(lat) && table.has(lon))) table.refuse_header("of lat and lon one is missing");
+    if (x_y && !(table.has(x) && table.has(y))) table.refuse_header("of x and y one is missing");
+    std::vector<Observer> all;
+    while (table.next_row()) {
+        check_count(subject, all.size());
+        const auto value = [&](int field) {
+            const Bounds b = bounds(field);
+            return table.value_within(field, b.low, b.high, b.words);
+        };
+        Observer o;
+        o.number = table.line();
+        o.first = lat_lon ? value(lat) : table.value(x);
+        o.second = lat_lon ? value(lon) : table.value(y);
+        take(
+            o, text(subject, ", line ", table.line()), altitude_given, [&](int field) { return table.given(field); },
+            value);
+        all.push_back(o);
+    }
+    return finish(path, subject, true, lat_lon, std::move(all));
+}
+
+Observers read_points(const std::string& path, const std::string& layer, bool altitude_given,
+                      const DataBase& data_base) {
+    const std::string subject = text("observers ", in_quotes(path));
+    PointFileParams params{"observers", path, layer, {}};
+    std::vector<const TableColumn*> columns;
+    for (const TableColumn& column : names)
+        if (column.field <= heading) {
+            columns.push_back(&column);
+            params.fields.emplace_back(column.name);
+        }
+    PointFile file(params, data_base);
+    std::vector<Observer> all;
+    file.read([&](const PointRow& row) {
+        check_count(subject, all.size());
+        const std::string where = text(subject, ", feature ", row.feature);
+        const auto place = [&](int field) {
+            std::size_t found = columns.size();
+            for (std::size_t i = columns.size(); i-- > 0;)
+                if (columns[i]->field == field && row.values[i]) found = i;
+            return found;
+        };
+        const auto value = [&](int field) {
+            const std::size_t i = place(field);
+            const Bounds b = bounds(field);
+            const TableColumn& column = *columns[i];
+            double v = b.low - 1;
+            try {
+                v = parse_quantity_or_number(column.dimension, column.name, *row.values[i], column.unit);
+            } catch (const InputError&) {
+            }
+            if (!(v >= b.low && v <= b.high))
+                throw InputError(text(where, ", field ", column.name, " is ", in_quotes(*row.values[i]),
+                                      "; it must be a number (", column.unit, ") or one with a unit, ", b.words));
+            return v;
+        };
+        Observer o;
+        o.number = row.feature;
+        o.first = row.first;
+        o.second = row.second;
+        take(
+            o, where, altitude_given, [&](int field) { return place(field) < columns.size(); }, value);
+        all.push_back(o);
+    });
+    return finish(path, subject, false, file.lat_lon(), std::move(all));
+}
+
+}  // namespace
+
+std::string Observers::words(std::size_t i) const {
+    return text("observers ", in_quotes(path_), ", ", number_name(), " ", all_[i].number);
+}
+
+Scene Observers::scene(const Scene& base, std::size_t i) const {
+    const Observer& o = all_[i];
+    Scene scene = base;
+    PlatformParams& at = scene.platform;
+    at.latlon.reset();
+    at.xy.reset();
+    if (lat_lon_)
+        at.latlon = LatLon{o.first, o.second};
+    else
+        at.xy = PointXY{o.first, o.second};
+    if (o.altitude_m) {
+        at.altitude_above = o.altitude_above;
+        at.altitude_m = *o.altitude_m;
+    }
+    if (o.range_m) scene.range_m = o.range_m;
+    if (o.heading) at.heading = *o.heading;
+    return scene;
+}
+
+Observers read_observers(const std::string& path, const std::string& layer, bool altitude_given,
+                         const DataBase& data_base) {
+    std::string ending = std::filesystem::path(path).extension().string();
+    std::transform(ending.begin(), ending.end(), ending.begin(), [](unsigned char c) { return std::tolower(c); });
+    std::error_code ignored;
+    if (ending != ".csv" || !std::filesystem::is_regular_file(path, ignored))
+        return read_points(path, layer, altitude_given, data_base);
+    if (!layer.empty())
+        throw InputError(text("observers-layer is ", in_quotes(layer), ", and observers ", in_quotes(path),
+                              " is a table, which has none"));
+    return read_table(path, altitude_given);
+}
+
+}  // namespace wedgescope

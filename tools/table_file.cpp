@@ -1,0 +1,144 @@
+#include "tools/table_file.hpp"
+
+#include <algorithm>
+#include <cctype>
+
+#include "lib/error.hpp"
+
+namespace wedgescope {
+namespace {
+
+/// The cells of a line, trimmed; a comma in double quotes is part of its cell.
+std::vector<std::string_view> cells_of(std::string_view line) {
+    std::vector<std::string_view> cells;
+    for (;;) {
+        bool quoted = false;
+        std::size_t comma = 0;
+        while (comma < line.size() && (quoted || line[comma] != ',')) quoted ^= line[comma++] == '"';
+        if (quoted) comma = line.find(',');  // a quote that nobody closes is a character as any other
+        std::string_view cell = trimmed(line.substr(0, comma));
+        if (cell.size() >= 2 && cell.front() == '"' && cell.back() == '"')
+            cell = trimmed(cell.substr(1, cell.size() - 2));
+        cells.push_back(cell);
+        if (comma >= line.size()) return cells;
+        line.remove_prefix(comma + 1);
+    }
+}
+
+bool same_letters(std::string_view a, std::string_view b) {
+    return std::equal(a.begin(), a.end(), b.begin(), b.end(),
+                      [](unsigned char x, unsigned char y) { return std::tolower(x) == std::tolower(y); });
+}
+
+}  // namespace
+
+/// The next line that holds something; # begins a comment line.
+bool TableReader::next(std::string& line) {
+    while (std::getline(content_, line)) {
+        ++line_;
+        if (line_ == 1 && line.starts_with("\xef\xbb\xbf")) line.erase(0, 3);
+        constexpr std::size_t longest = 4096;
+        if (line.size() > longest)
+            throw InputError(
+                text(subject_, ", line ", line_, " has ", line.size(), " characters; accepted: at most ", longest));
+        const std::string_view rest = trimmed(line);
+        if (!rest.empty() && rest.front() != '#') return true;
+    }
+    if (content_.bad()) throw IoError(text(subject_, " cannot be read"));
+    return false;
+}
+
+void TableReader::refuse(int field, std::string_view found, const std::string& accepted) const {
+    const auto at = column_of(field);
+    throw InputError(text(subject_, ", line ", line_, ", column ", at ? columns_[*at].known->name : "?", " is ", found,
+                          "; it must be ", accepted));
+}
+
+void TableReader::refuse_header(const char* what) const {
+    throw InputError(text(subject_, ", line ", header_line_, ": ", what, "; accepted: ", accepted_));
+}
+
+std::optional<std::size_t> TableReader::column_of(int field) const {
+    for (std::size_t i = 0; i < columns_.size(); ++i)
+        if (columns_[i].known && columns_[i].known->field == field) return i;
+    return std::nullopt;
+}
+
+void TableReader::read_header() {
+    std::string line;
+    if (!next(line)) throw InputError(text(subject_, " is empty; accepted: a line that names the columns ", accepted_));
+    header_line_ = line_;
+    for (const std::string_view cell : cells_of(line)) {
+        const auto open = cell.find('[');
+        const std::string_view name = trimmed(cell.substr(0, open));
+        const TableColumn* found = nullptr;
+        for (const TableColumn& column : known_)
+            if (others_ ? same_letters(name, column.name) : name == column.name) found = &column;
+        const std::string at = text(subject_, ", line ", line_, ": column ", columns_.size() + 1);
+        if (!found && !others_) throw InputError(text(at, " is ", in_quotes(cell), "; accepted: ", accepted_));
+        if (!found) {
+            columns_.push_back({nullptr, ""});
+            continue;
+        }
+        if (column_of(found->field)) throw InputError(text(at, " is ", in_quotes(cell), ", and so is one before"));
+        std::string unit = found->unit;
+        if (open != std::string_view::npos) {
+            const auto close = cell.find(']', open);
+            const bool whole = close == cell.size() - 1;
+            unit = std::string(trimmed(cell.substr(open + 1, whole ? close - open - 1 : std::string_view::npos)));
+            if (*found->unit == 0) {
+                if (!whole || unit != (found->degrees ? "deg" : ""))
+                    throw InputError(text(at, " is ", in_quotes(cell), "; accepted: ", found->name,
+                                          found->degrees ? ", in degrees" : ", in the raster's own units"));
+                unit.clear();
+            } else {
+                try {
+                    if (!whole) throw InputError("");
+                    parse_quantity(found->dimension, "", "1" + unit);
+                } catch (const InputError&) {
+                    throw InputError(text(at, " is ", in_quotes(cell),
+                                          "; accepted units: ", unit_list(found->dimension), ", as in ", found->name,
+                                          " [", found->unit, "]"));
+                }
+            }
+        }
+        columns_.push_back({found, unit});
+    }
+}
+
+bool TableReader::next_row() {
+    if (!next(row_)) return false;
+    cells_ = cells_of(row_);
+    if (cells_.size() != columns_.size())
+        throw InputError(text(subject_, ", line ", line_, " has ", cells_.size(),
+                              " columns; accepted: ", columns_.size(), ", as many as are named"));
+    return true;
+}
+
+bool TableReader::given(int field) const {
+    const auto at = column_of(field);
+    return at && !cells_[*at].empty();
+}
+
+double TableReader::value(int field) const {
+    const std::size_t at = *column_of(field);
+    const Column& column = columns_[at];
+    const std::string_view cell = cells_[at];
+    const bool plain = column.unit.empty();
+    try {
+        if (plain) return parse_number(column.known->name, cell);
+        return parse_quantity_or_number(column.known->dimension, column.known->name, cell, column.unit);
+    } catch (const InputError&) {
+        refuse(field, in_quotes(cell),
+               plain ? std::string("a number")
+                     : text("a number (", column.unit, "), or one with a unit: ", unit_list(column.known->dimension)));
+    }
+}
+
+double TableReader::value_within(int field, double low, double high, const char* words) const {
+    const double v = value(field);
+    if (!(v >= low && v <= high)) refuse(field, in_quotes(cells_[*column_of(field)]), words);
+    return v;
+}
+
+}  // namespace wedgescope

@@ -1,0 +1,71 @@
+// Table file: the CSV tables that the program takes: a line that names the columns, then a row a line, cell by cell.
+// Leaves which columns there are, and what a row means, to track_file.hpp and observer_file.hpp.
+#pragma once
+#include <cstdint>
+#include <istream>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "tools/units.hpp"
+
+namespace wedgescope {
+
+struct TableColumn {
+    int field;  ///< columns of one field are other names of it
+    const char* name;
+    const char* unit = "";  ///< of a bare number; empty: a plain number
+    Dimension dimension = Dimension::length;
+    bool degrees = false;  ///< a plain number that is one of degrees
+};
+
+/// Blank lines and those that begin with # are left out; a cell may stand in double quotes, and then hold commas.
+class TableReader {
+public:
+    /// `subject`: for messages ("track 'x.csv'"); `accepted`: all columns in words; `others`: columns of other names are left
+    /// out, and names are taken in any case of letters; else refused. All must outlive it.
+    TableReader(std::string subject, std::istream& content, std::span<const TableColumn> known, std::string accepted,
+                bool others)
+        : subject_(std::move(subject)), content_(content), known_(known), accepted_(std::move(accepted)),
+          others_(others) {}
+
+    // All throw InputError naming subject, line, column, what was found and what is accepted; IoError.
+
+    /// The line that names the columns; before the first row.
+    void read_header();
+    bool has(int field) const { return column_of(field).has_value(); }
+    /// The next row; false at the end.
+    bool next_row();
+    std::int64_t line() const { return line_; }
+
+    /// Is there a cell of that column with something in it?
+    bool given(int field) const;
+    /// A number in the column's unit or in the one that the cell gives, in SI units.
+    double value(int field) const;
+    double value_within(int field, double low, double high, const char* words) const;
+
+    [[noreturn]] void refuse(int field, std::string_view found, const std::string& accepted) const;
+    [[noreturn]] void refuse_header(const char* what) const;
+
+private:
+    struct Column {
+        const TableColumn* known;  ///< none: of another name
+        std::string unit;
+    };
+    bool next(std::string& line);
+    std::optional<std::size_t> column_of(int field) const;
+
+    std::string subject_;
+    std::istream& content_;
+    std::span<const TableColumn> known_;
+    std::string accepted_;
+    bool others_;
+    std::int64_t line_ = 0, header_line_ = 0;
+    std::vector<Column> columns_;
+    std::string row_;
+    std::vector<std::string_view> cells_;
+};
+
+}  // namespace wedgescope
