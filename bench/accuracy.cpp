@@ -1,16 +1,19 @@
-// accuracy OUT.tsv [SCENE...]: error against time. Runs scenes of the shipped data at every quality and at raw settings of
-// the sampling, compares power and states with the independent reference of tests/reference (converged to 0.01 dB), and
+// accuracy OUT.tsv [--rays N] [SCENE...]: error against time. Runs scenes of the shipped data at every quality and at raw settings of
+// the sampling, compares power and states with the independent reference of tests/reference (converged to 0.01 dB with 48 rays a bin), and
 // writes a row for each: what it cost and how far off it was. Beside them polar sampling, rays with even steps, by the
 // reference's own code at coarse steps.
 //
-//   RMS, p99   dB, of the power image over cells above the noise in either, noise added to both (design of the promises)
-//   bands      RMS in the nearest, middle and farthest third of the ranges
+//   rms, p99   dB, of the power image over cells above the noise in either, noise added to both (design of the promises)
+//   near, middle, far   RMS in the nearest, middle and farthest third of the ranges
+//   grey       RMS of the grey levels of the default receiver
 //   states     per cent of cells whose states differ
+//   shift      bins by which the image lies off, in range or azimuth, whichever is more: where its correlation peaks
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <cstdlib>
 #include <cstring>
 #include <exception>
 #include <memory>
@@ -19,6 +22,7 @@
 
 #include "lib/engine.hpp"
 #include "lib/error.hpp"
+#include "lib/receiver.hpp"
 #include "tests/reference/reference_engine.hpp"
 #include "tiles/gdal_session.hpp"
 #include "tiles/sources.hpp"
@@ -39,7 +43,10 @@ struct Place {
     double lat, lon, altitude_m;
     int first_bin;
     double range_m, post_m;
+    AltitudeAbove above = AltitudeAbove::sea_level;
+    double beam_deg = 1.5, pulse_us = 0.5;
 };
+constexpr AltitudeAbove low = AltitudeAbove::ground;
 const Place places[] = {
     {"inland_empire 2134 m, culture", "inland_empire", true, 33.93, -117.33, 2134, 480, 30000, 30},
     {"inland_empire 2134 m, bare", "inland_empire", false, 33.93, -117.33, 2134, 480, 30000, 30},
@@ -49,6 +56,16 @@ const Place places[] = {
     {"olympic_coast 1500 m", "olympic_coast", false, 48.2, -124.6, 1500, 240, 30000, 30},
     {"olympic_coast 12000 m", "olympic_coast", false, 48.2, -124.6, 12000, 240, 40000, 30},
     {"azores 3000 m", "azores", false, 38.5, -28.3, 3000, 240, 60000, 92},
+    {"inland_empire 400 m above ground, culture", "inland_empire", true, 33.93, -117.33, 400, 480, 20000, 30, low},
+    {"inland_empire 150 m above ground, bare", "inland_empire", false, 33.93, -117.33, 150, 480, 20000, 30, low},
+    {"worcester 50 m above ground, bare", "worcester_vermont", false, 44.42, -72.56, 50, 0, 11000, 30, low},
+    {"olympic_coast 400 m above ground", "olympic_coast", false, 48.2, -124.6, 400, 240, 20000, 30, low},
+    {"beam 0.75 deg, pulse 0.25 us", "inland_empire", false, 33.93, -117.33, 838, 480, 30000, 30,
+     AltitudeAbove::sea_level, 0.75, 0.25},
+    {"beam 3 deg, pulse 1 us", "inland_empire", false, 33.93, -117.33, 838, 480, 30000, 30, AltitudeAbove::sea_level, 3,
+     1},
+    {"beam 6 deg, pulse 2 us", "inland_empire", false, 33.93, -117.33, 838, 480, 30000, 30, AltitudeAbove::sea_level, 6,
+     2},
 };
 
 DataBaseParams layers(const Place& p) {
@@ -66,8 +83,11 @@ DataBaseParams layers(const Place& p) {
 Scene scene_of(const Place& p) {
     Scene s;
     s.platform.latlon = LatLon{p.lat, p.lon};
+    s.platform.altitude_above = p.above;
     s.platform.altitude_m = p.altitude_m;
     s.azimuth_bins = circle;
+    s.radar.antenna.beam = Angle::degrees(p.beam_deg);
+    s.radar.pulse_s = p.pulse_us * 1e-6;
     s.range_m = p.range_m;
     s.range_start_m = 2 * p.post_m / s.radar.antenna.beam.rad();  // from where the beam is two posts wide
     s.sector = Sector{Angle::degrees(p.first_bin * step_deg), Angle::degrees((p.first_bin + bins) * step_deg)};
@@ -75,7 +95,7 @@ Scene scene_of(const Place& p) {
     return s;
 }
 
-reference::Scene reference_of(const Place& p, const DataBaseParams& db, const RunResult& like) {
+reference::Scene reference_of(const Place& p, const DataBaseParams& db, double sensor_m, const RunResult& like) {
     reference::Scene r;
     r.dem = db.dem;
     r.culture = db.culture;
@@ -85,8 +105,10 @@ reference::Scene reference_of(const Place& p, const DataBaseParams& db, const Ru
     r.gamma = reference::project_gamma();
     r.lat_deg = p.lat;
     r.lon_deg = p.lon;
-    r.height_msl_m = p.altitude_m;
+    r.height_msl_m = sensor_m;
     r.azimuth_bins = circle;
+    r.beamwidth_deg = p.beam_deg;
+    r.pulse_s = p.pulse_us * 1e-6;
     r.first_azimuth_bin = p.first_bin;
     r.azimuth_count = bins;
     r.range_bin_m = like.power_w.grid.range_bin_m;
@@ -115,9 +137,51 @@ struct Errors {
     reference::Comparison all;
     double bands_db[3] = {};
     double states = 0;
+    double grey = 0;
+    double shift = 0;
 };
-Errors compare(const Images& test, const Images& truth, std::size_t columns, double noise_w) {
+
+/// Sum of products of two images' dB (noise added, mean taken off), the one moved by so many rows and columns.
+double correlation(const std::vector<double>& a, const std::vector<double>& b, std::size_t columns, std::int64_t row,
+                   std::int64_t column) {
+    const auto width = static_cast<std::int64_t>(columns), height = static_cast<std::int64_t>(a.size()) / width;
+    double sum = 0;
+    for (std::int64_t y = 1; y < height - 1; ++y)
+        for (std::int64_t x = 1; x < width - 1; ++x)
+            sum += a[static_cast<std::size_t>((y + row) * width + x + column)] *
+                   b[static_cast<std::size_t>(y * width + x)];
+    return sum;
+}
+/// Bins by which image a lies off from b, along rows or columns: the top of the parabola through their correlation.
+double shift_of(const std::vector<double>& a, const std::vector<double>& b, std::size_t columns) {
+    const auto top = [&](const std::vector<double>& of, std::int64_t row, std::int64_t column) {
+        const double before = correlation(of, b, columns, -row, -column), at = correlation(of, b, columns, 0, 0),
+                     after = correlation(of, b, columns, row, column);
+        return 0.5 * (after - before) / (2 * at - before - after);
+    };
+    return std::max(std::abs(top(a, 1, 0) - top(b, 1, 0)), std::abs(top(a, 0, 1) - top(b, 0, 1)));
+}
+std::vector<double> levelled_db(const std::vector<double>& power_w, double noise_w) {
+    std::vector<double> db;
+    double mean = 0;
+    for (const double w : power_w) {
+        db.push_back(10 * std::log10(w + noise_w));
+        mean += db.back() / static_cast<double>(power_w.size());
+    }
+    for (double& v : db) v -= mean;
+    return db;
+}
+
+Errors compare(const Images& test, const Images& truth, std::size_t columns, double noise_w, const Receiver& receiver) {
     Errors e;
+    double squares = 0;
+    for (std::size_t i = 0; i < truth.power_w.size(); ++i) {  // without STC a grey level is the same at every range
+        const double off = static_cast<double>(receiver.grey(test.power_w[i] + noise_w, 0)) -
+                           static_cast<double>(receiver.grey(truth.power_w[i] + noise_w, 0));
+        squares += off * off;
+    }
+    e.grey = std::sqrt(squares / static_cast<double>(truth.power_w.size()));
+    e.shift = shift_of(levelled_db(test.power_w, noise_w), levelled_db(truth.power_w, noise_w), columns);
     e.all = reference::compare(test.power_w, truth.power_w, noise_w);
     e.states = reference::state_difference(test.state, truth.state);
     for (std::size_t band = 0; band < 3; ++band) {
@@ -140,16 +204,19 @@ public:
         if (!file_) throw IoError(text("'", path, "' cannot be written"));
         fmt::print(
             file_.get(),
-            "scene\tsetting\tcpu_s\twall_s\tsamples\tbytes_read\trms_db\tp99_db\tnear_db\tmiddle_db\tfar_db\tstates\n");
+            "scene\tsetting\tcpu_s\twall_s\tsamples\tbytes_read\trms_db\tp99_db\tnear_db\tmiddle_db\tfar_db\tgrey\t"
+            "states\tshift\n");
     }
     void row(const char* scene, const std::string& setting, double cpu_s, double wall_s, std::uint64_t samples,
              std::uint64_t bytes, const Errors& e) {
-        fmt::print(file_.get(), "{}\t{}\t{:.3f}\t{:.3f}\t{}\t{}\t{:.4f}\t{:.4f}\t{:.4f}\t{:.4f}\t{:.4f}\t{:.4f}\n",
+        fmt::print(file_.get(),
+                   "{}\t{}\t{:.3f}\t{:.3f}\t{}\t{}\t{:.4f}\t{:.4f}\t{:.4f}\t{:.4f}\t{:.4f}\t{:.3f}\t{:.4f}\t{:.5f}\n",
                    scene, setting, cpu_s, wall_s, samples, bytes, e.all.rms_db, e.all.p99_db, e.bands_db[0],
-                   e.bands_db[1], e.bands_db[2], 100 * e.states);
+                   e.bands_db[1], e.bands_db[2], e.grey, 100 * e.states, e.shift);
         std::fflush(file_.get());
-        fmt::print("{:<32} {:<34} {:>7.3f} s  rms {:.4f}  p99 {:.4f}  states {:.3f} %\n", scene, setting, cpu_s,
-                   e.all.rms_db, e.all.p99_db, 100 * e.states);
+        fmt::print("{:<42} {:<38} {:>7.3f} s  rms {:.4f}  p99 {:.4f}  grey {:.2f}  states {:.3f} %  shift {:.4f}\n",
+                   scene, setting, cpu_s, e.all.rms_db, e.all.p99_db, e.grey, 100 * e.states, e.shift);
+        std::fflush(stdout);
     }
 
 private:
@@ -159,23 +226,27 @@ private:
 struct Setting {
     std::string name;
     Quality quality = Quality::exact;
-    std::optional<double> spokes;
+    std::optional<double> spokes, lead;
     std::optional<bool> crossings, curved;
 };
 std::vector<Setting> settings() {
     std::vector<Setting> all;
     for (const Quality q : {Quality::draft, Quality::normal, Quality::fine, Quality::exact})
-        all.push_back({text("quality ", word(q)), q, {}, {}, {}});
-    for (const bool crossings : {false, true})
-        for (const double spokes : {0.5, 1.0, 2.0, 4.0})
-            all.push_back({fmt::format("{} spokes a post{}", spokes, crossings ? ", crossings" : ""), Quality::exact,
-                           spokes, crossings, crossings});
+        all.push_back({text("quality ", word(q)), q, {}, {}, {}, {}});
+    for (const double lead : {1, 4, 8})
+        for (const bool crossings : {false, true})
+            for (const double spokes : {0.5, 1.0, 2.0, 4.0})
+                if (crossings || lead < 8)
+                    all.push_back(
+                        {fmt::format("{} spokes a post, lead {}{}", spokes, lead, crossings ? ", crossings" : ""),
+                         Quality::exact, spokes, lead, crossings, crossings});
     return all;
 }
 
-void measure(const Place& place, Table& table) {
+void measure(const Place& place, int rays_per_bin, Table& table) {
     const DataBaseParams db = layers(place);
     const double noise_w = reference::noise_w(scene_of(place).radar.noise_bandwidth_hz(), 8);
+    const Receiver receiver(scene_of(place).receiver, scene_of(place).radar);
     Images truth;
     std::size_t skip = 0, columns = 0;
     reference::Scene r;
@@ -183,16 +254,19 @@ void measure(const Place& place, Table& table) {
         Scene s = scene_of(place);
         s.quality = setting.quality;
         s.spokes_per_post = setting.spokes;
+        s.spoke_lead = setting.lead;
         s.crossings = setting.crossings;
         s.curved_course = setting.curved;
         const auto source = open_direct_source(db);
         EngineParams params;
         params.threads = 1;
         const double start = now_s();
-        const RunResult ours = run(resolve(s, *source), *source, params);
+        const ResolvedScene resolved = resolve(s, *source);
+        const RunResult ours = run(resolved, *source, params);
         const double wall_s = now_s() - start;
         if (truth.power_w.empty()) {
-            r = reference_of(place, db, ours);
+            r = reference_of(place, db, resolved.sensor_m, ours);
+            r.rays_per_bin = rays_per_bin;
             skip = static_cast<std::size_t>(ours.power_w.grid.range_bins.begin);
             columns = static_cast<std::size_t>(ours.power_w.grid.range_bins.size());
             truth = cut(reference::simulate(r), skip);
@@ -206,7 +280,8 @@ void measure(const Place& place, Table& table) {
         }
         const Images test{{ours.power_w.cells.begin(), ours.power_w.cells.end()},
                           {ours.state.cells.begin(), ours.state.cells.end()}};
-        table.row(place.name, setting.name, cpu_s, wall_s, samples, bytes, compare(test, truth, columns, noise_w));
+        table.row(place.name, setting.name, cpu_s, wall_s, samples, bytes,
+                  compare(test, truth, columns, noise_w, receiver));
     }
     for (const int rays : {2, 4, 8, 16}) {
         reference::Scene polar = r;
@@ -217,7 +292,7 @@ void measure(const Place& place, Table& table) {
         const double steps = r.range_bins * r.range_bin_m / (made.post_m * polar.step_posts);
         table.row(place.name, fmt::format("polar, {} rays a bin, steps of {:.3g} posts", rays, polar.step_posts),
                   made.cpu_s, made.cpu_s, static_cast<std::uint64_t>(steps * rays * bins), 0,
-                  compare(cut(made, skip), truth, columns, noise_w));
+                  compare(cut(made, skip), truth, columns, noise_w, receiver));
     }
 }
 
@@ -225,17 +300,24 @@ void measure(const Place& place, Table& table) {
 
 int main(int argc, char** argv) {
     if (argc < 2) {
-        fmt::print(stderr, "usage: accuracy OUT.tsv [SCENE...]   scenes that begin so; all without\n");
+        fmt::print(stderr,
+                   "usage: accuracy OUT.tsv [--rays N] [SCENE...]   rays of the reference; scenes that begin so, all "
+                   "without\n");
         return 2;
+    }
+    int rays = 48, scenes = 2;
+    if (argc > 3 && std::strcmp(argv[2], "--rays") == 0) {
+        rays = std::atoi(argv[3]);
+        scenes = 4;
     }
     try {
         const GdalSession session(64 << 20, {});
         Table table(argv[1]);
         for (const Place& place : places) {
-            const bool wanted = argc == 2 || std::any_of(argv + 2, argv + argc, [&](const char* name) {
+            const bool wanted = argc <= scenes || std::any_of(argv + scenes, argv + argc, [&](const char* name) {
                                     return std::strncmp(place.name, name, std::strlen(name)) == 0;
                                 });
-            if (wanted) measure(place, table);
+            if (wanted) measure(place, rays, table);
         }
     } catch (const std::exception& e) {
         fmt::print(stderr, "accuracy: {}\n", e.what());

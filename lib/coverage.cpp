@@ -253,7 +253,7 @@ private:
         return bytes;
     }
     SpokeMapParams map_params() const {
-        const double post = std::hypot(db_.step_x, db_.step_y) * db_.metres_per_unit * (db_.crs_in_metres ? 1 : 111320);
+        const double post = std::hypot(db_.step_x, db_.step_y) * db_.metres_a_unit();
         return {scene_.geometry, scene_.nadir,         scene_.lat_deg,
                 scene_.lon_deg,  scene_.scene.earth_k, rounded(scene_.farthest_arc_m + 2 * post, 10)};
     }
@@ -1572,13 +1572,13 @@ CoverageReport Cover::run() {
 Sampling coverage_sampling(Quality quality) {
     switch (quality) {
         case Quality::draft:
-            return {.spokes_per_post = 1, .cross_lines = false, .exact_course = false};
+            return {.spokes_per_post = 1, .lead = 1, .cross_lines = false, .exact_course = false};
         case Quality::normal:
-            return {.spokes_per_post = 2, .cross_lines = false, .exact_course = false};
+            return {.spokes_per_post = 2, .lead = 1, .cross_lines = false, .exact_course = false};
         case Quality::fine:
-            return {.spokes_per_post = 2, .cross_lines = true, .exact_course = false};
+            return {.spokes_per_post = 2, .lead = 1, .cross_lines = true, .exact_course = false};
         case Quality::exact:
-            return {.spokes_per_post = 4, .cross_lines = true, .exact_course = false};
+            return {.spokes_per_post = 4, .lead = 1, .cross_lines = true, .exact_course = false};
     }
     return {};
 }

@@ -49,7 +49,7 @@ struct Setting {
 
     static SpokeMapParams map_params(const ResolvedScene& s, const DataBase& db) {
         const double range = *s.scene.range_m, theta = range * s.earth.inverse_radius();
-        const double post = std::hypot(db.step_x, db.step_y) * db.metres_per_unit * (db.crs_in_metres ? 1 : 111320);
+        const double post = std::hypot(db.step_x, db.step_y) * db.metres_a_unit();
         return {s.geometry, s.nadir, s.lat_deg, s.lon_deg, s.scene.earth_k,
                 // The arc of a slant range is at most this much longer, down to 2 km below sea level.
                 rounded(range * (1.0005 + theta * theta / 4) + 2 * post, 10)};
@@ -70,13 +70,13 @@ struct Setting {
 
     Setting(const ResolvedScene& s, WedgeSource& source, std::shared_ptr<const SceneTables> made)
         : scene(s), data_base(source.data_base()), map(data_base, map_params(s, data_base)),
-          grid(data_base, map, sampling(s.scene), s.swept.circle_bins),
+          grid(data_base, map, sampling_of(s, data_base), s.swept.circle_bins),
           tables(made ? std::move(made) : std::make_shared<const SceneTables>(s.scene)),
           cells(quanta(s.swept.range_bins, s.swept.range_bin_m, radar_constant(s.scene.radar), tables->pattern.most(),
                        grid.azimuth_step_rad(), most_gamma(tables->gamma))) {
         sweep.data_base = &data_base;
         sweep.grid = &grid;
-        sweep.sampling = sampling(s.scene);
+        sweep.sampling = sampling_of(s, data_base);
         sweep.sensor_m = s.sensor_m;
         sweep.reference_m = s.reference_m;
         sweep.nadir_surface_m = s.nadir_on_data ? s.nadir_surface_m : std::numeric_limits<double>::quiet_NaN();

@@ -46,6 +46,8 @@ struct ResolvedScene {
 
 /// Finds position, height above sea level and every default. InputError, DataError.
 ResolvedScene resolve(const Scene& scene, WedgeSource& source);
+/// How densely a scene's ground is sampled: its quality, its own keys, and what the ground and the sensor's height need.
+Sampling sampling_of(const ResolvedScene& scene, const DataBase& data_base);
 /// Shows these azimuth bins instead, 0 <= begin < circle; sweeps them and the beam's skirt.
 void look_at(ResolvedScene& scene, Interval azimuth_bins);
 

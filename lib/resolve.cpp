@@ -257,6 +257,11 @@ ResolvedScene resolve_coverage(const Scene& scene, WedgeSource& source) {
     return s;
 }
 
+Sampling sampling_of(const ResolvedScene& scene, const DataBase& db) {
+    const double post_m = std::max(std::abs(db.step_x), std::abs(db.step_y)) * db.metres_a_unit();
+    return sampling(scene.scene, db.has_culture_height, (scene.sensor_m - scene.reference_m) / post_m);
+}
+
 void look_at(ResolvedScene& s, Interval azimuth_bins) {
     const std::int64_t circle = s.shown.circle_bins, skirt = skirt_bins(beam_setting(s), circle);
     s.shown.azimuth_bins = azimuth_bins.size() == circle ? Interval{0, circle} : azimuth_bins;

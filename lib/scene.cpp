@@ -67,6 +67,7 @@ void validate(const Scene& scene) {
     if (scene.display.sweep_delay_m) require_within("sweep-delay", *scene.display.sweep_delay_m, 0, 1e7, "m");
     require_within("size", static_cast<double>(scene.display.size), 16, 32768, "pixels");
     if (scene.spokes_per_post) require_within("spokes-per-post", *scene.spokes_per_post, 0.25, 16, "");
+    if (scene.spoke_lead) require_within("spoke-lead", *scene.spoke_lead, 1, 64, "");
     if (scene.gamma) require_within("gamma", scene.gamma->db(), -100, 100, "dB");
 }
 

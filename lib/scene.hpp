@@ -70,6 +70,7 @@ struct Scene {
     std::optional<double> max_error_db;  ///< asked for in place of a quality, which is then what keeps it
     // In place of what the quality says.
     std::optional<double> spokes_per_post;
+    std::optional<double> spoke_lead;   ///< how many times their distance ahead spokes double
     std::optional<bool> crossings;      ///< sampled where spokes cross the other axis' lines too
     std::optional<bool> curved_course;  ///< the surface's course inside a cell, not a straight line
 };

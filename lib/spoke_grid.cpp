@@ -10,22 +10,31 @@
 
 namespace wedgescope {
 
-Sampling sampling(Quality quality) {
+Sampling sampling(Quality quality, bool culture_height, double above_posts) {
+    double more = 1;
+    for (double above = above_posts; more < 16 && above < (culture_height ? 20 : 12); above *= 2) more *= 2;
+    const auto dense = [&](double bare, double with_culture, double lead) {
+        return Sampling{.spokes_per_post = std::min(16.0, more * (culture_height ? with_culture : bare)),
+                        .lead = lead,
+                        .cross_lines = true,
+                        .exact_course = true};
+    };
     switch (quality) {
         case Quality::draft:
-            return {.spokes_per_post = 1, .cross_lines = false, .exact_course = false};
+            if (more > 1) return dense(0.5, 0.5, 1);
+            return {.spokes_per_post = 1, .lead = 1, .cross_lines = false, .exact_course = false};
         case Quality::normal:
-            return {.spokes_per_post = 1, .cross_lines = true, .exact_course = false};
+            return dense(0.5, 1, 4);
         case Quality::fine:
-            return {.spokes_per_post = 1, .cross_lines = true, .exact_course = true};
+            return dense(1, 2, 4);
         case Quality::exact:
-            return {.spokes_per_post = 1.25, .cross_lines = true, .exact_course = true};
+            return culture_height ? dense(4, 4, 4) : dense(1, 1, 8);
     }
     return {};
 }
 
 Sampling own_sampling(const Scene& scene, Sampling of_quality) {
-    return {scene.spokes_per_post.value_or(of_quality.spokes_per_post),
+    return {scene.spokes_per_post.value_or(of_quality.spokes_per_post), scene.spoke_lead.value_or(of_quality.lead),
             scene.crossings.value_or(of_quality.cross_lines), scene.curved_course.value_or(of_quality.exact_course)};
 }
 
@@ -62,8 +71,11 @@ SpokeGrid::SpokeGrid(const DataBase& data_base, const SpokeMap& map, const Sampl
         const double a = map.azimuth_rad(q, -1), b = map.azimuth_rad(q, 1);
         lines.clockwise = b > a;
         // Rings.
+        const double spokes_a_post = sampling.spokes_per_post * map.spacing_slack(),
+                     last_distance = lines.line_count ? distance(q, lines.line_count - 1) : 0;
         const auto needed = [&](double d, std::int64_t k) {
-            while (d * sampling.spokes_per_post * map.spacing_slack() > static_cast<double>(k)) k *= 2;
+            const double dense_to = std::min(d * sampling.lead, std::max(d, last_distance));
+            while (dense_to * spokes_a_post > static_cast<double>(k)) k *= 2;
             return k;
         };
         std::int64_t k = lines.line_count ? needed(first_distance, least) : least;
@@ -75,7 +87,8 @@ SpokeGrid::SpokeGrid(const DataBase& data_base, const SpokeMap& map, const Sampl
                 lines.rings.push_back({k, {i, i}});
             }
             // Straight to the ring's last line.
-            const double reach = static_cast<double>(k) / (sampling.spokes_per_post * map.spacing_slack());
+            const double most = static_cast<double>(k) / spokes_a_post,
+                         reach = most < last_distance ? most / sampling.lead : last_distance;
             std::int64_t next = std::min(
                 lines.line_count, i + std::max<std::int64_t>(1, static_cast<std::int64_t>(reach - distance(q, i))));
             while (next < lines.line_count && needed(distance(q, next), k) == k) ++next;

@@ -1,8 +1,8 @@
 // SpokeGrid: which spokes there are: quadrants, lines, rings, azimuths; and a wedge as runs of spokes.
 // A property of the scene, never of the split into wedges. Leaves positions to spoke_map.hpp and state to front.hpp.
 //
-// Spoke k of a quadrant (-K <= k <= K) has slope k/K; K is a power of two that doubles from one ring to the next where
-// the spokes' spacing on a line would exceed 1/o posts. Its cell is the azimuths between slopes (k-1/2)/K and
+// Spoke k of a quadrant (-K <= k <= K) has slope k/K; K is a power of two that doubles from one ring to the next, where
+// the spokes' spacing on a line `lead` times as far off (the last one at most) would exceed 1/o posts. Its cell is the azimuths between slopes (k-1/2)/K and
 // (k+1/2)/K, cut at +-1: a spoke on a common diagonal is swept by both quadrants and each deposits its own half.
 #pragma once
 #include <cstdint>
@@ -18,14 +18,23 @@ namespace wedgescope {
 /// What a quality means for the sweep.
 struct Sampling {
     double spokes_per_post = 1;  ///< o: at least so many spokes a post on every line
-    bool cross_lines = true;     ///< sampled where spokes cross the other axis' lines too
+    /// How many times a line's distance spokes are dense enough for. A spoke that a doubling puts between two starts from
+    /// the mean of their horizons, which is wrong until ground of its own hides more: so the sooner the better.
+    double lead = 1;
+    bool cross_lines = true;  ///< sampled where spokes cross the other axis' lines too
     bool exact_course =
         false;  ///< the bilinear surface's course between two samples, not a straight line, decides what is seen
 };
-Sampling sampling(Quality quality);
+/// `culture_height`: single posts may stand up from the ground (trees, buildings), and spokes must meet each of them.
+/// `above_posts`: the sensor's height over the ground below it, in posts. The lower it is, the longer are the shadows that
+/// a post beside the spokes throws: below 12 posts (20 with culture heights) spokes double with each halving of the
+/// height, to 16 times at most. Source: docs/accuracy.md.
+Sampling sampling(Quality quality, bool culture_height, double above_posts);
 /// `of_quality` with what the scene itself says.
 Sampling own_sampling(const Scene& scene, Sampling of_quality);
-inline Sampling sampling(const Scene& scene) { return own_sampling(scene, sampling(scene.quality)); }
+inline Sampling sampling(const Scene& scene, bool culture_height, double above_posts) {
+    return own_sampling(scene, sampling(scene.quality, culture_height, above_posts));
+}
 
 /// Lines of a quadrant between two doublings of the number of spokes.
 struct Ring {

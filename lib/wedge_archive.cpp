@@ -29,6 +29,11 @@ std::vector<Fact> echo_facts(const ResolvedScene& s, const DataBase& db) {
     add("earth", scene.earth_k ? text(*scene.earth_k) : std::string("flat"));
     add("range", scene.range_m.value_or(0));
     add("quality", word(scene.quality));
+    const Sampling sampled = sampling_of(s, db);
+    add("spokes-per-post", sampled.spokes_per_post);
+    add("spoke-lead", sampled.lead);
+    add("crossings", sampled.cross_lines);
+    add("course", sampled.exact_course ? "curved" : "straight");
     add("azimuth-bins", s.swept.circle_bins);
     add("range-bin", s.swept.range_bin_m);
     add("sector", s.swept.azimuth_bins.begin, "..", s.swept.azimuth_bins.end);

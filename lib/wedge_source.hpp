@@ -35,6 +35,8 @@ struct DataBase {
     double origin_x = 0, origin_y = 0;  ///< of post (0, 0), in CRS units
     double step_x = 0, step_y = 0;      ///< from post to post, in CRS units; step_y below 0 for north-up rasters
     double metres_per_unit = 1;         ///< of x and y on a plane
+    /// Metres in a unit of x and y: of a degree, those at the equator. For sizes that need not be exact.
+    double metres_a_unit() const { return metres_per_unit * (crs_in_metres ? 1 : 111320); }
     bool cyclic = false;                ///< columns span the whole circle of longitude
     std::int64_t cycle_columns = 0;     ///< columns of the circle, if cyclic
 

@@ -375,14 +375,14 @@ TEST_CASE("on a flat plain the mean depression of a cell is that of its range", 
     const ResolvedScene resolved = resolve(s, source);
     const DataBase& db = source.data_base();
     const SpokeMap map(db, {Geometry::grid, resolved.nadir, 0, 0, std::nullopt, 6000});
-    const SpokeGrid grid(db, map, sampling(Quality::exact), 360);
+    const SpokeGrid grid(db, map, sampling(Quality::exact, false, 50), 360);
     const PatternTable pattern(s.radar.antenna);
     const std::vector<ClassGamma> gamma(16, ClassGamma{1, 1});
     const Quanta cells = quanta({0, 110}, 50, 1, 1, grid.azimuth_step_rad(), 1);
     SweepScene sweep;
     sweep.data_base = &db;
     sweep.grid = &grid;
-    sweep.sampling = sampling(Quality::exact);
+    sweep.sampling = sampling(Quality::exact, false, 50);
     sweep.sensor_m = 1500;
     sweep.nadir_patch = &resolved.nadir_patch;
     sweep.max_arc_m = 6000;
@@ -448,7 +448,7 @@ TEST_CASE("no wedge holds more than the plan grants it", "[engine][plan]") {
         const RunResult r = run(resolved, source, params);
         const SpokeMap map(
             db, {resolved.geometry, resolved.nadir, resolved.lat_deg, resolved.lon_deg, s.earth_k, *s.range_m * 1.001});
-        const SpokeGrid grid(db, map, sampling(s.quality), resolved.swept.circle_bins);
+        const SpokeGrid grid(db, map, sampling_of(resolved, db), resolved.swept.circle_bins);
         const Plan granted = plan(resolved, source, grid, params, 1);
         for (const WedgeReport& wedge : r.report.wedges) {
             INFO("turn " << turn << ", " << columns << " x " << rows << ", " << r.report.wedges.size() << " wedges");

@@ -388,9 +388,9 @@ TEST_CASE("an error asked for chooses the quickest quality that promises it", "[
                       Catch::Contains("at most one of quality and max-error"));
     const Settings raw = simulated({"--dem", "a.tif", "--latlon", "1,2", "--altitude-msl", "1km", "--spokes-per-post",
                                     "2.5", "--crossings", "off", "--course", "straight"});
-    CHECK(sampling(raw.scene).spokes_per_post == 2.5);
-    CHECK_FALSE(sampling(raw.scene).cross_lines);
-    CHECK_FALSE(sampling(raw.scene).exact_course);
+    CHECK(sampling(raw.scene, false, 100).spokes_per_post == 2.5);
+    CHECK_FALSE(sampling(raw.scene, false, 100).cross_lines);
+    CHECK_FALSE(sampling(raw.scene, false, 100).exact_course);
 }
 
 TEST_CASE("a sector runs clockwise, through the back too, and the full circle is none", "[options]") {

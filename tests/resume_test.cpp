@@ -336,8 +336,9 @@ TEST_CASE("whatever changes an echo is among the facts that the folder compares"
         [](Scene& s) { s.radar.antenna.floor = Decibel(-3); },
         [](Scene& s) { s.radar.antenna.tilt = Angle::degrees(2); },
         [](Scene& s) { s.gamma = Decibel(-15); },
-        [](Scene& s) { s.quality = Quality::exact; },
-        [](Scene& s) { s.quality = Quality::draft; },
+        [](Scene& s) { s.spokes_per_post = 16; },
+        [](Scene& s) { s.crossings = false; },
+        [](Scene& s) { s.curved_course = false; },
         [](Scene& s) { s.display.kind = DisplayKind::gpi_true; },
         [](Scene& s) { s.radar.antenna.beam = Angle::degrees(12); },  // a wider skirt
         [](Scene& s) { s.radar.beam_width_error = false; },           // none
@@ -350,6 +351,18 @@ TEST_CASE("whatever changes an echo is among the facts that the folder compares"
         REQUIRE((r.echo_w.grid != first.echo_w.grid || r.echo_w.cells != first.echo_w.cells));
         CHECK(facts(s) != facts(base));
     }
+    Scene draft = base, exact = base;  // from so high that the qualities sample differently
+    draft.platform.altitude_m = exact.platform.altitude_m = 3000;
+    draft.quality = Quality::draft;
+    exact.quality = Quality::exact;
+    REQUIRE(simulate(draft, source, nullptr, 3).echo_w.cells != simulate(exact, source, nullptr, 3).echo_w.cells);
+    CHECK(facts(draft) != facts(exact));
+    Scene dense = base, ahead = base;  // where spokes double within range at all
+    dense.spokes_per_post = ahead.spokes_per_post = 16;
+    dense.spoke_lead = 1;
+    ahead.spoke_lead = 16;
+    REQUIRE(simulate(dense, source, nullptr, 3).echo_w.cells != simulate(ahead, source, nullptr, 3).echo_w.cells);
+    CHECK(facts(dense) != facts(ahead));
     const std::vector<Change> after_echo = {
         [](Scene& s) { s.receiver.if_gain = Decibel(60); },
         [](Scene& s) { s.receiver.noise = true; },

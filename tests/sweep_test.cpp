@@ -131,20 +131,34 @@ TEST_CASE("the spokes' cells share out the circle without gap or overlap, whatev
     }
 }
 
-TEST_CASE("neighbouring spokes never stand more than a post apart on a line", "[spoke_grid]") {
+TEST_CASE("neighbouring spokes are as dense as a line so many times as far off needs", "[spoke_grid]") {
     const DataBase db = plane(3001, 2001, 30);
     const SpokeMap map(db, {Geometry::grid, {1500.5, 1000.5}, 0, 0, 4.0 / 3, 100000});
-    const SpokeGrid grid(db, map, {}, 360);
-    for (const Quadrant q : all_quadrants) {
-        std::int64_t next = 0;
-        for (const Ring& ring : grid.rings(q)) {
-            CHECK(ring.lines.begin == next);
-            next = ring.lines.end;
-            CHECK(grid.distance(q, ring.lines.end - 1) / static_cast<double>(ring.spokes) <= 1);
-            CHECK((ring.spokes & (ring.spokes - 1)) == 0);
+    for (const double spokes_per_post : {0.5, 1.0, 4.0})
+        for (const double lead : {1.0, 3.0, 64.0}) {
+            INFO(spokes_per_post << " spokes a post, lead " << lead);
+            const SpokeGrid grid(db, map, {.spokes_per_post = spokes_per_post, .lead = lead}, 360);
+            for (const Quadrant q : all_quadrants) {
+                std::int64_t next = 0, before = 0;
+                const double last = grid.distance(q, grid.line_count(q) - 1);
+                for (const Ring& ring : grid.rings(q)) {
+                    const auto spokes = static_cast<double>(ring.spokes);
+                    const auto needed = [&](std::int64_t line) {
+                        return spokes_per_post * std::min(lead * grid.distance(q, line), last);
+                    };
+                    CHECK(ring.lines.begin == next);
+                    next = ring.lines.end;
+                    CHECK(ring.lines.size() > 0);
+                    CHECK(spokes >= needed(ring.lines.end - 1));
+                    // No more than that: half of them would not do for the ring's first line.
+                    if (before > 0) CHECK(spokes / 2 < needed(ring.lines.begin) * 1.001);
+                    CHECK(ring.spokes > before);
+                    before = ring.spokes;
+                    CHECK((ring.spokes & (ring.spokes - 1)) == 0);
+                }
+                CHECK(next == grid.line_count(q));
+            }
         }
-        CHECK(next == grid.line_count(q));
-    }
 }
 
 TEST_CASE("steps go from crossing to crossing of the bilinear surface", "[sample][sweep]") {

@@ -12,7 +12,7 @@ packages=(
 for option in "$@"; do
     case $option in
         --tests) packages+=(catch2 gdal-bin ccache locales) ;;  # locales: one with a decimal comma
-        --bench) packages+=(gdal-bin grass-core) ;;
+        --bench) packages+=(gdal-bin gnuplot-nox grass-core) ;;
         *)
             echo "install_packages.sh: '$option' is not known; accepted are --tests and --bench" >&2
             exit 2

@@ -661,6 +661,12 @@ std::vector<Key> make_keys() {
           number(
               between("0.25", "16"), [](auto& s) -> auto& { return s.scene.spokes_per_post; }, "auto"),
           "auto", "least spokes for each post of a line; auto: as the quality says");
+    t.add("spoke-lead",
+          number(
+              between("1", "64"), [](auto& s) -> auto& { return s.scene.spoke_lead; }, "auto"),
+          "auto",
+          "spokes double where a line this many times as far off needs it: few then share a parent's horizon; auto: as the "
+          "quality says");
     t.add("crossings",
           choice<std::optional<bool>>(
               {{"on", true}, {"off", false}}, [](auto& s) -> auto& { return s.scene.crossings; }, "auto"),
@@ -1016,6 +1022,7 @@ std::vector<Key> make_keys() {
                              "quality",
                              "max-error",
                              "spokes-per-post",
+                             "spoke-lead",
                              "crossings",
                              "threads",
                              "memory",
