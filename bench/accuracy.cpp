@@ -23,6 +23,7 @@
 #include "lib/engine.hpp"
 #include "lib/error.hpp"
 #include "lib/receiver.hpp"
+#include "lib/target.hpp"
 #include "tests/reference/reference_engine.hpp"
 #include "tiles/gdal_session.hpp"
 #include "tiles/sources.hpp"
@@ -311,6 +312,7 @@ int main(int argc, char** argv) {
         scenes = 4;
     }
     try {
+        use_target_of_environment();
         const GdalSession session(64 << 20, {});
         Table table(argv[1]);
         for (const Place& place : places) {

@@ -35,24 +35,21 @@ std::int64_t neighbour_bins(const AntennaParams& antenna, std::int64_t circle_bi
 /// The bin straight behind: on a circle of even count one bin, not one a side.
 bool opposite(std::int64_t offset, std::int64_t circle_bins) { return 2 * offset == circle_bins; }
 
-WEDGESCOPE_LANES
-void take_own(const float* weight, const float* echo, double* sum, std::size_t n) {
+WEDGESCOPE_LANES_PART void take_own(const float* weight, const float* echo, double* sum, std::size_t n) noexcept {
     for (std::size_t j = 0; j < n; ++j) sum[j] = static_cast<double>(weight[j]) * static_cast<double>(echo[j]);
 }
 
-WEDGESCOPE_LANES
-void add_one(const float* weight, const float* echo, double* sum, std::size_t n) {
+WEDGESCOPE_LANES_PART void add_one(const float* weight, const float* echo, double* sum, std::size_t n) noexcept {
     for (std::size_t j = 0; j < n; ++j) sum[j] += static_cast<double>(weight[j]) * static_cast<double>(echo[j]);
 }
 
-WEDGESCOPE_LANES
-void add_pair(const float* weight, const float* left, const float* right, double* sum, std::size_t n) {
+WEDGESCOPE_LANES_PART void add_pair(const float* weight, const float* left, const float* right, double* sum,
+                                    std::size_t n) noexcept {
     for (std::size_t j = 0; j < n; ++j)
         sum[j] += static_cast<double>(weight[j]) * (static_cast<double>(left[j]) + static_cast<double>(right[j]));
 }
 
-WEDGESCOPE_LANES
-void add_scaled(double weight, const double* in, double* sum, std::size_t n) {
+WEDGESCOPE_LANES_PART void add_scaled(double weight, const double* in, double* sum, std::size_t n) noexcept {
     for (std::size_t j = 0; j < n; ++j) sum[j] += weight * in[j];
 }
 
@@ -160,16 +157,16 @@ void Resolution::row(std::int64_t azimuth_bin, const SourceRow& source, std::vec
     const auto n = static_cast<std::size_t>(sources_.size());
     scratch.resize(n);
     double* const beam = scratch.data();
-    take_own(azimuth_.data(), source(modulo(azimuth_bin, circle_bins_)), beam, n);
+    on_target<take_own>(azimuth_.data(), source(modulo(azimuth_bin, circle_bins_)), beam, n);
     for (std::int64_t offset = 1; offset <= skirt_; ++offset) {
         const auto index = static_cast<std::size_t>(offset);
         if (reach_[index] == 0) continue;
         const float* const weight = azimuth_.data() + index * n;
         const float* const right = source(modulo(azimuth_bin + offset, circle_bins_));
         if (opposite(offset, circle_bins_))
-            add_one(weight, right, beam, reach_[index]);
+            on_target<add_one>(weight, right, beam, reach_[index]);
         else
-            add_pair(weight, source(modulo(azimuth_bin - offset, circle_bins_)), right, beam, reach_[index]);
+            on_target<add_pair>(weight, source(modulo(azimuth_bin - offset, circle_bins_)), right, beam, reach_[index]);
     }
 
     const auto outputs = static_cast<std::size_t>(outputs_.size());
@@ -179,7 +176,8 @@ void Resolution::row(std::int64_t azimuth_bin, const SourceRow& source, std::vec
         const std::vector<double>& pulse = pulse_.front();
         for (std::size_t m = 0; m < pulse.size(); ++m) {
             const std::size_t skip = m > first ? m - first : 0;  // those that would reach below 0 m
-            if (skip < outputs) add_scaled(pulse[m], beam + (first + skip - m), out.data() + skip, outputs - skip);
+            if (skip < outputs)
+                on_target<add_scaled>(pulse[m], beam + (first + skip - m), out.data() + skip, outputs - skip);
         }
         return;
     }

@@ -34,11 +34,8 @@ WEDGESCOPE_LANES_PART double horner(const std::array<double, 5>& c, double u) no
     return c[0] + u * (c[1] + u * (c[2] + u * (c[3] + u * c[4])));
 }
 
-}  // namespace
-
-WEDGESCOPE_LANES
-void spoke_knots(const LineForm& line, const PieceForm& piece, std::int64_t spokes, std::int64_t first, std::size_t n,
-                 const KnotLanes& out) noexcept {
+WEDGESCOPE_LANES_PART void place_spokes(const LineForm& line, const PieceForm& piece, std::int64_t spokes,
+                                        std::int64_t first, std::size_t n, const KnotLanes& out) noexcept {
     double* __restrict at = out.at;
     float* __restrict lift = out.lift, * __restrict drop = out.drop;
     const double inverse = 1 / static_cast<double>(spokes), start = static_cast<double>(first);
@@ -52,8 +49,6 @@ void spoke_knots(const LineForm& line, const PieceForm& piece, std::int64_t spok
         drop[i] = static_cast<float>(p.drop);
     }
 }
-
-namespace {
 
 /// `straight`: neither bend nor stretch.
 template <bool straight>
@@ -89,11 +84,8 @@ WEDGESCOPE_LANES_PART void place_posts(const LineForm& line, const PieceForm& pi
     }
 }
 
-}  // namespace
-
-WEDGESCOPE_LANES
-void post_knots(const LineForm& line, const PieceForm& piece, std::int64_t spokes, const double* minor, std::size_t n,
-                const KnotLanes& out) noexcept {
+WEDGESCOPE_LANES_PART void place_any_posts(const LineForm& line, const PieceForm& piece, std::int64_t spokes,
+                                           const double* minor, std::size_t n, const KnotLanes& out) noexcept {
     const std::array<double, 5> none{};
     if (piece.bend == none && piece.stretch == none)
         place_posts<true>(line, piece, spokes, minor, n, out);
@@ -101,9 +93,8 @@ void post_knots(const LineForm& line, const PieceForm& piece, std::int64_t spoke
         place_posts<false>(line, piece, spokes, minor, n, out);
 }
 
-WEDGESCOPE_LANES
-void count_states(const std::uint8_t* states, std::size_t n,
-                  std::array<std::uint64_t, coverage_states>& count) noexcept {
+WEDGESCOPE_LANES_PART void count(const std::uint8_t* states, std::size_t n,
+                                 std::array<std::uint64_t, coverage_states>& counts) noexcept {
     std::uint32_t ones = 0, twos = 0, threes = 0, fours = 0;  // n is of a line
     for (std::size_t i = 0; i < n; ++i) {
         ones += states[i] == 1;
@@ -111,25 +102,49 @@ void count_states(const std::uint8_t* states, std::size_t n,
         threes += states[i] == 3;
         fours += states[i] == 4;
     }
-    count[0] += n - ones - twos - threes - fours;
-    count[1] += ones;
-    count[2] += twos;
-    count[3] += threes;
-    count[4] += fours;
+    counts[0] += n - ones - twos - threes - fours;
+    counts[1] += ones;
+    counts[2] += twos;
+    counts[3] += threes;
+    counts[4] += fours;
 }
 
-WEDGESCOPE_LANES
-void paint_mask(const std::uint8_t* states, std::size_t n, const std::array<std::uint8_t, coverage_states>& value,
-                std::uint8_t* bytes) noexcept {
+WEDGESCOPE_LANES_PART void paint(const std::uint8_t* states, std::size_t n,
+                                 const std::array<std::uint8_t, coverage_states>& value, std::uint8_t* bytes) noexcept {
     const std::uint8_t* __restrict from = states;
     std::uint8_t* __restrict to = bytes;
-    const std::uint8_t v0 = value[0], v1 = value[1], v2 = value[2], v3 = value[3], v4 = value[4];
+    const std::uint8_t v4 = value[4], d0 = value[0] ^ v4, d1 = value[1] ^ v4, d2 = value[2] ^ v4, d3 = value[3] ^ v4;
     WEDGESCOPE_INDEPENDENT
     for (std::size_t i = 0; i < n; ++i) {
         const std::uint8_t s = from[i];
-        const std::uint8_t high = s == 3 ? v3 : v4, middle = s == 2 ? v2 : high, low = s == 1 ? v1 : middle;
-        to[i] = s == 0 ? v0 : low;
+        // What each state adds to the last one's value: of one selection in another the compiler makes branches.
+        const auto add = [s](int state, std::uint8_t difference) __attribute__((always_inline)) {
+            return s == state ? difference : std::uint8_t{0};
+        };
+        to[i] = static_cast<std::uint8_t>(v4 ^ add(0, d0) ^ add(1, d1) ^ add(2, d2) ^ add(3, d3));
     }
+}
+
+}  // namespace
+
+void spoke_knots(const LineForm& line, const PieceForm& piece, std::int64_t spokes, std::int64_t first, std::size_t n,
+                 const KnotLanes& out) noexcept {
+    on_target<place_spokes>(line, piece, spokes, first, n, out);
+}
+
+void post_knots(const LineForm& line, const PieceForm& piece, std::int64_t spokes, const double* minor, std::size_t n,
+                const KnotLanes& out) noexcept {
+    on_target<place_any_posts>(line, piece, spokes, minor, n, out);
+}
+
+void count_states(const std::uint8_t* states, std::size_t n,
+                  std::array<std::uint64_t, coverage_states>& counts) noexcept {
+    on_target<count>(states, n, counts);
+}
+
+void paint_mask(const std::uint8_t* states, std::size_t n, const std::array<std::uint8_t, coverage_states>& value,
+                std::uint8_t* bytes) noexcept {
+    on_target<paint>(states, n, value, bytes);
 }
 
 }  // namespace wedgescope

@@ -119,7 +119,7 @@ void least_of_groups(const float* horizon, std::size_t groups, float* least) noe
 inline constexpr std::size_t coverage_states = 5;
 /// Adds how many posts have each state.
 void count_states(const std::uint8_t* states, std::size_t n,
-                  std::array<std::uint64_t, coverage_states>& count) noexcept;
+                  std::array<std::uint64_t, coverage_states>& counts) noexcept;
 /// bytes = value[state].
 void paint_mask(const std::uint8_t* states, std::size_t n, const std::array<std::uint8_t, coverage_states>& value,
                 std::uint8_t* bytes) noexcept;

@@ -88,9 +88,8 @@ struct Placed {
 };
 
 /// [begin, end): the range bins that all have the quantum 1 / inverse.
-WEDGESCOPE_LANES
-void place_portions(std::size_t n, const WedgeCells::Portions& p, double begin, double end, double inverse,
-                    Placed& out) {
+WEDGESCOPE_LANES_PART void place_portions(std::size_t n, const WedgeCells::Portions& p, double begin, double end,
+                                          double inverse, Placed& out) noexcept {
     const double* __restrict code = p.code, * __restrict x0 = p.x0, * __restrict x1 = p.x1, * __restrict inverse_width = p.inverse_width, * __restrict power = p.power, * __restrict bow = p.bow, * __restrict share = p.share0, * __restrict gamma = p.gamma;
     double* __restrict one = out.one, * __restrict two = out.two, * __restrict three = out.three;
     std::int64_t* __restrict count0 = out.counts[0], * __restrict count1 = out.counts[1], * __restrict count2 = out.counts[2];
@@ -139,7 +138,7 @@ __attribute__((optimize("no-tree-slp-vectorize"))) void WedgeCells::add_lanes(st
                                  [](std::int64_t b, const Interval& run) { return b < run.end; });
         inverse = quanta_.inverse[static_cast<std::size_t>(bin) - first_bin_];
     }
-    place_portions(n, p, static_cast<double>(same.begin), static_cast<double>(same.end), inverse, placed);
+    on_target<place_portions>(n, p, static_cast<double>(same.begin), static_cast<double>(same.end), inverse, placed);
     std::int64_t* const sums = sums_.data();
     const auto put_one = [&](std::size_t i) {
         std::int64_t* cell = sums + (p.origin[i] + placed.first[i]);

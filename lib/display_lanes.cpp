@@ -31,10 +31,8 @@ WEDGESCOPE_LANES_PART double small_atan(double t) {
                                                             x * (-1.0 / 19 + x * (1.0 / 21 + x * (-1.0 / 23))))))))))));
 }
 
-}  // namespace
-
-WEDGESCOPE_LANES
-void place_pixels(std::size_t n, std::int64_t column, double y_m, const PixelScene& scene, PixelRow& out) noexcept {
+WEDGESCOPE_LANES_PART void place(std::size_t n, std::int64_t column, double y_m, const PixelScene& scene,
+                                 PixelRow& out) noexcept {
     const PixelScene s = scene;
     double* __restrict radius_m = out.radius_m.data(), * __restrict range_m = out.range_m.data(),
                        * __restrict azimuth_rad = out.azimuth_rad.data(),
@@ -123,6 +121,12 @@ void place_pixels(std::size_t n, std::int64_t column, double y_m, const PixelSce
                                                            : 0.0;
         light[i] = any > 0 ? 1 : 0;
     }
+}
+
+}  // namespace
+
+void place_pixels(std::size_t n, std::int64_t column, double y_m, const PixelScene& scene, PixelRow& out) noexcept {
+    on_target<place>(n, column, y_m, scene, out);
 }
 
 }  // namespace wedgescope

@@ -11,12 +11,10 @@ namespace {
 
 constexpr float missing = std::numeric_limits<float>::quiet_NaN();
 
-}  // namespace
-
-WEDGESCOPE_LANES
-void place_lanes(const SpokeMap::LinePiece& piece, double nadir_minor, double distance, std::int64_t spokes,
-                 std::int64_t first, std::size_t n, const double* __restrict metres_per_post, double* __restrict minor,
-                 double* __restrict arc_m) noexcept {
+WEDGESCOPE_LANES_PART void place(const SpokeMap::LinePiece& piece, double nadir_minor, double distance,
+                                 std::int64_t spokes, std::int64_t first, std::size_t n,
+                                 const double* __restrict metres_per_post, double* __restrict minor,
+                                 double* __restrict arc_m) noexcept {
     const double inverse = 1.0 / static_cast<double>(spokes);  // a power of two: exact
     const double k0 = static_cast<double>(first);
     const double b0 = piece.bend[0], b1 = piece.bend[1], b2 = piece.bend[2], b3 = piece.bend[3], b4 = piece.bend[4];
@@ -43,15 +41,13 @@ void place_lanes(const SpokeMap::LinePiece& piece, double nadir_minor, double di
     }
 }
 
-WEDGESCOPE_LANES
-int count_beyond(std::size_t n, const double* arc_m, double most_m) noexcept {
+WEDGESCOPE_LANES_PART int beyond(std::size_t n, const double* arc_m, double most_m) noexcept {
     int count = 0;
     for (std::size_t i = 0; i < n; ++i) count += arc_m[i] > most_m ? 1 : 0;
     return count;
 }
 
-WEDGESCOPE_LANES
-int cross_lanes(std::size_t n, const Crossing& crossing) noexcept {
+WEDGESCOPE_LANES_PART int cross(std::size_t n, const Crossing& crossing) noexcept {
     const double *__restrict part = crossing.part, *__restrict minor = crossing.minor, *__restrict arc = crossing.arc_m,
                  *__restrict minor_to = crossing.minor_to, *__restrict arc_to = crossing.arc_to_m;
     double *__restrict part_out = crossing.part_out, *__restrict minor_out = crossing.minor_out,
@@ -76,9 +72,9 @@ int cross_lanes(std::size_t n, const Crossing& crossing) noexcept {
     return count;
 }
 
-WEDGESCOPE_LANES
-void cell_lanes(const LinePosts& behind, const LinePosts& ahead, std::size_t n, const double* __restrict minor0,
-                const double* __restrict minor1, const CellLanes& out) noexcept {
+WEDGESCOPE_LANES_PART void cells(const LinePosts& behind, const LinePosts& ahead, std::size_t n,
+                                 const double* __restrict minor0, const double* __restrict minor1,
+                                 const CellLanes& out) noexcept {
     constexpr std::size_t block = 64;
     double* __restrict cell = out.cell;
     // Both windows are cut from one raster, but not always to the same posts.
@@ -117,6 +113,25 @@ void cell_lanes(const LinePosts& behind, const LinePosts& ahead, std::size_t n, 
                 }
         }
     }
+}
+
+}  // namespace
+
+void place_lanes(const SpokeMap::LinePiece& piece, double nadir_minor, double distance, std::int64_t spokes,
+                 std::int64_t first, std::size_t n, const double* metres_per_post, double* minor,
+                 double* arc_m) noexcept {
+    on_target<place>(piece, nadir_minor, distance, spokes, first, n, metres_per_post, minor, arc_m);
+}
+
+int count_beyond(std::size_t n, const double* arc_m, double most_m) noexcept {
+    return on_target<beyond>(n, arc_m, most_m);
+}
+
+int cross_lanes(std::size_t n, const Crossing& crossing) noexcept { return on_target<cross>(n, crossing); }
+
+void cell_lanes(const LinePosts& behind, const LinePosts& ahead, std::size_t n, const double* minor0,
+                const double* minor1, const CellLanes& out) noexcept {
+    on_target<cells>(behind, ahead, n, minor0, minor1, out);
 }
 
 }  // namespace wedgescope

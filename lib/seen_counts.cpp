@@ -17,10 +17,12 @@ WEDGESCOPE_LANES_PART void add(const std::uint8_t* codes, std::size_t n, Count* 
 
 }  // namespace
 
-WEDGESCOPE_LANES
-void add_observer(const std::uint8_t* codes, std::size_t n, std::uint8_t* counts) noexcept { add(codes, n, counts); }
+void add_observer(const std::uint8_t* codes, std::size_t n, std::uint8_t* counts) noexcept {
+    on_target<add<std::uint8_t>>(codes, n, counts);
+}
 
-WEDGESCOPE_LANES
-void add_observer(const std::uint8_t* codes, std::size_t n, std::uint16_t* counts) noexcept { add(codes, n, counts); }
+void add_observer(const std::uint8_t* codes, std::size_t n, std::uint16_t* counts) noexcept {
+    on_target<add<std::uint16_t>>(codes, n, counts);
+}
 
 }  // namespace wedgescope

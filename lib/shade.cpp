@@ -60,8 +60,10 @@ double radar_constant(const RadarParams& radar) {
            (four_pi * four_pi * four_pi * radar.losses.ratio());
 }
 
-WEDGESCOPE_LANES
-void power_lanes(std::size_t n, const Shading& shading, const PatternTable& pattern, double constant) noexcept {
+namespace {
+
+WEDGESCOPE_LANES_PART void powers(std::size_t n, const Shading& shading, const PatternTable& pattern,
+                                  double constant) noexcept {
     const double *__restrict sine0 = shading.sine0, *__restrict sine1 = shading.to.sine, *__restrict range0 = shading.from.range_m,
                  *__restrict range1 = shading.to.range_m, *__restrict x0 = shading.from.x, *__restrict x1 = shading.to.x,
                  *__restrict up0 = shading.from.up_m, *__restrict up1 = shading.to.up_m, *__restrict out0 = shading.from.out_m,
@@ -103,6 +105,12 @@ void power_lanes(std::size_t n, const Shading& shading, const PatternTable& patt
             bow[at + i] = bent < -1 ? -1 : bent > 1 ? 1 : bent;
         }
     }
+}
+
+}  // namespace
+
+void power_lanes(std::size_t n, const Shading& shading, const PatternTable& pattern, double constant) noexcept {
+    on_target<powers>(n, shading, pattern, constant);
 }
 
 double piece_power(double sine0, double sine1, double range0_m, double range1_m, const PatternTable& pattern,

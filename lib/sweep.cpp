@@ -75,14 +75,18 @@ WEDGESCOPE_LANES_PART Rises step(std::size_t n, const StepScene& scene, const St
     return {plains, changes};
 }
 
-}  // namespace
-
-WEDGESCOPE_LANES
-Rises step_lanes(StepTo target, std::size_t n, const StepScene& scene, const StepLanes& lanes) noexcept {
+WEDGESCOPE_LANES_PART Rises any_step(StepTo target, std::size_t n, const StepScene& scene,
+                                     const StepLanes& lanes) noexcept {
     const bool near_sensor = scene.most_theta <= near_theta;
     if (target == StepTo::line)
         return near_sensor ? step<StepTo::line, true>(n, scene, lanes) : step<StepTo::line, false>(n, scene, lanes);
     return near_sensor ? step<StepTo::crossing, true>(n, scene, lanes) : step<StepTo::crossing, false>(n, scene, lanes);
+}
+
+}  // namespace
+
+Rises step_lanes(StepTo target, std::size_t n, const StepScene& scene, const StepLanes& lanes) noexcept {
+    return on_target<any_step>(target, n, scene, lanes);
 }
 
 double ray_range_m(double sensor_m, double arc_m, double sine, double inverse_radius) {

@@ -1,6 +1,4 @@
 // Coverage's hot loops give the bits of their plain twin, on every instruction set that this machine has.
-#include <hwy/targets.h>
-
 #include <catch2/catch.hpp>
 
 #include <algorithm>
@@ -9,29 +7,12 @@
 #include <vector>
 
 #include "lib/coverage_lanes.hpp"
+#include "tests/every_target.hpp"
 #include "tests/reference/coverage_twin.hpp"
 
 using namespace wedgescope;
 
 namespace {
-
-/// Calls `body` with each instruction set that the lanes are compiled for and that runs here.
-template <class Body>
-void on_every_target(Body&& body) {
-    const std::int64_t all = hwy::SupportedTargets();
-    int tried = 0;
-    for (std::int64_t rest = all; rest != 0; rest &= rest - 1) {
-        const std::int64_t one = rest & -rest;
-        hwy::SetSupportedTargetsForTest(one);
-        hwy::GetChosenTarget().Update(hwy::SupportedTargets());
-        INFO("instruction set " << hwy::TargetName(one));
-        body();
-        ++tried;
-    }
-    hwy::SetSupportedTargetsForTest(0);
-    hwy::GetChosenTarget().Update(hwy::SupportedTargets());
-    CHECK(tried > 0);
-}
 
 bool same_bits(const std::vector<float>& a, const std::vector<float>& b) {
     return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size() * sizeof(float)) == 0;
@@ -55,132 +36,130 @@ std::vector<float> line_of_posts(std::mt19937& random, std::size_t posts) {
 }  // namespace
 
 TEST_CASE("spokes that take a line have their plain twin's horizons, bit for bit", "[coverage][lanes]") {
+    WEDGESCOPE_ON_EVERY_TARGET;
     std::mt19937 random(11);
     std::uniform_real_distribution<double> part(0, 1);
-    on_every_target([&] {
-        int changed = 0;
-        for (int turn = 0; turn < 400; ++turn) {
-            const std::size_t groups = 1 + random() % 9;
-            const double step = turn % 7 == 0 ? 0.01 + 1.08 * part(random) : 0.1 + part(random) / 3;  // posts a spoke
-            const double begin = static_cast<double>(random() % 20) + (turn % 3 ? part(random) : 0);
-            const auto posts = static_cast<std::size_t>(begin + step * static_cast<double>(16 * groups)) + 22;
-            const std::vector<float> line = line_of_posts(random, posts), behind = line_of_posts(random, posts);
-            std::vector<double> at, at_behind;
-            std::vector<float> lift, drop;
-            const double lean = 2 * part(random) - 1;
-            for (std::size_t g = 0; g <= groups; ++g) {
-                at.push_back(begin + 16 * step * static_cast<double>(g) * (1 + 0.01 * part(random) / 9));
-                at_behind.push_back(at.back() - lean * (1 + 0.01 * part(random)));
-                lift.push_back(static_cast<float>(0.01 / (1 + 0.001 * part(random))));
-                drop.push_back(static_cast<float>(0.02 * part(random)));
-            }
-            std::vector<float> horizon(16 * groups);
-            for (float& h : horizon) h = random() % 5 == 0 ? no_horizon_f : static_cast<float>(20 * part(random) - 10);
-            RaiseLanes lanes{};
-            lanes.groups = groups;
-            lanes.origin = -line_margin;
-            lanes.at = at.data();
-            lanes.at_behind = at_behind.data();
-            lanes.lift = lift.data();
-            lanes.drop = drop.data();
-            lanes.posts = line.data();
-            lanes.behind = behind.data();
-            lanes.distance = static_cast<float>(1 + 500 * part(random));
-            lanes.bow = static_cast<float>(1e-5 * part(random));
-            const Lift how{static_cast<float>(3000 * part(random)), static_cast<float>(1 / 8.5e6)};
-            for (const bool cross : {false, true}) {
-                std::vector<float> ours = horizon, twins = horizon;
-                lanes.horizon = ours.data();
-                raise_lanes(lanes, how, cross);
-                lanes.horizon = twins.data();
-                cross ? twin::raise<true>(lanes, how) : twin::raise<false>(lanes, how);
-                INFO("turn " << turn << (cross ? ", crossings of both axes" : ""));
-                REQUIRE(same_bits(ours, twins));
-                changed += !same_bits(ours, horizon);
-            }
-            std::vector<float> least(groups);
-            least_of_groups(horizon.data(), groups, least.data());
-            for (std::size_t g = 0; g < groups; ++g)
-                REQUIRE(least[g] == *std::min_element(horizon.data() + 16 * g, horizon.data() + 16 * (g + 1)));
+    int changed = 0;
+    for (int turn = 0; turn < 400; ++turn) {
+        const std::size_t groups = 1 + random() % 9;
+        const double step = turn % 7 == 0 ? 0.01 + 1.08 * part(random) : 0.1 + part(random) / 3;  // posts a spoke
+        const double begin = static_cast<double>(random() % 20) + (turn % 3 ? part(random) : 0);
+        const auto posts = static_cast<std::size_t>(begin + step * static_cast<double>(16 * groups)) + 22;
+        const std::vector<float> line = line_of_posts(random, posts), behind = line_of_posts(random, posts);
+        std::vector<double> at, at_behind;
+        std::vector<float> lift, drop;
+        const double lean = 2 * part(random) - 1;
+        for (std::size_t g = 0; g <= groups; ++g) {
+            at.push_back(begin + 16 * step * static_cast<double>(g) * (1 + 0.01 * part(random) / 9));
+            at_behind.push_back(at.back() - lean * (1 + 0.01 * part(random)));
+            lift.push_back(static_cast<float>(0.01 / (1 + 0.001 * part(random))));
+            drop.push_back(static_cast<float>(0.02 * part(random)));
         }
-        CHECK(changed > 600);
-    });
+        std::vector<float> horizon(16 * groups);
+        for (float& h : horizon) h = random() % 5 == 0 ? no_horizon_f : static_cast<float>(20 * part(random) - 10);
+        RaiseLanes lanes{};
+        lanes.groups = groups;
+        lanes.origin = -line_margin;
+        lanes.at = at.data();
+        lanes.at_behind = at_behind.data();
+        lanes.lift = lift.data();
+        lanes.drop = drop.data();
+        lanes.posts = line.data();
+        lanes.behind = behind.data();
+        lanes.distance = static_cast<float>(1 + 500 * part(random));
+        lanes.bow = static_cast<float>(1e-5 * part(random));
+        const Lift how{static_cast<float>(3000 * part(random)), static_cast<float>(1 / 8.5e6)};
+        for (const bool cross : {false, true}) {
+            std::vector<float> ours = horizon, twins = horizon;
+            lanes.horizon = ours.data();
+            raise_lanes(lanes, how, cross);
+            lanes.horizon = twins.data();
+            cross ? twin::raise<true>(lanes, how) : twin::raise<false>(lanes, how);
+            INFO("turn " << turn << (cross ? ", crossings of both axes" : ""));
+            REQUIRE(same_bits(ours, twins));
+            changed += !same_bits(ours, horizon);
+        }
+        std::vector<float> least(groups);
+        least_of_groups(horizon.data(), groups, least.data());
+        for (std::size_t g = 0; g < groups; ++g)
+            REQUIRE(least[g] == *std::min_element(horizon.data() + 16 * g, horizon.data() + 16 * (g + 1)));
+    }
+    CHECK(changed > 600);
 }
 
 TEST_CASE("posts that test themselves have their plain twin's states, bit for bit", "[coverage][lanes]") {
+    WEDGESCOPE_ON_EVERY_TARGET;
     std::mt19937 random(12);
     std::uniform_real_distribution<double> part(0, 1);
-    on_every_target([&] {
-        std::array<int, 3> states{};
-        for (int turn = 0; turn < 400; ++turn) {
-            const std::size_t groups = 1 + random() % 6, posts = 16 * groups;
-            const std::vector<float> line = line_of_posts(random, posts), behind = line_of_posts(random, posts);
-            // Spokes a post: 1 to 8 as the qualities have it, and up to 64 near the sensor.
-            const double each = turn % 5 == 0 ? 64 * part(random) : 1 + 7 * part(random);
-            std::vector<double> from, at;
-            std::vector<float> lift, drop, ray, rise;
-            for (std::size_t g = 0; g <= groups; ++g) {
-                const bool cut = g == groups && turn % 4 == 0;  // the last knot at the last post
-                from.push_back(static_cast<double>(16 * g) - (cut ? 1 + static_cast<double>(random() % 14) : 0));
-                at.push_back(7.3 + each * from.back());
-                lift.push_back(static_cast<float>(0.01 / (1 + 0.001 * part(random))));
-                drop.push_back(static_cast<float>(0.02 * part(random)));
-                ray.push_back(lift.back() * 0.999F);
-                rise.push_back(drop.back());
-            }
-            const auto spokes = static_cast<std::int32_t>(each * static_cast<double>(posts)) + 12;
-            std::vector<float> horizon(static_cast<std::size_t>(spokes) + horizon_margin, no_horizon_f);
-            const double around = 6 * part(random) - 10;
-            for (std::int32_t k = 0; k < spokes; ++k)
-                if (random() % 40 != 0)
-                    horizon[static_cast<std::size_t>(k)] = static_cast<float>(around + 6 * part(random));
-            TestLanes lanes{};
-            lanes.groups = groups;
-            lanes.origin = -line_margin;
-            lanes.from = from.data();
-            lanes.at = at.data();
-            lanes.lift = lift.data();
-            lanes.drop = drop.data();
-            lanes.ray = ray.data();
-            lanes.rise = rise.data();
-            lanes.nadir = static_cast<double>(posts) * (2 * part(random) - 0.5);
-            lanes.distance = 1 + 300 * part(random);
-            lanes.bow = 1e-6 * part(random);
-            lanes.posts = line.data();
-            lanes.behind = behind.data();
-            lanes.horizon = horizon.data();
-            lanes.first_spoke = random() % 3 ? 0 : 4;  // some posts beside all spokes
-            lanes.spokes = spokes - 4;
-            lanes.nearest = turn % 9 == 0;
-            lanes.target_m = turn % 2 ? 15 : 0;
-            const Lift how{static_cast<float>(1000 * part(random)), static_cast<float>(1 / 8.5e6)};
-            const bool wanted = turn % 3 == 0;
-            std::vector<std::uint8_t> ours(line.size(), 7), twins = ours;
-            std::vector<float> our_raise(line.size(), -1), twin_raise = our_raise, our_tangent = our_raise,
-                                                           twin_tangent = our_raise;
-            const auto into = [&](std::vector<std::uint8_t>& state, std::vector<float>& raise,
-                                  std::vector<float>& tangent) {
-                lanes.state = state.data();
-                lanes.raise_m = wanted ? raise.data() : nullptr;
-                lanes.tangent = wanted ? tangent.data() : nullptr;
-            };
-            into(ours, our_raise, our_tangent);
-            test_lanes(lanes, how);
-            into(twins, twin_raise, twin_tangent);
-            const bool raised = lanes.target_m > 0;
-            if (raised)
-                wanted ? twin::test_line<true, true>(lanes, how) : twin::test_line<true, false>(lanes, how);
-            else
-                wanted ? twin::test_line<false, true>(lanes, how) : twin::test_line<false, false>(lanes, how);
-            INFO("turn " << turn);
-            REQUIRE(ours == twins);
-            // How much a void would have to rise is nobody's question.
-            for (std::size_t j = 0; j < line.size(); ++j)
-                if (ours[j] == 0) our_raise[j] = twin_raise[j] = our_tangent[j] = twin_tangent[j] = 0;
-            REQUIRE(same_bits(our_raise, twin_raise));
-            REQUIRE(same_bits(our_tangent, twin_tangent));
-            for (std::size_t j = 0; j < posts; ++j) ++states[ours[j + static_cast<std::size_t>(line_margin)]];
+    std::array<int, 3> states{};
+    for (int turn = 0; turn < 400; ++turn) {
+        const std::size_t groups = 1 + random() % 6, posts = 16 * groups;
+        const std::vector<float> line = line_of_posts(random, posts), behind = line_of_posts(random, posts);
+        // Spokes a post: 1 to 8 as the qualities have it, and up to 64 near the sensor.
+        const double each = turn % 5 == 0 ? 64 * part(random) : 1 + 7 * part(random);
+        std::vector<double> from, at;
+        std::vector<float> lift, drop, ray, rise;
+        for (std::size_t g = 0; g <= groups; ++g) {
+            const bool cut = g == groups && turn % 4 == 0;  // the last knot at the last post
+            from.push_back(static_cast<double>(16 * g) - (cut ? 1 + static_cast<double>(random() % 14) : 0));
+            at.push_back(7.3 + each * from.back());
+            lift.push_back(static_cast<float>(0.01 / (1 + 0.001 * part(random))));
+            drop.push_back(static_cast<float>(0.02 * part(random)));
+            ray.push_back(lift.back() * 0.999F);
+            rise.push_back(drop.back());
         }
-        for (const int n : states) CHECK(n > 100);
-    });
+        const auto spokes = static_cast<std::int32_t>(each * static_cast<double>(posts)) + 12;
+        std::vector<float> horizon(static_cast<std::size_t>(spokes) + horizon_margin, no_horizon_f);
+        const double around = 6 * part(random) - 10;
+        for (std::int32_t k = 0; k < spokes; ++k)
+            if (random() % 40 != 0)
+                horizon[static_cast<std::size_t>(k)] = static_cast<float>(around + 6 * part(random));
+        TestLanes lanes{};
+        lanes.groups = groups;
+        lanes.origin = -line_margin;
+        lanes.from = from.data();
+        lanes.at = at.data();
+        lanes.lift = lift.data();
+        lanes.drop = drop.data();
+        lanes.ray = ray.data();
+        lanes.rise = rise.data();
+        lanes.nadir = static_cast<double>(posts) * (2 * part(random) - 0.5);
+        lanes.distance = 1 + 300 * part(random);
+        lanes.bow = 1e-6 * part(random);
+        lanes.posts = line.data();
+        lanes.behind = behind.data();
+        lanes.horizon = horizon.data();
+        lanes.first_spoke = random() % 3 ? 0 : 4;  // some posts beside all spokes
+        lanes.spokes = spokes - 4;
+        lanes.nearest = turn % 9 == 0;
+        lanes.target_m = turn % 2 ? 15 : 0;
+        const Lift how{static_cast<float>(1000 * part(random)), static_cast<float>(1 / 8.5e6)};
+        const bool wanted = turn % 3 == 0;
+        std::vector<std::uint8_t> ours(line.size(), 7), twins = ours;
+        std::vector<float> our_raise(line.size(), -1), twin_raise = our_raise, our_tangent = our_raise,
+                                                       twin_tangent = our_raise;
+        const auto into = [&](std::vector<std::uint8_t>& state, std::vector<float>& raise,
+                              std::vector<float>& tangent) {
+            lanes.state = state.data();
+            lanes.raise_m = wanted ? raise.data() : nullptr;
+            lanes.tangent = wanted ? tangent.data() : nullptr;
+        };
+        into(ours, our_raise, our_tangent);
+        test_lanes(lanes, how);
+        into(twins, twin_raise, twin_tangent);
+        const bool raised = lanes.target_m > 0;
+        if (raised)
+            wanted ? twin::test_line<true, true>(lanes, how) : twin::test_line<true, false>(lanes, how);
+        else
+            wanted ? twin::test_line<false, true>(lanes, how) : twin::test_line<false, false>(lanes, how);
+        INFO("turn " << turn);
+        REQUIRE(ours == twins);
+        // How much a void would have to rise is nobody's question.
+        for (std::size_t j = 0; j < line.size(); ++j)
+            if (ours[j] == 0) our_raise[j] = twin_raise[j] = our_tangent[j] = twin_tangent[j] = 0;
+        REQUIRE(same_bits(our_raise, twin_raise));
+        REQUIRE(same_bits(our_tangent, twin_tangent));
+        for (std::size_t j = 0; j < posts; ++j) ++states[ours[j + static_cast<std::size_t>(line_margin)]];
+    }
+    for (const int n : states) CHECK(n > 100);
 }

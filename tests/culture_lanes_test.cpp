@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "lib/culture_lanes.hpp"
+#include "tests/every_target.hpp"
 
 using namespace wedgescope;
 
@@ -48,6 +49,7 @@ Pieces pieces(std::mt19937& random, double reach) {
 }  // namespace
 
 TEST_CASE("the culture cells along a piece are those that one meets walking along it", "[culture]") {
+    WEDGESCOPE_ON_EVERY_TARGET;
     std::mt19937 random(5);
     for (int turn = 0; turn < 400; ++turn) {
         const double coarse = turn % 3 == 0 ? 1.0 : turn % 3 == 1 ? 0.61 : 2.3;  // culture cells in a post
@@ -108,6 +110,7 @@ TEST_CASE("the culture cells along a piece are those that one meets walking alon
 }
 
 TEST_CASE("a piece in a cell with culture on a corner is a wall of the corner with the highest one", "[culture]") {
+    WEDGESCOPE_ON_EVERY_TARGET;
     std::mt19937 random(6);
     for (int turn = 0; turn < 400; ++turn) {
         const bool columns = turn % 2 == 0;

@@ -1,40 +1,28 @@
-// The program's files are the same bytes whatever instructions the C library may use and whatever the locale writes for a
-// decimal point.
+// The program's files are the same bytes whatever instructions it and the C library may use and whatever the locale writes
+// for a decimal point.
 #include <catch2/catch.hpp>
 
+#include <algorithm>
 #include <clocale>
 #include <cstdlib>
 #include <fstream>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <sstream>
 #include <string>
-#include <utility>
 #include <vector>
 
+#include "lib/target.hpp"
 #include "tests/drawn_raster.hpp"
 #include "tests/program.hpp"
 #include "tests/terrain.hpp"
+#include "tests/variable.hpp"
 
 using namespace wedgescope;
 using test::Folder;
+using test::Variable;
 
 namespace {
-
-/// A variable of the environment, for the time of a scope.
-class Variable {
-public:
-    Variable(std::string name, const std::string& value) : name_(std::move(name)) {
-        if (const char* before = std::getenv(name_.c_str())) before_ = before;
-        setenv(name_.c_str(), value.c_str(), 1);
-    }
-    ~Variable() { before_ ? setenv(name_.c_str(), before_->c_str(), 1) : unsetenv(name_.c_str()); }
-    Variable(const Variable&) = delete;
-    Variable& operator=(const Variable&) = delete;
-
-private:
-    std::string name_;
-    std::optional<std::string> before_;
-};
 
 std::string content(const std::string& path) {
     std::ostringstream all;
@@ -42,8 +30,10 @@ std::string content(const std::string& path) {
     return all.str();
 }
 
-/// What a picture with all its layers and a mask of one scene are, byte for byte; under the same names each time, for rasters
-/// name their own file where the positions of their cells stand.
+const std::vector<std::string> ends{".png", "_echo.tif", "_power.tif", "_states.tif", "_mask.tif", "_height.tif"};
+
+/// What a picture with all its layers, a mask and a layer of floats of one scene are, byte for byte; under the same names each
+/// time, for rasters name their own file where the positions of their cells stand.
 std::vector<std::string> files_of(const Folder& folder) {
     const auto run = [&](std::vector<std::string> words) {
         words.insert(words.begin(), WEDGESCOPE_PROGRAM);
@@ -54,37 +44,104 @@ std::vector<std::string> files_of(const Folder& folder) {
         INFO(ended.err);
         REQUIRE(ended.code == 0);
     };
-    run({"simulate", "--dem", folder / "ground.tif", "-o", folder / "scene.png", "--echo", folder / "scene_echo.tif",
-         "--power", folder / "scene_power.tif", "--states", folder / "scene_states.tif", "--speckle", "2", "--noise",
+    run({"simulate",
+         "--dem",
+         folder / "ground.tif",
+         "--culture",
+         folder / "classes.tif",
+         "--culture-legend",
+         folder / "legend.csv",
+         "--culture-height",
+         folder / "canopy.tif",
+         "--report",
+         folder / "simulate.json",
+         "-o",
+         folder / "scene.png",
+         "--echo",
+         folder / "scene_echo.tif",
+         "--power",
+         folder / "scene_power.tif",
+         "--states",
+         folder / "scene_states.tif",
+         "--speckle",
+         "2",
+         "--noise",
          "on"});
-    run({"coverage", folder / "ground.tif", folder / "scene_mask.tif"});
+    run({"coverage", folder / "ground.tif", folder / "scene_mask.tif", "--culture-height", folder / "canopy.tif",
+         "--target-height", "2.5m", "--report", folder / "coverage.json"});
+    run({"coverage", folder / "ground.tif", folder / "scene_height.tif", "--layer", "height"});
     std::vector<std::string> all;
-    for (const char* end : {".png", "_echo.tif", "_power.tif", "_states.tif", "_mask.tif"})
-        all.push_back(content(folder / (std::string("scene") + end)));
+    for (const std::string& end : ends) all.push_back(content(folder / (std::string("scene") + end)));
     return all;
 }
 
 void check_same(const std::vector<std::string>& files, const std::vector<std::string>& plain) {
-    const std::vector<std::string> names{"picture", "echo", "power", "states", "mask"};
-    for (std::size_t i = 0; i < names.size(); ++i) {
+    REQUIRE(files.size() == plain.size());
+    for (std::size_t i = 0; i < ends.size(); ++i) {
         const bool same = files[i] == plain[i];  // not shown when they differ
-        INFO(names[i]);
+        INFO(ends[i]);
         CHECK(same);
     }
 }
 
-}  // namespace
-
-TEST_CASE("the same bytes with every set of instructions that the C library may use, and with a decimal comma",
-          "[same_bits]") {
-    const Folder folder;
+/// Hills with canopy on a third of their posts, in three materials and with a void.
+void draw_scene(const Folder& folder) {
     const auto hills = test::rolling(600, 90, 8);
     test::Drawing d;
     d.columns = d.rows = 300;
     d.crs = "EPSG:4326";
     d.geotransform = {{11.3, 1 / 1800.0, 0, 47.35, 0, -1 / 1800.0}};
-    d.value = [&](int c, int r) { return 900 + hills(c, r); };
+    d.no_data = -9999;
+    d.value = [&](int c, int r) { return c > 170 && c < 180 && r > 90 && r < 120 ? -9999 : 900 + hills(c, r); };
     test::draw(folder / "ground.tif", d);
+    d.value = [&](int c, int r) { return (7 * c + 3 * r) % 9 < 3 ? 2.5 + (c * r) % 17 : 0; };
+    test::draw(folder / "canopy.tif", d);
+    d.type = GDT_Byte;
+    d.no_data.reset();
+    d.value = [&](int c, int r) { return 1 + (c / 2 + r / 3) % 3; };
+    test::draw(folder / "classes.tif", d);
+    std::ofstream(folder / "legend.csv") << "1,grass\n2,urban\n3,trees\n";
+}
+
+}  // namespace
+
+TEST_CASE("the same bytes on every instruction set that the machine has", "[same_bits]") {
+    const Folder folder;
+    draw_scene(folder);
+    const std::vector<std::string> plain = files_of(folder);
+    for (const Target target : targets_here()) {
+        const Variable forced("WEDGESCOPE_TARGET", name_of(target));
+        INFO("WEDGESCOPE_TARGET=" << name_of(target));
+        check_same(files_of(folder), plain);
+        for (const char* report : {"simulate.json", "coverage.json"})
+            CHECK(nlohmann::json::parse(content(folder / report)).at("instruction_set") == name_of(target));
+    }
+}
+
+TEST_CASE("an instruction set that is unknown or not on the machine is refused in one line", "[same_bits]") {
+    const Folder folder;
+    std::vector<std::string> refused{"avx1024"};
+    const std::vector<Target> here = targets_here();
+    for (std::size_t i = 0; i < target_names.size(); ++i)
+        if (std::find(here.begin(), here.end(), static_cast<Target>(i)) == here.end())
+            refused.emplace_back(target_names[i]);
+    for (const std::string& word : refused) {
+        const Variable forced("WEDGESCOPE_TARGET", word);
+        const test::Ended ended = test::run_program({WEDGESCOPE_PROGRAM, "--version"}, folder / "error");
+        CHECK(ended.code == 2);
+        std::string accepted = "this machine accepts auto";
+        for (const Target target : here) accepted += std::string(", ") + name_of(target);
+        INFO(ended.err);
+        CHECK(ended.err.find("WEDGESCOPE_TARGET is '" + word + "'") != std::string::npos);
+        CHECK(ended.err.ends_with(accepted + "\n"));
+        CHECK(std::count(ended.err.begin(), ended.err.end(), '\n') == 1);
+    }
+}
+
+TEST_CASE("the same bytes with every set of instructions that the C library may use, and with a decimal comma",
+          "[same_bits]") {
+    const Folder folder;
+    draw_scene(folder);
     const std::vector<std::string> plain = files_of(folder);
     for (const std::string& file : plain) REQUIRE(file.size() > 1000);
 

@@ -14,6 +14,7 @@
 #include "lib/shade.hpp"
 #include "lib/spoke_grid.hpp"
 #include "lib/sweep.hpp"
+#include "tests/every_target.hpp"
 
 using namespace wedgescope;
 
@@ -162,6 +163,7 @@ TEST_CASE("neighbouring spokes are as dense as a line so many times as far off n
 }
 
 TEST_CASE("steps go from crossing to crossing of the bilinear surface", "[sample][sweep]") {
+    WEDGESCOPE_ON_EVERY_TARGET;
     std::mt19937 random(11);
     std::uniform_real_distribution<double> any(0, 1);
     constexpr double sensor_m = 1500, none = std::numeric_limits<double>::quiet_NaN();
@@ -328,6 +330,7 @@ TEST_CASE("what a parabola shows over a horizon is what walking along it shows",
 }
 
 TEST_CASE("deposits add up to what was put in, in any order and by lanes or one by one", "[deposit]") {
+    WEDGESCOPE_ON_EVERY_TARGET;
     const Quanta q = quanta({10, 200}, 25, 1e3, 1, 0.01, 2);
     std::mt19937 random(23);
     std::uniform_real_distribution<double> any(0, 1);

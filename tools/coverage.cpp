@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
+#include "lib/target.hpp"
 #include "tiles/coverage_raster.hpp"
 #include "tiles/gdal_session.hpp"
 #include "tiles/output_file.hpp"
@@ -55,6 +56,7 @@ json report_json(const Settings& settings, const CoverageReport& report, const D
     add_usage(out, usage);
     out["peak_budget_bytes"] = report.peak_budget_bytes;
     out["threads"] = report.threads;
+    out["instruction_set"] = name_of(target_in_use());
     return out;
 }
 

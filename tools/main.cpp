@@ -10,6 +10,7 @@
 #include <new>
 
 #include "lib/stop.hpp"
+#include "lib/target.hpp"
 #include "tiles/gdal_session.hpp"
 #include "tools/commands.hpp"
 #include "tools/options.hpp"
@@ -37,8 +38,12 @@ void catch_signals() {
 }
 
 std::string versions() {
-    return fmt::format("wedgescope {}\nGDAL {}\noneTBB {}\n", wedgescope::version(),
-                       wedgescope::GdalSession::gdal_version(), TBB_runtime_version());
+    std::string names;
+    for (const wedgescope::Target target : wedgescope::targets_here())
+        names += fmt::format("{}{}", names.empty() ? "" : ", ", wedgescope::name_of(target));
+    return fmt::format("wedgescope {}\nGDAL {}\noneTBB {}\ninstruction set {} (this machine has {})\n",
+                       wedgescope::version(), wedgescope::GdalSession::gdal_version(), TBB_runtime_version(),
+                       wedgescope::name_of(wedgescope::target_in_use()), names);
 }
 
 void run_command(const std::vector<std::string>& words) {
@@ -77,6 +82,7 @@ int main(int count, char** arguments) {
     mallopt(M_ARENA_MAX, 2);
     catch_signals();
     try {
+        wedgescope::use_target_of_environment();
         run_command(std::vector<std::string>(arguments + std::min(count, 1), arguments + count));
         return 0;
     } catch (const wedgescope::InputError& e) {

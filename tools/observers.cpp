@@ -18,6 +18,7 @@
 #include "lib/coverage.hpp"
 #include "lib/seen_counts.hpp"
 #include "lib/stopwatch.hpp"
+#include "lib/target.hpp"
 #include "lib/threads.hpp"
 #include "tiles/count_store.hpp"
 #include "tiles/coverage_raster.hpp"
@@ -325,6 +326,7 @@ void write_observers_report(OutputFile& file, const Settings& settings, const Ob
     tail["source"] = source_json(source.report());
     add_usage(tail, usage);
     tail["threads"] = facts.shares.threads;
+    tail["instruction_set"] = name_of(target_in_use());
 
     errno = 0;
     std::ofstream out(file.temporary_path(), std::ios::binary);

@@ -8,6 +8,7 @@
 #include <fstream>
 #include <numeric>
 
+#include "lib/target.hpp"
 #include "tools/scene_json.hpp"
 #include "tools/terminal.hpp"
 
@@ -248,6 +249,7 @@ nlohmann::ordered_json report_json(const Settings& settings, const RunResult& ru
     add_usage(out, usage);
     out["peak_budget_bytes"] = report.peak_budget_bytes;
     out["threads"] = report.threads;
+    out["instruction_set"] = name_of(target_in_use());
     return out;
 }
 

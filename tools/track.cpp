@@ -17,6 +17,7 @@
 
 #include "lib/plan.hpp"
 #include "lib/stopwatch.hpp"
+#include "lib/target.hpp"
 #include "lib/threads.hpp"
 #include "lib/track.hpp"
 #include "tiles/gdal_session.hpp"
@@ -471,6 +472,7 @@ void write_track_report(OutputFile& file, const Settings& settings, const Frames
     tail["source"] = source_json(source.report());
     add_usage(tail, usage);
     tail["threads"] = run.lanes().threads;
+    tail["instruction_set"] = name_of(target_in_use());
 
     errno = 0;
     std::ofstream out(file.temporary_path(), std::ios::binary);

@@ -1,0 +1,335 @@
+// Every hot loop gives the baseline's bits on each instruction set of the machine, whatever it is fed: voids, ties, infinite
+// heights, numbers of lanes that fill no register.
+#include <algorithm>
+#include <array>
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <random>
+#include <string>
+#include <type_traits>
+#include <vector>
+
+#include "lib/coverage_lanes.hpp"
+#include "lib/culture_lanes.hpp"
+#include "lib/display_lanes.hpp"
+#include "lib/post_extremes.hpp"
+#include "lib/sample.hpp"
+#include "lib/seen_counts.hpp"
+#include "lib/shade.hpp"
+#include "lib/sweep.hpp"
+#include "tests/every_target.hpp"
+#include "tests/variable.hpp"
+
+using namespace wedgescope;
+
+namespace {
+
+using Bytes = std::vector<std::uint8_t>;
+
+/// What a loop wrote. All that are no numbers count as one: which of two is passed on is no result.
+class Record {
+public:
+    template <class T>
+    void put(const T* values, std::size_t n) {
+        for (std::size_t i = 0; i < n; ++i) {
+            T value = values[i];
+            if constexpr (std::is_floating_point_v<T>)
+                if (std::isnan(value)) value = std::numeric_limits<T>::quiet_NaN();
+            const auto* raw = reinterpret_cast<const std::uint8_t*>(&value);
+            bytes_.insert(bytes_.end(), raw, raw + sizeof value);
+        }
+    }
+    template <class Container>
+    void put(const Container& values) {
+        put(std::data(values), std::size(values));
+    }
+    Bytes bytes() && { return std::move(bytes_); }
+
+private:
+    Bytes bytes_;
+};
+
+class Draw {
+public:
+    explicit Draw(unsigned seed) : random_(seed) {}
+    std::size_t below(std::size_t n) { return random_() % n; }
+    double number(double from, double to) { return std::uniform_real_distribution<>(from, to)(random_); }
+    std::vector<double> lanes(std::size_t n, double from, double to) {
+        std::vector<double> all(n);
+        for (double& x : all) x = number(from, to);
+        return all;
+    }
+    /// Some of them voids, a level, needles.
+    std::vector<float> heights(std::size_t n) {
+        std::vector<float> all(n);
+        for (float& z : all) {
+            const std::size_t kind = below(12);
+            z = kind == 0   ? std::numeric_limits<float>::quiet_NaN()
+                : kind == 1 ? 8000
+                : kind < 5  ? 100
+                : kind == 5 ? -0.0F
+                            : static_cast<float>(number(-400, 3000));
+        }
+        return all;
+    }
+
+private:
+    std::mt19937 random_;
+};
+
+struct Samples {
+    std::vector<double> part, minor, arc, height, up, out, range, sine, x;
+    SampleLanes lanes() {
+        return {part.data(), minor.data(), arc.data(),  height.data(), up.data(),
+                out.data(),  range.data(), sine.data(), x.data()};
+    }
+};
+
+/// From a spoke's place to the power of what it sees.
+Bytes sweep_of(unsigned seed) {
+    Draw draw(seed);
+    Record record;
+    const std::size_t n = 1 + draw.below(128);
+    SpokeMap::LinePiece piece{-1, 1, 0.1, 1.7, {}, {}};
+    if (draw.below(2))
+        for (std::size_t i = 0; i < 5; ++i) {
+            piece.bend[i] = draw.number(-0.01, 0.01);
+            piece.stretch[i] = draw.number(-1e-4, 1e-4);
+        }
+    const auto zeros = [&] { return std::vector<double>(n); };
+    const auto samples = [&] {
+        return Samples{zeros(), zeros(), zeros(), zeros(), zeros(), zeros(), zeros(), zeros(), zeros()};
+    };
+    Samples now = samples(), crossing = samples(), line = samples();
+    const std::vector<double> metres = draw.lanes(n, 25, 42);
+    const double distance = 1 + static_cast<double>(draw.below(300)), nadir = draw.number(300, 301);
+    const auto first = static_cast<std::int64_t>(draw.below(64)) - 32;
+    place_lanes(piece, nadir, distance, 64, first, n, metres.data(), now.minor.data(), now.arc.data());
+    place_lanes(piece, nadir, distance + 1, 64, first, n, metres.data(), line.minor.data(), line.arc.data());
+    std::fill(line.part.begin(), line.part.end(), 1);
+    record.put(now.minor);
+    record.put(now.arc);
+    for (std::size_t i = 0; i < n; ++i)
+        if (draw.below(4) == 0) now.minor[i] = std::floor(now.minor[i]);  // exactly on a post
+    const int crossed =
+        cross_lanes(n, {now.part.data(), now.minor.data(), now.arc.data(), line.minor.data(), line.arc.data(),
+                        crossing.part.data(), crossing.minor.data(), crossing.arc.data()});
+    const int beyond = count_beyond(n, line.arc.data(), line.arc[n / 2]);
+    record.put(&crossed, 1);
+    record.put(&beyond, 1);
+    const std::vector<float> behind = draw.heights(700), ahead = draw.heights(700);
+    const std::int64_t begin = draw.below(3) ? -50 : 200, cut = draw.below(2) ? 1 : 0;
+    const LinePosts back{behind.data(), begin, begin + 700}, front{ahead.data() + cut, begin + cut, begin + 690};
+    auto cell = zeros(), mode = zeros(), radius = zeros(), void_horizon = draw.lanes(n, -1, 0),
+         horizon = draw.lanes(n, -0.5, 0.2), least = zeros(), most = zeros(), bump = zeros(), sine0 = zeros(),
+         code = zeros(), power = zeros(), width = zeros(), bow = zeros();
+    for (std::size_t i = 0; i < n; ++i) {
+        mode[i] = static_cast<double>(draw.below(4));
+        radius[i] = draw.below(5) ? 1 / 8.5e6 : 0;
+        if (draw.below(6) == 0) horizon[i] = -1;
+    }
+    now.height = draw.lanes(n, 0, 900);
+    now.sine = draw.lanes(n, -0.9, 0.1);
+    now.up = draw.lanes(n, -900, 200);
+    now.out = now.arc;
+    now.range = now.arc;
+    std::vector<float> behind_posts(2 * n), ahead_posts(2 * n);
+    const PatternTable pattern{AntennaParams{}};
+    const auto step = [&](StepTo to_line, Samples& from, Samples& to) {
+        const CellLanes posts{cell.data(), behind_posts.data(), ahead_posts.data()};
+        cell_lanes(back, front, n, from.minor.data(), to.minor.data(), posts);
+        const Rises rises = step_lanes(
+            to_line, n, {draw.number(1, 9000), 0.1, draw.below(2) == 0, draw.below(2) == 0, draw.number(0, 0.06)},
+            {from.lanes(), to.lanes(), posts, mode.data(), radius.data(), void_horizon.data(), horizon.data(),
+             least.data(), most.data(), bump.data(), sine0.data(), code.data()});
+        const int both[] = {rises.plain, rises.changes};
+        record.put(both);
+        record.put(behind_posts);
+        record.put(ahead_posts);
+        power_lanes(n, {sine0.data(), from.lanes(), to.lanes(), bump.data(), power.data(), width.data(), bow.data()},
+                    pattern, 1e-3);
+        for (const auto* out : {&cell, &to.part, &to.minor, &to.arc, &to.height, &to.up, &to.out, &to.range, &to.sine,
+                                &to.x, &horizon, &least, &most, &bump, &sine0, &code, &power, &width, &bow})
+            record.put(*out);
+    };
+    step(StepTo::crossing, now, crossing);
+    step(StepTo::line, crossing, line);
+    return std::move(record).bytes();
+}
+
+/// Coverage's knots, masks and counts, and culture under pieces.
+Bytes coverage_of(unsigned seed) {
+    Draw draw(seed);
+    Record record;
+    const std::size_t n = 1 + draw.below(90);
+    const LineForm line{
+        1 + draw.number(0, 900), draw.number(-9, 9), {900, draw.number(-9, 9), 900}, {1e-4, 1e-8, 1e-4}};
+    PieceForm piece{0.2, 1.3, {}, {}};
+    if (draw.below(2))
+        for (std::size_t i = 0; i < 5; ++i) {
+            piece.bend[i] = draw.number(-0.1, 0.1);
+            piece.stretch[i] = draw.number(-1e-4, 1e-4);
+        }
+    std::vector<double> at(n), slope(n), along(n);
+    std::vector<float> lift(n), drop(n), ray(n), rise(n);
+    const KnotLanes knots{at.data(), slope.data(), along.data(), lift.data(), drop.data(), ray.data(), rise.data()};
+    spoke_knots(line, piece, 1024, -1024, n, knots);
+    record.put(at);
+    record.put(lift);
+    record.put(drop);
+    const std::vector<double> places =
+        draw.lanes(n, line.nadir_minor - line.distance, line.nadir_minor + line.distance);
+    post_knots(line, piece, 1024, places.data(), n, knots);
+    for (const auto* out : {&at, &slope, &along}) record.put(*out);
+    for (const auto* out : {&lift, &drop, &ray, &rise}) record.put(*out);
+
+    const std::size_t posts = 1 + draw.below(400);
+    Bytes states(posts), painted(posts), codes(posts), few(posts);
+    std::vector<std::uint16_t> many(posts);
+    for (std::size_t i = 0; i < posts; ++i) {
+        states[i] = static_cast<std::uint8_t>(draw.below(5));
+        codes[i] = static_cast<std::uint8_t>(draw.below(4));
+        few[i] = static_cast<std::uint8_t>(draw.below(250));
+        many[i] = static_cast<std::uint16_t>(draw.below(65000));
+    }
+    std::array<std::uint64_t, coverage_states> count{};
+    count_states(states.data(), posts, count);
+    record.put(count);
+    paint_mask(states.data(), posts, {0, 255, 1, 77, 200}, painted.data());
+    record.put(painted);
+    add_observer(codes.data(), posts, few.data());
+    add_observer(codes.data(), posts, many.data());
+    record.put(few);
+    record.put(many);
+
+    const std::size_t width = 1 + draw.below(40);
+    std::vector<float> block = draw.heights(40 * 8);
+    if (draw.below(2))
+        for (float& z : block) z = std::isnan(z) ? 1 : z;
+    const PostExtremes found = post_extremes(block.data(), 40, 8, width);
+    const float bounds[] = {found.lowest_m + 0.0F, found.highest_m + 0.0F};  // -0 and 0 are one height
+    record.put(bounds);
+    record.put(&found.any_void, 1);
+
+    constexpr std::size_t most = CulturePieces::most;
+    const auto part0 = draw.lanes(most, 0, 0.7), part1 = draw.lanes(most, 0.7, 1), minor0 = draw.lanes(most, -2, 66);
+    auto code = draw.lanes(most, 0, 1), minor1 = minor0, cells = minor0;
+    for (std::size_t i = 0; i < most; ++i) {
+        code[i] = static_cast<double>(draw.below(3));
+        minor1[i] += draw.number(-1, 1);
+        cells[i] = std::floor(0.5 * (minor0[i] + minor1[i]));
+    }
+    const std::vector<float> behind = draw.heights(2 * most), ahead = draw.heights(2 * most);
+    const CultureScene scene{draw.below(2) == 0, 20, 21, 0.5, draw.number(0.4, 2.3), -0.25, draw.number(0.4, 2.3),
+                             {{0, 64}, {0, 64}}};
+    CultureParts parts{};
+    culture_lanes(most, scene,
+                  {code.data(), part0.data(), minor0.data(), part1.data(), minor1.data(),
+                   draw.below(2) ? cells.data() : nullptr, behind.data(), ahead.data()},
+                  parts);
+    for (const auto* out : {&parts.kind, &parts.first, &parts.second, &parts.third}) record.put(*out);
+    record.put(parts.to_second);
+    record.put(parts.to_third);
+    return std::move(record).bytes();
+}
+
+Bytes pixels_of(unsigned seed) {
+    Draw draw(seed);
+    PixelScene scene;
+    scene.centre_column = draw.number(0, 300);
+    scene.metres_per_pixel = draw.number(1, 400);
+    scene.up_azimuth_rad = draw.number(0, 6);
+    scene.chord = draw.below(2) == 0;
+    scene.rise_m = draw.number(0, 9000);
+    scene.growth = 1.0001;
+    scene.inverse_radius = 1 / 8.5e6;
+    scene.delay_m = draw.number(0, 900);
+    scene.most_range_m = scene.most_radius_m = 40000;
+    scene.bins_per_metre = 0.02;
+    scene.bins_per_radian = 100;
+    scene.circle_bins = scene.azimuth_bins = 628;
+    scene.range_bins = 800;
+    scene.wraps = true;
+    scene.light = draw.below(2) == 0;
+    scene.ring_step_m = 5000;
+    scene.mark_radius_m = 39000;
+    PixelRow row{};
+    const std::size_t n = 1 + draw.below(pixel_lanes);
+    place_pixels(n, static_cast<std::int64_t>(draw.below(200)), draw.below(5) ? draw.number(-3e4, 3e4) : 0, scene, row);
+    Record record;
+    for (const auto* out :
+         {&row.radius_m, &row.range_m, &row.azimuth_rad, &row.azimuth_position, &row.azimuth.share, &row.range.share})
+        record.put(out->data(), n);
+    for (const auto* out : {&row.azimuth.first, &row.azimuth.second, &row.azimuth.nearest, &row.range.first,
+                            &row.range.second, &row.range.nearest, &row.shown, &row.light})
+        record.put(out->data(), n);
+    return std::move(record).bytes();
+}
+
+/// `bytes_of(seed)` on every target against the baseline's.
+template <class BytesOf>
+void check_every_target(BytesOf&& bytes_of, unsigned seeds) {
+    for (unsigned seed = 1; seed <= seeds; ++seed) {
+        Bytes plain;
+        {
+            const test::OnTarget on(Target::baseline);
+            plain = bytes_of(seed);
+        }
+        REQUIRE(!plain.empty());
+        for (const Target target : targets_here()) {
+            const test::OnTarget on(target);
+            INFO("instruction set " << name_of(target) << ", seed " << seed);
+            const bool same = bytes_of(seed) == plain;
+            REQUIRE(same);
+        }
+    }
+}
+
+}  // namespace
+
+TEST_CASE("sweep and shade have the same bits on every instruction set", "[targets]") {
+    check_every_target(sweep_of, 300);
+}
+
+TEST_CASE("coverage's knots and masks, culture and extremes have the same bits on every instruction set", "[targets]") {
+    check_every_target(coverage_of, 300);
+}
+
+TEST_CASE("pixels come from the same places on every instruction set", "[targets]") {
+    check_every_target(pixels_of, 300);
+}
+
+TEST_CASE("the environment chooses the instruction set, and no word but the machine's is taken", "[targets]") {
+    const test::OnTarget restored(target_in_use());
+    const test::Variable variable("WEDGESCOPE_TARGET", "");
+    const std::vector<Target> here = targets_here();
+    REQUIRE(here.front() == Target::baseline);
+    for (const Target target : here) {
+        setenv("WEDGESCOPE_TARGET", name_of(target), 1);
+        use_target_of_environment();
+        CHECK(target_in_use() == target);
+    }
+    for (const char* word : {"auto", ""}) {
+        use_target(Target::baseline);
+        setenv("WEDGESCOPE_TARGET", word, 1);
+        use_target_of_environment();
+        CHECK(target_in_use() == here.back());
+    }
+    use_target(Target::baseline);
+    unsetenv("WEDGESCOPE_TARGET");
+    use_target_of_environment();
+    CHECK(target_in_use() == here.back());
+    std::vector<std::string> refused{"AVX2", "avx", "avx2 ", "neon", "0"};
+    for (const char* name : target_names)
+        if (std::none_of(here.begin(), here.end(), [&](Target t) { return std::strcmp(name_of(t), name) == 0; }))
+            refused.emplace_back(name);
+    for (const std::string& word : refused) {
+        setenv("WEDGESCOPE_TARGET", word.c_str(), 1);
+        CHECK_THROWS_WITH(use_target_of_environment(), Catch::Contains("WEDGESCOPE_TARGET") &&
+                                                           Catch::Contains("'" + word + "'") &&
+                                                           Catch::Contains("auto, baseline"));
+        CHECK(target_in_use() == here.back());
+    }
+}
