@@ -117,11 +117,15 @@ WEDGESCOPE_LANES_PART void paint(const std::uint8_t* states, std::size_t n,
     WEDGESCOPE_INDEPENDENT
     for (std::size_t i = 0; i < n; ++i) {
         const std::uint8_t s = from[i];
-        // What each state adds to the last one's value: of one selection in another the compiler makes branches.
-        const auto add = [s](int state, std::uint8_t difference) __attribute__((always_inline)) {
-            return s == state ? difference : std::uint8_t{0};
+        // What each state adds to the last one's value, by masks: of one selection in another the compiler makes branches.
+        const auto add = [s](std::uint8_t state, std::uint8_t difference) __attribute__((always_inline)) {
+            return static_cast<std::uint8_t>(-(s == state) & difference);
         };
-        to[i] = static_cast<std::uint8_t>(v4 ^ add(0, d0) ^ add(1, d1) ^ add(2, d2) ^ add(3, d3));
+        std::uint8_t byte = v4;
+        byte = static_cast<std::uint8_t>(byte ^ add(0, d0));
+        byte = static_cast<std::uint8_t>(byte ^ add(1, d1));
+        byte = static_cast<std::uint8_t>(byte ^ add(2, d2));
+        to[i] = static_cast<std::uint8_t>(byte ^ add(3, d3));
     }
 }
 

@@ -40,13 +40,10 @@ std::string help_text() {
     out +=
         "\n'wedgescope help COMMAND' lists a command's options; 'wedgescope --version' names versions.\n\nExample\n  ";
     out += command_table()[0].example;
-    return out + "\n\nEnvironment\n  WEDGESCOPE_TARGET  " +
-           wrapped(
-               "instruction set of the hot loops: auto (the best of this machine), avx512, avx2, sse4, baseline; the "
-               "same bits "
-               "with each",
-               21, page_width) +
-           "\n";
+    const std::string targets =
+        "instruction set of the hot loops: auto (the best of this machine), avx512, avx2, sse4, baseline; the same "
+        "bits with each";
+    return out + "\n\nEnvironment\n  WEDGESCOPE_TARGET  " + wrapped(targets, 21, page_width) + "\n";
 }
 
 std::string help_text(const CommandInfo& command) {
