@@ -174,11 +174,12 @@ const Strings out = {"-o", "scope.png"};
 
 TEST_CASE("help and version go to stdout", "[cli]") {
     const Folder folder;
-    CHECK_THAT(folder.run({"--version"}).out, Contains("wedgescope 0.") && Contains("GDAL 3") && Contains("TBB"));
+    CHECK_THAT(folder.run({"--version"}).out,
+               Contains("wedgescope 0.") && Contains("GDAL 3") && Contains("TBB") && Contains("instruction set "));
     for (const Strings& arguments : {Strings{"help"}, {"--help"}, {"-h"}}) {
         const Outcome outcome = folder.run(arguments);
         CHECK(outcome.code == 0);
-        CHECK_THAT(outcome.out, Contains("simulate") && Contains("info"));
+        CHECK_THAT(outcome.out, Contains("simulate") && Contains("info") && Contains("WEDGESCOPE_TARGET"));
         CHECK(outcome.err.empty());
     }
     for (const Strings& arguments : {Strings{"help", "simulate"}, {"simulate", "--help"}, {"simulate", "-h"}}) {

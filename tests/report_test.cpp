@@ -4,6 +4,7 @@
 #include <fstream>
 #include <sstream>
 
+#include "lib/target.hpp"
 #include "tools/options.hpp"
 #include "tools/report_json.hpp"
 #include "tools/terminal.hpp"
@@ -88,6 +89,7 @@ TEST_CASE("the report holds what the contract names", "[report]") {
     CHECK(out["total"]["bytes_spilled"] == 12);
     CHECK(out["wedges"][1]["reused"] == false);
     CHECK(out["threads"] == 2);
+    CHECK(out["instruction_set"] == name_of(target_in_use()));
     // Defaults are numbers, with their units.
     CHECK(out["scene"]["frequency"] == "16.5GHz");
     CHECK(out["scene"]["range"] == "10km");
