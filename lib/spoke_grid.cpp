@@ -12,7 +12,7 @@ namespace wedgescope {
 
 Sampling sampling(Quality quality, bool culture_height, double above_posts) {
     double more = 1;
-    for (double above = above_posts; more < 16 && above < (culture_height ? 20 : 12); above *= 2) more *= 2;
+    for (double above = above_posts; more < 16 && above < (culture_height ? 20 : 14); above *= 2) more *= 2;
     const auto dense = [&](double bare, double with_culture, double lead) {
         return Sampling{.spokes_per_post = std::min(16.0, more * (culture_height ? with_culture : bare)),
                         .lead = lead,

@@ -27,7 +27,7 @@ struct Sampling {
 };
 /// `culture_height`: single posts may stand up from the ground (trees, buildings), and spokes must meet each of them.
 /// `above_posts`: the sensor's height over the ground below it, in posts. The lower it is, the longer are the shadows that
-/// a post beside the spokes throws: below 12 posts (20 with culture heights) spokes double with each halving of the
+/// a post beside the spokes throws: below 14 posts (20 with culture heights) spokes double with each halving of the
 /// height, to 16 times at most. Source: docs/accuracy.md.
 Sampling sampling(Quality quality, bool culture_height, double above_posts);
 /// `of_quality` with what the scene itself says.
