@@ -1,9 +1,10 @@
 // Makes a terrain of any size for the benchmarks, one band of tiles after the other, so that memory is bounded:
-//   make_terrain ridged|bowl POSTS OUT.tif [SEED]
-// POSTS x POSTS heights, Int16, 30 m apart, UTM 11N, uncompressed tiles of 256 x 256.
+//   make_terrain ridged|bowl|fractal POSTS OUT.tif [SEED [POST_M]]
+// POSTS x POSTS heights, Int16 (fractal: Float32), POST_M (30) apart, UTM 11N, uncompressed tiles of 256 x 256.
 //   ridged  hills and mountain chains: octaves of gradient noise, the coarse ones folded into ridges
 //   bowl    rises outward from its middle, ever faster than the earth falls away: no post hides another from a
 //           sensor that stands over the middle and higher than the rim
+//   fractal rolling ground with detail down to 5 m, each half as long half as high; the same ground at any POST_M
 #include <fmt/format.h>
 #include <gdal_priv.h>
 #include <ogr_spatialref.h>
@@ -23,7 +24,6 @@
 namespace {
 
 constexpr int tile = 256;
-constexpr double post_m = 30;
 
 struct Gradient {
     double x, y;
@@ -83,6 +83,17 @@ void ridged_row(std::vector<double>& row, std::int64_t y, std::uint64_t seed) {
     for (double& z : row) z = std::max(z, 0.0);
 }
 
+/// Waves of 16 km and 320 m, and so on down to 5 m.
+void fractal_row(std::vector<double>& row, std::int64_t y, std::uint64_t seed, double post_m) {
+    std::fill(row.begin(), row.end(), 500.0);
+    double wavelength_m = 16000, amplitude_m = 320;
+    for (std::uint64_t octave = 0; wavelength_m >= 5; ++octave) {
+        add_octave(row, y, wavelength_m / post_m, amplitude_m, false, seed * 1000003 + octave);
+        wavelength_m /= 2.03;
+        amplitude_m /= 2.03;
+    }
+}
+
 /// 100 m in the middle, 1600 m in the corners.
 void bowl_row(std::vector<double>& row, std::int64_t y) {
     const double middle = static_cast<double>(row.size() - 1) / 2;
@@ -93,13 +104,13 @@ void bowl_row(std::vector<double>& row, std::int64_t y) {
     }
 }
 
-void make(std::string_view kind, int posts, const char* path, std::uint64_t seed) {
+void make(std::string_view kind, int posts, const char* path, std::uint64_t seed, double post_m) {
     GDALAllRegister();
     const std::array<const char*, 5> options{"TILED=YES", "BLOCKXSIZE=256", "BLOCKYSIZE=256", "BIGTIFF=IF_SAFER",
                                              nullptr};
     GDALDriver* driver = GetGDALDriverManager()->GetDriverByName("GTiff");
-    const std::unique_ptr<GDALDataset> file(
-        driver->Create(path, posts, posts, 1, GDT_Int16, const_cast<char**>(options.data())));
+    const std::unique_ptr<GDALDataset> file(driver->Create(
+        path, posts, posts, 1, kind == "fractal" ? GDT_Float32 : GDT_Int16, const_cast<char**>(options.data())));
     if (!file) throw std::runtime_error("it cannot be made");
     OGRSpatialReference crs;
     crs.importFromEPSG(32611);
@@ -108,19 +119,21 @@ void make(std::string_view kind, int posts, const char* path, std::uint64_t seed
         throw std::runtime_error("its position cannot be written");
 
     std::vector<double> row(static_cast<std::size_t>(posts));
-    std::vector<std::int16_t> band(row.size() * tile);
+    std::vector<float> band(row.size() * tile);
     for (int y0 = 0; y0 < posts; y0 += tile) {
         const int rows = std::min(tile, posts - y0);
         for (int y = 0; y < rows; ++y) {
             if (kind == "ridged") {
                 ridged_row(row, y0 + y, seed);
+            } else if (kind == "fractal") {
+                fractal_row(row, y0 + y, seed, post_m);
             } else {
                 bowl_row(row, y0 + y);
             }
             std::transform(row.begin(), row.end(), band.begin() + static_cast<std::ptrdiff_t>(row.size()) * y,
-                           [](double z) { return static_cast<std::int16_t>(std::lround(z)); });
+                           [&](double z) { return static_cast<float>(kind == "fractal" ? z : std::round(z)); });
         }
-        if (file->GetRasterBand(1)->RasterIO(GF_Write, 0, y0, posts, rows, band.data(), posts, rows, GDT_Int16, 0, 0,
+        if (file->GetRasterBand(1)->RasterIO(GF_Write, 0, y0, posts, rows, band.data(), posts, rows, GDT_Float32, 0, 0,
                                              nullptr) != CE_None)
             throw std::runtime_error(fmt::format("rows from {} on cannot be written", y0));
     }
@@ -134,12 +147,14 @@ void make(std::string_view kind, int posts, const char* path, std::uint64_t seed
 int main(int argc, char** argv) {
     const std::string_view kind = argc > 1 ? argv[1] : "";
     const int posts = argc > 2 ? std::atoi(argv[2]) : 0;
-    if (argc < 4 || argc > 5 || (kind != "ridged" && kind != "bowl") || posts < 2 || posts > 200000) {
-        fmt::print(stderr, "usage: make_terrain ridged|bowl POSTS(2..200000) OUT.tif [SEED]\n");
+    const double post_m = argc > 5 ? std::atof(argv[5]) : 30;
+    if (argc < 4 || argc > 6 || (kind != "ridged" && kind != "bowl" && kind != "fractal") || posts < 2 ||
+        posts > 200000 || !(post_m > 0)) {
+        fmt::print(stderr, "usage: make_terrain ridged|bowl|fractal POSTS(2..200000) OUT.tif [SEED [POST_M]]\n");
         return 2;
     }
     try {
-        make(kind, posts, argv[3], argc > 4 ? std::strtoull(argv[4], nullptr, 10) : 1);
+        make(kind, posts, argv[3], argc > 4 ? std::strtoull(argv[4], nullptr, 10) : 1, post_m);
     } catch (const std::exception& error) {
         fmt::print(stderr, "make_terrain: {}: {}\n", argv[3], error.what());
         return 1;

@@ -58,4 +58,30 @@ constexpr Window blocks_of(const Window& posts, int level = 0) {
     return {side(posts.columns), side(posts.rows)};
 }
 
+/// As BlockMap::read, of any level: what is coarser than the map's last one is put together. `columns`, `rows`: posts.
+inline BlockWindow read_bounds(BlockMap& map, int level, const Window& blocks, std::int64_t columns,
+                               std::int64_t rows) {
+    if (level < map.levels() || blocks.empty()) return map.read(level, blocks);
+    const auto count = [&](std::int64_t posts) {
+        const std::int64_t edge = block_posts << (level - 1);
+        return (posts + edge - 1) / edge;
+    };
+    const Interval across = intersection({2 * blocks.columns.begin, 2 * blocks.columns.end}, {0, count(columns)}),
+                   down = intersection({2 * blocks.rows.begin, 2 * blocks.rows.end}, {0, count(rows)});
+    const BlockWindow finer = read_bounds(map, level - 1, {across, down}, columns, rows);
+    BlockWindow out{blocks, std::vector<BlockBounds>(static_cast<std::size_t>(blocks.posts()))};
+    std::vector<bool> begun(out.bounds.size());
+    for (std::int64_t r = down.begin; r < down.end; ++r)
+        for (std::int64_t c = across.begin; c < across.end; ++c) {
+            const auto at = static_cast<std::size_t>((r / 2 - blocks.rows.begin) * blocks.columns.size() + c / 2 -
+                                                     blocks.columns.begin);
+            if (begun[at])
+                out.bounds[at].add(finer.at(c, r));
+            else
+                out.bounds[at] = finer.at(c, r);
+            begun[at] = true;
+        }
+    return out;
+}
+
 }  // namespace wedgescope

@@ -13,6 +13,7 @@
 #include <mutex>
 #include <span>
 
+#include "lib/detail.hpp"
 #include "lib/error.hpp"
 #include "lib/fluctuation.hpp"
 #include "lib/front.hpp"
@@ -42,6 +43,7 @@ struct Setting {
     const ResolvedScene& scene;
     const DataBase& data_base;
     SpokeMap map;
+    DetailLevels levels;
     SpokeGrid grid;
     std::shared_ptr<const SceneTables> tables;
     Quanta cells;
@@ -70,7 +72,8 @@ struct Setting {
 
     Setting(const ResolvedScene& s, WedgeSource& source, std::shared_ptr<const SceneTables> made)
         : scene(s), data_base(source.data_base()), map(data_base, map_params(s, data_base)),
-          grid(data_base, map, sampling_of(s, data_base), s.swept.circle_bins),
+          levels(choose_levels(s, source, map)),
+          grid(data_base, map, sampling_of(s, data_base), s.swept.circle_bins, levels),
           tables(made ? std::move(made) : std::make_shared<const SceneTables>(s.scene)),
           cells(quanta(s.swept.range_bins, s.swept.range_bin_m, radar_constant(s.scene.radar), tables->pattern.most(),
                        grid.azimuth_step_rad(), most_gamma(tables->gamma))) {
@@ -182,6 +185,17 @@ Task Wedges::enter(std::size_t index) {
     return task;
 }
 
+/// Of levels of detail, which the ground far from a wedge may have a say in; 0: none.
+std::uint64_t checksum(const DetailLevels& levels) {
+    std::uint64_t sum = 0;
+    for (const auto& fan : levels.steps) {
+        sum = sum * 1099511628211U + fan.size() + 1;
+        for (const DetailLevels::Step& step : fan)
+            sum = (sum ^ static_cast<std::uint64_t>(step.border * 8 + step.level)) * 1099511628211U;
+    }
+    return sum;
+}
+
 /// Posts of the window that need not be read, by reason.
 void count_skipped(const ChunkRequest& request, WedgeReport& report) {
     std::size_t at = 0;
@@ -231,7 +245,8 @@ bool Wedges::find(WedgeTask& task) {
     const ResolvedScene& scene = setting_.scene;
     const std::vector<Window> posts = hull(setting_.grid, task.wedge, scene.nadir_patch.window);
     // Taken before anything is read: should the data change under the run, what is kept does not fit it any more.
-    task.key = {task.report.index, task.report.azimuth_bins, scene.swept.range_bins, source_.fingerprint(posts)};
+    task.key = {task.report.index, task.report.azimuth_bins, scene.swept.range_bins,
+                source_.fingerprint(posts) ^ checksum(setting_.levels)};
     const auto kept = params_.archive->find(task.key, echo_rows(task), state_rows(task));
     if (!kept) return false;
     task.unknown_code = kept->unknown_code;
@@ -264,13 +279,14 @@ void Wedges::load(WedgeTask& task) {
         const SpokeRun& run = task.wedge.runs[task.run];
         if (!task.front) task.front = std::make_unique<Front>(setting_.sweep, run, *task.cells);
         if (task.front->finished()) break;  // sweep() closes it
-        task.lines = setting_.grid.strip_lines(run.quadrant, task.front->next_line(), plan_.strip_lines);
+        task.lines = setting_.grid.strip_lines(run.own_fan(), task.front->next_line(), plan_.strip_lines);
         const ChunkRequest request = task.front->request(task.lines, params_.cull ? source_.block_map() : nullptr);
         if (!request.window.empty()) {
             count_skipped(request, task.report);
             task.chunk = source_.load(request);
             task.beside_bytes = source_.cost(request).beside_bytes;
             task.has_chunk = true;
+            task.report.level_posts[static_cast<std::size_t>(request.level)] += task.chunk.posts_read;
             task.report.posts_read += task.chunk.posts_read;
             task.report.bytes_read += task.chunk.bytes_read;
             task.report.bytes_spilled += task.chunk.bytes_spilled;

@@ -98,7 +98,7 @@ void Front::Lanes::resize(std::size_t n) {
 Front::Front(const SweepScene& scene, const SpokeRun& run, WedgeCells& cells)
     : scene_(&scene), run_(&run), cells_(&cells), bins_per_metre_(1 / scene.range_bin_m),
       plain_ground_(!scene.data_base->has_culture && !scene.data_base->has_culture_height), quadrant_(run.quadrant),
-      line_end_(scene.grid->line_count(run.quadrant)), culture_(*scene.data_base, scene.source) {
+      fan_(run.own_fan()), line_end_(scene.grid->line_count(fan_)), culture_(*scene.data_base, scene.source) {
     for (auto* samples : {&now_, &crossing_, &ahead_}) samples->resize(tile_lanes);
     for (auto* v : {&cell_, &bump_, &sine0_, &code_, &power_, &inverse_width_, &bow_}) v->resize(tile_lanes);
     gamma_.assign(tile_lanes, scene.gamma[scene.data_base->default_class].ground);
@@ -121,12 +121,12 @@ std::size_t Front::bytes() const {
 
 double Front::slope(std::size_t lane) const {
     return static_cast<double>(run_->spokes[ring_].begin + static_cast<std::int64_t>(lane)) /
-           static_cast<double>(scene_->grid->rings(quadrant_)[ring_].spokes);
+           static_cast<double>(scene_->grid->rings(fan_)[ring_].spokes);
 }
 
 void Front::set_up_ring(std::size_t ring, Lanes& lanes) const {
     const SpokeGrid& grid = *scene_->grid;
-    const std::int64_t spokes = grid.rings(quadrant_)[ring].spokes;
+    const std::int64_t spokes = grid.rings(fan_)[ring].spokes;
     const Interval run = run_->spokes[ring];
     lanes.resize(static_cast<std::size_t>(run.size()));
     for (std::int64_t k = run.begin; k < run.end; ++k) {
@@ -136,7 +136,7 @@ void Front::set_up_ring(std::size_t ring, Lanes& lanes) const {
         lanes.inverse_radius[lane] = grid.map().inverse_radius(quadrant_, m);
         WedgeCells::Target target{-1, {0, 0}};
         if (run_->touching[ring].contains(k)) {
-            const SpokeGrid::Share share = grid.share(quadrant_, spokes, k);
+            const SpokeGrid::Share share = grid.share(fan_, spokes, k);
             for (int side = 1; side >= 0; --side) {
                 const std::int64_t bin = share.bin + side;
                 if (!run_->bins.contains(bin) || !(share.radians[side] > 0)) continue;
@@ -182,7 +182,7 @@ void Front::start() {
     const Chunk& patch = *scene_->nadir_patch;
     if (line_end_ == 0 || patch.window.empty()) return;
     const bool columns = lines_are_columns(quadrant_);
-    const std::int64_t index = scene_->grid->line_index(quadrant_, 0) - outward(quadrant_);
+    const std::int64_t index = scene_->grid->line_index(fan_, 0) - outward(quadrant_);
     const Interval across = columns ? patch.window.columns : patch.window.rows,
                    along = columns ? patch.window.rows : patch.window.columns;
     if (!across.contains(index)) return;
@@ -209,9 +209,10 @@ ChunkRequest Front::request(Interval lines, BlockMap* map) const {
     const bool columns = lines_are_columns(quadrant_);
     ChunkRequest request;
     if (live_begin_ >= live_end_) return request;
+    const int level = request.level = scene_->grid->level(fan_, lines.begin);
     const std::int64_t first_spoke = run_->spokes[ring_].begin;
     request.window = scene_->grid->window(
-        quadrant_, scene_->grid->rings(quadrant_)[ring_].spokes,
+        fan_, scene_->grid->rings(fan_)[ring_].spokes,
         {first_spoke + static_cast<std::int64_t>(live_begin_), first_spoke + static_cast<std::int64_t>(live_end_)},
         lines);
     request.lines_are_columns = columns;
@@ -219,8 +220,9 @@ ChunkRequest Front::request(Interval lines, BlockMap* map) const {
     // Across the seam of a cyclic raster the blocks do not meet.
     if (!map || window.empty() || window.columns.begin < 0 || window.columns.end > db.columns) return request;
     request.blocks = blocks_of(window);
-    const BlockWindow bounds = map->read(0, request.blocks);
-    const std::int64_t count = columns ? db.rows : db.columns;
+    // Blocks of a level are as many of its posts wide: the map's own coarser ones.
+    const BlockWindow bounds = read_bounds(*map, level, request.blocks, db.columns, db.rows);
+    const std::int64_t count = posts_at(columns ? db.rows : db.columns, level);
     const Interval majors = columns ? request.blocks.columns : request.blocks.rows,
                    minors = columns ? request.blocks.rows : request.blocks.columns;
     const auto index = [&](std::int64_t major, std::int64_t minor) {
@@ -240,18 +242,18 @@ ChunkRequest Front::request(Interval lines, BlockMap* map) const {
     std::vector<SpokeMap::LinePiece> pieces;
     std::vector<std::uint8_t> may_gap(n);  // it may have met a void in this chunk
     for (std::size_t i = 0; i < n; ++i) may_gap[i] = is(live_begin_ + i, mode_gap);
-    const std::int64_t out = outward(quadrant_), last = grid.line_index(quadrant_, lines.end - 1);
+    const std::int64_t out = outward(quadrant_), last = grid.line_index(fan_, lines.end - 1);
     std::int64_t line = lines.begin;
-    places(line > 0 ? grid.distance(quadrant_, line - 1) : 0, live_begin_, live_end_, near_minor.data(),
+    places(line > 0 ? grid.distance(fan_, line - 1) : 0, level, live_begin_, live_end_, near_minor.data(),
            near_arc.data(), pieces);
     while (line < lines.end) {
         // The cells between the line behind and the block's far edge.
-        const std::int64_t from = grid.line_index(quadrant_, line) - out;
+        const std::int64_t from = grid.line_index(fan_, line) - out;
         auto [block, to] = cells_ahead(from, last, out);
         line += (to - from) * out;
         // Before the first line stands no block: what counts is that line.
         if (!majors.contains(block)) block = block_along(to);
-        places(grid.distance(quadrant_, line - 1), live_begin_, live_end_, far_minor.data(), far_arc.data(), pieces);
+        places(grid.distance(fan_, line - 1), level, live_begin_, live_end_, far_minor.data(), far_arc.data(), pieces);
         for (std::size_t i = 0; i < n; ++i) {
             const std::size_t lane = live_begin_ + i;
             if (is(lane, mode_done) || near_arc[i] > scene_->max_arc_m * 1.001) continue;
@@ -290,10 +292,10 @@ ChunkRequest Front::request(Interval lines, BlockMap* map) const {
     return request;
 }
 
-void Front::places(double distance, std::size_t begin, std::size_t end, double* minor, double* arc_m,
+void Front::places(double distance, int level, std::size_t begin, std::size_t end, double* minor, double* arc_m,
                    std::vector<SpokeMap::LinePiece>& pieces) const {
     const SpokeGrid& grid = *scene_->grid;
-    const std::int64_t spokes = grid.rings(quadrant_)[ring_].spokes, first = run_->spokes[ring_].begin;
+    const std::int64_t spokes = grid.rings(fan_)[ring_].spokes, first = run_->spokes[ring_].begin;
     grid.map().line(quadrant_, distance, slope(begin), slope(end - 1), pieces);
     std::size_t at = begin;
     for (const SpokeMap::LinePiece& piece : pieces) {
@@ -307,6 +309,18 @@ void Front::places(double distance, std::size_t begin, std::size_t end, double* 
                     count, lanes_.metres_per_post.data() + at, minor + (at - begin), arc_m + (at - begin));
         at += count;
     }
+    if (level == 0) return;
+    const double share = 1 / static_cast<double>(std::int64_t{1} << level);
+    for (std::size_t i = 0; i < end - begin; ++i) minor[i] *= share;
+}
+
+void Front::enter_level(std::int64_t line) {
+    const int level = scene_->grid->level(fan_, line);
+    if (level == level_) return;
+    const double before = post_;
+    level_ = level;
+    post_ = static_cast<double>(std::int64_t{1} << level);
+    for (double& minor : lanes_.last.minor) minor *= before / post_;  // powers of two: exact
 }
 
 void Front::sample_line(const LinePosts& posts, std::size_t begin, std::size_t end, std::size_t at,
@@ -341,17 +355,18 @@ LinePosts Front::line_of(const Chunk& chunk, const RawVector<float>& layer, std:
 void Front::advance(Interval lines, const Chunk* chunk, bool leap) {
     assert(lines.begin == next_line_);
     leaps_ = leap;
+    enter_level(lines.begin);
     between_.in_chunk = chunk != nullptr;
     chunk_bounds_.clear();
     if (chunk) {
-        if (scene_->data_base->has_culture) culture_.open(chunk->window, !leap);
+        if (scene_->data_base->has_culture) culture_.open(raster_posts(chunk->window, level_), !leap);
         const auto blocks = blocks_of(chunk->window);
         chunk_blocks_ = lines_are_columns(quadrant_) ? blocks : Window{blocks.rows, blocks.columns};
         chunk_bounds_.assign(static_cast<std::size_t>(chunk_blocks_.posts()), void_post);
     }
     if (next_line_ > 0) {
-        // Its last line again: the chunk before may not have held all posts that matter now.
-        const std::int64_t index = scene_->grid->line_index(quadrant_, next_line_ - 1);
+        // Its last line again: the chunk before may not have held all posts that matter now, or had another level.
+        const std::int64_t index = scene_->grid->line_index(fan_, next_line_) - outward(quadrant_);
         between_.behind = chunk ? line_of(*chunk, chunk->surface_m, index) : no_posts();
         between_.behind_culture = chunk ? line_of(*chunk, chunk->culture_height_m, index) : no_posts();
         between_.behind_major = static_cast<double>(index);
@@ -359,7 +374,7 @@ void Front::advance(Interval lines, const Chunk* chunk, bool leap) {
         sample_line(between_.behind, live_begin_, live_end_, live_begin_, lanes_.last);
     }
     while (!lines.empty() && !finished()) {
-        const auto& rings = scene_->grid->rings(quadrant_);
+        const auto& rings = scene_->grid->rings(fan_);
         const Interval part = intersection({next_line_, lines.end}, rings[ring_].lines);
         const Between first = between_;
         for (std::size_t tile = live_begin_; tile < live_end_; tile += tile_lanes) {
@@ -370,7 +385,7 @@ void Front::advance(Interval lines, const Chunk* chunk, bool leap) {
         next_line_ = part.end;
         lines.begin = part.end;
         // At once: the odd children's own samples need the classes of this line.
-        if (next_line_ >= rings[ring_].lines.end && ring_ + 1 < rings.size() && !finished()) double_spokes();
+        while (next_line_ >= rings[ring_].lines.end && ring_ + 1 < rings.size() && !finished()) double_spokes();
     }
     next_line_ = std::max(next_line_, lines.end);
     between_.behind = between_.behind_culture = between_.ahead = between_.ahead_culture = no_posts();
@@ -416,7 +431,7 @@ void Front::advance_tile(Interval lines, const Chunk* chunk, std::size_t begin, 
             line = passed + 1;
         }
         if (line >= lines.end) break;
-        const std::int64_t index = grid.line_index(quadrant_, line);
+        const std::int64_t index = grid.line_index(fan_, line);
         between.ahead = chunk ? line_of(*chunk, chunk->surface_m, index) : no_posts();
         between.ahead_culture = chunk ? line_of(*chunk, chunk->culture_height_m, index) : no_posts();
         between.ahead_major = static_cast<double>(index);
@@ -427,7 +442,7 @@ void Front::advance_tile(Interval lines, const Chunk* chunk, std::size_t begin, 
         between.adjacent = true;
     }
     // The spokes' last line, whether they leapt there or not.
-    const std::int64_t index = grid.line_index(quadrant_, lines.end - 1);
+    const std::int64_t index = grid.line_index(fan_, lines.end - 1);
     between.behind = chunk ? line_of(*chunk, chunk->surface_m, index) : no_posts();
     between.behind_culture = chunk ? line_of(*chunk, chunk->culture_height_m, index) : no_posts();
     between.behind_major = static_cast<double>(index);
@@ -476,8 +491,8 @@ std::int64_t Front::leap(std::int64_t line, std::int64_t last, const Chunk& chun
     if (line == 0 || !between.adjacent) return line - 1;
     const std::uint64_t clock = ticks();
     const SpokeGrid& grid = *scene_->grid;
-    const std::int64_t out = outward(quadrant_), from = grid.line_index(quadrant_, line) - out;
-    const auto [block, to] = cells_ahead(from, grid.line_index(quadrant_, last), out);
+    const std::int64_t out = outward(quadrant_), from = grid.line_index(fan_, line) - out;
+    const auto [block, to] = cells_ahead(from, grid.line_index(fan_, last), out);
     // Tried where a block begins, and not for a few lines.
     constexpr std::int64_t least = 4;
     const std::int64_t away = out > 0 ? from - block * block_posts : (block + 1) * block_posts - from;
@@ -486,7 +501,7 @@ std::int64_t Front::leap(std::int64_t line, std::int64_t last, const Chunk& chun
     for (std::size_t lane = begin; lane < end; ++lane)
         if (!is(lane, mode_hidden) && !is(lane, mode_done)) return line - 1;
     const std::int64_t target = line + (to - from) * out - 1;
-    places(grid.distance(quadrant_, target), begin, end, ahead_.minor.data(), ahead_.arc.data(), line_pieces_);
+    places(grid.distance(fan_, target), level_, begin, end, ahead_.minor.data(), ahead_.arc.data(), line_pieces_);
     const Interval along = lines_are_columns(quadrant_) ? chunk.window.rows : chunk.window.columns;
     double lo = infinite, hi = -infinite, near = infinite, far = 0, inverse = infinite, horizon = infinite;
     for (std::size_t i = 0; i < n; ++i) {
@@ -524,11 +539,11 @@ std::int64_t Front::leap(std::int64_t line, std::int64_t last, const Chunk& chun
 
 void Front::advance_line(std::int64_t line, const Between& between, std::size_t begin, std::size_t end) {
     const SpokeGrid& grid = *scene_->grid;
-    const double distance = grid.distance(quadrant_, line);
+    const double distance = grid.distance(fan_, line);
     const std::size_t n = end - begin;
 
     const std::uint64_t clock = ticks();
-    places(distance, begin, end, ahead_.minor.data(), ahead_.arc.data(), line_pieces_);
+    places(distance, level_, begin, end, ahead_.minor.data(), ahead_.arc.data(), line_pieces_);
     // Beyond the range, or gone from the raster for good.
     const auto modes = lanes_.mode.begin() + static_cast<std::ptrdiff_t>(begin);
     if (count_beyond(n, ahead_.arc.data(), scene_->max_arc_m) ||
@@ -568,7 +583,9 @@ bool Front::beyond(std::size_t lane, double minor, double arc, double distance) 
     const DataBase& db = *scene_->data_base;
     if (db.cyclic && !lines_are_columns(quadrant_)) return false;
     // Outside along the lines, moving away, and farther out than the spoke's bend can bring back.
-    const double last = static_cast<double>((lines_are_columns(quadrant_) ? db.rows : db.columns) - 1);
+    const double last =
+        static_cast<double>(posts_at(lines_are_columns(quadrant_) ? db.rows : db.columns, level_) - 1) * post_;
+    minor *= post_;
     const SpokeMap& map = scene_->grid->map();
     const double m = slope(lane), straight = map.nadir_minor(quadrant_) + m * distance;
     const double bend = map.straight() ? 0 : map.most_bend(quadrant_);
@@ -682,9 +699,9 @@ bool Front::find_gammas(std::size_t at, std::size_t n, std::size_t lane, const B
                        between.behind_major,
                        between.ahead_major,
                        db.culture_column_offset,
-                       db.culture_column_scale,
+                       db.culture_column_scale * post_,
                        db.culture_row_offset,
-                       db.culture_row_scale,
+                       db.culture_row_scale * post_,
                        {}};
     // Ground and walls by turns.
     const double* const gammas = &scene_->gamma.data()->ground;
@@ -737,8 +754,8 @@ const ClassId* Front::find_cells(const SampleLanes& from, std::size_t i, const B
     }
     const double major = between.major(from.part[i]), minor = from.minor[i];
     const bool columns = scene.lines_are_columns;
-    const CultureCells& tile = culture_.tile_of(floor_of(culture_.cell_column(columns ? major : minor)),
-                                                floor_of(culture_.cell_row(columns ? minor : major)));
+    const CultureCells& tile =
+        culture_.tile_of(floor_of(cell_column(columns ? major : minor)), floor_of(cell_row(columns ? minor : major)));
     scene.tile = tile.window;
     culture_lanes(n, scene, pieces, found);
     return tile.classes.data();
@@ -909,16 +926,15 @@ std::optional<double> Front::one_gamma(const Track& track, const Between& betwee
     // corner with the most culture.
     if (between.ahead_culture.posts != &void_post || between.behind_culture.posts != &void_post)
         if (const auto post = wall_post(track, between)) {
-            const ClassId id =
-                class_at(floor_of(culture_.cell_column(post->column)), floor_of(culture_.cell_row(post->row)));
+            const ClassId id = class_at(floor_of(cell_column(post->column)), floor_of(cell_row(post->row)));
             return id == unknown_class ? 0 : scene_->gamma[id].wall;
         }
     // The culture cells that its way may touch, if these are four at the most.
     const bool columns = lines_are_columns(quadrant_);
-    const std::int64_t column0 = floor_of(culture_.cell_column(columns ? track.major0 : track.minor0)),
-                       column1 = floor_of(culture_.cell_column(columns ? track.major1 : track.minor1)),
-                       row0 = floor_of(culture_.cell_row(columns ? track.minor0 : track.major0)),
-                       row1 = floor_of(culture_.cell_row(columns ? track.minor1 : track.major1));
+    const std::int64_t column0 = floor_of(cell_column(columns ? track.major0 : track.minor0)),
+                       column1 = floor_of(cell_column(columns ? track.major1 : track.minor1)),
+                       row0 = floor_of(cell_row(columns ? track.minor0 : track.major0)),
+                       row1 = floor_of(cell_row(columns ? track.minor1 : track.major1));
     if (std::abs(column1 - column0) > 1 || std::abs(row1 - row0) > 1) return std::nullopt;
     const ClassId id = culture_.at(column0, row0);
     if (id == unknown_class || culture_.at(column1, row1) != id) return std::nullopt;
@@ -939,10 +955,9 @@ void Front::put_parts(std::size_t lane, const Piece& piece, double depression) {
     };
     // The culture cells that the piece runs through, in order; neighbouring parts of one class together.
     const Track& t = piece.track;
-    const double column0 = culture_.cell_column(columns ? t.major0 : t.minor0),
-                 column1 = culture_.cell_column(columns ? t.major1 : t.minor1);
-    const double row0 = culture_.cell_row(columns ? t.minor0 : t.major0),
-                 row1 = culture_.cell_row(columns ? t.minor1 : t.major1);
+    const double column0 = cell_column(columns ? t.major0 : t.minor0),
+                 column1 = cell_column(columns ? t.major1 : t.minor1);
+    const double row0 = cell_row(columns ? t.minor0 : t.major0), row1 = cell_row(columns ? t.minor1 : t.major1);
     breaks_.clear();
     const auto cut = [&](double from, double to) {
         const double lo = std::min(from, to), hi = std::max(from, to);
@@ -1037,14 +1052,14 @@ void Front::double_spokes() {
     const Lanes parents = std::move(lanes_);
     const Interval parent_run = run_->spokes[ring_];
     ++ring_;
-    const std::int64_t spokes = grid.rings(quadrant_)[ring_].spokes;
-    assert(spokes == 2 * grid.rings(quadrant_)[ring_ - 1].spokes);
+    const std::int64_t spokes = grid.rings(fan_)[ring_].spokes;
+    assert(spokes == 2 * grid.rings(fan_)[ring_ - 1].spokes);
     const Interval run = run_->spokes[ring_];
     lanes_ = Lanes{};
     set_up_ring(ring_, lanes_);
     Samples& last = lanes_.last;
     between_.ahead = between_.ahead_culture = no_posts();
-    const double distance = grid.distance(quadrant_, next_line_ - 1);
+    const double distance = grid.distance(fan_, next_line_ - 1);
     for (std::int64_t k = run.begin; k < run.end; ++k) {
         const auto lane = static_cast<std::size_t>(k - run.begin);
         const auto a = static_cast<std::size_t>(floor_of(static_cast<double>(k) / 2) - parent_run.begin);
@@ -1065,7 +1080,7 @@ void Front::double_spokes() {
         }
         const SpokeMap::Place place =
             grid.map().place(quadrant_, static_cast<double>(k) / static_cast<double>(spokes), distance);
-        last.minor[lane] = place.minor;
+        last.minor[lane] = place.minor / post_;
         last.arc[lane] = place.arc_m;
         sample_line(between_.behind, lane, lane + 1, lane, last);
         const double sine = last.sine[lane];

@@ -64,8 +64,8 @@ public:
     /// Lines of the quadrant, in the quadrant's count; the next ones to advance over begin at next_line().
     std::int64_t next_line() const { return next_line_; }
     bool finished() const { return next_line_ >= line_end_ || live_begin_ >= live_end_; }
-    /// The posts that advancing over `lines` (which start at next_line()) needs, the line behind them too; an empty
-    /// window if none of the spokes meets the raster there. With a map: also which blocks can be left out, because no
+    /// The posts that advancing over `lines` (of one level, which start at next_line()) needs, the line behind them too,
+    /// in posts of their level; an empty window if none of the spokes meets the raster there. With a map: also which blocks can be left out, because no
     /// spoke comes there or because what they hold stays below the horizons that the spokes have now.
     ChunkRequest request(Interval lines, BlockMap* map) const;
     /// Carries the front over lines that `chunk` holds; null where the window was empty. With `leap` spokes pass over
@@ -124,9 +124,14 @@ private:
         double sine0, sine1;
     };
 
-    /// Places of lanes begin.. on a line: minor[i], arc_m[i] of lane begin + i.
-    void places(double distance, std::size_t begin, std::size_t end, double* minor, double* arc_m,
+    /// Places of lanes begin.. on a line: minor[i] in posts of a level, arc_m[i] of lane begin + i.
+    void places(double distance, int level, std::size_t begin, std::size_t end, double* minor, double* arc_m,
                 std::vector<SpokeMap::LinePiece>& pieces) const;
+    /// Goes on in posts of the level that `line` has.
+    void enter_level(std::int64_t line);
+    /// Culture cell of a place in posts of this level.
+    double cell_column(double column) const { return culture_.cell_column(column * post_); }
+    double cell_row(double row) const { return culture_.cell_row(row * post_); }
     /// Samples of lanes begin.. on one line, from where they stand on it (minor, arc): exactly those that stepping there
     /// would take.
     void sample_line(const LinePosts& posts, std::size_t begin, std::size_t end, std::size_t at,
@@ -201,6 +206,9 @@ private:
     double bins_per_metre_;
     bool plain_ground_;  // one class, no culture height
     Quadrant quadrant_;
+    Fan fan_;
+    int level_ = 0;    // of detail; all indices along and across lines are in posts of this level
+    double post_ = 1;  // 2^level: posts of the raster
     std::size_t ring_ = 0;
     std::int64_t next_line_ = 0, line_end_ = 0;
     std::size_t live_begin_ = 0, live_end_ = 0;  // lanes not all done

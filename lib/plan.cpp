@@ -23,11 +23,13 @@ Window hull(const Window& a, const Window& b) {
 /// A few spokes of a run over coarse blocks of the terrain: how much of it can be seen at all.
 class CoarseLook {
 public:
-    CoarseLook(const ResolvedScene& scene, const DataBase& db, const SpokeGrid& grid, BlockMap& map, Quadrant quadrant)
-        : scene_(scene), db_(db), grid_(grid), map_(map), quadrant_(quadrant) {}
+    CoarseLook(const ResolvedScene& scene, const DataBase& db, const SpokeGrid& grid, BlockMap& map, Fan fan)
+        : scene_(scene), db_(db), grid_(grid), map_(map), fan_(fan) {}
 
-    /// Share of the window's posts that spokes lo..hi (slopes) may see on these lines; call strip after strip.
-    double visible(const Window& window, Interval lines, double lo, double hi) {
+    /// Share of the window's posts (of the lines' level) that spokes lo..hi (slopes) may see on these lines; call strip
+    /// after strip.
+    double visible(const Window& level_posts, Interval lines, double lo, double hi) {
+        const Window window = raster_posts(level_posts, grid_.level(fan_, lines.begin));
         if (window.columns.begin < 0 || window.columns.end > db_.columns) return 1;
         const int level = std::min(coarse_level, map_.levels() - 1);
         const BlockWindow bounds = map_.read(level, blocks_of(window, level));
@@ -35,13 +37,15 @@ public:
         int seen = 0, looks = 0;
         for (std::size_t i = 0; i < spokes; ++i) {
             const double slope = lo + (hi - lo) * (static_cast<double>(i) + 0.5) / spokes;
-            for (std::int64_t line = lines.begin; line < lines.end; line += edge) {
-                const std::int64_t last = std::min(line + edge, lines.end) - 1;
-                const SpokeMap::Place near = grid_.map().place(quadrant_, slope, grid_.distance(quadrant_, line)),
-                                      far = grid_.map().place(quadrant_, slope, grid_.distance(quadrant_, last));
+            const std::int64_t step = std::max<std::int64_t>(1, edge >> grid_.level(fan_, lines.begin));
+            for (std::int64_t line = lines.begin; line < lines.end; line += step) {
+                const std::int64_t last = std::min(line + step, lines.end) - 1;
+                const SpokeMap::Place near = grid_.map().place(fan_.quadrant, slope, grid_.distance(fan_, line)),
+                                      far = grid_.map().place(fan_.quadrant, slope, grid_.distance(fan_, last));
                 const auto minor = static_cast<std::int64_t>(std::floor(0.5 * (near.minor + far.minor))),
-                           major = grid_.line_index(quadrant_, (line + last) / 2);
-                const bool columns = lines_are_columns(quadrant_);
+                           major = grid_.line_index(fan_, (line + last) / 2) *
+                                   (std::int64_t{1} << grid_.level(fan_, lines.begin));
+                const bool columns = lines_are_columns(fan_.quadrant);
                 const Window block = blocks_of({{columns ? major : minor, (columns ? major : minor) + 1},
                                                 {columns ? minor : major, (columns ? minor : major) + 1}},
                                                level);
@@ -50,7 +54,7 @@ public:
                     continue;
                 const BlockBounds& b = bounds.at(block.columns.begin, block.rows.begin);
                 if (b.voids == Voids::all) continue;
-                const double inverse = grid_.map().inverse_radius(quadrant_, slope), sensor = scene_.sensor_m;
+                const double inverse = grid_.map().inverse_radius(fan_.quadrant, slope), sensor = scene_.sensor_m;
                 ++looks;
                 seen += highest_sine(sensor, static_cast<double>(b.highest_m + b.culture_m), near.arc_m, far.arc_m,
                                      inverse) >= horizon_[i];
@@ -69,7 +73,7 @@ private:
     const DataBase& db_;
     const SpokeGrid& grid_;
     BlockMap& map_;
-    Quadrant quadrant_;
+    Fan fan_;
     std::array<double, spokes> horizon_ = [] {
         std::array<double, spokes> none;
         none.fill(-2);
@@ -95,41 +99,44 @@ private:
     /// Returns the most that front and chunk hold at a time.
     std::size_t walk(const SpokeRun& run, WedgeForecast& f) const {
         const Quadrant q = run.quadrant;
-        const auto& rings = grid_.rings(q);
+        const Fan fan = run.own_fan();
+        const auto& rings = grid_.rings(fan);
         const double most_arc = grid_.map().params().max_arc_m;
         std::optional<CoarseLook> coarse;
-        if (BlockMap* map = look_ ? source_.block_map() : nullptr) coarse.emplace(scene_, db_, grid_, *map, q);
+        if (BlockMap* map = look_ ? source_.block_map() : nullptr) coarse.emplace(scene_, db_, grid_, *map, fan);
         std::size_t most = 0, ring = 0;
         Interval live = run.spokes[0];
-        for (std::int64_t line = 0; line < grid_.line_count(q) && !live.empty();) {
+        for (std::int64_t line = 0; line < grid_.line_count(fan) && !live.empty();) {
             const std::int64_t spokes = rings[ring].spokes;
             const auto beyond = [&](std::int64_t k) {
                 return line > 0 && grid_.map()
                                            .place(q, static_cast<double>(k) / static_cast<double>(spokes),
-                                                  grid_.distance(q, line - 1))
+                                                  grid_.distance(fan, line - 1))
                                            .arc_m > most_arc;
             };
             while (!live.empty() && beyond(live.begin)) ++live.begin;
             while (!live.empty() && beyond(live.end - 1)) --live.end;
             if (live.empty()) break;
-            const Interval lines = grid_.strip_lines(q, line, strip_);
+            const Interval lines = grid_.strip_lines(fan, line, strip_);
             // The ring that the strip ends in has the most spokes.
             std::size_t last_ring = ring;
             while (last_ring + 1 < rings.size() && rings[last_ring].lines.end <= lines.end) ++last_ring;
             const std::size_t lanes = static_cast<std::size_t>(run.spokes[last_ring].size() + run.spokes[ring].size());
-            const ChunkRequest request{grid_.window(q, spokes, live, lines), lines_are_columns(q), {}, {}, {}};
+            const ChunkRequest request{
+                grid_.window(fan, spokes, live, lines), lines_are_columns(q), {}, {}, {}, grid_.level(fan, line)};
+            const Window posts = raster_posts(request.window, request.level);
             std::size_t held = Front::bytes_of(lanes);
             f.steps += static_cast<std::uint64_t>(live.size() * lines.size()) << (last_ring - ring);
             if (!request.window.empty()) {
                 const LoadCost cost = source_.cost(request);
                 ++f.chunks;
-                f.reach = hull(f.reach, request.window);
+                f.reach = hull(f.reach, posts);
                 f.posts += cost.posts;
                 f.bytes += cost.bytes;
                 held += cost.chunk_bytes + cost.beside_bytes;
                 std::uint64_t class_bytes = 0;
                 if (db_.has_culture) {
-                    const Window tiles = Culture::tiles_under(db_, request.window);
+                    const Window tiles = Culture::tiles_under(db_, posts);
                     for (std::int64_t r = tiles.rows.begin; r < tiles.rows.end; ++r)
                         for (std::int64_t c = tiles.columns.begin; c < tiles.columns.end; ++c)
                             class_bytes += source_.class_bytes(Culture::cells_of_tile(db_, c, r));

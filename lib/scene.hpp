@@ -68,6 +68,7 @@ struct Scene {
     std::optional<Decibel> gamma;  ///< one constant gamma at 10 GHz for everything
     Quality quality = Quality::normal;
     std::optional<double> max_error_db;  ///< asked for in place of a quality, which is then what keeps it
+    bool detail = true;                  ///< levels of detail where the quality's promise allows them
     // In place of what the quality says.
     std::optional<double> spokes_per_post;
     std::optional<double> spoke_lead;   ///< how many times their distance ahead spokes double

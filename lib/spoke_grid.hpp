@@ -1,9 +1,14 @@
-// SpokeGrid: which spokes there are: quadrants, lines, rings, azimuths; and a wedge as runs of spokes.
+// SpokeGrid: which spokes there are: quadrants, fans, lines, bands, rings, azimuths; and a wedge as runs of spokes.
 // A property of the scene, never of the split into wedges. Leaves positions to spoke_map.hpp and state to front.hpp.
 //
 // Spoke k of a quadrant (-K <= k <= K) has slope k/K; K is a power of two that doubles from one ring to the next, where
 // the spokes' spacing on a line `lead` times as far off (the last one at most) would exceed 1/o posts. Its cell is the azimuths between slopes (k-1/2)/K and
 // (k+1/2)/K, cut at +-1: a spoke on a common diagonal is swept by both quadrants and each deposits its own half.
+//
+// Where levels of detail are on, a quadrant's slopes are cut into fans of equal width. A fan has its own lines and rings:
+// its lines come in bands, outwards, each with a level L: lines and posts along them stand 2^L posts apart, at whole
+// multiples of 2^L. A spoke on the common border of two fans is swept by both, as on a diagonal. Without levels a
+// quadrant is one fan of one band.
 #pragma once
 #include <cstdint>
 #include <vector>
@@ -36,19 +41,62 @@ inline Sampling sampling(const Scene& scene, bool culture_height, double above_p
     return own_sampling(scene, sampling(scene.quality, culture_height, above_posts));
 }
 
+/// The spokes of a quadrant between two slopes: the whole quadrant where there are no levels of detail.
+struct Fan {
+    Quadrant quadrant = Quadrant::east;
+    int index = 0;  ///< from slope -1 on
+    // NOLINTNEXTLINE(google-explicit-constructor): a quadrant without levels of detail is its one fan
+    constexpr Fan(Quadrant q, int i = 0) : quadrant(q), index(i) {}
+};
+
+/// Levels of detail of a scene; none: every post.
+struct DetailLevels {
+    static constexpr int most = 5;  ///< no level is coarser: 2^5 posts
+    /// From the line at raster column or row `border` (a multiple of 2^most) outwards, up to the next step.
+    struct Step {
+        std::int64_t border = 0;
+        int level = 0;
+        friend bool operator==(const Step&, const Step&) = default;
+    };
+    int fans = 1;                          ///< of each quadrant; a power of two up to 16
+    std::vector<std::vector<Step>> steps;  ///< [quadrant * fans + fan], outwards; up to the first one: level 0
+    bool any() const { return !steps.empty(); }
+};
+
+/// Posts of a side of `posts` that level L keeps: every 2^L-th from the first one on.
+constexpr std::int64_t posts_at(std::int64_t posts, int level) {
+    return (posts + (std::int64_t{1} << level) - 1) >> level;
+}
+/// From level posts to those of the raster, and what lies between.
+constexpr Window raster_posts(const Window& window, int level) {
+    const auto side = [&](Interval i) {
+        return i.empty() ? Interval{} : Interval{i.begin * (1 << level), (i.end - 1) * (1 << level) + 1};
+    };
+    return {side(window.columns), side(window.rows)};
+}
+
+/// Lines of a fan that have one level.
+struct Band {
+    int level = 0;
+    Interval lines;
+    std::int64_t first = 0;  ///< column or row of lines.begin, in level posts
+};
+
 /// Lines of a quadrant between two doublings of the number of spokes.
 struct Ring {
     std::int64_t spokes = 0;  ///< K, of an octant
     Interval lines;           ///< line numbers, 0 = nearest
 };
 
-/// A run of spokes of one quadrant with the azimuth bins it deposits into.
+/// A run of spokes of one fan with the azimuth bins it deposits into.
 struct SpokeRun {
     Quadrant quadrant = Quadrant::east;
+    int fan = 0;
     Interval bins;               ///< counted in the quadrant's own unwrapped azimuth; bin b starts at b times the step
     std::int64_t first_row = 0;  ///< row of the wedge's cells for bins.begin
     std::vector<Interval> spokes;    ///< for each ring of the quadrant: all that must be swept
     std::vector<Interval> touching;  ///< for each ring: those whose cell overlaps the bins
+    Fan own_fan() const { return {quadrant, fan}; }
 };
 
 /// A run of neighbouring azimuth bins: the unit of work.
@@ -60,50 +108,75 @@ struct Wedge {
 
 class SpokeGrid {
 public:
-    SpokeGrid(const DataBase& data_base, const SpokeMap& map, const Sampling& sampling, std::int64_t circle_bins);
+    SpokeGrid(const DataBase& data_base, const SpokeMap& map, const Sampling& sampling, std::int64_t circle_bins,
+              const DetailLevels& levels = {});
 
     const SpokeMap& map() const { return map_; }
     double azimuth_step_rad() const { return azimuth_step_; }
+    int fans() const { return fans_each_; }  ///< of each quadrant
 
-    std::int64_t line_count(Quadrant q) const { return of(q).line_count; }
-    /// Raster column or row of a line.
-    std::int64_t line_index(Quadrant q, std::int64_t line) const { return of(q).first_line + outward(q) * line; }
-    /// From the nadir to a line, posts; above 0.
-    double distance(Quadrant q, std::int64_t line) const;
-    /// At least one ring, also where a quadrant has no line.
-    const std::vector<Ring>& rings(Quadrant q) const { return of(q).rings; }
+    std::int64_t line_count(Fan f) const { return of(f).line_count; }
+    /// Raster column or row of a line, in posts of its level.
+    std::int64_t line_index(Fan f, std::int64_t line) const {
+        const Band& band = band_of(f, line);
+        return band.first + outward(f.quadrant) * (line - band.lines.begin);
+    }
+    /// Level of detail of a line.
+    int level(Fan f, std::int64_t line) const { return band_of(f, line).level; }
+    /// From the nadir to a line, posts of the raster; above 0.
+    double distance(Fan f, std::int64_t line) const;
+    /// At least one ring, also where a fan has no line. One may have no lines: the number of spokes doubles at once again.
+    const std::vector<Ring>& rings(Fan f) const { return of(f).rings; }
+    const std::vector<Band>& bands(Fan f) const { return of(f).bands; }
 
     /// Part of the azimuth bins that a spoke's cell covers.
     struct Share {
         std::int64_t bin = 0;        ///< the first one, in the quadrant's unwrapped count
         double radians[2] = {0, 0};  ///< of this bin and the next; rounded, independent of any split
     };
-    Share share(Quadrant q, std::int64_t spokes, std::int64_t k) const;
+    Share share(Fan f, std::int64_t spokes, std::int64_t k) const;
 
     Wedge wedge(std::int64_t index, Interval bins) const;
 
-    /// Lines from `line` on up to the far border of its strip of cells: borders stand at multiples of `strip` posts.
-    Interval strip_lines(Quadrant q, std::int64_t line, std::int64_t strip) const;
+    /// Lines from `line` on up to the far border of its strip of cells: borders stand at multiples of `strip` posts of
+    /// its level, and where the level changes.
+    Interval strip_lines(Fan f, std::int64_t line, std::int64_t strip) const;
     /// The posts that spokes first_k..last_k of K need from the line behind lines.begin (if there is one) to the last of
-    /// `lines`, with those that a doubling brings between them; empty if none meets the raster there.
-    Window window(Quadrant q, std::int64_t spokes, Interval run, Interval lines) const;
+    /// `lines`, of one level and in its posts, with those that a doubling brings between them; empty if none meets the
+    /// raster there.
+    Window window(Fan f, std::int64_t spokes, Interval run, Interval lines) const;
 
 private:
-    struct QuadrantLines {
-        std::int64_t first_line = 0, line_count = 0;
+    struct FanLines {
+        std::int64_t line_count = 0;
+        std::vector<Band> bands;
         std::vector<Ring> rings;
         bool clockwise = true;  // azimuth grows with slope
     };
-    const QuadrantLines& of(Quadrant q) const { return quadrants_[static_cast<std::size_t>(q)]; }
+    const FanLines& of(Fan f) const {
+        return lines_[static_cast<std::size_t>(static_cast<int>(f.quadrant) * fans_each_ + f.index)];
+    }
+    const Band& band_of(Fan f, std::int64_t line) const {
+        const std::vector<Band>& bands = of(f).bands;
+        std::size_t i = bands.size() - 1;
+        while (i > 0 && bands[i].lines.begin > line) --i;
+        return bands[i];
+    }
+    /// The outermost spokes of a fan, of K.
+    std::int64_t least_spoke(Fan f, std::int64_t spokes) const { return 2 * spokes * f.index / fans_each_ - spokes; }
+    std::int64_t most_spoke(Fan f, std::int64_t spokes) const { return least_spoke({f.quadrant, f.index + 1}, spokes); }
+    void set_bands(Fan f, std::int64_t first_line, std::int64_t line_count, const DetailLevels& levels);
+    void set_rings(Fan f, const Sampling& sampling, std::int64_t least);
     /// Azimuth of slope half_index / (2 K).
     double edge_azimuth(Quadrant q, std::int64_t spokes, std::int64_t half_index) const;
-    Interval touching_spokes(Quadrant q, std::int64_t spokes, double azimuth_lo, double azimuth_hi) const;
+    Interval touching_spokes(Fan f, std::int64_t spokes, double azimuth_lo, double azimuth_hi) const;
 
     const DataBase& data_base_;
     const SpokeMap& map_;
     std::int64_t circle_bins_;
     double azimuth_step_;
-    std::array<QuadrantLines, 4> quadrants_;
+    int fans_each_;
+    std::vector<FanLines> lines_;  ///< [quadrant * fans_each_ + fan]
 };
 
 }  // namespace wedgescope

@@ -34,6 +34,7 @@ std::vector<Fact> echo_facts(const ResolvedScene& s, const DataBase& db) {
     add("spoke-lead", sampled.lead);
     add("crossings", sampled.cross_lines);
     add("course", sampled.exact_course ? "curved" : "straight");
+    add("detail", scene.detail);
     add("azimuth-bins", s.swept.circle_bins);
     add("range-bin", s.swept.range_bin_m);
     add("sector", s.swept.azimuth_bins.begin, "..", s.swept.azimuth_bins.end);
@@ -61,12 +62,13 @@ std::vector<Window> hull(const SpokeGrid& grid, const Wedge& wedge, const Window
     std::vector<Window> windows;
     if (!nadir_patch.empty()) windows.push_back(nadir_patch);
     for (const SpokeRun& run : wedge.runs) {
-        const std::vector<Ring>& rings = grid.rings(run.quadrant);
+        const std::vector<Ring>& rings = grid.rings(run.own_fan());
         for (std::size_t ring = 0; ring < rings.size(); ++ring)
             for (Interval lines = rings[ring].lines; !lines.empty();) {
-                const Interval part = intersection(grid.strip_lines(run.quadrant, lines.begin, strip), lines);
-                const Window window = grid.window(run.quadrant, rings[ring].spokes, run.spokes[ring], part);
-                if (!window.empty()) windows.push_back(window);
+                const Fan fan = run.own_fan();
+                const Interval part = intersection(grid.strip_lines(fan, lines.begin, strip), lines);
+                const Window window = grid.window(fan, rings[ring].spokes, run.spokes[ring], part);
+                if (!window.empty()) windows.push_back(raster_posts(window, grid.level(fan, part.begin)));
                 lines.begin = part.end;
             }
     }

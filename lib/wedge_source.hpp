@@ -83,7 +83,8 @@ struct SkipCount {
 };
 using Skipped = std::array<SkipCount, skip_count>;
 
-/// A rectangle of posts, and what of it need not be read.
+/// A rectangle of posts, and what of it need not be read. At level L of detail all indices count the posts that this level
+/// keeps: post (c, r) is the raster's (c 2^L, r 2^L), and a block is as many of these wide as any.
 struct ChunkRequest {
     Window window;                   ///< inside the raster (columns taken modulo the cycle if cyclic)
     bool lines_are_columns = false;  ///< quadrants E and W: a line is a column of posts
@@ -94,6 +95,7 @@ struct ChunkRequest {
     Window blocks;
     std::vector<Skip> skip;
     std::vector<float> fill_m;
+    int level = 0;  ///< of detail; 0: every post. Above 0 only where the source has a detail map
 
     /// The height to fill all of it with, if none of its posts must be read and none need be void.
     std::optional<float> flat_m() const {
@@ -168,13 +170,17 @@ struct SourceReport {
     std::string kept;  ///< path of the kept spill that served instead of a pass; empty: none
 };
 
+class DetailMap;
+
 class WedgeSource {
 public:
     virtual ~WedgeSource() = default;
     virtual const DataBase& data_base() const = 0;
     /// Reads one rectangle. May be called from several threads at once. IoError, DataError.
     virtual Chunk load(const ChunkRequest& request) = 0;
-    Chunk load(const Window& window, bool lines_are_columns) { return load({window, lines_are_columns, {}, {}, {}}); }
+    Chunk load(const Window& window, bool lines_are_columns) {
+        return load({window, lines_are_columns, {}, {}, {}, 0});
+    }
     /// What load() of the same would come to, without reading.
     virtual LoadCost cost(const ChunkRequest& request) const {
         const auto posts = static_cast<std::uint64_t>(request.window.posts());
@@ -191,6 +197,8 @@ public:
     virtual CultureCells load_classes(const Window& cells) = 0;
     /// Null where nothing is known without reading.
     virtual BlockMap* block_map() { return nullptr; }
+    /// What is known of levels of detail; null where load() gives none.
+    virtual DetailMap* detail_map() { return nullptr; }
     /// Tiles of all layers, those that a load has touched so far under Skip::none; of several reasons given for another the
     /// highest of Skip stays (range: none was given), so that no order of threads or wedges shows.
     virtual Skipped skipped() const { return {}; }

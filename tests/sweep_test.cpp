@@ -149,7 +149,9 @@ TEST_CASE("neighbouring spokes are as dense as a line so many times as far off n
                     };
                     CHECK(ring.lines.begin == next);
                     next = ring.lines.end;
-                    CHECK(ring.lines.size() > 0);
+                    // One without lines: the number of spokes doubles at once again.
+                    CHECK(ring.lines.begin <= ring.lines.end);
+                    if (before > 0) CHECK(ring.spokes == 2 * before);
                     CHECK(spokes >= needed(ring.lines.end - 1));
                     // No more than that: half of them would not do for the ring's first line.
                     if (before > 0) CHECK(spokes / 2 < needed(ring.lines.begin) * 1.001);

@@ -159,8 +159,8 @@ void BlockMapWriter::finish() {
     file_.sync();
 }
 
-BlockMapFile::BlockMapFile(const std::string& path, BlockMapShape shape, double scale)
-    : shape_(shape), scale_(scale), file_(path, PlainFile::Use::read) {
+BlockMapFile::BlockMapFile(const std::string& path, BlockMapShape shape, double scale, std::size_t kept)
+    : shape_(shape), scale_(scale), kept_(kept), file_(path, PlainFile::Use::read) {
     check_header(file_, shape_);
 }
 
@@ -179,7 +179,7 @@ std::shared_ptr<const BlockMapFile::Bytes> BlockMapFile::page(int level, std::in
     if (!whole(*bytes, number)) throw DataError(page_name(file_.path(), level, column, row) + " is damaged");
     const std::lock_guard lock(mutex_);
     recent_.emplace_front(number, bytes);
-    if (recent_.size() > most_pages) recent_.pop_back();
+    if (recent_.size() > kept_) recent_.pop_back();
     return bytes;
 }
 

@@ -60,7 +60,8 @@ private:
 class BlockMapFile final : public BlockMap {
 public:
     /// `scale`: metres in one unit of stored culture height. DataError if the file is no map of that shape.
-    BlockMapFile(const std::string& path, BlockMapShape shape, double scale);
+    /// Keeps at most `kept` pages.
+    BlockMapFile(const std::string& path, BlockMapShape shape, double scale, std::size_t kept = most_pages);
     int levels() const override { return shape_.levels(); }
     BlockWindow read(int level, const Window& blocks) override;
 
@@ -73,6 +74,7 @@ private:
 
     BlockMapShape shape_;
     double scale_;
+    std::size_t kept_;
     PlainFile file_;
     std::mutex mutex_;
     std::list<std::pair<std::uint64_t, std::shared_ptr<const Bytes>>> recent_;  ///< the last used in front

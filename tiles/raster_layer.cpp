@@ -115,6 +115,35 @@ std::string place(const Window& window) {
 void RasterLayer::read_heights(const Window& window, float* out, std::int64_t stride) {
     if (window.empty()) return;
     read_values(window, out, GDT_Float32, stride * static_cast<std::int64_t>(sizeof(float)));
+    make_heights(window, out, stride);
+}
+
+void RasterLayer::read_level(int level, const Window& window, float* out, std::int64_t stride) {
+    if (level == 0) return read_heights(window, out, stride);
+    // A few whole blocks at a time; of every 2^level-th post, the first.
+    const std::int64_t post = std::int64_t{1} << level, wide = std::max<std::int64_t>(1, (2048 >> level)),
+                       high = std::max<std::int64_t>(1, 128 >> level);
+    std::vector<float> slab;
+    for (std::int64_t r = window.rows.begin; r < window.rows.end;) {
+        const Interval rows{r, std::min(window.rows.end, (r / high + 1) * high)};
+        for (std::int64_t c = window.columns.begin; c < window.columns.end;) {
+            const Interval columns{c, std::min(window.columns.end, (c / wide + 1) * wide)};
+            const Window fine{{columns.begin * post, (columns.end - 1) * post + 1},
+                              {rows.begin * post, (rows.end - 1) * post + 1}};
+            slab.resize(static_cast<std::size_t>(fine.posts()));
+            read_heights(fine, slab.data(), fine.columns.size());
+            for (std::int64_t y = 0; y < rows.size(); ++y) {
+                float* to = out + (rows.begin - window.rows.begin + y) * stride + columns.begin - window.columns.begin;
+                const float* from = slab.data() + y * post * fine.columns.size();
+                for (std::int64_t x = 0; x < columns.size(); ++x) to[x] = from[x * post];
+            }
+            c = columns.end;
+        }
+        r = rows.end;
+    }
+}
+
+void RasterLayer::make_heights(const Window& window, float* out, std::int64_t stride) {
     std::vector<std::uint8_t> masks;
     const bool masked = read_mask(window, masks);
     const bool scaled = facts_.scale != 1 || facts_.offset != 0 || facts_.unit_m != 1;

@@ -75,6 +75,10 @@ public:
     /// IoError if it cannot be read; DataError naming the post if one is infinite or above highest_height_m.
     /// May be called from several threads at once.
     virtual void read_heights(const Window& window, float* out, std::int64_t stride);
+    /// The same of the posts that a level of detail keeps; `window` in these. As read_heights() otherwise.
+    virtual void read_level(int level, const Window& window, float* out, std::int64_t stride);
+    /// Decoded bytes that read_level() holds for itself.
+    virtual std::size_t level_bytes() const { return level_slab_posts * sizeof(float); }
     /// Codes, row after row; void_code where there is none. DataError for a value that is no whole number.
     virtual void read_codes(const Window& window, std::int32_t* out);
     /// Values as stored, or converted as GDAL does; rows `line_bytes` apart. IoError.
@@ -84,6 +88,9 @@ public:
     virtual std::uint64_t fingerprint(const std::vector<Window>& cells) = 0;
 
 protected:
+    static constexpr std::int64_t level_slab_posts = std::int64_t{1} << 18;
+    /// Stored values, read as floats into `out`, become heights.
+    void make_heights(const Window& window, float* out, std::int64_t stride);
     /// The mask of a window: 0 void. False if nothing there is.
     virtual bool read_mask(const Window&, std::vector<std::uint8_t>&) { return false; }
     /// To be called once facts_ is complete.

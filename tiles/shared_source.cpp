@@ -8,6 +8,7 @@
 #include <mutex>
 #include <stdexcept>
 
+#include "lib/spoke_grid.hpp"
 #include "lib/transpose.hpp"
 
 namespace wedgescope {
@@ -99,12 +100,19 @@ void SharedSource::copy_row(const std::vector<float>& layer, Interval columns, s
     }
 }
 
-RawVector<float> SharedSource::posts(const std::vector<float>& layer, const Window& window,
-                                     bool lines_are_columns) const {
+RawVector<float> SharedSource::posts(const std::vector<float>& layer, const Window& window, bool lines_are_columns,
+                                     int level) const {
     RawVector<float> out(static_cast<std::size_t>(window.posts()));
-    const std::int64_t width = window.columns.size(), high = window.rows.size();
+    const std::int64_t width = window.columns.size(), high = window.rows.size(), post = std::int64_t{1} << level;
     const auto straight = [&](Interval part, float* to) {
-        for (std::int64_t r = part.begin; r < part.end; ++r, to += width) copy_row(layer, window.columns, r, to);
+        for (std::int64_t r = part.begin; r < part.end; ++r, to += width) {
+            if (level == 0) {
+                copy_row(layer, window.columns, r, to);
+                continue;
+            }
+            const float* const from = layer.data() + r * post * data_base_.columns + window.columns.begin * post;
+            for (std::int64_t c = 0; c < width; ++c) to[c] = from[c * post];
+        }
     };
     if (!lines_are_columns) {
         straight(window.rows, out.data());
@@ -125,8 +133,9 @@ RawVector<float> SharedSource::posts(const std::vector<float>& layer, const Wind
 Chunk SharedSource::load(const ChunkRequest& request) {
     if (!read_) return source_->load(request);
     const Window& window = request.window;
-    if (window.empty() || window.rows.begin < 0 || window.rows.end > data_base_.rows ||
-        (!data_base_.cyclic && (window.columns.begin < 0 || window.columns.end > data_base_.columns)))
+    if (window.empty() || window.rows.begin < 0 || window.rows.end > posts_at(data_base_.rows, request.level) ||
+        (!data_base_.cyclic &&
+         (window.columns.begin < 0 || window.columns.end > posts_at(data_base_.columns, request.level))))
         throw std::out_of_range("load: window outside the raster");
     Chunk chunk;
     chunk.window = window;
@@ -136,8 +145,8 @@ Chunk SharedSource::load(const ChunkRequest& request) {
         chunk.surface_m.assign(static_cast<std::size_t>(chunk.minor_count()), *height);
         return chunk;
     }
-    chunk.surface_m = posts(surface_m_, window, request.lines_are_columns);
-    if (!culture_m_.empty()) {
+    chunk.surface_m = posts(surface_m_, window, request.lines_are_columns, request.level);
+    if (request.level == 0 && !culture_m_.empty()) {
         chunk.culture_height_m = posts(culture_m_, window, request.lines_are_columns);
         if (std::all_of(chunk.culture_height_m.begin(), chunk.culture_height_m.end(), [](float h) { return h == 0; }))
             chunk.culture_height_m.clear();

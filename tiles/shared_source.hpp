@@ -28,6 +28,7 @@ public:
     std::uint64_t class_bytes(const Window& cells) const override;
     CultureCells load_classes(const Window& cells) override;
     BlockMap* block_map() override { return source_->block_map(); }
+    DetailMap* detail_map() override { return source_->detail_map(); }
     Skipped skipped() const override { return source_->skipped(); }
     float bare_terrain_m(std::int64_t column, std::int64_t row) override {
         return source_->bare_terrain_m(column, row);
@@ -48,7 +49,8 @@ private:
     void read_all(const Stop* stop);
     /// Kept posts of a row from `columns` on, which may pass the ends of a cycle.
     void copy_row(const std::vector<float>& layer, Interval columns, std::int64_t row, float* to) const;
-    RawVector<float> posts(const std::vector<float>& layer, const Window& window, bool lines_are_columns) const;
+    RawVector<float> posts(const std::vector<float>& layer, const Window& window, bool lines_are_columns,
+                           int level = 0) const;
 
     std::unique_ptr<WedgeSource> source_;
     DataBase data_base_;

@@ -37,23 +37,6 @@ struct Void {
     T value{};
 };
 
-/// Mean of up to four values, between the lowest and the highest of them.
-template <class T>
-T mean(const T* valid, int count) {
-    double sum = 0;
-    T low = valid[0], high = valid[0];
-    for (int i = 0; i < count; ++i) {
-        sum += static_cast<double>(valid[i]);
-        low = std::min(low, valid[i]);
-        high = std::max(high, valid[i]);
-    }
-    double m = sum / count;
-    if constexpr (!std::is_floating_point_v<T>) m = std::floor(m + 0.5);
-    if (!(m > static_cast<double>(low))) return low;
-    if (!(m < static_cast<double>(high))) return high;
-    return static_cast<T>(m);
-}
-
 template <class T>
 T most_frequent(const T* valid, int count) {
     int best = 0, votes = 0;
@@ -67,7 +50,7 @@ T most_frequent(const T* valid, int count) {
     return valid[best];
 }
 
-/// `from` (wide x high posts, rows `stride` apart) into halves, rows `to_stride` apart.
+/// `from` (wide x high posts, rows `stride` apart) into halves, rows `to_stride` apart: of heights every second post.
 template <class T>
 void halve(const RasterFacts& facts, bool codes, const std::byte* from_bytes, std::int64_t wide, std::int64_t high,
            std::int64_t stride, std::byte* to_bytes, std::int64_t to_stride) {
@@ -76,14 +59,16 @@ void halve(const RasterFacts& facts, bool codes, const std::byte* from_bytes, st
     auto* to = reinterpret_cast<T*>(to_bytes);
     for (std::int64_t r = 0; r < high; r += 2)
         for (std::int64_t c = 0; c < wide; c += 2) {
+            if (!codes) {
+                to[r / 2 * to_stride + c / 2] = from[r * stride + c];
+                continue;
+            }
             T valid[4];
             int count = 0;
             for (std::int64_t y = r; y < std::min(r + 2, high); ++y)
                 for (std::int64_t x = c; x < std::min(c + 2, wide); ++x)
                     if (const T v = from[y * stride + x]; !is_void(v)) valid[count++] = v;
-            to[r / 2 * to_stride + c / 2] = count == 0 ? is_void.value
-                                            : codes    ? most_frequent(valid, count)
-                                                       : mean(valid, count);
+            to[r / 2 * to_stride + c / 2] = count == 0 ? is_void.value : most_frequent(valid, count);
         }
 }
 

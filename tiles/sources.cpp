@@ -19,10 +19,12 @@
 #include <utility>
 #include <vector>
 
+#include "lib/detail.hpp"
 #include "lib/engine.hpp"
 #include "lib/error.hpp"
 #include "lib/transpose.hpp"
 #include "tiles/checksum.hpp"
+#include "tiles/detail_map_file.hpp"
 #include "tiles/gdal_session.hpp"
 #include "tiles/georeference.hpp"
 #include "tiles/needed_posts.hpp"
@@ -100,6 +102,7 @@ public:
                 if (!params_.legend) params_.legend = store_->legend();
             }
             if (params_.culture_height.empty()) {
+                detail_ = store_->detail_map(params_.culture_height_scale);
                 height = store_->layer(StoreLayerKind::culture_height);
                 map_ = store_->block_map(params_.culture_height_scale);
             }
@@ -132,8 +135,9 @@ public:
     using WedgeSource::load;
     Chunk load(const ChunkRequest& request) override {
         const Window& window = request.window;
-        if (window.empty() || window.rows.begin < 0 || window.rows.end > data_base_.rows ||
-            (!data_base_.cyclic && (window.columns.begin < 0 || window.columns.end > data_base_.columns)))
+        if (window.empty() || window.rows.begin < 0 || window.rows.end > posts_at(data_base_.rows, request.level) ||
+            (!data_base_.cyclic &&
+             (window.columns.begin < 0 || window.columns.end > posts_at(data_base_.columns, request.level))))
             throw std::out_of_range("load: window outside the raster");
         Chunk chunk;
         chunk.window = window;
@@ -142,6 +146,8 @@ public:
             pass_surface(request);
             chunk.flat = true;
             chunk.surface_m.assign(static_cast<std::size_t>(chunk.minor_count()), *height);
+        } else if (request.level > 0) {
+            load_level(chunk, request);
         } else {
             load_surface(chunk, NeededPosts(request));
         }
@@ -156,7 +162,9 @@ public:
         const auto slab =
             static_cast<std::size_t>(width * std::min(rows, std::max<std::int64_t>(1, slab_posts / width)));
         cost.beside_bytes = request.lines_are_columns ? slab * sizeof(float) : 0;
-        if (height_) {
+        if (request.level > 0) {
+            cost.beside_bytes += terrain_->level_bytes();
+        } else if (height_) {
             const double cells = std::fabs(height_->columns().scale * height_->rows().scale);
             cost.bytes += static_cast<std::uint64_t>(static_cast<double>(posts) * cells) *
                           static_cast<std::uint64_t>(height_->facts().type_bytes);
@@ -225,6 +233,7 @@ public:
     }
 
     BlockMap* block_map() override { return map_.get(); }
+    DetailMap* detail_map() override { return detail_.get(); }
 
     Skipped skipped() const override {
         Skipped sum{};
@@ -236,7 +245,7 @@ public:
 
     std::size_t cache_bytes() const override {
         // Of a store also pages of the block map and the sheets that wait open.
-        constexpr std::size_t pages = std::size_t{4} << 20;
+        constexpr std::size_t pages = (std::size_t{4} << 20) + DetailMapFile::most_bytes;
         std::size_t idle = 0;
         for (const RasterLayer* layer : readers()) idle += layer->idle_bytes();
         return params_.cache_bytes + ledger_bytes() + idle + (store_ ? pages : 0);
@@ -341,6 +350,36 @@ protected:
                          static_cast<std::size_t>(minor));
     }
 
+    /// Posts of a level of detail: bare terrain, for levels are used where no culture height stands.
+    void load_level(Chunk& chunk, const ChunkRequest& request) {
+        const NeededPosts needed(request);
+        const Interval columns = chunk.window.columns, rows = chunk.window.rows;
+        const std::int64_t width = columns.size(), minor = chunk.minor_count();
+        chunk.surface_m.resize(static_cast<std::size_t>(chunk.window.posts()));
+        RawVector<float> slab;
+        for (const Interval part : slabs(rows, width)) {
+            const std::int64_t first = part.begin - rows.begin;
+            float* surface = chunk.surface_m.data() + first * width;
+            if (chunk.lines_are_columns) {
+                slab.resize(static_cast<std::size_t>(part.size() * width));
+                surface = slab.data();
+            }
+            for_each_tile_run(
+                terrain_->facts(), {columns, part}, [&](const Window& posts) { return needed.reason(posts); },
+                [&](const Window& posts) {
+                    terrain_->read_level(
+                        request.level, posts,
+                        surface + (posts.rows.begin - part.begin) * width + posts.columns.begin - columns.begin, width);
+                    chunk.posts_read += static_cast<std::uint64_t>(posts.posts());
+                },
+                [](const Window&, Skip) {});
+            needed.fill({columns, part}, surface, nullptr);
+            if (chunk.lines_are_columns) turn(slab.data(), part.size(), width, chunk.surface_m.data(), minor, first);
+        }
+        pass_surface(request);
+        chunk.bytes_read += chunk.posts_read * static_cast<std::uint64_t>(terrain_->facts().type_bytes);
+    }
+
     void load_surface(Chunk& chunk, const NeededPosts& needed) {
         const Interval columns = chunk.window.columns, rows = chunk.window.rows;
         const std::int64_t width = columns.size(), minor = chunk.minor_count();
@@ -412,6 +451,7 @@ protected:
     void pass_surface(const ChunkRequest& request) {
         const NeededPosts needed(request);
         const Window& window = request.window;
+        if (request.level > 0) return pass_level(request, needed);
         for (const Run& run : terrain_runs(window.columns)) {
             const std::int64_t shift = window.columns.begin + run.at - run.source.begin;
             const auto reason = [&](const Window& cells) {
@@ -423,6 +463,33 @@ protected:
         }
         for (auto* layer : {culture_.get(), height_.get()})
             if (layer) pass_layer(*layer, window, needed);
+    }
+
+    /// And of a request for a level: what it keeps is left out for the level's sake, the rest for its own reason.
+    void pass_level(const ChunkRequest& request, const NeededPosts& needed) {
+        const int level = request.level;
+        const auto why = [&](const Window& posts) {
+            const Skip reason = needed.reason(posts);
+            return reason == Skip::none ? Skip::detail : reason;
+        };
+        // In pieces that lie in one tile of the file.
+        const auto unit = [&](std::int64_t tile) { return std::max<std::int64_t>(1, tile >> level); };
+        const std::int64_t wide = unit(terrain_->facts().block_columns), high = unit(terrain_->facts().block_rows);
+        const Window& window = request.window;
+        for (std::int64_t r = window.rows.begin; r < window.rows.end;) {
+            const std::int64_t r_end = std::min(window.rows.end, (r / high + 1) * high);
+            for (std::int64_t c = window.columns.begin; c < window.columns.end;) {
+                const std::int64_t c_end = std::min(window.columns.end, (c / wide + 1) * wide);
+                const Window posts{{c, c_end}, {r, r_end}};
+                const Skip reason = why(posts);
+                ledger_->pass(raster_posts(posts, level), reason);
+                if (culture_)
+                    culture_->pass(raster_posts(posts, level), reason == Skip::detail ? Skip::culture : reason);
+                if (height_) height_->pass(raster_posts(posts, level), reason);
+                c = c_end;
+            }
+            r = r_end;
+        }
     }
 
     /// Notes why a layer under these posts may stay unread: for the ground's reason, or because nothing sees it.
@@ -519,6 +586,7 @@ protected:
     DataBaseParams params_;
     std::unique_ptr<TileStore> store_;  ///< null: plain rasters
     std::unique_ptr<BlockMap> map_;
+    std::unique_ptr<DetailMap> detail_;
     std::unique_ptr<RasterLayer> terrain_;
     std::unique_ptr<TileLedger> ledger_;  ///< of the terrain
     std::unique_ptr<RegisteredLayer> culture_, height_;
@@ -703,7 +771,8 @@ private:
         return kept_.empty() && spill_->bytes_spilled() > 0 ? share_ : spill_->bytes_held();
     }
     std::size_t beside_blocks_bytes() const {
-        return spill_->index_bytes() + map_bytes_ + (terrain_blocks_ ? ledger_bytes() : forecast_ledgers_);
+        return spill_->index_bytes() + map_bytes_ + (detail_ ? DetailMapFile::most_bytes : 0) +
+               (terrain_blocks_ ? ledger_bytes() : forecast_ledgers_);
     }
 
     /// What will be read and where it will go.

@@ -46,6 +46,7 @@ public:
             }
         }
         tried([&] { check_map(); });
+        tried([&] { check_detail_map(); });
         tried([&] {
             count(inside(manifest_.plan));
             if (file_checksum(inside(manifest_.plan)) != manifest_.plan_checksum)
@@ -97,6 +98,17 @@ private:
         check_block_map(path, manifest_.map_shape(), [&](const std::string& line) { verdict_.damage.push_back(line); });
         if (verdict_.damage.size() == before && file_checksum(path) != manifest_.block_map_checksum)
             throw DataError(text("block map '", path, "' is not the one that the manifest names"));
+    }
+
+    void check_detail_map() {
+        if (manifest_.detail_map.empty()) return;
+        const std::string path = inside(manifest_.detail_map);
+        count(path);
+        const std::size_t before = verdict_.damage.size();
+        wedgescope::check_detail_map(path, manifest_.detail_shape(),
+                                     [&](const std::string& line) { verdict_.damage.push_back(line); });
+        if (verdict_.damage.size() == before && file_checksum(path) != manifest_.detail_map_checksum)
+            throw DataError(text("detail map '", path, "' is not the one that the manifest names"));
     }
 
     void check_kept() {

@@ -167,16 +167,18 @@ std::uint64_t StoreLayer::fingerprint(const std::vector<Window>& cells) {
     return sum.value();
 }
 
-TileCache::Tile StoreLayer::tile(std::int64_t column, std::int64_t row) {
-    const std::int64_t edge = facts_.block_columns, a_sheet = sheet_posts / edge;
-    const std::int64_t across = (facts_.columns + edge - 1) / edge;
-    const TileCache::Key key{static_cast<int>(entry_.kind), static_cast<std::uint64_t>(row * across + column)};
+TileCache::Tile StoreLayer::tile(int level, std::int64_t column, std::int64_t row) {
+    const std::int64_t edge = facts_.block_columns, a_sheet = (sheet_posts >> level) / edge;
+    const std::int64_t columns = SheetSums::side(facts_.columns, level), rows = SheetSums::side(facts_.rows, level);
+    const std::int64_t across = (columns + edge - 1) / edge;
+    constexpr int kinds = 3;
+    const TileCache::Key key{static_cast<int>(entry_.kind) + kinds * level,
+                             static_cast<std::uint64_t>(row * across + column)};
     if (auto found = cache_->find(key)) return found;
     const auto place = sheets_.find({column / a_sheet, row / a_sheet});
     RawVector<std::byte> values;
     if (place == sheets_.end()) {
-        const std::int64_t wide = std::min(edge, facts_.columns - column * edge),
-                           high = std::min(edge, facts_.rows - row * edge);
+        const std::int64_t wide = std::min(edge, columns - column * edge), high = std::min(edge, rows - row * edge);
         values.resize(static_cast<std::size_t>(wide * high * facts_.type_bytes));
         fill_no_data(facts_, values.data(), static_cast<std::size_t>(wide * high));
     } else {
@@ -193,7 +195,10 @@ TileCache::Tile StoreLayer::tile(std::int64_t column, std::int64_t row) {
         }
         if (!reader)
             reader = std::make_unique<SheetReader>(folder_, entry_, *sheet, SheetReader::By::whatever_is_fastest);
-        values = reader->tile(0, column % a_sheet, row % a_sheet);
+        // A small sheet has fewer overviews: its last one is a single tile.
+        const int own = std::min(level, reader->sums().levels() - 1);
+        values = reader->tile(own, column % a_sheet, row % a_sheet);
+        if (own < level) thin(values, reader->sums(), own, level);
         std::unique_ptr<SheetReader> closed;
         const std::lock_guard lock(mutex_);
         idle_.emplace_front(sheet, std::move(reader));
@@ -227,14 +232,32 @@ void copy_line(const std::byte* from, const RasterFacts& facts, void* to, GDALDa
 
 }  // namespace
 
-void StoreLayer::read_values(const Window& window, void* out, GDALDataType type, std::int64_t line_bytes) {
+void StoreLayer::read_level(int level, const Window& window, float* out, std::int64_t stride) {
+    if (window.empty()) return;
+    read_values(level, window, out, GDT_Float32, stride * static_cast<std::int64_t>(sizeof(float)));
+    make_heights(window, out, stride);
+}
+
+/// In place, from a sheet's single tile of overview `own` to the posts of a coarser level.
+void StoreLayer::thin(RawVector<std::byte>& values, const SheetSums& sums, int own, int level) const {
+    const std::int64_t wide = SheetSums::side(sums.columns, own), post = std::int64_t{1} << (level - own),
+                       columns = SheetSums::side(sums.columns, level), rows = SheetSums::side(sums.rows, level),
+                       bytes = facts_.type_bytes;
+    for (std::int64_t r = 0; r < rows; ++r)
+        for (std::int64_t c = 0; c < columns; ++c)
+            std::memmove(values.data() + (r * columns + c) * bytes,
+                         values.data() + (r * post * wide + c * post) * bytes, static_cast<std::size_t>(bytes));
+    values.resize(static_cast<std::size_t>(columns * rows * bytes));
+}
+
+void StoreLayer::read_values(int level, const Window& window, void* out, GDALDataType type, std::int64_t line_bytes) {
     if (window.empty()) return;
     const std::int64_t edge = facts_.block_columns;
     const int size = GDALGetDataTypeSizeBytes(type);
     for (std::int64_t tr = window.rows.begin / edge; tr <= (window.rows.end - 1) / edge; ++tr)
         for (std::int64_t tc = window.columns.begin / edge; tc <= (window.columns.end - 1) / edge; ++tc) {
-            const TileCache::Tile values = tile(tc, tr);
-            const std::int64_t wide = std::min(edge, facts_.columns - tc * edge);
+            const TileCache::Tile values = tile(level, tc, tr);
+            const std::int64_t wide = std::min(edge, SheetSums::side(facts_.columns, level) - tc * edge);
             const Interval columns = intersection(window.columns, {tc * edge, tc * edge + wide}),
                            rows = intersection(window.rows, {tr * edge, (tr + 1) * edge});
             for (std::int64_t r = rows.begin; r < rows.end; ++r)

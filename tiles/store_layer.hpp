@@ -76,7 +76,12 @@ private:
 class StoreLayer final : public RasterLayer {
 public:
     StoreLayer(std::string folder, const StoreLayerEntry& entry, std::shared_ptr<TileCache> cache);
-    void read_values(const Window& window, void* out, GDALDataType type, std::int64_t line_bytes) override;
+    void read_values(const Window& window, void* out, GDALDataType type, std::int64_t line_bytes) override {
+        read_values(0, window, out, type, line_bytes);
+    }
+    /// From the overviews, whose posts are those that the level keeps.
+    void read_level(int level, const Window& window, float* out, std::int64_t stride) override;
+    std::size_t level_bytes() const override { return 0; }
 
     /// By the checksums of the sheets' sums, in the manifest: wherever the store lies, and not before another version.
     std::uint64_t fingerprint(const std::vector<Window>& cells) override;
@@ -94,7 +99,10 @@ private:
         constexpr std::size_t most = 16, together = std::size_t{8} << 20;
         return std::min(together / reader_bytes().packed, most);
     }
-    TileCache::Tile tile(std::int64_t column, std::int64_t row);
+    void read_values(int level, const Window& window, void* out, GDALDataType type, std::int64_t line_bytes);
+    /// Of a level that has a whole tile or more in a whole sheet.
+    void thin(RawVector<std::byte>& values, const SheetSums& sums, int own, int level) const;
+    TileCache::Tile tile(int level, std::int64_t column, std::int64_t row);
 
     std::string folder_;
     StoreLayerEntry entry_;

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "tiles/block_map_file.hpp"
+#include "tiles/detail_map_file.hpp"
 #include "tiles/raster_layer.hpp"
 #include "tiles/tile_store.hpp"
 
@@ -69,12 +70,17 @@ struct StoreManifest {
     std::vector<StoreLayerEntry> layers;  ///< dem first
     std::string block_map;
     std::uint64_t block_map_checksum = 0;
+    std::string detail_map;  ///< empty: none, and overviews of heights are no posts of theirs
+    std::uint64_t detail_map_checksum = 0;
     std::string plan;  ///< the file that tells what the store was made of and with
     std::uint64_t plan_checksum = 0;
     std::string legend_name, legend_csv;
 
     const StoreLayerEntry* layer(StoreLayerKind kind) const;
     BlockMapShape map_shape() const { return {layers[0].facts.columns, layers[0].facts.rows}; }
+    DetailMapShape detail_shape() const { return {layers[0].facts.columns, layers[0].facts.rows}; }
+    /// Levels of detail of which a whole sheet holds a whole tile.
+    int detail_levels() const;
 };
 
 std::string manifest_text(const StoreManifest& manifest);

@@ -33,7 +33,7 @@ namespace fs = std::filesystem;
 using json = nlohmann::ordered_json;
 
 constexpr const char* plan_name = "plan.json";  // stays in the store: one killed while it finishes can go on
-constexpr const char* map_name = "blocks.map";
+constexpr const char *map_name = "blocks.map", *detail_name = "detail.map";
 constexpr std::int64_t unit_posts = std::int64_t{1} << 20;  ///< read and tiled at a time, about
 
 /// One layer on its way into the store.
@@ -84,6 +84,8 @@ private:
     Window with_next(const Window& posts) const;
     void bound(const Window& unit, const Mosaic::Posts& posts, const Window& given, std::vector<BlockPage>& pages,
                const Window& sheet);
+    void find_residuals(const Window& unit, const Mosaic::Posts& posts, const Window& given, DetailPage& page,
+                        const Window& sheet);
     void finish();
     void move_into_place();
     void remove_all_but_plan() const;
@@ -96,6 +98,7 @@ private:
     std::vector<std::unique_ptr<Layer>> layers_;
     std::unique_ptr<RegisteredLayer> height_;  ///< culture height at the terrain's posts
     std::unique_ptr<BlockMapWriter> map_;
+    std::unique_ptr<DetailMapWriter> detail_;
     std::unique_ptr<PlainFile> lock_;
     std::vector<std::vector<Done>> done_;
     std::mutex mutex_;
@@ -198,7 +201,8 @@ std::size_t StoreWriter::job_bytes(const Layer& layer) const {
     if (layer.input.resampled()) post += sizeof(float);
     std::size_t bytes = sheet_writer_bytes(layer.entry.facts);
     if (layer.kind == StoreLayerKind::dem) {
-        bytes += 4 * page_blocks * page_blocks * sizeof(BlockBounds);
+        bytes += 4 * page_blocks * page_blocks * sizeof(BlockBounds) +
+                 detail_page_blocks * detail_page_blocks * sizeof(Residuals);
         if (height_) {
             post += sizeof(float);
             bytes += static_cast<std::size_t>(2 * slab_posts) * sizeof(float);
@@ -227,7 +231,7 @@ int StoreWriter::jobs_at_once() const {
 }
 
 std::string StoreWriter::plan() const {
-    json out{{"format", "wedgescope-store-plan-1"}, {"software", params_.software}, {"layers", json::array()}};
+    json out{{"format", "wedgescope-store-plan-2"}, {"software", params_.software}, {"layers", json::array()}};
     for (const auto& layer : layers_) {
         const RasterFacts& f = layer->entry.facts;
         json one{{"name", name(layer->kind)},
@@ -315,6 +319,7 @@ bool StoreWriter::finished_before(const Job& job, Done& done) const {
             for (std::int64_t r = pages.rows.begin; r < pages.rows.end; ++r)
                 for (std::int64_t c = pages.columns.begin; c < pages.columns.end; ++c)
                     if (!map_->holds(0, c, r)) return false;
+            if (!detail_->holds(job.column, job.row)) return false;
         }
         done.sheet.bytes = sums.file_bytes;
         done.sheet.sums_checksum = file_checksum(sums_path);
@@ -354,6 +359,19 @@ void StoreWriter::bound(const Window& unit, const Mosaic::Posts& posts, const Wi
                  });
 }
 
+/// Of the blocks of the detail map in `unit`, from the posts of `given`, which reaches one further.
+void StoreWriter::find_residuals(const Window& unit, const Mosaic::Posts& posts, const Window& given, DetailPage& page,
+                                 const Window& sheet) {
+    const std::int64_t width = given.columns.size();
+    for (std::int64_t r = unit.rows.begin; r < unit.rows.end; r += detail_posts)
+        for (std::int64_t c = unit.columns.begin; c < unit.columns.end; c += detail_posts) {
+            const std::int64_t x = (c - sheet.columns.begin) / detail_posts, y = (r - sheet.rows.begin) / detail_posts;
+            page[static_cast<std::size_t>(y * detail_page_blocks + x)] = residuals(
+                posts.heights.data() + (r - given.rows.begin) * width + c - given.columns.begin, width,
+                std::min(given.columns.end - c, detail_posts + 1), std::min(given.rows.end - r, detail_posts + 1));
+        }
+}
+
 Done StoreWriter::write_sheet(const Job& job, const std::vector<std::size_t>& pieces) {
     Layer& layer = *job.layer;
     const bool dem = layer.kind == StoreLayerKind::dem;
@@ -368,16 +386,19 @@ Done StoreWriter::write_sheet(const Job& job, const std::vector<std::size_t>& pi
     std::vector<BlockPage> pages;
     const Window sheet_pages = blocks_of(sheet, 6);
     if (dem) pages.assign(static_cast<std::size_t>(sheet_pages.posts()), BlockPage(page_blocks * page_blocks));
+    DetailPage detail(detail_page_blocks * detail_page_blocks);
 
     SheetWriter writer(facts, layer.codes(), sheet, temporary, layer.creation);
     const Mosaic::Kind kind = layer.codes() ? Mosaic::Kind::codes : Mosaic::Kind::heights;
-    const std::int64_t tiles_wide = std::max<std::int64_t>(1, unit_posts / (tile * tile));
+    // Units hold whole blocks of the detail map.
+    const std::int64_t unit_rows = std::max(tile, detail_posts),
+                       tiles_wide = std::max<std::int64_t>(1, unit_posts / (tile * unit_rows));
     Mosaic::Posts posts;
-    for (std::int64_t r = sheet.rows.begin; r < sheet.rows.end; r += tile)
+    for (std::int64_t r = sheet.rows.begin; r < sheet.rows.end; r += unit_rows)
         for (std::int64_t c = sheet.columns.begin; c < sheet.columns.end; c += tiles_wide * tile) {
             if (params_.stop) params_.stop->check();
             const Window unit{{c, std::min(c + tiles_wide * tile, sheet.columns.end)},
-                              {r, std::min(r + tile, sheet.rows.end)}};
+                              {r, std::min(r + unit_rows, sheet.rows.end)}};
             const Window given = dem ? with_next(unit) : unit;
             layer.input.read(given, unit, kind, pieces, posts);
             const std::int64_t width = given.columns.size();
@@ -403,11 +424,15 @@ Done StoreWriter::write_sheet(const Job& job, const std::vector<std::size_t>& pi
                                                  " is ", z, "; accepted: 0 and above"));
                     }
                 }
-            for (std::int64_t x = unit.columns.begin; x < unit.columns.end; x += tile)
-                writer.write((x - sheet.columns.begin) / tile, (r - sheet.rows.begin) / tile,
-                             posts.stored.data() + (x - given.columns.begin) * facts.type_bytes, width);
+            for (std::int64_t y = r; y < unit.rows.end; y += tile)
+                for (std::int64_t x = unit.columns.begin; x < unit.columns.end; x += tile)
+                    writer.write((x - sheet.columns.begin) / tile, (y - sheet.rows.begin) / tile,
+                                 posts.stored.data() +
+                                     ((y - given.rows.begin) * width + x - given.columns.begin) * facts.type_bytes,
+                                 width);
             if (!dem) continue;
             bound(unit, posts, given, pages, sheet);
+            find_residuals(unit, posts, given, detail, sheet);
             if (closes && unit.columns.end == facts.columns) {
                 // The post after the last column is column 0: it widens the bounds of the last blocks.
                 const Window first{{0, 1}, given.rows};
@@ -438,7 +463,9 @@ Done StoreWriter::write_sheet(const Job& job, const std::vector<std::size_t>& pi
             for (std::int64_t c = 0; c < sheet_pages.columns.size(); ++c)
                 map_->write(0, sheet_pages.columns.begin + c, sheet_pages.rows.begin + r,
                             pages[static_cast<std::size_t>(r * sheet_pages.columns.size() + c)]);
+        detail_->write(job.column, job.row, detail);
         map_->sync();
+        detail_->sync();
     }
     rename_path(temporary, path);
     const std::string content = sums_text(sums);
@@ -475,6 +502,7 @@ void StoreWriter::make(const Job& job) {
             for (std::int64_t r = pages.rows.begin; dem && r < pages.rows.end; ++r)
                 for (std::int64_t c = pages.columns.begin; c < pages.columns.end; ++c)
                     map_->write(0, c, r, BlockPage(page_blocks * page_blocks));
+            if (dem) detail_->write(job.column, job.row, DetailPage(detail_page_blocks * detail_page_blocks));
         }
     }
     const std::lock_guard lock(mutex_);
@@ -502,6 +530,8 @@ void StoreWriter::finish() {
     manifest_.legend_csv = params_.legend_csv;
     manifest_.block_map = map_name;
     manifest_.block_map_checksum = file_checksum(inside(map_name));
+    manifest_.detail_map = detail_name;
+    manifest_.detail_map_checksum = file_checksum(inside(detail_name));
     manifest_.plan = plan_name;
     manifest_.plan_checksum = file_checksum(inside(plan_name));
     for (std::size_t i = 0; i < layers_.size(); ++i) {
@@ -592,6 +622,7 @@ TileStoreSummary StoreWriter::run() {
         if (!opened) return false;
         if (!keep_sheets || !any_sheet()) {
             map_.reset();
+            detail_.reset();
             remove_folder();
             return false;
         }
@@ -607,6 +638,8 @@ TileStoreSummary StoreWriter::run() {
         opened = true;
         map_ = std::make_unique<BlockMapWriter>(
             inside(map_name), BlockMapShape{layers_[0]->entry.facts.columns, layers_[0]->entry.facts.rows});
+        detail_ = std::make_unique<DetailMapWriter>(
+            inside(detail_name), DetailMapShape{layers_[0]->entry.facts.columns, layers_[0]->entry.facts.rows});
         make_sheets();
         finish();
         move_into_place();

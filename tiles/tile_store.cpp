@@ -32,6 +32,15 @@ std::unique_ptr<BlockMap> TileStore::block_map(double scale) const {
     return std::make_unique<BlockMapFile>(file, manifest_->map_shape(), scale);
 }
 
+std::unique_ptr<DetailMap> TileStore::detail_map(double scale) const {
+    if (manifest_->detail_map.empty()) return nullptr;
+    const std::string file = (std::filesystem::path(path_) / manifest_->detail_map).string();
+    return std::make_unique<DetailMapFile>(
+        file, manifest_->detail_shape(), manifest_->detail_levels(),
+        std::make_unique<BlockMapFile>((std::filesystem::path(path_) / manifest_->block_map).string(),
+                                       manifest_->map_shape(), scale, DetailMapFile::bounds_pages));
+}
+
 std::optional<Legend> TileStore::legend() const {
     if (manifest_->legend_name.empty()) return std::nullopt;
     if (manifest_->legend_csv.empty()) return Legend::built_in(manifest_->legend_name);

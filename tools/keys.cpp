@@ -675,6 +675,12 @@ std::vector<Key> make_keys() {
           choice<std::optional<bool>>(
               {{"curved", true}, {"straight", false}}, [](auto& s) -> auto& { return s.scene.curved_course; }, "auto"),
           "auto", "how the surface runs between two samples in a cell; auto: as the quality says (coverage: straight)");
+    t.add("detail",
+          choice<bool>(
+              {{"auto", true}, {"off", false}}, [](auto& s) -> auto& { return s.scene.detail; }),
+          "auto",
+          "levels of detail: auto: of fine ground in a tile store every 2nd to 32nd post where normal and draft "
+          "keep what they promise; off: every post");
 
     t.group(KeyGroup::coverage, true);
     {

@@ -242,6 +242,12 @@ nlohmann::ordered_json report_json(const Settings& settings, const RunResult& ru
           {"actual", std::max(report.source.pass_peak_bytes, report.peak_held_bytes)}}}};
     out["reused"] = reused_count(report);
     out["levels"] = json::array();
+    for (std::size_t level = 0; level < WedgeReport{}.level_posts.size(); ++level) {
+        std::uint64_t posts = 0;
+        for (const WedgeReport& wedge : report.wedges) posts += wedge.level_posts[level];
+        if (posts > 0)
+            out["levels"].push_back({{"level", level}, {"posts_read", posts}, {"stand_for", posts << (2 * level)}});
+    }
     out["stages_wall_s"] =
         json{{"survey", report.survey_s}, {"merge", report.merge_s},       {"keep", report.keep_s},
              {"beam", report.beam_s},     {"receiver", report.receiver_s}, {"display", report.display_s},

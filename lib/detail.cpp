@@ -1,0 +1,324 @@
+#include "lib/detail.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "lib/lanes.hpp"
+#include "lib/wedge_source.hpp"
+
+namespace wedgescope {
+namespace {
+
+constexpr double infinite = std::numeric_limits<double>::infinity();
+constexpr int levels = DetailLevels::most;
+constexpr int fans_each = 8;
+constexpr std::int64_t border_posts = std::int64_t{1} << levels;  // borders stand at multiples of these
+
+constexpr std::size_t spread_lanes = 16;
+
+/// Sums of squares and largest sizes, in lanes whose order is fixed, so that the bits are.
+struct Spread {
+    std::array<float, spread_lanes> squares{}, most{};
+};
+
+/// Adds what one row of posts lies off the straight way from `near` to `far`, `part` of it from the first; n a multiple of
+/// spread_lanes.
+WEDGESCOPE_LANES_PART void add_row(std::size_t n, const float* __restrict row, const float* __restrict near,
+                                   const float* __restrict step, float part, Spread& spread) noexcept {
+    float squares[spread_lanes], most[spread_lanes];
+    for (std::size_t k = 0; k < spread_lanes; ++k) {
+        squares[k] = spread.squares[k];
+        most[k] = spread.most[k];
+    }
+    for (std::size_t i = 0; i < n; i += spread_lanes)
+        for (std::size_t k = 0; k < spread_lanes; ++k) {
+            const float off = row[i + k] - (near[i + k] + part * step[i + k]), size = off < 0 ? -off : off;
+            squares[k] += off * off;
+            most[k] = size > most[k] ? size : most[k];
+        }
+    for (std::size_t k = 0; k < spread_lanes; ++k) {
+        spread.squares[k] = squares[k];
+        spread.most[k] = most[k];
+    }
+}
+
+}  // namespace
+
+Residuals residuals(const float* posts, std::int64_t stride, std::int64_t columns, std::int64_t rows) {
+    Residuals found;
+    const std::int64_t all_wide = std::min(columns, detail_posts + 1), all_high = std::min(rows, detail_posts + 1);
+    for (std::int64_t r = 0; r < all_high; ++r) {
+        int voids = 0;
+        for (std::int64_t c = 0; c < all_wide; ++c) voids |= posts[r * stride + c] != posts[r * stride + c] ? 1 : 0;
+        if (voids) return found;
+    }
+    using Line = std::array<float, detail_posts>;
+    Line near{}, far{}, step{}, row{};
+    for (int level = 1; level <= levels; ++level) {
+        const std::int64_t edge = std::int64_t{1} << level;
+        const std::int64_t wide = (all_wide - 1) / edge * edge, high = (all_high - 1) / edge * edge;
+        if (wide <= 0 || high <= 0) continue;
+        const auto n = static_cast<std::size_t>(wide);
+        // Whole lanes: what is beyond is 0 in all lines.
+        const std::size_t lanes = (n + spread_lanes - 1) / spread_lanes * spread_lanes;
+        far.fill(0);
+        row.fill(0);
+        const float share = 1.0F / static_cast<float>(edge);
+        // The level's surface on one of its rows.
+        const auto line = [&](std::int64_t r, Line& out) {
+            const float* from = posts + r * stride;
+            for (std::int64_t c = 0; c < wide; c += edge) {
+                const float a = from[c], slope = (from[c + edge] - a) * share;
+                for (std::int64_t k = 0; k < edge; ++k)
+                    out[static_cast<std::size_t>(c + k)] = a + static_cast<float>(k) * slope;
+            }
+        };
+        double sum = 0;
+        float most = 0;
+        near.fill(0);
+        line(0, far);
+        for (std::int64_t r = 0; r < high; r += edge) {
+            std::swap(near, far);
+            line(r + edge, far);
+            for (std::size_t i = 0; i < lanes; ++i) step[i] = far[i] - near[i];
+            Spread spread;
+            for (std::int64_t k = 0; k < edge; ++k) {
+                const float* from = posts + (r + k) * stride;
+                if (n != lanes) {
+                    std::copy_n(from, n, row.begin());
+                    from = row.data();
+                }
+                on_target<add_row>(lanes, from, near.data(), step.data(), static_cast<float>(k) * share, spread);
+            }
+            for (std::size_t k = 0; k < spread_lanes; ++k) {
+                sum += static_cast<double>(spread.squares[k]);
+                most = std::max(most, spread.most[k]);
+            }
+        }
+        const auto at = static_cast<std::size_t>(level - 1);
+        found.rms_m[at] = static_cast<float>(std::sqrt(sum / static_cast<double>(wide * high)));
+        found.peak_m[at] = most;
+    }
+    return found;
+}
+
+double detail_rms_db(Quality quality) {
+    switch (quality) {
+        case Quality::draft:
+            return 0.25;
+        case Quality::normal:
+            return 0.06;
+        case Quality::fine:
+        case Quality::exact:
+            break;
+    }
+    return 0;
+}
+
+double detail_error_db(const DetailPlace& place, int level, double rms_m) {
+    const double post = place.post_m * static_cast<double>(std::int64_t{1} << level);
+    if (2 * post > place.pulse_m || 2 * post > place.beam_m || !(place.grazing_rad > 0)) return infinite;
+    // What a cell returns is the rise of the sine of the elevation over the pulse: a wrong height at either end of it
+    // counts. Where all ground is seen, posts beside each other in the beam err on their own.
+    constexpr double db = 4.342944819032518, ends = 1.4142135623730951;
+    const double alone = db * ends * rms_m / (place.grazing_rad * place.pulse_m), lit = 1.44 * post / place.beam_m;
+    // Where ground hides ground, cells are seen in part and what they show ends at crests, whose errors go together along
+    // the crest: about the length of the pulse, whatever the level. Both factors are the most that drawn terrain gave.
+    constexpr double crests = 2, begin = 1, whole = 4;
+    const double shadows =
+        std::clamp((place.steepness / place.grazing_rad - begin) / (whole - begin), 0.0, 1.0) * crests;
+    return alone * std::sqrt(lit + shadows * shadows * std::min(1.0, place.pulse_m / place.beam_m));
+}
+
+namespace {
+
+/// What is known of the ground of one fan between two borders.
+struct Ground {
+    double blocks = 0, height_m = 0, relief_squared = 0;
+    std::array<double, levels> squared{}, peak_m{};
+    bool every_post = false;  ///< voids or culture heights: no level
+
+    void add(const BlockBounds& bounds, const Residuals& r) {
+        if (bounds.voids == Voids::all) return;
+        every_post = every_post || bounds.voids == Voids::some || bounds.culture_m > 0;
+        const auto low = static_cast<double>(bounds.lowest_m), high = static_cast<double>(bounds.highest_m);
+        blocks += 1;
+        height_m += 0.5 * (low + high);
+        relief_squared += (high - low) * (high - low);
+        for (std::size_t i = 0; i < levels; ++i) {
+            const auto rms = static_cast<double>(r.rms_m[i]);
+            squared[i] += rms * rms;
+            peak_m[i] = std::max(peak_m[i], static_cast<double>(r.peak_m[i]));
+        }
+    }
+};
+
+class Chooser {
+public:
+    Chooser(const ResolvedScene& scene, WedgeSource& source, const SpokeMap& map)
+        : scene_(scene), db_(source.data_base()), bounds_(source.detail_map()->bounds()), detail_(*source.detail_map()),
+          map_(map) {}
+
+    DetailLevels operator()() const {
+        DetailLevels chosen;
+        chosen.fans = fans_each;
+        chosen.steps.resize(all_quadrants.size() * fans_each);
+        const int most = coarsest();
+        double all = 0, saved = 0;  // of the ground in range, squared posts
+        for (const Quadrant q : all_quadrants) {
+            if (most == 0) break;
+            const std::vector<std::int64_t> borders = borders_of(q);
+            if (borders.size() < 2) continue;
+            const std::vector<Ground> ground = survey(q, borders);
+            for (std::size_t fan = 0; fan < fans_each; ++fan) {
+                int before = 0;
+                std::vector<DetailLevels::Step>& steps = chosen.steps[static_cast<std::size_t>(q) * fans_each + fan];
+                for (std::size_t band = 0; band + 1 < borders.size(); ++band) {
+                    const int level = level_of(q, static_cast<int>(fan), borders[band], borders[band + 1],
+                                               ground[band * fans_each + fan], most);
+                    if (level != before) steps.push_back({borders[band], level});
+                    before = level;
+                    const double from = distance(q, borders[band]), to = distance(q, borders[band + 1]),
+                                 area = to * to - from * from;
+                    all += area;
+                    saved += area * (1 - 1 / static_cast<double>(std::int64_t{1} << (2 * level)));
+                }
+            }
+        }
+        // Fans read and sweep some posts beside each other twice.
+        constexpr double worth_it = 0.1;
+        if (!(saved > worth_it * all)) chosen.steps.clear();
+        return chosen;
+    }
+
+private:
+    double distance(Quadrant q, std::int64_t index) const {
+        return std::abs(static_cast<double>(index) - map_.nadir_major(q));
+    }
+
+    /// No level is coarser than a cell of the culture.
+    int coarsest() const {
+        int most = std::min(levels, detail_.levels());
+        if (db_.has_culture) {
+            const double cells = std::max(std::abs(db_.culture_column_scale), std::abs(db_.culture_row_scale));
+            while (most > 0 && cells * static_cast<double>(std::int64_t{1} << most) > 1.001) --most;
+        }
+        return most;
+    }
+
+    /// Borders where the level may change, outwards: wider apart with range. The last one is the end.
+    std::vector<std::int64_t> borders_of(Quadrant q) const {
+        constexpr double first = 64, growth = 1.19;
+        const std::int64_t out = outward(q), side = lines_are_columns(q) ? db_.columns : db_.rows;
+        const double nadir = map_.nadir_major(q), edge = out > 0 ? static_cast<double>(side - 1) - nadir : nadir,
+                     most = std::min(edge, map_.params().max_arc_m / map_.metres_per_post(q, 0) * 1.1);
+        std::vector<std::int64_t> borders;
+        const double least = out > 0 ? -nadir : nadir - static_cast<double>(side - 1);  // where the raster begins
+        for (double d = std::max(first, least + first); d < most; d *= growth) {
+            const double at = (nadir + static_cast<double>(out) * d) / static_cast<double>(border_posts);
+            const auto border = static_cast<std::int64_t>(out > 0 ? std::ceil(at) : std::floor(at)) * border_posts;
+            if (border < 0 || border >= side) break;
+            if (borders.empty() || borders.back() != border) borders.push_back(border);
+        }
+        if (!borders.empty()) borders.push_back(out > 0 ? side - 1 : 0);
+        return borders;
+    }
+
+    /// [band * fans + fan]
+    std::vector<Ground> survey(Quadrant q, const std::vector<std::int64_t>& borders) const {
+        std::vector<Ground> ground((borders.size() - 1) * fans_each);
+        const bool columns = lines_are_columns(q);
+        const auto out = static_cast<double>(outward(q));
+        const double reach =
+            std::min(map_.params().max_arc_m / map_.metres_per_post(q, 0) * 1.1, distance(q, borders.back())) + 2;
+        const double bend = map_.straight() ? 0 : map_.most_bend(q), nadir = map_.nadir_major(q),
+                     beside = map_.nadir_minor(q);
+        // Blocks that the quadrant may touch.
+        const auto blocks = [](double from, double to, std::int64_t posts) {
+            const auto a = static_cast<std::int64_t>(std::floor(from / detail_posts)),
+                       b = static_cast<std::int64_t>(std::floor(to / detail_posts)) + 1;
+            return intersection({a, b}, {0, (posts + detail_posts - 1) / detail_posts});
+        };
+        const double far = nadir + out * reach;
+        const Interval major = blocks(std::min(nadir, far), std::max(nadir, far), columns ? db_.columns : db_.rows),
+                       minor = blocks(beside - reach - bend, beside + reach + bend, columns ? db_.rows : db_.columns);
+        const Window window = columns ? Window{major, minor} : Window{minor, major};
+        for (std::int64_t row = window.rows.begin; row < window.rows.end; ++row) {
+            const Window line{window.columns, {row, row + 1}};
+            const BlockWindow bounds = read_bounds(bounds_, 2, line, db_.columns, db_.rows);
+            const std::vector<Residuals> found = detail_.read(line);
+            for (std::int64_t column = line.columns.begin; column < line.columns.end; ++column) {
+                const auto at = static_cast<std::size_t>(column - line.columns.begin);
+                const auto a = static_cast<double>((columns ? column : row) * detail_posts),
+                           b = static_cast<double>((columns ? row : column) * detail_posts);
+                // Posts of a level beside a spoke may lie in the next block.
+                const double edge = detail_posts, margin = border_posts;
+                // From the nadir, outwards and beside.
+                const double near_d = std::max(1.0, std::min(out * (a - nadir), out * (a + edge - nadir)) - margin),
+                             far_d = std::max(out * (a - nadir), out * (a + edge - nadir)) + margin;
+                if (far_d < 1) continue;
+                const double lo_m = b - beside - bend - margin, hi_m = b + edge - beside + bend + margin;
+                const double lo = std::min(lo_m / near_d, lo_m / far_d), hi = std::max(hi_m / near_d, hi_m / far_d);
+                if (lo > 1 || hi < -1) continue;
+                const auto fan_of = [](double slope) {
+                    return std::clamp(static_cast<int>((std::clamp(slope, -1.0, 1.0) + 1) / 2 * fans_each), 0,
+                                      fans_each - 1);
+                };
+                for (std::size_t band = 0; band + 1 < borders.size(); ++band) {
+                    if (distance(q, borders[band]) > far_d || distance(q, borders[band + 1]) < near_d) continue;
+                    for (int fan = fan_of(lo); fan <= fan_of(hi); ++fan)
+                        ground[band * fans_each + static_cast<std::size_t>(fan)].add(bounds.bounds[at], found[at]);
+                }
+            }
+        }
+        return ground;
+    }
+
+    int level_of(Quadrant q, int fan, std::int64_t from, std::int64_t to, const Ground& g, int most) const {
+        if (g.blocks == 0 || g.every_post) return 0;
+        constexpr double steepest =
+            0.7;  // below the sensor what counts is not the rise of the sine but the range itself
+        const RadarParams& radar = scene_.scene.radar;
+        const double slope = (2.0 * fan + 1) / fans_each - 1, middle = 0.5 * (distance(q, from) + distance(q, to));
+        const double arc = map_.place(q, slope, middle).arc_m, height = scene_.sensor_m - g.height_m / g.blocks;
+        DetailPlace place;
+        place.range_m = std::sqrt(arc * arc + height * height);
+        place.grazing_rad = height / place.range_m - 0.5 * arc * map_.inverse_radius(q, slope);
+        if (place.grazing_rad > steepest) return 0;
+        place.pulse_m = std::max(radar.pulse_length_error ? radar.pulse_extent_m() : 0.0, scene_.swept.range_bin_m);
+        place.beam_m = arc * std::max(radar.beam_width_error ? radar.antenna.beam.rad() : 0.0,
+                                      6.283185307179586 / static_cast<double>(scene_.swept.circle_bins));
+        place.post_m = map_.metres_per_post(q, 0);
+        place.steepness = std::sqrt(g.relief_squared / g.blocks) / (place.post_m * detail_posts);
+        // Far cells may be off by more than near ones: these cover most of the ground, and no more of the image.
+        const double share = std::min(1.0, place.range_m / *scene_.scene.range_m),
+                     allowed = detail_rms_db(scene_.scene.quality) * std::sqrt(2 * share);
+        // A crest that sinks or rises shifts where its shadow ends by so much over the grazing angle.
+        constexpr double crest = 0.5;
+        for (int level = most; level > 0; --level) {
+            const auto i = static_cast<std::size_t>(level - 1);
+            if (detail_error_db(place, level, std::sqrt(g.squared[i] / g.blocks)) <= allowed &&
+                g.peak_m[i] <= crest * place.grazing_rad * place.pulse_m)
+                return level;
+        }
+        return 0;
+    }
+
+    const ResolvedScene& scene_;
+    const DataBase& db_;
+    BlockMap& bounds_;
+    DetailMap& detail_;
+    const SpokeMap& map_;
+};
+
+}  // namespace
+
+DetailLevels choose_levels(const ResolvedScene& scene, WedgeSource& source, const SpokeMap& map) {
+    if (!scene.scene.detail || detail_rms_db(scene.scene.quality) == 0 || source.data_base().cyclic ||
+        !source.detail_map())
+        return {};
+    return Chooser(scene, source, map)();
+}
+
+}  // namespace wedgescope

@@ -1,0 +1,375 @@
+// Levels of detail: which posts are kept, what is known of those left out, where levels are used, that they change no bit
+// between one way of running a scene and another, and the error against the reference.
+#include "lib/detail.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <cstring>
+#include <memory>
+#include <vector>
+
+#include "lib/engine.hpp"
+#include "tests/drawn_raster.hpp"
+#include "tests/reference/reference_engine.hpp"
+#include "tests/terrain.hpp"
+#include "tiles/gdal_session.hpp"
+#include "tiles/shared_source.hpp"
+#include "tiles/sources.hpp"
+#include "tiles/tile_store.hpp"
+
+using namespace wedgescope;
+using test::draw;
+using test::Drawing;
+using test::Folder;
+
+namespace {
+
+const GdalSession session(std::size_t{64} << 20, {});
+
+/// Residuals by their definition, cell by cell.
+Residuals by_definition(const std::vector<float>& posts, std::int64_t stride, std::int64_t columns, std::int64_t rows) {
+    Residuals out;
+    for (int level = 1; level <= DetailLevels::most; ++level) {
+        const std::int64_t edge = std::int64_t{1} << level;
+        const auto at = [&](std::int64_t c, std::int64_t r) {
+            return static_cast<double>(posts[static_cast<std::size_t>(r * stride + c)]);
+        };
+        double sum = 0, count = 0, most = 0;
+        for (std::int64_t r0 = 0; r0 + edge < rows && r0 < detail_posts; r0 += edge)
+            for (std::int64_t c0 = 0; c0 + edge < columns && c0 < detail_posts; c0 += edge)
+                for (std::int64_t r = 0; r < edge; ++r)
+                    for (std::int64_t c = 0; c < edge; ++c) {
+                        const double u = static_cast<double>(c) / static_cast<double>(edge),
+                                     v = static_cast<double>(r) / static_cast<double>(edge);
+                        const double top = at(c0, r0) * (1 - u) + at(c0 + edge, r0) * u,
+                                     bottom = at(c0, r0 + edge) * (1 - u) + at(c0 + edge, r0 + edge) * u;
+                        const double off = at(c0 + c, r0 + r) - (top * (1 - v) + bottom * v);
+                        sum += off * off;
+                        count += 1;
+                        most = std::max(most, std::fabs(off));
+                    }
+        out.rms_m[static_cast<std::size_t>(level - 1)] = static_cast<float>(count > 0 ? std::sqrt(sum / count) : 0);
+        out.peak_m[static_cast<std::size_t>(level - 1)] = static_cast<float>(most);
+    }
+    return out;
+}
+
+constexpr int side = 1400;
+constexpr double post_m = 5;
+
+/// Rolling ground with fine detail.
+double rolling_ground(int c, int r) {
+    static const auto wide = test::rolling(30, 400, 5), narrow = test::rolling(1.5, 60, 7),
+                      fine = test::rolling(0.1, 9, 9);
+    return 200 + wide(c, r) + narrow(c, r) + fine(c, r);
+}
+
+Drawing ground(const std::function<double(int, int)>& height) {
+    Drawing d;
+    d.columns = d.rows = side;
+    d.geotransform = {{500000, post_m, 0, 4100000, 0, -post_m}};
+    d.value = height;
+    d.creation = {"TILED=YES", "BLOCKXSIZE=256", "BLOCKYSIZE=256"};
+    return d;
+}
+
+void tile(const std::string& raster, const std::string& store, std::int64_t tile_posts = 256) {
+    TileStoreParams params;
+    params.dems = {raster};
+    params.output = store;
+    params.tile_posts = tile_posts;
+    params.memory_bytes = std::size_t{256} << 20;
+    params.cache_bytes = std::size_t{16} << 20;
+    params.software = "test";
+    write_tile_store(params);
+}
+
+DataBaseParams base(const std::string& dem) {
+    DataBaseParams params;
+    params.dem = dem;
+    params.cache_bytes = std::size_t{16} << 20;
+    return params;
+}
+
+/// From over the raster's south-west, towards north-east.
+Scene looking_north_east(double height_m) {
+    Scene s;
+    s.platform.xy = PointXY{500000 + 20.3 * post_m, 4100000 - (side - 30.7) * post_m};
+    s.platform.altitude_m = height_m;
+    s.azimuth_bins = 720;
+    s.sector = Sector{Angle::degrees(20), Angle::degrees(70)};
+    s.range_m = 6600;
+    s.range_start_m = 1500;
+    s.display.size = 64;
+    return s;
+}
+
+bool same(const RunResult& a, const RunResult& b) {
+    return a.echo_state.cells == b.echo_state.cells && a.echo_w.cells.size() == b.echo_w.cells.size() &&
+           std::memcmp(a.echo_w.cells.data(), b.echo_w.cells.data(), a.echo_w.cells.size() * sizeof(float)) == 0;
+}
+
+std::uint64_t posts_of_level(const RunResult& r, bool coarse) {
+    std::uint64_t sum = 0;
+    for (const WedgeReport& w : r.report.wedges)
+        for (std::size_t level = 0; level < w.level_posts.size(); ++level)
+            if (coarse == (level > 0)) sum += w.level_posts[level];
+    return sum;
+}
+
+RunResult simulated(const Scene& s, const std::string& dem, const EngineParams& params = {}) {
+    const auto source = open_direct_source(base(dem));
+    return run(resolve(s, *source), *source, params);
+}
+
+reference::Comparison against(const RunResult& ours, const std::vector<double>& truth_w, double noise_w) {
+    return reference::compare({ours.power_w.cells.begin(), ours.power_w.cells.end()}, truth_w, noise_w);
+}
+
+/// Power by the reference over the cells that `ours` shows.
+std::vector<double> truth(const Scene& s, const std::string& dem, const RunResult& ours) {
+    reference::Scene r;
+    r.dem = dem;
+    r.gamma = reference::project_gamma();
+    r.by_xy = true;
+    r.x = s.platform.xy->x;
+    r.y = s.platform.xy->y;
+    r.height_msl_m = ours.scene.sensor_m;
+    const PolarGrid& grid = ours.power_w.grid;
+    r.azimuth_bins = static_cast<int>(grid.circle_bins);
+    r.first_azimuth_bin = static_cast<int>(grid.azimuth_bins.begin);
+    r.azimuth_count = static_cast<int>(grid.azimuth_bins.size());
+    r.range_bin_m = grid.range_bin_m;
+    r.range_bins = static_cast<int>(grid.range_bins.end);
+    r.pulse_s = s.radar.pulse_s;
+    r.rays_per_bin = 24;  // converged to 0.03 dB: enough here
+    r.step_posts = 0.25;
+    const reference::Result found = reference::simulate(r);
+    std::vector<double> power;
+    for (std::size_t i = 0; i < found.power_w.size(); ++i)
+        if (static_cast<std::int64_t>(i) % grid.range_bins.end >= grid.range_bins.begin)
+            power.push_back(found.power_w[i]);
+    return power;
+}
+
+}  // namespace
+
+TEST_CASE("residuals are those of the definition, at any size of a block", "[detail]") {
+    const auto shape = test::rolling(23, 12, 3);
+    for (const auto& [columns, rows] :
+         {std::pair<std::int64_t, std::int64_t>{129, 129}, {129, 40}, {77, 129}, {5, 6}, {1, 1}, {34, 128}}) {
+        const std::int64_t stride = columns + 3;
+        std::vector<float> posts(static_cast<std::size_t>(stride * rows), 1e9F);
+        for (std::int64_t r = 0; r < rows; ++r)
+            for (std::int64_t c = 0; c < columns; ++c)
+                posts[static_cast<std::size_t>(r * stride + c)] =
+                    static_cast<float>(shape(static_cast<double>(c), static_cast<double>(r)));
+        const Residuals found = residuals(posts.data(), stride, columns, rows),
+                        wanted = by_definition(posts, stride, columns, rows);
+        for (std::size_t i = 0; i < DetailLevels::most; ++i) {
+            INFO(columns << " x " << rows << ", level " << i + 1);
+            CHECK(found.rms_m[i] == Approx(wanted.rms_m[i]).epsilon(1e-4).margin(1e-6));
+            CHECK(found.peak_m[i] == Approx(wanted.peak_m[i]).epsilon(1e-4).margin(1e-5));
+        }
+        posts[static_cast<std::size_t>(rows / 2 * stride + columns / 2)] = test::void_post;
+        CHECK(residuals(posts.data(), stride, columns, rows) == Residuals{});
+    }
+}
+
+TEST_CASE("a level of a store is every 2^level-th post of the raster, across sheets of any size", "[detail]") {
+    const Folder folder;
+    Drawing d;
+    d.columns = 4096 + 77;
+    d.rows = 333;
+    d.value = [](int c, int r) { return (c * 37 + r * 101) % 9973 * 0.25; };
+    draw(folder / "dem.tif", d);
+    const std::int64_t tile_posts = GENERATE(64, 256);
+    tile(folder / "dem.tif", folder / "store", tile_posts);
+    const auto source = open_direct_source(base(folder / "store"));
+    REQUIRE(source->detail_map());
+    const int levels = source->detail_map()->levels();
+    CHECK(levels == (tile_posts == 64 ? 5 : 4));
+    for (int level = 1; level <= levels; ++level)
+        for (const bool lines_are_columns : {false, true}) {
+            const Window all{{0, posts_at(d.columns, level)}, {0, posts_at(d.rows, level)}};
+            const Chunk chunk = source->load({all, lines_are_columns, {}, {}, {}, level});
+            std::int64_t wrong = 0;
+            for (std::int64_t r = 0; r < all.rows.end; ++r)
+                for (std::int64_t c = 0; c < all.columns.end; ++c) {
+                    const std::int64_t at = lines_are_columns ? c * all.rows.end + r : r * all.columns.end + c;
+                    wrong += chunk.surface_m[static_cast<std::size_t>(at)] !=
+                             static_cast<float>(d.value(static_cast<int>(c << level), static_cast<int>(r << level)));
+                }
+            INFO("level " << level);
+            CHECK(wrong == 0);
+        }
+}
+
+TEST_CASE("levels save most of the posts of fine ground and keep the promise", "[detail]") {
+    const Folder folder;
+    draw(folder / "dem.tif", ground(rolling_ground));
+    tile(folder / "dem.tif", folder / "store");
+    Scene s = looking_north_east(2600);
+    const RunResult with = simulated(s, folder / "store");
+    s.detail = false;
+    const RunResult without = simulated(s, folder / "store");
+    CHECK(posts_of_level(without, true) == 0);
+    REQUIRE(posts_of_level(with, true) > 0);
+    CHECK(with.report.skipped[static_cast<std::size_t>(Skip::detail)].bytes > 0);
+    const auto read = posts_of_level(with, true) + posts_of_level(with, false);
+    CHECK(2 * read < posts_of_level(without, false));
+    // Normal promises 0.1 and 0.35 dB.
+    const std::vector<double> wanted = truth(s, folder / "dem.tif", with);
+    const auto error = against(with, wanted, with.scene.noise_power_w),
+               bare = against(without, wanted, with.scene.noise_power_w);
+    WARN("levels on: RMS " << error.rms_db << ", p99 " << error.p99_db << " dB; off: " << bare.rms_db << ", "
+                           << bare.p99_db << "; posts " << read << " of " << posts_of_level(without, false));
+    CHECK(error.rms_db < 0.1);
+    CHECK(error.p99_db < 0.35);
+    // The store without levels is the raster.
+    CHECK(same(without, simulated(s, folder / "dem.tif")));
+}
+
+TEST_CASE("levels are the same for wedges, threads, memory, culling, tiles and source", "[detail]") {
+    const Folder folder;
+    // A rough corner, so that levels differ from fan to fan, up and down.
+    draw(folder / "dem.tif", ground([](int c, int r) {
+             return rolling_ground(c, r) + (c > 700 && c < 1000 && r < 900 ? (c * 7 + r * 13) % 17 : 0);
+         }));
+    tile(folder / "dem.tif", folder / "store");
+    tile(folder / "dem.tif", folder / "small", 64);
+    const Scene s = looking_north_east(2600);
+    const RunResult one = simulated(s, folder / "store");
+    REQUIRE(posts_of_level(one, true) > 0);
+    REQUIRE(posts_of_level(one, false) > 0);
+    for (const int wedges : {1, 7})
+        for (const int threads : {1, 3})
+            for (const bool cull : {true, false}) {
+                EngineParams params;
+                params.wedges = wedges;
+                params.threads = threads;
+                params.cull = cull;
+                INFO(wedges << " wedges, " << threads << " threads, cull " << cull);
+                CHECK(same(one, simulated(s, folder / "store", params)));
+                CHECK(same(one, simulated(s, folder / "small", params)));
+            }
+    EngineParams little;
+    little.memory_bytes = std::size_t{40} << 20;
+    CHECK(same(one, simulated(s, folder / "store", little)));
+    SpillOptions options;
+    options.temp_folder = folder / "";
+    const auto spilled = open_spilled_source(base(folder / "store"), s, options);
+    REQUIRE(spilled->detail_map());
+    CHECK(same(one, run(resolve(s, *spilled), *spilled, {})));
+    SharedSource shared(open_direct_source(base(folder / "store")), std::size_t{1} << 30);
+    shared.read(nullptr);
+    REQUIRE(shared.keeps());
+    CHECK(same(one, run(resolve(s, shared), shared, {})));
+    // A sensor that stands still while its antenna turns.
+    const auto source = open_direct_source(base(folder / "store"));
+    const ResolvedScene whole = resolve(s, *source);
+    const Scan scan{37, [&](Interval bins) {
+                        ResolvedScene part = whole;
+                        look_at(part, bins);
+                        return part;
+                    }};
+    const RunResult turned = run(whole, scan, *source, {}, {});
+    CHECK(turned.power_w.cells == one.power_w.cells);
+}
+
+TEST_CASE("voids and qualities that leave levels nothing are sampled post by post", "[detail]") {
+    const Folder folder;
+    Scene s = looking_north_east(2600);
+    SECTION("a void here and there") {
+        Drawing d = ground([](int c, int r) { return c % 100 == 50 && r % 100 == 50 ? -9999 : 200; });
+        d.no_data = -9999;
+        draw(folder / "dem.tif", d);
+    }
+    SECTION("exact") {
+        draw(folder / "dem.tif", ground(rolling_ground));
+        s.quality = Quality::exact;
+    }
+    tile(folder / "dem.tif", folder / "store");
+    const RunResult on = simulated(s, folder / "store");
+    CHECK(posts_of_level(on, true) == 0);
+    s.detail = false;
+    CHECK(same(on, simulated(s, folder / "store")));
+}
+
+TEST_CASE("a wall one post wide keeps its shadow", "[detail]") {
+    const Folder folder;
+    draw(folder / "dem.tif",
+         ground([](int c, int r) { return rolling_ground(c, r) + (c == 803 && r > 500 && r < 900 ? 60 : 0); }));
+    tile(folder / "dem.tif", folder / "store");
+    Scene s = looking_north_east(1500);
+    const RunResult on = simulated(s, folder / "store");
+    s.detail = false;
+    const RunResult off = simulated(s, folder / "store");
+    CHECK(posts_of_level(on, true) > 0);
+    // Hidden cells are those that every post shows hidden, but for its edges.
+    std::size_t differ = 0, hidden = 0;
+    for (std::size_t i = 0; i < on.state.cells.size(); ++i) {
+        hidden += off.state.cells[i] == static_cast<std::uint8_t>(State::shadow);
+        differ += off.state.cells[i] != on.state.cells[i];
+    }
+    CHECK(hidden > 300);
+    CHECK(differ < on.state.cells.size() / 100);
+    const auto both = reference::compare({on.power_w.cells.begin(), on.power_w.cells.end()},
+                                         {off.power_w.cells.begin(), off.power_w.cells.end()}, on.scene.noise_power_w);
+    WARN("on against off: RMS " << both.rms_db << ", p99 " << both.p99_db << " dB, " << differ << " states");
+    CHECK(both.rms_db < 0.1);
+}
+
+TEST_CASE("on hard ground levels add no more error than they are allowed", "[detail]") {
+    const Folder folder;
+    std::function<double(int, int)> height;
+    std::string name;
+    SECTION("terraces of 35 ft") {
+        name = "terraces";
+        height = [](int c, int r) { return 10.668 * std::round(rolling_ground(c, r) / 10.668); };
+    }
+    SECTION("a checkerboard") {
+        name = "checkerboard";
+        height = [](int c, int r) { return rolling_ground(c, r) + ((c + r) & 1); };
+    }
+    SECTION("needles") {
+        name = "needles";
+        height = [](int c, int r) { return rolling_ground(c, r) + ((c * 7919 + r * 104729) % 5003 == 0 ? 20 : 0); };
+    }
+    SECTION("a cliff") {
+        name = "cliff";
+        height = [](int c, int r) { return rolling_ground(c, r) + (c - r / 3 > 500 ? 120 : 0); };
+    }
+    SECTION("fractal detail") {
+        name = "fractal";
+        height = [more = test::rolling(4, 200, 12)](int c, int r) { return rolling_ground(c, r) + more(c, r); };
+    }
+    draw(folder / "dem.tif", ground(height));
+    tile(folder / "dem.tif", folder / "store");
+    for (const double height_m : {50.0, 300.0, 2600.0}) {
+        Scene s = looking_north_east(height_m);
+        s.platform.altitude_above = AltitudeAbove::ground;
+        const RunResult on = simulated(s, folder / "store");
+        s.detail = false;
+        const RunResult off = simulated(s, folder / "store");
+        // What sampling alone makes of such ground is no matter of levels.
+        const auto error =
+            reference::compare({on.power_w.cells.begin(), on.power_w.cells.end()},
+                               {off.power_w.cells.begin(), off.power_w.cells.end()}, on.scene.noise_power_w);
+        std::string line = fmt::format(
+            "{} from {} m: levels against none {:.4f} / {:.4f} dB, posts {} of {}", name, height_m, error.rms_db,
+            error.p99_db, posts_of_level(on, true) + posts_of_level(on, false), posts_of_level(off, false));
+        CHECK(error.rms_db < 0.08);
+        CHECK(error.p99_db < 0.35);
+        if (height_m > 1000) {
+            const auto truly = against(on, truth(s, folder / "dem.tif", on), on.scene.noise_power_w);
+            line += fmt::format("; against the reference {:.4f} / {:.4f} dB", truly.rms_db, truly.p99_db);
+            CHECK(truly.rms_db < 0.1);
+            CHECK(truly.p99_db < 0.35);
+        }
+        WARN(line);
+    }
+}
