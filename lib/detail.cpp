@@ -124,7 +124,7 @@ double detail_error_db(const DetailPlace& place, int level, double rms_m) {
     constexpr double db = 4.342944819032518, ends = 1.4142135623730951;
     const double alone = db * ends * rms_m / (place.grazing_rad * place.pulse_m), lit = 1.44 * post / place.beam_m;
     // Where ground hides ground, cells are seen in part and what they show ends at crests, whose errors go together along
-    // the crest: about the length of the pulse, whatever the level. Both factors are the most that drawn terrain gave.
+    // the crest: about the length of the pulse, whatever the level. Both factors are fits to drawn terrain.
     constexpr double crests = 2, begin = 1, whole = 4;
     const double shadows =
         std::clamp((place.steepness / place.grazing_rad - begin) / (whole - begin), 0.0, 1.0) * crests;
