@@ -37,14 +37,14 @@ Words joined(Words a, const Words& b) {
 }
 
 /// A band as whole numbers, and its no-data value.
-struct Band {
+struct RasterBand {
     int columns = 0, rows = 0;
     GDALDataType type = GDT_Unknown;
     std::optional<double> no_data;
     std::vector<int> posts;
     std::string observers;
 
-    explicit Band(const std::string& path) {
+    explicit RasterBand(const std::string& path) {
         GDALAllRegister();
         GDALDataset* in = GDALDataset::Open(path.c_str());
         if (!in) throw std::runtime_error("cannot open " + path);
@@ -155,7 +155,7 @@ Sum sum_of(const Folder& folder, const std::string& dem, const std::vector<Words
         coverage_does(
             folder,
             joined(joined({dem, folder / "one.tif", "--no-data-value", "1", "--outside-value", "2"}, all), single));
-        const Band one(folder / "one.tif");
+        const RasterBand one(folder / "one.tif");
         sum.seen.resize(one.posts.size());
         sum.no_data.resize(one.posts.size());
         sum.judged.resize(one.posts.size());
@@ -167,7 +167,7 @@ Sum sum_of(const Folder& folder, const std::string& dem, const std::vector<Words
     }
     return sum;
 }
-void check_counts(const Sum& sum, const Band& counts) {
+void check_counts(const Sum& sum, const RasterBand& counts) {
     CHECK(counts.type == GDT_UInt16);
     REQUIRE(counts.posts.size() == sum.seen.size());
     std::size_t wrong = 0, any = 0;
@@ -326,7 +326,7 @@ TEST_CASE("the counts of many observers are the sum of their single masks, post 
     const Words common = joined(all, {"--altitude-agl", "75m", "--range", "7km"});
     const Words many = joined({dem, out, "--observers", points}, common);
     coverage_does(folder, joined(many, {"--report", folder / "r.json"}));
-    const Band counts(out);
+    const RasterBand counts(out);
     check_counts(sum, counts);
     CHECK(counts.observers == "7");
     CHECK(*std::max_element(sum.seen.begin(), sum.seen.end()) >= 3);
@@ -352,7 +352,7 @@ TEST_CASE("the counts of many observers are the sum of their single masks, post 
     for (const int enough : {1, 3}) {
         coverage_does(folder, joined(many, {"--at-least", std::to_string(enough), "--no-data-value", "1",
                                             "--outside-value", "2"}));
-        const Band mask(out);
+        const RasterBand mask(out);
         CHECK(mask.type == GDT_Byte);
         std::size_t wrong = 0;
         for (std::size_t i = 0; i < sum.seen.size(); ++i)
@@ -380,7 +380,7 @@ TEST_CASE("the counts of many observers are the sum of their single masks, post 
     REQUIRE(run_program({program, "tile", "-q", dem, folder / "store"}, folder / "log").code == 0);
     for (const char* name : {"strips.tif", "store"}) {
         coverage_does(folder, joined({folder / name, out, "--observers", points}, common));
-        CHECK(Band(out).posts == counts.posts);
+        CHECK(RasterBand(out).posts == counts.posts);
     }
 }
 
@@ -402,7 +402,7 @@ TEST_CASE("observers come in any vector file, in any CRS, or in a table", "[obse
     const auto check = [&](const std::string& file, const Words& more = {}) {
         INFO(file);
         coverage_does(folder, joined({dem, out, "--observers", file}, more));
-        check_counts(sum, Band(out));
+        check_counts(sum, RasterBand(out));
     };
     check(folder / "p.geojson");
     // Tables: a track, and one with other columns and a quoted name.
@@ -432,7 +432,7 @@ TEST_CASE("observers come in any vector file, in any CRS, or in a table", "[obse
         folder, dem,
         {{"--xy", "467000,3752000", "--altitude-agl", "40m"}, {"--xy", "470500,3751000", "--altitude-agl", "80m"}});
     coverage_does(folder, {dem, out, "--observers", folder / "plain.shp"});
-    check_counts(two, Band(out));
+    check_counts(two, RasterBand(out));
 }
 
 TEST_CASE("observers round the antimeridian are counted on both of its sides", "[observers]") {
@@ -454,7 +454,7 @@ TEST_CASE("observers round the antimeridian are counted on both of its sides", "
                                 {"--latlon", "9.5,-179.3", "--altitude-msl", "20km", "--range", "500km"},
                                 {"--latlon", "10,20", "--altitude-msl", "15km", "--range", "400km"}});
         coverage_does(folder, {dem, out, "--observers", folder / "t.csv"});
-        const Band counts(out);
+        const RasterBand counts(out);
         check_counts(sum, counts);
         std::size_t west = 0, east = 0;
         for (int r = 0; r < counts.rows; ++r) {
@@ -478,7 +478,7 @@ TEST_CASE("more than 253 observers are counted in 16 bits", "[observers]") {
         folder, dem,
         {{"--xy", "467000,3752000", "--altitude-agl", "40m"}, {"--xy", "470500,3751000", "--altitude-agl", "80m"}});
     coverage_does(folder, {dem, out, "--observers", folder / "many.csv"});
-    const Band counts(out);
+    const RasterBand counts(out);
     std::size_t wrong = 0;
     for (std::size_t i = 0; i < sum.seen.size(); ++i)
         wrong += counts.posts[i] != (sum.no_data[i] ? 65535 : 200 * sum.seen[i]);
