@@ -208,7 +208,7 @@ TEST_CASE("a level of a store is every 2^level-th post of the raster, across she
         }
 }
 
-TEST_CASE("levels save most of the posts of fine ground and keep the promise", "[detail]") {
+TEST_CASE("levels save most of the posts of fine ground and keep the promise", "[.][every-ground]") {
     const Folder folder;
     draw(folder / "dem.tif", ground(rolling_ground));
     tile(folder / "dem.tif", folder / "store");
@@ -323,7 +323,7 @@ TEST_CASE("a wall one post wide keeps its shadow", "[detail]") {
     CHECK(both.rms_db < 0.1);
 }
 
-TEST_CASE("on hard ground levels add no more error than they are allowed", "[detail]") {
+TEST_CASE("on hard ground levels add no more error than they are allowed", "[.][every-ground]") {
     const Folder folder;
     std::function<double(int, int)> height;
     std::string name;

@@ -48,7 +48,7 @@ run() {  # preset, options for ctest
         asan | tsan)
             mapfile -t targets < <(ctest --preset "$preset" -N "$@" "${ctest_options[@]}" |
                 sed -n 's/^ *Test *#[0-9]*: *//p' |
-                sed 's/_threads$/_test/; s/_every_height$/_test/; s/^reference_check$/wedgescope_reference_check/' | sort -u)
+                sed 's/_threads$/_test/; s/_every_[a-z]*$/_test/; s/^reference_check$/wedgescope_reference_check/' | sort -u)
             targets=(--target wedgescope wedgescope_picture "${targets[@]}")
             ;;
     esac
@@ -68,7 +68,7 @@ if ((${#presets[@]})); then
     for preset in "${presets[@]}"; do run "$preset"; done
 else
     run release
-    run asan --exclude-regex '^(reference|matrix|numerics|cull)_'  # minutes, for nothing that the others do not try
+    run asan --exclude-regex '^(reference|matrix|numerics|cull)_|_every_ground$'  # minutes, for nothing that the others do not try
     run tsan --tests-regex '^(beam|engine|memory_budget|resume|source|spill|tile_store|timeline)_test$|_threads$'
 fi
 
