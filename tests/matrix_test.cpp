@@ -124,6 +124,8 @@ TEST_CASE("no way of running a scene changes a bit of it", "[matrix]") {
         scene.platform.xy = PointXY{500000 + 30 * 201.7, 4100000 - 30 * 150.3};
     scene.platform.altitude_m = 1400;
     scene.range_m = lat_lon ? 4000 : 7000;
+    scene.spokes_per_post = 1.25;  // a few: what is compared here are bits
+    scene.spoke_lead = 2;
     scene.azimuth_bins = 180;
     scene.range_bin_m = 60;
     scene.radar.antenna.beam = Angle::degrees(6);
