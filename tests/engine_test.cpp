@@ -278,10 +278,10 @@ TEST_CASE("the same bits for any number of wedges and threads", "[engine][thread
 TEST_CASE("the same bits for any number of wedges where spokes double often", "[engine][threads]") {
     // Rough ground far out, few azimuth bins, the sensor on a corner of posts, every quality.
     std::mt19937 random(9);
-    std::vector<float> noise(std::size_t{1201} * 901);
+    std::vector<float> noise(std::size_t{801} * 601);
     for (float& z : noise) z = static_cast<float>(random() % 300);
-    MemorySource source(1201, 901, 30, [&](double c, double r) {
-        return static_cast<double>(noise[static_cast<std::size_t>(r * 1201 + c)]) + 0.5 * c;
+    MemorySource source(801, 601, 30, [&](double c, double r) {
+        return static_cast<double>(noise[static_cast<std::size_t>(r * 801 + c)]) + 0.5 * c;
     });
     for (const Quality quality : {Quality::draft, Quality::normal, Quality::fine, Quality::exact})
         for (const std::int64_t bins : {5, 360}) {
@@ -289,7 +289,7 @@ TEST_CASE("the same bits for any number of wedges where spokes double often", "[
             s.azimuth_bins = bins;
             s.quality = quality;
             const RunResult one = simulate(s, source, 1, 1);
-            for (const std::int64_t wedges : {3, 64, 360}) {
+            for (const std::int64_t wedges : {7, 360}) {
                 INFO(word(quality) << ", " << bins << " bins, " << wedges << " wedges");
                 const RunResult other = simulate(s, source, wedges, 2);
                 CHECK(other.echo_w.cells == one.echo_w.cells);
@@ -439,7 +439,7 @@ TEST_CASE("no wedge holds more than the plan grants it", "[engine][plan]") {
         s.platform.altitude_m = 300 + 3000 * any(random);
         s.range_m = 3000 + 12000 * any(random);
         s.display.size = 64;
-        s.quality = turn % 2 ? Quality::exact : Quality::normal;
+        s.quality = turn % 4 == 1 ? Quality::exact : Quality::normal;
         const ResolvedScene resolved = resolve(s, source);
         const DataBase& db = source.data_base();
         EngineParams params;
