@@ -69,7 +69,7 @@ if ((${#presets[@]})); then
 else
     run release
     run asan --exclude-regex '^(reference|matrix|numerics|cull)_|_every_ground$'  # minutes, for nothing that the others do not try
-    run tsan --tests-regex '^(beam|engine|memory_budget|resume|source|spill|tile_store|timeline)_test$|_threads$'
+    run tsan --tests-regex '^(beam|memory_budget|resume|source|spill|tile_store|timeline)_test$|_threads$'
 fi
 
 echo
