@@ -68,7 +68,7 @@ if ((${#presets[@]})); then
     for preset in "${presets[@]}"; do run "$preset"; done
 else
     run release
-    run asan --exclude-regex '^(reference|matrix|numerics|cull)_|_every_ground$'  # minutes, for nothing that the others do not try
+    run asan --exclude-regex '^(reference|matrix|numerics|cull|same_bits)_|_every_ground$'  # minutes, for nothing that the others do not try
     run tsan --tests-regex '^(beam|memory_budget|resume|source|spill|tile_store|timeline)_test$|_threads$'
 fi
 
