@@ -17,28 +17,32 @@ constexpr std::int64_t border_posts = std::int64_t{1} << levels;  // borders sta
 
 constexpr std::size_t spread_lanes = 16;
 
-/// Sums of squares and largest sizes, in lanes whose order is fixed, so that the bits are.
+/// Sums of squares and cubes, and largest sizes, in lanes whose order is fixed, so that the bits are.
 struct Spread {
-    std::array<float, spread_lanes> squares{}, most{};
+    std::array<float, spread_lanes> squares{}, cubes{}, most{};
 };
 
 /// Adds what one row of posts lies off the straight way from `near` to `far`, `part` of it from the first; n a multiple of
 /// spread_lanes.
 WEDGESCOPE_LANES_PART void add_row(std::size_t n, const float* __restrict row, const float* __restrict near,
                                    const float* __restrict step, float part, Spread& spread) noexcept {
-    float squares[spread_lanes], most[spread_lanes];
+    float squares[spread_lanes], cubes[spread_lanes], most[spread_lanes];
     for (std::size_t k = 0; k < spread_lanes; ++k) {
         squares[k] = spread.squares[k];
+        cubes[k] = spread.cubes[k];
         most[k] = spread.most[k];
     }
     for (std::size_t i = 0; i < n; i += spread_lanes)
         for (std::size_t k = 0; k < spread_lanes; ++k) {
             const float off = row[i + k] - (near[i + k] + part * step[i + k]), size = off < 0 ? -off : off;
-            squares[k] += off * off;
+            const float square = off * off;
+            squares[k] += square;
+            cubes[k] += square * size;
             most[k] = size > most[k] ? size : most[k];
         }
     for (std::size_t k = 0; k < spread_lanes; ++k) {
         spread.squares[k] = squares[k];
+        spread.cubes[k] = cubes[k];
         spread.most[k] = most[k];
     }
 }
@@ -74,7 +78,7 @@ Residuals residuals(const float* posts, std::int64_t stride, std::int64_t column
                     out[static_cast<std::size_t>(c + k)] = a + static_cast<float>(k) * slope;
             }
         };
-        double sum = 0;
+        double sum = 0, cubes = 0;
         float most = 0;
         near.fill(0);
         line(0, far);
@@ -93,11 +97,13 @@ Residuals residuals(const float* posts, std::int64_t stride, std::int64_t column
             }
             for (std::size_t k = 0; k < spread_lanes; ++k) {
                 sum += static_cast<double>(spread.squares[k]);
+                cubes += static_cast<double>(spread.cubes[k]);
                 most = std::max(most, spread.most[k]);
             }
         }
         const auto at = static_cast<std::size_t>(level - 1);
         found.rms_m[at] = static_cast<float>(std::sqrt(sum / static_cast<double>(wide * high)));
+        found.cube_m[at] = static_cast<float>(std::cbrt(cubes / static_cast<double>(wide * high)));
         found.peak_m[at] = most;
     }
     return found;
@@ -116,19 +122,32 @@ double detail_rms_db(Quality quality) {
     return 0;
 }
 
-double detail_error_db(const DetailPlace& place, int level, double rms_m) {
-    const double post = place.post_m * static_cast<double>(std::int64_t{1} << level);
-    if (2 * post > place.pulse_m || 2 * post > place.beam_m || !(place.grazing_rad > 0)) return infinite;
+double detail_error_db(const DetailPlace& place, int level, double rms_m, double excess_m3) {
+    const auto posts = static_cast<double>(std::int64_t{1} << level);
+    const double along = place.along_m * posts, across = place.across_m * posts;
+    if (2 * along > place.pulse_m || 2 * across > place.beam_m || !(place.grazing_rad > 0)) return infinite;
     // What a cell returns is the rise of the sine of the elevation over the pulse: a wrong height at either end of it
     // counts. Where all ground is seen, posts beside each other in the beam err on their own.
     constexpr double db = 4.342944819032518, ends = 1.4142135623730951;
-    const double alone = db * ends * rms_m / (place.grazing_rad * place.pulse_m), lit = 1.44 * post / place.beam_m;
+    const double a_metre = db * ends / (place.grazing_rad * place.pulse_m), lit = 1.44 * across / place.beam_m;
     // Where ground hides ground, cells are seen in part and what they show ends at crests, whose errors go together along
     // the crest: about the length of the pulse, whatever the level. Both factors are fits to drawn terrain.
     constexpr double crests = 2, begin = 1, whole = 4;
     const double shadows =
         std::clamp((place.steepness / place.grazing_rad - begin) / (whole - begin), 0.0, 1.0) * crests;
-    return alone * std::sqrt(lit + shadows * shadows * std::min(1.0, place.pulse_m / place.beam_m));
+    const double alone = rms_m * std::sqrt(lit + shadows * shadows * std::min(1.0, place.pulse_m / place.beam_m));
+    // What stands out, all along the beam if it is a dike or a wall: a height h that the level leaves out (or keeps, and so
+    // widens) is a shadow of length h / psi too short or too long, in which the horizon is off by h down to 0.
+    const double lines = std::sqrt(excess_m3 / (3 * place.grazing_rad * place.along_m));
+    return a_metre * std::hypot(alone, lines);
+}
+
+double excess_m3(const Residuals& residuals, int level) {
+    // Mean cubes over the RMS cubed: 1.6 of a normal distribution, 1.6 to 3 of nearly all blocks of natural terrain.
+    constexpr double chance = 3;
+    const auto at = static_cast<std::size_t>(level - 1);
+    const auto rms = static_cast<double>(residuals.rms_m[at]), cube = static_cast<double>(residuals.cube_m[at]);
+    return std::max(0.0, cube * cube * cube - chance * rms * rms * rms);
 }
 
 namespace {
@@ -136,7 +155,7 @@ namespace {
 /// What is known of the ground of one fan between two borders.
 struct Ground {
     double blocks = 0, height_m = 0, relief_squared = 0;
-    std::array<double, levels> squared{}, peak_m{};
+    std::array<double, levels> squared{}, excess_m3{}, peak_m{};
     bool every_post = false;  ///< voids or culture heights: no level
 
     void add(const BlockBounds& bounds, const Residuals& r) {
@@ -149,10 +168,38 @@ struct Ground {
         for (std::size_t i = 0; i < levels; ++i) {
             const auto rms = static_cast<double>(r.rms_m[i]);
             squared[i] += rms * rms;
+            excess_m3[i] += wedgescope::excess_m3(r, static_cast<int>(i) + 1);
             peak_m[i] = std::max(peak_m[i], static_cast<double>(r.peak_m[i]));
         }
     }
 };
+
+/// No level is coarser than a cell of the culture, nor one of which a side of the raster has few posts: its edges are
+/// sampled as the ground is, and there must be little of them.
+int coarsest(const DataBase& db) {
+    constexpr std::int64_t few = 128;
+    int most = levels;
+    while (most > 0 && std::min(db.columns, db.rows) < few << most) --most;
+    if (!db.has_culture) return most;
+    const double cells = std::max(std::abs(db.culture_column_scale), std::abs(db.culture_row_scale));
+    while (most > 0 && cells * static_cast<double>(std::int64_t{1} << most) > 1.001) --most;
+    return most;
+}
+
+double pulse_m(const ResolvedScene& scene) {
+    const RadarParams& radar = scene.scene.radar;
+    return std::max(radar.pulse_length_error ? radar.pulse_extent_m() : 0.0, scene.swept.range_bin_m);
+}
+
+/// Width in azimuth of what a cell gathers.
+double beam_rad(const ResolvedScene& scene) {
+    const RadarParams& radar = scene.scene.radar;
+    return std::max(radar.beam_width_error ? radar.antenna.beam.rad() : 0.0,
+                    6.283185307179586 / static_cast<double>(scene.swept.circle_bins));
+}
+
+/// Posts outwards that a scene may reach, with a tenth to spare for what is not level or not square.
+double reach_posts(const SpokeMap& map, Quadrant q) { return map.params().max_arc_m / map.metres_per_post(q, 0) * 1.1; }
 
 class Chooser {
 public:
@@ -164,7 +211,7 @@ public:
         DetailLevels chosen;
         chosen.fans = fans_each;
         chosen.steps.resize(all_quadrants.size() * fans_each);
-        const int most = coarsest();
+        const int most = coarsest(db_);
         double all = 0, saved = 0;  // of the ground in range, squared posts
         for (const Quadrant q : all_quadrants) {
             if (most == 0) break;
@@ -197,22 +244,13 @@ private:
         return std::abs(static_cast<double>(index) - map_.nadir_major(q));
     }
 
-    /// No level is coarser than a cell of the culture.
-    int coarsest() const {
-        int most = std::min(levels, detail_.levels());
-        if (db_.has_culture) {
-            const double cells = std::max(std::abs(db_.culture_column_scale), std::abs(db_.culture_row_scale));
-            while (most > 0 && cells * static_cast<double>(std::int64_t{1} << most) > 1.001) --most;
-        }
-        return most;
-    }
-
-    /// Borders where the level may change, outwards: wider apart with range. The last one is the end.
+    /// Borders where the level may change, outwards: wider apart with range. The last one is the end of the raster or of
+    /// the range. Lines beyond the last whole cell of the coarsest level are a band of their own.
     std::vector<std::int64_t> borders_of(Quadrant q) const {
         constexpr double first = 64, growth = 1.19;
         const std::int64_t out = outward(q), side = lines_are_columns(q) ? db_.columns : db_.rows;
         const double nadir = map_.nadir_major(q), edge = out > 0 ? static_cast<double>(side - 1) - nadir : nadir,
-                     most = std::min(edge, map_.params().max_arc_m / map_.metres_per_post(q, 0) * 1.1);
+                     most = std::min(edge, reach_posts(map_, q));
         std::vector<std::int64_t> borders;
         const double least = out > 0 ? -nadir : nadir - static_cast<double>(side - 1);  // where the raster begins
         for (double d = std::max(first, least + first); d < most; d *= growth) {
@@ -221,7 +259,11 @@ private:
             if (border < 0 || border >= side) break;
             if (borders.empty() || borders.back() != border) borders.push_back(border);
         }
-        if (!borders.empty()) borders.push_back(out > 0 ? side - 1 : 0);
+        if (borders.empty()) return borders;
+        const auto end = static_cast<std::int64_t>(out > 0 ? std::ceil(nadir + most) : std::floor(nadir - most));
+        const std::int64_t tail = (side - 1) / border_posts * border_posts;
+        if (out > 0 && end > tail && borders.back() < tail) borders.push_back(tail);
+        borders.push_back(std::clamp<std::int64_t>(end, 0, side - 1));
         return borders;
     }
 
@@ -230,8 +272,7 @@ private:
         std::vector<Ground> ground((borders.size() - 1) * fans_each);
         const bool columns = lines_are_columns(q);
         const auto out = static_cast<double>(outward(q));
-        const double reach =
-            std::min(map_.params().max_arc_m / map_.metres_per_post(q, 0) * 1.1, distance(q, borders.back())) + 2;
+        const double reach = std::min(reach_posts(map_, q), distance(q, borders.back())) + 2;
         const double bend = map_.straight() ? 0 : map_.most_bend(q), nadir = map_.nadir_major(q),
                      beside = map_.nadir_minor(q);
         // Blocks that the quadrant may touch.
@@ -279,18 +320,19 @@ private:
         if (g.blocks == 0 || g.every_post) return 0;
         constexpr double steepest =
             0.7;  // below the sensor what counts is not the rise of the sine but the range itself
-        const RadarParams& radar = scene_.scene.radar;
-        const double slope = (2.0 * fan + 1) / fans_each - 1, middle = 0.5 * (distance(q, from) + distance(q, to));
+        const double slope = (2.0 * fan + 1) / fans_each - 1,
+                     end = std::min(distance(q, to), map_.params().max_arc_m / map_.metres_per_post(q, slope)),
+                     middle = 0.5 * (distance(q, from) + std::max(distance(q, from), end));
         const double arc = map_.place(q, slope, middle).arc_m, height = scene_.sensor_m - g.height_m / g.blocks;
         DetailPlace place;
         place.range_m = std::sqrt(arc * arc + height * height);
         place.grazing_rad = height / place.range_m - 0.5 * arc * map_.inverse_radius(q, slope);
         if (place.grazing_rad > steepest) return 0;
-        place.pulse_m = std::max(radar.pulse_length_error ? radar.pulse_extent_m() : 0.0, scene_.swept.range_bin_m);
-        place.beam_m = arc * std::max(radar.beam_width_error ? radar.antenna.beam.rad() : 0.0,
-                                      6.283185307179586 / static_cast<double>(scene_.swept.circle_bins));
-        place.post_m = map_.metres_per_post(q, 0);
-        place.steepness = std::sqrt(g.relief_squared / g.blocks) / (place.post_m * detail_posts);
+        place.pulse_m = pulse_m(scene_);
+        place.beam_m = arc * beam_rad(scene_);
+        place.along_m = map_.metres_per_post(q, 0);
+        place.across_m = map_.metres_per_post(lines_are_columns(q) ? Quadrant::south : Quadrant::east, 0);
+        place.steepness = std::sqrt(g.relief_squared / g.blocks) / (place.along_m * detail_posts);
         // Far cells may be off by more than near ones: these cover most of the ground, and no more of the image.
         const double share = std::min(1.0, place.range_m / *scene_.scene.range_m),
                      allowed = detail_rms_db(scene_.scene.quality) * std::sqrt(2 * share);
@@ -298,11 +340,28 @@ private:
         constexpr double crest = 0.5;
         for (int level = most; level > 0; --level) {
             const auto i = static_cast<std::size_t>(level - 1);
-            if (detail_error_db(place, level, std::sqrt(g.squared[i] / g.blocks)) <= allowed &&
+            if (!whole(q, fan, from, to, level)) continue;
+            if (detail_error_db(place, level, std::sqrt(g.squared[i] / g.blocks), g.excess_m3[i] / g.blocks) <=
+                    allowed &&
                 g.peak_m[i] <= crest * place.grazing_rad * place.pulse_m)
                 return level;
         }
         return 0;
+    }
+
+    /// True if all ground of the fan between the borders lies in cells of the level that have four posts: the last up to
+    /// 2^L - 1 columns and rows of a raster may not.
+    bool whole(Quadrant q, int fan, std::int64_t from, std::int64_t to, int level) const {
+        const bool columns = lines_are_columns(q);
+        const std::int64_t side = columns ? db_.columns : db_.rows, beside = columns ? db_.rows : db_.columns;
+        const auto last = [&](std::int64_t posts) { return (posts - 1) >> level << level; };
+        if (std::max(from, to) > last(side)) return false;
+        const std::int64_t edge = last(beside);
+        if (edge == beside - 1) return true;
+        const double slope = 2.0 * (fan + 1) / fans_each - 1, most = map_.nadir_minor(q) +
+                                                                     slope * distance(q, slope > 0 ? to : from) +
+                                                                     (map_.straight() ? 0 : map_.most_bend(q));
+        return most <= static_cast<double>(edge);
     }
 
     const ResolvedScene& scene_;
@@ -314,10 +373,36 @@ private:
 
 }  // namespace
 
+bool detail_possible(const ResolvedScene& scene, const DataBase& db) {
+    if (!scene.scene.detail || detail_rms_db(scene.scene.quality) == 0 || db.cyclic || coarsest(db) == 0) return false;
+    // What detail_error_db() asks for at the least, with the sides of a post as they may be anywhere in range.
+    double column_m = std::abs(db.step_x) * db.metres_a_unit(), row_m = std::abs(db.step_y) * db.metres_a_unit();
+    if (!db.crs_in_metres) {
+        constexpr double a_metre_deg = 1 / 110000.0, pole_deg = 89.9;
+        const double most_deg = std::min(pole_deg, std::abs(scene.lat_deg) + *scene.scene.range_m * a_metre_deg);
+        column_m *= std::cos(Angle::degrees(most_deg).rad());
+    }
+    constexpr double slack = 0.9;  // scale of projections
+    const double least = slack * std::min(column_m, row_m);
+    return 4 * least <= pulse_m(scene) && 4 * least <= *scene.scene.range_m * beam_rad(scene);
+}
+
+Window detail_window(const ResolvedScene& scene, const DataBase& db) {
+    const SpokeMap map(db, swept_map_params(scene, db));
+    const auto around = [&](Quadrant major, Quadrant other, std::int64_t posts) {
+        // Quadrants beside each other reach as far across as along; and whole blocks.
+        const double bend = map.straight() ? 0 : map.most_bend(other), margin = 2 + detail_posts,
+                     farthest = std::max(reach_posts(map, major), reach_posts(map, other)) + bend + margin,
+                     nadir = map.nadir_major(major);
+        return intersection({static_cast<std::int64_t>(std::floor(nadir - farthest)),
+                             static_cast<std::int64_t>(std::ceil(nadir + farthest)) + 1},
+                            {0, posts});
+    };
+    return {around(Quadrant::east, Quadrant::south, db.columns), around(Quadrant::south, Quadrant::east, db.rows)};
+}
+
 DetailLevels choose_levels(const ResolvedScene& scene, WedgeSource& source, const SpokeMap& map) {
-    if (!scene.scene.detail || detail_rms_db(scene.scene.quality) == 0 || source.data_base().cyclic ||
-        !source.detail_map())
-        return {};
+    if (!detail_possible(scene, source.data_base()) || !source.detail_map()) return {};
     return Chooser(scene, source, map)();
 }
 

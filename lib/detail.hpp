@@ -24,6 +24,9 @@ inline constexpr std::int64_t detail_posts = 128;
 struct Residuals {
     std::array<float, DetailLevels::most> rms_m{};   ///< [L - 1]
     std::array<float, DetailLevels::most> peak_m{};  ///< [L - 1], either way
+    /// [L - 1], cube root of the mean cube of their sizes: 1.17 times the RMS where they are as of chance, more where a
+    /// few stand out of what is smooth (a dike, a wall, a needle).
+    std::array<float, DetailLevels::most> cube_m{};
     friend bool operator==(const Residuals&, const Residuals&) = default;
 };
 
@@ -34,8 +37,6 @@ Residuals residuals(const float* posts, std::int64_t stride, std::int64_t column
 class DetailMap {
 public:
     virtual ~DetailMap() = default;
-    /// The coarsest level that can be read, at most DetailLevels::most.
-    virtual int levels() const { return DetailLevels::most; }
     /// Row after row; `blocks` inside the raster's. From several threads at once. IoError, DataError.
     virtual std::vector<Residuals> read(const Window& blocks) = 0;
     /// Bounds of the whole raster, whatever of it a source holds.
@@ -51,12 +52,23 @@ struct DetailPlace {
     double grazing_rad = 0;  ///< of level ground there
     double pulse_m = 0;      ///< c tau / 2, or the range bin if the pulse is not spread
     double beam_m = 0;       ///< width of what is gathered in azimuth, there
-    double post_m = 0;       ///< of the raster
+    double along_m = 0;      ///< between posts of the raster, in range
+    double across_m = 0;     ///< and across it
     double steepness = 0;    ///< RMS of blocks' relief over their width
 };
-/// RMS error of the power image in dB that posts off by `rms_m` from the surface of level L make; infinite where the
-/// level is coarser than half the pulse or half the beam.
-double detail_error_db(const DetailPlace& place, int level, double rms_m);
+/// RMS error of the power image in dB that posts off by `rms_m` from the surface of level L make, and of those that stand
+/// out the mean cube `excess_m3` of their sizes; infinite where the level is coarser than half the pulse or half the beam.
+double detail_error_db(const DetailPlace& place, int level, double rms_m, double excess_m3);
+
+/// Of a block: the mean cube of what stands out of residuals as chance makes them, cubic metres.
+double excess_m3(const Residuals& residuals, int level);
+
+/// True if choose_levels() may find a level above 0 with some ground: the pulse and, at the end of the range, the beam
+/// hold four posts or more, and quality and key `detail` allow levels.
+bool detail_possible(const ResolvedScene& scene, const DataBase& data_base);
+
+/// Posts whose blocks choose_levels() may ask the maps for.
+Window detail_window(const ResolvedScene& scene, const DataBase& data_base);
 
 /// The levels of a scene: a function of its place, range, set and quality, and of what block map and detail map hold of
 /// the ground in range; of no horizon, wedge, sector or budget. None where the source has no such maps, the raster goes

@@ -26,6 +26,14 @@
 #include "lib/threads.hpp"
 
 namespace wedgescope {
+
+SpokeMapParams swept_map_params(const ResolvedScene& s, const DataBase& db) {
+    const double range = *s.scene.range_m, theta = range * s.earth.inverse_radius();
+    const double post = std::hypot(db.step_x, db.step_y) * db.metres_a_unit();
+    return {s.geometry, s.nadir, s.lat_deg, s.lon_deg, s.scene.earth_k,
+            // The arc of a slant range is at most this much longer, down to 2 km below sea level.
+            rounded(range * (1.0005 + theta * theta / 4) + 2 * post, 10)};
+}
 namespace {
 
 using Clock = std::chrono::steady_clock;
@@ -49,14 +57,6 @@ struct Setting {
     Quanta cells;
     SweepScene sweep;
 
-    static SpokeMapParams map_params(const ResolvedScene& s, const DataBase& db) {
-        const double range = *s.scene.range_m, theta = range * s.earth.inverse_radius();
-        const double post = std::hypot(db.step_x, db.step_y) * db.metres_a_unit();
-        return {s.geometry, s.nadir, s.lat_deg, s.lon_deg, s.scene.earth_k,
-                // The arc of a slant range is at most this much longer, down to 2 km below sea level.
-                rounded(range * (1.0005 + theta * theta / 4) + 2 * post, 10)};
-    }
-
     /// Sine of the elevation of the horizon of a smooth earth at the data base's lowest height.
     double smooth_horizon(BlockMap& bounds) const {
         const int level = bounds.levels() - 1;
@@ -71,7 +71,7 @@ struct Setting {
     }
 
     Setting(const ResolvedScene& s, WedgeSource& source, std::shared_ptr<const SceneTables> made)
-        : scene(s), data_base(source.data_base()), map(data_base, map_params(s, data_base)),
+        : scene(s), data_base(source.data_base()), map(data_base, swept_map_params(s, data_base)),
           levels(choose_levels(s, source, map)),
           grid(data_base, map, sampling_of(s, data_base), s.swept.circle_bins, levels),
           tables(made ? std::move(made) : std::make_shared<const SceneTables>(s.scene)),
@@ -203,9 +203,11 @@ void count_skipped(const ChunkRequest& request, WedgeReport& report) {
         for (std::int64_t c = request.blocks.columns.begin; c < request.blocks.columns.end; ++c, ++at) {
             if (request.skip.empty() || request.skip[at] == Skip::none) continue;
             const auto posts = [](std::int64_t i) { return Interval{i * block_posts, (i + 1) * block_posts}; };
-            report.posts_skipped[static_cast<std::size_t>(request.skip[at])] += static_cast<std::uint64_t>(
-                Window{intersection(posts(c), request.window.columns), intersection(posts(r), request.window.rows)}
-                    .posts());
+            const Window skipped{intersection(posts(c), request.window.columns),
+                                 intersection(posts(r), request.window.rows)};
+            // A post of a level stands for those between.
+            report.posts_skipped[static_cast<std::size_t>(request.skip[at])] +=
+                static_cast<std::uint64_t>(skipped.posts()) << (2 * request.level);
         }
 }
 
@@ -287,6 +289,8 @@ void Wedges::load(WedgeTask& task) {
             task.beside_bytes = source_.cost(request).beside_bytes;
             task.has_chunk = true;
             task.report.level_posts[static_cast<std::size_t>(request.level)] += task.chunk.posts_read;
+            task.report.posts_skipped[static_cast<std::size_t>(Skip::detail)] +=
+                (task.chunk.posts_read << (2 * request.level)) - task.chunk.posts_read;
             task.report.posts_read += task.chunk.posts_read;
             task.report.bytes_read += task.chunk.bytes_read;
             task.report.bytes_spilled += task.chunk.bytes_spilled;

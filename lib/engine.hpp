@@ -13,6 +13,7 @@
 #include "lib/report.hpp"
 #include "lib/scene.hpp"
 #include "lib/shade.hpp"
+#include "lib/spoke_map.hpp"
 #include "lib/stop.hpp"
 #include "lib/timeline.hpp"
 #include "lib/wedge_archive.hpp"
@@ -46,6 +47,8 @@ struct ResolvedScene {
 
 /// Finds position, height above sea level and every default. InputError, DataError.
 ResolvedScene resolve(const Scene& scene, WedgeSource& source);
+/// Where the spokes of a resolved scene go.
+SpokeMapParams swept_map_params(const ResolvedScene& scene, const DataBase& data_base);
 /// How densely a scene's ground is sampled: its quality, its own keys, and what the ground and the sensor's height need.
 Sampling sampling_of(const ResolvedScene& scene, const DataBase& data_base);
 /// Shows these azimuth bins instead, 0 <= begin < circle; sweeps them and the beam's skirt.

@@ -1,36 +1,13 @@
 #include "tiles/block_map_file.hpp"
 
-#include <algorithm>
-#include <bit>
 #include <cstring>
-#include <functional>
 
 #include "lib/error.hpp"
-#include "tiles/checksum.hpp"
 
 namespace wedgescope {
 namespace {
 
-static_assert(std::endian::native == std::endian::little, "the store's files are little-endian");
-
-constexpr std::size_t header_bytes = 64, block_bytes = 16;
-constexpr std::size_t content_bytes = page_blocks * page_blocks * block_bytes;
-constexpr std::size_t page_bytes = content_bytes + sizeof(std::uint64_t);
-constexpr char magic[] = "wedgescope-blocks-1\n";
-
-using Header = std::array<char, header_bytes>;
-
-Header header(const BlockMapShape& shape) {
-    Header out{};
-    std::memcpy(out.data(), magic, sizeof(magic) - 1);
-    const std::int64_t numbers[] = {shape.columns, shape.rows, shape.levels()};
-    std::memcpy(out.data() + 32, numbers, sizeof(numbers));
-    const std::uint64_t sum = checksum(out.data(), header_bytes - sizeof(std::uint64_t));
-    std::memcpy(out.data() + header_bytes - sizeof(sum), &sum, sizeof(sum));
-    return out;
-}
-
-std::uint64_t offset(std::uint64_t page) { return header_bytes + page * page_bytes; }
+constexpr std::size_t block_bytes = 16;
 
 void encode(const BlockBounds& b, std::byte* to) {
     const float heights[] = {b.lowest_m, b.highest_m, b.culture_m};
@@ -45,27 +22,10 @@ BlockBounds decode(const std::byte* from) {
     return {heights[0], heights[1], heights[2], static_cast<Voids>(from[12])};
 }
 
-bool whole(const std::vector<std::byte>& page, std::uint64_t number) {
-    std::uint64_t sum = 0;
-    std::memcpy(&sum, page.data() + content_bytes, sizeof(sum));
-    return sum == checksum(page.data(), content_bytes, number);
-}
-
-std::string page_name(const std::string& path, int level, std::int64_t column, std::int64_t row) {
-    return text("block map '", path, "': the page of level ", level, ", block columns ", column * page_blocks, " to ",
+std::string page_name(const PagedFile& file, int level, std::int64_t column, std::int64_t row) {
+    return text(file.named(), ": the page of level ", level, ", block columns ", column * page_blocks, " to ",
                 (column + 1) * page_blocks - 1, ", block rows ", row * page_blocks, " to ",
                 (row + 1) * page_blocks - 1);
-}
-
-void check_header(const PlainFile& file, const BlockMapShape& shape) {
-    const std::uint64_t bytes = file.bytes();
-    if (bytes != shape.file_bytes())
-        throw DataError(text("block map '", file.path(), "' has ", bytes, " bytes; accepted: ", shape.file_bytes()));
-    Header found{};
-    file.read(0, found.data(), found.size());
-    if (found != header(shape))
-        throw DataError(text("block map '", file.path(), "': its header is damaged or of another raster than ",
-                             shape.columns, " x ", shape.rows, " posts"));
 }
 
 }  // namespace
@@ -92,31 +52,29 @@ std::uint64_t BlockMapShape::page(int level, std::int64_t column, std::int64_t r
     return static_cast<std::uint64_t>(before + row * page_columns(level) + column);
 }
 
-std::uint64_t BlockMapShape::file_bytes() const { return offset(page(levels(), 0, 0)); }
-
-BlockMapWriter::BlockMapWriter(std::string path, BlockMapShape shape)
-    : shape_(shape), file_(std::move(path), PlainFile::Use::write) {
-    if (file_.bytes() != shape_.file_bytes()) {
-        file_.resize(0);
-        file_.resize(shape_.file_bytes());
-    }
-    const Header head = header(shape_);
-    file_.write(0, head.data(), head.size());
+PageLayout BlockMapShape::layout() const {
+    return {"block map",
+            "wedgescope-blocks-1\n",
+            {columns, rows, levels()},
+            page_blocks * page_blocks * block_bytes,
+            page(levels(), 0, 0)};
 }
 
+BlockMapWriter::BlockMapWriter(FilePart part, BlockMapShape shape, Missing missing)
+    : shape_(shape), file_(std::move(part), shape.layout(), PagedFile::Use::make), missing_(missing) {}
+
 void BlockMapWriter::write(int level, std::int64_t column, std::int64_t row, const BlockPage& page) {
-    std::vector<std::byte> bytes(page_bytes);
+    PageBytes bytes(page.size() * block_bytes);
     for (std::size_t i = 0; i < page.size(); ++i) encode(page[i], bytes.data() + i * block_bytes);
-    const std::uint64_t number = shape_.page(level, column, row), sum = checksum(bytes.data(), content_bytes, number);
-    std::memcpy(bytes.data() + content_bytes, &sum, sizeof(sum));
-    file_.write(offset(number), bytes.data(), bytes.size());
+    file_.write(shape_.page(level, column, row), bytes);
 }
 
 std::optional<BlockPage> BlockMapWriter::read(int level, std::int64_t column, std::int64_t row) const {
-    std::vector<std::byte> bytes(page_bytes);
-    const std::uint64_t number = shape_.page(level, column, row);
-    file_.read(offset(number), bytes.data(), bytes.size());
-    if (!whole(bytes, number)) return std::nullopt;
+    PageBytes bytes;
+    const PagedFile::State state = file_.read(shape_.page(level, column, row), bytes);
+    if (state == PagedFile::State::damaged && missing_ == Missing::voids)
+        throw DataError(page_name(file_, level, column, row) + " is damaged");
+    if (state != PagedFile::State::whole) return std::nullopt;
     BlockPage page(page_blocks * page_blocks);
     for (std::size_t i = 0; i < page.size(); ++i) page[i] = decode(bytes.data() + i * block_bytes);
     return page;
@@ -132,12 +90,16 @@ void BlockMapWriter::finish() {
             for (std::int64_t pc = 0; pc < shape_.page_columns(level); ++pc) {
                 BlockPage page(page_blocks * page_blocks);
                 std::vector<bool> begun(page.size());
+                bool any = false;
                 // The children's pages, one after the other.
                 for (std::int64_t child = 0; child < 4; ++child) {
                     const std::int64_t cc = 2 * pc + child % 2, cr = 2 * pr + child / 2;
                     if (cc >= shape_.page_columns(level - 1) || cr >= shape_.page_rows(level - 1)) continue;
-                    const auto below = read(level - 1, cc, cr);
-                    if (!below) throw DataError(page_name(file_.path(), level - 1, cc, cr) + " is damaged");
+                    auto below = read(level - 1, cc, cr);
+                    if (!below && missing_ == Missing::damage)
+                        throw DataError(page_name(file_, level - 1, cc, cr) + " is damaged");
+                    any = any || below.has_value();
+                    if (!below) below.emplace(page_blocks * page_blocks);
                     for (std::int64_t y = 0; y < page_blocks; ++y)
                         for (std::int64_t x = 0; x < page_blocks; ++x) {
                             if (cc * page_blocks + x >= shape_.block_columns(level - 1) ||
@@ -154,41 +116,23 @@ void BlockMapWriter::finish() {
                             begun[at] = true;
                         }
                 }
-                write(level, pc, pr, page);
+                if (any) write(level, pc, pr, page);
             }
     file_.sync();
 }
 
-BlockMapFile::BlockMapFile(const std::string& path, BlockMapShape shape, double scale, std::size_t kept)
-    : shape_(shape), scale_(scale), kept_(kept), file_(path, PlainFile::Use::read) {
-    check_header(file_, shape_);
-}
-
-std::shared_ptr<const BlockMapFile::Bytes> BlockMapFile::page(int level, std::int64_t column, std::int64_t row) {
-    const std::uint64_t number = shape_.page(level, column, row);
-    {
-        const std::lock_guard lock(mutex_);
-        for (auto it = recent_.begin(); it != recent_.end(); ++it)
-            if (it->first == number) {
-                recent_.splice(recent_.begin(), recent_, it);
-                return it->second;
-            }
-    }
-    auto bytes = std::make_shared<Bytes>(page_bytes);
-    file_.read(offset(number), bytes->data(), bytes->size());
-    if (!whole(*bytes, number)) throw DataError(page_name(file_.path(), level, column, row) + " is damaged");
-    const std::lock_guard lock(mutex_);
-    recent_.emplace_front(number, bytes);
-    if (recent_.size() > kept_) recent_.pop_back();
-    return bytes;
-}
+BlockMapFile::BlockMapFile(FilePart part, BlockMapShape shape, double scale, std::size_t kept, Missing missing)
+    : shape_(shape), scale_(scale), file_(std::move(part), shape.layout(), PagedFile::Use::read), cache_(file_, kept),
+      missing_(missing) {}
 
 BlockWindow BlockMapFile::read(int level, const Window& blocks) {
     BlockWindow out{blocks, std::vector<BlockBounds>(static_cast<std::size_t>(blocks.posts()))};
     if (blocks.empty()) return out;
     for (std::int64_t pr = blocks.rows.begin / page_blocks; pr <= (blocks.rows.end - 1) / page_blocks; ++pr)
         for (std::int64_t pc = blocks.columns.begin / page_blocks; pc <= (blocks.columns.end - 1) / page_blocks; ++pc) {
-            const auto bytes = page(level, pc, pr);
+            const auto bytes = cache_.page(shape_.page(level, pc, pr), missing_ == Missing::voids,
+                                           [&] { return page_name(file_, level, pc, pr); });
+            if (!bytes) continue;
             const Interval columns = intersection(blocks.columns, {pc * page_blocks, (pc + 1) * page_blocks});
             const Interval rows = intersection(blocks.rows, {pr * page_blocks, (pr + 1) * page_blocks});
             for (std::int64_t r = rows.begin; r < rows.end; ++r)
@@ -205,16 +149,13 @@ BlockWindow BlockMapFile::read(int level, const Window& blocks) {
 
 void check_block_map(const std::string& path, BlockMapShape shape,
                      const std::function<void(const std::string&)>& damaged) {
-    const PlainFile file(path, PlainFile::Use::read);
-    check_header(file, shape);
-    std::vector<std::byte> bytes(page_bytes);
+    const PagedFile file(whole_file(path, PlainFile::Use::read), shape.layout(), PagedFile::Use::read);
+    PageBytes bytes;
     for (int level = 0; level < shape.levels(); ++level)
         for (std::int64_t r = 0; r < shape.page_rows(level); ++r)
-            for (std::int64_t c = 0; c < shape.page_columns(level); ++c) {
-                const std::uint64_t number = shape.page(level, c, r);
-                file.read(offset(number), bytes.data(), bytes.size());
-                if (!whole(bytes, number)) damaged(page_name(path, level, c, r) + " is damaged");
-            }
+            for (std::int64_t c = 0; c < shape.page_columns(level); ++c)
+                if (file.read(shape.page(level, c, r), bytes) != PagedFile::State::whole)
+                    damaged(page_name(file, level, c, r) + " is damaged");
 }
 
 void bound_blocks(const Window& own, const Window& given, const float* terrain, const float* culture,

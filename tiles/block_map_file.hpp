@@ -1,23 +1,20 @@
-// BlockMapFile: a block map on disk, in pages with a checksum each, read page by page.
+// BlockMapFile: a block map on disk, read page by page.
 // For the .cpp files of this folder only. Leaves what bounds mean to lib/block_map.hpp.
 //
-// Format: a header of 64 bytes ("wedgescope-blocks-1\n", zeros to byte 32, columns, rows and levels as 64-bit
-// integers, XXH3 of all that), then the pages of level 0, row after row, those of level 1, and so on. A page holds 64 x 64 blocks of 16 bytes (lowest, highest, culture as floats; voids; three zeros)
-// and 8 bytes of XXH3, seeded with the page's number. Little-endian.
+// Format: paged_file.hpp's; magic "wedgescope-blocks-1\n"; columns, rows, levels; the pages of level 0, row after row,
+// those of level 1, and so on. A page holds 64 x 64 blocks of 16 bytes (lowest, highest, culture as floats; voids; three
+// zeros).
 // Memory: readers keep `most_pages` pages (4 MiB); the writer one page and its four children.
 #pragma once
 #include <array>
 #include <cstdint>
 #include <functional>
-#include <list>
-#include <memory>
-#include <mutex>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "lib/block_map.hpp"
-#include "tiles/plain_file.hpp"
+#include "tiles/paged_file.hpp"
 
 namespace wedgescope {
 
@@ -33,35 +30,42 @@ struct BlockMapShape {
     std::int64_t page_rows(int level) const { return (block_rows(level) + page_blocks - 1) / page_blocks; }
     /// Number of a page in the file.
     std::uint64_t page(int level, std::int64_t column, std::int64_t row) const;
-    std::uint64_t file_bytes() const;
+    PageLayout layout() const;
+    std::uint64_t file_bytes() const { return layout().file_bytes(); }
 };
+
+/// Pages that were never written: a map that is not whole, or ground outside what the map was made for, all void.
+enum class Missing { damage, voids };
 
 using BlockPage = std::vector<BlockBounds>;  ///< page_blocks x page_blocks, row after row
 
 class BlockMapWriter {
 public:
-    /// Opens or makes the file with all its pages, those not written yet damaged. IoError.
-    BlockMapWriter(std::string path, BlockMapShape shape);
+    /// Makes the file with all its pages, or opens it with those that it has. IoError.
+    BlockMapWriter(FilePart part, BlockMapShape shape, Missing missing = Missing::damage);
     /// From several threads at once, each its own pages.
     void write(int level, std::int64_t column, std::int64_t row, const BlockPage& page);
     /// True if the page is whole.
     bool holds(int level, std::int64_t column, std::int64_t row) const;
     void sync() { file_.sync(); }
-    /// Levels above 0 from those below, and to disk. DataError if a page of level 0 is missing.
+    /// Levels above 0 from those below, and to disk. DataError if a page of level 0 is damaged or, unless such are voids,
+    /// missing.
     void finish();
 
 private:
     std::optional<BlockPage> read(int level, std::int64_t column, std::int64_t row) const;
 
     BlockMapShape shape_;
-    PlainFile file_;
+    PagedFile file_;
+    Missing missing_;
 };
 
 class BlockMapFile final : public BlockMap {
 public:
     /// `scale`: metres in one unit of stored culture height. DataError if the file is no map of that shape.
     /// Keeps at most `kept` pages.
-    BlockMapFile(const std::string& path, BlockMapShape shape, double scale, std::size_t kept = most_pages);
+    BlockMapFile(FilePart part, BlockMapShape shape, double scale, std::size_t kept = most_pages,
+                 Missing missing = Missing::damage);
     int levels() const override { return shape_.levels(); }
     BlockWindow read(int level, const Window& blocks) override;
 
@@ -69,15 +73,11 @@ public:
     static constexpr std::size_t most_pages = 64;
 
 private:
-    using Bytes = std::vector<std::byte>;
-    std::shared_ptr<const Bytes> page(int level, std::int64_t column, std::int64_t row);
-
     BlockMapShape shape_;
     double scale_;
-    std::size_t kept_;
-    PlainFile file_;
-    std::mutex mutex_;
-    std::list<std::pair<std::uint64_t, std::shared_ptr<const Bytes>>> recent_;  ///< the last used in front
+    PagedFile file_;
+    PageCache cache_;
+    Missing missing_;
 };
 
 /// Calls damaged(words) for each page that is not as its checksum says, or once for the header.

@@ -8,6 +8,7 @@
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
+#include <filesystem>
 #include <vector>
 
 #include "lib/error.hpp"
@@ -25,6 +26,12 @@ namespace {
 PlainFile::PlainFile(std::string path, Use use) : path_(std::move(path)) {
     file_ = ::open(path_.c_str(), (use == Use::read ? O_RDONLY : O_RDWR | O_CREAT) | O_CLOEXEC, 0666);
     if (file_ < 0) fail(path_, "opened");
+}
+
+PlainFile::PlainFile(Unnamed where) : path_(std::filesystem::path(where.folder) / "a file without a name") {
+    file_ = open_unnamed(where.folder);
+    if (file_ < 0)
+        throw IoError(text("a file in temp-dir '", where.folder, "' cannot be made: ", std::strerror(errno)));
 }
 
 PlainFile::~PlainFile() {
@@ -71,6 +78,16 @@ void PlainFile::sync() {
 }
 
 bool PlainFile::lock() { return ::flock(file_, LOCK_EX | LOCK_NB) == 0; }
+
+int open_unnamed(const std::string& folder) {
+    int file = ::open(folder.c_str(), O_TMPFILE | O_RDWR | O_CLOEXEC, 0600);
+    if (file < 0 && (errno == EOPNOTSUPP || errno == EISDIR || errno == EINVAL)) {
+        std::string path = (std::filesystem::path(folder) / ".wedgescope-scratch-XXXXXX").string();
+        file = ::mkostemp(path.data(), O_CLOEXEC);
+        if (file >= 0) ::unlink(path.c_str());
+    }
+    return file;
+}
 
 std::uint64_t file_bytes(const std::string& path) {
     struct stat facts {};

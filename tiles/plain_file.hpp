@@ -11,6 +11,11 @@ class PlainFile {
 public:
     enum class Use { read, write };  ///< write: made if it is missing, never cut
     PlainFile(std::string path, Use use);
+    struct Unnamed {
+        std::string folder;
+    };
+    /// Made in the folder without a name: gone with the process, however it ends.
+    explicit PlainFile(Unnamed where);
     ~PlainFile();
     PlainFile(const PlainFile&) = delete;
     PlainFile& operator=(const PlainFile&) = delete;
@@ -29,6 +34,9 @@ private:
     std::string path_;
     int file_ = -1;
 };
+
+/// Descriptor of a new file in a folder that has no name, for reading and writing; below 0 with errno.
+int open_unnamed(const std::string& folder);
 
 /// Bytes of a file; IoError naming it.
 std::uint64_t file_bytes(const std::string& path);

@@ -143,7 +143,7 @@ void RasterLayer::read_level(int level, const Window& window, float* out, std::i
     }
 }
 
-void RasterLayer::make_heights(const Window& window, float* out, std::int64_t stride) {
+void RasterLayer::make_heights(const Window& window, float* out, std::int64_t stride, int level) {
     std::vector<std::uint8_t> masks;
     const bool masked = read_mask(window, masks);
     const bool scaled = facts_.scale != 1 || facts_.offset != 0 || facts_.unit_m != 1;
@@ -177,8 +177,9 @@ void RasterLayer::make_heights(const Window& window, float* out, std::int64_t st
         if (!wild) continue;
         for (std::int64_t c = 0; c < n; ++c)
             if (std::fabs(line[c]) > highest_height_m)
-                throw DataError(text(facts_.named(), ": height at column ", window.columns.begin + c, ", row ",
-                                     window.rows.begin + r, " is ", line[c], " m; accepted: at most ", highest_height_m,
+                throw DataError(text(facts_.named(), ": height at column ", (window.columns.begin + c) << level,
+                                     ", row ", (window.rows.begin + r) << level, " is ", line[c],
+                                     " m; accepted: at most ", highest_height_m,
                                      " m either way, NaN or the declared no-data value"));
     }
 }

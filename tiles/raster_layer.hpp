@@ -89,8 +89,8 @@ public:
 
 protected:
     static constexpr std::int64_t level_slab_posts = std::int64_t{1} << 18;
-    /// Stored values, read as floats into `out`, become heights.
-    void make_heights(const Window& window, float* out, std::int64_t stride);
+    /// Stored values, read as floats into `out`, become heights; `window` counts the posts of a level of detail.
+    void make_heights(const Window& window, float* out, std::int64_t stride, int level = 0);
     /// The mask of a window: 0 void. False if nothing there is.
     virtual bool read_mask(const Window&, std::vector<std::uint8_t>&) { return false; }
     /// To be called once facts_ is complete.

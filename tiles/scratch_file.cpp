@@ -1,14 +1,13 @@
 #include "tiles/scratch_file.hpp"
 
-#include <fcntl.h>
 #include <unistd.h>
 
 #include <cerrno>
 #include <cstring>
-#include <filesystem>
 #include <utility>
 
 #include "lib/error.hpp"
+#include "tiles/plain_file.hpp"
 #include "tiles/spill.hpp"
 
 namespace wedgescope {
@@ -23,12 +22,7 @@ void ScratchFile::fail(const char* what, int reason) const {
 
 void ScratchFile::open() {
     if (file_) return;
-    file_ = Descriptor(::open(folder_.c_str(), O_TMPFILE | O_RDWR | O_CLOEXEC, 0600));
-    if (!file_ && (errno == EOPNOTSUPP || errno == EISDIR || errno == EINVAL)) {
-        std::string path = (std::filesystem::path(folder_) / ".wedgescope-scratch-XXXXXX").string();
-        file_ = Descriptor(::mkostemp(path.data(), O_CLOEXEC));
-        if (file_) ::unlink(path.c_str());
-    }
+    file_ = Descriptor(open_unnamed(folder_));
     if (!file_) fail("made", errno);
 }
 

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <chrono>
 #include <cmath>
 #include <cstring>
@@ -25,8 +26,10 @@
 #include "lib/transpose.hpp"
 #include "tiles/checksum.hpp"
 #include "tiles/detail_map_file.hpp"
+#include "tiles/file_stamp.hpp"
 #include "tiles/gdal_session.hpp"
 #include "tiles/georeference.hpp"
+#include "tiles/ground_map.hpp"
 #include "tiles/needed_posts.hpp"
 #include "tiles/partition.hpp"
 #include "tiles/raster_file.hpp"
@@ -102,7 +105,7 @@ public:
                 if (!params_.legend) params_.legend = store_->legend();
             }
             if (params_.culture_height.empty()) {
-                detail_ = store_->detail_map(params_.culture_height_scale);
+                has_detail_ = store_->has_detail_map();
                 height = store_->layer(StoreLayerKind::culture_height);
                 map_ = store_->block_map(params_.culture_height_scale);
             }
@@ -112,6 +115,11 @@ public:
         if (!params_.culture.empty()) culture = std::make_unique<RasterFile>("culture", params_.culture);
         if (!params_.culture_height.empty())
             height = std::make_unique<RasterFile>("culture-height", params_.culture_height);
+
+        if (!map_ && params_.ground) {
+            map_ = params_.ground->block_map(params_.culture_height_scale);
+            has_detail_ = of_ground_ = true;
+        }
 
         const RasterFacts& facts = terrain_->facts();
         if (facts.columns < 2 || facts.rows < 2)
@@ -233,13 +241,27 @@ public:
     }
 
     BlockMap* block_map() override { return map_.get(); }
-    DetailMap* detail_map() override { return detail_.get(); }
+    /// Opened when it is asked for: whoever uses no levels needs no such file.
+    DetailMap* detail_map() override {
+        if (!has_detail_) return nullptr;
+        const std::lock_guard lock(detail_mutex_);
+        if (!detail_) {
+            const double scale = params_.culture_height_scale;
+            detail_ = of_ground_ ? params_.ground->detail_map(scale) : TileStore(params_.dem, 0).detail_map(scale);
+        }
+        return detail_.get();
+    }
 
     Skipped skipped() const override {
         Skipped sum{};
         ledger_->add_to(sum);
         for (const auto* layer : {culture_.get(), height_.get()})
             if (layer) layer->ledger().add_to(sum);
+        // Tiles that only levels were read of are not saved whole.
+        SkipCount& detail = sum[static_cast<std::size_t>(Skip::detail)];
+        const std::uint64_t read = std::min(detail.posts, level_posts_.load());
+        detail.posts -= read;
+        detail.bytes -= std::min(detail.bytes, read * static_cast<std::uint64_t>(terrain_->facts().type_bytes));
         return sum;
     }
 
@@ -248,7 +270,7 @@ public:
         constexpr std::size_t pages = (std::size_t{4} << 20) + DetailMapFile::most_bytes;
         std::size_t idle = 0;
         for (const RasterLayer* layer : readers()) idle += layer->idle_bytes();
-        return params_.cache_bytes + ledger_bytes() + idle + (store_ ? pages : 0);
+        return params_.cache_bytes + ledger_bytes() + idle + (store_ || of_ground_ ? pages : 0);
     }
     std::size_t filled_bytes(std::uint64_t bytes_read) const override {
         const std::size_t cache = params_.cache_bytes;
@@ -378,6 +400,7 @@ protected:
         }
         pass_surface(request);
         chunk.bytes_read += chunk.posts_read * static_cast<std::uint64_t>(terrain_->facts().type_bytes);
+        level_posts_ += chunk.posts_read;
     }
 
     void load_surface(Chunk& chunk, const NeededPosts& needed) {
@@ -514,7 +537,7 @@ protected:
     }
 
     Extremes find_extremes() {
-        if (store_ && (!height_ || map_)) return store_extremes();
+        if (const auto known = bare_extremes(); known && (!height_ || map_)) return known_extremes(*known);
         Extremes out;
         Range bare, surface;
         std::vector<float> terrain, culture, scratch;
@@ -541,9 +564,14 @@ protected:
         return out;
     }
 
-    /// From what the store knows; with culture height a few blocks are read, the most promising first.
-    Extremes store_extremes() {
-        Extremes out = store_->terrain_extremes();
+    /// Of the bare terrain, where a store or a map knows them.
+    std::optional<Extremes> bare_extremes() const {
+        if (store_) return store_->terrain_extremes();
+        return of_ground_ ? params_.ground->terrain_extremes() : std::nullopt;
+    }
+
+    /// From what is known beforehand; with culture height a few blocks are read, the most promising first.
+    Extremes known_extremes(Extremes out) {
         if (!height_ || !out.any_valid) return out;
         struct Candidate {
             float bound;
@@ -586,6 +614,9 @@ protected:
     DataBaseParams params_;
     std::unique_ptr<TileStore> store_;  ///< null: plain rasters
     std::unique_ptr<BlockMap> map_;
+    bool has_detail_ = false, of_ground_ = false;  ///< it is there; of params_.ground
+    std::mutex detail_mutex_;
+    std::atomic<std::uint64_t> level_posts_{0};  ///< read of levels above 0
     std::unique_ptr<DetailMap> detail_;
     std::unique_ptr<RasterLayer> terrain_;
     std::unique_ptr<TileLedger> ledger_;  ///< of the terrain
@@ -618,34 +649,6 @@ private:
 };
 
 // ---------------------------------------------------------------- spilled
-
-/// Size and time of last change of every file that a raster is made of.
-struct Stamp {
-    std::string file;
-    std::uint64_t bytes = 0;
-    std::int64_t changed_s = 0, changed_ns = 0;
-    friend bool operator==(const Stamp&, const Stamp&) = default;
-};
-
-std::vector<Stamp> stamps(const std::string& path) {
-    std::vector<std::string> files;
-    {
-        GdalErrors quiet;
-        const DatasetHandle dataset(GDALDataset::Open(path.c_str(), GDAL_OF_RASTER | GDAL_OF_READONLY));
-        if (dataset) {
-            char** list = dataset->GetFileList();
-            for (char** f = list; f && *f; ++f) files.emplace_back(*f);
-            CSLDestroy(list);
-        }
-    }
-    std::vector<Stamp> found;
-    for (const std::string& file : files) {
-        VSIStatBufL facts{};
-        if (VSIStatExL(file.c_str(), &facts, VSI_STAT_EXISTS_FLAG | VSI_STAT_SIZE_FLAG) != 0) continue;
-        found.push_back({file, static_cast<std::uint64_t>(facts.st_size), facts.st_mtim.tv_sec, facts.st_mtim.tv_nsec});
-    }
-    return found;
-}
 
 /// A scene in its place, before any of the terrain but below the sensor is read: where its range is to follow from the terrain,
 /// with any range.
@@ -771,7 +774,7 @@ private:
         return kept_.empty() && spill_->bytes_spilled() > 0 ? share_ : spill_->bytes_held();
     }
     std::size_t beside_blocks_bytes() const {
-        return spill_->index_bytes() + map_bytes_ + (detail_ ? DetailMapFile::most_bytes : 0) +
+        return spill_->index_bytes() + map_bytes_ + (has_detail_ ? DetailMapFile::most_bytes : 0) +
                (terrain_blocks_ ? ledger_bytes() : forecast_ledgers_);
     }
 
@@ -855,8 +858,8 @@ private:
         std::vector<std::string> paths{params_.dem};
         for (const std::string& path : {params_.culture, params_.culture_height})
             if (!path.empty()) paths.push_back(path);
-        std::vector<std::vector<Stamp>> before;
-        for (const std::string& path : paths) before.push_back(stamps(path));
+        std::vector<std::vector<FileStamp>> before;
+        for (const std::string& path : paths) before.push_back(file_stamps(path));
 
         Passes made;
         lay_out(made, scope, extremes, options, keep);
@@ -909,7 +912,7 @@ private:
                 rasters.push_back(replace_terrain(std::move(blocks)));
         }
         for (std::size_t i = 0; i < paths.size(); ++i)
-            if (stamps(paths[i]) != before[i])
+            if (file_stamps(paths[i]) != before[i])
                 throw DataError(text("'", paths[i], "' changed while it was read; run again when it is at rest"));
         rasters.clear();
         if (extremes) extremes_ = survey.extremes();
@@ -987,7 +990,7 @@ private:
         if (!given && is_tile_store(params_.dem))
             return text("file ", f.role, " in store ", layer.fingerprint({}), '\n');
         std::string lines;
-        for (const Stamp& s : stamps(f.path)) {
+        for (const FileStamp& s : file_stamps(f.path)) {
             std::error_code none;
             const std::filesystem::path whole = std::filesystem::weakly_canonical(s.file, none);
             lines += text("file ", f.role, ' ', s.bytes, ' ', s.changed_s, ' ', s.changed_ns, ' ',

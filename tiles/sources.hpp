@@ -24,6 +24,8 @@
 
 namespace wedgescope {
 
+class GroundMap;
+
 struct DataBaseParams {
     std::string dem;
     std::string culture;         ///< empty: none
@@ -32,7 +34,9 @@ struct DataBaseParams {
     std::optional<Legend> legend;  ///< needed with culture
     ClassId default_class = 4;     ///< no culture, or its no-data
     std::size_t cache_bytes = 0;   ///< what the session grants GDAL's block cache
-    const Stop* stop = nullptr;    ///< looked at while all posts are read for their extremes
+    /// What is known of the ground of plain rasters; null: nothing. A tile store has its own.
+    std::shared_ptr<const GroundMap> ground;
+    const Stop* stop = nullptr;  ///< looked at while all posts are read for their extremes
 };
 
 /// Opens and checks everything that can be checked without reading posts. DataError or IoError naming the file.

@@ -232,10 +232,30 @@ void copy_line(const std::byte* from, const RasterFacts& facts, void* to, GDALDa
 
 }  // namespace
 
+int StoreLayer::deepest() const {
+    int level = 0;
+    while ((sheet_posts >> (level + 1)) >= facts_.block_columns) ++level;
+    return level;
+}
+
 void StoreLayer::read_level(int level, const Window& window, float* out, std::int64_t stride) {
     if (window.empty()) return;
-    read_values(level, window, out, GDT_Float32, stride * static_cast<std::int64_t>(sizeof(float)));
-    make_heights(window, out, stride);
+    const int own = std::min(level, deepest()), thinner = level - own;
+    if (thinner == 0) {
+        read_values(level, window, out, GDT_Float32, stride * static_cast<std::int64_t>(sizeof(float)));
+    } else {
+        // Of the coarsest overview that has whole tiles in whole sheets, what the level keeps.
+        std::vector<float> line(level_line);
+        const std::int64_t post = std::int64_t{1} << thinner, most = level_line >> thinner;
+        for (std::int64_t r = window.rows.begin; r < window.rows.end; ++r)
+            for (std::int64_t c = window.columns.begin; c < window.columns.end; c += most) {
+                const std::int64_t end = std::min(c + most, window.columns.end), n = (end - 1 - c) * post + 1;
+                read_values(own, {{c * post, c * post + n}, {r * post, r * post + 1}}, line.data(), GDT_Float32, 0);
+                float* to = out + (r - window.rows.begin) * stride + c - window.columns.begin;
+                for (std::int64_t i = 0; i < end - c; ++i) to[i] = line[static_cast<std::size_t>(i * post)];
+            }
+    }
+    make_heights(window, out, stride, level);
 }
 
 /// In place, from a sheet's single tile of overview `own` to the posts of a coarser level.

@@ -81,7 +81,7 @@ public:
     }
     /// From the overviews, whose posts are those that the level keeps.
     void read_level(int level, const Window& window, float* out, std::int64_t stride) override;
-    std::size_t level_bytes() const override { return 0; }
+    std::size_t level_bytes() const override { return level_line * sizeof(float); }
 
     /// By the checksums of the sheets' sums, in the manifest: wherever the store lies, and not before another version.
     std::uint64_t fingerprint(const std::vector<Window>& cells) override;
@@ -95,6 +95,9 @@ public:
     std::size_t idle_bytes() const override { return most_idle() * reader_bytes().packed; }
 
 private:
+    static constexpr std::int64_t level_line = 4096;  ///< posts that read_level() holds for itself
+    /// The coarsest level of which a whole sheet holds a whole tile.
+    int deepest() const;
     std::size_t most_idle() const {
         constexpr std::size_t most = 16, together = std::size_t{8} << 20;
         return std::min(together / reader_bytes().packed, most);

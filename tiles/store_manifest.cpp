@@ -161,12 +161,6 @@ Window StoreLayerEntry::posts(std::int64_t column, std::int64_t row) const {
             {row * sheet_posts, std::min(facts.rows, (row + 1) * sheet_posts)}};
 }
 
-int StoreManifest::detail_levels() const {
-    int levels = 0;
-    while (levels < DetailLevels::most && (sheet_posts >> (levels + 1)) >= layers[0].facts.block_columns) ++levels;
-    return levels;
-}
-
 const StoreLayerEntry* StoreManifest::layer(StoreLayerKind kind) const {
     for (const StoreLayerEntry& layer : layers)
         if (layer.kind == kind) return &layer;
@@ -178,7 +172,8 @@ std::string manifest_text(const StoreManifest& m) {
     for (const StoreLayerEntry& layer : m.layers) out["layers"].push_back(to_json(layer));
     out["block_map"] = json{{"file", m.block_map}, {"checksum", hex(m.block_map_checksum)}};
     if (!m.detail_map.empty())
-        out["detail_map"] = json{{"file", m.detail_map}, {"checksum", hex(m.detail_map_checksum)}};
+        out["detail_map"] =
+            json{{"format", detail_map_format}, {"file", m.detail_map}, {"checksum", hex(m.detail_map_checksum)}};
     out["plan"] = json{{"file", m.plan}, {"checksum", hex(m.plan_checksum)}};
     out["legend"] = m.legend_name.empty() ? json(nullptr) : json{{"name", m.legend_name}, {"csv", m.legend_csv}};
     // Of all bytes, its own digits taken for zeros.
@@ -212,7 +207,8 @@ StoreManifest read_manifest(const std::string& folder) {
         if (m.layers.empty() || m.layers[0].kind != StoreLayerKind::dem) throw damaged("it names no terrain");
         m.block_map = j.at("block_map").at("file").get<std::string>();
         m.block_map_checksum = from_hex(j.at("block_map").at("checksum"));
-        if (j.contains("detail_map")) {
+        // One of another format is no map to us, and the store one without levels of detail.
+        if (j.contains("detail_map") && j.at("detail_map").value("format", 1) == detail_map_format) {
             m.detail_map = j.at("detail_map").at("file").get<std::string>();
             m.detail_map_checksum = from_hex(j.at("detail_map").at("checksum"));
         }

@@ -79,8 +79,6 @@ struct StoreManifest {
     const StoreLayerEntry* layer(StoreLayerKind kind) const;
     BlockMapShape map_shape() const { return {layers[0].facts.columns, layers[0].facts.rows}; }
     DetailMapShape detail_shape() const { return {layers[0].facts.columns, layers[0].facts.rows}; }
-    /// Levels of detail of which a whole sheet holds a whole tile.
-    int detail_levels() const;
 };
 
 std::string manifest_text(const StoreManifest& manifest);

@@ -84,8 +84,6 @@ private:
     Window with_next(const Window& posts) const;
     void bound(const Window& unit, const Mosaic::Posts& posts, const Window& given, std::vector<BlockPage>& pages,
                const Window& sheet);
-    void find_residuals(const Window& unit, const Mosaic::Posts& posts, const Window& given, DetailPage& page,
-                        const Window& sheet);
     void finish();
     void move_into_place();
     void remove_all_but_plan() const;
@@ -359,19 +357,6 @@ void StoreWriter::bound(const Window& unit, const Mosaic::Posts& posts, const Wi
                  });
 }
 
-/// Of the blocks of the detail map in `unit`, from the posts of `given`, which reaches one further.
-void StoreWriter::find_residuals(const Window& unit, const Mosaic::Posts& posts, const Window& given, DetailPage& page,
-                                 const Window& sheet) {
-    const std::int64_t width = given.columns.size();
-    for (std::int64_t r = unit.rows.begin; r < unit.rows.end; r += detail_posts)
-        for (std::int64_t c = unit.columns.begin; c < unit.columns.end; c += detail_posts) {
-            const std::int64_t x = (c - sheet.columns.begin) / detail_posts, y = (r - sheet.rows.begin) / detail_posts;
-            page[static_cast<std::size_t>(y * detail_page_blocks + x)] = residuals(
-                posts.heights.data() + (r - given.rows.begin) * width + c - given.columns.begin, width,
-                std::min(given.columns.end - c, detail_posts + 1), std::min(given.rows.end - r, detail_posts + 1));
-        }
-}
-
 Done StoreWriter::write_sheet(const Job& job, const std::vector<std::size_t>& pieces) {
     Layer& layer = *job.layer;
     const bool dem = layer.kind == StoreLayerKind::dem;
@@ -432,7 +417,7 @@ Done StoreWriter::write_sheet(const Job& job, const std::vector<std::size_t>& pi
                                  width);
             if (!dem) continue;
             bound(unit, posts, given, pages, sheet);
-            find_residuals(unit, posts, given, detail, sheet);
+            find_residuals(unit, given, posts.heights.data(), sheet, detail);
             if (closes && unit.columns.end == facts.columns) {
                 // The post after the last column is column 0: it widens the bounds of the last blocks.
                 const Window first{{0, 1}, given.rows};
@@ -637,9 +622,11 @@ TileStoreSummary StoreWriter::run() {
         open_folder();
         opened = true;
         map_ = std::make_unique<BlockMapWriter>(
-            inside(map_name), BlockMapShape{layers_[0]->entry.facts.columns, layers_[0]->entry.facts.rows});
+            whole_file(inside(map_name), PlainFile::Use::write),
+            BlockMapShape{layers_[0]->entry.facts.columns, layers_[0]->entry.facts.rows});
         detail_ = std::make_unique<DetailMapWriter>(
-            inside(detail_name), DetailMapShape{layers_[0]->entry.facts.columns, layers_[0]->entry.facts.rows});
+            whole_file(inside(detail_name), PlainFile::Use::write),
+            DetailMapShape{layers_[0]->entry.facts.columns, layers_[0]->entry.facts.rows});
         make_sheets();
         finish();
         move_into_place();

@@ -29,16 +29,19 @@ std::size_t TileStore::cached_bytes() const { return cache_->bytes(); }
 
 std::unique_ptr<BlockMap> TileStore::block_map(double scale) const {
     const std::string file = (std::filesystem::path(path_) / manifest_->block_map).string();
-    return std::make_unique<BlockMapFile>(file, manifest_->map_shape(), scale);
+    return std::make_unique<BlockMapFile>(whole_file(file, PlainFile::Use::read), manifest_->map_shape(), scale);
 }
 
+bool TileStore::has_detail_map() const { return !manifest_->detail_map.empty(); }
+
 std::unique_ptr<DetailMap> TileStore::detail_map(double scale) const {
-    if (manifest_->detail_map.empty()) return nullptr;
-    const std::string file = (std::filesystem::path(path_) / manifest_->detail_map).string();
+    const auto part = [&](const std::string& name) {
+        return whole_file((std::filesystem::path(path_) / name).string(), PlainFile::Use::read);
+    };
     return std::make_unique<DetailMapFile>(
-        file, manifest_->detail_shape(), manifest_->detail_levels(),
-        std::make_unique<BlockMapFile>((std::filesystem::path(path_) / manifest_->block_map).string(),
-                                       manifest_->map_shape(), scale, DetailMapFile::bounds_pages));
+        part(manifest_->detail_map), manifest_->detail_shape(),
+        std::make_unique<BlockMapFile>(part(manifest_->block_map), manifest_->map_shape(), scale,
+                                       DetailMapFile::bounds_pages));
 }
 
 std::optional<Legend> TileStore::legend() const {

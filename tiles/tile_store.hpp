@@ -42,7 +42,8 @@ public:
     std::unique_ptr<RasterLayer> layer(StoreLayerKind kind) const;
     /// `scale`: metres in one unit of the stored culture height.
     std::unique_ptr<BlockMap> block_map(double scale) const;
-    /// Null in a store made before there were levels of detail.
+    /// False in a store made before there were levels of detail as they are now.
+    bool has_detail_map() const;
     std::unique_ptr<DetailMap> detail_map(double scale) const;
     std::optional<Legend> legend() const;
     /// Of the bare terrain.

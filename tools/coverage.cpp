@@ -13,6 +13,7 @@
 #include "tools/budget.hpp"
 #include "tools/commands.hpp"
 #include "tools/coverage_report.hpp"
+#include "tools/ground.hpp"
 #include "tools/help.hpp"
 #include "tools/observers.hpp"
 #include "tools/options.hpp"
@@ -111,6 +112,7 @@ void coverage(const std::vector<std::string>& arguments, Stop& stop) {
 
     Span opening(timeline.get(), "open", "stage");
     const GdalSession session(cache_bytes(settings), settings.config);
+    const std::string unfit_map = find_ground(settings, GroundUse::keep, true, stop);
     const DataBaseParams layers = data_base_params(settings, cache_bytes(settings), stop);
     std::unique_ptr<WedgeSource> source = open_direct_source(layers);
     if (settings.snap_to_post && settings.scene.platform.xy) {
@@ -189,7 +191,8 @@ void coverage(const std::vector<std::string>& arguments, Stop& stop) {
     if (choice.spilled)
         remark(settings.quiet,
                text(choice.kept ? "terrain read from " : "terrain sorted into wedges first: ", choice.why));
-    if (!choice.unfit.empty()) remark(settings.quiet, text("not used: ", choice.unfit));
+    for (const std::string& unfit : {choice.unfit, unfit_map})
+        if (!unfit.empty()) remark(settings.quiet, text("not used: ", unfit));
     remark(settings.quiet,
            text("written: ", settings.output, fmt::format(" ({:.1f} s, {:.0f} Mposts/s)", wall, all / wall * 1e-6)));
     if (settings.profile || settings.verbose) fmt::print(stderr, "{}", report_table(report, usage));

@@ -665,7 +665,8 @@ std::vector<Key> make_keys() {
           number(
               between("1", "64"), [](auto& s) -> auto& { return s.scene.spoke_lead; }, "auto"),
           "auto",
-          "spokes double where a line this many times as far off needs it: few then share a parent's horizon; auto: as the "
+          "spokes double where a line this many times as far off needs it: few then share a parent's horizon; auto: as "
+          "the "
           "quality says");
     t.add("crossings",
           choice<std::optional<bool>>(
@@ -679,8 +680,8 @@ std::vector<Key> make_keys() {
           choice<bool>(
               {{"auto", true}, {"off", false}}, [](auto& s) -> auto& { return s.scene.detail; }),
           "auto",
-          "levels of detail: auto: of fine ground in a tile store every 2nd to 32nd post where normal and draft "
-          "keep what they promise; off: every post");
+          "levels of detail: auto: of fine ground every 2nd to 32nd post where normal and draft keep what they "
+          "promise; off: every post");
 
     t.group(KeyGroup::coverage, true);
     {
@@ -941,6 +942,10 @@ std::vector<Key> make_keys() {
           "no bit of the result");
     t.add("temp-dir", path([](auto& s) -> auto& { return s.temp_dir; }), "",
           "folder for what does not fit into memory; without it CPL_TMPDIR, TMPDIR or /tmp");
+    t.add(
+        "keep-map", flag([](auto& s) -> auto& { return s.keep_map; }), "off",
+        "keep what is found of a plain raster's ground (bounds and detail by block) beside it, as RASTER.ground: later "
+        "runs read less; changes no bit of the result");
     t.add("no-cull", flag([](auto& s) -> auto& { return s.no_cull; }), "off",
           "read and sweep also what is known to stay hidden; changes no bit of the result");
 
@@ -1034,6 +1039,7 @@ std::vector<Key> make_keys() {
                              "memory",
                              "source",
                              "temp-dir",
+                             "keep-map",
                              "no-cull",
                              "report",
                              "timeline",

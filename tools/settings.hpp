@@ -2,6 +2,7 @@
 // lib/scene.hpp. Leaves how it is spelled to options.hpp.
 #pragma once
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <string>
 #include <utility>
@@ -41,6 +42,8 @@ struct Settings {
     bool snap_to_post = false;                  ///< gdal_viewshed's way: the sensor stands over the nearest post
 
     SourceKind source = SourceKind::automatic;
+    bool keep_map = false;
+    std::shared_ptr<const GroundMap> ground;  ///< no key: what find_ground() found or made
     std::string temp_dir;     ///< empty: the system's
     int threads = 0;          ///< 0: all the machine has
     std::int64_t wedges = 0;  ///< 0: chosen

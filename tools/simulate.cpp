@@ -15,6 +15,7 @@
 #include "tiles/work_dir.hpp"
 #include "tools/budget.hpp"
 #include "tools/commands.hpp"
+#include "tools/ground.hpp"
 #include "tools/help.hpp"
 #include "tools/layers.hpp"
 #include "tools/options.hpp"
@@ -134,7 +135,8 @@ std::string kept_words(const WorkDir* work) {
                 " (--resume goes on)");
 }
 
-void simulate(const Settings& settings, WorkDir* work, double start_s, Stop& stop) {
+void simulate(const Settings& given, WorkDir* work, double start_s, Stop& stop) {
+    Settings settings = given;
     Outputs outputs(settings);
     const GdalSession session(cache_bytes(settings), settings.config);
     if (outputs.layers) outputs.layers->check(settings);
@@ -145,6 +147,8 @@ void simulate(const Settings& settings, WorkDir* work, double start_s, Stop& sto
     Settings as_read = settings;
     if (work && work->seems_done()) as_read.source = SourceKind::direct;
     check_simulation(as_read, stop);
+    const std::string unfit_map = find_ground(settings, GroundUse::levels, false, stop);
+    as_read.ground = settings.ground;
     const DataBaseParams layers = data_base_params(settings, cache_bytes(settings), stop);
     std::unique_ptr<WedgeSource> source;
     const bool terminal = ::isatty(STDERR_FILENO) == 1;
@@ -213,7 +217,8 @@ void simulate(const Settings& settings, WorkDir* work, double start_s, Stop& sto
     for (const OutputFile* file : files) written += (written.empty() ? "" : ", ") + file->final_path();
     OutputFile::commit(files);
     remark(settings.quiet || terminal, text("sensor: ", place(scene)));
-    if (!choice.unfit.empty()) remark(settings.quiet, text("not used: ", choice.unfit));
+    for (const std::string& unfit : {choice.unfit, unfit_map})
+        if (!unfit.empty()) remark(settings.quiet, text("not used: ", unfit));
     if (!settings.only_wedges)
         for (const std::string& line : doubts(result)) remark(settings.quiet, line);
     if (settings.verbose || settings.profile) fmt::print(stderr, "{}", report_table(result.report, write_s, usage));

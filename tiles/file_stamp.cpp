@@ -1,0 +1,45 @@
+#include "tiles/file_stamp.hpp"
+
+#include <algorithm>
+#include <filesystem>
+
+#include "tiles/checksum.hpp"
+#include "tiles/gdal_handle.hpp"
+#include "tiles/gdal_session.hpp"
+
+namespace wedgescope {
+
+std::vector<FileStamp> file_stamps(const std::string& path) {
+    std::vector<std::string> files;
+    {
+        GdalErrors quiet;
+        const DatasetHandle dataset(GDALDataset::Open(path.c_str(), GDAL_OF_RASTER | GDAL_OF_READONLY));
+        if (dataset) {
+            char** list = dataset->GetFileList();
+            for (char** f = list; f && *f; ++f) files.emplace_back(*f);
+            CSLDestroy(list);
+        }
+    }
+    std::vector<FileStamp> found;
+    for (const std::string& file : files) {
+        VSIStatBufL facts{};
+        if (VSIStatExL(file.c_str(), &facts, VSI_STAT_EXISTS_FLAG | VSI_STAT_SIZE_FLAG) != 0) continue;
+        found.push_back({file, static_cast<std::uint64_t>(facts.st_size), facts.st_mtim.tv_sec, facts.st_mtim.tv_nsec});
+    }
+    return found;
+}
+
+std::uint64_t stamps_checksum(std::vector<FileStamp> stamps) {
+    for (FileStamp& s : stamps) s.file = std::filesystem::path(s.file).filename().string();
+    std::sort(stamps.begin(), stamps.end(), [](const auto& a, const auto& b) { return a.file < b.file; });
+    Checksum sum;
+    for (const FileStamp& s : stamps) {
+        sum.add(s.file);
+        sum.add(s.bytes);
+        sum.add(static_cast<std::uint64_t>(s.changed_s));
+        sum.add(static_cast<std::uint64_t>(s.changed_ns));
+    }
+    return sum.value();
+}
+
+}  // namespace wedgescope

@@ -1,0 +1,313 @@
+#include "tiles/ground_map.hpp"
+
+#include <oneapi/tbb/blocked_range.h>
+#include <oneapi/tbb/parallel_for.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstring>
+#include <filesystem>
+#include <limits>
+#include <mutex>
+#include <utility>
+#include <vector>
+
+#include "lib/error.hpp"
+#include "lib/stop.hpp"
+#include "lib/threads.hpp"
+#include "tiles/block_map_file.hpp"
+#include "tiles/checksum.hpp"
+#include "tiles/detail_map_file.hpp"
+#include "tiles/file_stamp.hpp"
+#include "tiles/needed_posts.hpp"
+#include "tiles/output_file.hpp"
+#include "tiles/raster_file.hpp"
+#include "tiles/registered_layer.hpp"
+#include "tiles/sources.hpp"
+#include "tiles/spill.hpp"
+#include "tiles/tile_store.hpp"
+
+namespace wedgescope {
+namespace {
+
+constexpr char magic[] = "wedgescope-ground-2\n";
+constexpr std::uint64_t header_bytes = 128;
+
+struct Header {
+    char magic[32];
+    std::int64_t columns, rows;
+    std::uint64_t terrain, culture_height;  ///< checksums of their files' stamps; 0: none
+    std::uint64_t any_valid, void_posts;
+    double lowest_m, highest_m;
+    std::uint64_t zeros[3];
+    std::uint64_t sum;
+};
+static_assert(sizeof(Header) == header_bytes, "the header of a ground map has 128 bytes");
+
+std::uint64_t sum_of(const Header& h) { return checksum(&h, header_bytes - sizeof(h.sum)); }
+
+std::uint64_t stamp(const std::string& path) { return path.empty() ? 0 : stamps_checksum(file_stamps(path)); }
+
+std::unique_ptr<RasterLayer> open_terrain(const DataBaseParams& rasters) {
+    if (is_tile_store(rasters.dem))
+        return std::make_unique<TileStore>(rasters.dem, rasters.cache_bytes / 2)->layer(StoreLayerKind::dem);
+    return std::make_unique<RasterFile>("dem", rasters.dem);
+}
+
+/// Reads ground, page by page of the detail map, into both maps.
+class Survey {
+public:
+    Survey(const DataBaseParams& rasters, const GroundMap::MakeParams& params)
+        : params_(params), terrain_(open_terrain(rasters)), facts_(terrain_->facts()) {
+        if (!rasters.culture_height.empty())
+            height_ = std::make_unique<RegisteredLayer>(
+                std::make_unique<RasterFile>("culture-height", rasters.culture_height), facts_);
+    }
+
+    const RasterFacts& facts() const { return facts_; }
+
+    void run(BlockMapWriter& blocks, DetailMapWriter& detail) {
+        constexpr std::int64_t side = DetailMapShape::page_posts;
+        const Window all{{0, facts_.columns}, {0, facts_.rows}},
+            wanted = params_.posts ? intersect(*params_.posts, all) : all;
+        std::vector<Window> pages;
+        for (std::int64_t r = wanted.rows.begin / side * side; r < wanted.rows.end; r += side)
+            for (std::int64_t c = wanted.columns.begin / side * side; c < wanted.columns.end; c += side)
+                pages.push_back(intersect({{c, c + side}, {r, r + side}}, all));
+        std::size_t done = 0;
+        std::mutex mutex;
+        Threads(threads()).execute([&] {
+            oneapi::tbb::parallel_for(
+                oneapi::tbb::blocked_range<std::size_t>(0, pages.size(), 1),
+                [&](const auto& part) {
+                    for (std::size_t i = part.begin(); i < part.end(); ++i) {
+                        survey(pages[i], blocks, detail);
+                        const std::lock_guard lock(mutex);
+                        if (params_.progress)
+                            params_.progress(static_cast<double>(++done) / static_cast<double>(pages.size()));
+                    }
+                },
+                oneapi::tbb::simple_partitioner());
+        });
+    }
+
+    Extremes extremes() const {
+        Extremes e{lowest_, highest_, voids_, lowest_ <= highest_};
+        if (!e.any_valid) e.lowest_m = e.highest_m = 0;
+        return e;
+    }
+
+private:
+    static Window intersect(const Window& a, const Window& b) {
+        return {intersection(a.columns, b.columns), intersection(a.rows, b.rows)};
+    }
+
+    /// As many as have room for what each holds.
+    int threads() const {
+        constexpr std::size_t strip =
+            static_cast<std::size_t>((detail_posts + 1) * (DetailMapShape::page_posts + 1)) * sizeof(float);
+        const std::size_t each = 3 * strip + terrain_->reader_bytes().decoded + terrain_->reader_bytes().packed,
+                          room = params_.memory_bytes / 2 / each;
+        return std::clamp(static_cast<int>(std::min<std::size_t>(room, 1024)), 1, std::max(1, params_.threads));
+    }
+
+    void survey(const Window& page, BlockMapWriter& blocks, DetailMapWriter& detail) {
+        const Window block_pages{{page.columns.begin / block_page_posts, up(page.columns.end)},
+                                 {page.rows.begin / block_page_posts, up(page.rows.end)}};
+        std::vector<BlockPage> bounds(static_cast<std::size_t>(block_pages.posts()),
+                                      BlockPage(page_blocks * page_blocks));
+        const auto bound_at = [&](std::int64_t c, std::int64_t r) -> BlockBounds& {
+            const std::int64_t pc = c / page_blocks - block_pages.columns.begin,
+                               pr = r / page_blocks - block_pages.rows.begin;
+            return bounds[static_cast<std::size_t>(pr * block_pages.columns.size() + pc)]
+                         [static_cast<std::size_t>(r % page_blocks * page_blocks + c % page_blocks)];
+        };
+        DetailPage found(detail_page_blocks * detail_page_blocks);
+        const bool closes = facts_.cycle_columns() == facts_.columns && page.columns.end == facts_.columns;
+        std::vector<float> posts, culture, scratch;
+        for (std::int64_t r = page.rows.begin; r < page.rows.end; r += detail_posts) {
+            if (params_.stop) params_.stop->check();
+            const Window own{page.columns, {r, std::min(r + detail_posts, page.rows.end)}},
+                given{{own.columns.begin, std::min(own.columns.end + 1, facts_.columns)},
+                      {own.rows.begin, std::min(own.rows.end + 1, facts_.rows)}};
+            read(given, posts, culture, scratch);
+            note(own, given, posts);
+            bound_blocks(own, given, posts.data(), height_ ? culture.data() : nullptr, bound_at);
+            find_residuals(own, given, posts.data(), page, found);
+            if (!closes) continue;
+            // The post after the last column is column 0: it widens the bounds of the last blocks.
+            const Window first{{0, 1}, given.rows}, as_if{{facts_.columns, facts_.columns + 1}, given.rows},
+                last{{(facts_.columns - 1) / block_posts * block_posts, facts_.columns}, own.rows};
+            read(first, posts, culture, scratch);
+            std::vector<BlockBounds> edge(static_cast<std::size_t>(blocks_of(last).rows.size()));
+            const std::int64_t top = blocks_of(last).rows.begin;
+            bound_blocks(last, as_if, posts.data(), height_ ? culture.data() : nullptr,
+                         [&](std::int64_t, std::int64_t row) -> BlockBounds& {
+                             return edge[static_cast<std::size_t>(row - top)];
+                         });
+            for (std::size_t i = 0; i < edge.size(); ++i)
+                bound_at(blocks_of(last).columns.begin, top + static_cast<std::int64_t>(i)).add(edge[i]);
+        }
+        for (std::int64_t pr = block_pages.rows.begin; pr < block_pages.rows.end; ++pr)
+            for (std::int64_t pc = block_pages.columns.begin; pc < block_pages.columns.end; ++pc)
+                blocks.write(
+                    0, pc, pr,
+                    bounds[static_cast<std::size_t>((pr - block_pages.rows.begin) * block_pages.columns.size() + pc -
+                                                    block_pages.columns.begin)]);
+        detail.write(page.columns.begin / DetailMapShape::page_posts, page.rows.begin / DetailMapShape::page_posts,
+                     found);
+    }
+
+    void read(const Window& window, std::vector<float>& posts, std::vector<float>& culture,
+              std::vector<float>& scratch) {
+        posts.resize(static_cast<std::size_t>(window.posts()));
+        terrain_->read_heights(window, posts.data(), window.columns.size());
+        if (!height_) return;
+        const ChunkRequest everything;
+        culture.resize(posts.size());
+        height_->read_heights(height_->plan(window.columns), window.rows, 1, NeededPosts(everything), culture.data(),
+                              scratch);
+    }
+
+    /// Extremes of what is the page's own; the column that repeats the first is nobody's.
+    void note(const Window& own, const Window& given, const std::vector<float>& posts) {
+        float lowest = std::numeric_limits<float>::infinity(), highest = -lowest;
+        std::int64_t voids = 0;
+        const std::int64_t n = std::min(own.columns.end, facts_.own_columns()) - own.columns.begin;
+        for (std::int64_t r = 0; r < own.rows.size(); ++r) {
+            const float* row = posts.data() + r * given.columns.size();
+            for (std::int64_t c = 0; c < n; ++c) {
+                const float z = row[c];
+                voids += z != z;
+                lowest = z < lowest ? z : lowest;
+                highest = z > highest ? z : highest;
+            }
+        }
+        const std::lock_guard lock(mutex_);
+        lowest_ = std::min(lowest_, lowest);
+        highest_ = std::max(highest_, highest);
+        voids_ += static_cast<std::uint64_t>(voids);
+    }
+
+    static constexpr std::int64_t block_page_posts = page_blocks * block_posts;
+    static std::int64_t up(std::int64_t post) { return (post + block_page_posts - 1) / block_page_posts; }
+
+    const GroundMap::MakeParams& params_;
+    std::unique_ptr<RasterLayer> terrain_;
+    std::unique_ptr<RegisteredLayer> height_;
+    const RasterFacts facts_;
+    std::mutex mutex_;
+    float lowest_ = std::numeric_limits<float>::infinity(), highest_ = -std::numeric_limits<float>::infinity();
+    std::uint64_t voids_ = 0;
+};
+
+}  // namespace
+
+GroundMap::GroundMap(std::unique_ptr<FilePart> blocks, std::int64_t columns, std::int64_t rows, bool partial)
+    : part_(std::move(blocks)), columns_(columns), rows_(rows), partial_(partial) {}
+
+GroundMap::~GroundMap() = default;
+
+std::unique_ptr<BlockMap> GroundMap::block_map(double scale) const {
+    return std::make_unique<BlockMapFile>(*part_, BlockMapShape{columns_, rows_}, scale, BlockMapFile::most_pages,
+                                          partial_ ? Missing::voids : Missing::damage);
+}
+
+std::unique_ptr<DetailMap> GroundMap::detail_map(double scale) const {
+    const BlockMapShape shape{columns_, rows_};
+    const Missing missing = partial_ ? Missing::voids : Missing::damage;
+    FilePart after = *part_;
+    after.begin += shape.file_bytes();
+    return std::make_unique<DetailMapFile>(
+        after, DetailMapShape{columns_, rows_},
+        std::make_unique<BlockMapFile>(*part_, shape, scale, DetailMapFile::bounds_pages, missing), missing);
+}
+
+std::string GroundMap::kept_path(const DataBaseParams& rasters) {
+    std::string path = rasters.dem;
+    while (path.size() > 1 && path.back() == '/') path.pop_back();
+    return path + ".ground";
+}
+
+std::shared_ptr<const GroundMap> GroundMap::make(const DataBaseParams& rasters, const MakeParams& params) {
+    Survey survey(rasters, params);
+    const RasterFacts& facts = survey.facts();
+    const BlockMapShape shape{facts.columns, facts.rows};
+    const DetailMapShape detail_shape{facts.columns, facts.rows};
+    const std::array<std::uint64_t, 2> stamps{stamp(rasters.dem), stamp(rasters.culture_height)};
+    std::optional<OutputFile> output;
+    if (params.keep) output.emplace(kept_path(rasters), true);
+    auto file = output ? std::make_shared<PlainFile>(output->temporary_path(), PlainFile::Use::write)
+                       : std::make_shared<PlainFile>(
+                             PlainFile::Unnamed{params.temp_folder.empty() ? temporary_folder() : params.temp_folder});
+    const bool partial = params.posts.has_value();
+    const FilePart part{file, header_bytes, false};
+    const FilePart after{file, header_bytes + shape.file_bytes(), false};
+    {
+        BlockMapWriter blocks(part, shape, partial ? Missing::voids : Missing::damage);
+        DetailMapWriter detail(after, detail_shape);
+        survey.run(blocks, detail);
+        blocks.finish();
+        detail.sync();
+    }
+    if (stamps != std::array<std::uint64_t, 2>{stamp(rasters.dem), stamp(rasters.culture_height)})
+        throw DataError(text("'", rasters.dem,
+                             "' or its culture height changed while it was read; run again when it is "
+                             "at rest"));
+    const Extremes extremes = survey.extremes();
+    if (output) {
+        Header h{};
+        std::memcpy(h.magic, magic, sizeof(magic) - 1);
+        h.columns = facts.columns;
+        h.rows = facts.rows;
+        h.terrain = stamps[0];
+        h.culture_height = stamps[1];
+        h.any_valid = extremes.any_valid ? 1 : 0;
+        h.void_posts = extremes.void_posts;
+        h.lowest_m = static_cast<double>(extremes.lowest_m);
+        h.highest_m = static_cast<double>(extremes.highest_m);
+        h.sum = sum_of(h);
+        file->write(0, &h, sizeof h);
+        file->sync();
+        output->commit();
+        return kept(rasters);
+    }
+    std::shared_ptr<GroundMap> made(
+        new GroundMap(std::make_unique<FilePart>(part), facts.columns, facts.rows, partial));
+    if (!partial) made->extremes_ = extremes;
+    return made;
+}
+
+std::shared_ptr<const GroundMap> GroundMap::kept(const DataBaseParams& rasters, std::string* unfit) {
+    const std::string path = kept_path(rasters);
+    std::error_code ignored;
+    if (!std::filesystem::is_regular_file(path, ignored)) return nullptr;
+    const auto refuse = [&](const std::string& why) {
+        if (unfit) *unfit = text("the ground map '", path, "' ", why, " (keep-map makes it anew)");
+        return nullptr;
+    };
+    try {
+        auto file = std::make_shared<PlainFile>(path, PlainFile::Use::read);
+        Header h{};
+        if (file->bytes() < header_bytes) return refuse("is damaged");
+        file->read(0, &h, sizeof h);
+        if (std::memcmp(h.magic, magic, sizeof(magic) - 1) != 0 || h.sum != sum_of(h))
+            return refuse("is damaged or of another version");
+        if (h.terrain != stamp(rasters.dem) || h.culture_height != stamp(rasters.culture_height))
+            return refuse("is of other rasters, or of these before they were changed");
+        std::shared_ptr<GroundMap> found(new GroundMap(
+            std::make_unique<FilePart>(FilePart{std::move(file), header_bytes, false}), h.columns, h.rows, false));
+        found->extremes_ =
+            Extremes{static_cast<float>(h.lowest_m), static_cast<float>(h.highest_m), h.void_posts, h.any_valid != 0};
+        found->path_ = path;
+        found->detail_map(1);  // DataError unless both maps are there
+        return found;
+    } catch (const DataError&) {
+        return refuse("is damaged");
+    } catch (const IoError& e) {
+        return refuse(text("cannot be read: ", e.what()));
+    }
+}
+
+}  // namespace wedgescope
