@@ -1,6 +1,7 @@
 // Tracks: places between the rows of a table, scans by a sensor that moves, and simulate --track from outside.
 #include <signal.h>
 
+#include <atomic>
 #include <catch2/catch.hpp>
 #include <chrono>
 #include <cmath>
@@ -8,6 +9,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 #include <numbers>
+#include <numeric>
 #include <sstream>
 #include <thread>
 
@@ -19,6 +21,7 @@
 #include "tests/small_disk.hpp"
 #include "tests/terrain.hpp"
 #include "tiles/shared_source.hpp"
+#include "tools/lanes.hpp"
 #include "tools/track_file.hpp"
 
 using namespace wedgescope;
@@ -474,6 +477,65 @@ TEST_CASE("what ends a track leaves the frames before it whole and nothing else"
         CHECK_THAT(ended.err, Contains("e_0001.tif' cannot be written") && Contains("none of 4 frames is written"));
         CHECK(frames_of().empty());
     }
+}
+
+TEST_CASE("a piece that never comes keeps no lane waiting that is far ahead of it", "[track][threads]") {
+    // The first of 99 is slow and then fails, when the other lane has made as many as may wait for it and one more.
+    for (const std::size_t slow : {0, 5}) {
+        std::vector<std::size_t> in_place;
+        std::atomic<std::size_t> most{0};
+        InOrder<std::size_t> order(
+            99, [&](std::size_t& piece) { in_place.push_back(piece); }, [](std::size_t) {});
+        const std::string said = refusal<IoError>([&] {
+            side_by_side(
+                2, 99,
+                [&](int, std::size_t i) {
+                    if (i == slow) {
+                        while (most < slow + order.most_ahead) std::this_thread::yield();
+                        std::this_thread::sleep_for(std::chrono::milliseconds(50));  // until it waits
+                        throw IoError("the slow one");
+                    }
+                    if (i > slow) most = i;
+                    order.take(i, std::size_t{i});
+                },
+                [&](std::size_t i) { order.leave_out(i); });
+        });
+        CHECK(said == "the slow one");
+        CHECK(most == slow + order.most_ahead);
+        CHECK(order.end() == slow);
+        CHECK(order.error() == nullptr);
+        std::vector<std::size_t> before(slow);
+        std::iota(before.begin(), before.end(), std::size_t{0});
+        CHECK(in_place == before);
+    }
+}
+
+TEST_CASE("pieces are put in place in the order of their numbers, and what cannot be is told", "[track][threads]") {
+    std::vector<std::size_t> in_place;
+    const auto make = [&](InOrder<std::size_t>& order) {
+        side_by_side(3, 300, [&](int, std::size_t i) {
+            if (const auto wrong = order.error()) std::rethrow_exception(wrong);
+            if (i % 7 == 0) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+            order.take(i, std::size_t{i});
+        });
+    };
+    std::vector<std::size_t> all(300);
+    std::iota(all.begin(), all.end(), std::size_t{0});
+    {
+        InOrder<std::size_t> order(
+            300, [&](std::size_t& piece) { in_place.push_back(piece); }, [](std::size_t) {});
+        make(order);
+        CHECK(order.end() == 300);
+        CHECK(in_place == all);
+    }
+    InOrder<std::size_t> full(
+        300,
+        [&](std::size_t& piece) {
+            if (piece == 20) throw IoError("no room");
+        },
+        [](std::size_t) {});
+    CHECK(refusal<IoError>([&] { make(full); }) == "no room");
+    CHECK(full.end() == 20);
 }
 
 TEST_CASE("names of all frames are looked at before work begins", "[track]") {

@@ -1,18 +1,14 @@
 #include "tools/observers.hpp"
 
 #include <algorithm>
-#include <atomic>
 #include <cerrno>
 #include <cmath>
 #include <cstring>
-#include <exception>
 #include <fstream>
-#include <limits>
 #include <memory>
 #include <mutex>
 #include <numeric>
 #include <optional>
-#include <thread>
 #include <vector>
 
 #include "lib/coverage.hpp"
@@ -26,6 +22,7 @@
 #include "tiles/shared_source.hpp"
 #include "tools/budget.hpp"
 #include "tools/coverage_report.hpp"
+#include "tools/lanes.hpp"
 #include "tools/observer_file.hpp"
 #include "tools/report_json.hpp"
 #include "tools/run_files.hpp"
@@ -38,36 +35,6 @@ namespace {
 
 using json = nlohmann::ordered_json;
 
-/// Calls body(lane, i) for every i below `count`, each lane on a thread of its own. What goes wrong with the least i is thrown,
-/// whichever lane was faster.
-template <class Body>
-void side_by_side(int lanes, std::size_t count, Body&& body) {
-    std::atomic<std::size_t> next{0}, first_bad{std::numeric_limits<std::size_t>::max()};
-    std::mutex mutex;
-    std::exception_ptr error;
-    const auto work = [&](int lane) noexcept {
-        for (;;) {
-            const std::size_t i = next.fetch_add(1);
-            if (i >= count || i >= first_bad.load()) return;
-            try {
-                body(lane, i);
-            } catch (...) {
-                const std::lock_guard lock(mutex);
-                if (i < first_bad.load()) {
-                    first_bad = i;
-                    error = std::current_exception();
-                }
-                return;
-            }
-        }
-    };
-    std::vector<std::thread> others;
-    for (int lane = 1; lane < lanes; ++lane) others.emplace_back(work, lane);
-    work(0);
-    for (std::thread& other : others) other.join();
-    if (error) std::rethrow_exception(error);
-}
-
 /// What an observer's coverage did; small, for all observers' are kept.
 struct ObserverReport {
     double lat_deg = 0, lon_deg = 0, x = 0, y = 0, sensor_m = 0;
@@ -77,12 +44,9 @@ struct ObserverReport {
 };
 
 /// How memory and threads are shared out.
-struct Shares {
-    int threads = 1;
-    int lanes = 1;
+struct Shares : LaneCount {
     std::size_t count_bytes = 0;  ///< of tiles of counts
     std::size_t lane_bytes = 0;   ///< what one lane may hold, with the source's cache
-    int threads_of(int lane) const { return threads / lanes + (lane < threads % lanes ? 1 : 0); }
 };
 
 /// TooLittleMemory where one lane and the least of counts do not fit. `largest`: what a coverage holds at the least.

@@ -4,16 +4,11 @@
 
 #include <algorithm>
 #include <array>
-#include <atomic>
 #include <cmath>
-#include <condition_variable>
 #include <exception>
 #include <filesystem>
 #include <fstream>
-#include <map>
 #include <memory>
-#include <mutex>
-#include <thread>
 
 #include "lib/plan.hpp"
 #include "lib/stopwatch.hpp"
@@ -23,6 +18,7 @@
 #include "tiles/gdal_session.hpp"
 #include "tiles/shared_source.hpp"
 #include "tools/budget.hpp"
+#include "tools/lanes.hpp"
 #include "tools/layers.hpp"
 #include "tools/report_json.hpp"
 #include "tools/run_files.hpp"
@@ -129,86 +125,8 @@ std::string finished_words(std::size_t written, std::size_t all) {
     return text("; frames 1 to ", written, " of ", all, " are written");
 }
 
-/// Puts finished frames in place in the order of their rows, from a thread of its own: waiting for the disk keeps nobody
-/// from the next frame.
-class Committer {
-public:
-    Committer(std::size_t frames, std::function<void(std::size_t)> done)
-        : frames_(frames), done_(std::move(done)), thread_([this] { work(); }) {}
-    ~Committer() { end(); }
-    Committer(const Committer&) = delete;
-    Committer& operator=(const Committer&) = delete;
-
-    /// A frame's files, written. Waits while too many wait for the one before.
-    void take(std::size_t frame, LayerFiles&& files) {
-        std::unique_lock lock(mutex_);
-        constexpr std::size_t most_ahead = 64;
-        changed_.wait(lock, [&] { return error_ || ended_ || frame < written_ + most_ahead; });
-        waiting_.emplace(frame, std::move(files));
-        changed_.notify_all();
-    }
-    /// No more come: those without a gap before them are put in place still. Returns how many are.
-    std::size_t end() {
-        {
-            const std::lock_guard lock(mutex_);
-            ended_ = true;
-            changed_.notify_all();
-        }
-        if (thread_.joinable()) thread_.join();
-        return written_;
-    }
-    bool failed() {
-        const std::lock_guard lock(mutex_);
-        return error_ != nullptr;
-    }
-    std::exception_ptr error() const { return error_; }  ///< after end()
-
-private:
-    void work() {
-        std::unique_lock lock(mutex_);
-        while (written_ < frames_ && !error_) {
-            const auto next = waiting_.find(written_);
-            if (next == waiting_.end()) {
-                if (ended_) break;
-                changed_.wait(lock);
-                continue;
-            }
-            auto node = waiting_.extract(next);
-            lock.unlock();
-            std::exception_ptr error;
-            try {
-                OutputFile::commit(node.mapped().files());
-            } catch (...) {
-                error = std::current_exception();
-            }
-            lock.lock();
-            if (error) {
-                error_ = error;
-            } else {
-                done_(++written_);
-            }
-            changed_.notify_all();
-        }
-        waiting_.clear();
-    }
-
-    const std::size_t frames_;
-    std::function<void(std::size_t)> done_;
-    std::mutex mutex_;
-    std::condition_variable changed_;
-    std::map<std::size_t, LayerFiles> waiting_;
-    std::size_t written_ = 0;
-    bool ended_ = false;
-    std::exception_ptr error_;
-    std::thread thread_;
-};
-
-/// How the threads are shared out.
-struct Lanes {
-    int threads = 1;  ///< of all lanes together
-    int lanes = 1;
+struct Lanes : LaneCount {
     std::size_t own_bytes = 0;  ///< what one lane may hold, with what all share
-    int threads_of(int lane) const { return threads / lanes + (lane < threads % lanes ? 1 : 0); }
 };
 
 EngineParams lane_params(const Settings& settings, const Lanes& lanes, int lane,
@@ -265,23 +183,37 @@ public:
 
     void share_out() { lanes_ = wedgescope::share_out(settings_, frames_, source_, tables_, stop_); }
 
-    /// Returns how many frames are written, all unless it throws.
+    /// All frames are written unless it throws.
     void make_all(const std::function<void(double)>& progress) {
         start_s_ = now_s();
-        Committer committer(frames_.size(), [&](std::size_t written) {
-            progress(static_cast<double>(written) / static_cast<double>(frames_.size()));
-        });
-        {
+        InOrder<LayerFiles> committer(
+            frames_.size(), [](LayerFiles& files) { OutputFile::commit(files.files()); },
+            [&](std::size_t written) { progress(static_cast<double>(written) / static_cast<double>(frames_.size())); });
+        std::vector<EngineParams> params;
+        for (int lane = 0; lane < lanes_.lanes; ++lane) {
+            params.push_back(lane_params(settings_, lanes_, lane, tables_));
+            params.back().stop = &stop_;
+            params.back().timeline = timeline_;
+        }
+        std::vector<RunResult> results(params.size());
+        std::exception_ptr error;
+        try {
             const Crew crew(lanes_.threads - lanes_.lanes + 1);
-            std::vector<std::thread> others;
-            for (int lane = 1; lane < lanes_.lanes; ++lane) others.emplace_back([&, lane] { work(lane, committer); });
-            work(0, committer);
-            for (std::thread& other : others) other.join();
+            side_by_side(
+                lanes_.lanes, frames_.size(),
+                [&](int lane, std::size_t frame) {
+                    if (const auto wrong = committer.error()) std::rethrow_exception(wrong);
+                    const auto own = static_cast<std::size_t>(lane);
+                    make(frame, params[own], results[own], committer);
+                },
+                [&](std::size_t frame) { committer.leave_out(frame); });
+        } catch (...) {
+            error = std::current_exception();
         }
         const std::size_t written = committer.end();
         end_s_ = now_s();
-        if (!error_) error_ = committer.error();
-        if (error_) end(written);
+        if (!error) error = committer.error();
+        if (error) end(error, written);
     }
 
     const Lanes& lanes() const { return lanes_; }
@@ -290,32 +222,7 @@ public:
     double start_s() const { return start_s_; }
 
 private:
-    void work(int lane, Committer& committer) noexcept {
-        const EngineParams params = [&] {
-            EngineParams p = lane_params(settings_, lanes_, lane, tables_);
-            p.stop = &stop_;
-            p.timeline = timeline_;
-            return p;
-        }();
-        RunResult result;
-        for (;;) {
-            const std::size_t frame = next_.fetch_add(1);
-            if (frame >= frames_.size() || frame >= first_bad_.load() || committer.failed()) return;
-            try {
-                make(frame, params, result, committer);
-            } catch (...) {
-                const std::lock_guard lock(error_mutex_);
-                // The first row's stands, whichever lane was faster.
-                if (frame < first_bad_.load()) {
-                    first_bad_ = frame;
-                    error_ = std::current_exception();
-                }
-                return;
-            }
-        }
-    }
-
-    void make(std::size_t frame, const EngineParams& params, RunResult& result, Committer& committer) {
+    void make(std::size_t frame, const EngineParams& params, RunResult& result, InOrder<LayerFiles>& committer) {
         stop_.check();
         const Span span(timeline_, "frame", "stage", static_cast<std::int64_t>(frame));
         FrameReport& report = reports_[frame];
@@ -374,10 +281,10 @@ private:
         report.states = r.states;
     }
 
-    [[noreturn]] void end(std::size_t written) {
+    [[noreturn]] void end(const std::exception_ptr& error, std::size_t written) {
         const std::string more = finished_words(written, frames_.size());
         try {
-            std::rethrow_exception(error_);
+            std::rethrow_exception(error);
         } catch (const Interrupted& e) {
             throw Interrupted(e.signal(), more);
         } catch (const InputError& e) {
@@ -397,9 +304,6 @@ private:
     std::shared_ptr<const SceneTables> tables_;
     std::vector<FrameReport> reports_;
     Lanes lanes_;
-    std::atomic<std::size_t> next_{0}, first_bad_{static_cast<std::size_t>(-1)};
-    std::mutex error_mutex_;
-    std::exception_ptr error_;
     double start_s_ = 0, end_s_ = 0;
 };
 
