@@ -571,6 +571,21 @@ TEST_CASE("names of all frames are looked at before work begins", "[track]") {
     CHECK_THAT(says(joined(again, {"--scan-period", "4s"})), Contains("scan-period is given without scan-step"));
     CHECK_THAT(says(joined(again, {"--report", folder / "track.csv"})),
                Contains("report is") && Contains("which is track too"));
+    // A file beside the frames must not be one of them, whether it stands already or not, however its name is written.
+    std::filesystem::create_directory(folder / "d");
+    std::filesystem::create_directory_symlink(folder / "d", folder / "link");
+    for (const bool stands : {false, true}) {
+        if (stands) std::ofstream(folder / "d/s_0003.png") << "mine";
+        for (const char* key : {"--report", "--timeline"})
+            for (const char* name : {"d/s_0003.png", "link/s_0003.png", "d/../link/./s_0003.png"}) {
+                INFO(key << " " << name << (stands ? " stands" : ""));
+                CHECK_THAT(says({"--track", folder / "track.csv", "-o", folder / "d/s.png", "--overwrite", key,
+                                 folder / name}),
+                           Contains("output and " + std::string(key + 2) + " are both ") &&
+                               Contains("s_0003.png'; every output needs its own file"));
+            }
+    }
+    CHECK(content(folder / "d/s_0003.png") == "mine");
     CHECK_THAT(says({"--scan-step", "4", "--scan-period", "4s", "--xy", "468200,3752000", "--altitude-msl", "900m",
                      "-o", folder / "x.png"}),
                Contains("scan-step is given without track"));

@@ -19,11 +19,18 @@ namespace fs = std::filesystem;
 bool same_file(const std::string& a, const std::string& b) {
     std::error_code error;
     if (fs::equivalent(a, b, error) && !error) return true;
-    // weakly_canonical alone leaves a name as it is whose first part does not exist.
-    return fs::weakly_canonical(fs::absolute(a), error) == fs::weakly_canonical(fs::absolute(b), error) && !error;
+    const std::string canonical = canonical_path(a);
+    return !canonical.empty() && canonical == canonical_path(b);
 }
 
 }  // namespace
+
+std::string canonical_path(const std::string& path) {
+    std::error_code error;
+    // weakly_canonical alone leaves a name as it is whose first part does not exist.
+    const fs::path canonical = fs::weakly_canonical(fs::absolute(path), error);
+    return error ? std::string() : canonical.string();
+}
 
 void check_names(const NamedPaths& outputs, const NamedPaths& inputs) {
     for (std::size_t i = 0; i < outputs.size(); ++i) {

@@ -20,6 +20,9 @@ using NamedPaths = std::vector<std::pair<const char*, std::string>>;
 /// InputError where an output is an input too, or two outputs are one file.
 void check_names(const NamedPaths& outputs, const NamedPaths& inputs);
 
+/// The one name of a path, however it is written, also where nothing stands there yet; empty if the system does not tell.
+std::string canonical_path(const std::string& path);
+
 /// All that a simulation may read.
 NamedPaths input_paths(const Settings& settings);
 

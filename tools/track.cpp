@@ -8,7 +8,9 @@
 #include <exception>
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <memory>
+#include <set>
 
 #include "lib/plan.hpp"
 #include "lib/stopwatch.hpp"
@@ -412,19 +414,27 @@ std::string track_table(const Run& run, const Usage& usage) {
 /// Everything that can go wrong with any frame's names is found before work begins.
 void check_outputs(const Settings& settings, const Frames& frames) {
     check_run_names(settings);
-    // What a frame may not replace.
-    NamedPaths inputs = input_paths(settings);
-    inputs.insert(inputs.end(), {{"report", settings.report}, {"timeline", settings.timeline}});
-    for (std::size_t frame = 0; frame < frames.size(); ++frame) {
-        const Settings own = frames.settings(frame);
-        const NamedPaths outputs = layer_paths(own);
-        if (frame == 0) check_names(outputs, inputs);
-        for (const auto& [key, path] : outputs) {
+    namespace fs = std::filesystem;
+    const NamedPaths inputs = input_paths(settings),
+                     others{{"report", settings.report}, {"timeline", settings.timeline}};
+    // Where nothing stands yet the name tells; the folders of all frames are the same few.
+    std::set<std::string> taken;
+    for (const NamedPaths* paths : {&inputs, &others})
+        for (const auto& [key, path] : *paths)
+            if (!path.empty()) taken.insert(canonical_path(path));
+    std::map<std::string, fs::path> folders;
+    for (std::size_t frame = 0; frame < frames.size(); ++frame)
+        for (const auto& [key, path] : layer_paths(frames.settings(frame))) {
             if (path.empty()) continue;
             OutputFile::check(path, settings.overwrite);
-            if (settings.overwrite && frame > 0 && std::filesystem::exists(path)) check_names({{key, path}}, inputs);
+            const std::string parent = fs::path(path).parent_path().string();
+            if (!folders.count(parent)) folders[parent] = canonical_path(parent.empty() ? "." : parent);
+            const std::string name = (folders[parent] / fs::path(path).filename()).string();
+            if (frame > 0 && !taken.count(name) && !(settings.overwrite && fs::exists(path))) continue;
+            NamedPaths outputs = others;
+            outputs.emplace_back(key, path);
+            check_names(outputs, inputs);
         }
-    }
     LayerFiles(frames.settings(0)).check(settings);
 }
 
