@@ -56,6 +56,12 @@ void locate(ResolvedScene& s, const DataBase& db) {
         s.has_lat_lon = true;
     } else if (p.xy) {
         s.nadir = {(p.xy->x - db.origin_x) / db.step_x, (p.xy->y - db.origin_y) / db.step_y};
+        if (db.has_crs && !db.crs_in_metres &&
+            !(s.nadir.column >= -0.5 && s.nadir.column <= static_cast<double>(db.columns) - 0.5)) {
+            // Degrees come round: nearest to the raster's middle, as latitude and longitude are.
+            const double circle = 360 / db.step_x, middle = 0.5 * static_cast<double>(db.columns - 1);
+            s.nadir.column -= std::round((s.nadir.column - middle) / circle) * circle;
+        }
         if (db.has_crs) {
             const auto ll = db.lat_lon(s.nadir.column, s.nadir.row);
             if (!ll)

@@ -3,6 +3,7 @@
 #include <GeographicLib/Geodesic.hpp>
 #include <GeographicLib/GeodesicLine.hpp>
 
+#include <cmath>
 #include <utility>
 
 #include "lib/error.hpp"
@@ -31,7 +32,7 @@ PlatformParams Track::at(const PlatformParams& base, std::size_t point) const {
     return out;
 }
 
-PlatformParams Track::after(const PlatformParams& base, std::size_t point, double seconds) const {
+PlatformParams Track::after(const PlatformParams& base, std::size_t point, double seconds, double x_circle) const {
     PlatformParams out = at(base, point);
     if (!(seconds > 0) || points_.size() < 2) return out;
     const double time_s = points_[point].time_s + seconds;
@@ -41,10 +42,13 @@ PlatformParams Track::after(const PlatformParams& base, std::size_t point, doubl
     const TrackPoint &a = points_[from], &b = points_[from + 1];
     const double part = (time_s - a.time_s) / (b.time_s - a.time_s);
     out.altitude_m = a.altitude_m + part * (b.altitude_m - a.altitude_m);
-    const bool stands = a.first == b.first && a.second == b.second;
+    const auto x_way = [&](double way) { return x_circle > 0 ? std::remainder(way, x_circle) : way; };
+    const double across = lat_lon_ ? b.first - a.first : x_way(b.first - a.first);
+    const bool stands = across == 0 && a.second == b.second;
     if (!lat_lon_) {
-        out.xy = stands ? PointXY{a.first, a.second}
-                        : PointXY{a.first + part * (b.first - a.first), a.second + part * (b.second - a.second)};
+        const double turns = x_circle > 0 ? std::round((a.first - points_[point].first) / x_circle) : 0;
+        out.xy = PointXY{a.first - turns * x_circle, a.second};
+        if (!stands) out.xy = PointXY{out.xy->x + part * across, a.second + part * (b.second - a.second)};
     } else if (stands) {
         out.latlon = LatLon{a.first, a.second};
     } else {
@@ -55,6 +59,26 @@ PlatformParams Track::after(const PlatformParams& base, std::size_t point, doubl
         out.latlon = place;
     }
     return out;
+}
+
+Scan scan_along(const Track& track, std::size_t point, std::int64_t step, double period_s, const ResolvedScene& whole,
+                WedgeSource& source) {
+    const DataBase& db = source.data_base();
+    const double x_circle = db.has_crs && !db.crs_in_metres ? 360 : 0;
+    return {step, [&track, point, period_s, &whole, &source, x_circle](Interval bins) {
+                const double seconds = static_cast<double>(bins.begin - whole.shown.azimuth_bins.begin) /
+                                       static_cast<double>(whole.shown.circle_bins) * period_s;
+                const auto place = [&] {
+                    Scene own = whole.scene;
+                    own.platform = track.after(whole.scene.platform, point, seconds, x_circle);
+                    own.sector.reset();
+                    ResolvedScene there = resolve(own, source);
+                    look_at(there, bins);
+                    return there;
+                };
+                return seconds > 0 ? with_context(fmt::format("{:.6g} s after the row's time", seconds), place)
+                                   : place();
+            }};
 }
 
 }  // namespace wedgescope

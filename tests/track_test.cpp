@@ -62,19 +62,6 @@ Scene bare_scene(double x, double y) {
     return s;
 }
 
-Scan scan_of(const Track& track, const ResolvedScene& whole, WedgeSource& source, std::int64_t step, double period_s) {
-    return {step, [&track, &whole, &source, period_s](Interval bins) {
-                Scene own = whole.scene;
-                own.platform = track.after(whole.scene.platform, 0,
-                                           static_cast<double>(bins.begin - whole.shown.azimuth_bins.begin) /
-                                               static_cast<double>(whole.shown.circle_bins) * period_s);
-                own.sector.reset();
-                ResolvedScene place = resolve(own, source);
-                look_at(place, bins);
-                return place;
-            }};
-}
-
 // ---- the program
 
 /// Hills with a wood and a few classes, in metres.
@@ -171,6 +158,26 @@ TEST_CASE("between two rows a sensor moves evenly along the geodesic, and past t
     CHECK(plane.after(base, 1, 2).altitude_above == AltitudeAbove::ground);
 }
 
+TEST_CASE("on a raster in degrees a sensor flies the shorter way round, in x and y too", "[track]") {
+    const PlatformParams base;
+    constexpr double circle = 360;
+    for (const double far : {-179.75, 180.25, 540.25}) {
+        const Track track = read(text("time,x,y,altitude-msl\n0,179.75,10,1000\n10,", far, ",10,1000\n"));
+        INFO("to " << far);
+        CHECK(track.after(base, 0, 5, circle).xy->x == 180);
+        CHECK(track.after(base, 0, 7.5, circle).xy->x == 180.125);
+        CHECK(track.after(base, 1, 0, circle).xy->x == far);
+        CHECK(track.after(base, 1, 5, circle).xy->x == far + 0.25);
+    }
+    const Track back = read("time,x,y,altitude-msl\n0,-179.5,10,1000\n10,179.5,12,1000\n20,-180.5,12,1000\n");
+    CHECK(back.after(base, 0, 2.5, circle).xy->x == -179.75);
+    CHECK(back.after(base, 0, 2.5, circle).xy->y == 10.5);
+    CHECK(back.after(base, 1, 5, circle).xy->x == 179.5);  // stands: it is the same place
+    // Metres do not come round.
+    const Track plane = read("time,x,y,altitude-msl\n0,0,0,1000\n10,400,0,1000\n");
+    CHECK(plane.after(base, 0, 5).xy->x == 200);
+}
+
 TEST_CASE("a table of a track names its columns and units in its first line", "[track]") {
     const Track track = read(
         "# recorded\nheading, altitude-msl [ft] ,time,lat [deg],lon\n"
@@ -236,7 +243,7 @@ TEST_CASE("a scan by a sensor that stands is the plain picture, bit for bit", "[
             EngineParams params;
             params.threads = 2;
             params.wedges = 3;
-            const RunResult scanned = run(whole, scan_of(track, whole, source, step, 4), source, params, {});
+            const RunResult scanned = run(whole, scan_along(track, 0, step, 4, whole, source), source, params, {});
             INFO(from << " to " << to << ", " << step << " bins at a time");
             CHECK(scanned.echo_w.grid == plain.echo_w.grid);
             CHECK(scanned.echo_w.cells == plain.echo_w.cells);
@@ -268,7 +275,7 @@ TEST_CASE("a scan shows a peak where it stands from the place at which its azimu
     EngineParams params;
     params.threads = 2;
     constexpr std::int64_t step = 4;
-    const RunResult scanned = run(whole, scan_of(track, whole, source, step, period), source, params, {});
+    const RunResult scanned = run(whole, scan_along(track, 0, step, period, whole, source), source, params, {});
     const RunResult plain = run(whole, source, params);
     const double bin_rad = whole.shown.azimuth_step_rad();
     for (const auto& [pc, pr] : peaks) {
@@ -624,4 +631,48 @@ TEST_CASE("the program scans along a track", "[track]") {
     REQUIRE(still.size() == moved.size());
     CHECK(std::equal(still.begin(), still.begin() + 100, moved.begin()));  // the first azimuth, before it has moved
     CHECK(still != moved);
+}
+
+TEST_CASE("a scan over the antimeridian is that of a raster whose longitudes go on", "[track]") {
+    const Folder folder;
+    // Posts of a quarter of a degree all round the earth, or of the 20 degrees on both sides of 180.
+    const auto draw_earth = [&](const std::string& name, double west, int columns) {
+        Drawing d;
+        d.columns = columns;
+        d.rows = 120;
+        d.geotransform = std::array<double, 6>{west - 0.125, 0.25, 0, 25, 0, -0.25};
+        d.crs = "EPSG:4326";
+        d.type = GDT_Int16;
+        d.value = [&](int c, int r) {
+            const int post = (c + static_cast<int>(std::lround(west * 4)) + 1440 * 2) % 1440;
+            return std::round(900 * std::sin(post * 0.9) * std::cos(r * 0.7) + 900);
+        };
+        draw(folder / name, d);
+    };
+    draw_earth("round.tif", 160, 161);
+    draw_earth("earth.tif", -180, 1440);
+    const auto echo = [&](const std::string& dem, const std::string& x) {
+        std::ofstream(folder / "t.csv") << "time,x,y,altitude-msl\n0,179.75,10,20000\n8," << x << ",10,20000\n";
+        const Ended ended =
+            run_program({program,   "simulate",       "--dem",         folder / dem, "--track",        folder / "t.csv",
+                         "--power", folder / "p.tif", "--scan-step",   "30",         "--scan-period",  "8s",
+                         "--range", "400km",          "--range-bin",   "2km",        "--azimuth-bins", "360",
+                         "-q",      "--overwrite",    "--reproducible"},
+                        folder / "log");
+        INFO(dem << " " << x << ": " << ended.err);
+        REQUIRE(ended.code == 0);
+        GDALAllRegister();
+        GDALDataset* in = static_cast<GDALDataset*>(GDALOpen((folder / "p_0001.tif").c_str(), GA_ReadOnly));
+        REQUIRE(in);
+        const int columns = in->GetRasterXSize(), lines = in->GetRasterYSize();
+        std::vector<float> values(static_cast<std::size_t>(columns) * static_cast<std::size_t>(lines));
+        CHECK(in->GetRasterBand(1)->RasterIO(GF_Read, 0, 0, columns, lines, values.data(), columns, lines, GDT_Float32,
+                                             0, 0, nullptr) == CE_None);
+        GDALClose(in);
+        CHECK(std::count_if(values.begin(), values.end(), [](float v) { return v > 0; }) > 1000);
+        return values;
+    };
+    const std::vector<float> truth = echo("round.tif", "180.25");
+    CHECK(echo("round.tif", "-179.75") == truth);
+    CHECK(echo("earth.tif", "-179.75") == echo("earth.tif", "180.25"));
 }

@@ -85,19 +85,7 @@ public:
 
     /// The groups of azimuths of a frame.
     Scan scan(std::size_t frame, const ResolvedScene& whole, WedgeSource& source) const {
-        Scan scan;
-        scan.step = *settings_.scan_step;
-        scan.at = [this, frame, &whole, &source](Interval bins) {
-            const double turned = static_cast<double>(bins.begin - whole.shown.azimuth_bins.begin) /
-                                  static_cast<double>(whole.shown.circle_bins);
-            Scene own = whole.scene;
-            own.platform = track_.after(settings_.scene.platform, frame, turned * *settings_.scan_period_s);
-            own.sector.reset();
-            ResolvedScene place = resolve(own, source);
-            look_at(place, bins);
-            return place;
-        };
-        return scan;
+        return scan_along(track_, frame, *settings_.scan_step, *settings_.scan_period_s, whole, source);
     }
 
     /// What the engine sweeps at a time: the whole of it, or its first group.
