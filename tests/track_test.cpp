@@ -633,6 +633,21 @@ TEST_CASE("the program scans along a track", "[track]") {
     CHECK(still != moved);
 }
 
+TEST_CASE("a place of a scan that cannot be is found before work begins", "[track]") {
+    const Folder folder;
+    draw_data(folder);
+    // It dives while the antenna turns: 900 m, and 40 m above the sea 4 s later, under hills of 300 m and more.
+    write_track(folder, {{"0", "468200", "3752000", "900", "30"},
+                         {"4", "468200", "3752000", "900", "30"},
+                         {"8", "468300", "3752000", "40", "30"}});
+    const Ended ended = simulate(
+        folder, {"--track", folder / "track.csv", "-o", folder / "s.png", "--scan-step", "16", "--scan-period", "4s"});
+    CHECK(ended.code == 2);
+    CHECK_THAT(ended.err, Contains("line 3 (frame 2): 3.86667 s after the row's time: the sensor is ") &&
+                              Contains("below the terrain"));
+    CHECK(!std::filesystem::exists(folder / "s_0001.png"));
+}
+
 TEST_CASE("a scan over the antimeridian is that of a raster whose longitudes go on", "[track]") {
     const Folder folder;
     // Posts of a quarter of a degree all round the earth, or of the 20 degrees on both sides of 180.

@@ -88,6 +88,13 @@ public:
         return scan_along(track_, frame, *settings_.scan_step, *settings_.scan_period_s, whole, source);
     }
 
+    /// What the place of the last group would end the frame for.
+    void check_scan(std::size_t frame, const ResolvedScene& whole, WedgeSource& source) const {
+        const Interval bins = whole.shown.azimuth_bins;
+        const std::int64_t step = *settings_.scan_step;
+        scan(frame, whole, source).at({bins.begin + (bins.size() - 1) / step * step, bins.end});
+    }
+
     /// What the engine sweeps at a time: the whole of it, or its first group.
     ResolvedScene largest_part(const ResolvedScene& whole) const {
         ResolvedScene part = whole;
@@ -147,7 +154,11 @@ Lanes share_out(const Settings& settings, const Frames& frames, WedgeSource& sou
     grant(best.lanes);
     for (std::size_t frame = 0; frame < frames.size(); ++frame) {
         stop.check();
-        const ResolvedScene whole = with_context(frames.words(frame), [&] { return frames.scene(frame, source); });
+        const ResolvedScene whole = with_context(frames.words(frame), [&] {
+            ResolvedScene s = frames.scene(frame, source);
+            if (frames.scans()) frames.check_scan(frame, s, source);
+            return s;
+        });
         const ResolvedScene part = frames.largest_part(whole);
         for (;;) {
             EngineParams params = lane_params(settings, best, 0, tables);
