@@ -4,6 +4,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <chrono>
 #include <csignal>
 #include <cstdlib>
 #include <filesystem>
@@ -83,6 +84,39 @@ TEST_CASE("what a killed process left goes with the next file of the same name, 
     CHECK(get(folder / "scope.png") == "whole");
     CHECK(folder.names().size() == 4 + others.size());
     for (const std::string& name : others) CHECK(get(folder / name) == "mine");
+}
+
+TEST_CASE("what a killed process left of the last of many files goes with that one", "[output_file]") {
+    const Folder folder;
+    { Writer killed(folder / "s_0003.png"), another(folder / "s_0003.png.tmp-1"); }
+    CHECK(folder.names().size() == 2);
+    for (const char* name : {"s_0001.png", "s_0002.png"}) OutputFile(folder / name, false);
+    CHECK(folder.names().size() == 2);
+    OutputFile(folder / "s_0003.png", false);
+    CHECK_THAT(folder.names().at(0), Catch::Matchers::StartsWith(".s_0003.png.tmp-1.tmp-"));
+    OutputFile(folder / "s_0003.png.tmp-1", false);
+    CHECK(folder.names().empty());
+}
+
+TEST_CASE("one more file takes no longer for the many that stand in its folder", "[output_file]") {
+    const Folder folder;
+    for (int i = 0; i < 20000; ++i) put(folder / text("frame_", i, ".png"), "");
+    using Clock = std::chrono::steady_clock;
+    const auto seconds = [](auto&& body) {
+        const auto start = Clock::now();
+        body();
+        return std::chrono::duration<double>(Clock::now() - start).count();
+    };
+    // Against listing the folder, of which each would take one.
+    double listing = 0, files = 0;
+    for (int round = 0; round < 5; ++round) {
+        listing += seconds([&] { CHECK(folder.names().size() == 20000); });
+        files += seconds([&] {
+            for (int i = 0; i < 40; ++i) OutputFile(folder / text("scope_", round, "_", i, ".png"), false);
+        });
+    }
+    INFO("200 files " << files << " s, 5 times the names " << listing << " s");
+    CHECK(files < 6 * listing);
 }
 
 TEST_CASE("nothing stands under the final name before commit, and nothing else after it", "[output_file]") {

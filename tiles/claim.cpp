@@ -38,16 +38,19 @@ bool stands_at(int file, const std::string& path) {
            open.st_ino == named.st_ino;
 }
 
+void remove_unclaimed(const std::string& path) {
+    std::error_code ignored;
+    const Descriptor left(::open(path.c_str(), O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC));
+    if (left && ::flock(left.get(), LOCK_EX | LOCK_NB) == 0 && stands_at(left.get(), path))
+        fs::remove_all(path, ignored);
+}
+
 void remove_left_behind(const std::string& folder, const std::function<bool(const std::string& name)>& temporary) {
     std::error_code error;
     std::vector<fs::path> found;
     for (fs::directory_iterator entry(folder, error), end; !error && entry != end; entry.increment(error))
         if (temporary(entry->path().filename().string())) found.push_back(entry->path());
-    for (const fs::path& path : found) {
-        const Descriptor left(::open(path.c_str(), O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC));
-        if (left && ::flock(left.get(), LOCK_EX | LOCK_NB) == 0 && stands_at(left.get(), path.string()))
-            fs::remove_all(path, error);
-    }
+    for (const fs::path& path : found) remove_unclaimed(path.string());
 }
 
 bool is_numbered(const std::string& name, const std::string& stem) {

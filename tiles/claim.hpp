@@ -26,8 +26,9 @@ private:
 void claim(int file);
 bool stands_at(int file, const std::string& path);
 
-/// Removes what nobody claims of the files and folders in `folder` whose names `temporary` accepts. What cannot be removed
-/// stays, without an error.
+/// Removes a file or a folder that nobody claims. What cannot be removed stays, without an error.
+void remove_unclaimed(const std::string& path);
+/// Removes what nobody claims of the files and folders in `folder` whose names `temporary` accepts.
 void remove_left_behind(const std::string& folder, const std::function<bool(const std::string& name)>& temporary);
 
 /// True if `name` is `stem` followed by groups of digits with a hyphen between two: `.scope.png.tmp-` and `4711-1`.

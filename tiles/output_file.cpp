@@ -11,6 +11,7 @@
 #include <filesystem>
 #include <fstream>
 #include <map>
+#include <mutex>
 #include <utility>
 
 #include "lib/error.hpp"
@@ -46,7 +47,41 @@ void sync(const std::string& path, const std::string& final_path, bool folder) {
     if (!good) throw IoError(text("output '", final_path, "' cannot be written to disk: ", std::strerror(reason)));
 }
 
+constexpr const char* temporary_mark = ".tmp-";
 constexpr const char* side_files[] = {".aux.xml", ".geoloc.tif"};
+
+/// Of the final name: what the names of its temporary folders begin with.
+std::string stem_of(const std::string& name) { return text(".", name, temporary_mark); }
+
+/// What stood under temporary names in each folder when this process first wrote there: a folder is listed once, however
+/// many files go into it.
+class LeftBehind {
+public:
+    /// Removes those of one final name, the first time that it comes.
+    void remove(const std::string& folder, const std::string& stem) {
+        const std::lock_guard lock(mutex_);
+        const auto [listed, fresh] = folders_.try_emplace(fs::absolute(folder).string());
+        if (fresh) list(folder, listed->second);
+        const auto [begin, end] = listed->second.equal_range(stem);
+        for (auto name = begin; name != end; ++name) remove_unclaimed((fs::path(folder) / name->second).string());
+        listed->second.erase(begin, end);
+    }
+
+private:
+    using Names = std::multimap<std::string, std::string>;  ///< by stem
+    static void list(const std::string& folder, Names& names) {
+        std::error_code error;
+        for (fs::directory_iterator entry(folder, error), end; !error && entry != end; entry.increment(error)) {
+            std::string name = entry->path().filename().string();
+            const auto mark = name.rfind(temporary_mark);
+            if (name.front() != '.' || mark == std::string::npos) continue;
+            std::string stem = name.substr(0, mark + std::strlen(temporary_mark));
+            if (is_numbered(name, stem)) names.emplace(std::move(stem), std::move(name));
+        }
+    }
+    std::mutex mutex_;
+    std::map<std::string, Names> folders_;
+};
 
 }  // namespace
 
@@ -61,8 +96,7 @@ void OutputFile::check(const std::string& final_path, bool overwrite) {
         throw InputError(text("output '", final_path, "' is a folder; accepted: the path of a file"));
     if (::stat(final_path.c_str(), &facts) == 0 && !S_ISREG(facts.st_mode))
         throw InputError(text("output '", final_path, "' is a device or a pipe; accepted: the path of a plain file"));
-    if (!overwrite && stands(final_path))
-        throw InputError(text("output '", final_path, "' exists; add --overwrite"));
+    if (!overwrite && stands(final_path)) throw InputError(text("output '", final_path, "' exists; add --overwrite"));
     for (const char* side : side_files)
         if (!overwrite && stands(final_path + side))
             throw InputError(text("output '", final_path, "': a file '", final_path, side,
@@ -73,8 +107,9 @@ OutputFile::OutputFile(std::string final_path, bool overwrite)
     : final_path_(std::move(final_path)), overwrite_(overwrite) {
     check(final_path_, overwrite_);
     const std::string parent = folder_of(final_path_), name = fs::path(final_path_).filename().string();
-    const std::string stem = text(".", name, ".tmp-");
-    remove_left_behind(parent, [&](const std::string& other) { return is_numbered(other, stem); });
+    const std::string stem = stem_of(name);
+    static LeftBehind left_behind;
+    left_behind.remove(parent, stem);
     // Its own folder tells at once whether anything can be written here: permissions alone do not (root, read-only and
     // special file systems).
     static std::atomic<unsigned> number{0};

@@ -10,7 +10,7 @@ namespace wedgescope {
 
 class OutputFile {
 public:
-    /// Removes first what killed processes left of the same name.
+    /// Removes first what processes left of the same name that were killed before this one first wrote into the folder.
     /// InputError if the final name, or a side file of it, exists and `overwrite` is off, or if it is no plain file;
     /// IoError if its folder is missing or cannot be written to.
     OutputFile(std::string final_path, bool overwrite);
