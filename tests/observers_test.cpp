@@ -552,6 +552,18 @@ TEST_CASE("what is wrong with observers is said in one line, and nothing is left
     for (const std::string& name : folder.names()) CHECK(name.find(".tmp-") == std::string::npos);
 }
 
+TEST_CASE("a mask that is written stays where the machine's limits cannot be measured", "[observers]") {
+    const Folder folder;
+    draw_hills(folder / "dem.tif", 120, 100);
+    const SmallDisk disk(1 << 20);  // measuring writes 32 MiB
+    const Ended ended = coverage(folder, {folder / "dem.tif", folder / "out.tif", "--xy", "466000,3754000",
+                                          "--altitude-agl", "30m", "--profile"});
+    INFO(ended.err);
+    CHECK(ended.code == 0);
+    CHECK_THAT(ended.err, Contains("\nlimits of this machine are not known: ") && Contains("cannot be written"));
+    CHECK(std::filesystem::exists(folder / "out.tif"));
+}
+
 TEST_CASE("a signal ends many observers at once and leaves nothing", "[observers]") {
     const Folder folder;
     draw_hills(folder / "dem.tif");

@@ -545,6 +545,18 @@ TEST_CASE("pieces are put in place in the order of their numbers, and what canno
     CHECK(full.end() == 20);
 }
 
+TEST_CASE("a run that is done stays done where the machine's limits cannot be measured", "[track]") {
+    const Folder folder;
+    draw_data(folder);
+    const SmallDisk disk(1 << 20);  // measuring writes 32 MiB
+    const Ended ended =
+        simulate(folder, {"--xy", "468200,3752000", "--altitude-msl", "900m", "-o", folder / "s.png", "--profile"});
+    INFO(ended.err);
+    CHECK(ended.code == 0);
+    CHECK_THAT(ended.err, Contains("\nlimits of this machine are not known: ") && Contains("cannot be written"));
+    CHECK(std::filesystem::exists(folder / "s.png"));
+}
+
 TEST_CASE("names of all frames are looked at before work begins", "[track]") {
     const Folder folder;
     draw_data(folder);

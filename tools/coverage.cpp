@@ -201,11 +201,10 @@ void coverage(const std::vector<std::string>& arguments, Stop& stop) {
         // Posts pass as they are stored.
         const double posts = static_cast<double>(total.posts_read) * static_cast<double>(db.post_bytes);
         fmt::print(stderr, "{}",
-                   limits_table({load_work(total.load_s, total.bytes_read, usage),
-                                 {"sweep", total.sweep_s, posts, StageWork::memory},
-                                 {"write", report.write_s, static_cast<double>(usage.written_bytes.value_or(0)),
-                                  StageWork::write}},
-                                limits_here(settings)));
+                   limits_words(settings, {load_work(total.load_s, total.bytes_read, usage),
+                                           {"sweep", total.sweep_s, posts, StageWork::memory},
+                                           {"write", report.write_s,
+                                            static_cast<double>(usage.written_bytes.value_or(0)), StageWork::write}}));
     }
 }
 

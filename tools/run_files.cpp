@@ -9,6 +9,7 @@
 #include <system_error>
 
 #include "lib/error.hpp"
+#include "tools/terminal.hpp"
 #include "tools/units.hpp"
 
 namespace wedgescope {
@@ -95,9 +96,13 @@ void write_report(OutputFile& file, const nlohmann::ordered_json& report) {
                            " cannot be written: ", errno ? std::strerror(errno) : "disk full?"));
 }
 
-Limits limits_here(const Settings& settings) {
+std::string limits_words(const Settings& settings, const std::vector<StageWork>& stages) {
     constexpr std::size_t buffer_bytes = std::size_t{32} << 20;
-    return measure_limits(settings.temp_dir, buffer_bytes);
+    try {
+        return limits_table(stages, measure_limits(settings.temp_dir, buffer_bytes));
+    } catch (const IoError& e) {
+        return text("limits of this machine are not known: ", one_line(e.what()), "\n");
+    }
 }
 
 }  // namespace wedgescope

@@ -36,7 +36,8 @@ std::vector<InputFile> input_files(const Settings& settings, const DataBase& dat
 /// Under the file's temporary name. IoError.
 void write_report(OutputFile& file, const nlohmann::ordered_json& report);
 
-/// What the machine does at the most, measured in the folder for temporary files. IoError.
-Limits limits_here(const Settings& settings);
+/// limits_table() of a run that is over, with what the machine does at the most, measured in the folder for temporary files;
+/// a line of why not where that cannot be measured.
+std::string limits_words(const Settings& settings, const std::vector<StageWork>& stages);
 
 }  // namespace wedgescope

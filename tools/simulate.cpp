@@ -222,8 +222,7 @@ void simulate(const Settings& given, WorkDir* work, double start_s, Stop& stop) 
     if (!settings.only_wedges)
         for (const std::string& line : doubts(result)) remark(settings.quiet, line);
     if (settings.verbose || settings.profile) fmt::print(stderr, "{}", report_table(result.report, write_s, usage));
-    if (settings.profile)
-        fmt::print(stderr, "{}", limits_table(stage_work(result.report, write_s, usage), limits_here(settings)));
+    if (settings.profile) fmt::print(stderr, "{}", limits_words(settings, stage_work(result.report, write_s, usage)));
     if (settings.only_wedges) {
         written += text(written.empty() ? "" : ", ", work->kept(), " of ", work->recorded_split().size(), " wedges in ",
                         in_quotes(work->path()));
