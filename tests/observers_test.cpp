@@ -552,6 +552,18 @@ TEST_CASE("what is wrong with observers is said in one line, and nothing is left
     for (const std::string& name : folder.names()) CHECK(name.find(".tmp-") == std::string::npos);
 }
 
+TEST_CASE("the profile of many observers tells how far their stages stay behind the machine's limits", "[observers]") {
+    const Folder folder;
+    draw_hills(folder / "dem.tif", 300, 280);
+    std::ofstream(folder / "t.csv") << "x,y,height\n467000,3752000,40\n470500,3751000,80\n";
+    const Ended ended = coverage(folder, {folder / "dem.tif", folder / "out.tif", "--observers", folder / "t.csv",
+                                          "--profile", "--range", "5km"});
+    INFO(ended.err);
+    REQUIRE(ended.code == 0);
+    CHECK_THAT(ended.err, Contains("observers/s") && Contains("\n     sweep ") && Contains("\n     write ") &&
+                              Contains("\nlimits of this machine, one thread: memory "));
+}
+
 TEST_CASE("a mask that is written stays where the machine's limits cannot be measured", "[observers]") {
     const Folder folder;
     draw_hills(folder / "dem.tif", 120, 100);

@@ -545,6 +545,31 @@ TEST_CASE("pieces are put in place in the order of their numbers, and what canno
     CHECK(full.end() == 20);
 }
 
+TEST_CASE("the profile of a track tells how far its stages stay behind the machine's limits", "[track]") {
+    const Folder folder;
+    draw_data(folder);
+    write_track(folder);
+    const Ended ended =
+        simulate(folder, {"--track", folder / "track.csv", "-o", folder / "s.png", "--profile", "--threads", "2"});
+    INFO(ended.err);
+    REQUIRE(ended.code == 0);
+    CHECK_THAT(ended.err, Contains("frames/s") && Contains("\nlimits of this machine, one thread: memory "));
+    // Seconds and MiB of all frames.
+    for (const char* name : {"sweep", "deposit", "merge", "beam", "write"}) {
+        std::istringstream lines(ended.err);
+        std::string stage;
+        double seconds = 0, mebibytes = 0;
+        for (std::string line; std::getline(lines, line);) {
+            std::istringstream words(line);
+            if (words >> stage && stage == name && words >> seconds >> mebibytes) break;
+        }
+        INFO(name);
+        CHECK(mebibytes > 0);
+        // Two images of 480 x 100 cells in 4 bytes, a frame.
+        if (stage == "beam") CHECK(mebibytes == Approx(4 * 480 * 100 * 8 / 1048576.0).margin(0.006));
+    }
+}
+
 TEST_CASE("a run that is done stays done where the machine's limits cannot be measured", "[track]") {
     const Folder folder;
     draw_data(folder);

@@ -436,6 +436,17 @@ void coverage_of_observers(const Settings& settings, double start_s, Stop& stop)
                                 fmt::format(" ({:.1f} s, {:.1f} observers/s)", now_s() - start_s,
                                             static_cast<double>(observers->size()) / run->sweep_s())));
     if (settings.profile || settings.verbose) fmt::print(stderr, "{}", observers_table(*observers, *run, facts, usage));
+    if (settings.profile) {
+        const QuadrantReport& total = run->total();
+        // Posts pass as they are stored. What else the run wrote went to the scratch file.
+        const double posts = static_cast<double>(total.posts_read) * static_cast<double>(db.post_bytes),
+                     written = static_cast<double>(usage.written_bytes.value_or(0)) -
+                               static_cast<double>(facts.scratch_written);
+        fmt::print(stderr, "{}",
+                   limits_words(settings, {load_work(total.load_s, total.bytes_read, usage),
+                                           {"sweep", total.sweep_s, posts, StageWork::memory},
+                                           {"write", facts.write_s, written, StageWork::write}}));
+    }
 }
 
 }  // namespace wedgescope

@@ -410,6 +410,26 @@ std::string track_table(const Run& run, const Usage& usage) {
     return out;
 }
 
+/// What the stages of all frames moved, as if it were one run.
+std::vector<StageWork> track_work(const std::vector<FrameReport>& reports, const Usage& usage) {
+    RunReport all;
+    all.wedges.emplace_back();
+    WedgeReport& wedges = all.wedges.front();
+    double write_s = 0;
+    for (const FrameReport& r : reports) {
+        for (std::size_t i = 0; i < std::size(cpu_stages); ++i)
+            wedges.*cpu_stages[i].seconds += static_cast<double>(r.cpu_s[i]);
+        wedges.posts_read += r.posts;
+        wedges.bytes_read += r.bytes;
+        wedges.visible_pieces += r.pieces;
+        all.beam_s += static_cast<double>(r.wall_s[beaming]);
+        all.receiver_s += static_cast<double>(r.wall_s[receiving]);
+        write_s += static_cast<double>(r.wall_s[writing]);
+        for (std::size_t code = 0; code < all.states.size(); ++code) all.states[code] += r.states[code];
+    }
+    return stage_work(all, write_s, usage);
+}
+
 /// Everything that can go wrong with any frame's names is found before work begins.
 void check_outputs(const Settings& settings, const Frames& frames) {
     check_run_names(settings);
@@ -492,6 +512,7 @@ void simulate_track(const Settings& settings, double start_s, Stop& stop) {
     OutputFile::commit(files);
 
     if (settings.verbose || settings.profile) fmt::print(stderr, "{}", track_table(*run, usage));
+    if (settings.profile) fmt::print(stderr, "{}", limits_words(settings, track_work(run->reports(), usage)));
     std::string written;
     const Settings first = frames.settings(0), last = frames.settings(frames.size() - 1);
     const NamedPaths from = layer_paths(first), to = layer_paths(last);
