@@ -222,7 +222,30 @@ TEST_CASE("a bad line of a track is named with what was found and what is accept
     CHECK_THAT(refused(head + "0,33,-117,1000\n"), Contains("line 2 has 4 columns; accepted: 5"));
     CHECK_THAT(refused(head + "0,33,-117,1000,0\n\n# x\n0,33,-117,1000,0\n"),
                Contains("line 5, column time is 0 s; it must be more than the 0 s of the row before"));
-    CHECK_THAT(refused(head + std::string(5000, '1')), Contains("line 2 has 5000 characters; accepted: at most 4096"));
+    CHECK_THAT(refused(head + std::string(5000, '1')),
+               Contains("line 2 has more than 4096 characters; accepted: at most so many"));
+    CHECK(read(head + std::string(4075, ' ') + "0,33,-117,1000,0 \n").size() == 1);  // 4092 characters
+    CHECK(read(head + "0,33,-117,1000,0").size() == 1);
+    CHECK(read(head + std::string(4080, ' ') + "0,33,-117,1000,0").size() == 1);  // 4096
+    CHECK_THAT(refused(head + std::string(4081, ' ') + "0,33,-117,1000,0"), Contains("line 2 has more than 4096"));
+    CHECK_THAT(refused(head + std::string(4081, ' ') + "0,33,-117,1000,0\n"), Contains("line 2 has more than 4096"));
+}
+
+TEST_CASE("of a file without line ends no more is read than a line may have", "[track]") {
+    struct Endless : std::streambuf {
+        char part[512];
+        std::size_t given = 0;
+        int_type underflow() override {
+            std::fill(std::begin(part), std::end(part), '1');
+            if (given >= std::size_t{64} << 20) return traits_type::eof();
+            given += sizeof part;
+            setg(part, part, part + sizeof part);
+            return traits_type::to_int_type(*part);
+        }
+    } endless;
+    std::istream in(&endless);
+    CHECK_THAT(refusal<InputError>([&] { track_from("t.csv", in, Angle{}); }), Contains("line 1 has more than 4096"));
+    CHECK(endless.given < 6000);
 }
 
 TEST_CASE("a scan by a sensor that stands is the plain picture, bit for bit", "[track]") {

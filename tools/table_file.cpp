@@ -1,6 +1,7 @@
 #include "tools/table_file.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cctype>
 
 #include "lib/error.hpp"
@@ -34,13 +35,18 @@ bool same_letters(std::string_view a, std::string_view b) {
 
 /// The next line that holds something; # begins a comment line.
 bool TableReader::next(std::string& line) {
-    while (std::getline(content_, line)) {
+    // No more of a line is read than may be, or a file without line ends would be held whole.
+    constexpr std::size_t longest = 4096;
+    std::array<char, longest + 2> buffer;
+    while (content_.getline(buffer.data(), buffer.size()) || content_.gcount() > 0) {
         ++line_;
-        if (line_ == 1 && line.starts_with("\xef\xbb\xbf")) line.erase(0, 3);
-        constexpr std::size_t longest = 4096;
+        const auto taken = static_cast<std::size_t>(content_.gcount());
+        // A line end is taken too, and not kept.
+        line.assign(buffer.data(), content_.good() ? taken - 1 : taken);
         if (line.size() > longest)
             throw InputError(
-                text(subject_, ", line ", line_, " has ", line.size(), " characters; accepted: at most ", longest));
+                text(subject_, ", line ", line_, " has more than ", longest, " characters; accepted: at most so many"));
+        if (line_ == 1 && line.starts_with("\xef\xbb\xbf")) line.erase(0, 3);
         const std::string_view rest = trimmed(line);
         if (!rest.empty() && rest.front() != '#') return true;
     }
