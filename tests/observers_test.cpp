@@ -542,6 +542,10 @@ TEST_CASE("what is wrong with observers is said in one line, and nothing is left
     CHECK_THAT(says({"--no-data-value", "7"}), Contains("no-data-value is given, and observers without at-least"));
     CHECK_THAT(says({"--at-least", "0"}), Contains("at-least"));
     CHECK_THAT(says({"--report", good}), Contains("report is") && Contains("which is observers too"));
+    REQUIRE(run_program({program, "tile", "-q", dem, folder / "store"}, folder / "log").code == 0);
+    for (const char* name : {"store/out.tif", "./store/out.tif"})
+        CHECK_THAT(refused(folder, {folder / "store", folder / name, "--observers", good}),
+                   Contains("output is '") && Contains("which lies in dem '"));
     CHECK_THAT(says({"--memory", "3MiB"}), Contains("memory is 3 MiB; ") && Contains("needs at least"));
     CHECK_THAT(says({"--of", "PNG", "--co", "ZLEVEL=1"}), Contains("writes whole rasters only"));
     CHECK_THAT(refused(folder, {dem, out, "--xy", "466000,3754000", "--altitude-agl", "9m", "--at-least", "2"}),

@@ -653,6 +653,14 @@ TEST_CASE("names of all frames are looked at before work begins", "[track]") {
             }
     }
     CHECK(content(folder / "d/s_0003.png") == "mine");
+    // Nor may any of them go into a tile store that is read.
+    REQUIRE(run_program({program, "tile", "-q", folder / "dem.tif", folder / "store"}, folder / "log").code == 0);
+    const Ended inside = run_program({program, "simulate", "--dem", folder / "store", "--track", folder / "track.csv",
+                                      "-o", folder / "link/../store/s.png", "-q"},
+                                     folder / "log");
+    CHECK(inside.code == 2);
+    CHECK_THAT(inside.err, Contains("output is '") && Contains("which lies in dem '") &&
+                               Contains("/store'; an output may not lie in an input"));
     CHECK_THAT(says({"--scan-step", "4", "--scan-period", "4s", "--xy", "468200,3752000", "--altitude-msl", "900m",
                      "-o", folder / "x.png"}),
                Contains("scan-step is given without track"));

@@ -24,6 +24,14 @@ bool same_file(const std::string& a, const std::string& b) {
     return !canonical.empty() && canonical == canonical_path(b);
 }
 
+/// At any depth; what is no folder holds nothing.
+bool lies_in(const std::string& path, const std::string& folder) {
+    std::error_code error;
+    if (!fs::is_directory(folder, error)) return false;
+    const fs::path in = canonical_path(folder), own = canonical_path(path);
+    return !in.empty() && std::mismatch(in.begin(), in.end(), own.begin(), own.end()).first == in.end();
+}
+
 }  // namespace
 
 std::string canonical_path(const std::string& path) {
@@ -41,10 +49,15 @@ void check_names(const NamedPaths& outputs, const NamedPaths& inputs) {
             if (!outputs[j].second.empty() && same_file(path, outputs[j].second))
                 throw InputError(text(key, " and ", outputs[j].first, " are both ", in_quotes(path),
                                       "; every output needs its own file"));
-        for (const auto& [input_key, input] : inputs)
-            if (!input.empty() && same_file(path, input))
+        for (const auto& [input_key, input] : inputs) {
+            if (input.empty()) continue;
+            if (same_file(path, input))
                 throw InputError(text(key, " is ", in_quotes(path), ", which is ", input_key,
                                       " too; an output may not replace an input"));
+            if (lies_in(path, input))
+                throw InputError(text(key, " is ", in_quotes(path), ", which lies in ", input_key, " ",
+                                      in_quotes(input), "; an output may not lie in an input"));
+        }
     }
 }
 
@@ -52,7 +65,7 @@ NamedPaths input_paths(const Settings& s) {
     return {{"dem", s.dem},
             {"culture", s.culture},
             {"culture-height", s.culture_height},
-            {"culture-legend", s.culture_legend},
+            {"culture-legend", Legend::built_in(s.culture_legend) ? "" : s.culture_legend},
             {"track", s.track},
             {"the scene file", s.files.empty() ? "" : s.files[0]}};
 }
