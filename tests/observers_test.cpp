@@ -556,6 +556,16 @@ TEST_CASE("what is wrong with observers is said in one line, and nothing is left
     for (const std::string& name : folder.names()) CHECK(name.find(".tmp-") == std::string::npos);
 }
 
+TEST_CASE("observers in whose view no post holds a height are told of", "[observers]") {
+    const Folder folder;
+    draw_hills(folder / "dem.tif", 120, 100);
+    std::ofstream(folder / "t.csv") << "x,y,altitude\n300000,3752000,900\n";
+    const Ended ended =
+        coverage(folder, {folder / "dem.tif", folder / "out.tif", "--observers", folder / "t.csv", "--range", "5km"});
+    CHECK(ended.code == 0);
+    CHECK_THAT(ended.err, Contains("dem.tif': no post in view holds a height; all of '"));
+}
+
 TEST_CASE("the profile of many observers tells how far their stages stay behind the machine's limits", "[observers]") {
     const Folder folder;
     draw_hills(folder / "dem.tif", 300, 280);

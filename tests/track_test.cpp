@@ -416,6 +416,30 @@ TEST_CASE("each frame of a track is the picture that its row's numbers give alon
     }
 }
 
+TEST_CASE("what a user may take for an error is said once a track, with how many frames it is about", "[track]") {
+    const Folder folder;
+    draw_data(folder);
+    // Three rows in five stand 100 km away.
+    std::vector<Row> all(5, rows[0]);
+    for (std::size_t i = 0; i < all.size(); ++i) all[i].time = std::to_string(i);
+    for (const std::size_t i : {1, 2, 4}) all[i].x = "368200";
+    write_track(folder, all);
+    const auto says = [&](const std::vector<std::string>& more) {
+        std::vector<std::string> words = {
+            program, "simulate",       "--dem",       folder / "dem.tif", "--range", "4km",     "--range-bin",
+            "40m",   "--azimuth-bins", "360",         "--size",           "64",      "--track", folder / "track.csv",
+            "-o",    folder / "s.png", "--overwrite", "--threads",        "2"};
+        const Ended ended = run_program(joined(words, more), folder / "log");
+        CHECK(ended.code == 0);
+        return ended.err;
+    };
+    const std::string said = says({});
+    CHECK_THAT(said, Contains("3 of 5 frames (first 2): nothing of the terrain lies within the range of 4 km"));
+    CHECK_THAT(said, Contains("5 of 5 frames (first 1): azimuth bins of 1 deg are wider than half the beam"));
+    CHECK(std::count(said.begin(), said.end(), '\n') == 3);  // and what is written
+    CHECK(says({"-q"}).empty());
+}
+
 TEST_CASE("the report of a track tells of every frame", "[track]") {
     const Folder folder;
     draw_data(folder);

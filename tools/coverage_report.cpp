@@ -1,6 +1,8 @@
 #include "tools/coverage_report.hpp"
 
+#include "lib/error.hpp"
 #include "tools/options.hpp"
+#include "tools/units.hpp"
 
 namespace wedgescope {
 
@@ -25,6 +27,11 @@ json quadrant_json(const QuadrantReport& q) {
                 {"posts_passed", q.posts_passed},
                 {"bytes_read", q.bytes_read},
                 {"bytes_spilled", q.bytes_spilled}};
+}
+
+std::string nothing_judged_line(const Settings& settings) {
+    return text(in_quotes(settings.dem), ": no post in view holds a height; all of ", in_quotes(settings.output),
+                " is no data or out of range\n");
 }
 
 RasterFormat coverage_format(const Settings& settings) {

@@ -2,6 +2,7 @@
 // Leaves the rest to coverage.cpp and observers.cpp.
 #pragma once
 #include <nlohmann/json.hpp>
+#include <string>
 
 #include "lib/coverage.hpp"
 #include "tools/settings.hpp"
@@ -12,6 +13,8 @@ namespace wedgescope {
 nlohmann::ordered_json coverage_parameters(const Settings& settings);
 /// What a quadrant, or all of them, did and cost.
 nlohmann::ordered_json quadrant_json(const QuadrantReport& report);
+/// What a user may take for an error of the program: a line for an output that holds no judged post.
+std::string nothing_judged_line(const Settings& settings);
 /// The file's format, as --of, --co and --reproducible say; with `coverage_parameters` in it.
 RasterFormat coverage_format(const Settings& settings);
 

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <cmath>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
@@ -15,6 +14,7 @@
 #include "tiles/work_dir.hpp"
 #include "tools/budget.hpp"
 #include "tools/commands.hpp"
+#include "tools/doubts.hpp"
 #include "tools/ground.hpp"
 #include "tools/help.hpp"
 #include "tools/layers.hpp"
@@ -70,28 +70,6 @@ std::string place(const ResolvedScene& r) {
         out += r.nadir_in_raster ? ", over a void of the terrain" : ", outside the terrain raster";
     }
     return out;
-}
-
-/// What a user may take for an error of the program.
-std::vector<std::string> doubts(const RunResult& r) {
-    std::vector<std::string> lines;
-    const auto count = [&](State s) { return r.report.states[static_cast<std::size_t>(s)]; };
-    const double range_km = r.scene.scene.range_m.value_or(0) * 1e-3;
-    if (count(State::seen) + count(State::unknown) == 0)
-        lines.push_back(
-            count(State::shadow) == 0
-                ? fmt::format("nothing of the terrain lies within the range of {:.4g} km and the sector", range_km)
-                : "no ground is seen: all within range and sector is hidden or void");
-    else if (r.scope.lit == 0)
-        lines.push_back("every echo stays below the tube's black level (a higher if-gain shows more)");
-    const double step_deg = Angle::radians(r.scene.swept.azimuth_step_rad()).deg(),
-                 beam_deg = r.scene.scene.radar.antenna.beam.deg();
-    if (r.scene.scene.radar.beam_width_error && step_deg > 0.5001 * beam_deg)
-        lines.push_back(
-            fmt::format("azimuth bins of {:.4g} deg are wider than half the beam of {:.4g} deg: powers come out "
-                        "too high (azimuth-bins {:.0f} or more)",
-                        step_deg, beam_deg, std::ceil(720 / beam_deg)));
-    return lines;
 }
 
 /// The work folder, opened before any work.
@@ -220,7 +198,8 @@ void simulate(const Settings& given, WorkDir* work, double start_s, Stop& stop) 
     for (const std::string& unfit : {choice.unfit, unfit_map})
         if (!unfit.empty()) remark(settings.quiet, text("not used: ", unfit));
     if (!settings.only_wedges)
-        for (const std::string& line : doubts(result)) remark(settings.quiet, line);
+        for (const std::string& line : doubts(result))
+            if (!line.empty()) remark(settings.quiet, line);
     if (settings.verbose || settings.profile) fmt::print(stderr, "{}", report_table(result.report, write_s, usage));
     if (settings.profile) fmt::print(stderr, "{}", limits_words(settings, stage_work(result.report, write_s, usage)));
     if (settings.only_wedges) {

@@ -10,6 +10,7 @@
 #include <fstream>
 #include <map>
 #include <memory>
+#include <mutex>
 #include <set>
 
 #include "lib/plan.hpp"
@@ -20,6 +21,7 @@
 #include "tiles/gdal_session.hpp"
 #include "tiles/shared_source.hpp"
 #include "tools/budget.hpp"
+#include "tools/doubts.hpp"
 #include "tools/lanes.hpp"
 #include "tools/layers.hpp"
 #include "tools/report_json.hpp"
@@ -218,6 +220,14 @@ public:
     }
 
     const Lanes& lanes() const { return lanes_; }
+    /// A line for each kind of doubt, with how many frames it is about.
+    std::vector<std::string> doubts() const {
+        std::vector<std::string> lines;
+        for (const DoubtCount& d : doubts_)
+            if (d.frames > 0)
+                lines.push_back(text(d.frames, " of ", frames_.size(), " frames (first ", d.first + 1, "): ", d.line));
+        return lines;
+    }
     const std::vector<FrameReport>& reports() const { return reports_; }
     double frames_s() const { return end_s_ - start_s_; }
     double start_s() const { return start_s_; }
@@ -252,6 +262,7 @@ private:
         lap(writing);
         report.end_s = now_s();
         note(result, report);
+        note_doubts(result, frame);
         committer.take(frame, std::move(files));
     }
 
@@ -282,6 +293,18 @@ private:
         report.states = r.states;
     }
 
+    void note_doubts(const RunResult& result, std::size_t frame) {
+        const auto lines = wedgescope::doubts(result);
+        const std::lock_guard lock(doubts_mutex_);
+        for (std::size_t kind = 0; kind < lines.size(); ++kind) {
+            DoubtCount& d = doubts_[kind];
+            if (lines[kind].empty()) continue;
+            if (d.frames++ > 0 && d.first < frame) continue;
+            d.first = frame;
+            d.line = lines[kind];
+        }
+    }
+
     [[noreturn]] void end(const std::exception_ptr& error, std::size_t written) {
         const std::string more = finished_words(written, frames_.size());
         try {
@@ -304,6 +327,12 @@ private:
     Stop& stop_;
     std::shared_ptr<const SceneTables> tables_;
     std::vector<FrameReport> reports_;
+    struct DoubtCount {
+        std::size_t frames = 0, first = 0;
+        std::string line;  ///< of the first one
+    };
+    std::array<DoubtCount, doubt_count> doubts_;
+    std::mutex doubts_mutex_;
     Lanes lanes_;
     double start_s_ = 0, end_s_ = 0;
 };
@@ -511,6 +540,7 @@ void simulate_track(const Settings& settings, double start_s, Stop& stop) {
     if (timeline_file) files.push_back(&*timeline_file);
     OutputFile::commit(files);
 
+    for (const std::string& line : run->doubts()) remark(settings.quiet, line);
     if (settings.verbose || settings.profile) fmt::print(stderr, "{}", track_table(*run, usage));
     if (settings.profile) fmt::print(stderr, "{}", limits_words(settings, track_work(run->reports(), usage)));
     std::string written;

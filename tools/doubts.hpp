@@ -1,0 +1,18 @@
+// Doubts: what a user may take for an error of the program in a picture that is right, for a remark.
+// Leaves saying it to the commands.
+#pragma once
+#include <array>
+#include <cstddef>
+#include <string>
+
+#include "lib/engine.hpp"
+
+namespace wedgescope {
+
+/// Kinds of doubt, as they stand in doubts().
+enum Doubt : std::size_t { nothing_there, nothing_seen, nothing_lit, wide_bins, doubt_count };
+
+/// A line for each kind of doubt that there is about a picture; empty: none.
+std::array<std::string, doubt_count> doubts(const RunResult& result);
+
+}  // namespace wedgescope
