@@ -20,6 +20,31 @@ singles() {
     done < <(tail -n +2 places.csv)
 }
 many() { "$program" coverage --observers places.csv "${limits[@]}" --threads "$1" ridged.tif counts.tif; }
+# The counts are the sum of the single masks, post for post, or nothing is timed.
+check_sum() {
+    local x y height n=0
+    {
+        gdalinfo ridged.tif | awk -F'[ ,]+' '/^Size is/ {
+            printf("<VRTDataset rasterXSize=\"%d\" rasterYSize=\"%d\">", $3, $4)
+            print "<VRTRasterBand dataType=\"UInt16\" band=\"1\" subClass=\"VRTDerivedRasterBand\">"
+            print "<PixelFunctionType>sum</PixelFunctionType>" }'
+        while IFS=, read -r x y height; do
+            "$program" coverage --xy "$x,$y" --altitude-agl "${height}m" "${limits[@]}" \
+                --seen-value 1 --hidden-value 0 --outside-value 0 ridged.tif "mask$((++n)).tif" >&2
+            echo "<SimpleSource><SourceFilename relativeToVRT=\"1\">mask$n.tif</SourceFilename></SimpleSource>"
+        done < <(tail -n +2 places.csv)
+        echo "</VRTRasterBand></VRTDataset>"
+    } >sum.vrt
+    many "$all_threads"
+    gdal_translate -q -of ENVI sum.vrt sum.img
+    gdal_translate -q -of ENVI counts.tif counts.img
+    rm mask*.tif
+    if ! cmp sum.img counts.img; then
+        echo "observers.sh: the counts are not the sum of the single masks" >&2
+        exit 1
+    fi
+    rm sum.* counts.img counts.hdr
+}
 # Wall, user and system seconds of a function, as one line.
 timed() { { TIMEFORMAT='%R %U %S'; time "$@"; } 2>&1; }
 row() { printf '%6s %9s %9s  %-28s %8s %8s %8s\n' "$@"; }
@@ -36,6 +61,7 @@ for size in $sizes; do
     for range in $ranges; do
         limits=(--memory "$memory" --overwrite --quiet)
         if [[ $range != 0 ]]; then limits+=(--range "${range}km"); fi
+        check_sum
         for ((round = 0; round <= rounds; ++round)); do  # the first to warm up
             for threads in 1 "$all_threads"; do timed many "$threads" >"took.many$threads.$round"; done
             timed singles >"took.singles.$round"

@@ -106,10 +106,13 @@ TEST_CASE("posts of 0.3 m to 1 km are judged rightly from 1 m to 30 km up", "[nu
             const auto height = [&](double c, double r) { return 500 + hills(c, r) * std::min(3 * post_m, 3000.0); };
             MemorySource source(301, 291, post_m, height);
             for (const Quality quality : {Quality::normal, Quality::exact}) {
-                const Judged j = judge(source, height, {150.3, 149.6, up_m}, quality, 4.0 / 3, 500);
+                const Judged j = judge(source, height, {150.3, 149.6, up_m}, quality, 4.0 / 3, 1500);
                 INFO(post_m << "-m posts, sensor " << up_m << " m up, " << word(quality) << ": " << j.wrong << " of "
                             << j.posts << " wrong, " << j.seen << " seen, by at most " << j.worst_rad << " rad");
-                CHECK(j.wrong <= 2);
+                CHECK(j.wrong <= 3);
+                // A metre up all but the ground beside the sensor is hidden, from high above the least is.
+                CHECK(j.seen >= 5);
+                if (up_m == 1) CHECK(j.posts - j.seen > 1000);
                 CHECK(j.worst_rad < 1e-3);
             }
         }
@@ -147,7 +150,8 @@ TEST_CASE("ground 800 km away is judged rightly", "[numerics][coverage]") {
             const Judged j = judge(source, height, {3.3, 8.2, up_m}, Quality::exact, earth_k, 800);
             INFO("sensor " << up_m << " m up, " << (earth_k ? "round" : "flat") << ": " << j.wrong << " wrong of "
                            << j.posts << ", " << j.seen << " seen, by " << j.worst_rad << " rad");
-            CHECK(j.seen > (up_m > 1 ? 130 : 0));
+            CHECK(j.seen > (up_m > 1 ? 130 : 1));
+            CHECK(j.posts - j.seen > (up_m > 1 ? 130 : 700));
             CHECK(j.wrong <= 1);
             CHECK(j.worst_rad < 2e-5);
         }
