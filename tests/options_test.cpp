@@ -13,6 +13,7 @@
 
 #include "lib/spoke_grid.hpp"
 #include "tests/refusal.hpp"
+#include "tests/variable.hpp"
 #include "tools/help.hpp"
 #include "tools/options.hpp"
 #include "tools/scene_json.hpp"
@@ -153,8 +154,16 @@ TEST_CASE("a value written as text reads back as the same double", "[units]") {
 
 TEST_CASE("the locale plays no part", "[units]") {
     const std::string before = std::setlocale(LC_ALL, nullptr);
-    const bool comma = std::setlocale(LC_ALL, "de_DE.UTF-8") || std::setlocale(LC_ALL, "fr_FR.UTF-8");
-    if (!comma) WARN("no locale with a decimal comma is installed; tested under the C locale only");
+    // A German locale made on the spot, where its sources are installed.
+    const SceneFile beside("");
+    const std::string folder = beside.folder() + "/";
+    std::optional<wedgescope::test::Variable> path;
+    if (std::system(("localedef -i de_DE -f UTF-8 '" + folder + "de_DE.UTF-8" + "' >/dev/null 2>&1").c_str()) == 0)
+        path.emplace("LOCPATH", folder);
+    if (std::setlocale(LC_ALL, "de_DE.UTF-8"))
+        CHECK(std::string(std::localeconv()->decimal_point) == ",");
+    else
+        WARN("no locale with a decimal comma can be made; tested under the C locale only");
     CHECK(parsed(Dimension::length, "1.5km") == 1500);
     CHECK_THROWS_AS(parsed(Dimension::length, "1,5km"), InputError);
     CHECK(quantity_text(Dimension::frequency, 16.5e9) == "16.5GHz");

@@ -1,9 +1,10 @@
 // SheetWriter: one sheet of a store layer: a tiled GeoTIFF with its overviews, and the checksums of both.
 // For the .cpp files of this folder only. Leaves where the posts come from to store_writer.cpp.
 //
-// Overviews: each the 2 x 2 posts at even columns and rows of the one before (of the sheet), so aligned to the raster.
-// Heights: the mean of the valid ones, summed in the raster's order, whole numbers rounded half up; never above the
-// highest of them. Codes: the most frequent, the first in the raster's order of several. Void only where all are void.
+// Overviews: a post for each 2 x 2 posts of the one before that begin at an even column and row (of the sheet), so aligned
+// to the raster. Heights: the post at that even column and row itself, a void if it is one, so that an overview holds heights
+// of the ground and no means. Codes: the most frequent of the four, the first in the raster's order of several; void only
+// where all are.
 // Memory: a quarter of the sheet's posts and two tiles (sheet_writer_bytes()).
 #pragma once
 #include <cstddef>
