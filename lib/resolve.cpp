@@ -74,7 +74,10 @@ void locate(ResolvedScene& s, const DataBase& db) {
         throw InputError("the sensor has no position; give latlon or xy");
     }
     if (!(std::abs(s.nadir.column) < 1e8) || !(std::abs(s.nadir.row) < 1e8))
-        throw InputError(text("the sensor's position has no place on the grid of '", db.name, "'"));
+        throw InputError(text("the sensor's position, ", p.latlon ? "latitude, longitude " : "x, y ",
+                              p.latlon ? p.latlon->lat_deg : p.xy->x, ",", p.latlon ? p.latlon->lon_deg : p.xy->y,
+                              ", is column ", s.nadir.column, ", row ", s.nadir.row, " on the grid of '", db.name,
+                              "'; accepted: within 1e8 posts of its first one"));
     s.nadir = {rounded(s.nadir.column, position_bits), rounded(s.nadir.row, position_bits)};
     s.x = db.origin_x + s.nadir.column * db.step_x;
     s.y = db.origin_y + s.nadir.row * db.step_y;

@@ -531,7 +531,8 @@ TEST_CASE("what is wrong with observers is said in one line, and nothing is left
     CHECK_THAT(refused(folder, {dem, out, "--observers", folder / "nowhere.gpkg"}, 1),
                Contains("observers '") && Contains("nowhere.gpkg' cannot be opened"));
     CHECK_THAT(refused(folder, {dem, out, "--observers", folder / "nowhere.csv"}, 1), Contains("cannot be opened"));
-    CHECK_THAT(refused(folder, {dem, out, "--observers", dem}, 1), Contains("cannot be opened as points"));
+    CHECK_THAT(refused(folder, {dem, out, "--observers", dem}, 1),
+               Contains("cannot be opened as points") && Contains("(accepted: a vector file that GDAL reads"));
 
     const Words with = {dem, out, "--observers", good};
     const auto says = [&](const Words& more) { return refused(folder, joined(with, more)); };
@@ -541,6 +542,15 @@ TEST_CASE("what is wrong with observers is said in one line, and nothing is left
     CHECK_THAT(says({"--seen-value", "7"}), Contains("seen-value is given, and observers without at-least"));
     CHECK_THAT(says({"--no-data-value", "7"}), Contains("no-data-value is given, and observers without at-least"));
     CHECK_THAT(says({"--at-least", "0"}), Contains("at-least"));
+    CHECK_THAT(says({"--at-least", "2"}),
+               Contains("at-least is 2, and observers '") && Contains("good.csv' holds 1; accepted: at most so many"));
+    Drawing plain;
+    plain.crs = "";
+    draw(folder / "plain.tif", plain);
+    std::ofstream(folder / "far.csv") << "x,y,altitude\n1e30,3754000,900\n";
+    CHECK_THAT(refused(folder, {folder / "plain.tif", out, "--observers", folder / "far.csv"}),
+               Contains("line 2: the sensor's position, x, y 1e+30,3754000, is column ") &&
+                   Contains("accepted: within 1e8 posts of its first one"));
     CHECK_THAT(says({"--report", good}), Contains("report is") && Contains("which is observers too"));
     REQUIRE(run_program({program, "tile", "-q", dem, folder / "store"}, folder / "log").code == 0);
     for (const char* name : {"store/out.tif", "./store/out.tif"})

@@ -1,5 +1,6 @@
 // Tracks: places between the rows of a table, scans by a sensor that moves, and simulate --track from outside.
 #include <signal.h>
+#include <sys/resource.h>
 
 #include <atomic>
 #include <catch2/catch.hpp>
@@ -562,6 +563,27 @@ TEST_CASE("a piece that never comes keeps no lane waiting that is far ahead of i
         std::iota(before.begin(), before.end(), std::size_t{0});
         CHECK(in_place == before);
     }
+}
+
+TEST_CASE("lanes for which there is no thread are an error, and none goes on", "[track]") {
+    // Rooms for a few threads' stacks; instrumented programs need more of them than this lets them have.
+    std::size_t pages = 0;
+    std::ifstream("/proc/self/statm") >> pages;
+    if (pages * 4096 > std::size_t{1} << 40) return;
+    rlimit before{};
+    getrlimit(RLIMIT_AS, &before);
+    const rlimit small{pages * 4096 + (std::size_t{100} << 20), before.rlim_max};
+    std::atomic<int> made{0};
+    std::string said;
+    setrlimit(RLIMIT_AS, &small);
+    try {
+        side_by_side(400, 1000000000, [&](int, std::size_t) { ++made; });
+    } catch (const IoError& e) {
+        said = e.what();
+    }
+    setrlimit(RLIMIT_AS, &before);
+    CHECK_THAT(said, Contains("a thread cannot be started: ") && Contains("(give fewer threads)"));
+    CHECK(made < 1000000000);
 }
 
 TEST_CASE("pieces are put in place in the order of their numbers, and what cannot be is told", "[track][threads]") {

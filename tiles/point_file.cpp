@@ -51,7 +51,10 @@ PointFile::PointFile(const PointFileParams& params, const DataBase& data_base) :
         register_all_drivers();
         GdalErrors errors;
         o.dataset = open_vector(o.path);
-        if (!o.dataset) throw IoError(text(o.named(), " cannot be opened as points: ", errors.reason()));
+        if (!o.dataset)
+            throw IoError(text(o.named(), " cannot be opened as points: ", errors.reason(),
+                               " (accepted: a vector file that GDAL reads, as GeoPackage, GeoJSON or a shapefile, or a "
+                               "table of places whose name ends in .csv)"));
     }
     GdalErrors errors;
     std::string names;

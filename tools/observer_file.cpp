@@ -36,9 +36,8 @@ constexpr TableColumn names[] = {{agl, "height", "m"},
                                  {x, "x"},
                                  {y, "y"}};
 constexpr const char* accepted_columns =
-    "lat and lon or x and y, and, where the options do not say it for all, height (above ground) or altitude (above "
-    "the "
-    "sea), range and heading, with a unit in brackets where it is not m or deg; others are left out";
+    "lat and lon or x and y, and, where the options do not say it for all, height (above ground) or altitude "
+    "(above the sea), range and heading, with a unit in brackets where it is not m or deg; others are left out";
 constexpr double circle = 2 * std::numbers::pi * (1 + 1e-12);
 
 struct Bounds {
@@ -103,11 +102,7 @@ Observers read_table(const std::string& path, bool altitude_given) {
     if (!file) throw IoError(text(subject, " cannot be opened: ", std::strerror(errno)));
     TableReader table(subject, file, names, accepted_columns, true);
     table.read_header();
-    const bool lat_lon = table.has(lat) || table.has(lon), x_y = table.has(x) || table.has(y);
-    if (lat_lon == x_y)
-        table.refuse_header(lat_lon ? "there are columns lat, lon and x, y" : "no columns are lat, lon or x, y");
-    if (lat_lon && !(table.has(lat) && table.has(lon))) table.refuse_header("of lat and lon one is missing");
-    if (x_y && !(table.has(x) && table.has(y))) table.refuse_header("of x and y one is missing");
+    const bool lat_lon = has_lat_lon(table, lat, lon, x, y);
     std::vector<Observer> all;
     while (table.next_row()) {
         check_count(subject, all.size());

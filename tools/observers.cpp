@@ -1,10 +1,7 @@
 #include "tools/observers.hpp"
 
 #include <algorithm>
-#include <cerrno>
 #include <cmath>
-#include <cstring>
-#include <fstream>
 #include <memory>
 #include <mutex>
 #include <numeric>
@@ -292,34 +289,26 @@ void write_observers_report(OutputFile& file, const Settings& settings, const Ob
     tail["threads"] = facts.shares.threads;
     tail["instruction_set"] = name_of(target_in_use());
 
-    errno = 0;
-    std::ofstream out(file.temporary_path(), std::ios::binary);
-    constexpr auto replace = json::error_handler_t::replace;
-    std::string begin = head.dump(2, ' ', false, replace), end = tail.dump(2, ' ', false, replace);
-    begin.erase(begin.rfind("\n}"));
-    out << begin << ",\n  \"observers\": [";
-    for (std::size_t i = 0; i < observers.size(); ++i) {
-        const ObserverReport& r = run.reports()[i];
-        json one{{observers.number_name(), observers[i].number}};
-        if (r.has_lat_lon) {
-            one["lat_deg"] = r.lat_deg;
-            one["lon_deg"] = r.lon_deg;
-        }
-        one.update(json{{"x", r.x},
-                        {"y", r.y},
-                        {"sensor_height_m", r.sensor_m},
-                        {"seen", r.seen},
-                        {"posts_read", r.posts_read},
-                        {"bytes_read", r.bytes_read},
-                        {"cpu_s", r.cpu_s},
-                        {"wall_s", r.wall_s}});
-        out << (i ? ",\n    " : "\n    ") << one.dump(-1, ' ', false, replace);
-    }
-    out << "\n  ]," << end.substr(1) << '\n';
-    out.close();
-    if (!out)
-        throw IoError(text("report ", in_quotes(file.final_path()),
-                           " cannot be written: ", errno ? std::strerror(errno) : "disk full?"));
+    write_report(
+        file, head, "observers", observers.size(),
+        [&](std::size_t i) {
+            const ObserverReport& r = run.reports()[i];
+            json one{{observers.number_name(), observers[i].number}};
+            if (r.has_lat_lon) {
+                one["lat_deg"] = r.lat_deg;
+                one["lon_deg"] = r.lon_deg;
+            }
+            one.update(json{{"x", r.x},
+                            {"y", r.y},
+                            {"sensor_height_m", r.sensor_m},
+                            {"seen", r.seen},
+                            {"posts_read", r.posts_read},
+                            {"bytes_read", r.bytes_read},
+                            {"cpu_s", r.cpu_s},
+                            {"wall_s", r.wall_s}});
+            return one;
+        },
+        tail);
 }
 
 std::string observers_table(const Observers& observers, const Run& run, const Facts& facts, const Usage& usage) {
@@ -361,12 +350,16 @@ void coverage_of_observers(const Settings& settings, double start_s, Stop& stop)
     };
     std::optional<Observers> observers;
     std::optional<std::size_t> largest;
+    const auto read = [&](const DataBase& data_base) {
+        observers = read_observers(settings.observers, settings.observers_layer, settings.altitude_given, data_base);
+        if (settings.at_least && *settings.at_least > static_cast<std::int64_t>(observers->size()))
+            throw InputError(text("at-least is ", *settings.at_least, ", and observers ", in_quotes(settings.observers),
+                                  " holds ", observers->size(), "; accepted: at most so many"));
+    };
     const auto fits = [&](std::size_t memory) {
         const Settings granted = with_memory(settings, memory);
         const auto source = open(granted);
-        if (!observers)
-            observers = read_observers(settings.observers, settings.observers_layer, settings.altitude_given,
-                                       source->data_base());
+        if (!observers) read(source->data_base());
         if (!largest) largest = Run(granted, *observers, *source, nullptr, stop).largest();
         share_out(granted, *observers, *source, *largest);
     };
@@ -377,8 +370,7 @@ void coverage_of_observers(const Settings& settings, double start_s, Stop& stop)
     try {
         source = open(settings);
         data = source->fingerprint({});
-        observers =
-            read_observers(settings.observers, settings.observers_layer, settings.altitude_given, source->data_base());
+        read(source->data_base());
         Threads(spill_options(settings).threads).execute([&] { source->read(&stop); });
         run.emplace(settings, *observers, *source, timeline.get(), stop);
         largest = run->largest();

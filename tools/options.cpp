@@ -397,9 +397,9 @@ void check_scan(const Settings& settings) {
 
 void check_observers(const Settings& settings) {
     if (settings.observers.empty()) {
-        for (const char* key : {"at-least", "observers-layer"})
-            if (*key == 'a' ? settings.at_least.has_value() : !settings.observers_layer.empty())
-                throw InputError(text(key, " is given without observers; a file of points is needed"));
+        constexpr const char* alone = " is given without observers; a file of points is needed";
+        if (settings.at_least) throw InputError(text("at-least", alone));
+        if (!settings.observers_layer.empty()) throw InputError(text("observers-layer", alone));
         return;
     }
     if (settings.coverage.layer != CoverageLayer::mask)
@@ -409,8 +409,7 @@ void check_observers(const Settings& settings) {
     if (settings.source == SourceKind::spilled)
         throw InputError(
             "source is spilled, and observers is given; a spill is sorted round one place (accepted: auto, direct; "
-            "tile "
-            "turns rasters that windows read badly into a store)");
+            "tile turns rasters that windows read badly into a store)");
     if (settings.at_least) return;
     const MaskValues plain;
     const MaskValues& mask = settings.coverage.mask;

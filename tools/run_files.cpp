@@ -99,14 +99,41 @@ std::vector<InputFile> input_files(const Settings& s, const DataBase& data_base,
     return inputs;
 }
 
-void write_report(OutputFile& file, const nlohmann::ordered_json& report) {
+namespace {
+
+using json = nlohmann::ordered_json;
+
+std::string dumped(const json& value, int indent) {
+    return value.dump(indent, ' ', false, json::error_handler_t::replace);
+}
+
+/// `fill` writes what is in it.
+template <class Fill>
+void write_report_file(OutputFile& file, Fill&& fill) {
     errno = 0;
     std::ofstream out(file.temporary_path(), std::ios::binary);
-    out << report.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) << '\n';
+    fill(out);
     out.close();
     if (!out)
         throw IoError(text("report ", in_quotes(file.final_path()),
                            " cannot be written: ", errno ? std::strerror(errno) : "disk full?"));
+}
+
+}  // namespace
+
+void write_report(OutputFile& file, const json& report) {
+    write_report_file(file, [&](std::ostream& out) { out << dumped(report, 2) << '\n'; });
+}
+
+void write_report(OutputFile& file, const json& head, const char* name, std::size_t count,
+                  const std::function<json(std::size_t)>& entry, const json& tail) {
+    write_report_file(file, [&](std::ostream& out) {
+        std::string begin = dumped(head, 2);
+        begin.erase(begin.rfind("\n}"));
+        out << begin << ",\n  \"" << name << "\": [";
+        for (std::size_t i = 0; i < count; ++i) out << (i ? ",\n    " : "\n    ") << dumped(entry(i), -1);
+        out << "\n  ]," << dumped(tail, 2).substr(1) << '\n';
+    });
 }
 
 std::string limits_words(const Settings& settings, const std::vector<StageWork>& stages) {

@@ -1,6 +1,7 @@
 // Run files: names of a run's inputs and outputs, checked before any work, and its report.
 // Leaves what is written to the commands.
 #pragma once
+#include <functional>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <utility>
@@ -35,6 +36,10 @@ std::vector<InputFile> input_files(const Settings& settings, const DataBase& dat
 
 /// Under the file's temporary name. IoError.
 void write_report(OutputFile& file, const nlohmann::ordered_json& report);
+/// The same in pieces: what `head` holds, an array `name` of so many entries, each on a line of its own, and what `tail` holds,
+/// so that a long report is never held as a whole. Neither is empty.
+void write_report(OutputFile& file, const nlohmann::ordered_json& head, const char* name, std::size_t count,
+                  const std::function<nlohmann::ordered_json(std::size_t)>& entry, const nlohmann::ordered_json& tail);
 
 /// limits_table() of a run that is over, with what the machine does at the most, measured in the folder for temporary files;
 /// a line of why not where that cannot be measured.

@@ -147,4 +147,13 @@ double TableReader::value_within(int field, double low, double high, const char*
     return v;
 }
 
+bool has_lat_lon(const TableReader& table, int lat, int lon, int x, int y) {
+    const bool lat_lon = table.has(lat) || table.has(lon), x_y = table.has(x) || table.has(y);
+    if (lat_lon == x_y)
+        table.refuse_header(lat_lon ? "there are columns lat, lon and x, y" : "no columns are lat, lon or x, y");
+    if (lat_lon && !(table.has(lat) && table.has(lon))) table.refuse_header("of lat and lon one is missing");
+    if (x_y && !(table.has(x) && table.has(y))) table.refuse_header("of x and y one is missing");
+    return lat_lon;
+}
+
 }  // namespace wedgescope

@@ -68,4 +68,8 @@ private:
     std::vector<std::string_view> cells_;
 };
 
+/// How a table gives places, by the fields of the columns for it: true: lat and lon; false: x and y. InputError where it gives
+/// both, none or half of one.
+bool has_lat_lon(const TableReader& table, int lat, int lon, int x, int y);
+
 }  // namespace wedgescope

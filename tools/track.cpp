@@ -7,7 +7,6 @@
 #include <cmath>
 #include <exception>
 #include <filesystem>
-#include <fstream>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -154,27 +153,35 @@ Lanes share_out(const Settings& settings, const Frames& frames, WedgeSource& sou
         best.own_bytes = (memory - shared) / static_cast<std::size_t>(lanes) + source.cache_bytes();
     };
     grant(best.lanes);
-    for (std::size_t frame = 0; frame < frames.size(); ++frame) {
-        stop.check();
-        const ResolvedScene whole = with_context(frames.words(frame), [&] {
-            ResolvedScene s = frames.scene(frame, source);
-            if (frames.scans()) frames.check_scan(frame, s, source);
-            return s;
-        });
-        const ResolvedScene part = frames.largest_part(whole);
-        for (;;) {
-            EngineParams params = lane_params(settings, best, 0, tables);
-            const std::size_t images = frames.scans() ? image_bytes(whole) : 0;
-            params.memory_bytes -= std::min(params.memory_bytes, images);
-            try {
-                plan(part, source, params);
-                break;
-            } catch (const TooLittleMemory& e) {
-                if (best.lanes == 1) throw e.with(memory, memory + (std::size_t{1} << 20));
-                grant(best.lanes - 1);
-            }
-        }
-    }
+    const std::size_t readers = (memory - shared) / (source.reader_bytes() + (std::size_t{1} << 20));
+    std::mutex mutex;
+    side_by_side(static_cast<int>(std::clamp<std::size_t>(readers, 1, static_cast<std::size_t>(best.lanes))),
+                 frames.size(), [&](int, std::size_t frame) {
+                     stop.check();
+                     const ResolvedScene whole = with_context(frames.words(frame), [&] {
+                         ResolvedScene s = frames.scene(frame, source);
+                         if (frames.scans()) frames.check_scan(frame, s, source);
+                         return s;
+                     });
+                     const ResolvedScene part = frames.largest_part(whole);
+                     for (;;) {
+                         const Lanes now = [&] {
+                             const std::lock_guard lock(mutex);
+                             return best;
+                         }();
+                         EngineParams params = lane_params(settings, now, 0, tables);
+                         const std::size_t images = frames.scans() ? image_bytes(whole) : 0;
+                         params.memory_bytes -= std::min(params.memory_bytes, images);
+                         try {
+                             plan(part, source, params);
+                             break;
+                         } catch (const TooLittleMemory& e) {
+                             if (now.lanes == 1) throw e.with(memory, memory + (std::size_t{1} << 20));
+                             const std::lock_guard lock(mutex);
+                             if (best.lanes == now.lanes) grant(best.lanes - 1);  // else another frame did
+                         }
+                     }
+                 });
     return best;
 }
 
@@ -408,20 +415,9 @@ void write_track_report(OutputFile& file, const Settings& settings, const Frames
     tail["threads"] = run.lanes().threads;
     tail["instruction_set"] = name_of(target_in_use());
 
-    errno = 0;
-    std::ofstream out(file.temporary_path(), std::ios::binary);
-    constexpr auto replace = json::error_handler_t::replace;
-    std::string begin = head.dump(2, ' ', false, replace), end = tail.dump(2, ' ', false, replace);
-    begin.erase(begin.rfind("\n}"));
-    out << begin << ",\n  \"frames\": [";
-    for (std::size_t i = 0; i < frames.size(); ++i)
-        out << (i ? ",\n    " : "\n    ")
-            << frame_json(frames, i, run.reports()[i], run.start_s()).dump(-1, ' ', false, replace);
-    out << "\n  ]," << end.substr(1) << '\n';
-    out.close();
-    if (!out)
-        throw IoError(text("report ", in_quotes(file.final_path()),
-                           " cannot be written: ", errno ? std::strerror(errno) : "disk full?"));
+    write_report(
+        file, head, "frames", frames.size(),
+        [&](std::size_t i) { return frame_json(frames, i, run.reports()[i], run.start_s()); }, tail);
 }
 
 /// Milliseconds a frame, for --profile.

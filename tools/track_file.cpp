@@ -31,11 +31,7 @@ constexpr const char* accepted_columns =
 
 void check_columns(const TableReader& table) {
     if (!table.has(time_field)) table.refuse_header("no column is time");
-    const bool lat_lon = table.has(lat) || table.has(lon), x_y = table.has(x) || table.has(y);
-    if (lat_lon == x_y)
-        table.refuse_header(lat_lon ? "there are columns lat, lon and x, y" : "no columns are lat, lon or x, y");
-    if (lat_lon && !(table.has(lat) && table.has(lon))) table.refuse_header("of lat and lon one is missing");
-    if (x_y && !(table.has(x) && table.has(y))) table.refuse_header("of x and y one is missing");
+    has_lat_lon(table, lat, lon, x, y);
     const int altitudes = table.has(altitude_msl) + table.has(altitude_agl) + table.has(altitude_hae);
     if (altitudes != 1)
         table.refuse_header(altitudes ? "there are two columns of altitude" : "no column is an altitude");
