@@ -608,8 +608,7 @@ std::vector<Key> make_keys() {
               1, 1000000, [](auto& s) -> auto& { return s.scan_step; }, "off"),
           "off",
           "of a track: so many azimuth bins at a time are seen from where the sensor is then; off: all of them from "
-          "the row's "
-          "place");
+          "the row's place");
     t.add("scan-period",
           quantity(
               time, above_to("0s", "100000s"), [](auto& s) -> auto& { return s.scan_period_s; }, "none"),
@@ -665,9 +664,8 @@ std::vector<Key> make_keys() {
           number(
               between("1", "64"), [](auto& s) -> auto& { return s.scene.spoke_lead; }, "auto"),
           "auto",
-          "spokes double where a line this many times as far off needs it: few then share a parent's horizon; auto: as "
-          "the "
-          "quality says");
+          "spokes double where a line this many times as far off needs it: few then share a parent's horizon; auto: "
+          "as the quality says");
     t.add("crossings",
           choice<std::optional<bool>>(
               {{"on", true}, {"off", false}}, [](auto& s) -> auto& { return s.scene.crossings; }, "auto"),

@@ -203,12 +203,10 @@ const std::vector<CommandInfo>& command_table() {
         {command_coverage, "coverage", "wedgescope coverage [options] IN OUT",
          "terrain raster -> which of its posts are seen, or how high, far and steep they lie",
          "OUT has IN's grid; the mask holds 255 where the ground is seen, 0 where it is not, 1 where there is no data "
-         "or "
-         "out of range. gdal_viewshed's options -ox -oy -oz -tz -md -cc -ov -vv -iv -a_nodata -b -f -co -om -q are "
+         "or out of range. gdal_viewshed's options -ox -oy -oz -tz -md -cc -ov -vv -iv -a_nodata -b -f -co -om -q are "
          "understood too, in its units (-b 1 and -om NORMAL only: --layer height gives what -om DEM does); with -ox "
-         "and "
-         "-oy the ground is a plane, the sensor stands over the nearest post, and defaults are gdal_viewshed's. With "
-         "--observers many sensors are looked from in one run.",
+         "and -oy the ground is a plane, the sensor stands over the nearest post, and defaults are gdal_viewshed's. "
+         "With --observers many sensors are looked from in one run.",
          "wedgescope coverage --latlon 33.9,-117.3 --altitude-agl 500m terrain.tif seen.tif"},
         {command_info, "info", "wedgescope info [options] FILE... | info --plan [simulate's options] [scene.ini]",
          "what rasters and tile stores hold, or what a scene file (*.ini) resolves to",
@@ -220,9 +218,8 @@ const std::vector<CommandInfo>& command_table() {
         {command_tile, "tile", "wedgescope tile [options] RASTER... FOLDER",
          "terrain rasters, culture -> a tile store that --dem takes",
          "One or many terrain rasters (cells of a mosaic may differ in posting) become one data base: tiled, with "
-         "block "
-         "map, overviews and checksums, which any GDAL program opens too (FOLDER/dem.vrt). Of a post that several "
-         "rasters hold, the first in the order given that has a value there wins.",
+         "block map, overviews and checksums, which any GDAL program opens too (FOLDER/dem.vrt). Of a post that "
+         "several rasters hold, the first in the order given that has a value there wins.",
          "wedgescope tile n33_w118.dt2 n33_w117.dt2 --culture fuel.tif --culture-legend fbfm40 inland"},
         {command_help, "help", "wedgescope help [COMMAND]", "this page, or a command's options", "",
          "wedgescope help simulate"},
@@ -461,9 +458,8 @@ void check_complete(const Settings& settings) {
     if (moves) {
         if (!settings.work_dir.empty())
             throw InputError(
-                "work-dir is given beside track; it keeps the wedges of one picture, and finished pictures of a track "
-                "stay "
-                "anyhow (to go on after a stop, give the rows that are left)");
+                "work-dir is given beside track; it keeps the wedges of one picture, and finished pictures of a "
+                "track stay anyhow (to go on after a stop, give the rows that are left)");
         if (settings.source == SourceKind::spilled)
             throw InputError(
                 "source is spilled, and track is given; a spill is sorted round one place (accepted: auto, direct; "
