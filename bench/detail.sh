@@ -12,7 +12,7 @@ cd "$2"
 shift 2
 [ $# -gt 0 ] || set -- 30 10 5 2.5
 for post in "$@"; do
-    [ -d "f$post" ] && continue
+    [ -e "f$post/manifest.json" ] && continue
     "$build/bench/make_terrain" fractal "$(awk -v p="$post" 'BEGIN { print int(56000 / p) + 1 }')" "f$post.tif" 1 "$post"
     "$build/tools/wedgescope" tile -q "f$post.tif" "f$post"
     rm "f$post.tif"

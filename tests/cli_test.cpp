@@ -1160,3 +1160,62 @@ TEST_CASE("coverage of nothing but voids says so", "[cli]") {
     CHECK(outcome.code == 0);
     CHECK(outcome.err.empty());
 }
+
+TEST_CASE("a kept ground map is used as long as it fits, and changes no byte", "[cli]") {
+    const Folder folder;
+    fs::copy_file(dem, folder.file("dem.tif"));
+    const Strings seen{"coverage", "dem.tif", "--altitude-agl", "300", "--latlon", "33.95,-117.35", "--reproducible"};
+    const auto with = [](Strings words, const Strings& more) {
+        words.insert(words.end(), more.begin(), more.end());
+        return words;
+    };
+    const Strings scene{"simulate",      "--dem",   "dem.tif", "--altitude-agl", "300",  "--latlon",
+                        "33.95,-117.35", "--range", "9 km",    "--material",     "soil", "--reproducible"};
+    REQUIRE(folder.run(with(seen, {"plain.tif"})).code == 0);
+    REQUIRE(folder.run(with(scene, {"--power", "p_plain.tif"})).code == 0);
+    CHECK(folder.names().count("dem.tif.ground") == 0);
+    const Outcome kept = folder.run(with(seen, {"kept.tif", "--keep-map"}));
+    INFO(kept.err);
+    REQUIRE(kept.code == 0);
+    CHECK(folder.names() == std::set<std::string>{"dem.tif", "dem.tif.ground", "plain.tif", "kept.tif", "p_plain.tif"});
+    REQUIRE(folder.run(with(seen, {"again.tif", "--report", "again.json"})).code == 0);
+    CHECK(content(folder.file("plain.tif")) == content(folder.file("kept.tif")));
+    CHECK(content(folder.file("plain.tif")) == content(folder.file("again.tif")));
+    // What stays hidden is known without reading it.
+    const auto report = nlohmann::json::parse(content(folder.file("again.json")));
+    CHECK(report.at("skipped").at("hidden").at("tiles").get<int>() > 0);
+    REQUIRE(folder.run(with(scene, {"--power", "p_kept.tif"})).code == 0);
+    CHECK(content(folder.file("p_plain.tif")) == content(folder.file("p_kept.tif")));
+
+    SECTION("of a raster that has changed") {
+        fs::last_write_time(folder.file("dem.tif"), fs::file_time_type::clock::now() + std::chrono::hours(1));
+    }
+    SECTION("damaged") {
+        std::fstream file(folder.file("dem.tif.ground"), std::ios::binary | std::ios::in | std::ios::out);
+        file.seekp(40);
+        file.put('x');
+    }
+    SECTION("cut") { fs::resize_file(folder.file("dem.tif.ground"), 5000); }
+    const Outcome other = folder.run(with(seen, {"other.tif"}));
+    INFO(other.err);
+    CHECK(other.code == 0);
+    CHECK(content(folder.file("plain.tif")) == content(folder.file("other.tif")));
+    CHECK_THAT(other.err, Contains("not used: the ground map 'dem.tif.ground'"));
+    const Outcome anew = folder.run(with(seen, {"anew.tif", "--keep-map"}));
+    CHECK(anew.code == 0);
+    CHECK_THAT(anew.err, !Contains("not used"));
+    CHECK_THAT(folder.run(with(seen, {"last.tif"})).err, !Contains("not used"));
+}
+
+TEST_CASE("a ground map that cannot be kept is an error in one line", "[cli]") {
+    const Folder folder;
+    fs::copy_file(dem, folder.file("dem.tif"));
+    fs::create_directory(folder.file("dem.tif.ground"));
+    const Outcome o = folder.run(
+        {"coverage", "dem.tif", "out.tif", "--altitude-agl", "300", "--latlon", "33.95,-117.35", "--keep-map"});
+    INFO(o.err);
+    CHECK(o.code != 0);
+    CHECK(o.error_lines() == 1);
+    CHECK_THAT(o.err, Contains("dem.tif.ground"));
+    CHECK(folder.names() == std::set<std::string>{"dem.tif", "dem.tif.ground"});
+}
