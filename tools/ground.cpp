@@ -1,5 +1,6 @@
 #include "tools/ground.hpp"
 
+#include <algorithm>
 #include <optional>
 
 #include "lib/detail.hpp"
@@ -12,36 +13,49 @@ namespace wedgescope {
 namespace {
 
 /// The posts that levels of detail ask for; nothing where there are no levels. Without a range all posts count.
-std::optional<Window> posts_for_levels(const Settings& settings, const DataBaseParams& layers) {
-    const auto source = open_direct_source(layers);
-    const DataBase& db = source->data_base();
-    const Window everything{{0, db.columns}, {0, db.rows}};
+std::optional<Window> posts_for_levels(const Settings& settings, WedgeSource& source) {
+    const DataBase& db = source.data_base();
     Scene scene = settings.scene;
     constexpr double any_range_m = 1e5;
     if (!scene.range_m) scene.range_m = std::max(any_range_m, 2 * scene.range_start_m);
-    const ResolvedScene resolved = resolve(scene, *source);
-    if (!detail_possible(resolved, db)) return std::nullopt;
-    return settings.scene.range_m ? detail_window(resolved, db) : everything;
+    try {
+        const ResolvedScene resolved = resolve(scene, source);
+        if (!detail_possible(resolved, db)) return std::nullopt;
+        return settings.scene.range_m ? detail_window(resolved, db) : Window{{0, db.columns}, {0, db.rows}};
+    } catch (const InputError&) {  // the run says so, and where
+        return std::nullopt;
+    }
+}
+
+/// Of a raster that is kept in memory for all scenes (tiles/shared_source.hpp).
+bool stays(const Settings& settings, const DataBase& db) {
+    constexpr std::uint64_t least_memory = std::uint64_t{64} << 20;
+    return settings.memory_bytes >= least_memory &&
+           4.0 * sizeof(float) * static_cast<double>(db.columns) * static_cast<double>(db.rows) <=
+               static_cast<double>(settings.memory_bytes);
 }
 
 }  // namespace
 
-std::string find_ground(Settings& settings, GroundUse use, bool all, const Stop& stop) {
+std::string find_ground(Settings& settings, GroundUse use, const Stop& stop) {
     std::string unfit;
     settings.ground = nullptr;
     if (is_tile_store(settings.dem) && settings.culture_height.empty()) return unfit;
     const DataBaseParams layers = data_base_params(settings, cache_bytes(settings), stop);
     settings.ground = GroundMap::kept(layers, &unfit);
-    if (settings.ground || use == GroundUse::look) return unfit;
+    if (settings.ground) return unfit;
     GroundMap::MakeParams params;
     params.keep = settings.keep_map;
     if (!params.keep) {
-        if (use != GroundUse::levels) return unfit;
-        params.posts = posts_for_levels(settings, layers);
-        if (!params.posts) return unfit;
         const auto source = open_direct_source(layers);
         const DataBase& db = source->data_base();
-        if (all || *params.posts == Window{{0, db.columns}, {0, db.rows}}) params.posts.reset();
+        const Window everything{{0, db.columns}, {0, db.rows}};
+        if (use.many && stays(settings, db))
+            params.posts = everything;
+        else if (use.levels)
+            params.posts = posts_for_levels(settings, *source);
+        if (!params.posts) return unfit;
+        if (use.many || *params.posts == everything) params.posts.reset();
     }
     params.temp_folder = settings.temp_dir;
     params.memory_bytes = static_cast<std::size_t>(settings.memory_bytes);

@@ -1,6 +1,7 @@
 // Ground: finds or makes the ground map of plain rasters for a command, where it pays or is asked for.
 // Leaves the map to tiles/ground_map.hpp.
 #pragma once
+#include <cstddef>
 #include <string>
 
 #include "lib/stop.hpp"
@@ -8,16 +9,18 @@
 
 namespace wedgescope {
 
-/// What to do for the scenes of a command, beside using a map that is kept already.
-enum class GroundUse {
-    look,  ///< nothing
-    keep,  ///< make one and keep it, where `keep-map` asks for that
-    levels,  ///< and make one for this run where levels of detail are possible, so that a plain raster has those of a store
+/// When to make a map for a run, beside using one that is kept already and keeping one where `keep-map` asks for that.
+struct GroundUse {
+    bool levels = false;  ///< where levels of detail are possible, so that a plain raster has those of a store
+    bool many = false;    ///< many scenes, from other places too: where the raster stays in memory for them
 };
 
-/// Sets settings.ground: null where a tile store knows its ground itself, or there is no need. For `levels`, of a single
-/// scene in its place and range, or where `all` of the ground will be asked for of all the raster. Returns why a map that
-/// lies beside the raster is not used; mostly empty. Errors as of GroundMap::make.
-std::string find_ground(Settings& settings, GroundUse use, bool all, const Stop& stop);
+/// So many make a map of the whole raster pay.
+inline constexpr std::size_t many_scenes = 4;
+
+/// Sets settings.ground: null where a tile store knows its ground itself, or there is no need. `settings`: with the place
+/// of the scene, or of the first of many. Returns why a map that lies beside the raster is not used; mostly
+/// empty. Errors as of GroundMap::make.
+std::string find_ground(Settings& settings, GroundUse use, const Stop& stop);
 
 }  // namespace wedgescope

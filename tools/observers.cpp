@@ -19,6 +19,7 @@
 #include "tiles/shared_source.hpp"
 #include "tools/budget.hpp"
 #include "tools/coverage_report.hpp"
+#include "tools/ground.hpp"
 #include "tools/lanes.hpp"
 #include "tools/observer_file.hpp"
 #include "tools/report_json.hpp"
@@ -333,7 +334,8 @@ std::string observers_table(const Observers& observers, const Run& run, const Fa
 
 }  // namespace
 
-void coverage_of_observers(const Settings& settings, double start_s, Stop& stop) {
+void coverage_of_observers(const Settings& given, double start_s, Stop& stop) {
+    Settings settings = given;
     OutputFile file(settings.output, settings.overwrite);
     std::optional<OutputFile> report_file, timeline_file;
     if (!settings.report.empty()) report_file.emplace(settings.report, settings.overwrite);
@@ -343,6 +345,7 @@ void coverage_of_observers(const Settings& settings, double start_s, Stop& stop)
 
     Span opening(timeline.get(), "open", "stage");
     const GdalSession session(cache_bytes(settings), settings.config);
+    const std::string unfit_map = find_ground(settings, {.many = true}, stop);
     const auto open = [&](const Settings& granted) {
         auto direct = open_direct_source(data_base_params(granted, cache_bytes(granted), stop));
         check_reader(*direct, memory_bytes(granted));
@@ -425,6 +428,7 @@ void coverage_of_observers(const Settings& settings, double start_s, Stop& stop)
                        observers->size(), settings.at_least.value_or(1), grouped(facts.posts.enough),
                        judged > 0 ? 100 * static_cast<double>(facts.posts.enough) / judged : 0.0, facts.posts.most));
     if (judged == 0) fmt::print(stderr, "{}", nothing_judged_line(settings));
+    if (!unfit_map.empty()) remark(settings.quiet, text("not used: ", unfit_map));
     remark(settings.quiet, text("written: ", settings.output,
                                 fmt::format(" ({:.1f} s, {:.1f} observers/s)", now_s() - start_s,
                                             static_cast<double>(observers->size()) / run->sweep_s())));

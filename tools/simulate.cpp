@@ -125,7 +125,7 @@ void simulate(const Settings& given, WorkDir* work, double start_s, Stop& stop) 
     Settings as_read = settings;
     if (work && work->seems_done()) as_read.source = SourceKind::direct;
     check_simulation(as_read, stop);
-    const std::string unfit_map = find_ground(settings, GroundUse::levels, false, stop);
+    const std::string unfit_map = find_ground(settings, {.levels = true}, stop);
     as_read.ground = settings.ground;
     const DataBaseParams layers = data_base_params(settings, cache_bytes(settings), stop);
     std::unique_ptr<WedgeSource> source;

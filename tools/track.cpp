@@ -21,6 +21,7 @@
 #include "tiles/shared_source.hpp"
 #include "tools/budget.hpp"
 #include "tools/doubts.hpp"
+#include "tools/ground.hpp"
 #include "tools/lanes.hpp"
 #include "tools/layers.hpp"
 #include "tools/report_json.hpp"
@@ -484,7 +485,8 @@ void check_outputs(const Settings& settings, const Frames& frames) {
 
 }  // namespace
 
-void simulate_track(const Settings& settings, double start_s, Stop& stop) {
+void simulate_track(const Settings& given, double start_s, Stop& stop) {
+    Settings settings = given;
     const Track track = read_track(settings.track, settings.scene.platform.heading);
     const Frames frames(settings, track);
     const GdalSession session(cache_bytes(settings), settings.config);
@@ -496,6 +498,10 @@ void simulate_track(const Settings& settings, double start_s, Stop& stop) {
     if (timeline_file) timeline = std::make_unique<TimelineFile>(*timeline_file);
 
     Span opening(timeline.get(), "open", "stage");
+    Settings first_frame = frames.settings(0);
+    const std::string unfit_map =
+        find_ground(first_frame, {.levels = true, .many = frames.size() >= many_scenes}, stop);
+    settings.ground = first_frame.ground;
     const auto open = [&](const Settings& granted) {
         const DataBaseParams layers = data_base_params(granted, cache_bytes(granted), stop);
         auto direct = open_direct_source(layers);
@@ -548,6 +554,7 @@ void simulate_track(const Settings& settings, double start_s, Stop& stop) {
         if (frames.size() > 1) written += " to " + to[i].second;
     }
     for (const OutputFile* file : files) written += (written.empty() ? "" : ", ") + file->final_path();
+    if (!unfit_map.empty()) remark(settings.quiet, text("not used: ", unfit_map));
     remark(settings.quiet, text("written: ", written,
                                 fmt::format(" ({:.1f} s, {:.1f} frames/s)", now_s() - start_s,
                                             static_cast<double>(frames.size()) / run->frames_s())));
