@@ -1164,13 +1164,13 @@ TEST_CASE("coverage of nothing but voids says so", "[cli]") {
 TEST_CASE("a kept ground map is used as long as it fits, and changes no byte", "[cli]") {
     const Folder folder;
     fs::copy_file(dem, folder.file("dem.tif"));
-    const Strings seen{"coverage", "dem.tif", "--altitude-agl", "300", "--latlon", "33.95,-117.35", "--reproducible"};
+    const Strings seen{"coverage", "dem.tif", "--altitude-agl", "300m", "--latlon", "33.95,-117.35", "--reproducible"};
     const auto with = [](Strings words, const Strings& more) {
         words.insert(words.end(), more.begin(), more.end());
         return words;
     };
-    const Strings scene{"simulate",      "--dem",   "dem.tif", "--altitude-agl", "300",  "--latlon",
-                        "33.95,-117.35", "--range", "9 km",    "--material",     "soil", "--reproducible"};
+    const Strings scene{"simulate",      "--dem",   "dem.tif", "--altitude-agl", "300m", "--latlon",
+                        "33.95,-117.35", "--range", "9km",     "--material",     "soil", "--reproducible"};
     REQUIRE(folder.run(with(seen, {"plain.tif"})).code == 0);
     REQUIRE(folder.run(with(scene, {"--power", "p_plain.tif"})).code == 0);
     CHECK(folder.names().count("dem.tif.ground") == 0);
@@ -1212,7 +1212,7 @@ TEST_CASE("a ground map that cannot be kept is an error in one line", "[cli]") {
     fs::copy_file(dem, folder.file("dem.tif"));
     fs::create_directory(folder.file("dem.tif.ground"));
     const Outcome o = folder.run(
-        {"coverage", "dem.tif", "out.tif", "--altitude-agl", "300", "--latlon", "33.95,-117.35", "--keep-map"});
+        {"coverage", "dem.tif", "out.tif", "--altitude-agl", "300m", "--latlon", "33.95,-117.35", "--keep-map"});
     INFO(o.err);
     CHECK(o.code != 0);
     CHECK(o.error_lines() == 1);

@@ -414,7 +414,7 @@ TEST_CASE("low dikes across the view keep their shadows", "[detail]") {
     CHECK(error.p99_db < 0.35);
 }
 
-TEST_CASE("levels do not depend on ground beyond the range", "[detail]") {
+TEST_CASE("levels do not depend on ground beyond the range", "[detail][threads]") {
     const Folder folder;
     draw(folder / "long.tif", ground(rolling_ground, 6001, 801));
     draw(folder / "short.tif", ground(rolling_ground, 1601, 801));

@@ -248,7 +248,7 @@ nlohmann::json report(const Folder& folder) { return nlohmann::json::parse(conte
 
 }  // namespace
 
-TEST_CASE("keeping wedges changes no bit, and a second run uses all of them", "[resume]") {
+TEST_CASE("keeping wedges changes no bit, and a second run uses all of them", "[resume][threads]") {
     const Folder folder;
     const std::string work = folder / "work";
     MemorySource source(201, 201, 30, hills);
@@ -592,7 +592,7 @@ TEST_CASE("what dead processes left half-written goes, what living ones write st
     ::close(writing);
 }
 
-TEST_CASE("a full disk costs a wedge, never one that was kept", "[resume]") {
+TEST_CASE("a full disk costs a wedge, never one that was kept", "[resume][threads]") {
     const Folder folder;
     const std::string path = folder / "work";
     const Drawn first(1), second(2);
@@ -612,7 +612,7 @@ TEST_CASE("a full disk costs a wedge, never one that was kept", "[resume]") {
                       Contains("wedge_000002.bin") && Contains("No such file"));
 }
 
-TEST_CASE("threads and processes keep and find side by side", "[resume]") {
+TEST_CASE("threads and processes keep and find side by side", "[resume][threads]") {
     const Folder folder;
     const std::string path = folder / "work";
     // As several processes would: folders of their own over one path, all at once from nothing.

@@ -414,7 +414,7 @@ TEST_CASE("culture given from 0 to 360 degrees lies under terrain given from -18
     }
 }
 
-TEST_CASE("many threads read the same posts through one source", "[source]") {
+TEST_CASE("many threads read the same posts through one source", "[source][threads]") {
     const Folder folder;
     // A VRT: its sources must not be shared between handles.
     const std::string vrt = folder / "coast.vrt";

@@ -256,7 +256,7 @@ TEST_CASE("a packed block gives every post back bit for bit, as narrow as it goe
     }
 }
 
-TEST_CASE("blocks come back from memory and from the file alike, and the file has no name", "[spill]") {
+TEST_CASE("blocks come back from memory and from the file alike, and the file has no name", "[spill][threads]") {
     const Folder folder;
     for (const std::size_t memory : {std::size_t{0}, std::size_t{3000}, std::size_t{1} << 20}) {
         Filled filled(small_spill(folder, memory));
@@ -322,7 +322,7 @@ TEST_CASE("every flipped byte of the spill file is named with file and block, an
                Contains("ends at byte") && Contains("block of the dem"));
 }
 
-TEST_CASE("a full disk is one line that names the folder and the bytes, and leaves nothing", "[spill]") {
+TEST_CASE("a full disk is one line that names the folder and the bytes, and leaves nothing", "[spill][threads]") {
     const Folder folder;
     const std::string message = [&] {
         const SmallDisk disk(4000);
@@ -526,7 +526,7 @@ TEST_CASE("within a scene's reach and sector every post is stored, and far from 
         }
 }
 
-TEST_CASE("the block map made on the way bounds every block with the first posts beyond it", "[spill]") {
+TEST_CASE("the block map made on the way bounds every block with the first posts beyond it", "[spill][threads]") {
     const Folder folder;
     Drawing d = hills(451, 330, GDT_Int16);
     d.no_data = -12345;
@@ -679,7 +679,7 @@ TEST_CASE("what the spill does not hold is not taken from a raster that changed 
     CHECK(source->bare_terrain_m(300, 200) == inside);
 }
 
-TEST_CASE("a stop is heard during the pass", "[spill]") {
+TEST_CASE("a stop is heard during the pass", "[spill][threads]") {
     const Folder folder;
     const Folder temporary;
     draw(folder / "dem.tif", hills(600, 400, GDT_Int16));
@@ -699,7 +699,7 @@ TEST_CASE("a stop is heard during the pass", "[spill]") {
     CHECK(temporary.names().empty());
 }
 
-TEST_CASE("many threads read the same posts through one spill", "[spill]") {
+TEST_CASE("many threads read the same posts through one spill", "[spill][threads]") {
     const Folder folder;
     const DataBaseParams params = only(data + "/olympic_coast_dem.tif");
     const auto direct = open_direct_source(params);

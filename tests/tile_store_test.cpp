@@ -584,7 +584,7 @@ TEST_CASE("a post where several rasters disagree counts once, with the largest d
     CHECK(all.largest_m == 10);
 }
 
-TEST_CASE("what disagrees does not depend on threads, memory, tiles or the rasters' order", "[store]") {
+TEST_CASE("what disagrees does not depend on threads, memory, tiles or the rasters' order", "[store][threads]") {
     const Folder folder;
     // Rough ground over three sheets, and a coarser raster of its own roughness over the seams between them.
     const auto rough = [](std::int64_t c, std::int64_t r, unsigned seed) {
@@ -708,7 +708,7 @@ TEST_CASE("rasters in different CRS are refused with the way out", "[store]") {
     CHECK(folder.names() == std::vector<std::string>{"a.tif", "b.tif"});
 }
 
-TEST_CASE("bounds of blocks are those of their posts at every level", "[store]") {
+TEST_CASE("bounds of blocks are those of their posts at every level", "[store][threads]") {
     const Folder folder;
     // Wide enough for two levels and pages; heights on a coarser grid; a block of nothing but voids.
     Drawing d = hills(2500, 150);
@@ -1000,7 +1000,7 @@ TEST_CASE("damage that a run meets is named with its file and block", "[store]")
     CHECK_NOTHROW(read_all());
 }
 
-TEST_CASE("a scene over a store is the scene over the rasters, bit for bit", "[store]") {
+TEST_CASE("a scene over a store is the scene over the rasters, bit for bit", "[store][threads]") {
     const Folder folder;
     auto params = into(folder / "store", {data + "/worcester_vermont_dem.tif"});
     params.culture = data + "/worcester_vermont_culture.tif";
