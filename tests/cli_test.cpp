@@ -1172,20 +1172,20 @@ TEST_CASE("a kept ground map is used as long as it fits, and changes no byte", "
     const Strings scene{"simulate",      "--dem",   "dem.tif", "--altitude-agl", "300m", "--latlon",
                         "33.95,-117.35", "--range", "9km",     "--material",     "soil", "--reproducible"};
     REQUIRE(folder.run(with(seen, {"plain.tif"})).code == 0);
-    REQUIRE(folder.run(with(scene, {"--power", "p_plain.tif"})).code == 0);
+    REQUIRE(folder.run(with(scene, {"-o", "p_plain.png"})).code == 0);
     CHECK(folder.names().count("dem.tif.ground") == 0);
     const Outcome kept = folder.run(with(seen, {"kept.tif", "--keep-map"}));
     INFO(kept.err);
     REQUIRE(kept.code == 0);
-    CHECK(folder.names() == std::set<std::string>{"dem.tif", "dem.tif.ground", "plain.tif", "kept.tif", "p_plain.tif"});
+    CHECK(folder.names() == std::set<std::string>{"dem.tif", "dem.tif.ground", "plain.tif", "kept.tif", "p_plain.png"});
     REQUIRE(folder.run(with(seen, {"again.tif", "--report", "again.json"})).code == 0);
     CHECK(content(folder.file("plain.tif")) == content(folder.file("kept.tif")));
     CHECK(content(folder.file("plain.tif")) == content(folder.file("again.tif")));
     // What stays hidden is known without reading it.
     const auto report = nlohmann::json::parse(content(folder.file("again.json")));
     CHECK(report.at("skipped").at("hidden").at("tiles").get<int>() > 0);
-    REQUIRE(folder.run(with(scene, {"--power", "p_kept.tif"})).code == 0);
-    CHECK(content(folder.file("p_plain.tif")) == content(folder.file("p_kept.tif")));
+    REQUIRE(folder.run(with(scene, {"-o", "p_kept.png"})).code == 0);
+    CHECK(content(folder.file("p_plain.png")) == content(folder.file("p_kept.png")));
 
     SECTION("of a raster that has changed") {
         fs::last_write_time(folder.file("dem.tif"), fs::file_time_type::clock::now() + std::chrono::hours(1));

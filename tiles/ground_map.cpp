@@ -239,8 +239,8 @@ std::shared_ptr<const GroundMap> GroundMap::make(const DataBaseParams& rasters, 
     std::optional<OutputFile> output;
     if (params.keep) output.emplace(kept_path(rasters), true);
     auto file = output ? std::make_shared<PlainFile>(output->temporary_path(), PlainFile::Use::write)
-                       : std::make_shared<PlainFile>(
-                             PlainFile::Unnamed{params.temp_folder.empty() ? temporary_folder() : params.temp_folder});
+                       : std::make_shared<PlainFile>(PlainFile::Unnamed{
+                             params.temp_folder.empty() ? temporary_folder() : params.temp_folder, "the ground map"});
     const bool partial = params.posts.has_value();
     const FilePart part{file, header_bytes, false};
     const FilePart after{file, header_bytes + shape.file_bytes(), false};

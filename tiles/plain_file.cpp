@@ -18,7 +18,8 @@ namespace wedgescope {
 namespace {
 
 [[noreturn]] void fail(const std::string& path, const char* what) {
-    throw IoError(text("'", path, "' cannot be ", what, ": ", std::strerror(errno)));
+    const char* reason = std::strerror(errno);
+    throw IoError(text("'", path, "' cannot be ", what, ": ", reason));
 }
 
 }  // namespace
@@ -28,10 +29,9 @@ PlainFile::PlainFile(std::string path, Use use) : path_(std::move(path)) {
     if (file_ < 0) fail(path_, "opened");
 }
 
-PlainFile::PlainFile(Unnamed where) : path_(std::filesystem::path(where.folder) / "a file without a name") {
+PlainFile::PlainFile(const Unnamed& where) : path_(text(where.what, "' in temp-dir '", where.folder)) {
     file_ = open_unnamed(where.folder);
-    if (file_ < 0)
-        throw IoError(text("a file in temp-dir '", where.folder, "' cannot be made: ", std::strerror(errno)));
+    if (file_ < 0) fail(path_, "made");
 }
 
 PlainFile::~PlainFile() {

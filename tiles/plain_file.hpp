@@ -12,10 +12,10 @@ public:
     enum class Use { read, write };  ///< write: made if it is missing, never cut
     PlainFile(std::string path, Use use);
     struct Unnamed {
-        std::string folder;
+        std::string folder, what;  ///< what: for messages
     };
     /// Made in the folder without a name: gone with the process, however it ends.
-    explicit PlainFile(Unnamed where);
+    explicit PlainFile(const Unnamed& where);
     ~PlainFile();
     PlainFile(const PlainFile&) = delete;
     PlainFile& operator=(const PlainFile&) = delete;

@@ -45,15 +45,15 @@ std::string find_ground(Settings& settings, GroundUse use, const Stop& stop) {
     settings.ground = GroundMap::kept(layers, &unfit);
     if (settings.ground) return unfit;
     GroundMap::MakeParams params;
+    bool only_for_speed = false;
     params.keep = settings.keep_map;
     if (!params.keep) {
         const auto source = open_direct_source(layers);
         const DataBase& db = source->data_base();
         const Window everything{{0, db.columns}, {0, db.rows}};
-        if (use.many && stays(settings, db))
-            params.posts = everything;
-        else if (use.levels)
-            params.posts = posts_for_levels(settings, *source);
+        if (use.levels) params.posts = posts_for_levels(settings, *source);
+        only_for_speed = !params.posts;
+        if (only_for_speed && use.many && stays(settings, db)) params.posts = everything;
         if (!params.posts) return unfit;
         if (use.many || *params.posts == everything) params.posts.reset();
     }
@@ -63,7 +63,13 @@ std::string find_ground(Settings& settings, GroundUse use, const Stop& stop) {
     params.stop = &stop;
     Progress mapping(settings.quiet);
     params.progress = [&](double fraction) { mapping.report(fraction); };
-    settings.ground = GroundMap::make(layers, params);
+    try {
+        settings.ground = GroundMap::make(layers, params);
+    } catch (const IoError&) {  // no room for it, or a post that no scene may ask for
+        if (!only_for_speed) throw;
+    } catch (const DataError&) {
+        if (!only_for_speed) throw;
+    }
     mapping.done();
     if (params.keep) unfit.clear();
     return unfit;

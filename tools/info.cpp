@@ -8,6 +8,7 @@
 #include "tiles/tile_store.hpp"
 #include "tools/budget.hpp"
 #include "tools/commands.hpp"
+#include "tools/ground.hpp"
 #include "tools/help.hpp"
 #include "tools/options.hpp"
 #include "tools/report_json.hpp"
@@ -358,7 +359,9 @@ struct PlannedSource {
     SourceReport report;
 };
 
-PlannedSource planned_source(const Settings& settings, const Stop& stop) {
+PlannedSource planned_source(const Settings& given, const Stop& stop) {
+    Settings settings = given;
+    find_ground(settings, {.levels = true}, stop);  // levels of detail are part of what is foretold
     const DataBaseParams layers = data_base_params(settings, cache_bytes(settings), stop);
     const SpillOptions options = spill_options(settings);
     PlannedSource planned;
