@@ -270,7 +270,11 @@ public:
         constexpr std::size_t pages = (std::size_t{4} << 20) + DetailMapFile::most_bytes;
         std::size_t idle = 0;
         for (const RasterLayer* layer : readers()) idle += layer->idle_bytes();
-        return params_.cache_bytes + ledger_bytes() + idle + (store_ || of_ground_ ? pages : 0);
+        // And what culling and levels by a map that is yet to be made may take of the sweep's share.
+        constexpr std::size_t to_come = std::size_t{2} << 20;
+        const bool expected = params_.expects_ground && !of_ground_;
+        return params_.cache_bytes + ledger_bytes() + idle + (store_ || of_ground_ || expected ? pages : 0) +
+               (expected ? to_come : 0);
     }
     std::size_t filled_bytes(std::uint64_t bytes_read) const override {
         const std::size_t cache = params_.cache_bytes;
@@ -774,7 +778,8 @@ private:
         return kept_.empty() && spill_->bytes_spilled() > 0 ? share_ : spill_->bytes_held();
     }
     std::size_t beside_blocks_bytes() const {
-        return spill_->index_bytes() + map_bytes_ + (has_detail_ ? DetailMapFile::most_bytes : 0) +
+        return spill_->index_bytes() + map_bytes_ +
+               (has_detail_ || params_.expects_ground ? DetailMapFile::most_bytes : 0) +
                (terrain_blocks_ ? ledger_bytes() : forecast_ledgers_);
     }
 

@@ -36,7 +36,8 @@ struct DataBaseParams {
     std::size_t cache_bytes = 0;   ///< what the session grants GDAL's block cache
     /// What is known of the ground of plain rasters; null: nothing. A tile store has its own.
     std::shared_ptr<const GroundMap> ground;
-    const Stop* stop = nullptr;  ///< looked at while all posts are read for their extremes
+    bool expects_ground = false;  ///< one will be given when posts are read: to be counted among what is held
+    const Stop* stop = nullptr;   ///< looked at while all posts are read for their extremes
 };
 
 /// Opens and checks everything that can be checked without reading posts. DataError or IoError naming the file.

@@ -115,7 +115,9 @@ void check_simulation(const Settings& settings, const Stop& stop) {
     const bool range_given = settings.scene.range_m.has_value();
     const auto direct = open_direct_source(layers);
     const bool readable = direct->cache_bytes() + direct->reader_bytes() <= memory;
-    if (readable && range_given && !choose_source(layers, settings.source, settings.scene, memory).spilled)
+    const bool map_to_come = settings.expects_ground && !settings.ground;
+    if (readable && range_given && !map_to_come &&
+        !choose_source(layers, settings.source, settings.scene, memory).spilled)
         return;  // the run itself refuses before it reads more
     // The ground below the sensor is the only height known so far.
     float ground_m = any_ground_m(settings.scene);

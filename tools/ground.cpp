@@ -27,6 +27,11 @@ std::optional<Window> posts_for_levels(const Settings& settings, WedgeSource& so
     }
 }
 
+/// A tile store with nothing beside it has maps of its own.
+bool knows_its_ground(const Settings& settings) {
+    return is_tile_store(settings.dem) && settings.culture_height.empty();
+}
+
 /// Of a raster that is kept in memory for all scenes (tiles/shared_source.hpp).
 bool stays(const Settings& settings, const DataBase& db) {
     constexpr std::uint64_t least_memory = std::uint64_t{64} << 20;
@@ -37,10 +42,20 @@ bool stays(const Settings& settings, const DataBase& db) {
 
 }  // namespace
 
+bool expects_ground(const Settings& settings, GroundUse use, const Stop& stop) {
+    if (knows_its_ground(settings)) return false;
+    const DataBaseParams layers = data_base_params(settings, cache_bytes(settings), stop);
+    if (settings.keep_map || GroundMap::kept(layers)) return true;
+    if (!use.levels) return false;
+    constexpr float any_ground_m = 0;
+    const auto unread = open_unread_source(layers, any_ground_m, {any_ground_m, any_ground_m, 0, true});
+    return posts_for_levels(settings, *unread).has_value();
+}
+
 std::string find_ground(Settings& settings, GroundUse use, const Stop& stop) {
     std::string unfit;
     settings.ground = nullptr;
-    if (is_tile_store(settings.dem) && settings.culture_height.empty()) return unfit;
+    if (knows_its_ground(settings)) return unfit;
     const DataBaseParams layers = data_base_params(settings, cache_bytes(settings), stop);
     settings.ground = GroundMap::kept(layers, &unfit);
     if (settings.ground) return unfit;

@@ -18,6 +18,9 @@ struct GroundUse {
 /// So many make a map of the whole raster pay.
 inline constexpr std::size_t many_scenes = 4;
 
+/// True if find_ground() would find or make one; reads nothing of the terrain.
+bool expects_ground(const Settings& settings, GroundUse use, const Stop& stop);
+
 /// Sets settings.ground: null where a tile store knows its ground itself, or there is no need. `settings`: with the place
 /// of the scene, or of the first of many. Returns why a map that lies beside the raster is not used; mostly
 /// empty. Errors as of GroundMap::make.

@@ -359,9 +359,7 @@ struct PlannedSource {
     SourceReport report;
 };
 
-PlannedSource planned_source(const Settings& given, const Stop& stop) {
-    Settings settings = given;
-    find_ground(settings, {.levels = true}, stop);  // levels of detail are part of what is foretold
+PlannedSource planned_source(const Settings& settings, const Stop& stop) {
     const DataBaseParams layers = data_base_params(settings, cache_bytes(settings), stop);
     const SpillOptions options = spill_options(settings);
     PlannedSource planned;
@@ -442,10 +440,13 @@ std::string plan_text(const Settings& settings, const PlannedSource& planned, co
     return out;
 }
 
-void print_plan(const Settings& settings, const Stop& stop) {
+void print_plan(const Settings& given, const Stop& stop) {
+    Settings settings = given;
     check_one_place(settings);
     check_complete(settings);
+    settings.expects_ground = expects_ground(settings, {.levels = true}, stop);
     check_simulation(settings, stop);
+    find_ground(settings, {.levels = true}, stop);  // levels of detail are part of what is foretold
     const PlannedSource planned = planned_source(settings, stop);
     const ResolvedScene& scene = planned.scene;
     const Plan found = [&] {

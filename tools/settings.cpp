@@ -45,6 +45,7 @@ DataBaseParams data_base_params(const Settings& settings, std::size_t cache, con
     params.default_class = material_by_name("material", settings.material);
     params.cache_bytes = cache;
     params.ground = settings.ground;
+    params.expects_ground = settings.expects_ground;
     params.stop = &stop;
     return params;
 }

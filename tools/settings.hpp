@@ -44,9 +44,10 @@ struct Settings {
     SourceKind source = SourceKind::automatic;
     bool keep_map = false;
     std::shared_ptr<const GroundMap> ground;  ///< no key: what find_ground() found or made
-    std::string temp_dir;     ///< empty: the system's
-    int threads = 0;          ///< 0: all the machine has
-    std::int64_t wedges = 0;  ///< 0: chosen
+    bool expects_ground = false;              ///< no key: it will, as a budget has to know before
+    std::string temp_dir;                     ///< empty: the system's
+    int threads = 0;                          ///< 0: all the machine has
+    std::int64_t wedges = 0;                  ///< 0: chosen
     std::uint64_t memory_bytes = std::uint64_t{1} << 30;
 
     std::string work_dir;  ///< path; empty: none

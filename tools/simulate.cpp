@@ -122,6 +122,7 @@ void simulate(const Settings& given, WorkDir* work, double start_s, Stop& stop) 
     std::unique_ptr<TimelineFile> timeline;
     if (outputs.timeline) timeline = std::make_unique<TimelineFile>(*outputs.timeline);
     Span opening(timeline.get(), "open", "stage");
+    settings.expects_ground = expects_ground(settings, {.levels = true}, stop);
     Settings as_read = settings;
     if (work && work->seems_done()) as_read.source = SourceKind::direct;
     check_simulation(as_read, stop);
