@@ -20,7 +20,7 @@ for layer in dem culture; do
 done
 "$program" tile dem.tif --culture culture.tif --culture-legend fbfm40 ground.store --quiet
 awk -v n="$frames" -v posts="$posts" 'BEGIN {
-    print "time (s),x,y,altitude-msl (m),heading (deg)"
+    print "time,x,y,altitude-msl,heading"
     for (i = 0; i < n; ++i)
         printf("%.2f,%.1f,%.1f,2500,90\n", i / 40, 400000 + posts * 30 * (0.8 + 0.4 * i / n), 4500000 - posts * 15.2) }' >track.csv
 
