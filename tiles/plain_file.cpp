@@ -18,8 +18,7 @@ namespace wedgescope {
 namespace {
 
 [[noreturn]] void fail(const std::string& path, const char* what) {
-    const char* reason = std::strerror(errno);
-    throw IoError(text("'", path, "' cannot be ", what, ": ", reason));
+    throw IoError(text("'", path, "' cannot be ", what, ": ", std::strerror(errno)));
 }
 
 }  // namespace

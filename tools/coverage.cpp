@@ -112,7 +112,6 @@ void coverage(const std::vector<std::string>& arguments, Stop& stop) {
 
     Span opening(timeline.get(), "open", "stage");
     const GdalSession session(cache_bytes(settings), settings.config);
-    settings.expects_ground = expects_ground(settings, {}, stop);
     const std::string unfit_map = find_ground(settings, {}, stop);
     const DataBaseParams layers = data_base_params(settings, cache_bytes(settings), stop);
     std::unique_ptr<WedgeSource> source = open_direct_source(layers);

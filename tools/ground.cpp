@@ -70,7 +70,7 @@ std::string find_ground(Settings& settings, GroundUse use, const Stop& stop) {
         only_for_speed = !params.posts;
         if (only_for_speed && use.many && stays(settings, db)) params.posts = everything;
         if (!params.posts) return unfit;
-        if (use.many || *params.posts == everything) params.posts.reset();
+        if (use.whole || *params.posts == everything) params.posts.reset();
     }
     params.temp_folder = settings.temp_dir;
     params.memory_bytes = static_cast<std::size_t>(settings.memory_bytes);

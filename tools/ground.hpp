@@ -12,7 +12,8 @@ namespace wedgescope {
 /// When to make a map for a run, beside using one that is kept already and keeping one where `keep-map` asks for that.
 struct GroundUse {
     bool levels = false;  ///< where levels of detail are possible, so that a plain raster has those of a store
-    bool many = false;    ///< many scenes, from other places too: where the raster stays in memory for them
+    bool many = false;    ///< many scenes: where the raster stays in memory for them
+    bool whole = false;   ///< scenes from other places too: a map of all the raster, not of the ground in one's range
 };
 
 /// So many make a map of the whole raster pay.

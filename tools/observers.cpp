@@ -345,7 +345,7 @@ void coverage_of_observers(const Settings& given, double start_s, Stop& stop) {
 
     Span opening(timeline.get(), "open", "stage");
     const GdalSession session(cache_bytes(settings), settings.config);
-    const std::string unfit_map = find_ground(settings, {.many = true}, stop);
+    const std::string unfit_map = find_ground(settings, {.many = true, .whole = true}, stop);
     const auto open = [&](const Settings& granted) {
         auto direct = open_direct_source(data_base_params(granted, cache_bytes(granted), stop));
         check_reader(*direct, memory_bytes(granted));

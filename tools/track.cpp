@@ -500,7 +500,7 @@ void simulate_track(const Settings& given, double start_s, Stop& stop) {
     Span opening(timeline.get(), "open", "stage");
     Settings first_frame = frames.settings(0);
     const std::string unfit_map =
-        find_ground(first_frame, {.levels = true, .many = frames.size() >= many_scenes}, stop);
+        find_ground(first_frame, {.levels = true, .many = frames.size() >= many_scenes, .whole = true}, stop);
     settings.ground = first_frame.ground;
     const auto open = [&](const Settings& granted) {
         const DataBaseParams layers = data_base_params(granted, cache_bytes(granted), stop);
