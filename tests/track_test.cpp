@@ -417,6 +417,34 @@ TEST_CASE("each frame of a track is the picture that its row's numbers give alon
     }
 }
 
+TEST_CASE("two frames far apart over fine ground have the levels of detail that each has alone", "[track]") {
+    const Folder folder;
+    Drawing d;
+    d.columns = 6600;  // farther apart than a page of the ground map is wide
+    d.rows = 600;
+    d.geotransform = std::array<double, 6>{465000, 2.5, 0, 3755000, 0, -2.5};
+    d.value = [hills = rolling(12, 500, 3)](int c, int r) { return 300 + hills(c, r); };
+    draw(folder / "fine.tif", d);
+    std::ofstream(folder / "two.csv")
+        << "time,x,y,altitude-msl,heading\n0,466500,3754250,600,0\n1,480000,3754250,600,0\n";
+    const std::vector<std::string> look = {program,   "simulate", "--dem",      folder / "fine.tif", "--geometry",
+                                           "grid",    "--range",  "1200m",      "--range-bin",       "40m",
+                                           "--pulse", "1us",      "--overwrite"};
+    const Ended both =
+        run_program(joined(look, {"--track", folder / "two.csv", "-o", folder / "both.png"}), folder / "log");
+    INFO(both.err);
+    REQUIRE(both.code == 0);
+    const Ended alone = run_program(joined(look, {"--xy", "480000,3754250", "--altitude-msl", "600m", "-o",
+                                                  folder / "alone.png", "--report", folder / "alone.json"}),
+                                    folder / "log");
+    INFO(alone.err);
+    REQUIRE(alone.code == 0);
+    CHECK(content(folder / "both_0002.png") == content(folder / "alone.png"));
+    // A level was used at all.
+    const auto levels = nlohmann::json::parse(content(folder / "alone.json")).at("levels");
+    CHECK(levels.back().at("level").get<int>() > 0);
+}
+
 TEST_CASE("what a user may take for an error is said once a track, with how many frames it is about", "[track]") {
     const Folder folder;
     draw_data(folder);
