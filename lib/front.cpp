@@ -19,6 +19,8 @@ constexpr std::size_t tile_lanes = 128;  // spokes taken over a chunk's lines to
 constexpr double infinite = std::numeric_limits<double>::infinity();
 // In place of a piece's backscatter: not the same all along; the same, and deposited.
 constexpr double several_gammas = -1, in_parts = -2;
+// Of bounds for several spokes: the least curvature shows the most ground; what it changes beside is below 4e-6.
+constexpr double together_margin = 1e-5;
 constexpr float void_post = std::numeric_limits<float>::quiet_NaN();
 
 LinePosts no_posts() { return {&void_post, 0, 0}; }
@@ -28,16 +30,19 @@ std::int64_t floor_of(double v) {
     return static_cast<double>(t) > v ? t - 1 : t;
 }
 
-/// The block that a post, or the cell that begins with it, lies in.
-std::int64_t block_along(std::int64_t post) { return blocks_of({{post, post + 1}, {0, 1}}).columns.begin; }
+/// The block, `side` posts wide, that a post, or the cell that begins with it, lies in.
+std::int64_t block_along(std::int64_t post, std::int64_t side = block_posts) {
+    return (post >= 0 ? post : post - side + 1) / side;
+}
 
-/// The block of the cells that begin at line `from`, outwards, and its far border, or line `last` before that.
+/// The block, `side` posts wide, of the cells that begin at line `from`, outwards, and its far border, or line `last`
+/// before that.
 struct CellsAhead {
     std::int64_t block, to;
 };
-CellsAhead cells_ahead(std::int64_t from, std::int64_t last, std::int64_t out) {
-    const std::int64_t block = block_along(out > 0 ? from : from - 1);
-    return {block, out > 0 ? std::min((block + 1) * block_posts, last) : std::max(block * block_posts, last)};
+CellsAhead cells_ahead(std::int64_t from, std::int64_t last, std::int64_t out, std::int64_t side = block_posts) {
+    const std::int64_t block = block_along(out > 0 ? from : from - 1, side);
+    return {block, out > 0 ? std::min((block + 1) * side, last) : std::max(block * side, last)};
 }
 
 /// What lies from `from` to `to` of the way, 0..1; nothing if that is no share of it. A part of a parabola is one too.
@@ -116,7 +121,8 @@ std::size_t Front::bytes_of(std::size_t lanes) {
 
 std::size_t Front::bytes() const {
     return bytes_of(lanes_.mode.capacity()) + lanes_.straddlers.capacity() * sizeof(std::int32_t) +
-           chunk_bounds_.capacity() * sizeof(float) + culture_.bytes();
+           (chunk_bounds_[0].highest_m.capacity() + chunk_bounds_[1].highest_m.capacity()) * sizeof(float) +
+           culture_.bytes();
 }
 
 double Front::slope(std::size_t lane) const {
@@ -254,14 +260,62 @@ ChunkRequest Front::request(Interval lines, BlockMap* map) const {
         // Before the first line stands no block: what counts is that line.
         if (!majors.contains(block)) block = block_along(to);
         places(grid.distance(fan_, line - 1), level, live_begin_, live_end_, far_minor.data(), far_arc.data(), pieces);
+        const auto blocks_between = [&](double lo, double hi) {
+            return Interval{block_along(floor_of(lo) - ChunkRequest::margin),
+                            block_along(floor_of(hi) + 1 + ChunkRequest::margin) + 1};
+        };
+        const auto hide = [&](Skip& skip, double highest) {
+            if (skip != Skip::hidden) skip = highest < scene_->smooth_sine ? Skip::horizon : Skip::hidden;
+        };
+        // Neighbours together first: nothing there that any of them could see, and no void.
+        const auto all_hidden = [&](std::size_t first, std::size_t end) {
+            double lo = infinite, hi = -infinite, near = infinite, far = 0, inverse = infinite, horizon = infinite;
+            for (std::size_t i = first; i < end; ++i) {
+                const std::size_t lane = live_begin_ + i;
+                if (is(lane, mode_done) || near_arc[i] > scene_->max_arc_m * 1.001) continue;
+                if (may_gap[i]) return false;
+                const std::size_t before = i > 0 ? i - 1 : 0, after = std::min(i + 1, n - 1);
+                lo = std::min({lo, near_minor[before], far_minor[before]});
+                hi = std::max({hi, near_minor[after], far_minor[after]});
+                near = std::min(near, near_arc[i]);
+                far = std::max(far, far_arc[i]);
+                inverse = std::min(inverse, lanes_.inverse_radius[lane]);
+                horizon = std::min(horizon, lanes_.horizon[lane]);
+            }
+            if (lo > hi) return true;
+            const Interval all = blocks_between(lo, hi);
+            if (intersection(all, minors) != all || lo < 0 || hi > static_cast<double>(count - 1)) return false;
+            std::array<double, 8> highest{};
+            if (all.size() > static_cast<std::int64_t>(highest.size())) return false;
+            for (std::int64_t j = all.begin; j < all.end; ++j) {
+                const std::size_t at = index(block, j);
+                const BlockBounds& b = bounds.bounds[at];
+                if (b.voids != Voids::none) return false;
+                if (request.skip[at] == Skip::none) continue;
+                double& sine = highest[static_cast<std::size_t>(j - all.begin)];
+                sine =
+                    highest_sine(scene_->sensor_m, static_cast<double>(b.highest_m + b.culture_m), near, far, inverse) +
+                    together_margin;
+                if (sine >= horizon) return false;
+            }
+            for (std::int64_t j = all.begin; j < all.end; ++j) {
+                Skip& skip = request.skip[index(block, j)];
+                if (skip != Skip::none) hide(skip, highest[static_cast<std::size_t>(j - all.begin)]);
+            }
+            return true;
+        };
+        constexpr std::size_t together = 16;
         for (std::size_t i = 0; i < n; ++i) {
+            if (i % together == 0 && all_hidden(i, std::min(i + together, n))) {
+                i += together - 1;
+                continue;
+            }
             const std::size_t lane = live_begin_ + i;
             if (is(lane, mode_done) || near_arc[i] > scene_->max_arc_m * 1.001) continue;
             const std::size_t before = i > 0 ? i - 1 : 0, after = std::min(i + 1, n - 1);
             const double lo = std::min(near_minor[before], far_minor[before]),
                          hi = std::max(near_minor[after], far_minor[after]);
-            const Interval all{block_along(floor_of(lo) - ChunkRequest::margin),
-                               block_along(floor_of(hi) + 1 + ChunkRequest::margin) + 1};
+            const Interval all = blocks_between(lo, hi);
             const Interval inside = intersection(all, minors);
             // The raster's edge is the edge of a void.
             bool voids = may_gap[i] != 0 || inside != all || lo < 0 || hi > static_cast<double>(count - 1);
@@ -281,8 +335,8 @@ ChunkRequest Front::request(Interval lines, BlockMap* map) const {
                                                     near_arc[i], far_arc[i], lanes_.inverse_radius[lane]);
                 if (voids || highest >= lanes_.horizon[lane]) {
                     skip = Skip::none;
-                } else if (skip != Skip::hidden) {
-                    skip = highest < scene_->smooth_sine ? Skip::horizon : Skip::hidden;
+                } else {
+                    hide(skip, highest);
                 }
             }
         }
@@ -325,21 +379,16 @@ void Front::enter_level(std::int64_t line) {
 
 void Front::sample_line(const LinePosts& posts, std::size_t begin, std::size_t end, std::size_t at,
                         Samples& samples) const {
-    const bool near = scene_->most_theta <= near_theta;
-    const auto post = [&](std::int64_t j) { return static_cast<double>(posts.has(j) ? posts.at(j) : void_post); };
-    for (std::size_t lane = begin, i = at; lane < end; ++lane, ++i) {
-        const double minor = samples.minor[i], arc = samples.arc[i], inverse = lanes_.inverse_radius[lane];
-        const std::int64_t j = floor_of(minor);
-        const double height = linear(post(j), post(j + 1), minor - static_cast<double>(j));
-        const SightLine sight = near ? sight_line<true>(scene_->sensor_m, arc, height, inverse)
-                                     : sight_line<false>(scene_->sensor_m, arc, height, inverse);
-        samples.part[i] = 0;
-        samples.height[i] = height;
-        samples.up[i] = sight.up_m;
-        samples.out[i] = sight.out_m;
-        samples.range[i] = sight.range_m;
-        samples.sine[i] = sight.sine;
-        samples.x[i] = coordinate(sight.range_m, arc);
+    constexpr std::size_t block = 64;
+    double cell[block];
+    float around[2 * block], same[2 * block];
+    const StepScene sight = step_scene(false);
+    for (std::size_t lane = begin; lane < end; lane += block, at += block) {
+        const std::size_t n = std::min(block, end - lane);
+        const SampleLanes line = samples.lanes(at);
+        std::fill_n(line.part, n, 0.0);
+        cell_lanes(posts, posts, n, line.minor, line.minor, {cell, around, same});
+        sight_lanes(n, sight, cell, around, lanes_.inverse_radius.data() + lane, line);
     }
 }
 
@@ -357,12 +406,10 @@ void Front::advance(Interval lines, const Chunk* chunk, bool leap) {
     leaps_ = leap;
     enter_level(lines.begin);
     between_.in_chunk = chunk != nullptr;
-    chunk_bounds_.clear();
+    for (ChunkBounds& bounds : chunk_bounds_) bounds.highest_m.clear();
     if (chunk) {
         if (scene_->data_base->has_culture) culture_.open(raster_posts(chunk->window, level_), !leap);
-        const auto blocks = blocks_of(chunk->window);
-        chunk_blocks_ = lines_are_columns(quadrant_) ? blocks : Window{blocks.rows, blocks.columns};
-        chunk_bounds_.assign(static_cast<std::size_t>(chunk_blocks_.posts()), void_post);
+        for (ChunkBounds& bounds : chunk_bounds_) bounds.set_up(*chunk, lines_are_columns(quadrant_));
     }
     if (next_line_ > 0) {
         // Its last line again: the chunk before may not have held all posts that matter now, or had another level.
@@ -450,15 +497,25 @@ void Front::advance_tile(Interval lines, const Chunk* chunk, std::size_t begin, 
     copy(to - from, now_, 0, lanes_.last, from);
 }
 
-float Front::highest_in_chunk(const Chunk& chunk, std::int64_t major_block, std::int64_t minor_block) {
-    float& bound =
-        chunk_bounds_[static_cast<std::size_t>((major_block - chunk_blocks_.columns.begin) * chunk_blocks_.rows.size() +
-                                               minor_block - chunk_blocks_.rows.begin)];
+void Front::ChunkBounds::set_up(const Chunk& chunk, bool columns) {
+    const auto blocks = [&](Interval posts) {
+        return posts.empty() ? Interval{0, 0}
+                             : Interval{block_along(posts.begin, side), block_along(posts.end - 1, side) + 1};
+    };
+    major = blocks(columns ? chunk.window.columns : chunk.window.rows);
+    minor = blocks(columns ? chunk.window.rows : chunk.window.columns);
+    highest_m.assign(static_cast<std::size_t>(major.size() * minor.size()), void_post);
+}
+
+float Front::highest_in_chunk(const Chunk& chunk, ChunkBounds& bounds, std::int64_t major_block,
+                              std::int64_t minor_block) const {
+    float& bound = bounds.highest_m[static_cast<std::size_t>((major_block - bounds.major.begin) * bounds.minor.size() +
+                                                             minor_block - bounds.minor.begin)];
     if (bound == bound) return bound;
     if (chunk.flat) return bound = chunk.surface_m[0];
     const bool columns = lines_are_columns(quadrant_);
-    const auto posts = [](std::int64_t block, Interval cut) {
-        return intersection({block * block_posts, (block + 1) * block_posts + 1}, cut);
+    const auto posts = [&](std::int64_t block, Interval cut) {
+        return intersection({block * bounds.side, (block + 1) * bounds.side + 1}, cut);
     };
     const Interval lines = posts(major_block, columns ? chunk.window.columns : chunk.window.rows),
                    along = posts(minor_block, columns ? chunk.window.rows : chunk.window.columns);
@@ -471,13 +528,14 @@ float Front::highest_in_chunk(const Chunk& chunk, std::int64_t major_block, std:
     return bound = extremes.any_void ? static_cast<float>(infinite) : extremes.highest_m;
 }
 
-bool Front::passes_alone(const Chunk& chunk, std::int64_t block, std::size_t begin, std::size_t end) {
+bool Front::passes_alone(const Chunk& chunk, ChunkBounds& bounds, std::int64_t block, std::size_t begin,
+                         std::size_t end) {
     for (std::size_t lane = begin, i = 0; lane < end; ++lane, ++i) {
         if (is(lane, mode_done)) continue;
-        const std::int64_t first = block_along(floor_of(std::min(now_.minor[i], ahead_.minor[i]))),
-                           last = block_along(floor_of(std::max(now_.minor[i], ahead_.minor[i])) + 1);
+        const std::int64_t first = block_along(floor_of(std::min(now_.minor[i], ahead_.minor[i])), bounds.side),
+                           last = block_along(floor_of(std::max(now_.minor[i], ahead_.minor[i])) + 1, bounds.side);
         for (std::int64_t j = first; j <= last; ++j) {
-            const auto highest = static_cast<double>(highest_in_chunk(chunk, block, j));
+            const auto highest = static_cast<double>(highest_in_chunk(chunk, bounds, block, j));
             if (!(highest < infinite) || highest_sine(scene_->sensor_m, highest, now_.arc[i], ahead_.arc[i],
                                                       lanes_.inverse_radius[lane]) >= lanes_.horizon[lane])
                 return false;
@@ -489,17 +547,26 @@ bool Front::passes_alone(const Chunk& chunk, std::int64_t block, std::size_t beg
 std::int64_t Front::leap(std::int64_t line, std::int64_t last, const Chunk& chunk, std::size_t begin, std::size_t end,
                          Between& between) {
     if (line == 0 || !between.adjacent) return line - 1;
-    const std::uint64_t clock = ticks();
-    const SpokeGrid& grid = *scene_->grid;
-    const std::int64_t out = outward(quadrant_), from = grid.line_index(fan_, line) - out;
-    const auto [block, to] = cells_ahead(from, grid.line_index(fan_, last), out);
-    // Tried where a block begins, and not for a few lines.
-    constexpr std::int64_t least = 4;
-    const std::int64_t away = out > 0 ? from - block * block_posts : (block + 1) * block_posts - from;
-    if ((to - from) * out < least || (away != 0 && line != next_line_)) return line - 1;
-    const std::size_t n = end - begin;
     for (std::size_t lane = begin; lane < end; ++lane)
         if (!is(lane, mode_hidden) && !is(lane, mode_done)) return line - 1;
+    const std::uint64_t clock = ticks();
+    std::int64_t passed = line - 1;
+    for (ChunkBounds& bounds : chunk_bounds_)
+        if (passed < line) passed = leap_block(line, last, chunk, bounds, begin, end, between);
+    cost_.sweep += ticks() - clock;
+    return passed;
+}
+
+std::int64_t Front::leap_block(std::int64_t line, std::int64_t last, const Chunk& chunk, ChunkBounds& bounds,
+                               std::size_t begin, std::size_t end, Between& between) {
+    const SpokeGrid& grid = *scene_->grid;
+    const std::int64_t out = outward(quadrant_), from = grid.line_index(fan_, line) - out;
+    const auto [block, to] = cells_ahead(from, grid.line_index(fan_, last), out, bounds.side);
+    // Tried where a block begins, and not for a few lines.
+    constexpr std::int64_t least = 4;
+    const std::int64_t away = out > 0 ? from - block * bounds.side : (block + 1) * bounds.side - from;
+    if ((to - from) * out < least || (away != 0 && line != next_line_)) return line - 1;
+    const std::size_t n = end - begin;
     const std::int64_t target = line + (to - from) * out - 1;
     places(grid.distance(fan_, target), level_, begin, end, ahead_.minor.data(), ahead_.arc.data(), line_pieces_);
     const Interval along = lines_are_columns(quadrant_) ? chunk.window.rows : chunk.window.columns;
@@ -512,29 +579,25 @@ std::int64_t Front::leap(std::int64_t line, std::int64_t last, const Chunk& chun
         inverse = std::min(inverse, lanes_.inverse_radius[begin + i]);
         if (is(begin + i, mode_hidden)) horizon = std::min(horizon, lanes_.horizon[begin + i]);
     }
-    const Interval all{block_along(floor_of(lo)), block_along(floor_of(hi) + 1) + 1};
-    bool passes = !(far > scene_->max_arc_m) && intersection(all, chunk_blocks_.rows) == all &&
-                  along.contains(floor_of(lo)) && along.contains(floor_of(hi) + 1);
-    if (passes) {
-        // All together first. The least curvature shows the most ground; what it changes beside is below 4e-6.
-        constexpr double margin = 1e-5;
-        float highest = -static_cast<float>(infinite);
-        for (std::int64_t j = all.begin; j < all.end; ++j)
-            highest = std::max(highest, highest_in_chunk(chunk, block, j));
-        const auto most = static_cast<double>(highest);
-        passes = most < infinite && (highest_sine(scene_->sensor_m, most, near, far, inverse) + margin < horizon ||
-                                     passes_alone(chunk, block, begin, end));
-    }
-    if (passes) {
-        sample_line(line_of(chunk, chunk.surface_m, to), begin, end, 0, ahead_);
-        std::swap(now_, ahead_);
-        between.behind = line_of(chunk, chunk.surface_m, to);
-        between.behind_culture = line_of(chunk, chunk.culture_height_m, to);
-        between.behind_major = static_cast<double>(to);
-        cost_.samples += n;
-    }
-    cost_.sweep += ticks() - clock;
-    return passes ? target : line - 1;
+    const Interval all{block_along(floor_of(lo), bounds.side), block_along(floor_of(hi) + 1, bounds.side) + 1};
+    if (far > scene_->max_arc_m || intersection(all, bounds.minor) != all || !along.contains(floor_of(lo)) ||
+        !along.contains(floor_of(hi) + 1))
+        return line - 1;
+    // All together first.
+    float highest = -static_cast<float>(infinite);
+    for (std::int64_t j = all.begin; j < all.end; ++j)
+        highest = std::max(highest, highest_in_chunk(chunk, bounds, block, j));
+    const auto most = static_cast<double>(highest);
+    if (!(most < infinite) || !(highest_sine(scene_->sensor_m, most, near, far, inverse) + together_margin < horizon ||
+                                passes_alone(chunk, bounds, block, begin, end)))
+        return line - 1;
+    sample_line(line_of(chunk, chunk.surface_m, to), begin, end, 0, ahead_);
+    std::swap(now_, ahead_);
+    between.behind = line_of(chunk, chunk.surface_m, to);
+    between.behind_culture = line_of(chunk, chunk.culture_height_m, to);
+    between.behind_major = static_cast<double>(to);
+    cost_.samples += n;
+    return target;
 }
 
 void Front::advance_line(std::int64_t line, const Between& between, std::size_t begin, std::size_t end) {
@@ -608,8 +671,7 @@ void Front::take(const Between& between, std::size_t begin, std::size_t end, boo
     cell_lanes(between.adjacent ? between.behind : between.ahead, between.ahead, n, one_cell ? from.minor : to.minor,
                to.minor, posts);
     const std::uint64_t sampled = ticks();
-    const StepScene step{scene_->sensor_m, bins_per_metre_, scene_->range_is_ground,
-                         scene_->sampling.exact_course && one_cell, scene_->most_theta};
+    const StepScene step = step_scene(scene_->sampling.exact_course && one_cell);
     constexpr std::size_t block = WedgeCells::Portions::most;
     std::array<Rises, tile_lanes / block> rises{};
     for (std::size_t at = 0; at < n; at += block) {

@@ -18,6 +18,7 @@
 #include <span>
 #include <vector>
 
+#include "lib/block_map.hpp"
 #include "lib/culture.hpp"
 #include "lib/culture_lanes.hpp"
 #include "lib/deposit.hpp"
@@ -86,6 +87,7 @@ public:
 
 private:
     static constexpr double no_horizon = -2;
+    static constexpr std::int64_t small_block_posts = 8;
 
     /// Nine arrays of doubles, one sample a spoke.
     struct Samples {
@@ -142,6 +144,9 @@ private:
     double coordinate(double range_m, double arc_m) const {
         return (scene_->range_is_ground ? arc_m : range_m) * bins_per_metre_;
     }
+    StepScene step_scene(bool exact_course) const {
+        return {scene_->sensor_m, bins_per_metre_, scene_->range_is_ground, exact_course, scene_->most_theta};
+    }
     bool is(std::size_t lane, SpokeMode mode) const { return lanes_.mode[lane] == mode; }
     double slope(std::size_t lane) const;
     void set_up_ring(std::size_t ring, Lanes& lanes) const;
@@ -151,15 +156,25 @@ private:
     std::size_t first_live(std::size_t begin, std::size_t end) const;
 
     void advance_tile(Interval lines, const Chunk* chunk, std::size_t begin, std::size_t end, Between& between);
-    /// Passes over lines up to the end of the block that the next one lies in, if nothing there can come over the
-    /// horizon of any spoke; returns the last line passed, or one before `line` if there is none.
+    /// Blocks of a chunk, `side` posts wide, aligned to the raster, as far as spokes have come by.
+    struct ChunkBounds {
+        std::int64_t side;
+        Interval major{}, minor{};
+        std::vector<float> highest_m{};  ///< NaN: not looked at yet; +inf: holds a void
+        void set_up(const Chunk& chunk, bool lines_are_columns);
+    };
+    /// Passes over lines up to the end of the block that the next one lies in, a large one or else a small one, if nothing
+    /// there can come over the horizon of any spoke; returns the last line passed, or one before `line` if there is none.
     std::int64_t leap(std::int64_t line, std::int64_t last, const Chunk& chunk, std::size_t begin, std::size_t end,
                       Between& between);
+    std::int64_t leap_block(std::int64_t line, std::int64_t last, const Chunk& chunk, ChunkBounds& bounds,
+                            std::size_t begin, std::size_t end, Between& between);
     /// Does every spoke on its own stay above what it comes by, from where it is now to where it is ahead?
-    bool passes_alone(const Chunk& chunk, std::int64_t block, std::size_t begin, std::size_t end);
-    /// Highest surface of the chunk's posts on the lines of one block and `block_posts` + 1 posts along them; +inf if
-    /// one is void.
-    float highest_in_chunk(const Chunk& chunk, std::int64_t major_block, std::int64_t minor_block);
+    bool passes_alone(const Chunk& chunk, ChunkBounds& bounds, std::int64_t block, std::size_t begin, std::size_t end);
+    /// Highest surface of the chunk's posts on the lines of one block and `side` + 1 posts along them; +inf if one is
+    /// void.
+    float highest_in_chunk(const Chunk& chunk, ChunkBounds& bounds, std::int64_t major_block,
+                           std::int64_t minor_block) const;
     void advance_line(std::int64_t line, const Between& between, std::size_t begin, std::size_t end);
     void take(const Between& between, std::size_t begin, std::size_t end, bool crossings, Samples& next);
     void change(std::size_t lane, std::size_t i, const Between& between, SampleLanes to);
@@ -224,8 +239,7 @@ private:
     std::vector<double> breaks_;
     std::vector<float> patch_posts_, patch_culture_;  // of the line behind the nadir
     bool leaps_ = true;
-    Window chunk_blocks_;              // major as columns, minor as rows
-    std::vector<float> chunk_bounds_;  // of these; NaN: not looked at yet
+    std::array<ChunkBounds, 2> chunk_bounds_{{{block_posts}, {small_block_posts}}};
     Between between_;
     Culture culture_;
     SweepCost cost_;

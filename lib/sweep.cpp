@@ -75,6 +75,35 @@ WEDGESCOPE_LANES_PART Rises step(std::size_t n, const StepScene& scene, const St
     return {plains, changes};
 }
 
+template <bool near_sensor>
+WEDGESCOPE_LANES_PART void sight(std::size_t n, const StepScene& scene, const double* __restrict cell,
+                                 const float* __restrict posts, const double* __restrict inverse_radius,
+                                 const SampleLanes& samples) noexcept {
+    const double* __restrict minor = samples.minor, * __restrict arc = samples.arc_m;
+    double *__restrict height = samples.height_m, *__restrict up = samples.up_m, *__restrict out = samples.out_m,
+           *__restrict range = samples.range_m, *__restrict sine = samples.sine, *__restrict x = samples.x;
+    const double sensor_m = scene.sensor_m, bins = scene.bins_per_metre;
+    const bool ground = scene.range_is_ground;
+    WEDGESCOPE_INDEPENDENT
+    for (std::size_t i = 0; i < n; ++i) {
+        const double z =
+            linear(static_cast<double>(posts[2 * i]), static_cast<double>(posts[2 * i + 1]), minor[i] - cell[i]);
+        const SightLine p = sight_line<near_sensor>(sensor_m, arc[i], z, inverse_radius[i]);
+        height[i] = z;
+        up[i] = p.up_m;
+        out[i] = p.out_m;
+        range[i] = p.range_m;
+        sine[i] = p.sine;
+        x[i] = (ground ? arc[i] : p.range_m) * bins;
+    }
+}
+
+WEDGESCOPE_LANES_PART void any_sight(std::size_t n, const StepScene& scene, const double* cell, const float* posts,
+                                     const double* inverse_radius, const SampleLanes& samples) noexcept {
+    if (scene.most_theta <= near_theta) return sight<true>(n, scene, cell, posts, inverse_radius, samples);
+    sight<false>(n, scene, cell, posts, inverse_radius, samples);
+}
+
 WEDGESCOPE_LANES_PART Rises any_step(StepTo target, std::size_t n, const StepScene& scene,
                                      const StepLanes& lanes) noexcept {
     const bool near_sensor = scene.most_theta <= near_theta;
@@ -87,6 +116,11 @@ WEDGESCOPE_LANES_PART Rises any_step(StepTo target, std::size_t n, const StepSce
 
 Rises step_lanes(StepTo target, std::size_t n, const StepScene& scene, const StepLanes& lanes) noexcept {
     return on_target<any_step>(target, n, scene, lanes);
+}
+
+void sight_lanes(std::size_t n, const StepScene& scene, const double* cell, const float* posts,
+                 const double* inverse_radius, const SampleLanes& samples) noexcept {
+    on_target<any_sight>(n, scene, cell, posts, inverse_radius, samples);
 }
 
 double ray_range_m(double sensor_m, double arc_m, double sine, double inverse_radius) {

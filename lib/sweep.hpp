@@ -67,6 +67,13 @@ struct StepScene {
     bool exact_course = false;  ///< else pieces are straight
     double most_theta = 0;      ///< no spoke is followed farther
 };
+/// Samples on one line, where their minor and arc_m say: height_m and what follows from it, exactly as a step there has it.
+///   cell[n]            in: raster index along the line of the post at or before each
+///   posts[2 n]         in: heights of that post and of the next, metres; NaN: none
+///   inverse_radius[n]  in
+void sight_lanes(std::size_t n, const StepScene& scene, const double* cell, const float* posts,
+                 const double* inverse_radius, const SampleLanes& samples) noexcept;
+
 /// Where the next samples lie: on the other axis' lines (a whole number along the line, or where the last sample was)
 /// or on the line ahead.
 enum class StepTo { crossing, line };
