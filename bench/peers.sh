@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
 # Masks of visibility by others and by coverage, on the same posts, in turns, warm: wall, CPU, peak memory, and posts that
-# an exact walk of the rays says are wrong (bench/check_mask).
-#   bench/peers.sh [--sizes "2000 10000 20000"] [--heights "100 500 3000 9000"] [--rounds 3] [--posts 100000] [--memory 256MiB]
+# an exact walk of the rays says are wrong (bench/check_mask); and the picture of simulate, which is more than a mask.
+#   bench/peers.sh [--sizes "1000x2000 2000 10000 20000"] [--heights "100 500 3000 9000"] [--rounds 3] [--posts 100000] [--memory 256MiB]
 #                  [--grass 2000] [--program PATH]
-# Mountains (make_terrain ridged), int16, 30 m posts; HEIGHT m above the ground in the middle. First every height, each
+# Sizes are of squares, or COLUMNSxROWS. Mountains (make_terrain ridged), int16, 30 m posts; HEIGHT m above the ground in the middle. First every height, each
 # program on the file it likes best: gdal_viewshed a plain tiled GeoTIFF, coverage a store, r.viewshed its own data base
 # (timed without import and export; sizes above --grass are left out: it takes minutes and asks for all memory). Then,
 # from 500 m, the same posts in other files. Rasters of 20000 take 20 GB of memory (the exact walk) and of temporary disk.
@@ -11,7 +11,7 @@ set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
 source bench/setup.sh
-bench_setup "--sizes 2000 10000 20000
+bench_setup "--sizes 1000x2000 2000 10000 20000
 --heights 100 500 3000 9000
 --rounds 3
 --posts 100000
@@ -21,6 +21,10 @@ bench_setup "--sizes 2000 10000 20000
 ours() {  # input, mask, threads, quality
     command=("$program" coverage --xy "$x,$y" --altitude-agl "${height}m" --geometry grid --memory "$memory" --overwrite --quiet
         --threads "$3" --quality "$4" "$1" "$2")
+}
+scope() {  # input, picture, threads, quality
+    command=("$program" simulate --xy "$x,$y" --altitude-agl "${height}m" --geometry grid --memory "$memory" --overwrite --quiet
+        --threads "$3" --quality "$4" --range "${reach}m" --dem "$1" -o "$2")
 }
 theirs() { command=(gdal_viewshed -q -ox "$x" -oy "$y" -oz "$height" -cc 0.75 "$1" "$2"); }
 
@@ -53,17 +57,24 @@ row() {  # case, mask or "", words
     fi
     awk -v size="$size" -v height="$height" -v visible="$visible" -v words="$3" -v wrong="${wrong:-- -}" -v base="$(cut -d ' ' -f 1 took.viewshed)" '{
         split(wrong, w, " ")
-        printf("%6d %6d %9s  %-34s %8.2f %8.2f %8.0f %7.2f %9s %7s\n", size, height, visible, words, $1, $2 + $3, $4 / 1024, base / $1, w[1], w[2])
+        printf("%9s %6d %9s  %-34s %8.2f %8.2f %8.0f %7.2f %9s %7s\n", size, height, visible, words, $1, $2 + $3, $4 / 1024, base / $1, w[1], w[2])
     }' "took.$1"
 }
-head='%6s %6s %9s  %-34s %8s %8s %8s %7s %9s %7s\n'
+head='%9s %6s %9s  %-34s %8s %8s %8s %7s %9s %7s\n'
 heading() { printf "$head" posts "m AGL" "visible %" program "wall s" "CPU s" "peak MiB" "ratio" "wrong %" IoU; }
 
 terrain=ridged
 heading
 for size in $sizes; do
-    y=$((4500000 - 30 * (size / 2) - 15)) x=$((400000 + 30 * (size / 2) + 15))
-    "$tools/make_terrain" "$terrain" "$size" "$terrain.tif"
+    columns=${size%x*} rows=${size#*x}
+    longer=$((columns > rows ? columns : rows))
+    y=$((4500000 - 30 * (rows / 2) - 15)) x=$((400000 + 30 * (columns / 2) + 15))
+    reach=$((22 * longer))  # to the corners of a square
+    "$tools/make_terrain" "$terrain" "$longer" "$terrain.tif"
+    if ((columns != rows)); then
+        gdal_translate -q -co TILED=YES -srcwin 0 0 "$columns" "$rows" "$terrain.tif" part.tif
+        mv part.tif "$terrain.tif"
+    fi
     "$program" tile "$terrain.tif" "$terrain.store" --overwrite --quiet --memory "$memory"
     for height in $heights; do
         order=()
@@ -73,17 +84,28 @@ for size in $sizes; do
             ours "$terrain.store" "normal.tif" "$threads" normal
             add "normal$threads"
         done
-        ours "$terrain.store" exact.tif "$all_threads" exact
-        add exact
+        for quality in draft fine exact; do
+            ours "$terrain.store" "$quality.tif" "$all_threads" "$quality"
+            add "$quality"
+        done
+        for threads in 1 $all_threads; do
+            for quality in normal exact; do
+                scope "$terrain.store" scope.png "$threads" "$quality"
+                add "scope.$quality$threads"
+            done
+        done
         command=(gdal_translate -q -co TILED=YES "$terrain.store/dem.vrt" copy.tif)
         add copy
         run_all
         row viewshed viewshed.tif "gdal_viewshed, 1 thread"
         row normal1 "" "coverage normal, 1 thread"
         row "normal$all_threads" normal.tif "coverage normal, $all_threads threads"
-        row exact exact.tif "coverage exact, $all_threads threads"
+        for quality in draft fine exact; do row "$quality" "$quality.tif" "coverage $quality, $all_threads threads"; done
+        for quality in normal exact; do
+            for threads in 1 $all_threads; do row "scope.$quality$threads" "" "simulate $quality, $threads threads"; done
+        done
         row copy "" "gdal_translate of the store"
-        if ((size <= grass)) && command -v grass >/dev/null; then
+        if ((longer <= grass)) && command -v grass >/dev/null; then
             cat >job.sh <<EOF
 export GRASS_VERBOSE=0
 r.in.gdal -o input=$terrain.tif output=dem
@@ -113,9 +135,9 @@ EOF
             add store
         fi
         run_all
-        row viewshed "" "gdal_viewshed, $file.tif"
-        row plain "" "coverage, $all_threads threads, $file.tif"
-        if [[ -d $file.store ]]; then row store "" "coverage, $all_threads threads, $file.store"; fi
+        row viewshed viewshed.tif "gdal_viewshed, $file.tif"
+        row plain plain.tif "coverage, $all_threads threads, $file.tif"
+        if [[ -d $file.store ]]; then row store normal.tif "coverage, $all_threads threads, $file.store"; fi
     done
     rm -rf ./*.tif ./*.store
     echo
