@@ -1,7 +1,6 @@
 #include "lib/material.hpp"
 
 #include <charconv>
-#include <cmath>
 #include <string_view>
 #include <utility>
 
@@ -69,12 +68,24 @@ constexpr CodeRange smc[] = {{1, 1, 15}, {2, 2, 14}, {3, 3, 11},  {4, 4, 10},  {
 
 const std::vector<Material>& material_table() {
     constexpr std::optional<double> none;
+    using enum UlabyDobsonClass;
     static const std::vector<Material> table = {
         {"water", none, none},  // at sea-state 0
-        {"snow", -15, none},    {"sand", -20, none},   {"rock", -12, none},  {"soil", -17, -8},
-        {"grass", -16, none},   {"crops", -15, none},  {"shrub", -15, none}, {"trees", -12, -10},
-        {"marsh", -18, none},   {"suburban", -7, 0},   {"urban", -2, 5},     {"concrete", -20, 5},
-        {"asphalt", -22, none}, {"part-metal", 3, 10}, {"metal", 6, 15},
+        {"snow", -15, none, soil},
+        {"sand", -20, none, soil, BareSoil{permittivity_by_name("material", "dry-sand"), 0.005}},
+        {"rock", -12, none, soil},
+        {"soil", -17, -8, soil, BareSoil{permittivity_by_name("material", "dry-soil"), 0.01}},
+        {"grass", -16, none, grass},
+        {"crops", -15, none, short_vegetation},
+        {"shrub", -15, none, shrubs},
+        {"trees", -12, -10, shrubs},
+        {"marsh", -18, none, short_vegetation},
+        {"suburban", -7, 0},
+        {"urban", -2, 5},
+        {"concrete", -20, 5},
+        {"asphalt", -22, none},
+        {"part-metal", 3, 10},
+        {"metal", 6, 15},
     };
     return table;
 }
@@ -85,8 +96,7 @@ ClassId material_by_name(const std::string& key, const std::string& name) {
 }
 
 std::vector<ClassGamma> gamma_table(double frequency_hz, std::optional<Decibel> constant) {
-    const double law_db = 5 * std::log10(frequency_hz / 10e9);
-    const auto linear = [&](double gamma10_db) { return Decibel(gamma10_db + law_db).ratio(); };
+    const auto linear = [&](double gamma10_db) { return gamma_at(Decibel(gamma10_db), frequency_hz).ratio(); };
     std::vector<ClassGamma> gammas;
     for (const Material& material : material_table()) {
         if (constant) {
@@ -99,6 +109,14 @@ std::vector<ClassGamma> gamma_table(double frequency_hz, std::optional<Decibel> 
         }
     }
     return gammas;
+}
+
+BackscatterLaw ground_law(const Material& material, LandModel model, double frequency_hz, Polarisation polarisation) {
+    if (model == LandModel::ulaby_dobson && material.ulaby_dobson)
+        return ulaby_dobson_law(*material.ulaby_dobson, frequency_hz, polarisation);
+    if (model == LandModel::oh && material.bare_soil) return oh_law(*material.bare_soil, frequency_hz, polarisation);
+    if (!material.gamma10_db) return BackscatterLaw::constant_gamma(0);
+    return BackscatterLaw::constant_gamma(gamma_at(Decibel(*material.gamma10_db), frequency_hz).ratio());
 }
 
 Legend::Legend(std::string name, std::map<int, ClassId> classes)

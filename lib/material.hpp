@@ -1,6 +1,6 @@
-// Materials: what the classes of the ground return: constant gamma, walls, names; and the legends
+// Materials: what the classes of the ground return: which law, with what numbers, walls, names; and the legends
 // that turn culture codes into classes.
-// Leaves where a class lies to the wedge source.
+// Leaves the laws themselves to backscatter.hpp and where a class lies to the wedge source.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "lib/backscatter.hpp"
 #include "lib/decibel.hpp"
 
 namespace wedgescope {
@@ -16,10 +17,15 @@ namespace wedgescope {
 using ClassId = std::uint8_t;
 
 struct Material {
-    const char* name;                       ///< the word the `material` key and legends take
-    std::optional<double> gamma10_db;       ///< at 10 GHz; none: returns nothing (calm water)
-    std::optional<double> gamma_wall10_db;  ///< of walls; none: as gamma10_db
+    const char* name;                                ///< the word the `material` key and legends take
+    std::optional<double> gamma10_db;                ///< at 10 GHz; none: returns nothing (calm water)
+    std::optional<double> gamma_wall10_db;           ///< of walls; none: as gamma10_db
+    std::optional<UlabyDobsonClass> ulaby_dobson{};  ///< none: constant gamma under that model too
+    std::optional<BareSoil> bare_soil{};             ///< what Oh's model takes; none: constant gamma under it too
 };
+
+/// The models of land that a scene may choose.
+enum class LandModel { constant_gamma, ulaby_dobson, oh };
 
 /// The project's class table (physics 7.4), index = ClassId.
 const std::vector<Material>& material_table();
@@ -34,6 +40,10 @@ struct ClassGamma {
 /// gamma10 + 5 log10(f / 10 GHz) for every class (physics 4.1); `constant` (the key `gamma`,
 /// at 10 GHz) replaces all of them, walls and water included.
 std::vector<ClassGamma> gamma_table(double frequency_hz, std::optional<Decibel> constant);
+
+/// What the ground of a class returns under a model: its constant gamma where the model does not know the class (laws
+/// never blend within one), nothing without one. InputError where the model does not reach the frequency.
+BackscatterLaw ground_law(const Material& material, LandModel model, double frequency_hz, Polarisation polarisation);
 
 /// Culture code -> class.
 class Legend {
