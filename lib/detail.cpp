@@ -373,8 +373,9 @@ private:
 
 }  // namespace
 
-bool detail_possible(const ResolvedScene& scene, const DataBase& db) {
-    if (!scene.scene.detail || detail_rms_db(scene.scene.quality) == 0 || db.cyclic || coarsest(db) == 0) return false;
+double detail_post_m(const ResolvedScene& scene, const DataBase& db) {
+    if (!scene.scene.detail || detail_rms_db(scene.scene.quality) == 0 || db.cyclic || coarsest(db) == 0)
+        return infinite;
     // What detail_error_db() asks for at the least, with the sides of a post as they may be anywhere in range.
     double column_m = std::abs(db.step_x) * db.metres_a_unit(), row_m = std::abs(db.step_y) * db.metres_a_unit();
     if (!db.crs_in_metres) {
@@ -383,8 +384,27 @@ bool detail_possible(const ResolvedScene& scene, const DataBase& db) {
         column_m *= std::cos(Angle::degrees(most_deg).rad());
     }
     constexpr double slack = 0.9;  // scale of projections
-    const double least = slack * std::min(column_m, row_m);
-    return 4 * least <= pulse_m(scene) && 4 * least <= *scene.scene.range_m * beam_rad(scene);
+    return slack * std::min(column_m, row_m);
+}
+
+namespace {
+
+bool gathers_posts(const ResolvedScene& scene, double post_m) {
+    return 4 * post_m <= pulse_m(scene) && 4 * post_m <= *scene.scene.range_m * beam_rad(scene);
+}
+
+}  // namespace
+
+bool detail_possible(const ResolvedScene& scene, const DataBase& db) {
+    return gathers_posts(scene, detail_post_m(scene, db));
+}
+
+bool same_levels(const ResolvedScene& before, bool levels, double post_m, const ResolvedScene& after) {
+    const double pulse = pulse_m(before), beam = beam_rad(before), new_pulse = pulse_m(after), new_beam = beam_rad(after);
+    if (new_pulse == pulse && new_beam == beam) return true;
+    if (levels) return false;
+    // The error of a level never falls as pulse or beam narrow (detail_error_db; a_metre sqrt(lit + shadows^2 pulse / beam) too).
+    return (new_pulse <= pulse && new_beam <= beam) || !gathers_posts(after, post_m);
 }
 
 Window detail_window(const ResolvedScene& scene, const DataBase& db) {

@@ -67,6 +67,15 @@ double excess_m3(const Residuals& residuals, int level);
 /// hold four posts or more, and quality and key `detail` allow levels.
 bool detail_possible(const ResolvedScene& scene, const DataBase& data_base);
 
+/// Least side of a post in range, metres, as detail_possible() takes it; infinite where there is no level whatever beam and
+/// pulse are.
+double detail_post_m(const ResolvedScene& scene, const DataBase& data_base);
+
+/// Whether what was swept for `before` (at its levels of detail if `levels`, over posts of detail_post_m() `post_m`) is what
+/// would be swept for `after`, a scene that differs in beam and pulse alone. Never true where it is not; where only a sweep
+/// could tell, false.
+bool same_levels(const ResolvedScene& before, bool levels, double post_m, const ResolvedScene& after);
+
 /// Posts whose blocks choose_levels() may ask the maps for.
 Window detail_window(const ResolvedScene& scene, const DataBase& data_base);
 

@@ -26,6 +26,12 @@ class Earth {
 public:
     Earth() = default;  ///< plane
     explicit Earth(double effective_radius_m) : inverse_radius_(1 / effective_radius_m) {}
+    /// From inverse_radius(), exactly.
+    static Earth of_curvature(double inverse_radius_per_m) {
+        Earth earth;
+        earth.inverse_radius_ = inverse_radius_per_m;
+        return earth;
+    }
 
     double inverse_radius() const { return inverse_radius_; }
 

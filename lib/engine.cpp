@@ -431,16 +431,16 @@ void Wedges::sweep_all(Threads& threads) {
               [](const auto& a, const auto& b) { return a.index < b.index; });
 }
 
-/// The shown part of the swept states.
-PolarImage<std::uint8_t> shown_states(const ResolvedScene& s, const PolarImage<std::uint8_t>& swept,
-                                      PolarImage<std::uint8_t>&& used) {
-    PolarImage<std::uint8_t> out(s.shown, std::move(used));
-    const std::int64_t circle = s.shown.circle_bins;
-    const auto skip = static_cast<std::size_t>(s.shown.range_bins.begin - s.swept.range_bins.begin);
-    for (std::int64_t a = s.shown.azimuth_bins.begin; a < s.shown.azimuth_bins.end; ++a) {
-        const std::int64_t row = ((a - s.swept.azimuth_bins.begin) % circle + circle) % circle;
-        std::copy_n(swept.row(static_cast<std::size_t>(row)) + skip, s.shown.range_count(),
-                    out.row(static_cast<std::size_t>(a - s.shown.azimuth_bins.begin)));
+/// Part of an image that holds it.
+template <class T>
+PolarImage<T> part_of(const PolarImage<T>& image, const PolarGrid& part, PolarImage<T>&& used) {
+    PolarImage<T> out(part, std::move(used));
+    const std::int64_t circle = part.circle_bins;
+    const auto skip = static_cast<std::size_t>(part.range_bins.begin - image.grid.range_bins.begin);
+    for (std::int64_t a = part.azimuth_bins.begin; a < part.azimuth_bins.end; ++a) {
+        const std::int64_t row = ((a - image.grid.azimuth_bins.begin) % circle + circle) % circle;
+        std::copy_n(image.row(static_cast<std::size_t>(row)) + skip, part.range_count(),
+                    out.row(static_cast<std::size_t>(a - part.azimuth_bins.begin)));
     }
     return out;
 }
@@ -487,6 +487,7 @@ void sweep(const ResolvedScene& scene, WedgeSource& source, const EngineParams& 
         wedges = plan(scene, source, setting.grid, params, threads);  // another process was first
         check_only(params.only_wedges, wedges.wedges.size());
     }
+    result.levels = setting.levels.any();
     result.report.survey_s = watch.wall_s();
     survey.end();
 
@@ -529,14 +530,13 @@ void receive(const EngineParams& params, RunResult& result) {
 }
 
 /// What the tube shows of it.
-void draw(const EngineParams& params, RunResult& result) {
+void draw(const EngineParams& params, const Receiver& receiver, RunResult& result) {
     const ResolvedScene& scene = result.scene;
     const Span stage(params.timeline, "display", "stage");
     const Stopwatch watch;
-    result.state = shown_states(scene, result.echo_state, std::move(result.state));
+    result.state = part_of(result.echo_state, scene.shown, std::move(result.state));
     for (const std::uint8_t s : result.state.cells) ++result.report.states[s];
-    result.scope = picture(result.received_w, result.state, display_setting(scene), params.tables->receiver,
-                           std::move(result.scope));
+    result.scope = picture(result.received_w, result.state, display_setting(scene), receiver, std::move(result.scope));
     result.report.display_s = watch.wall_s();
 }
 
@@ -607,9 +607,38 @@ RunResult run(const ResolvedScene& scene, WedgeSource& source, const EngineParam
     if (params.only_wedges) return result;
     crew.execute([&] {
         receive(params, result);
-        draw(params, result);
+        draw(params, params.tables->receiver, result);
     });
     if (!params.beside_others) result.received_w = {};
+    if (params.stop) params.stop->check();
+    return result;
+}
+
+bool holds(const PolarGrid& stored, const PolarGrid& wanted) {
+    if (stored.circle_bins != wanted.circle_bins || stored.range_bin_m != wanted.range_bin_m ||
+        intersection(stored.range_bins, wanted.range_bins) != wanted.range_bins)
+        return false;
+    const std::int64_t circle = stored.circle_bins,
+                       lead = ((wanted.azimuth_bins.begin - stored.azimuth_bins.begin) % circle + circle) % circle;
+    return stored.full_circle() || lead + wanted.azimuth_bins.size() <= stored.azimuth_bins.size();
+}
+
+RunResult show(const ResolvedScene& scene, PolarImage<float> echo_w, PolarImage<std::uint8_t> echo_state,
+               const EngineParams& params) {
+    if (!holds(echo_w.grid, scene.swept) || echo_state.grid != echo_w.grid)
+        throw Error("the echo image does not hold what the scene sweeps");
+    RunResult result;
+    result.scene = scene;
+    result.report.threads = threads_of(params);
+    Threads crew(result.report.threads, !params.beside_others);
+    crew.execute([&] {
+        const bool whole = echo_w.grid == scene.swept;
+        result.echo_w = whole ? std::move(echo_w) : part_of(echo_w, scene.swept, {});
+        result.echo_state = whole ? std::move(echo_state) : part_of(echo_state, scene.swept, {});
+        receive(params, result);
+        draw(params, Receiver(scene.scene.receiver, scene.scene.radar), result);
+    });
+    result.received_w = {};
     if (params.stop) params.stop->check();
     return result;
 }
@@ -649,7 +678,7 @@ RunResult run(const ResolvedScene& scene, const Scan& scan, WedgeSource& source,
     result.report.peak_held_bytes += images;
     result.report.planned.peak_bytes += images;
     group = {};
-    crew.execute([&] { draw(params, result); });
+    crew.execute([&] { draw(params, params.tables->receiver, result); });
     if (!params.beside_others) result.received_w = {};
     if (params.stop) params.stop->check();
     return result;

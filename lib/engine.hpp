@@ -47,6 +47,9 @@ struct ResolvedScene {
 
 /// Finds position, height above sea level and every default. InputError, DataError.
 ResolvedScene resolve(const Scene& scene, WedgeSource& source);
+/// The same without the data base, of another scene at a place that is known: geometry, nadir, heights and earth of `place`,
+/// and its range where the scene has none. InputError.
+ResolvedScene resolve(const Scene& scene, const ResolvedScene& place);
 /// Where the spokes of a resolved scene go.
 SpokeMapParams swept_map_params(const ResolvedScene& scene, const DataBase& data_base);
 /// How densely a scene's ground is sampled: its quality, its own keys, and what the ground and the sensor's height need.
@@ -88,6 +91,7 @@ struct RunResult {
     PolarImage<float> received_w;  ///< on scene.shown, what the picture is made from; kept of runs side by side only
     Picture scope;
     RunReport report;
+    bool levels = false;  ///< some ground was swept at a level of detail
 };
 
 BeamSetting beam_setting(const ResolvedScene& scene);
@@ -102,6 +106,13 @@ Plan plan(const ResolvedScene& scene, WedgeSource& source, const EngineParams& p
 RunResult run(const ResolvedScene& scene, WedgeSource& source, const EngineParams& params);
 /// The same in the memory of an earlier result.
 RunResult run(const ResolvedScene& scene, WedgeSource& source, const EngineParams& params, RunResult&& used);
+
+/// The end of run() alone: power, states and scope of `scene` from an echo image that holds scene.swept (and may hold more): the
+/// bits of a run() that makes that image. Error where it does not hold it.
+RunResult show(const ResolvedScene& scene, PolarImage<float> echo_w, PolarImage<std::uint8_t> echo_state,
+               const EngineParams& params);
+/// True where an echo image on `stored` holds all of `wanted`, azimuths modulo the circle.
+bool holds(const PolarGrid& stored, const PolarGrid& wanted);
 
 /// A sensor that moves while its antenna turns.
 struct Scan {

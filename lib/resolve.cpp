@@ -280,9 +280,10 @@ void look_at(ResolvedScene& s, Interval azimuth_bins) {
         s.swept.azimuth_bins = {s.swept.azimuth_bins.begin + circle, s.swept.azimuth_bins.end + circle};
 }
 
-ResolvedScene resolve(const Scene& scene, WedgeSource& source) {
-    ResolvedScene s = resolve_place(scene, source);
-    if (!scene.range_m) s.scene.range_m = default_range(s, source);
+namespace {
+
+/// Bins, noise and display of a scene whose place and range are known.
+void resolve_view(ResolvedScene& s, const Scene& scene) {
     const double range = *s.scene.range_m;
     if (s.earth.inverse_radius() * range > 0.3)
         throw InputError(
@@ -323,6 +324,24 @@ ResolvedScene resolve(const Scene& scene, WedgeSource& source) {
     s.noise_power_w = scene.radar.noise_power_w();
     s.sweep_delay_m = scene.display.sweep_delay_m.value_or(std::max(0.0, s.sensor_m - s.reference_m));
     s.scene.display.sweep_delay_m = s.sweep_delay_m;
+}
+
+}  // namespace
+
+ResolvedScene resolve(const Scene& scene, WedgeSource& source) {
+    ResolvedScene s = resolve_place(scene, source);
+    if (!scene.range_m) s.scene.range_m = default_range(s, source);
+    resolve_view(s, scene);
+    return s;
+}
+
+ResolvedScene resolve(const Scene& scene, const ResolvedScene& place) {
+    validate(scene);
+    ResolvedScene s = place;
+    s.scene = scene;
+    s.scene.geometry = place.geometry;
+    if (!scene.range_m) s.scene.range_m = place.scene.range_m;
+    resolve_view(s, scene);
     return s;
 }
 

@@ -9,6 +9,7 @@
 namespace wedgescope {
 
 void simulate(const std::vector<std::string>& arguments, Stop& stop);
+void scope(const std::vector<std::string>& arguments, Stop& stop);
 void tile(const std::vector<std::string>& arguments, Stop& stop);
 void coverage(const std::vector<std::string>& arguments, Stop& stop);
 void info(const std::vector<std::string>& arguments, Stop& stop);

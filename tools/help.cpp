@@ -66,7 +66,16 @@ std::string help_text(const CommandInfo& command) {
         if (!key.fallback.empty() && !key.value.empty()) help += " [" + key.fallback + "]";
         out += wrapped(help, column, page_width) + "\n";
     }
-    if (command.command == command_simulate || command.command == command_coverage) {
+    if (command.command == command_scope) {
+        std::string refused;
+        for (const Key& key : key_table())
+            if (!(key.commands & command_scope) && key.changes_result && (key.commands & command_simulate))
+                refused += (refused.empty() ? "" : ", ") + key.name;
+        out += text("\nNeed a new sweep, so they must be as they were: the data base, display gpi-true, and\n  ",
+                    wrapped(refused, 2, page_width), "\n");
+    }
+    if (command.command == command_simulate || command.command == command_coverage ||
+        command.command == command_scope) {
         out += "\nUnits: a number with a dimension needs its unit (0 does not)\n";
         for (const Dimension d : {Dimension::length, Dimension::time, Dimension::frequency, Dimension::power,
                                   Dimension::level, Dimension::angle, Dimension::decibel, Dimension::bytes}) {

@@ -367,8 +367,17 @@ Codec sector() {
     };
     codec.get = [](const Settings& s) -> std::optional<std::string> {
         if (!s.scene.sector) return "full";
-        return quantity_text(Dimension::angle, s.scene.sector->from.rad()) + "," +
-               quantity_text(Dimension::angle, s.scene.sector->to.rad());
+        constexpr double circle = 2 * std::numbers::pi;
+        const double from = s.scene.sector->from.rad(), to = s.scene.sector->to.rad();
+        std::string end = quantity_text(Dimension::angle, to);
+        if (to > circle * (1 + 1e-12)) {
+            // Past north: written as it may be given, so that reading it back makes exactly this again.
+            const double turned = to - circle;
+            end = fmt::format("{:.12g}deg", Angle::radians(turned).deg());
+            if (parse_quantity(Dimension::angle, "", end) + circle != to)
+                end = quantity_text(Dimension::angle, turned);
+        }
+        return quantity_text(Dimension::angle, from) + "," + end;
     };
     return codec;
 }
@@ -1052,6 +1061,38 @@ std::vector<Key> make_keys() {
                              "help"})
         for (Key& key : keys)
             if (key.name == name) key.commands |= command_coverage;
+    // What follows the echo image, and what the picture takes from the scene beside: the rest needs a new sweep.
+    for (Key& key : keys) {
+        if (key.after_echo || key.group == KeyGroup::errors) key.commands |= command_scope;
+        if (key.group == KeyGroup::data_base) key.needs_sweep = "the echo image holds what was seen of its data base";
+        if (key.group == KeyGroup::antenna) key.needs_sweep = "the pattern in elevation weighs every piece of ground";
+    }
+    const auto keys_of = [&](std::initializer_list<const char*> names, const auto& change) {
+        for (const char* name : names)
+            for (Key& key : keys)
+                if (key.name == name) change(key);
+    };
+    keys_of({"heading", "sector", "azimuth-bins", "range-bin", "pulse", "noise-figure", "bandwidth", "beam",
+             "azimuth-pattern", "display", "threads", "memory", "output", "power", "states", "report", "power-unit", "of",
+             "co", "overwrite", "reproducible", "config", "quiet", "help"},
+            [](Key& key) {
+                key.commands |= command_scope;
+                key.needs_sweep.clear();
+            });
+    const auto because = [&](std::initializer_list<const char*> names, const char* reason) {
+        keys_of(names, [&](Key& key) { key.needs_sweep = reason; });
+    };
+    because({"latlon", "xy", "altitude-msl", "altitude-agl", "altitude-hae", "geoid-offset"},
+            "what is seen depends on where the sensor stands");
+    because({"scan-step", "scan-period"}, "an echo image is seen from one place");
+    because({"geometry", "earth"}, "it decides what the spokes meet and what hides it");
+    because({"range"}, "how densely the ground is sampled follows from it");
+    because({"range-start"}, "ground that its near edge cuts is added up in other pieces");
+    because({"quality", "max-error", "spokes-per-post", "spoke-lead", "crossings", "course", "detail"},
+            "it decides how the ground is sampled");
+    because({"frequency", "transmit-power", "gain", "losses"},
+            "the echo's watts hold it, and would be rounded otherwise (if-gain brightens the picture as well)");
+    because({"gamma"}, "it is what every piece of ground returns");
     return keys;
 }
 

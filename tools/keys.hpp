@@ -17,7 +17,8 @@ enum Command : unsigned {
     command_info = 2,
     command_help = 4,
     command_tile = 8,
-    command_coverage = 16
+    command_coverage = 16,
+    command_scope = 32
 };
 
 enum class KeyGroup {
@@ -62,6 +63,7 @@ struct Key {
     bool in_scene_file = true;
     bool changes_result = false;                       ///< part of SCENE_JSON: position, look, set, receiver, display
     bool after_echo = false;                           ///< changes_result, but never the echo: receiver, tube, noise
+    std::string needs_sweep;  ///< of changes_result and the data base: why scope cannot change it; empty: it can, or unknown
     std::function<void(Settings&, const Given&)> set;  ///< InputError
     std::function<std::optional<std::string>(const Settings&)>
         get;  ///< the value as a user would write it; none: not given

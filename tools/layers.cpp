@@ -59,7 +59,11 @@ void LayerFiles::write(RunResult& result, const Settings& settings, const DataBa
     if (!legend_helper_.empty()) add_legend(legend_helper_, settings, result.scene, result.scope);
     if (scope_) write_scope(result, *scope_, chosen);
     stop.check();
-    if (echo_) write_echo(result, *echo_, polar);
+    if (echo_) {
+        RasterFormat format = polar;
+        format.scene_json = echo_scene_json(settings, result, data_base);
+        write_echo(result, *echo_, format);
+    }
     stop.check();
     if (power_) write_power(result, settings.power_unit, *power_, polar);
     if (states_) write_states(result, *states_, polar);

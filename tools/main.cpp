@@ -59,6 +59,8 @@ void run_command(const std::vector<std::string>& words) {
     switch (command_by_name(name).command) {
         case command_simulate:
             return simulate(rest, stop);
+        case command_scope:
+            return scope(rest, stop);
         case command_tile:
             return tile(rest, stop);
         case command_coverage:

@@ -79,7 +79,9 @@ const CommandInfo& info_of(Command command) {
 }
 
 /// Commands whose keys a command takes: `info --plan` takes simulate's too.
+/// `scope` too, to say why it cannot do what they ask for.
 unsigned keys_taken(Command command, const std::vector<std::string>& arguments) {
+    if (command == command_scope) return command_scope | command_simulate;
     const bool plan =
         command == command_info && std::find(arguments.begin(), arguments.end(), "--plan") != arguments.end();
     return plan ? command_info | command_simulate : static_cast<unsigned>(command);
@@ -200,6 +202,14 @@ const std::vector<CommandInfo>& command_table() {
          "line wins; relative "
          "paths in the file start from its folder. Outputs appear under their names only when they are whole.",
          "wedgescope simulate --dem terrain.tif --latlon 33.9,-117.3 --altitude-msl 7000ft --range 30nmi -o scope.png"},
+        {command_scope, "scope", "wedgescope scope [options] ECHO [setting.ini]",
+         "stored echo image -> scope picture with another receiver, display, noise",
+         "ECHO is what simulate --echo has written. Whatever is not given is as it was then; the picture is, byte for "
+         "byte, the one that simulate makes with the same setting, and nothing of the data base is read. Settings that need "
+         "a new sweep are refused with the reason, unless they are as they were. Beam, pulse, sector and heading may change "
+         "as long as the echo image holds what they gather and its bins stay (azimuth-bins and range-bin, where they are "
+         "auto, follow beam and pulse: give them).",
+         "wedgescope scope --if-gain 40dB --display ppi echo.tif -o scope.png"},
         {command_coverage, "coverage", "wedgescope coverage [options] IN OUT",
          "terrain raster -> which of its posts are seen, or how high, far and steep they lie",
          "OUT has IN's grid; the mask holds 255 where the ground is seen, 0 where it is not, 1 where there is no data "
@@ -316,7 +326,10 @@ bool excludes(const Key& a, const Key& b) {
 
 }  // namespace
 
-Settings settings_from(const std::vector<Given>& scene_file, const std::vector<Given>& command_line) {
+namespace {
+
+/// Those of the scene file that the command line does not replace, and then its own.
+std::vector<Given> merged(const std::vector<Given>& scene_file, const std::vector<Given>& command_line) {
     const auto refuse_two = [](const std::vector<Given>& from) {
         for (std::size_t i = 0; i < from.size(); ++i) {
             for (std::size_t j = i + 1; j < from.size(); ++j) {
@@ -350,17 +363,44 @@ Settings settings_from(const std::vector<Given>& scene_file, const std::vector<G
         if (!replaced) all.push_back(from_file);
     }
     all.insert(all.end(), command_line.begin(), command_line.end());
+    return all;
+}
+
+bool asks_for_help(const std::vector<Given>& command_line) {
+    return std::any_of(command_line.begin(), command_line.end(),
+                       [](const Given& given) { return given.key == "help"; });
+}
+
+}  // namespace
+
+Settings settings_from(const std::vector<Given>& scene_file, const std::vector<Given>& command_line) {
     Settings settings;
-    for (const Given& given : all) find_key(given.key)->set(settings, given);
+    for (const Given& given : merged(scene_file, command_line)) find_key(given.key)->set(settings, given);
     return settings;
+}
+
+ScopeRequest parse_scope_arguments(const std::vector<std::string>& arguments) {
+    std::vector<std::string> files;
+    const std::vector<Given> command_line = read_command_line(command_scope, arguments, files);
+    ScopeRequest request;
+    request.settings.help = asks_for_help(command_line);
+    if (request.settings.help) return request;
+    if (files.empty())
+        throw InputError("scope takes the path of an echo image (what simulate --echo has written); none is given");
+    if (files.size() > 2)
+        throw InputError(text("scope takes an echo image and at most one scene file; found ", files.size(), " paths"));
+    std::vector<Given> scene_file;
+    if (files.size() == 2) scene_file = read_scene(files[1], file_content(files[1]));
+    request.given = merged(scene_file, command_line);
+    request.settings = settings_from({}, request.given);
+    request.settings.files = files;
+    return request;
 }
 
 Settings parse_arguments(Command command, const std::vector<std::string>& arguments) {
     std::vector<std::string> files;
     const std::vector<Given> command_line = read_command_line(command, arguments, files);
-    const bool help =
-        std::any_of(command_line.begin(), command_line.end(), [](const Given& given) { return given.key == "help"; });
-    if (help) {
+    if (asks_for_help(command_line)) {
         Settings settings;
         settings.help = true;
         return settings;

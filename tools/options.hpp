@@ -28,6 +28,14 @@ Settings parse_arguments(Command command, const std::vector<std::string>& argume
 /// A scene file alone, as `info` reads it.
 Settings parse_scene_file(const std::string& path);
 
+/// What is asked of `scope`: ECHO [setting.ini].
+struct ScopeRequest {
+    Settings settings;         ///< of what was given alone; files: the echo image, and the scene file if there is one
+    std::vector<Given> given;  ///< the command line's, and the scene file's that it does not replace
+};
+/// InputError, IoError.
+ScopeRequest parse_scope_arguments(const std::vector<std::string>& arguments);
+
 /// `key = value` lines, # comments. InputError naming `path` and the line.
 std::vector<Given> read_scene(const std::string& path, std::string_view content);
 /// The values of both, the command line's winning; then every key's own check.

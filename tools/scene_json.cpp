@@ -1,9 +1,12 @@
 #include "tools/scene_json.hpp"
 
+#include <cmath>
 #include <filesystem>
 
+#include "lib/detail.hpp"
 #include "lib/receiver.hpp"
 #include "tiles/checksum.hpp"
+#include "tiles/echo_file.hpp"
 #include "tools/options.hpp"
 #include "tools/units.hpp"
 
@@ -30,7 +33,7 @@ nlohmann::ordered_json parameters_json(const Settings& settings, bool everything
     return out;
 }
 
-Settings settings_from_json(const nlohmann::ordered_json& parameters) {
+std::vector<Given> given_in_json(const nlohmann::ordered_json& parameters) {
     std::vector<Given> given;
     for (const auto& [name, value] : parameters.items()) {
         const Key* key = find_key(name);
@@ -45,7 +48,11 @@ Settings settings_from_json(const nlohmann::ordered_json& parameters) {
             add(value);
         }
     }
-    return settings_from({}, given);
+    return given;
+}
+
+Settings settings_from_json(const nlohmann::ordered_json& parameters) {
+    return settings_from({}, given_in_json(parameters));
 }
 
 Settings with_resolved(const Settings& settings, const ResolvedScene& resolved) {
@@ -95,13 +102,49 @@ nlohmann::ordered_json resolved_json(const ResolvedScene& r) {
     return out;
 }
 
-std::string scene_json(const Settings& settings, const ResolvedScene& resolved) {
+namespace {
+
+nlohmann::ordered_json scene_object(const Settings& settings, const ResolvedScene& resolved) {
     nlohmann::ordered_json out;
     out["format"] = "wedgescope-scene-1";
     out["version"] = version();
     out["parameters"] = parameters_json(settings, false);
     out["resolved"] = resolved_json(resolved);
-    return out.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
+    return out;
+}
+
+std::string dumped(const nlohmann::ordered_json& object) {
+    return object.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
+}
+
+}  // namespace
+
+std::string scene_json(const Settings& settings, const ResolvedScene& resolved) {
+    return dumped(scene_object(settings, resolved));
+}
+
+std::string file_name(const std::string& path) { return std::filesystem::path(path).filename().string(); }
+
+std::string echo_scene_json(const Settings& settings, const RunResult& run, const DataBase& data_base) {
+    nlohmann::ordered_json names;
+    for (const Key& key : key_table()) {
+        if (key.group != KeyGroup::data_base) continue;
+        const auto value = key.get(settings);
+        names[key.name] = value ? nlohmann::ordered_json(key.value.find("PATH") == std::string::npos ? *value : file_name(*value))
+                                : nlohmann::ordered_json(nullptr);
+    }
+    const double post_m = detail_post_m(run.scene, data_base);
+    nlohmann::ordered_json echo;
+    echo["revision"] = echo_revision;
+    echo["checksum"] = hex(echo_checksum(run.echo_w, run.echo_state));
+    echo["levels"] = run.levels;
+    echo["detail_post_m"] = std::isfinite(post_m) ? nlohmann::ordered_json(post_m) : nlohmann::ordered_json(nullptr);
+    echo["data_base"] = names;
+    echo["crs_wkt"] = data_base.crs_wkt;
+    echo["metres_per_unit"] = data_base.metres_per_unit;
+    nlohmann::ordered_json out = scene_object(settings, run.scene);
+    out["echo"] = echo;
+    return dumped(out);
 }
 
 WorkDir::Run work_run(const Settings& settings, const ResolvedScene& resolved, const DataBase& data_base) {

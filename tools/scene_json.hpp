@@ -5,7 +5,7 @@
 #include <string>
 
 #include "tiles/work_dir.hpp"
-#include "tools/settings.hpp"
+#include "tools/keys.hpp"
 
 namespace wedgescope {
 
@@ -14,6 +14,8 @@ namespace wedgescope {
 nlohmann::ordered_json parameters_json(const Settings& settings, bool everything);
 /// And back.
 Settings settings_from_json(const nlohmann::ordered_json& parameters);
+/// The same, one by one; null ones left out. DataError.
+std::vector<Given> given_in_json(const nlohmann::ordered_json& parameters);
 
 /// `settings` with the numbers that the data base gave for what was left open.
 Settings with_resolved(const Settings& settings, const ResolvedScene& resolved);
@@ -22,6 +24,11 @@ nlohmann::ordered_json resolved_json(const ResolvedScene& resolved);
 /// SCENE_JSON of the output rasters: the parameters with every fixed default but `auto` left as it was (so that what
 /// follows from another changes with it), and the numbers that `auto` became.
 std::string scene_json(const Settings& settings, const ResolvedScene& resolved);
+/// SCENE_JSON of an echo image: also what a picture of it takes from the data base, and what tells whether another scene would
+/// have the same echo (docs/formats.md).
+std::string echo_scene_json(const Settings& settings, const RunResult& run, const DataBase& data_base);
+/// Of a data base's file or folder, what outputs say of it: its name without the way there.
+std::string file_name(const std::string& path);
 
 /// What the work folder compares: the keys that may change the echo, and what the echo depends on. IoError.
 WorkDir::Run work_run(const Settings& settings, const ResolvedScene& resolved, const DataBase& data_base);

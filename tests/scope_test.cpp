@@ -1,0 +1,493 @@
+// `scope` from outside: its pictures are those of full runs with the same setting, file by file and byte by byte; what needs a
+// new sweep, and what is no echo image, costs one line.
+#include <catch2/catch.hpp>
+
+#include <gdal_priv.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <sstream>
+
+#include "tests/program.hpp"
+#include "tools/keys.hpp"
+
+namespace {
+
+namespace fs = std::filesystem;
+using Catch::Matchers::Contains;
+using Strings = std::vector<std::string>;
+using wedgescope::test::Ended;
+
+const std::string data = WEDGESCOPE_DATA;
+
+std::string content(const fs::path& path) {
+    std::ifstream in(path, std::ios::binary);
+    std::ostringstream all;
+    all << in.rdbuf();
+    return all.str();
+}
+
+Strings with(Strings base, const Strings& more) {
+    base.insert(base.end(), more.begin(), more.end());
+    return base;
+}
+
+std::string line_of(const Strings& words) {
+    std::string line;
+    for (const std::string& word : words) line += (line.empty() ? "" : " ") + word;
+    return line;
+}
+
+class Folder {
+public:
+    Folder() {
+        static int number = 0;
+        path_ = fs::temp_directory_path() / ("scope_test_" + std::to_string(::getpid()) + "_" + std::to_string(++number));
+        fs::create_directories(path_);
+    }
+    ~Folder() { fs::remove_all(path_); }
+    std::string operator/(const std::string& name) const { return (path_ / name).string(); }
+    std::string write(const std::string& name, const std::string& text) const {
+        std::ofstream(*this / name, std::ios::binary) << text;
+        return *this / name;
+    }
+    Ended run(const Strings& arguments) const {
+        return wedgescope::test::run_program(with({WEDGESCOPE_PROGRAM}, arguments), path_.string() + ".err");
+    }
+    /// Must do.
+    void make(const Strings& arguments) const {
+        const Ended ended = run(arguments);
+        INFO("wedgescope " << line_of(arguments) << "\n" << ended.err);
+        REQUIRE(ended.code == 0);
+    }
+    /// Every file by its name below the folder.
+    std::map<std::string, std::string> files(const std::string& name = ".") const {
+        std::map<std::string, std::string> all;
+        for (const auto& entry : fs::recursive_directory_iterator(path_ / name))
+            if (entry.is_regular_file())
+                all[fs::relative(entry.path(), path_ / name).string()] = content(entry.path());
+        return all;
+    }
+
+private:
+    fs::path path_;
+};
+
+/// Into a new folder of this name. Names count: side files are called by them.
+Strings outputs(const Folder& folder, const std::string& name) {
+    fs::create_directories(folder / name);
+    const std::string at = folder / name;
+    return {"-o", at + "/scope.png", "--power", at + "/power.tif", "--states", at + "/states.tif", "--reproducible", "-q"};
+}
+
+struct Difference {
+    Strings setting;
+    bool changes_picture = true;
+};
+
+/// Each setting's files by scope from `echo` must be those of simulate.
+void same_as_simulate(const Folder& folder, const Strings& scene, const std::vector<Difference>& settings) {
+    folder.make(with(with({"simulate"}, scene), with(outputs(folder, "plain"), {"--echo", folder / "echo.tif"})));
+    const auto plain = folder.files("plain");
+    REQUIRE(plain.size() >= 5);
+    for (const Difference& d : settings) {
+        INFO(line_of(d.setting));
+        fs::remove_all(folder / "full");
+        fs::remove_all(folder / "again");
+        // What is given twice counts once: the setting replaces the scene's.
+        Strings replaced;
+        for (std::size_t i = 0; i < scene.size(); i += 2)
+            if (std::find(d.setting.begin(), d.setting.end(), scene[i]) == d.setting.end())
+                replaced.insert(replaced.end(), {scene[i], scene[i + 1]});
+        folder.make(with(with({"simulate"}, replaced), with(d.setting, outputs(folder, "full"))));
+        folder.make(with(with({"scope", folder / "echo.tif"}, d.setting), outputs(folder, "again")));
+        const auto full = folder.files("full"), again = folder.files("again");
+        REQUIRE(full.size() == again.size());
+        for (const auto& [name, bytes] : full) {
+            INFO(name);
+            REQUIRE(again.contains(name));
+            CHECK((again.at(name) == bytes));
+        }
+        CHECK((full.at("scope.png") != plain.at("scope.png")) == d.changes_picture);
+    }
+}
+
+/// In one line that holds `words`, and leaving the folder as it was.
+void refuses(const Folder& folder, const Strings& arguments, int code, const Strings& words) {
+    INFO("wedgescope " << line_of(arguments));
+    const auto before = folder.files();
+    const Ended ended = folder.run(arguments);
+    INFO(ended.err);
+    CHECK(ended.code == code);
+    CHECK(std::count(ended.err.begin(), ended.err.end(), '\n') == 1);
+    CHECK(ended.err.substr(0, 12) == "wedgescope: ");
+    for (const std::string& word : words) CHECK_THAT(ended.err, Contains(word));
+    CHECK((folder.files() == before));
+}
+
+const Strings riverside = {"--dem",    data + "/inland_empire_dem.tif",
+                           "--culture", data + "/inland_empire_culture.tif",
+                           "--culture-legend", "fbfm40",
+                           "--culture-height", data + "/inland_empire_canopy.tif",
+                           "--culture-height-scale", "0.1",
+                           "--latlon", "33.93,-117.33",
+                           "--altitude-msl", "7000ft",
+                           "--range",  "7km",
+                           "--size",   "160"};
+/// 0.5 us and 1.5 degrees, so that a beam or pulse of another size keeps the bins.
+const Strings bins = {"--azimuth-bins", "960", "--range-bin", "18.737028625m"};
+
+}  // namespace
+
+TEST_CASE("the scope of a stored echo is that of a full run, whatever receiver, noise or tube", "[scope]") {
+    const Folder folder;
+    same_as_simulate(folder, riverside,
+                     {{{"--if-gain", "38.7dB"}},
+                      {{"--video-gain", "9dB"}},
+                      {{"--stc-range", "5km", "--stc-exponent", "3", "--stc-max", "25dB"}},
+                      {{"--dynamic-range", "33dB"}},
+                      {{"--mds", "-95.5dBm"}},
+                      {{"--display-gamma", "2.2"}},
+                      {{"--noise-figure", "14dB"}},
+                      {{"--bandwidth", "30MHz"}},
+                      {{"--bwe", "off"}},
+                      {{"--ple", "off"}},
+                      {{"--bwe", "off", "--ple", "off", "--speckle", "2"}},
+                      {{"--noise", "on"}},
+                      {{"--noise", "on", "--seed", "18446744073709551615"}},
+                      {{"--speckle", "1"}},
+                      {{"--speckle", "3", "--noise", "on", "--seed", "77"}},
+                      {{"--seed", "5"}, false},
+                      {{"--display", "ppi"}},
+                      {{"--display", "tdppi"}},
+                      {{"--display", "tdppi", "--sweep-delay", "3km", "--if-gain", "45dB"}},
+                      {{"--size", "217"}},
+                      {{"--rings", "off"}},
+                      {{"--rings", "off", "--heading", "33.3deg", "--orientation", "heading"}},
+                      {{"--heading", "33.3deg"}, false},
+                      {{"--legend", "on"}},
+                      {{"--sector", "-20deg,45deg"}},
+                      {{"--sector", "350deg,10deg", "--noise", "on", "--speckle", "1"}},
+                      {{"--sector", "-20deg,45deg", "--heading", "225deg", "--orientation", "heading", "--display", "ppi"}},
+                      {{"--range", "7km", "--geometry", "geodesic"}, false},
+                      {{"--power-unit", "dBm"}, false}});
+}
+
+TEST_CASE("a sector's echo serves narrower sectors, other noise, and beams and pulses that it holds", "[scope]") {
+    const Folder folder;
+    same_as_simulate(folder, with(with(riverside, bins), {"--heading", "200deg", "--sector", "350deg,40deg", "--range-start", "3km"}),
+                     {{{"--if-gain", "40dB"}},
+                      {{"--sector", "-10deg,20deg"}},
+                      {{"--sector", "-5deg,5deg", "--heading", "205deg", "--orientation", "heading"}},
+                      {{"--sector", "0deg,20deg", "--noise", "on", "--speckle", "1", "--seed", "3"}},
+                      {{"--bwe", "off"}},
+                      {{"--ple", "off", "--display", "ppi"}},
+                      {{"--noise", "on", "--speckle", "2"}},
+                      {{"--beam", "1deg"}},
+                      {{"--beam", "1deg", "--bwe", "off"}},
+                      {{"--pulse", "0.3us"}},
+                      {{"--pulse", "0.3us", "--noise", "on", "--speckle", "1"}},
+                      // Inside, the skirt of a wider beam is there.
+                      {{"--sector", "10deg,20deg", "--beam", "2.5deg", "--detail", "auto"}}});
+}
+
+TEST_CASE("a full circle holds any beam, and from 0 m any pulse, where no level of detail hangs on them", "[scope]") {
+    const Folder folder;
+    same_as_simulate(folder, with(with(riverside, bins), {"--detail", "off"}),
+                     {{{"--beam", "4deg"}},
+                      {{"--beam", "0.7deg"}},
+                      {{"--azimuth-pattern", "uniform"}},
+                      {{"--pulse", "2us"}},
+                      {{"--pulse", "0.25us", "--beam", "2deg", "--noise", "on"}}});
+}
+
+TEST_CASE("an echo swept without the widths of beam and pulse serves with them where it holds what they gather", "[scope]") {
+    const Folder folder;
+    same_as_simulate(folder, with(riverside, {"--bwe", "off", "--ple", "off", "--quality", "fine"}),
+                     {{{"--bwe", "on"}}, {{"--ple", "on"}}, {{"--bwe", "on", "--ple", "on", "--speckle", "1"}}});
+}
+
+TEST_CASE("echoes binned by ground range, on a plane grid, and in latitude and longitude serve too", "[scope]") {
+    const Folder folder;
+    SECTION("gpi-true") {
+        same_as_simulate(folder, with(riverside, {"--display", "gpi-true"}),
+                         {{{"--if-gain", "42dB", "--rings", "off"}},
+                          {{"--ple", "off"}},
+                          {{"--noise", "on", "--speckle", "1"}},
+                          {{"--stc-range", "6km"}},
+                          {{"--sector", "30deg,70deg"}}});
+    }
+    SECTION("a plane") {
+        same_as_simulate(folder,
+                         {"--dem", data + "/lake_sunapee_dem.tif", "--culture", data + "/lake_sunapee_culture.tif",
+                          "--culture-legend", "nlcd", "--latlon", "43.38,-72.05", "--altitude-agl", "900m", "--range",
+                          "5km", "--geometry", "grid", "--earth", "flat", "--size", "120"},
+                         {{{"--rings", "off"}},
+                          {{"--rings", "off", "--heading", "77deg", "--orientation", "heading"}},
+                          {{"--display", "tdppi", "--if-gain", "45dB"}},
+                          {{"--sector", "10deg,100deg", "--noise", "on"}}});
+    }
+    SECTION("latitude and longitude, the range left open, voids") {
+        same_as_simulate(folder,
+                         {"--dem", data + "/olympic_coast_dem.tif", "--latlon", "47.95,-124.5", "--altitude-msl", "2km",
+                          "--quality", "draft", "--size", "100", "--pulse", "4us"},
+                         {{{"--if-gain", "40dB"}}, {{"--display", "ppi", "--rings", "off"}}});
+    }
+}
+
+TEST_CASE("nothing of the data base is read, and a scene file that made the echo serves", "[scope]") {
+    const Folder folder;
+    fs::copy_file(data + "/inland_empire_dem.tif", folder / "ground.tif");
+    const std::string scene = "latlon = 33.93,-117.33\naltitude-msl = 7000ft\nrange = 6km\nsize = 100\n";
+    const std::string ini = folder.write("scene.ini", "dem = ground.tif\nthreads = 1\nwedges = 3\necho = echo.tif\n" + scene);
+    folder.make(with({"simulate", ini}, {"-q"}));
+    folder.make(with({"simulate", ini, "--if-gain", "41dB", "--echo", folder / "other.tif"}, outputs(folder, "full")));
+    fs::remove(folder / "ground.tif");
+    folder.make(with({"scope", folder / "echo.tif", ini, "--if-gain", "41dB"}, outputs(folder, "again")));
+    CHECK((folder.files("full") == folder.files("again")));
+    const std::string setting = folder.write("setting.ini", "if-gain = 41dB  # alone\n");
+    fs::remove_all(folder / "again");
+    folder.make(with({"scope", folder / "echo.tif", setting}, outputs(folder, "again")));
+    CHECK((folder.files("full") == folder.files("again")));
+    // The command line wins over the file.
+    fs::remove_all(folder / "again");
+    folder.write("setting.ini", "if-gain = 20dB\nvideo-gain = 4dB\n");
+    folder.make(with({"scope", folder / "echo.tif", setting, "--if-gain", "41dB"}, outputs(folder, "again")));
+    CHECK((folder.files("full") == folder.files("again")));
+
+    const std::string echo = folder / "echo.tif", png = folder / "new.png";
+    folder.write("other.ini", "dem = elsewhere.tif\n");
+    refuses(folder, {"scope", echo, folder / "other.ini", "-o", png}, 2,
+            {"other.ini', line 1: dem is", "elsewhere.tif", "'ground.tif'", "new sweep"});
+    folder.write("track.ini", "track = track.csv\n");
+    refuses(folder, {"scope", echo, folder / "track.ini", "-o", png}, 2, {"track", "simulate's alone"});
+    refuses(folder, {"scope", echo, "--culture", "x.tif", "--culture-legend", "nlcd", "-o", png}, 2,
+            {"--culture is 'x.tif'", "with none"});
+    refuses(folder, {"scope", echo, "--material", "water", "-o", png}, 2, {"--material is 'water'", "'soil'"});
+    refuses(folder, {"scope", echo, "--echo", folder / "new.tif", "-o", png}, 2, {"--echo is simulate's alone"});
+    refuses(folder, {"scope", echo, "--work-dir", folder / "work", "-o", png}, 2, {"--work-dir is simulate's alone"});
+
+    folder.make({"scope", echo, "-o", png, "--report", folder / "run.json", "-q"});
+    const auto report = nlohmann::json::parse(content(folder / "run.json"));
+    CHECK(report["format"] == "wedgescope-scope-1");
+    CHECK(report["scene"]["range"] == "6km");
+    CHECK(report["data_base"]["dem"] == "ground.tif");
+    CHECK(report["inputs"][0]["bytes"] == fs::file_size(echo));
+    std::uint64_t cells = 0;
+    for (const auto& [state, count] : report["states"].items()) cells += count.get<std::uint64_t>();
+    CHECK(cells == 960 * report["scene"]["resolved"]["shown"]["range_bin_end"].get<std::uint64_t>());
+}
+
+TEST_CASE("every setting that needs a new sweep is refused, by name and with the reason", "[scope]") {
+    const Folder folder;
+    const std::string echo = folder / "echo.tif", png = folder / "new.png";
+    folder.make(with(with({"simulate"}, riverside), {"--echo", echo, "-q"}));
+    // Another value for each; the table says which there are.
+    const std::map<std::string, std::string> others = {
+        {"latlon", "33.94,-117.33"},  {"xy", "465000,3755000"},    {"altitude-msl", "7001ft"},  {"altitude-agl", "2km"},
+        {"altitude-hae", "2km"},      {"geoid-offset", "-30m"},    {"scan-step", "4"},          {"scan-period", "3s"},
+        {"range", "6.9km"},           {"range-start", "1km"},      {"geometry", "grid"},        {"earth", "1.3"},
+        {"quality", "fine"},          {"max-error", "0.1dB"},      {"spokes-per-post", "2"},    {"spoke-lead", "3"},
+        {"crossings", "off"},         {"course", "straight"},      {"detail", "off"},           {"frequency", "16.6GHz"},
+        {"transmit-power", "100kW"},  {"gain", "35dB"},            {"losses", "5dB"},           {"gamma", "-15dB"},
+        {"antenna", "cos-csc2"},      {"antenna-knee", "6deg"},    {"antenna-width", "13deg"},  {"antenna-exponent", "0.6"},
+        {"antenna-floor", "-50dB"},   {"tilt", "5deg"}};
+    std::set<std::string> tried;
+    for (const wedgescope::Key& key : wedgescope::key_table()) {
+        if (!(key.commands & wedgescope::command_simulate) || !key.changes_result ||
+            (key.commands & wedgescope::command_scope))
+            continue;
+        INFO(key.name << ": of a key that changes the echo this test needs another value, and the table why it needs a sweep");
+        REQUIRE(others.contains(key.name));
+        CHECK_FALSE(key.needs_sweep.empty());
+        refuses(folder, {"scope", echo, "-o", png, "--" + key.name, others.at(key.name)}, 2,
+                {"--" + key.name + " is ", key.needs_sweep, "needs a new sweep"});
+        tried.insert(key.name);
+    }
+    CHECK(tried.size() == others.size());
+    // What it is already does no harm.
+    folder.make({"scope", echo, "-o", png, "--tilt", "0deg", "--range", "7km", "--gain", "34dB", "--quality", "normal", "-q"});
+    fs::remove(png);
+
+    const Strings start = {"scope", echo, "-o", png};
+    refuses(folder, with(start, {"--display", "gpi-true"}), 2, {"--display is gpi-true", "swept for gpi", "new sweep"});
+    refuses(folder, with(start, {"--azimuth-bins", "720"}), 2, {"--azimuth-bins is 720", "has 960", "new sweep"});
+    refuses(folder, with(start, {"--range-bin", "20m"}), 2, {"--range-bin is 20m", "18.737", "new sweep"});
+    refuses(folder, with(start, {"--beam", "1deg"}), 2, {"--beam is 1deg", "1440 azimuth bins", "azimuth-bins 960 keeps them"});
+    refuses(folder, with(start, {"--pulse", "0.4us"}), 2, {"--pulse is 0.4us", "range-bin 18.737028625m keeps them"});
+    // Wrong values and words are refused as simulate refuses them.
+    refuses(folder, with(start, {"--if-gain", "40"}), 2, {"--if-gain is '40'", "dB"});
+    refuses(folder, with(start, {"--tilt", "100deg"}), 2, {"--tilt is '100deg'", "from -90deg to 90deg"});
+    refuses(folder, with(start, {"--if-gian", "40dB"}), 2, {"did you mean --if-gain?", "wedgescope help scope"});
+    refuses(folder, with(start, {"--display", "tdppi", "--sweep-delay", "8km"}), 2, {"range is 7000.0 m", "sweep delay"});
+    refuses(folder, {"scope", "-o", png}, 2, {"echo image", "none is given"});
+    refuses(folder, {"scope", echo}, 2, {"no output"});
+    refuses(folder, {"scope", echo, "a.ini", "b.ini", "-o", png}, 2, {"found 3 paths"});
+    refuses(folder, with(start, {"--memory", "1MiB"}), 2, {"memory is 1 MiB", "this picture needs at least"});
+}
+
+TEST_CASE("a sector's echo is refused for what lies outside, and levels of detail hold beam and pulse", "[scope]") {
+    const Folder folder;
+    const std::string echo = folder / "echo.tif", png = folder / "new.png";
+    const Strings start = {"scope", echo, "-o", png};
+    const auto swept = [&](const Strings& more) {
+        folder.make(with(with({"simulate", "--overwrite"}, with(riverside, bins)), with(more, {"--echo", echo, "-q"})));
+    };
+    swept({"--heading", "90deg", "--sector", "-30deg,30deg", "--range-start", "2km"});
+    refuses(folder, with(start, {"--sector", "-31deg,30deg"}), 2, {"--sector", "makes the beam gather azimuth bins"});
+    refuses(folder, with(start, {"--sector", "-60deg,30deg"}), 2, {"--sector asks for azimuth bins 80 to 319", "of 960"});
+    refuses(folder, with(start, {"--sector", "full"}), 2, {"--sector asks for azimuth bins 0 to 959"});
+    refuses(folder, with(start, {"--heading", "140deg"}), 2, {"--heading asks for azimuth bins"});
+    refuses(folder, with(start, {"--beam", "1.6deg"}), 2, {"--beam makes the beam gather", "new sweep"});
+    refuses(folder, with(start, {"--azimuth-pattern", "uniform"}), 2, {"--azimuth-pattern makes the beam gather"});
+    refuses(folder, with(start, {"--pulse", "0.7us"}), 2, {"--pulse reaches", "before range-start", "new sweep"});
+    swept({"--sector", "-30deg,30deg", "--bwe", "off", "--ple", "off", "--range-start", "2km"});
+    refuses(folder, with(start, {"--bwe", "on"}), 2, {"--bwe makes the beam gather"});
+    refuses(folder, with(start, {"--ple", "on"}), 2, {"--ple reaches", "the echo image holds 0"});
+
+    // A pulse of 2 us holds four posts of 24 m: levels of detail are possible then, and only a sweep can tell.
+    swept({});
+    refuses(folder, with(start, {"--pulse", "2us"}), 2, {"--pulse is 2us", "finer than beam and pulse", "--detail off"});
+}
+
+TEST_CASE("where levels of detail were swept, beam and pulse are bound to them", "[scope]") {
+    const Folder folder;
+    // Smooth ground, a post each 2 m: a pulse of 1 us holds 75 of them.
+    constexpr int side = 1200;
+    std::string heights;
+    for (int r = 0; r < side; ++r)
+        for (int c = 0; c < side; ++c) {
+            const int z = 100 + std::abs(c % 600 - 300) / 4 + std::abs(r % 800 - 400) / 5;
+            heights += static_cast<char>(z & 255);
+            heights += static_cast<char>(z >> 8);
+        }
+    folder.write("fine.dat", heights);
+    folder.write("fine.hdr", "ENVI\nsamples = 1200\nlines = 1200\nbands = 1\ndata type = 2\ninterleave = bsq\nbyte order = 0\n"
+                             "map info = {UTM, 1, 1, 465000, 3750300, 2, 2, 11, North, WGS-84}\n");
+    const std::string echo = folder / "echo.tif", png = folder / "new.png";
+    const Strings scene = {"--dem", folder / "fine.dat", "--xy", "466200,3749100", "--altitude-agl", "500m", "--range", "1.5km",
+                           "--pulse", "1us", "--beam", "6deg", "--size", "100", "--quality", "draft"};
+    folder.make(with(with({"simulate"}, scene), {"--echo", echo, "--report", folder / "run.json", "-q"}));
+    REQUIRE(nlohmann::json::parse(content(folder / "run.json"))["levels"].size() > 1);
+    for (const Strings& setting : {Strings{"--bwe", "off"}, {"--ple", "off"}})
+        refuses(folder, with({"scope", echo, "-o", png}, setting), 2, {setting[0] + " is off", "--detail off", "new sweep"});
+    refuses(folder, {"scope", echo, "-o", png, "--beam", "5deg", "--azimuth-bins", "240"}, 2, {"--beam is 5deg", "--detail off"});
+    fs::remove(folder / "echo.tif");
+    fs::remove(folder / "echo.tif.geoloc.tif");
+    same_as_simulate(folder, scene, {{{"--if-gain", "30dB"}}, {{"--speckle", "1", "--display", "ppi"}}});
+}
+
+TEST_CASE("what is no echo image, or is no longer the one that was written, costs one line", "[scope]") {
+    const Folder folder;
+    const std::string echo = folder / "echo.tif", png = folder / "new.png", bad = folder / "bad.tif";
+    folder.make(with(with({"simulate"}, riverside), with(outputs(folder, "plain"), {"--echo", echo})));
+    const auto tried = [&](const std::string& path, const Strings& words) {
+        refuses(folder, {"scope", path, "-o", png}, 1, words);
+    };
+    tried(folder / "nowhere.tif", {"nowhere.tif", "cannot be opened"});
+    tried(folder / "plain", {"plain", "cannot be opened"});
+    tried(data + "/inland_empire_dem.tif", {"inland_empire_dem.tif", "holds no SCENE_JSON", "simulate --echo"});
+    tried(folder / "plain/power.tif", {"power.tif", "'power'", "simulate --echo"});
+    tried(folder / "plain/scope.png", {"scope.png", "'scope'"});
+    folder.write("bad.tif", "not a raster");
+    tried(bad, {"bad.tif", "cannot be opened"});
+    folder.write("bad.tif", content(echo).substr(0, content(echo).size() / 2));
+    tried(bad, {"bad.tif"});
+    {
+        std::string bytes = content(echo);
+        bytes[bytes.size() / 3] = static_cast<char>(bytes[bytes.size() / 3] ^ 16);
+        folder.write("bad.tif", bytes);
+    }
+    tried(bad, {"bad.tif"});
+
+    GDALAllRegister();
+    const auto changed = [&](const auto& change) {
+        fs::copy_file(echo, bad, fs::copy_options::overwrite_existing);
+        GDALDataset* file = GDALDataset::FromHandle(GDALOpen(bad.c_str(), GA_Update));
+        REQUIRE(file);
+        change(*file);
+        GDALClose(file);
+    };
+    const auto scene_json = [&](const auto& edit) {
+        changed([&](GDALDataset& file) {
+            auto json = nlohmann::ordered_json::parse(file.GetMetadataItem("SCENE_JSON"));
+            edit(json);
+            file.SetMetadataItem("SCENE_JSON", json.dump().c_str());
+        });
+    };
+    scene_json([](auto&) {});
+    folder.make({"scope", bad, "-o", png, "-q"});  // the same again does
+    CHECK(content(png) == content(folder / "plain/scope.png"));
+    fs::remove(png);
+    for (const int band : {1, 2}) {
+        changed([&](GDALDataset& file) {
+            float cell = 0;
+            REQUIRE(file.GetRasterBand(band)->RasterIO(GF_Read, 100, 50, 1, 1, &cell, 1, 1, GDT_Float32, 0, 0) == CE_None);
+            cell = cell == 2 ? 1 : 2;
+            REQUIRE(file.GetRasterBand(band)->RasterIO(GF_Write, 100, 50, 1, 1, &cell, 1, 1, GDT_Float32, 0, 0) == CE_None);
+        });
+        tried(bad, {"bad.tif", "damaged, or was changed", "cells"});
+    }
+    changed([](GDALDataset& file) { file.SetMetadataItem("SCENE_JSON", "{\"format\": "); });
+    tried(bad, {"bad.tif", "no JSON object"});
+    scene_json([](auto& json) { json["format"] = "wedgescope-scene-2"; });
+    tried(bad, {"wedgescope-scene-2", "wedgescope-scene-1"});
+    scene_json([](auto& json) { json.erase("format"); });
+    tried(bad, {"bad.tif", "format"});
+    scene_json([](auto& json) { json["version"] = "0.0.1"; });
+    tried(bad, {"wedgescope '0.0.1'", "simulate again"});
+    scene_json([](auto& json) { json.erase("echo"); });
+    tried(bad, {"another build", "simulate again"});
+    scene_json([](auto& json) { json["echo"]["revision"] = 1; });
+    tried(bad, {"another build", "simulate again"});
+    scene_json([](auto& json) { json["resolved"].erase("sensor_height_m"); });
+    tried(bad, {"resolved.sensor_height_m of its SCENE_JSON is not there"});
+    scene_json([](auto& json) { json["resolved"]["x"] = "here"; });
+    tried(bad, {"resolved.x of its SCENE_JSON is not a number"});
+    scene_json([](auto& json) { json["parameters"]["beam"] = "wide"; });
+    tried(bad, {"damaged, or was changed", "beam is 'wide'"});
+    scene_json([](auto& json) { json["parameters"]["beam"] = 3; });
+    tried(bad, {"beam is not a text"});
+    scene_json([](auto& json) { json["parameters"].erase("beam"); });
+    tried(bad, {"parameters.beam"});
+    scene_json([](auto& json) { json["parameters"]["sector"] = "0deg,90deg"; });
+    tried(bad, {"damaged, or was changed", "bins"});
+    scene_json([](auto& json) {
+        for (const char* part : {"shown", "swept"}) json["resolved"][part]["range_bin_end"] = 300;
+    });
+    tried(bad, {"cells; its SCENE_JSON says 300 x 960"});
+    scene_json([](auto& json) { json = nlohmann::ordered_json::array(); });
+    tried(bad, {"no JSON object"});
+}
+
+TEST_CASE("scope overwrites nothing unasked and leaves nothing half-written", "[scope]") {
+    const Folder folder;
+    const std::string echo = folder / "echo.tif", png = folder / "scope.png";
+    folder.make(with(with({"simulate"}, riverside), {"--echo", echo, "-o", png, "-q"}));
+    refuses(folder, {"scope", echo, "-o", png}, 2, {"scope.png", "--overwrite"});
+    refuses(folder, {"scope", echo, "-o", echo, "--overwrite"}, 2, {"output", "the echo image", "may not replace"});
+    refuses(folder, {"scope", echo, "-o", folder / "a.png", "--power", folder / "a.png"}, 2, {"own file"});
+    refuses(folder, {"scope", echo, "-o", folder / "none/a.png"}, 1, {"none"});
+    refuses(folder, {"scope", echo, "-o", folder / "a.png", "--power", folder / "b.png"}, 2, {"b.png", "Float32"});
+    const std::string before = content(png);
+    folder.make({"scope", echo, "-o", png, "--overwrite", "--if-gain", "30dB", "-q"});
+    CHECK(content(png) != before);
+    folder.make({"scope", echo, "-o", folder / "scope.tif", "--of", "GTiff", "--co", "COMPRESS=LZW", "--config", "GDAL_CACHEMAX=16", "-q"});
+    CHECK(fs::file_size(folder / "scope.tif") > 1000);
+}
+
+TEST_CASE("a track's frame serves as the echo of its row, a scan's does not", "[scope]") {
+    const Folder folder;
+    const std::string track = folder.write("track.csv", "time,lat,lon,altitude-msl,heading\n0,33.93,-117.33,2100,30\n1,33.931,-117.331,2101,31\n");
+    const Strings moving = {"simulate", "--dem", data + "/inland_empire_dem.tif", "--track", track, "--range", "5km", "--size", "90",
+                            "-q", "--orientation", "heading", "--echo", folder / "echo.tif", "--reproducible"};
+    folder.make(with(moving, {"-o", folder / "scope.png"}));
+    folder.make({"scope", folder / "echo_0002.tif", "-o", folder / "again.png", "--reproducible", "-q"});
+    CHECK((content(folder / "again.png") == content(folder / "scope_0002.png")));
+    folder.make(with(moving, {"--overwrite", "--scan-step", "60", "--scan-period", "2s"}));
+    refuses(folder, {"scope", folder / "echo_0001.tif", "-o", folder / "new.png"}, 2, {"scan", "several places", "new sweep"});
+}

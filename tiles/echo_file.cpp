@@ -1,0 +1,86 @@
+#include "tiles/echo_file.hpp"
+
+#include <algorithm>
+
+#include "lib/error.hpp"
+#include "tiles/checksum.hpp"
+#include "tiles/gdal_handle.hpp"
+
+namespace wedgescope {
+namespace {
+
+std::string named(const std::string& path) { return text("echo image '", path, "'"); }
+
+constexpr const char* wanted = "; a file that simulate --echo has written is needed";
+
+DatasetHandle opened(const std::string& path, GdalErrors& errors) {
+    // Tiles are decoded side by side; drivers that cannot do so warn at the most.
+    const char* const options[] = {"NUM_THREADS=ALL_CPUS", nullptr};
+    const auto open = [&] {
+        return DatasetHandle(GDALDataset::FromHandle(
+            GDALOpenEx(path.c_str(), GDAL_OF_RASTER | GDAL_OF_READONLY, nullptr, options, nullptr)));
+    };
+    register_usual_drivers();
+    if (DatasetHandle dataset = open()) return dataset;
+    register_all_drivers();
+    if (DatasetHandle dataset = open()) return dataset;
+    throw IoError(text(named(path), " cannot be opened: ", errors.reason()));
+}
+
+}  // namespace
+
+std::uint64_t echo_checksum(const PolarImage<float>& echo_w, const PolarImage<std::uint8_t>& state) {
+    Checksum sum;
+    sum.add(echo_w.cells.data(), echo_w.cells.size() * sizeof(float));
+    sum.add(state.cells.data(), state.cells.size());
+    return sum.value();
+}
+
+struct EchoFile::Dataset {
+    DatasetHandle handle;
+};
+
+EchoFile::EchoFile(const std::string& path) : path_(path) {
+    GdalErrors errors;
+    dataset_ = std::make_unique<Dataset>(Dataset{opened(path, errors)});
+    GDALDataset& file = *dataset_->handle;
+    const char* json = file.GetMetadataItem("SCENE_JSON");
+    if (!json) throw DataError(text(named(path), " holds no SCENE_JSON", wanted));
+    scene_json_ = json;
+    const auto is = [&](int band, const char* name) {
+        return file.GetRasterCount() >= band && std::string(file.GetRasterBand(band)->GetDescription()) == name &&
+               file.GetRasterBand(band)->GetRasterDataType() == GDT_Float32;
+    };
+    if (file.GetRasterCount() != 2 || !is(1, "echo") || !is(2, "state")) {
+        const std::string first = file.GetRasterCount() > 0 ? file.GetRasterBand(1)->GetDescription() : "";
+        throw DataError(text(named(path), " is none: its bands are not echo and state as 32-bit floats, but ",
+                             file.GetRasterCount(), ", the first '", first, "'", wanted));
+    }
+}
+
+EchoFile::~EchoFile() = default;
+
+std::int64_t EchoFile::columns() const { return dataset_->handle->GetRasterXSize(); }
+std::int64_t EchoFile::rows() const { return dataset_->handle->GetRasterYSize(); }
+
+void EchoFile::read(PolarImage<float>& echo_w, PolarImage<std::uint8_t>& state, std::uint64_t checksum) const {
+    if (echo_w.grid.range_bins.size() != columns() || echo_w.grid.azimuth_bins.size() != rows() ||
+        state.grid != echo_w.grid)
+        throw Error(text(named(path_), ": has other cells than asked for"));
+    const int wide = static_cast<int>(columns()), high = static_cast<int>(rows());
+    const auto band = [&](int number, GDALDataType type, void* cells) {
+        GdalErrors errors;
+        if (dataset_->handle->GetRasterBand(number)->RasterIO(GF_Read, 0, 0, wide, high, cells, wide, high, type, 0, 0,
+                                                              nullptr) != CE_None ||
+            errors.failed())
+            throw IoError(text(named(path_), " cannot be read: ", errors.reason()));
+    };
+    band(1, GDT_Float32, echo_w.cells.data());
+    band(2, GDT_Byte, state.cells.data());
+    if (echo_checksum(echo_w, state) != checksum ||
+        std::any_of(state.cells.begin(), state.cells.end(), [](std::uint8_t s) { return s >= state_count; }))
+        throw DataError(text(named(path_),
+                             " is damaged, or was changed: its cells are not those that were written; simulate again"));
+}
+
+}  // namespace wedgescope

@@ -1,0 +1,121 @@
+#include <algorithm>
+#include <filesystem>
+
+#include "lib/plan.hpp"
+#include "lib/target.hpp"
+#include "tiles/echo_file.hpp"
+#include "tiles/gdal_session.hpp"
+#include "tiles/output_file.hpp"
+#include "tools/commands.hpp"
+#include "tools/doubts.hpp"
+#include "tools/help.hpp"
+#include "tools/layers.hpp"
+#include "tools/options.hpp"
+#include "tools/report_json.hpp"
+#include "tools/run_files.hpp"
+#include "tools/scene_json.hpp"
+#include "tools/stored_echo.hpp"
+#include "tools/terminal.hpp"
+#include "tools/units.hpp"
+
+namespace wedgescope {
+namespace {
+
+void check_names(const Settings& s) {
+    const NamedPaths outputs{{"output", s.output}, {"power", s.power}, {"states", s.states}, {"report", s.report}};
+    check_names(outputs, {{"the echo image", s.files[0]}, {"the scene file", s.files.size() > 1 ? s.files[1] : ""}});
+    if (std::all_of(outputs.begin(), outputs.end(), [](const auto& out) { return out.second.empty(); }))
+        throw InputError("no output is given; at least one of output (-o), power, states, report is needed");
+}
+
+nlohmann::ordered_json report_of(const StoredEcho& echo, const Settings& settings, const RunResult& result,
+                                 double read_s, double write_s, const Usage& usage) {
+    using json = nlohmann::ordered_json;
+    const RunReport& report = result.report;
+    json out;
+    out["format"] = "wedgescope-scope-1";
+    out["version"] = version();
+    out["scene"] = parameters_json(with_resolved(settings, result.scene), false);
+    out["scene"]["resolved"] = resolved_json(result.scene);
+    out["data_base"] = echo.data_base;
+    std::vector<InputFile> inputs;
+    for (std::size_t i = 0; i < settings.files.size(); ++i) {
+        std::error_code error;
+        inputs.push_back({i == 0 ? "echo" : "scene", settings.files[i], std::nullopt, i == 0 ? crs_name(echo.crs_wkt) : ""});
+        if (const auto bytes = std::filesystem::file_size(settings.files[i], error); !error) inputs.back().bytes = bytes;
+    }
+    out["inputs"] = inputs_json(inputs);
+    out["states"] = json::object();
+    for (std::size_t code = 0; code < report.states.size(); ++code)
+        out["states"][state_names[code]] = report.states[code];
+    out["stages_wall_s"] = json{{"read", read_s},
+                                {"beam", report.beam_s},
+                                {"receiver", report.receiver_s},
+                                {"display", report.display_s},
+                                {"write", write_s}};
+    add_usage(out, usage);
+    out["threads"] = report.threads;
+    out["instruction_set"] = name_of(target_in_use());
+    return out;
+}
+
+}  // namespace
+
+void scope(const std::vector<std::string>& arguments, Stop& stop) {
+    const double start_s = now_s();
+    const ScopeRequest request = parse_scope_arguments(arguments);
+    if (request.settings.help) return print(help_text(command_by_name("scope")));
+    check_names(request.settings);
+    const std::string& path = request.settings.files[0];
+    const GdalSession session(cache_bytes(request.settings), request.settings.config);
+    const EchoFile file(path);
+    const StoredEcho echo = stored_echo(path, file.scene_json(), file.columns(), file.rows());
+
+    Settings settings = settings_from(echo.given, request.given);
+    settings.files = request.settings.files;
+    const ResolvedScene scene = scene_from_echo(echo, request.given, settings);
+    // The legend's names.
+    settings.dem = echo.settings.dem;
+    settings.culture = echo.settings.culture;
+    settings.culture_height = echo.settings.culture_height;
+    // What is read whole and what is made of it.
+    const std::size_t needed = image_bytes(scene) + echo.scene.swept.cells() * 5 + cache_bytes(settings);
+    if (needed > settings.memory_bytes)
+        throw TooLittleMemory(static_cast<std::size_t>(settings.memory_bytes), needed, "this picture");
+
+    std::optional<OutputFile> report;
+    if (!settings.report.empty()) report.emplace(settings.report, settings.overwrite);
+    settings.echo.clear();  // of a scene file that simulate takes
+    LayerFiles layers(settings);
+    layers.check(settings);
+
+    const double read_start_s = now_s();
+    PolarImage<float> echo_w(echo.scene.swept);
+    PolarImage<std::uint8_t> state(echo.scene.swept);
+    file.read(echo_w, state, echo.checksum);
+    const double read_s = now_s() - read_start_s;
+    stop.check();
+
+    EngineParams params = engine_params(settings);
+    params.stop = &stop;
+    RunResult result = show(scene, std::move(echo_w), std::move(state), params);
+    const double write_start_s = now_s();
+    DataBase data_base;
+    data_base.crs_wkt = echo.crs_wkt;
+    data_base.metres_per_unit = echo.metres_per_unit;
+    layers.write(result, settings, data_base, stop);
+    const double write_s = now_s() - write_start_s;
+    if (report)
+        write_report(*report, report_of(echo, settings, result, read_s, write_s, usage_since(start_s)));
+    stop.check();
+    std::vector<OutputFile*> files = layers.files();
+    if (report) files.push_back(&*report);
+    std::string written;
+    for (const OutputFile* output : files) written += (written.empty() ? "" : ", ") + output->final_path();
+    OutputFile::commit(files);
+    for (const std::string& line : doubts(result))
+        if (!line.empty()) remark(settings.quiet, line);
+    remark(settings.quiet, text("written: ", written, fmt::format(" ({:.2f} s)", now_s() - start_s)));
+}
+
+}  // namespace wedgescope

@@ -1,0 +1,271 @@
+#include "tools/stored_echo.hpp"
+
+#include <charconv>
+#include <cmath>
+#include <limits>
+
+#include "lib/detail.hpp"
+#include "lib/wedge_archive.hpp"
+#include "tools/options.hpp"
+#include "tools/scene_json.hpp"
+#include "tools/units.hpp"
+
+namespace wedgescope {
+namespace {
+
+using json = nlohmann::ordered_json;
+
+/// A JSON object whose members must be there.
+class Member {
+public:
+    Member(const std::string& path, const json& object, std::string name)
+        : path_(path), object_(object), name_(std::move(name)) {
+        if (!object.is_object()) refuse("", "an object");
+    }
+    Member object(const char* key) const { return {path_, at(key), name_ + key + "."}; }
+    const json& at(const char* key) const {
+        const auto found = object_.find(key);
+        if (found == object_.end()) refuse(key, "there");
+        return *found;
+    }
+    double number(const char* key) const {
+        const json& value = at(key);
+        if (!value.is_number() || !std::isfinite(value.get<double>())) refuse(key, "a number");
+        return value.get<double>();
+    }
+    std::int64_t whole(const char* key) const {
+        const json& value = at(key);
+        if (!value.is_number_integer()) refuse(key, "a whole number");
+        return value.get<std::int64_t>();
+    }
+    bool flag(const char* key) const {
+        const json& value = at(key);
+        if (!value.is_boolean()) refuse(key, "true or false");
+        return value.get<bool>();
+    }
+    std::string words(const char* key) const {
+        const json& value = at(key);
+        if (!value.is_string()) refuse(key, "a text");
+        return value.get<std::string>();
+    }
+    bool has(const char* key) const { return object_.contains(key); }
+    [[noreturn]] void refuse(const char* key, const char* what) const {
+        throw DataError(text("echo image ", in_quotes(path_), " is damaged, or was changed: ", name_, key,
+                             " of its SCENE_JSON is not ", what));
+    }
+
+private:
+    const std::string& path_;
+    const json& object_;
+    std::string name_;
+};
+
+PolarGrid grid_in(const Member& resolved, const char* name) {
+    const Member grid = resolved.object(name);
+    PolarGrid out;
+    out.circle_bins = resolved.whole("circle_bins");
+    out.range_bin_m = resolved.number("range_bin_m");
+    out.azimuth_bins = {grid.whole("azimuth_bin_begin"), grid.whole("azimuth_bin_end")};
+    out.range_bins = {grid.whole("range_bin_begin"), grid.whole("range_bin_end")};
+    return out;
+}
+
+std::uint64_t hex_number(const Member& from, const char* key) {
+    const std::string digits = from.words(key);
+    std::uint64_t sum = 0;
+    const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), sum, 16);
+    if (error != std::errc{} || end != digits.data() + digits.size()) from.refuse(key, "a checksum");
+    return sum;
+}
+
+}  // namespace
+
+StoredEcho stored_echo(const std::string& path, const std::string& scene_json, std::int64_t columns,
+                       std::int64_t rows) {
+    const std::string named = text("echo image ", in_quotes(path));
+    const json all = json::parse(scene_json, nullptr, false);
+    if (all.is_discarded() || !all.is_object())
+        throw DataError(text(named, " is damaged, or was changed: its SCENE_JSON is no JSON object"));
+    const Member top(path, all, "");
+    const std::string format = all.value("format", json()).is_string() ? top.words("format") : "";
+    if (format != "wedgescope-scene-1")
+        throw DataError(text(named, ": the format of its SCENE_JSON is ", in_quotes(format),
+                             "; wedgescope-scene-1 is needed"));
+    const std::string made_by = top.words("version");
+    const bool echo_known = top.has("echo");
+    if (made_by != version() || !echo_known || top.object("echo").whole("revision") != echo_revision)
+        throw DataError(text(named, " was written by ", made_by == version() ? "another build of wedgescope " : "wedgescope ",
+                             in_quotes(made_by), ", and this is ", version(),
+                             ", whose echo may differ; simulate again"));
+
+    StoredEcho out;
+    out.path = path;
+    const Member resolved = top.object("resolved"), echo = top.object("echo");
+    out.data_base = echo.at("data_base");
+    const Member data_base = echo.object("data_base");
+    const Member parameters = top.object("parameters");
+    for (const Key& key : key_table())
+        if ((key.commands & command_simulate) && key.in_scene_file && key.changes_result && !parameters.has(key.name.c_str()))
+            parameters.refuse(key.name.c_str(), "there");
+    try {
+        out.given = given_in_json(all["parameters"]);
+        out.settings = settings_from({}, out.given);
+        for (const auto& [name, value] : out.data_base.items()) {
+            const Key* key = find_key(name);
+            if (!key || key->group != KeyGroup::data_base || value.is_null()) continue;
+            // An empty name is a folder's, written with a slash at its end.
+            if (const std::string word = data_base.words(name.c_str()); !word.empty())
+                key->set(out.settings, {name, word, name, ""});
+        }
+    } catch (const InputError& e) {
+        throw DataError(text(named, " is damaged, or was changed: ", e.what()));
+    }
+    out.checksum = hex_number(echo, "checksum");
+    out.levels = echo.flag("levels");
+    out.post_m = echo.at("detail_post_m").is_null() ? std::numeric_limits<double>::infinity()
+                                                    : echo.number("detail_post_m");
+    out.crs_wkt = echo.words("crs_wkt");
+    out.metres_per_unit = echo.number("metres_per_unit");
+
+    ResolvedScene place;
+    place.geometry = resolved.words("geometry") == "grid" ? Geometry::grid : Geometry::geodesic;
+    place.has_lat_lon = resolved.has("lat_deg");
+    if (place.has_lat_lon) {
+        place.lat_deg = resolved.number("lat_deg");
+        place.lon_deg = resolved.number("lon_deg");
+    }
+    place.x = resolved.number("x");
+    place.y = resolved.number("y");
+    place.nadir = {resolved.number("column"), resolved.number("row")};
+    place.nadir_in_raster = resolved.flag("nadir_in_raster");
+    place.nadir_on_data = resolved.flag("nadir_on_data");
+    place.sensor_m = resolved.number("sensor_height_m");
+    place.reference_m = resolved.number("reference_height_m");
+    place.earth = Earth::of_curvature(resolved.number("earth_inverse_radius_per_m"));
+    place.scene.range_m = resolved.number("range_m");
+    const PolarGrid swept = grid_in(resolved, "swept");
+    if (swept.range_bins.size() != columns || swept.azimuth_bins.size() != rows)
+        throw DataError(text(named, " has ", columns, " x ", rows, " cells; its SCENE_JSON says ",
+                             swept.range_bins.size(), " x ", swept.azimuth_bins.size(),
+                             " (simulate --echo writes whole images; a part of one will not do)"));
+    try {
+        out.scene = resolve(out.settings.scene, place);
+    } catch (const InputError& e) {
+        throw DataError(text(named, " is damaged, or was changed: ", e.what()));
+    }
+    if (out.scene.swept != swept || out.scene.shown != grid_in(resolved, "shown"))
+        throw DataError(text(named, " is damaged, or was changed: the bins of its SCENE_JSON are not those of its parameters"));
+    return out;
+}
+
+namespace {
+
+constexpr const char* sweep_needed = ": that needs a new sweep (simulate)";
+
+/// What the user calls a key, if it was given.
+std::string origin_of(const std::vector<Given>& given, const char* key) {
+    for (const Given& g : given)
+        if (g.key == key) return g.origin;
+    return key;
+}
+
+std::string value_words(const std::optional<std::string>& value) { return value ? *value : "not given"; }
+
+/// Keys that were given but are none of scope's: as they were, or harmless in a scene file, or refused.
+void check_given(const StoredEcho& echo, const std::vector<Given>& given, const Settings& settings) {
+    for (const Given& g : given) {
+        const Key& key = *find_key(g.key);
+        if (key.commands & command_scope) continue;
+        const bool in_file = !g.folder.empty();
+        const std::optional<std::string> now = key.get(settings);
+        if (key.group == KeyGroup::data_base) {
+            const auto stored = echo.data_base.find(key.name);
+            const std::optional<std::string> before =
+                stored != echo.data_base.end() && stored->is_string() ? std::optional(stored->get<std::string>()) : std::nullopt;
+            const bool path = key.value.find("PATH") != std::string::npos;
+            if (before && now && (path ? file_name(*now) : *now) == *before) continue;
+            throw InputError(text(g.origin, " is ", in_quotes(value_words(now)), "; the echo image was made with ",
+                                  before ? in_quotes(*before) : "none", ", and ", key.needs_sweep, sweep_needed));
+        }
+        if (!key.changes_result) {
+            // Of a scene file that simulate takes: how it sweeps, and what else it writes.
+            if (in_file && key.name != "track") continue;
+            throw InputError(text(g.origin, " is simulate's alone; scope sweeps nothing, and makes one picture of ",
+                                  in_quotes(echo.path)));
+        }
+        const std::optional<std::string> before = key.get(echo.settings);
+        if (now == before) continue;
+        // What was left open then, given as it came out.
+        if (key.name == "range" && settings.scene.range_m && *settings.scene.range_m == *echo.scene.scene.range_m) continue;
+        if (key.name == "geometry" && settings.scene.geometry && *settings.scene.geometry == echo.scene.geometry) continue;
+        throw InputError(text(g.origin, " is ", value_words(now), "; the echo image was swept with ",
+                              before ? *before : "no " + key.name, ", and ",
+                              key.needs_sweep.empty() ? "it changes what the ground returns" : key.needs_sweep, sweep_needed));
+    }
+}
+
+std::string bins_words(Interval bins) { return text(bins.begin, " to ", bins.end - 1); }
+
+}  // namespace
+
+ResolvedScene scene_from_echo(const StoredEcho& echo, const std::vector<Given>& given, const Settings& settings) {
+    if (echo.settings.scan_step)
+        throw InputError(text("echo image ", in_quotes(echo.path),
+                              " is a scan's (scan-step), whose azimuths were seen from several places", sweep_needed));
+    check_given(echo, given, settings);
+    const auto name = [&](const char* key) { return origin_of(given, key); };
+    const bool turned = settings.scene.platform.heading != echo.settings.scene.platform.heading;
+    const std::string azimuths = name("sector") == "sector" && turned ? name("heading") : name("sector");
+    const ResolvedScene scene = resolve(settings.scene, echo.scene);
+    const RadarParams &radar = scene.scene.radar, &before = echo.scene.scene.radar;
+
+    const DisplayKind kind = scene.scene.display.kind, old_kind = echo.scene.scene.display.kind;
+    if ((kind == DisplayKind::gpi_true) != (old_kind == DisplayKind::gpi_true))
+        throw InputError(text(name("display"), " is ", word(kind), "; the echo image was swept for ", word(old_kind),
+                              ", and gpi-true bins echoes by ground range, the others by slant range", sweep_needed));
+    const PolarGrid &stored = echo.scene.swept, &wanted = scene.swept;
+    if (wanted.circle_bins != stored.circle_bins) {
+        const bool open = !settings.scene.azimuth_bins;
+        throw InputError(text(open ? text(name("beam"), " is ", value_words(find_key("beam")->get(settings)), " and azimuth-bins auto, which makes ")
+                                   : text(name("azimuth-bins"), " is "),
+                              wanted.circle_bins, open ? " azimuth bins" : "", "; the echo image has ", stored.circle_bins,
+                              open ? text(" (azimuth-bins ", stored.circle_bins, " keeps them)") : "", sweep_needed));
+    }
+    if (wanted.range_bin_m != stored.range_bin_m) {
+        const bool open = !settings.scene.range_bin_m;
+        const auto length = [](double m) { return quantity_text(Dimension::length, m); };
+        throw InputError(text(open ? text(name("pulse"), " is ", value_words(find_key("pulse")->get(settings)), " and range-bin auto, which makes range bins of ")
+                                   : text(name("range-bin"), " is "),
+                              length(wanted.range_bin_m), "; the echo image has ", open ? "" : "bins of ", length(stored.range_bin_m),
+                              open ? text(" (range-bin ", length(stored.range_bin_m), " keeps them)") : "", sweep_needed));
+    }
+    if (!holds(stored, scene.shown))
+        throw InputError(text(azimuths, " asks for azimuth bins ", bins_words(scene.shown.azimuth_bins), "; the echo image holds ",
+                              bins_words(stored.azimuth_bins), " of ", stored.circle_bins, sweep_needed));
+    if (wanted.range_bins.begin < stored.range_bins.begin)
+        throw InputError(text(radar.pulse_s != before.pulse_s ? name("pulse") : name("ple"), " reaches ",
+                              scene.shown.range_bins.begin - wanted.range_bins.begin,
+                              " range bins before range-start; the echo image holds ",
+                              scene.shown.range_bins.begin - stored.range_bins.begin, sweep_needed));
+    if (!holds(stored, wanted)) {
+        const char* key = radar.antenna.beam.rad() != before.antenna.beam.rad() ? "beam"
+                          : radar.antenna.azimuth != before.antenna.azimuth     ? "azimuth-pattern"
+                          : radar.beam_width_error != before.beam_width_error   ? "bwe"
+                                                                                : "";
+        throw InputError(text(*key ? name(key) : azimuths, " makes the beam gather azimuth bins ", bins_words(wanted.azimuth_bins),
+                              "; the echo image holds ", bins_words(stored.azimuth_bins), " of ", stored.circle_bins,
+                              sweep_needed));
+    }
+    if (!same_levels(echo.scene, echo.levels, echo.post_m, scene)) {
+        const char* key = radar.antenna.beam.rad() != before.antenna.beam.rad() ? "beam"
+                          : radar.pulse_s != before.pulse_s                     ? "pulse"
+                          : radar.beam_width_error != before.beam_width_error   ? "bwe"
+                                                                                : "ple";
+        throw InputError(text(name(key), " is ", value_words(find_key(key)->get(settings)),
+                              "; the ground of this echo image is finer than beam and pulse, whose size decides which posts are swept"
+                              " (simulate --detail off makes an echo image that takes it)", sweep_needed));
+    }
+    return scene;
+}
+
+}  // namespace wedgescope
