@@ -400,7 +400,8 @@ bool detail_possible(const ResolvedScene& scene, const DataBase& db) {
 }
 
 bool same_levels(const ResolvedScene& before, bool levels, double post_m, const ResolvedScene& after) {
-    const double pulse = pulse_m(before), beam = beam_rad(before), new_pulse = pulse_m(after), new_beam = beam_rad(after);
+    const double pulse = pulse_m(before), beam = beam_rad(before), new_pulse = pulse_m(after),
+                 new_beam = beam_rad(after);
     if (new_pulse == pulse && new_beam == beam) return true;
     if (levels) return false;
     // The error of a level never falls as pulse or beam narrow (detail_error_db; a_metre sqrt(lit + shadows^2 pulse / beam) too).

@@ -46,10 +46,14 @@ class Folder {
 public:
     Folder() {
         static int number = 0;
-        path_ = fs::temp_directory_path() / ("scope_test_" + std::to_string(::getpid()) + "_" + std::to_string(++number));
+        path_ =
+            fs::temp_directory_path() / ("scope_test_" + std::to_string(::getpid()) + "_" + std::to_string(++number));
         fs::create_directories(path_);
     }
-    ~Folder() { fs::remove_all(path_); }
+    ~Folder() {
+        fs::remove_all(path_);
+        fs::remove(path_.string() + ".err");
+    }
     std::string operator/(const std::string& name) const { return (path_ / name).string(); }
     std::string write(const std::string& name, const std::string& text) const {
         std::ofstream(*this / name, std::ios::binary) << text;
@@ -57,6 +61,10 @@ public:
     }
     Ended run(const Strings& arguments) const {
         return wedgescope::test::run_program(with({WEDGESCOPE_PROGRAM}, arguments), path_.string() + ".err");
+    }
+    /// A file of this folder, with its side files.
+    void remove(const std::string& path) const {
+        for (const char* side : {"", ".aux.xml", ".geoloc.tif"}) fs::remove(path + side);
     }
     /// Must do.
     void make(const Strings& arguments) const {
@@ -68,8 +76,7 @@ public:
     std::map<std::string, std::string> files(const std::string& name = ".") const {
         std::map<std::string, std::string> all;
         for (const auto& entry : fs::recursive_directory_iterator(path_ / name))
-            if (entry.is_regular_file())
-                all[fs::relative(entry.path(), path_ / name).string()] = content(entry.path());
+            if (entry.is_regular_file()) all[fs::relative(entry.path(), path_ / name).string()] = content(entry.path());
         return all;
     }
 
@@ -81,7 +88,8 @@ private:
 Strings outputs(const Folder& folder, const std::string& name) {
     fs::create_directories(folder / name);
     const std::string at = folder / name;
-    return {"-o", at + "/scope.png", "--power", at + "/power.tif", "--states", at + "/states.tif", "--reproducible", "-q"};
+    return {"-o",       at + "/scope.png",  "--power",        at + "/power.tif",
+            "--states", at + "/states.tif", "--reproducible", "-q"};
 }
 
 struct Difference {
@@ -129,15 +137,24 @@ void refuses(const Folder& folder, const Strings& arguments, int code, const Str
     CHECK((folder.files() == before));
 }
 
-const Strings riverside = {"--dem",    data + "/inland_empire_dem.tif",
-                           "--culture", data + "/inland_empire_culture.tif",
-                           "--culture-legend", "fbfm40",
-                           "--culture-height", data + "/inland_empire_canopy.tif",
-                           "--culture-height-scale", "0.1",
-                           "--latlon", "33.93,-117.33",
-                           "--altitude-msl", "7000ft",
-                           "--range",  "7km",
-                           "--size",   "160"};
+const Strings riverside = {"--dem",
+                           data + "/inland_empire_dem.tif",
+                           "--culture",
+                           data + "/inland_empire_culture.tif",
+                           "--culture-legend",
+                           "fbfm40",
+                           "--culture-height",
+                           data + "/inland_empire_canopy.tif",
+                           "--culture-height-scale",
+                           "0.1",
+                           "--latlon",
+                           "33.93,-117.33",
+                           "--altitude-msl",
+                           "7000ft",
+                           "--range",
+                           "7km",
+                           "--size",
+                           "160"};
 /// 0.5 us and 1.5 degrees, so that a beam or pulse of another size keeps the bins.
 const Strings bins = {"--azimuth-bins", "960", "--range-bin", "18.737028625m"};
 
@@ -145,54 +162,57 @@ const Strings bins = {"--azimuth-bins", "960", "--range-bin", "18.737028625m"};
 
 TEST_CASE("the scope of a stored echo is that of a full run, whatever receiver, noise or tube", "[scope]") {
     const Folder folder;
-    same_as_simulate(folder, riverside,
-                     {{{"--if-gain", "38.7dB"}},
-                      {{"--video-gain", "9dB"}},
-                      {{"--stc-range", "5km", "--stc-exponent", "3", "--stc-max", "25dB"}},
-                      {{"--dynamic-range", "33dB"}},
-                      {{"--mds", "-95.5dBm"}},
-                      {{"--display-gamma", "2.2"}},
-                      {{"--noise-figure", "14dB"}},
-                      {{"--bandwidth", "30MHz"}},
-                      {{"--bwe", "off"}},
-                      {{"--ple", "off"}},
-                      {{"--bwe", "off", "--ple", "off", "--speckle", "2"}},
-                      {{"--noise", "on"}},
-                      {{"--noise", "on", "--seed", "18446744073709551615"}},
-                      {{"--speckle", "1"}},
-                      {{"--speckle", "3", "--noise", "on", "--seed", "77"}},
-                      {{"--seed", "5"}, false},
-                      {{"--display", "ppi"}},
-                      {{"--display", "tdppi"}},
-                      {{"--display", "tdppi", "--sweep-delay", "3km", "--if-gain", "45dB"}},
-                      {{"--size", "217"}},
-                      {{"--rings", "off"}},
-                      {{"--rings", "off", "--heading", "33.3deg", "--orientation", "heading"}},
-                      {{"--heading", "33.3deg"}, false},
-                      {{"--legend", "on"}},
-                      {{"--sector", "-20deg,45deg"}},
-                      {{"--sector", "350deg,10deg", "--noise", "on", "--speckle", "1"}},
-                      {{"--sector", "-20deg,45deg", "--heading", "225deg", "--orientation", "heading", "--display", "ppi"}},
-                      {{"--range", "7km", "--geometry", "geodesic"}, false},
-                      {{"--power-unit", "dBm"}, false}});
+    same_as_simulate(
+        folder, riverside,
+        {{{"--if-gain", "38.7dB"}},
+         {{"--video-gain", "9dB"}},
+         {{"--stc-range", "5km", "--stc-exponent", "3", "--stc-max", "25dB"}},
+         {{"--dynamic-range", "33dB"}},
+         {{"--mds", "-95.5dBm"}},
+         {{"--display-gamma", "2.2"}},
+         {{"--noise-figure", "14dB"}},
+         {{"--bandwidth", "30MHz"}},
+         {{"--bwe", "off"}},
+         {{"--ple", "off"}},
+         {{"--bwe", "off", "--ple", "off", "--speckle", "2"}},
+         {{"--noise", "on"}},
+         {{"--noise", "on", "--seed", "18446744073709551615"}},
+         {{"--speckle", "1"}},
+         {{"--speckle", "3", "--noise", "on", "--seed", "77"}},
+         {{"--seed", "5"}, false},
+         {{"--display", "ppi"}},
+         {{"--display", "tdppi"}},
+         {{"--display", "tdppi", "--sweep-delay", "3km", "--if-gain", "45dB"}},
+         {{"--size", "217"}},
+         {{"--rings", "off"}},
+         {{"--rings", "off", "--heading", "33.3deg", "--orientation", "heading"}},
+         {{"--heading", "33.3deg"}, false},
+         {{"--legend", "on"}},
+         {{"--sector", "-20deg,45deg"}},
+         {{"--sector", "350deg,10deg", "--noise", "on", "--speckle", "1"}},
+         {{"--sector", "-20deg,45deg", "--heading", "225deg", "--orientation", "heading", "--display", "ppi"}},
+         {{"--range", "7km", "--geometry", "geodesic"}, false},
+         {{"--power-unit", "dBm"}, false}});
 }
 
 TEST_CASE("a sector's echo serves narrower sectors, other noise, and beams and pulses that it holds", "[scope]") {
     const Folder folder;
-    same_as_simulate(folder, with(with(riverside, bins), {"--heading", "200deg", "--sector", "350deg,40deg", "--range-start", "3km"}),
-                     {{{"--if-gain", "40dB"}},
-                      {{"--sector", "-10deg,20deg"}},
-                      {{"--sector", "-5deg,5deg", "--heading", "205deg", "--orientation", "heading"}},
-                      {{"--sector", "0deg,20deg", "--noise", "on", "--speckle", "1", "--seed", "3"}},
-                      {{"--bwe", "off"}},
-                      {{"--ple", "off", "--display", "ppi"}},
-                      {{"--noise", "on", "--speckle", "2"}},
-                      {{"--beam", "1deg"}},
-                      {{"--beam", "1deg", "--bwe", "off"}},
-                      {{"--pulse", "0.3us"}},
-                      {{"--pulse", "0.3us", "--noise", "on", "--speckle", "1"}},
-                      // Inside, the skirt of a wider beam is there.
-                      {{"--sector", "10deg,20deg", "--beam", "2.5deg", "--detail", "auto"}}});
+    same_as_simulate(
+        folder,
+        with(with(riverside, bins), {"--heading", "200deg", "--sector", "350deg,40deg", "--range-start", "3km"}),
+        {{{"--if-gain", "40dB"}},
+         {{"--sector", "-10deg,20deg"}},
+         {{"--sector", "-5deg,5deg", "--heading", "205deg", "--orientation", "heading"}},
+         {{"--sector", "0deg,20deg", "--noise", "on", "--speckle", "1", "--seed", "3"}},
+         {{"--bwe", "off"}},
+         {{"--ple", "off", "--display", "ppi"}},
+         {{"--noise", "on", "--speckle", "2"}},
+         {{"--beam", "1deg"}},
+         {{"--beam", "1deg", "--bwe", "off"}},
+         {{"--pulse", "0.3us"}},
+         {{"--pulse", "0.3us", "--noise", "on", "--speckle", "1"}},
+         // Inside, the skirt of a wider beam is there.
+         {{"--sector", "10deg,20deg", "--beam", "2.5deg", "--detail", "auto"}}});
 }
 
 TEST_CASE("a full circle holds any beam, and from 0 m any pulse, where no level of detail hangs on them", "[scope]") {
@@ -205,7 +225,8 @@ TEST_CASE("a full circle holds any beam, and from 0 m any pulse, where no level 
                       {{"--pulse", "0.25us", "--beam", "2deg", "--noise", "on"}}});
 }
 
-TEST_CASE("an echo swept without the widths of beam and pulse serves with them where it holds what they gather", "[scope]") {
+TEST_CASE("an echo swept without the widths of beam and pulse serves with them where it holds what they gather",
+          "[scope]") {
     const Folder folder;
     same_as_simulate(folder, with(riverside, {"--bwe", "off", "--ple", "off", "--quality", "fine"}),
                      {{{"--bwe", "on"}}, {{"--ple", "on"}}, {{"--bwe", "on", "--ple", "on", "--speckle", "1"}}});
@@ -243,7 +264,8 @@ TEST_CASE("nothing of the data base is read, and a scene file that made the echo
     const Folder folder;
     fs::copy_file(data + "/inland_empire_dem.tif", folder / "ground.tif");
     const std::string scene = "latlon = 33.93,-117.33\naltitude-msl = 7000ft\nrange = 6km\nsize = 100\n";
-    const std::string ini = folder.write("scene.ini", "dem = ground.tif\nthreads = 1\nwedges = 3\necho = echo.tif\n" + scene);
+    const std::string ini =
+        folder.write("scene.ini", "dem = ground.tif\nthreads = 1\nwedges = 3\necho = echo.tif\n" + scene);
     folder.make(with({"simulate", ini}, {"-q"}));
     folder.make(with({"simulate", ini, "--if-gain", "41dB", "--echo", folder / "other.tif"}, outputs(folder, "full")));
     fs::remove(folder / "ground.tif");
@@ -288,20 +310,21 @@ TEST_CASE("every setting that needs a new sweep is refused, by name and with the
     folder.make(with(with({"simulate"}, riverside), {"--echo", echo, "-q"}));
     // Another value for each; the table says which there are.
     const std::map<std::string, std::string> others = {
-        {"latlon", "33.94,-117.33"},  {"xy", "465000,3755000"},    {"altitude-msl", "7001ft"},  {"altitude-agl", "2km"},
-        {"altitude-hae", "2km"},      {"geoid-offset", "-30m"},    {"scan-step", "4"},          {"scan-period", "3s"},
-        {"range", "6.9km"},           {"range-start", "1km"},      {"geometry", "grid"},        {"earth", "1.3"},
-        {"quality", "fine"},          {"max-error", "0.1dB"},      {"spokes-per-post", "2"},    {"spoke-lead", "3"},
-        {"crossings", "off"},         {"course", "straight"},      {"detail", "off"},           {"frequency", "16.6GHz"},
-        {"transmit-power", "100kW"},  {"gain", "35dB"},            {"losses", "5dB"},           {"gamma", "-15dB"},
-        {"antenna", "cos-csc2"},      {"antenna-knee", "6deg"},    {"antenna-width", "13deg"},  {"antenna-exponent", "0.6"},
-        {"antenna-floor", "-50dB"},   {"tilt", "5deg"}};
+        {"latlon", "33.94,-117.33"}, {"xy", "465000,3755000"}, {"altitude-msl", "7001ft"}, {"altitude-agl", "2km"},
+        {"altitude-hae", "2km"},     {"geoid-offset", "-30m"}, {"scan-step", "4"},         {"scan-period", "3s"},
+        {"range", "6.9km"},          {"range-start", "1km"},   {"geometry", "grid"},       {"earth", "1.3"},
+        {"quality", "fine"},         {"max-error", "0.1dB"},   {"spokes-per-post", "2"},   {"spoke-lead", "3"},
+        {"crossings", "off"},        {"course", "straight"},   {"detail", "off"},          {"frequency", "16.6GHz"},
+        {"transmit-power", "100kW"}, {"gain", "35dB"},         {"losses", "5dB"},          {"gamma", "-15dB"},
+        {"antenna", "cos-csc2"},     {"antenna-knee", "6deg"}, {"antenna-width", "13deg"}, {"antenna-exponent", "0.6"},
+        {"antenna-floor", "-50dB"},  {"tilt", "5deg"}};
     std::set<std::string> tried;
     for (const wedgescope::Key& key : wedgescope::key_table()) {
         if (!(key.commands & wedgescope::command_simulate) || !key.changes_result ||
             (key.commands & wedgescope::command_scope))
             continue;
-        INFO(key.name << ": of a key that changes the echo this test needs another value, and the table why it needs a sweep");
+        INFO(key.name
+             << ": of a key that changes the echo this test needs another value, and the table why it needs a sweep");
         REQUIRE(others.contains(key.name));
         CHECK_FALSE(key.needs_sweep.empty());
         refuses(folder, {"scope", echo, "-o", png, "--" + key.name, others.at(key.name)}, 2,
@@ -310,20 +333,23 @@ TEST_CASE("every setting that needs a new sweep is refused, by name and with the
     }
     CHECK(tried.size() == others.size());
     // What it is already does no harm.
-    folder.make({"scope", echo, "-o", png, "--tilt", "0deg", "--range", "7km", "--gain", "34dB", "--quality", "normal", "-q"});
-    fs::remove(png);
+    folder.make(
+        {"scope", echo, "-o", png, "--tilt", "0deg", "--range", "7km", "--gain", "34dB", "--quality", "normal", "-q"});
+    folder.remove(png);
 
     const Strings start = {"scope", echo, "-o", png};
     refuses(folder, with(start, {"--display", "gpi-true"}), 2, {"--display is gpi-true", "swept for gpi", "new sweep"});
     refuses(folder, with(start, {"--azimuth-bins", "720"}), 2, {"--azimuth-bins is 720", "has 960", "new sweep"});
     refuses(folder, with(start, {"--range-bin", "20m"}), 2, {"--range-bin is 20m", "18.737", "new sweep"});
-    refuses(folder, with(start, {"--beam", "1deg"}), 2, {"--beam is 1deg", "1440 azimuth bins", "azimuth-bins 960 keeps them"});
+    refuses(folder, with(start, {"--beam", "1deg"}), 2,
+            {"--beam is 1deg", "1440 azimuth bins", "azimuth-bins 960 keeps them"});
     refuses(folder, with(start, {"--pulse", "0.4us"}), 2, {"--pulse is 0.4us", "range-bin 18.737028625m keeps them"});
     // Wrong values and words are refused as simulate refuses them.
     refuses(folder, with(start, {"--if-gain", "40"}), 2, {"--if-gain is '40'", "dB"});
     refuses(folder, with(start, {"--tilt", "100deg"}), 2, {"--tilt is '100deg'", "from -90deg to 90deg"});
     refuses(folder, with(start, {"--if-gian", "40dB"}), 2, {"did you mean --if-gain?", "wedgescope help scope"});
-    refuses(folder, with(start, {"--display", "tdppi", "--sweep-delay", "8km"}), 2, {"range is 7000.0 m", "sweep delay"});
+    refuses(folder, with(start, {"--display", "tdppi", "--sweep-delay", "8km"}), 2,
+            {"range is 7000.0 m", "sweep delay"});
     refuses(folder, {"scope", "-o", png}, 2, {"echo image", "none is given"});
     refuses(folder, {"scope", echo}, 2, {"no output"});
     refuses(folder, {"scope", echo, "a.ini", "b.ini", "-o", png}, 2, {"found 3 paths"});
@@ -339,7 +365,8 @@ TEST_CASE("a sector's echo is refused for what lies outside, and levels of detai
     };
     swept({"--heading", "90deg", "--sector", "-30deg,30deg", "--range-start", "2km"});
     refuses(folder, with(start, {"--sector", "-31deg,30deg"}), 2, {"--sector", "makes the beam gather azimuth bins"});
-    refuses(folder, with(start, {"--sector", "-60deg,30deg"}), 2, {"--sector asks for azimuth bins 80 to 319", "of 960"});
+    refuses(folder, with(start, {"--sector", "-60deg,30deg"}), 2,
+            {"--sector asks for azimuth bins 80 to 319", "of 960"});
     refuses(folder, with(start, {"--sector", "full"}), 2, {"--sector asks for azimuth bins 0 to 959"});
     refuses(folder, with(start, {"--heading", "140deg"}), 2, {"--heading asks for azimuth bins"});
     refuses(folder, with(start, {"--beam", "1.6deg"}), 2, {"--beam makes the beam gather", "new sweep"});
@@ -349,9 +376,12 @@ TEST_CASE("a sector's echo is refused for what lies outside, and levels of detai
     refuses(folder, with(start, {"--bwe", "on"}), 2, {"--bwe makes the beam gather"});
     refuses(folder, with(start, {"--ple", "on"}), 2, {"--ple reaches", "the echo image holds 0"});
 
-    // A pulse of 2 us holds four posts of 24 m: levels of detail are possible then, and only a sweep can tell.
-    swept({});
-    refuses(folder, with(start, {"--pulse", "2us"}), 2, {"--pulse is 2us", "finer than beam and pulse", "--detail off"});
+    // A pulse of 2 us holds four posts: levels of detail are possible then, and only a sweep can tell.
+    folder.make(with({"simulate", "--overwrite", "--dem", data + "/inland_empire_dem.tif", "--latlon", "33.93,-117.33",
+                      "--altitude-msl", "7000ft", "--range", "7km", "--echo", echo, "-q"},
+                     bins));
+    refuses(folder, with(start, {"--pulse", "2us"}), 2,
+            {"--pulse is 2us", "finer than beam and pulse", "--detail off"});
 }
 
 TEST_CASE("where levels of detail were swept, beam and pulse are bound to them", "[scope]") {
@@ -366,18 +396,26 @@ TEST_CASE("where levels of detail were swept, beam and pulse are bound to them",
             heights += static_cast<char>(z >> 8);
         }
     folder.write("fine.dat", heights);
-    folder.write("fine.hdr", "ENVI\nsamples = 1200\nlines = 1200\nbands = 1\ndata type = 2\ninterleave = bsq\nbyte order = 0\n"
-                             "map info = {UTM, 1, 1, 465000, 3750300, 2, 2, 11, North, WGS-84}\n");
+    folder.write("fine.hdr",
+                 "ENVI\nsamples = 1200\nlines = 1200\nbands = 1\ndata type = 2\ninterleave = bsq\nbyte order = 0\n"
+                 "map info = {UTM, 1, 1, 465000, 3750300, 2, 2, 11, North, WGS-84}\n");
     const std::string echo = folder / "echo.tif", png = folder / "new.png";
-    const Strings scene = {"--dem", folder / "fine.dat", "--xy", "466200,3749100", "--altitude-agl", "500m", "--range", "1.5km",
-                           "--pulse", "1us", "--beam", "6deg", "--size", "100", "--quality", "draft"};
+    const Strings scene = {"--dem",          folder / "fine.dat",
+                           "--xy",           "466200,3749100",
+                           "--altitude-agl", "500m",
+                           "--range",        "1.5km",
+                           "--pulse",        "1us",
+                           "--beam",         "6deg",
+                           "--size",         "100",
+                           "--quality",      "draft"};
     folder.make(with(with({"simulate"}, scene), {"--echo", echo, "--report", folder / "run.json", "-q"}));
     REQUIRE(nlohmann::json::parse(content(folder / "run.json"))["levels"].size() > 1);
     for (const Strings& setting : {Strings{"--bwe", "off"}, {"--ple", "off"}})
-        refuses(folder, with({"scope", echo, "-o", png}, setting), 2, {setting[0] + " is off", "--detail off", "new sweep"});
-    refuses(folder, {"scope", echo, "-o", png, "--beam", "5deg", "--azimuth-bins", "240"}, 2, {"--beam is 5deg", "--detail off"});
-    fs::remove(folder / "echo.tif");
-    fs::remove(folder / "echo.tif.geoloc.tif");
+        refuses(folder, with({"scope", echo, "-o", png}, setting), 2,
+                {setting[0] + " is off", "--detail off", "new sweep"});
+    refuses(folder, {"scope", echo, "-o", png, "--beam", "5deg", "--azimuth-bins", "240"}, 2,
+            {"--beam is 5deg", "--detail off"});
+    folder.remove(echo);
     same_as_simulate(folder, scene, {{{"--if-gain", "30dB"}}, {{"--speckle", "1", "--display", "ppi"}}});
 }
 
@@ -422,13 +460,15 @@ TEST_CASE("what is no echo image, or is no longer the one that was written, cost
     scene_json([](auto&) {});
     folder.make({"scope", bad, "-o", png, "-q"});  // the same again does
     CHECK(content(png) == content(folder / "plain/scope.png"));
-    fs::remove(png);
+    folder.remove(png);
     for (const int band : {1, 2}) {
         changed([&](GDALDataset& file) {
             float cell = 0;
-            REQUIRE(file.GetRasterBand(band)->RasterIO(GF_Read, 100, 50, 1, 1, &cell, 1, 1, GDT_Float32, 0, 0) == CE_None);
+            REQUIRE(file.GetRasterBand(band)->RasterIO(GF_Read, 100, 50, 1, 1, &cell, 1, 1, GDT_Float32, 0, 0) ==
+                    CE_None);
             cell = cell == 2 ? 1 : 2;
-            REQUIRE(file.GetRasterBand(band)->RasterIO(GF_Write, 100, 50, 1, 1, &cell, 1, 1, GDT_Float32, 0, 0) == CE_None);
+            REQUIRE(file.GetRasterBand(band)->RasterIO(GF_Write, 100, 50, 1, 1, &cell, 1, 1, GDT_Float32, 0, 0) ==
+                    CE_None);
         });
         tried(bad, {"bad.tif", "damaged, or was changed", "cells"});
     }
@@ -476,18 +516,34 @@ TEST_CASE("scope overwrites nothing unasked and leaves nothing half-written", "[
     const std::string before = content(png);
     folder.make({"scope", echo, "-o", png, "--overwrite", "--if-gain", "30dB", "-q"});
     CHECK(content(png) != before);
-    folder.make({"scope", echo, "-o", folder / "scope.tif", "--of", "GTiff", "--co", "COMPRESS=LZW", "--config", "GDAL_CACHEMAX=16", "-q"});
+    folder.make({"scope", echo, "-o", folder / "scope.tif", "--of", "GTiff", "--co", "COMPRESS=LZW", "--config",
+                 "GDAL_CACHEMAX=16", "-q"});
     CHECK(fs::file_size(folder / "scope.tif") > 1000);
 }
 
 TEST_CASE("a track's frame serves as the echo of its row, a scan's does not", "[scope]") {
     const Folder folder;
-    const std::string track = folder.write("track.csv", "time,lat,lon,altitude-msl,heading\n0,33.93,-117.33,2100,30\n1,33.931,-117.331,2101,31\n");
-    const Strings moving = {"simulate", "--dem", data + "/inland_empire_dem.tif", "--track", track, "--range", "5km", "--size", "90",
-                            "-q", "--orientation", "heading", "--echo", folder / "echo.tif", "--reproducible"};
+    const std::string track = folder.write(
+        "track.csv", "time,lat,lon,altitude-msl,heading\n0,33.93,-117.33,2100,30\n1,33.931,-117.331,2101,31\n");
+    const Strings moving = {"simulate",
+                            "--dem",
+                            data + "/inland_empire_dem.tif",
+                            "--track",
+                            track,
+                            "--range",
+                            "5km",
+                            "--size",
+                            "90",
+                            "-q",
+                            "--orientation",
+                            "heading",
+                            "--echo",
+                            folder / "echo.tif",
+                            "--reproducible"};
     folder.make(with(moving, {"-o", folder / "scope.png"}));
     folder.make({"scope", folder / "echo_0002.tif", "-o", folder / "again.png", "--reproducible", "-q"});
     CHECK((content(folder / "again.png") == content(folder / "scope_0002.png")));
     folder.make(with(moving, {"--overwrite", "--scan-step", "60", "--scan-period", "2s"}));
-    refuses(folder, {"scope", folder / "echo_0001.tif", "-o", folder / "new.png"}, 2, {"scan", "several places", "new sweep"});
+    refuses(folder, {"scope", folder / "echo_0001.tif", "-o", folder / "new.png"}, 2,
+            {"scan", "several places", "new sweep"});
 }

@@ -38,6 +38,7 @@ GeolocationGrid tube_geolocation(const RunResult& run, const RasterFormat& forma
     const std::int64_t step = std::max<std::int64_t>(2, (std::max(frame.width, frame.height) + 510) / 511);
     GeolocationGrid grid = geolocation_grid(frame.width, frame.height, step, step);
     grid.crs = ground.crs();
+    grid.threads = run.report.threads;
     grid.place = [frame, ground, delay](double column, double row) {
         const Bearing at = bearing(frame, column, row);
         return ground.place(at.azimuth_rad, ground.arc_m(at.pixels * frame.metres_per_pixel + delay));

@@ -13,7 +13,7 @@ namespace {
 constexpr float no_dbm = -9999;
 constexpr std::int64_t most_nodes = 200000;  ///< of a geolocation array: 3.2 MiB
 
-GeolocationGrid polar_geolocation(const PolarGrid& grid, const Ground& ground) {
+GeolocationGrid polar_geolocation(const PolarGrid& grid, const Ground& ground, int threads) {
     const std::int64_t azimuths = grid.azimuth_bins.size(), ranges = grid.range_bins.size();
     const double step = grid.azimuth_step_rad();
     // GDAL interpolates between nodes along straight lines: their sagitta at the far edge, r (1 - cos(step / 2)), stays
@@ -28,6 +28,7 @@ GeolocationGrid polar_geolocation(const PolarGrid& grid, const Ground& ground) {
     GeolocationGrid out = geolocation_grid(ranges, azimuths, column_step, row_step);
     out.closed = grid.full_circle();
     out.crs = ground.crs();
+    out.threads = threads;
     out.place = [grid, step, ground](double column, double row) {
         const double range = (static_cast<double>(grid.range_bins.begin) + column) * grid.range_bin_m;
         return ground.place((static_cast<double>(grid.azimuth_bins.begin) + row) * step, ground.arc_m(range));
@@ -49,7 +50,7 @@ RasterContent polar_content(const RunResult& run, const PolarGrid& grid, const R
     items.emplace_back("RANGE_START_M", fifteen_digits(static_cast<double>(grid.range_bins.begin) * grid.range_bin_m));
     items.emplace_back("RANGE_STEP_M", fifteen_digits(grid.range_bin_m));
     items.emplace_back("RANGE_KIND", run.scene.scene.display.kind == DisplayKind::gpi_true ? "ground" : "slant");
-    content.geolocation = polar_geolocation(grid, Ground(run.scene, format));
+    content.geolocation = polar_geolocation(grid, Ground(run.scene, format), run.report.threads);
     return content;
 }
 

@@ -1,6 +1,8 @@
 #include "tiles/raster_writer.hpp"
 
 #include <cpl_string.h>
+#include <tbb/parallel_for.h>
+#include <tbb/task_arena.h>
 
 #include <GeographicLib/Geodesic.hpp>
 #include <algorithm>
@@ -188,7 +190,7 @@ void write_geolocation(const GeolocationGrid& grid, const std::string& path, con
     // of the other end.
     const std::int64_t margin = grid.closed ? 1 : 0, rows = grid.rows + 2 * margin;
     std::vector<double> x(static_cast<std::size_t>(grid.columns * rows), no_place), y = x;
-    for (std::int64_t j = 0; j < grid.rows; ++j)
+    const auto find_row = [&](std::int64_t j) {
         for (std::int64_t i = 0; i < grid.columns; ++i) {
             const Place at =
                 grid.place(static_cast<double>(i * grid.column_step), static_cast<double>(j * grid.row_step));
@@ -196,6 +198,11 @@ void write_geolocation(const GeolocationGrid& grid, const std::string& path, con
             x[node] = at.x;
             y[node] = at.y;
         }
+    };
+    // A geodesic a node takes longer than all else that a picture is made of.
+    tbb::task_arena(std::max(1, grid.threads)).execute([&] {
+        tbb::parallel_for(std::int64_t{0}, grid.rows, find_row);
+    });
     RasterContent content;
     content.columns = grid.columns;
     content.rows = rows;

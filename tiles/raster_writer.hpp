@@ -37,6 +37,7 @@ struct GeolocationGrid {
     std::int64_t column_step = 1, row_step = 1;
     std::function<Place(double column, double row)> place;
     bool closed = false;  ///< the last row of nodes stands where the first one does
+    int threads = 1;      ///< that find the places, each on its own; `place` is asked by several at once
     std::string crs;      ///< anything GDAL understands; empty: a plane that is nowhere on earth
 };
 /// The grid for a raster of so many cells, with steps of at most these.

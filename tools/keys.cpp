@@ -374,8 +374,7 @@ Codec sector() {
             // Past north: written as it may be given, so that reading it back makes exactly this again.
             const double turned = to - circle;
             end = fmt::format("{:.12g}deg", Angle::radians(turned).deg());
-            if (parse_quantity(Dimension::angle, "", end) + circle != to)
-                end = quantity_text(Dimension::angle, turned);
+            if (parse_quantity(Dimension::angle, "", end) + circle != to) end = quantity_text(Dimension::angle, turned);
         }
         return quantity_text(Dimension::angle, from) + "," + end;
     };
@@ -1072,9 +1071,10 @@ std::vector<Key> make_keys() {
             for (Key& key : keys)
                 if (key.name == name) change(key);
     };
-    keys_of({"heading", "sector", "azimuth-bins", "range-bin", "pulse", "noise-figure", "bandwidth", "beam",
-             "azimuth-pattern", "display", "threads", "memory", "output", "power", "states", "report", "power-unit", "of",
-             "co", "overwrite", "reproducible", "config", "quiet", "help"},
+    keys_of({"heading",   "sector",    "azimuth-bins",    "range-bin", "pulse",      "noise-figure",
+             "bandwidth", "beam",      "azimuth-pattern", "display",   "threads",    "memory",
+             "output",    "power",     "states",          "report",    "power-unit", "of",
+             "co",        "overwrite", "reproducible",    "config",    "quiet",      "help"},
             [](Key& key) {
                 key.commands |= command_scope;
                 key.needs_sweep.clear();

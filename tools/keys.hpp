@@ -63,7 +63,7 @@ struct Key {
     bool in_scene_file = true;
     bool changes_result = false;                       ///< part of SCENE_JSON: position, look, set, receiver, display
     bool after_echo = false;                           ///< changes_result, but never the echo: receiver, tube, noise
-    std::string needs_sweep;  ///< of changes_result and the data base: why scope cannot change it; empty: it can, or unknown
+    std::string needs_sweep;                           ///< of what changes the echo: why scope cannot change it
     std::function<void(Settings&, const Given&)> set;  ///< InputError
     std::function<std::optional<std::string>(const Settings&)>
         get;  ///< the value as a user would write it; none: not given

@@ -205,10 +205,10 @@ const std::vector<CommandInfo>& command_table() {
         {command_scope, "scope", "wedgescope scope [options] ECHO [setting.ini]",
          "stored echo image -> scope picture with another receiver, display, noise",
          "ECHO is what simulate --echo has written. Whatever is not given is as it was then; the picture is, byte for "
-         "byte, the one that simulate makes with the same setting, and nothing of the data base is read. Settings that need "
-         "a new sweep are refused with the reason, unless they are as they were. Beam, pulse, sector and heading may change "
-         "as long as the echo image holds what they gather and its bins stay (azimuth-bins and range-bin, where they are "
-         "auto, follow beam and pulse: give them).",
+         "byte, the one that simulate makes with the same setting, and nothing of the data base is read. Settings that "
+         "need a new sweep are refused with the reason, unless they are as they were. Beam, pulse, sector and heading "
+         "may change as long as the echo image holds what they gather and its bins stay (azimuth-bins and range-bin, "
+         "where they are auto, follow beam and pulse: give them).",
          "wedgescope scope --if-gain 40dB --display ppi echo.tif -o scope.png"},
         {command_coverage, "coverage", "wedgescope coverage [options] IN OUT",
          "terrain raster -> which of its posts are seen, or how high, far and steep they lie",

@@ -130,8 +130,9 @@ std::string echo_scene_json(const Settings& settings, const RunResult& run, cons
     for (const Key& key : key_table()) {
         if (key.group != KeyGroup::data_base) continue;
         const auto value = key.get(settings);
-        names[key.name] = value ? nlohmann::ordered_json(key.value.find("PATH") == std::string::npos ? *value : file_name(*value))
-                                : nlohmann::ordered_json(nullptr);
+        names[key.name] =
+            value ? nlohmann::ordered_json(key.value.find("PATH") == std::string::npos ? *value : file_name(*value))
+                  : nlohmann::ordered_json(nullptr);
     }
     const double post_m = detail_post_m(run.scene, data_base);
     nlohmann::ordered_json echo;

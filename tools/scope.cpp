@@ -21,7 +21,7 @@
 namespace wedgescope {
 namespace {
 
-void check_names(const Settings& s) {
+void check_scope_names(const Settings& s) {
     const NamedPaths outputs{{"output", s.output}, {"power", s.power}, {"states", s.states}, {"report", s.report}};
     check_names(outputs, {{"the echo image", s.files[0]}, {"the scene file", s.files.size() > 1 ? s.files[1] : ""}});
     if (std::all_of(outputs.begin(), outputs.end(), [](const auto& out) { return out.second.empty(); }))
@@ -41,8 +41,10 @@ nlohmann::ordered_json report_of(const StoredEcho& echo, const Settings& setting
     std::vector<InputFile> inputs;
     for (std::size_t i = 0; i < settings.files.size(); ++i) {
         std::error_code error;
-        inputs.push_back({i == 0 ? "echo" : "scene", settings.files[i], std::nullopt, i == 0 ? crs_name(echo.crs_wkt) : ""});
-        if (const auto bytes = std::filesystem::file_size(settings.files[i], error); !error) inputs.back().bytes = bytes;
+        inputs.push_back(
+            {i == 0 ? "echo" : "scene", settings.files[i], std::nullopt, i == 0 ? crs_name(echo.crs_wkt) : ""});
+        if (const auto bytes = std::filesystem::file_size(settings.files[i], error); !error)
+            inputs.back().bytes = bytes;
     }
     out["inputs"] = inputs_json(inputs);
     out["states"] = json::object();
@@ -65,7 +67,7 @@ void scope(const std::vector<std::string>& arguments, Stop& stop) {
     const double start_s = now_s();
     const ScopeRequest request = parse_scope_arguments(arguments);
     if (request.settings.help) return print(help_text(command_by_name("scope")));
-    check_names(request.settings);
+    check_scope_names(request.settings);
     const std::string& path = request.settings.files[0];
     const GdalSession session(cache_bytes(request.settings), request.settings.config);
     const EchoFile file(path);
@@ -105,8 +107,7 @@ void scope(const std::vector<std::string>& arguments, Stop& stop) {
     data_base.metres_per_unit = echo.metres_per_unit;
     layers.write(result, settings, data_base, stop);
     const double write_s = now_s() - write_start_s;
-    if (report)
-        write_report(*report, report_of(echo, settings, result, read_s, write_s, usage_since(start_s)));
+    if (report) write_report(*report, report_of(echo, settings, result, read_s, write_s, usage_since(start_s)));
     stop.check();
     std::vector<OutputFile*> files = layers.files();
     if (report) files.push_back(&*report);

@@ -89,14 +89,14 @@ StoredEcho stored_echo(const std::string& path, const std::string& scene_json, s
     const Member top(path, all, "");
     const std::string format = all.value("format", json()).is_string() ? top.words("format") : "";
     if (format != "wedgescope-scene-1")
-        throw DataError(text(named, ": the format of its SCENE_JSON is ", in_quotes(format),
-                             "; wedgescope-scene-1 is needed"));
+        throw DataError(
+            text(named, ": the format of its SCENE_JSON is ", in_quotes(format), "; wedgescope-scene-1 is needed"));
     const std::string made_by = top.words("version");
     const bool echo_known = top.has("echo");
     if (made_by != version() || !echo_known || top.object("echo").whole("revision") != echo_revision)
-        throw DataError(text(named, " was written by ", made_by == version() ? "another build of wedgescope " : "wedgescope ",
-                             in_quotes(made_by), ", and this is ", version(),
-                             ", whose echo may differ; simulate again"));
+        throw DataError(text(named, " was written by ",
+                             made_by == version() ? "another build of wedgescope " : "wedgescope ", in_quotes(made_by),
+                             ", and this is ", version(), ", whose echo may differ; simulate again"));
 
     StoredEcho out;
     out.path = path;
@@ -105,7 +105,8 @@ StoredEcho stored_echo(const std::string& path, const std::string& scene_json, s
     const Member data_base = echo.object("data_base");
     const Member parameters = top.object("parameters");
     for (const Key& key : key_table())
-        if ((key.commands & command_simulate) && key.in_scene_file && key.changes_result && !parameters.has(key.name.c_str()))
+        if ((key.commands & command_simulate) && key.in_scene_file && key.changes_result &&
+            !parameters.has(key.name.c_str()))
             parameters.refuse(key.name.c_str(), "there");
     try {
         out.given = given_in_json(all["parameters"]);
@@ -122,8 +123,8 @@ StoredEcho stored_echo(const std::string& path, const std::string& scene_json, s
     }
     out.checksum = hex_number(echo, "checksum");
     out.levels = echo.flag("levels");
-    out.post_m = echo.at("detail_post_m").is_null() ? std::numeric_limits<double>::infinity()
-                                                    : echo.number("detail_post_m");
+    out.post_m =
+        echo.at("detail_post_m").is_null() ? std::numeric_limits<double>::infinity() : echo.number("detail_post_m");
     out.crs_wkt = echo.words("crs_wkt");
     out.metres_per_unit = echo.number("metres_per_unit");
 
@@ -154,7 +155,8 @@ StoredEcho stored_echo(const std::string& path, const std::string& scene_json, s
         throw DataError(text(named, " is damaged, or was changed: ", e.what()));
     }
     if (out.scene.swept != swept || out.scene.shown != grid_in(resolved, "shown"))
-        throw DataError(text(named, " is damaged, or was changed: the bins of its SCENE_JSON are not those of its parameters"));
+        throw DataError(
+            text(named, " is damaged, or was changed: the bins of its SCENE_JSON are not those of its parameters"));
     return out;
 }
 
@@ -180,8 +182,9 @@ void check_given(const StoredEcho& echo, const std::vector<Given>& given, const 
         const std::optional<std::string> now = key.get(settings);
         if (key.group == KeyGroup::data_base) {
             const auto stored = echo.data_base.find(key.name);
-            const std::optional<std::string> before =
-                stored != echo.data_base.end() && stored->is_string() ? std::optional(stored->get<std::string>()) : std::nullopt;
+            const std::optional<std::string> before = stored != echo.data_base.end() && stored->is_string()
+                                                          ? std::optional(stored->get<std::string>())
+                                                          : std::nullopt;
             const bool path = key.value.find("PATH") != std::string::npos;
             if (before && now && (path ? file_name(*now) : *now) == *before) continue;
             throw InputError(text(g.origin, " is ", in_quotes(value_words(now)), "; the echo image was made with ",
@@ -196,11 +199,13 @@ void check_given(const StoredEcho& echo, const std::vector<Given>& given, const 
         const std::optional<std::string> before = key.get(echo.settings);
         if (now == before) continue;
         // What was left open then, given as it came out.
-        if (key.name == "range" && settings.scene.range_m && *settings.scene.range_m == *echo.scene.scene.range_m) continue;
-        if (key.name == "geometry" && settings.scene.geometry && *settings.scene.geometry == echo.scene.geometry) continue;
-        throw InputError(text(g.origin, " is ", value_words(now), "; the echo image was swept with ",
-                              before ? *before : "no " + key.name, ", and ",
-                              key.needs_sweep.empty() ? "it changes what the ground returns" : key.needs_sweep, sweep_needed));
+        if (key.name == "range" && settings.scene.range_m && *settings.scene.range_m == *echo.scene.scene.range_m)
+            continue;
+        if (key.name == "geometry" && settings.scene.geometry && *settings.scene.geometry == echo.scene.geometry)
+            continue;
+        throw InputError(text(
+            g.origin, " is ", value_words(now), "; the echo image was swept with ", before ? *before : "no " + key.name,
+            ", and ", key.needs_sweep.empty() ? "it changes what the ground returns" : key.needs_sweep, sweep_needed));
     }
 }
 
@@ -226,22 +231,27 @@ ResolvedScene scene_from_echo(const StoredEcho& echo, const std::vector<Given>& 
     const PolarGrid &stored = echo.scene.swept, &wanted = scene.swept;
     if (wanted.circle_bins != stored.circle_bins) {
         const bool open = !settings.scene.azimuth_bins;
-        throw InputError(text(open ? text(name("beam"), " is ", value_words(find_key("beam")->get(settings)), " and azimuth-bins auto, which makes ")
+        throw InputError(text(open ? text(name("beam"), " is ", value_words(find_key("beam")->get(settings)),
+                                          " and azimuth-bins auto, which makes ")
                                    : text(name("azimuth-bins"), " is "),
-                              wanted.circle_bins, open ? " azimuth bins" : "", "; the echo image has ", stored.circle_bins,
+                              wanted.circle_bins, open ? " azimuth bins" : "", "; the echo image has ",
+                              stored.circle_bins,
                               open ? text(" (azimuth-bins ", stored.circle_bins, " keeps them)") : "", sweep_needed));
     }
     if (wanted.range_bin_m != stored.range_bin_m) {
         const bool open = !settings.scene.range_bin_m;
         const auto length = [](double m) { return quantity_text(Dimension::length, m); };
-        throw InputError(text(open ? text(name("pulse"), " is ", value_words(find_key("pulse")->get(settings)), " and range-bin auto, which makes range bins of ")
-                                   : text(name("range-bin"), " is "),
-                              length(wanted.range_bin_m), "; the echo image has ", open ? "" : "bins of ", length(stored.range_bin_m),
-                              open ? text(" (range-bin ", length(stored.range_bin_m), " keeps them)") : "", sweep_needed));
+        throw InputError(text(
+            open ? text(name("pulse"), " is ", value_words(find_key("pulse")->get(settings)),
+                        " and range-bin auto, which makes range bins of ")
+                 : text(name("range-bin"), " is "),
+            length(wanted.range_bin_m), "; the echo image has ", open ? "" : "bins of ", length(stored.range_bin_m),
+            open ? text(" (range-bin ", length(stored.range_bin_m), " keeps them)") : "", sweep_needed));
     }
     if (!holds(stored, scene.shown))
-        throw InputError(text(azimuths, " asks for azimuth bins ", bins_words(scene.shown.azimuth_bins), "; the echo image holds ",
-                              bins_words(stored.azimuth_bins), " of ", stored.circle_bins, sweep_needed));
+        throw InputError(text(azimuths, " asks for azimuth bins ", bins_words(scene.shown.azimuth_bins),
+                              "; the echo image holds ", bins_words(stored.azimuth_bins), " of ", stored.circle_bins,
+                              sweep_needed));
     if (wanted.range_bins.begin < stored.range_bins.begin)
         throw InputError(text(radar.pulse_s != before.pulse_s ? name("pulse") : name("ple"), " reaches ",
                               scene.shown.range_bins.begin - wanted.range_bins.begin,
@@ -252,18 +262,20 @@ ResolvedScene scene_from_echo(const StoredEcho& echo, const std::vector<Given>& 
                           : radar.antenna.azimuth != before.antenna.azimuth     ? "azimuth-pattern"
                           : radar.beam_width_error != before.beam_width_error   ? "bwe"
                                                                                 : "";
-        throw InputError(text(*key ? name(key) : azimuths, " makes the beam gather azimuth bins ", bins_words(wanted.azimuth_bins),
-                              "; the echo image holds ", bins_words(stored.azimuth_bins), " of ", stored.circle_bins,
-                              sweep_needed));
+        throw InputError(text(*key ? name(key) : azimuths, " makes the beam gather azimuth bins ",
+                              bins_words(wanted.azimuth_bins), "; the echo image holds ",
+                              bins_words(stored.azimuth_bins), " of ", stored.circle_bins, sweep_needed));
     }
     if (!same_levels(echo.scene, echo.levels, echo.post_m, scene)) {
         const char* key = radar.antenna.beam.rad() != before.antenna.beam.rad() ? "beam"
                           : radar.pulse_s != before.pulse_s                     ? "pulse"
                           : radar.beam_width_error != before.beam_width_error   ? "bwe"
                                                                                 : "ple";
-        throw InputError(text(name(key), " is ", value_words(find_key(key)->get(settings)),
-                              "; the ground of this echo image is finer than beam and pulse, whose size decides which posts are swept"
-                              " (simulate --detail off makes an echo image that takes it)", sweep_needed));
+        throw InputError(text(
+            name(key), " is ", value_words(find_key(key)->get(settings)),
+            "; the ground of this echo image is finer than beam and pulse, whose size decides which posts are swept"
+            " (simulate --detail off makes an echo image that takes it)",
+            sweep_needed));
     }
     return scene;
 }

@@ -17,8 +17,8 @@ struct StoredEcho {
     Settings settings;         ///< of these, and the data base's names
     ResolvedScene scene;       ///< as swept; without what only a sweep needs
     std::uint64_t checksum = 0;
-    bool levels = false;  ///< levels of detail were used
-    double post_m = 0;    ///< detail_post_m(); infinite: no level, whatever beam and pulse are
+    bool levels = false;               ///< levels of detail were used
+    double post_m = 0;                 ///< detail_post_m(); infinite: no level, whatever beam and pulse are
     nlohmann::ordered_json data_base;  ///< key -> file name, word or number; null: not given
     std::string crs_wkt;
     double metres_per_unit = 1;
