@@ -197,22 +197,26 @@ TEST_CASE("the scope of a stored echo is that of a full run, whatever receiver, 
 
 TEST_CASE("a sector's echo serves narrower sectors, other noise, and beams and pulses that it holds", "[scope]") {
     const Folder folder;
-    same_as_simulate(
-        folder,
-        with(with(riverside, bins), {"--heading", "200deg", "--sector", "350deg,40deg", "--range-start", "3km"}),
-        {{{"--if-gain", "40dB"}},
-         {{"--sector", "-10deg,20deg"}},
-         {{"--sector", "-5deg,5deg", "--heading", "205deg", "--orientation", "heading"}},
-         {{"--sector", "0deg,20deg", "--noise", "on", "--speckle", "1", "--seed", "3"}},
-         {{"--bwe", "off"}},
-         {{"--ple", "off", "--display", "ppi"}},
-         {{"--noise", "on", "--speckle", "2"}},
-         {{"--beam", "1deg"}},
-         {{"--beam", "1deg", "--bwe", "off"}},
-         {{"--pulse", "0.3us"}},
-         {{"--pulse", "0.3us", "--noise", "on", "--speckle", "1"}},
-         // Inside, the skirt of a wider beam is there.
-         {{"--sector", "10deg,20deg", "--beam", "2.5deg", "--detail", "auto"}}});
+    const Strings sector = with(with(riverside, bins), {"--heading", "200deg", "--sector", "350deg,40deg"});
+    SECTION("from 3 km on") {
+        same_as_simulate(folder, with(sector, {"--range-start", "3km"}),
+                         {{{"--if-gain", "40dB"}},
+                          {{"--sector", "-10deg,20deg"}},
+                          {{"--sector", "0deg,20deg", "--noise", "on", "--speckle", "1", "--seed", "3"}},
+                          {{"--bwe", "off", "--display", "ppi"}},
+                          {{"--beam", "1deg"}}});
+    }
+    SECTION("from the sensor on") {
+        same_as_simulate(folder, sector,
+                         {{{"--sector", "-5deg,5deg", "--heading", "205deg", "--orientation", "heading"}},
+                          {{"--ple", "off"}},
+                          {{"--noise", "on", "--speckle", "2"}},
+                          {{"--beam", "1deg", "--bwe", "off"}},
+                          {{"--pulse", "0.3us"}},
+                          {{"--pulse", "0.3us", "--noise", "on", "--speckle", "1"}},
+                          // Inside, the skirt of a wider beam is there.
+                          {{"--sector", "10deg,20deg", "--beam", "2.5deg"}}});
+    }
 }
 
 TEST_CASE("a full circle holds any beam, and from 0 m any pulse, where no level of detail hangs on them", "[scope]") {
@@ -371,10 +375,13 @@ TEST_CASE("a sector's echo is refused for what lies outside, and levels of detai
     refuses(folder, with(start, {"--heading", "140deg"}), 2, {"--heading asks for azimuth bins"});
     refuses(folder, with(start, {"--beam", "1.6deg"}), 2, {"--beam makes the beam gather", "new sweep"});
     refuses(folder, with(start, {"--azimuth-pattern", "uniform"}), 2, {"--azimuth-pattern makes the beam gather"});
-    refuses(folder, with(start, {"--pulse", "0.7us"}), 2, {"--pulse reaches", "before range-start", "new sweep"});
+    refuses(folder, with(start, {"--pulse", "0.7us"}), 2, {"--pulse makes the sweep begin at range bin", "new sweep"});
+    refuses(folder, with(start, {"--pulse", "0.3us"}), 2, {"--pulse makes the sweep begin at range bin", "new sweep"});
+    refuses(folder, with(start, {"--ple", "off"}), 2,
+            {"--ple makes the sweep begin at range bin", "the echo image begins"});
     swept({"--sector", "-30deg,30deg", "--bwe", "off", "--ple", "off", "--range-start", "2km"});
     refuses(folder, with(start, {"--bwe", "on"}), 2, {"--bwe makes the beam gather"});
-    refuses(folder, with(start, {"--ple", "on"}), 2, {"--ple reaches", "the echo image holds 0"});
+    refuses(folder, with(start, {"--ple", "on"}), 2, {"--ple makes the sweep begin at range bin"});
 
     // A pulse of 2 us holds four posts: levels of detail are possible then, and only a sweep can tell.
     folder.make(with({"simulate", "--overwrite", "--dem", data + "/inland_empire_dem.tif", "--latlon", "33.93,-117.33",

@@ -252,11 +252,11 @@ ResolvedScene scene_from_echo(const StoredEcho& echo, const std::vector<Given>& 
         throw InputError(text(azimuths, " asks for azimuth bins ", bins_words(scene.shown.azimuth_bins),
                               "; the echo image holds ", bins_words(stored.azimuth_bins), " of ", stored.circle_bins,
                               sweep_needed));
-    if (wanted.range_bins.begin < stored.range_bins.begin)
-        throw InputError(text(radar.pulse_s != before.pulse_s ? name("pulse") : name("ple"), " reaches ",
-                              scene.shown.range_bins.begin - wanted.range_bins.begin,
-                              " range bins before range-start; the echo image holds ",
-                              scene.shown.range_bins.begin - stored.range_bins.begin, sweep_needed));
+    // Not even a later begin: a piece of ground that the first bin's edge cuts is added up in other parts, rounded otherwise.
+    if (wanted.range_bins.begin != stored.range_bins.begin)
+        throw InputError(text(radar.pulse_s != before.pulse_s ? name("pulse") : name("ple"),
+                              " makes the sweep begin at range bin ", wanted.range_bins.begin,
+                              " before range-start; the echo image begins at ", stored.range_bins.begin, sweep_needed));
     if (!holds(stored, wanted)) {
         const char* key = radar.antenna.beam.rad() != before.antenna.beam.rad() ? "beam"
                           : radar.antenna.azimuth != before.antenna.azimuth     ? "azimuth-pattern"
