@@ -286,13 +286,15 @@ TEST_CASE("nothing of the data base is read, and a scene file that made the echo
     CHECK((folder.files("full") == folder.files("again")));
 
     const std::string echo = folder / "echo.tif", png = folder / "new.png";
-    folder.write("other.ini", "dem = elsewhere.tif\n");
+    folder.write("other.ini", "dem = ground.tif\nmaterial = grass\n");
     refuses(folder, {"scope", echo, folder / "other.ini", "-o", png}, 2,
-            {"other.ini', line 1: dem is", "elsewhere.tif", "'ground.tif'", "new sweep"});
+            {"other.ini', line 2: material is 'grass'", "'soil'", "new sweep"});
+    refuses(folder, {"scope", echo, "--dem", "elsewhere.tif", "-o", png}, 2,
+            {"--dem is 'elsewhere.tif'", "the echo image holds what was seen of its data base"});
     folder.write("track.ini", "track = track.csv\n");
     refuses(folder, {"scope", echo, folder / "track.ini", "-o", png}, 2, {"track", "simulate's alone"});
     refuses(folder, {"scope", echo, "--culture", "x.tif", "--culture-legend", "nlcd", "-o", png}, 2,
-            {"--culture is 'x.tif'", "with none"});
+            {"--culture is 'x.tif'", "new sweep"});
     refuses(folder, {"scope", echo, "--material", "water", "-o", png}, 2, {"--material is 'water'", "'soil'"});
     refuses(folder, {"scope", echo, "--echo", folder / "new.tif", "-o", png}, 2, {"--echo is simulate's alone"});
     refuses(folder, {"scope", echo, "--work-dir", folder / "work", "-o", png}, 2, {"--work-dir is simulate's alone"});
@@ -301,7 +303,7 @@ TEST_CASE("nothing of the data base is read, and a scene file that made the echo
     const auto report = nlohmann::json::parse(content(folder / "run.json"));
     CHECK(report["format"] == "wedgescope-scope-1");
     CHECK(report["scene"]["range"] == "6km");
-    CHECK(report["data_base"]["dem"] == "ground.tif");
+    CHECK(report["data_base"]["material"] == "soil");
     CHECK(report["inputs"][0]["bytes"] == fs::file_size(echo));
     std::uint64_t cells = 0;
     for (const auto& [state, count] : report["states"].items()) cells += count.get<std::uint64_t>();

@@ -123,24 +123,21 @@ std::string scene_json(const Settings& settings, const ResolvedScene& resolved) 
     return dumped(scene_object(settings, resolved));
 }
 
-std::string file_name(const std::string& path) { return std::filesystem::path(path).filename().string(); }
+bool takes_path(const Key& key) { return key.value.find("PATH") != std::string::npos; }
 
 std::string echo_scene_json(const Settings& settings, const RunResult& run, const DataBase& data_base) {
-    nlohmann::ordered_json names;
-    for (const Key& key : key_table()) {
-        if (key.group != KeyGroup::data_base) continue;
-        const auto value = key.get(settings);
-        names[key.name] =
-            value ? nlohmann::ordered_json(key.value.find("PATH") == std::string::npos ? *value : file_name(*value))
-                  : nlohmann::ordered_json(nullptr);
-    }
+    // No paths: a store and the rasters it was made from give the same file.
+    nlohmann::ordered_json words;
+    for (const Key& key : key_table())
+        if (const auto value = key.get(settings); value && key.group == KeyGroup::data_base && !takes_path(key))
+            words[key.name] = *value;
     const double post_m = detail_post_m(run.scene, data_base);
     nlohmann::ordered_json echo;
     echo["revision"] = echo_revision;
     echo["checksum"] = hex(echo_checksum(run.echo_w, run.echo_state));
     echo["levels"] = run.levels;
     echo["detail_post_m"] = std::isfinite(post_m) ? nlohmann::ordered_json(post_m) : nlohmann::ordered_json(nullptr);
-    echo["data_base"] = names;
+    echo["data_base"] = words;
     echo["crs_wkt"] = data_base.crs_wkt;
     echo["metres_per_unit"] = data_base.metres_per_unit;
     nlohmann::ordered_json out = scene_object(settings, run.scene);

@@ -28,7 +28,7 @@ std::string scene_json(const Settings& settings, const ResolvedScene& resolved);
 /// have the same echo (docs/formats.md).
 std::string echo_scene_json(const Settings& settings, const RunResult& run, const DataBase& data_base);
 /// Of a data base's file or folder, what outputs say of it: its name without the way there.
-std::string file_name(const std::string& path);
+bool takes_path(const Key& key);
 
 /// What the work folder compares: the keys that may change the echo, and what the echo depends on. IoError.
 WorkDir::Run work_run(const Settings& settings, const ResolvedScene& resolved, const DataBase& data_base);

@@ -113,10 +113,8 @@ StoredEcho stored_echo(const std::string& path, const std::string& scene_json, s
         out.settings = settings_from({}, out.given);
         for (const auto& [name, value] : out.data_base.items()) {
             const Key* key = find_key(name);
-            if (!key || key->group != KeyGroup::data_base || value.is_null()) continue;
-            // An empty name is a folder's, written with a slash at its end.
-            if (const std::string word = data_base.words(name.c_str()); !word.empty())
-                key->set(out.settings, {name, word, name, ""});
+            if (key && key->group == KeyGroup::data_base && !takes_path(*key))
+                key->set(out.settings, {name, data_base.words(name.c_str()), name, ""});
         }
     } catch (const InputError& e) {
         throw DataError(text(named, " is damaged, or was changed: ", e.what()));
@@ -181,14 +179,14 @@ void check_given(const StoredEcho& echo, const std::vector<Given>& given, const 
         const bool in_file = !g.folder.empty();
         const std::optional<std::string> now = key.get(settings);
         if (key.group == KeyGroup::data_base) {
-            const auto stored = echo.data_base.find(key.name);
-            const std::optional<std::string> before = stored != echo.data_base.end() && stored->is_string()
-                                                          ? std::optional(stored->get<std::string>())
-                                                          : std::nullopt;
-            const bool path = key.value.find("PATH") != std::string::npos;
-            if (before && now && (path ? file_name(*now) : *now) == *before) continue;
+            if (takes_path(key)) {
+                if (in_file) continue;  // of a scene file that simulate takes
+                throw InputError(text(g.origin, " is ", in_quotes(value_words(now)), "; ", key.needs_sweep, sweep_needed));
+            }
+            const std::optional<std::string> before = key.get(echo.settings);
+            if (now == before) continue;
             throw InputError(text(g.origin, " is ", in_quotes(value_words(now)), "; the echo image was made with ",
-                                  before ? in_quotes(*before) : "none", ", and ", key.needs_sweep, sweep_needed));
+                                  in_quotes(value_words(before)), ", and ", key.needs_sweep, sweep_needed));
         }
         if (!key.changes_result) {
             // Of a scene file that simulate takes: how it sweeps, and what else it writes.
