@@ -84,6 +84,10 @@ double two_way_azimuth_pattern(const AntennaParams& antenna, double offset_rad) 
     return field * field * field * field;
 }
 
+double one_way_azimuth_pattern(const AntennaParams& antenna, double offset_rad) {
+    return std::sqrt(two_way_azimuth_pattern(antenna, offset_rad));
+}
+
 std::int64_t skirt_bins(const BeamSetting& setting, std::int64_t circle_bins) {
     return setting.beam_width_error ? neighbour_bins(setting.antenna, circle_bins) : 0;
 }

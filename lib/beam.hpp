@@ -24,8 +24,9 @@ struct BeamSetting {
 };
 
 /// Two-way power pattern g_az^2 at azimuth offset phi: peak 1, exactly 0 beyond 2.24 beamwidths (Gaussian)
-/// or the fifth null (uniform aperture). Source: physics "Antenna patterns".
+/// or the fifth null (uniform aperture); and g_az, the one-way one. Source: physics "Antenna patterns".
 double two_way_azimuth_pattern(const AntennaParams& antenna, double offset_rad);
+double one_way_azimuth_pattern(const AntennaParams& antenna, double offset_rad);
 
 /// Half-width of the skirt in azimuth bins that power in one bin can come from (with cos d at its least, 0.5);
 /// 0 with BWE off. At most what fits once round the circle.

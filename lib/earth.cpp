@@ -63,6 +63,22 @@ double Earth::horizon_arc_m(double height_m) const {
     return 2 * std::asin(std::sqrt(height / (2 * (1 + height)))) / inverse_radius_;
 }
 
+double Earth::horizon_distance_m(double height_m) const {
+    if (inverse_radius_ == 0) return std::numeric_limits<double>::infinity();
+    return std::sqrt(height_m * (2 + height_m * inverse_radius_) / inverse_radius_);
+}
+
+// In units of Re, seen from the earth's centre: the sensor stands at height 1 + hs/Re, the ray goes down by t sin(delta).
+Earth::RayPoint Earth::ray_point(double sensor_m, double depression_rad, double distance_m) const {
+    const double down_m = distance_m * std::sin(depression_rad), out_m = distance_m * std::cos(depression_rad);
+    if (inverse_radius_ == 0) return {sensor_m - down_m, out_m};
+    const double scale = 1 + sensor_m * inverse_radius_;
+    const double length = distance_m * inverse_radius_;
+    const double centre = std::sqrt(scale * scale + length * length - 2 * scale * down_m * inverse_radius_);
+    return {sensor_m + (distance_m * length - 2 * scale * down_m) / (centre + scale),
+            std::atan2(out_m * inverse_radius_, scale - down_m * inverse_radius_) / inverse_radius_};
+}
+
 double level_depression_rad(const Earth& earth, double sensor_m, double reference_m, double slant_range_m) {
     const std::optional<double> arc = earth.arc_m(sensor_m, reference_m, slant_range_m);
     if (!arc) return 0.5 * std::numbers::pi;

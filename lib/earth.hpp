@@ -52,6 +52,15 @@ public:
 
     /// Arc to the tangent point of a sensor `height_m` (>= 0) above the surface; infinite on the plane.
     double horizon_arc_m(double height_m) const;
+    /// Length of that line of sight, sqrt(h (2 Re + h)); infinite on the plane.
+    double horizon_distance_m(double height_m) const;
+
+    struct RayPoint {
+        double height_m;
+        double arc_m;  ///< of the point below it, from the sensor's
+    };
+    /// The point of a straight ray at distance `distance_m` >= 0 from a sensor at height `sensor_m`.
+    RayPoint ray_point(double sensor_m, double depression_rad, double distance_m) const;
 
 private:
     double chord_m(double arc_m) const;

@@ -12,6 +12,17 @@ constexpr double video_gain_reference_db = 4;
 
 double rounded_db(double db) { return std::round(db * 1000) / 1000; }
 
+// libm feeds tables only, rounded: the bits of a picture do not hang on its last digit.
+double video_factor(const ReceiverParams& receiver) {
+    return static_cast<float>(std::pow(10.0, (receiver.video_gain.db() - video_gain_reference_db) / 20));
+}
+
+/// Grey g or more where floor(255 v^(1/gamma) + 0.5) >= g, so where v >= ((g - 0.5) / 255)^gamma.
+double least_video(std::size_t grey, double display_gamma) {
+    const double shown = (static_cast<double>(grey) - 0.5) / 255;
+    return display_gamma == 1 ? shown : static_cast<float>(std::pow(shown, display_gamma));
+}
+
 }  // namespace
 
 double rounded_dbm(double power_w) {
@@ -27,17 +38,27 @@ double stc_db(const ReceiverParams& receiver, double slant_range_m) {
     return std::clamp(rounded_db(db), 0.0, most);
 }
 
+Levels receiver_levels(const ReceiverParams& receiver, double mds_dbm, double power_dbm, double stc_db) {
+    const double black_dbm = mds_dbm - receiver.if_gain.db() + if_gain_reference_db;
+    const double above_black_db = std::max(least_dbm, rounded_db(power_dbm)) - stc_db - black_dbm;
+    Levels levels{};
+    levels.if_stage = std::clamp(above_black_db / receiver.dynamic_range.db(), 0.0, 1.0);
+    levels.video = std::min(1.0, levels.if_stage * video_factor(receiver));
+    // Halving the greys asks for 8 of the 255 steps.
+    std::size_t grey = 0, above = 256;
+    while (above - grey > 1) {
+        const std::size_t middle = (grey + above) / 2;
+        (levels.video >= least_video(middle, receiver.display_gamma) ? grey : above) = middle;
+    }
+    levels.grey = static_cast<std::uint8_t>(grey);
+    return levels;
+}
+
 Receiver::Receiver(const ReceiverParams& receiver, const RadarParams& radar)
     : receiver_(receiver), mds_dbm_(receiver.mds_dbm ? *receiver.mds_dbm : rounded_dbm(radar.noise_power_w())) {
     black_dbm_ = mds_dbm_ - receiver.if_gain.db() + if_gain_reference_db;
-    // libm feeds tables only, rounded: the bits of a picture do not hang on its last digit.
-    video_factor_ = static_cast<float>(std::pow(10.0, (receiver.video_gain.db() - video_gain_reference_db) / 20));
-    // Grey g or more where floor(255 v^(1/gamma) + 0.5) >= g, so where v >= ((g - 0.5) / 255)^gamma.
-    for (std::size_t g = 1; g < least_video_.size(); ++g) {
-        const double shown = (static_cast<double>(g) - 0.5) / 255;
-        least_video_[g] =
-            receiver.display_gamma == 1 ? shown : static_cast<float>(std::pow(shown, receiver.display_gamma));
-    }
+    video_factor_ = video_factor(receiver);
+    for (std::size_t g = 1; g < least_video_.size(); ++g) least_video_[g] = least_video(g, receiver.display_gamma);
     find_steps();
 }
 

@@ -21,6 +21,15 @@ double rounded_dbm(double power_w);
 /// A_stc = min(A_max, max(0, 10 n log10(r_stc / r))), dB; 0 without STC.
 double stc_db(const ReceiverParams& receiver, double slant_range_m);
 
+/// What a power becomes on its way to the tube.
+struct Levels {
+    double if_stage;  ///< v_if, 0..1
+    double video;     ///< v_video, 0..1, before the display gamma
+    std::uint8_t grey;
+};
+/// By the formulas of `Receiver::grey`, whose grey it gives, for a single power, in dBm.
+Levels receiver_levels(const ReceiverParams& receiver, double mds_dbm, double power_dbm, double stc_db);
+
 class Receiver {
 public:
     Receiver(const ReceiverParams& receiver, const RadarParams& radar);

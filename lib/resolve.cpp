@@ -293,8 +293,8 @@ void resolve_view(ResolvedScene& s, const Scene& scene) {
 
     // Bins.
     if (!scene.azimuth_bins)
-        s.scene.azimuth_bins = std::max<std::int64_t>(1, std::llround(4 * 360 / scene.radar.antenna.beam.deg()));
-    if (!scene.range_bin_m) s.scene.range_bin_m = scene.radar.pulse_extent_m() / 4;
+        s.scene.azimuth_bins = default_azimuth_bins(scene.radar);
+    if (!scene.range_bin_m) s.scene.range_bin_m = default_range_bin_m(scene.radar);
     const std::int64_t circle = *s.scene.azimuth_bins;
     const double bin = *s.scene.range_bin_m;
     if (range / bin > 1e8)

@@ -1,5 +1,6 @@
 #include "lib/sensor.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 #include "lib/error.hpp"
@@ -40,6 +41,12 @@ double RadarParams::noise_power_w() const {
 }
 
 double RadarParams::pulse_extent_m() const { return 0.5 * speed_of_light_m_s * pulse_s; }
+
+std::int64_t default_azimuth_bins(const RadarParams& radar) {
+    return std::max<std::int64_t>(1, std::llround(4 * 360 / radar.antenna.beam.deg()));
+}
+
+double default_range_bin_m(const RadarParams& radar) { return radar.pulse_extent_m() / 4; }
 
 void validate(const RadarParams& radar) {
     require_within("frequency", radar.frequency_hz, 1e6, 1e12, "Hz");

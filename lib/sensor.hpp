@@ -61,6 +61,10 @@ struct ReceiverParams {
     std::uint64_t seed = 1;
 };
 
+/// Bins that are taken where none are asked for: four a beamwidth round the circle, c tau/8 in slant range.
+std::int64_t default_azimuth_bins(const RadarParams&);
+double default_range_bin_m(const RadarParams&);
+
 /// InputError naming the key (as on the command line), the value and what is accepted.
 void validate(const RadarParams&);
 void validate(const ReceiverParams&);
