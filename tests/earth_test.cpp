@@ -63,6 +63,28 @@ TEST_CASE("the horizon of a 3000 m antenna lies 225.7 km away", "[earth]") {
     CHECK_THAT(four_thirds.sight(3000, 0, four_thirds.horizon_arc_m(3000)).grazing_rad, WithinAbs(0, 1e-12));
 }
 
+TEST_CASE("a ray passes through the point that it was sent to", "[earth]") {
+    for (const Earth& earth : {four_thirds, Earth()})
+        for (const double arc : {0.5, 50.0, 5000.0, 5e5})
+            for (const double height : {-400.0, 0.0, 8848.0}) {
+                const Earth::Sight sight = earth.sight(2134, height, arc);
+                const Earth::RayPoint point = earth.ray_point(2134, sight.depression_rad, sight.slant_range_m);
+                // A last bit of the depression, 1e-16 or so, is r times that across the ray.
+                CHECK_THAT(point.height_m, WithinAbs(height, 1e-12 + 1e-15 * sight.slant_range_m));
+                CHECK_THAT(point.arc_m, WithinAbs(arc, 1e-12 + 1e-15 * sight.slant_range_m));
+            }
+    // By hand, over a plane.
+    const Earth::RayPoint below = Earth().ray_point(1000, std::numbers::pi / 6, 400);
+    CHECK_THAT(below.height_m, WithinAbs(800, 1e-12));
+    CHECK_THAT(below.arc_m, WithinAbs(200 * std::sqrt(3.0), 1e-12));
+    // A ray along the horizon's line of sight touches the surface at its end, and h = hs + t^2/(2 Re) where it starts level.
+    const double tangent = four_thirds.horizon_distance_m(3000);
+    const double dip = four_thirds.horizon_arc_m(3000) * four_thirds.inverse_radius();
+    CHECK_THAT(four_thirds.ray_point(3000, dip, tangent).height_m, WithinAbs(0, 1e-8));
+    CHECK_THAT(tangent, WithinRel(std::sqrt(3000 * (2 / four_thirds.inverse_radius() + 3000)), 1e-15));
+    CHECK_THAT(four_thirds.ray_point(0, 0, 1000).height_m, WithinRel(1e6 / 2 * four_thirds.inverse_radius(), 1e-8));
+}
+
 TEST_CASE("slant range turns back into the arc it came from, near and far", "[earth]") {
     for (const Earth& earth : {four_thirds, Earth()})
         for (const double arc : {0.5, 50.0, 5000.0, 5e5}) {

@@ -1,6 +1,7 @@
 // Watts to grey levels: the project's definition worked by hand.
 #include <catch2/catch.hpp>
 
+#include <algorithm>
 #include <cmath>
 
 #include "lib/receiver.hpp"
@@ -93,4 +94,26 @@ TEST_CASE("STC takes 12 dB for each halving of the range, up to its limit", "[re
 TEST_CASE("without a given level the MDS is the thermal noise", "[receiver]") {
     // kT0 = -173.975 dBm/Hz in 2.4 MHz (63.802 dB) with a noise figure of 8 dB.
     CHECK_THAT(Receiver(ReceiverParams{}, RadarParams{}).mds_dbm(), WithinAbs(-102.173, 1.5e-3));
+}
+
+TEST_CASE("the levels of a single power end at the grey that the receiver paints", "[receiver]") {
+    for (const double gamma : {1.0, 0.45, 2.2})
+        for (const double video_db : {-2.0, 4.0, 9.3}) {
+            ReceiverParams params = plain();
+            params.display_gamma = gamma;
+            params.video_gain = Decibel(video_db);
+            params.stc_range_m = 2000;
+            const Receiver receiver(params, RadarParams{});
+            for (double dbm = -101; dbm < -50; dbm += 0.0371)
+                for (const double range_m : {500.0, 1700.0, 5000.0}) {
+                    const double stc = stc_db(params, range_m), power = watts(dbm);
+                    const Levels levels = receiver_levels(params, -100, rounded_dbm(power), stc);
+                    REQUIRE(levels.grey == receiver.grey(power, range_m));
+                    const double v_if = std::clamp((dbm - stc + 100 + 44 - 64) / 20, 0.0, 1.0);
+                    CHECK_THAT(levels.if_stage, WithinAbs(v_if, 0.001 / 20));  // rounded to 0.001 dB
+                    const double v = std::min(1.0, v_if * std::pow(10.0, (video_db - 4) / 20));
+                    CHECK_THAT(levels.video, WithinAbs(v, 2 * 0.001 / 20));
+                }
+        }
+    CHECK(receiver_levels(plain(), -100, rounded_dbm(0), 0).grey == 0);
 }
