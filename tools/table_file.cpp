@@ -10,8 +10,8 @@ namespace wedgescope {
 namespace {
 
 /// The cells of a line, trimmed; a comma in double quotes is part of its cell.
-std::vector<std::string_view> cells_of(std::string_view line) {
-    std::vector<std::string_view> cells;
+void split(std::string_view line, std::vector<std::string_view>& cells) {
+    cells.clear();
     for (;;) {
         bool quoted = false;
         std::size_t comma = 0;
@@ -21,7 +21,7 @@ std::vector<std::string_view> cells_of(std::string_view line) {
         if (cell.size() >= 2 && cell.front() == '"' && cell.back() == '"')
             cell = trimmed(cell.substr(1, cell.size() - 2));
         cells.push_back(cell);
-        if (comma >= line.size()) return cells;
+        if (comma >= line.size()) return;
         line.remove_prefix(comma + 1);
     }
 }
@@ -33,8 +33,7 @@ bool same_letters(std::string_view a, std::string_view b) {
 
 }  // namespace
 
-/// The next line that holds something; # begins a comment line.
-bool TableReader::next(std::string& line) {
+bool TableRows::next() {
     // No more of a line is read than may be, or a file without line ends would be held whole.
     constexpr std::size_t longest = 4096;
     std::array<char, longest + 2> buffer;
@@ -42,13 +41,15 @@ bool TableReader::next(std::string& line) {
         ++line_;
         const auto taken = static_cast<std::size_t>(content_.gcount());
         // A line end is taken too, and not kept.
-        line.assign(buffer.data(), content_.good() ? taken - 1 : taken);
-        if (line.size() > longest)
+        row_.assign(buffer.data(), content_.good() ? taken - 1 : taken);
+        if (row_.size() > longest)
             throw InputError(
                 text(subject_, ", line ", line_, " has more than ", longest, " characters; accepted: at most so many"));
-        if (line_ == 1 && line.starts_with("\xef\xbb\xbf")) line.erase(0, 3);
-        const std::string_view rest = trimmed(line);
-        if (!rest.empty() && rest.front() != '#') return true;
+        if (line_ == 1 && row_.starts_with("\xef\xbb\xbf")) row_.erase(0, 3);
+        const std::string_view rest = trimmed(row_);
+        if (rest.empty() || rest.front() == '#') continue;
+        split(row_, cells_);
+        return true;
     }
     if (content_.bad()) throw IoError(text(subject_, " cannot be read"));
     return false;
@@ -56,12 +57,12 @@ bool TableReader::next(std::string& line) {
 
 void TableReader::refuse(int field, std::string_view found, const std::string& accepted) const {
     const auto at = column_of(field);
-    throw InputError(text(subject_, ", line ", line_, ", column ", at ? columns_[*at].known->name : "?", " is ", found,
-                          "; it must be ", accepted));
+    throw InputError(text(rows_.subject(), ", line ", rows_.line(), ", column ", at ? columns_[*at].known->name : "?",
+                          " is ", found, "; it must be ", accepted));
 }
 
 void TableReader::refuse_header(const char* what) const {
-    throw InputError(text(subject_, ", line ", header_line_, ": ", what, "; accepted: ", accepted_));
+    throw InputError(text(rows_.subject(), ", line ", header_line_, ": ", what, "; accepted: ", accepted_));
 }
 
 std::optional<std::size_t> TableReader::column_of(int field) const {
@@ -71,16 +72,16 @@ std::optional<std::size_t> TableReader::column_of(int field) const {
 }
 
 void TableReader::read_header() {
-    std::string line;
-    if (!next(line)) throw InputError(text(subject_, " is empty; accepted: a line that names the columns ", accepted_));
-    header_line_ = line_;
-    for (const std::string_view cell : cells_of(line)) {
+    if (!rows_.next())
+        throw InputError(text(rows_.subject(), " is empty; accepted: a line that names the columns ", accepted_));
+    header_line_ = rows_.line();
+    for (const std::string_view cell : rows_.cells()) {
         const auto open = cell.find('[');
         const std::string_view name = trimmed(cell.substr(0, open));
         const TableColumn* found = nullptr;
         for (const TableColumn& column : known_)
             if (others_ ? same_letters(name, column.name) : name == column.name) found = &column;
-        const std::string at = text(subject_, ", line ", line_, ": column ", columns_.size() + 1);
+        const std::string at = text(rows_.subject(), ", line ", rows_.line(), ": column ", columns_.size() + 1);
         if (!found && !others_) throw InputError(text(at, " is ", in_quotes(cell), "; accepted: ", accepted_));
         if (!found) {
             columns_.push_back({nullptr, ""});
@@ -113,23 +114,22 @@ void TableReader::read_header() {
 }
 
 bool TableReader::next_row() {
-    if (!next(row_)) return false;
-    cells_ = cells_of(row_);
-    if (cells_.size() != columns_.size())
-        throw InputError(text(subject_, ", line ", line_, " has ", cells_.size(),
+    if (!rows_.next()) return false;
+    if (rows_.cells().size() != columns_.size())
+        throw InputError(text(rows_.subject(), ", line ", rows_.line(), " has ", rows_.cells().size(),
                               " columns; accepted: ", columns_.size(), ", as many as are named"));
     return true;
 }
 
 bool TableReader::given(int field) const {
     const auto at = column_of(field);
-    return at && !cells_[*at].empty();
+    return at && !rows_.cells()[*at].empty();
 }
 
 double TableReader::value(int field) const {
     const std::size_t at = *column_of(field);
     const Column& column = columns_[at];
-    const std::string_view cell = cells_[at];
+    const std::string_view cell = rows_.cells()[at];
     const bool plain = column.unit.empty();
     try {
         if (plain) return parse_number(column.known->name, cell);
@@ -143,7 +143,7 @@ double TableReader::value(int field) const {
 
 double TableReader::value_within(int field, double low, double high, const char* words) const {
     const double v = value(field);
-    if (!(v >= low && v <= high)) refuse(field, in_quotes(cells_[*column_of(field)]), words);
+    if (!(v >= low && v <= high)) refuse(field, in_quotes(rows_.cells()[*column_of(field)]), words);
     return v;
 }
 

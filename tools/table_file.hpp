@@ -21,15 +21,39 @@ struct TableColumn {
     bool degrees = false;  ///< a plain number that is one of degrees
 };
 
-/// Blank lines and those that begin with # are left out; a cell may stand in double quotes, and then hold commas.
+/// The lines of a table that hold something, and their cells. Blank lines and those that begin with # are left out; a cell may
+/// stand in double quotes, and then hold commas.
+class TableRows {
+public:
+    /// `subject`: for messages ("track 'x.csv'"). `content` must outlive it.
+    TableRows(std::string subject, std::istream& content) : subject_(std::move(subject)), content_(content) {}
+    TableRows(const TableRows&) = delete;  // its cells are views into its row
+    TableRows& operator=(const TableRows&) = delete;
+
+    /// The next line; false at the end. InputError for a line that is too long; IoError.
+    bool next();
+    std::int64_t line() const { return line_; }
+    const std::string& subject() const { return subject_; }
+    /// As it stands in the file, without white space at its ends.
+    std::string_view row() const { return trimmed(row_); }
+    /// Trimmed, without quotes; until the next line.
+    const std::vector<std::string_view>& cells() const { return cells_; }
+
+private:
+    std::string subject_;
+    std::istream& content_;
+    std::int64_t line_ = 0;
+    std::string row_;
+    std::vector<std::string_view> cells_;
+};
+
 class TableReader {
 public:
     /// `subject`: for messages ("track 'x.csv'"); `accepted`: all columns in words; `others`: columns of other names are left
     /// out, and names are taken in any case of letters; else refused. All must outlive it.
     TableReader(std::string subject, std::istream& content, std::span<const TableColumn> known, std::string accepted,
                 bool others)
-        : subject_(std::move(subject)), content_(content), known_(known), accepted_(std::move(accepted)),
-          others_(others) {}
+        : rows_(std::move(subject), content), known_(known), accepted_(std::move(accepted)), others_(others) {}
 
     // All throw InputError naming subject, line, column, what was found and what is accepted; IoError.
 
@@ -38,7 +62,7 @@ public:
     bool has(int field) const { return column_of(field).has_value(); }
     /// The next row; false at the end.
     bool next_row();
-    std::int64_t line() const { return line_; }
+    std::int64_t line() const { return rows_.line(); }
 
     /// Is there a cell of that column with something in it?
     bool given(int field) const;
@@ -54,18 +78,14 @@ private:
         const TableColumn* known;  ///< none: of another name
         std::string unit;
     };
-    bool next(std::string& line);
     std::optional<std::size_t> column_of(int field) const;
 
-    std::string subject_;
-    std::istream& content_;
+    TableRows rows_;
     std::span<const TableColumn> known_;
     std::string accepted_;
     bool others_;
-    std::int64_t line_ = 0, header_line_ = 0;
+    std::int64_t header_line_ = 0;
     std::vector<Column> columns_;
-    std::string row_;
-    std::vector<std::string_view> cells_;
 };
 
 /// How a table gives places, by the fields of the columns for it: true: lat and lon; false: x and y. InputError where it gives

@@ -193,21 +193,50 @@ std::string unit_list(Dimension dimension) {
     return list;
 }
 
+std::optional<double> read_quantity(Dimension dimension, std::string_view token, std::string_view unit_of_bare) {
+    const auto head = leading_number(trimmed(token));
+    if (!head) return std::nullopt;
+    std::string_view name = trimmed(head->rest);
+    if (name.empty()) name = unit_of_bare;
+    if (name.empty()) return head->fits && head->value == 0 ? std::optional(0.0) : std::nullopt;
+    for (const Unit& unit : units(dimension))
+        if (name == unit.name) return in_si(unit, *head);
+    return std::nullopt;
+}
+
+std::optional<Dimension> dimension_of(std::string_view unit) {
+    for (const Dimension dimension : {Dimension::length, Dimension::time, Dimension::frequency, Dimension::level,
+                                      Dimension::power, Dimension::angle, Dimension::decibel, Dimension::bytes})
+        if (has_unit(dimension, unit)) return dimension;
+    return std::nullopt;
+}
+
+bool has_unit(Dimension dimension, std::string_view name) {
+    for (const Unit& unit : units(dimension))
+        if (name == unit.name) return true;
+    return false;
+}
+
+double in_unit(Dimension dimension, std::string_view name, double value) {
+    for (const Unit& unit : units(dimension)) {
+        if (name != unit.name) continue;
+        if (unit.logarithmic) return 10 * std::log10(value) - unit.offset;
+        // Divided by the factor as a whole: 16.5e9 Hz are exactly 16.5 GHz.
+        const double scale = std::pow(10.0, std::abs(unit.exponent));
+        const double number = (value - unit.offset) / unit.factor;
+        return unit.exponent < 0 ? number * scale : number / scale;
+    }
+    throw InputError(text("unit is ", in_quotes(name), "; it must be one of ", unit_list(dimension)));
+}
+
 double parse_quantity(Dimension dimension, std::string_view key, std::string_view token) {
+    if (const auto value = read_quantity(dimension, token, "")) return *value;
     const std::string accepted = text(noun(dimension), " with its unit is needed (", unit_list(dimension), ")");
     const auto head = leading_number(trimmed(token));
     if (!head) refuse(key, token, accepted);
     const std::string_view name = trimmed(head->rest);
-    if (name.empty()) {
-        if (head->fits && head->value == 0) return 0;
-        refuse(key, token, text("a bare number is not accepted: ", accepted));
-    }
-    for (const Unit& unit : units(dimension)) {
-        if (name != unit.name) continue;
-        const auto value = in_si(unit, *head);
-        if (!value) refuse(key, token, too_large());
-        return *value;
-    }
+    if (name.empty()) refuse(key, token, text("a bare number is not accepted: ", accepted));
+    if (has_unit(dimension, name)) refuse(key, token, too_large());
     refuse(key, token, text("unknown unit ", in_quotes(name), ": ", accepted));
 }
 
@@ -258,6 +287,18 @@ double parse_number(std::string_view key, std::string_view token) {
     if (!head || !head->rest.empty()) refuse(key, token, "a plain number is needed");
     if (!head->fits) refuse(key, token, too_large());
     return head->value;
+}
+
+std::optional<double> read_number(std::string_view token) {
+    token = trimmed(token);
+    const auto head = leading_number(token);
+    if (!head || !head->fits) return std::nullopt;
+    if (head->rest.empty()) return head->value;
+    if (head->rest.front() != '/') return std::nullopt;
+    const auto below = leading_number(head->rest.substr(1));
+    if (!below || !below->fits || !below->rest.empty()) return std::nullopt;
+    const double ratio = head->value / below->value;
+    return std::isfinite(ratio) ? std::optional(ratio) : std::nullopt;
 }
 
 std::int64_t parse_count(std::string_view key, std::string_view token, std::int64_t low, std::int64_t high) {

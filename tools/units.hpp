@@ -37,11 +37,23 @@ double parse_quantity(Dimension dimension, std::string_view key, std::string_vie
 double parse_quantity_or_number(Dimension dimension, std::string_view key, std::string_view token,
                                 const std::string& unit);
 
+/// The same without a message: nothing where that refuses. `unit` empty: a bare number is refused unless it is 0.
+std::optional<double> read_quantity(Dimension dimension, std::string_view token, std::string_view unit);
+
+/// The dimension that has a unit of this name; dBm and dBW are levels here.
+std::optional<Dimension> dimension_of(std::string_view unit);
+/// Does the dimension have a unit of this name?
+bool has_unit(Dimension dimension, std::string_view unit);
+/// How many of the dimension's unit an SI value is.
+double in_unit(Dimension dimension, std::string_view unit, double value);
+
 /// The shortest text from which parse_quantity makes exactly `value` again. `value` finite.
 std::string quantity_text(Dimension dimension, double value);
 
 /// A plain finite number, the whole token. InputError.
 double parse_number(std::string_view key, std::string_view token);
+/// The same without a message; a ratio of two such numbers (4/3) too.
+std::optional<double> read_number(std::string_view token);
 /// A whole number from `low` to `high`, the whole token. InputError.
 std::int64_t parse_count(std::string_view key, std::string_view token, std::int64_t low, std::int64_t high);
 std::uint64_t parse_unsigned(std::string_view key, std::string_view token);
