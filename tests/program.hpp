@@ -21,14 +21,17 @@ struct Ended {
     std::uint64_t peak_rss_bytes = 0;  ///< of the program, or of this one if that held more
 };
 
-/// Starts `arguments` (the first is the program's path); standard error goes to `error_path`.
-inline pid_t start(const std::vector<std::string>& arguments, const std::string& error_path) {
+/// Starts `arguments` (the first is the program's path); standard error goes to `error_path`, standard output to `output_path`;
+/// standard input is the test's unless `input_path` names a file.
+inline pid_t start(const std::vector<std::string>& arguments, const std::string& error_path,
+                   const std::string& output_path = "/dev/null", const std::string& input_path = "") {
     std::vector<char*> words;
     for (const std::string& word : arguments) words.push_back(const_cast<char*>(word.c_str()));
     words.push_back(nullptr);
     posix_spawn_file_actions_t actions;
     posix_spawn_file_actions_init(&actions);
-    posix_spawn_file_actions_addopen(&actions, STDOUT_FILENO, "/dev/null", O_WRONLY, 0);
+    posix_spawn_file_actions_addopen(&actions, STDOUT_FILENO, output_path.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0600);
+    if (!input_path.empty()) posix_spawn_file_actions_addopen(&actions, STDIN_FILENO, input_path.c_str(), O_RDONLY, 0);
     posix_spawn_file_actions_addopen(&actions, STDERR_FILENO, error_path.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0600);
     pid_t child = 0;
     const int failed = posix_spawn(&child, words[0], &actions, nullptr, words.data(), environ);

@@ -12,6 +12,7 @@ void simulate(const std::vector<std::string>& arguments, Stop& stop);
 void scope(const std::vector<std::string>& arguments, Stop& stop);
 void tile(const std::vector<std::string>& arguments, Stop& stop);
 void coverage(const std::vector<std::string>& arguments, Stop& stop);
+void evaluate(const std::vector<std::string>& arguments, Stop& stop);
 void info(const std::vector<std::string>& arguments, Stop& stop);
 void help(const std::vector<std::string>& arguments);
 

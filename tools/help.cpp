@@ -3,6 +3,7 @@
 #include <sstream>
 
 #include "tools/commands.hpp"
+#include "tools/models.hpp"
 #include "tools/terminal.hpp"
 #include "tools/units.hpp"
 
@@ -82,6 +83,7 @@ std::string help_text(const CommandInfo& command) {
             out += fmt::format("  {:<12}{}\n", value_word(d), unit_list(d));
         }
     }
+    if (command.command == command_evaluate) out += "\n" + model_list();
     return out + "\nExample\n  " + command.example + "\n";
 }
 

@@ -956,7 +956,26 @@ std::vector<Key> make_keys() {
           "read and sweep also what is known to stay hidden; changes no bit of the result");
 
     t.group(KeyGroup::output, false);
-    t.add("output", path([](auto& s) -> auto& { return s.output; }), "", "the scope picture").letter = 'o';
+    {
+        Key& o = t.add("output", path([](auto& s) -> auto& { return s.output; }), "",
+                       "the scope picture; evaluate: the table, without this on standard output");
+        o.letter = 'o';
+        o.commands |= command_evaluate;
+    }
+    {
+        Key& in = t.add("in", path([](auto& s) -> auto& { return s.table; }), "",
+                        "CSV table of inputs, a line of column names and a row a line; - is standard input");
+        in.commands = command_evaluate;
+        in.in_scene_file = false;
+    }
+    {
+        Key& d = t.add("digits",
+                       count(
+                           1, 17, [](auto& s) -> auto& { return s.digits; }, "all"),
+                       "all", "significant digits of the results; all: as many as read back the same number");
+        d.commands = command_evaluate;
+        d.in_scene_file = false;
+    }
     t.add("echo", path([](auto& s) -> auto& { return s.echo; }), "",
           "echo image, watts, and states, before beam and pulse");
     t.add("power", path([](auto& s) -> auto& { return s.power; }), "", "power image, after beam and pulse");
@@ -979,7 +998,7 @@ std::vector<Key> make_keys() {
         co.commands |= command_tile;
     }
     t.add("overwrite", flag([](auto& s) -> auto& { return s.overwrite; }), "off", "replace outputs that exist")
-        .commands |= command_tile;
+        .commands |= command_tile | command_evaluate;
     t.add("reproducible", flag([](auto& s) -> auto& { return s.reproducible; }), "off",
           "rasters and pictures are the same bytes every time (a report holds times)");
 
@@ -996,7 +1015,7 @@ std::vector<Key> make_keys() {
     {
         Key& q = t.add("quiet", flag([](auto& s) -> auto& { return s.quiet; }), "off", "no progress and no remarks");
         q.letter = 'q';
-        q.commands |= command_info | command_tile;
+        q.commands |= command_info | command_tile | command_evaluate;
     }
     {
         Key& v = t.add("verify", flag([](auto& s) -> auto& { return s.verify; }), "off",
@@ -1005,8 +1024,15 @@ std::vector<Key> make_keys() {
         v.in_scene_file = false;
     }
     {
-        Key& j = t.add("json", flag([](auto& s) -> auto& { return s.json; }), "off", "JSON on stdout");
-        j.commands = command_info;
+        Key& l = t.add("list", flag([](auto& s) -> auto& { return s.list; }), "off",
+                       "the models, or one model's inputs, ranges, outputs and source");
+        l.commands = command_evaluate;
+        l.in_scene_file = false;
+    }
+    {
+        Key& j = t.add("json", flag([](auto& s) -> auto& { return s.json; }), "off",
+                       "JSON on stdout; evaluate: of the list");
+        j.commands = command_info | command_evaluate;
         j.in_scene_file = false;
     }
     {
@@ -1018,7 +1044,7 @@ std::vector<Key> make_keys() {
     {
         Key& h = t.add("help", flag([](auto& s) -> auto& { return s.help; }), "off", "this page");
         h.letter = 'h';
-        h.commands = command_simulate | command_info | command_help | command_tile;
+        h.commands = command_simulate | command_info | command_help | command_tile | command_evaluate;
         h.in_scene_file = false;
     }
     std::vector<Key> keys = t.take();

@@ -18,7 +18,8 @@ enum Command : unsigned {
     command_help = 4,
     command_tile = 8,
     command_coverage = 16,
-    command_scope = 32
+    command_scope = 32,
+    command_evaluate = 64
 };
 
 enum class KeyGroup {

@@ -65,6 +65,8 @@ void run_command(const std::vector<std::string>& words) {
             return tile(rest, stop);
         case command_coverage:
             return coverage(rest, stop);
+        case command_evaluate:
+            return evaluate(rest, stop);
         case command_info:
             return info(rest, stop);
         case command_help:

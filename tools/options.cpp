@@ -218,6 +218,13 @@ const std::vector<CommandInfo>& command_table() {
          "and -oy the ground is a plane, the sensor stands over the nearest post, and defaults are gdal_viewshed's. "
          "With --observers many sensors are looked from in one run.",
          "wedgescope coverage --latlon 33.9,-117.3 --altitude-agl 500m terrain.tif seen.tif"},
+        {command_evaluate, "evaluate", "wedgescope evaluate MODEL [NAME=VALUE...] [options] | evaluate --list [MODEL]",
+         "any model of the library as a calculator, over a CSV table or for single values",
+         "MODEL takes its inputs from the columns of the table (--in), named with their units in brackets, such as "
+         "'r [km]', and from NAME=VALUE, which hold for all rows; what has a default may be left out. Each row of the "
+         "table is written as it stands, with the model's outputs behind it. Without a table the outputs are "
+         "printed, one a line. --list names the models; --list MODEL gives its inputs, ranges, outputs and source.",
+         "wedgescope evaluate sight hs=3000m h=250m s=20km"},
         {command_info, "info", "wedgescope info [options] FILE... | info --plan [simulate's options] [scene.ini]",
          "what rasters and tile stores hold, or what a scene file (*.ini) resolves to",
          "For a raster: grid, CRS, heights, voids; with --culture-legend also its codes, how often each occurs, and "

@@ -62,6 +62,10 @@ struct Settings {
     bool no_cull = false;
     bool overwrite = false, reproducible = false;
 
+    std::string table;                   ///< evaluate --in: path, - for standard input; empty: single values
+    std::optional<std::int64_t> digits;  ///< evaluate: none: as many as read back the same
+    bool list = false;                   ///< evaluate --list
+
     bool verify = false;  ///< info --verify
     bool verbose = false, profile = false, quiet = false, json = false, plan = false, help = false;
     std::vector<std::string> files;  ///< positional

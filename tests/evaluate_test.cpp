@@ -1,0 +1,597 @@
+// `wedgescope evaluate` from outside: the models' values against those that their sources print, tables, units, refusals.
+#include <catch2/catch.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <numbers>
+#include <set>
+
+#include "tests/program.hpp"
+
+namespace {
+
+namespace fs = std::filesystem;
+using Catch::Matchers::Contains;
+using Catch::Matchers::WithinAbs;
+using Catch::Matchers::WithinRel;
+using Strings = std::vector<std::string>;
+
+struct Outcome {
+    int code = 0;
+    std::string out, err;
+    std::uint64_t peak_rss_bytes = 0;
+};
+
+std::string content(const fs::path& path) {
+    std::ostringstream all;
+    all << std::ifstream(path, std::ios::binary).rdbuf();
+    return all.str();
+}
+
+/// A folder of its own for each test, gone with it.
+class Folder {
+public:
+    Folder() {
+        static int number = 0;
+        path_ = fs::temp_directory_path() /
+                ("evaluate_test_" + std::to_string(::getpid()) + "_" + std::to_string(++number));
+        fs::create_directories(path_ / "work");
+    }
+    ~Folder() { fs::remove_all(path_); }
+    std::string file(const std::string& name) const { return (path_ / "work" / name).string(); }
+    std::string write(const std::string& name, const std::string& text) const {
+        std::ofstream(file(name), std::ios::binary) << text;
+        return file(name);
+    }
+    std::size_t files() const {
+        return static_cast<std::size_t>(std::distance(fs::directory_iterator(path_ / "work"), {}));
+    }
+    /// `wedgescope evaluate` and these words.
+    Outcome run(Strings words, const std::string& out = "", const std::string& in = "") const {
+        words.insert(words.begin(), {WEDGESCOPE_PROGRAM, "evaluate"});
+        const std::string err_path = (path_ / "err").string(), out_path = out.empty() ? (path_ / "out").string() : out;
+        const wedgescope::test::Ended ended =
+            wedgescope::test::wait_for(wedgescope::test::start(words, err_path, out_path, in), err_path);
+        return {ended.code, out.empty() ? content(out_path) : "", ended.err, ended.peak_rss_bytes};
+    }
+    /// Refused with one line on standard error and nothing else; that line.
+    std::string refusal(const Strings& words, int code = 2) const {
+        const Outcome outcome = run(words);
+        CHECK(outcome.code == code);
+        CHECK(std::count(outcome.err.begin(), outcome.err.end(), '\n') == 1);
+        CHECK(outcome.err.starts_with("wedgescope: "));
+        CHECK(outcome.out.empty());
+        return outcome.err;
+    }
+
+private:
+    fs::path path_;
+};
+
+Strings split(const std::string& text, char at) {
+    Strings parts;
+    std::istringstream in(text);
+    for (std::string part; std::getline(in, part, at);) parts.push_back(part);
+    if (!text.empty() && text.back() == at && at == ',') parts.emplace_back();
+    return parts;
+}
+
+struct Value {
+    double number = 0;
+    std::string unit;
+};
+
+/// What single values give: name -> value.
+std::map<std::string, Value> values(const std::string& model, const std::string& words) {
+    const Folder folder;
+    Strings all{model};
+    for (const std::string& word : split(words, ' ')) all.push_back(word);
+    const Outcome outcome = folder.run(all);
+    INFO(model << " " << words << "\n" << outcome.err);
+    REQUIRE(outcome.code == 0);
+    REQUIRE(outcome.err.empty());
+    std::map<std::string, Value> found;
+    for (const std::string& line : split(outcome.out, '\n')) {
+        const auto equals = line.find(" = ");
+        REQUIRE(equals != std::string::npos);
+        std::istringstream rest(line.substr(equals + 3));
+        Value value;
+        rest >> value.number;
+        REQUIRE(rest);
+        rest >> value.unit;
+        found[line.substr(0, equals)] = value;
+    }
+    return found;
+}
+
+double value(const std::string& model, const std::string& words, const std::string& output) {
+    const auto all = values(model, words);
+    REQUIRE(all.count(output));
+    return all.at(output).number;
+}
+
+/// The cells of a table that the program wrote, header first.
+std::vector<Strings> table(const std::string& text) {
+    std::vector<Strings> rows;
+    for (const std::string& line : split(text, '\n')) rows.push_back(split(line, ','));
+    return rows;
+}
+
+nlohmann::json listed() {
+    const Folder folder;
+    const Outcome outcome = folder.run({"--list", "--json"});
+    REQUIRE(outcome.code == 0);
+    return nlohmann::json::parse(outcome.out);
+}
+
+}  // namespace
+
+// ------------------------------------------------------------------------------------------------------- values
+
+TEST_CASE("the self-check values of the physics reference come out", "[evaluate]") {
+    // Section 11, to the digits printed there.
+    const auto sight = values("sight", "hs=3000m h=250m s=20km");
+    CHECK_THAT(sight.at("r").number, WithinAbs(20191.962666, 1e-6));
+    CHECK(sight.at("r").unit == "m");
+    CHECK_THAT(sight.at("delta").number, WithinAbs(7.895043, 1e-6));
+    CHECK(sight.at("delta").unit == "deg");
+    CHECK_THAT(sight.at("psi").number, WithinAbs(7.760145, 1e-6));
+    CHECK_THAT(value("horizon", "h=3000m", "s_h"), WithinAbs(225727.878, 1e-3));
+    const auto published = values("arc", "hs=300m h=0 r=1km k=1 R=8477.362km");
+    CHECK_THAT(published.at("delta").number, WithinAbs(17.4608, 5e-5));
+    CHECK_THAT(published.at("psi").number, WithinAbs(17.4544, 5e-5));
+    const auto geodesic = values("geodesic-inverse", "lat1=40.6deg lon1=-73.8deg lat2=51.6deg lon2=-0.5deg");
+    CHECK_THAT(geodesic.at("s").number, WithinAbs(5551759.400, 1e-3));
+    CHECK_THAT(geodesic.at("az1").number, WithinAbs(51.198883, 1e-6));
+    CHECK_THAT(geodesic.at("az2").number, WithinAbs(107.821777, 1e-6));
+    // 2.2 in the text.
+    CHECK_THAT(value("noise", "F=0 B=1Hz", "P_n_dBm"), WithinAbs(-173.975, 5e-4));
+    // 3: the first sidelobe of a uniform aperture.
+    const double phi = 4.493409457909 / (2 * 1.39155737825151) * 1.5;
+    CHECK_THAT(value("antenna-azimuth", "pattern=uniform theta_3=1.5deg phi=" + std::to_string(phi) + "deg", "g_az_dB"),
+               WithinAbs(-13.26, 5e-3));
+    CHECK_THAT(value("cell-area", "r=1km psi=5deg theta_3=1deg", "theta_2"), WithinAbs(0.752690, 5e-7));
+}
+
+TEST_CASE("geometry: rays, ways back and the ellipsoid agree with closed forms", "[evaluate]") {
+    // There and back.
+    CHECK_THAT(value("arc", "hs=3000m h=250m r=20191.962666m", "s"), WithinAbs(20000, 1e-5));
+    const auto ray = values("ray", "hs=3000m delta=7.895043deg t=20191.962666m");
+    CHECK_THAT(ray.at("h").number, WithinAbs(250, 2e-4));  // half a unit of the seventh digit of delta, at 20 km
+    CHECK_THAT(ray.at("s").number, WithinAbs(20000, 1e-4));
+    const auto end = values("geodesic-direct", "lat1=40.6deg lon1=-73.8deg az1=51.198883deg s=5551759.4m");
+    CHECK_THAT(end.at("lat2").number, WithinAbs(51.6, 1e-6));
+    CHECK_THAT(end.at("lon2").number, WithinAbs(-0.5, 1e-6));
+    // A 3-4-5 triangle over a plane.
+    const auto plane = values("sight", "hs=700m h=400m s=400m k=flat");
+    CHECK(plane.at("r").number == 500);
+    CHECK_THAT(plane.at("delta").number, WithinRel(std::asin(0.6) * 180 / std::numbers::pi, 1e-15));
+    CHECK(plane.at("theta").number == 0);
+    // 4/3 earth rule of the published form, three digits.
+    CHECK_THAT(value("horizon", "h=100m", "s_h"), WithinRel(41200, 1e-3));
+    const auto two = values("horizon", "h=100m h_t=400m");
+    CHECK_THAT(two.at("s_t").number, WithinRel(3 * two.at("s_h").number, 1e-5));
+    CHECK_THAT(two.at("t_h").number, WithinRel(std::sqrt(100 * (8.0 / 3 * 6371008.7714 + 100)), 1e-14));
+    // NIMA TR8350.2: b^2/a and a at the equator.
+    const auto radii = values("earth-radius", "lat=0 A=90deg");
+    CHECK_THAT(radii.at("M").number, WithinAbs(6356752.3142 * 6356752.3142 / 6378137, 1e-3));
+    CHECK_THAT(radii.at("R").number, WithinAbs(6378137, 1e-8));
+    CHECK_THAT(radii.at("Re").number, WithinAbs(6378137 / 3.0 * 4, 1e-8));
+}
+
+TEST_CASE("antenna patterns fall to half where they should, and follow their laws", "[evaluate]") {
+    CHECK_THAT(value("antenna-azimuth", "phi=0.75deg theta_3=1.5deg", "g_az"), WithinRel(0.5, 1e-14));
+    CHECK_THAT(value("antenna-azimuth", "phi=-0.75deg theta_3=1.5deg pattern=uniform", "g_az"), WithinRel(0.5, 1e-12));
+    CHECK(value("antenna-azimuth", "phi=0 theta_3=1.5deg pattern=uniform", "g_az_dB") == 0);
+    CHECK_THAT(value("antenna-elevation", "delta=-1deg beta_0=5deg theta_el=12deg", "g_el"), WithinRel(0.5, 1e-14));
+    const auto rad = [](double deg) { return deg * std::numbers::pi / 180; };
+    const double csc2 = std::pow(std::sin(rad(5)) / std::sin(rad(27)), 2);
+    CHECK_THAT(value("antenna-elevation", "delta=30deg tilt=3deg", "g_el"), WithinRel(csc2, 1e-13));
+    CHECK_THAT(value("antenna-elevation", "delta=30deg tilt=3deg antenna=cos-csc2 p=1", "g_el_dB"),
+               WithinRel(10 * std::log10(csc2 * std::cos(rad(27)) / std::cos(rad(5))), 1e-12));
+    CHECK(value("antenna-elevation", "delta=-90deg", "g_el_dB") == -60);
+    CHECK(value("antenna-elevation", "delta=30deg tilt=3deg", "beta") == Approx(27).epsilon(1e-15));
+}
+
+TEST_CASE("the radar equation, worked by hand", "[evaluate]") {
+    // P_t G^2 g^2 lambda^2 sigma / ((4 pi)^3 r^4 L_s L_a) in decibels over a milliwatt.
+    const double lambda = 299792458 / 9.4e9, r = 37040;
+    const auto expected = [&](double sigma, double more_db) {
+        return 10 * std::log10(25e3 * 1e3 * lambda * lambda * sigma / std::pow(4 * std::numbers::pi, 3) /
+                               std::pow(r, 4)) +
+               2 * 31 - 4 + more_db;
+    };
+    const std::string set = " r=20nmi f=9.4GHz P_t=25kW G_0=31dB L_s=4dB";
+    const auto point = values("echo-point", "sigma=10m^2" + set + " g_el_dB=-3dB g_az_dB=-1dB L_a=0.5dB");
+    CHECK_THAT(point.at("P_r_dBm").number, WithinRel(expected(10, -8.5), 1e-12));
+    CHECK(point.at("P_r").unit == "W");
+    CHECK_THAT(10 * std::log10(point.at("P_r").number) + 30, WithinRel(point.at("P_r_dBm").number, 1e-13));
+    // Ground in a cell: pulse-limited at 5 degrees, beam-limited at 89.
+    const double theta_2 = 1.2 * std::numbers::pi / 180 * std::sqrt(std::numbers::pi / (8 * std::numbers::ln2));
+    const double psi = 5 * std::numbers::pi / 180;
+    const double cell = r * theta_2 * (299792458 * 0.25e-6 / 2) / std::cos(psi);
+    const auto area = values("echo-area", "sigma0_dB=-23dB psi=5deg theta_3=1.2deg tau=0.25us theta_el=10deg" + set);
+    CHECK_THAT(area.at("A").number, WithinRel(cell, 1e-13));
+    CHECK_THAT(area.at("P_r_dBm").number, WithinRel(expected(cell * std::pow(10, -2.3), 0), 1e-12));
+    const auto steep = values("cell-area", "r=20nmi psi=89.9deg theta_3=1.2deg theta_el=1deg tau=2us");
+    const double beam = r * r * theta_2 * theta_2 / 1.2 / std::sin(89.9 * std::numbers::pi / 180);
+    CHECK_THAT(steep.at("A_beam").number, WithinRel(beam, 1e-13));
+    CHECK(steep.at("A").number == steep.at("A_beam").number);
+    CHECK(steep.at("A_pulse").number > beam);
+    // Constant gamma: trees are -12 dB at 10 GHz.
+    const auto trees = values("constant-gamma", "gamma10_dB=trees f=16.5GHz psi=5deg");
+    CHECK_THAT(trees.at("sigma0_dB").number,
+               WithinRel(-12 + 5 * std::log10(1.65) + 10 * std::log10(std::sin(psi)), 1e-13));
+    CHECK(values("constant-gamma", "gamma10_dB=-12dB f=16.5GHz psi=5deg").at("sigma0").number ==
+          trees.at("sigma0").number);
+    const auto bins = values("bins", "theta_3=1.5deg tau=0.5us");
+    CHECK(bins.at("N_az").number == 960);
+    CHECK(bins.at("da").number == 0.375);
+    CHECK(bins.at("dr").number == 299792458 * 0.5e-6 / 8);
+    CHECK(bins.at("w").number == 4);
+}
+
+TEST_CASE("noise, STC and the display chain, worked by hand", "[evaluate]") {
+    const auto noise = values("noise", "F=8dB tau=0.5us SN_min=3dB");
+    CHECK(noise.at("B_n").number == 2.4e6);
+    const double dbm = 10 * std::log10(1.380649e-23 * 290 * 2.4e6) + 30 + 8;
+    CHECK_THAT(noise.at("P_n_dBm").number, WithinRel(dbm, 1e-13));
+    CHECK_THAT(noise.at("MDS").number, WithinRel(dbm + 3, 1e-13));
+    CHECK(noise.at("MDS").unit == "dBm");
+    CHECK(value("noise", "B=1MHz", "B_n") == 1e6);
+    CHECK(value("stc", "r=5nmi r_stc=20nmi", "A_stc") == 24.082);  // 40 log10 4 = 24.0824
+    CHECK(value("stc", "r=5nmi r_stc=20nmi n=3 A_max=10dB", "A_stc") == 10);
+    CHECK(value("stc", "r=30nmi r_stc=20nmi", "A_stc") == 0);
+    // 36 dB over the MDS, of which 14 show at 50 dB of IF gain, less 4 of STC: 18 dB of 20.
+    const auto levels = values("receiver", "P=-64dBm MDS=-100dBm A_stc=4dB G_if=50dB G_v=0dB D_log=20dB");
+    CHECK_THAT(levels.at("v_if").number, WithinAbs(0.9, 1e-12));
+    const double video = 0.9 * std::pow(10, -0.2);
+    CHECK_THAT(levels.at("v_video").number, WithinRel(video, 1e-7));  // the receiver's gain is a float
+    CHECK(levels.at("grey").number == std::floor(255 * video + 0.5));
+    CHECK(value("receiver", "P=-64dBm MDS=-100dBm A_stc=4dB G_v=0dB gamma_d=2", "grey") ==
+          std::floor(255 * std::sqrt(video) + 0.5));
+    CHECK(value("receiver", "P=0 MDS=-100dBm", "grey") == 0);
+}
+
+// ------------------------------------------------------------------------------------------------------- tables
+
+TEST_CASE("a table keeps its columns, and the outputs stand behind them", "[evaluate]") {
+    const Folder folder;
+    const std::string in = folder.write("t.csv",
+                                        "\xef\xbb\xbf# heights of a survey\n"
+                                        "\n"
+                                        "s [km], site ,h [m],hs [ft],note\r\n"
+                                        "20,\"A, north\",250,10000,x\r\n"
+                                        "# half-way\n"
+                                        "  \n"
+                                        "10000m,B,0,3 km,\n");
+    const Outcome outcome = folder.run({"sight", "--in", in});
+    REQUIRE(outcome.code == 0);
+    const Strings lines = split(outcome.out, '\n');
+    REQUIRE(lines.size() == 3);
+    CHECK(lines[0] == "s [km], site ,h [m],hs [ft],note,r [m],delta [deg],psi [deg],theta [deg]");
+    CHECK(lines[1].starts_with("20,\"A, north\",250,10000,x,"));
+    CHECK(lines[2].starts_with("10000m,B,0,3 km,,"));
+    const auto single = values("sight", "hs=3048m h=250m s=20km");
+    CHECK(std::stod(split(lines[1], ',')[6]) == single.at("r").number);  // the note's cell holds a comma
+    CHECK(std::stod(split(lines[2], ',')[5]) == value("sight", "hs=3km h=0 s=10km", "r"));
+    // What stays is said.
+    CHECK(outcome.err == "table '" + in + "': columns that are no input of sight stay as they are: 'site', 'note'\n");
+    CHECK(folder.run({"sight", "--in", in, "-q"}).err.empty());
+    // Values behind the model hold for every row; a default too.
+    const std::string few = folder.write("few.csv", "s [km]\n20\n40\n");
+    const auto rows = table(folder.run({"sight", "--in", few, "hs=3048m", "h=250m", "k=4/3"}).out);
+    REQUIRE(rows.size() == 3);
+    CHECK(std::stod(rows[1][1]) == single.at("r").number);
+    CHECK(std::stod(rows[2][1]) == value("sight", "hs=3048m h=250m s=40km", "r"));
+    // A table without rows gives one without rows.
+    const Outcome none = folder.run({"horizon", "--in", folder.write("none.csv", "h [m]\n")});
+    CHECK(none.code == 0);
+    CHECK(none.out == "h [m],s_h [m],t_h [m],theta_h [deg],s_t [m]\n");
+}
+
+TEST_CASE("every unit of a dimension gives the same answer, in any column order", "[evaluate]") {
+    const Folder folder;
+    const auto of = [&](const std::string& text) {
+        const Outcome outcome = folder.run({"ray", "--in", folder.write("t.csv", text)});
+        INFO(outcome.err);
+        REQUIRE(outcome.code == 0);
+        const Strings cells = table(outcome.out).at(1);
+        return std::pair(std::stod(cells.at(cells.size() - 2)), std::stod(cells.back()));
+    };
+    const auto expected = of("hs [m],delta [deg],t [m]\n3048,1.5,55560\n");
+    CHECK(of("t [nmi],hs [ft],delta [deg]\n30,10000,1.5\n") == expected);
+    CHECK(of("delta [deg],t [km],hs [kft]\n1.5,55.56,10\n") == expected);
+    CHECK(of("delta,t,hs\n1.5deg,30nmi,10000ft\n") == expected);
+    const auto radians = of("delta [rad],t [km],hs [m]\n0.026179938779914945,55.56,3048\n");
+    CHECK_THAT(radians.first, WithinRel(expected.first, 1e-12));
+    const auto frequency = [&](const std::string& text) {
+        const Outcome outcome =
+            folder.run({"constant-gamma", "gamma10_dB=soil", "psi=3deg", "--in", folder.write("f.csv", text)});
+        return std::stod(table(outcome.out).at(1).at(1));
+    };
+    CHECK(frequency("f [GHz]\n16.5\n") == frequency("f [MHz]\n16500\n"));
+    CHECK(frequency("f [GHz]\n16.5\n") == frequency("f [Hz]\n16.5e9\n"));
+    CHECK_THAT(frequency("f [GHz]\n16.5\n"), WithinRel(-17 + 5 * std::log10(1.65), 1e-13));
+    // Watts and decibels over a milliwatt.
+    CHECK(value("receiver", "P=1e-9W MDS=-100dBm", "grey") == value("receiver", "P=-60dBm MDS=-100dBm", "grey"));
+}
+
+TEST_CASE("tables go through pipes, and one model's output is the next one's input", "[evaluate]") {
+    const Folder folder;
+    const std::string in = folder.write("t.csv", "hs [m],h [m],s [km]\n3000,250,20\n");
+    REQUIRE(folder.run({"sight", "--in", in, "-o", folder.file("sight.csv")}).code == 0);
+    const Outcome piped = folder.run({"cell-area", "--in", "-", "-q"}, "", folder.file("sight.csv"));
+    INFO(piped.err);
+    REQUIRE(piped.code == 0);
+    const auto rows = table(piped.out);
+    CHECK(rows.at(0).at(3) == "r [m]");
+    CHECK(rows.at(0).back() == "A [m^2]");
+    CHECK_THAT(std::stod(rows.at(1).back()),
+               WithinRel(value("cell-area", "r=20191.962666m psi=7.760145deg", "A"), 1e-8));
+}
+
+TEST_CASE("words are values, and an empty cell takes the default", "[evaluate]") {
+    const Folder folder;
+    const std::string in =
+        folder.write("t.csv", "gamma10_dB,psi [deg],f [GHz]\ntrees,5,10\n-12dB,5,10\nwater,5,10\n-12dB,5,\n");
+    const Outcome outcome = folder.run({"constant-gamma", "--in", in});
+    REQUIRE(outcome.code == 0);
+    const auto rows = table(outcome.out);
+    REQUIRE(rows.size() == 5);
+    CHECK(rows[1][4] == rows[2][4]);
+    // Calm water returns nothing: a number, but none in decibels, and that is said.
+    CHECK(rows[3][4] == "0");
+    CHECK(rows[3][3].empty());
+    CHECK(rows[3][5].empty());
+    CHECK(outcome.err ==
+          "table '" + in + "': 1 row of 4 lacks values (empty cells), first line 4: gamma_dB has no value there\n");
+    CHECK(std::stod(rows[4][5]) == value("constant-gamma", "gamma10_dB=-12dB psi=5deg f=16.5GHz", "sigma0_dB"));
+    CHECK_THAT(folder.run({"constant-gamma", "gamma10_dB=water", "psi=5deg"}).out, Contains("sigma0_dB = no value\n"));
+}
+
+TEST_CASE("what has no solution is an empty cell in a table and a refusal by itself", "[evaluate]") {
+    const Folder folder;
+    const std::string in = folder.write("t.csv", "r [km],name\n2,near\n4,far\n1,nearer\n");
+    const Outcome outcome = folder.run({"arc", "hs=3000m", "h=0", "--in", in, "-q", "-o", folder.file("out.csv")});
+    CHECK(outcome.code == 0);
+    const auto rows = table(content(folder.file("out.csv")));
+    REQUIRE(rows.size() == 4);
+    CHECK(rows[1] == Strings{"2", "near", "", "", ""});
+    CHECK_THAT(std::stod(rows[2][2]), WithinRel(value("arc", "hs=3km h=0 r=4km", "s"), 1e-15));
+    CHECK(rows[3] == Strings{"1", "nearer", "", "", ""});
+    CHECK_THAT(
+        folder.run({"arc", "hs=3000m", "h=0", "--in", in}).err,
+        Contains(
+            "2 rows of 3 lack values (empty cells), first line 2: no point of height 0 m is at slant range 2000 m"));
+    CHECK_THAT(folder.refusal({"arc", "hs=3000m", "h=0", "r=2km"}), Contains("no point of height 0 m"));
+}
+
+TEST_CASE("results read back the same, or have the digits asked for", "[evaluate]") {
+    const Folder folder;
+    std::string text = "h [m]\n";
+    for (int i = 1; i <= 50; ++i) text += std::to_string(37 * i) + "\n";
+    const std::string in = folder.write("t.csv", text);
+    const auto all = table(folder.run({"horizon", "--in", in}).out),
+               three = table(folder.run({"horizon", "--in", in, "--digits", "3"}).out);
+    const double re = 4.0 / 3 * 6371008.7714;
+    for (std::size_t i = 1; i <= 50; ++i) {
+        const double h = std::stod(all[i][0]), exact = 2 * re * std::asin(std::sqrt(h / (2 * (re + h))));
+        CHECK_THAT(std::stod(all[i][1]), WithinRel(exact, 1e-14));
+        CHECK_THAT(std::stod(three[i][1]), WithinRel(exact, 5e-3));
+        CHECK(three[i][1].size() <= 8);  // 2.26e+05
+    }
+    CHECK(folder.run({"horizon", "h=3000m", "--digits", "6"}).out.starts_with("s_h = 225728 m\n"));
+}
+
+TEST_CASE("a single evaluation can be written as a table of one row", "[evaluate]") {
+    const Folder folder;
+    const std::string out = folder.file("one.csv");
+    REQUIRE(folder.run({"sight", "hs=3000m", "h=250m", "s=20km", "k=flat", "-o", out}).code == 0);
+    const auto rows = table(content(out));
+    REQUIRE(rows.size() == 2);
+    CHECK(rows[0] ==
+          Strings{"hs [m]", "h [m]", "s [m]", "k", "R [m]", "r [m]", "delta [deg]", "psi [deg]", "theta [deg]"});
+    CHECK(Strings(rows[1].begin(), rows[1].begin() + 5) == Strings{"3000", "250", "20000", "flat", "6371008.7714"});
+    // It is a table that evaluate takes, but for the outputs.
+    std::string back;
+    for (std::size_t line = 0; line < 2; ++line)
+        for (std::size_t i = 0; i < 5; ++i) back += rows[line][i] + (i < 4 ? "," : "\n");
+    const auto again = table(folder.run({"sight", "--in", folder.write("back.csv", back)}).out);
+    CHECK(again.at(1) == rows[1]);
+}
+
+// ----------------------------------------------------------------------------------------------------- refusals
+
+TEST_CASE("what is wrong with a command line is named", "[evaluate]") {
+    const Folder folder;
+    CHECK_THAT(folder.refusal({}), Contains("no model is given; wedgescope evaluate --list names them all"));
+    CHECK_THAT(folder.refusal({"horzon", "h=3km"}), Contains("unknown model 'horzon'; did you mean horizon?"));
+    CHECK_THAT(folder.refusal({"horizon"}), Contains("horizon lacks h=VALUEm"));
+    CHECK_THAT(folder.refusal({"sight", "h=0"}),
+               Contains("sight lacks hs=VALUEm, s=VALUEm; give them behind the model"));
+    CHECK_THAT(folder.refusal({"horizon", "H=3km"}),
+               Contains("horizon has no input 'H'; did you mean h? (it has h, h_t, k, R)"));
+    CHECK_THAT(folder.refusal({"horizon", "h=3km", "h=3km"}), Contains("h is given twice"));
+    CHECK_THAT(folder.refusal({"horizon", "3km"}),
+               Contains("found '3km' behind the model horizon; accepted: NAME=VALUE"));
+    CHECK_THAT(
+        folder.refusal({"horizon", "h=3000"}),
+        Contains("h is '3000'; it must be a number with its unit (m, km, ft, kft, nmi, mi, yd) from 0 m to 1000000 m"));
+    CHECK_THAT(folder.refusal({"horizon", "h=-1m"}), Contains("h is '-1m'; it must be"));
+    CHECK_THAT(folder.refusal({"horizon", "h=nan"}), Contains("h is 'nan'"));
+    CHECK_THAT(folder.refusal({"horizon", "h="}), Contains("h is ''"));
+    CHECK_THAT(folder.refusal({"horizon", "h=3deg"}), Contains("h is '3deg'"));
+    CHECK_THAT(folder.refusal({"sight", "h=0", "hs=0", "s=0", "k=round"}),
+               Contains("k is 'round'; it must be a number from 0.1 to 1000000 or flat"));
+    CHECK_THAT(folder.refusal({"sight", "h=0", "hs=0", "s=0", "k=1/0"}), Contains("k is '1/0'"));
+    CHECK_THAT(folder.refusal({"antenna-azimuth", "phi=0", "pattern=square"}),
+               Contains("pattern is 'square'; it must be one of gaussian or uniform"));
+    CHECK_THAT(folder.refusal({"echo-point", "r=1km", "sigma=1m"}),
+               Contains("sigma is '1m'; it must be a number with its unit (m^2)"));
+    CHECK_THAT(folder.refusal({"stc", "r=0", "r_stc=1km"}), Contains("r is '0'; it must be a number with its unit"));
+    CHECK_THAT(folder.refusal({"horizon", "h=3km", "--digits", "18"}),
+               Contains("--digits is '18'; a whole number from 1 to 17"));
+    CHECK_THAT(folder.refusal({"horizon", "h=3km", "--json"}), Contains("json is given without list"));
+    CHECK_THAT(folder.refusal({"--list", "horizon", "sight"}), Contains("list takes one model at most"));
+    CHECK_THAT(folder.refusal({"--list", "horizont"}), Contains("did you mean horizon?"));
+    CHECK_THAT(folder.refusal({"horizon", "--set", "h=3km"}), Contains("unknown option '--set'"));
+}
+
+TEST_CASE("what is wrong with a table is named by file, line and column", "[evaluate]") {
+    const Folder folder;
+    const auto refused = [&](const std::string& text, Strings words = {}) {
+        words.insert(words.begin(), "sight");
+        words.insert(words.end(), {"--in", folder.write("t.csv", text), "-o", folder.file("out.csv")});
+        const std::string line = folder.refusal(words);
+        CHECK_THAT(line, Contains("table '" + folder.file("t.csv") + "'"));
+        CHECK(folder.files() == 1);  // no output, whole or half
+        return line;
+    };
+    const std::string head = "hs [m],h [m],s [km]\n";
+    CHECK_THAT(refused(""),
+               Contains("is empty; accepted: a line that names the columns hs [m], h [m], s [m], k (may be left out)"));
+    CHECK_THAT(refused("# hs\nhs [m],Label,s [km]\n1,2,3\n"),
+               Contains("line 2: no column is h; found 'hs [m]', 'Label', 's [km]'; accepted: hs [m], h [m]") &&
+                   Contains("or h=VALUE behind the model for all rows"));
+    CHECK_THAT(
+        refused(head + "1,2,3\n1,2,x\n"),
+        Contains("line 3, column s is 'x'; it must be a number (km), or one with a unit (m, km, ft, kft, nmi, mi, "
+                 "yd) from 0 m to 20000000 m"));
+    CHECK_THAT(refused(head + "1,,3\n"), Contains("line 2, column h is empty; it must be"));
+    CHECK_THAT(refused(head + "1,nan,3\n"), Contains("column h is 'nan'"));
+    CHECK_THAT(refused(head + "1,2,1e999\n"), Contains("column s is '1e999'"));
+    CHECK_THAT(refused(head + "1,2,-1\n"), Contains("column s is '-1'"));
+    CHECK_THAT(refused(head + "1,2\n"), Contains("line 2 has 2 columns; accepted: 3, as many as are named"));
+    CHECK_THAT(refused("hs,h [m],s [km]\n3000,0,3\n"),
+               Contains("column hs is '3000'; it must be a number with its unit"));
+    CHECK_THAT(refused("hs [deg],h [m],s [km]\n"),
+               Contains("column 'hs [deg]'; accepted: units m, km, ft, kft, nmi, mi, yd, as in hs [m]"));
+    CHECK_THAT(refused("hs [m,h [m],s [km]\n"), Contains("column 'hs [m'; accepted"));
+    CHECK_THAT(refused("hs [m],h [m],s [km],k [m]\n"), Contains("column 'k [m]'; accepted: no unit, as in k"));
+    CHECK_THAT(refused("hs [m],h [m],s [km],h [ft]\n"), Contains("column 4 is 'h [ft]', and so is column 2"));
+    CHECK_THAT(refused("hs [m],h [m],s [km],r [m]\n"), Contains("column 4 is 'r [m]', which sight writes itself"));
+    CHECK_THAT(refused(head, {"h=0"}), Contains("column 2 is 'h [m]', and h is given behind the model too"));
+    CHECK_THAT(refused(head + std::string(5000, '1') + "\n"), Contains("line 2 has more than 4096 characters"));
+}
+
+TEST_CASE("files that cannot be read or may not be written are refused", "[evaluate]") {
+    const Folder folder;
+    const std::string in = folder.write("t.csv", "h [m]\n100\n");
+    CHECK_THAT(folder.refusal({"horizon", "--in", folder.file("none.csv")}, 1),
+               Contains("cannot be opened: No such file"));
+    CHECK_THAT(folder.refusal({"horizon", "--in", fs::path(in).parent_path().string()}, 1), Contains("is a folder"));
+    const std::string out = folder.write("out.csv", "old");
+    CHECK_THAT(folder.refusal({"horizon", "--in", in, "-o", out}), Contains("exists"));
+    CHECK(content(out) == "old");
+    CHECK(folder.run({"horizon", "--in", in, "-o", out, "--overwrite"}).code == 0);
+    CHECK(content(out).starts_with("h [m],s_h [m]"));
+    CHECK_THAT(folder.refusal({"horizon", "--in", in, "-o", in, "--overwrite"}), Contains(in));
+    CHECK(content(in) == "h [m]\n100\n");
+    const Outcome full = folder.run({"horizon", "--in", in}, "/dev/full");
+    CHECK(full.code == 1);
+    CHECK_THAT(full.err, Contains("cannot write to standard output"));
+}
+
+// ------------------------------------------------------------------------------------------------------- the list
+
+TEST_CASE("each listed model runs in the middle of its ranges, and so does its example", "[evaluate]") {
+    const Folder folder;
+    const nlohmann::json models = listed();
+    REQUIRE(models.size() >= 17);
+    std::set<std::string> names, units;
+    const std::string page = folder.run({"--list"}).out, help = folder.run({"--help"}).out;
+    for (const auto& model : models) {
+        const std::string name = model["name"];
+        INFO(name);
+        CHECK(names.insert(name).second);
+        CHECK_THAT(page, Contains("  " + name + " "));
+        CHECK_THAT(help, Contains("  " + name + " "));
+        const std::string own = folder.run({"--list", name}).out;
+        CHECK_THAT(own, Contains(model["summary"].get<std::string>()) && Contains(model["source"].get<std::string>()));
+        CHECK_THAT(model["source"].get<std::string>(), Contains("[") && Contains("physics"));
+        std::set<std::string> columns;
+        std::string header, row;
+        for (const auto& input : model["inputs"]) {
+            const std::string symbol = input["name"], unit = input["unit"];
+            CHECK(columns.insert(symbol).second);
+            CHECK_THAT(own, Contains("  " + symbol));
+            std::string middle;
+            if (input.contains("to")) {
+                const double low = input.contains("from") ? input["from"].get<double>() : input["above"].get<double>();
+                std::ostringstream number;
+                number.precision(17);
+                number << (low + input["to"].get<double>()) / 2;
+                middle = number.str();
+            } else {
+                REQUIRE(!input["words"].empty());
+                middle = input["words"][input["words"].size() / 2];
+            }
+            header += (header.empty() ? "" : ",") + symbol + (unit.empty() ? "" : " [" + unit + "]");
+            row += (row.empty() ? "" : ",") + middle;
+        }
+        const Outcome outcome = folder.run({name, "--in", folder.write(name + ".csv", header + "\n" + row + "\n")});
+        INFO(header << "\n" << row << "\n" << outcome.err);
+        CHECK(outcome.code == 0);
+        CHECK(outcome.err.empty());  // no value lacks
+        const auto rows = table(outcome.out);
+        REQUIRE(rows.size() == 2);
+        REQUIRE(rows[1].size() == model["inputs"].size() + model["outputs"].size());
+        for (std::size_t i = 0; i < model["outputs"].size(); ++i) {
+            const auto& output = model["outputs"][i];
+            const std::string symbol = output["name"], unit = output["unit"];
+            CHECK(columns.insert(symbol).second);
+            CHECK(rows[0][model["inputs"].size() + i] == symbol + (unit.empty() ? "" : " [" + unit + "]"));
+            CHECK(std::isfinite(std::stod(rows[1][model["inputs"].size() + i])));
+        }
+        CHECK(!values(name, model["example"]).empty());
+        // Each end of a range is accepted, as it is printed; what is beyond is not: an input of each unit.
+        for (const auto& input : model["inputs"]) {
+            const std::string symbol = input["name"], unit = input["unit"];
+            if (!input.contains("to") || !units.insert(unit).second) continue;
+            const auto refused = [&](double number) {
+                std::ostringstream word;
+                word.precision(17);
+                word << symbol << "=" << number << unit;
+                return folder.run({name, word.str(), "--in", folder.file("no such file")}).code == 2;
+            };
+            const double to = input["to"];
+            CHECK(!refused(to));
+            CHECK(refused(std::nextafter(to, INFINITY) * (to > 0 ? 1 + 1e-15 : 1) + (to > 0 ? 0 : 1e-9)));
+            if (input.contains("from"))
+                CHECK(!refused(input["from"]));
+            else
+                CHECK(refused(input["above"]));
+        }
+    }
+}
+
+// -------------------------------------------------------------------------------------------------------- size
+
+TEST_CASE("a million rows pass in a few megabytes", "[evaluate]") {
+    const Folder folder;
+    const std::string in = folder.file("large.csv"), out = folder.file("out.csv");
+    constexpr int rows = 1000000;
+    {
+        std::ofstream file(in);
+        file << "label,s [km],hs [ft],h [m]\n";
+        for (int i = 0; i < rows; ++i) file << "row" << i << ',' << i % 400 + 0.125 << ",7000," << i % 100 << '\n';
+    }
+    const std::uint64_t small = folder.run({"sight", "hs=3km", "h=0", "s=1km"}).peak_rss_bytes;
+    const Outcome outcome = folder.run({"sight", "--in", in, "-o", out, "-q"});
+    CHECK(outcome.code == 0);
+    CHECK(outcome.peak_rss_bytes < small + (std::uint64_t{8} << 20));  // of a file of 30 MB, and 100 MB written
+    std::ifstream file(out);
+    std::string line, last;
+    int lines = 0;
+    while (std::getline(file, line)) {
+        ++lines;
+        last = line;
+    }
+    CHECK(lines == rows + 1);
+    CHECK(last.starts_with("row999999,399.125,7000,99,"));
+    CHECK(std::stod(split(last, ',')[4]) == value("sight", "s=399.125km hs=7000ft h=99m", "r"));
+}

@@ -1,0 +1,35 @@
+#include "tools/models.hpp"
+
+#include "tools/options.hpp"
+
+namespace wedgescope {
+
+const std::vector<ModelFamily>& model_table() {
+    static const std::vector<ModelFamily> table = {{"Geometry", geometry_models()},
+                                                   {"Antenna", antenna_models()},
+                                                   {"Radar equation, receiver and display", radar_models()}};
+    return table;
+}
+
+std::string model_list() {
+    std::string out;
+    for (const ModelFamily& family : model_table()) {
+        out += text(out.empty() ? "" : "\n", family.title, "\n");
+        for (const Model& model : family.models) out += fmt::format("  {:<18} {}\n", model.name, model.summary);
+    }
+    return out;
+}
+
+const Model& model_by_name(std::string_view name) {
+    std::vector<std::string> names;
+    for (const ModelFamily& family : model_table())
+        for (const Model& model : family.models) {
+            if (model.name == name) return model;
+            names.push_back(model.name);
+        }
+    const auto near = nearest(name, names);
+    throw InputError(text("unknown model ", in_quotes(name), near ? text("; did you mean ", *near, "?") : std::string(),
+                          " (wedgescope evaluate --list names them all)"));
+}
+
+}  // namespace wedgescope
