@@ -156,6 +156,70 @@ TEST_CASE("the self-check values of the physics reference come out", "[evaluate]
     CHECK_THAT(value("cell-area", "r=1km psi=5deg theta_3=1deg", "theta_2"), WithinAbs(0.752690, 5e-7));
 }
 
+TEST_CASE("the self-check values of land, sea and statistics come out", "[evaluate]") {
+    CHECK_THAT(value("nrl-sea", "f=3.2GHz pol=hh SS=4 psi=2deg", "sigma0_dB"), WithinAbs(-44.3002, 5e-5));
+    CHECK_THAT(value("nrl-sea", "f=5.3GHz pol=vv SS=2 psi=1.5deg", "sigma0_dB"), WithinAbs(-47.6606, 5e-5));
+    CHECK_THAT(value("git-sea", "f=9GHz pol=hh SS=4 psi=2deg phi=90deg", "sigma0_dB"), WithinAbs(-35.5455, 5e-5));
+    CHECK_THAT(value("git-sea", "f=9GHz pol=vv SS=4 psi=2deg phi=-90deg", "sigma0_dB"), WithinAbs(-34.0853, 5e-5));
+    CHECK_THAT(value("ulaby-dobson", "class=soil f=10GHz pol=hh psi=55deg", "sigma0_dB"), WithinAbs(-8.4245, 5e-5));
+    CHECK_THAT(value("ulaby-dobson", "class=grass f=15GHz pol=vv psi=45deg", "sigma0_dB"), WithinAbs(-13.8618, 5e-5));
+    std::ostringstream roughness;  // k s = 0.8 at 10 GHz
+    roughness.precision(17);
+    roughness << "s_rms=" << 0.8 * 0.0299792458 / (2 * std::numbers::pi) << "m";
+    const auto oh = values("oh", "eps_re=10 eps_im=2 f=10GHz psi=55deg " + roughness.str());
+    CHECK_THAT(oh.at("vv_dB").number, WithinAbs(-10.5666, 5e-5));
+    CHECK_THAT(oh.at("hh_dB").number, WithinAbs(-11.9123, 5e-5));
+    CHECK_THAT(oh.at("hv_dB").number, WithinAbs(-22.3370, 5e-5));
+    const auto water = values("water", "f=10.7GHz t=15degC S=32ppt");
+    CHECK_THAT(water.at("eps_re").number, WithinAbs(51.4263, 5e-5));
+    CHECK_THAT(water.at("eps_im").number, WithinAbs(39.6006, 5e-5));
+    const auto fresnel = values("fresnel", "eps_re=51.4263 eps_im=39.6006 inc=50deg");
+    CHECK_THAT(fresnel.at("e_H").number, WithinAbs(0.261614, 1e-6));
+    CHECK_THAT(fresnel.at("e_V").number, WithinAbs(0.520293, 1e-6));
+    CHECK_THAT(value("k-shape", "psi=2deg A_c=1000m^2 pol=vv", "nu"), WithinAbs(4.849385, 5e-7));
+    CHECK_THAT(value("k-distribution", "nu=1.5 x=2", "P"), WithinAbs(0.1397314, 5e-8));
+    const auto one = values("speckle", "N=1"), four = values("speckle", "N=4");
+    CHECK_THAT(one.at("mean_dB").number, WithinAbs(-2.507, 5e-4));
+    CHECK_THAT(one.at("std_dB").number, WithinRel(10 / std::numbers::ln10 * std::numbers::pi / std::sqrt(6), 1e-12));
+    CHECK(four.at("std").number == 0.5);
+    CHECK_THAT(four.at("mean_dB").number,
+               WithinRel(10 / std::numbers::ln10 * (11.0 / 6 - std::numbers::egamma - std::log(4)), 1e-12));
+}
+
+TEST_CASE("the other models of land and sea, worked by hand", "[evaluate]") {
+    const auto rad = [](double deg) { return deg * std::numbers::pi / 180; };
+    const auto db = [](double ratio) { return 10 * std::log10(ratio); };
+    CHECK_THAT(value("git-land", "class=grass f=10GHz psi=10deg", "sigma0_dB"),
+               WithinRel(db(0.023 * std::pow(rad(10) + 0.012, 1.5)), 1e-12));
+    const double u = std::sqrt(3) / 4.7, b0 = 0.4, lambda = 0.299792458 / 3, t0 = std::tan(b0);
+    const double peak = u / (t0 * t0) * std::exp(-std::pow(std::tan(rad(90 - 80)) / t0, 2));
+    CHECK_THAT(value("morchin", "class=wooded-hills f=3GHz psi=80deg", "sigma0"),
+               WithinRel(0.0126 * std::sin(rad(80)) / lambda + peak, 1e-12));
+    const auto low = values("billingsley", "delta=1deg");
+    CHECK(low.at("sigma0_dB").number == -30);
+    CHECK(low.at("a_w").number == 3.0);
+    const double tan2 = std::pow(std::tan(rad(10)), 2), cos4 = std::pow(std::cos(rad(10)), 4);
+    CHECK_THAT(value("quasi-specular", "Gamma_0=0.6 mss=0.03 psi=80deg", "sigma0"),
+               WithinRel(0.6 / 0.03 / cos4 * std::exp(-tan2 / 0.03), 1e-12));
+    // Scenes take NRL up to 60 degrees.
+    CHECK(value("sea", "f=16.5GHz pol=vv SS=3 psi=20deg", "sigma0_dB") ==
+          value("nrl-sea", "f=16.5GHz pol=vv SS=3 psi=20deg", "sigma0_dB"));
+    const auto waves = values("sea-state", "SS=3");
+    const double wind = 3.16 * std::pow(3, 0.8);
+    CHECK_THAT(waves.at("V").number, WithinRel(wind, 1e-14));
+    CHECK_THAT(waves.at("h_av").number, WithinRel(4.52e-3 * std::pow(wind, 2.5), 1e-14));
+    CHECK_THAT(waves.at("h_13").number, WithinRel(0.04 + 0.1 * std::pow(3, 2.1), 1e-14));
+    CHECK_THAT(waves.at("mss").number, WithinRel(0.003 + 5.12e-3 * wind, 1e-14));
+    // Edge-on water mirrors all: 1 + 4 + 1; waves take it away.
+    const auto shore = values("far-shore", "f=16.5GHz psi=0.05deg h_b=2m");
+    CHECK_THAT(shore.at("F4").number, WithinAbs(6, 0.01));
+    CHECK_THAT(shore.at("d_w").number, WithinRel(2 / std::tan(rad(0.05)), 1e-12));
+    CHECK(value("far-shore", "f=16.5GHz psi=5deg sigma_h=1m", "F4") == 1);
+    // GIT's wind and waves are those of the sea state unless they are given.
+    CHECK_THAT(value("git-sea", "f=9GHz SS=1 psi=2deg V=9.579329m/s h_av=1.283737m", "sigma0_dB"),
+               WithinAbs(value("git-sea", "f=9GHz SS=4 psi=2deg", "sigma0_dB"), 1e-3));
+}
+
 TEST_CASE("geometry: rays, ways back and the ellipsoid agree with closed forms", "[evaluate]") {
     // There and back.
     CHECK_THAT(value("arc", "hs=3000m h=250m r=20191.962666m", "s"), WithinAbs(20000, 1e-5));
@@ -336,21 +400,24 @@ TEST_CASE("tables go through pipes, and one model's output is the next one's inp
 
 TEST_CASE("words are values, and an empty cell takes the default", "[evaluate]") {
     const Folder folder;
-    const std::string in =
-        folder.write("t.csv", "gamma10_dB,psi [deg],f [GHz]\ntrees,5,10\n-12dB,5,10\nwater,5,10\n-12dB,5,\n");
+    const std::string in = folder.write("t.csv", "gamma10_dB,psi [deg],f [GHz]\ntrees,5,10\n-12dB,5,10\nwater,5,10\n-12dB,5,\n");
     const Outcome outcome = folder.run({"constant-gamma", "--in", in});
     REQUIRE(outcome.code == 0);
     const auto rows = table(outcome.out);
     REQUIRE(rows.size() == 5);
     CHECK(rows[1][4] == rows[2][4]);
-    // Calm water returns nothing: a number, but none in decibels, and that is said.
-    CHECK(rows[3][4] == "0");
-    CHECK(rows[3][3].empty());
-    CHECK(rows[3][5].empty());
-    CHECK(outcome.err ==
-          "table '" + in + "': 1 row of 4 lacks values (empty cells), first line 4: gamma_dB has no value there\n");
+    // Calm water returns nothing, and that is said.
+    CHECK(rows[3] == Strings{"water", "5", "10", "", "", ""});
+    CHECK(outcome.err == "table '" + in +
+                             "': 1 row of 4 lacks values (empty cells), first line 4: calm water returns nothing; the "
+                             "sea models give what waves do\n");
     CHECK(std::stod(rows[4][5]) == value("constant-gamma", "gamma10_dB=-12dB psi=5deg f=16.5GHz", "sigma0_dB"));
-    CHECK_THAT(folder.run({"constant-gamma", "gamma10_dB=water", "psi=5deg"}).out, Contains("sigma0_dB = no value\n"));
+    // A pattern that is cut off is a number, but none in decibels.
+    CHECK(folder.run({"antenna-azimuth", "phi=10deg", "theta_3=1.5deg"}).out == "g_az = 0\ng_az_dB = no value\n");
+    const std::string offsets = folder.write("phi.csv", "phi [deg]\n0\n10\n");
+    const Outcome cut = folder.run({"antenna-azimuth", "theta_3=1.5deg", "--in", offsets});
+    CHECK(cut.out == "phi [deg],g_az,g_az_dB [dB]\n0,1,0\n10,0,\n");
+    CHECK_THAT(cut.err, Contains("1 row of 2 lacks values (empty cells), first line 3: g_az_dB has no value there"));
 }
 
 TEST_CASE("what has no solution is an empty cell in a table and a refusal by itself", "[evaluate]") {

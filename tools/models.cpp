@@ -7,7 +7,9 @@ namespace wedgescope {
 const std::vector<ModelFamily>& model_table() {
     static const std::vector<ModelFamily> table = {{"Geometry", geometry_models()},
                                                    {"Antenna", antenna_models()},
-                                                   {"Radar equation, receiver and display", radar_models()}};
+                                                   {"Radar equation, receiver and display", radar_models()},
+                                                   {"Land and water", surface_models()},
+                                                   {"Statistics", statistics_models()}};
     return table;
 }
 

@@ -22,5 +22,7 @@ const Model& model_by_name(std::string_view name);
 std::vector<Model> geometry_models();
 std::vector<Model> antenna_models();
 std::vector<Model> radar_models();
+std::vector<Model> surface_models();
+std::vector<Model> statistics_models();
 
 }  // namespace wedgescope

@@ -1,7 +1,4 @@
-// Models of physics 2 and 4.1: radar equation, noise, receiver, display; constant gamma.
-#include <cmath>
-
-#include "lib/material.hpp"
+// Models of physics 2: radar equation, noise, receiver, display.
 #include "lib/radar_equation.hpp"
 #include "lib/receiver.hpp"
 #include "tools/models.hpp"
@@ -54,18 +51,6 @@ CellArea area(const Arguments& a) {
     RadarParams radar;
     radar.pulse_s = a["tau"];
     return cell_area(a.angle("theta_3"), a.angle("theta_el"), radar.pulse_extent_m(), a["r"], a.angle("psi"));
-}
-
-ModelInput gamma_input() {
-    ModelInput gamma = number("gamma10_dB", "dB", "gamma at 10 GHz, or the material whose gamma is taken", -200, 100);
-    for (const Material& material : material_table()) gamma = std::move(gamma).or_word(material.name);
-    return gamma;
-}
-
-double gamma_of(const Arguments& a) {
-    const auto material = a.word("gamma10_dB");
-    const auto constant = material ? std::nullopt : std::optional(a.decibel("gamma10_dB"));
-    return gamma_table(a["f"], constant)[static_cast<std::size_t>(material.value_or(0))].ground;
 }
 
 std::vector<Model> equation_models() {
@@ -188,18 +173,6 @@ std::vector<Model> receiver_models() {
              return {levels.if_stage, levels.video, static_cast<double>(levels.grey)};
          },
          "P=-80dBm MDS=-102dBm G_if=50dB"},
-        {"constant-gamma",
-         "sigma0 of ground with constant gamma",
-         "physics 4.1 [form V2: Barton 1985, Long, Nathanson; frequency law U]",
-         {gamma_input(), frequency(), grazing()},
-         {{"gamma_dB", "dB", "gamma at the frequency"},
-          {"sigma0", "", "radar cross-section per unit area"},
-          {"sigma0_dB", "dB", "the same"}},
-         [](const Arguments& a) -> std::vector<double> {
-             const double gamma = gamma_of(a), sigma0 = gamma * std::sin(a["psi"]);
-             return {db(gamma), sigma0, db(sigma0)};
-         },
-         "gamma10_dB=trees psi=5deg f=16.5GHz"},
     };
 }
 

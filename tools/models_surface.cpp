@@ -1,0 +1,231 @@
+// Models of physics 4, 5 and 8: what land and water return, and how they reflect.
+#include <cmath>
+
+#include "lib/backscatter.hpp"
+#include "lib/dielectric.hpp"
+#include "lib/material.hpp"
+#include "lib/sea.hpp"
+#include "lib/sensor.hpp"
+#include "tools/models.hpp"
+
+namespace wedgescope {
+namespace {
+
+ModelInput frequency(double low_ghz, double high_ghz) { return number("f", "GHz", "frequency", low_ghz, high_ghz); }
+ModelInput grazing(double high_deg = 90) { return above("psi", "deg", "local grazing angle", 0, high_deg); }
+ModelInput polarisation() { return one_of("pol", "polarisation", {"hh", "vv", "circular"}).by_default("hh"); }
+Polarisation polarisation_of(const Arguments& a) {
+    constexpr Polarisation all[] = {Polarisation::hh, Polarisation::vv, Polarisation::circular};
+    return all[*a.word("pol")];
+}
+ModelInput sea_state() { return number("SS", "", "sea state (Douglas)", 0, 6); }
+ModelInput temperature() { return number("t", "degC", "temperature of the water", 0, 35); }
+ModelInput salinity() { return number("S", "ppt", "salinity of the water", 0, 40); }
+Water water_of(const Arguments& a) { return {a["t"], a["S"]}; }
+
+std::vector<ModelOutput> sigma0_outputs() {
+    return {{"sigma0", "", "radar cross-section per unit area"}, {"sigma0_dB", "dB", "the same"}};
+}
+std::vector<double> both(Decibel sigma0) { return {sigma0.ratio(), sigma0.db()}; }
+
+template <class Enum>
+Enum chosen(const Arguments& a, std::string_view name) {
+    return static_cast<Enum>(*a.word(name));
+}
+
+ModelInput gamma_input() {
+    ModelInput gamma = number("gamma10_dB", "dB", "gamma at 10 GHz, or the material whose gamma is taken", -200, 100);
+    for (const Material& material : material_table()) gamma = std::move(gamma).or_word(material.name);
+    return gamma;
+}
+
+double gamma10_of(const Arguments& a) {
+    const auto material = a.word("gamma10_dB");
+    if (!material) return a["gamma10_dB"];
+    if (const auto gamma = material_table()[static_cast<std::size_t>(*material)].gamma10_db) return *gamma;
+    throw NoSolution("calm water returns nothing; the sea models give what waves do");
+}
+
+std::vector<Model> land_models() {
+    return {
+        {"constant-gamma",
+         "sigma0 of ground with constant gamma",
+         "physics 4.1 [form V2: Barton 1985, Long, Nathanson; frequency law U]",
+         {gamma_input(), number("f", "Hz", "frequency", 1e6, 1e12).by_default(RadarParams{}.frequency_hz), grazing()},
+         {{"gamma_dB", "dB", "gamma at the frequency"},
+          {"sigma0", "", "radar cross-section per unit area"},
+          {"sigma0_dB", "dB", "the same"}},
+         [](const Arguments& a) -> std::vector<double> {
+             const Decibel gamma10(gamma10_of(a)), sigma0 = constant_gamma_sigma0(gamma10, a["f"], a.angle("psi"));
+             return {gamma_at(gamma10, a["f"]).db(), sigma0.ratio(), sigma0.db()};
+         },
+         "gamma10_dB=trees psi=5deg f=16.5GHz"},
+        {"ulaby-dobson",
+         "sigma0 of land by the mean fits of Ulaby and Dobson",
+         "physics 4.2 [C rows V1, X and Ku rows U: Ulaby & Dobson 1989; below 10 degrees P]",
+         {one_of("class", "class of the ground", {"soil", "grass", "shrubs", "short-vegetation"}), frequency(1, 18),
+          grazing(), polarisation()},
+         sigma0_outputs(),
+         [](const Arguments& a) -> std::vector<double> {
+             return both(
+                 ulaby_dobson_sigma0(chosen<UlabyDobsonClass>(a, "class"), a["f"], polarisation_of(a), a.angle("psi")));
+         },
+         "class=soil f=10GHz pol=hh psi=55deg"},
+        {"oh",
+         "sigma0 of bare soil by Oh, Sarabandi and Ulaby; k s from 0.1 to 6",
+         "physics 4.3 [V2: Oh, Sarabandi & Ulaby 1992; below 20 degrees P]",
+         {number("eps_re", "", "permittivity e' of the soil", 1, 100),
+          number("eps_im", "", "its loss e''", 0, 100).by_default("0"),
+          above("s_rms", "m", "rms height of the surface", 0, 0.05), frequency(1, 18), grazing()},
+         {{"vv_dB", "dB", "sigma0, VV"}, {"hh_dB", "dB", "sigma0, HH"}, {"hv_dB", "dB", "sigma0, HV"}},
+         [](const Arguments& a) -> std::vector<double> {
+             const BareSoil soil{{a["eps_re"], -a["eps_im"]}, a["s_rms"]};
+             const OhSigma0 sigma0 = oh_sigma0(soil, a["f"], a.angle("psi"));
+             return {sigma0.vv.db(), sigma0.hh.db(), sigma0.hv.db()};
+         },
+         "eps_re=10 eps_im=2 s_rms=0.004m f=9.54GHz psi=55deg"},
+        {"git-land",
+         "sigma0 of land by the Georgia Tech model, X band",
+         "physics 4.4 [form V1, coefficients U: Currie, Zehner]",
+         {one_of("class", "class of the ground", {"soil", "grass", "crops", "trees", "urban", "wet-snow", "dry-snow"}),
+          frequency(8, 12), number("sigma_h", "m", "rms height (of soil)", 0, 10).by_default("0m"), grazing()},
+         sigma0_outputs(),
+         [](const Arguments& a) -> std::vector<double> {
+             return both(git_land_sigma0(chosen<GitLandClass>(a, "class"), a["f"], a["sigma_h"], a.angle("psi")));
+         },
+         "class=grass f=10GHz psi=10deg"},
+        {"morchin",
+         "sigma0 of land by Morchin's model",
+         "physics 4.5 [form and wooded hills V1, other rows U]",
+         {one_of("class", "class of the ground", {"desert", "farmland", "wooded-hills", "mountains"}),
+          frequency(0.3, 8), grazing()},
+         sigma0_outputs(),
+         [](const Arguments& a) -> std::vector<double> {
+             return both(morchin_sigma0(chosen<MorchinClass>(a, "class"), a["f"], a.angle("psi")));
+         },
+         "class=wooded-hills f=3GHz psi=80deg"},
+        {"billingsley",
+         "mean strength and spread of clutter from rural low relief, by depression",
+         "physics 4.6 [V1: Billingsley 2002]",
+         {number("delta", "deg", "depression at the antenna", 0, 90)},
+         {{"sigma0_dB", "dB", "mean strength"}, {"a_w", "", "Weibull spread"}},
+         [](const Arguments& a) -> std::vector<double> {
+             const Billingsley clutter = billingsley_low_relief(a.angle("delta"));
+             return {clutter.mean_strength.db(), clutter.weibull_spread};
+         },
+         "delta=1deg"},
+    };
+}
+
+std::vector<Model> sea_models() {
+    return {
+        {"nrl-sea",
+         "sigma0 of the sea, mean over wind directions; grazing angles held within 0.1 to 60 degrees",
+         "physics 5.1 [V2: Gregers-Hansen & Mital 2012]",
+         {frequency(0.5, 35), polarisation(), sea_state(), grazing()},
+         sigma0_outputs(),
+         [](const Arguments& a) -> std::vector<double> {
+             return both(nrl_sea_sigma0(a["f"], polarisation_of(a), a["SS"], a.angle("psi")));
+         },
+         "f=3.2GHz pol=hh SS=4 psi=2deg"},
+        {"git-sea",
+         "sigma0 of the sea by wind direction, small grazing angles; sea state 0 returns nothing",
+         "physics 5.2 [V2: Horst, Dyer & Tuley 1978]",
+         {frequency(1, 100), polarisation(), sea_state(), grazing(15),
+          number("phi", "deg", "look direction minus upwind", -360, 360).by_default("90deg"),
+          number("V", "m/s", "wind (default: of the sea state)", 0, 50).or_word("auto").by_default("auto"),
+          number("h_av", "m", "mean wave height (default: of the sea state)", 0, 20).or_word("auto").by_default("auto"),
+          number("f_b", "GHz", "where the upper band begins", 10, 12).by_default(10e9)},
+         sigma0_outputs(),
+         [](const Arguments& a) -> std::vector<double> {
+             GitSea sea = GitSea::risen(a["SS"]);
+             if (!a.word("V")) sea.wind_m_s = a["V"];
+             if (!a.word("h_av")) sea.wave_height_m = a["h_av"];
+             return both(git_sea_sigma0(a["f"], polarisation_of(a), sea, a.angle("psi"), a.angle("phi"), a["f_b"]));
+         },
+         "f=9GHz pol=vv SS=4 psi=2deg phi=90deg"},
+        {"quasi-specular",
+         "sigma0 of a mirror with slopes, near the vertical",
+         "physics 5.4 [V2: geometric optics; mss U]",
+         {number("Gamma_0", "", "reflectivity at normal incidence, of power", 0, 1),
+          above("mss", "", "mean square slope", 0, 1), grazing()},
+         sigma0_outputs(),
+         [](const Arguments& a) -> std::vector<double> {
+             return both(quasi_specular_sigma0(a["Gamma_0"], a["mss"], a.angle("psi")));
+         },
+         "Gamma_0=0.6 mss=0.03 psi=80deg"},
+        {"sea",
+         "sigma0 of the sea as scenes take it: NRL to 60 degrees of grazing, quasi-specular above",
+         "physics 5.1, 5.4 [V2; joint P]",
+         {frequency(0.5, 35), polarisation(), sea_state(), grazing(), temperature().by_default(Water{}.temperature_c),
+          salinity().by_default(Water{}.salinity_ppt)},
+         sigma0_outputs(),
+         [](const Arguments& a) -> std::vector<double> {
+             return both(sea_sigma0(a["f"], polarisation_of(a), a["SS"], water_of(a), a.angle("psi")));
+         },
+         "f=16.5GHz SS=3 psi=5deg"},
+        {"sea-state",
+         "wind, waves and slopes of a fully risen sea",
+         "physics 5.2, 5.4 [V2; significant height V1; slopes U: Cox & Munk]",
+         {sea_state()},
+         {{"V", "m/s", "wind"},
+          {"h_av", "m", "mean wave height"},
+          {"h_13", "m", "significant wave height"},
+          {"sigma_h", "m", "rms height of the surface"},
+          {"mss", "", "mean square slope"}},
+         [](const Arguments& a) -> std::vector<double> {
+             const double state = a["SS"], wind = wind_speed_m_s(state);
+             return {wind, mean_wave_height_m(wind), significant_wave_height_m(state), rms_wave_height_m(state),
+                     mean_square_slope(wind)};
+         },
+         "SS=3"},
+        {"far-shore",
+         "how water in front of a bank brightens it, and how much water that takes",
+         "physics 5.3 [derived there]",
+         {frequency(0.5, 40), polarisation(), grazing(),
+          number("sigma_h", "m", "rms height of the water's surface", 0, 10).by_default("0m"),
+          number("h_b", "m", "height of the bank", 0, 1000).by_default("5m"),
+          temperature().by_default(fresh_water.temperature_c), salinity().by_default(fresh_water.salinity_ppt)},
+         {{"F4", "", "gain"}, {"F4_dB", "dB", "the same"}, {"d_w", "m", "ground distance of water that it needs"}},
+         [](const Arguments& a) -> std::vector<double> {
+             const double gain = far_shore_gain(water_permittivity(a["f"], water_of(a)), a["f"], polarisation_of(a),
+                                                a["sigma_h"], a.angle("psi"));
+             return {gain, Decibel::from_ratio(gain).db(), far_shore_reach_m(a["h_b"], a.angle("psi"))};
+         },
+         "f=16.5GHz psi=5deg"},
+        {"water",
+         "permittivity of water",
+         "physics 8.3 [V2: Klein & Swift 1977]",
+         {frequency(0.1, 40), temperature(), salinity()},
+         {{"eps_re", "", "e'"}, {"eps_im", "", "loss e''"}},
+         [](const Arguments& a) -> std::vector<double> {
+             const Permittivity eps = water_permittivity(a["f"], water_of(a));
+             return {eps.real(), -eps.imag()};
+         },
+         "f=10.7GHz t=15degC S=32ppt"},
+        {"fresnel",
+         "reflection and emission of a smooth half space",
+         "physics 8.2 [V2]",
+         {number("eps_re", "", "permittivity e'", 1, 1000), number("eps_im", "", "loss e''", 0, 1000).by_default("0"),
+          number("inc", "deg", "incidence angle, from the normal", 0, 90)},
+         {{"Gamma_H", "", "power reflectivity, H"},
+          {"Gamma_V", "", "power reflectivity, V"},
+          {"e_H", "", "emissivity, H"},
+          {"e_V", "", "emissivity, V"}},
+         [](const Arguments& a) -> std::vector<double> {
+             const FresnelPowers power = fresnel_powers({a["eps_re"], -a["eps_im"]}, a.angle("inc"));
+             return {power.h, power.v, 1 - power.h, 1 - power.v};
+         },
+         "eps_re=51.4263 eps_im=39.6006 inc=50deg"},
+    };
+}
+
+}  // namespace
+
+std::vector<Model> surface_models() {
+    std::vector<Model> models = land_models();
+    for (Model& model : sea_models()) models.push_back(std::move(model));
+    return models;
+}
+
+}  // namespace wedgescope
