@@ -197,14 +197,14 @@ Permittivity cloud_water_permittivity(double frequency_hz, double temperature_k)
     const double principal = 20.20 - 146 * x + 316 * x * x, secondary = 39.8 * principal;
     const double a = f / principal, b = f / secondary;
     return {(e0 - e1) / (1 + a * a) + (e1 - e2) / (1 + b * b) + e2,
-            a * (e0 - e1) / (1 + a * a) + b * (e1 - e2) / (1 + b * b)};
+            -(a * (e0 - e1) / (1 + a * a) + b * (e1 - e2) / (1 + b * b))};
 }
 
 double cloud_attenuation_db_km(double frequency_hz, double temperature_k) {
     require_within("frequency", frequency_hz * 1e-9, 1, 200, "GHz");
     const Permittivity water = cloud_water_permittivity(frequency_hz, temperature_k);
-    const double eta = (2 + water.real) / water.loss;
-    return 0.819 * frequency_hz * 1e-9 / (water.loss * (1 + eta * eta));
+    const double eta = (2 + water.real()) / -water.imag();
+    return 0.819 * frequency_hz * 1e-9 / (-water.imag() * (1 + eta * eta));
 }
 
 }  // namespace wedgescope

@@ -1,6 +1,7 @@
 // Atmosphere: the air at a height, and what gases, cloud and fog take from a wave of one frequency per kilometre.
 // Leaves rain to rain.hpp and the way of a ray through the air to path_loss.hpp.
 #pragma once
+#include "lib/dielectric.hpp"
 
 namespace wedgescope {
 
@@ -41,11 +42,7 @@ struct GasAttenuation {
 /// ITU-R P.676-13 Annex 1.
 GasAttenuation gas_attenuation(double frequency_hz, const Air& air);
 
-/// Relative permittivity e' - j e'' of liquid water.
-struct Permittivity {
-    double real, loss;
-};
-/// Double Debye model, 1 GHz to 1000 GHz, 200 to 350 K; InputError outside. Source: physics "Cloud and fog".
+/// Of liquid water, by the double Debye model: 1 GHz to 1000 GHz, 200 to 350 K; InputError outside. Source: physics "Cloud and fog".
 Permittivity cloud_water_permittivity(double frequency_hz, double temperature_k);
 
 /// K_l of droplets much smaller than the wavelength: dB/km for each g/m^3 of liquid water, one way. 1 GHz to 200 GHz,
