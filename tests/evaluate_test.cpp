@@ -153,7 +153,7 @@ TEST_CASE("the self-check values of the physics reference come out", "[evaluate]
     const double phi = 4.493409457909 / (2 * 1.39155737825151) * 1.5;
     CHECK_THAT(value("antenna-azimuth", "pattern=uniform theta_3=1.5deg phi=" + std::to_string(phi) + "deg", "g_az_dB"),
                WithinAbs(-13.26, 5e-3));
-    CHECK_THAT(value("cell-area", "r=1km psi=5deg theta_3=1deg", "theta_2"), WithinAbs(0.752690, 5e-7));
+    CHECK_THAT(value("cell-area", "r=1km psi=5deg theta_3=1deg", "theta_2"), WithinAbs(0.752692, 5e-7));
 }
 
 TEST_CASE("the self-check values of land, sea and statistics come out", "[evaluate]") {
@@ -184,6 +184,47 @@ TEST_CASE("the self-check values of land, sea and statistics come out", "[evalua
     CHECK(four.at("std").number == 0.5);
     CHECK_THAT(four.at("mean_dB").number,
                WithinRel(10 / std::numbers::ln10 * (11.0 / 6 - std::numbers::egamma - std::log(4)), 1e-12));
+}
+
+TEST_CASE("the self-check values of air, rain and cloud come out", "[evaluate]") {
+    const auto ten = values("gases", "f=10GHz p=1013.25hPa T=288.15K rho=7.5g/m^3");
+    CHECK_THAT(ten.at("gamma_o").number, WithinAbs(0.008224417, 5e-10));
+    CHECK_THAT(ten.at("gamma_w").number, WithinAbs(0.005974125, 5e-10));
+    CHECK(ten.at("gamma").unit == "dB/km");
+    const auto sixty = values("gases", "f=60GHz");
+    CHECK_THAT(sixty.at("gamma_o").number, WithinAbs(14.6234748, 5e-8));
+    CHECK_THAT(sixty.at("gamma_w").number, WithinAbs(0.1548418, 5e-8));
+    // ITU's own validation example.
+    CHECK_THAT(value("gases", "f=12GHz", "gamma_o"), WithinRel(0.00869826406877357, 1e-9));
+    CHECK_THAT(value("gases", "f=12GHz", "gamma_w"), WithinRel(0.00953538822024593, 1e-9));
+    const auto air = values("standard-air", "h=4km");
+    CHECK_THAT(air.at("T").number, WithinAbs(262.16635, 5e-6));
+    CHECK_THAT(air.at("p").number, WithinAbs(616.60439, 5e-6));
+    CHECK_THAT(air.at("rho").number, WithinAbs(1.015015, 5e-7));
+    const auto circular = values("rain", "f=16GHz R=heavy t_pol=45deg");
+    CHECK_THAT(circular.at("k_R").number, WithinAbs(0.05590463, 5e-9));
+    CHECK_THAT(circular.at("alpha").number, WithinAbs(1.06570970, 5e-9));
+    CHECK_THAT(circular.at("gamma_R").number, WithinRel(0.05590463 * std::pow(16, 1.06570970), 1e-6));
+    const auto itu = values("rain", "f=14.25GHz R=26.48052mm/h el=31.076991235657deg");
+    CHECK_THAT(itu.at("k_R").number, WithinRel(0.0397548797329313, 1e-9));
+    CHECK_THAT(itu.at("alpha").number, WithinRel(1.12418042813791, 1e-9));
+    CHECK_THAT(itu.at("gamma_R").number, WithinRel(1.58130839366869, 1e-9));
+    const auto echo = values("rain-echo", "R=2mm/h f=9GHz");
+    CHECK_THAT(echo.at("Z").number, WithinAbs(606.2866, 5e-5));
+    CHECK_THAT(echo.at("eta").number, WithinRel(1.401514e-7, 5e-7));
+    CHECK(echo.at("ICR").number == 18);
+    CHECK(value("rain-echo", "R=16mm/h f=9GHz", "ICR") == Approx(15).epsilon(1e-12));
+    const auto cloud = values("cloud", "f=30GHz T=280K M=0.5g/m^3");
+    CHECK_THAT(cloud.at("K_l").number, WithinAbs(0.6419384, 5e-8));
+    CHECK_THAT(cloud.at("gamma_c").number, WithinRel(0.5 * cloud.at("K_l").number, 1e-15));
+    // Along a level ray just above a plane all media are even: twice the length times the attenuation.
+    const auto loss =
+        values("path-loss", "hs=0 delta=0 r=10km k=flat f=10GHz R=moderate M=0.05g/m^3 h_b=-10m h_c=10m h_R=1km");
+    CHECK_THAT(loss.at("A_g").number, WithinRel(20 * (0.008224417 + 0.005974125), 1e-6));
+    CHECK_THAT(loss.at("A_R").number, WithinRel(20 * value("rain", "R=4mm/h f=10GHz", "gamma_R"), 1e-9));
+    CHECK_THAT(loss.at("A_c").number, WithinRel(20 * value("cloud", "T=288.15K f=10GHz", "gamma_c"), 1e-9));
+    CHECK(loss.at("L_a").number == Approx(loss.at("A_g").number + loss.at("A_R").number + loss.at("A_c").number));
+    CHECK(value("path-loss", "hs=0 delta=0 r=10km rho0=none f=10GHz", "L_a") == 0);
 }
 
 TEST_CASE("the other models of land and sea, worked by hand", "[evaluate]") {
@@ -400,7 +441,8 @@ TEST_CASE("tables go through pipes, and one model's output is the next one's inp
 
 TEST_CASE("words are values, and an empty cell takes the default", "[evaluate]") {
     const Folder folder;
-    const std::string in = folder.write("t.csv", "gamma10_dB,psi [deg],f [GHz]\ntrees,5,10\n-12dB,5,10\nwater,5,10\n-12dB,5,\n");
+    const std::string in =
+        folder.write("t.csv", "gamma10_dB,psi [deg],f [GHz]\ntrees,5,10\n-12dB,5,10\nwater,5,10\n-12dB,5,\n");
     const Outcome outcome = folder.run({"constant-gamma", "--in", in});
     REQUIRE(outcome.code == 0);
     const auto rows = table(outcome.out);

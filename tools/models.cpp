@@ -9,6 +9,7 @@ const std::vector<ModelFamily>& model_table() {
                                                    {"Antenna", antenna_models()},
                                                    {"Radar equation, receiver and display", radar_models()},
                                                    {"Land and water", surface_models()},
+                                                   {"Atmosphere and weather", atmosphere_models()},
                                                    {"Statistics", statistics_models()}};
     return table;
 }

@@ -23,6 +23,7 @@ std::vector<Model> geometry_models();
 std::vector<Model> antenna_models();
 std::vector<Model> radar_models();
 std::vector<Model> surface_models();
+std::vector<Model> atmosphere_models();
 std::vector<Model> statistics_models();
 
 }  // namespace wedgescope
