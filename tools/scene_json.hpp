@@ -27,7 +27,7 @@ std::string scene_json(const Settings& settings, const ResolvedScene& resolved);
 /// SCENE_JSON of an echo image: also what a picture of it takes from the data base, and what tells whether another scene would
 /// have the same echo (docs/formats.md).
 std::string echo_scene_json(const Settings& settings, const RunResult& run, const DataBase& data_base);
-/// Of a data base's file or folder, what outputs say of it: its name without the way there.
+/// Does it name a file or a folder?
 bool takes_path(const Key& key);
 
 /// What the work folder compares: the keys that may change the echo, and what the echo depends on. IoError.

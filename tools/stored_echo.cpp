@@ -181,7 +181,8 @@ void check_given(const StoredEcho& echo, const std::vector<Given>& given, const 
         if (key.group == KeyGroup::data_base) {
             if (takes_path(key)) {
                 if (in_file) continue;  // of a scene file that simulate takes
-                throw InputError(text(g.origin, " is ", in_quotes(value_words(now)), "; ", key.needs_sweep, sweep_needed));
+                throw InputError(
+                    text(g.origin, " is ", in_quotes(value_words(now)), "; ", key.needs_sweep, sweep_needed));
             }
             const std::optional<std::string> before = key.get(echo.settings);
             if (now == before) continue;
