@@ -69,7 +69,7 @@ if ((${#presets[@]})); then
 else
     run release
     # Minutes there, for nothing that the others do not try; or no memory to speak of.
-    run asan --exclude-regex '^(reference|matrix|numerics|cull|same_bits|viewshed|options|earth|material|random|receiver|fluctuation)_|_every_ground$'
+    run asan --exclude-regex '^(reference|matrix|numerics|cull|same_bits|viewshed|options|earth|material|random|receiver|fluctuation|atmosphere|rain|path_loss|backscatter|sea|dielectric|intensity)_|_every_ground$'
     run tsan --tests-regex '^(beam|memory_budget|timeline)_test$|_threads$'
 fi
 

@@ -187,7 +187,6 @@ TEST_CASE("the scope of a stored echo is that of a full run, whatever receiver, 
          {{"--rings", "off"}},
          {{"--rings", "off", "--heading", "33.3deg", "--orientation", "heading"}},
          {{"--heading", "33.3deg"}, false},
-         {{"--legend", "on"}},
          {{"--sector", "-20deg,45deg"}},
          {{"--sector", "350deg,10deg", "--noise", "on", "--speckle", "1"}},
          {{"--sector", "-20deg,45deg", "--heading", "225deg", "--orientation", "heading", "--display", "ppi"}},
@@ -272,6 +271,8 @@ TEST_CASE("nothing of the data base is read, and a scene file that made the echo
         folder.write("scene.ini", "dem = ground.tif\nthreads = 1\nwedges = 3\necho = echo.tif\n" + scene);
     folder.make(with({"simulate", ini}, {"-q"}));
     folder.make(with({"simulate", ini, "--if-gain", "41dB", "--echo", folder / "other.tif"}, outputs(folder, "full")));
+    folder.make(
+        with({"simulate", ini, "--legend", "on", "--echo", folder / "legend.tif"}, outputs(folder, "labelled")));
     fs::remove(folder / "ground.tif");
     folder.make(with({"scope", folder / "echo.tif", ini, "--if-gain", "41dB"}, outputs(folder, "again")));
     CHECK((folder.files("full") == folder.files("again")));
@@ -286,6 +287,11 @@ TEST_CASE("nothing of the data base is read, and a scene file that made the echo
     CHECK((folder.files("full") == folder.files("again")));
 
     const std::string echo = folder / "echo.tif", png = folder / "new.png";
+    // The legend names the data base: its scene file knows it.
+    fs::remove_all(folder / "again");
+    folder.make(with({"scope", echo, ini, "--legend", "on"}, outputs(folder, "again")));
+    CHECK((folder.files("labelled") == folder.files("again")));
+    refuses(folder, {"scope", echo, "--legend", "on", "-o", png}, 2, {"legend is on", "dem = PATH"});
     folder.write("other.ini", "dem = ground.tif\nmaterial = grass\n");
     refuses(folder, {"scope", echo, folder / "other.ini", "-o", png}, 2,
             {"other.ini', line 2: material is 'grass'", "'soil'", "new sweep"});
@@ -499,6 +505,10 @@ TEST_CASE("what is no echo image, or is no longer the one that was written, cost
     tried(bad, {"resolved.x of its SCENE_JSON is not a number"});
     scene_json([](auto& json) { json["parameters"]["beam"] = "wide"; });
     tried(bad, {"damaged, or was changed", "beam is 'wide'"});
+    // Nor does a file choose what is written.
+    scene_json([&](auto& json) { json["parameters"]["power"] = folder / "chosen.tif"; });
+    tried(bad, {"parameters.power of its SCENE_JSON is not a parameter of an echo image"});
+    CHECK_FALSE(fs::exists(folder / "chosen.tif"));
     scene_json([](auto& json) { json["parameters"]["beam"] = 3; });
     tried(bad, {"beam is not a text"});
     scene_json([](auto& json) { json["parameters"].erase("beam"); });

@@ -76,10 +76,10 @@ void scope(const std::vector<std::string>& arguments, Stop& stop) {
     Settings settings = settings_from(echo.given, request.given);
     settings.files = request.settings.files;
     const ResolvedScene scene = scene_from_echo(echo, request.given, settings);
-    // The legend's names.
-    settings.dem = echo.settings.dem;
-    settings.culture = echo.settings.culture;
-    settings.culture_height = echo.settings.culture_height;
+    if (settings.scene.display.legend && settings.dem.empty())
+        throw InputError(
+            "legend is on, and it names the data base, which an echo image does not; give the scene file that says "
+            "what dem is (dem = PATH), or legend off");
     // What is read whole and what is made of it.
     const std::size_t needed = image_bytes(scene) + echo.scene.swept.cells() * 5 + cache_bytes(settings);
     if (needed > settings.memory_bytes)

@@ -110,6 +110,11 @@ StoredEcho stored_echo(const std::string& path, const std::string& scene_json, s
             parameters.refuse(key.name.c_str(), "there");
     try {
         out.given = given_in_json(all["parameters"]);
+        // Nothing that says what to write or how to run.
+        for (const Given& given : out.given)
+            if (const Key& key = *find_key(given.key);
+                !(key.commands & command_simulate) || !key.in_scene_file || !key.changes_result)
+                parameters.refuse(given.key.c_str(), "a parameter of an echo image");
         out.settings = settings_from({}, out.given);
         for (const auto& [name, value] : out.data_base.items()) {
             const Key* key = find_key(name);

@@ -14,12 +14,12 @@ namespace wedgescope {
 struct StoredEcho {
     std::string path;
     std::vector<Given> given;  ///< the parameters, as given then
-    Settings settings;         ///< of these, and the data base's names
+    Settings settings;         ///< of these, and the data base's words and numbers
     ResolvedScene scene;       ///< as swept; without what only a sweep needs
     std::uint64_t checksum = 0;
     bool levels = false;               ///< levels of detail were used
     double post_m = 0;                 ///< detail_post_m(); infinite: no level, whatever beam and pulse are
-    nlohmann::ordered_json data_base;  ///< key -> file name, word or number; null: not given
+    nlohmann::ordered_json data_base;  ///< key -> word or number
     std::string crs_wkt;
     double metres_per_unit = 1;
 };
