@@ -82,8 +82,8 @@ WEDGESCOPE_LANES_PART void sight(std::size_t n, const StepScene& scene, const do
     const double* __restrict minor = samples.minor, * __restrict arc = samples.arc_m;
     double *__restrict height = samples.height_m, *__restrict up = samples.up_m, *__restrict out = samples.out_m,
            *__restrict range = samples.range_m, *__restrict sine = samples.sine, *__restrict x = samples.x;
-    const double sensor_m = scene.sensor_m, bins = scene.bins_per_metre;
-    const bool ground = scene.range_is_ground;
+    const double sensor_m = scene.sensor_m, arc_bins = scene.range_is_ground ? scene.bins_per_metre : 0,
+                 range_bins = scene.range_is_ground ? 0 : scene.bins_per_metre;
     WEDGESCOPE_INDEPENDENT
     for (std::size_t i = 0; i < n; ++i) {
         const double z =
@@ -94,7 +94,7 @@ WEDGESCOPE_LANES_PART void sight(std::size_t n, const StepScene& scene, const do
         out[i] = p.out_m;
         range[i] = p.range_m;
         sine[i] = p.sine;
-        x[i] = (ground ? arc[i] : p.range_m) * bins;
+        x[i] = p.range_m * range_bins + arc[i] * arc_bins;
     }
 }
 
