@@ -689,10 +689,12 @@ TEST_CASE("a million rows pass in a few megabytes", "[evaluate]") {
         file << "label,s [km],hs [ft],h [m]\n";
         for (int i = 0; i < rows; ++i) file << "row" << i << ',' << i % 400 + 0.125 << ",7000," << i % 100 << '\n';
     }
-    const std::uint64_t small = folder.run({"sight", "hs=3km", "h=0", "s=1km"}).peak_rss_bytes;
+    [[maybe_unused]] const std::uint64_t small = folder.run({"sight", "hs=3km", "h=0", "s=1km"}).peak_rss_bytes;
     const Outcome outcome = folder.run({"sight", "--in", in, "-o", out, "-q"});
     CHECK(outcome.code == 0);
+#ifndef __SANITIZE_ADDRESS__                                           // what it holds beside the program is no measure
     CHECK(outcome.peak_rss_bytes < small + (std::uint64_t{8} << 20));  // of a file of 30 MB, and 100 MB written
+#endif
     std::ifstream file(out);
     std::string line, last;
     int lines = 0;
