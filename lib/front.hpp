@@ -140,10 +140,6 @@ private:
                      Samples& samples) const;
     LinePosts line_of(const Chunk& chunk, const RawVector<float>& layer, std::int64_t index) const;
 
-    /// Range coordinate of a place, in bins.
-    double coordinate(double range_m, double arc_m) const {
-        return (scene_->range_is_ground ? arc_m : range_m) * bins_per_metre_;
-    }
     StepScene step_scene(bool exact_course) const {
         return {scene_->sensor_m, bins_per_metre_, scene_->range_is_ground, exact_course, scene_->most_theta};
     }

@@ -4,12 +4,6 @@
 #include "tools/models.hpp"
 
 namespace wedgescope {
-namespace {
-
-double db(double ratio) { return ratio > 0 ? Decibel::from_ratio(ratio).db() : no_value; }
-
-}  // namespace
-
 std::vector<Model> antenna_models() {
     const AntennaParams set;
     return {

@@ -27,7 +27,6 @@ ModelInput elevation() { return number("el", "deg", "elevation of the ray", -90,
 ModelInput tilt() {
     return number("t_pol", "deg", "tilt of the polarisation (0 H, 90 V, 45 circular)", 0, 90).by_default("0deg");
 }
-double db(double ratio) { return ratio > 0 ? Decibel::from_ratio(ratio).db() : no_value; }
 
 PathLoss loss_of(const Arguments& a) {
     WeatherParams params;

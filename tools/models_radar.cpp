@@ -6,7 +6,6 @@
 namespace wedgescope {
 namespace {
 
-double db(double ratio) { return ratio > 0 ? Decibel::from_ratio(ratio).db() : no_value; }
 double dbm(double power_w) { return power_w > 0 ? db(power_w) + 30 : no_value; }
 
 const RadarParams set{};  // of defaults

@@ -331,10 +331,6 @@ bool excludes(const Key& a, const Key& b) {
     return !accuracy && (a.exclusive == Exclusive::track || b.exclusive == Exclusive::track);
 }
 
-}  // namespace
-
-namespace {
-
 /// Those of the scene file that the command line does not replace, and then its own.
 std::vector<Given> merged(const std::vector<Given>& scene_file, const std::vector<Given>& command_line) {
     const auto refuse_two = [](const std::vector<Given>& from) {
