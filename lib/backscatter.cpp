@@ -221,40 +221,40 @@ namespace {
 
 constexpr double wanted_db = 0.01;
 
-double variable(double sine, double bend) {
-    const double x = sine > 0 ? (sine < 1 ? sine : 1.0) : 0.0;
-    return std::sqrt(x / (x + bend * std::sqrt((1 - x) * (1 + x))));
-}
-
-/// u^2 bend c = x (1 - u^2), so the tangent of the grazing angle is bend u^2 / (1 - u^2).
-Angle grazing_at(double u, double bend) { return Angle::radians(std::atan2(bend * u * u, (1 - u) * (1 + u))); }
+/// u^2 4 c = x (1 - u^2), so the tangent of the grazing angle is 4 u^2 / (1 - u^2).
+Angle grazing_at(double u) { return Angle::radians(std::atan2(law_bend * u * u, (1 - u) * (1 + u))); }
 
 }  // namespace
 
+double law_variable(double sine) noexcept {
+    const double x = sine > 0 ? (sine < 1 ? sine : 1.0) : 0.0;
+    return std::sqrt(x / (x + law_bend * std::sqrt((1 - x) * (1 + x))));
+}
+
 double BackscatterTable::at(double sine) const {
     if (constant_) return *constant_;
-    const double reached = (variable(sine, bend_) - begin_) * scale_, place = reached > 0 ? reached : 0.0;
+    const double reached = (law_variable(sine) - begin_) * scale_, place = reached > 0 ? reached : 0.0;
     const int whole = static_cast<int>(place), i = whole < intervals() ? whole : intervals() - 1;
     const double a = static_cast<double>(entries_[static_cast<std::size_t>(i)]),
                  b = static_cast<double>(entries_[static_cast<std::size_t>(i) + 1]);
     return a + (place - i) * (b - a);
 }
 
-BackscatterTable::BackscatterTable(const BackscatterLaw& law, double bend, int intervals) : constant_(), bend_(bend) {
+BackscatterTable::BackscatterTable(const BackscatterLaw& law, int intervals) : constant_() {
     // Sines are libm's: what comes of them is rounded, as the entries are. (Not by a cast to float and back: where two such
     // numbers are stored side by side, GCC 12's vectoriser of straight code, at -O2, leaves the cast out.)
     const auto rounded = [](double value) { return rounded_significand(value, 24); };
-    begin_ = rounded(variable(std::sin(law.least().rad()), bend));
+    begin_ = rounded(law_variable(std::sin(law.least().rad())));
     scale_ = rounded(intervals / (1 - begin_));
     if (law.corner()) {
-        const double corner = variable(std::sin(law.corner()->rad()), bend) - begin_;
+        const double corner = law_variable(std::sin(law.corner()->rad())) - begin_;
         scale_ = rounded(std::max(1.0, std::nearbyint(scale_ * corner)) / corner);
     }
     // The last entry may be short of the vertical by a thousandth of an interval, which then goes on as it is.
     const double places = (1 - begin_) * scale_, last = std::ceil(places - 1e-3);
     entries_.resize(static_cast<std::size_t>(last) + 1);
     for (std::size_t i = 0; i + 1 < entries_.size(); ++i)
-        entries_[i] = static_cast<float>(law.factor(grazing_at(begin_ + static_cast<double>(i) / scale_, bend)));
+        entries_[i] = static_cast<float>(law.factor(grazing_at(begin_ + static_cast<double>(i) / scale_)));
     // The last one is such that the vertical is met.
     const double before = static_cast<double>(entries_[entries_.size() - 2]), vertical = law.factor(1.0);
     entries_.back() = static_cast<float>(before + (vertical - before) / (places - (last - 1)));
@@ -266,7 +266,7 @@ double BackscatterTable::misfit_db(const BackscatterLaw& law, int points, double
     double worst = 0;
     for (int i = intervals() - 1; i >= 0 && worst <= enough_db; --i)
         for (int k = 0; k < points; ++k) {
-            const Angle grazing = grazing_at(std::min(1.0, begin_ + (i + (k + 0.5) / points) / scale_), bend_);
+            const Angle grazing = grazing_at(std::min(1.0, begin_ + (i + (k + 0.5) / points) / scale_));
             const double exact = law.factor(grazing);
             if (exact < faintest) continue;
             worst = std::max(worst, std::abs(10 * std::log10(at(std::sin(grazing.rad())) / exact)));
@@ -281,27 +281,23 @@ BackscatterTable::BackscatterTable(const BackscatterLaw& law) {
         return;
     }
     constexpr int most_intervals = 8192;
-    int fewest = most_intervals;
     BackscatterTable best;
     double best_error = std::numeric_limits<double>::infinity();
-    for (const double bend : {1.0, 4.0, 16.0}) {
-        for (int n = 32; n < fewest;) {
-            BackscatterTable table(law, bend, n);
-            double error = table.misfit_db(law, 4, wanted_db);
-            if (error <= wanted_db) error = table.misfit_db(law, 16, wanted_db);
-            if (error <= wanted_db) {
-                fewest = n;
-                best_error = error;
-                best = std::move(table);
-            } else {
-                // The error falls with the square of the width; what was found need not be the largest.
-                n += std::max(1 + n / 16, static_cast<int>(n * std::min(1.0, 0.9 * std::sqrt(error / wanted_db) - 1)));
-            }
+    for (int n = 32; best_error > wanted_db;) {
+        const bool last = n >= most_intervals;
+        if (last) n = most_intervals;
+        BackscatterTable table(law, n);
+        const double enough = last ? std::numeric_limits<double>::infinity() : wanted_db;
+        double error = table.misfit_db(law, 4, enough);
+        if (last || error <= wanted_db) error = table.misfit_db(law, 16, enough);
+        if (last || error <= wanted_db) {
+            best_error = error;
+            best = std::move(table);
+            if (last) break;
+        } else {
+            // The error falls with the square of the width; what was found need not be the largest.
+            n += std::max(1 + n / 16, static_cast<int>(n * std::min(1.0, 0.9 * std::sqrt(error / wanted_db) - 1)));
         }
-    }
-    if (fewest == most_intervals) {
-        best = BackscatterTable(law, 1, most_intervals);
-        best_error = best.misfit_db(law, 16, std::numeric_limits<double>::infinity());
     }
     *this = std::move(best);
     error_db_ = best_error;

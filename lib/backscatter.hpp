@@ -98,12 +98,16 @@ private:
 BackscatterLaw ulaby_dobson_law(UlabyDobsonClass surface, double frequency_hz, Polarisation polarisation);
 BackscatterLaw oh_law(const BareSoil& soil, double frequency_hz, Polarisation polarisation);
 
-/// A law's factor over a variable of the sine x of the grazing angle,
-///   u = sqrt(x / (x + bend c)), c = sqrt(1 - x^2),
-/// linear between entries: near the vertical u runs with the incidence angle, near grazing with the square root of the
-/// sine, which are where laws change fastest. Only + - * / and sqrt, so the same bits on every machine; the entries are
-/// rounded to float. An entry stands on the law's corner, so the last one may stand beyond the vertical. Bend and number
-/// of entries are chosen so that `error_db` stays within 0.01.
+/// What tables of laws run over: of the sine x of the grazing angle
+///   u = sqrt(x / (x + 4 c)), c = sqrt(1 - x^2);
+/// near the vertical u runs with the incidence angle, near grazing with the square root of the sine, which are where laws
+/// change fastest. Only + - * / and sqrt, so the same bits on every machine. One for all laws, so that a piece of ground has
+/// one, whatever its class. Sines below 0 are taken as 0, above 1 as 1.
+inline constexpr double law_bend = 4;
+double law_variable(double sine) noexcept;
+
+/// A law's factor over law_variable(), linear between entries, which are rounded to float. An entry stands on the law's
+/// corner, so the last one may stand beyond the vertical. There are as many entries as keep `error_db` within 0.01.
 class BackscatterTable {
 public:
     BackscatterTable() = default;  ///< returns nothing
@@ -117,22 +121,21 @@ public:
     double error_db() const { return error_db_; }  ///< largest |table / law|, where the factor is `faintest` or more
     static constexpr double faintest = 1e-8;
 
-    /// For loops that do the same as at(): place = max((u - begin) scale, 0), entry i = place rounded down, at most
+    /// For loops that do the same as at(): place = max((law_variable() - begin) scale, 0), entry i = place rounded down, at most
     /// intervals - 1; entries[i] + (place - i) (entries[i + 1] - entries[i]).
     const float* data() const { return entries_.data(); }
     int intervals() const { return static_cast<int>(entries_.size()) - 1; }
-    double bend() const { return bend_; }
     double begin() const { return begin_; }
     double scale() const { return scale_; }
 
 private:
     /// About `intervals` of them.
-    BackscatterTable(const BackscatterLaw& law, double bend, int intervals);
+    BackscatterTable(const BackscatterLaw& law, int intervals);
     double misfit_db(const BackscatterLaw& law, int points, double enough_db) const;
 
     std::optional<double> constant_ = 0;
     std::vector<float> entries_{0, 0};
-    double bend_ = 1, begin_ = 0, scale_ = 0, most_ = 0, error_db_ = 0;
+    double begin_ = 0, scale_ = 0, most_ = 0, error_db_ = 0;
 };
 
 }  // namespace wedgescope

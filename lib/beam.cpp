@@ -202,9 +202,11 @@ std::int64_t strip_bins(const BeamSetting& setting, const PolarGrid& grid, std::
 }
 
 PolarImage<float> power_image(const PolarImage<float>& echo, const PolarGrid& shown, const BeamSetting& setting,
-                              PolarImage<float>&& used) {
+                              PolarImage<float>&& used, std::span<const float> everywhere_w) {
     PolarImage<float> power(shown, std::move(used));
     if (shown.cells() == 0) return power;
+    if (!everywhere_w.empty() && everywhere_w.size() != echo.grid.range_count())
+        throw Error("what is everywhere has other range bins than the echo image");
     const std::int64_t strip = strip_bins(setting, shown, 0, 0);
     for (std::int64_t begin = shown.range_bins.begin; begin < shown.range_bins.end; begin += strip) {
         const Resolution resolution(setting, shown.circle_bins, shown.range_bin_m,
@@ -214,6 +216,13 @@ PolarImage<float> power_image(const PolarImage<float>& echo, const PolarGrid& sh
             const std::int64_t row = modulo(azimuth_bin - echo.grid.azimuth_bins.begin, echo.grid.circle_bins);
             return echo.row(static_cast<std::size_t>(row)) + (resolution.sources().begin - echo.grid.range_bins.begin);
         };
+        // The same in all azimuths, so beam and pulse make one row of it.
+        std::vector<double> more(everywhere_w.empty() ? 0 : static_cast<std::size_t>(resolution.outputs().size()));
+        if (!more.empty()) {
+            std::vector<double> scratch;
+            const float* const from = everywhere_w.data() + (resolution.sources().begin - echo.grid.range_bins.begin);
+            resolution.row(0, [&](std::int64_t) { return from; }, scratch, more);
+        }
         oneapi::tbb::parallel_for(
             oneapi::tbb::blocked_range<std::size_t>(0, shown.azimuth_count(), 4), [&](const auto& rows) {
                 std::vector<double> scratch;
@@ -221,6 +230,7 @@ PolarImage<float> power_image(const PolarImage<float>& echo, const PolarGrid& sh
                 for (std::size_t i = rows.begin(); i < rows.end(); ++i) {
                     resolution.row(shown.azimuth_bins.begin + static_cast<std::int64_t>(i), source, scratch, sums);
                     float* const out = power.row(i) + (begin - shown.range_bins.begin);
+                    for (std::size_t j = 0; j < more.size(); ++j) sums[j] += more[j];
                     for (std::size_t j = 0; j < sums.size(); ++j) out[j] = static_cast<float>(sums[j]);
                 }
             });

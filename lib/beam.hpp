@@ -42,8 +42,9 @@ std::int64_t lead_in_bins(const BeamSetting& setting, double range_bin_m);
 /// `echo` (watts) covers at least `shown` plus skirt and lead-in where the circle and range 0 allow; the result
 /// covers `shown`. Every output is a sum in a fixed order: the same bits for any number of threads. `used`: an image whose
 /// memory may serve again.
+///   everywhere_w  echo of every azimuth in each range bin of `echo`, on top of it (rain); empty: none
 PolarImage<float> power_image(const PolarImage<float>& echo, const PolarGrid& shown, const BeamSetting& setting,
-                              PolarImage<float>&& used = {});
+                              PolarImage<float>&& used = {}, std::span<const float> everywhere_w = {});
 
 /// cos d_j as the beam uses it: of the level surface at range `range_m` (arc where range bins are ground), at least
 /// 0.5.

@@ -17,11 +17,14 @@
 #include <mutex>
 #include <numbers>
 #include <optional>
+#include <span>
 #include <stdexcept>
 #include <vector>
 
+#include "lib/class_laws.hpp"
 #include "lib/coverage_lanes.hpp"
 #include "lib/coverage_tiles.hpp"
+#include "lib/culture.hpp"
 #include "lib/error.hpp"
 #include "lib/handover.hpp"
 #include "lib/post_extremes.hpp"
@@ -188,6 +191,11 @@ struct Desk {
     std::vector<SpokeMap::LinePiece> pieces;
     std::array<std::uint64_t, state_count> states{};
     std::array<QuadrantReport, 4> did{};  ///< by Quadrant
+    // Of the layer response.
+    std::unique_ptr<Culture> culture;
+    std::span<const float> culture_m;  ///< culture heights of a line's posts from culture_begin on; empty: none
+    std::int64_t culture_begin = 0;
+    std::optional<std::int32_t> unknown_code;  ///< the least on seen ground
 };
 
 class Cover {
@@ -208,6 +216,11 @@ public:
         if (params.elevation) {
             least_tangent_ = rounded(std::tan(params.elevation->first.rad()), 40);
             most_tangent_ = rounded(std::tan(params.elevation->second.rad()), 40);
+        }
+        if (params.layer == CoverageLayer::response) {
+            tables_ = std::make_unique<SceneTables>(scene.scene);
+            loss_ = loss_table(scene, tables_->weather, *scene.scene.range_m);
+            radar_constant_ = radar_constant(scene.scene.radar);
         }
         hides_ = params.cull && bytes_ && !params.elevation && !(scene.scene.range_start_m > 0);
         for (Quadrant q : all_quadrants) set_up(q);
@@ -234,7 +247,13 @@ public:
         // A run's window is as wide as its spokes and as they drift over the strip; it stands there as read and turned.
         const std::int64_t width = run_spokes + tile_edge + 12 * knot + 2 * line_margin;
         const auto posts = static_cast<std::size_t>(width * (tile_edge + 1));
-        return posts * (3 * sizeof(float) + (bytes_ ? 1 : sizeof(float))) + (std::size_t{1} << 20);
+        std::size_t classes = 0;
+        if (tables_ && db_.has_culture)
+            classes = static_cast<std::size_t>(Culture::tiles_under(db_, {{0, width}, {0, width}}).columns.size() *
+                                               Culture::tiles_under(db_, {{0, tile_edge}, {0, tile_edge}}).rows.size() *
+                                               db_.culture_tile_columns * db_.culture_tile_rows) *
+                      sizeof(ClassId);
+        return posts * (3 * sizeof(float) + (bytes_ ? 1 : sizeof(float))) + classes + (std::size_t{1} << 20);
     }
     std::size_t desk_bytes() const { return own_desk_bytes() + source_.reader_bytes(); }
 
@@ -289,8 +308,17 @@ private:
     void hide(const Side& side, Interval lines, std::int64_t major, Interval core, bool all_posts, Desk& desk);
     void part_line(Interval posts, std::int64_t row, Desk& desk) const;
     void pass_voids(Desk& desk, Interval window, bool behind);
-    void finish_line(const Side& side, const LineForm& line, Interval posts, Interval window, Desk& desk,
-                     std::size_t out);
+    void finish_line(const Side& side, const LineForm& line, std::int64_t index, Interval posts, Interval window,
+                     Desk& desk, std::size_t out);
+    /// Facet of a post's own cell: the sine of the local grazing angle, and how much larger than its plan it is.
+    struct Facet {
+        double sine, secant;
+    };
+    static Facet facet(const Side& side, const LineForm& line, double slope, double z, double behind, double beside,
+                       double arc_m, double inverse_radius, const SightLine& sight);
+    float nadir_response(std::int64_t column, std::int64_t row, double above_m);
+    float response(const Side& side, std::int64_t index, std::int64_t post, const Facet& facet, const SightLine& sight,
+                   double inverse_radius, Desk& desk) const;
     void test_part(const LineForm& line, const Spokes& s, Interval posts, Interval window, Desk& desk) const;
     void copy_out(const Strip& strip, Interval window, Desk& desk);
     template <class T, class TileOf>
@@ -328,6 +356,9 @@ private:
     Sampling sampling_;
     SpokeMap map_;
     SpokeGrid grid_;
+    std::unique_ptr<const SceneTables> tables_;  ///< of the layer response; null: another one
+    std::optional<PathLossTable> loss_;
+    double radar_constant_ = 0;
     bool bytes_, voids_;
     bool with_range_ = false;  ///< a slant range or one along the ground is asked for
     bool limited_ = false;     ///< not all of the raster is in view
@@ -530,9 +561,10 @@ void Cover::put_nadir(Strip& strip) {
         state = State::outside;
     float value = nan_f;
     if (state == State::seen) {
-        value = params_.layer == CoverageLayer::height  ? 0.0F
-                : params_.layer == CoverageLayer::range ? static_cast<float>(std::abs(above_m))
-                                                        : 90.0F;
+        value = params_.layer == CoverageLayer::height     ? 0.0F
+                : params_.layer == CoverageLayer::range    ? static_cast<float>(std::abs(above_m))
+                : params_.layer == CoverageLayer::response ? nadir_response(c, r, above_m)
+                                                           : 90.0F;
     }
     for (std::int64_t column : same_columns(real_column(c))) {
         CoverageTiles::Tile& tile = *strip.tiles.at({r / tile_edge, column / tile_edge});
@@ -779,6 +811,15 @@ void Cover::part_line(Interval posts, std::int64_t row, Desk& desk) const {
     }
 }
 
+/// Of the post right below: as of level ground.
+float Cover::nadir_response(std::int64_t column, std::int64_t row, double above_m) {
+    Desk& desk = desks_.local();
+    if (!desk.culture) desk.culture = std::make_unique<Culture>(db_, &source_);
+    desk.culture_m = {};
+    const SightLine down{-above_m, 0, std::abs(above_m), above_m > 0 ? -1.0 : 1.0};
+    return response(sides_[0], column, row, {1, 1}, down, scene_.earth.inverse_radius(), desk);
+}
+
 /// Carries the void state of every spoke over a line, by the positions on it and on the line behind.
 void Cover::pass_voids(Desk& desk, Interval window, bool behind) {
     Spokes& s = desk.spokes;
@@ -847,8 +888,49 @@ void Cover::test_part(const LineForm& line, const Spokes& s, Interval posts, Int
 }
 
 /// The run's posts of a line, from their state to what the layer holds.
-void Cover::finish_line(const Side& side, const LineForm& line, Interval posts, Interval window, Desk& desk,
-                        std::size_t out) {
+Cover::Facet Cover::facet(const Side& side, const LineForm& line, double slope, double z, double behind, double beside,
+                          double arc_m, double inverse_radius, const SightLine& sight) {
+    // The gradient of the own cell at the post, by the metric at the sensor.
+    const double along = z - behind, across = slope < 0 ? beside - z : z - beside;
+    const double along_z = along == along ? along : 0, across_z = across == across ? across : 0;
+    // Metric of index space: |(a, b)|^2 = g0 a^2 + g1 a b + g2 b^2; gradient squared is by its
+    // inverse; the rise along the ray by the arc of one line.
+    const double g0 = side.square[0], g1 = side.square[1], g2 = side.square[2];
+    const double det = g0 * g2 - 0.25 * g1 * g1;
+    const double steep = (g2 * along_z * along_z - g1 * along_z * across_z + g0 * across_z * across_z) / det;
+    const double rise = (along_z + slope * across_z) * line.distance / arc_m;
+    // The ray at the post: depression less the angle between the two verticals.
+    const double angle = std::atan2(-sight.up_m, sight.out_m) - arc_m * inverse_radius;
+    const double secant = std::sqrt(1 + steep);
+    return {(std::sin(angle) + rise * std::cos(angle)) / secant, secant};
+}
+
+float Cover::response(const Side& side, std::int64_t index, std::int64_t post, const Facet& facet,
+                      const SightLine& sight, double inverse_radius, Desk& desk) const {
+    if (!(facet.sine > 0)) return nan_f;
+    Culture& culture = *desk.culture;
+    const bool columns = lines_are_columns(side.quadrant);
+    const double column = static_cast<double>(columns ? index : post), row = static_cast<double>(columns ? post : index);
+    const std::int64_t cell_column = floor_i(culture.cell_column(column)), cell_row = floor_i(culture.cell_row(row));
+    const ClassId id = culture.at(cell_column, cell_row);
+    if (id == unknown_class) {
+        const std::int32_t code = culture.code(cell_column, cell_row);
+        if (!desk.unknown_code || code < *desk.unknown_code) desk.unknown_code = code;
+        return nan_f;
+    }
+    const bool wall = !desk.culture_m.empty() && desk.culture_m[static_cast<std::size_t>(post - desk.culture_begin)] > 0;
+    const double factor = wall ? tables_->laws.wall(id) : tables_->laws.ground(id, law_variable(facet.sine));
+    const double g0 = side.square[0], g1 = side.square[1], g2 = side.square[2];
+    const double sigma = factor * facet.sine * std::sqrt(g0 * g2 - 0.25 * g1 * g1) * facet.secant,
+                 r2 = std::max(1.0, sight.range_m * sight.range_m);
+    double power = radar_constant_ * tables_->pattern.at(sight.sine) * sigma / (r2 * r2);
+    if (loss_) power *= loss_->factor(sight.range_m, sight.sine, inverse_radius);
+    if (!(power > 0)) return nan_f;
+    return static_cast<float>(rounded(10 * std::log10(power) + 30, 20));
+}
+
+void Cover::finish_line(const Side& side, const LineForm& line, std::int64_t index, Interval posts, Interval window,
+                        Desk& desk, std::size_t out) {
     const std::int64_t first = floor_to(posts.begin, knot);
     std::uint8_t* state = desk.state.data() + line_margin - window.begin;
     const float* height = desk.line.data() + line_margin - window.begin;
@@ -913,26 +995,18 @@ void Cover::finish_line(const Side& side, const LineForm& line, Interval posts, 
                         value = static_cast<float>(
                             rounded(std::atan2(-sight.up_m, sight.out_m) * (180 / std::numbers::pi), 30));
                         break;
+                    case CoverageLayer::response:
+                        if (s == static_cast<std::uint8_t>(State::shadow)) break;
+                        [[fallthrough]];
                     case CoverageLayer::grazing: {
-                        // The gradient of the own cell at the post, by the metric at the sensor.
                         const double slope = (static_cast<double>(j) - line.nadir_minor) / line.distance;
                         const double beside = static_cast<double>(slope < 0 ? height[j + 1] : height[j - 1]);
-                        const double along = z - static_cast<double>(back[j]),
-                                     across = slope < 0 ? beside - z : z - beside;
-                        const double along_z = along == along ? along : 0, across_z = across == across ? across : 0;
-                        // Metric of index space: |(a, b)|^2 = g0 a^2 + g1 a b + g2 b^2; gradient squared is by its
-                        // inverse; the rise along the ray by the arc of one line.
-                        const double g0 = side.square[0], g1 = side.square[1], g2 = side.square[2];
-                        const double det = g0 * g2 - 0.25 * g1 * g1;
-                        const double steep =
-                            (g2 * along_z * along_z - g1 * along_z * across_z + g0 * across_z * across_z) / det;
-                        const double rise = (along_z + slope * across_z) * line.distance / arc;
-                        const double theta = arc * inverse_radius;
-                        // The ray at the post: depression less the angle between the two verticals.
-                        const double angle = std::atan2(-sight.up_m, sight.out_m) - theta;
-                        const double sine = (std::sin(angle) + rise * std::cos(angle)) / std::sqrt(1 + steep);
-                        value = static_cast<float>(
-                            rounded(std::asin(std::clamp(sine, -1.0, 1.0)) * (180 / std::numbers::pi), 30));
+                        const Facet own = facet(side, line, slope, z, static_cast<double>(back[j]), beside, arc,
+                                                inverse_radius, sight);
+                        value = params_.layer == CoverageLayer::response
+                                    ? response(side, index, j, own, sight, inverse_radius, desk)
+                                    : static_cast<float>(rounded(
+                                          std::asin(std::clamp(own.sine, -1.0, 1.0)) * (180 / std::numbers::pi), 30));
                         break;
                     }
                     default:
@@ -1116,6 +1190,9 @@ void Cover::sweep(Strip& strip, std::size_t run) {
         did.bytes_read += chunk.bytes_read;
         did.bytes_spilled += chunk.bytes_spilled;
         held = of_lines;
+        if (!tables_) return;
+        if (!desk.culture) desk.culture = std::make_unique<Culture>(db_, &source_);
+        if (db_.has_culture) desk.culture->open(request.window, false);
     };
     // With a map each row of blocks is read when its turn comes, and what is hidden by then is not.
     bool mapped = false;
@@ -1141,6 +1218,13 @@ void Cover::sweep(Strip& strip, std::size_t run) {
         const std::int64_t at = chunk.flat ? 0 : index - held.begin;
         const float* from = chunk.surface_m.data() + static_cast<std::size_t>(at) * width;
         std::copy(from, from + width, to.begin() + line_margin);
+    };
+    const auto take_culture = [&](std::int64_t index) {
+        desk.culture_m = {};
+        if (chunk.culture_height_m.empty() || width == 0) return;
+        const std::int64_t at = chunk.flat ? 0 : index - held.begin;
+        desk.culture_m = std::span(chunk.culture_height_m).subspan(static_cast<std::size_t>(at) * width, width);
+        desk.culture_begin = window.begin;
     };
     // Which line of the raster each buffer holds, if any: lines that nothing comes of are not copied.
     constexpr std::int64_t no_line = std::numeric_limits<std::int64_t>::min();
@@ -1234,6 +1318,7 @@ void Cover::sweep(Strip& strip, std::size_t run) {
             hold(index_behind, desk.behind, in_behind);
             hold(index, desk.line, in_line);
         }
+        if (tables_ && looked_at) take_culture(index);
         for (const auto& [part, why] : desk.parts) {
             const std::size_t out = l * width + static_cast<std::size_t>(part.begin - posts.begin);
             if (why != Skip::none) {
@@ -1248,7 +1333,7 @@ void Cover::sweep(Strip& strip, std::size_t run) {
             }
             place_posts(side, here, s.of, all, part, desk);
             if (why == Skip::none) test_part(here, s, part, window, desk);
-            finish_line(side, here, part, window, desk, out);
+            finish_line(side, here, index, part, window, desk, out);
         }
         if (width > 0) {
             if (voids_ && (row_has_voids || next_row)) pass_voids(desk, window, line > 0);
@@ -1552,10 +1637,13 @@ CoverageReport Cover::run() {
         handover_.pass();
     });
     if (error_) std::rethrow_exception(error_);
+    std::optional<std::int32_t> unknown_code;
     for (const Desk& d : desks_) {
+        if (d.unknown_code && (!unknown_code || *d.unknown_code < *unknown_code)) unknown_code = d.unknown_code;
         for (std::size_t i = 0; i < d.states.size(); ++i) report.states[i] += d.states[i];
         for (std::size_t i = 0; i < d.did.size(); ++i) report.quadrants[i].add(d.did[i]);
     }
+    if (unknown_code) throw unknown_class_error(db_, *unknown_code);
     report.skipped = source_.skipped();
     report.source = source_.report();
     report.write_s = write_s_;

@@ -23,7 +23,11 @@ namespace wedgescope {
 ///   range       slant range, m
 ///   grazing     deg, of the ray on the post's own cell, the one on the sensor's side; below 0 on a back slope
 ///   depression  deg, at the sensor, positive down
-enum class CoverageLayer { mask, states, height, range, grazing, depression };
+///   response    dBm at the receiver from the post's own patch of ground, one post by one, at the azimuth peak of the beam,
+///               before beam and pulse: K g_el^2 sigma / (r^4 L_a), sigma = sigma0(psi_l) times the patch's true area. The facet
+///               is that of `grazing`; where culture stands on the post it is a wall. NaN also where the post is not seen or shows
+///               its back. The sum over all posts is that of the echo image (target height 0).
+enum class CoverageLayer { mask, states, height, range, grazing, depression, response };
 constexpr bool is_bytes(CoverageLayer layer) { return layer == CoverageLayer::mask || layer == CoverageLayer::states; }
 
 /// Values of the mask.

@@ -64,4 +64,9 @@ const CultureCells& Culture::find(std::int64_t cell_column, std::int64_t cell_ro
     return tile;
 }
 
+DataError unknown_class_error(const DataBase& db, std::int32_t code) {
+    return DataError(text("'", db.culture_name, "': code ", code, " on seen ground is not in the legend '", db.legend_name,
+                          "'; give a culture-legend that names it (info lists all codes of a culture raster)"));
+}
+
 }  // namespace wedgescope

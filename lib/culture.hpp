@@ -74,4 +74,7 @@ private:
     std::size_t bytes_ = 0;
 };
 
+/// What to say of a code on seen ground that no legend entry names.
+DataError unknown_class_error(const DataBase& data_base, std::int32_t code);
+
 }  // namespace wedgescope

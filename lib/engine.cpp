@@ -13,6 +13,7 @@
 #include <mutex>
 #include <span>
 
+#include "lib/culture.hpp"
 #include "lib/detail.hpp"
 #include "lib/error.hpp"
 #include "lib/fluctuation.hpp"
@@ -20,6 +21,7 @@
 #include "lib/memory_budget.hpp"
 #include "lib/plan.hpp"
 #include "lib/receiver.hpp"
+#include "lib/rain_echo.hpp"
 #include "lib/rounding.hpp"
 #include "lib/spoke_map.hpp"
 #include "lib/stopwatch.hpp"
@@ -40,11 +42,47 @@ using Clock = std::chrono::steady_clock;
 
 double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
 
-double most_gamma(const std::vector<ClassGamma>& gamma) {
-    double most = 0;
-    for (const ClassGamma& g : gamma) most = std::max({most, g.ground, g.wall});
-    return most;
+/// What libm had a hand in is rounded.
+PathLossRays loss_rays(const ResolvedScene& s, double most_range_m) {
+    PathLossRays rays;
+    rays.earth = Earth::of_curvature(rounded_significand(s.earth.inverse_radius(), 24));
+    rays.sensor_m = s.sensor_m;
+    rays.most_range_m = rounded_significand(most_range_m, 24);
+    rays.highest_m = std::max(rays.highest_m, s.scene.weather.rain_top_m);
+    return rays;
 }
+
+/// What weather does to one scene: the loss on the way, and the echo of the rain in each swept range bin.
+struct WeatherHere {
+    std::optional<PathLossTable> loss;  ///< none: clear
+    std::vector<float> rain_w;          ///< none: no rain
+
+    WeatherHere() = default;
+    WeatherHere(const ResolvedScene& s, const Weather& weather, const PatternTable& pattern) {
+        if (weather.clear()) return;
+        // Bins of ground range begin at the slant range of the level surface.
+        std::vector<double> edges_m;
+        for (std::int64_t j = s.swept.range_bins.begin; j <= s.swept.range_bins.end; ++j) {
+            const double edge = static_cast<double>(j) * s.swept.range_bin_m;
+            edges_m.push_back(s.scene.display.kind == DisplayKind::gpi_true
+                                  ? rounded(s.earth.slant_range_m(s.sensor_m, s.reference_m, edge), 10)
+                                  : edge);
+        }
+        loss = loss_table(s, weather, edges_m.back());
+        if (weather.params().rain_mm_h == 0) return;
+        const PathLossRays rays = loss_rays(s, edges_m.back());
+        const RainEcho rain(weather, *loss, pattern,
+                            {s.scene.radar, rays.earth, s.sensor_m, s.reference_m, rays.most_range_m});
+        rain_w = rain.cells_w(edges_m, s.swept.azimuth_step_rad());
+        // The beam will widen each bin as level ground at its range; rain is wider by its own elevation already.
+        const BeamSetting beam = beam_setting(s);
+        for (std::size_t j = 0; j < rain_w.size(); ++j) {
+            const double middle_m = (static_cast<double>(s.swept.range_bins.begin) + static_cast<double>(j) + 0.5) *
+                                    s.swept.range_bin_m;
+            rain_w[j] *= static_cast<float>(level_cosine(beam, middle_m));
+        }
+    }
+};
 
 /// Everything the wedges of one run share, and never change.
 struct Setting {
@@ -70,13 +108,14 @@ struct Setting {
         return -std::sqrt(1 - cosine * cosine);
     }
 
-    Setting(const ResolvedScene& s, WedgeSource& source, std::shared_ptr<const SceneTables> made)
+    Setting(const ResolvedScene& s, WedgeSource& source, std::shared_ptr<const SceneTables> made,
+            const PathLossTable* loss = nullptr)
         : scene(s), data_base(source.data_base()), map(data_base, swept_map_params(s, data_base)),
           levels(choose_levels(s, source, map)),
           grid(data_base, map, sampling_of(s, data_base), s.swept.circle_bins, levels),
           tables(made ? std::move(made) : std::make_shared<const SceneTables>(s.scene)),
           cells(quanta(s.swept.range_bins, s.swept.range_bin_m, radar_constant(s.scene.radar), tables->pattern.most(),
-                       grid.azimuth_step_rad(), most_gamma(tables->gamma))) {
+                       grid.azimuth_step_rad(), tables->laws.most())) {
         sweep.data_base = &data_base;
         sweep.grid = &grid;
         sweep.sampling = sampling_of(s, data_base);
@@ -91,7 +130,8 @@ struct Setting {
         sweep.range_is_ground = s.scene.display.kind == DisplayKind::gpi_true;
         sweep.pattern = &tables->pattern;
         sweep.constant = radar_constant(s.scene.radar);
-        sweep.gamma = tables->gamma;
+        sweep.laws = &tables->laws;
+        sweep.loss = loss;
         sweep.source = &source;
         if (BlockMap* bounds = source.block_map()) sweep.smooth_sine = smooth_horizon(*bounds);
     }
@@ -423,10 +463,7 @@ void Wedges::sweep_all(Threads& threads) {
         wedges.activate();
         graph.wait_for_all();
     });
-    if (unknown_code_)
-        throw DataError(text("'", setting_.data_base.culture_name, "': code ", *unknown_code_,
-                             " on seen ground is not in the legend '", setting_.data_base.legend_name,
-                             "'; give a culture-legend that names it (info lists all codes of a culture raster)"));
+    if (unknown_code_) throw unknown_class_error(setting_.data_base, *unknown_code_);
     std::sort(result_.report.wedges.begin(), result_.report.wedges.end(),
               [](const auto& a, const auto& b) { return a.index < b.index; });
 }
@@ -457,8 +494,13 @@ int threads_of(const EngineParams& params) {
 }  // namespace
 
 SceneTables::SceneTables(const Scene& scene)
-    : gamma(gamma_table(scene.radar.frequency_hz, scene.gamma)), pattern(scene.radar.antenna),
+    : laws(laws_of(scene)), weather(weather_of(scene), scene.radar.frequency_hz), pattern(scene.radar.antenna),
       receiver(scene.receiver, scene.radar) {}
+
+std::optional<PathLossTable> loss_table(const ResolvedScene& scene, const Weather& weather, double most_range_m) {
+    if (weather.clear()) return std::nullopt;
+    return PathLossTable(weather, loss_rays(scene, most_range_m));
+}
 
 Plan plan(const ResolvedScene& scene, WedgeSource& source, const EngineParams& params) {
     const Setting setting(scene, source, params.tables);
@@ -470,8 +512,8 @@ Plan plan(const ResolvedScene& scene, WedgeSource& source, const EngineParams& p
 namespace {
 
 /// Echo and states of what is swept, and what the wedges did; the images' memory is used again.
-void sweep(const ResolvedScene& scene, WedgeSource& source, const EngineParams& params, Threads& crew,
-           RunResult& result) {
+void sweep(const ResolvedScene& scene, WedgeSource& source, const EngineParams& params, const WeatherHere& weather,
+           Threads& crew, RunResult& result) {
     const int threads = threads_of(params);
     result.scene = scene;
     result.report = RunReport{};
@@ -480,7 +522,7 @@ void sweep(const ResolvedScene& scene, WedgeSource& source, const EngineParams& 
     const std::uint64_t data = params.data ? *params.data : source.fingerprint({});
     Span survey(params.timeline, "survey", "stage");
     const Stopwatch watch;
-    const Setting setting(scene, source, params.tables);
+    const Setting setting(scene, source, params.tables, weather.loss ? &*weather.loss : nullptr);
     Plan wedges = plan(scene, source, setting.grid, params, threads);
     check_only(params.only_wedges, wedges.wedges.size());
     if (params.archive && params.archive->record_split(wedges.wedges) != wedges.wedges) {
@@ -512,20 +554,21 @@ void sweep(const ResolvedScene& scene, WedgeSource& source, const EngineParams& 
 }
 
 /// What reaches the receiver from the echoes.
-void receive(const EngineParams& params, RunResult& result) {
+void receive(const EngineParams& params, const WeatherHere& weather, RunResult& result) {
     const ResolvedScene& scene = result.scene;
     const BeamSetting beam = beam_setting(scene);
     {
         const Span stage(params.timeline, "beam", "stage");
         const Stopwatch watch;
-        result.power_w = power_image(result.echo_w, scene.shown, beam, std::move(result.power_w));
+        result.power_w = power_image(result.echo_w, scene.shown, beam, std::move(result.power_w), weather.rain_w);
         result.report.beam_s = watch.wall_s();
     }
     const Span stage(params.timeline, "receiver", "stage");
     const Stopwatch watch;
     const ReceiverParams& receiver = scene.scene.receiver;
     const FluctuationSetting fluctuation{receiver.speckle_looks, receiver.noise, scene.noise_power_w, receiver.seed};
-    result.received_w = received_power(result.echo_w, result.power_w, beam, fluctuation, std::move(result.received_w));
+    result.received_w = received_power(result.echo_w, result.power_w, beam, fluctuation, std::move(result.received_w),
+                                       weather.rain_w);
     result.report.receiver_s = watch.wall_s();
 }
 
@@ -603,10 +646,11 @@ RunResult run(const ResolvedScene& scene, WedgeSource& source, const EngineParam
     const EngineParams params = with_tables(given, scene);
     RunResult result = std::move(used);
     Threads crew(threads_of(params), !params.beside_others);
-    sweep(scene, source, params, crew, result);
+    const WeatherHere weather(scene, params.tables->weather, params.tables->pattern);
+    sweep(scene, source, params, weather, crew, result);
     if (params.only_wedges) return result;
     crew.execute([&] {
-        receive(params, result);
+        receive(params, weather, result);
         draw(params, params.tables->receiver, result);
     });
     if (!params.beside_others) result.received_w = {};
@@ -630,12 +674,16 @@ RunResult show(const ResolvedScene& scene, PolarImage<float> echo_w, PolarImage<
     RunResult result;
     result.scene = scene;
     result.report.threads = threads_of(params);
+    const bool rain = scene.scene.weather.rain_mm_h > 0;
+    const WeatherHere weather = rain ? WeatherHere(scene, Weather(weather_of(scene.scene), scene.scene.radar.frequency_hz),
+                                                   PatternTable(scene.scene.radar.antenna))
+                                     : WeatherHere();
     Threads crew(result.report.threads, !params.beside_others);
     crew.execute([&] {
         const bool whole = echo_w.grid == scene.swept;
         result.echo_w = whole ? std::move(echo_w) : part_of(echo_w, scene.swept, {});
         result.echo_state = whole ? std::move(echo_state) : part_of(echo_state, scene.swept, {});
-        receive(params, result);
+        receive(params, weather, result);
         draw(params, Receiver(scene.scene.receiver, scene.scene.radar), result);
     });
     result.received_w = {};
@@ -668,8 +716,9 @@ RunResult run(const ResolvedScene& scene, const Scan& scan, WedgeSource& source,
         ResolvedScene place = scan.at(bins);
         if (place.shown.range_bins != scene.shown.range_bins || place.swept.range_bins != scene.swept.range_bins)
             throw Error("a scan's groups have other range bins than the whole");
-        sweep(place, source, own, crew, group);
-        crew.execute([&] { receive(own, group); });
+        const WeatherHere weather(place, params.tables->weather, params.tables->pattern);
+        sweep(place, source, own, weather, crew, group);
+        crew.execute([&] { receive(own, weather, group); });
         take_rows(group, result);
         add(group.report, result.report);
         if (params.stop) params.stop->check();

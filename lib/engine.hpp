@@ -9,6 +9,7 @@
 #include "lib/beam.hpp"
 #include "lib/display.hpp"
 #include "lib/polar.hpp"
+#include "lib/path_loss.hpp"
 #include "lib/receiver.hpp"
 #include "lib/report.hpp"
 #include "lib/scene.hpp"
@@ -60,10 +61,14 @@ void look_at(ResolvedScene& scene, Interval azimuth_bins);
 /// Of a scene what its place does not change: made once for all frames of a track.
 struct SceneTables {
     explicit SceneTables(const Scene& scene);
-    std::vector<ClassGamma> gamma;  ///< by class
+    ClassLaws laws;
+    Weather weather;
     PatternTable pattern;
     Receiver receiver;
 };
+
+/// What is lost on the way to anything of a scene out to a slant range; none in clear air.
+std::optional<PathLossTable> loss_table(const ResolvedScene& scene, const Weather& weather, double most_range_m);
 
 struct EngineParams {
     int threads = 0;          ///< 0: all the machine has

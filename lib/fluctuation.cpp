@@ -101,7 +101,8 @@ void each(std::size_t n, Body body) {
 }  // namespace
 
 PolarImage<float> received_power(const PolarImage<float>& echo, const PolarImage<float>& power, const BeamSetting& beam,
-                                 const FluctuationSetting& setting, PolarImage<float>&& used) {
+                                 const FluctuationSetting& setting, PolarImage<float>&& used,
+                                 std::span<const float> everywhere_w) {
     const PolarGrid& grid = power.grid;
     PolarImage<float> received(grid, std::move(used));
     const std::size_t rows = grid.azimuth_count();
@@ -143,12 +144,15 @@ PolarImage<float> received_power(const PolarImage<float>& echo, const PolarImage
                 const float* const cells = echo.row(i) + (source_begin - echo.grid.range_bins.begin);
                 float* const re = ground.re.data() + i * sources;
                 float* const im = ground.im.data() + i * sources;
+                const float* const more =
+                    everywhere_w.empty() ? nullptr : everywhere_w.data() + (source_begin - echo.grid.range_bins.begin);
                 for (std::size_t j = 0; j < sources; ++j) {
                     re[j] = im[j] = 0;
-                    if (!(cells[j] > 0)) continue;
+                    const float cell = more ? cells[j] + more[j] : cells[j];
+                    if (!(cell > 0)) continue;
                     const ComplexNormal z =
                         draw(setting.seed, source_begin + static_cast<std::int64_t>(j), azimuth, look, speckle_stream);
-                    const float amplitude = std::sqrt(cells[j]);
+                    const float amplitude = std::sqrt(cell);
                     re[j] = amplitude * z.re;
                     im[j] = amplitude * z.im;
                 }

@@ -102,11 +102,16 @@ void Front::Lanes::resize(std::size_t n) {
 
 Front::Front(const SweepScene& scene, const SpokeRun& run, WedgeCells& cells)
     : scene_(&scene), run_(&run), cells_(&cells), bins_per_metre_(1 / scene.range_bin_m),
-      plain_ground_(!scene.data_base->has_culture && !scene.data_base->has_culture_height), quadrant_(run.quadrant),
+      plain_ground_(!scene.data_base->has_culture && !scene.data_base->has_culture_height),
+      needs_facets_(!scene.laws->constant()), quadrant_(run.quadrant),
       fan_(run.own_fan()), line_end_(scene.grid->line_count(fan_)), culture_(*scene.data_base, scene.source) {
     for (auto* samples : {&now_, &crossing_, &ahead_}) samples->resize(tile_lanes);
-    for (auto* v : {&cell_, &bump_, &sine0_, &code_, &power_, &inverse_width_, &bow_}) v->resize(tile_lanes);
-    gamma_.assign(tile_lanes, scene.gamma[scene.data_base->default_class].ground);
+    for (auto* v : {&cell_, &bump_, &sine0_, &code_, &power_, &inverse_width_, &bow_, &facet_}) v->resize(tile_lanes);
+    gamma_.assign(tile_lanes, scene.laws->gamma()[scene.data_base->default_class].ground);
+    // On average of the two diagonals, that of the axes: f(+-1)^2 = major^2 + minor^2 -+ what they lean.
+    const SpokeMap& map = scene.grid->map();
+    const auto square = [&](double slope) { return std::pow(map.metres_per_post(quadrant_, slope), 2); };
+    minor_post_m_ = std::sqrt(0.5 * (square(1) + square(-1)) - square(0));
     posts_.resize(4 * tile_lanes);
     culture_posts_.resize(4 * tile_lanes);
     culture_cell_.resize(tile_lanes);
@@ -115,8 +120,8 @@ Front::Front(const SweepScene& scene, const SpokeRun& run, WedgeCells& cells)
 }
 
 std::size_t Front::bytes_of(std::size_t lanes) {
-    return lanes * (21 * sizeof(double) + sizeof(std::int64_t) + sizeof(std::int32_t)) +
-           tile_lanes * (3 * 9 + 8 + 4) * sizeof(double);
+    return lanes * (23 * sizeof(double) + sizeof(std::int64_t) + sizeof(std::int32_t)) +
+           tile_lanes * (3 * 9 + 9 + 4) * sizeof(double);
 }
 
 std::size_t Front::bytes() const {
@@ -135,11 +140,18 @@ void Front::set_up_ring(std::size_t ring, Lanes& lanes) const {
     const std::int64_t spokes = grid.rings(fan_)[ring].spokes;
     const Interval run = run_->spokes[ring];
     lanes.resize(static_cast<std::size_t>(run.size()));
+    if (needs_facets_)
+        for (LaneArray* v : {&lanes.across, &lanes.slant}) v->resize(lanes.row.size());
     for (std::int64_t k = run.begin; k < run.end; ++k) {
         const auto lane = static_cast<std::size_t>(k - run.begin);
         const double m = static_cast<double>(k) / static_cast<double>(spokes);
         lanes.metres_per_post[lane] = grid.map().metres_per_post(quadrant_, m);
         lanes.inverse_radius[lane] = grid.map().inverse_radius(quadrant_, m);
+        if (needs_facets_) {
+            const double across = m * minor_post_m_ / grid.map().metres_per_post(quadrant_, 0);
+            lanes.across[lane] = across;
+            lanes.slant[lane] = std::sqrt(1 + across * across);
+        }
         WedgeCells::Target target{-1, {0, 0}};
         if (run_->touching[ring].contains(k)) {
             const SpokeGrid::Share share = grid.share(fan_, spokes, k);
@@ -698,6 +710,15 @@ void Front::take(const Between& between, std::size_t begin, std::size_t end, boo
                         {sine0_.data() + at, now_.lanes(at), next.lanes(at), bump_.data() + at, power_.data() + at,
                          inverse_width_.data() + at, bow_.data() + at},
                         *scene_->pattern, scene_->constant);
+    if (scene_->loss || needs_facets_)
+        for (std::size_t at = 0; at < n; at += block) {
+            if (!rises[at / block].plain) continue;
+            const std::size_t m = std::min(block, n - at);
+            if (scene_->loss)
+                weaken_lanes(m, now_.lanes(at), next.lanes(at), sine0_.data() + at,
+                             lanes_.inverse_radius.data() + begin + at, *scene_->loss, power_.data() + at);
+            find_facets(at, m, begin + at, next);
+        }
     const std::uint64_t shaded = ticks(), read = culture_.cost().ticks;
     for (std::size_t at = 0; at < n; at += block) {
         const Rises& found = rises[at / block];
@@ -706,13 +727,14 @@ void Front::take(const Between& between, std::size_t begin, std::size_t end, boo
         if (!found.changes && !left) continue;
         for (std::size_t i = at; i < at + m; ++i) {
             if (code_[i] == 2)
-                change(begin + i, i, between, next.lanes(i));
+                change(begin + i, i, between, next);
             else if (code_[i] == 1 && left && gamma_[i] == several_gammas && lanes_.row[begin + i] >= 0)
                 put(begin + i,
                     {{from.x[i], to.x[i], inverse_width_[i], power_[i], bow_[i]},
                      track(now_.lanes(i), next.lanes(i), between),
                      sine0_[i],
-                     to.sine[i]},
+                     to.sine[i],
+                     facet_[i]},
                     between);
         }
     }
@@ -724,6 +746,18 @@ void Front::take(const Between& between, std::size_t begin, std::size_t end, boo
     std::swap(now_, next);
 }
 
+void Front::find_facets(std::size_t at, std::size_t n, std::size_t lane, Samples& next) {
+    if (!needs_facets_) return;
+    facet_lanes(n, {now_.lanes(at), next.lanes(at), posts_.data() + 2 * at, posts_.data() + 2 * tile_lanes + 2 * at,
+                    lanes_.across.data() + lane, lanes_.slant.data() + lane, minor_post_m_ * post_, facet_.data() + at});
+}
+
+double Front::power_of(std::size_t lane, double sine0, double sine1, double range0_m, double range1_m) const {
+    const double power = piece_power(sine0, sine1, range0_m, range1_m, *scene_->pattern, scene_->constant);
+    if (!scene_->loss) return power;
+    return power * scene_->loss->factor(0.5 * (range0_m + range1_m), 0.5 * (sine0 + sine1), lanes_.inverse_radius[lane]);
+}
+
 bool Front::put_plain(std::size_t at, std::size_t n, std::size_t lane, const Between& between, Samples& next) {
     const SampleLanes from = now_.lanes(at), to = next.lanes(at);
     double* const gamma = gamma_.data() + at;
@@ -732,6 +766,8 @@ bool Front::put_plain(std::size_t at, std::size_t n, std::size_t lane, const Bet
         return true;
     }
     const bool left = !plain_ground_ && find_gammas(at, n, lane, between, next);
+    if (plain_ground_ && needs_facets_)
+        for (std::size_t i = 0; i < n; ++i) gamma[i] = ground_gamma(scene_->data_base->default_class, facet_[at + i]);
     cells_->add_lanes(n, {code_.data() + at, lanes_.origin.data() + lane, lanes_.share0.data() + lane,
                           lanes_.share1.data() + lane, straddlers(lane, lane + n), static_cast<std::int32_t>(lane),
                           from.x, to.x, inverse_width_.data() + at, power_.data() + at, bow_.data() + at, gamma});
@@ -743,7 +779,7 @@ bool Front::find_gammas(std::size_t at, std::size_t n, std::size_t lane, const B
     double* const gamma = gamma_.data() + at;
     const double* const code = code_.data() + at;
     if (!between.in_chunk) {
-        std::fill_n(gamma, n, ground_gamma(scene_->data_base->default_class));
+        for (std::size_t i = 0; i < n; ++i) gamma[i] = ground_gamma(scene_->data_base->default_class, facet_[at + i]);
         return false;
     }
     CulturePieces pieces{code, from.part, from.minor, to.part, to.minor};
@@ -766,7 +802,7 @@ bool Front::find_gammas(std::size_t at, std::size_t n, std::size_t lane, const B
                        db.culture_row_scale * post_,
                        {}};
     // Ground and walls by turns.
-    const double* const gammas = &scene_->gamma.data()->ground;
+    const double* const gammas = &scene_->laws->gamma().data()->ground;
     static_assert(sizeof(ClassGamma) == 2 * sizeof(double));
     bool left = false;
     CultureParts found;
@@ -784,6 +820,12 @@ bool Front::find_gammas(std::size_t at, std::size_t n, std::size_t lane, const B
         odd[odd_count] = static_cast<std::uint8_t>(i);
         odd_count += (kind > CultureParts::wall) | ((kind != CultureParts::nothing) & !one) ? 1 : 0;
     }
+    if (needs_facets_)
+        for (std::size_t i = 0; i < n; ++i) {
+            const ClassId a = classes[found.first[i]];
+            if (found.kind[i] == CultureParts::parts && a != unknown_class)
+                gamma[i] = scene_->laws->ground(a, facet_[at + i]);
+        }
     for (std::size_t k = 0; k < odd_count; ++k) {
         const std::size_t i = odd[k];
         if (found.kind[i] == CultureParts::elsewhere) classes = find_cells(from, i, between, n, pieces, scene, found);
@@ -794,12 +836,13 @@ bool Front::find_gammas(std::size_t at, std::size_t n, std::size_t lane, const B
             gamma[i] = several_gammas;
             left = true;
         } else if (one) {
-            gamma[i] = gammas[2 * three[0] + (kind == CultureParts::wall ? 1 : 0)];
+            gamma[i] = kind == CultureParts::wall ? gammas[2 * three[0] + 1]
+                                                  : scene_->laws->ground(three[0], facet_[at + i]);
         } else {
             gamma[i] = in_parts;
             if (lanes_.row[lane + i] >= 0)
                 add_parts(lane + i, {from.x[i], to.x[i], inverse_width_[at + i], power_[at + i], bow_[at + i]},
-                          {0, found.to_second[i], found.to_third[i], 1}, three);
+                          {0, found.to_second[i], found.to_third[i], 1}, three, facet_[at + i]);
         }
     }
     return left;
@@ -824,21 +867,21 @@ const ClassId* Front::find_cells(const SampleLanes& from, std::size_t i, const B
 }
 
 void Front::add_parts(std::size_t lane, const WedgeCells::Portion& whole, const std::array<double, 4>& borders,
-                      const std::array<ClassId, 3>& classes) {
+                      const std::array<ClassId, 3>& classes, double variable) {
     for (std::size_t begin = 0; begin < classes.size();) {
         std::size_t end = begin + 1;
         while (end < classes.size() && classes[end] == classes[begin]) ++end;
         if (const auto part = part_of(whole, borders[begin], borders[end])) {
             if (parts_.full()) add_parts_together();
             parts_.push(lanes_.origin[lane], lanes_.share0[lane], lanes_.share1[lane], *part,
-                        ground_gamma(classes[begin]));
+                        ground_gamma(classes[begin], variable));
         }
         begin = end;
     }
 }
 
-void Front::change(std::size_t lane, std::size_t i, const Between& between, SampleLanes to) {
-    const SampleLanes from = now_.lanes(i);
+void Front::change(std::size_t lane, std::size_t i, const Between& between, Samples& next) {
+    const SampleLanes from = now_.lanes(i), to = next.lanes(i);
     const double sine = *to.sine, arc = *to.arc_m;
     double& horizon = lanes_.horizon[lane];
     const bool valid = sine == sine;
@@ -851,15 +894,16 @@ void Front::change(std::size_t lane, std::size_t i, const Between& between, Samp
                      x0 = at(*from.x, x1, part);
         ++cost_.pieces;
         if (lanes_.row[lane] >= 0) {
+            find_facets(i, 1, lane, next);
             const auto deposit = [&](const PieceEnd& a, const PieceEnd& b, double bent) {
-                const double power =
-                    piece_power(a.sine, b.sine, a.range_m, b.range_m, *scene_->pattern, scene_->constant);
+                const double power = power_of(lane, a.sine, b.sine, a.range_m, b.range_m);
                 put(lane,
                     {{a.x, b.x, 1 / std::max(std::abs(b.x - a.x), 1e-9), power, bent},
                      {between.major(at(*from.part, *to.part, a.part)), at(*from.minor, *to.minor, a.part),
                       between.major(at(*from.part, *to.part, b.part)), at(*from.minor, *to.minor, b.part)},
                      a.sine,
-                     b.sine},
+                     b.sine,
+                     facet_[i]},
                     between);
             };
             const PieceEnd first{begin, range0, horizon, x0}, last{end, range1, sine1, x1};
@@ -940,7 +984,7 @@ void Front::put(std::size_t lane, const Piece& piece, const Between& between) {
     double depression = 0;
     if (scene_->with_depression)
         depression = std::max(0.0, -std::asin(0.5 * (piece.sine0 + piece.sine1)) / (std::numbers::pi / 2));
-    const std::optional<double> gamma = one_gamma(piece.track, between);
+    const std::optional<double> gamma = one_gamma(piece.track, between, piece.variable);
     if (!gamma) return put_parts(lane, piece, depression);
     WedgeCells::Portion portion = piece.portion;
     portion.power *= *gamma;
@@ -982,14 +1026,14 @@ std::optional<IndexPosition> Front::wall_post(const Track& track, const Between&
     return best;
 }
 
-std::optional<double> Front::one_gamma(const Track& track, const Between& between) {
-    if (plain_ground_ || !between.in_chunk) return ground_gamma(scene_->data_base->default_class);
+std::optional<double> Front::one_gamma(const Track& track, const Between& between, double variable) {
+    if (plain_ground_ || !between.in_chunk) return ground_gamma(scene_->data_base->default_class, variable);
     // Inside a cell with culture on a corner the surface stands above the bare terrain: wall, of the class of the
     // corner with the most culture.
     if (between.ahead_culture.posts != &void_post || between.behind_culture.posts != &void_post)
         if (const auto post = wall_post(track, between)) {
             const ClassId id = class_at(floor_of(cell_column(post->column)), floor_of(cell_row(post->row)));
-            return id == unknown_class ? 0 : scene_->gamma[id].wall;
+            return id == unknown_class ? 0 : scene_->laws->wall(id);
         }
     // The culture cells that its way may touch, if these are four at the most.
     const bool columns = lines_are_columns(quadrant_);
@@ -1002,7 +1046,7 @@ std::optional<double> Front::one_gamma(const Track& track, const Between& betwee
     if (id == unknown_class || culture_.at(column1, row1) != id) return std::nullopt;
     if (column1 != column0 && row1 != row0 && (culture_.at(column1, row0) != id || culture_.at(column0, row1) != id))
         return std::nullopt;
-    return ground_gamma(id);
+    return ground_gamma(id, variable);
 }
 
 void Front::put_parts(std::size_t lane, const Piece& piece, double depression) {
@@ -1012,7 +1056,7 @@ void Front::put_parts(std::size_t lane, const Piece& piece, double depression) {
     const auto add = [&](double from, double to, ClassId id) {
         std::optional<WedgeCells::Portion> part = part_of(whole, from, to);
         if (!part) return;
-        part->power *= ground_gamma(id);
+        part->power *= ground_gamma(id, piece.variable);
         cells_->add(target, *part, &depression);
     };
     // The culture cells that the piece runs through, in order; neighbouring parts of one class together.
@@ -1165,13 +1209,13 @@ void Front::double_spokes() {
             if (sine > horizon) {
                 // Its own sample stands above the mean: what its parents have not deposited is deposited here.
                 if (lanes_.row[lane] >= 0) {
-                    const double power = piece_power(horizon, sine, last.range[lane], last.range[lane],
-                                                     *scene_->pattern, scene_->constant);
+                    const double power = power_of(lane, horizon, sine, last.range[lane], last.range[lane]);
                     put(lane,
                         {{last.x[lane], last.x[lane], 1, power, 0},
                          {between_.behind_major, last.minor[lane], between_.behind_major, last.minor[lane]},
                          horizon,
-                         sine},
+                         sine,
+                         needs_facets_ ? law_variable(-sine) : 0},  // a point has no facet: as level ground
                         between_);
                     cells_->mark(lanes_.target(lane), last.x[lane], last.x[lane],
                                  sine > lanes_.void_horizon[lane] ? bit_seen : bit_unknown);

@@ -19,6 +19,7 @@
 #include <vector>
 
 #include "lib/block_map.hpp"
+#include "lib/class_laws.hpp"
 #include "lib/culture.hpp"
 #include "lib/culture_lanes.hpp"
 #include "lib/deposit.hpp"
@@ -47,9 +48,10 @@ struct SweepScene {
     bool range_is_ground = false;  ///< gpi-true: bins count arc, not slant range
     bool with_depression = false;  ///< second channel: depression / (pi/2)
     const PatternTable* pattern = nullptr;
-    double constant = 0;                ///< K
-    std::span<const ClassGamma> gamma;  ///< by class
-    WedgeSource* source = nullptr;      ///< of classes; only with culture
+    double constant = 0;                  ///< K
+    const ClassLaws* laws = nullptr;      ///< of the classes
+    const PathLossTable* loss = nullptr;  ///< null: nothing is lost on the way
+    WedgeSource* source = nullptr;        ///< of classes; only with culture
 };
 
 /// Clock ticks spent by stage, and counts.
@@ -97,6 +99,7 @@ private:
     };
     struct Lanes {
         LaneArray metres_per_post, inverse_radius;
+        LaneArray across, slant;  // as FacetLanes; only where laws need facets
         Samples last;
         LaneArray mode;  // SpokeMode
         LaneArray horizon, void_horizon, mark_from, gap_from, gap_top, seen_least, seen_most;
@@ -124,6 +127,7 @@ private:
         WedgeCells::Portion portion;
         Track track;
         double sine0, sine1;
+        double variable;  // law_variable() of its facet
     };
 
     /// Places of lanes begin.. on a line: minor[i] in posts of a level, arc_m[i] of lane begin + i.
@@ -173,10 +177,14 @@ private:
                            std::int64_t minor_block) const;
     void advance_line(std::int64_t line, const Between& between, std::size_t begin, std::size_t end);
     void take(const Between& between, std::size_t begin, std::size_t end, bool crossings, Samples& next);
-    void change(std::size_t lane, std::size_t i, const Between& between, SampleLanes to);
+    void change(std::size_t lane, std::size_t i, const Between& between, Samples& next);
     std::span<const std::int32_t> straddlers(std::size_t begin, std::size_t end) const;
     bool beyond(std::size_t lane, double minor, double arc, double distance) const;
 
+    /// law_variable() of the facets of n pieces, of lanes lane.., into facet_ from `at` on; only where laws need it.
+    void find_facets(std::size_t at, std::size_t n, std::size_t lane, Samples& next);
+    /// W per radian of azimuth of a piece with backscatter 1, as it arrives.
+    double power_of(std::size_t lane, double sine0, double sine1, double range0_m, double range1_m) const;
     /// Deposits the plain pieces of lanes at, at + 1, ... of the tile; true if some are left for put() (gamma_ says which).
     bool put_plain(std::size_t at, std::size_t n, std::size_t lane, const Between& between, Samples& next);
     /// Their backscatter, into gamma_; what runs through several classes of a tile is deposited on the way.
@@ -186,7 +194,7 @@ private:
                               const CulturePieces& pieces, CultureScene& scene, CultureParts& found);
     /// Of a piece that is of classes[k] from borders[k] to borders[k + 1].
     void add_parts(std::size_t lane, const WedgeCells::Portion& whole, const std::array<double, 4>& borders,
-                   const std::array<ClassId, 3>& classes);
+                   const std::array<ClassId, 3>& classes, double variable);
     void add_parts_together() {
         cells_->add_lanes(parts_.size(), parts_.portions());
         parts_.clear();
@@ -195,12 +203,14 @@ private:
     void put_parts(std::size_t lane, const Piece& piece, double depression);
     Track track(const SampleLanes& from, const SampleLanes& to, const Between& between) const;
     /// Backscatter of a piece, if it is the same all along.
-    std::optional<double> one_gamma(const Track& track, const Between& between);
+    std::optional<double> one_gamma(const Track& track, const Between& between, double variable);
     /// Post whose culture height makes the cell under a piece a wall; nothing where there is none.
     std::optional<IndexPosition> wall_post(const Track& track, const Between& between) const;
     /// A class on seen ground; if it is unknown its code is remembered.
     ClassId class_at(std::int64_t cell_column, std::int64_t cell_row);
-    double ground_gamma(ClassId id) const { return id == unknown_class ? 0 : scene_->gamma[id].ground; }
+    double ground_gamma(ClassId id, double variable) const {
+        return id == unknown_class ? 0 : scene_->laws->ground(id, variable);
+    }
 
     double level_coordinate(std::size_t lane, double arc_m) const;
     double ray_coordinate(std::size_t lane, double arc_m) const;
@@ -215,7 +225,9 @@ private:
     const SpokeRun* run_;
     WedgeCells* cells_;
     double bins_per_metre_;
-    bool plain_ground_;  // one class, no culture height
+    bool plain_ground_;        // one class, no culture height
+    bool needs_facets_;        // some law depends on the angle
+    double minor_post_m_ = 1;  // metres of a post along the lines, at the sensor
     Quadrant quadrant_;
     Fan fan_;
     int level_ = 0;    // of detail; all indices along and across lines are in posts of this level
@@ -226,7 +238,7 @@ private:
     Lanes lanes_;
     // Workspace of one tile: the last samples, those on the other axis' lines and those on the line ahead.
     Samples now_, crossing_, ahead_;
-    LaneArray cell_, bump_, sine0_, code_, power_, inverse_width_, bow_, gamma_;
+    LaneArray cell_, bump_, sine0_, code_, power_, inverse_width_, bow_, gamma_, facet_;
     std::vector<float> posts_;  // of the cells, four a lane
     LaneArray culture_cell_;
     std::vector<float> culture_posts_;  // culture heights, four a lane

@@ -265,7 +265,7 @@ PathLossTable::PathLossTable(const Weather& weather, const PathLossRays& rays) :
         relative += weather.rain_cubic_error();
     }
     if (has_cloud_) {
-        const double octaves = octaves_m_of_db_km * static_cast<double>(static_cast<float>(weather.cloud_db_km()));
+        const double octaves = octaves_m_of_db_km * rounded_significand(weather.cloud_db_km(), 24);
         cloud_ = {Boundary{params.cloud_top_m, octaves}, Boundary{params.cloud_base_m, -octaves}};
     }
     const GasProfile* const profile = weather.gases();

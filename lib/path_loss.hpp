@@ -26,7 +26,7 @@ struct WeatherParams {
     double rain_mm_h = 0;          ///< 0 to 500, below the rain's top
     double rain_top_m = 3000;      ///< -1000 to 20000
     double liquid_water_g_m3 = 0;  ///< of cloud or fog, 0 to 10, from base to top
-    double cloud_base_m = 0, cloud_top_m = 0;  ///< -1000 to 20000, top above base where there is any water
+    double cloud_base_m = 0, cloud_top_m = 1000;  ///< -1000 to 20000, top above base where there is any water
     Angle tilt = horizontal_tilt;              ///< of the polarisation: 0 H, 90 V, 45 circular
 };
 /// InputError naming what was found and what is accepted; `frequency_hz` is checked against the ranges of what is on:

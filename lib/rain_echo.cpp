@@ -5,29 +5,16 @@
 #include <cmath>
 #include <numbers>
 
-#include "lib/beam.hpp"
 #include "lib/rounding.hpp"
 
 namespace wedgescope {
 namespace {
 
-// Gauss-Legendre, 8 and 4 points: the positive abscissas on [-1, 1] and their weights (Abramowitz & Stegun, table 25.4).
+// Gauss-Legendre, 8 points: the positive abscissas on [-1, 1] and their weights (Abramowitz & Stegun, table 25.4).
 constexpr std::array<double, 4> legendre_x{0.183434642495649805, 0.525532409916328986, 0.796666477413626740,
                                            0.960289856497536232};
 constexpr std::array<double, 4> legendre_w{0.362683783378361983, 0.313706645877887287, 0.222381034453374471,
                                            0.101228536290376259};
-constexpr std::array<double, 2> legendre4_x{0.339981043584856265, 0.861136311594052575};
-constexpr std::array<double, 2> legendre4_w{0.652145154862546143, 0.347854845137453857};
-
-/// Integral of the two-way azimuth pattern, radians.
-double two_way_beamwidth_rad(const AntennaParams& antenna) {
-    // The trapezoid of a smooth function, far finer than any lobe, to beyond the cut or once round.
-    constexpr int steps = 4000;
-    const double step = std::min(8 * antenna.beam.rad(), std::numbers::pi) / steps;
-    double sum = 0.5 * (two_way_azimuth_pattern(antenna, 0) + two_way_azimuth_pattern(antenna, steps * step));
-    for (int i = 1; i < steps; ++i) sum += two_way_azimuth_pattern(antenna, i * step);
-    return 2 * step * sum;
-}
 
 /// Sines of elevation at which the elevation pattern changes its course: what a panel of the quadrature must not hide.
 std::vector<double> pattern_sines(const AntennaParams& antenna) {
@@ -43,7 +30,7 @@ std::vector<double> pattern_sines(const AntennaParams& antenna) {
     std::vector<double> sines{-0.5 * std::numbers::sqrt3, 0.5 * std::numbers::sqrt3};  // where the widening ends
     for (const double depression : depressions)
         if (std::abs(depression) < 0.5 * std::numbers::pi)
-            sines.push_back(-static_cast<double>(static_cast<float>(std::sin(depression))));
+            sines.push_back(-rounded_significand(std::sin(depression), 24));
     std::sort(sines.begin(), sines.end());
     return sines;
 }
@@ -76,18 +63,17 @@ constexpr double least_cosine = 0.5;  // as the beam's
 }  // namespace
 
 RainEcho::RainEcho(const Weather& weather, const PathLossTable& loss, const PatternTable& pattern,
-                   const RainEchoParams& params)
-    : pulse_extent_m_(params.radar.pulse_extent_m()), pulse_length_error_(params.radar.pulse_length_error) {
+                   const RainEchoParams& params) {
     validate(params.radar);
     require_within("sensor height", params.sensor_m, -1000, 1e6, "m");
     require_within("reference height", params.reference_m, -1e5, 1e5, "m");
     require_above("range", params.most_range_m, 0, "m");
     const WeatherParams& rain = weather.params();
-    if (rain.rain_mm_h == 0 || rain.rain_top_m <= params.reference_m || params.most_range_m <= pulse_extent_m_) return;
+    const double pulse_m = params.radar.pulse_extent_m();
+    if (rain.rain_mm_h == 0 || rain.rain_top_m <= params.reference_m || params.most_range_m <= pulse_m) return;
 
-    double constant = radar_constant(params.radar) * two_way_beamwidth_rad(params.radar.antenna) *
-                      rain_cross_section_per_m(params.radar.frequency_hz, rain.rain_mm_h);
-    if (params.circular) constant /= rain_cancellation(rain.rain_mm_h).ratio();
+    double constant = radar_constant(params.radar) * rain_cross_section_per_m(params.radar.frequency_hz, rain.rain_mm_h);
+    if (params.radar.polarisation == Polarisation::circular) constant /= rain_cancellation(rain.rain_mm_h).ratio();
     constant = rounded_significand(constant, 24);  // libm's last bits stay out
 
     // Knots close enough for what falls with range and by attenuation: at most a 512th of the range and 50 m apart, so that
@@ -95,14 +81,14 @@ RainEcho::RainEcho(const Weather& weather, const PathLossTable& loss, const Patt
     // range is beyond what pays: never more than 20000 of them.
     constexpr double by = 1.0 / 512, widest_m = 50;
     const double most_step = std::max(widest_m, params.most_range_m / 16000);
-    for (double range = pulse_extent_m_; range < params.most_range_m; range += std::min(by * range, most_step))
+    for (double range = pulse_m; range < params.most_range_m; range += std::min(by * range, most_step))
         range_m_.push_back(range);
     range_m_.push_back(params.most_range_m);
 
     const std::vector<double> cuts = pattern_sines(params.radar.antenna);
     const Wet wet{params.earth, params.sensor_m, params.reference_m, rain.rain_top_m};
     const double c = params.earth.inverse_radius();
-    const double rain_nepers_m = 2e-3 * 0.23026 * static_cast<double>(static_cast<float>(weather.rain_db_km(0)));
+    const double rain_nepers_m = 2e-3 * 0.23026 * rounded_significand(weather.rain_db_km(0), 24);
     std::vector<double> edges, sines, weights, ranges, inverse, factors;
     for (const double range : range_m_) {
         const Wet::Sines sector = wet.at(range);
@@ -143,19 +129,19 @@ RainEcho::RainEcho(const Weather& weather, const PathLossTable& loss, const Patt
             const double cosine = std::sqrt(std::max(0.0, (1 - sines[i]) * (1 + sines[i])));
             sum += weights[i] * factors[i] * pattern.at(sines[i]) / std::max(cosine, least_cosine);
         }
-        wet_w_m_.push_back(constant * sum);
+        wet_w_m_rad_.push_back(constant * sum);
     }
 }
 
-double RainEcho::density_w_m(double range_m) const {
+double RainEcho::density_w_m_rad(double range_m) const {
     if (range_m_.empty() || !(range_m >= range_m_.front()) || range_m > range_m_.back()) return 0;
     const auto after = std::upper_bound(range_m_.begin() + 1, range_m_.end() - 1, range_m);
     const auto k = static_cast<std::size_t>(after - range_m_.begin()) - 1;
     const double part = (range_m - range_m_[k]) / (range_m_[k + 1] - range_m_[k]);
-    return (wet_w_m_[k] + part * (wet_w_m_[k + 1] - wet_w_m_[k])) / (range_m * range_m);
+    return (wet_w_m_rad_[k] + part * (wet_w_m_rad_[k + 1] - wet_w_m_rad_[k])) / (range_m * range_m);
 }
 
-double RainEcho::between_w(double near_m, double far_m) const {
+double RainEcho::between_w_rad(double near_m, double far_m) const {
     if (range_m_.empty()) return 0;
     double begin = std::max(near_m, range_m_.front());
     const double end = std::min(far_m, range_m_.back());
@@ -167,39 +153,17 @@ double RainEcho::between_w(double near_m, double far_m) const {
         const double stop = std::min(end, range_m_[k + 1]);
         // p r^2 hardly changes between two knots: its middle value times the integral of 1 / r^2.
         const double part = (0.5 * (begin + stop) - range_m_[k]) / (range_m_[k + 1] - range_m_[k]);
-        sum += (wet_w_m_[k] + part * (wet_w_m_[k + 1] - wet_w_m_[k])) * (stop - begin) / (begin * stop);
+        sum += (wet_w_m_rad_[k] + part * (wet_w_m_rad_[k + 1] - wet_w_m_rad_[k])) * (stop - begin) / (begin * stop);
         begin = stop;
     }
     return sum;
 }
 
-double RainEcho::power_w(double range_m) const {
-    return range_m_.empty() || range_m > range_m_.back() ? 0 : between_w(range_m - pulse_extent_m_, range_m);
-}
-
-std::vector<double> RainEcho::bins_w(Interval range_bins, double range_bin_m) const {
-    require_above("range-bin", range_bin_m, 0, "m");
-    std::vector<double> out(static_cast<std::size_t>(range_bins.size()));
-    if (range_m_.empty() || out.empty()) return out;
-    const double start = range_m_.front();
-    for (std::int64_t j = range_bins.begin; j < range_bins.end; ++j) {
-        const double near = static_cast<double>(j) * range_bin_m, far = near + range_bin_m;
-        double& mean = out[static_cast<std::size_t>(j - range_bins.begin)];
-        if (!pulse_length_error_) {
-            mean = between_w(near, far) * pulse_extent_m_ / range_bin_m;
-            continue;
-        }
-        // The power begins where the pulse has left and bends where its tail has.
-        const double edges[] = {near, std::clamp(start, near, far), std::clamp(2 * start, near, far), far};
-        for (std::size_t e = 1; e < 4; ++e) {
-            const double half = 0.5 * (edges[e] - edges[e - 1]), middle = edges[e - 1] + half;
-            if (!(half > 0) || edges[e] <= start) continue;
-            for (std::size_t i = 0; i < legendre4_x.size(); ++i)
-                for (const double sign : {-1.0, 1.0})
-                    mean += legendre4_w[i] * half / range_bin_m * power_w(middle + sign * half * legendre4_x[i]);
-        }
-    }
-    return out;
+std::vector<float> RainEcho::cells_w(std::span<const double> edges_m, double azimuth_step_rad) const {
+    std::vector<float> cells(edges_m.empty() ? 0 : edges_m.size() - 1);
+    for (std::size_t j = 0; j < cells.size(); ++j)
+        cells[j] = static_cast<float>(azimuth_step_rad * between_w_rad(edges_m[j], edges_m[j + 1]));
+    return cells;
 }
 
 }  // namespace wedgescope

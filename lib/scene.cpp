@@ -69,6 +69,30 @@ void validate(const Scene& scene) {
     if (scene.spokes_per_post) require_within("spokes-per-post", *scene.spokes_per_post, 0.25, 16, "");
     if (scene.spoke_lead) require_within("spoke-lead", *scene.spoke_lead, 1, 64, "");
     if (scene.gamma) require_within("gamma", scene.gamma->db(), -100, 100, "dB");
+    require_within("sea-state", scene.sea_state, 0, 6, "");
+    const ClassLawParams laws = laws_of(scene);
+    for (const Material& material : material_table()) class_law(material, laws);
+    validate(weather_of(scene), scene.radar.frequency_hz);
+}
+
+ClassLawParams laws_of(const Scene& scene) {
+    return {scene.radar.frequency_hz, scene.radar.polarisation, scene.land, scene.water, scene.sea_state, scene.gamma};
+}
+
+WeatherParams weather_of(const Scene& scene) {
+    WeatherParams weather = scene.weather;
+    switch (scene.radar.polarisation) {
+        case Polarisation::hh:
+            weather.tilt = horizontal_tilt;
+            break;
+        case Polarisation::vv:
+            weather.tilt = vertical_tilt;
+            break;
+        case Polarisation::circular:
+            weather.tilt = circular_tilt;
+            break;
+    }
+    return weather;
 }
 
 double promised_rms_db(Quality quality) {
@@ -136,5 +160,19 @@ const char* word(ElevationPattern pattern) {
 }
 
 const char* word(AzimuthPattern pattern) { return pattern == AzimuthPattern::gaussian ? "gaussian" : "uniform"; }
+
+const char* word(LandModel model) {
+    switch (model) {
+        case LandModel::constant_gamma:
+            return "constant-gamma";
+        case LandModel::ulaby_dobson:
+            return "ulaby-dobson";
+        case LandModel::oh:
+            return "oh";
+    }
+    return "";
+}
+
+const char* word(WaterModel model) { return model == WaterModel::nrl ? "nrl" : "calm"; }
 
 }  // namespace wedgescope

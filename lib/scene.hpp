@@ -6,7 +6,9 @@
 #include <string>
 
 #include "lib/angle.hpp"
+#include "lib/class_laws.hpp"
 #include "lib/decibel.hpp"
+#include "lib/path_loss.hpp"
 #include "lib/sensor.hpp"
 
 namespace wedgescope {
@@ -66,6 +68,10 @@ struct Scene {
     ReceiverParams receiver;
     DisplayParams display;
     std::optional<Decibel> gamma;  ///< one constant gamma at 10 GHz for everything
+    LandModel land = LandModel::constant_gamma;
+    WaterModel water = WaterModel::nrl;
+    double sea_state = 0;   ///< Douglas, 0 to 6
+    WeatherParams weather;  ///< its tilt is that of the radar's polarisation: weather_of()
     Quality quality = Quality::normal;
     std::optional<double> max_error_db;  ///< asked for in place of a quality, which is then what keeps it
     bool detail = true;                  ///< levels of detail where the quality's promise allows them
@@ -75,6 +81,10 @@ struct Scene {
     std::optional<bool> crossings;      ///< sampled where spokes cross the other axis' lines too
     std::optional<bool> curved_course;  ///< the surface's course inside a cell, not a straight line
 };
+
+/// What shading takes of a scene; InputError, when they are used, where a model does not reach the frequency.
+ClassLawParams laws_of(const Scene& scene);
+WeatherParams weather_of(const Scene& scene);
 
 /// RMS of the power image that a quality promises, dB, where c tau / 2 and beam are two posts or more.
 double promised_rms_db(Quality);
@@ -90,5 +100,7 @@ const char* word(Orientation);
 const char* word(Quality);
 const char* word(ElevationPattern);
 const char* word(AzimuthPattern);
+const char* word(LandModel);
+const char* word(WaterModel);
 
 }  // namespace wedgescope

@@ -7,6 +7,7 @@
 
 #include "lib/angle.hpp"
 #include "lib/decibel.hpp"
+#include "lib/polarisation.hpp"
 
 namespace wedgescope {
 
@@ -34,6 +35,7 @@ struct RadarParams {
     double pulse_s = 0.5e-6;         ///< (compressed) length
     Decibel noise_figure{8};
     std::optional<double> bandwidth_hz;  ///< none: 1.2 / pulse
+    Polarisation polarisation = Polarisation::hh;
     AntennaParams antenna;
     bool beam_width_error = true;    ///< BWE: spread over the azimuth beam; off: same total in the own bin
     bool pulse_length_error = true;  ///< PLE: spread over c tau/2 away from the radar; off: same total in the own bin

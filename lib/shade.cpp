@@ -107,7 +107,52 @@ WEDGESCOPE_LANES_PART void powers(std::size_t n, const Shading& shading, const P
     }
 }
 
+WEDGESCOPE_LANES_PART void facets(std::size_t n, const FacetLanes& lanes) noexcept {
+    const double *__restrict up0 = lanes.from.up_m, *__restrict up1 = lanes.to.up_m, *__restrict out0 = lanes.from.out_m,
+                 *__restrict out1 = lanes.to.out_m, *__restrict height0 = lanes.from.height_m,
+                 *__restrict height1 = lanes.to.height_m, *__restrict arc0 = lanes.from.arc_m,
+                 *__restrict arc1 = lanes.to.arc_m, *__restrict part0 = lanes.from.part,
+                 *__restrict part1 = lanes.to.part, *__restrict across = lanes.across, *__restrict slant = lanes.slant;
+    const float *__restrict behind = lanes.behind, *__restrict ahead = lanes.ahead;
+    double* __restrict variable = lanes.variable;
+    const double minor_posts_a_metre = 1 / lanes.minor_post_m;
+    WEDGESCOPE_INDEPENDENT
+    for (std::size_t i = 0; i < n; ++i) {
+        const double up = up1[i] - up0[i], out = out1[i] - out0[i], up_middle = 0.5 * (up1[i] + up0[i]),
+                     out_middle = 0.5 * (out1[i] + out0[i]);
+        const double turned = up * out_middle - out * up_middle;  // piece, ray and the sine of the angle between
+        const double b0 = static_cast<double>(behind[2 * i]), b1 = static_cast<double>(behind[2 * i + 1]),
+                     a0 = static_cast<double>(ahead[2 * i]), a1 = static_cast<double>(ahead[2 * i + 1]);
+        const double step = arc1[i] - arc0[i], along = (height1[i] - height0[i]) / (step > 1e-9 ? step : 1e-9),
+                     middle = 0.5 * (part0[i] + part1[i]);
+        const double minor = ((b1 - b0) + middle * ((a1 - a0) - (b1 - b0))) * minor_posts_a_metre,
+                     tilt = slant[i] * minor - across[i] * along, z_t = tilt == tilt ? tilt : 0.0;
+        const double own = 1 + along * along, lengths = (up * up + out * out) *
+                     (up_middle * up_middle + out_middle * out_middle) * (own + z_t * z_t);
+        const double sine = turned * std::sqrt(own / (lengths > 1e-30 ? lengths : 1e-30));
+        const double above = sine > 0 ? sine : 0.0, x = above < 1 ? above : 1.0;
+        variable[i] = std::sqrt(x / (x + law_bend * std::sqrt((1 - x) * (1 + x))));
+    }
+}
+
 }  // namespace
+
+void facet_lanes(std::size_t n, const FacetLanes& facets_of) noexcept { on_target<facets>(n, facets_of); }
+
+void weaken_lanes(std::size_t n, const SampleLanes& from, const SampleLanes& to, const double* sine0,
+                  const double* inverse_radius, const PathLossTable& loss, double* power) noexcept {
+    constexpr std::size_t block = 64;
+    double range[block], sine[block], factor[block];
+    for (std::size_t at = 0; at < n; at += block) {
+        const std::size_t m = std::min(block, n - at);
+        for (std::size_t i = 0; i < m; ++i) {
+            range[i] = 0.5 * (from.range_m[at + i] + to.range_m[at + i]);
+            sine[i] = 0.5 * (sine0[at + i] + to.sine[at + i]);
+        }
+        factor_lanes(m, range, sine, inverse_radius + at, loss, factor);
+        for (std::size_t i = 0; i < m; ++i) power[at + i] *= factor[i];
+    }
+}
 
 void power_lanes(std::size_t n, const Shading& shading, const PatternTable& pattern, double constant) noexcept {
     on_target<powers>(n, shading, pattern, constant);

@@ -6,6 +6,7 @@
 
 #include "lib/deposit.hpp"
 #include "lib/material.hpp"
+#include "lib/path_loss.hpp"
 #include "lib/sensor.hpp"
 #include "lib/sweep.hpp"
 #include "lib/wedge_source.hpp"
@@ -46,6 +47,26 @@ struct Shading {
 };
 /// power = K g_el^2(middle) / r_middle^2 (new horizon - old horizon), r at least 1 m, as the quantum takes it.
 void power_lanes(std::size_t n, const Shading& shading, const PatternTable& pattern, double constant) noexcept;
+
+/// The facets of neighbouring pieces, each taken straight from its start to its end and tilted across as the cell it runs
+/// through is at its middle.
+struct FacetLanes {
+    SampleLanes from, to;          ///< in
+    const float *behind, *ahead;   ///< in: of the cells, as CellLanes has them
+    const double *across, *slant;  ///< in: tangent of the spoke's angle to the major axis, in metres, and its secant
+    double minor_post_m;           ///< metres of a post along the lines, at the sensor
+    double* variable;              ///< out: law_variable() of the sine of the local grazing angle
+};
+/// With z_s the rise of the surface along the spoke and z_t across it (metres a metre),
+///   sin psi_l = sin alpha sqrt((1 + z_s^2) / (1 + z_s^2 + z_t^2)),
+/// alpha the angle between piece and ray in the sensor's vertical plane: the facet normal times the direction to the sensor
+/// (physics "Slopes"). Where a post of the cell is missing, z_t is 0. The metres of a post are those at the sensor: at 60
+/// degrees of latitude 100 km away z_t is wrong by 3 %.
+void facet_lanes(std::size_t n, const FacetLanes& facets) noexcept;
+
+/// power[i] times loss.factor() of the middle of each piece.
+void weaken_lanes(std::size_t n, const SampleLanes& from, const SampleLanes& to, const double* sine0,
+                  const double* inverse_radius, const PathLossTable& loss, double* power) noexcept;
 
 /// The same power of one piece.
 double piece_power(double sine0, double sine1, double range0_m, double range1_m, const PatternTable& pattern,

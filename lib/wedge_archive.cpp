@@ -47,6 +47,13 @@ std::vector<Fact> echo_facts(const ResolvedScene& s, const DataBase& db) {
     add("gain", radar.gain.db());
     add("losses", radar.losses.db());
     add("gamma", scene.gamma ? text(scene.gamma->db()) : std::string("off"));
+    add("backscatter", word(scene.land));
+    add("water", word(scene.water), " ", scene.sea_state);
+    add("polarisation", word(radar.polarisation));
+    const WeatherParams& air = scene.weather;
+    add("gases", air.vapour_g_m3 ? text(*air.vapour_g_m3) : std::string("none"));
+    add("rain", air.rain_mm_h, " to ", air.rain_top_m);
+    add("cloud", air.liquid_water_g_m3, " from ", air.cloud_base_m, " to ", air.cloud_top_m);
     const AntennaParams& antenna = radar.antenna;
     add("antenna", word(antenna.elevation));
     add("antenna-knee", antenna.knee.rad());

@@ -298,7 +298,7 @@ TEST_CASE("a table is within a hundredth of a decibel of its law at every angle"
     int longest = 0;
     for (const Named& named : laws_of_the_sweep()) {
         const BackscatterTable table(named.law);
-        CAPTURE(named.name, table.intervals(), table.bend(), table.error_db());
+        CAPTURE(named.name, table.intervals(), table.error_db());
         double error_db = 0, most = table.at(1);
         for (int k = 0; k < 6000; ++k) {
             // In thirds: evenly in the angle, in its logarithm, and in that of the angle to the vertical.
@@ -319,7 +319,7 @@ TEST_CASE("a table is within a hundredth of a decibel of its law at every angle"
         CHECK(table.most() <= 1.001 * most);
         worst = std::max(worst, error_db);
         longest = std::max(longest, table.intervals());
-        UNSCOPED_INFO(named.name << ": " << table.intervals() << " intervals, bend " << table.bend() << ", "
+        UNSCOPED_INFO(named.name << ": " << table.intervals() << " intervals, "
                                  << table.error_db() << " dB");
     }
     CHECK(worst <= 0.0101);
@@ -349,7 +349,7 @@ TEST_CASE("a loop over a table's entries finds what the table says", "[backscatt
     CHECK(table.scale() == static_cast<double>(static_cast<float>(table.scale())));
     for (double sine = -0.1; sine < 1.1; sine += 0.00317) {
         const double x = std::clamp(sine, 0.0, 1.0);
-        const double u = std::sqrt(x / (x + table.bend() * std::sqrt((1 - x) * (1 + x))));
+        const double u = std::sqrt(x / (x + 4 * std::sqrt((1 - x) * (1 + x))));
         const double place = std::max((u - table.begin()) * table.scale(), 0.0);
         const int i = std::min(static_cast<int>(place), table.intervals() - 1);
         const double a = static_cast<double>(table.data()[i]), b = static_cast<double>(table.data()[i + 1]);
@@ -362,7 +362,7 @@ TEST_CASE("a law with a corner has an entry on it, and the vertical is met", "[b
         const BackscatterLaw law = sea_nrl_law(9.4e9, Polarisation::hh, sea_state);
         const BackscatterTable table(law);
         const double x = std::sin(law.corner().value().rad());
-        const double u = std::sqrt(x / (x + table.bend() * std::sqrt((1 - x) * (1 + x))));
+        const double u = std::sqrt(x / (x + 4 * std::sqrt((1 - x) * (1 + x))));
         const double place = (u - table.begin()) * table.scale();
         CHECK_THAT(place, WithinAbs(std::round(place), 1e-4));
         CHECK_THAT(table.at(x), WithinRel(law.factor(law.corner().value()), 1e-5));

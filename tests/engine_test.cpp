@@ -377,7 +377,7 @@ TEST_CASE("on a flat plain the mean depression of a cell is that of its range", 
     const SpokeMap map(db, {Geometry::grid, resolved.nadir, 0, 0, std::nullopt, 6000});
     const SpokeGrid grid(db, map, sampling(Quality::exact, false, 50), 360);
     const PatternTable pattern(s.radar.antenna);
-    const std::vector<ClassGamma> gamma(16, ClassGamma{1, 1});
+    const ClassLaws laws(std::vector<ClassGamma>(16, ClassGamma{1, 1}));
     const Quanta cells = quanta({0, 110}, 50, 1, 1, grid.azimuth_step_rad(), 1);
     SweepScene sweep;
     sweep.data_base = &db;
@@ -390,7 +390,7 @@ TEST_CASE("on a flat plain the mean depression of a cell is that of its range", 
     sweep.with_depression = true;
     sweep.pattern = &pattern;
     sweep.constant = 1;
-    sweep.gamma = gamma;
+    sweep.laws = &laws;
     sweep.source = &source;
     const Wedge wedge = grid.wedge(0, {0, 360});
     WedgeCells sums(360, cells, 2);

@@ -41,6 +41,20 @@ RainEcho echo_of(const Weather& weather, const RainEchoParams& p) {
     return {weather, table_of(weather, p), PatternTable(p.radar.antenna), p};
 }
 
+/// Integral of the two-way Gaussian beam in azimuth.
+double width_rad(const RadarParams& radar) {
+    return radar.antenna.beam.rad() * std::sqrt(std::numbers::pi / (8 * std::numbers::ln2));
+}
+/// p(r) of the whole beam.
+double density(const RainEcho& echo, const RadarParams& radar, double range_m) {
+    return echo.density_w_m_rad(range_m) * width_rad(radar);
+}
+/// What reaches the receiver at a range: the echoes from there to c tau/2 nearer.
+double power(const RainEcho& echo, const RadarParams& radar, double range_m) {
+    const double edges[] = {range_m - radar.pulse_extent_m(), range_m};
+    return static_cast<double>(echo.cells_w(edges, width_rad(radar))[0]);
+}
+
 /// P of a filled Gaussian beam: the radar equation with eta V, V = pi theta_az theta_el r^2 c tau / (16 ln 2).
 double filled_beam_w(const RadarParams& radar, double rate_mm_h, double range_m) {
     const double volume = std::numbers::pi * radar.antenna.beam.rad() * radar.antenna.width.rad() * range_m * range_m *
@@ -74,9 +88,8 @@ double walked_density(const Weather& weather, const RainEchoParams& p, double ra
         sum += g * g * std::pow(10, -0.1 * path_loss(weather, p.earth, p.sensor_m, range_m, y).db()) * std::cos(e) /
                std::max(std::cos(e), 0.5) * step;
     }
-    const double theta2 = p.radar.antenna.beam.rad() * std::sqrt(std::numbers::pi / (8 * std::numbers::ln2));
     return radar_constant(p.radar) * rain_cross_section_per_m(p.radar.frequency_hz, weather.params().rain_mm_h) *
-           theta2 * sum / (range_m * range_m);
+           width_rad(p.radar) * sum / (range_m * range_m);
 }
 
 }  // namespace
@@ -92,8 +105,8 @@ TEST_CASE("a beam filled with rain returns the cell volume's cross-section, atte
             // The middle of the pulse; over its length of 75 m the fall with r^2 and the attenuation bend by 1e-3 at 1 km.
             const double middle = range - 0.5 * radar.pulse_extent_m();
             const double expected = filled_beam_w(radar, rate, middle) * std::pow(10, -0.2 * gamma * middle * 1e-3);
-            CHECK_THAT(echo.power_w(range), WithinRel(expected, range < 2000 ? 3e-3 : 2e-3));
-            CHECK_THAT(echo.density_w_m(middle) * radar.pulse_extent_m(), WithinRel(expected, 1.5e-3));
+            CHECK_THAT(power(echo, radar, range), WithinRel(expected, range < 2000 ? 3e-3 : 2e-3));
+            CHECK_THAT(density(echo, radar, middle) * radar.pulse_extent_m(), WithinRel(expected, 1.5e-3));
         }
     }
 }
@@ -102,13 +115,13 @@ TEST_CASE("without its own attenuation the rain's echo falls with the square of 
     const Weather weather(rain(4, 20e3), 9.4e9), none(WeatherParams{}, 9.4e9);
     const RainEchoParams params = amid(pencil());
     const RainEcho echo(weather, table_of(none, params), PatternTable(params.radar.antenna), params);
-    const double first = echo.density_w_m(500) * 500 * 500;
+    const double first = density(echo, params.radar, 500) * 500 * 500;
     for (const double range : {75.5, 200.0, 1234.5, 10e3, 20e3})
-        CHECK_THAT(echo.density_w_m(range) * range * range, WithinRel(first, 1e-4));
+        CHECK_THAT(density(echo, params.radar, range) * range * range, WithinRel(first, 1e-4));
     // The pulse's sum in closed form: (1 / (r - l) - 1 / r).
     const double length = params.radar.pulse_extent_m();
     for (const double range : {150.0, 151.0, 1000.0, 20e3})
-        CHECK_THAT(echo.power_w(range), WithinRel(first * length / (range * (range - length)), 1e-4));
+        CHECK_THAT(power(echo, params.radar, range), WithinRel(first * length / (range * (range - length)), 1e-4));
 }
 
 TEST_CASE("the shaped beam's echo is the sum over its wet rays, near, far, and beyond the horizon", "[rain-echo]") {
@@ -123,9 +136,9 @@ TEST_CASE("the shaped beam's echo is the sum over its wet rays, near, far, and b
                 const double expected = walked_density(weather, params, range);
                 INFO("from " << sensor << " m, " << rate << " mm/h, at " << range << " m");
                 if (expected > 0)
-                    CHECK_THAT(echo.density_w_m(range), WithinRel(expected, 2e-3));
+                    CHECK_THAT(density(echo, radar, range), WithinRel(expected, 2e-3));
                 else
-                    CHECK(echo.density_w_m(range) == 0);
+                    CHECK(echo.density_w_m_rad(range) == 0);
             }
         }
 }
@@ -136,15 +149,15 @@ TEST_CASE("rain is heard as far as its top is above the horizon, and no farther"
     // Tangents of 100 m and of 3000 m over the level surface at sea level: 41.2 and 225.8 km.
     const RainEcho echo = echo_of(
         weather, {.radar = radar, .earth = four_thirds, .sensor_m = 100, .reference_m = 0, .most_range_m = 300e3});
-    CHECK(echo.power_w(260e3) > 0);
-    CHECK(echo.power_w(268e3) == 0);
-    CHECK(echo.power_w(301e3) == 0);
+    CHECK(power(echo, radar, 260e3) > 0);
+    CHECK(power(echo, radar, 268e3) == 0);
+    CHECK(power(echo, radar, 301e3) == 0);
     // High above the rain nothing comes back before its top is reached.
     const RainEcho above = echo_of(
         weather,
         {.radar = RadarParams{}, .earth = four_thirds, .sensor_m = 9000, .reference_m = 0, .most_range_m = 50e3});
-    CHECK(above.power_w(5900) == 0);
-    CHECK(above.power_w(6200) > 0);
+    CHECK(power(above, radar, 5900) == 0);
+    CHECK(power(above, radar, 6200) > 0);
 }
 
 TEST_CASE("circular polarisation takes away what it cancels", "[rain-echo]") {
@@ -153,59 +166,32 @@ TEST_CASE("circular polarisation takes away what it cancels", "[rain-echo]") {
         const Weather weather(rain(rate), radar.frequency_hz);
         RainEchoParams params = amid(radar);
         params.sensor_m = 1500;
-        const double plain = echo_of(weather, params).power_w(5000);
-        params.circular = true;
-        CHECK_THAT(10 * std::log10(plain / echo_of(weather, params).power_w(5000)), WithinAbs(less_db, 1e-5));
+        const double plain = power(echo_of(weather, params), radar, 5000);
+        params.radar.polarisation = Polarisation::circular;
+        CHECK_THAT(10 * std::log10(plain / power(echo_of(weather, params), radar, 5000)), WithinAbs(less_db, 1e-5));
     }
 }
 
-TEST_CASE("a bin holds the mean over it of the power at its ranges", "[rain-echo]") {
-    RadarParams radar;
+TEST_CASE("cells of any edges add up, and nothing is heard while the pulse is being sent", "[rain-echo]") {
+    const RadarParams radar;
     const Weather weather(rain(4), radar.frequency_hz);
-    const RainEchoParams params{
-        .radar = radar, .earth = four_thirds, .sensor_m = 2134, .reference_m = 0, .most_range_m = 40e3};
-    const RainEcho echo = echo_of(weather, params);
-    for (const double bin : {18.75, 100.0, 7.3}) {
-        const std::vector<double> all = echo.bins_w({0, 400}, bin);
-        REQUIRE(all.size() == 400);
-        for (const int j : {0, 3, 4, 8, 10, 50, 399}) {
-            double mean = 0;
-            const int steps = 4000;
-            for (int k = 0; k < steps; ++k) mean += echo.power_w((j + (k + 0.5) / steps) * bin) / steps;
-            CHECK_THAT(all[static_cast<std::size_t>(j)], WithinRel(mean, 5e-4) || WithinAbs(mean, 1e-16));
-        }
-        // A slice of the bins holds the same bits.
-        const std::vector<double> some = echo.bins_w({100, 120}, bin);
-        CHECK(some == std::vector<double>(all.begin() + 100, all.begin() + 120));
-    }
-    // While the pulse is still being sent nothing is heard.
-    CHECK(echo.power_w(70) == 0);
-    CHECK(echo.bins_w({0, 4}, 18.5) == std::vector<double>(4, 0.0));
-}
-
-TEST_CASE("without the pulse's length the same total falls into the own bin", "[rain-echo]") {
-    RadarParams radar;
-    const Weather weather(rain(4), radar.frequency_hz);
-    RainEchoParams params{
-        .radar = radar, .earth = four_thirds, .sensor_m = 2134, .reference_m = 0, .most_range_m = 20e3};
-    const auto total = [&] {
-        const std::vector<double> all = echo_of(weather, params).bins_w({0, 1200}, 18.75);
-        return std::accumulate(all.begin(), all.end(), 0.0);
+    const RainEcho echo = echo_of(
+        weather,
+        {.radar = radar, .earth = four_thirds, .sensor_m = 2134, .reference_m = 0, .most_range_m = 40e3});
+    std::vector<double> fine, coarse{50, 1000, 1003.7, 20e3, 41e3};
+    for (double edge = 50; edge < 41e3; edge += 18.75) fine.push_back(edge);
+    fine.push_back(41e3);
+    const auto total = [&](const std::vector<double>& edges) {
+        const std::vector<float> cells = echo.cells_w(edges, 0.01);
+        return std::accumulate(cells.begin(), cells.end(), 0.0);
     };
-    const double with = total();
-    params.radar.pulse_length_error = false;
-    CHECK_THAT(total(), WithinRel(with, 1e-4));  // the pulse carries a little over the last bin
-}
-
-TEST_CASE("a uniform aperture hears the rain with its main lobe and sidelobes", "[rain-echo]") {
-    RadarParams radar = pencil();
-    const Weather weather(rain(1, 20e3), radar.frequency_hz);
-    const double gaussian = echo_of(weather, amid(radar)).density_w_m(2000);
-    radar.antenna.azimuth = AzimuthPattern::uniform;
-    // Integral of (sin u / u)^4 is 2 pi / 3, cut at the fifth null 2e-5 less; u = 2 * 1.3916 phi / theta. The Gaussian's: 0.75269.
-    const double ratio =
-        2 * std::numbers::pi / 3 / (2 * 1.39155737825151) / std::sqrt(std::numbers::pi / (8 * std::numbers::ln2));
-    CHECK_THAT(echo_of(weather, amid(radar)).density_w_m(2000) / gaussian, WithinRel(ratio, 1e-4));
+    CHECK_THAT(total(fine), WithinRel(total(coarse), 1e-6));
+    // Against the density, by the trapezoid.
+    double sum = 0;
+    for (int k = 0; k < 4000; ++k) sum += echo.density_w_m_rad(2000 + (k + 0.5) * 0.25) * 0.25 * 0.01;
+    CHECK_THAT(static_cast<double>(echo.cells_w(std::vector<double>{2000, 3000}, 0.01)[0]), WithinRel(sum, 1e-6));
+    CHECK(echo.cells_w(std::vector<double>{0, 37, 74}, 0.01) == std::vector<float>(2, 0.0F));
+    CHECK(echo.cells_w(std::vector<double>{}, 0.01).empty());
 }
 
 TEST_CASE("clear air and rain below the ground return nothing", "[rain-echo]") {
@@ -213,11 +199,10 @@ TEST_CASE("clear air and rain below the ground return nothing", "[rain-echo]") {
     RainEchoParams params{
         .radar = radar, .earth = four_thirds, .sensor_m = 2134, .reference_m = 0, .most_range_m = 20e3};
     const RainEcho clear = echo_of(Weather(WeatherParams{}, radar.frequency_hz), params);
-    CHECK(clear.power_w(5000) == 0);
-    CHECK(clear.density_w_m(5000) == 0);
-    CHECK(clear.bins_w({0, 10}, 100) == std::vector<double>(10, 0.0));
+    CHECK(power(clear, radar, 5000) == 0);
+    CHECK(clear.density_w_m_rad(5000) == 0);
     params.reference_m = 1000;
-    CHECK(echo_of(Weather(rain(4, 900), radar.frequency_hz), params).power_w(5000) == 0);
+    CHECK(power(echo_of(Weather(rain(4, 900), radar.frequency_hz), params), radar, 5000) == 0);
 }
 
 TEST_CASE("ranges and heights that make no sense are refused by name", "[rain-echo]") {
@@ -230,6 +215,4 @@ TEST_CASE("ranges and heights that make no sense are refused by name", "[rain-ec
     CHECK(refused({.sensor_m = 2134, .most_range_m = 0}) == "range is 0 m; it must be above 0");
     CHECK(refused({.sensor_m = 2e6, .most_range_m = 1e4}) ==
           "sensor height is 2000000 m; it must be at least -1000 and at most 1000000");
-    const RainEcho echo(weather, table, pattern, {.earth = four_thirds, .sensor_m = 2134, .most_range_m = 1e4});
-    CHECK(test::refusal<InputError>([&] { echo.bins_w({0, 4}, 0); }) == "range-bin is 0 m; it must be above 0");
 }

@@ -329,7 +329,9 @@ TEST_CASE("every setting that needs a new sweep is refused, by name and with the
         {"crossings", "off"},        {"course", "straight"},   {"detail", "off"},          {"frequency", "16.6GHz"},
         {"transmit-power", "100kW"}, {"gain", "35dB"},         {"losses", "5dB"},          {"gamma", "-15dB"},
         {"antenna", "cos-csc2"},     {"antenna-knee", "6deg"}, {"antenna-width", "13deg"}, {"antenna-exponent", "0.6"},
-        {"antenna-floor", "-50dB"},  {"tilt", "5deg"}};
+        {"antenna-floor", "-50dB"},  {"tilt", "5deg"},         {"polarisation", "vv"},    {"backscatter", "oh"},
+        {"water", "calm"},           {"sea-state", "2"},       {"gases", "normal"},       {"rain", "light"},
+        {"rain-top", "2km"},         {"cloud", "fog"},         {"cloud-base", "100m"},    {"cloud-top", "500m"}};
     std::set<std::string> tried;
     for (const wedgescope::Key& key : wedgescope::key_table()) {
         if (!(key.commands & wedgescope::command_simulate) || !key.changes_result ||

@@ -26,6 +26,8 @@ Words words(CoverageLayer layer) {
             return {"grazing angle", "deg"};
         case CoverageLayer::depression:
             return {"depression angle", "deg"};
+        case CoverageLayer::response:
+            return {"response", "dBm"};
     }
     return {"", ""};
 }

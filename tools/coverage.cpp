@@ -15,6 +15,7 @@
 #include "tools/coverage_report.hpp"
 #include "tools/ground.hpp"
 #include "tools/help.hpp"
+#include "tools/keys.hpp"
 #include "tools/observers.hpp"
 #include "tools/options.hpp"
 #include "tools/report_json.hpp"
@@ -81,6 +82,16 @@ std::string report_table(const CoverageReport& report, const Usage& usage) {
     return out + usage_lines(usage, report.threads, report.peak_budget_bytes, total.bytes_spilled);
 }
 
+/// What a radar has and ground returns counts in one layer only.
+void check_response(const Settings& settings) {
+    if (settings.coverage.layer == CoverageLayer::response) return;
+    const Settings defaults;
+    for (const Key& key : key_table())
+        if (key.of_response && key.get(settings) != key.get(defaults))
+            throw InputError(text("--", key.name, " is ", in_quotes(key.get(settings).value_or("")),
+                                  "; of coverage it is for --layer response alone"));
+}
+
 }  // namespace
 
 void coverage(const std::vector<std::string>& arguments, Stop& stop) {
@@ -95,6 +106,7 @@ void coverage(const std::vector<std::string>& arguments, Stop& stop) {
     settings.output = settings.files[1];
     settings.snap_to_post = translated.gdal_style;
     check_complete(settings);
+    check_response(settings);
     check_names(
         {{"output", settings.output}, {"report", settings.report}, {"timeline", settings.timeline}},
         {{"dem", settings.dem}, {"culture-height", settings.culture_height}, {"observers", settings.observers}});

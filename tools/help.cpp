@@ -79,7 +79,8 @@ std::string help_text(const CommandInfo& command) {
         command.command == command_scope) {
         out += "\nUnits: a number with a dimension needs its unit (0 does not)\n";
         for (const Dimension d : {Dimension::length, Dimension::time, Dimension::frequency, Dimension::power,
-                                  Dimension::level, Dimension::angle, Dimension::decibel, Dimension::bytes}) {
+                                  Dimension::level, Dimension::angle, Dimension::decibel, Dimension::bytes,
+                                  Dimension::rain_rate, Dimension::density}) {
             out += fmt::format("  {:<12}{}\n", value_word(d), unit_list(d));
         }
     }

@@ -6,6 +6,7 @@
 #include <iterator>
 #include <numbers>
 
+#include "lib/atmosphere.hpp"
 #include "lib/seen_counts.hpp"
 #include "tools/units.hpp"
 
@@ -96,6 +97,27 @@ Codec quantity(Dimension dimension, const Limits& limits, Field field, const std
         const auto v = load(field(s));
         if (!v) return absent;
         return quantity_text(dimension, *v);
+    };
+    return codec;
+}
+
+/// A quantity, some values of which have words; what of them is a word's value is written as one.
+template <class Field>
+Codec named(Dimension dimension, const Limits& limits, std::vector<std::pair<std::string, double>> words_of, Field field,
+            const std::string& absent = "") {
+    Codec plain = quantity(dimension, limits, field, absent), codec = plain;
+    codec.value.clear();
+    for (const auto& [word, value] : words_of) codec.value += word + "|";
+    codec.value += plain.value;
+    codec.set = [=](Settings& s, const Given& given) {
+        for (const auto& [word, value] : words_of)
+            if (trimmed(given.value) == word) return store(field(s), value);
+        plain.set(s, given);
+    };
+    codec.get = [=](const Settings& s) -> std::optional<std::string> {
+        for (const auto& [word, value] : words_of)
+            if (load(field(s)) == value) return word;
+        return plain.get(s);
     };
     return codec;
 }
@@ -702,11 +724,12 @@ std::vector<Key> make_keys() {
                                  {"height", CoverageLayer::height},
                                  {"range", CoverageLayer::range},
                                  {"grazing", CoverageLayer::grazing},
-                                 {"depression", CoverageLayer::depression}},
+                                 {"depression", CoverageLayer::depression},
+                                 {"response", CoverageLayer::response}},
                                 [](auto& s) -> auto& { return s.coverage.layer; }),
                             "mask",
                             "seen or not; 0 no data, 1 shadow, 2 seen, 3 unknown, 4 outside; metres to be raised to be "
-                            "seen; slant range, m; ray to ground, deg; below the horizontal, deg"));
+                            "seen; slant range, m; ray to ground, deg; below the horizontal, deg; what a radar gets of each post, dBm"));
         {
             Key& observers = t.add(
                 "observers", path([](auto& s) -> auto& { return s.observers; }), "",
@@ -777,10 +800,11 @@ std::vector<Key> make_keys() {
           quantity(
               frequency, above("0Hz"), [](auto& s) -> auto& { return s.scene.radar.bandwidth_hz; }, "auto"),
           "auto", "noise bandwidth; auto: 1.2 / pulse");
-    t.add("gamma",
-          quantity(
-              decibel, between("-100dB", "100dB"), [](auto& s) -> auto& { return s.scene.gamma; }, "off"),
-          "off", "one constant gamma at 10 GHz for everything, walls and water included (studies); off: by material");
+    t.add("polarisation",
+          choice<Polarisation>(
+              {{"hh", Polarisation::hh}, {"vv", Polarisation::vv}, {"circular", Polarisation::circular}},
+              [](auto& s) -> auto& { return s.scene.radar.polarisation; }),
+          "hh", "sent and received; circular: of one sense both ways, which rain hardly answers to");
 
     t.group(KeyGroup::antenna, true);
     t.add("beam",
@@ -819,6 +843,65 @@ std::vector<Key> make_keys() {
           quantity(
               angle, between("-90deg", "90deg"), [](auto& s) -> auto& { return s.scene.radar.antenna.tilt; }),
           "0deg", "of the antenna, positive down; the nose is at knee + tilt");
+
+    t.group(KeyGroup::ground, true);
+    t.add("backscatter",
+          choice<LandModel>(
+              {{"constant-gamma", LandModel::constant_gamma},
+               {"ulaby-dobson", LandModel::ulaby_dobson},
+               {"oh", LandModel::oh}},
+              [](auto& s) -> auto& { return s.scene.land; }),
+          "constant-gamma",
+          "model of land; a class that it does not know keeps its constant gamma (oh: all but sand and soil)");
+    t.add("water",
+          choice<WaterModel>(
+              {{"nrl", WaterModel::nrl}, {"calm", WaterModel::calm}},
+              [](auto& s) -> auto& { return s.scene.water; }),
+          "nrl", "model of water: waves of sea-state, or the mirror of calm inland water round the vertical");
+    t.add("sea-state",
+          number(
+              between("0", "6"), [](auto& s) -> auto& { return s.scene.sea_state; }),
+          "0", "Douglas, for nrl; 0: water returns nothing");
+    t.add("gamma",
+          quantity(
+              decibel, between("-100dB", "100dB"), [](auto& s) -> auto& { return s.scene.gamma; }, "off"),
+          "off", "one constant gamma at 10 GHz for everything, walls and water included (studies); off: by material");
+
+    t.group(KeyGroup::weather, true);
+    t.add("gases",
+          named(
+              density, between("0g/m3", "100g/m3"),
+              {{"normal", normal_vapour_g_m3}, {"high", high_vapour_g_m3}},
+              [](auto& s) -> auto& { return s.scene.weather.vapour_g_m3; }, "none"),
+          "none", "attenuation by oxygen and by so much water vapour at sea level (normal 7.5g/m3, high 20g/m3)");
+    {
+        std::vector<std::pair<std::string, double>> rates;
+        for (const RainCategory& category : rain_categories) rates.emplace_back(category.name, category.rate_mm_h);
+        t.add("rain",
+              named(rain_rate, between("0mm/h", "500mm/h"), rates,
+                    [](auto& s) -> auto& { return s.scene.weather.rain_mm_h; }),
+              "clear", "attenuates and returns an echo below rain-top (drizzle 0.25mm/h, light 1, moderate 4, heavy 16, "
+              "excessive 40)");
+    }
+    t.add("rain-top",
+          quantity(
+              length, between("-1km", "20km"), [](auto& s) -> auto& { return s.scene.weather.rain_top_m; }),
+          "3000m", "above sea level");
+    t.add("cloud",
+          named(
+              density, between("0g/m3", "10g/m3"),
+              {{"none", 0.0}, {"fog", 0.05}, {"thick-fog", 0.5}},
+              [](auto& s) -> auto& { return s.scene.weather.liquid_water_g_m3; }),
+          "none", "liquid water from cloud-base to cloud-top; it attenuates (fog 0.05g/m3: visibility 300 m; thick-fog "
+          "0.5g/m3: 50 m)");
+    t.add("cloud-base",
+          quantity(
+              length, between("-1km", "20km"), [](auto& s) -> auto& { return s.scene.weather.cloud_base_m; }),
+          "0m", "above sea level");
+    t.add("cloud-top",
+          quantity(
+              length, between("-1km", "20km"), [](auto& s) -> auto& { return s.scene.weather.cloud_top_m; }),
+          "1000m", "above sea level; above cloud-base");
 
     t.group(KeyGroup::receiver, true, true);
     t.add("if-gain",
@@ -981,6 +1064,8 @@ std::vector<Key> make_keys() {
     t.add("power", path([](auto& s) -> auto& { return s.power; }), "", "power image, after beam and pulse");
     t.add("states", path([](auto& s) -> auto& { return s.states; }), "",
           "0 no data, 1 shadow, 2 seen, 3 unknown, 4 outside");
+    t.add("ground", path([](auto& s) -> auto& { return s.ground_file; }), "",
+          "what the set gets of each post, dBm, on the raster's own posts: coverage's layer response of the same scene");
     t.add("report", path([](auto& s) -> auto& { return s.report; }), "",
           "JSON: inputs, parameters, what each wedge did, times, memory");
     t.add("timeline", path([](auto& s) -> auto& { return s.timeline; }), "",
@@ -1086,10 +1171,21 @@ std::vector<Key> make_keys() {
                              "help"})
         for (Key& key : keys)
             if (key.name == name) key.commands |= command_coverage;
+    // Of the layer response.
+    for (Key& key : keys)
+        if (key.group == KeyGroup::antenna || key.group == KeyGroup::ground || key.group == KeyGroup::weather ||
+            key.name == "frequency" || key.name == "transmit-power" || key.name == "gain" || key.name == "losses" ||
+            key.name == "polarisation" || key.name == "culture" || key.name == "culture-legend" ||
+            key.name == "material") {
+            key.commands |= command_coverage;
+            key.of_response = true;
+        }
     // What follows the echo image, and what the picture takes from the scene beside: the rest needs a new sweep.
     for (Key& key : keys) {
         if (key.after_echo || key.group == KeyGroup::errors) key.commands |= command_scope;
         if (key.group == KeyGroup::data_base) key.needs_sweep = "the echo image holds what was seen of its data base";
+        if (key.group == KeyGroup::weather)
+            key.needs_sweep = "what is lost on the way is in every piece of the echo";
         if (key.group == KeyGroup::antenna) key.needs_sweep = "the pattern in elevation weighs every piece of ground";
     }
     const auto keys_of = [&](std::initializer_list<const char*> names, const auto& change) {
@@ -1119,6 +1215,7 @@ std::vector<Key> make_keys() {
     because({"frequency", "transmit-power", "gain", "losses"},
             "the echo's watts hold it, and would be rounded otherwise (if-gain brightens the picture as well)");
     because({"gamma"}, "it is what every piece of ground returns");
+    because({"polarisation", "backscatter", "water", "sea-state"}, "it decides what every piece of ground returns");
     return keys;
 }
 
@@ -1138,6 +1235,10 @@ const char* title(KeyGroup group) {
             return "Radar";
         case KeyGroup::antenna:
             return "Antenna";
+        case KeyGroup::ground:
+            return "Backscatter";
+        case KeyGroup::weather:
+            return "Weather";
         case KeyGroup::receiver:
             return "Receiver";
         case KeyGroup::errors:

@@ -29,6 +29,8 @@ enum class KeyGroup {
     coverage,
     radar,
     antenna,
+    ground,
+    weather,
     receiver,
     errors,
     display,
@@ -64,6 +66,7 @@ struct Key {
     bool in_scene_file = true;
     bool changes_result = false;                       ///< part of SCENE_JSON: position, look, set, receiver, display
     bool after_echo = false;                           ///< changes_result, but never the echo: receiver, tube, noise
+    bool of_response = false;                          ///< of coverage only the layer response takes it
     std::string needs_sweep;                           ///< of what changes the echo: why scope cannot change it
     std::function<void(Settings&, const Given&)> set;  ///< InputError
     std::function<std::optional<std::string>(const Settings&)>

@@ -72,12 +72,13 @@ NamedPaths input_paths(const Settings& s) {
 
 void check_run_names(const Settings& s) {
     const NamedPaths outputs{{"output", s.output}, {"echo", s.echo},     {"power", s.power},
-                             {"states", s.states}, {"report", s.report}, {"timeline", s.timeline}};
+                             {"states", s.states}, {"ground", s.ground_file}, {"report", s.report},
+                             {"timeline", s.timeline}};
     check_names(outputs, input_paths(s));
     const bool any = std::any_of(outputs.begin(), outputs.end(), [](const auto& out) { return !out.second.empty(); });
     if (!any && !s.only_wedges)
         throw InputError(
-            "no output is given; at least one of output (-o), echo, power, states, report, timeline is needed");
+            "no output is given; at least one of output (-o), echo, power, states, ground, report, timeline is needed");
 }
 
 std::vector<InputFile> input_files(const Settings& s, const DataBase& data_base, const std::string& scene_file) {

@@ -55,6 +55,7 @@ struct Settings {
     std::optional<Interval> only_wedges;
 
     std::string output, echo, power, states, report, timeline;  ///< paths; empty: not written
+    std::string ground_file;                                    ///< --ground, a raster of the response; the same
     PowerUnit power_unit = PowerUnit::watt;
     std::string driver;                                       ///< --of
     std::vector<std::string> creation;                        ///< --co K=V

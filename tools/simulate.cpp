@@ -8,12 +8,15 @@
 #include <memory>
 #include <system_error>
 
+#include "lib/coverage.hpp"
 #include "lib/plan.hpp"
+#include "tiles/coverage_raster.hpp"
 #include "tiles/gdal_session.hpp"
 #include "tiles/output_file.hpp"
 #include "tiles/work_dir.hpp"
 #include "tools/budget.hpp"
 #include "tools/commands.hpp"
+#include "tools/coverage_report.hpp"
 #include "tools/doubts.hpp"
 #include "tools/ground.hpp"
 #include "tools/help.hpp"
@@ -38,7 +41,7 @@ struct Outputs {
     explicit Outputs(const Settings& settings);
     std::vector<OutputFile*> files();
 
-    std::optional<OutputFile> report, timeline;
+    std::optional<OutputFile> ground, report, timeline;
     std::optional<LayerFiles> layers;  ///< none with only-wedge, which fills the work folder; pictures are --resume's
 };
 
@@ -47,6 +50,7 @@ Outputs::Outputs(const Settings& s) {
     const auto open = [&](std::optional<OutputFile>& file, const std::string& path) {
         if (!path.empty()) file.emplace(path, s.overwrite);
     };
+    open(ground, s.ground_file);
     open(report, s.report);
     open(timeline, s.timeline);
     if (!s.only_wedges) layers.emplace(s);
@@ -55,7 +59,7 @@ Outputs::Outputs(const Settings& s) {
 std::vector<OutputFile*> Outputs::files() {
     std::vector<OutputFile*> all;
     if (layers) all = layers->files();
-    for (auto* file : {&report, &timeline})
+    for (auto* file : {&ground, &report, &timeline})
         if (*file) all.push_back(&**file);
     return all;
 }
@@ -104,6 +108,44 @@ std::optional<Arc> arc_alone(const Settings& settings, const DataBaseParams& lay
         refuse(e, memory_bytes(settings), simulation(settings, scene, true, stop, &work));
     }
 }
+
+/// The scene's response on the raster's own posts, in what the images leave of the budget.
+class Ground {
+public:
+    /// InputError where that is too little.
+    Ground(const Settings& settings, const ResolvedScene& scene, const DataBaseParams& layers, Stop& stop)
+        : settings_(settings), source_(open_direct_source(layers)) {
+        Scene same = settings.scene;
+        same.range_m = scene.scene.range_m;
+        scene_ = resolve_coverage(same, *source_);
+        params_.layer = CoverageLayer::response;
+        params_.cull = !settings.no_cull;
+        params_.threads = settings.threads;
+        const std::size_t images = image_bytes(scene), all = memory_bytes(settings);
+        params_.memory_bytes = all - std::min(all, images);
+        params_.stop = &stop;
+        const std::size_t least =
+            images + coverage_bytes(scene_, *source_, params_) + source_->cache_bytes() + source_->reader_bytes();
+        if (least > all) throw TooLittleMemory(all, least, "this scene with ground");
+    }
+    void write(const OutputFile& file, Timeline* timeline) {
+        params_.timeline = timeline;
+        CoverageFile::Layer layer;
+        layer.kind = params_.layer;
+        RasterFormat format = coverage_format(settings_);
+        if (!settings_.output.empty()) format.driver.clear(), format.creation.clear();  // the picture's
+        CoverageFile raster(scene_, source_->data_base(), layer, file, format);
+        const CoverageReport report =
+            cover(scene_, *source_, params_, [&](const CoverageTile& tile) { raster.write(tile); });
+        raster.close(static_cast<std::uint64_t>(source_->data_base().columns * source_->data_base().rows) - report.seen());
+    }
+
+private:
+    const Settings& settings_;
+    std::unique_ptr<WedgeSource> source_;
+    ResolvedScene scene_;
+    CoverageParams params_;
+};
 
 /// How to go on from what is kept, for the end of an error's line; empty if nothing is.
 std::string kept_words(const WorkDir* work) {
@@ -160,6 +202,8 @@ void simulate(const Settings& given, WorkDir* work, double start_s, Stop& stop) 
     if (work) work->bind(work_run(settings, scene, source->data_base()));
     params.archive = work;
     params.timeline = timeline.get();
+    std::optional<Ground> ground;
+    if (outputs.ground) ground.emplace(settings, scene, layers, stop);
     Progress progress(settings.quiet);
     params.progress = [&](double fraction) { progress.report(fraction); };
     RunResult result = [&] {
@@ -180,6 +224,7 @@ void simulate(const Settings& given, WorkDir* work, double start_s, Stop& stop) 
     const double write_start_s = now_s();
     Span writing(timeline.get(), "write", "stage");
     if (outputs.layers) outputs.layers->write(result, settings, source->data_base(), stop);
+    if (ground) ground->write(*outputs.ground, timeline.get());
     const double write_s = now_s() - write_start_s;
     writing.end();
     if (timeline) timeline->finish();
@@ -217,6 +262,10 @@ void simulate(const std::vector<std::string>& arguments, Stop& stop) {
     const Settings settings = parse_arguments(command_simulate, arguments);
     if (settings.help) return print(help_text(command_by_name("simulate")));
     check_complete(settings);
+    if (!settings.ground_file.empty() && (!settings.track.empty() || settings.only_wedges))
+        throw InputError(text("ground is ", in_quotes(settings.ground_file), " and ",
+                              settings.track.empty() ? "only-wedge" : "track",
+                              " is given too; ground is of a whole scene from one place"));
     if (!settings.track.empty()) return simulate_track(settings, start_s, stop);
     const std::unique_ptr<WorkDir> work = open_work_dir(settings);
     try {

@@ -34,6 +34,9 @@ constexpr Unit sizes[] = {
     {"B"},        {"KiB", 1024.0}, {"MiB", 1048576.0}, {"GiB", 1073741824.0}, {"TiB", 1099511627776.0},
     {"kB", 1, 3}, {"MB", 1, 6},    {"GB", 1, 9}};
 
+constexpr Unit rain_rates[] = {{"mm/h"}, {"in/h", 25.4}};
+constexpr Unit densities[] = {{"g/m3"}, {"g/m^3"}, {"kg/m3", 1, 3}};
+
 std::span<const Unit> units(Dimension dimension) {
     switch (dimension) {
         case Dimension::length:
@@ -52,6 +55,10 @@ std::span<const Unit> units(Dimension dimension) {
             return decibels;
         case Dimension::bytes:
             return sizes;
+        case Dimension::rain_rate:
+            return rain_rates;
+        case Dimension::density:
+            return densities;
     }
     return {};
 }
@@ -159,6 +166,10 @@ const char* value_word(Dimension dimension) {
             return "DECIBELS";
         case Dimension::bytes:
             return "BYTES";
+        case Dimension::rain_rate:
+            return "RATE";
+        case Dimension::density:
+            return "DENSITY";
     }
     return "";
 }
@@ -181,6 +192,10 @@ const char* noun(Dimension dimension) {
             return "a ratio";
         case Dimension::bytes:
             return "a number of bytes";
+        case Dimension::rain_rate:
+            return "a rain rate";
+        case Dimension::density:
+            return "a density";
     }
     return "";
 }

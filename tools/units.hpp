@@ -19,6 +19,8 @@ enum class Dimension {
     angle,      ///< rad
     decibel,    ///< dB
     bytes,      ///< B
+    rain_rate,  ///< mm/h
+    density,    ///< g/m^3
 };
 
 /// The word for a value of this dimension in help: LENGTH, TIME, ...

@@ -1,0 +1,53 @@
+#include "lib/class_laws.hpp"
+
+#include <algorithm>
+#include <utility>
+
+namespace wedgescope {
+
+BackscatterLaw class_law(const Material& material, const ClassLawParams& params) {
+    if (params.gamma || material.gamma10_db) {
+        if (!params.gamma && params.land != LandModel::constant_gamma) {
+            BackscatterLaw law = ground_law(material, params.land, params.frequency_hz, params.polarisation);
+            if (!law.gamma()) return law;
+        }
+        const Decibel gamma10 = params.gamma ? *params.gamma : Decibel(*material.gamma10_db);
+        const double less = params.polarisation == Polarisation::circular ? circular_loss.ratio() : 1;
+        return BackscatterLaw::constant_gamma(gamma_at(gamma10, params.frequency_hz).ratio() / less);
+    }
+    return params.water == WaterModel::nrl ? sea_nrl_law(params.frequency_hz, params.polarisation, params.sea_state)
+                                           : sea_calm_law(params.frequency_hz, params.polarisation);
+}
+
+ClassLaws::ClassLaws(std::vector<ClassGamma> gamma) : gamma_(std::move(gamma)) {
+    for (const ClassGamma& g : gamma_) most_ = std::max({most_, g.ground, g.wall});
+}
+
+ClassLaws::ClassLaws(const ClassLawParams& params)
+    : ClassLaws([&] {
+          std::vector<ClassGamma> gamma = gamma_table(params.frequency_hz, params.gamma);
+          if (params.polarisation == Polarisation::circular)
+              for (ClassGamma& g : gamma) g.wall /= circular_wall_loss.ratio();
+          return gamma;
+      }()) {
+    const std::vector<Material>& materials = material_table();
+    std::vector<BackscatterTable> tables;
+    bool all_constant = true;
+    for (std::size_t id = 0; id < materials.size(); ++id) {
+        tables.emplace_back(class_law(materials[id], params));
+        gamma_[id].ground = tables.back().most();
+        all_constant = all_constant && tables.back().constant();
+        most_ = std::max(most_, tables.back().most());
+        error_db_ = std::max(error_db_, tables.back().error_db());
+    }
+    if (all_constant) return;
+    for (const BackscatterTable& table : tables) {
+        rows_.push_back({entries_.size(), table.intervals() - 1, table.begin(), table.scale()});
+        if (const auto gamma = table.constant())
+            entries_.insert(entries_.end(), 2, *gamma);  // not rounded to float, as the same gamma alone
+        else
+            entries_.insert(entries_.end(), table.data(), table.data() + table.intervals() + 1);
+    }
+}
+
+}  // namespace wedgescope

@@ -1,0 +1,70 @@
+// Class laws: what every class of ground and its walls return in one scene, as the sweep looks it up.
+// Leaves the laws to backscatter.hpp and sea.hpp and which class follows which to material.hpp.
+#pragma once
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "lib/decibel.hpp"
+#include "lib/material.hpp"
+#include "lib/polarisation.hpp"
+#include "lib/sea.hpp"
+
+namespace wedgescope {
+
+/// The model of water: `nrl` sea_nrl_law of the sea state, `calm` sea_calm_law (the mirror of inland water alone).
+enum class WaterModel { nrl, calm };
+
+struct ClassLawParams {
+    double frequency_hz = 10e9;
+    Polarisation polarisation = Polarisation::hh;
+    LandModel land = LandModel::constant_gamma;
+    WaterModel water = WaterModel::nrl;
+    double sea_state = 0;
+    std::optional<Decibel> gamma{};  ///< one constant gamma at 10 GHz in place of every law, walls and water included
+};
+/// The law of a class' ground: ground_law of land, the water model of water (a class without a gamma). InputError where
+/// a model does not reach the frequency or the sea state.
+BackscatterLaw class_law(const Material& material, const ClassLawParams& params);
+/// What circular polarisation (of one sense both ways) takes of a constant gamma: 3 dB of ground, 0.5 dB of walls, which
+/// return by two bounces [P] (physics "Rain volume echo").
+inline constexpr Decibel circular_loss{3}, circular_wall_loss{0.5};
+
+/// Factors sigma0 / sin(grazing) of each class: constants, or tables over law_variable() of the local grazing angle.
+class ClassLaws {
+public:
+    ClassLaws() = default;
+    explicit ClassLaws(const ClassLawParams& params);
+    /// Of constant gammas alone, by class.
+    explicit ClassLaws(std::vector<ClassGamma> gamma);
+
+    /// No class depends on the angle: gamma() is all there is.
+    bool constant() const { return entries_.empty(); }
+    /// By class; `ground` of a class with a table is its largest factor.
+    const std::vector<ClassGamma>& gamma() const { return gamma_; }
+    double most() const { return most_; }          ///< largest factor of ground and walls
+    double error_db() const { return error_db_; }  ///< of the tables, see BackscatterTable
+
+    double ground(ClassId id, double variable) const noexcept {
+        if (entries_.empty()) return gamma_[id].ground;
+        const Row& row = rows_[id];
+        const double reached = (variable - row.begin) * row.scale, place = reached > 0 ? reached : 0.0;
+        const int whole = static_cast<int>(place), i = whole < row.last ? whole : row.last;
+        const double* const entry = entries_.data() + row.first + i;
+        return entry[0] + (place - i) * (entry[1] - entry[0]);
+    }
+    double wall(ClassId id) const noexcept { return gamma_[id].wall; }
+
+private:
+    struct Row {
+        std::size_t first;
+        int last;  // interval
+        double begin, scale;
+    };
+    std::vector<ClassGamma> gamma_;
+    std::vector<Row> rows_;
+    std::vector<double> entries_;
+    double most_ = 0, error_db_ = 0;
+};
+
+}  // namespace wedgescope

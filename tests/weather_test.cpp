@@ -1,0 +1,257 @@
+// Weather in a scene: what the ground's echo loses on the way, and the rain's own, against exact losses and closed forms.
+#include <catch2/catch.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "lib/atmosphere.hpp"
+#include "lib/engine.hpp"
+#include "lib/rain.hpp"
+#include "lib/shade.hpp"
+#include "tests/refusal.hpp"
+#include "tests/terrain.hpp"
+
+using namespace wedgescope;
+using Catch::Matchers::WithinAbs;
+using Catch::Matchers::WithinRel;
+using wedgescope::test::MemorySource;
+
+namespace {
+
+/// A default set over ground of one constant gamma.
+Scene scene_at(double altitude_m, double range_m) {
+    Scene s;
+    s.platform.xy = PointXY{12007, -12011};
+    s.platform.altitude_m = altitude_m;
+    s.range_m = range_m;
+    s.azimuth_bins = 360;
+    s.radar.antenna.beam = Angle::degrees(4);
+    s.display.size = 64;
+    return s;
+}
+
+RunResult simulate(const Scene& scene, WedgeSource& source) {
+    EngineParams params;
+    params.threads = 1;
+    return run(resolve(scene, source), source, params);
+}
+
+double at(const PolarImage<float>& image, std::size_t row, double range_m) {
+    return static_cast<double>(image.row(row)[static_cast<std::size_t>(range_m / image.grid.range_bin_m)]);
+}
+
+const auto hills = test::rolling(900, 250, 3);
+
+}  // namespace
+
+TEST_CASE("every piece of ground is weaker by what gases, rain and cloud take on its way", "[weather]") {
+    MemorySource source(801, 801, 30, [](double, double) { return 200.0; });
+    struct Case {
+        WeatherParams weather;
+        double frequency_hz;
+    };
+    for (const Case& c : {Case{{.vapour_g_m3 = 7.5}, 35e9}, Case{{.rain_mm_h = 16}, 16.5e9},
+                          Case{{.liquid_water_g_m3 = 0.5, .cloud_base_m = 500, .cloud_top_m = 1500}, 35e9},
+                          Case{{.vapour_g_m3 = 20, .rain_mm_h = 4, .rain_top_m = 1200, .liquid_water_g_m3 = 0.05,
+                                .cloud_base_m = 0, .cloud_top_m = 3000},
+                               16.5e9}})
+        for (const double altitude : {600.0, 2134.0, 9000.0}) {
+            Scene s = scene_at(altitude, 11500);
+            s.radar.frequency_hz = c.frequency_hz;
+            const RunResult clear = simulate(s, source);
+            s.weather = c.weather;
+            const RunResult r = simulate(s, source);
+            const Weather weather(weather_of(s), c.frequency_hz);
+            for (const double range : {altitude + 100, 10000.0, 11000.0})
+                for (const std::size_t row : {std::size_t{10}, std::size_t{137}, std::size_t{301}}) {
+                    const double before = at(clear.echo_w, row, range), after = at(r.echo_w, row, range);
+                    if (!(before > 0)) continue;
+                    const double middle = (std::floor(range / r.echo_w.grid.range_bin_m) + 0.5) * r.echo_w.grid.range_bin_m;
+                    const Earth& earth = r.scene.earth;
+                    const double arc = earth.arc_m(altitude, 200, middle).value();
+                    const double sine = -std::sin(earth.sight(altitude, 200, arc).depression_rad);
+                    INFO(altitude << " m, " << range << " m");
+                    CHECK_THAT(10 * std::log10(before / after),
+                               WithinAbs(path_loss(weather, earth, altitude, middle, sine).db(), 0.02));
+                }
+        }
+}
+
+TEST_CASE("over water that returns nothing the power is the rain's alone, as the closed form of a filled beam",
+          "[weather]") {
+    // Amid rain on a flat earth, a pencil beam that looks ahead.
+    MemorySource source(801, 801, 30, [](double, double) { return 0.0; });
+    source.editable().default_class = material_by_name("material", "water");
+    Scene s = scene_at(4000, 11500);
+    s.earth_k.reset();
+    s.radar.frequency_hz = 9.4e9;
+    s.radar.antenna.elevation = ElevationPattern::gaussian;
+    s.radar.antenna.knee = Angle::degrees(0);
+    s.radar.antenna.width = Angle::degrees(3);
+    for (const double rate : {1.0, 16.0})
+        for (const bool circular : {false, true}) {
+            s.weather.rain_mm_h = rate;
+            s.weather.rain_top_m = 20e3;
+            s.radar.polarisation = circular ? Polarisation::circular : Polarisation::hh;
+            const RunResult r = simulate(s, source);
+            CHECK(*std::max_element(r.echo_w.cells.begin(), r.echo_w.cells.end()) == 0);
+            const double extent = s.radar.pulse_extent_m(), dr = r.power_w.grid.range_bin_m;
+            for (const double range : {4300.0, 7000.0, 11000.0}) {
+                const auto j = static_cast<std::size_t>(range / dr);
+                const double middle = (static_cast<double>(j) + 0.5) * dr - extent / 2;
+                const double volume = std::numbers::pi * s.radar.antenna.beam.rad() * s.radar.antenna.width.rad() * middle *
+                                      middle * 2 * extent / (16 * std::numbers::ln2);
+                const double gamma = rain_attenuation_db_km(9.4e9, rate, Angle::degrees(0),
+                                                            circular ? circular_tilt : horizontal_tilt);
+                const double less = circular ? rain_cancellation(rate).ratio() : 1;
+                const double expected = radar_constant(s.radar) * rain_cross_section_per_m(9.4e9, rate) * volume /
+                                        std::pow(middle, 4) * std::pow(10, -0.2 * gamma * middle * 1e-3) / less;
+                for (const std::size_t row : {std::size_t{0}, std::size_t{211}}) {
+                    INFO(rate << " mm/h at " << range << " m, circular " << circular);
+                    CHECK_THAT(10 * std::log10(at(r.power_w, row, range) / expected), WithinAbs(0, 0.03));
+                }
+            }
+        }
+}
+
+TEST_CASE("the rain's echo is on top of the ground's, spread or not, in any slice of the circle", "[weather]") {
+    MemorySource source(801, 801, 30, [](double c, double r) { return 300 + hills(c, r); });
+    for (const bool spread : {true, false}) {
+        Scene s = scene_at(2134, 11500);
+        s.radar.beam_width_error = s.radar.pulse_length_error = spread;
+        s.weather.rain_mm_h = 16;
+        const RunResult both = simulate(s, source);
+        source.editable().default_class = material_by_name("material", "water");
+        const RunResult rain = simulate(s, source);
+        source.editable().default_class = material_by_name("material", "soil");
+        // Without the echo: rain that takes as much as that but sends back nothing is none; so the ground alone is what is left.
+        s.sector = Sector{Angle::degrees(30), Angle::degrees(75)};
+        s.range_start_m = 3000;
+        const RunResult part = simulate(s, source);
+        const PolarGrid& grid = part.power_w.grid;
+        for (std::int64_t a = grid.azimuth_bins.begin; a < grid.azimuth_bins.end; a += 7)
+            for (std::int64_t j = grid.range_bins.begin; j < grid.range_bins.end; j += 31) {
+                const auto row = static_cast<std::size_t>(a), column = static_cast<std::size_t>(j);
+                const double all = static_cast<double>(both.power_w.row(row)[column]);
+                CHECK(all >= static_cast<double>(rain.power_w.row(row)[column]));
+                CHECK_THAT(static_cast<double>(part.power_w.row(static_cast<std::size_t>(a - grid.azimuth_bins.begin))
+                                                   [static_cast<std::size_t>(j - grid.range_bins.begin)]),
+                           WithinRel(all, 1e-6));
+            }
+        // Rain is the same in every azimuth, but for nothing.
+        for (std::size_t j = 0; j < rain.power_w.grid.range_count(); j += 11)
+            CHECK(rain.power_w.row(3)[j] == rain.power_w.row(200)[j]);
+    }
+}
+
+TEST_CASE("without spreading the rain's total is that of the spread picture", "[weather]") {
+    MemorySource source(401, 401, 30, [](double, double) { return 0.0; });
+    source.editable().default_class = material_by_name("material", "water");
+    Scene s = scene_at(1500, 5500);
+    s.platform.xy = PointXY{6007, -6011};
+    s.weather.rain_mm_h = 4;
+    const auto total = [&] {
+        const RunResult r = simulate(s, source);
+        double sum = 0;
+        for (const float p : r.power_w.cells) sum += static_cast<double>(p);
+        return sum;
+    };
+    const double with = total();
+    s.radar.beam_width_error = s.radar.pulse_length_error = false;
+    CHECK_THAT(total(), WithinRel(with, 3e-3));  // the pulse carries a little over the last bin
+}
+
+TEST_CASE("on a true ground-range scope rain lies where level ground of its range does", "[weather]") {
+    MemorySource source(801, 801, 30, [](double, double) { return 0.0; });
+    source.editable().default_class = material_by_name("material", "water");
+    Scene s = scene_at(3000, 11000);
+    s.weather.rain_mm_h = 4;
+    s.radar.pulse_length_error = false;  // a pulse is sec d times as long there
+    const RunResult slant = simulate(s, source);
+    s.display.kind = DisplayKind::gpi_true;
+    const RunResult ground = simulate(s, source);
+    for (const double arc : {2000.0, 5000.0, 9000.0}) {
+        const double range = ground.scene.earth.slant_range_m(3000, 0, arc),
+                     cosine = arc / range;  // a bin of arc holds so much of slant range, and a pulse that fills it sec d
+        INFO("at " << arc << " m");
+        CHECK_THAT(at(ground.power_w, 5, arc) / at(slant.power_w, 5, range), WithinRel(cosine, 0.02));
+    }
+}
+
+TEST_CASE("rain fluctuates as the ground does: its mean stays, one look is exponential", "[weather]") {
+    MemorySource source(401, 401, 30, [](double, double) { return 0.0; });
+    source.editable().default_class = material_by_name("material", "water");
+    Scene s = scene_at(1500, 5500);
+    s.platform.xy = PointXY{6007, -6011};
+    s.weather.rain_mm_h = 16;
+    s.receiver.speckle_looks = 1;
+    EngineParams params;
+    params.threads = 1;
+    params.beside_others = true;  // keeps what is received
+    const RunResult r = run(resolve(s, source), source, params);
+    double sum = 0, square = 0;
+    std::size_t n = 0;
+    // Each look of a resolution cell: a beamwidth (4 bins) and a pulse (4 bins) apart.
+    for (std::size_t row = 0; row < 360; row += 8)
+        for (std::size_t j = 100; j < r.power_w.grid.range_count(); j += 8) {
+            const double ratio = static_cast<double>(r.received_w.row(row)[j]) /
+                                 (static_cast<double>(r.power_w.row(row)[j]) + r.scene.noise_power_w);
+            sum += ratio;
+            square += ratio * ratio;
+            ++n;
+        }
+    REQUIRE(n > 1000);
+    const double mean = sum / static_cast<double>(n);
+    CHECK_THAT(mean, WithinAbs(1, 0.1));
+    CHECK_THAT(square / static_cast<double>(n) / (mean * mean), WithinAbs(2, 0.35));
+}
+
+TEST_CASE("weather that takes nothing changes no bit", "[weather]") {
+    MemorySource source(301, 301, 30, [](double c, double r) { return 300 + hills(c, r); });
+    Scene s = scene_at(1800, 4000);
+    s.platform.xy = PointXY{4507, -4511};
+    const RunResult before = simulate(s, source);
+    s.weather.rain_top_m = 8000;
+    s.weather.cloud_base_m = 500;
+    s.weather.cloud_top_m = 900;
+    s.weather.rain_mm_h = 0;
+    const RunResult after = simulate(s, source);
+    CHECK(before.echo_w.cells == after.echo_w.cells);
+    CHECK(before.power_w.cells == after.power_w.cells);
+}
+
+TEST_CASE("any number of wedges and threads weaken alike", "[weather]") {
+    MemorySource source(401, 401, 30, [](double c, double r) { return 300 + hills(c, r); });
+    Scene s = scene_at(1800, 5000);
+    s.platform.xy = PointXY{6007, -6011};
+    s.weather.vapour_g_m3 = 7.5;
+    s.weather.rain_mm_h = 4;
+    s.land = LandModel::ulaby_dobson;
+    const RunResult one = simulate(s, source);
+    EngineParams params;
+    params.threads = 2;
+    params.wedges = 7;
+    params.cull = false;
+    const RunResult seven = run(resolve(s, source), source, params);
+    CHECK(one.echo_w.cells == seven.echo_w.cells);
+    CHECK(one.power_w.cells == seven.power_w.cells);
+}
+
+TEST_CASE("weather outside what its formulas take is refused by key", "[weather]") {
+    MemorySource source(101, 101, 30, [](double, double) { return 0.0; });
+    Scene s = scene_at(800, 1200);
+    s.platform.xy = PointXY{1500, -1500};
+    const auto refused = [&] { return test::refusal<InputError>([&] { resolve(s, source); }); };
+    s.weather.rain_mm_h = 501;
+    CHECK(refused().starts_with("rain is 501 mm/h"));
+    s.weather = {};
+    s.weather.liquid_water_g_m3 = 0.1;
+    s.weather.cloud_base_m = 900;
+    s.weather.cloud_top_m = 800;
+    CHECK(refused().starts_with("cloud-top is 800 m"));
+    s.weather = {};
+    s.weather.vapour_g_m3 = 7.5;
+    s.radar.frequency_hz = 0.5e9;
+    CHECK(refused().starts_with("frequency with gases is 0.5 GHz"));
+}
