@@ -203,7 +203,7 @@ Billingsley billingsley_low_relief(Angle depression) {
 // ---------------------------------------------------------------------------------------------- laws and tables
 
 BackscatterLaw BackscatterLaw::constant_gamma(double gamma) {
-    require_within("gamma", gamma, 0, 1e6, "");
+    require_within("gamma", gamma, 0, 1e15, "");
     return BackscatterLaw(gamma);
 }
 

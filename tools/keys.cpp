@@ -886,7 +886,7 @@ std::vector<Key> make_keys() {
     t.add("rain-top",
           quantity(
               length, between("-1km", "20km"), [](auto& s) -> auto& { return s.scene.weather.rain_top_m; }),
-          "3000m", "above sea level");
+          "3km", "above sea level");
     t.add("cloud",
           named(
               density, between("0g/m3", "10g/m3"),
@@ -901,7 +901,7 @@ std::vector<Key> make_keys() {
     t.add("cloud-top",
           quantity(
               length, between("-1km", "20km"), [](auto& s) -> auto& { return s.scene.weather.cloud_top_m; }),
-          "1000m", "above sea level; above cloud-base");
+          "1km", "above sea level; above cloud-base");
 
     t.group(KeyGroup::receiver, true, true);
     t.add("if-gain",
