@@ -25,10 +25,10 @@ double cut_rad(const AntennaParams& antenna) {
     return uniform_cut_u / (2 * uniform_half_power_u) * beam_rad;
 }
 
-/// Neighbours a side that can return power at all, each bin once round the circle.
-std::int64_t neighbour_bins(const AntennaParams& antenna, std::int64_t circle_bins) {
+/// Neighbours a side that can return power at all, of a beam drawn `scale` times as wide; each bin once round the circle.
+std::int64_t neighbour_bins(const AntennaParams& antenna, double scale, std::int64_t circle_bins) {
     const double step_rad = 2 * std::numbers::pi / static_cast<double>(circle_bins);
-    const double reach = std::floor(cut_rad(antenna) / least_cosine / step_rad);
+    const double reach = std::floor(cut_rad(antenna) * scale / least_cosine / step_rad);
     return static_cast<std::int64_t>(std::min(reach, static_cast<double>(circle_bins / 2)));
 }
 
@@ -60,8 +60,8 @@ double hat_integral(double x) {
     return x < 0 ? 0.5 * (1 + x) * (1 + x) : 1 - 0.5 * (1 - x) * (1 - x);
 }
 
-double pulse_width_bins(const BeamSetting& setting, double range_bin_m, double range_m) {
-    const double width = setting.pulse_extent_m / range_bin_m;
+double pulse_width_bins(const BeamSetting& setting, double scale, double range_bin_m, double range_m) {
+    const double width = setting.pulse_extent_m * scale / range_bin_m;
     if (!setting.range_is_ground) return width;
     return static_cast<float>(width / level_cosine(setting, range_m));
 }
@@ -89,12 +89,13 @@ double one_way_azimuth_pattern(const AntennaParams& antenna, double offset_rad) 
 }
 
 std::int64_t skirt_bins(const BeamSetting& setting, std::int64_t circle_bins) {
-    return setting.beam_width_error ? neighbour_bins(setting.antenna, circle_bins) : 0;
+    return setting.beam_width_error ? neighbour_bins(setting.antenna, setting.beam_width_scale, circle_bins) : 0;
 }
 
 std::int64_t lead_in_bins(const BeamSetting& setting, double range_bin_m) {
     if (!setting.pulse_length_error) return 0;
-    const double width = setting.pulse_extent_m / range_bin_m / (setting.range_is_ground ? least_cosine : 1.0);
+    const double width = setting.pulse_extent_m * setting.pulse_length_scale / range_bin_m /
+                         (setting.range_is_ground ? least_cosine : 1.0);
     return static_cast<std::int64_t>(std::ceil(width));
 }
 
@@ -120,7 +121,7 @@ Resolution::Resolution(const BeamSetting& setting, std::int64_t circle_bins, dou
                                   outputs.end},
       skirt_(skirt_bins(setting, circle_bins)), pulse_per_bin_(setting.range_is_ground && setting.pulse_length_error) {
     const double step_rad = 2 * std::numbers::pi / static_cast<double>(circle_bins);
-    const std::int64_t neighbours = neighbour_bins(setting.antenna, circle_bins);
+    const std::int64_t neighbours = neighbour_bins(setting.antenna, 1, circle_bins);
     const auto n = static_cast<std::size_t>(sources_.size());
     const auto offsets = static_cast<std::size_t>(skirt_) + 1;
     const auto root = [of](double power) { return of == Of::power ? power : std::sqrt(power); };
@@ -130,15 +131,26 @@ Resolution::Resolution(const BeamSetting& setting, std::int64_t circle_bins, dou
         for (std::size_t j = bins.begin(); j < bins.end(); ++j) {
             const double cosine =
                 level_cosine(setting, middle_m(sources_.begin + static_cast<std::int64_t>(j), range_bin_m));
-            double total = 0;
-            for (std::int64_t offset = 0; offset <= neighbours; ++offset) {
-                const double power =
-                    two_way_azimuth_pattern(setting.antenna, static_cast<double>(offset) * step_rad * cosine);
-                if (setting.beam_width_error)
-                    azimuth_[static_cast<std::size_t>(offset) * n + j] = static_cast<float>(root(power));
-                total += offset == 0 || opposite(offset, circle_bins) ? power : 2 * power;
+            const auto pattern = [&](std::int64_t offset, double scale) {
+                return two_way_azimuth_pattern(setting.antenna,
+                                               static_cast<double>(offset) * step_rad * cosine / scale);
+            };
+            const auto total = [&](std::int64_t widest, double scale) {
+                double sum = 0;
+                for (std::int64_t offset = 0; offset <= widest; ++offset)
+                    sum += (offset == 0 || opposite(offset, circle_bins) ? 1.0 : 2.0) * pattern(offset, scale);
+                return sum;
+            };
+            if (!setting.beam_width_error) {
+                azimuth_[j] = static_cast<float>(root(total(neighbours, 1)));
+                continue;
             }
-            if (!setting.beam_width_error) azimuth_[j] = static_cast<float>(root(total));
+            const double scale = setting.beam_width_scale;
+            // What the true beam gathers, bin by bin: so the narrowest gives what BWE off gives.
+            const double level = scale == 1 ? 1 : total(neighbours, 1) / total(skirt_, scale);
+            for (std::int64_t offset = 0; offset <= skirt_; ++offset)
+                azimuth_[static_cast<std::size_t>(offset) * n + j] =
+                    static_cast<float>(root(pattern(offset, scale) * level));
         }
     });
     reach_.assign(offsets, n);
@@ -147,8 +159,11 @@ Resolution::Resolution(const BeamSetting& setting, std::int64_t circle_bins, dou
 
     const std::int64_t kinds = pulse_per_bin_ ? outputs_.size() : 1;
     for (std::int64_t k = 0; k < kinds; ++k) {
-        const double width = pulse_width_bins(setting, range_bin_m, middle_m(outputs_.begin + k, range_bin_m));
+        const double range_m = middle_m(outputs_.begin + k, range_bin_m);
+        const double width = pulse_width_bins(setting, setting.pulse_length_scale, range_bin_m, range_m);
         std::vector<double> weights = pulse_weights(width);
+        if (setting.pulse_length_scale != 1)
+            for (double& weight : weights) weight *= pulse_width_bins(setting, 1, range_bin_m, range_m) / width;
         // Without the pulse's length the same total falls into the own bin (weights of any width add up to it).
         if (!setting.pulse_length_error) weights = {setting.pulse_extent_m / range_bin_m};
         for (double& weight : weights) weight = root(weight);

@@ -16,11 +16,13 @@ struct BeamSetting {
     AntennaParams antenna;
     bool beam_width_error = true;
     bool pulse_length_error = true;
-    double pulse_extent_m = 0;     ///< c tau / 2
-    double sensor_m = 0;           ///< height above sea level
-    double reference_m = 0;        ///< level surface of d_j
-    Earth earth;                   ///< K sqrt(MN), K R1 or the plane
-    bool range_is_ground = false;  ///< gpi-true: range bins are arcs; the pulse is c tau/2 sec d_j long on them
+    double beam_width_scale = 1;    ///< the beam drawn so many times as wide, with the same total; BWE only
+    double pulse_length_scale = 1;  ///< the pulse drawn so many times as long, with the same total; PLE only
+    double pulse_extent_m = 0;      ///< c tau / 2
+    double sensor_m = 0;            ///< height above sea level
+    double reference_m = 0;         ///< level surface of d_j
+    Earth earth;                    ///< K sqrt(MN), K R1 or the plane
+    bool range_is_ground = false;   ///< gpi-true: range bins are arcs; the pulse is c tau/2 sec d_j long on them
 };
 
 /// Two-way power pattern g_az^2 at azimuth offset phi: peak 1, exactly 0 beyond 2.24 beamwidths (Gaussian)
@@ -38,7 +40,8 @@ std::int64_t lead_in_bins(const BeamSetting& setting, double range_bin_m);
 /// height at the middle of range bin j, cos d_j at least 0.5; each bin at most once round the circle. Then the
 /// one-sided pulse: cell j is the mean over the bin of the sum of the echoes in (r - c tau/2, r]: weights
 /// w_m = H(m) - H(m - w), w = c tau / (2 dr), H the integral of the unit hat; m = 0.. bins nearer.
-/// Switched off, the same total weight falls into the own bin. InputError if `echo` does not hold what `shown` needs.
+/// Switched off, the same total weight falls into the own bin; scaled, it is spread over a beam (a pulse) so many times as
+/// wide, whose weights are divided by how much more they add up to. InputError if `echo` does not hold what `shown` needs.
 /// `echo` (watts) covers at least `shown` plus skirt and lead-in where the circle and range 0 allow; the result
 /// covers `shown`. Every output is a sum in a fixed order: the same bits for any number of threads. `used`: an image whose
 /// memory may serve again.

@@ -186,15 +186,17 @@ int coarsest(const DataBase& db) {
     return most;
 }
 
+/// Length in range of what a cell gathers. Exaggeration is the picture's: it makes no level coarser.
 double pulse_m(const ResolvedScene& scene) {
     const RadarParams& radar = scene.scene.radar;
-    return std::max(radar.pulse_length_error ? radar.pulse_extent_m() : 0.0, scene.swept.range_bin_m);
+    return std::max(radar.pulse_length_error ? radar.pulse_extent_m() * std::min(1.0, radar.pulse_length_scale) : 0.0,
+                    scene.swept.range_bin_m);
 }
 
 /// Width in azimuth of what a cell gathers.
 double beam_rad(const ResolvedScene& scene) {
     const RadarParams& radar = scene.scene.radar;
-    return std::max(radar.beam_width_error ? radar.antenna.beam.rad() : 0.0,
+    return std::max(radar.beam_width_error ? radar.antenna.beam.rad() * std::min(1.0, radar.beam_width_scale) : 0.0,
                     6.283185307179586 / static_cast<double>(scene.swept.circle_bins));
 }
 

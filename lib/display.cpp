@@ -13,6 +13,7 @@
 
 #include "lib/display_lanes.hpp"
 #include "lib/error.hpp"
+#include "lib/pixel_fill.hpp"
 #include "lib/rounding.hpp"
 
 namespace wedgescope {
@@ -23,6 +24,7 @@ constexpr double nautical_mile_m = 1852;
 
 constexpr double ring_grey = 96;  ///< added to the picture: seen on black, no more than a brighter trace on ground
 constexpr double edge_grey = 96;
+constexpr double line_grey = 96;
 constexpr double mark_grey = 144;
 
 /// The angle, turned into [0, 2 pi).
@@ -63,6 +65,7 @@ public:
     Graticule(const DisplaySetting& setting, const Frame& frame) : metres_per_pixel_(frame.metres_per_pixel) {
         radius_m_ = largest_radius_m(setting);
         ring_step_m_ = ring_step_m(radius_m_);
+        if (setting.params.rings && setting.params.ring_spacing_m) ring_step_m_ = *setting.params.ring_spacing_m;
         // A ring that coincides with the rim is left out.
         rings_ = static_cast<int>(std::floor(radius_m_ / ring_step_m_ * (1 - 1e-9)));
         short_mark_m_ = std::max(4 * metres_per_pixel_, 0.015 * radius_m_);
@@ -71,6 +74,14 @@ public:
         sector_ = !setting.shown.full_circle();
         const double step = setting.shown.azimuth_step_rad();
         width_rad_ = static_cast<double>(setting.shown.azimuth_bins.size()) * step;
+        rings_shown_ = setting.params.rings;
+        if (setting.params.azimuth_marks_rad) {
+            constexpr double apart_pixels = 4;
+            line_step_rad_ = *setting.params.azimuth_marks_rad;
+            last_line_ = std::floor(0.5 * full_turn / line_step_rad_ * (1 + 1e-12));
+            heading_rad_ = setting.heading.rad();
+            lines_from_m_ = apart_pixels * metres_per_pixel_ / line_step_rad_;
+        }
     }
 
     std::vector<double> ring_radii_m() const {
@@ -86,6 +97,12 @@ public:
 
     /// Grey to add at a radius and azimuth; `into_rad` is the angle from the sector's first edge.
     double light(double radius_m, double azimuth_rad, double into_rad) const {
+        return std::max(rings_shown_ ? ring_light(radius_m, azimuth_rad, into_rad) : 0,
+                        line_step_rad_ > 0 ? line_light(radius_m, azimuth_rad) : 0);
+    }
+
+private:
+    double ring_light(double radius_m, double azimuth_rad, double into_rad) const {
         double grey = 0;
         const double ring = std::round(radius_m / ring_step_m_);
         if (ring >= 1 && ring <= rings_)
@@ -106,7 +123,15 @@ public:
         return grey;
     }
 
-private:
+    double line_light(double radius_m, double azimuth_rad) const {
+        if (radius_m < lines_from_m_) return 0;
+        const double off_rad = std::remainder(azimuth_rad - heading_rad_, full_turn);
+        const double line = std::clamp(std::round(off_rad / line_step_rad_), -last_line_, last_line_);
+        return line_grey * coverage(radius_m * (off_rad - line * line_step_rad_) / metres_per_pixel_);
+    }
+
+    bool rings_shown_ = true;
+    double line_step_rad_ = 0, last_line_ = 0, heading_rad_ = 0, lines_from_m_ = 0;  // step 0: no lines
     double metres_per_pixel_ = 1, radius_m_ = 0, ring_step_m_ = 0, short_mark_m_ = 0, long_mark_m_ = 0;
     double up_rad_ = 0, width_rad_ = 0;
     int rings_ = 0;
@@ -148,6 +173,16 @@ Frame frame(const DisplaySetting& setting) {
     Frame result;
     result.up_azimuth_rad = setting.params.orientation == Orientation::heading ? wrapped(setting.heading.rad()) : 0;
     const double radius_m = largest_radius_m(setting);
+    require_rings(setting);
+    const auto size = static_cast<double>(setting.params.size);
+    if (const std::optional<TubePlace>& centre = setting.params.centre) {
+        const double farthest_side = 1 + std::max(std::abs(centre->x), std::abs(centre->y));  // in halves of a side
+        result.width = result.height = setting.params.size;
+        result.metres_per_pixel = rounded_significand(2 * radius_m / farthest_side / size, 32);
+        result.centre_column = rounded((1 + centre->x) / 2 * size, 20);
+        result.centre_row = rounded((1 - centre->y) / 2 * size, 20);
+        return result;
+    }
 
     // The sector's box in units of the radius, the centre always inside.
     double left = 0, right = 0, bottom = 0, top = 0;
@@ -176,7 +211,6 @@ Frame frame(const DisplaySetting& setting) {
     }
 
     const double longer = std::max(right - left, top - bottom);
-    const auto size = static_cast<double>(setting.params.size);
     const auto pixels = [&](double length) {
         return std::max<std::int64_t>(1, static_cast<std::int64_t>(std::ceil(length / longer * size - 1e-6)));
     };
@@ -187,6 +221,30 @@ Frame frame(const DisplaySetting& setting) {
     result.centre_column = rounded(-left / longer * size, 20);
     result.centre_row = rounded(top / longer * size, 20);
     return result;
+}
+
+void require_rings(const DisplaySetting& setting) {
+    constexpr double most = 200;
+    if (!setting.params.rings || !setting.params.ring_spacing_m) return;
+    const std::optional<double> radius = display_radius_m(setting, setting.range_m);
+    if (radius && *radius > most * *setting.params.ring_spacing_m)
+        throw InputError(
+            fmt::format("ring-spacing is {:.12g} m; with a radius of {:.1f} m on the tube it must be at "
+                        "least {:.1f} m, which makes {:.0f} rings",
+                        *setting.params.ring_spacing_m, *radius, *radius / most, most));
+}
+
+std::size_t bytes_a_pixel(const DisplayParams& params) {
+    const std::size_t picture = 2 + (params.alpha ? 1 : 0);
+    switch (params.pixel_fill) {
+        case PixelFill::interpolate:
+            return picture;
+        case PixelFill::none:
+            return picture + paint_bytes_a_pixel;
+        case PixelFill::holes:
+            return picture + fill_bytes_a_pixel;
+    }
+    return picture;
 }
 
 namespace {
@@ -220,6 +278,28 @@ PixelScene pixel_scene(const DisplaySetting& setting, const Frame& f, const Grat
     return s;
 }
 
+/// Pixels without power that lie in the picture's range and sector, row after row.
+std::vector<std::uint32_t> holes(const std::vector<double>& painted_w, const Frame& f, const PixelScene& scene) {
+    std::vector<std::uint8_t> hole(painted_w.size(), 0);
+    oneapi::tbb::parallel_for(oneapi::tbb::blocked_range<std::int64_t>(0, f.height, 8), [&](const auto& rows) {
+        const auto pixels = std::make_unique<PixelRow>();
+        for (std::int64_t row = rows.begin(); row < rows.end(); ++row) {
+            const double y = (f.centre_row - (static_cast<double>(row) + 0.5)) * f.metres_per_pixel;
+            for (std::int64_t column = 0; column < f.width; column += std::int64_t{pixel_lanes}) {
+                const auto n = static_cast<std::size_t>(std::min(f.width - column, std::int64_t{pixel_lanes}));
+                place_pixels(n, column, y, scene, *pixels);
+                const auto first = static_cast<std::size_t>(row * f.width + column);
+                for (std::size_t i = 0; i < n; ++i) hole[first + i] = pixels->shown[i] && painted_w[first + i] < 0;
+            }
+        }
+    });
+    std::vector<std::uint32_t> places;
+    places.reserve(static_cast<std::size_t>(std::count(hole.begin(), hole.end(), 1)));
+    for (std::size_t i = 0; i < hole.size(); ++i)
+        if (hole[i]) places.push_back(static_cast<std::uint32_t>(i));
+    return places;
+}
+
 }  // namespace
 
 Picture picture(const PolarImage<float>& received_w, const PolarImage<std::uint8_t>& state,
@@ -239,6 +319,10 @@ Picture picture(const PolarImage<float>& received_w, const PolarImage<std::uint8
     result.state.assign(static_cast<std::size_t>(f.width * f.height), static_cast<std::uint8_t>(State::outside));
 
     const PixelScene scene = pixel_scene(setting, f, graticule);
+    std::vector<double> painted_w;
+    if (setting.params.pixel_fill != PixelFill::interpolate) painted_w = paint_cells(received_w, setting, f);
+    if (setting.params.pixel_fill == PixelFill::holes) fill_holes(painted_w, f, holes(painted_w, f, scene));
+    const bool lines = setting.params.azimuth_marks_rad.has_value();
     std::atomic<std::uint64_t> lit = 0;
     const bool ground_bins = setting.params.kind == DisplayKind::gpi_true;
     const auto draw_row = [&](std::int64_t row, PixelRow& pixels) {
@@ -249,28 +333,33 @@ Picture picture(const PolarImage<float>& received_w, const PolarImage<std::uint8
             place_pixels(n, column, y, scene, pixels);
             std::uint8_t* const greys = result.grey.data() + row * f.width + column;
             std::uint8_t* const states = result.state.data() + row * f.width + column;
+            const double* const painted = painted_w.empty() ? nullptr : painted_w.data() + row * f.width + column;
             for (std::size_t i = 0; i < n; ++i) {
-                if (!pixels.shown[i]) continue;
+                const bool hole = painted && painted[i] < 0;
+                // A cell at the rim may fall on a pixel whose own middle lies outside.
+                if (!pixels.shown[i] && (!painted || hole)) continue;
                 const auto index = [](std::int32_t bin) { return static_cast<std::size_t>(bin); };
                 const std::size_t near = index(pixels.range.first[i]), far = index(pixels.range.second[i]);
                 const double along = pixels.range.share[i], across = pixels.azimuth.share[i];
                 const auto between = [&](const float* cells) {
                     return (1 - along) * static_cast<double>(cells[near]) + along * static_cast<double>(cells[far]);
                 };
-                const double power_w = (1 - across) * between(received_w.row(index(pixels.azimuth.first[i]))) +
-                                       across * between(received_w.row(index(pixels.azimuth.second[i])));
+                const double power_w = painted
+                                           ? painted[i]
+                                           : (1 - across) * between(received_w.row(index(pixels.azimuth.first[i]))) +
+                                                 across * between(received_w.row(index(pixels.azimuth.second[i])));
                 const double slant_m =
                     ground_bins ? setting.earth.slant_range_m(setting.sensor_m, setting.reference_m, pixels.range_m[i])
                                 : pixels.range_m[i];
-                int grey = receiver.grey(power_w, slant_m);
+                int grey = hole ? 0 : receiver.grey(power_w, slant_m);
                 lit_here += grey > 0 ? 1 : 0;
-                if (scene.light && pixels.light[i]) {
+                if (pixels.shown[i] && (lines || (scene.light && pixels.light[i]))) {
                     const double light = graticule.light(pixels.radius_m[i], pixels.azimuth_rad[i],
                                                          pixels.azimuth_position[i] * grid.azimuth_step_rad());
                     grey = std::min(255, grey + static_cast<int>(light + 0.5));
                 }
                 greys[i] = static_cast<std::uint8_t>(grey);
-                states[i] = state.row(index(pixels.azimuth.nearest[i]))[pixels.range.nearest[i]];
+                if (pixels.shown[i]) states[i] = state.row(index(pixels.azimuth.nearest[i]))[pixels.range.nearest[i]];
             }
         }
         lit += lit_here;

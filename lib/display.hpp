@@ -1,5 +1,5 @@
 // Display: range-azimuth power -> picture on the tube, by inverse mapping (every pixel asks where it comes from,
-// so there are no holes). Leaves files, georeferencing and text to tiles/picture.hpp.
+// so there are no holes). Leaves files, georeferencing and text to tiles/picture.hpp, the other way round to pixel_fill.hpp.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -33,9 +33,16 @@ struct Frame {
     double metres_per_pixel = 0;               ///< of the display's own radius (ground, slant or delayed range)
     double up_azimuth_rad = 0;                 ///< azimuth of the picture's up direction
 };
-/// The least frame that holds the sector (the azimuth bins shown) and the tube's centre, its longer side `size` pixels.
-/// InputError where the display shows nothing (largest range within the altitude or the sweep delay).
+/// The least frame that holds the sector (the azimuth bins shown) and the tube's centre, its longer side `size` pixels; with a
+/// `centre` a square of `size` pixels with the sensor at that place, whose farthest side the largest range just reaches.
+/// InputError where the display shows nothing (largest range within the altitude or the sweep delay), or too many rings.
 Frame frame(const DisplaySetting& setting);
+
+/// InputError where rings are drawn at a spacing that makes more than 200 of them.
+void require_rings(const DisplaySetting& setting);
+
+/// Of a picture and what it is made with, for each pixel.
+std::size_t bytes_a_pixel(const DisplayParams& params);
 
 /// Radius on the tube, metres, of a slant range: ground arc at the reference height (gpi), the range bin's own
 /// coordinate (ppi, gpi-true), range less delay (tdppi); nothing where it is not shown. And back.
@@ -51,9 +58,10 @@ struct Picture {
 };
 
 /// Received power (watts, on `setting.shown`), bilinear in watts between cell centres (wrapping through north on a
-/// full circle), then the receiver; states nearest; range rings at a round step (1, 2 or 5 x 10^n nautical miles, four
-/// to nine of them) and azimuth marks each 10 degrees from the
-/// azimuth that is up, longer each 30, when `rings` is on. They add to the picture as a brighter trace does.
+/// full circle) or as pixel_fill.hpp says, then the receiver; states nearest in any case. With `rings` range rings at a round step
+/// (1, 2 or 5 x 10^n nautical miles, four to nine of them) or at `ring_spacing_m`, and ticks at the rim each 10 degrees
+/// from the azimuth that is up, longer each 30; with `azimuth_marks_rad` radial lines from the heading on, to either side up to
+/// 180 degrees, each from where its neighbours are four pixels away. All these add to the picture as a brighter trace does.
 /// `used`: a picture whose memory may serve again.
 Picture picture(const PolarImage<float>& received_w, const PolarImage<std::uint8_t>& state,
                 const DisplaySetting& setting, const Receiver& receiver, Picture&& used = {});

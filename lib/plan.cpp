@@ -194,7 +194,8 @@ std::uint64_t cached_bytes(WedgeSource& source, const Plan& p) {
 std::size_t image_bytes(const ResolvedScene& scene) {
     const auto size = static_cast<double>(scene.scene.display.size);
     auto bytes = static_cast<std::size_t>(static_cast<double>(scene.swept.cells()) * 5 +
-                                          static_cast<double>(scene.shown.cells()) * (4 + 4 + 1) + 2 * size * size);
+                                          static_cast<double>(scene.shown.cells()) * (4 + 4 + 1) +
+                                          static_cast<double>(bytes_a_pixel(scene.scene.display)) * size * size);
     if (scene.scene.receiver.speckle_looks > 0 || scene.scene.receiver.noise) bytes += scene.swept.cells() * 24;
     return bytes;
 }

@@ -190,6 +190,8 @@ BeamSetting beam_setting(const ResolvedScene& s) {
     b.antenna = s.scene.radar.antenna;
     b.beam_width_error = s.scene.radar.beam_width_error;
     b.pulse_length_error = s.scene.radar.pulse_length_error;
+    b.beam_width_scale = s.scene.radar.beam_width_scale;
+    b.pulse_length_scale = s.scene.radar.pulse_length_scale;
     b.pulse_extent_m = s.scene.radar.pulse_extent_m();
     b.sensor_m = s.sensor_m;
     b.reference_m = s.reference_m;
@@ -292,8 +294,7 @@ void resolve_view(ResolvedScene& s, const Scene& scene) {
         throw InputError(text("range-start is ", scene.range_start_m, " m; it must be below the range, ", range, " m"));
 
     // Bins.
-    if (!scene.azimuth_bins)
-        s.scene.azimuth_bins = default_azimuth_bins(scene.radar);
+    if (!scene.azimuth_bins) s.scene.azimuth_bins = default_azimuth_bins(scene.radar);
     if (!scene.range_bin_m) s.scene.range_bin_m = default_range_bin_m(scene.radar);
     const std::int64_t circle = *s.scene.azimuth_bins;
     const double bin = *s.scene.range_bin_m;
@@ -324,6 +325,7 @@ void resolve_view(ResolvedScene& s, const Scene& scene) {
     s.noise_power_w = scene.radar.noise_power_w();
     s.sweep_delay_m = scene.display.sweep_delay_m.value_or(std::max(0.0, s.sensor_m - s.reference_m));
     s.scene.display.sweep_delay_m = s.sweep_delay_m;
+    require_rings(display_setting(s));
 }
 
 }  // namespace

@@ -66,6 +66,16 @@ void validate(const Scene& scene) {
     validate(scene.receiver);
     if (scene.display.sweep_delay_m) require_within("sweep-delay", *scene.display.sweep_delay_m, 0, 1e7, "m");
     require_within("size", static_cast<double>(scene.display.size), 16, 32768, "pixels");
+    if (scene.display.centre) {
+        require_within("centre: x", scene.display.centre->x, -1, 1, "");
+        require_within("centre: y", scene.display.centre->y, -1, 1, "");
+    }
+    if (scene.display.ring_spacing_m) require_above_to("ring-spacing", *scene.display.ring_spacing_m, 0, 1e7, "m");
+    if (scene.display.azimuth_marks_rad) {
+        constexpr double nano = 1e9;  // its last digits are those of the way through radians
+        const double deg = Angle::radians(*scene.display.azimuth_marks_rad).deg();
+        require_within("azimuth-marks", std::round(deg * nano) / nano, 1, 180, "deg");
+    }
     if (scene.spokes_per_post) require_within("spokes-per-post", *scene.spokes_per_post, 0.25, 16, "");
     if (scene.spoke_lead) require_within("spoke-lead", *scene.spoke_lead, 1, 64, "");
     if (scene.gamma) require_within("gamma", scene.gamma->db(), -100, 100, "dB");

@@ -17,6 +17,9 @@ enum class Geometry { geodesic, grid };
 enum class DisplayKind { gpi, gpi_true, ppi, tdppi };
 enum class Orientation { north, heading };
 enum class Quality { exact, fine, normal, draft };
+/// What a pixel shows: power between cell centres, or the cells whose centres fall on it. Pixels without one, holes, then
+/// take the mean of those beside them, or stay black.
+enum class PixelFill { interpolate, holes, none };
 
 struct LatLon {
     double lat_deg = 0;
@@ -40,12 +43,23 @@ struct PlatformParams {
     Angle heading{};
 };
 
+/// In fractions of half a side, from the middle of the picture.
+struct TubePlace {
+    double x = 0;  ///< to the right
+    double y = 0;  ///< up
+};
+
 struct DisplayParams {
     DisplayKind kind = DisplayKind::gpi;
     std::optional<double> sweep_delay_m;  ///< tdppi: slant range of the centre; none: altitude above the nadir
     std::int64_t size = 1024;             ///< pixels of the longer side
     Orientation orientation = Orientation::north;
+    std::optional<TubePlace> centre;  ///< where the sensor stands on a square tube; none: the frame fits the sector
     bool rings = true;
+    std::optional<double> ring_spacing_m;     ///< of the display's own radius; none: a round number of nautical miles
+    std::optional<double> azimuth_marks_rad;  ///< step of radial lines, from the heading both ways; none: no lines
+    PixelFill pixel_fill = PixelFill::interpolate;
+    bool alpha = false;  ///< the picture's file has a channel that is transparent where the data base has no data
     bool legend = false;
 };
 

@@ -56,6 +56,8 @@ void validate(const RadarParams& radar) {
     require_within("pulse", radar.pulse_s, 1e-10, 1e-3, "s");
     require_within("noise-figure", radar.noise_figure.db(), 0, 100, "dB");
     if (radar.bandwidth_hz) require_above("bandwidth", *radar.bandwidth_hz, 0, "Hz");
+    require_within("bwe-scale", radar.beam_width_scale, 0.1, 20, "");
+    require_within("ple-scale", radar.pulse_length_scale, 0.1, 20, "");
 
     const AntennaParams& antenna = radar.antenna;
     require_within("beam", antenna.beam.deg(), 0.002, 90, "deg");

@@ -39,6 +39,9 @@ struct RadarParams {
     AntennaParams antenna;
     bool beam_width_error = true;    ///< BWE: spread over the azimuth beam; off: same total in the own bin
     bool pulse_length_error = true;  ///< PLE: spread over c tau/2 away from the radar; off: same total in the own bin
+    // Both errors exaggerated (above 1) or understated: so many times as wide, with the same total. Off stays off.
+    double beam_width_scale = 1;
+    double pulse_length_scale = 1;
 
     double wavelength_m() const;
     double noise_bandwidth_hz() const;

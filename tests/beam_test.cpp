@@ -266,3 +266,164 @@ TEST_CASE("on ground range the pulse is longer the steeper it comes", "[beam]") 
     setting.pulse_extent_m = 60;
     CHECK(lead_in_bins(setting, 10) == 12);
 }
+
+TEST_CASE("an exaggerated beam is so many times as wide and so many times as faint", "[beam]") {
+    // Beam of 1.5 degrees drawn three times as wide, bins of 3/8 degree: g^2 = 2^(-8 (k/12)^2), a third of it, since the
+    // integral of the Gaussian grows as its width.
+    BeamSetting setting = level(1.5, 15);
+    setting.beam_width_scale = 3;
+    const PolarGrid g = grid(960, 15, {0, 960}, {0, 8});
+    PolarImage<float> echo(g);
+    at(echo, 2, 3) = 1;
+    const PolarImage<float> power = power_image(echo, g, setting);
+    for (std::int64_t k = -26; k <= 26; ++k) {
+        const double expected = 0.5 / 3 * std::exp2(-8 * static_cast<double>(k * k) / 144);
+        CHECK_THAT(at(power, (2 + k + 960) % 960, 3), WithinRel(expected, 5e-7));  // the cut leaves out 1e-7 of the sum
+    }
+    CHECK(at(power, 2 + 27, 3) == 0);       // 2.24 beamwidths of 12 bins
+    CHECK(skirt_bins(setting, 960) == 53);  // 2.24 * 4 * 3 / 0.5
+    CHECK(lead_in_bins(setting, 15) == 1);
+}
+
+TEST_CASE("an exaggerated pulse is so many times as long and so many times as faint", "[beam]") {
+    BeamSetting setting = level(1.5, 30);  // two bins, drawn as five
+    setting.pulse_length_scale = 2.5;
+    setting.beam_width_error = false;
+    const PolarGrid g = grid(960, 15, {0, 960}, {0, 40});
+    PolarImage<float> echo(g);
+    at(echo, 100, 10) = 1;
+    const PolarImage<float> power = power_image(echo, g, setting);
+    const double beam = std::sqrt(std::numbers::pi / (8 * std::numbers::ln2)) * 4;
+    const double expected[] = {0, 0, 0.5, 1, 1, 1, 1, 0.5, 0, 0};
+    for (int k = 0; k < 10; ++k) CHECK_THAT(at(power, 100, 8 + k), WithinRel(0.4 * beam * expected[k], 5e-7));
+    CHECK(lead_in_bins(setting, 15) == 5);
+    setting.range_is_ground = true;
+    CHECK(lead_in_bins(setting, 15) == 10);
+}
+
+TEST_CASE("an even plain keeps its level however beam and pulse are drawn", "[beam]") {
+    for (const AzimuthPattern pattern : {AzimuthPattern::gaussian, AzimuthPattern::uniform})
+        for (const bool ground : {false, true})
+            for (const std::int64_t circle : {15, 16, 720}) {
+                BeamSetting setting = level(2, 37);
+                setting.antenna.azimuth = pattern;
+                setting.range_is_ground = ground;
+                setting.sensor_m = 1000;
+                const PolarGrid g = grid(circle, 10, {0, circle}, {0, 400});
+                PolarImage<float> echo(g);
+                std::fill(echo.cells.begin(), echo.cells.end(), 1.0f);
+                const PolarImage<float> plain = power_image(echo, g, setting);
+                // 20 makes the beam wider than a circle of 15 bins has room for, and reaches back 74 bins.
+                for (const double scale : {0.1, 0.7, 6.0, 20.0}) {
+                    INFO(scale << " " << circle << " " << ground);
+                    // The beam's own total hangs on range below the sensor: a long pulse takes the mean over its length.
+                    setting.beam_width_scale = scale;
+                    setting.pulse_length_scale = 1;
+                    const PolarImage<float> wide = power_image(echo, g, setting);
+                    double worst = 0;
+                    for (std::size_t k = 0; k < plain.cells.size(); ++k)
+                        worst = std::max(
+                            worst,
+                            std::abs(static_cast<double>(wide.cells[k]) / static_cast<double>(plain.cells[k]) - 1));
+                    CHECK(worst < 4 * float_error);
+                    setting.sensor_m = 0;  // level: one total everywhere
+                    setting.pulse_length_scale = scale;
+                    const double far = static_cast<double>(at(power_image(echo, g, setting), 3, 399));
+                    setting.beam_width_scale = setting.pulse_length_scale = 1;
+                    CHECK_THAT(far, WithinRel(static_cast<double>(at(power_image(echo, g, setting), 3, 399)),
+                                              4 * float_error));
+                    setting.sensor_m = 1000;
+                }
+            }
+}
+
+TEST_CASE("a point's echo adds up to the same however it is drawn, and hardly drawn falls into its own bin", "[beam]") {
+    BeamSetting setting = level(1.5, 37);
+    const PolarGrid g = grid(960, 10, {0, 960}, {0, 200});
+    PolarImage<float> echo(g);
+    at(echo, 300, 20) = 2;
+    at(echo, 959, 31) = 5;
+    const double total = sum(power_image(echo, g, setting));
+    for (const double beam : {0.1, 0.5, 4.0})
+        for (const double pulse : {0.1, 0.5, 4.0}) {
+            setting.beam_width_scale = beam;
+            setting.pulse_length_scale = pulse;
+            CHECK_THAT(sum(power_image(echo, g, setting)), WithinRel(total, 1e-6));  // thousands of roundings to float
+        }
+    // A tenth of four bins: no neighbour is within the cut, and all is what BWE off leaves there.
+    setting.pulse_length_scale = 1;
+    setting.beam_width_scale = 0.1;
+    const PolarImage<float> narrow = power_image(echo, g, setting);
+    setting.beam_width_error = false;
+    CHECK(narrow.cells == power_image(echo, g, setting).cells);
+}
+
+TEST_CASE("what is switched off has no scale", "[beam]") {
+    BeamSetting setting = level(2, 37);
+    setting.sensor_m = 700;
+    const PolarGrid g = grid(720, 10, {0, 720}, {0, 150});
+    PolarImage<float> echo(g);
+    for (std::size_t k = 0; k < echo.cells.size(); ++k)
+        echo.cells[k] = static_cast<float>((k * 2654435761u) % 1000) * 1e-15f;
+    for (const bool pulse : {false, true})
+        for (const bool ground : {false, true}) {
+            setting.range_is_ground = ground;
+            setting.beam_width_error = !pulse;
+            setting.pulse_length_error = pulse;
+            setting.beam_width_scale = setting.pulse_length_scale = 1;
+            const PolarImage<float> plain = power_image(echo, g, setting);
+            const std::int64_t skirt = skirt_bins(setting, 720), lead = lead_in_bins(setting, 10);
+            (pulse ? setting.beam_width_scale : setting.pulse_length_scale) = 7;
+            CHECK(power_image(echo, g, setting).cells == plain.cells);
+            CHECK(skirt_bins(setting, 720) == skirt);
+            CHECK(lead_in_bins(setting, 10) == lead);
+        }
+}
+
+TEST_CASE("exaggerated too a slice with its skirt and lead-in gives the bits of the whole circle", "[beam]") {
+    BeamSetting setting = level(3, 47);
+    setting.sensor_m = 400;
+    for (const double scale : {0.3, 1.7, 4.0}) {
+        setting.beam_width_scale = scale;
+        setting.pulse_length_scale = 2 * scale;
+        const PolarGrid whole = grid(480, 10, {0, 480}, {0, 200});
+        PolarImage<float> echo(whole);
+        for (std::size_t k = 0; k < echo.cells.size(); ++k)
+            echo.cells[k] = static_cast<float>((k * 2654435761u) % 1000) * 1e-15f;
+        const PolarImage<float> all = power_image(echo, whole, setting);
+        const std::int64_t skirt = skirt_bins(setting, 480), lead = lead_in_bins(setting, 10);
+        const PolarGrid shown = grid(480, 10, {470, 490}, {50, 150});
+        const PolarGrid swept = grid(480, 10, {470 - skirt, 490 + skirt}, {50 - lead, 150});
+        PolarImage<float> slice(swept);
+        for (std::size_t i = 0; i < swept.azimuth_count(); ++i)
+            for (std::size_t j = 0; j < swept.range_count(); ++j)
+                slice.row(i)[j] = echo.row((static_cast<std::size_t>(470 - skirt) + i) %
+                                           480)[static_cast<std::size_t>(50 - lead) + j];
+        const PolarImage<float> part = power_image(slice, shown, setting);
+        bool same = true;
+        for (std::size_t i = 0; i < 20; ++i)
+            for (std::size_t j = 0; j < 100; ++j) same = same && part.row(i)[j] == all.row((470 + i) % 480)[50 + j];
+        CHECK(same);
+        const PolarGrid tight = grid(480, 10, {471 - skirt, 490 + skirt}, {50 - lead, 150});
+        CHECK_THROWS_AS(power_image(PolarImage<float>(tight), shown, setting), InputError);
+    }
+}
+
+TEST_CASE("a field's exaggerated weights are the square roots of the powers'", "[beam]") {
+    BeamSetting setting = level(2, 37);
+    setting.beam_width_scale = 2.5;
+    setting.pulse_length_scale = 3;
+    const Interval outputs{0, 60};
+    const Resolution power(setting, 720, 10, outputs, Resolution::Of::power),
+        field(setting, 720, 10, outputs, Resolution::Of::amplitude);
+    REQUIRE(power.skirt() == field.skirt());
+    std::vector<float> point(60, 0.0f), none(60, 0.0f);
+    point[20] = 1;
+    std::vector<double> scratch, watts(60), volts(60);
+    for (const std::int64_t off : {0, 3, 9}) {
+        const auto source = [&](std::int64_t bin) { return bin == off ? point.data() : none.data(); };
+        power.row(0, source, scratch, watts);
+        field.row(0, source, scratch, volts);
+        for (std::size_t j = 0; j < 60; ++j) CHECK_THAT(volts[j] * volts[j], WithinAbs(watts[j], 3e-7));
+    }
+}

@@ -7,6 +7,7 @@
 
 #include "lib/display.hpp"
 #include "lib/error.hpp"
+#include "lib/pixel_fill.hpp"
 
 using namespace wedgescope;
 using Catch::Matchers::WithinAbs;
@@ -299,4 +300,254 @@ TEST_CASE("a range within the altitude shows nothing and is refused", "[display]
     CHECK_THROWS_WITH(frame(setting), Catch::Contains("range is 1500.0 m") && Catch::Contains("2000.0 m"));
     setting.params.kind = DisplayKind::tdppi;
     CHECK_THROWS_AS(frame(setting), InputError);
+}
+
+TEST_CASE("rings stand where they are asked for", "[display]") {
+    DisplaySetting setting = setting_of(DisplayKind::tdppi);  // 2 km of delay: radius 8 km
+    setting.params.size = 1600;                               // 10 m a pixel
+    setting.params.rings = true;
+    setting.params.ring_spacing_m = 3000;
+    const Images images(setting.shown);
+    const Picture p = picture(images.power, images.state, setting, decibel_receiver());
+    CHECK(p.ring_range_m == std::vector<double>{3000, 6000});
+    for (const int metres : {3000, 6000}) {
+        CHECK(std::max(grey(p, 800 + metres / 10, 803), grey(p, 800 + metres / 10 - 1, 803)) > 40);
+        CHECK(grey(p, 800 + metres / 10 + 30, 803) == 0);
+    }
+    setting.params.ring_spacing_m = 8000;  // the rim itself is none
+    CHECK(picture(images.power, images.state, setting, decibel_receiver()).ring_range_m.empty());
+    setting.params.ring_spacing_m = 39;
+    CHECK_THROWS_WITH(frame(setting), Catch::Contains("ring-spacing is 39 m") && Catch::Contains("8000.0 m") &&
+                                          Catch::Contains("at least 40.0 m"));
+    CHECK_THROWS_AS(require_rings(setting), InputError);
+    setting.params.rings = false;  // then it says nothing
+    CHECK_NOTHROW(frame(setting));
+}
+
+TEST_CASE("azimuth marks are lines from the heading on, to either side", "[display]") {
+    DisplaySetting setting = setting_of(DisplayKind::ppi);
+    setting.params.size = 2000;  // 10 m a pixel
+    setting.heading = Angle::degrees(-70);
+    const Images images(setting.shown);
+    for (const double step_deg : {30.0, 50.0, 180.0}) {
+        setting.params.azimuth_marks_rad = Angle::degrees(step_deg).rad();
+        const Picture p = picture(images.power, images.state, setting, decibel_receiver());
+        CHECK(p.ring_range_m.empty());
+        const auto brightest_at = [&](double from_heading_deg, double radius_pixels) {
+            const double a = Angle::degrees(from_heading_deg - 70).rad();
+            const auto column = static_cast<std::int64_t>(1000 + radius_pixels * std::sin(a)),
+                       row = static_cast<std::int64_t>(1000 - radius_pixels * std::cos(a));
+            int brightest = 0;
+            for (int dy = -1; dy <= 1; ++dy)
+                for (int dx = -1; dx <= 1; ++dx) brightest = std::max<int>(brightest, grey(p, column + dx, row + dy));
+            return brightest;
+        };
+        for (int deg = -180; deg < 180; deg += 5) {
+            INFO(step_deg << ": " << deg);
+            // At a step of 50 degrees the last ones are those of 150 to either side.
+            const bool line = std::fmod(std::abs(deg), step_deg) == 0;
+            for (const double radius : {60.0, 400.0, 990.0}) CHECK((brightest_at(deg, radius) > 48) == line);
+        }
+        // Not where lines would run into each other.
+        CHECK(brightest_at(0, 4 / Angle::degrees(step_deg).rad() + 3) > 48);
+        if (step_deg < 100) CHECK(brightest_at(0, 4 / Angle::degrees(step_deg).rad() - 3) == 0);
+    }
+    // Beside rings each is as it is alone.
+    setting.params.azimuth_marks_rad = Angle::degrees(45).rad();
+    const Picture lines = picture(images.power, images.state, setting, decibel_receiver());
+    setting.params.rings = true;
+    const Picture both = picture(images.power, images.state, setting, decibel_receiver());
+    setting.params.azimuth_marks_rad.reset();
+    const Picture rings = picture(images.power, images.state, setting, decibel_receiver());
+    bool same = true;
+    for (std::size_t i = 0; i < both.grey.size(); ++i)
+        same = same && both.grey[i] == std::max(lines.grey[i], rings.grey[i]);
+    CHECK(same);
+    CHECK(both.lit == 0);
+}
+
+TEST_CASE("off centre the tube is a square, and the largest range reaches its farthest side", "[display]") {
+    DisplaySetting setting = setting_of(DisplayKind::ppi);
+    setting.params.centre = TubePlace{0, -0.9};
+    Frame f = frame(setting);
+    CHECK(f.width == 200);
+    CHECK(f.height == 200);
+    CHECK(f.centre_column == 100);
+    CHECK_THAT(f.centre_row, WithinAbs(190, 1e-5));
+    CHECK_THAT(f.metres_per_pixel, WithinRel(10000 / 190.0, 1e-9));  // 190 pixels above it
+    setting.params.centre = TubePlace{-1, 0.25};
+    f = frame(setting);
+    CHECK(f.centre_column == 0);
+    CHECK(f.centre_row == 75);
+    CHECK_THAT(f.metres_per_pixel, WithinRel(50, 1e-9));
+
+    // A sector's frame is a square too; in the middle all is as on a full circle.
+    setting.shown.azimuth_bins = {350, 370};
+    setting.params.centre = TubePlace{0, 0};
+    f = frame(setting);
+    CHECK(f.width == 200);
+    CHECK(f.height == 200);
+    CHECK(f.metres_per_pixel == 100);
+
+    // Where azimuth and range say, seen from there.
+    setting = setting_of(DisplayKind::ppi);
+    setting.params.centre = TubePlace{0.5, -0.9};
+    setting.params.orientation = Orientation::heading;
+    setting.heading = Angle::degrees(90);
+    Images images(setting.shown);
+    for (std::size_t i = 88; i < 92; ++i)
+        for (std::size_t j = 58; j < 62; ++j) images.power.row(i)[j] = 100;  // 90 degrees, 6 km
+    const Picture p = picture(images.power, images.state, setting, decibel_receiver());
+    CHECK(grey(p, 150, 190 - 114) == 255);  // 6 km of 190 / 10 pixels a kilometre
+    CHECK(state(p, 150, 0) == seen);
+    CHECK(state(p, 0, 0) == outside);  // beyond the range
+}
+
+TEST_CASE("the middle asked for is the picture of a full circle, every bit", "[display]") {
+    for (const DisplayKind kind : {DisplayKind::gpi, DisplayKind::tdppi}) {
+        DisplaySetting setting = setting_of(kind);
+        setting.params.size = 333;
+        setting.params.rings = true;
+        Images images(setting.shown);
+        for (std::size_t k = 0; k < images.power.cells.size(); ++k)
+            images.power.cells[k] = static_cast<float>((k * 2654435761u) % 100);
+        const Picture fitted = picture(images.power, images.state, setting, decibel_receiver());
+        setting.params.centre = TubePlace{0, 0};
+        const Picture asked = picture(images.power, images.state, setting, decibel_receiver());
+        CHECK(asked.grey == fitted.grey);
+        CHECK(asked.state == fitted.state);
+        CHECK(asked.frame.metres_per_pixel == fitted.frame.metres_per_pixel);
+    }
+}
+
+TEST_CASE("cells are painted on the pixels that their centres fall on, and nowhere else", "[display]") {
+    for (const DisplayKind kind : {DisplayKind::gpi, DisplayKind::ppi, DisplayKind::tdppi}) {
+        DisplaySetting setting = setting_of(kind);
+        setting.params.size = 400;
+        setting.params.pixel_fill = PixelFill::none;
+        setting.shown = {24, 500, {0, 24}, {0, 20}};
+        setting.range_start_m = 3000;
+        Images images(setting.shown);
+        for (std::size_t k = 0; k < images.power.cells.size(); ++k)
+            images.power.cells[k] = 2 + static_cast<float>((k * 2654435761u) % 90);
+        const Picture p = picture(images.power, images.state, setting, decibel_receiver());
+        std::vector<std::uint8_t> expected(p.grey.size(), 0);
+        const double half = kind == DisplayKind::ppi ? 10000 : kind == DisplayKind::tdppi ? 8000 : std::sqrt(96e6);
+        int painted = 0;
+        for (int i = 0; i < 24; ++i)
+            for (int j = 0; j < 20; ++j) {
+                const double azimuth = Angle::degrees(15 * i + 7.5).rad(), range = 500 * j + 250;
+                if (range < 3000) continue;
+                const double radius = kind == DisplayKind::ppi     ? range
+                                      : kind == DisplayKind::tdppi ? range - 2000
+                                                                   : std::sqrt(range * range - 4e6);
+                const double pixels = radius / half * 200;
+                const auto column = static_cast<std::size_t>(200 + pixels * std::sin(azimuth)),
+                           row = static_cast<std::size_t>(200 - pixels * std::cos(azimuth));
+                std::uint8_t& pixel = expected[row * 400 + column];
+                REQUIRE(pixel == 0);  // cells are far apart here
+                pixel = decibel_receiver().grey(static_cast<double>(images.power.row(static_cast<std::size_t>(i))[j]),
+                                                range);
+                ++painted;
+            }
+        REQUIRE(painted == 24 * 14);
+        CHECK(p.grey == expected);
+        CHECK(p.lit == static_cast<std::uint64_t>(painted));
+
+        setting.params.pixel_fill = PixelFill::interpolate;  // states stay
+        CHECK(picture(images.power, images.state, setting, decibel_receiver()).state == p.state);
+    }
+}
+
+TEST_CASE("cells that share a pixel show their mean in watts", "[display]") {
+    DisplaySetting setting = setting_of(DisplayKind::ppi);
+    setting.params.size = 20;  // 1 km a pixel
+    setting.params.pixel_fill = PixelFill::none;
+    Images images(setting.shown);
+    for (std::size_t i = 0; i < 360; ++i)
+        for (std::size_t j = 0; j < 100; ++j) images.power.row(i)[j] = static_cast<float>(i % 7 + 2 * (j % 3));
+    std::vector<double> sum(400, 0), count(400, 0);
+    for (int i = 0; i < 360; ++i)
+        for (int j = 0; j < 100; ++j) {
+            const double azimuth = Angle::degrees(i + 0.5).rad(), pixels = (j + 0.5) / 10;
+            const auto at = static_cast<std::size_t>(10 - pixels * std::cos(azimuth)) * 20 +
+                            static_cast<std::size_t>(10 + pixels * std::sin(azimuth));
+            sum[at] += i % 7 + 2 * (j % 3);
+            ++count[at];
+        }
+    const std::vector<double> painted = paint_cells(images.power, setting, frame(setting));
+    REQUIRE(painted.size() == 400);
+    for (std::size_t at = 0; at < 400; ++at) {
+        INFO(at);
+        if (count[at] == 0)
+            CHECK(painted[at] < 0);
+        else
+            CHECK_THAT(painted[at], WithinRel(sum[at] / count[at], 1e-12));
+    }
+}
+
+TEST_CASE("only holes are filled, and even ground leaves none", "[display]") {
+    DisplaySetting setting = setting_of(DisplayKind::ppi);
+    setting.params.size = 700;
+    setting.shown = {90, 400, {0, 90}, {0, 25}};  // cells of 14 pixels, 24 wide at the rim
+    Images images(setting.shown);
+    const auto drawn = [&](PixelFill fill) {
+        setting.params.pixel_fill = fill;
+        return picture(images.power, images.state, setting, decibel_receiver());
+    };
+    for (std::size_t k = 0; k < images.power.cells.size(); ++k)
+        images.power.cells[k] = 2 + static_cast<float>((k * 2654435761u) % 90);
+    const Picture none = drawn(PixelFill::none), holes = drawn(PixelFill::holes);
+    const std::vector<double> painted = paint_cells(images.power, setting, none.frame);
+    std::size_t changed = 0, dark = 0, filled = 0, cells = 0;
+    for (std::size_t at = 0; at < painted.size(); ++at) {
+        if (painted[at] >= 0)
+            ++cells, changed += holes.grey[at] != none.grey[at];
+        else
+            filled += holes.grey[at] > 0;
+        // All that the picture shows, and nothing else.
+        dark += (holes.grey[at] == 0) != (holes.state[at] == outside) && painted[at] < 0;
+    }
+    CHECK(changed == 0);
+    CHECK(dark == 0);
+    CHECK(filled > 300000);
+    CHECK(cells > 1500);  // 90 x 25, of which the nearest share pixels
+    CHECK(none.lit == cells);
+    CHECK(holes.lit == cells + filled);
+
+    std::fill(images.power.cells.begin(), images.power.cells.end(), 10.0f);
+    const Picture even = drawn(PixelFill::holes);
+    CHECK(even.grey == drawn(PixelFill::interpolate).grey);
+}
+
+TEST_CASE("a hole takes the mean of its neighbours, pass after pass", "[display]") {
+    // -1: a hole to fill; -2: one that lies outside and stays.
+    constexpr double a = -1, b = -2;
+    std::vector<double> power = {8, 2, a, a, a,   //
+                                 a, a, a, a, b,   //
+                                 a, a, a, b, b,   //
+                                 b, b, b, b, a};  // reached by nothing
+    std::vector<std::uint32_t> holes;
+    for (std::uint32_t at = 0; at < power.size(); ++at)
+        if (power[at] == a) holes.push_back(at);
+    for (double& w : power) w = w < 0 ? -1 : w;
+    Frame f;
+    f.width = 5;
+    f.height = 4;
+    fill_holes(power, f, holes);
+    // First those beside 8 and 2 alone: (8 + 2) / 2, 5, 2, 2; then those beside these.
+    const double third = (2 + 2) / 2.0;
+    CHECK(power[0] == 8);
+    CHECK(power[1] == 2);
+    CHECK(power[2] == 2);
+    CHECK(power[5] == 5);
+    CHECK(power[6] == 5);
+    CHECK(power[7] == 2);
+    CHECK(power[3] == third);
+    CHECK(power[8] == third);
+    CHECK(power[10] == 5);
+    CHECK(power[11] == 4);    // 5, 5, 2
+    CHECK(power[12] == 3.5);  // 5, 2
+    CHECK(power[4] == third);
+    for (const std::size_t at : {9, 13, 14, 15, 16, 17, 18, 19}) CHECK(power[at] == -1);
 }

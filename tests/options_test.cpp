@@ -252,6 +252,8 @@ TEST_CASE("every key of the design exists, and those to come do not yet", "[opti
                              "display-gamma",
                              "bwe",
                              "ple",
+                             "bwe-scale",
+                             "ple-scale",
                              "noise",
                              "speckle",
                              "seed",
@@ -259,7 +261,12 @@ TEST_CASE("every key of the design exists, and those to come do not yet", "[opti
                              "sweep-delay",
                              "size",
                              "orientation",
+                             "centre",
                              "rings",
+                             "ring-spacing",
+                             "azimuth-marks",
+                             "pixel-fill",
+                             "alpha",
                              "legend",
                              "quality",
                              "wedges",
@@ -450,6 +457,36 @@ TEST_CASE("the command line refuses what it cannot mean", "[options]") {
     CHECK_THAT(refusal([] { command_by_name("vieww"); }), Contains("unknown command 'vieww'"));
 }
 
+TEST_CASE("the sweep's delay is the sensor's height, a length, or a time there and back", "[options]") {
+    const auto delay = [](const char* value) {
+        return simulated({"--sweep-delay", value}).scene.display.sweep_delay_m;
+    };
+    CHECK_FALSE(delay("altitude"));
+    CHECK_FALSE(delay("auto"));
+    CHECK(find_key("sweep-delay")->get(simulated({})) == "altitude");
+    CHECK(delay("3km") == 3000);
+    CHECK(delay("0") == 0);
+    CHECK_THAT(*delay("20us"), Catch::Matchers::WithinRel(2997.92458, 1e-15));
+    CHECK_THAT(*delay("0.02 ms"), Catch::Matchers::WithinRel(2997.92458, 1e-15));
+    for (const char* bad : {"-1m", "-1us", "10001km", "0.1s"})
+        CHECK_THAT(refusal([&] { delay(bad); }), Contains("sweep-delay is '") && Contains("from 0m to 10000km"));
+    for (const char* bad : {"3", "3deg", "height", "", "3kmus"})
+        CHECK_THAT(refusal([&] { delay(bad); }),
+                   Contains("sweep-delay") && Contains("altitude") && Contains("nmi") && Contains("us"));
+}
+
+TEST_CASE("the tube's centre is two fractions of the half side, or fits", "[options]") {
+    const auto centre = [](const char* value) { return simulated({"--centre", value}).scene.display.centre; };
+    CHECK_FALSE(centre("auto"));
+    CHECK(centre("0,-0.9")->y == -0.9);
+    CHECK(centre("1, -1")->x == 1);
+    for (const char* bad : {"0", "0,1.01", "-1.5,0", "0,0,0", "a,b", "0,", "nan,0"})
+        CHECK_THAT(refusal([&] { centre(bad); }), Contains("centre is '"));
+    CHECK_THAT(refusal([] { simulated({"--pixel-fill", "all"}); }), Contains("interpolate, holes, none"));
+    CHECK_THAT(refusal([] { simulated({"--azimuth-marks", "30"}); }), Contains("deg"));
+    CHECK_THAT(refusal([] { simulated({"--bwe-scale", "21"}); }), Contains("from 0.1 to 20"));
+}
+
 TEST_CASE("a complete scene has a terrain, one place, one altitude and a legend for its culture", "[options]") {
     const auto incomplete = [](std::vector<std::string> arguments) {
         return refusal([&] { check_complete(simulated(arguments)); });
@@ -586,6 +623,16 @@ TEST_CASE("all parameters survive the way through JSON to the bit", "[options]")
                                   "-32.1m",
                                   "--sweep-delay",
                                   "1.23456789km",
+                                  "--centre",
+                                  "0.3,-0.9",
+                                  "--ring-spacing",
+                                  "2.7nmi",
+                                  "--azimuth-marks",
+                                  "22.5deg",
+                                  "--bwe-scale",
+                                  "2.3",
+                                  "--pixel-fill",
+                                  "holes",
                                   "--culture-height-scale",
                                   "0.1"});
     const auto json = parameters_json(s, true);
@@ -600,6 +647,12 @@ TEST_CASE("all parameters survive the way through JSON to the bit", "[options]")
     CHECK(back.scene.radar.antenna.tilt == s.scene.radar.antenna.tilt);
     CHECK(back.scene.radar.transmit_power_w == s.scene.radar.transmit_power_w);
     CHECK(back.scene.receiver.seed == s.scene.receiver.seed);
+    CHECK(back.scene.display.centre->x == 0.3);
+    CHECK(back.scene.display.centre->y == -0.9);
+    CHECK(back.scene.display.ring_spacing_m == s.scene.display.ring_spacing_m);
+    CHECK(back.scene.display.azimuth_marks_rad == s.scene.display.azimuth_marks_rad);
+    CHECK(back.scene.radar.beam_width_scale == 2.3);
+    CHECK(back.scene.display.pixel_fill == PixelFill::holes);
     CHECK(back.scene.earth_k == s.scene.earth_k);
     CHECK(back.memory_bytes == s.memory_bytes);
     // No path, split or budget stands in the JSON that goes into the rasters.

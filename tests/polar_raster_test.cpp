@@ -399,10 +399,69 @@ TEST_CASE("a gpi scope without rings lies on the map where its pixels are", "[pi
             CHECK(py == Approx(want_lat).margin(1e-8));
             CHECK(px == Approx(want_lon).margin(1e-8));
         }
-    const RunResult rings = drawn_scope(DisplayKind::gpi, true, 0);
-    const Read in(write(folder, "rings.png", [&](OutputFile& f) { write_scope(rings, f, {}); }));
+    RunResult marked = drawn_scope(DisplayKind::gpi, false, 0);
+    marked.scene.scene.display.azimuth_marks_rad = 0.5;
+    for (const RunResult& run : {drawn_scope(DisplayKind::gpi, true, 0), marked}) {
+        const Read in(write(folder, "rings.png", [&](OutputFile& f) { write_scope(run, f, {}); }));
+        double g[6];
+        CHECK(in.dataset->GetGeoTransform(g) != CE_None);
+    }
+}
+
+TEST_CASE("off the tube's centre a scope lies on the map where its pixels are", "[picture]") {
+    const Folder folder;
+    RunResult run = drawn_scope(DisplayKind::gpi, false, 0);
+    run.scope.frame.centre_column = 40;
+    run.scope.frame.centre_row = 140;
+    const Read in(write(folder, "scope.tif", [&](OutputFile& f) { write_scope(run, f, plain_format()); }));
     double g[6];
-    CHECK(in.dataset->GetGeoTransform(g) != CE_None);
+    REQUIRE(in.dataset->GetGeoTransform(g) == CE_None);
+    const double want[6] = {-4000, 100, 0, 14000, 0, -100};
+    CHECK(std::equal(g, g + 6, want));
+
+    run = drawn_scope(DisplayKind::ppi, true, 0.5);
+    run.scope.frame.centre_column = 40;
+    run.scope.frame.centre_row = 140;
+    const Read tube(write(folder, "tube.tif", [&](OutputFile& f) { write_scope(run, f, plain_format()); }));
+    const Warper warper(tube.dataset, "EPSG:4326");
+    double x = 40 + 60, y = 140 - 80, want_lat = 0, want_lon = 0;  // 10 km of range
+    const double arc = run.scene.earth.arc_m(sensor_m, reference_m, 10000).value();
+    REQUIRE(warper.to_ground(x, y));
+    GeographicLib::Geodesic::WGS84().Direct(lat, lon, (0.5 + std::atan2(60, 80)) * 180 / std::numbers::pi, arc,
+                                            want_lat, want_lon);
+    CHECK(y == Approx(want_lat).margin(1e-7));
+    CHECK(x == Approx(want_lon).margin(1e-7));
+}
+
+TEST_CASE("with alpha a scope is transparent where the data base has no data", "[picture]") {
+    const Folder folder;
+    RunResult run = drawn_scope(DisplayKind::gpi, false, 0);
+    run.scope.state.resize(run.scope.grey.size());
+    for (std::size_t i = 0; i < run.scope.state.size(); ++i)
+        run.scope.state[i] = static_cast<std::uint8_t>(i / 7 % state_count);
+    for (const char* name : {"scope.png", "scope.tif"}) {
+        run.scene.scene.display.alpha = false;
+        write(folder, name, [&](OutputFile& f) { write_scope(run, f, plain_format()); });
+        CHECK(Read(folder / name).dataset->GetRasterCount() == 1);
+        run.scene.scene.display.alpha = true;
+        write(folder, name, [&](OutputFile& f) {
+            check_output(f, OutputLayer::masked_scope, plain_format());
+            write_scope(run, f, plain_format());
+        });
+        const Read in(folder / name);
+        REQUIRE(in.dataset->GetRasterCount() == 2);
+        CHECK(in.dataset->GetRasterBand(1)->GetColorInterpretation() == GCI_GrayIndex);
+        CHECK(in.dataset->GetRasterBand(2)->GetColorInterpretation() == GCI_AlphaBand);
+        const auto grey = in.band(1), alpha = in.band(2);
+        bool same = true;
+        for (std::size_t i = 0; i < grey.size(); ++i)
+            same = same && grey[i] == run.scope.grey[i] && alpha[i] == (run.scope.state[i] == 0 ? 0 : 255);
+        CHECK(same);
+    }
+    for (const char* name : {"scope.jpg", "scope.asc"})
+        CHECK_THROWS_WITH(
+            write(folder, name, [&](OutputFile& f) { check_output(f, OutputLayer::masked_scope, plain_format()); }),
+            Contains("alpha is on") && Contains(name));
 }
 
 TEST_CASE("a ppi scope is no map and tells where its pixels are by a geolocation array", "[picture]") {

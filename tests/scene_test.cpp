@@ -139,15 +139,21 @@ TEST_CASE("NaN is refused wherever a number is asked for, and the key is named",
         {"earth", [](Scene& s, double v) { s.earth_k = v; }},
         {"gamma", [](Scene& s, double v) { s.gamma = Decibel(v); }},
         {"sweep-delay", [](Scene& s, double v) { s.display.sweep_delay_m = v; }},
+        {"bwe-scale", [](Scene& s, double v) { s.radar.beam_width_scale = v; }},
+        {"ple-scale", [](Scene& s, double v) { s.radar.pulse_length_scale = v; }},
+        {"ring-spacing", [](Scene& s, double v) { s.display.ring_spacing_m = v; }},
+        {"azimuth-marks", [](Scene& s, double v) { s.display.azimuth_marks_rad = v; }},
+        {"centre",
+         [](Scene& s, double v) {
+             s.display.centre = TubePlace{v, 0};
+         }},
+        {"centre",
+         [](Scene& s, double v) {
+             s.display.centre = TubePlace{0, v};
+         }},
         {"heading", [](Scene& s, double v) { s.platform.heading = Angle::degrees(v); }},
-        {"latlon",
-         [](Scene& s, double v) {
-             s.platform.latlon = LatLon{v, 0};
-         }},
-        {"latlon",
-         [](Scene& s, double v) {
-             s.platform.latlon = LatLon{0, v};
-         }},
+        {"latlon", [](Scene& s, double v) { s.platform.latlon = LatLon{v, 0}; }},
+        {"latlon", [](Scene& s, double v) { s.platform.latlon = LatLon{0, v}; }},
         {"altitude-msl", [](Scene& s, double v) { s.platform.altitude_m = v; }},
         {"geoid-offset", [](Scene& s, double v) { s.platform.geoid_offset_m = v; }},
     };
@@ -163,6 +169,12 @@ TEST_CASE("NaN is refused wherever a number is asked for, and the key is named",
 TEST_CASE("counts out of range are refused", "[scene]") {
     CHECK_THAT(refusal([](Scene& s) { s.azimuth_bins = 0; }), Contains("azimuth-bins is 0;"));
     CHECK_THAT(refusal([](Scene& s) { s.display.size = 0; }), Contains("size is 0 pixels"));
+    CHECK_THAT(refusal([](Scene& s) { s.radar.beam_width_scale = 0.09; }), Contains("bwe-scale is 0.09; it must be"));
+    CHECK_THAT(refusal([](Scene& s) { s.radar.pulse_length_scale = 20.1; }), Contains("ple-scale is 20.1; it must be"));
+    CHECK_THAT(refusal([](Scene& s) { s.display.centre = TubePlace{0, -1.1}; }), Contains("centre: y is -1.1"));
+    CHECK_THAT(refusal([](Scene& s) { s.display.ring_spacing_m = 0; }), Contains("ring-spacing is 0 m"));
+    CHECK_THAT(refusal([](Scene& s) { s.display.azimuth_marks_rad = Angle::degrees(0.5).rad(); }),
+               Contains("azimuth-marks is 0.5 deg"));
     CHECK_THAT(refusal([](Scene& s) { s.receiver.speckle_looks = -1; }), Contains("speckle is -1;"));
 }
 

@@ -175,6 +175,10 @@ TEST_CASE("the scope of a stored echo is that of a full run, whatever receiver, 
          {{"--bwe", "off"}},
          {{"--ple", "off"}},
          {{"--bwe", "off", "--ple", "off", "--speckle", "2"}},
+         {{"--bwe-scale", "4"}},
+         {{"--bwe-scale", "0.4", "--ple-scale", "0.3"}},
+         {{"--ple-scale", "6", "--speckle", "1", "--noise", "on"}},
+         {{"--bwe", "off", "--ple", "off", "--bwe-scale", "20", "--ple-scale", "20"}},
          {{"--noise", "on"}},
          {{"--noise", "on", "--seed", "18446744073709551615"}},
          {{"--speckle", "1"}},
@@ -183,7 +187,18 @@ TEST_CASE("the scope of a stored echo is that of a full run, whatever receiver, 
          {{"--display", "ppi"}},
          {{"--display", "tdppi"}},
          {{"--display", "tdppi", "--sweep-delay", "3km", "--if-gain", "45dB"}},
+         {{"--display", "tdppi", "--sweep-delay", "15us"}},
+         {{"--sweep-delay", "altitude"}, false},
          {{"--size", "217"}},
+         {{"--centre", "0,-0.9"}},
+         {{"--centre", "0.4,0.2", "--display", "ppi", "--rings", "off"}},
+         {{"--centre", "0,0"}, false},
+         {{"--ring-spacing", "800m"}},
+         {{"--azimuth-marks", "30deg"}},
+         {{"--azimuth-marks", "45deg", "--rings", "off", "--heading", "20deg"}},
+         {{"--pixel-fill", "none"}},
+         {{"--pixel-fill", "holes", "--stc-range", "5km"}},
+         {{"--alpha", "on"}},
          {{"--rings", "off"}},
          {{"--rings", "off", "--heading", "33.3deg", "--orientation", "heading"}},
          {{"--heading", "33.3deg"}, false},
@@ -203,6 +218,8 @@ TEST_CASE("a sector's echo serves narrower sectors, other noise, and beams and p
                           {{"--sector", "-10deg,20deg"}},
                           {{"--sector", "0deg,20deg", "--noise", "on", "--speckle", "1", "--seed", "3"}},
                           {{"--bwe", "off", "--display", "ppi"}},
+                          {{"--bwe-scale", "0.6"}},
+                          {{"--sector", "10deg,20deg", "--bwe-scale", "1.8"}},
                           {{"--beam", "1deg"}}});
     }
     SECTION("from the sensor on") {
@@ -212,6 +229,8 @@ TEST_CASE("a sector's echo serves narrower sectors, other noise, and beams and p
                           {{"--noise", "on", "--speckle", "2"}},
                           {{"--beam", "1deg", "--bwe", "off"}},
                           {{"--pulse", "0.3us"}},
+                          {{"--ple-scale", "3"}},
+                          {{"--beam", "1deg", "--bwe-scale", "1.5"}},
                           {{"--pulse", "0.3us", "--noise", "on", "--speckle", "1"}},
                           // Inside, the skirt of a wider beam is there.
                           {{"--sector", "10deg,20deg", "--beam", "2.5deg"}}});
@@ -225,6 +244,8 @@ TEST_CASE("a full circle holds any beam, and from 0 m any pulse, where no level 
                       {{"--beam", "0.7deg"}},
                       {{"--azimuth-pattern", "uniform"}},
                       {{"--pulse", "2us"}},
+                      {{"--bwe-scale", "9", "--beam", "3deg"}},
+                      {{"--ple-scale", "20"}},
                       {{"--pulse", "0.25us", "--beam", "2deg", "--noise", "on"}}});
 }
 
@@ -241,6 +262,8 @@ TEST_CASE("echoes binned by ground range, on a plane grid, and in latitude and l
         same_as_simulate(folder, with(riverside, {"--display", "gpi-true"}),
                          {{{"--if-gain", "42dB", "--rings", "off"}},
                           {{"--ple", "off"}},
+                          {{"--ple-scale", "4", "--bwe-scale", "3"}},
+                          {{"--pixel-fill", "holes"}},
                           {{"--noise", "on", "--speckle", "1"}},
                           {{"--stc-range", "6km"}},
                           {{"--sector", "30deg,70deg"}}});
@@ -361,6 +384,8 @@ TEST_CASE("every setting that needs a new sweep is refused, by name and with the
     // Wrong values and words are refused as simulate refuses them.
     refuses(folder, with(start, {"--if-gain", "40"}), 2, {"--if-gain is '40'", "dB"});
     refuses(folder, with(start, {"--tilt", "100deg"}), 2, {"--tilt is '100deg'", "from -90deg to 90deg"});
+    refuses(folder, with(start, {"--ring-spacing", "20m"}), 2, {"ring-spacing is 20 m", "200 rings"});
+    refuses(folder, {"scope", echo, "-o", folder / "new.jpg", "--alpha", "on"}, 2, {"alpha is on", "JPEG", ".png"});
     refuses(folder, with(start, {"--if-gian", "40dB"}), 2, {"did you mean --if-gain?", "wedgescope help scope"});
     refuses(folder, with(start, {"--display", "tdppi", "--sweep-delay", "8km"}), 2,
             {"range is 7000.0 m", "sweep delay"});
@@ -385,6 +410,9 @@ TEST_CASE("a sector's echo is refused for what lies outside, and levels of detai
     refuses(folder, with(start, {"--heading", "140deg"}), 2, {"--heading asks for azimuth bins"});
     refuses(folder, with(start, {"--beam", "1.6deg"}), 2, {"--beam makes the beam gather", "new sweep"});
     refuses(folder, with(start, {"--azimuth-pattern", "uniform"}), 2, {"--azimuth-pattern makes the beam gather"});
+    refuses(folder, with(start, {"--bwe-scale", "1.1"}), 2, {"--bwe-scale makes the beam gather", "new sweep"});
+    refuses(folder, with(start, {"--ple-scale", "1.5"}), 2, {"--ple-scale makes the sweep begin at range bin"});
+    refuses(folder, with(start, {"--ple-scale", "0.3"}), 2, {"--ple-scale makes the sweep begin at range bin"});
     refuses(folder, with(start, {"--pulse", "0.7us"}), 2, {"--pulse makes the sweep begin at range bin", "new sweep"});
     refuses(folder, with(start, {"--pulse", "0.3us"}), 2, {"--pulse makes the sweep begin at range bin", "new sweep"});
     refuses(folder, with(start, {"--ple", "off"}), 2,
@@ -432,8 +460,15 @@ TEST_CASE("where levels of detail were swept, beam and pulse are bound to them",
                 {setting[0] + " is off", "--detail off", "new sweep"});
     refuses(folder, {"scope", echo, "-o", png, "--beam", "5deg", "--azimuth-bins", "240"}, 2,
             {"--beam is 5deg", "--detail off"});
+    // Drawn smaller than it is, a cell shows ground that a level would leave out; drawn larger no level is coarser.
+    for (const Strings& setting : {Strings{"--bwe-scale", "0.5"}, {"--ple-scale", "0.5"}})
+        refuses(folder, with({"scope", echo, "-o", png}, setting), 2,
+                {setting[0] + " is 0.5", "--detail off", "new sweep"});
     folder.remove(echo);
-    same_as_simulate(folder, scene, {{{"--if-gain", "30dB"}}, {{"--speckle", "1", "--display", "ppi"}}});
+    same_as_simulate(folder, scene,
+                     {{{"--if-gain", "30dB"}},
+                      {{"--speckle", "1", "--display", "ppi"}},
+                      {{"--bwe-scale", "3", "--ple-scale", "2"}}});
 }
 
 TEST_CASE("what is no echo image, or is no longer the one that was written, costs one line", "[scope]") {

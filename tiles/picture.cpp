@@ -62,6 +62,14 @@ void write_scope(const RunResult& run, OutputFile& file, const RasterFormat& for
     content.rows = frame.height;
     content.type = GDT_Byte;
     content.bands.push_back({picture.grey.data(), "scope", "", {}, {}});
+    std::vector<std::uint8_t> alpha;
+    if (display.alpha) {
+        alpha.resize(picture.state.size());
+        std::transform(picture.state.begin(), picture.state.end(), alpha.begin(), [](std::uint8_t state) {
+            return static_cast<std::uint8_t>(state == static_cast<std::uint8_t>(State::no_data) ? 0 : 255);
+        });
+        content.bands.push_back({alpha.data(), "alpha", "", {}, {}, true});
+    }
     content.metadata = scene_metadata(scene, format);
     content.metadata.emplace_back("DISPLAY", word(display.kind));
     content.metadata.emplace_back("METRES_PER_PIXEL", fifteen_digits(frame.metres_per_pixel));
@@ -72,7 +80,7 @@ void write_scope(const RunResult& run, OutputFile& file, const RasterFormat& for
     const bool map = display.kind == DisplayKind::gpi || display.kind == DisplayKind::gpi_true;
     if (!map) {
         content.geolocation = tube_geolocation(run, format);
-    } else if (!display.rings) {
+    } else if (!display.rings && !display.azimuth_marks_rad) {
         if (scene.geometry == Geometry::geodesic) {
             content.crs =
                 fmt::format("+proj=aeqd +lat_0={:.15g} +lon_0={:.15g} +x_0=0 +y_0=0 +datum=WGS84 +units=m +no_defs",

@@ -24,8 +24,9 @@ struct RasterFormat {
     double metres_per_unit = 1;         ///< DataBase::metres_per_unit
 };
 
-enum class OutputLayer { scope, echo, power, states };
-/// InputError where a layer could not be written so: driver, extension, type of values or creation option.
+enum class OutputLayer { scope, masked_scope, echo, power, states };
+/// InputError where a layer could not be written so: driver, extension, type of values, creation option, or an alpha channel
+/// (of a masked scope).
 void check_output(const OutputFile& file, OutputLayer layer, const RasterFormat& format);
 
 enum class PowerUnit { watt, dbm };

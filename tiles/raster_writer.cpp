@@ -153,6 +153,7 @@ void describe(GDALDataset& dataset, const RasterContent& content, const CPLStrin
             for (const std::string& category : from.categories) names.AddString(category.c_str());
             band.SetCategoryNames(names.List());
         }
+        if (from.alpha) band.SetColorInterpretation(GCI_AlphaBand);
     }
 }
 
@@ -261,10 +262,48 @@ GeolocationGrid geolocation_grid(std::int64_t columns, std::int64_t rows, std::i
     return grid;
 }
 
+namespace {
+
+/// No driver says beforehand whether it takes grey and alpha: a small picture of them tells.
+void check_alpha(GDALDriver& driver, const CPLStringList& options, const std::string& final_path) {
+    if (!has(driver, GDAL_DCAP_VIRTUALIO)) return;
+    constexpr std::int64_t side = 16;
+    const std::vector<std::uint8_t> cells(static_cast<std::size_t>(side * side), 255);
+    RasterContent content;
+    content.columns = content.rows = side;
+    content.type = GDT_Byte;
+    content.bands = {{cells.data(), "", "", {}, {}}, {cells.data(), "", "", {}, {}, true}};
+    const std::string path = text("/vsimem/wedgescope_alpha_", fmt::ptr(&content));
+    GdalErrors errors;
+    DatasetHandle written;
+    if (has(driver, GDAL_DCAP_CREATE)) {
+        written.reset(driver.Create(path.c_str(), side, side, 2, GDT_Byte, const_cast<char**>(options.List())));
+        if (written) describe(*written, content, {});
+    } else {
+        const DatasetHandle memory = in_memory(content);
+        describe(*memory, content, {});
+        written.reset(
+            driver.CreateCopy(path.c_str(), memory.get(), FALSE, const_cast<char**>(options.List()), nullptr, nullptr));
+    }
+    const bool good = written && written->GetRasterCount() == 2 &&
+                      written->GetRasterBand(2)->GetColorInterpretation() == GCI_AlphaBand;
+    written.reset();
+    driver.QuietDelete(path.c_str());
+    if (!good)
+        throw InputError(
+            text("alpha is on, and driver ", driver.GetDescription(), " of output '", final_path,
+                 "' takes no grey picture with an alpha channel; accepted: .png, .tif, ..., or alpha off"));
+}
+
+}  // namespace
+
 void check_output(const OutputFile& file, OutputLayer layer, const RasterFormat& format) {
-    const bool bytes = layer == OutputLayer::scope || layer == OutputLayer::states;
+    const bool bytes =
+        layer == OutputLayer::scope || layer == OutputLayer::masked_scope || layer == OutputLayer::states;
     const GDALDataType type = bytes ? GDT_Byte : GDT_Float32;
-    creation_options(driver_for(file.final_path(), type, format), type, false, format);
+    GDALDriver& driver = driver_for(file.final_path(), type, format);
+    const CPLStringList options = creation_options(driver, type, false, format);
+    if (layer == OutputLayer::masked_scope) check_alpha(driver, options, file.final_path());
 }
 
 void write_raster(const RasterContent& content, const OutputFile& file, const RasterFormat& format) {

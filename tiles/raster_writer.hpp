@@ -21,6 +21,7 @@ struct BandContent {
     std::string description, unit;
     std::optional<double> no_data;
     std::vector<std::string> categories;
+    bool alpha = false;  ///< 0 transparent, 255 opaque
 };
 
 using Metadata = std::vector<std::pair<std::string, std::string>>;

@@ -289,7 +289,8 @@ SceneFacts scene_facts(const std::string& path, const Stop& stop) {
     // Echo and its states; power, received power and states; picture and its states.
     facts.image_bytes = facts.resolved.swept.cells() * (sizeof(float) + 1) +
                         facts.resolved.shown.cells() * (2 * sizeof(float) + 1) +
-                        static_cast<std::uint64_t>(facts.frame.width * facts.frame.height) * 2;
+                        static_cast<std::uint64_t>(facts.frame.width * facts.frame.height) *
+                            bytes_a_pixel(facts.resolved.scene.display);
     return facts;
 }
 

@@ -497,6 +497,47 @@ Codec only_wedge() {
     return codec;
 }
 
+/// A length, the time of a pulse's way there and back, or the sensor's height.
+Codec sweep_delay() {
+    const Limits limits = between("0m", "10000km");
+    Codec codec = quantity(
+        Dimension::length, limits, [](auto& s) -> auto& { return s.scene.display.sweep_delay_m; }, "altitude");
+    codec.value = "altitude|LENGTH|TIME";
+    codec.set = [=](Settings& s, const Given& given) {
+        std::optional<double>& delay_m = s.scene.display.sweep_delay_m;
+        const std::string_view word = trimmed(given.value);
+        if (word == "altitude" || word == "auto") return delay_m.reset();
+        std::optional<double> metres = read_quantity(Dimension::length, word, "");
+        if (!metres)
+            if (const auto delay_s = read_quantity(Dimension::time, word, ""))
+                metres = 0.5 * speed_of_light_m_s * *delay_s;
+        if (!metres)
+            throw InputError(text(given.origin, " is ", in_quotes(given.value), "; it must be altitude, a length (",
+                                  unit_list(Dimension::length), ") or a time (", unit_list(Dimension::time), ")"));
+        check_limits(limits, given, *metres,
+                     [&](const std::string& t) { return parse_quantity(Dimension::length, given.origin, t); });
+        delay_m = *metres;
+    };
+    return codec;
+}
+
+Codec tube_centre() {
+    Codec codec{"X,Y|auto", "each from -1 to 1", {}, {}};
+    codec.set = [](Settings& s, const Given& given) {
+        if (trimmed(given.value) == "auto") return s.scene.display.centre.reset();
+        const auto [x, y] = two(given, "X,Y, each from -1 to 1 (to the right, up), or auto");
+        const TubePlace place{parse_number(given.origin, x), parse_number(given.origin, y)};
+        if (!(std::abs(place.x) <= 1 && std::abs(place.y) <= 1))
+            throw InputError(text(given.origin, " is ", in_quotes(given.value), "; X and Y must each be from -1 to 1"));
+        s.scene.display.centre = place;
+    };
+    codec.get = [](const Settings& s) -> std::optional<std::string> {
+        const auto& at = s.scene.display.centre;
+        return at ? text(at->x, ",", at->y) : "auto";
+    };
+    return codec;
+}
+
 std::pair<std::string, std::string> key_and_value(const Given& given) {
     const auto equals = given.value.find('=');
     if (equals == std::string::npos || equals == 0) {
@@ -942,6 +983,14 @@ std::vector<Key> make_keys() {
           "beam-width error: echoes as wide as the beam");
     t.add("ple", on_off([](auto& s) -> auto& { return s.scene.radar.pulse_length_error; }), "on",
           "pulse-length error: echoes as long as the pulse");
+    t.add("bwe-scale",
+          number(
+              between("0.1", "20"), [](auto& s) -> auto& { return s.scene.radar.beam_width_scale; }),
+          "1", "bwe: echoes this many times as wide, with the same total power");
+    t.add("ple-scale",
+          number(
+              between("0.1", "20"), [](auto& s) -> auto& { return s.scene.radar.pulse_length_scale; }),
+          "1", "ple: echoes this many times as long, with the same total power");
     t.group(KeyGroup::errors, true, true);
     t.add("noise", on_off([](auto& s) -> auto& { return s.scene.receiver.noise; }), "off",
           "fluctuation of the thermal noise round its mean");
@@ -963,10 +1012,9 @@ std::vector<Key> make_keys() {
           "radius on the tube: ground range by the set's sweep, each echo's own ground range, slant range, slant range "
           "less a delay");
     t.group(KeyGroup::display, true, true);
-    t.add("sweep-delay",
-          quantity(
-              length, between("0m", "10000km"), [](auto& s) -> auto& { return s.scene.display.sweep_delay_m; }, "auto"),
-          "auto", "tdppi: slant range of the tube's centre; auto: height above the ground below");
+    t.add("sweep-delay", sweep_delay(), "altitude",
+          "tdppi: slant range of the tube's centre, or the time of the way there and back; altitude: height above the "
+          "ground below");
     t.add("size",
           count(
               16, 32768, [](auto& s) -> auto& { return s.scene.display.size; }),
@@ -976,8 +1024,32 @@ std::vector<Key> make_keys() {
               {{"north", Orientation::north}, {"heading", Orientation::heading}},
               [](auto& s) -> auto& { return s.scene.display.orientation; }),
           "north", "what is up");
+    t.add(
+        "centre", tube_centre(), "auto",
+        "where the sensor stands on a square tube, in halves of its side from the middle to the right and up (0,-0.9: "
+        "near the bottom); auto: the frame fits the sector");
     t.add("rings", on_off([](auto& s) -> auto& { return s.scene.display.rings; }), "on",
-          "range rings and azimuth marks");
+          "range rings, and ticks each 10 degrees at the rim");
+    t.add(
+        "ring-spacing",
+        quantity(
+            length, above_to("0m", "10000km"), [](auto& s) -> auto& { return s.scene.display.ring_spacing_m; }, "auto"),
+        "auto", "from ring to ring, on the display's own radius; auto: a round number of nautical miles");
+    t.add("azimuth-marks",
+          quantity(
+              angle, between("1deg", "180deg"), [](auto& s) -> auto& { return s.scene.display.azimuth_marks_rad; },
+              "off"),
+          "off", "radial lines, from the heading on to either side every so many degrees");
+    t.add("pixel-fill",
+          choice<PixelFill>(
+              {{"interpolate", PixelFill::interpolate}, {"holes", PixelFill::holes}, {"none", PixelFill::none}},
+              [](auto& s) -> auto& { return s.scene.display.pixel_fill; }),
+          "interpolate",
+          "pixels between cells: interpolated; each cell on one pixel, and holes filled from the pixels round them; "
+          "holes "
+          "left black");
+    t.add("alpha", on_off([](auto& s) -> auto& { return s.scene.display.alpha; }), "off",
+          "an alpha channel, transparent where the data base has no data");
     t.add("legend", on_off([](auto& s) -> auto& { return s.scene.display.legend; }), "off",
           "a panel with text beside the picture (needs the program wedgescope_picture)");
 

@@ -41,7 +41,8 @@ LayerFiles::LayerFiles(const Settings& settings) {
 
 void LayerFiles::check(const Settings& settings) const {
     const RasterFormat chosen = chosen_format(settings), polar = scope_ ? plain_format(settings) : chosen;
-    if (scope_) check_output(*scope_, OutputLayer::scope, chosen);
+    if (scope_)
+        check_output(*scope_, settings.scene.display.alpha ? OutputLayer::masked_scope : OutputLayer::scope, chosen);
     if (echo_) check_output(*echo_, OutputLayer::echo, polar);
     if (power_) check_output(*power_, OutputLayer::power, polar);
     if (states_) check_output(*states_, OutputLayer::states, polar);

@@ -196,8 +196,11 @@ nlohmann::ordered_json legend_text(const Settings& settings, const ResolvedScene
         std::string values;
         for (const double ring : picture.ring_range_m)
             values += (values.empty() ? "" : "  ") + trimmed_number(ring / 1852, 2);
-        line("", values);
+        constexpr std::size_t fit_a_line = 9;
+        if (picture.ring_range_m.size() <= fit_a_line) line("", values);
     }
+    if (s.display.azimuth_marks_rad)
+        line("Azimuth marks", "every " + degrees(Angle::radians(*s.display.azimuth_marks_rad)) + " from heading");
     line("Up", s.display.orientation == Orientation::north ? "north" : "heading");
     line("Pixel", trimmed_number(picture.frame.metres_per_pixel, 1) + " m");
 
@@ -206,8 +209,12 @@ nlohmann::ordered_json legend_text(const Settings& settings, const ResolvedScene
     line("Peak power", radar.transmit_power_w >= 1e3 ? trimmed_number(radar.transmit_power_w * 1e-3, 2) + " kW"
                                                      : trimmed_number(radar.transmit_power_w, 3) + " W");
     line("Antenna gain", trimmed_number(radar.gain.db(), 1) + " dB");
-    line("Pulse", trimmed_number(radar.pulse_s * 1e6, 3) + " us  " + trimmed_number(radar.pulse_extent_m(), 0) + " m");
-    line("Beam", degrees(radar.antenna.beam));
+    const auto drawn = [](bool on, double scale) {
+        return on && scale != 1 ? "  drawn x " + trimmed_number(scale, 2) : std::string();
+    };
+    line("Pulse", trimmed_number(radar.pulse_s * 1e6, 3) + " us  " + trimmed_number(radar.pulse_extent_m(), 0) + " m" +
+                      drawn(radar.pulse_length_error, radar.pulse_length_scale));
+    line("Beam", degrees(radar.antenna.beam) + drawn(radar.beam_width_error, radar.beam_width_scale));
     line("Elevation", std::string(word(radar.antenna.elevation)) + "  tilt " + degrees(radar.antenna.tilt));
 
     section("RECEIVER");

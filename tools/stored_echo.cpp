@@ -258,23 +258,28 @@ ResolvedScene scene_from_echo(const StoredEcho& echo, const std::vector<Given>& 
                               sweep_needed));
     // Not even a later begin: a piece of ground that the first bin's edge cuts is added up in other parts, rounded otherwise.
     if (wanted.range_bins.begin != stored.range_bins.begin)
-        throw InputError(text(radar.pulse_s != before.pulse_s ? name("pulse") : name("ple"),
+        throw InputError(text(radar.pulse_s != before.pulse_s                         ? name("pulse")
+                              : radar.pulse_length_error != before.pulse_length_error ? name("ple")
+                                                                                      : name("ple-scale"),
                               " makes the sweep begin at range bin ", wanted.range_bins.begin,
                               " before range-start; the echo image begins at ", stored.range_bins.begin, sweep_needed));
     if (!holds(stored, wanted)) {
         const char* key = radar.antenna.beam.rad() != before.antenna.beam.rad() ? "beam"
                           : radar.antenna.azimuth != before.antenna.azimuth     ? "azimuth-pattern"
                           : radar.beam_width_error != before.beam_width_error   ? "bwe"
+                          : radar.beam_width_scale != before.beam_width_scale   ? "bwe-scale"
                                                                                 : "";
         throw InputError(text(*key ? name(key) : azimuths, " makes the beam gather azimuth bins ",
                               bins_words(wanted.azimuth_bins), "; the echo image holds ",
                               bins_words(stored.azimuth_bins), " of ", stored.circle_bins, sweep_needed));
     }
     if (!same_levels(echo.scene, echo.levels, echo.post_m, scene)) {
-        const char* key = radar.antenna.beam.rad() != before.antenna.beam.rad() ? "beam"
-                          : radar.pulse_s != before.pulse_s                     ? "pulse"
-                          : radar.beam_width_error != before.beam_width_error   ? "bwe"
-                                                                                : "ple";
+        const char* key = radar.antenna.beam.rad() != before.antenna.beam.rad()   ? "beam"
+                          : radar.pulse_s != before.pulse_s                       ? "pulse"
+                          : radar.beam_width_error != before.beam_width_error     ? "bwe"
+                          : radar.pulse_length_error != before.pulse_length_error ? "ple"
+                          : radar.beam_width_scale != before.beam_width_scale     ? "bwe-scale"
+                                                                                  : "ple-scale";
         throw InputError(text(
             name(key), " is ", value_words(find_key(key)->get(settings)),
             "; the ground of this echo image is finer than beam and pulse, whose size decides which posts are swept"
