@@ -7,6 +7,7 @@
 
 #include "lib/angle.hpp"
 #include "lib/decibel.hpp"
+#include "lib/material.hpp"
 #include "lib/sensor.hpp"
 
 namespace wedgescope {
@@ -65,6 +66,7 @@ struct Scene {
     RadarParams radar;
     ReceiverParams receiver;
     DisplayParams display;
+    Materials materials;           ///< what the classes of the ground return
     std::optional<Decibel> gamma;  ///< one constant gamma at 10 GHz for everything
     Quality quality = Quality::normal;
     std::optional<double> max_error_db;  ///< asked for in place of a quality, which is then what keeps it
