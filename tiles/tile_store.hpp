@@ -45,7 +45,8 @@ public:
     /// False in a store made before there were levels of detail as they are now.
     bool has_detail_map() const;
     std::unique_ptr<DetailMap> detail_map(double scale) const;
-    std::optional<Legend> legend() const;
+    /// InputError where it names a material that is none of these.
+    std::optional<Legend> legend(const Materials& materials) const;
     /// Of the bare terrain.
     Extremes terrain_extremes() const;
 

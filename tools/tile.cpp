@@ -134,8 +134,8 @@ void tile(const std::vector<std::string>& arguments, Stop& stop) {
         const double seconds = keep_around(settings, stop);
         return remark(settings.quiet, fmt::format("written: {} ({:.1f} s)", kept_file(settings), seconds));
     }
+    const GdalSession session(cache_bytes(settings), settings.config);
     TileStoreParams params = store_params(settings);
-    const GdalSession session(params.cache_bytes, settings.config);
     params.stop = &stop;
     Progress progress(settings.quiet);
     params.progress = [&](double fraction) { progress.report(fraction); };
