@@ -250,6 +250,16 @@ Codec legend_choice() {
     return codec;
 }
 
+Codec features_legend() {
+    Codec codec{"fbfm40|nlcd|worldcover|smc|PATH", "", {}, {}};
+    codec.set = [](Settings& s, const Given& given) {
+        const std::string word(trimmed(given.value));
+        s.features_legend = Legend::built_in(word) ? word : resolved_path(given);
+    };
+    codec.get = [](const Settings& s) -> std::optional<std::string> { return s.features_legend; };
+    return codec;
+}
+
 /// By what it says, not by where it lies: an echo image and a work folder know the values.
 Codec class_table() {
     Codec codec{"FILE", "", {}, {}};
@@ -972,6 +982,23 @@ std::vector<Key> make_keys() {
                   "a store that stands");
         k.commands = command_tile;
         k.in_scene_file = false;
+    }
+    {
+        const auto tile_only = [](Key& key) {
+            key.commands = command_tile;
+            key.in_scene_file = false;
+        };
+        tile_only(
+            t.add("features", path([](auto& s) -> auto& { return s.features; }), "",
+                  "vector file of points, lines and areas that are burnt over culture and culture-height, or make "
+                  "them: fields material (a word, or a code of features-legend) or SMC, and height or HGT, metres"));
+        tile_only(t.add("features-layer", word_of("NAME", &Settings::features_layer), "",
+                        "this layer of the vector file alone; without it all, later ones over those before"));
+        tile_only(t.add("features-legend", features_legend(), "smc",
+                        "turns numbers in the features' field of material into materials"));
+        tile_only(t.add("features-touch", on_off([](auto& s) -> auto& { return s.features_touch; }), "off",
+                        "burn every cell that a line or an area touches; off: lines one cell wide, and cells whose "
+                        "centre lies in an area"));
     }
     t.add("work-dir", path([](auto& s) -> auto& { return s.work_dir; }), "",
           "folder where finished wedges are kept, for resume; made if it is missing");

@@ -33,7 +33,11 @@ struct Settings {
     std::string material = "soil";
 
     std::int64_t tile_posts = 256;  ///< --tile-size
-    std::optional<LatLon> around;   ///< tile: the point that a spill is kept for
+    // Tile: what is burnt over the culture.
+    std::string features, features_layer;  ///< path; a layer's name; empty: none, all
+    std::string features_legend = "smc";   ///< built-in word or CSV path
+    bool features_touch = false;
+    std::optional<LatLon> around;  ///< tile: the point that a spill is kept for
     // Coverage only; threads, memory and culling stand below.
     CoverageParams coverage;
     std::optional<std::int64_t> no_data_value;  ///< of the mask, declared in any case

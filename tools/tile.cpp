@@ -70,6 +70,18 @@ TileStoreParams store_params(const Settings& settings) {
     for (std::size_t i = 0; i + 1 < settings.files.size(); ++i) refuse_store(settings.files[i], "dem");
     refuse_store(settings.culture, "culture");
     refuse_store(settings.culture_height, "culture_height");
+    const bool touch = settings.features_touch, layer = !settings.features_layer.empty(),
+               codes = settings.features_legend != "smc";
+    if (settings.features.empty() && (touch || layer || codes))
+        throw InputError(text(layer   ? "features-layer"
+                              : touch ? "features-touch"
+                                      : "features-legend",
+                              " is given without features; the path of a vector file is needed"));
+    if (!settings.culture.empty() && settings.culture_legend.empty() && !settings.features.empty())
+        throw InputError(
+            "culture and features are given without culture-legend; one of fbfm40, nlcd, worldcover, smc, rat or a CSV "
+            "file "
+            "is needed");
     TileStoreParams params;
     params.dems.assign(settings.files.begin(), settings.files.end() - 1);
     params.output = settings.files.back();
@@ -79,6 +91,19 @@ TileStoreParams store_params(const Settings& settings) {
     if (params.legend) {
         params.legend_name = settings.culture_legend;
         params.legend_csv = legend_csv(settings);
+    }
+    if (!settings.features.empty()) {
+        const Materials& materials = settings.scene.materials;
+        Settings codes = settings;
+        codes.culture_legend = settings.features_legend;
+        params.features =
+            FeatureParams{settings.features, settings.features_layer,      settings.features_touch, *legend(codes, ""),
+                          materials,         settings.culture_height_scale};
+        if (!(settings.culture_height_scale > 0))
+            throw InputError("culture-height-scale is 0, and features is given; it must be above 0");
+        params.legend = with_features(params.legend, materials);
+        params.legend_name = params.legend->name();
+        params.legend_csv = params.legend->csv(materials);
     }
     params.tile_posts = settings.tile_posts;
     params.creation = settings.creation;
