@@ -373,6 +373,28 @@ TEST_CASE("features of a wrong field, class, height or layer are named", "[featu
     CHECK_THAT(refusal([&] { with_features(Legend("x", {{30254, 1}, {30003, 2}}), {}); }), Contains("code 30003"));
 }
 
+TEST_CASE("options of features are checked", "[features]") {
+    const Folder folder;
+    const std::string file = GeoJson().add("Point", {{5.5, 5.5}}, {{"SMC", 1}}).write(folder / "f.json");
+    const auto refuses = [&](const Strings& more, int code, const Strings& words) {
+        Strings all{WEDGESCOPE_PROGRAM, "tile", dem, folder / "store"};
+        all.insert(all.end(), more.begin(), more.end());
+        const Ended ended = wedgescope::test::run_program(all, folder / "err");
+        INFO(ended.err);
+        CHECK(ended.code == code);
+        CHECK(std::count(ended.err.begin(), ended.err.end(), '\n') == 1);
+        for (const std::string& word : words) CHECK_THAT(ended.err, Contains(word));
+        CHECK_FALSE(std::filesystem::exists(folder / "store"));
+    };
+    refuses({"--features-touch", "on"}, 2, {"features-touch is given without features"});
+    refuses({"--features-layer", "x"}, 2, {"features-layer is given without features"});
+    refuses({"--features", dem}, 1, {"features '", "inland_empire_dem.tif' cannot be opened"});
+    refuses({"--features", file, "--features-legend", "none"}, 1, {"features-legend 'none' is none of"});
+    refuses({"--features", file, "--features-layer", "roads"}, 2, {"features-layer is 'roads'"});
+    refuses({"--features", file, "--culture-height-scale", "0"}, 2, {"culture-height-scale is 0"});
+    refuses({"--features", file, "--culture", data + "/inland_empire_culture.tif"}, 2, {"without culture-legend"});
+}
+
 TEST_CASE("a radar sees burnt metal by its gamma, and nothing else changes", "[features]") {
     const Folder folder;
     const auto run = [&](const Strings& arguments) {

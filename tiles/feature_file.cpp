@@ -25,7 +25,7 @@ constexpr std::int64_t margin = 2;
 std::string quoted(const std::string& words) { return text("'", words, "'"); }
 
 DatasetHandle open_vector(const std::string& path) {
-    return DatasetHandle(GDALDataset::Open(path.c_str(), GDAL_OF_VECTOR | GDAL_OF_READONLY));
+    return DatasetHandle(GDALDataset::Open(path.c_str(), GDAL_OF_VECTOR | GDAL_OF_READONLY | GDAL_OF_VERBOSE_ERROR));
 }
 
 std::string lower(std::string words) {

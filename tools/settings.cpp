@@ -20,11 +20,32 @@ std::optional<Legend> legend(const Settings& settings, const std::string& cultur
     const std::string& name = settings.culture_legend;
     const Materials& materials = settings.scene.materials;
     if (name.empty()) return std::nullopt;
-    if (auto built_in = Legend::built_in(name)) return built_in;
-    if (name != own_legend) return Legend::from_csv(name, legend_csv(settings), materials);
+    if (name != own_legend) return legend("culture-legend", name, materials);
     if (culture.empty())
         throw InputError("culture-legend is rat but there is no culture; the path of a culture raster is needed");
     return attribute_table_legend(culture, materials);
+}
+
+namespace {
+
+std::string csv_of(const char* key, const std::string& path) {
+    std::ifstream file(path, std::ios::binary);
+    if (!file) {
+        throw IoError(text(key, " ", in_quotes(path), " is none of fbfm40, nlcd, worldcover, smc",
+                           key == std::string("culture-legend") ? ", rat" : "",
+                           " and cannot be opened as a CSV file: ", std::strerror(errno)));
+    }
+    std::ostringstream content;
+    content << file.rdbuf();
+    if (!file) throw IoError(text(key, " ", in_quotes(path), ": cannot be read as a CSV file"));
+    return content.str();
+}
+
+}  // namespace
+
+Legend legend(const char* key, const std::string& name, const Materials& materials) {
+    if (auto built_in = Legend::built_in(name)) return *built_in;
+    return Legend::from_csv(name, csv_of(key, name), materials);
 }
 
 std::string legend_path(const Settings& settings) {
@@ -35,17 +56,7 @@ std::string legend_path(const Settings& settings) {
 std::string legend_csv(const Settings& settings) {
     const std::string& name = settings.culture_legend;
     if (name.empty() || Legend::built_in(name)) return "";
-    if (name == own_legend) return legend(settings)->csv(settings.scene.materials);
-    std::ifstream file(name, std::ios::binary);
-    if (!file) {
-        throw IoError(text("culture-legend ", in_quotes(name),
-                           " is none of fbfm40, nlcd, worldcover, smc, rat and cannot be opened as a CSV file: ",
-                           std::strerror(errno)));
-    }
-    std::ostringstream content;
-    content << file.rdbuf();
-    if (!file) throw IoError(text("culture-legend ", in_quotes(name), ": cannot be read as a CSV file"));
-    return content.str();
+    return name == own_legend ? legend(settings)->csv(settings.scene.materials) : csv_of("culture-legend", name);
 }
 
 DataBaseParams data_base_params(const Settings& settings, std::size_t cache, const Stop& stop) {

@@ -83,6 +83,8 @@ inline constexpr const char* own_legend = "rat";
 /// without one. Within a GdalSession if it is. InputError, IoError.
 std::optional<Legend> legend(const Settings& settings);
 std::optional<Legend> legend(const Settings& settings, const std::string& culture);
+/// A built-in one or that of a CSV file; `key` is for messages.
+Legend legend(const char* key, const std::string& name, const Materials& materials);
 
 /// Content of the CSV file that it names, or the raster's own legend as one; empty for a built-in one.
 std::string legend_csv(const Settings& settings);

@@ -94,11 +94,12 @@ TileStoreParams store_params(const Settings& settings) {
     }
     if (!settings.features.empty()) {
         const Materials& materials = settings.scene.materials;
-        Settings numbers = settings;
-        numbers.culture_legend = settings.features_legend;
-        params.features = FeatureParams{
-            settings.features, settings.features_layer,      settings.features_touch, *legend(numbers, ""),
-            materials,         settings.culture_height_scale};
+        params.features = FeatureParams{settings.features,
+                                        settings.features_layer,
+                                        settings.features_touch,
+                                        legend("features-legend", settings.features_legend, materials),
+                                        materials,
+                                        settings.culture_height_scale};
         if (!(settings.culture_height_scale > 0))
             throw InputError("culture-height-scale is 0, and features is given; it must be above 0");
         params.legend = with_features(params.legend, materials);
