@@ -93,6 +93,28 @@ TEST_CASE("the file in docs is the program's table", "[class-table]") {
     CHECK(Materials::from_csv("classes.csv", content(WEDGESCOPE_CLASSES)).own().empty());
 }
 
+TEST_CASE("a class of one's own returns what its row says", "[class-table]") {
+    const Program program;
+    const std::string table = program.write("fields.csv", "# mine\nname,gamma10_db\ncorn,-14\nsoil,-20\n");
+    program.make(with(scene, {"--echo", program / "plain.tif"}));
+    program.make(with(scene, {"--echo", program / "corn.tif", "--class-table", table, "--material", "corn"}));
+    program.make(with(scene, {"--echo", program / "soil.tif", "--class-table", table}));
+    const double plain_w = program.watts("plain.tif");
+    CHECK_THAT(program.watts("corn.tif"), WithinRel(plain_w * std::pow(10, 0.3), 1e-5));
+    CHECK_THAT(program.watts("soil.tif"), WithinRel(plain_w * std::pow(10, -0.3), 1e-5));
+    // Whatever the order of the options, and in a scene file; a table like the shipped one changes no bit.
+    program.make(with(scene, {"--echo", program / "again.tif", "--material", "corn", "--class-table", table}));
+    const std::string ini = program.write("scene.ini", "material = corn\nclass-table = fields.csv\n");
+    program.make(with(scene, {ini, "--echo", program / "ini.tif"}));
+    CHECK(program.watts("again.tif") == program.watts("corn.tif"));
+    CHECK(program.watts("ini.tif") == program.watts("corn.tif"));
+    for (const char* name : {"a", "b"}) std::filesystem::create_directory(program / name);
+    program.make(with(scene, {"--echo", program / "a/echo.tif", "--reproducible"}));
+    program.make(
+        with(scene, {"--echo", program / "b/echo.tif", "--class-table", WEDGESCOPE_CLASSES, "--reproducible"}));
+    CHECK((content(program / "a/echo.tif") == content(program / "b/echo.tif")));
+}
+
 TEST_CASE("an echo image holds the table's values, and serves without the file", "[class-table]") {
     const Program program;
     const std::string table = program.write("fields.csv", "corn,-14\n");
