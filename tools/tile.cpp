@@ -29,6 +29,7 @@ double keep_around(const Settings& settings, Stop& stop) {
     const std::string& store = settings.files.back();
     DataBaseParams params;
     params.dem = store;
+    params.materials = settings.scene.materials;  // the store's legend may name some of its own
     params.culture_height_scale = settings.culture_height_scale;
     params.cache_bytes = cache_bytes(settings);
     params.stop = &stop;
