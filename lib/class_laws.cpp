@@ -1,7 +1,10 @@
 #include "lib/class_laws.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
+
+#include "lib/rounding.hpp"
 
 namespace wedgescope {
 
@@ -25,12 +28,18 @@ ClassLaws::ClassLaws(std::vector<ClassGamma> gamma) : gamma_(std::move(gamma)) {
 
 ClassLaws::ClassLaws(const ClassLawParams& params)
     : ClassLaws([&] {
-          std::vector<ClassGamma> gamma = gamma_table(params.frequency_hz, params.gamma);
+          std::vector<ClassGamma> gamma = gamma_table(params.materials, params.frequency_hz, params.gamma);
           if (params.polarisation == Polarisation::circular)
               for (ClassGamma& g : gamma) g.wall /= circular_wall_loss.ratio();
           return gamma;
       }()) {
-    const std::vector<Material>& materials = material_table();
+    const std::vector<Material>& materials = params.materials.rows();
+    const auto is_omni = [](const Material& m) { return m.directivity == Directivity::omni; };
+    if (!params.gamma && !std::all_of(materials.begin(), materials.end(), is_omni))
+        for (const Material& m : materials) {
+            const double axis = Angle::degrees(m.axis_deg).rad();
+            facings_.push_back({m.directivity, rounded(std::sin(axis), 40), rounded(std::cos(axis), 40)});
+        }
     std::vector<BackscatterTable> tables;
     bool all_constant = true;
     for (std::size_t id = 0; id < materials.size(); ++id) {

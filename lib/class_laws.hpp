@@ -16,6 +16,7 @@ namespace wedgescope {
 enum class WaterModel { nrl, calm };
 
 struct ClassLawParams {
+    Materials materials{};  ///< the classes
     double frequency_hz = 10e9;
     Polarisation polarisation = Polarisation::hh;
     LandModel land = LandModel::constant_gamma;
@@ -55,13 +56,32 @@ public:
     }
     double wall(ClassId id) const noexcept { return gamma_[id].wall; }
 
+    /// Some class returns more to one side than to another.
+    bool directional() const { return !facings_.empty(); }
+    /// directivity_gain() of a class towards a sensor from which it lies in the azimuth of this sine and cosine (clockwise
+    /// from north; there and back differ by half a turn, what meridians converge by within the range aside [P]).
+    double gain(ClassId id, double sine, double cosine) const noexcept {
+        const Facing& facing = facings_[id];
+        if (facing.directivity == Directivity::omni) return 1;
+        const double towards = -(cosine * facing.north + sine * facing.east),
+                     shown = facing.directivity == Directivity::bi || towards > 0 ? towards : 0, square = shown * shown;
+        static_assert(directivity_exponent == 4);
+        return square * square > least_directivity ? square * square : least_directivity;
+    }
+
 private:
     struct Row {
         std::size_t first;
         int last;  // interval
         double begin, scale;
     };
+    /// Of the outward normal.
+    struct Facing {
+        Directivity directivity;
+        double east, north;
+    };
     std::vector<ClassGamma> gamma_;
+    std::vector<Facing> facings_;  // empty: all are omni
     std::vector<Row> rows_;
     std::vector<double> entries_;
     double most_ = 0, error_db_ = 0;

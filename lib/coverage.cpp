@@ -317,8 +317,8 @@ private:
     static Facet facet(const Side& side, const LineForm& line, double slope, double z, double behind, double beside,
                        double arc_m, double inverse_radius, const SightLine& sight);
     float nadir_response(std::int64_t column, std::int64_t row, double above_m);
-    float response(const Side& side, std::int64_t index, std::int64_t post, const Facet& facet, const SightLine& sight,
-                   double inverse_radius, Desk& desk) const;
+    float response(const Side& side, double slope, std::int64_t index, std::int64_t post, const Facet& facet,
+                   const SightLine& sight, double inverse_radius, Desk& desk) const;
     void test_part(const LineForm& line, const Spokes& s, Interval posts, Interval window, Desk& desk) const;
     void copy_out(const Strip& strip, Interval window, Desk& desk);
     template <class T, class TileOf>
@@ -817,7 +817,7 @@ float Cover::nadir_response(std::int64_t column, std::int64_t row, double above_
     if (!desk.culture) desk.culture = std::make_unique<Culture>(db_, &source_);
     desk.culture_m = {};
     const SightLine down{-above_m, 0, std::abs(above_m), above_m > 0 ? -1.0 : 1.0};
-    return response(sides_[0], column, row, {1, 1}, down, scene_.earth.inverse_radius(), desk);
+    return response(sides_[0], 0, column, row, {1, 1}, down, scene_.earth.inverse_radius(), desk);
 }
 
 /// Carries the void state of every spoke over a line, by the positions on it and on the line behind.
@@ -905,7 +905,7 @@ Cover::Facet Cover::facet(const Side& side, const LineForm& line, double slope, 
     return {(std::sin(angle) + rise * std::cos(angle)) / secant, secant};
 }
 
-float Cover::response(const Side& side, std::int64_t index, std::int64_t post, const Facet& facet,
+float Cover::response(const Side& side, double slope, std::int64_t index, std::int64_t post, const Facet& facet,
                       const SightLine& sight, double inverse_radius, Desk& desk) const {
     if (!(facet.sine > 0)) return nan_f;
     Culture& culture = *desk.culture;
@@ -919,7 +919,11 @@ float Cover::response(const Side& side, std::int64_t index, std::int64_t post, c
         return nan_f;
     }
     const bool wall = !desk.culture_m.empty() && desk.culture_m[static_cast<std::size_t>(post - desk.culture_begin)] > 0;
-    const double factor = wall ? tables_->laws.wall(id) : tables_->laws.ground(id, law_variable(facet.sine));
+    double factor = wall ? tables_->laws.wall(id) : tables_->laws.ground(id, law_variable(facet.sine));
+    if (tables_->laws.directional()) {
+        const double azimuth = map_.azimuth_rad(side.quadrant, slope);
+        factor *= tables_->laws.gain(id, rounded(std::sin(azimuth), angle_bits), rounded(std::cos(azimuth), angle_bits));
+    }
     const double g0 = side.square[0], g1 = side.square[1], g2 = side.square[2];
     const double sigma = factor * facet.sine * std::sqrt(g0 * g2 - 0.25 * g1 * g1) * facet.secant,
                  r2 = std::max(1.0, sight.range_m * sight.range_m);
@@ -1004,7 +1008,7 @@ void Cover::finish_line(const Side& side, const LineForm& line, std::int64_t ind
                         const Facet own = facet(side, line, slope, z, static_cast<double>(back[j]), beside, arc,
                                                 inverse_radius, sight);
                         value = params_.layer == CoverageLayer::response
-                                    ? response(side, index, j, own, sight, inverse_radius, desk)
+                                    ? response(side, m, index, j, own, sight, inverse_radius, desk)
                                     : static_cast<float>(rounded(
                                           std::asin(std::clamp(own.sine, -1.0, 1.0)) * (180 / std::numbers::pi), 30));
                         break;

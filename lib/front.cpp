@@ -10,6 +10,7 @@
 #include "lib/cull.hpp"
 #include "lib/lanes.hpp"
 #include "lib/post_extremes.hpp"
+#include "lib/rounding.hpp"
 #include "lib/ticks.hpp"
 
 namespace wedgescope {
@@ -103,7 +104,7 @@ void Front::Lanes::resize(std::size_t n) {
 Front::Front(const SweepScene& scene, const SpokeRun& run, WedgeCells& cells)
     : scene_(&scene), run_(&run), cells_(&cells), bins_per_metre_(1 / scene.range_bin_m),
       plain_ground_(!scene.data_base->has_culture && !scene.data_base->has_culture_height),
-      needs_facets_(!scene.laws->constant()), quadrant_(run.quadrant),
+      needs_facets_(!scene.laws->constant()), directional_(scene.laws->directional()), quadrant_(run.quadrant),
       fan_(run.own_fan()), line_end_(scene.grid->line_count(fan_)), culture_(*scene.data_base, scene.source) {
     for (auto* samples : {&now_, &crossing_, &ahead_}) samples->resize(tile_lanes);
     for (auto* v : {&cell_, &bump_, &sine0_, &code_, &power_, &inverse_width_, &bow_, &facet_}) v->resize(tile_lanes);
@@ -120,7 +121,7 @@ Front::Front(const SweepScene& scene, const SpokeRun& run, WedgeCells& cells)
 }
 
 std::size_t Front::bytes_of(std::size_t lanes) {
-    return lanes * (23 * sizeof(double) + sizeof(std::int64_t) + sizeof(std::int32_t)) +
+    return lanes * (25 * sizeof(double) + sizeof(std::int64_t) + sizeof(std::int32_t)) +
            tile_lanes * (3 * 9 + 9 + 4) * sizeof(double);
 }
 
@@ -142,6 +143,8 @@ void Front::set_up_ring(std::size_t ring, Lanes& lanes) const {
     lanes.resize(static_cast<std::size_t>(run.size()));
     if (needs_facets_)
         for (LaneArray* v : {&lanes.across, &lanes.slant}) v->resize(lanes.row.size());
+    if (directional_)
+        for (LaneArray* v : {&lanes.east, &lanes.north}) v->resize(lanes.row.size());
     for (std::int64_t k = run.begin; k < run.end; ++k) {
         const auto lane = static_cast<std::size_t>(k - run.begin);
         const double m = static_cast<double>(k) / static_cast<double>(spokes);
@@ -151,6 +154,11 @@ void Front::set_up_ring(std::size_t ring, Lanes& lanes) const {
             const double across = m * minor_post_m_ / grid.map().metres_per_post(quadrant_, 0);
             lanes.across[lane] = across;
             lanes.slant[lane] = std::sqrt(1 + across * across);
+        }
+        if (directional_) {
+            const double azimuth = grid.map().azimuth_rad(quadrant_, m);
+            lanes.east[lane] = rounded(std::sin(azimuth), angle_bits);
+            lanes.north[lane] = rounded(std::cos(azimuth), angle_bits);
         }
         WedgeCells::Target target{-1, {0, 0}};
         if (run_->touching[ring].contains(k)) {
@@ -766,8 +774,9 @@ bool Front::put_plain(std::size_t at, std::size_t n, std::size_t lane, const Bet
         return true;
     }
     const bool left = !plain_ground_ && find_gammas(at, n, lane, between, next);
-    if (plain_ground_ && needs_facets_)
-        for (std::size_t i = 0; i < n; ++i) gamma[i] = ground_gamma(scene_->data_base->default_class, facet_[at + i]);
+    if (plain_ground_ && (needs_facets_ || directional_))
+        for (std::size_t i = 0; i < n; ++i)
+            gamma[i] = ground_gamma(scene_->data_base->default_class, facet_[at + i], lane + i);
     cells_->add_lanes(n, {code_.data() + at, lanes_.origin.data() + lane, lanes_.share0.data() + lane,
                           lanes_.share1.data() + lane, straddlers(lane, lane + n), static_cast<std::int32_t>(lane),
                           from.x, to.x, inverse_width_.data() + at, power_.data() + at, bow_.data() + at, gamma});
@@ -779,7 +788,8 @@ bool Front::find_gammas(std::size_t at, std::size_t n, std::size_t lane, const B
     double* const gamma = gamma_.data() + at;
     const double* const code = code_.data() + at;
     if (!between.in_chunk) {
-        for (std::size_t i = 0; i < n; ++i) gamma[i] = ground_gamma(scene_->data_base->default_class, facet_[at + i]);
+        for (std::size_t i = 0; i < n; ++i)
+            gamma[i] = ground_gamma(scene_->data_base->default_class, facet_[at + i], lane + i);
         return false;
     }
     CulturePieces pieces{code, from.part, from.minor, to.part, to.minor};
@@ -820,11 +830,13 @@ bool Front::find_gammas(std::size_t at, std::size_t n, std::size_t lane, const B
         odd[odd_count] = static_cast<std::uint8_t>(i);
         odd_count += (kind > CultureParts::wall) | ((kind != CultureParts::nothing) & !one) ? 1 : 0;
     }
-    if (needs_facets_)
+    if (needs_facets_ || directional_)
         for (std::size_t i = 0; i < n; ++i) {
-            const ClassId a = classes[found.first[i]];
-            if (found.kind[i] == CultureParts::parts && a != unknown_class)
-                gamma[i] = scene_->laws->ground(a, facet_[at + i]);
+            const std::int32_t kind = found.kind[i];
+            if (kind == CultureParts::parts)
+                gamma[i] = ground_gamma(classes[found.first[i]], facet_[at + i], lane + i);
+            else if (kind == CultureParts::wall)
+                gamma[i] = wall_gamma(classes[found.first[i]], lane + i);
         }
     for (std::size_t k = 0; k < odd_count; ++k) {
         const std::size_t i = odd[k];
@@ -836,8 +848,8 @@ bool Front::find_gammas(std::size_t at, std::size_t n, std::size_t lane, const B
             gamma[i] = several_gammas;
             left = true;
         } else if (one) {
-            gamma[i] = kind == CultureParts::wall ? gammas[2 * three[0] + 1]
-                                                  : scene_->laws->ground(three[0], facet_[at + i]);
+            gamma[i] = kind == CultureParts::wall ? wall_gamma(three[0], lane + i)
+                                                  : ground_gamma(three[0], facet_[at + i], lane + i);
         } else {
             gamma[i] = in_parts;
             if (lanes_.row[lane + i] >= 0)
@@ -874,7 +886,7 @@ void Front::add_parts(std::size_t lane, const WedgeCells::Portion& whole, const 
         if (const auto part = part_of(whole, borders[begin], borders[end])) {
             if (parts_.full()) add_parts_together();
             parts_.push(lanes_.origin[lane], lanes_.share0[lane], lanes_.share1[lane], *part,
-                        ground_gamma(classes[begin], variable));
+                        ground_gamma(classes[begin], variable, lane));
         }
         begin = end;
     }
@@ -984,7 +996,7 @@ void Front::put(std::size_t lane, const Piece& piece, const Between& between) {
     double depression = 0;
     if (scene_->with_depression)
         depression = std::max(0.0, -std::asin(0.5 * (piece.sine0 + piece.sine1)) / (std::numbers::pi / 2));
-    const std::optional<double> gamma = one_gamma(piece.track, between, piece.variable);
+    const std::optional<double> gamma = one_gamma(lane, piece.track, between, piece.variable);
     if (!gamma) return put_parts(lane, piece, depression);
     WedgeCells::Portion portion = piece.portion;
     portion.power *= *gamma;
@@ -1026,14 +1038,14 @@ std::optional<IndexPosition> Front::wall_post(const Track& track, const Between&
     return best;
 }
 
-std::optional<double> Front::one_gamma(const Track& track, const Between& between, double variable) {
-    if (plain_ground_ || !between.in_chunk) return ground_gamma(scene_->data_base->default_class, variable);
+std::optional<double> Front::one_gamma(std::size_t lane, const Track& track, const Between& between, double variable) {
+    if (plain_ground_ || !between.in_chunk) return ground_gamma(scene_->data_base->default_class, variable, lane);
     // Inside a cell with culture on a corner the surface stands above the bare terrain: wall, of the class of the
     // corner with the most culture.
     if (between.ahead_culture.posts != &void_post || between.behind_culture.posts != &void_post)
         if (const auto post = wall_post(track, between)) {
             const ClassId id = class_at(floor_of(cell_column(post->column)), floor_of(cell_row(post->row)));
-            return id == unknown_class ? 0 : scene_->laws->wall(id);
+            return wall_gamma(id, lane);
         }
     // The culture cells that its way may touch, if these are four at the most.
     const bool columns = lines_are_columns(quadrant_);
@@ -1046,7 +1058,7 @@ std::optional<double> Front::one_gamma(const Track& track, const Between& betwee
     if (id == unknown_class || culture_.at(column1, row1) != id) return std::nullopt;
     if (column1 != column0 && row1 != row0 && (culture_.at(column1, row0) != id || culture_.at(column0, row1) != id))
         return std::nullopt;
-    return ground_gamma(id, variable);
+    return ground_gamma(id, variable, lane);
 }
 
 void Front::put_parts(std::size_t lane, const Piece& piece, double depression) {
@@ -1056,7 +1068,7 @@ void Front::put_parts(std::size_t lane, const Piece& piece, double depression) {
     const auto add = [&](double from, double to, ClassId id) {
         std::optional<WedgeCells::Portion> part = part_of(whole, from, to);
         if (!part) return;
-        part->power *= ground_gamma(id, piece.variable);
+        part->power *= ground_gamma(id, piece.variable, lane);
         cells_->add(target, *part, &depression);
     };
     // The culture cells that the piece runs through, in order; neighbouring parts of one class together.

@@ -100,6 +100,7 @@ private:
     struct Lanes {
         LaneArray metres_per_post, inverse_radius;
         LaneArray across, slant;  // as FacetLanes; only where laws need facets
+        LaneArray east, north;    // sine and cosine of the azimuth; only where some class is directional
         Samples last;
         LaneArray mode;  // SpokeMode
         LaneArray horizon, void_horizon, mark_from, gap_from, gap_top, seen_least, seen_most;
@@ -203,13 +204,20 @@ private:
     void put_parts(std::size_t lane, const Piece& piece, double depression);
     Track track(const SampleLanes& from, const SampleLanes& to, const Between& between) const;
     /// Backscatter of a piece, if it is the same all along.
-    std::optional<double> one_gamma(const Track& track, const Between& between, double variable);
+    std::optional<double> one_gamma(std::size_t lane, const Track& track, const Between& between, double variable);
     /// Post whose culture height makes the cell under a piece a wall; nothing where there is none.
     std::optional<IndexPosition> wall_post(const Track& track, const Between& between) const;
     /// A class on seen ground; if it is unknown its code is remembered.
     ClassId class_at(std::int64_t cell_column, std::int64_t cell_row);
-    double ground_gamma(ClassId id, double variable) const {
-        return id == unknown_class ? 0 : scene_->laws->ground(id, variable);
+    /// Of a class in a spoke's direction.
+    double ground_gamma(ClassId id, double variable, std::size_t lane) const {
+        return id == unknown_class ? 0 : scene_->laws->ground(id, variable) * direction_gain(id, lane);
+    }
+    double wall_gamma(ClassId id, std::size_t lane) const {
+        return id == unknown_class ? 0 : scene_->laws->wall(id) * direction_gain(id, lane);
+    }
+    double direction_gain(ClassId id, std::size_t lane) const {
+        return directional_ ? scene_->laws->gain(id, lanes_.east[lane], lanes_.north[lane]) : 1;
     }
 
     double level_coordinate(std::size_t lane, double arc_m) const;
@@ -227,6 +235,7 @@ private:
     double bins_per_metre_;
     bool plain_ground_;        // one class, no culture height
     bool needs_facets_;        // some law depends on the angle
+    bool directional_;         // some class on the azimuth
     double minor_post_m_ = 1;  // metres of a post along the lines, at the sensor
     Quadrant quadrant_;
     Fan fan_;

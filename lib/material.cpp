@@ -1,12 +1,20 @@
 #include "lib/material.hpp"
 
+#include <algorithm>
+#include <array>
+#include <cctype>
 #include <charconv>
-#include <string_view>
+#include <cmath>
+#include <functional>
+#include <set>
 #include <utility>
 
 #include "lib/error.hpp"
 
 namespace wedgescope {
+
+extern const char* const shipped_classes;  // CMake makes it
+
 namespace {
 
 std::string_view trimmed(std::string_view s) {
@@ -23,19 +31,6 @@ std::optional<int> integer(std::string_view s) {
     const auto [end, error] = std::from_chars(s.data(), s.data() + s.size(), value);
     if (error != std::errc() || end != s.data() + s.size() || s.empty()) return std::nullopt;
     return value;
-}
-
-std::optional<ClassId> class_named(std::string_view name) {
-    const std::vector<Material>& table = material_table();
-    for (std::size_t id = 0; id < table.size(); ++id)
-        if (name == table[id].name) return static_cast<ClassId>(id);
-    return std::nullopt;
-}
-
-std::string accepted_words() {
-    std::string words;
-    for (const Material& material : material_table()) words += (words.empty() ? "" : ", ") + std::string(material.name);
-    return words;
 }
 
 struct CodeRange {
@@ -64,51 +59,289 @@ constexpr CodeRange worldcover[] = {{10, 10, 8}, {20, 20, 7}, {30, 30, 5}, {40, 
 constexpr CodeRange smc[] = {{1, 1, 15}, {2, 2, 14}, {3, 3, 11},  {4, 4, 10},  {5, 5, 4},   {6, 6, 0},   {7, 7, 2},
                              {8, 8, 3},  {9, 9, 12}, {10, 10, 4}, {11, 11, 9}, {12, 12, 8}, {13, 13, 1}, {14, 14, 13}};
 
-}  // namespace
+// ------------------------------------------------------------------------------------------------- the class table
 
-const std::vector<Material>& material_table() {
-    constexpr std::optional<double> none;
-    using enum UlabyDobsonClass;
-    static const std::vector<Material> table = {
-        {"water", none, none},  // at sea-state 0
-        {"snow", -15, none, soil},
-        {"sand", -20, none, soil, BareSoil{permittivity_by_name("material", "dry-sand"), 0.005}},
-        {"rock", -12, none, soil},
-        {"soil", -17, -8, soil, BareSoil{permittivity_by_name("material", "dry-soil"), 0.01}},
-        {"grass", -16, none, grass},
-        {"crops", -15, none, short_vegetation},
-        {"shrub", -15, none, shrubs},
-        {"trees", -12, -10, shrubs},
-        {"marsh", -18, none, short_vegetation},
-        {"suburban", -7, 0},
-        {"urban", -2, 5},
-        {"concrete", -20, 5},
-        {"asphalt", -22, none},
-        {"part-metal", 3, 10},
-        {"metal", 6, 15},
-    };
-    return table;
+enum Column : std::size_t { name, gamma10, gamma_wall10, ulaby_dobson, permittivity, rms_height, directivity, axis };
+constexpr std::array<const char*, 8> columns = {"name",         "gamma10_db",        "gamma_wall10_db",
+                                                "ulaby_dobson", "soil_permittivity", "soil_rms_m",
+                                                "directivity",  "axis_deg"};
+
+constexpr std::pair<const char*, UlabyDobsonClass> ulaby_dobson_words[] = {
+    {"soil", UlabyDobsonClass::soil},
+    {"grass", UlabyDobsonClass::grass},
+    {"shrubs", UlabyDobsonClass::shrubs},
+    {"short", UlabyDobsonClass::short_vegetation}};
+
+std::string column_names() {
+    std::string names;
+    for (const char* column : columns) {
+        if (!names.empty()) names += ',';
+        names += column;
+    }
+    return names;
 }
 
-ClassId material_by_name(const std::string& key, const std::string& name) {
-    if (const std::optional<ClassId> id = class_named(name)) return *id;
-    throw InputError(text(key, " is '", name, "'; it must be one of ", accepted_words()));
+std::optional<ClassId> row_named(const std::vector<Material>& rows, std::string_view name) {
+    for (std::size_t id = 0; id < rows.size(); ++id)
+        if (name == rows[id].name) return static_cast<ClassId>(id);
+    return std::nullopt;
+}
+
+std::optional<double> real(std::string_view s) {
+    double value = 0;
+    if (s.starts_with('+')) s.remove_prefix(1);
+    const auto [end, error] = std::from_chars(s.data(), s.data() + s.size(), value);
+    if (error != std::errc() || end != s.data() + s.size() || s.empty() || !std::isfinite(value)) return std::nullopt;
+    return value;
+}
+
+std::vector<std::string_view> cells_of(std::string_view line) {
+    std::vector<std::string_view> cells;
+    for (;;) {
+        const std::size_t comma = line.find(',');
+        cells.push_back(trimmed(line.substr(0, comma)));
+        if (comma == std::string_view::npos) return cells;
+        line.remove_prefix(comma + 1);
+    }
+}
+
+bool is_word(std::string_view s) {
+    if (s.empty() || s.size() > 40 || !std::isalpha(static_cast<unsigned char>(s.front()))) return false;
+    return std::all_of(s.begin(), s.end(),
+                       [](unsigned char c) { return std::isalnum(c) != 0 || c == '-' || c == '_'; });
+}
+
+/// A row as add_rows() reads it.
+std::string row_text(const Material& m) {
+    std::string out = m.name;
+    const auto cell = [&](const auto&... parts) {
+        out += ',';
+        out += text(parts...);
+    };
+    const auto number = [&](const std::optional<double>& value) { value ? cell(*value) : cell(""); };
+    number(m.gamma10_db);
+    number(m.gamma_wall10_db);
+    const char* vegetation = "";
+    for (const auto& [word, id] : ulaby_dobson_words)
+        if (m.ulaby_dobson == id) vegetation = word;
+    cell(vegetation);
+    if (m.bare_soil) {
+        cell(m.bare_soil->permittivity.real(), " ", std::fabs(m.bare_soil->permittivity.imag()));
+        cell(m.bare_soil->rms_height_m);
+    } else {
+        out += ",,";
+    }
+    cell(word(m.directivity));
+    cell(m.axis_deg);
+    return out;
+}
+
+/// One row of a table being read.
+class RowReader {
+public:
+    RowReader(const std::string& where, Material& row) : where_(where), row_(row) {}
+
+    void set(Column column, std::string_view cell) {
+        switch (column) {
+            case name:
+                return;
+            case gamma10:
+                row_.gamma10_db = number(column, cell, -100, 100, "dB, or nothing");
+                return;
+            case gamma_wall10:
+                row_.gamma_wall10_db = number(column, cell, -100, 100, "dB, or nothing");
+                return;
+            case ulaby_dobson:
+                row_.ulaby_dobson.reset();
+                for (const auto& [word, id] : ulaby_dobson_words)
+                    if (cell == word) row_.ulaby_dobson = id;
+                if (!row_.ulaby_dobson && !cell.empty()) refuse(column, cell, "soil, grass, shrubs, short or nothing");
+                return;
+            case permittivity:
+                permittivity_ = cell;
+                return;
+            case rms_height:
+                rms_ = cell;
+                return;
+            case directivity:
+                row_.directivity = Directivity::omni;
+                for (const Directivity one : {Directivity::omni, Directivity::uni, Directivity::bi})
+                    if (cell == word(one)) row_.directivity = one;
+                if (cell != word(row_.directivity) && !cell.empty()) refuse(column, cell, "omni, uni, bi or nothing");
+                return;
+            case axis:
+                row_.axis_deg = number(column, cell, -360, 360, "degrees, or nothing").value_or(0);
+                return;
+        }
+    }
+
+    /// Permittivity and height of bare soil count together.
+    void finish() {
+        if (!permittivity_ && !rms_) return;
+        BareSoil soil = row_.bare_soil.value_or(BareSoil{});
+        const bool had = row_.bare_soil.has_value();
+        const bool no_permittivity = permittivity_ ? permittivity_->empty() : !had;
+        const bool no_rms = rms_ ? rms_->empty() : !had;
+        if (no_permittivity != no_rms)
+            throw InputError(
+                text(where_, ": of soil_permittivity and soil_rms_m one is given; accepted: both, or neither"));
+        row_.bare_soil.reset();
+        if (no_permittivity) return;
+        if (permittivity_) soil.permittivity = permittivity_of(*permittivity_);
+        if (rms_) {
+            soil.rms_height_m = *number(rms_height, *rms_, 0, 1, "metres");
+            if (soil.rms_height_m == 0) refuse(rms_height, *rms_, "above 0 metres");
+        }
+        row_.bare_soil = soil;
+    }
+
+private:
+    [[noreturn]] void refuse(Column column, std::string_view cell, const std::string& accepted) const {
+        throw InputError(text(where_, ": ", columns[column], " is '", cell, "'; it must be ", accepted));
+    }
+    std::optional<double> number(Column column, std::string_view cell, double low, double high,
+                                 const char* unit) const {
+        if (cell.empty()) return std::nullopt;
+        const std::optional<double> value = real(cell);
+        if (!value || !(*value >= low && *value <= high))
+            refuse(column, cell, text("a number from ", low, " to ", high, ", ", unit));
+        return value;
+    }
+    Permittivity permittivity_of(std::string_view cell) const {
+        const std::size_t blank = cell.find(' ');
+        const std::optional<double> e1 = real(cell.substr(0, blank));
+        if (!e1) return permittivity_by_name(text(where_, ": soil_permittivity"), std::string(cell));
+        const std::optional<double> e2 =
+            blank == std::string_view::npos ? std::optional(0.0) : real(trimmed(cell.substr(blank)));
+        if (!(*e1 >= 1 && *e1 <= 1000) || !e2 || !(*e2 >= 0 && *e2 <= 1000))
+            refuse(permittivity, cell, "a word, or e' (1 to 1000) and e'' (0 to 1000) with a blank between");
+        return {*e1, -*e2};
+    }
+
+    const std::string& where_;
+    Material& row_;
+    std::optional<std::string_view> permittivity_, rms_;
+};
+
+/// Replaces rows or adds them; how many it found.
+std::size_t add_rows(std::vector<Material>& rows, const std::string& source, std::string_view content) {
+    if (content.starts_with("\xEF\xBB\xBF")) content.remove_prefix(3);
+    const bool one_line = is_inline_table(content);
+    const char end_of_row = one_line ? ';' : '\n';
+    std::vector<Column> order;
+    for (std::size_t i = 0; i < columns.size(); ++i) order.push_back(static_cast<Column>(i));
+    std::set<std::string, std::less<>> named;
+    bool first_line = true;
+    for (int line_number = 1; !content.empty(); ++line_number) {
+        const std::size_t end = content.find(end_of_row);
+        std::string_view line = content.substr(0, end);
+        content = end == std::string_view::npos ? std::string_view{} : content.substr(end + 1);
+        line = trimmed(line.substr(0, line.find('#')));
+        if (line.empty()) continue;
+        const std::string where = text(source, one_line ? ", row " : ", line ", line_number);
+        const auto fail = [&](const auto&... what) { throw InputError(text(where, ": ", what...)); };
+        const std::vector<std::string_view> cells = cells_of(line);
+        if (std::exchange(first_line, false) && cells.front() == columns[name]) {
+            order.clear();
+            for (const std::string_view cell : cells) {
+                const auto at = std::find(columns.begin(), columns.end(), cell);
+                if (at == columns.end())
+                    fail("column ", order.size() + 1, " is '", cell, "'; accepted: ", column_names());
+                const auto column = static_cast<Column>(at - columns.begin());
+                if (std::find(order.begin(), order.end(), column) != order.end())
+                    fail("column ", order.size() + 1, " is '", cell, "', and so is one before");
+                order.push_back(column);
+            }
+            continue;
+        }
+        if (cells.size() > order.size()) fail("there are ", cells.size(), " columns; accepted: at most ", order.size());
+        const std::string_view word = cells.front();
+        if (!is_word(word))
+            fail("name is '", word, "'; it must be a word of letters, digits, - and _ that begins with a letter");
+        if (!named.emplace(word).second) fail("'", word, "' has a row already; each class may have one");
+        std::optional<ClassId> id = row_named(rows, word);
+        if (!id) {
+            if (rows.size() == Materials::most)
+                fail("'", word, "' is one class too many; accepted: ", Materials::most, " with the shipped ones");
+            rows.push_back({std::string(word), {}, {}});
+            id = static_cast<ClassId>(rows.size() - 1);
+        }
+        RowReader reader(where, rows[*id]);
+        for (std::size_t i = 0; i < cells.size(); ++i) reader.set(order[i], cells[i]);
+        reader.finish();
+    }
+    return named.size();
+}
+
+}  // namespace
+
+bool is_inline_table(std::string_view value) {
+    return value.starts_with("name,") && value.find(';') != std::string_view::npos &&
+           value.find('\n') == std::string_view::npos;
+}
+
+const std::vector<Material>& material_table() {
+    static const Materials shipped;
+    return shipped.rows();
+}
+
+ClassId material_by_name(const std::string& key, const std::string& name) { return Materials().by_name(key, name); }
+
+Materials::Materials() {
+    static const auto shipped = [] {
+        std::vector<Material> rows;
+        add_rows(rows, "docs/classes.csv", shipped_classes);
+        return std::make_shared<const std::vector<Material>>(std::move(rows));
+    }();
+    rows_ = shipped;
+}
+
+Materials Materials::from_csv(const std::string& source, std::string_view content) {
+    Materials out;
+    std::vector<Material> rows = out.rows();
+    if (add_rows(rows, source, content) == 0)
+        throw InputError(text(source, " names no class; accepted: lines such as corn,-14, with the columns ",
+                              column_names(), " or a line that names them"));
+    std::string own;
+    for (std::size_t id = 0; id < rows.size(); ++id) {
+        const std::string row = row_text(rows[id]);
+        if (id >= out.size() || row != row_text(out[id])) own += ";" + row;
+    }
+    out.own_ = own.empty() ? "" : column_names() + own;
+    out.rows_ = std::make_shared<const std::vector<Material>>(std::move(rows));
+    return out;
+}
+
+std::optional<ClassId> Materials::find(std::string_view name) const { return row_named(*rows_, name); }
+
+ClassId Materials::by_name(const std::string& key, std::string_view name) const {
+    if (const std::optional<ClassId> id = find(name)) return *id;
+    throw InputError(text(key, " is '", name, "'; it must be one of ", words()));
+}
+
+std::string Materials::words() const {
+    std::string words;
+    for (const Material& material : *rows_) words += (words.empty() ? "" : ", ") + material.name;
+    return words;
+}
+
+std::vector<ClassGamma> gamma_table(const Materials& materials, double frequency_hz, std::optional<Decibel> constant) {
+    const auto linear = [&](std::optional<double> gamma10_db) {
+        return gamma10_db ? gamma_at(Decibel(*gamma10_db), frequency_hz).ratio() : 0;
+    };
+    std::vector<ClassGamma> gammas;
+    for (const Material& material : materials.rows()) {
+        if (constant)
+            gammas.push_back({linear(constant->db()), linear(constant->db())});
+        else
+            gammas.push_back({linear(material.gamma10_db),
+                              linear(material.gamma_wall10_db ? material.gamma_wall10_db : material.gamma10_db)});
+    }
+    return gammas;
 }
 
 std::vector<ClassGamma> gamma_table(double frequency_hz, std::optional<Decibel> constant) {
-    const auto linear = [&](double gamma10_db) { return gamma_at(Decibel(gamma10_db), frequency_hz).ratio(); };
-    std::vector<ClassGamma> gammas;
-    for (const Material& material : material_table()) {
-        if (constant) {
-            gammas.push_back({linear(constant->db()), linear(constant->db())});
-        } else if (!material.gamma10_db) {
-            gammas.push_back({0, 0});
-        } else {
-            gammas.push_back(
-                {linear(*material.gamma10_db), linear(material.gamma_wall10_db.value_or(*material.gamma10_db))});
-        }
-    }
-    return gammas;
+    return gamma_table(Materials(), frequency_hz, constant);
 }
 
 BackscatterLaw ground_law(const Material& material, LandModel model, double frequency_hz, Polarisation polarisation) {
@@ -130,7 +363,7 @@ std::optional<Legend> Legend::built_in(const std::string& name) {
     return std::nullopt;
 }
 
-Legend Legend::from_csv(const std::string& source, const std::string& content) {
+Legend Legend::from_csv(const std::string& source, const std::string& content, const Materials& materials) {
     std::string_view rest = content;
     if (rest.starts_with("\xEF\xBB\xBF")) rest.remove_prefix(3);
     std::map<int, ClassId> classes;
@@ -152,21 +385,27 @@ Legend Legend::from_csv(const std::string& source, const std::string& content) {
         const std::optional<int> code = integer(code_text);
         if (!code) {
             // A header has words on both sides; a mistyped code stands beside a material.
-            if (header_allowed && !class_named(name) && !integer(name)) continue;
+            if (header_allowed && !materials.find(name) && !integer(name)) continue;
             fail(text("code is '", code_text, "'; it must be a whole number"));
         }
-        std::optional<ClassId> id = class_named(name);
+        std::optional<ClassId> id = materials.find(name);
         const std::optional<int> number_of_class = integer(name);
-        if (!id && number_of_class && *number_of_class >= 0 && std::cmp_less(*number_of_class, material_table().size()))
+        if (!id && number_of_class && *number_of_class >= 0 && std::cmp_less(*number_of_class, materials.size()))
             id = static_cast<ClassId>(*number_of_class);
         if (!id)
-            fail(text("material is '", name, "'; it must be one of ", accepted_words(),
-                      ", or a class number from 0 to ", material_table().size() - 1));
+            fail(text("material is '", name, "'; it must be one of ", materials.words(),
+                      ", or a class number from 0 to ", materials.size() - 1, " (class-table adds others)"));
         if (!classes.emplace(*code, *id).second)
             fail(text("code ", *code, " has a line already; each code may have one"));
     }
     if (classes.empty()) throw InputError(text(source, " names no code; it must hold lines code,material"));
     return Legend(source, std::move(classes));
+}
+
+std::string Legend::csv(const Materials& materials) const {
+    std::string lines;
+    for (const auto& [code, id] : classes_) lines += text(code, ",", materials[id].name, "\n");
+    return lines;
 }
 
 std::optional<ClassId> Legend::find(int code) const {

@@ -2,34 +2,71 @@
 // that turn culture codes into classes.
 // Leaves the laws themselves to backscatter.hpp and where a class lies to the wedge source.
 #pragma once
-#include <array>
 #include <cstdint>
 #include <map>
+#include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "lib/backscatter.hpp"
 #include "lib/decibel.hpp"
+#include "lib/directivity.hpp"
 
 namespace wedgescope {
 
 using ClassId = std::uint8_t;
 
 struct Material {
-    const char* name;                                ///< the word the `material` key and legends take
+    std::string name;                                ///< the word the `material` key and legends take
     std::optional<double> gamma10_db;                ///< at 10 GHz; none: returns nothing (calm water)
     std::optional<double> gamma_wall10_db;           ///< of walls; none: as gamma10_db
     std::optional<UlabyDobsonClass> ulaby_dobson{};  ///< none: constant gamma under that model too
     std::optional<BareSoil> bare_soil{};             ///< what Oh's model takes; none: constant gamma under it too
+    Directivity directivity = Directivity::omni;
+    double axis_deg = 0;  ///< of the outward normal, from north, clockwise; of uni and bi
 };
 
 /// The models of land that a scene may choose.
 enum class LandModel { constant_gamma, ulaby_dobson, oh };
 
-/// The project's class table (physics 7.4), index = ClassId.
+/// A class table, index = ClassId: the shipped one (docs/classes.csv, physics 7.4), or that with rows of a scene's own.
+/// Copies share the rows.
+class Materials {
+public:
+    static constexpr std::size_t most = 255;  ///< the last ClassId means a code that no legend names
+
+    Materials();  ///< the shipped table
+    /// The shipped table with the rows of a CSV text replaced or added: a line of column names (without it those of
+    /// docs/classes.csv in their order), then a class a line, # comments. What a row does not give stays as the class has
+    /// it; an empty cell is none. Or all of it in one line, `;` between rows (is_inline_table). InputError naming `source`
+    /// and the line.
+    static Materials from_csv(const std::string& source, std::string_view content);
+
+    std::size_t size() const { return rows_->size(); }
+    const Material& operator[](std::size_t id) const { return (*rows_)[id]; }
+    const std::vector<Material>& rows() const { return *rows_; }
+    std::optional<ClassId> find(std::string_view name) const;
+    /// InputError naming `key` and the accepted words.
+    ClassId by_name(const std::string& key, std::string_view name) const;
+    /// All names: "water, snow, ...".
+    std::string words() const;
+    /// In one line, `;` between rows: those that are not as shipped, whole, as from_csv() takes them; empty: none.
+    /// Numbers in the shortest form that reads back the same.
+    const std::string& own() const { return own_; }
+
+private:
+    std::shared_ptr<const std::vector<Material>> rows_;
+    std::string own_;
+};
+
+/// Is it a table itself, and no file's name: does it begin with "name," and have rows that end with `;`, in one line?
+bool is_inline_table(std::string_view value);
+
+/// The shipped table's rows.
 const std::vector<Material>& material_table();
-/// InputError naming the accepted words.
+/// Of the shipped table. InputError naming the accepted words.
 ClassId material_by_name(const std::string& key, const std::string& name);
 
 /// What shading needs of a class at one frequency: linear gamma of ground and of walls.
@@ -39,6 +76,8 @@ struct ClassGamma {
 };
 /// gamma10 + 5 log10(f / 10 GHz) for every class (physics 4.1); `constant` (the key `gamma`,
 /// at 10 GHz) replaces all of them, walls and water included.
+std::vector<ClassGamma> gamma_table(const Materials& materials, double frequency_hz, std::optional<Decibel> constant);
+/// Of the shipped table.
 std::vector<ClassGamma> gamma_table(double frequency_hz, std::optional<Decibel> constant);
 
 /// What the ground of a class returns under a model: its constant gamma where the model does not know the class (laws
@@ -54,7 +93,9 @@ public:
     static std::optional<Legend> built_in(const std::string& name);
     /// A CSV text: lines `code,material`, an optional header line, # comments. InputError naming
     /// `source` and the line.
-    static Legend from_csv(const std::string& source, const std::string& content);
+    static Legend from_csv(const std::string& source, const std::string& content, const Materials& materials = {});
+    /// And back, materials by their names.
+    std::string csv(const Materials& materials) const;
 
     const std::string& name() const { return name_; }
     std::optional<ClassId> find(int code) const;

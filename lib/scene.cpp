@@ -81,12 +81,12 @@ void validate(const Scene& scene) {
     if (scene.gamma) require_within("gamma", scene.gamma->db(), -100, 100, "dB");
     require_within("sea-state", scene.sea_state, 0, 6, "");
     const ClassLawParams laws = laws_of(scene);
-    for (const Material& material : material_table()) class_law(material, laws);
+    for (const Material& material : scene.materials.rows()) class_law(material, laws);
     validate(weather_of(scene), scene.radar.frequency_hz);
 }
 
 ClassLawParams laws_of(const Scene& scene) {
-    return {scene.radar.frequency_hz, scene.radar.polarisation, scene.land, scene.water, scene.sea_state, scene.gamma};
+    return {scene.materials,  scene.radar.frequency_hz, scene.radar.polarisation, scene.land, scene.water, scene.sea_state, scene.gamma};
 }
 
 WeatherParams weather_of(const Scene& scene) {

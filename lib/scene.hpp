@@ -8,6 +8,7 @@
 #include "lib/angle.hpp"
 #include "lib/class_laws.hpp"
 #include "lib/decibel.hpp"
+#include "lib/material.hpp"
 #include "lib/path_loss.hpp"
 #include "lib/sensor.hpp"
 
@@ -81,6 +82,7 @@ struct Scene {
     RadarParams radar;
     ReceiverParams receiver;
     DisplayParams display;
+    Materials materials;           ///< what the classes of the ground return
     std::optional<Decibel> gamma;  ///< one constant gamma at 10 GHz for everything
     LandModel land = LandModel::constant_gamma;
     WaterModel water = WaterModel::nrl;

@@ -46,6 +46,7 @@ std::vector<Fact> echo_facts(const ResolvedScene& s, const DataBase& db) {
     add("transmit-power", radar.transmit_power_w);
     add("gain", radar.gain.db());
     add("losses", radar.losses.db());
+    add("class-table", scene.materials.own().empty() ? "as shipped" : scene.materials.own());
     add("gamma", scene.gamma ? text(scene.gamma->db()) : std::string("off"));
     add("backscatter", word(scene.land));
     add("water", word(scene.water), " ", scene.sea_state);

@@ -246,3 +246,37 @@ TEST_CASE("a model that does not reach the frequency is refused by name, before 
     s.sea_state = 7;
     CHECK(test::refusal<InputError>([&] { resolve(s, source); }) == "sea-state is 7; it must be at least 0 and at most 6");
 }
+
+TEST_CASE("a class with a side returns as that side is turned to the sensor, ground and walls alike", "[class-laws]") {
+    // A town round the sensor whose houses look east, or east and west; a tower on one post of each side.
+    for (const char* kind : {"uni", "bi"}) {
+        MemorySource source(301, 301, 30, [](double, double) { return 0.0; });
+        source.editable().default_class = id_of("urban");
+        Scene s = bare_scene(4507, -4511, 1500, 4000);
+        const RunResult alike = simulate(s, source);
+        s.materials = Materials::from_csv("table", text("name,directivity,axis_deg\nurban,", kind, ",90\n"));
+        const RunResult sided = simulate(s, source);
+        for (const double azimuth : {2.5, 47.5, 92.5, 182.5, 227.5, 272.5, 317.5}) {
+            // From the feature back to the radar, averaged over the bin of five degrees.
+            double gain = 0;
+            constexpr int parts = 50;
+            for (int i = 0; i < parts; ++i)
+                gain += directivity_gain(kind[0] == 'u' ? Directivity::uni : Directivity::bi,
+                                         Angle::degrees(azimuth - 2.5 + 5 * (i + 0.5) / parts + 180), Angle::degrees(90)) /
+                        parts;
+            INFO(kind << " at " << azimuth);
+            CHECK_THAT(echo_at(sided, azimuth, 3025) / echo_at(alike, azimuth, 3025), WithinRel(gain, 0.01));
+        }
+        // The same for walls: with a low culture all over, all of it is wall.
+        source.set_culture_height([](double, double) { return 0.01; });
+        const RunResult sided_walls = simulate(s, source);
+        s.materials = {};
+        const RunResult walls = simulate(s, source);
+        const std::vector<ClassGamma> gamma = gamma_table(s.radar.frequency_hz, std::nullopt);
+        const ClassGamma& town = gamma[id_of("urban")];
+        CHECK_THAT(echo_at(walls, 272.5, 3025) / echo_at(alike, 272.5, 3025), WithinRel(town.wall / town.ground, 0.01));
+        for (const double azimuth : {92.5, 272.5})
+            CHECK_THAT(echo_at(sided_walls, azimuth, 3025) / echo_at(walls, azimuth, 3025),
+                       WithinRel(echo_at(sided, azimuth, 3025) / echo_at(alike, azimuth, 3025), 1e-3));
+    }
+}

@@ -343,6 +343,7 @@ TEST_CASE("every setting that needs a new sweep is refused, by name and with the
     const Folder folder;
     const std::string echo = folder / "echo.tif", png = folder / "new.png";
     folder.make(with(with({"simulate"}, riverside), {"--echo", echo, "-q"}));
+    const std::string table = "name,gamma10_db;soil,-10";
     // Another value for each; the table says which there are.
     const std::map<std::string, std::string> others = {
         {"latlon", "33.94,-117.33"}, {"xy", "465000,3755000"}, {"altitude-msl", "7001ft"}, {"altitude-agl", "2km"},
@@ -354,7 +355,8 @@ TEST_CASE("every setting that needs a new sweep is refused, by name and with the
         {"antenna", "cos-csc2"},     {"antenna-knee", "6deg"}, {"antenna-width", "13deg"}, {"antenna-exponent", "0.6"},
         {"antenna-floor", "-50dB"},  {"tilt", "5deg"},         {"polarisation", "vv"},    {"backscatter", "oh"},
         {"water", "calm"},           {"sea-state", "2"},       {"gases", "normal"},       {"rain", "light"},
-        {"rain-top", "2km"},         {"cloud", "fog"},         {"cloud-base", "100m"},    {"cloud-top", "500m"}};
+        {"rain-top", "2km"},         {"cloud", "fog"},         {"cloud-base", "100m"},    {"cloud-top", "500m"},
+        {"class-table", table}};
     std::set<std::string> tried;
     for (const wedgescope::Key& key : wedgescope::key_table()) {
         if (!(key.commands & wedgescope::command_simulate) || !key.changes_result ||

@@ -102,7 +102,7 @@ public:
             terrain_ = store_->layer(StoreLayerKind::dem);
             if (params_.culture.empty()) {
                 culture = store_->layer(StoreLayerKind::culture);
-                if (!params_.legend) params_.legend = store_->legend();
+                if (!params_.legend) params_.legend = store_->legend(params_.materials);
             }
             if (params_.culture_height.empty()) {
                 has_detail_ = store_->has_detail_map();
@@ -313,7 +313,8 @@ protected:
     void open_culture(std::unique_ptr<RasterLayer> raster) {
         if (!params_.legend)
             throw InputError(
-                "culture needs culture-legend; accepted: fbfm40, nlcd, worldcover, smc or a CSV file of code,material");
+                "culture needs culture-legend; accepted: fbfm40, nlcd, worldcover, smc, rat (its own attribute table) or a "
+                "CSV file of code,material");
         culture_ = std::make_unique<RegisteredLayer>(std::move(raster), terrain_->facts());
         const RasterFacts& facts = culture_->facts();
         if (facts.scale != 1 || facts.offset != 0)

@@ -32,6 +32,7 @@ struct DataBaseParams {
     std::string culture_height;  ///< empty: none
     double culture_height_scale = 1;
     std::optional<Legend> legend;  ///< needed with culture
+    Materials materials;           ///< that the legend of a store names
     ClassId default_class = 4;     ///< no culture, or its no-data
     std::size_t cache_bytes = 0;   ///< what the session grants GDAL's block cache
     /// What is known of the ground of plain rasters; null: nothing. A tile store has its own.

@@ -17,6 +17,7 @@
 #include "lib/error.hpp"
 #include "lib/threads.hpp"
 #include "tiles/block_map_file.hpp"
+#include "tiles/burnt_layer.hpp"
 #include "tiles/checksum.hpp"
 #include "tiles/mosaic.hpp"
 #include "tiles/plain_file.hpp"
@@ -36,17 +37,48 @@ constexpr const char* plan_name = "plan.json";  // stays in the store: one kille
 constexpr const char *map_name = "blocks.map", *detail_name = "detail.map";
 constexpr std::int64_t unit_posts = std::int64_t{1} << 20;  ///< read and tiled at a time, about
 
-/// One layer on its way into the store.
+/// One layer on its way into the store: rasters, or a culture layer with features burnt over it.
 struct Layer {
     StoreLayerKind kind;
-    Mosaic input;
+    std::unique_ptr<Mosaic> input;  ///< null: burnt
+    std::unique_ptr<BurntLayer> burnt;
+    std::vector<StoreSource> burnt_sources;
     StoreLayerEntry entry;
     std::vector<std::string> creation;
-    std::vector<std::uint64_t> before;  ///< fingerprints of the input's rasters when they were opened
+    std::vector<std::uint64_t> before;  ///< fingerprints of what it is made of when that was opened
 
     Layer(StoreLayerKind k, const std::string& role, const std::vector<std::string>& paths)
-        : kind(k), input(role, paths) {}
+        : kind(k), input(std::make_unique<Mosaic>(role, paths)) {}
+    Layer(StoreLayerKind k, std::unique_ptr<BurntLayer> layer, std::vector<StoreSource> sources)
+        : kind(k), burnt(std::move(layer)), burnt_sources(std::move(sources)) {}
+
     bool codes() const { return kind == StoreLayerKind::culture; }
+    const RasterFacts& facts() const { return burnt ? burnt->facts() : input->facts(); }
+    bool single() const { return burnt || input->single(); }
+    bool resampled() const { return !burnt && input->resampled(); }
+    std::vector<StoreSource> sources() const { return burnt ? burnt_sources : input->sources(); }
+    std::vector<std::uint64_t> fingerprints() {
+        return burnt ? std::vector{burnt->fingerprint({})} : input->fingerprints();
+    }
+    ReaderBytes reader_bytes() const { return burnt ? burnt->reader_bytes() : input->reader_bytes(); }
+    std::vector<std::size_t> pieces_in(const Window& window) const {
+        return burnt ? std::vector<std::size_t>{0} : input->pieces_in(window);
+    }
+    void read(const Window& window, const Window& counted, Mosaic::Kind as, const std::vector<std::size_t>& pieces,
+              Mosaic::Posts& out) {
+        if (!burnt) return input->read(window, counted, as, pieces, out);
+        const auto n = static_cast<std::size_t>(window.posts());
+        out.stored.resize(n * static_cast<std::size_t>(facts().type_bytes));
+        if (codes()) {
+            out.codes.resize(n);
+            burnt->read_codes(window, out.codes.data());
+            burnt->store(out.codes, out.stored);
+        } else {
+            out.heights.resize(n);
+            burnt->read_heights(window, out.heights.data(), window.columns.size());
+            burnt->store(out.heights, out.stored);
+        }
+    }
 };
 
 struct Job {
@@ -72,6 +104,8 @@ public:
 private:
     void check_output() const;
     void open_layers();
+    bool is_burnt(StoreLayerKind kind) const;
+    std::unique_ptr<BurntLayer> burnt(StoreLayerKind kind) const;
     void choose_creation(Layer& layer) const;
     std::size_t job_bytes(const Layer& layer) const;
     int jobs_at_once() const;
@@ -94,6 +128,7 @@ private:
     const TileStoreParams& params_;
     std::string folder_;  ///< where it is made
     std::vector<std::unique_ptr<Layer>> layers_;
+    std::shared_ptr<FeatureFile> features_;    ///< null: none
     std::unique_ptr<RegisteredLayer> height_;  ///< culture height at the terrain's posts
     std::unique_ptr<BlockMapWriter> map_;
     std::unique_ptr<DetailMapWriter> detail_;
@@ -134,33 +169,63 @@ void StoreWriter::check_output() const {
 void StoreWriter::open_layers() {
     if (params_.dems.empty()) throw InputError("tile needs at least one terrain raster and the folder to write");
     layers_.push_back(std::make_unique<Layer>(StoreLayerKind::dem, "dem", params_.dems));
-    const RasterFacts& terrain = layers_[0]->input.facts();
+    const RasterFacts& terrain = layers_[0]->facts();
+    if (params_.features) features_ = std::make_shared<FeatureFile>(*params_.features, terrain);
+    const auto add = [&](StoreLayerKind kind, const char* role, const std::string& path) {
+        if (!is_burnt(kind)) {
+            layers_.push_back(std::make_unique<Layer>(kind, role, std::vector{path}));
+            return;
+        }
+        std::vector<StoreSource> sources;
+        if (!path.empty()) sources = Mosaic(role, {path}).sources();
+        sources.push_back(features_->source());
+        layers_.push_back(std::make_unique<Layer>(kind, burnt(kind), std::move(sources)));
+    };
     if (!params_.culture.empty()) {
-        layers_.push_back(std::make_unique<Layer>(StoreLayerKind::culture, "culture", std::vector{params_.culture}));
-        const RasterFacts& facts = layers_.back()->input.facts();
+        add(StoreLayerKind::culture, "culture", params_.culture);
+        const BurntLayer* const over = layers_.back()->burnt.get();
+        const RasterFacts& facts = over ? over->below()->facts() : layers_.back()->facts();
         if (facts.scale != 1 || facts.offset != 0)
             throw DataError(text(facts.named(), " has band scale ", facts.scale, " and offset ", facts.offset,
                                  "; accepted: plain codes, scale 1 and offset 0"));
         // Only to be refused if it does not fit.
         const RegisteredLayer check(std::make_unique<RasterFile>("culture", params_.culture), terrain);
+    } else if (is_burnt(StoreLayerKind::culture)) {
+        add(StoreLayerKind::culture, "culture", "");
     }
-    if (!params_.culture_height.empty()) {
-        layers_.push_back(std::make_unique<Layer>(StoreLayerKind::culture_height, "culture-height",
-                                                  std::vector{params_.culture_height}));
+    if (is_burnt(StoreLayerKind::culture_height)) {
+        add(StoreLayerKind::culture_height, "culture-height", params_.culture_height);
+        height_ = std::make_unique<RegisteredLayer>(burnt(StoreLayerKind::culture_height), terrain);
+    } else if (!params_.culture_height.empty()) {
+        add(StoreLayerKind::culture_height, "culture-height", params_.culture_height);
         height_ = std::make_unique<RegisteredLayer>(
             std::make_unique<RasterFile>("culture-height", params_.culture_height), terrain);
     }
     for (const auto& layer : layers_) {
         StoreLayerEntry& entry = layer->entry;
         entry.kind = layer->kind;
-        entry.facts = layer->input.facts();
+        entry.facts = layer->facts();
         entry.facts.block_columns = entry.facts.block_rows = params_.tile_posts;
         entry.vrt = text(name(layer->kind), ".vrt");
-        entry.sources = layer->input.sources();
-        layer->before = layer->input.fingerprints();
+        entry.sources = layer->sources();
+        layer->before = layer->fingerprints();
         choose_creation(*layer);
         posts_ += static_cast<std::uint64_t>(entry.facts.columns * entry.facts.rows);
     }
+}
+
+bool StoreWriter::is_burnt(StoreLayerKind kind) const {
+    if (!features_) return false;
+    return kind == StoreLayerKind::culture ? features_->has_materials()
+                                           : kind == StoreLayerKind::culture_height && features_->has_heights();
+}
+
+std::unique_ptr<BurntLayer> StoreWriter::burnt(StoreLayerKind kind) const {
+    const bool codes = kind == StoreLayerKind::culture;
+    const std::string& path = codes ? params_.culture : params_.culture_height;
+    std::unique_ptr<RasterLayer> below;
+    if (!path.empty()) below = std::make_unique<RasterFile>(codes ? "culture" : "culture-height", path);
+    return std::make_unique<BurntLayer>(kind, std::move(below), layers_[0]->facts(), features_);
 }
 
 void StoreWriter::choose_creation(Layer& layer) const {
@@ -195,8 +260,9 @@ std::size_t StoreWriter::job_bytes(const Layer& layer) const {
     const std::int64_t tile = params_.tile_posts;
     const auto unit = static_cast<std::size_t>(std::max(unit_posts, tile * tile) + 2 * (sheet_posts + tile) + 1);
     std::size_t post = static_cast<std::size_t>(layer.entry.facts.type_bytes) + sizeof(float);
-    if (!layer.input.single()) post += sizeof(float) + sizeof(std::int32_t);
-    if (layer.input.resampled()) post += sizeof(float);
+    if (!layer.single()) post += sizeof(float) + sizeof(std::int32_t);
+    if (layer.resampled()) post += sizeof(float);
+    if (layer.burnt) post += FeatureFile::cell_bytes;
     std::size_t bytes = sheet_writer_bytes(layer.entry.facts);
     if (layer.kind == StoreLayerKind::dem) {
         bytes += 4 * page_blocks * page_blocks * sizeof(BlockBounds) +
@@ -204,11 +270,13 @@ std::size_t StoreWriter::job_bytes(const Layer& layer) const {
         if (height_) {
             post += sizeof(float);
             bytes += static_cast<std::size_t>(2 * slab_posts) * sizeof(float);
+            if (is_burnt(StoreLayerKind::culture_height))
+                bytes += static_cast<std::size_t>(slab_posts) * FeatureFile::cell_bytes;
         }
     }
     // Blocks as they are decoded, one layer at a time; what its handles keep of each layer's packed ones.
-    bytes += layer.input.reader_bytes().decoded + (height_ ? height_->raster().reader_bytes().packed : 0);
-    for (const auto& other : layers_) bytes += other->input.reader_bytes().packed;
+    bytes += layer.reader_bytes().decoded + (height_ ? height_->raster().reader_bytes().packed : 0);
+    for (const auto& other : layers_) bytes += other->reader_bytes().packed;
     return bytes + unit * post;
 }
 
@@ -218,11 +286,10 @@ int StoreWriter::jobs_at_once() const {
     const std::size_t fixed = params_.cache_bytes;
     if (params_.memory_bytes < fixed + most) {
         // The cache is an eighth of what is granted, or less.
-        const RasterFacts& own = layers_[0]->input.facts();
-        throw TooLittleMemory(params_.memory_bytes, most * 8 / 7 + 1, text("tiling ", own.named()),
-                              layers_[0]->input.single()
-                                  ? text(" (blocks of ", own.block_columns, " x ", own.block_rows, " posts)")
-                                  : "");
+        const RasterFacts& own = layers_[0]->facts();
+        throw TooLittleMemory(
+            params_.memory_bytes, most * 8 / 7 + 1, text("tiling ", own.named()),
+            layers_[0]->single() ? text(" (blocks of ", own.block_columns, " x ", own.block_rows, " posts)") : "");
     }
     const std::size_t fit = (params_.memory_bytes - fixed) / most;
     return static_cast<int>(std::min(fit, static_cast<std::size_t>(std::max(1, params_.threads))));
@@ -245,6 +312,14 @@ std::string StoreWriter::plan() const {
         out["layers"].push_back(one);
     }
     out["legend"] = {{"name", params_.legend_name}, {"csv", params_.legend_csv}};
+    if (params_.features)
+        out["features"] = {{"path", params_.features->path},
+                           {"layer", params_.features->layer},
+                           {"touch", params_.features->touch},
+                           {"legend", params_.features->legend.csv(params_.features->materials)},
+                           {"height_unit_m", params_.features->height_unit_m},
+                           {"class_table", params_.features->materials.own()},
+                           {"fingerprint", hex(features_->fingerprint())}};
     return out.dump(1, ' ', false, json::error_handler_t::replace) + "\n";
 }
 
@@ -385,7 +460,7 @@ Done StoreWriter::write_sheet(const Job& job, const std::vector<std::size_t>& pi
             const Window unit{{c, std::min(c + tiles_wide * tile, sheet.columns.end)},
                               {r, std::min(r + unit_rows, sheet.rows.end)}};
             const Window given = dem ? with_next(unit) : unit;
-            layer.input.read(given, unit, kind, pieces, posts);
+            layer.read(given, unit, kind, pieces, posts);
             const std::int64_t width = given.columns.size();
             for (std::int64_t y = unit.rows.begin; y < unit.rows.end; ++y)
                 for (std::int64_t x = unit.columns.begin; x < std::min(unit.columns.end, own_columns); ++x) {
@@ -405,8 +480,8 @@ Done StoreWriter::write_sheet(const Job& job, const std::vector<std::size_t>& pi
                         done.values.lowest = z < done.values.lowest ? z : done.values.lowest;
                         done.values.highest = z > done.values.highest ? z : done.values.highest;
                         if (z < 0 && layer.kind == StoreLayerKind::culture_height)
-                            throw DataError(text(layer.input.facts().named(), ": height at column ", x, ", row ", y,
-                                                 " is ", z, "; accepted: 0 and above"));
+                            throw DataError(text(layer.facts().named(), ": height at column ", x, ", row ", y, " is ",
+                                                 z, "; accepted: 0 and above"));
                     }
                 }
             for (std::int64_t y = r; y < unit.rows.end; y += tile)
@@ -422,7 +497,7 @@ Done StoreWriter::write_sheet(const Job& job, const std::vector<std::size_t>& pi
                 // The post after the last column is column 0: it widens the bounds of the last blocks.
                 const Window first{{0, 1}, given.rows};
                 Mosaic::Posts edge;
-                layer.input.read(first, {}, kind, layer.input.pieces_in(first), edge);
+                layer.read(first, {}, kind, layer.pieces_in(first), edge);
                 const Window last_blocks{{(facts.columns - 1) / block_posts * block_posts, facts.columns}, unit.rows};
                 std::vector<BlockPage> edge_pages(pages.size(), BlockPage(page_blocks * page_blocks));
                 const Window as_if{{facts.columns, facts.columns + 1}, given.rows};
@@ -475,7 +550,7 @@ void StoreWriter::make(const Job& job) {
     const Window sheet = layer.entry.posts(job.column, job.row);
     if (!finished_before(job, done)) {
         const bool dem = layer.kind == StoreLayerKind::dem;
-        const std::vector<std::size_t> pieces = layer.input.pieces_in(dem ? with_next(sheet) : sheet);
+        const std::vector<std::size_t> pieces = layer.pieces_in(dem ? with_next(sheet) : sheet);
         if (!pieces.empty()) {
             done = write_sheet(job, pieces);
         } else {
@@ -529,7 +604,7 @@ void StoreWriter::finish() {
         replace_file(inside(entry.vrt), vrt);
         entry.vrt_checksum = checksum(vrt);
         // A raster that changed meanwhile is in the store partly old, partly new.
-        const std::vector<std::uint64_t> now = layers_[i]->input.fingerprints();
+        const std::vector<std::uint64_t> now = layers_[i]->fingerprints();
         for (std::size_t k = 0; k < now.size(); ++k)
             if (now[k] != layers_[i]->before[k])
                 throw DataError(text(entry.facts.role, " '", entry.sources[k].path, "' changed while it was read"));
@@ -565,7 +640,7 @@ void StoreWriter::move_into_place() {
 
 TileStoreSummary StoreWriter::summary() const {
     TileStoreSummary out;
-    out.note = layers_[0]->input.note();
+    out.note = layers_[0]->input->note();
     Disagreement all;
     std::map<std::int32_t, std::uint64_t> codes;
     for (std::size_t i = 0; i < layers_.size(); ++i) {
@@ -585,8 +660,8 @@ TileStoreSummary StoreWriter::summary() const {
     out.interpolated = all.interpolated;
     out.largest_m = all.largest_m;
     if (all.posts > 0)
-        out.largest_where = text("between '", layers_[0]->input.path(static_cast<std::size_t>(all.kept_file)),
-                                 "' (kept) and '", layers_[0]->input.path(static_cast<std::size_t>(all.other_file)),
+        out.largest_where = text("between '", layers_[0]->input->path(static_cast<std::size_t>(all.kept_file)),
+                                 "' (kept) and '", layers_[0]->input->path(static_cast<std::size_t>(all.other_file)),
                                  "' at column ", all.column, ", row ", all.row);
     return out;
 }

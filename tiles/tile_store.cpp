@@ -2,6 +2,7 @@
 
 #include <filesystem>
 
+#include "lib/error.hpp"
 #include "tiles/store_layer.hpp"
 #include "tiles/store_manifest.hpp"
 
@@ -44,10 +45,14 @@ std::unique_ptr<DetailMap> TileStore::detail_map(double scale) const {
                                        DetailMapFile::bounds_pages));
 }
 
-std::optional<Legend> TileStore::legend() const {
+std::optional<Legend> TileStore::legend(const Materials& materials) const {
     if (manifest_->legend_name.empty()) return std::nullopt;
     if (manifest_->legend_csv.empty()) return Legend::built_in(manifest_->legend_name);
-    return Legend::from_csv(manifest_->legend_name, manifest_->legend_csv);
+    try {
+        return Legend::from_csv(manifest_->legend_name, manifest_->legend_csv, materials);
+    } catch (const InputError& e) {
+        throw InputError(text("tile store '", path_, "': legend ", e.what()));
+    }
 }
 
 Extremes TileStore::terrain_extremes() const {

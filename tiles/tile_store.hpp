@@ -15,6 +15,7 @@
 
 #include "lib/stop.hpp"
 #include "lib/wedge_source.hpp"
+#include "tiles/features.hpp"
 
 namespace wedgescope {
 
@@ -45,7 +46,8 @@ public:
     /// False in a store made before there were levels of detail as they are now.
     bool has_detail_map() const;
     std::unique_ptr<DetailMap> detail_map(double scale) const;
-    std::optional<Legend> legend() const;
+    /// InputError where it names a material that is none of these.
+    std::optional<Legend> legend(const Materials& materials) const;
     /// Of the bare terrain.
     Extremes terrain_extremes() const;
 
@@ -56,13 +58,14 @@ private:
 };
 
 struct TileStoreParams {
-    std::vector<std::string> dems;        ///< where several hold a post, the first with a value there wins
-    std::string culture, culture_height;  ///< empty: none
-    std::string legend_name, legend_csv;  ///< kept in the store; csv empty for a built-in one
-    std::optional<Legend> legend;         ///< the same, for naming codes that it does not know
-    std::string output;                   ///< the folder
-    std::int64_t tile_posts = 256;        ///< a power of two from 64 to 2048
-    std::vector<std::string> creation;    ///< GeoTIFF creation options K=V
+    std::vector<std::string> dems;          ///< where several hold a post, the first with a value there wins
+    std::string culture, culture_height;    ///< empty: none
+    std::string legend_name, legend_csv;    ///< kept in the store; csv empty for a built-in one
+    std::optional<Legend> legend;           ///< the same, for naming codes that it does not know
+    std::optional<FeatureParams> features;  ///< burnt over culture and culture height, or these are made of them alone
+    std::string output;                     ///< the folder
+    std::int64_t tile_posts = 256;          ///< a power of two from 64 to 2048
+    std::vector<std::string> creation;      ///< GeoTIFF creation options K=V
     std::size_t memory_bytes = std::size_t{1} << 30;
     std::size_t cache_bytes = 0;  ///< of these, what the session grants GDAL's block cache
     int threads = 1;

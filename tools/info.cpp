@@ -26,7 +26,7 @@ using json = nlohmann::ordered_json;
 struct CodeCount {
     int code;
     std::uint64_t count;
-    std::optional<ClassId> material;
+    std::string material;  ///< empty: unknown
 };
 
 struct RasterFacts {
@@ -35,17 +35,21 @@ struct RasterFacts {
     std::vector<CodeCount> codes;
 };
 
-RasterFacts raster_facts(const std::string& path, const std::optional<Legend>& legend, const Stop& stop) {
+RasterFacts raster_facts(const std::string& path, const std::optional<Legend>& legend, const Materials& materials,
+                         const Stop& stop) {
     RasterFacts facts{summarise_raster(path, legend.has_value(), &stop), "", {}};
     if (!legend) return facts;
     facts.legend = legend->name();
-    for (const auto& [code, count] : facts.summary.codes) facts.codes.push_back({code, count, legend->find(code)});
+    for (const auto& [code, count] : facts.summary.codes) {
+        const std::optional<ClassId> id = legend->find(code);
+        facts.codes.push_back({code, count, id ? materials[*id].name : ""});
+    }
     return facts;
 }
 
 std::uint64_t unknown_cells(const RasterFacts& facts) {
     std::uint64_t cells = 0;
-    for (const CodeCount& c : facts.codes) cells += c.material ? 0 : c.count;
+    for (const CodeCount& c : facts.codes) cells += c.material.empty() ? c.count : 0;
     return cells;
 }
 
@@ -80,13 +84,11 @@ json to_json(const RasterFacts& facts) {
     out["legend"] = facts.legend;
     out["codes"] = json::array();
     for (const CodeCount& c : facts.codes) {
-        out["codes"].push_back(
-            json{{"code", c.code},
-                 {"count", c.count},
-                 {"material", c.material ? json(material_table()[*c.material].name) : json(nullptr)}});
+        out["codes"].push_back(json{
+            {"code", c.code}, {"count", c.count}, {"material", c.material.empty() ? json(nullptr) : json(c.material)}});
     }
     out["unknown_codes"] =
-        std::count_if(facts.codes.begin(), facts.codes.end(), [](const CodeCount& c) { return !c.material; });
+        std::count_if(facts.codes.begin(), facts.codes.end(), [](const CodeCount& c) { return c.material.empty(); });
     out["unknown_cells"] = unknown_cells(facts);
     return out;
 }
@@ -125,10 +127,10 @@ std::string to_text(const RasterFacts& facts) {
     for (const CodeCount& c : facts.codes) {
         out += fmt::format("  {:>10}  {:>15} {:>8.3f} %  {}\n", c.code, grouped(c.count),
                            all > 0 ? 100 * static_cast<double>(c.count) / all : 0,
-                           c.material ? material_table()[*c.material].name : "unknown");
+                           c.material.empty() ? "unknown" : c.material);
     }
     const auto unknown =
-        std::count_if(facts.codes.begin(), facts.codes.end(), [](const CodeCount& c) { return !c.material; });
+        std::count_if(facts.codes.begin(), facts.codes.end(), [](const CodeCount& c) { return c.material.empty(); });
     out += row("unknown", unknown == 0 ? "none" : text(unknown, " codes, ", grouped(unknown_cells(facts)), " cells"));
     return out;
 }
@@ -471,7 +473,8 @@ void info(const std::vector<std::string>& arguments, Stop& stop) {
         throw InputError("info needs the path of a raster or of a scene file (*.ini)");
     const GdalSession session(cache_bytes(settings), settings.config);
     if (settings.plan) return print_plan(settings, stop);
-    const std::optional<Legend> codes = legend(settings);
+    const bool own = settings.culture_legend == own_legend;  // each raster has one
+    const std::optional<Legend> codes = own ? std::nullopt : legend(settings);
     json all{{"format", "wedgescope-info-1"}, {"version", version()}, {"files", json::array()}};
     std::string page;
     std::size_t damage = 0;
@@ -493,7 +496,7 @@ void info(const std::vector<std::string>& arguments, Stop& stop) {
             throw InputError(text("verify is for tile stores; ", in_quotes(path), " is none"));
         } else {
             check_summary(settings, path);
-            add(raster_facts(path, codes, stop));
+            add(raster_facts(path, own ? legend(settings, path) : codes, settings.scene.materials, stop));
         }
     }
     print(settings.json ? all.dump(2, ' ', false, json::error_handler_t::replace) + "\n" : page);

@@ -1,8 +1,11 @@
 #include "tools/keys.hpp"
 
 #include <algorithm>
+#include <cerrno>
 #include <cmath>
+#include <cstring>
 #include <filesystem>
+#include <fstream>
 #include <iterator>
 #include <numbers>
 
@@ -218,7 +221,7 @@ Codec choice(std::vector<std::pair<std::string, Enum>> list, Field field, const 
     return codec;
 }
 
-const char* const built_in_legends[] = {"fbfm40", "nlcd", "worldcover", "smc"};
+const char* const built_in_legends[] = {"fbfm40", "nlcd", "worldcover", "smc", own_legend};
 
 /// A path in a scene file starts from the file's folder, unless it is absolute or names something that is no plain
 /// file (an URL, a driver's connection string such as NETCDF:"x.nc":v).
@@ -256,7 +259,7 @@ Codec max_error() {
 }
 
 Codec legend_choice() {
-    Codec codec{"fbfm40|nlcd|worldcover|smc|PATH", "", {}, {}};
+    Codec codec{"fbfm40|nlcd|worldcover|smc|rat|PATH", "", {}, {}};
     codec.set = [](Settings& s, const Given& given) {
         const std::string word(trimmed(given.value));
         const bool built_in =
@@ -269,13 +272,56 @@ Codec legend_choice() {
     return codec;
 }
 
+Codec features_legend() {
+    Codec codec{"fbfm40|nlcd|worldcover|smc|PATH", "", {}, {}};
+    codec.set = [](Settings& s, const Given& given) {
+        const std::string word(trimmed(given.value));
+        s.features_legend = Legend::built_in(word) ? word : resolved_path(given);
+    };
+    codec.get = [](const Settings& s) -> std::optional<std::string> { return s.features_legend; };
+    return codec;
+}
+
+/// By what it says, not by where it lies: an echo image and a work folder know the values.
+Codec class_table() {
+    Codec codec{"FILE", "", {}, {}};
+    codec.set = [](Settings& s, const Given& given) {
+        const std::string_view value = trimmed(given.value);
+        if (is_inline_table(value)) {
+            s.class_table.clear();
+            s.scene.materials = Materials::from_csv(given.origin, value);
+            return;
+        }
+        s.class_table = resolved_path(given);
+        const std::string subject = text(given.origin, " ", in_quotes(s.class_table));
+        std::error_code ignored;
+        if (std::filesystem::is_directory(s.class_table, ignored)) throw IoError(text(subject, " is a folder"));
+        errno = 0;
+        std::ifstream file(s.class_table, std::ios::binary);
+        if (!file) throw IoError(text(subject, " cannot be opened: ", std::strerror(errno)));
+        constexpr std::size_t most = std::size_t{1} << 20;
+        std::string content(most + 1, '\0');
+        file.read(content.data(), static_cast<std::streamsize>(content.size()));
+        if (file.bad()) throw IoError(text(subject, " cannot be read"));
+        content.resize(static_cast<std::size_t>(file.gcount()));
+        if (content.size() > most)
+            throw InputError(text(subject, " is larger than 1 MiB; it holds a line for each class"));
+        s.scene.materials = Materials::from_csv(subject, content);
+    };
+    codec.get = [](const Settings& s) -> std::optional<std::string> {
+        const std::string& own = s.scene.materials.own();
+        return own.empty() ? std::nullopt : std::optional(own);
+    };
+    return codec;
+}
+
 Codec material_choice() {
     Codec codec{"MATERIAL", "", {}, {}};
     for (const Material& material : material_table())
         codec.accepted += (codec.accepted.empty() ? "one of " : ", ") + std::string(material.name);
     codec.set = [](Settings& s, const Given& given) {
         s.material = std::string(trimmed(given.value));
-        material_by_name(given.origin, s.material);
+        s.scene.materials.by_name(given.origin, s.material);
     };
     codec.get = [](const Settings& s) -> std::optional<std::string> { return s.material; };
     return codec;
@@ -640,8 +686,16 @@ std::vector<Key> make_keys() {
           "around is for")
         .commands |= command_tile;
     t.add("culture-legend", legend_choice(), "",
-          "turns culture codes into materials: a built-in legend or a CSV file of lines code,material")
+          "turns culture codes into materials: a built-in legend, rat for the raster's own attribute table, or a CSV "
+          "file of lines code,material")
         .commands |= command_info | command_tile;
+    {
+        Key& table = t.add("class-table", class_table(), "",
+                           "CSV file of what materials return (as docs/classes.csv): its rows replace those of the "
+                           "program's table or add classes");
+        table.commands |= command_info | command_tile | command_coverage;
+        table.changes_result = true;
+    }
     t.add("material", material_choice(), "soil", "the ground where there is no culture, or where it has no data");
 
     t.group(KeyGroup::position, true);
@@ -1083,6 +1137,23 @@ std::vector<Key> make_keys() {
                   "a store that stands");
         k.commands = command_tile;
         k.in_scene_file = false;
+    }
+    {
+        const auto tile_only = [](Key& key) {
+            key.commands = command_tile;
+            key.in_scene_file = false;
+        };
+        tile_only(
+            t.add("features", path([](auto& s) -> auto& { return s.features; }), "",
+                  "vector file of points, lines and areas that are burnt over culture and culture-height, or make "
+                  "them: fields material (a word, or a code of features-legend) or SMC, and height or HGT, metres"));
+        tile_only(t.add("features-layer", word_of("NAME", &Settings::features_layer), "",
+                        "this layer of the vector file alone; without it all, later ones over those before"));
+        tile_only(t.add("features-legend", features_legend(), "smc",
+                        "turns numbers in the features' field of material into materials"));
+        tile_only(t.add("features-touch", on_off([](auto& s) -> auto& { return s.features_touch; }), "off",
+                        "burn every cell that a line or an area touches; off: lines one cell wide, and cells whose "
+                        "centre lies in an area"));
     }
     t.add("work-dir", path([](auto& s) -> auto& { return s.work_dir; }), "",
           "folder where finished wedges are kept, for resume; made if it is missing");

@@ -378,7 +378,10 @@ bool asks_for_help(const std::vector<Given>& command_line) {
 
 Settings settings_from(const std::vector<Given>& scene_file, const std::vector<Given>& command_line) {
     Settings settings;
-    for (const Given& given : merged(scene_file, command_line)) find_key(given.key)->set(settings, given);
+    std::vector<Given> all = merged(scene_file, command_line);
+    // It says which words others may be.
+    std::stable_partition(all.begin(), all.end(), [](const Given& given) { return given.key == "class-table"; });
+    for (const Given& given : all) find_key(given.key)->set(settings, given);
     return settings;
 }
 
@@ -486,7 +489,8 @@ void check_complete(const Settings& settings) {
     }
     if (!settings.culture.empty() && settings.culture_legend.empty()) {
         throw InputError(
-            "culture is given without culture-legend; one of fbfm40, nlcd, worldcover, smc or a CSV file is needed");
+            "culture is given without culture-legend; one of fbfm40, nlcd, worldcover, smc, rat or a CSV file is "
+            "needed");
     }
     // A tile store may bring a culture of its own.
     if (settings.culture.empty() && !settings.culture_legend.empty() && !is_tile_store(settings.dem)) {

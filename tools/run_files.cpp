@@ -65,7 +65,8 @@ NamedPaths input_paths(const Settings& s) {
     return {{"dem", s.dem},
             {"culture", s.culture},
             {"culture-height", s.culture_height},
-            {"culture-legend", Legend::built_in(s.culture_legend) ? "" : s.culture_legend},
+            {"culture-legend", legend_path(s)},
+            {"class-table", s.class_table},
             {"track", s.track},
             {"the scene file", s.files.empty() ? "" : s.files[0]}};
 }
@@ -93,7 +94,8 @@ std::vector<InputFile> input_files(const Settings& s, const DataBase& data_base,
     add("dem", s.dem, true);
     add("culture", s.culture, true);
     add("culture-height", s.culture_height, true);
-    if (!Legend::built_in(s.culture_legend)) add("culture-legend", s.culture_legend, false);
+    add("culture-legend", legend_path(s), false);
+    add("class-table", s.class_table, false);
     add("track", s.track, false);
     add("observers", s.observers, false);
     add("scene", scene_file, false);

@@ -129,7 +129,8 @@ std::string echo_scene_json(const Settings& settings, const RunResult& run, cons
     // No paths: a store and the rasters it was made from give the same file.
     nlohmann::ordered_json words;
     for (const Key& key : key_table())
-        if (const auto value = key.get(settings); value && key.group == KeyGroup::data_base && !takes_path(key))
+        if (const auto value = key.get(settings);
+            value && key.group == KeyGroup::data_base && !takes_path(key) && !key.changes_result)
             words[key.name] = *value;
     const double post_m = detail_post_m(run.scene, data_base);
     nlohmann::ordered_json echo;
@@ -156,7 +157,9 @@ WorkDir::Run work_run(const Settings& settings, const ResolvedScene& resolved, c
         if (value.empty()) continue;
         if (key.name == "culture-legend") {
             // By what it says, wherever it lies.
-            if (!Legend::built_in(value)) value = text("a CSV file of checksum ", hex(checksum(legend_csv(settings))));
+            if (!Legend::built_in(value))
+                value = text(value == own_legend ? "rat" : "a CSV file", " of checksum ",
+                             hex(checksum(legend_csv(settings))));
         } else if (key.value == "PATH") {
             std::error_code error;
             if (std::filesystem::exists(value, error)) value = std::filesystem::canonical(value, error).string();

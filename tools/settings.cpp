@@ -7,32 +7,56 @@
 #include <sstream>
 #include <thread>
 
+#include "tiles/attribute_table.hpp"
 #include "tools/units.hpp"
 
 namespace wedgescope {
 
 const char* version() { return WEDGESCOPE_VERSION; }
 
-std::optional<Legend> legend(const Settings& settings) {
+std::optional<Legend> legend(const Settings& settings) { return legend(settings, settings.culture); }
+
+std::optional<Legend> legend(const Settings& settings, const std::string& culture) {
     const std::string& name = settings.culture_legend;
+    const Materials& materials = settings.scene.materials;
     if (name.empty()) return std::nullopt;
-    if (auto built_in = Legend::built_in(name)) return built_in;
-    return Legend::from_csv(name, legend_csv(settings));
+    if (name != own_legend) return legend("culture-legend", name, materials);
+    if (culture.empty())
+        throw InputError("culture-legend is rat but there is no culture; the path of a culture raster is needed");
+    return attribute_table_legend(culture, materials);
+}
+
+namespace {
+
+std::string csv_of(const char* key, const std::string& path) {
+    std::ifstream file(path, std::ios::binary);
+    if (!file) {
+        throw IoError(text(key, " ", in_quotes(path), " is none of fbfm40, nlcd, worldcover, smc",
+                           key == std::string("culture-legend") ? ", rat" : "",
+                           " and cannot be opened as a CSV file: ", std::strerror(errno)));
+    }
+    std::ostringstream content;
+    content << file.rdbuf();
+    if (!file) throw IoError(text(key, " ", in_quotes(path), ": cannot be read as a CSV file"));
+    return content.str();
+}
+
+}  // namespace
+
+Legend legend(const char* key, const std::string& name, const Materials& materials) {
+    if (auto built_in = Legend::built_in(name)) return *built_in;
+    return Legend::from_csv(name, csv_of(key, name), materials);
+}
+
+std::string legend_path(const Settings& settings) {
+    const std::string& name = settings.culture_legend;
+    return name == own_legend || Legend::built_in(name) ? "" : name;
 }
 
 std::string legend_csv(const Settings& settings) {
     const std::string& name = settings.culture_legend;
     if (name.empty() || Legend::built_in(name)) return "";
-    std::ifstream file(name, std::ios::binary);
-    if (!file) {
-        throw IoError(text(
-            "culture-legend ", in_quotes(name),
-            " is none of fbfm40, nlcd, worldcover, smc and cannot be opened as a CSV file: ", std::strerror(errno)));
-    }
-    std::ostringstream content;
-    content << file.rdbuf();
-    if (!file) throw IoError(text("culture-legend ", in_quotes(name), ": cannot be read as a CSV file"));
-    return content.str();
+    return name == own_legend ? legend(settings)->csv(settings.scene.materials) : csv_of("culture-legend", name);
 }
 
 DataBaseParams data_base_params(const Settings& settings, std::size_t cache, const Stop& stop) {
@@ -42,7 +66,8 @@ DataBaseParams data_base_params(const Settings& settings, std::size_t cache, con
     params.culture_height = settings.culture_height;
     params.culture_height_scale = settings.culture_height_scale;
     params.legend = legend(settings);
-    params.default_class = material_by_name("material", settings.material);
+    params.materials = settings.scene.materials;
+    params.default_class = params.materials.by_name("material", settings.material);
     params.cache_bytes = cache;
     params.ground = settings.ground;
     params.expects_ground = settings.expects_ground;

@@ -28,11 +28,16 @@ struct Settings {
 
     std::string dem, culture, culture_height;  ///< paths; empty: none
     double culture_height_scale = 1;
-    std::string culture_legend;  ///< built-in word or CSV path; empty: none
+    std::string culture_legend;  ///< built-in word, rat or CSV path; empty: none
+    std::string class_table;     ///< path of the file that scene.materials come from; empty: none
     std::string material = "soil";
 
     std::int64_t tile_posts = 256;  ///< --tile-size
-    std::optional<LatLon> around;   ///< tile: the point that a spill is kept for
+    // Tile: what is burnt over the culture.
+    std::string features, features_layer;  ///< path; a layer's name; empty: none, all
+    std::string features_legend = "smc";   ///< built-in word or CSV path
+    bool features_touch = false;
+    std::optional<LatLon> around;  ///< tile: the point that a spill is kept for
     // Coverage only; threads, memory and culling stand below.
     CoverageParams coverage;
     std::optional<std::int64_t> no_data_value;  ///< of the mask, declared in any case
@@ -72,11 +77,20 @@ struct Settings {
     std::vector<std::string> files;  ///< positional
 };
 
-/// The culture legend that `culture-legend` names; none without one. InputError, IoError.
-std::optional<Legend> legend(const Settings& settings);
+/// The word of `culture-legend` for the raster's own attribute table.
+inline constexpr const char* own_legend = "rat";
 
-/// Content of the CSV file that it names; empty for a built-in one.
+/// The culture legend that `culture-legend` names, of the raster `culture` (settings.culture, unless given) if it is its own; none
+/// without one. Within a GdalSession if it is. InputError, IoError.
+std::optional<Legend> legend(const Settings& settings);
+std::optional<Legend> legend(const Settings& settings, const std::string& culture);
+/// A built-in one or that of a CSV file; `key` is for messages.
+Legend legend(const char* key, const std::string& name, const Materials& materials);
+
+/// Content of the CSV file that it names, or the raster's own legend as one; empty for a built-in one.
 std::string legend_csv(const Settings& settings);
+/// Path of the CSV file that it names; empty: none.
+std::string legend_path(const Settings& settings);
 
 /// What the sources need; reads the legend. `cache_bytes`: GDAL's share of the memory; `stop` is to outlive them.
 DataBaseParams data_base_params(const Settings& settings, std::size_t cache_bytes, const Stop& stop);

@@ -29,6 +29,7 @@ double keep_around(const Settings& settings, Stop& stop) {
     const std::string& store = settings.files.back();
     DataBaseParams params;
     params.dem = store;
+    params.materials = settings.scene.materials;  // the store's legend may name some of its own
     params.culture_height_scale = settings.culture_height_scale;
     params.cache_bytes = cache_bytes(settings);
     params.stop = &stop;
@@ -70,6 +71,18 @@ TileStoreParams store_params(const Settings& settings) {
     for (std::size_t i = 0; i + 1 < settings.files.size(); ++i) refuse_store(settings.files[i], "dem");
     refuse_store(settings.culture, "culture");
     refuse_store(settings.culture_height, "culture_height");
+    const bool touch = settings.features_touch, layer = !settings.features_layer.empty(),
+               codes = settings.features_legend != "smc";
+    if (settings.features.empty() && (touch || layer || codes))
+        throw InputError(text(layer   ? "features-layer"
+                              : touch ? "features-touch"
+                                      : "features-legend",
+                              " is given without features; the path of a vector file is needed"));
+    if (!settings.culture.empty() && settings.culture_legend.empty() && !settings.features.empty())
+        throw InputError(
+            "culture and features are given without culture-legend; one of fbfm40, nlcd, worldcover, smc, rat or a CSV "
+            "file "
+            "is needed");
     TileStoreParams params;
     params.dems.assign(settings.files.begin(), settings.files.end() - 1);
     params.output = settings.files.back();
@@ -79,6 +92,20 @@ TileStoreParams store_params(const Settings& settings) {
     if (params.legend) {
         params.legend_name = settings.culture_legend;
         params.legend_csv = legend_csv(settings);
+    }
+    if (!settings.features.empty()) {
+        const Materials& materials = settings.scene.materials;
+        params.features = FeatureParams{settings.features,
+                                        settings.features_layer,
+                                        settings.features_touch,
+                                        legend("features-legend", settings.features_legend, materials),
+                                        materials,
+                                        settings.culture_height_scale};
+        if (!(settings.culture_height_scale > 0))
+            throw InputError("culture-height-scale is 0, and features is given; it must be above 0");
+        params.legend = with_features(params.legend, materials);
+        params.legend_name = params.legend->name();
+        params.legend_csv = params.legend->csv(materials);
     }
     params.tile_posts = settings.tile_posts;
     params.creation = settings.creation;
@@ -134,8 +161,8 @@ void tile(const std::vector<std::string>& arguments, Stop& stop) {
         const double seconds = keep_around(settings, stop);
         return remark(settings.quiet, fmt::format("written: {} ({:.1f} s)", kept_file(settings), seconds));
     }
+    const GdalSession session(cache_bytes(settings), settings.config);
     TileStoreParams params = store_params(settings);
-    const GdalSession session(params.cache_bytes, settings.config);
     params.stop = &stop;
     Progress progress(settings.quiet);
     params.progress = [&](double fraction) { progress.report(fraction); };

@@ -1,0 +1,469 @@
+// Features burnt into a tile store: the cells that they cover and no others, the same whatever the windows and the file's order,
+// in any CRS; and what a radar sees of them.
+#include <catch2/catch.hpp>
+
+#include <gdal_alg.h>
+#include <gdal_priv.h>
+#include <ogrsf_frmts.h>
+
+#include <cmath>
+#include <fstream>
+#include <functional>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <random>
+#include <set>
+
+#include "lib/block_map.hpp"
+#include "tests/drawn_raster.hpp"
+#include "tests/program.hpp"
+#include "tests/refusal.hpp"
+#include "tiles/gdal_session.hpp"
+#include "tiles/tile_store.hpp"
+
+using namespace wedgescope;
+using Catch::Matchers::Contains;
+using Catch::Matchers::WithinAbs;
+using Catch::Matchers::WithinRel;
+using wedgescope::test::draw;
+using wedgescope::test::Drawing;
+using wedgescope::test::Ended;
+using wedgescope::test::Folder;
+using wedgescope::test::refusal;
+using Strings = std::vector<std::string>;
+
+namespace {
+
+const std::string data = WEDGESCOPE_TEST_DATA;
+const std::string dem = data + "/inland_empire_dem.tif";
+const GdalSession session(std::size_t{16} << 20, {});
+
+// The shipped ground: 1600 x 1600 cells of 30 m, UTM zone 11.
+constexpr int side = 1600;
+constexpr double west = 429717.925899235007819, north = 3764093.077020850032568, step = 30;
+double x_at(double column) { return west + step * column; }
+double y_at(double row) { return north - step * row; }
+
+/// A GeoJSON of features whose coordinates are columns and rows of the shipped ground, in its own CRS.
+class GeoJson {
+public:
+    using Places = std::vector<std::pair<double, double>>;
+    GeoJson& add(const char* type, const Places& places, const nlohmann::json& fields) {
+        nlohmann::json coordinates = nlohmann::json::array();
+        for (const auto& [c, r] : places) coordinates.push_back({x_at(c), y_at(r)});
+        if (std::string(type) == "Point") coordinates = coordinates[0];
+        if (std::string(type) == "Polygon") coordinates = nlohmann::json::array({coordinates});
+        features_.push_back({{"type", "Feature"},
+                             {"properties", fields},
+                             {"geometry", {{"type", type}, {"coordinates", coordinates}}}});
+        return *this;
+    }
+    /// From column and row on, up to the last ones.
+    GeoJson& add_box(int c0, int r0, int c1, int r1, const nlohmann::json& fields) {
+        return add("Polygon", {{c0, r0}, {c1, r0}, {c1, r1}, {c0, r1}, {c0, r0}}, fields);
+    }
+    std::string write(const std::string& path) const {
+        const nlohmann::json all{{"type", "FeatureCollection"},
+                                 {"crs", {{"type", "name"}, {"properties", {{"name", "urn:ogc:def:crs:EPSG::32611"}}}}},
+                                 {"features", features_}};
+        std::ofstream(path) << all.dump();
+        return path;
+    }
+
+private:
+    nlohmann::json features_ = nlohmann::json::array();
+};
+
+struct Cells {
+    int columns = 0, rows = 0;
+    std::vector<float> values;
+    std::string type;
+    double no_data = 0;
+    float at(int c, int r) const {
+        return values[static_cast<std::size_t>(r) * static_cast<std::size_t>(columns) + static_cast<std::size_t>(c)];
+    }
+};
+Cells cells_of(const std::string& path) {
+    GDALDataset* file = GDALDataset::FromHandle(GDALOpen(path.c_str(), GA_ReadOnly));
+    if (!file) throw std::runtime_error("cannot open " + path);
+    Cells out{file->GetRasterXSize(), file->GetRasterYSize(), {}, "", 0};
+    out.values.resize(static_cast<std::size_t>(out.columns) * static_cast<std::size_t>(out.rows));
+    GDALRasterBand* band = file->GetRasterBand(1);
+    out.type = GDALGetDataTypeName(band->GetRasterDataType());
+    out.no_data = band->GetNoDataValue();
+    const CPLErr read = band->RasterIO(GF_Read, 0, 0, out.columns, out.rows, out.values.data(), out.columns, out.rows,
+                                       GDT_Float32, 0, 0, nullptr);
+    GDALClose(file);
+    if (read != CE_None) throw std::runtime_error("cannot read " + path);
+    return out;
+}
+
+TileStoreParams into(const std::string& output, const std::string& features, const std::string& culture = "",
+                     const std::string& height = "", double unit_m = 1, bool touch = false) {
+    TileStoreParams params;
+    params.dems = {dem};
+    params.output = output;
+    params.culture = culture;
+    params.culture_height = height;
+    params.memory_bytes = std::size_t{256} << 20;
+    params.cache_bytes = std::size_t{16} << 20;
+    params.threads = 2;
+    params.software = "test";
+    params.features = FeatureParams{features, "", touch, *Legend::built_in("smc"), {}, unit_m};
+    if (!culture.empty()) params.legend = Legend::built_in("fbfm40");
+    params.legend = with_features(params.legend, {});
+    params.legend_name = params.legend->name();
+    params.legend_csv = params.legend->csv({});
+    return params;
+}
+
+constexpr int metal = 15, urban = 11, concrete = 12;
+
+}  // namespace
+
+TEST_CASE("features burn the cells that they cover over codes and heights, and no others", "[features]") {
+    const Folder folder;
+    const std::string culture = data + "/inland_empire_culture.tif", canopy = data + "/inland_empire_canopy.tif";
+    GeoJson file;
+    file.add_box(400, 500, 410, 520, {{"material", "metal"}, {"height", 20}});
+    file.add("LineString", {{600.5, 600.5}, {640.5, 620.5}}, {{"SMC", 9}});
+    file.add("Point", {{700.2, 701.7}}, {{"SMC", "1"}, {"height", 35.5}});
+    file.add_box(405, 510, 415, 530, {{"material", "Urban"}, {"height", 0}});
+    file.add_box(100, 100, 102, 102, {{"height", "7"}});
+    file.add_box(-50, 1590, 3, 1700, {{"material", "metal"}});  // over the corner
+    file.write(folder / "features.json");
+    write_tile_store(into(folder / "store", folder / "features.json", culture, canopy, 0.1));
+
+    const Cells before = cells_of(culture), after = cells_of(folder / "store/culture.vrt");
+    CHECK(after.type == "Int32");
+    std::set<std::pair<int, int>> line;
+    int changed = 0, wrong = 0;
+    for (int r = 0; r < side; ++r)
+        for (int c = 0; c < side; ++c) {
+            const auto code = static_cast<int>(after.at(c, r));
+            int expected = static_cast<int>(before.at(c, r));
+            if (expected == -9999) expected = INT32_MIN;
+            if (c >= 400 && c < 410 && r >= 500 && r < 520) expected = 30000 + metal;
+            if (c >= 405 && c < 415 && r >= 510 && r < 530) expected = 30000 + urban;
+            if (c == 700 && r == 701) expected = 30000 + metal;
+            if (c < 3 && r >= 1590) expected = 30000 + metal;
+            if (code == 30000 + concrete) {
+                line.emplace(c, r);
+                continue;
+            }
+            changed += code >= 30000;
+            wrong += code != expected;
+        }
+    CHECK(wrong == 0);
+    CHECK(changed == 200 + 200 - 50 + 1 + 30);
+    // One cell in each column of the line, half a cell off at the most.
+    REQUIRE(line.size() == 41);
+    for (int c = 600; c <= 640; ++c) {
+        const auto at = std::find_if(line.begin(), line.end(), [&](const auto& cell) { return cell.first == c; });
+        REQUIRE(at != line.end());
+        CHECK(std::fabs(at->second - (600 + 0.5 * (c - 600))) <= 0.5);
+    }
+
+    const Cells low = cells_of(canopy), high = cells_of(folder / "store/culture_height.vrt");
+    CHECK(high.type == "Float32");
+    wrong = 0;
+    for (int r = 0; r < side; ++r)
+        for (int c = 0; c < side; ++c) {
+            float expected = low.at(c, r);  // tenths of a metre
+            if (expected == -9999) expected = NAN;
+            if (c >= 400 && c < 410 && r >= 500 && r < 520) expected = 200;
+            if (c == 700 && r == 701) expected = 355;
+            if (c >= 100 && c < 102 && r >= 100 && r < 102) expected = 70;
+            const float found = high.at(c, r);
+            wrong += !(found == expected || (std::isnan(found) && std::isnan(expected)));
+        }
+    CHECK(wrong == 0);
+    // The block map knows them: it decides what may stay unread.
+    const auto map = TileStore(folder / "store", 0).block_map(0.1);
+    const BlockWindow blocks = map->read(0, blocks_of({{690, 710}, {695, 705}}));
+    CHECK_THAT(static_cast<double>(blocks.at(700 / 32, 701 / 32).culture_m), WithinAbs(35.5, 1e-4));
+    // The legend of the store names the codes of both.
+    const Legend legend = TileStore(folder / "store", 0).legend({}).value();
+    CHECK(legend.find(98) == ClassId{0});
+    CHECK(legend.find(30015) == ClassId{15});
+}
+
+TEST_CASE("what touches a cell burns it where that is asked for", "[features]") {
+    const Folder folder;
+    GeoJson file;
+    file.add("LineString", {{600.5, 600.5}, {640.5, 620.5}}, {{"SMC", 9}});
+    file.add("Polygon", {{300.2, 300.2}, {302.8, 300.2}, {302.8, 302.8}, {300.2, 302.8}, {300.2, 300.2}}, {{"SMC", 1}});
+    file.write(folder / "features.json");
+    const auto count = [&](const std::string& store, bool touch, int code) {
+        write_tile_store(into(folder / store, folder / "features.json", "", "", 1, touch));
+        const Cells found = cells_of(folder / (store + "/culture.vrt"));
+        CHECK(found.type == "Byte");
+        CHECK(found.no_data == 255);
+        return std::count(found.values.begin(), found.values.end(), static_cast<float>(code));
+    };
+    // Centres in 300.2 .. 302.8: 300.5, 301.5, 302.5, both ways.
+    CHECK(count("centres", false, metal) == 9);
+    CHECK(count("centres2", false, concrete) == 41);
+    CHECK(count("touched", true, metal) == 9);
+    // A line of slope 1/2 enters two cells where it changes the row: 40 columns and 20 rows on.
+    CHECK(count("touched2", true, concrete) == 61);
+    CHECK_FALSE(std::filesystem::exists(folder / "touched/culture_height.vrt"));  // no field of a height
+}
+
+TEST_CASE("features in latitude and longitude come to lie where the terrain has them", "[features]") {
+    const Folder folder;
+    OGRSpatialReference utm, wgs84;
+    utm.importFromEPSG(32611);
+    wgs84.importFromEPSG(4326);
+    for (auto* crs : {&utm, &wgs84}) crs->SetAxisMappingStrategy(OAMS_TRADITIONAL_GIS_ORDER);
+    const std::unique_ptr<OGRCoordinateTransformation> to(OGRCreateCoordinateTransformation(&utm, &wgs84));
+    nlohmann::json features = nlohmann::json::array();
+    std::set<std::pair<int, int>> expected;
+    std::mt19937 random(7);
+    for (int i = 0; i < 60; ++i) {
+        const int c = static_cast<int>(random() % side), r = static_cast<int>(random() % side);
+        double x = x_at(c + 0.3), y = y_at(r + 0.6);
+        REQUIRE(to->Transform(1, &x, &y));
+        features.push_back({{"type", "Feature"},
+                            {"properties", {{"smc", 1}, {"HGT", 10}}},
+                            {"geometry", {{"type", "Point"}, {"coordinates", {x, y}}}}});
+        expected.emplace(c, r);
+    }
+    std::ofstream(folder / "points.geojson")
+        << nlohmann::json{{"type", "FeatureCollection"}, {"features", features}}.dump();
+    write_tile_store(into(folder / "store", folder / "points.geojson"));
+    const Cells codes = cells_of(folder / "store/culture.vrt"), heights = cells_of(folder / "store/culture_height.vrt");
+    std::set<std::pair<int, int>> found;
+    int wrong = 0;
+    for (int r = 0; r < side; ++r)
+        for (int c = 0; c < side; ++c) {
+            const bool there = codes.at(c, r) == metal;
+            if (there) found.emplace(c, r);
+            wrong += heights.at(c, r) != (there ? 10.0F : 0.0F);
+            wrong += !there && codes.at(c, r) != 255;
+        }
+    CHECK(found == expected);
+    CHECK(wrong == 0);
+}
+
+TEST_CASE("neither tiles nor the file's order or format show, and GDAL burns the whole raster alike", "[features]") {
+    const Folder folder;
+    // Triangles at random, over one another and over the edges; the last in the file is the topmost.
+    std::mt19937 random(20);
+    const auto unit = [&] { return static_cast<double>(random()) / 4294967296.0; };
+    struct Triangle {
+        GeoJson::Places places;
+        int smc;
+        double height;
+    };
+    std::vector<Triangle> triangles;
+    for (int i = 0; i < 150; ++i) {
+        const double c = 1700 * unit() - 50, r = 1700 * unit() - 50, size = i % 10 == 0 ? 900 : 60;
+        Triangle t;
+        for (int k = 0; k < 3; ++k) t.places.emplace_back(c + size * (unit() - 0.5), r + size * (unit() - 0.5));
+        t.places.push_back(t.places[0]);
+        t.smc = 1 + i % 4;
+        t.height = i % 3 == 0 ? 0 : 1 + i;
+        triangles.push_back(t);
+    }
+    GeoJson file;
+    for (const Triangle& t : triangles) file.add("Polygon", t.places, {{"SMC", t.smc}, {"height", t.height}});
+    file.write(folder / "features.json");
+    write_tile_store(into(folder / "store", folder / "features.json"));
+    const Cells codes = cells_of(folder / "store/culture.vrt"), heights = cells_of(folder / "store/culture_height.vrt");
+
+    // The same in a GeoPackage, whose index gives them in an order of its own, in other tiles.
+    {
+        GDALAllRegister();
+        GDALDataset* out = GetGDALDriverManager()->GetDriverByName("GPKG")->Create((folder / "features.gpkg").c_str(),
+                                                                                   0, 0, 0, GDT_Unknown, nullptr);
+        REQUIRE(out);
+        OGRSpatialReference utm;
+        utm.importFromEPSG(32611);
+        OGRLayer* layer = out->CreateLayer("features", &utm, wkbPolygon);
+        OGRFieldDefn smc("SMC", OFTInteger), height("height", OFTReal);
+        REQUIRE(layer->CreateField(&smc) == OGRERR_NONE);
+        REQUIRE(layer->CreateField(&height) == OGRERR_NONE);
+        for (const Triangle& t : triangles) {
+            OGRFeature feature(layer->GetLayerDefn());
+            feature.SetField("SMC", t.smc);
+            feature.SetField("height", t.height);
+            OGRLinearRing ring;
+            for (const auto& [c, r] : t.places) ring.addPoint(x_at(c), y_at(r));
+            OGRPolygon polygon;
+            polygon.addRing(&ring);
+            feature.SetGeometry(&polygon);
+            REQUIRE(layer->CreateFeature(&feature) == OGRERR_NONE);
+        }
+        GDALClose(out);
+    }
+    TileStoreParams other = into(folder / "other", folder / "features.gpkg");
+    other.tile_posts = 64;
+    other.threads = 1;
+    write_tile_store(other);
+    CHECK(cells_of(folder / "other/culture.vrt").values == codes.values);
+    CHECK(cells_of(folder / "other/culture_height.vrt").values == heights.values);
+
+    // GDAL over the whole raster at once, in the file's order.
+    const auto whole = [&](const auto& value, float nothing) {
+        GDALDataset* raster =
+            GetGDALDriverManager()->GetDriverByName("MEM")->Create("", side, side, 1, GDT_Float32, nullptr);
+        double terms[] = {west, step, 0, north, 0, -step};
+        raster->SetGeoTransform(terms);
+        raster->GetRasterBand(1)->Fill(static_cast<double>(nothing));
+        for (const Triangle& t : triangles) {
+            const double burnt = value(t);
+            if (burnt <= 0) continue;
+            OGRLinearRing ring;
+            for (const auto& [c, r] : t.places) ring.addPoint(x_at(c), y_at(r));
+            OGRPolygon polygon;
+            polygon.addRing(&ring);
+            OGRGeometryH shape = OGRGeometry::ToHandle(&polygon);
+            int band = 1;
+            REQUIRE(GDALRasterizeGeometries(GDALDataset::ToHandle(raster), 1, &band, 1, &shape, nullptr, nullptr,
+                                            &burnt, nullptr, nullptr, nullptr) == CE_None);
+        }
+        std::vector<float> values(static_cast<std::size_t>(side) * side);
+        REQUIRE(raster->GetRasterBand(1)->RasterIO(GF_Read, 0, 0, side, side, values.data(), side, side, GDT_Float32, 0,
+                                                   0, nullptr) == CE_None);
+        GDALClose(raster);
+        return values;
+    };
+    const int class_of_smc[] = {-1, 15, 14, 11, 10};
+    CHECK(whole([&](const Triangle& t) { return static_cast<double>(class_of_smc[t.smc]); }, 255) == codes.values);
+    CHECK(whole([](const Triangle& t) { return t.height; }, 0) == heights.values);
+    CHECK(std::count(codes.values.begin(), codes.values.end(), 15.0F) > 10000);
+}
+
+TEST_CASE("features of a wrong field, class, height or layer are named", "[features]") {
+    const Folder folder;
+    const auto says = [&](const nlohmann::json& fields, const Strings& words) {
+        GeoJson file;
+        file.add("Point", {{5.5, 5.5}}, {{"SMC", 1}, {"height", 3}});
+        file.add("Point", {{6.5, 6.5}}, fields).write(folder / "f.json");
+        const std::string found = refusal([&] { write_tile_store(into(folder / "store", folder / "f.json")); });
+        for (const std::string& word : words) CHECK_THAT(found, Contains(word));
+        CHECK_FALSE(std::filesystem::exists(folder / "store"));
+        CHECK_FALSE(std::filesystem::exists(folder / "store.part"));
+    };
+    says({{"SMC", 15}}, {"features '", "f.json', layer 'f', feature 1: SMC is '15'", "legend smc", "metal"});
+    says({{"material", "mud"}}, {"material is 'mud'", "marsh"});
+    says({{"height", -1}}, {"height is '-1'", "metres from 0"});
+    says({{"height", 1e6}}, {"height is '1000000"});
+    says({{"HGT", "tall"}, {"height", nullptr}}, {"HGT is 'tall'"});
+
+    GeoJson().add("Point", {{5.5, 5.5}}, {{"colour", 1}}).write(folder / "plain.json");
+    CHECK_THAT(refusal([&] { write_tile_store(into(folder / "store", folder / "plain.json")); }),
+               Contains("no field for a material or a height") && Contains("colour"));
+    CHECK_THAT(refusal([&] { write_tile_store(into(folder / "store", folder / "none.json")); }),
+               Contains("none.json' cannot be opened"));
+    GeoJson().add("Point", {{5.5, 5.5}}, {{"SMC", 1}}).write(folder / "good.json");
+    TileStoreParams named = into(folder / "store", folder / "good.json");
+    named.features->layer = "roads";
+    CHECK_THAT(refusal([&] { write_tile_store(named); }), Contains("features-layer is 'roads'") && Contains("good"));
+    // A raster whose own codes are those of features.
+    Drawing codes;
+    codes.columns = codes.rows = 40;
+    codes.type = GDT_UInt16;
+    codes.geotransform = {west, step, 0, north, 0, -step};
+    codes.value = [](int c, int r) { return c == 7 && r == 9 ? 30014 : 98; };
+    draw(folder / "codes.tif", codes);
+    CHECK_THAT(refusal([&] { write_tile_store(into(folder / "store", folder / "good.json", folder / "codes.tif")); }),
+               Contains("codes.tif': code at column 7, row 9 is 30014") && Contains("good.json"));
+    CHECK_THAT(refusal([&] { with_features(Legend("x", {{30254, 1}, {30003, 2}}), {}); }), Contains("code 30003"));
+}
+
+TEST_CASE("options of features are checked", "[features]") {
+    const Folder folder;
+    const std::string file = GeoJson().add("Point", {{5.5, 5.5}}, {{"SMC", 1}}).write(folder / "f.json");
+    const auto refuses = [&](const Strings& more, int code, const Strings& words) {
+        Strings all{WEDGESCOPE_PROGRAM, "tile", dem, folder / "store"};
+        all.insert(all.end(), more.begin(), more.end());
+        const Ended ended = wedgescope::test::run_program(all, folder / "err");
+        INFO(ended.err);
+        CHECK(ended.code == code);
+        CHECK(std::count(ended.err.begin(), ended.err.end(), '\n') == 1);
+        for (const std::string& word : words) CHECK_THAT(ended.err, Contains(word));
+        CHECK_FALSE(std::filesystem::exists(folder / "store"));
+    };
+    refuses({"--features-touch", "on"}, 2, {"features-touch is given without features"});
+    refuses({"--features-layer", "x"}, 2, {"features-layer is given without features"});
+    refuses({"--features", dem}, 1, {"features '", "inland_empire_dem.tif' cannot be opened"});
+    refuses({"--features", file, "--features-legend", "none"}, 1, {"features-legend 'none' is none of"});
+    refuses({"--features", file, "--features-layer", "roads"}, 2, {"features-layer is 'roads'"});
+    refuses({"--features", file, "--culture-height-scale", "0"}, 2, {"culture-height-scale is 0"});
+    refuses({"--features", file, "--culture", data + "/inland_empire_culture.tif"}, 2, {"without culture-legend"});
+}
+
+TEST_CASE("a radar sees burnt metal by its gamma, and nothing else changes", "[features]") {
+    const Folder folder;
+    const auto run = [&](const Strings& arguments) {
+        Strings all{WEDGESCOPE_PROGRAM};
+        all.insert(all.end(), arguments.begin(), arguments.end());
+        const Ended ended = wedgescope::test::run_program(all, folder / "err");
+        INFO(ended.err);
+        REQUIRE(ended.code == 0);
+    };
+    // North of the sensor at post (800, 800): 100 to 150 posts off, ten to either side.
+    GeoJson().add_box(790, 650, 811, 700, {{"SMC", 1}}).write(folder / "metal.json");
+    GeoJson().add("Point", {{800.5, 650.5}}, {{"SMC", 1}, {"HGT", 300}}).write(folder / "tower.json");
+    GeoJson().add("Point", {{5.5, 5.5}}, {{"SMC", 1}, {"HGT", 300}}).write(folder / "far.json");
+    run({"tile", dem, folder / "plain", "-q"});
+    run({"tile", dem, folder / "far", "--features", folder / "far.json", "-q"});
+    run({"tile", dem, folder / "metal", "--features", folder / "metal.json", "-q"});
+    run({"tile", dem, folder / "tower", "--features", folder / "tower.json", "-q"});
+    const auto echo = [&](const std::string& store, const Strings& more = {}) {
+        Strings arguments{"simulate",
+                          "--dem",
+                          folder / store,
+                          "--xy",
+                          "453732.925899,3740078.07702",
+                          "--altitude-agl",
+                          "1500m",
+                          "--geometry",
+                          "grid",
+                          "--range",
+                          "7km",
+                          "--azimuth-bins",
+                          "360",
+                          "--range-bin",
+                          "60m",
+                          "--echo",
+                          folder / (store + ".tif"),
+                          "--overwrite",
+                          "-q"};
+        arguments.insert(arguments.end(), more.begin(), more.end());
+        run(arguments);
+        return cells_of(folder / (store + ".tif"));
+    };
+    const Cells plain = echo("plain"), bright = echo("metal");
+    REQUIRE(plain.values.size() == bright.values.size());
+    const float most = *std::max_element(plain.values.begin(), plain.values.end());
+    // Metal 6 dB, soil -17 dB.
+    const double step_up = std::pow(10.0, 2.3);
+    int full = 0, same = 0, outside = 0, beyond = 0;
+    for (int a = 0; a < plain.rows; ++a)
+        for (int j = 0; j < plain.columns; ++j) {
+            if (plain.at(j, a) < 1e-4F * most) continue;
+            const double ratio = static_cast<double>(bright.at(j, a)) / static_cast<double>(plain.at(j, a));
+            full += std::fabs(ratio / step_up - 1) < 1e-3;
+            same += std::fabs(ratio - 1) < 1e-4;
+            beyond += ratio < 1 - 1e-3 || ratio > step_up * (1 + 1e-3);
+            // 3000 to 4500 m along the ground, from 2985 by half a post more; 315 m to either side: 6.1 degrees.
+            const bool there = (a <= 7 || a >= 352) && j * 60 > 2900 && j * 60 < 5500;
+            outside += !there && std::fabs(ratio - 1) > 1e-3;
+        }
+    CHECK(beyond == 0);
+    CHECK(outside == 0);
+    CHECK(full > 50);
+    CHECK(same > 10000);
+
+    // A tower of one cell hides what is behind it and shows its wall; culled or not it does the same.
+    const Cells far = echo("far"), tower = echo("tower"), uncut = echo("tower", {"--no-cull"});
+    CHECK(tower.values == uncut.values);
+    CHECK(tower.values != far.values);
+    outside = 0;
+    for (int a = 5; a < 355; ++a)
+        for (int j = 0; j < plain.columns; ++j) outside += tower.at(j, a) != far.at(j, a);
+    CHECK(outside == 0);
+}

@@ -1,0 +1,413 @@
+#include "tiles/feature_file.hpp"
+
+#include <gdal_alg.h>
+#include <sys/stat.h>
+
+#include <algorithm>
+#include <cctype>
+#include <charconv>
+#include <cmath>
+#include <limits>
+#include <optional>
+
+#include "lib/error.hpp"
+#include "tiles/checksum.hpp"
+
+namespace wedgescope {
+namespace {
+
+// The first one that a feature has counts. DFAD's own names and those of its descendants.
+constexpr const char* material_fields[] = {"material", "SMC", "surface_material_category", "surface_material", "class"};
+constexpr const char* height_fields[] = {"height", "HGT", "predominant_height", "height_m"};
+/// Cells that a piece is drawn beyond the window, so that what GDAL clips at its edge shows in none.
+constexpr std::int64_t margin = 2;
+
+std::string quoted(const std::string& words) { return text("'", words, "'"); }
+
+DatasetHandle open_vector(const std::string& path) {
+    return DatasetHandle(GDALDataset::Open(path.c_str(), GDAL_OF_VECTOR | GDAL_OF_READONLY | GDAL_OF_VERBOSE_ERROR));
+}
+
+std::string lower(std::string words) {
+    std::transform(words.begin(), words.end(), words.begin(),
+                   [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+    return words;
+}
+
+/// Of a raster: x, y of its CRS to columns and rows of a window, as GDAL asks for it. Rounded to a 2^-20 of a cell before the
+/// window is taken off, which is exact: a geometry lies alike in all windows.
+struct ToCells {
+    double corner_x, corner_y, step_x, step_y;
+    double shift_x;
+    std::int64_t column, row;
+
+    double column_at(double x) const { return round((x + shift_x - corner_x) / step_x); }
+    double row_at(double y) const { return round((y - corner_y) / step_y); }
+    static double round(double cells) { return std::nearbyint(cells * 0x1p20) * 0x1p-20; }
+
+    static int transform(void* argument, int, int n, double* x, double* y, double*, int* good) {
+        const auto& self = *static_cast<const ToCells*>(argument);
+        for (int i = 0; i < n; ++i) {
+            x[i] = self.column_at(x[i]) - static_cast<double>(self.column);
+            y[i] = self.row_at(y[i]) - static_cast<double>(self.row);
+            good[i] = std::isfinite(x[i]) && std::isfinite(y[i]);
+        }
+        return TRUE;
+    }
+};
+
+/// Features to be asked for, and how far east of the file's place they lie on the raster (whole circles).
+struct Ask {
+    std::optional<OGREnvelope> in;  ///< in the file's coordinates; none: all
+    double shift_x = 0;
+};
+
+/// A raster of one byte a cell; 1 where the geometry lies.
+class Mask {
+public:
+    void draw(const OGRGeometry& geometry, ToCells to, const Window& cells, bool touch, GdalErrors& errors,
+              const std::string& where) {
+        const auto wide = static_cast<int>(cells.columns.size()), high = static_cast<int>(cells.rows.size());
+        bytes_.assign(static_cast<std::size_t>(wide) * static_cast<std::size_t>(high), 0);
+        // Its bytes in place: a MEM dataset of its own would be copied out again.
+        const DatasetHandle drawing(
+            GetGDALDriverManager()->GetDriverByName("MEM")->Create("", wide, high, 0, GDT_Byte, nullptr));
+        char pointer[64];
+        pointer[CPLPrintPointer(pointer, bytes_.data(), sizeof(pointer) - 1)] = 0;
+        char** options = CSLSetNameValue(nullptr, "DATAPOINTER", pointer);
+        const bool added = drawing && drawing->AddBand(GDT_Byte, options) == CE_None;
+        CSLDestroy(options);
+        to.column = cells.columns.begin;
+        to.row = cells.rows.begin;
+        OGRGeometryH shape = OGRGeometry::ToHandle(const_cast<OGRGeometry*>(&geometry));
+        char* how[] = {const_cast<char*>("OPTIM=RASTER"), const_cast<char*>(touch ? "ALL_TOUCHED=TRUE" : nullptr),
+                       nullptr};
+        int band = 1;
+        double value = 1;
+        if (!added || GDALRasterizeGeometries(GDALDataset::ToHandle(drawing.get()), 1, &band, 1, &shape,
+                                              &ToCells::transform, &to, &value, how, nullptr, nullptr) != CE_None)
+            throw DataError(text(where, " cannot be drawn: ", errors.reason()));
+        drawing->FlushCache(false);
+    }
+    const std::uint8_t* row(std::int64_t r, std::int64_t wide) const { return bytes_.data() + r * wide; }
+
+private:
+    std::vector<std::uint8_t> bytes_;
+};
+
+}  // namespace
+
+struct FeatureFile::Handle {
+    struct Layer {
+        OGRLayer* layer = nullptr;
+        std::string name;
+        std::vector<int> materials, heights;                           ///< fields, by their places
+        std::unique_ptr<OGRCoordinateTransformation> to_raster, back;  ///< none: as they are
+        bool geographic = false;
+    };
+    DatasetHandle dataset;
+    std::vector<Layer> layers;
+};
+
+class FeatureFile::Lease {
+public:
+    explicit Lease(FeatureFile& file) : file_(file) {
+        {
+            const std::lock_guard lock(file.mutex_);
+            if (!file.free_.empty()) {
+                handle_ = std::move(file.free_.back());
+                file.free_.pop_back();
+            }
+        }
+        if (!handle_) handle_ = file.open();
+    }
+    ~Lease() {
+        const std::lock_guard lock(file_.mutex_);
+        file_.free_.push_back(std::move(handle_));
+    }
+    Lease(const Lease&) = delete;
+    Lease& operator=(const Lease&) = delete;
+    Handle& operator*() const { return *handle_; }
+
+private:
+    FeatureFile& file_;
+    std::unique_ptr<Handle> handle_;
+};
+
+FeatureFile::FeatureFile(FeatureParams params, const RasterFacts& terrain)
+    : params_(std::move(params)), crs_(terrain.crs), geographic_(terrain.geographic) {
+    free_.push_back(open());
+    std::string names;
+    for (const Handle::Layer& layer : free_[0]->layers) {
+        has_materials_ |= !layer.materials.empty();
+        has_heights_ |= !layer.heights.empty();
+        const OGRFeatureDefn& fields = *layer.layer->GetLayerDefn();
+        for (int i = 0; i < fields.GetFieldCount(); ++i)
+            names += text(names.empty() ? "" : ", ", fields.GetFieldDefn(i)->GetNameRef());
+    }
+    if (!has_materials_ && !has_heights_)
+        throw InputError(
+            text(named(), " has no field for a material or a height; accepted: material or SMC, height or HGT (it has ",
+                 names.empty() ? "none" : names, ")"));
+}
+
+FeatureFile::~FeatureFile() = default;
+
+std::string FeatureFile::named() const { return text("features ", quoted(params_.path)); }
+
+StoreSource FeatureFile::source() const {
+    StoreSource source{params_.path, 0, 0};
+    struct stat facts {};
+    if (::stat(source.path.c_str(), &facts) == 0 && S_ISREG(facts.st_mode)) {
+        source.bytes = static_cast<std::uint64_t>(facts.st_size);
+        source.mtime_s = static_cast<std::int64_t>(facts.st_mtime);
+    }
+    return source;
+}
+
+std::uint64_t FeatureFile::fingerprint() {
+    Checksum sum;
+    std::vector<std::string> files{params_.path};
+    {
+        const std::unique_ptr<Handle> handle = open();
+        char** list = handle->dataset->GetFileList();
+        for (char** f = list; f && *f; ++f) files.emplace_back(*f);
+        CSLDestroy(list);
+    }
+    for (const std::string& file : files) {
+        VSIStatBufL facts{};
+        if (VSIStatExL(file.c_str(), &facts, VSI_STAT_EXISTS_FLAG | VSI_STAT_SIZE_FLAG) != 0) continue;
+        sum.add(static_cast<std::uint64_t>(facts.st_size));
+        sum.add(static_cast<std::uint64_t>(facts.st_mtim.tv_sec));
+        sum.add(static_cast<std::uint64_t>(facts.st_mtim.tv_nsec));
+    }
+    return sum.value();
+}
+
+std::unique_ptr<FeatureFile::Handle> FeatureFile::open() {
+    const std::lock_guard lock(opening_);
+    auto handle = std::make_unique<Handle>();
+    {
+        GdalErrors quiet;
+        handle->dataset = open_vector(params_.path);
+    }
+    if (!handle->dataset) register_all_drivers();
+    GdalErrors errors;
+    if (!handle->dataset) handle->dataset = open_vector(params_.path);
+    if (!handle->dataset)
+        throw IoError(text(named(), " cannot be opened: ", errors.reason(),
+                           " (accepted: a vector file that GDAL reads, as GeoPackage, GeoJSON or a shapefile)"));
+    std::string names;
+    for (int i = 0; i < handle->dataset->GetLayerCount(); ++i) {
+        OGRLayer* const layer = handle->dataset->GetLayer(i);
+        names += text(names.empty() ? "" : ", ", layer->GetName());
+        if (!params_.layer.empty() && params_.layer != layer->GetName()) continue;
+        OGRFeatureDefn& definition = *layer->GetLayerDefn();
+        if (definition.GetGeomFieldCount() == 0) continue;
+        Handle::Layer one;
+        one.layer = layer;
+        one.name = layer->GetName();
+        const auto find = [&](const auto& fields, std::vector<int>& found) {
+            for (const char* field : fields)
+                if (const int at = definition.GetFieldIndex(field); at >= 0) found.push_back(at);
+        };
+        find(material_fields, one.materials);
+        find(height_fields, one.heights);
+
+        RasterFacts facts;
+        facts.role = "features";
+        facts.path = params_.path;
+        facts.has_geotransform = true;
+        if (const OGRSpatialReference* given = layer->GetSpatialRef()) set_crs(facts, *given);
+        one.geographic = facts.crs && facts.geographic;
+        if (facts.crs && !crs_)
+            throw DataError(
+                text(named(), " is in CRS ", quoted(crs_definition(*facts.crs)),
+                     ", and the terrain has none; accepted: features without a CRS, in the raster's own coordinates"));
+        const char* const alike[] = {"IGNORE_DATA_AXIS_TO_SRS_AXIS_MAPPING=YES",
+                                     "CRITERION=EQUIVALENT_EXCEPT_AXIS_ORDER_GEOGCRS", nullptr};
+        if (facts.crs && !facts.crs->IsSame(crs_.get(), alike)) {
+            one.to_raster.reset(OGRCreateCoordinateTransformation(facts.crs.get(), crs_.get()));
+            one.back.reset(OGRCreateCoordinateTransformation(crs_.get(), facts.crs.get()));
+            if (!one.to_raster || !one.back)
+                throw DataError(text(named(), ": PROJ knows no way from its CRS ", quoted(crs_definition(*facts.crs)),
+                                     " to the terrain's: ", errors.reason()));
+        }
+        handle->layers.push_back(std::move(one));
+    }
+    if (handle->layers.empty())
+        throw InputError(params_.layer.empty() ? text(named(), " holds no layer with a geometry")
+                                               : text("features-layer is ", quoted(params_.layer), "; ",
+                                                      quoted(params_.path), " has ", names.empty() ? "none" : names));
+    return handle;
+}
+
+namespace {
+
+/// A field's value as text from which numbers read back as they are; empty: not there, or nothing in it.
+std::string value_of(OGRFeature& feature, int field) {
+    if (!feature.IsFieldSetAndNotNull(field)) return {};
+    if (feature.GetFieldDefnRef(field)->GetType() == OFTReal) return text(feature.GetFieldAsDouble(field));
+    std::string words = feature.GetFieldAsString(field);
+    const auto first = words.find_first_not_of(' '), last = words.find_last_not_of(' ');
+    return first == std::string::npos ? std::string() : words.substr(first, last - first + 1);
+}
+
+template <class Number>
+std::optional<Number> number(const std::string& words) {
+    Number value{};
+    const auto [end, error] = std::from_chars(words.data(), words.data() + words.size(), value);
+    if (error != std::errc{} || end != words.data() + words.size()) return std::nullopt;
+    return value;
+}
+
+/// Where features lie that may fall into a part of the raster.
+std::vector<Ask> asks(const OGREnvelope& part, const RasterFacts& grid, bool raster_geographic,
+                      const OGRCoordinateTransformation* back, bool file_geographic) {
+    std::vector<Ask> out;
+    // A raster may reach beyond the antimeridian; vector files end there.
+    for (const double shift : {0.0, 360.0, -360.0}) {
+        if (shift != 0 && !raster_geographic) continue;
+        if ((shift > 0 && grid.edge_x() <= 180) || (shift < 0 && grid.corner_x >= -180)) continue;
+        OGREnvelope e = part;
+        e.MinX -= shift;
+        e.MaxX -= shift;
+        if (back) {
+            double x0 = 0, y0 = 0, x1 = 0, y1 = 0;
+            GdalErrors quiet;
+            constexpr int between = 21;
+            if (!const_cast<OGRCoordinateTransformation*>(back)->TransformBounds(e.MinX, e.MinY, e.MaxX, e.MaxY, &x0,
+                                                                                 &y0, &x1, &y1, between) ||
+                !std::isfinite(x0) || !std::isfinite(y0) || !std::isfinite(x1) || !std::isfinite(y1)) {
+                out.push_back({std::nullopt, shift});
+                continue;
+            }
+            // Bounds are found at points between; what is between these is less than a part in twenty of the window off.
+            const double spare_x = 0.05 * std::fabs(x1 - x0), spare_y = 0.05 * std::fabs(y1 - y0);
+            e.MinX = x0 - spare_x;
+            e.MinY = y0 - spare_y;
+            e.MaxX = x1 + spare_x;
+            e.MaxY = y1 + spare_y;
+            if (file_geographic && x0 > x1) {  // across the antimeridian
+                e.MinX = -180;
+                e.MaxX = 180;
+            }
+        }
+        out.push_back({e, shift});
+    }
+    return out;
+}
+
+}  // namespace
+
+double FeatureFile::value(const Handle& handle, std::size_t layer, OGRFeature& feature, What what) const {
+    const Handle::Layer& from = handle.layers[layer];
+    const auto refuse = [&](int field, const std::string& found, const std::string& accepted) {
+        throw DataError(text(named(), ", layer ", quoted(from.name), ", feature ", feature.GetFID(), ": ",
+                             feature.GetFieldDefnRef(field)->GetNameRef(), " is ", quoted(found),
+                             "; accepted: ", accepted));
+    };
+    constexpr double nothing = -1;
+    for (const int field : what == What::material ? from.materials : from.heights) {
+        const std::string found = value_of(feature, field);
+        if (found.empty()) continue;
+        if (what == What::height) {
+            const std::optional<double> height_m = number<double>(found);
+            if (!height_m || !(*height_m >= 0 && *height_m <= static_cast<double>(highest_height_m)))
+                refuse(field, found, text("metres from 0 to ", highest_height_m));
+            return *height_m > 0 ? *height_m : nothing;
+        }
+        if (const std::optional<int> code = number<int>(found)) {
+            const std::optional<ClassId> id = params_.legend.find(*code);
+            if (!id)
+                refuse(field, found,
+                       text("codes of the legend ", params_.legend.name(), " (features-legend), or one of ",
+                            params_.materials.words()));
+            return static_cast<double>(*id);
+        }
+        for (std::size_t id = 0; id < params_.materials.size(); ++id)
+            if (lower(params_.materials[id].name) == lower(found)) return static_cast<double>(id);
+        refuse(field, found,
+               text("codes of the legend ", params_.legend.name(), ", or one of ", params_.materials.words()));
+    }
+    return nothing;
+}
+
+void FeatureFile::burn(const RasterFacts& grid, const Window& window, What what,
+                       const std::function<void(std::size_t, double)>& put) {
+    if (window.empty()) return;
+    const Lease lease(*this);
+    Handle& handle = *lease;
+    GdalErrors errors;
+    // With a cell more round it: what touches counts.
+    const auto x_at = [&](std::int64_t c) { return grid.corner_x + static_cast<double>(c) * grid.step_x; };
+    const auto y_at = [&](std::int64_t r) { return grid.corner_y + static_cast<double>(r) * grid.step_y; };
+    OGREnvelope part;
+    part.Merge(x_at(window.columns.begin - 1), y_at(window.rows.begin - 1));
+    part.Merge(x_at(window.columns.end + 1), y_at(window.rows.end + 1));
+
+    constexpr std::int64_t nobody = std::numeric_limits<std::int64_t>::min();
+    std::vector<std::int64_t> owner;
+    Mask mask;
+    for (std::size_t i = 0; i < handle.layers.size(); ++i) {
+        Handle::Layer& from = handle.layers[i];
+        if ((what == What::material ? from.materials : from.heights).empty()) continue;
+        bool any = false;
+        for (const Ask& ask : asks(part, grid, geographic_, from.back.get(), from.geographic)) {
+            if (ask.in)
+                from.layer->SetSpatialFilterRect(ask.in->MinX, ask.in->MinY, ask.in->MaxX, ask.in->MaxY);
+            else
+                from.layer->SetSpatialFilter(nullptr);
+            from.layer->ResetReading();
+            for (OGRFeatureUniquePtr feature(from.layer->GetNextFeature()); feature;
+                 feature.reset(from.layer->GetNextFeature())) {
+                const double burnt = value(handle, i, *feature, what);
+                if (burnt < 0) continue;
+                std::unique_ptr<OGRGeometry> geometry(feature->StealGeometry());
+                if (!geometry || geometry->IsEmpty()) continue;
+                const std::string where =
+                    text(named(), ", layer ", quoted(from.name), ", feature ", feature->GetFID(), ":");
+                if (geometry->hasCurveGeometry()) geometry.reset(geometry->getLinearGeometry());
+                if (from.to_raster && geometry->transform(from.to_raster.get()) != OGRERR_NONE)
+                    throw DataError(
+                        text(where, " PROJ cannot bring its places into the terrain's CRS: ", errors.reason()));
+                OGREnvelope box;
+                geometry->getEnvelope(&box);
+                if (!std::isfinite(box.MinX) || !std::isfinite(box.MaxX) || !std::isfinite(box.MinY) ||
+                    !std::isfinite(box.MaxY))
+                    throw DataError(text(where, " it has places that are not finite"));
+                const ToCells to{grid.corner_x, grid.corner_y, grid.step_x, grid.step_y, ask.shift_x, 0, 0};
+                const auto cells = [](double a, double b, Interval most) {
+                    const double low = std::floor(std::min(a, b)), high = std::floor(std::max(a, b));
+                    const auto clamped = [&](double v) {
+                        return static_cast<std::int64_t>(std::clamp(v, static_cast<double>(most.begin - margin),
+                                                                    static_cast<double>(most.end + margin)));
+                    };
+                    return Interval{clamped(low - 1), clamped(high + 2)};
+                };
+                const Window drawn{cells(to.column_at(box.MinX), to.column_at(box.MaxX), window.columns),
+                                   cells(to.row_at(box.MinY), to.row_at(box.MaxY), window.rows)};
+                const Window inside{intersection(drawn.columns, window.columns), intersection(drawn.rows, window.rows)};
+                if (drawn.empty() || inside.empty()) continue;
+                mask.draw(*geometry, to, drawn, params_.touch, errors, where);
+                if (!any) owner.assign(static_cast<std::size_t>(window.posts()), nobody);
+                any = true;
+                const std::int64_t number = feature->GetFID();
+                for (std::int64_t r = inside.rows.begin; r < inside.rows.end; ++r) {
+                    const std::uint8_t* const line = mask.row(r - drawn.rows.begin, drawn.columns.size());
+                    for (std::int64_t c = inside.columns.begin; c < inside.columns.end; ++c) {
+                        if (!line[c - drawn.columns.begin]) continue;
+                        const auto at = static_cast<std::size_t>((r - window.rows.begin) * window.columns.size() + c -
+                                                                 window.columns.begin);
+                        if (owner[at] > number) continue;
+                        owner[at] = number;
+                        put(at, burnt);
+                    }
+                }
+            }
+        }
+    }
+    if (errors.failed()) throw IoError(text(named(), " cannot be read: ", errors.reason()));
+}
+
+}  // namespace wedgescope

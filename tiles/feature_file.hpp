@@ -1,0 +1,66 @@
+// FeatureFile: the features of a vector file that lie in a window of a raster, cell by cell.
+// For the .cpp files of this folder only. Leaves what lies below them to burnt_layer.hpp.
+//
+// A feature of a higher number lies over those of lower ones, whatever the order that the file gives them in: each cell
+// remembers the number of the feature that it has. So no window needs more than one feature at a time, and a cell does not
+// depend on the windows asked for.
+//
+// Memory: one handle of the vector file for each thread that reads at the same time (`handle_bytes`, about; what a feature's
+// geometry takes comes on top), and 8 + 2 bytes for each cell of the window.
+#pragma once
+#include <ogrsf_frmts.h>
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "lib/interval.hpp"
+#include "tiles/features.hpp"
+#include "tiles/gdal_handle.hpp"
+#include "tiles/raster_layer.hpp"
+#include "tiles/store_manifest.hpp"
+
+namespace wedgescope {
+
+class FeatureFile {
+public:
+    static constexpr std::size_t handle_bytes = std::size_t{4} << 20;
+    static constexpr std::size_t cell_bytes = sizeof(std::int64_t) + 2;
+
+    /// `terrain`: the grid whose CRS counts. IoError; InputError for a layer or fields that are not there; DataError for a CRS
+    /// that PROJ knows no way from.
+    FeatureFile(FeatureParams params, const RasterFacts& terrain);
+    ~FeatureFile();
+
+    const FeatureParams& params() const { return params_; }
+    bool has_materials() const { return has_materials_; }  ///< some layer has a field for them
+    bool has_heights() const { return has_heights_; }
+    std::string named() const;
+    StoreSource source() const;
+    std::uint64_t fingerprint();
+
+    enum class What { material, height };
+    /// Calls put(place in the window, row after row; value) for every cell that a feature has, each as often as features lie over
+    /// one another there, the topmost last. Values: ClassId; metres above 0. From several threads at once. DataError naming the
+    /// feature; IoError.
+    void burn(const RasterFacts& grid, const Window& window, What what,
+              const std::function<void(std::size_t, double)>& put);
+
+private:
+    struct Handle;
+    class Lease;
+    std::unique_ptr<Handle> open();
+    double value(const Handle& handle, std::size_t layer, OGRFeature& feature, What what) const;
+
+    FeatureParams params_;
+    std::shared_ptr<OGRSpatialReference> crs_;  ///< of the raster; null: none
+    bool geographic_ = false;
+    bool has_materials_ = false, has_heights_ = false;
+    std::mutex mutex_, opening_;  ///< a CRS is compared by one thread at a time
+    std::vector<std::unique_ptr<Handle>> free_;
+};
+
+}  // namespace wedgescope
