@@ -9,6 +9,7 @@
 #include <system_error>
 
 #include "lib/error.hpp"
+#include "tools/radar_set.hpp"
 #include "tools/terminal.hpp"
 #include "tools/units.hpp"
 
@@ -61,12 +62,16 @@ void check_names(const NamedPaths& outputs, const NamedPaths& inputs) {
     }
 }
 
+std::string set_file(const Settings& s) { return shipped_set(s.radar_set) ? "" : s.radar_set; }
+
 NamedPaths input_paths(const Settings& s) {
     return {{"dem", s.dem},
             {"culture", s.culture},
             {"culture-height", s.culture_height},
             {"culture-legend", Legend::built_in(s.culture_legend) ? "" : s.culture_legend},
             {"track", s.track},
+            {"set", set_file(s)},
+            {"antenna", s.antenna_file},
             {"the scene file", s.files.empty() ? "" : s.files[0]}};
 }
 
@@ -94,6 +99,8 @@ std::vector<InputFile> input_files(const Settings& s, const DataBase& data_base,
     add("culture", s.culture, true);
     add("culture-height", s.culture_height, true);
     if (!Legend::built_in(s.culture_legend)) add("culture-legend", s.culture_legend, false);
+    add("set", set_file(s), false);
+    add("antenna", s.antenna_file, false);
     add("track", s.track, false);
     add("observers", s.observers, false);
     add("scene", scene_file, false);
