@@ -553,6 +553,23 @@ void sweep(const ResolvedScene& scene, WedgeSource& source, const EngineParams& 
     check_unchanged(source, data);
 }
 
+/// Nothing is received before the receiver opens: cells whose middle is nearer than the minimum range hold no power, not even noise.
+void blank_near(const ResolvedScene& scene, PolarImage<float>& received_w) {
+    const double least_m = scene.scene.receiver.minimum_range_m.value_or(scene.scene.radar.pulse_extent_m());
+    const PolarGrid& grid = received_w.grid;
+    const auto slant_m = [&](std::size_t j) {
+        const double middle_m =
+            (static_cast<double>(grid.range_bins.begin) + static_cast<double>(j) + 0.5) * grid.range_bin_m;
+        return scene.scene.display.kind == DisplayKind::gpi_true
+                   ? scene.earth.slant_range_m(scene.sensor_m, scene.reference_m, middle_m)
+                   : middle_m;
+    };
+    std::size_t blanked = 0;
+    while (blanked < grid.range_count() && slant_m(blanked) < least_m) ++blanked;
+    if (blanked == 0) return;
+    for (std::size_t i = 0; i < grid.azimuth_count(); ++i) std::fill_n(received_w.row(i), blanked, 0.0F);
+}
+
 /// What reaches the receiver from the echoes.
 void receive(const EngineParams& params, const WeatherHere& weather, RunResult& result) {
     const ResolvedScene& scene = result.scene;
@@ -569,6 +586,7 @@ void receive(const EngineParams& params, const WeatherHere& weather, RunResult& 
     const FluctuationSetting fluctuation{receiver.speckle_looks, receiver.noise, scene.noise_power_w, receiver.seed};
     result.received_w = received_power(result.echo_w, result.power_w, beam, fluctuation, std::move(result.received_w),
                                        weather.rain_w);
+    blank_near(scene, result.received_w);
     result.report.receiver_s = watch.wall_s();
 }
 

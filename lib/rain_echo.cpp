@@ -16,17 +16,31 @@ constexpr std::array<double, 4> legendre_x{0.183434642495649805, 0.5255324099163
 constexpr std::array<double, 4> legendre_w{0.362683783378361983, 0.313706645877887287, 0.222381034453374471,
                                            0.101228536290376259};
 
+/// Depressions between which a pattern of points runs straight, or so nearly that a panel over several points will do.
+std::vector<double> bends(const std::vector<PatternPoint>& points) {
+    constexpr std::size_t most = 256;
+    std::vector<double> depressions;
+    const std::size_t step = 1 + points.size() / most;
+    for (std::size_t i = 0; i < points.size(); i += step) depressions.push_back(points[i].depression.rad());
+    if (!points.empty()) depressions.push_back(points.back().depression.rad());
+    return depressions;
+}
+
 /// Sines of elevation at which the elevation pattern changes its course: what a panel of the quadrature must not hide.
 std::vector<double> pattern_sines(const AntennaParams& antenna) {
     const double nose = antenna.knee.rad() + antenna.tilt.rad(), width = antenna.width.rad(), knee = antenna.knee.rad();
     std::vector<double> depressions;
-    for (const double widths : {0.0, 0.25, 0.5, 0.75, 1.0, 1.5, 2.25}) {
-        depressions.push_back(nose - widths * width);
-        if (antenna.elevation == ElevationPattern::gaussian) depressions.push_back(nose + widths * width);
+    if (antenna.elevation == ElevationPattern::points) {
+        for (const double beta : bends(antenna.points)) depressions.push_back(beta + antenna.tilt.rad());
+    } else {
+        for (const double widths : {0.0, 0.25, 0.5, 0.75, 1.0, 1.5, 2.25}) {
+            depressions.push_back(nose - widths * width);
+            if (antenna.elevation == ElevationPattern::gaussian) depressions.push_back(nose + widths * width);
+        }
+        if (antenna.elevation != ElevationPattern::gaussian)  // csc^2 falls with the ratio to the knee
+            for (double beta = 1.5 * knee; beta < std::numbers::pi; beta *= 1.5)
+                depressions.push_back(beta + antenna.tilt.rad());
     }
-    if (antenna.elevation != ElevationPattern::gaussian)  // csc^2 falls with the ratio to the knee
-        for (double beta = 1.5 * knee; beta < std::numbers::pi; beta *= 1.5)
-            depressions.push_back(beta + antenna.tilt.rad());
     std::vector<double> sines{-0.5 * std::numbers::sqrt3, 0.5 * std::numbers::sqrt3};  // where the widening ends
     for (const double depression : depressions)
         if (std::abs(depression) < 0.5 * std::numbers::pi)

@@ -165,6 +165,8 @@ const char* word(ElevationPattern pattern) {
             return "csc2";
         case ElevationPattern::cos_csc2:
             return "cos-csc2";
+        case ElevationPattern::points:
+            return "points";
     }
     return "";
 }

@@ -48,6 +48,28 @@ std::int64_t default_azimuth_bins(const RadarParams& radar) {
 
 double default_range_bin_m(const RadarParams& radar) { return radar.pulse_extent_m() / 4; }
 
+std::optional<PatternFault> pattern_fault(std::span<const PatternPoint> points) {
+    if (points.size() < 2 || points.size() > most_pattern_points)
+        return PatternFault{points.empty() ? 0 : points.size() - 1,
+                            text("there ", points.size() == 1 ? "is 1 point" : text("are ", points.size(), " points"),
+                                 "; accepted: from 2 to ", most_pattern_points)};
+    for (std::size_t i = 0; i < points.size(); ++i) {
+        const double beta = points[i].depression.deg(), gain = points[i].gain.db();
+        if (!(std::abs(beta) <= 90 + 1e-9))
+            return PatternFault{i, text("the depression is ", written(beta), " deg; accepted: from -90 to 90 deg")};
+        if (!(gain >= -200 && gain <= 0))
+            return PatternFault{i, text("the gain is ", written(gain),
+                                        " dB; accepted: from -200 to 0 dB, as it is relative to the peak")};
+        if (i == 0) continue;
+        const double before = points[i - 1].depression.deg();
+        if (!(beta - before > least_pattern_step_deg * (1 - 1e-6)))
+            return PatternFault{
+                i, text("the depression is ", written(beta), " deg after ", written(before),
+                        " deg; accepted: ascending, ", written(least_pattern_step_deg), " deg or more apart")};
+    }
+    return std::nullopt;
+}
+
 void validate(const RadarParams& radar) {
     require_within("frequency", radar.frequency_hz, 1e6, 1e12, "Hz");
     require_within("transmit-power", radar.transmit_power_w, 1e-3, 1e9, "W");
@@ -62,7 +84,7 @@ void validate(const RadarParams& radar) {
     const AntennaParams& antenna = radar.antenna;
     require_within("beam", antenna.beam.deg(), 0.002, 90, "deg");
     // The shaped patterns divide by the sine of the angle below the knee.
-    if (antenna.elevation == ElevationPattern::gaussian)
+    if (antenna.elevation == ElevationPattern::gaussian || antenna.elevation == ElevationPattern::points)
         require_within("antenna-knee", antenna.knee.deg(), -90, 90, "deg");
     else if (!(antenna.knee.deg() > 0 && antenna.knee.deg() < 90))
         throw InputError(found("antenna-knee", antenna.knee.deg(), "deg") + "above 0 and below 90");
@@ -70,6 +92,9 @@ void validate(const RadarParams& radar) {
     require_within("antenna-exponent", antenna.exponent, 0, 10, "");
     require_within("antenna-floor", antenna.floor.db(), -200, 0, "dB");
     require_within("tilt", antenna.tilt.deg(), -90, 90, "deg");
+    if (antenna.elevation != ElevationPattern::points) return;
+    if (const auto fault = pattern_fault(antenna.points))
+        throw InputError(text("antenna, point ", fault->point + 1, ": ", fault->what));
 }
 
 void validate(const ReceiverParams& receiver) {
@@ -80,6 +105,7 @@ void validate(const ReceiverParams& receiver) {
     require_within("stc-max", receiver.stc_max.db(), 0, 200, "dB");
     require_above_to("dynamic-range", receiver.dynamic_range.db(), 0, 200, "dB");
     if (receiver.mds_dbm) require_within("mds", *receiver.mds_dbm, -300, 200, "dBm");
+    if (receiver.minimum_range_m) require_within("minimum-range", *receiver.minimum_range_m, 0, 1e7, "m");
     require_within("display-gamma", receiver.display_gamma, 0.1, 10, "");
     require_within("speckle", receiver.speckle_looks, 0, 10000, "");
 }

@@ -3,7 +3,9 @@
 #pragma once
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <string>
+#include <vector>
 
 #include "lib/angle.hpp"
 #include "lib/decibel.hpp"
@@ -11,8 +13,15 @@
 
 namespace wedgescope {
 
-enum class ElevationPattern { gaussian, csc2, cos_csc2 };
+enum class ElevationPattern { gaussian, csc2, cos_csc2, points };
 enum class AzimuthPattern { gaussian, uniform };
+
+/// A point of a measured elevation pattern.
+struct PatternPoint {
+    Angle depression;  ///< in the antenna's frame, positive down
+    Decibel gain;      ///< one-way, relative to the peak gain
+    friend bool operator==(const PatternPoint&, const PatternPoint&) = default;
+};
 
 /// Antenna patterns of physics "Antenna patterns": one-way power, relative to the peak gain.
 struct AntennaParams {
@@ -21,8 +30,9 @@ struct AntennaParams {
     Angle width =
         Angle::degrees(12);  ///< between half-power points of the Gaussian (above the knee for the shaped ones)
     double exponent = 0.5;   ///< p of cos-csc2; used by cos_csc2 only
-    Decibel floor{-60};      ///< least g_el
-    Angle tilt{};            ///< positive down; the nose is at knee + tilt
+    std::vector<PatternPoint> points;  ///< used by `points` only: linear in dB between them, the floor beyond
+    Decibel floor{-60};                ///< least g_el
+    Angle tilt{};                      ///< positive down; the nose is at knee + tilt
     AzimuthPattern azimuth = AzimuthPattern::gaussian;
     Angle beam = Angle::degrees(1.5);  ///< azimuth, between half-power points, one-way
 };
@@ -59,7 +69,8 @@ struct ReceiverParams {
     double stc_exponent = 4;
     Decibel stc_max{40};
     Decibel dynamic_range{20};
-    std::optional<double> mds_dbm;  ///< none: k T0 B F
+    std::optional<double> mds_dbm;                ///< none: k T0 B F
+    std::optional<double> minimum_range_m = 0.0;  ///< slant; nearer the receiver is blanked; none: c tau / 2
     double display_gamma = 1;
     bool noise = false;     ///< fluctuating thermal noise; its mean is always there
     int speckle_looks = 0;  ///< 0: none
@@ -69,6 +80,17 @@ struct ReceiverParams {
 /// Bins that are taken where none are asked for: four a beamwidth round the circle, c tau/8 in slant range.
 std::int64_t default_azimuth_bins(const RadarParams&);
 double default_range_bin_m(const RadarParams&);
+
+/// What is wrong with points of a pattern, and with which of them.
+struct PatternFault {
+    std::size_t point = 0;
+    std::string what;  ///< found and accepted, in one line
+};
+/// At most so many points, so far apart at the least: what a PatternTable resolves.
+inline constexpr std::size_t most_pattern_points = 4096;
+inline constexpr double least_pattern_step_deg = 0.001;
+/// The first fault; none: at least two points, depressions ascending from -90 to 90 degrees, gains from -200 to 0 dB.
+std::optional<PatternFault> pattern_fault(std::span<const PatternPoint> points);
 
 /// InputError naming the key (as on the command line), the value and what is accepted.
 void validate(const RadarParams&);

@@ -8,11 +8,27 @@
 #include "lib/lanes.hpp"
 
 namespace wedgescope {
+namespace {
+
+/// Linear in dB between the points, 0 beyond them.
+double pattern_of_points(const std::vector<PatternPoint>& points, double beta_rad) {
+    const auto beyond = [](double beta, const PatternPoint& point) { return beta < point.depression.rad(); };
+    const auto after = std::upper_bound(points.begin(), points.end(), beta_rad, beyond);
+    if (after == points.begin()) return 0;
+    const PatternPoint& before = after[-1];
+    if (after == points.end()) return beta_rad > before.depression.rad() ? 0 : before.gain.ratio();
+    const double part = (beta_rad - before.depression.rad()) / (after->depression.rad() - before.depression.rad());
+    return Decibel(before.gain.db() + part * (after->gain.db() - before.gain.db())).ratio();
+}
+
+}  // namespace
 
 double elevation_pattern(const AntennaParams& antenna, double depression_rad) {
     const double beta = depression_rad - antenna.tilt.rad(), knee = antenna.knee.rad(), floor = antenna.floor.ratio();
     double g = 0;
-    if (antenna.elevation == ElevationPattern::gaussian || beta <= knee) {
+    if (antenna.elevation == ElevationPattern::points) {
+        g = pattern_of_points(antenna.points, beta);
+    } else if (antenna.elevation == ElevationPattern::gaussian || beta <= knee) {
         const double x = (beta - knee) / antenna.width.rad();
         g = std::exp(-4 * std::numbers::ln2 * x * x);
     } else {
@@ -30,6 +46,18 @@ PatternTable::PatternTable(const AntennaParams& antenna) {
         return g * g;
     };
     const double least = 100 * std::pow(antenna.floor.ratio(), 2);
+    // Where a pattern of points bends, and where it drops to the floor.
+    std::vector<double> bends, drops;
+    const bool of_points = antenna.elevation == ElevationPattern::points;
+    if (of_points)
+        for (const PatternPoint& point : antenna.points) {
+            const double depression = point.depression.rad() + antenna.tilt.rad();
+            if (std::abs(depression) > std::numbers::pi / 2) continue;
+            const bool end = &point == &antenna.points.front() || &point == &antenna.points.back();
+            (end && point.gain.db() > antenna.floor.db() ? drops : bends).push_back(-std::sin(depression));
+        }
+    // A sharp bend between two steep slopes takes finer entries than the shaped patterns do.
+    const int most_intervals = of_points ? 1 << 20 : 1 << 17;
     for (intervals_ = 4096;; intervals_ *= 2) {
         values_.resize(static_cast<std::size_t>(intervals_) + 2);
         most_ = 0;
@@ -38,11 +66,15 @@ PatternTable::PatternTable(const AntennaParams& antenna) {
             most_ = std::max(most_, static_cast<double>(values_[i]));
         }
         error_ = 0;
-        for (int i = 0; i < intervals_; ++i) {
-            const double t = -1 + (2 * i + 1.0) / intervals_, truth = exact(t);
+        const auto look_at = [&](double t) {
+            for (const double drop : drops)
+                if (std::abs(t - drop) < 2.0 / intervals_) return;
+            const double truth = exact(t);
             if (truth > least && std::abs(t) < 0.9986) error_ = std::max(error_, std::abs(at(t) / truth - 1));
-        }
-        if (error_ <= 0.0005 || intervals_ >= (1 << 17)) return;
+        };
+        for (int i = 0; i < intervals_; ++i) look_at(-1 + (2 * i + 1.0) / intervals_);
+        for (const double t : bends) look_at(t);
+        if (error_ <= 0.0005 || intervals_ >= most_intervals) return;
     }
 }
 

@@ -18,7 +18,8 @@ namespace wedgescope {
 double elevation_pattern(const AntennaParams& antenna, double depression_rad);
 
 /// g_el^2 (two-way) over the sine of the elevation, in [-1, 1], linear between entries. `error` bounds |table - exact|
-/// / exact above the floor and more than 3 degrees from the vertical, found when it is built (0.0005 wanted).
+/// / exact above the floor and more than 3 degrees from the vertical, found when it is built (0.0005 wanted). A pattern of points
+/// is looked at where it bends too; only the two entries beside an end of it that stands above the floor, where it drops, do not count.
 class PatternTable {
 public:
     explicit PatternTable(const AntennaParams& antenna);

@@ -60,6 +60,12 @@ std::vector<Fact> echo_facts(const ResolvedScene& s, const DataBase& db) {
     add("antenna-knee", antenna.knee.rad());
     add("antenna-width", antenna.width.rad());
     add("antenna-exponent", antenna.elevation == ElevationPattern::cos_csc2 ? antenna.exponent : 0.0);
+    if (antenna.elevation == ElevationPattern::points) {
+        std::string all;
+        for (const PatternPoint& point : antenna.points)
+            all += text(all.empty() ? "" : ";", point.depression.rad(), ",", point.gain.db());
+        add("antenna points", all);
+    }
     add("antenna-floor", antenna.floor.db());
     add("tilt", antenna.tilt.rad());
     return facts;

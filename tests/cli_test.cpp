@@ -64,8 +64,7 @@ public:
     }
 
     /// Starts the program in the work folder; its output goes to files beside it.
-    pid_t start(const Strings& arguments) const {
-        std::string program = WEDGESCOPE_PROGRAM;
+    pid_t start(const Strings& arguments, std::string program = WEDGESCOPE_PROGRAM) const {
         std::vector<char*> list{program.data()};
         Strings copy = arguments;
         for (auto& argument : copy) list.push_back(argument.data());
@@ -528,6 +527,77 @@ TEST_CASE("a scene file works from any folder", "[cli]") {
     CHECK(json["files"][0]["kind"] == "scene");
     CHECK(json["files"][0]["scene"]["resolved"]["nadir_on_data"] == true);
     CHECK_THAT(folder.run({"info", "scenes/lake.ini"}).out, Contains("1000.0 m above the terrain"));
+}
+
+TEST_CASE("a radar set comes with the program, wherever that lies, and makes what its values make", "[cli]") {
+    const Folder folder;
+    for (const char* page : {"simulate", "scope"})
+        CHECK_THAT(folder.run({"help", page}).out,
+                   Contains("--set NAME|PATH") && Contains("f111a, ku-mapping, x-navigation"));
+    CHECK_THAT(folder.run({"help"}).out, Contains("help sets"));
+    const Outcome list = folder.run({"help", "sets"}), one = folder.run({"help", "sets", "f111a"});
+    CHECK(list.code == 0);
+    CHECK_THAT(list.out, Contains("  f111a ") && Contains("  x-navigation ") && Contains("  ku-mapping "));
+    CHECK(one.code == 0);
+    CHECK_THAT(one.out, Contains("frequency = 16.5GHz") && Contains("[U/P]"));
+    refuses(folder, {"help", "sets", "f111"}, 2,
+            {"set is 'f111'", "f111a, ku-mapping, x-navigation", "did you mean f111a?"});
+    refuses(folder, {"help", "sets", "f111a", "x"}, 2, {"one set at most"});
+    refuses(folder, with(with(good, {"--set", "f11a"}), out), 2, {"--set is 'f11a'", "did you mean f111a?"});
+
+    // What help prints is a set of one's own.
+    folder.write("mine.ini", one.out);
+    const auto scene = [&](const std::string& set, const std::string& name) {
+        const Outcome outcome = folder.run(
+            with(good, {"--set", set, "-o", name + ".png", "--report", name + ".json", "--reproducible", "-q"}));
+        INFO(outcome.err);
+        CHECK(outcome.code == 0);
+        return content(folder.file(name + ".png"));
+    };
+    const std::string shipped = scene("f111a", "a");
+    CHECK(shipped.size() > 1000);
+    CHECK((scene("mine.ini", "a2") == shipped));
+    CHECK((scene("x-navigation", "x") != shipped));
+    CHECK((scene("ku-mapping", "k") != shipped));
+    const auto report = [&](const char* name) { return nlohmann::json::parse(content(folder.file(name))); };
+    CHECK(report("a.json")["scene"]["set"] == "f111a");
+    CHECK(report("a.json")["scene"]["antenna-knee"] == "3deg");
+    CHECK(report("a.json")["scene"]["pulse"] == "1.2us");
+    const nlohmann::json inputs = report("a2.json")["inputs"];
+    CHECK(std::any_of(inputs.begin(), inputs.end(), [](const auto& input) { return input["key"] == "set"; }));
+    folder.write("scene.ini", "set = x-navigation\ndem = " + dem + "\nlatlon = 33.93,-117.33\naltitude-msl = 7000ft\n");
+    CHECK_THAT(folder.run({"info", "scene.ini"}).out, Contains("x-navigation"));
+
+    // Elsewhere, alone.
+    fs::copy_file(WEDGESCOPE_PROGRAM, folder.file("moved"));
+    CHECK(folder.finish(folder.start({"help", "sets", "f111a"}, folder.file("moved"))).out == one.out);
+}
+
+TEST_CASE("an antenna's file is an input as any other, and its points belong to kept wedges", "[cli]") {
+    const Folder folder;
+    folder.write("dish.csv", "-10,-40\n-3,-3\n3,0\n70,-32.5\n");
+    const Strings scene = with(good, {"--antenna", "dish.csv", "-q"});
+    refuses(folder, with(scene, {"-o", "dish.csv", "--overwrite"}), 2, {"output", "antenna", "may not replace"});
+    const Strings written = {"--work-dir", "work", "--power", "a.tif", "--report", "a.json", "--reproducible"};
+    const Outcome first = folder.run(with(scene, written));
+    INFO(first.err);
+    REQUIRE(first.code == 0);
+    const std::string power = content(folder.file("a.tif"));
+    const auto report = nlohmann::json::parse(content(folder.file("a.json")));
+    CHECK(report["scene"]["antenna"] == "points:-10,-40;-3,-3;3,0;70,-32.5");
+    CHECK(std::any_of(report["inputs"].begin(), report["inputs"].end(),
+                      [](const auto& input) { return input["key"] == "antenna"; }));
+    // The same points elsewhere serve; others do not.
+    folder.write("same.csv", "depression_deg,gain_db\n-10,-40\n-3,-3\n3,0\n70,-32.5\n");
+    const Outcome again =
+        folder.run(with(with(good, {"--antenna", "same.csv", "--resume", "--overwrite", "-q"}), written));
+    INFO(again.err);
+    CHECK(again.code == 0);
+    CHECK((content(folder.file("a.tif")) == power));
+    CHECK(nlohmann::json::parse(content(folder.file("a.json")))["reused"] == report["wedges"].size());
+    folder.write("dish.csv", "-10,-40\n-3,-3\n3,0\n70,-32.4\n");
+    refuses(folder, with(scene, {"--work-dir", "work", "--resume", "--power", "c.tif"}), 2,
+            {"work-dir 'work' holds another scene", "antenna", "points of checksum"});
 }
 
 TEST_CASE("info counts voids and codes", "[cli]") {

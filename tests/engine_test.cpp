@@ -95,6 +95,112 @@ TEST_CASE("a flat plain returns the power of the closed radar equation", "[engin
     }
 }
 
+TEST_CASE("a flat plain of one gamma is evenly bright under cos-csc2, and goes with the cosine under other laws",
+          "[engine]") {
+    // Physics 3: relative to the knee P goes with cos(d)^(2p - 1); no pattern is asked here, only the echoes compared.
+    const double height = 1500;
+    MemorySource source(801, 1201, 30, [](double, double) { return 100.0; });
+    for (const double p : {0.5, 0.0, 1.0}) {
+        Scene s;
+        s.platform.xy = PointXY{12000.3, -34800.7};
+        s.platform.altitude_m = 100 + height;
+        s.range_m = 17100;
+        s.sector = Sector{Angle::degrees(-2), Angle::degrees(2)};
+        s.earth_k.reset();
+        s.gamma = Decibel(-15);
+        s.quality = Quality::exact;
+        s.radar.antenna.elevation = p == 0 ? ElevationPattern::csc2 : ElevationPattern::cos_csc2;
+        s.radar.antenna.exponent = p;
+        s.radar.pulse_s = 0.2e-6;  // short beside the range at 60 degrees, 1732 m
+        s.display.size = 64;
+        const RunResult r = simulate(s, source);
+        const double extent = s.radar.pulse_extent_m(), dr = r.power_w.grid.range_bin_m;
+        // Mean over the azimuths, dB, and its depression, that of the pulse's middle.
+        const auto at = [&](double depression_deg) {
+            const double range = height / std::sin(depression_deg * std::numbers::pi / 180);
+            const auto j = static_cast<std::size_t>((range + extent / 2) / dr);
+            double sum = 0;
+            for (std::size_t i = 0; i < r.power_w.grid.azimuth_count(); ++i)
+                sum += static_cast<double>(r.power_w.row(i)[j]);
+            const double middle = (static_cast<double>(j) + 0.5) * dr - extent / 2;
+            return std::pair{10 * std::log10(sum), std::asin(height / middle)};
+        };
+        const auto [knee_db, knee_rad] = at(6);
+        for (const double depression : {8.0, 12.0, 20.0, 30.0, 40.0, 50.0, 58.0}) {
+            const auto [db, rad] = at(depression);
+            const double law = (2 * p - 1) * 10 * std::log10(std::cos(rad) / std::cos(knee_rad));
+            INFO("p " << p << ", depression " << depression << " deg, " << db - knee_db << " dB against " << law);
+            CHECK(std::abs(db - knee_db - law) < 0.1);
+            if (p == 0.5) CHECK(std::abs(db - knee_db) < 0.1);
+        }
+        // As physics 3 says: near 60 degrees p = 1 darkens by 3 dB, and CSC^2 brightens as much.
+        CHECK(at(58).first - knee_db == Approx((2 * p - 1) * -2.75).margin(0.15));
+    }
+}
+
+TEST_CASE("a pattern of points lights the ground as the law that it was measured on", "[engine]") {
+    const auto hills = test::rolling(400, 200, 7);
+    MemorySource source(301, 301, 30, [&](double c, double r) { return 500 + hills(c, r); });
+    Scene s = bare_scene(4500.0, -4500.0, 1500, 4000);
+    s.radar.antenna = AntennaParams{};
+    s.radar.antenna.tilt = Angle::degrees(3);
+    const RunResult law = simulate(s, source);
+    AntennaParams& antenna = s.radar.antenna;
+    AntennaParams level = antenna;
+    level.tilt = {};
+    for (double beta = -30; beta <= 87.01; beta += 0.05)
+        antenna.points.push_back(
+            {Angle::degrees(beta), Decibel::from_ratio(elevation_pattern(level, Angle::degrees(beta).rad()))});
+    antenna.elevation = ElevationPattern::points;
+    const RunResult points = simulate(s, source);
+    std::size_t lit = 0;
+    for (std::size_t k = 0; k < law.power_w.cells.size(); ++k) {
+        const auto a = static_cast<double>(law.power_w.cells[k]), b = static_cast<double>(points.power_w.cells[k]);
+        if (a <= 0) continue;
+        ++lit;
+        REQUIRE(std::abs(10 * std::log10(b / a)) < 0.02);
+    }
+    CHECK(lit > 5000);
+}
+
+TEST_CASE("nearer than the minimum range nothing is received, and nothing else changes", "[engine]") {
+    MemorySource source(401, 401, 30, [](double, double) { return 0.0; });
+    Scene s = bare_scene(6000, -6000, 200, 5000);
+    s.radar.pulse_s = 2e-6;  // 300 m
+    s.receiver.noise = true;
+    s.receiver.if_gain = Decibel(80);  // noise is white on the tube
+    s.display.kind = GENERATE(DisplayKind::ppi, DisplayKind::gpi_true);
+    s.display.rings = false;
+    const auto received = [&](std::optional<double> minimum_range_m) {
+        s.receiver.minimum_range_m = minimum_range_m;
+        EngineParams params;
+        params.threads = 1;
+        params.beside_others = true;  // keeps what the picture is made from
+        return run(resolve(s, source), source, params);
+    };
+    const RunResult open = received(0.0);
+    for (const std::optional<double> least : {std::optional(1234.0), std::optional<double>(), std::optional(1e6)}) {
+        const RunResult blanked = received(least);
+        const double least_m = least.value_or(0.5 * 299792458.0 * 2e-6);
+        std::size_t black = 0;
+        for (std::size_t i = 0; i < open.received_w.grid.azimuth_count(); ++i)
+            for (std::size_t j = 0; j < open.received_w.grid.range_count(); ++j) {
+                const double middle = (static_cast<double>(j) + 0.5) * 50;
+                const bool near =
+                    (s.display.kind == DisplayKind::gpi_true ? std::hypot(middle, 200) : middle) < least_m;
+                black += near;
+                REQUIRE(blanked.received_w.row(i)[j] == (near ? 0.0F : open.received_w.row(i)[j]));
+            }
+        CHECK(black > 0);
+        CHECK(blanked.power_w.cells == open.power_w.cells);
+        CHECK(blanked.state.cells == open.state.cells);
+        CHECK(blanked.scope.state == open.scope.state);
+        const auto dark = [](const RunResult& r) { return std::count(r.scope.grey.begin(), r.scope.grey.end(), 0); };
+        if (least_m > 500) CHECK(dark(blanked) > dark(open));
+        if (least_m > 5000) CHECK(blanked.scope.lit == 0);
+    }
+}
+
 TEST_CASE("the sum of E r^2 is gamma times the solid angle of the ground, whatever its slopes", "[engine]") {
     const auto hills = test::rolling(400, 200, 7);
     MemorySource source(601, 601, 30, [&](double c, double r) { return 500 + hills(c, r); });

@@ -301,6 +301,33 @@ TEST_CASE("antenna patterns fall to half where they should, and follow their law
     CHECK(value("antenna-elevation", "delta=30deg tilt=3deg", "beta") == Approx(27).epsilon(1e-15));
 }
 
+TEST_CASE("an antenna's file is a law of its own", "[evaluate]") {
+    const Folder folder;
+    const std::string file = folder.write("dish.csv", "# a dish\ndepression_deg,gain_db\n-10,-30\n0,0\n20,-10\n");
+    const auto g_db = [&](const std::string& delta) {
+        const Outcome one = folder.run({"antenna-elevation", "delta=" + delta, "antenna=" + file, "tilt=2deg"});
+        INFO(one.err);
+        REQUIRE(one.code == 0);
+        return std::stod(one.out.substr(one.out.find("g_el_dB = ") + 10));
+    };
+    CHECK(g_db("2deg") == Approx(0).margin(1e-12));
+    CHECK(g_db("12deg") == Approx(-5));
+    CHECK(g_db("-3deg") == Approx(-15));
+    CHECK(g_db("23deg") == Approx(-60));
+    // For all rows of a table; and its name in a table of one row.
+    const std::string rows = folder.write("rays.csv", "delta [deg]\n2\n12\n");
+    const Outcome many = folder.run({"antenna-elevation", "antenna=" + file, "tilt=2deg", "--in", rows});
+    CHECK(many.code == 0);
+    CHECK_THAT(table(many.out).at(2).back(), Contains("-5"));
+    CHECK(folder.run({"antenna-elevation", "delta=12deg", "antenna=" + file, "-o", folder.file("one.csv")}).code == 0);
+    CHECK_THAT(content(folder.file("one.csv")), Contains(file));
+    CHECK_THAT(folder.refusal({"antenna-elevation", "delta=0", "antenna=csc3"}),
+               Contains("antenna is 'csc3'") && Contains("no such file") && Contains("did you mean csc2?"));
+    const std::string bad = folder.write("bad.csv", "0,0\n1,2\n");
+    CHECK_THAT(folder.refusal({"antenna-elevation", "delta=0", "antenna=" + bad}),
+               Contains("bad.csv', line 2: the gain is 2 dB"));
+}
+
 TEST_CASE("the radar equation, worked by hand", "[evaluate]") {
     // P_t G^2 g^2 lambda^2 sigma / ((4 pi)^3 r^4 L_s L_a) in decibels over a milliwatt.
     const double lambda = 299792458 / 9.4e9, r = 37040;

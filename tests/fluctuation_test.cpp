@@ -145,6 +145,58 @@ TEST_CASE("the variance of N looks is an Nth of one look's", "[fluctuation]") {
     }
 }
 
+TEST_CASE("the mean of N looks has a gamma distribution", "[fluctuation]") {
+    const PolarGrid grid = plain_grid(800);
+    const PolarImage<float> echo = uniform_echo(grid, 1e-13f);
+    const BeamSetting beam = setting_of_beam();
+    const double mean_w = static_cast<double>(power_image(echo, grid, beam).row(0)[100]);
+    for (const int looks : {2, 4}) {
+        auto values = apart(received_power(echo, echo, beam, {.speckle_looks = looks, .seed = 21}));
+        std::sort(values.begin(), values.end());
+        const auto n = static_cast<double>(values.size());
+        double worst = 0;
+        for (std::size_t k = 0; k < values.size(); ++k) {
+            // Erlang: 1 - exp(-x) (1 + x + ... + x^(N-1) / (N-1)!), x = N I / mean.
+            const double x = looks * values[k] / mean_w;
+            double term = 1, sum = 0;
+            for (int i = 0; i < looks; ++i) {
+                sum += term;
+                term *= x / (i + 1);
+            }
+            const double expected = 1 - std::exp(-x) * sum;
+            worst = std::max({worst, std::abs(expected - static_cast<double>(k) / n),
+                              std::abs(expected - static_cast<double>(k + 1) / n)});
+        }
+        INFO(looks << " looks");
+        CHECK(std::sqrt(n) * worst < one_in_a_thousand);
+    }
+}
+
+TEST_CASE("finer bins leave the grain of speckle as wide as it is, beam and pulse", "[fluctuation]") {
+    // The same beam of 3 degrees and pulse of 40 m on bins of 0.75 degrees and 10 m, and of a third of that.
+    const PolarGrid fine{1440, 10.0 / 3, {0, 1440}, {0, 900}};
+    const PolarImage<float> coarse = received_power(uniform_echo(plain_grid(600), 1), uniform_echo(plain_grid(600), 1),
+                                                    setting_of_beam(), {.speckle_looks = 1, .seed = 31});
+    const PolarImage<float> finer = received_power(uniform_echo(fine, 1), uniform_echo(fine, 1), setting_of_beam(),
+                                                   {.speckle_looks = 1, .seed = 32});
+    // A Gaussian beam's field is its own shape: 2^-(4 (x / beam)^2) of angles; half-way at half a beam.
+    for (const std::size_t bins : {1u, 2u, 4u}) {
+        const double beams = static_cast<double>(bins) * 0.75 / 3;
+        INFO(beams << " beams");
+        CHECK(correlation(finer, 3 * bins, 0) == Approx(std::exp2(-4 * beams * beams)).margin(0.03));
+        CHECK(correlation(coarse, bins, 0) == Approx(std::exp2(-4 * beams * beams)).margin(0.03));
+    }
+    // A pulse of length L: the square of its autocorrelation, (1 - x / L)^2, but for what a bin's width adds.
+    for (const std::size_t bins : {1u, 2u, 3u}) {
+        const double lengths = static_cast<double>(bins) * 10 / 40;
+        INFO(lengths << " pulses");
+        CHECK(correlation(finer, 0, 3 * bins) == Approx(std::pow(1 - lengths, 2)).margin(0.06));
+        CHECK(correlation(coarse, 0, bins) == Approx(correlation(finer, 0, 3 * bins)).margin(0.12));
+    }
+    CHECK(correlation(finer, 0, 15) == Approx(0).margin(0.03));
+    CHECK(correlation(finer, 24, 0) == Approx(0).margin(0.03));
+}
+
 TEST_CASE("the grain of speckle is a resolution cell, not a bin", "[fluctuation]") {
     const PolarGrid grid = plain_grid(600);
     const PolarImage<float> received = received_power(uniform_echo(grid, 1), uniform_echo(grid, 1), setting_of_beam(),

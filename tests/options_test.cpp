@@ -16,6 +16,7 @@
 #include "tests/variable.hpp"
 #include "tools/help.hpp"
 #include "tools/options.hpp"
+#include "tools/radar_set.hpp"
 #include "tools/scene_json.hpp"
 #include "tools/units.hpp"
 
@@ -45,6 +46,10 @@ public:
     }
     ~SceneFile() { std::filesystem::remove_all(folder_); }
     std::string path() const { return (folder_ / "scene.ini").string(); }
+    std::string write(const std::string& name, const std::string& content) const {
+        std::ofstream(folder_ / name, std::ios::binary) << content;
+        return (folder_ / name).string();
+    }
     std::string folder() const { return folder_.string(); }
 
 private:
@@ -250,6 +255,8 @@ TEST_CASE("every key of the design exists, and those to come do not yet", "[opti
                              "dynamic-range",
                              "mds",
                              "display-gamma",
+                             "minimum-range",
+                             "set",
                              "bwe",
                              "ple",
                              "bwe-scale",
@@ -661,6 +668,154 @@ TEST_CASE("all parameters survive the way through JSON to the bit", "[options]")
         CHECK_FALSE(scene.contains(name));
     for (const char* name : {"latlon", "range", "frequency", "if-gain", "display", "bwe", "quality"})
         CHECK(scene.contains(name));
+}
+
+TEST_CASE("a radar set lies below the scene file, and that below the command line", "[options]") {
+    const SceneFile file("set = f111a\ndem = a.tif\nlatlon = 33.9,-117.3\naltitude-msl = 7000ft\npulse = 0.4us\n");
+    const Settings s = simulated({file.path(), "--gain", "30dB"});
+    CHECK(s.radar_set == "f111a");
+    CHECK(s.scene.radar.frequency_hz == 16.5e9);
+    CHECK(s.scene.radar.antenna.knee == Angle::degrees(3));  // the set's; 5deg without it
+    CHECK(s.scene.radar.pulse_s == 0.4e-6);                  // the file's
+    CHECK(s.scene.radar.gain.db() == 30);                    // the command line's
+    CHECK_FALSE(s.scene.receiver.minimum_range_m);           // auto
+    // Of two sets the command line's counts, and all of it.
+    const Settings other = simulated({file.path(), "--set", "x-navigation"});
+    CHECK(other.radar_set == "x-navigation");
+    CHECK(other.scene.radar.frequency_hz == 9.375e9);
+    CHECK(other.scene.radar.antenna.beam == Angle::degrees(3));
+    CHECK(other.scene.radar.pulse_s == 0.4e-6);
+    // A file beside the scene file.
+    file.write("mine.ini", "# mine\nfrequency = 35GHz\nspeckle = 2\nantenna = dish.csv\n");
+    file.write("dish.csv", "-10,-30\n0,0\n30,-20\n");
+    file.write("scene.ini", "set = mine.ini\n");
+    const Settings mine = simulated({file.path(), "--speckle", "1"});
+    CHECK(mine.radar_set == file.folder() + "/mine.ini");
+    CHECK(mine.scene.radar.frequency_hz == 35e9);
+    CHECK(mine.scene.receiver.speckle_looks == 1);
+    CHECK(mine.scene.radar.antenna.elevation == ElevationPattern::points);
+    CHECK(mine.antenna_file == file.folder() + "/dish.csv");
+    // The values are what counts: as given one by one, and of what goes into the rasters no name is a part.
+    std::vector<std::string> one_by_one;
+    for (const Given& given : read_scene("f111a.ini", shipped_set("f111a")->content)) {
+        one_by_one.push_back("--" + given.key);
+        one_by_one.push_back(given.value);
+    }
+    CHECK(parameters_json(simulated({"--set", "f111a"}), false) == parameters_json(simulated(one_by_one), false));
+    CHECK_FALSE(parameters_json(simulated({"--set", "f111a"}), false).contains("set"));
+    CHECK(parameters_json(simulated({"--set", "f111a"}), true)["set"] == "f111a");
+}
+
+TEST_CASE("each shipped set is a whole radar, valid, and says what it is", "[options]") {
+    REQUIRE(shipped_sets().size() >= 3);
+    std::set<std::string> keys;
+    for (const RadarSet& set : shipped_sets()) {
+        INFO(set.name);
+        CHECK(set.summary().size() > 20);
+        CHECK_THAT(set.content, Contains("[P]") && Contains("GHz"));
+        CHECK_THAT(shipped_set_names(), Contains(set.name));
+        CHECK_THAT(find_key("set")->accepted, Contains(set.name));
+        CHECK_NOTHROW(validate(simulated({"--set", set.name, "--latlon", "0,0", "--altitude-msl", "1km"}).scene));
+        std::set<std::string> own;
+        for (const Given& given : read_scene(set.name, set.content)) own.insert(given.key);
+        for (const char* key : {"frequency", "transmit-power", "gain", "losses", "pulse", "noise-figure", "beam",
+                                "antenna", "antenna-knee", "antenna-width", "if-gain", "dynamic-range"})
+            CHECK(own.contains(key));
+    }
+    CHECK_FALSE(shipped_set("F111A"));
+}
+
+TEST_CASE("what is no radar set is refused by name, with the line and what is accepted", "[options]") {
+    const SceneFile file("set = none.ini");
+    CHECK_THAT(refusal_of({"--set", "f11a"}), StartsWith("--set is 'f11a', and there is no such file") &&
+                                                  Contains("one of f111a, ku-mapping, x-navigation or a file") &&
+                                                  Contains("did you mean f111a?"));
+    CHECK_THAT(refusal_of({file.path()}), Contains("line 1: set is '" + file.folder() + "/none.ini'"));
+    const auto wrong = [&](const std::string& content) {
+        return refusal_of({"--set", file.write("mine.ini", content)});
+    };
+    CHECK_THAT(wrong("gain = 30dB\nlatlon = 1,2\n"),
+               Contains("mine.ini', line 2: latlon is no key of a radar set") && Contains("Radar, Antenna, Receiver"));
+    for (const char* line : {"dem = a.tif", "display = ppi", "set = f111a", "azimuth-bins = 960", "output = x.png"})
+        CHECK_THAT(wrong(line), Contains("line 1: ") && Contains("is no key of a radar set"));
+    CHECK_THAT(wrong("frequncy = 9GHz"), Contains("unknown key 'frequncy'; did you mean frequency?"));
+    CHECK_THAT(wrong("frequency = 9"), Contains("mine.ini', line 1: frequency is '9'") && Contains("GHz"));
+    CHECK_THAT(wrong("gain = 30dB\ngain = 31dB"), Contains("line 2: gain stands in line 1 already"));
+    CHECK_THAT(wrong("gain 30dB"), Contains("key = value"));
+    CHECK_THAT(wrong("gain ="), Contains("no value"));
+    CHECK_THROWS_AS(simulated({"--set", file.folder()}), IoError);
+    // What the scene file gives in its place is not looked at: but a wrong line is a wrong line.
+    CHECK_NOTHROW(simulated({"--set", file.write("mine.ini", "frequency = 9"), "--frequency", "9GHz"}));
+}
+
+TEST_CASE("an antenna's file is read into points that need no file any more", "[options]") {
+    const SceneFile file("antenna = dish.csv\n");
+    file.write("dish.csv",
+               "\xef\xbb\xbf# measured\r\n\r\ndepression_deg,gain_db\r\n-12.3,-31.07\r\n 0 , 0 "
+               "\r\n0.1rad,-1e1dB\r\n33.333,-12\n");
+    const Settings s = simulated({file.path()});
+    const AntennaParams& antenna = s.scene.radar.antenna;
+    REQUIRE(antenna.points.size() == 4);
+    CHECK(antenna.points[0] == PatternPoint{Angle::degrees(-12.3), Decibel(-31.07)});
+    CHECK(antenna.points[2] == PatternPoint{Angle::radians(0.1), Decibel(-10)});
+    CHECK(s.antenna_file == file.folder() + "/dish.csv");
+    const auto json = parameters_json(s, false);
+    CHECK(json["antenna"] ==
+          "points:-12.3,-31.07;0,0;" +
+              quantity_text(Dimension::angle, 0.1).substr(0, quantity_text(Dimension::angle, 0.1).find("deg")) +
+              ",-10;33.333,-12");
+    std::filesystem::remove(file.folder() + "/dish.csv");
+    const Settings back = settings_from_json(nlohmann::ordered_json::parse(json.dump()));
+    CHECK(back.scene.radar.antenna.points == antenna.points);
+    CHECK(back.antenna_file.empty());
+    // A law on the command line takes its place, whole.
+    file.write("dish.csv", "0,0\n1,-1\n");
+    const Settings law = simulated({file.path(), "--antenna", "cos-csc2"});
+    CHECK(law.scene.radar.antenna.points.empty());
+    CHECK(law.antenna_file.empty());
+    constexpr unsigned seed = 5;
+    INFO("seed " << seed);
+    std::mt19937 random(seed);
+    std::uniform_real_distribution<double> step(0.002, 0.9), gain(-60, 0);
+    std::string content;
+    double beta = -89.123;
+    for (int i = 0; i < 200; ++i, beta += step(random)) content += fmt::format("{},{}\n", beta, gain(random));
+    const Settings many = simulated({"--antenna", file.write("many.csv", content)});
+    REQUIRE(many.scene.radar.antenna.points.size() == 200);
+    CHECK(settings_from_json(parameters_json(many, false)).scene.radar.antenna.points ==
+          many.scene.radar.antenna.points);
+}
+
+TEST_CASE("a wrong antenna file is refused with its line and what is accepted", "[options]") {
+    const SceneFile file("");
+    const auto wrong = [&](const std::string& content) {
+        return refusal_of({"--antenna", file.write("dish.csv", content)});
+    };
+    CHECK_THAT(wrong("0,0\n5,-1\n5,-2\n"), Contains("antenna file '") &&
+                                               Contains("dish.csv', line 3: the depression is 5 deg after 5 deg") &&
+                                               Contains("ascending"));
+    CHECK_THAT(wrong("0,0\n\n# x\n5,1\n"), Contains("line 4: the gain is 1 dB") && Contains("from -200 to 0 dB"));
+    CHECK_THAT(wrong("0,0\n95,-1\n"), Contains("line 2: the depression is 95 deg") && Contains("from -90 to 90 deg"));
+    CHECK_THAT(wrong("0,0\n"), Contains("there is 1 point; accepted: from 2 to 4096"));
+    CHECK_THAT(wrong("# nothing\n"), Contains("there are 0 points"));
+    CHECK_THAT(wrong("0,0\n5\n"), Contains("line 2: found 1 cell; accepted: two, depression_deg,gain_db"));
+    CHECK_THAT(wrong("0,0,0\n"), Contains("line 1: found 3 cells"));
+    CHECK_THAT(wrong("0,0\n5,-1m\n"), Contains("line 2: gain_db is '-1m'") && Contains("dB"));
+    CHECK_THAT(wrong("0,0\n5,\n"), Contains("line 2: gain_db is ''"));
+    CHECK_THAT(wrong("0,0\nnan,-1\n"), Contains("line 2: depression_deg is 'nan'"));
+    // An elevation has the other sign: what the columns are is not guessed.
+    CHECK_THAT(wrong("elevation_deg,gain_db\n0,0\n5,-1\n"),
+               Contains("line 1: the columns are 'elevation_deg,gain_db'; accepted: depression_deg,gain_db"));
+    std::string many;
+    for (int i = 0; i < 5000; ++i) many += fmt::format("{},-1\n", 0.01 * i);
+    CHECK_THAT(wrong(many), Contains("line 4097: there are more than 4096 points"));
+    CHECK_THAT(refusal_of({"--antenna", "gausian"}),
+               StartsWith("--antenna is 'gausian', and there is no such file") && Contains("did you mean gaussian?"));
+    CHECK_THAT(refusal_of({"--antenna", "points:0,0;5"}), Contains("--antenna, point 2: found '5'"));
+    CHECK_THAT(refusal_of({"--antenna", "points:0,0;-5,-1"}),
+               Contains("--antenna, point 2: the depression is -5 deg after 0"));
+    CHECK_THAT(refusal_of({"--antenna", "points:"}), Contains("there are 0 points"));
+    CHECK_THROWS_AS(simulated({"--antenna", file.folder()}), IoError);
 }
 
 TEST_CASE("what help says a key accepts is what the engine accepts", "[options]") {

@@ -143,6 +143,23 @@ TEST_CASE("the shaped beam's echo is the sum over its wet rays, near, far, and b
         }
 }
 
+TEST_CASE("the echo through a pattern of points is the sum over its wet rays", "[rain-echo]") {
+    RadarParams radar;
+    radar.antenna.elevation = ElevationPattern::points;
+    radar.antenna.tilt = Angle::degrees(1.5);
+    for (const auto& [depression_deg, gain_db] :
+         {std::pair{-9.0, -24.0}, {-3.0, -2.0}, {0.0, 0.0}, {1.0, -0.5}, {8.0, -9.0}, {12.0, -8.0}, {70.0, -30.0}})
+        radar.antenna.points.push_back({Angle::degrees(depression_deg), Decibel(gain_db)});
+    const Weather weather(rain(4), radar.frequency_hz);
+    const RainEchoParams params{
+        .radar = radar, .earth = four_thirds, .sensor_m = 2134, .reference_m = 300, .most_range_m = 120e3};
+    const RainEcho echo = echo_of(weather, params);
+    for (const double range : {600.0, 1700.0, 7000.0, 30e3, 100e3}) {
+        INFO("at " << range << " m");
+        CHECK_THAT(echo.density_w_m(range), WithinRel(walked_density(weather, params, range), 2e-3));
+    }
+}
+
 TEST_CASE("rain is heard as far as its top is above the horizon, and no farther", "[rain-echo]") {
     const RadarParams radar = pencil();
     const Weather weather(rain(0.25), radar.frequency_hz);

@@ -331,6 +331,14 @@ TEST_CASE("whatever changes an echo is among the facts that the folder compares"
         [](Scene& s) { s.radar.losses = Decibel(7); },
         [](Scene& s) { s.radar.antenna.elevation = ElevationPattern::gaussian; },
         [](Scene& s) { s.radar.antenna.elevation = ElevationPattern::cos_csc2; },
+        [](Scene& s) {
+            s.radar.antenna.elevation = ElevationPattern::points;
+            s.radar.antenna.points = {{Angle::degrees(-20), Decibel(-9)}, {Angle::degrees(80), Decibel(-1)}};
+        },
+        [](Scene& s) {
+            s.radar.antenna.elevation = ElevationPattern::points;
+            s.radar.antenna.points = {{Angle::degrees(-20), Decibel(-9)}, {Angle::degrees(80), Decibel(-2)}};
+        },
         [](Scene& s) { s.radar.antenna.knee = Angle::degrees(19); },
         [](Scene& s) { s.radar.antenna.width = Angle::degrees(10); },
         [](Scene& s) { s.radar.antenna.floor = Decibel(-3); },

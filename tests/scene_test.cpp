@@ -122,6 +122,7 @@ TEST_CASE("NaN is refused wherever a number is asked for, and the key is named",
         {"stc-range", [](Scene& s, double v) { s.receiver.stc_range_m = v; }},
         {"stc-exponent", [](Scene& s, double v) { s.receiver.stc_exponent = v; }},
         {"stc-max", [](Scene& s, double v) { s.receiver.stc_max = Decibel(v); }},
+        {"minimum-range", [](Scene& s, double v) { s.receiver.minimum_range_m = v; }},
         {"dynamic-range", [](Scene& s, double v) { s.receiver.dynamic_range = Decibel(v); }},
         {"mds", [](Scene& s, double v) { s.receiver.mds_dbm = v; }},
         {"display-gamma", [](Scene& s, double v) { s.receiver.display_gamma = v; }},
@@ -184,6 +185,33 @@ TEST_CASE("a shaped antenna needs its knee below the horizontal, a Gaussian one 
               s.radar.antenna.knee = Angle::degrees(0);
               s.radar.antenna.elevation = ElevationPattern::gaussian;
           }) == test::nothing_refused);
+}
+
+TEST_CASE("points of a pattern are refused by number, with what is accepted", "[sensor]") {
+    const auto refused = [](std::vector<PatternPoint> points) {
+        return refusal([&](Scene& s) {
+            s.radar.antenna.elevation = ElevationPattern::points;
+            s.radar.antenna.knee = Angle::degrees(0);  // plays no part
+            s.radar.antenna.points = std::move(points);
+        });
+    };
+    const auto at = [](double depression_deg, double gain_db) {
+        return PatternPoint{Angle::degrees(depression_deg), Decibel(gain_db)};
+    };
+    CHECK(refused({at(-90, -30), at(0, 0), at(90, -30)}) == test::nothing_refused);
+    CHECK(refused({at(1, -1), at(1.001, 0)}) == test::nothing_refused);
+    CHECK_THAT(refused({}), Contains("antenna, point 1: there are 0 points; accepted: from 2 to 4096"));
+    CHECK_THAT(refused({at(0, 0)}), Contains("there is 1 point"));
+    CHECK_THAT(refused({at(0, 0), at(0, -1)}),
+               Contains("antenna, point 2: the depression is 0 deg after 0 deg; accepted: ascending"));
+    CHECK_THAT(refused({at(0, 0), at(0.0005, -1)}), Contains("0.001 deg or more apart"));
+    CHECK_THAT(refused({at(0, 0), at(5, 0.1)}), Contains("point 2: the gain is 0.1 dB; accepted: from -200 to 0 dB"));
+    CHECK_THAT(refused({at(-91, 0), at(5, 0)}), Contains("point 1: the depression is -91 deg"));
+    CHECK_THAT(refused({at(nan_value, 0), at(5, 0)}), Contains("point 1: the depression is nan"));
+    CHECK_THAT(refused({at(0, nan_value), at(5, 0)}), Contains("point 1: the gain is nan"));
+    std::vector<PatternPoint> many;
+    for (int i = 0; i < 4097; ++i) many.push_back(at(0.01 * i, -1));
+    CHECK_THAT(refused(many), Contains("4097 points"));
 }
 
 TEST_CASE("the words are those of the command line", "[scene]") {

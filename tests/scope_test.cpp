@@ -168,6 +168,9 @@ TEST_CASE("the scope of a stored echo is that of a full run, whatever receiver, 
          {{"--video-gain", "9dB"}},
          {{"--stc-range", "5km", "--stc-exponent", "3", "--stc-max", "25dB"}},
          {{"--dynamic-range", "33dB"}},
+         {{"--minimum-range", "4km"}},
+         {{"--minimum-range", "auto"}, false},  // no ground is so near, and the mean noise is black
+         {{"--minimum-range", "auto", "--noise", "on", "--if-gain", "75dB"}},
          {{"--mds", "-95.5dBm"}},
          {{"--display-gamma", "2.2"}},
          {{"--noise-figure", "14dB"}},
@@ -337,6 +340,45 @@ TEST_CASE("nothing of the data base is read, and a scene file that made the echo
     std::uint64_t cells = 0;
     for (const auto& [state, count] : report["states"].items()) cells += count.get<std::uint64_t>();
     CHECK(cells == 960 * report["scene"]["resolved"]["shown"]["range_bin_end"].get<std::uint64_t>());
+}
+
+TEST_CASE(
+    "an echo image holds its antenna's points and its set's values: no file of them is needed, and none may differ",
+    "[scope]") {
+    const Folder folder;
+    // Names count: side files are called by them.
+    const std::string echo = folder / "set_echo/echo.tif", png = folder / "new.png";
+    for (const char* own : {"set_echo", "single_echo"}) fs::create_directories(folder / own);
+    const std::string dish = folder.write("dish.csv", "-10,-40\n-3,-3\n3,0\n70,-32.5\n"),
+                      other = folder.write("other.csv", "-10,-40\n-3,-3\n3,0\n70,-32.4\n"),
+                      mine = folder.write("mine.ini", "frequency = 9.4GHz\nantenna = dish.csv\nif-gain = 47dB\n");
+    folder.make(with(with({"simulate", "--set", mine}, riverside), with(outputs(folder, "full"), {"--echo", echo})));
+    // As with the same values, given one by one: nothing that is written tells of a set.
+    folder.make(with(with({"simulate", "--frequency", "9.4GHz", "--antenna", dish, "--if-gain", "47dB"}, riverside),
+                     with(outputs(folder, "single"), {"--echo", folder / "single_echo/echo.tif"})));
+    CHECK((folder.files("full") == folder.files("single")));
+    CHECK((content(echo) == content(folder / "single_echo/echo.tif")));
+    refuses(folder, {"scope", echo, "-o", png, "--antenna", other}, 2,
+            {"--antenna is points:", "the echo image was swept with points:", "new sweep"});
+    refuses(folder, {"scope", echo, "-o", png, "--antenna", "csc2"}, 2, {"--antenna is csc2", "needs a new sweep"});
+    refuses(folder, {"scope", echo, "-o", png, "--set", "f111a"}, 2,
+            {"set f111a, line ", ": frequency is 16.5GHz", "new sweep"});
+    refuses(folder, {"scope", echo, "-o", dish, "--antenna", dish, "--overwrite"}, 2,
+            {"output", "antenna", "may not replace"});
+    // What agrees does no harm, and what is the receiver's is the set's again.
+    folder.make(with({"scope", echo, "--antenna", dish}, outputs(folder, "again")));
+    CHECK((folder.files("full") == folder.files("again")));
+    fs::remove_all(folder / "again");
+    folder.write("mine.ini", "frequency = 9.4GHz\nantenna = dish.csv\nif-gain = 40dB\n");
+    folder.make(with({"scope", echo, "--set", mine}, outputs(folder, "again")));
+    folder.make(with({"scope", echo, "--if-gain", "40dB"}, outputs(folder, "lower")));
+    CHECK((folder.files("lower") == folder.files("again")));
+    CHECK((folder.files("lower") != folder.files("full")));
+    fs::remove_all(folder / "again");
+    fs::remove(dish);
+    fs::remove(mine);
+    folder.make(with({"scope", echo}, outputs(folder, "again")));
+    CHECK((folder.files("full") == folder.files("again")));
 }
 
 TEST_CASE("every setting that needs a new sweep is refused, by name and with the reason", "[scope]") {

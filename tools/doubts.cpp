@@ -16,7 +16,9 @@ std::array<std::string, doubt_count> doubts(const RunResult& r) {
     else if (count(State::seen) + count(State::unknown) == 0)
         lines[nothing_seen] = "no ground is seen: all within range and sector is hidden or void";
     else if (r.scope.lit == 0)
-        lines[nothing_lit] = "every echo stays below the tube's black level (a higher if-gain shows more)";
+        lines[nothing_lit] = r.scene.scene.receiver.minimum_range_m.value_or(0) * 1e-3 >= range_km
+                                 ? "minimum-range is beyond the range: nothing is received"
+                                 : "every echo stays below the tube's black level (a higher if-gain shows more)";
     const double step_deg = Angle::radians(r.scene.swept.azimuth_step_rad()).deg(),
                  beam_deg = r.scene.scene.radar.antenna.beam.deg();
     if (r.scene.scene.radar.beam_width_error && step_deg > 0.5001 * beam_deg)

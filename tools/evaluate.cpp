@@ -11,6 +11,7 @@
 #include <nlohmann/json.hpp>
 
 #include "tiles/output_file.hpp"
+#include "tools/antenna_file.hpp"
 #include "tools/commands.hpp"
 #include "tools/help.hpp"
 #include "tools/models.hpp"
@@ -116,6 +117,11 @@ Fixed fixed_values(const Model& model, const std::vector<std::string>& words) {
         if (fixed[*at]) throw InputError(text(name, " is given twice"));
         const std::string_view value = std::string_view(word).substr(equals + 1);
         fixed[*at] = read_value(model.inputs[*at], value);
+        if (!fixed[*at] && model.inputs[*at].antenna_file && !trimmed(value).empty()) {
+            const std::string path(trimmed(value));
+            fixed[*at] = ModelValue{
+                no_value, {}, std::make_shared<const PatternFile>(PatternFile{path, read_antenna_file(name, path)})};
+        }
         if (!fixed[*at])
             throw InputError(text(name, " is ", in_quotes(value), "; it must be ", accepted(model.inputs[*at])));
     }
@@ -221,8 +227,10 @@ void evaluate_once(const Model& model, const Fixed& fixed, const Settings& setti
     std::string header, row;
     for (std::size_t i = 0; i < values.size(); ++i) {
         const ModelInput& input = model.inputs[i];
-        header += text(header.empty() ? "" : ",", column_name(input.name, values[i].word ? "" : input.unit));
-        row += text(row.empty() ? "" : ",", values[i].word
+        header += text(header.empty() ? "" : ",",
+                       column_name(input.name, values[i].word || values[i].file ? "" : input.unit));
+        row += text(row.empty() ? "" : ",", values[i].file ? values[i].file->path
+                                            : values[i].word
                                                 ? input.words[static_cast<std::size_t>(*values[i].word)]
                                                 : written(in_own_unit(input.unit, values[i].number), settings.digits));
     }

@@ -4,6 +4,7 @@
 
 #include "tools/commands.hpp"
 #include "tools/models.hpp"
+#include "tools/radar_set.hpp"
 #include "tools/terminal.hpp"
 #include "tools/units.hpp"
 
@@ -31,6 +32,24 @@ std::string wrapped(const std::string& words, std::size_t indent, std::size_t wi
 
 constexpr std::size_t page_width = 100;
 
+std::string set_list() {
+    std::string out = "Radar sets that are shipped, for --set NAME or a scene file's line 'set = NAME'\n\n";
+    for (const RadarSet& set : shipped_sets())
+        out += fmt::format("  {:<14}{}\n", set.name, wrapped(set.summary(), 16, page_width));
+    return out +
+           "\n'wedgescope help sets NAME' prints one: its values, and where they are from. A file of such lines is a\n"
+           "set of your own: --set FILE. The scene file wins over a set, and the command line over both.\n";
+}
+
+const std::string& set_content(const std::string& name) {
+    if (const RadarSet* set = shipped_set(name)) return set->content;
+    std::vector<std::string> names;
+    for (const RadarSet& set : shipped_sets()) names.push_back(set.name);
+    const auto near = nearest(name, names);
+    throw InputError(text("set is ", in_quotes(name), "; it must be one of ", shipped_set_names(),
+                          near ? text("; did you mean ", *near, "?") : std::string()));
+}
+
 }  // namespace
 
 std::string help_text() {
@@ -39,7 +58,8 @@ std::string help_text() {
     out += "Usage: wedgescope COMMAND [options]\n\nCommands\n";
     for (const CommandInfo& info : command_table()) out += fmt::format("  {:<10} {}\n", info.name, info.summary);
     out +=
-        "\n'wedgescope help COMMAND' lists a command's options; 'wedgescope --version' names versions.\n\nExample\n  ";
+        "\n'wedgescope help COMMAND' lists a command's options, 'wedgescope help sets' the radar sets; 'wedgescope "
+        "--version' names versions.\n\nExample\n  ";
     out += command_table()[0].example;
     const std::string targets =
         "instruction set of the hot loops: auto (the best of this machine), avx512, avx2, sse4, baseline; the same "
@@ -91,6 +111,11 @@ std::string help_text(const CommandInfo& command) {
 void help(const std::vector<std::string>& arguments) {
     const Settings settings = parse_arguments(command_help, arguments);
     if (settings.help || settings.files.empty()) return print(help_text());
+    if (settings.files[0] == "sets") {
+        if (settings.files.size() > 2)
+            throw InputError(text("help sets takes one set at most; found ", settings.files.size() - 1));
+        return print(settings.files.size() == 1 ? set_list() : set_content(settings.files[1]));
+    }
     if (settings.files.size() > 1)
         throw InputError(text("help takes one command at most; found ", settings.files.size()));
     print(help_text(command_by_name(settings.files[0])));

@@ -339,6 +339,7 @@ std::string to_text(const SceneFacts& facts) {
                                    "beam's skirt and the pulse's lead-in",
                                    r.shown.azimuth_count(), r.shown.circle_bins, r.shown.range_count(),
                                    r.shown.range_bin_m, r.swept.azimuth_count(), r.swept.range_count()));
+    if (!facts.settings.radar_set.empty()) out += row("set", facts.settings.radar_set);
     out += row("beam", fmt::format("{:.6g}deg = {:.2f} bins; pulse {:.6g} us = {:.2f} m = {:.2f} bins",
                                    s.radar.antenna.beam.deg(), s.radar.antenna.beam.rad() / r.shown.azimuth_step_rad(),
                                    s.radar.pulse_s * 1e6, s.radar.pulse_extent_m(),

@@ -11,6 +11,8 @@
 
 #include "lib/atmosphere.hpp"
 #include "lib/seen_counts.hpp"
+#include "tools/antenna_file.hpp"
+#include "tools/radar_set.hpp"
 #include "tools/units.hpp"
 
 namespace wedgescope {
@@ -311,6 +313,50 @@ Codec class_table() {
     codec.get = [](const Settings& s) -> std::optional<std::string> {
         const std::string& own = s.scene.materials.own();
         return own.empty() ? std::nullopt : std::optional(own);
+    };
+    return codec;
+}
+
+/// Its values are no part of this: options.cpp gives each key that no one else gives.
+Codec set_choice() {
+    Codec codec{"NAME|PATH", "one of " + shipped_set_names() + ", or a file of keys", {}, {}};
+    codec.set = [](Settings& s, const Given& given) {
+        const std::string word(trimmed(given.value));
+        s.radar_set = shipped_set(word) ? word : resolved_path(given);
+    };
+    codec.get = [](const Settings& s) -> std::optional<std::string> {
+        return s.radar_set.empty() ? std::nullopt : std::optional(s.radar_set);
+    };
+    return codec;
+}
+
+/// A law, or a file whose points are taken in at once: what is written of a run holds them, and no path.
+Codec antenna_choice() {
+    constexpr std::pair<const char*, ElevationPattern> laws[] = {{"gaussian", ElevationPattern::gaussian},
+                                                                 {"csc2", ElevationPattern::csc2},
+                                                                 {"cos-csc2", ElevationPattern::cos_csc2}};
+    Codec codec{"gaussian|csc2|cos-csc2|PATH", "", {}, {}};
+    codec.set = [=](Settings& s, const Given& given) {
+        AntennaParams& antenna = s.scene.radar.antenna;
+        const std::string word(trimmed(given.value));
+        antenna.points.clear();
+        s.antenna_file.clear();
+        for (const auto& [name, law] : laws)
+            if (name == word) {
+                antenna.elevation = law;
+                return;
+            }
+        antenna.elevation = ElevationPattern::points;
+        if (is_points_word(word)) {
+            antenna.points = points_of_word(given.origin, word);
+            return;
+        }
+        s.antenna_file = resolved_path(given);
+        antenna.points = read_antenna_file(given.origin, s.antenna_file);
+    };
+    codec.get = [](const Settings& s) -> std::optional<std::string> {
+        const AntennaParams& antenna = s.scene.radar.antenna;
+        return antenna.elevation == ElevationPattern::points ? points_word(antenna.points) : word(antenna.elevation);
     };
     return codec;
 }
@@ -866,6 +912,11 @@ std::vector<Key> make_keys() {
                             "auto", "of the mask where the terrain is void, declared; auto: 1, declared if any is"));
     }
 
+    t.group(KeyGroup::radar, false);
+    t.add("set", set_choice(), "",
+          "a radar set: values for the keys of radar, antenna, receiver and errors that are given nowhere else (help "
+          "sets shows the shipped ones)")
+        .commands |= command_scope;
     t.group(KeyGroup::radar, true);
     t.add("frequency",
           quantity(
@@ -911,13 +962,10 @@ std::vector<Key> make_keys() {
               {{"gaussian", AzimuthPattern::gaussian}, {"uniform", AzimuthPattern::uniform}},
               [](auto& s) -> auto& { return s.scene.radar.antenna.azimuth; }),
           "gaussian", "shape of the beam in azimuth");
-    t.add("antenna",
-          choice<ElevationPattern>(
-              {{"gaussian", ElevationPattern::gaussian},
-               {"csc2", ElevationPattern::csc2},
-               {"cos-csc2", ElevationPattern::cos_csc2}},
-              [](auto& s) -> auto& { return s.scene.radar.antenna.elevation; }),
-          "csc2", "shape of the pattern in elevation");
+    t.add(
+        "antenna", antenna_choice(), "csc2",
+        "shape of the pattern in elevation: a law, or a CSV file of lines depression_deg,gain_db (then knee, width and "
+        "exponent play no part)");
     t.add("antenna-knee",
           quantity(
               angle, between("-90deg", "90deg"), [](auto& s) -> auto& { return s.scene.radar.antenna.knee; }),
@@ -1022,11 +1070,16 @@ std::vector<Key> make_keys() {
     t.add("dynamic-range",
           quantity(
               decibel, above_to("0dB", "200dB"), [](auto& s) -> auto& { return s.scene.receiver.dynamic_range; }),
-          "20dB", "of the logarithmic amplifier, black to white");
+          "20dB", "of the logarithmic amplifier, black to white, where the limiter clips");
     t.add("mds",
           quantity(
               level, between("-300dBm", "200dBm"), [](auto& s) -> auto& { return s.scene.receiver.mds_dbm; }, "auto"),
           "auto", "minimum discernible signal; auto: the thermal noise k T0 B F");
+    t.add("minimum-range",
+          quantity(
+              length, between("0m", "10000km"), [](auto& s) -> auto& { return s.scene.receiver.minimum_range_m; },
+              "auto"),
+          "0m", "nothing is received from nearer, slant range; auto: c tau/2, until the pulse has left");
     t.add("display-gamma",
           number(
               between("0.1", "10"), [](auto& s) -> auto& { return s.scene.receiver.display_gamma; }),

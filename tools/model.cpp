@@ -61,6 +61,11 @@ ModelInput ModelInput::or_word(std::string word) && {
     return std::move(*this);
 }
 
+ModelInput ModelInput::or_antenna_file() && {
+    antenna_file = true;
+    return std::move(*this);
+}
+
 ModelInput ModelInput::by_default(std::string value) && {
     fallback = std::move(value);
     return std::move(*this);

@@ -3,6 +3,7 @@
 // Leaves which models there are to models.hpp and tables of values to evaluate.cpp.
 #pragma once
 #include <limits>
+#include <memory>
 #include <optional>
 #include <span>
 #include <string>
@@ -12,6 +13,7 @@
 #include "lib/angle.hpp"
 #include "lib/decibel.hpp"
 #include "lib/error.hpp"
+#include "lib/sensor.hpp"
 #include "tools/units.hpp"
 
 namespace wedgescope {
@@ -25,12 +27,14 @@ struct ModelInput {
     double low = 0, high = 0;  ///< of the range, in `unit`
     bool above_low = false;    ///< `low` itself is refused
     std::vector<std::string> words;
-    std::string fallback;  ///< what is taken where nothing is given, as a user would write it; empty: it is needed
+    bool antenna_file = false;  ///< beside words: NAME=FILE, which holds for all rows
+    std::string fallback;       ///< what is taken where nothing is given, as a user would write it; empty: it is needed
 
     std::optional<Dimension> dimension;  ///< none: a plain number, or a unit that no other stands in for (hPa, mm/h)
     double low_si = 0, high_si = 0;
 
     ModelInput or_word(std::string word) &&;
+    ModelInput or_antenna_file() &&;
     ModelInput by_default(std::string value) &&;
     ModelInput by_default(Angle value) &&;
     ModelInput by_default(Decibel value) &&;
@@ -49,9 +53,16 @@ struct ModelOutput {
     std::string meaning;
 };
 
+/// A user's antenna file.
+struct PatternFile {
+    std::string path;
+    std::vector<PatternPoint> points;
+};
+
 struct ModelValue {
     double number = 0;             ///< SI where the unit has a dimension, else in the unit
     std::optional<int> word = {};  ///< place among the input's words
+    std::shared_ptr<const PatternFile> file = {};
 };
 
 /// The inputs of one evaluation, by name.
@@ -65,6 +76,8 @@ public:
     Decibel decibel(std::string_view name) const { return Decibel(find(name).number); }
     /// The place of the word given among the input's words; none: it is a number.
     std::optional<int> word(std::string_view name) const { return find(name).word; }
+    /// The antenna file given; none: it is a word.
+    const PatternFile* file(std::string_view name) const { return find(name).file.get(); }
 
 private:
     const ModelValue& find(std::string_view name) const;

@@ -11,7 +11,9 @@ std::vector<Model> antenna_models() {
          "one-way elevation pattern",
          "physics 3 [shape derived there; knee and floor P]",
          {number("delta", "deg", "depression of the ray, positive down", -90, 90),
-          one_of("antenna", "law", {"gaussian", "csc2", "cos-csc2"}).by_default("csc2"),
+          one_of("antenna", "law, or antenna=FILE of lines depression_deg,gain_db", {"gaussian", "csc2", "cos-csc2"})
+              .or_antenna_file()
+              .by_default("csc2"),
           above("beta_0", "deg", "knee: depression of the nose in the antenna's frame", 0, 89.999).by_default(set.knee),
           above("theta_el", "deg", "half-power beamwidth, of the shaped laws above the knee", 0, 180)
               .by_default(set.width),
@@ -25,7 +27,12 @@ std::vector<Model> antenna_models() {
              constexpr ElevationPattern laws[] = {ElevationPattern::gaussian, ElevationPattern::csc2,
                                                   ElevationPattern::cos_csc2};
              AntennaParams antenna;
-             antenna.elevation = laws[*a.word("antenna")];
+             if (const PatternFile* file = a.file("antenna")) {
+                 antenna.elevation = ElevationPattern::points;
+                 antenna.points = file->points;
+             } else {
+                 antenna.elevation = laws[*a.word("antenna")];
+             }
              antenna.knee = a.angle("beta_0");
              antenna.width = a.angle("theta_el");
              antenna.exponent = a["p"];

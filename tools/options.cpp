@@ -9,6 +9,7 @@
 #include <map>
 
 #include "tiles/tile_store.hpp"
+#include "tools/radar_set.hpp"
 #include "tools/units.hpp"
 
 namespace po = boost::program_options;
@@ -174,21 +175,21 @@ std::vector<Given> read_command_line(Command command, const std::vector<std::str
     return given;
 }
 
-std::string file_content(const std::string& path) {
+/// `kind`: of file, for messages.
+std::string file_content(const std::string& path, const char* kind = "scene file") {
+    const std::string subject = text(kind, " ", in_quotes(path));
     std::error_code ignored;
-    if (std::filesystem::is_directory(path, ignored))
-        throw IoError(text("scene file ", in_quotes(path), " is a folder"));
+    if (std::filesystem::is_directory(path, ignored)) throw IoError(text(subject, " is a folder"));
     errno = 0;
     std::ifstream file(path, std::ios::binary);
-    if (!file) throw IoError(text("scene file ", in_quotes(path), " cannot be opened: ", std::strerror(errno)));
+    if (!file) throw IoError(text(subject, " cannot be opened: ", std::strerror(errno)));
     constexpr std::size_t most = std::size_t{1} << 20;
     std::string content(most + 1, '\0');
     file.read(content.data(), static_cast<std::streamsize>(content.size()));
-    if (file.bad()) throw IoError(text("scene file ", in_quotes(path), " cannot be read"));
+    if (file.bad()) throw IoError(text(subject, " cannot be read"));
     content.resize(static_cast<std::size_t>(file.gcount()));
     if (content.size() > most)
-        throw InputError(
-            text("scene file ", in_quotes(path), " is larger than 1 MiB; a scene file holds lines key = value"));
+        throw InputError(text(subject, " is larger than 1 MiB; a ", kind, " holds lines key = value"));
     return content;
 }
 
@@ -238,8 +239,8 @@ const std::vector<CommandInfo>& command_table() {
          "block map, overviews and checksums, which any GDAL program opens too (FOLDER/dem.vrt). Of a post that "
          "several rasters hold, the first in the order given that has a value there wins.",
          "wedgescope tile n33_w118.dt2 n33_w117.dt2 --culture fuel.tif --culture-legend fbfm40 inland"},
-        {command_help, "help", "wedgescope help [COMMAND]", "this page, or a command's options", "",
-         "wedgescope help simulate"},
+        {command_help, "help", "wedgescope help [COMMAND | sets [NAME]]",
+         "this page, a command's options, or the shipped radar sets", "", "wedgescope help simulate"},
     };
     return table;
 }
@@ -277,9 +278,14 @@ std::optional<std::string> nearest(std::string_view word, const std::vector<std:
     return best ? std::optional(*best) : std::nullopt;
 }
 
-std::vector<Given> read_scene(const std::string& path, std::string_view content) {
+namespace {
+
+/// `key = value` lines. `subject`: for messages; `folder`: that relative paths start from; `refuse` throws for the name of a key
+/// that does not belong there, beginning with the place it is handed.
+template <class Refuse>
+std::vector<Given> read_keys(const std::string& subject, const std::string& folder, std::string_view content,
+                             Refuse&& refuse) {
     if (content.starts_with("\xef\xbb\xbf")) content.remove_prefix(3);
-    const std::string folder = std::filesystem::path(path).parent_path().string();
     std::vector<Given> given;
     std::map<std::string, int> first_line;
     for (int line = 1; !content.empty(); ++line) {
@@ -297,29 +303,83 @@ std::vector<Given> read_scene(const std::string& path, std::string_view content)
         rest = trimmed(rest);
         if (rest.empty()) continue;
         const auto equals = rest.find('=');
-        if (equals == std::string_view::npos) {
-            throw InputError(text("scene file ", in_quotes(path), ", line ", line, ": ", in_quotes(whole.substr(0, 60)),
-                                  " is not 'key = value'"));
-        }
+        const std::string place = text(subject, ", line ", line, ": ");
+        if (equals == std::string_view::npos)
+            throw InputError(text(place, in_quotes(whole.substr(0, 60)), " is not 'key = value'"));
         const std::string name(trimmed(rest.substr(0, equals)));
         const std::string value(trimmed(rest.substr(equals + 1)));
-        const Key* key = find_key(name);
-        if (!key || !key->in_scene_file || !(key->commands & command_simulate)) {
-            const std::string owners = key && !(key->commands & command_simulate) ? whose(name) : "";
-            throw InputError(text("scene file ", in_quotes(path), ", line ", line, ": unknown key ",
-                                  in_quotes(name.substr(0, 60)),
-                                  owners.empty() ? suggestion(name, key_names(command_simulate, true), "") : owners));
-        }
-        if (value.empty())
-            throw InputError(text("scene file ", in_quotes(path), ", line ", line, ": ", name, " has no value"));
-        if (const auto [at, fresh] = first_line.try_emplace(name, line); !fresh && !key->repeatable) {
-            throw InputError(text("scene file ", in_quotes(path), ", line ", line, ": ", name, " stands in line ",
-                                  at->second, " already"));
-        }
-        given.push_back({name, value, text("scene file ", in_quotes(path), ", line ", line, ": ", name),
-                         folder.empty() ? "." : folder});
+        refuse(place, name);
+        if (value.empty()) throw InputError(text(place, name, " has no value"));
+        if (const auto [at, fresh] = first_line.try_emplace(name, line); !fresh && !find_key(name)->repeatable)
+            throw InputError(text(place, name, " stands in line ", at->second, " already"));
+        given.push_back({name, value, place + name, folder.empty() ? "." : folder});
     }
     return given;
+}
+
+std::string folder_of(const std::string& path) { return std::filesystem::path(path).parent_path().string(); }
+
+void refuse_but_scene_keys(const std::string& place, const std::string& name) {
+    const Key* key = find_key(name);
+    if (key && key->in_scene_file && (key->commands & command_simulate)) return;
+    const std::string owners = key && !(key->commands & command_simulate) ? whose(name) : "";
+    throw InputError(text(place, "unknown key ", in_quotes(name.substr(0, 60)),
+                          owners.empty() ? suggestion(name, key_names(command_simulate, true), "") : owners));
+}
+
+bool belongs_to_set(const Key& key) {
+    const bool grouped = key.group == KeyGroup::radar || key.group == KeyGroup::antenna ||
+                         key.group == KeyGroup::receiver || key.group == KeyGroup::errors;
+    return grouped && key.changes_result;
+}
+
+void refuse_but_set_keys(const std::string& place, const std::string& name) {
+    const Key* key = find_key(name);
+    if (key && belongs_to_set(*key)) return;
+    std::vector<std::string> names;
+    for (const Key& known : key_table())
+        if (belongs_to_set(known)) names.push_back(known.name);
+    constexpr const char* accepted =
+        "accepted: the keys of the groups Radar, Antenna, Receiver and The radar's own errors";
+    if (key) throw InputError(text(place, name, " is no key of a radar set; ", accepted));
+    throw InputError(
+        text(place, "unknown key ", in_quotes(name.substr(0, 60)), suggestion(name, names, ""), "; ", accepted));
+}
+
+/// The lines of the set that is asked for.
+std::vector<Given> read_set(const Given& asked) {
+    Settings named;
+    find_key("set")->set(named, asked);
+    const std::string& path = named.radar_set;
+    if (const RadarSet* shipped = shipped_set(path))
+        return read_keys(text("set ", path), "", shipped->content, refuse_but_set_keys);
+    std::error_code ignored;
+    if (!std::filesystem::exists(path, ignored)) {
+        std::vector<std::string> names;
+        for (const RadarSet& set : shipped_sets()) names.push_back(set.name);
+        throw InputError(text(asked.origin, " is ", in_quotes(path), ", and there is no such file; it must be one of ",
+                              shipped_set_names(), " or a file of lines key = value",
+                              suggestion(trimmed(asked.value), names, "")));
+    }
+    return read_keys(text("set ", in_quotes(path)), folder_of(path), file_content(path, "set"), refuse_but_set_keys);
+}
+
+/// With the values of the set that is asked for, where a key is given nowhere else.
+std::vector<Given> with_set(const std::vector<Given>& given) {
+    const auto asked = std::find_if(given.begin(), given.end(), [](const Given& g) { return g.key == "set"; });
+    if (asked == given.end()) return given;
+    std::vector<Given> all;
+    for (const Given& from_set : read_set(*asked))
+        if (std::none_of(given.begin(), given.end(), [&](const Given& g) { return g.key == from_set.key; }))
+            all.push_back(from_set);
+    all.insert(all.end(), given.begin(), given.end());
+    return all;
+}
+
+}  // namespace
+
+std::vector<Given> read_scene(const std::string& path, std::string_view content) {
+    return read_keys(text("scene file ", in_quotes(path)), folder_of(path), content, refuse_but_scene_keys);
 }
 
 namespace {
@@ -378,7 +438,7 @@ bool asks_for_help(const std::vector<Given>& command_line) {
 
 Settings settings_from(const std::vector<Given>& scene_file, const std::vector<Given>& command_line) {
     Settings settings;
-    std::vector<Given> all = merged(scene_file, command_line);
+    std::vector<Given> all = with_set(merged(scene_file, command_line));
     // It says which words others may be.
     std::stable_partition(all.begin(), all.end(), [](const Given& given) { return given.key == "class-table"; });
     for (const Given& given : all) find_key(given.key)->set(settings, given);
@@ -397,9 +457,11 @@ ScopeRequest parse_scope_arguments(const std::vector<std::string>& arguments) {
         throw InputError(text("scope takes an echo image and at most one scene file; found ", files.size(), " paths"));
     std::vector<Given> scene_file;
     if (files.size() == 2) scene_file = read_scene(files[1], file_content(files[1]));
-    request.given = merged(scene_file, command_line);
+    request.given = with_set(merged(scene_file, command_line));
     request.settings = settings_from({}, request.given);
     request.settings.files = files;
+    // What it says is given now, and stands over what is stored; nobody needs to read it again.
+    std::erase_if(request.given, [](const Given& given) { return given.key == "set"; });
     return request;
 }
 

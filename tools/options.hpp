@@ -38,7 +38,8 @@ ScopeRequest parse_scope_arguments(const std::vector<std::string>& arguments);
 
 /// `key = value` lines, # comments. InputError naming `path` and the line.
 std::vector<Given> read_scene(const std::string& path, std::string_view content);
-/// The values of both, the command line's winning; then every key's own check.
+/// The values of both, the command line's winning, and below them those of the radar set that they ask for; then every key's own
+/// check.
 Settings settings_from(const std::vector<Given>& scene_file, const std::vector<Given>& command_line);
 
 /// What a simulation needs beside what each key checks: a terrain, one place, one altitude, a legend for culture.

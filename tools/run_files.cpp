@@ -9,6 +9,7 @@
 #include <system_error>
 
 #include "lib/error.hpp"
+#include "tools/radar_set.hpp"
 #include "tools/terminal.hpp"
 #include "tools/units.hpp"
 
@@ -61,6 +62,8 @@ void check_names(const NamedPaths& outputs, const NamedPaths& inputs) {
     }
 }
 
+std::string set_file(const Settings& s) { return shipped_set(s.radar_set) ? "" : s.radar_set; }
+
 NamedPaths input_paths(const Settings& s) {
     return {{"dem", s.dem},
             {"culture", s.culture},
@@ -68,6 +71,8 @@ NamedPaths input_paths(const Settings& s) {
             {"culture-legend", legend_path(s)},
             {"class-table", s.class_table},
             {"track", s.track},
+            {"set", set_file(s)},
+            {"antenna", s.antenna_file},
             {"the scene file", s.files.empty() ? "" : s.files[0]}};
 }
 
@@ -96,6 +101,8 @@ std::vector<InputFile> input_files(const Settings& s, const DataBase& data_base,
     add("culture-height", s.culture_height, true);
     add("culture-legend", legend_path(s), false);
     add("class-table", s.class_table, false);
+    add("set", set_file(s), false);
+    add("antenna", s.antenna_file, false);
     add("track", s.track, false);
     add("observers", s.observers, false);
     add("scene", scene_file, false);

@@ -24,6 +24,9 @@ void check_names(const NamedPaths& outputs, const NamedPaths& inputs);
 /// The one name of a path, however it is written, also where nothing stands there yet; empty if the system does not tell.
 std::string canonical_path(const std::string& path);
 
+/// Path of the user's own radar set; empty for none and for a shipped one.
+std::string set_file(const Settings& settings);
+
 /// All that a simulation may read.
 NamedPaths input_paths(const Settings& settings);
 

@@ -7,6 +7,7 @@
 #include "lib/receiver.hpp"
 #include "tiles/checksum.hpp"
 #include "tiles/echo_file.hpp"
+#include "tools/antenna_file.hpp"
 #include "tools/options.hpp"
 #include "tools/units.hpp"
 
@@ -64,6 +65,7 @@ Settings with_resolved(const Settings& settings, const ResolvedScene& resolved) 
     if (!out.scene.radar.bandwidth_hz) out.scene.radar.bandwidth_hz = resolved.scene.radar.noise_bandwidth_hz();
     if (!out.scene.receiver.mds_dbm)
         out.scene.receiver.mds_dbm = Receiver(resolved.scene.receiver, resolved.scene.radar).mds_dbm();
+    if (!out.scene.receiver.minimum_range_m) out.scene.receiver.minimum_range_m = resolved.scene.radar.pulse_extent_m();
     return out;
 }
 
@@ -160,6 +162,8 @@ WorkDir::Run work_run(const Settings& settings, const ResolvedScene& resolved, c
             if (!Legend::built_in(value))
                 value = text(value == own_legend ? "rat" : "a CSV file", " of checksum ",
                              hex(checksum(legend_csv(settings))));
+        } else if (is_points_word(value)) {
+            value = text("points of checksum ", hex(checksum(value)));
         } else if (key.value == "PATH") {
             std::error_code error;
             if (std::filesystem::exists(value, error)) value = std::filesystem::canonical(value, error).string();

@@ -23,7 +23,10 @@ namespace {
 
 void check_scope_names(const Settings& s) {
     const NamedPaths outputs{{"output", s.output}, {"power", s.power}, {"states", s.states}, {"report", s.report}};
-    check_names(outputs, {{"the echo image", s.files[0]}, {"the scene file", s.files.size() > 1 ? s.files[1] : ""}});
+    check_names(outputs, {{"the echo image", s.files[0]},
+                          {"the scene file", s.files.size() > 1 ? s.files[1] : ""},
+                          {"set", set_file(s)},
+                          {"antenna", s.antenna_file}});
     if (std::all_of(outputs.begin(), outputs.end(), [](const auto& out) { return out.second.empty(); }))
         throw InputError("no output is given; at least one of output (-o), power, states, report is needed");
 }

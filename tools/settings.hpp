@@ -22,6 +22,8 @@ const char* version();
 struct Settings {
     Scene scene;
     bool altitude_given = false;
+    std::string radar_set;                  ///< name of a shipped set or path; empty: none. Its values stand in `scene`
+    std::string antenna_file;               ///< path that the antenna's points were read from; empty: none
     std::string track;                      ///< path; empty: one scene
     std::optional<std::int64_t> scan_step;  ///< azimuth bins; none: a frame is seen from one place
     std::optional<double> scan_period_s;    ///< of one turn of the antenna

@@ -174,7 +174,12 @@ std::string origin_of(const std::vector<Given>& given, const char* key) {
     return key;
 }
 
-std::string value_words(const std::optional<std::string>& value) { return value ? *value : "not given"; }
+/// Cut where it is long: an antenna's points may be thousands.
+std::string value_words(const std::optional<std::string>& value) {
+    constexpr std::size_t most = 60;
+    if (!value) return "not given";
+    return value->size() > most ? value->substr(0, most) + "..." : *value;
+}
 
 /// Keys that were given but are none of scope's: as they were, or harmless in a scene file, or refused.
 void check_given(const StoredEcho& echo, const std::vector<Given>& given, const Settings& settings) {
@@ -207,9 +212,10 @@ void check_given(const StoredEcho& echo, const std::vector<Given>& given, const 
             continue;
         if (key.name == "geometry" && settings.scene.geometry && *settings.scene.geometry == echo.scene.geometry)
             continue;
-        throw InputError(text(
-            g.origin, " is ", value_words(now), "; the echo image was swept with ", before ? *before : "no " + key.name,
-            ", and ", key.needs_sweep.empty() ? "it changes what the ground returns" : key.needs_sweep, sweep_needed));
+        throw InputError(text(g.origin, " is ", value_words(now), "; the echo image was swept with ",
+                              before ? value_words(before) : "no " + key.name, ", and ",
+                              key.needs_sweep.empty() ? "it changes what the ground returns" : key.needs_sweep,
+                              sweep_needed));
     }
 }
 
