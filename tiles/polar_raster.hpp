@@ -28,6 +28,9 @@ enum class OutputLayer { scope, echo, power, states };
 /// InputError where a layer could not be written so: driver, extension, type of values or creation option.
 void check_output(const OutputFile& file, OutputLayer layer, const RasterFormat& format);
 
+/// How far the places of a geolocation array may be off for want of a geodesic each, in range bins or pixels.
+inline constexpr double place_error = 0.01;
+
 enum class PowerUnit { watt, dbm };
 
 /// Band 1 echo (W), band 2 state (its codes), on scene.swept. Float32 both: a GeoTIFF has one type for all its bands.
