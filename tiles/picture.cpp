@@ -33,6 +33,7 @@ GeolocationGrid tube_geolocation(const RunResult& run, const RasterFormat& forma
                                        std::max(frame.centre_row, last(grid.rows, step) - frame.centre_row)) *
                             frame.metres_per_pixel;
     const Ground ground(scene, format, ground_arc_m(scene, farthest + delay), place_error * frame.metres_per_pixel);
+    grid.packed = false;
     grid.crs = ground.crs();
     grid.threads = run.report.threads;
     const double sine = std::sin(frame.up_azimuth_rad), cosine = std::cos(frame.up_azimuth_rad);

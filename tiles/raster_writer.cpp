@@ -219,9 +219,14 @@ void write_geolocation(const GeolocationGrid& grid, const std::string& path, con
     content.bands[0] = {x.data(), "x", "", no_place, {}};
     content.bands[1] = {y.data(), "y", "", no_place, {}};
     GDALDriver& driver = *GetGDALDriverManager()->GetDriverByName("GTiff");
+    CPLStringList options = creation_options(driver, GDT_Float64, {}, {});
+    if (!grid.packed) {
+        options.Clear();
+        options.SetNameValue("INTERLEAVE", "BAND");
+    }
     GdalErrors errors;
     DatasetHandle dataset(driver.Create(path.c_str(), static_cast<int>(content.columns), static_cast<int>(content.rows),
-                                        2, GDT_Float64, creation_options(driver, GDT_Float64, {}, {}).List()));
+                                        2, GDT_Float64, options.List()));
     if (!dataset) fail(final_path, errors);
     describe(*dataset, content, {});
     write_bands(*dataset, content, final_path, errors);

@@ -33,6 +33,7 @@ struct GeolocationGrid {
     std::int64_t column_step = 1, row_step = 1;
     /// Writes the places of the `columns` nodes at a row of the raster; asked for several rows at once.
     std::function<void(double row, Place* places)> find_row;
+    bool packed = true;   ///< else as it is: packing takes longer than finding the places
     bool closed = false;  ///< the last row of nodes stands where the first one does
     int threads = 1;      ///< that find the places, each on its own
     std::string crs;      ///< anything GDAL understands; empty: a plane that is nowhere on earth
