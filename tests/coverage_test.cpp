@@ -303,7 +303,7 @@ TEST_CASE("rolling ground is judged as an exact walk of each ray judges it", "[c
     }
 }
 
-TEST_CASE("seams at diagonals and axes do not show", "[coverage][seam]") {
+TEST_CASE("seams at diagonals and axes do not show", "[coverage][seam][quick]") {
     // Diagonals through posts, from a post and from the middle of a cell; strips begin at 256.
     MemorySource source(401, 401, post_m, test::rolling(250, 90, 7));
     const Chunk all = source.load({{0, 401}, {0, 401}}, false);

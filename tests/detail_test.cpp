@@ -205,7 +205,7 @@ TEST_CASE("residuals are those of the definition, at any size of a block", "[det
     }
 }
 
-TEST_CASE("a level of a store is every 2^level-th post of the raster, across sheets of any size", "[detail]") {
+TEST_CASE("a level of a store is every 2^level-th post of the raster, across sheets of any size", "[detail][quick]") {
     const Folder folder;
     Drawing d;
     d.columns = 4096 + 77;

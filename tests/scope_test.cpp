@@ -272,7 +272,8 @@ TEST_CASE("echoes binned by ground range, on a plane grid, and in latitude and l
 TEST_CASE("nothing of the data base is read, and a scene file that made the echo serves", "[scope]") {
     const Folder folder;
     fs::copy_file(data + "/inland_empire_dem.tif", folder / "ground.tif");
-    const std::string scene = "latlon = 33.93,-117.33\naltitude-msl = 7000ft\nrange = 6km\nsize = 100\n";
+    const std::string scene =
+        "latlon = 33.93,-117.33\naltitude-msl = 5000ft\nrange = 4km\nsize = 100\nquality = draft\n";
     const std::string ini =
         folder.write("scene.ini", "dem = ground.tif\nthreads = 1\nwedges = 3\necho = echo.tif\n" + scene);
     folder.make(with({"simulate", ini}, {"-q"}));
@@ -314,7 +315,7 @@ TEST_CASE("nothing of the data base is read, and a scene file that made the echo
     folder.make({"scope", echo, "-o", png, "--report", folder / "run.json", "-q"});
     const auto report = nlohmann::json::parse(content(folder / "run.json"));
     CHECK(report["format"] == "wedgescope-scope-1");
-    CHECK(report["scene"]["range"] == "6km");
+    CHECK(report["scene"]["range"] == "4km");
     CHECK(report["data_base"]["material"] == "soil");
     CHECK(report["inputs"][0]["bytes"] == fs::file_size(echo));
     std::uint64_t cells = 0;
@@ -379,7 +380,8 @@ TEST_CASE("a sector's echo is refused for what lies outside, and levels of detai
     const std::string echo = folder / "echo.tif", png = folder / "new.png";
     const Strings start = {"scope", echo, "-o", png};
     const auto swept = [&](const Strings& more) {
-        folder.make(with(with({"simulate", "--overwrite"}, with(quick_riverside, bins)), with(more, {"--echo", echo, "-q"})));
+        folder.make(
+            with(with({"simulate", "--overwrite"}, with(quick_riverside, bins)), with(more, {"--echo", echo, "-q"})));
     };
     swept({"--heading", "90deg", "--sector", "-30deg,30deg", "--range-start", "2km"});
     refuses(folder, with(start, {"--sector", "-31deg,30deg"}), 2, {"--sector", "makes the beam gather azimuth bins"});
