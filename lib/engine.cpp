@@ -482,6 +482,17 @@ PolarImage<T> part_of(const PolarImage<T>& image, const PolarGrid& part, PolarIm
     return out;
 }
 
+/// In four tables: a single one waits for its own last sum.
+void count_states(const std::vector<std::uint8_t>& cells, std::array<std::uint64_t, state_count>& counts) {
+    std::array<std::array<std::uint64_t, state_count>, 4> parts{};
+    const std::size_t fours = cells.size() / 4 * 4;
+    for (std::size_t i = 0; i < fours; i += 4)
+        for (std::size_t k = 0; k < 4; ++k) ++parts[k][cells[i + k]];
+    for (std::size_t i = fours; i < cells.size(); ++i) ++parts[0][cells[i]];
+    for (const auto& part : parts)
+        for (std::size_t code = 0; code < counts.size(); ++code) counts[code] += part[code];
+}
+
 void check_only(const std::optional<Interval>& only, std::size_t wedges) {
     if (!only || (!only->empty() && only->begin >= 0 && only->end <= static_cast<std::int64_t>(wedges))) return;
     throw InputError(text("only-wedge is ", only->begin, "-", only->end - 1, "; this run has ", wedges,
@@ -596,7 +607,7 @@ void draw(const EngineParams& params, const Receiver& receiver, RunResult& resul
     const Span stage(params.timeline, "display", "stage");
     const Stopwatch watch;
     result.state = part_of(result.echo_state, scene.shown, std::move(result.state));
-    for (const std::uint8_t s : result.state.cells) ++result.report.states[s];
+    count_states(result.state.cells, result.report.states);
     result.scope = picture(result.received_w, result.state, display_setting(scene), receiver, std::move(result.scope));
     result.report.display_s = watch.wall_s();
 }
@@ -701,6 +712,7 @@ RunResult show(const ResolvedScene& scene, PolarImage<float> echo_w, PolarImage<
         const bool whole = echo_w.grid == scene.swept;
         result.echo_w = whole ? std::move(echo_w) : part_of(echo_w, scene.swept, {});
         result.echo_state = whole ? std::move(echo_state) : part_of(echo_state, scene.swept, {});
+        echo_w = {}, echo_state = {};  // the power image is made in the room of what is left over
         receive(params, weather, result);
         draw(params, Receiver(scene.scene.receiver, scene.scene.radar), result);
     });

@@ -115,7 +115,7 @@ private:
 
 }  // namespace
 
-TEST_CASE("every post of a plain is seen, wherever the sensor stands", "[coverage]") {
+TEST_CASE("every post of a plain is seen, wherever the sensor stands", "[coverage][quick]") {
     MemorySource source(300, 520, post_m, [](double, double) { return 100; });
     const double places[][2] = {{150, 260},   {150.5, 260.25}, {0, 0},     {299, 519},   {149.5, 0},
                                 {-40.5, 100}, {700, 900},      {150, -30}, {255.5, 256}, {150.3, 519.9}};
@@ -132,7 +132,7 @@ TEST_CASE("every post of a plain is seen, wherever the sensor stands", "[coverag
         }
 }
 
-TEST_CASE("a tilted plain through the sensor is level with its own horizon, and seen", "[coverage]") {
+TEST_CASE("a tilted plain through the sensor is level with its own horizon, and seen", "[coverage][quick]") {
     MemorySource source(200, 200, post_m, [](double c, double r) { return 500 + 2 * (c - 100) + 3 * (r - 100); });
     const Result seen = look(source, scene_at(100, 100, 500));
     for (std::size_t i = 0; i < seen.bytes.size(); ++i) {
@@ -141,7 +141,7 @@ TEST_CASE("a tilted plain through the sensor is level with its own horizon, and 
     }
 }
 
-TEST_CASE("a ridge hides the ground behind it as far as its shadow reaches", "[coverage]") {
+TEST_CASE("a ridge hides the ground behind it as far as its shadow reaches", "[coverage][quick]") {
     // 100 m over the plain, a ridge of 50 m at 60 posts: the shadow ends at 120 posts.
     MemorySource source(400, 41, post_m, [](double c, double) { return c == 70 ? 50 : 0; });
     const Result seen = look(source, scene_at(10, 20, 100));
@@ -162,7 +162,7 @@ TEST_CASE("a ridge hides the ground behind it as far as its shadow reaches", "[c
     CHECK(raised.at(99, 20) == 0);
 }
 
-TEST_CASE("the sea is seen as far as its horizon", "[coverage]") {
+TEST_CASE("the sea is seen as far as its horizon", "[coverage][quick]") {
     constexpr double k = 4.0 / 3, sensor = 40, radius = k * 6371008.7714;
     MemorySource source(1400, 9, post_m, [](double, double) { return 0; });
     const Result seen = look(source, scene_at(0, 4, sensor, k));
@@ -176,7 +176,7 @@ TEST_CASE("the sea is seen as far as its horizon", "[coverage]") {
     }
 }
 
-TEST_CASE("range, depression and grazing are those of the triangle", "[coverage]") {
+TEST_CASE("range, depression and grazing are those of the triangle", "[coverage][quick]") {
     MemorySource source(300, 300, post_m, [](double, double) { return 50; });
     const Scene scene = scene_at(100, 120, 2050);
     const Result range = look(source, scene, layer(CoverageLayer::range)),
@@ -204,7 +204,7 @@ TEST_CASE("range, depression and grazing are those of the triangle", "[coverage]
     CHECK(steep.value(100, 20) == Approx(depressed(100, 150) - rise).margin(1e-3));
 }
 
-TEST_CASE("range, sector and pitch limit what is in view", "[coverage]") {
+TEST_CASE("range, sector and pitch limit what is in view", "[coverage][quick]") {
     MemorySource source(600, 600, post_m, [](double, double) { return 0; });
     Scene scene = scene_at(300, 300, 1000);
     scene.range_m = 5000;
@@ -238,7 +238,7 @@ TEST_CASE("range, sector and pitch limit what is in view", "[coverage]") {
     CHECK(seen.report.states[static_cast<std::size_t>(State::seen)] >= inside);
 }
 
-TEST_CASE("a distance along the ground limits the view whatever the heights", "[coverage]") {
+TEST_CASE("a distance along the ground limits the view whatever the heights", "[coverage][quick]") {
     // A disc of 150 posts, sensor and ground as high as they like; (90, 120) and its like stand on its very edge.
     MemorySource source(400, 420, post_m, [](double c, double) { return 3 * c; });
     for (const double sensor : {1300.0, 9000.0, 40000.0})
@@ -303,7 +303,7 @@ TEST_CASE("rolling ground is judged as an exact walk of each ray judges it", "[c
     }
 }
 
-TEST_CASE("seams at diagonals and axes do not show", "[coverage][seam]") {
+TEST_CASE("seams at diagonals and axes do not show", "[coverage][seam][quick]") {
     // Diagonals through posts, from a post and from the middle of a cell; strips begin at 256.
     MemorySource source(401, 401, post_m, test::rolling(250, 90, 7));
     const Chunk all = source.load({{0, 401}, {0, 401}}, false);
@@ -338,7 +338,7 @@ TEST_CASE("seams at diagonals and axes do not show", "[coverage][seam]") {
     CHECK(bad <= posts / 400);
 }
 
-TEST_CASE("voids are no data, hide nothing, and what they may hide is unknown", "[coverage]") {
+TEST_CASE("voids are no data, hide nothing, and what they may hide is unknown", "[coverage][quick]") {
     // A hill of 60 m stands round a void on the way east.
     const auto ground = [](double c, double r) -> double {
         if (c >= 100 && c <= 110 && std::abs(r - 50) <= 10) return std::numeric_limits<double>::quiet_NaN();
@@ -409,14 +409,14 @@ TEST_CASE("threads and memory change no bit", "[coverage][threads]") {
     CHECK_THROWS_AS(look(source, scene_at(310, 222, 600), small), InputError);
 }
 
-TEST_CASE("what the writer throws ends the work and arrives", "[coverage][threads]") {
+TEST_CASE("what the writer throws ends the work and arrives", "[coverage][threads][quick]") {
     MemorySource source(300, 300, post_m, [](double, double) { return 0; });
     CHECK_THROWS_AS(cover(resolve_coverage(scene_at(100, 100, 50), source), source, {},
                           [](const CoverageTile&) { throw IoError("disk full"); }),
                     IoError);
 }
 
-TEST_CASE("ground that changes while it is read, or since it was opened, is an error", "[coverage]") {
+TEST_CASE("ground that changes while it is read, or since it was opened, is an error", "[coverage][quick]") {
     class Edited : public MemorySource {
     public:
         using MemorySource::MemorySource;
@@ -501,7 +501,7 @@ TEST_CASE("what stays below every horizon is left out, and no bit changes", "[co
     CHECK(passed_map > posts_all / 10);
 }
 
-TEST_CASE("ground behind a wall is never read, and nothing but voids neither", "[coverage][cull]") {
+TEST_CASE("ground behind a wall is never read, and nothing but voids neither", "[coverage][cull][quick]") {
     // A wall of 400 m from north to south, 4.5 km east of the sensor; far behind it void.
     const auto ground = [](double c, double) -> double {
         if (c >= 1000) return std::numeric_limits<double>::quiet_NaN();

@@ -182,7 +182,7 @@ std::vector<double> truth(const Scene& s, const std::string& dem, const RunResul
 
 }  // namespace
 
-TEST_CASE("residuals are those of the definition, at any size of a block", "[detail]") {
+TEST_CASE("residuals are those of the definition, at any size of a block", "[detail][quick]") {
     const auto shape = test::rolling(23, 12, 3);
     for (const auto& [columns, rows] :
          {std::pair<std::int64_t, std::int64_t>{129, 129}, {129, 40}, {77, 129}, {5, 6}, {1, 1}, {34, 128}}) {
@@ -205,7 +205,7 @@ TEST_CASE("residuals are those of the definition, at any size of a block", "[det
     }
 }
 
-TEST_CASE("a level of a store is every 2^level-th post of the raster, across sheets of any size", "[detail]") {
+TEST_CASE("a level of a store is every 2^level-th post of the raster, across sheets of any size", "[detail][quick]") {
     const Folder folder;
     Drawing d;
     d.columns = 4096 + 77;
@@ -383,7 +383,7 @@ TEST_CASE("ground at all edges of a raster is there, whatever its size", "[detai
     CHECK(compared(on, off).rms_db < 0.06);
 }
 
-TEST_CASE("low dikes across the view keep their shadows", "[detail]") {
+TEST_CASE("low dikes across the view keep their shadows", "[detail][quick]") {
     const Folder folder;
     struct Dikes {
         int every, width, shear;

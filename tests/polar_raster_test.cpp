@@ -14,6 +14,7 @@
 #include "tests/refusal.hpp"
 #include "tests/small_disk.hpp"
 #include "tiles/gdal_session.hpp"
+#include "tiles/ground_places.hpp"
 #include "tiles/picture.hpp"
 #include "tiles/polar_raster.hpp"
 
@@ -488,5 +489,39 @@ TEST_CASE("a ppi scope is no map and tells where its pixels are by a geolocation
             REQUIRE(warper.to_raster(x, y));
             CHECK(x == Approx(150).margin(0.5));
             CHECK(y == Approx(75).margin(0.5));
+        }
+}
+
+TEST_CASE("the places of a geolocation array are those of geodesics, to a hundredth of a pixel", "[picture]") {
+    const Folder folder;
+    for (const double here : {0.3, 44.27, -71.0, 89.95})
+        for (const double metres_per_pixel : {50.0, 3000.0}) {
+            INFO("latitude " << here << ", " << metres_per_pixel << " m a pixel");
+            RunResult run = drawn_scope(DisplayKind::ppi, true, 0.5);
+            run.scene.lat_deg = here;
+            run.scene.lon_deg = 179.9;
+            run.scope.frame.metres_per_pixel = metres_per_pixel;
+            write(folder, "scope.png", [&](OutputFile& f) { write_scope(run, f, plain_format()); });
+            const Read places(folder / "scope.png.geoloc.tif");
+            const int columns = places.dataset->GetRasterXSize(), rows = places.dataset->GetRasterYSize();
+            REQUIRE(columns == 51);
+            REQUIRE(rows == 39);
+            const auto x = places.band(1), y = places.band(2);
+            double worst_m = 0;
+            for (int j = 0; j < rows; ++j)
+                for (int i = 0; i < columns; ++i) {
+                    const double right = 4 * i - 100, up = 75 - 4 * j, range = std::hypot(right, up) * metres_per_pixel;
+                    const double arc = range > 2500 ? run.scene.earth.arc_m(sensor_m, reference_m, range).value() : 0;
+                    const auto node = static_cast<std::size_t>(j * columns + i);
+                    double there_lat = 0, there_lon = 0, off_m = 0;
+                    GeographicLib::Geodesic::WGS84().Direct(
+                        here, 179.9, (0.5 + std::atan2(right, up)) * 180 / std::numbers::pi, arc, there_lat, there_lon);
+                    GeographicLib::Geodesic::WGS84().Inverse(there_lat, there_lon, y[node], x[node], off_m);
+                    worst_m = std::max(worst_m, off_m);
+                }
+            CHECK(worst_m <= 0.01 * metres_per_pixel);
+            // From afar a geodesic each would do too, but not as fast; beside the pole nothing else will.
+            const Ground ground(run.scene, plain_format(), 125 * metres_per_pixel, 0.01 * metres_per_pixel);
+            CHECK(ground.has_table() == (here < 80));
         }
 }

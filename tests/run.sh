@@ -48,7 +48,7 @@ run() {  # preset, options for ctest
         asan | tsan)
             mapfile -t targets < <(ctest --preset "$preset" -N "$@" "${ctest_options[@]}" |
                 sed -n 's/^ *Test *#[0-9]*: *//p' |
-                sed 's/_threads$/_test/; s/_every_[a-z]*$/_test/; s/^reference_check$/wedgescope_reference_check/' | sort -u)
+                sed 's/_threads$/_test/; s/_quick$/_test/; s/_every_[a-z]*$/_test/; s/^reference_check$/wedgescope_reference_check/' | sort -u)
             targets=(--target wedgescope wedgescope_picture "${targets[@]}")
             ;;
     esac

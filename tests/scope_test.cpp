@@ -12,7 +12,7 @@
 #include <set>
 #include <sstream>
 
-#include "tests/program.hpp"
+#include "tests/in_process.hpp"
 #include "tools/keys.hpp"
 
 namespace {
@@ -59,8 +59,12 @@ public:
         std::ofstream(*this / name, std::ios::binary) << text;
         return *this / name;
     }
+    /// In the test's own process, but for legends, whose helper stands beside the program.
     Ended run(const Strings& arguments) const {
-        return wedgescope::test::run_program(with({WEDGESCOPE_PROGRAM}, arguments), path_.string() + ".err");
+        const std::string err = path_.string() + ".err";
+        if (std::find(arguments.begin(), arguments.end(), "--legend") == arguments.end())
+            return wedgescope::test::run_here(arguments, err);
+        return wedgescope::test::run_program(with({WEDGESCOPE_PROGRAM}, arguments), err);
     }
     /// A file of this folder, with its side files.
     void remove(const std::string& path) const {
@@ -150,11 +154,13 @@ const Strings riverside = {"--dem",
                            "--latlon",
                            "33.93,-117.33",
                            "--altitude-msl",
-                           "7000ft",
+                           "5000ft",
                            "--range",
-                           "7km",
+                           "5km",
                            "--size",
                            "160"};
+/// As quick as there is: what a picture is made of is the same.
+const Strings quick_riverside = with(riverside, {"--quality", "draft"});
 /// 0.5 us and 1.5 degrees, so that a beam or pulse of another size keeps the bins.
 const Strings bins = {"--azimuth-bins", "960", "--range-bin", "18.737028625m"};
 
@@ -163,7 +169,7 @@ const Strings bins = {"--azimuth-bins", "960", "--range-bin", "18.737028625m"};
 TEST_CASE("the scope of a stored echo is that of a full run, whatever receiver, noise or tube", "[scope]") {
     const Folder folder;
     same_as_simulate(
-        folder, riverside,
+        folder, quick_riverside,
         {{{"--if-gain", "38.7dB"}},
          {{"--video-gain", "9dB"}},
          {{"--stc-range", "5km", "--stc-exponent", "3", "--stc-max", "25dB"}},
@@ -208,13 +214,13 @@ TEST_CASE("the scope of a stored echo is that of a full run, whatever receiver, 
          {{"--sector", "-20deg,45deg"}},
          {{"--sector", "350deg,10deg", "--noise", "on", "--speckle", "1"}},
          {{"--sector", "-20deg,45deg", "--heading", "225deg", "--orientation", "heading", "--display", "ppi"}},
-         {{"--range", "7km", "--geometry", "geodesic"}, false},
+         {{"--range", "5km", "--geometry", "geodesic"}, false},
          {{"--power-unit", "dBm"}, false}});
 }
 
 TEST_CASE("a sector's echo serves narrower sectors, other noise, and beams and pulses that it holds", "[scope]") {
     const Folder folder;
-    const Strings sector = with(with(riverside, bins), {"--heading", "200deg", "--sector", "350deg,40deg"});
+    const Strings sector = with(with(quick_riverside, bins), {"--heading", "200deg", "--sector", "350deg,40deg"});
     SECTION("from 3 km on") {
         same_as_simulate(folder, with(sector, {"--range-start", "3km"}),
                          {{{"--if-gain", "40dB"}},
@@ -242,7 +248,7 @@ TEST_CASE("a sector's echo serves narrower sectors, other noise, and beams and p
 
 TEST_CASE("a full circle holds any beam, and from 0 m any pulse, where no level of detail hangs on them", "[scope]") {
     const Folder folder;
-    same_as_simulate(folder, with(with(riverside, bins), {"--detail", "off"}),
+    same_as_simulate(folder, with(with(quick_riverside, bins), {"--detail", "off"}),
                      {{{"--beam", "4deg"}},
                       {{"--beam", "0.7deg"}},
                       {{"--azimuth-pattern", "uniform"}},
@@ -262,7 +268,7 @@ TEST_CASE("an echo swept without the widths of beam and pulse serves with them w
 TEST_CASE("echoes binned by ground range, on a plane grid, and in latitude and longitude serve too", "[scope]") {
     const Folder folder;
     SECTION("gpi-true") {
-        same_as_simulate(folder, with(riverside, {"--display", "gpi-true"}),
+        same_as_simulate(folder, with(quick_riverside, {"--display", "gpi-true"}),
                          {{{"--if-gain", "42dB", "--rings", "off"}},
                           {{"--ple", "off"}},
                           {{"--ple-scale", "4", "--bwe-scale", "3"}},
@@ -292,7 +298,8 @@ TEST_CASE("echoes binned by ground range, on a plane grid, and in latitude and l
 TEST_CASE("nothing of the data base is read, and a scene file that made the echo serves", "[scope]") {
     const Folder folder;
     fs::copy_file(data + "/inland_empire_dem.tif", folder / "ground.tif");
-    const std::string scene = "latlon = 33.93,-117.33\naltitude-msl = 7000ft\nrange = 6km\nsize = 100\n";
+    const std::string scene =
+        "latlon = 33.93,-117.33\naltitude-msl = 5000ft\nrange = 4km\nsize = 100\nquality = draft\n";
     const std::string ini =
         folder.write("scene.ini", "dem = ground.tif\nthreads = 1\nwedges = 3\necho = echo.tif\n" + scene);
     folder.make(with({"simulate", ini}, {"-q"}));
@@ -334,7 +341,7 @@ TEST_CASE("nothing of the data base is read, and a scene file that made the echo
     folder.make({"scope", echo, "-o", png, "--report", folder / "run.json", "-q"});
     const auto report = nlohmann::json::parse(content(folder / "run.json"));
     CHECK(report["format"] == "wedgescope-scope-1");
-    CHECK(report["scene"]["range"] == "6km");
+    CHECK(report["scene"]["range"] == "4km");
     CHECK(report["data_base"]["material"] == "soil");
     CHECK(report["inputs"][0]["bytes"] == fs::file_size(echo));
     std::uint64_t cells = 0;
@@ -381,16 +388,16 @@ TEST_CASE(
     CHECK((folder.files("full") == folder.files("again")));
 }
 
-TEST_CASE("every setting that needs a new sweep is refused, by name and with the reason", "[scope]") {
+TEST_CASE("every setting that needs a new sweep is refused, by name and with the reason", "[scope][quick]") {
     const Folder folder;
     const std::string echo = folder / "echo.tif", png = folder / "new.png";
-    folder.make(with(with({"simulate"}, riverside), {"--echo", echo, "-q"}));
+    folder.make(with(with({"simulate"}, quick_riverside), {"--echo", echo, "-q"}));
     const std::string table = "name,gamma10_db;soil,-10";
     // Another value for each; the table says which there are.
     const std::map<std::string, std::string> others = {
         {"latlon", "33.94,-117.33"}, {"xy", "465000,3755000"}, {"altitude-msl", "7001ft"}, {"altitude-agl", "2km"},
         {"altitude-hae", "2km"},     {"geoid-offset", "-30m"}, {"scan-step", "4"},         {"scan-period", "3s"},
-        {"range", "6.9km"},          {"range-start", "1km"},   {"geometry", "grid"},       {"earth", "1.3"},
+        {"range", "4.9km"},          {"range-start", "1km"},   {"geometry", "grid"},       {"earth", "1.3"},
         {"quality", "fine"},         {"max-error", "0.1dB"},   {"spokes-per-post", "2"},   {"spoke-lead", "3"},
         {"crossings", "off"},        {"course", "straight"},   {"detail", "off"},          {"frequency", "16.6GHz"},
         {"transmit-power", "100kW"}, {"gain", "35dB"},         {"losses", "5dB"},          {"gamma", "-15dB"},
@@ -415,7 +422,7 @@ TEST_CASE("every setting that needs a new sweep is refused, by name and with the
     CHECK(tried.size() == others.size());
     // What it is already does no harm.
     folder.make(
-        {"scope", echo, "-o", png, "--tilt", "0deg", "--range", "7km", "--gain", "34dB", "--quality", "normal", "-q"});
+        {"scope", echo, "-o", png, "--tilt", "0deg", "--range", "5km", "--gain", "34dB", "--quality", "draft", "-q"});
     folder.remove(png);
 
     const Strings start = {"scope", echo, "-o", png};
@@ -432,7 +439,7 @@ TEST_CASE("every setting that needs a new sweep is refused, by name and with the
     refuses(folder, {"scope", echo, "-o", folder / "new.jpg", "--alpha", "on"}, 2, {"alpha is on", "JPEG", ".png"});
     refuses(folder, with(start, {"--if-gian", "40dB"}), 2, {"did you mean --if-gain?", "wedgescope help scope"});
     refuses(folder, with(start, {"--display", "tdppi", "--sweep-delay", "8km"}), 2,
-            {"range is 7000.0 m", "sweep delay"});
+            {"range is 5000.0 m", "sweep delay"});
     refuses(folder, {"scope", "-o", png}, 2, {"echo image", "none is given"});
     refuses(folder, {"scope", echo}, 2, {"no output"});
     refuses(folder, {"scope", echo, "a.ini", "b.ini", "-o", png}, 2, {"found 3 paths"});
@@ -444,7 +451,8 @@ TEST_CASE("a sector's echo is refused for what lies outside, and levels of detai
     const std::string echo = folder / "echo.tif", png = folder / "new.png";
     const Strings start = {"scope", echo, "-o", png};
     const auto swept = [&](const Strings& more) {
-        folder.make(with(with({"simulate", "--overwrite"}, with(riverside, bins)), with(more, {"--echo", echo, "-q"})));
+        folder.make(
+            with(with({"simulate", "--overwrite"}, with(quick_riverside, bins)), with(more, {"--echo", echo, "-q"})));
     };
     swept({"--heading", "90deg", "--sector", "-30deg,30deg", "--range-start", "2km"});
     refuses(folder, with(start, {"--sector", "-31deg,30deg"}), 2, {"--sector", "makes the beam gather azimuth bins"});
@@ -515,10 +523,10 @@ TEST_CASE("where levels of detail were swept, beam and pulse are bound to them",
                       {{"--bwe-scale", "3", "--ple-scale", "2"}}});
 }
 
-TEST_CASE("what is no echo image, or is no longer the one that was written, costs one line", "[scope]") {
+TEST_CASE("what is no echo image, or is no longer the one that was written, costs one line", "[scope][quick]") {
     const Folder folder;
     const std::string echo = folder / "echo.tif", png = folder / "new.png", bad = folder / "bad.tif";
-    folder.make(with(with({"simulate"}, riverside), with(outputs(folder, "plain"), {"--echo", echo})));
+    folder.make(with(with({"simulate"}, quick_riverside), with(outputs(folder, "plain"), {"--echo", echo})));
     const auto tried = [&](const std::string& path, const Strings& words) {
         refuses(folder, {"scope", path, "-o", png}, 1, words);
     };
@@ -580,6 +588,13 @@ TEST_CASE("what is no echo image, or is no longer the one that was written, cost
     tried(bad, {"another build", "simulate again"});
     scene_json([](auto& json) { json["echo"]["revision"] = 1; });
     tried(bad, {"another build", "simulate again"});
+    // The checksum is of the numbers too, also where they go together.
+    for (const char* key : {"sensor_height_m", "lat_deg", "x"}) {
+        scene_json([&](auto& json) { json["resolved"][key] = json["resolved"][key].template get<double>() + 1e-9; });
+        tried(bad, {"damaged, or was changed", "the values of its SCENE_JSON"});
+    }
+    scene_json([](auto& json) { json["parameters"]["if-gain"] = "49dB"; });
+    tried(bad, {"damaged, or was changed", "the values of its SCENE_JSON"});
     scene_json([](auto& json) { json["resolved"].erase("sensor_height_m"); });
     tried(bad, {"resolved.sensor_height_m of its SCENE_JSON is not there"});
     scene_json([](auto& json) { json["resolved"]["x"] = "here"; });
@@ -604,10 +619,10 @@ TEST_CASE("what is no echo image, or is no longer the one that was written, cost
     tried(bad, {"no JSON object"});
 }
 
-TEST_CASE("scope overwrites nothing unasked and leaves nothing half-written", "[scope]") {
+TEST_CASE("scope overwrites nothing unasked and leaves nothing half-written", "[scope][quick]") {
     const Folder folder;
     const std::string echo = folder / "echo.tif", png = folder / "scope.png";
-    folder.make(with(with({"simulate"}, riverside), {"--echo", echo, "-o", png, "-q"}));
+    folder.make(with(with({"simulate"}, quick_riverside), {"--echo", echo, "-o", png, "-q"}));
     refuses(folder, {"scope", echo, "-o", png}, 2, {"scope.png", "--overwrite"});
     refuses(folder, {"scope", echo, "-o", echo, "--overwrite"}, 2, {"output", "the echo image", "may not replace"});
     refuses(folder, {"scope", echo, "-o", folder / "a.png", "--power", folder / "a.png"}, 2, {"own file"});

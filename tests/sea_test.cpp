@@ -59,6 +59,18 @@ TEST_CASE("NRL's sea ends at 0.1 and 60 degrees of grazing", "[sea]") {
 TEST_CASE("GIT's sea gives its example, upwind most and downwind least", "[sea]") {
     CHECK_THAT(git_db(9, hh, 4, 2, 90), WithinAbs(-35.5455, 5e-5));
     CHECK_THAT(git_db(9, vv, 4, 2, 90), WithinAbs(-34.0853, 5e-5));
+    // The bands on either side of X and other winds: the report's formulas, worked out elsewhere.
+    struct Case {
+        double ghz, sea_state, deg, from_upwind_deg, hh_db, vv_db;
+    };
+    for (const Case& c : {Case{1.5, 3, 2, 0, -47.77662277, -39.34947062},
+                          {16.5, 3, 2, 0, -34.13723849, -33.28060722},
+                          {16.5, 3, 2, 180, -41.49093396, -40.63430270},
+                          {35, 5, 1, 45, -32.68051536, -36.72110337}}) {
+        INFO(c.ghz << " GHz, sea state " << c.sea_state);
+        CHECK_THAT(git_db(c.ghz, hh, c.sea_state, c.deg, c.from_upwind_deg), WithinAbs(c.hh_db, 1e-8));
+        CHECK_THAT(git_db(c.ghz, vv, c.sea_state, c.deg, c.from_upwind_deg), WithinAbs(c.vv_db, 1e-8));
+    }
     for (const double ghz : {1.5, 5.0, 9.0, 16.5, 35.0})
         for (const Polarisation polarisation : {hh, vv}) {
             CHECK(git_db(ghz, polarisation, 3, 2, 0) > git_db(ghz, polarisation, 3, 2, 90));

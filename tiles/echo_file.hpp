@@ -5,18 +5,21 @@
 #include <cstdint>
 #include <memory>
 #include <string>
+#include <string_view>
 
 #include "lib/polar.hpp"
 
 namespace wedgescope {
 
-/// Of the cells and their states, to find damage.
-std::uint64_t echo_checksum(const PolarImage<float>& echo_w, const PolarImage<std::uint8_t>& state);
+/// Of the cells, their states and `said`, the words and numbers that go with them, to find damage.
+std::uint64_t echo_checksum(const PolarImage<float>& echo_w, const PolarImage<std::uint8_t>& state,
+                            std::string_view said);
 
 class EchoFile {
 public:
-    /// IoError if it cannot be opened, DataError if it is no echo image. Within a GdalSession.
-    explicit EchoFile(const std::string& path);
+    /// IoError if it cannot be opened, DataError if it is no echo image. Within a GdalSession. `threads` decode packed tiles;
+    /// 0: as many as the machine has.
+    explicit EchoFile(const std::string& path, int threads = 0);
     ~EchoFile();
     EchoFile(const EchoFile&) = delete;
     EchoFile& operator=(const EchoFile&) = delete;
@@ -25,9 +28,10 @@ public:
     std::int64_t rows() const;     ///< azimuth bins
     const std::string& scene_json() const { return scene_json_; }
 
-    /// All cells; the images' grids are columns() x rows(). IoError; DataError where a value is none of an echo image or the
-    /// cells are not those of `checksum`.
-    void read(PolarImage<float>& echo_w, PolarImage<std::uint8_t>& state, std::uint64_t checksum) const;
+    /// All cells; the images' grids are columns() x rows(). IoError; DataError where a value is none of an echo image or
+    /// they and `said` are not those of `checksum` (echo_checksum()).
+    void read(PolarImage<float>& echo_w, PolarImage<std::uint8_t>& state, std::uint64_t checksum,
+              std::string_view said) const;
 
 private:
     struct Dataset;

@@ -9,15 +9,6 @@
 namespace wedgescope {
 namespace {
 
-/// Pixels right of the tube's centre and above it -> azimuth and distance in pixels.
-struct Bearing {
-    double azimuth_rad, pixels;
-};
-Bearing bearing(const Frame& frame, double column, double row) {
-    const double right = column - frame.centre_column, up = frame.centre_row - row;
-    return {frame.up_azimuth_rad + std::atan2(right, up), std::hypot(right, up)};
-}
-
 /// Column and row -> x and y of a plane round (x0, y0), `unit` metres a unit.
 std::array<double, 6> affine(const Frame& frame, double x0, double y0, double unit) {
     const double scale = frame.metres_per_pixel / unit;
@@ -31,17 +22,31 @@ std::array<double, 6> affine(const Frame& frame, double x0, double y0, double un
 /// ppi and tdppi: the radius on the tube is slant range, less the delay.
 GeolocationGrid tube_geolocation(const RunResult& run, const RasterFormat& format) {
     const Frame frame = run.scope.frame;
-    const Ground ground(run.scene, format);
-    const double delay = run.scene.scene.display.kind == DisplayKind::tdppi ? run.scene.sweep_delay_m : 0;
-    // Pixels from node to node: the bend of slant range to ground range in between is far less than one. At most
-    // 512 x 512 nodes, whatever the picture's size.
-    const std::int64_t step = std::max<std::int64_t>(2, (std::max(frame.width, frame.height) + 510) / 511);
+    const ResolvedScene& scene = run.scene;
+    const double delay = scene.scene.display.kind == DisplayKind::tdppi ? scene.sweep_delay_m : 0;
+    // Pixels from node to node: GDAL goes straight between them where slant range bends into ground range. n pixels beyond the
+    // altitude hole that is 1 / n of a pixel off at the most. At most 512 x 512 nodes, whatever the picture's size.
+    const std::int64_t step = std::max<std::int64_t>(4, (std::max(frame.width, frame.height) + 510) / 511);
     GeolocationGrid grid = geolocation_grid(frame.width, frame.height, step, step);
+    const auto last = [](std::int64_t nodes, std::int64_t apart) { return static_cast<double>((nodes - 1) * apart); };
+    const double farthest = std::hypot(std::max(frame.centre_column, last(grid.columns, step) - frame.centre_column),
+                                       std::max(frame.centre_row, last(grid.rows, step) - frame.centre_row)) *
+                            frame.metres_per_pixel;
+    const Ground ground(scene, format, ground_arc_m(scene, farthest + delay), place_error * frame.metres_per_pixel);
+    grid.packed = false;
     grid.crs = ground.crs();
     grid.threads = run.report.threads;
-    grid.place = [frame, ground, delay](double column, double row) {
-        const Bearing at = bearing(frame, column, row);
-        return ground.place(at.azimuth_rad, ground.arc_m(at.pixels * frame.metres_per_pixel + delay));
+    const double sine = std::sin(frame.up_azimuth_rad), cosine = std::cos(frame.up_azimuth_rad);
+    grid.find_row = [=, &scene, columns = grid.columns](double row, Place* places) {
+        const double up = frame.centre_row - row;
+        for (std::int64_t i = 0; i < columns; ++i) {
+            const double right = static_cast<double>(i * step) - frame.centre_column,
+                         pixels = std::sqrt(right * right + up * up),
+                         arc = ground_arc_m(scene, pixels * frame.metres_per_pixel + delay);
+            // In the very middle of a delayed sweep the way up is as good as any.
+            const double along = pixels > 0 ? up / pixels : 1, across = pixels > 0 ? right / pixels : 0;
+            places[i] = ground.at(arc * (sine * along + cosine * across), arc * (cosine * along - sine * across));
+        }
     };
     return grid;
 }

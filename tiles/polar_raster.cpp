@@ -13,7 +13,7 @@ namespace {
 constexpr float no_dbm = -9999;
 constexpr std::int64_t most_nodes = 200000;  ///< of a geolocation array: 3.2 MiB
 
-GeolocationGrid polar_geolocation(const PolarGrid& grid, const Ground& ground, int threads) {
+GeolocationGrid polar_geolocation(const RunResult& run, const PolarGrid& grid, const RasterFormat& format) {
     const std::int64_t azimuths = grid.azimuth_bins.size(), ranges = grid.range_bins.size();
     const double step = grid.azimuth_step_rad();
     // GDAL interpolates between nodes along straight lines: their sagitta at the far edge, r (1 - cos(step / 2)), stays
@@ -26,12 +26,19 @@ GeolocationGrid polar_geolocation(const PolarGrid& grid, const Ground& ground, i
     const std::int64_t rows = azimuths / row_step + 2;
     const std::int64_t column_step = (ranges * rows + most_nodes - 1) / most_nodes;
     GeolocationGrid out = geolocation_grid(ranges, azimuths, column_step, row_step);
+    std::vector<double> arcs_m(static_cast<std::size_t>(out.columns));
+    for (std::size_t i = 0; i < arcs_m.size(); ++i) {
+        const auto bin = grid.range_bins.begin + static_cast<std::int64_t>(i) * out.column_step;
+        arcs_m[i] = ground_arc_m(run.scene, static_cast<double>(bin) * grid.range_bin_m);
+    }
+    const Ground ground(run.scene, format, arcs_m.back(), place_error * grid.range_bin_m);
     out.closed = grid.full_circle();
     out.crs = ground.crs();
-    out.threads = threads;
-    out.place = [grid, step, ground](double column, double row) {
-        const double range = (static_cast<double>(grid.range_bins.begin) + column) * grid.range_bin_m;
-        return ground.place((static_cast<double>(grid.azimuth_bins.begin) + row) * step, ground.arc_m(range));
+    out.threads = run.report.threads;
+    const auto first = static_cast<double>(grid.azimuth_bins.begin);
+    out.find_row = [arcs_m = std::move(arcs_m), ground, first, step](double row, Place* places) {
+        const double azimuth = (first + row) * step, sine = std::sin(azimuth), cosine = std::cos(azimuth);
+        for (std::size_t i = 0; i < arcs_m.size(); ++i) places[i] = ground.at(arcs_m[i] * sine, arcs_m[i] * cosine);
     };
     return out;
 }
@@ -50,7 +57,7 @@ RasterContent polar_content(const RunResult& run, const PolarGrid& grid, const R
     items.emplace_back("RANGE_START_M", fifteen_digits(static_cast<double>(grid.range_bins.begin) * grid.range_bin_m));
     items.emplace_back("RANGE_STEP_M", fifteen_digits(grid.range_bin_m));
     items.emplace_back("RANGE_KIND", run.scene.scene.display.kind == DisplayKind::gpi_true ? "ground" : "slant");
-    content.geolocation = polar_geolocation(grid, Ground(run.scene, format), run.report.threads);
+    content.geolocation = polar_geolocation(run, grid, format);
     return content;
 }
 
@@ -74,6 +81,7 @@ void write_echo(const RunResult& run, OutputFile& file, const RasterFormat& form
     const std::vector<float> states(run.echo_state.cells.begin(), run.echo_state.cells.end());
     RasterContent content = polar_content(run, run.echo_w.grid, format);
     content.type = GDT_Float32;
+    content.quick_to_read = true;
     content.metadata.emplace_back("STATE_CODES", state_legend());
     content.bands.push_back({run.echo_w.cells.data(), "echo", "W", {}, {}});
     content.bands.push_back({states.data(), "state", "", {}, {}});

@@ -29,6 +29,9 @@ enum class OutputLayer { scope, masked_scope, echo, power, states };
 /// (of a masked scope).
 void check_output(const OutputFile& file, OutputLayer layer, const RasterFormat& format);
 
+/// How far the places of a geolocation array may be off for want of a geodesic each, in range bins or pixels.
+inline constexpr double place_error = 0.01;
+
 enum class PowerUnit { watt, dbm };
 
 /// Band 1 echo (W), band 2 state (its codes), on scene.swept. Float32 both: a GeoTIFF has one type for all its bands.

@@ -1,10 +1,10 @@
 #include "tiles/raster_writer.hpp"
 
 #include <cpl_string.h>
+#include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 #include <tbb/task_arena.h>
 
-#include <GeographicLib/Geodesic.hpp>
 #include <algorithm>
 #include <cctype>
 #include <cmath>
@@ -88,14 +88,20 @@ GDALDriver& driver_for(const std::string& path, GDALDataType type, const RasterF
     return driver;
 }
 
-CPLStringList creation_options(GDALDriver& driver, GDALDataType type, bool patches, const RasterFormat& format) {
+struct Packing {
+    bool patches = false, quick_to_read = false;  ///< as of a RasterContent
+};
+
+CPLStringList creation_options(GDALDriver& driver, GDALDataType type, Packing packing, const RasterFormat& format) {
+    const bool patches = packing.patches;
     CPLStringList options;
     const std::string name = driver.GetDescription();
     if (name == "GTiff") {
         options.SetNameValue("TILED", "YES");
         options.SetNameValue("COMPRESS", patches && type == GDT_Byte ? "PACKBITS" : "DEFLATE");
         // Bytes are codes: differences of neighbours take longer to make and to pack, and more room.
-        if (type != GDT_Byte && !patches) options.SetNameValue("PREDICTOR", GDALDataTypeIsFloating(type) ? "3" : "2");
+        if (type != GDT_Byte && !patches && !packing.quick_to_read)
+            options.SetNameValue("PREDICTOR", GDALDataTypeIsFloating(type) ? "3" : "2");
         // Floats and counts: higher levels take twice as long for little less.
         if (GDALDataTypeIsFloating(type) || (patches && type != GDT_Byte)) options.SetNameValue("ZLEVEL", "1");
         options.SetNameValue("INTERLEAVE", "BAND");
@@ -191,18 +197,19 @@ void write_geolocation(const GeolocationGrid& grid, const std::string& path, con
     // of the other end.
     const std::int64_t margin = grid.closed ? 1 : 0, rows = grid.rows + 2 * margin;
     std::vector<double> x(static_cast<std::size_t>(grid.columns * rows), no_place), y = x;
-    const auto find_row = [&](std::int64_t j) {
-        for (std::int64_t i = 0; i < grid.columns; ++i) {
-            const Place at =
-                grid.place(static_cast<double>(i * grid.column_step), static_cast<double>(j * grid.row_step));
-            const auto node = static_cast<std::size_t>((j + margin) * grid.columns + i);
-            x[node] = at.x;
-            y[node] = at.y;
-        }
-    };
-    // A geodesic a node takes longer than all else that a picture is made of.
+    const auto columns = static_cast<std::size_t>(grid.columns);
     tbb::task_arena(std::max(1, grid.threads)).execute([&] {
-        tbb::parallel_for(std::int64_t{0}, grid.rows, find_row);
+        tbb::parallel_for(tbb::blocked_range<std::int64_t>(0, grid.rows, 16), [&](const auto& some) {
+            std::vector<Place> places(columns);
+            for (std::int64_t j = some.begin(); j < some.end(); ++j) {
+                grid.find_row(static_cast<double>(j * grid.row_step), places.data());
+                const std::size_t node = static_cast<std::size_t>(j + margin) * columns;
+                for (std::size_t i = 0; i < columns; ++i) {
+                    x[node + i] = places[i].x;
+                    y[node + i] = places[i].y;
+                }
+            }
+        });
     });
     RasterContent content;
     content.columns = grid.columns;
@@ -213,9 +220,14 @@ void write_geolocation(const GeolocationGrid& grid, const std::string& path, con
     content.bands[0] = {x.data(), "x", "", no_place, {}};
     content.bands[1] = {y.data(), "y", "", no_place, {}};
     GDALDriver& driver = *GetGDALDriverManager()->GetDriverByName("GTiff");
+    CPLStringList options = creation_options(driver, GDT_Float64, {}, {});
+    if (!grid.packed) {
+        options.Clear();
+        options.SetNameValue("INTERLEAVE", "BAND");
+    }
     GdalErrors errors;
     DatasetHandle dataset(driver.Create(path.c_str(), static_cast<int>(content.columns), static_cast<int>(content.rows),
-                                        2, GDT_Float64, creation_options(driver, GDT_Float64, false, {}).List()));
+                                        2, GDT_Float64, options.List()));
     if (!dataset) fail(final_path, errors);
     describe(*dataset, content, {});
     write_bands(*dataset, content, final_path, errors);
@@ -302,14 +314,15 @@ void check_output(const OutputFile& file, OutputLayer layer, const RasterFormat&
         layer == OutputLayer::scope || layer == OutputLayer::masked_scope || layer == OutputLayer::states;
     const GDALDataType type = bytes ? GDT_Byte : GDT_Float32;
     GDALDriver& driver = driver_for(file.final_path(), type, format);
-    const CPLStringList options = creation_options(driver, type, false, format);
+    const CPLStringList options = creation_options(driver, type, {}, format);
     if (layer == OutputLayer::masked_scope) check_alpha(driver, options, file.final_path());
 }
 
 void write_raster(const RasterContent& content, const OutputFile& file, const RasterFormat& format) {
     const std::string& final_path = file.final_path();
     GDALDriver& driver = driver_for(final_path, content.type, format);
-    const CPLStringList options = creation_options(driver, content.type, content.patches, format);
+    const CPLStringList options =
+        creation_options(driver, content.type, {content.patches, content.quick_to_read}, format);
     if (content.columns < 1 || content.rows < 1 || content.columns > std::numeric_limits<int>::max() ||
         content.rows > std::numeric_limits<int>::max())
         throw InputError(text("output '", final_path, "' would have ", content.columns, " x ", content.rows,
@@ -347,7 +360,8 @@ void write_raster(const RasterContent& content, const OutputFile& file, const Ra
 DatasetHandle create_raster(const RasterContent& content, const OutputFile& file, const RasterFormat& format) {
     const std::string& final_path = file.final_path();
     GDALDriver& driver = driver_for(final_path, content.type, format);
-    const CPLStringList options = creation_options(driver, content.type, content.patches, format);
+    const CPLStringList options =
+        creation_options(driver, content.type, {content.patches, content.quick_to_read}, format);
     if (!has(driver, GDAL_DCAP_CREATE))
         throw InputError(text("output '", final_path, "': driver ", driver.GetDescription(),
                               " writes whole rasters only; accepted: one that writes tile by tile, such as GTiff"));
@@ -385,29 +399,6 @@ Metadata scene_metadata(const ResolvedScene& scene, const RasterFormat& format) 
     items.emplace_back("SENSOR_Y", fifteen_digits(scene.y));
     items.emplace_back("SENSOR_HEIGHT_M", fifteen_digits(scene.sensor_m));
     return items;
-}
-
-Ground::Ground(const ResolvedScene& scene, const RasterFormat& format)
-    : scene_(scene), metres_per_unit_(format.metres_per_unit),
-      crs_(scene.geometry == Geometry::geodesic ? "EPSG:4326" : format.crs_wkt) {}
-
-Place Ground::place(double azimuth_rad, double arc_m) const {
-    if (scene_.geometry == Geometry::grid) {
-        const double s = arc_m / metres_per_unit_;
-        return {scene_.x + s * std::sin(azimuth_rad), scene_.y + s * std::cos(azimuth_rad)};
-    }
-    double lat = 0, lon = 0;
-    GeographicLib::Geodesic::WGS84().Direct(scene_.lat_deg, scene_.lon_deg, Angle::radians(azimuth_rad).deg(), arc_m,
-                                            lat, lon);
-    // Near the sensor's own longitude, so that no picture is torn at 180 degrees.
-    return {scene_.lon_deg + std::remainder(lon - scene_.lon_deg, 360.0), lat};
-}
-
-double Ground::arc_m(double range_m) const {
-    if (scene_.scene.display.kind == DisplayKind::gpi_true) return range_m;
-    if (range_m <= std::fabs(scene_.sensor_m - scene_.reference_m)) return 0;
-    constexpr double half_way_round = 2e7;
-    return scene_.earth.arc_m(scene_.sensor_m, scene_.reference_m, range_m).value_or(half_way_round);
 }
 
 std::string fifteen_digits(double value) { return fmt::format("{:.15g}", value); }

@@ -11,6 +11,7 @@
 
 #include "lib/engine.hpp"
 #include "tiles/gdal_handle.hpp"
+#include "tiles/ground_places.hpp"
 #include "tiles/output_file.hpp"
 #include "tiles/polar_raster.hpp"
 
@@ -26,19 +27,16 @@ struct BandContent {
 
 using Metadata = std::vector<std::pair<std::string, std::string>>;
 
-/// A place in the CRS of the geolocation array; longitude first.
-struct Place {
-    double x = 0, y = 0;
-};
-
 /// Node (i, j) of the array stands at the corner of cells at column `i * column_step`, row `j * row_step` of the
 /// raster: GDAL's default convention. Corners, not centres: so the array of a full circle closes.
 struct GeolocationGrid {
     std::int64_t columns = 0, rows = 0;
     std::int64_t column_step = 1, row_step = 1;
-    std::function<Place(double column, double row)> place;
+    /// Writes the places of the `columns` nodes at a row of the raster; asked for several rows at once.
+    std::function<void(double row, Place* places)> find_row;
+    bool packed = true;   ///< else as it is: packing takes longer than finding the places
     bool closed = false;  ///< the last row of nodes stands where the first one does
-    int threads = 1;      ///< that find the places, each on its own; `place` is asked by several at once
+    int threads = 1;      ///< that find the places, each on its own
     std::string crs;      ///< anything GDAL understands; empty: a plane that is nowhere on earth
 };
 /// The grid for a raster of so many cells, with steps of at most these.
@@ -51,6 +49,9 @@ struct RasterContent {
     /// Codes and counts that stay the same over many posts. Bytes, as a mask's, are packed by runs, which every reader of TIFF
     /// knows and which takes a tenth of DEFLATE's time; others by DEFLATE at its fastest.
     bool patches = false;
+    /// Floats without the prediction of neighbours, which takes as long to undo as all other unpacking: for what is read again and
+    /// again and mostly empty, so that it hardly takes more room.
+    bool quick_to_read = false;
     std::vector<BandContent> bands;
     Metadata metadata;
     std::optional<std::array<double, 6>> geotransform;
@@ -72,22 +73,6 @@ void close_raster(DatasetHandle dataset, const std::string& final_path);
 Metadata run_metadata(const RasterFormat& format);
 /// And of one sensor where it stands.
 Metadata scene_metadata(const ResolvedScene& scene, const RasterFormat& format);
-
-/// Ground positions round the sensor: geodesics in geodesic geometry, straight lines in the raster's x, y otherwise.
-class Ground {
-public:
-    Ground(const ResolvedScene& scene, const RasterFormat& format);
-    /// "EPSG:4326", or the raster's own.
-    const std::string& crs() const { return crs_; }
-    Place place(double azimuth_rad, double arc_m) const;
-    /// Arc at the reference height of a range of the scene's range bins; 0 inside the altitude hole.
-    double arc_m(double range_m) const;
-
-private:
-    const ResolvedScene& scene_;
-    double metres_per_unit_;
-    std::string crs_;
-};
 
 /// At most 15 significant digits.
 std::string fifteen_digits(double value);

@@ -201,8 +201,7 @@ void coverage(const std::vector<std::string>& arguments, Stop& stop) {
     if (choice.spilled)
         remark(settings.quiet,
                text(choice.kept ? "terrain read from " : "terrain sorted into wedges first: ", choice.why));
-    for (const std::string& unfit : {choice.unfit, unfit_map})
-        if (!unfit.empty()) remark(settings.quiet, text("not used: ", unfit));
+    for (const std::string& unfit : {choice.unfit, unfit_map}) remark_unused(settings.quiet, unfit);
     remark(settings.quiet,
            text("written: ", settings.output, fmt::format(" ({:.1f} s, {:.0f} Mposts/s)", wall, all / wall * 1e-6)));
     if (settings.profile || settings.verbose) fmt::print(stderr, "{}", report_table(report, usage));

@@ -61,6 +61,10 @@ nlohmann::ordered_json to_json(const Model& model, const char* family) {
 }
 
 void list_models(const Settings& settings) {
+    for (const auto& [key, given] : {std::pair("in", !settings.table.empty()),
+                                     {"output (-o)", !settings.output.empty()},
+                                     {"digits", settings.digits.has_value()}})
+        if (given) throw InputError(text(key, " is given with list, which evaluates nothing and prints what there is"));
     if (settings.files.size() > 1)
         throw InputError(text("list takes one model at most; found ", settings.files.size()));
     const Model* only = settings.files.empty() ? nullptr : &model_by_name(settings.files[0]);
@@ -135,8 +139,16 @@ std::optional<ModelValue> default_of(const ModelInput& input) {
     throw Error(text("the default ", in_quotes(input.fallback), " of ", input.name, " is not accepted"));
 }
 
+/// Of inputs that are each in range. NoSolution where the library has none for them together, whatever its reason.
 std::vector<double> outputs_of(const Model& model, std::span<const ModelValue> values) {
-    std::vector<double> outputs = model.evaluate(Arguments(model.inputs, values));
+    std::vector<double> outputs;
+    try {
+        outputs = model.evaluate(Arguments(model.inputs, values));
+    } catch (const NoSolution&) {
+        throw;
+    } catch (const InputError& e) {
+        throw NoSolution(e.what());
+    }
     if (outputs.size() != model.outputs.size())
         throw Error(text("model ", model.name, " makes ", outputs.size(), " values of ", model.outputs.size()));
     for (std::size_t i = 0; i < outputs.size(); ++i)
@@ -386,8 +398,6 @@ private:
             }
         } catch (const NoSolution& e) {
             why = e.what();
-        } catch (const InputError& e) {
-            throw InputError(text(rows_.subject(), ", line ", rows_.line(), ": ", e.what()));
         }
         if (!why.empty() && ++lacking_rows_ == 1) first_lacking_ = text(rows_.line(), ": ", why);
         return out;
@@ -420,12 +430,13 @@ void evaluate_table(const Model& model, const Fixed& fixed, const Settings& sett
         std::ios::sync_with_stdio(false);
     }
     TableEvaluation evaluation(model, fixed, subject, standard_input ? std::cin : file);
-    if (!evaluation.passed_through().empty())
-        remark(settings.quiet, text(subject, ": columns that are no input of ", model.name,
-                                    " stay as they are: ", listed(evaluation.passed_through())));
     Sink sink(settings.output, settings.overwrite);
     evaluation.run(sink, settings.digits, stop);
     sink.finish();
+    // After the rows: what goes wrong with them is one line, alone.
+    if (!evaluation.passed_through().empty())
+        remark(settings.quiet, text(subject, ": columns that are no input of ", model.name,
+                                    " stay as they are: ", listed(evaluation.passed_through())));
     if (const std::string lacking = evaluation.lacking(); !lacking.empty()) remark(settings.quiet, lacking);
 }
 

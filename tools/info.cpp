@@ -262,7 +262,7 @@ json source_json(const SourceChoice& choice) {
 
 std::string source_text(const SourceChoice& choice) {
     return row("source", text(choice.spilled ? "spilled: " : "direct: ", choice.why)) +
-           (choice.unfit.empty() ? "" : row("", text("not used: ", choice.unfit)));
+           (choice.unfit.empty() ? "" : row("", unused_line(choice.unfit)));
 }
 
 void check_one_place(const Settings& settings) {

@@ -101,7 +101,7 @@ struct Model {
     std::string source;   ///< section of docs/physics.md, source and confidence tag
     std::vector<ModelInput> inputs;
     std::vector<ModelOutput> outputs;
-    /// Outputs in their order, SI where the unit has a dimension. NoSolution; InputError.
+    /// Outputs in their order, SI where the unit has a dimension. NoSolution; an InputError of the library counts as one.
     std::vector<double> (*evaluate)(const Arguments&);
     std::string example;  ///< values as on the command line: "h=3000m"
 };

@@ -1,9 +1,13 @@
 // Models of physics 6: the air, its gases, rain, cloud and fog, and what they take from a ray.
+#include <algorithm>
 #include <cmath>
+#include <memory>
 
 #include "lib/atmosphere.hpp"
 #include "lib/path_loss.hpp"
 #include "lib/rain.hpp"
+#include "lib/rain_echo.hpp"
+#include "tools/model_inputs.hpp"
 #include "tools/models.hpp"
 
 namespace wedgescope {
@@ -28,7 +32,7 @@ ModelInput tilt() {
     return number("t_pol", "deg", "tilt of the polarisation (0 H, 90 V, 45 circular)", 0, 90).by_default("0deg");
 }
 
-PathLoss loss_of(const Arguments& a) {
+WeatherParams weather_params(const Arguments& a) {
     WeatherParams params;
     if (!a.word("rho0")) params.vapour_g_m3 = a["rho0"];
     params.rain_mm_h = rate_of(a);
@@ -37,15 +41,134 @@ PathLoss loss_of(const Arguments& a) {
     params.cloud_base_m = a["h_b"];
     params.cloud_top_m = a["h_c"];
     params.tilt = a.angle("t_pol");
-    const Earth earth = a.word("k") ? Earth() : Earth(a["k"] * mean_radius_m);
-    return path_loss(Weather(params, a["f"]), earth, a["hs"], a["r"], -std::sin(a["delta"]));
+    return params;
+}
+
+/// Numbers that tell one weather at one frequency from another.
+std::vector<double> weather_key(const WeatherParams& w, double frequency_hz) {
+    return {w.vapour_g_m3.value_or(-1),
+            w.rain_mm_h,
+            w.rain_top_m,
+            w.liquid_water_g_m3,
+            w.cloud_base_m,
+            w.cloud_top_m,
+            w.tilt.rad(),
+            frequency_hz};
+}
+
+/// Made line by line of the spectrum, which takes longer than a ray: the last one serves the rows of a table that have the same.
+const Weather& weather_of(const WeatherParams& params, double frequency_hz) {
+    static std::vector<double> key;
+    static std::unique_ptr<const Weather> last;
+    if (std::vector<double> now = weather_key(params, frequency_hz); now != key || !last) {
+        last = std::make_unique<const Weather>(params, frequency_hz);
+        key = std::move(now);
+    }
+    return *last;
+}
+
+/// R is the rain's rate here.
+Earth mean_earth(const Arguments& a) { return a.word("k") ? Earth() : Earth(a["k"] * mean_radius_m); }
+
+PathLoss loss_of(const Arguments& a) {
+    return path_loss(weather_of(weather_params(a), a["f"]), mean_earth(a), a["hs"], a["r"], -std::sin(a["delta"]));
+}
+
+std::vector<ModelInput> joined(std::vector<ModelInput> first, const std::vector<ModelInput>& more) {
+    first.insert(first.end(), more.begin(), more.end());
+    return first;
+}
+
+/// Of what is not rain's own: gases, and what rain and cloud take.
+std::vector<ModelInput> weather_inputs() {
+    return {number("rho0", "g/m^3", "water vapour at sea level; none: no gases at all", 0, most_vapour_g_m3)
+                .or_word("none")
+                .by_default(normal_vapour_g_m3),
+            number("h_R", "m", "top of the rain", -1000, 20e3).by_default(WeatherParams{}.rain_top_m),
+            number("M", "g/m^3", "liquid water of cloud or fog", 0, 10).by_default("0"),
+            number("h_b", "m", "base of the cloud", -1000, 19e3).by_default("0m"),
+            number("h_c", "m", "top of the cloud", -1000, 20e3).by_default("1000m"),
+            tilt(),
+            number("k", "", "factor of the earth's mean radius", 0.1, 1e6).or_word("flat").by_default("4/3")};
+}
+
+/// The last one serves too. The largest range grows in octaves, so that a row's result does not hang on the rows before it.
+const RainEcho& rain_echo_of(const Arguments& a, double far_m) {
+    const WeatherParams params = weather_params(a);
+    RainEchoParams echo;
+    RadarParams& radar = echo.radar;
+    radar.antenna = elevation_antenna(a);
+    radar.antenna.azimuth = azimuth_antenna(a).azimuth;
+    radar.antenna.beam = azimuth_antenna(a).beam;
+    radar.frequency_hz = a["f"];
+    radar.transmit_power_w = a["P_t"];
+    radar.gain = a.decibel("G_0");
+    radar.losses = a.decibel("L_s");
+    radar.pulse_s = a["tau"];
+    echo.earth = mean_earth(a);
+    echo.sensor_m = a["hs"];
+    echo.reference_m = a["h_0"];
+    echo.circular = *a.word("pol") == 1;
+    echo.most_range_m = 10e3;
+    while (echo.most_range_m < far_m) echo.most_range_m *= 2;
+
+    static std::vector<double> key;
+    static std::unique_ptr<const RainEcho> last;
+    std::vector<double> now = weather_key(params, radar.frequency_hz);
+    for (const char* name : {"P_t", "G_0", "L_s", "tau", "theta_3", "beta_0", "theta_el", "p", "tilt", "g_floor"})
+        now.push_back(a[name]);
+    for (const char* name : {"pattern", "antenna", "pol"}) now.push_back(*a.word(name));
+    for (const double value : {echo.earth.inverse_radius(), echo.sensor_m, echo.reference_m, echo.most_range_m})
+        now.push_back(value);
+    if (now != key || !last) {
+        const Weather& weather = weather_of(params, radar.frequency_hz);
+        const PathLossTable loss(weather,
+                                 {echo.earth, echo.sensor_m, echo.most_range_m, std::min(-500.0, echo.reference_m - 1),
+                                  std::max(9000.0, params.rain_top_m)});
+        last = std::make_unique<const RainEcho>(weather, loss, PatternTable(radar.antenna), echo);
+        key = std::move(now);
+    }
+    return *last;
+}
+
+std::vector<ModelInput> rain_volume_inputs() {
+    const RadarParams set;
+    std::vector<ModelInput> inputs = {
+        above("r", "m", "slant range", 0, 1e6),
+        number("hs", "m", "height of the antenna above sea level", -1000, 1e6),
+        number("h_0", "m", "reference height: a level surface below the rain", -1000, 3000).by_default("0m"),
+        rate(),
+        frequency(200),
+        one_of("pol", "polarisation", {"linear", "circular"}).by_default("linear"),
+        number("dr", "m", "size of a range bin (default c tau/8)", 0.01, 1e5).or_word("auto").by_default("auto"),
+        number("P_t", "W", "transmitter's peak power", 1e-3, 1e9).by_default(set.transmit_power_w),
+        number("G_0", "dB", "peak gain, one-way", -100, 100).by_default(set.gain),
+        number("L_s", "dB", "system losses", 0, 100).by_default(set.losses),
+        number("tau", "s", "(compressed) length of the pulse", 1e-10, 1e-3).by_default(set.pulse_s)};
+    for (auto more : {azimuth_pattern_inputs(), elevation_pattern_inputs(), weather_inputs()})
+        inputs.insert(inputs.end(), more.begin(), more.end());
+    return inputs;
+}
+
+double dbm(double power_w) { return power_w > 0 ? db(power_w) + 30 : no_value; }
+
+std::vector<double> rain_volume(const Arguments& a) {
+    RadarParams radar;
+    radar.pulse_s = a["tau"];
+    const double range_m = a["r"], bin_m = a.word("dr") ? default_range_bin_m(radar) : a["dr"];
+    const auto bin = static_cast<std::int64_t>(range_m / bin_m);
+    const RainEcho& echo = rain_echo_of(a, std::max(range_m, static_cast<double>(bin + 1) * bin_m));
+    const double bin_w = echo.bins_w({bin, bin + 1}, bin_m).front();
+    return {echo.density_w_m(range_m), echo.power_w(range_m), bin_w, dbm(bin_w)};
 }
 
 std::vector<Model> air_models() {
     return {
         {"standard-air",
-         "temperature, pressure and water vapour of the reference atmosphere at a height",
-         "physics 6.1 [V2: ITU-R P.835-6]",
+         "temperature, pressure and water vapour of the reference atmosphere at a height; above 51 km' the law of 47 "
+         "km' goes "
+         "on, below -1 km the air is that of -1 km",
+         "physics 6.1 [V2: ITU-R P.835-6; above 51 km' and below -1 km P]",
          {number("h", "m", "height above sea level", -1000, 1e6),
           number("rho0", "g/m^3", "water vapour at sea level", 0, most_vapour_g_m3).by_default(normal_vapour_g_m3)},
          {{"T", "K", "temperature"},
@@ -114,20 +237,23 @@ std::vector<Model> rain_models() {
              return {z, db(z), rain_cross_section_per_m(a["f"], rate_mm_h), rain_cancellation(rate_mm_h).db()};
          },
          "R=2mm/h f=9GHz"},
+        {"rain-volume",
+         "what rain itself sends back into a range bin, after beam and pulse, behind what the weather takes",
+         "physics 6.4 [V2; layer, widening and near rain P; cancellation U, P]",
+         rain_volume_inputs(),
+         {{"p_r", "W/m", "echo of a metre of range"},
+          {"P_r", "W", "power received at the range: of the pulse's length before it"},
+          {"P_bin", "W", "the same, mean over the range bin that the range lies in"},
+          {"P_bin_dBm", "dBm", "the same"}},
+         rain_volume,
+         "r=20km hs=7000ft R=heavy"},
         {"path-loss",
          "two-way loss of a ray through gases, rain and cloud",
          "physics 6.2 to 6.5 along the ray of 1.1 [V2: ITU-R P.676-13, P.838-3, P.840-8; layers P]",
-         {number("hs", "m", "height of the antenna above sea level", -1000, 1e6),
-          number("delta", "deg", "depression at the antenna, positive down", -90, 90),
-          above("r", "m", "slant range", 0, 1e6), frequency(200),
-          number("rho0", "g/m^3", "water vapour at sea level; none: no gases at all", 0, most_vapour_g_m3)
-              .or_word("none")
-              .by_default(normal_vapour_g_m3),
-          rate().by_default("clear"), number("h_R", "m", "top of the rain", -1000, 20e3).by_default(3000),
-          number("M", "g/m^3", "liquid water of cloud or fog", 0, 10).by_default("0"),
-          number("h_b", "m", "base of the cloud", -1000, 19e3).by_default("0m"),
-          number("h_c", "m", "top of the cloud", -1000, 20e3).by_default("1000m"), tilt(),
-          number("k", "", "factor of the earth's mean radius", 0.1, 1e6).or_word("flat").by_default("4/3")},
+         joined({number("hs", "m", "height of the antenna above sea level", -1000, 1e6),
+                 number("delta", "deg", "depression at the antenna, positive down", -90, 90),
+                 above("r", "m", "slant range", 0, 1e6), frequency(200), rate().by_default("clear")},
+                weather_inputs()),
          {{"A_g", "dB", "by gases"},
           {"A_R", "dB", "by rain"},
           {"A_c", "dB", "by cloud"},

@@ -4,6 +4,8 @@
 #include <algorithm>
 
 #include "lib/earth.hpp"
+#include "lib/facet.hpp"
+#include "tools/model_inputs.hpp"
 #include "tools/models.hpp"
 
 namespace wedgescope {
@@ -11,18 +13,8 @@ namespace {
 
 constexpr double lowest_m = -10e3, highest_m = 1e6;
 
-ModelInput height(const char* name, const char* meaning) { return number(name, "m", meaning, lowest_m, highest_m); }
-ModelInput earth_factor() {
-    return number("k", "", "factor of the earth's radius", 0.1, 1e6).or_word("flat").by_default("4/3");
-}
-ModelInput earth_radius() {
-    return number("R", "m", "radius of the earth before the factor (default R1, the mean radius)", 1e5, 1e8)
-        .by_default(mean_radius_m);
-}
-Earth earth(const Arguments& a) { return a.word("k") ? Earth() : Earth(a["k"] * a["R"]); }
-
 double arc(const Arguments& a) {
-    if (const auto s = earth(a).arc_m(a["hs"], a["h"], a["r"])) return *s;
+    if (const auto s = earth_of(a).arc_m(a["hs"], a["h"], a["r"])) return *s;
     throw NoSolution(text("no point of height ", a["h"], " m is at slant range ", a["r"], " m of an antenna at height ",
                           a["hs"], " m"));
 }
@@ -37,45 +29,59 @@ double rad(double deg) { return Angle::degrees(deg).rad(); }
 
 }  // namespace
 
+ModelInput height_input(const char* name, const char* meaning) {
+    return number(name, "m", meaning, lowest_m, highest_m);
+}
+ModelInput earth_factor_input() {
+    return number("k", "", "factor of the earth's radius", 0.1, 1e6).or_word("flat").by_default("4/3");
+}
+ModelInput earth_radius_input() {
+    return number("R", "m", "radius of the earth before the factor (default R1, the mean radius)", 1e5, 1e8)
+        .by_default(mean_radius_m);
+}
+Earth earth_of(const Arguments& a) { return a.word("k") ? Earth() : Earth(a["k"] * a["R"]); }
+
 std::vector<Model> geometry_models() {
     return {
         {"sight",
          "slant range, depression and grazing angle of a point over the effective earth",
          "physics 1.1 [V2: Skolnik; Long]",
-         {height("hs", "height of the antenna above sea level"), height("h", "height of the point"),
-          number("s", "m", "arc between them along the surface", 0, 2e7), earth_factor(), earth_radius()},
+         {height_input("hs", "height of the antenna above sea level"), height_input("h", "height of the point"),
+          number("s", "m", "arc between them along the surface", 0, 2e7), earth_factor_input(), earth_radius_input()},
          {{"r", "m", "slant range"},
           {"delta", "deg", "depression at the antenna, positive down"},
           {"psi", "deg", "grazing angle at the point, of the horizontal plane"},
           {"theta", "deg", "angle at the earth's centre"}},
          [](const Arguments& a) -> std::vector<double> {
-             const Earth::Sight sight = earth(a).sight(a["hs"], a["h"], a["s"]);
-             return {sight.slant_range_m, sight.depression_rad, sight.grazing_rad, a["s"] * earth(a).inverse_radius()};
+             const Earth::Sight sight = earth_of(a).sight(a["hs"], a["h"], a["s"]);
+             return {sight.slant_range_m, sight.depression_rad, sight.grazing_rad,
+                     a["s"] * earth_of(a).inverse_radius()};
          },
          "hs=3000m h=250m s=20km"},
         {"arc",
          "arc, depression and grazing angle of a point at a slant range over the effective earth",
          "physics 1.1 [V2: Skolnik; Long]",
-         {height("hs", "height of the antenna above sea level"), height("h", "height of the point"),
-          number("r", "m", "slant range", 0, 1e7), earth_factor(), earth_radius()},
+         {height_input("hs", "height of the antenna above sea level"), height_input("h", "height of the point"),
+          number("r", "m", "slant range", 0, 1e7), earth_factor_input(), earth_radius_input()},
          {{"s", "m", "arc along the surface"},
           {"delta", "deg", "depression at the antenna, positive down"},
           {"psi", "deg", "grazing angle at the point, of the horizontal plane"}},
          [](const Arguments& a) -> std::vector<double> {
              const double s = arc(a);
-             const Earth::Sight sight = earth(a).sight(a["hs"], a["h"], s);
+             const Earth::Sight sight = earth_of(a).sight(a["hs"], a["h"], s);
              return {s, sight.depression_rad, sight.grazing_rad};
          },
          "hs=300m h=0m r=1km k=1 R=8477.362km"},
         {"ray",
          "height of a straight ray over the effective earth, and the arc below it",
          "physics 1.1 [V2: Skolnik; Long]",
-         {height("hs", "height of the antenna above sea level"),
+         {height_input("hs", "height of the antenna above sea level"),
           number("delta", "deg", "depression at the antenna, positive down", -90, 90),
-          number("t", "m", "distance from the antenna along the ray", 0, 1e7), earth_factor(), earth_radius()},
+          number("t", "m", "distance from the antenna along the ray", 0, 1e7), earth_factor_input(),
+          earth_radius_input()},
          {{"h", "m", "height of the ray there"}, {"s", "m", "arc along the surface"}},
          [](const Arguments& a) -> std::vector<double> {
-             const Earth::RayPoint point = earth(a).ray_point(a["hs"], a["delta"], a["t"]);
+             const Earth::RayPoint point = earth_of(a).ray_point(a["hs"], a["delta"], a["t"]);
              return {point.height_m, point.arc_m};
          },
          "hs=7000ft delta=1.5deg t=30nmi"},
@@ -84,17 +90,32 @@ std::vector<Model> geometry_models() {
          "physics 1.2 [V2]",
          {number("h", "m", "height of the antenna above sea level", 0, highest_m),
           number("h_t", "m", "height of the target", 0, highest_m).by_default("0m"),
-          number("k", "", "factor of the earth's radius", 0.1, 1e6).by_default("4/3"), earth_radius()},
+          number("k", "", "factor of the earth's radius", 0.1, 1e6).by_default("4/3"), earth_radius_input()},
          {{"s_h", "m", "arc to the horizon"},
           {"t_h", "m", "length of the line of sight to it"},
           {"theta_h", "deg", "its depression (dip)"},
           {"s_t", "m", "arc to the target where it comes into sight"}},
          [](const Arguments& a) -> std::vector<double> {
-             const Earth e = earth(a);
+             const Earth e = earth_of(a);
              const double s = e.horizon_arc_m(a["h"]);
              return {s, e.horizon_distance_m(a["h"]), s * e.inverse_radius(), s + e.horizon_arc_m(a["h_t"])};
          },
          "h=3000m"},
+        {"facet",
+         "local grazing angle and areas of sloping ground",
+         "physics 1.3 [V2: vector geometry]",
+         {above("psi", "deg", "grazing angle of the horizontal plane there", -90, 90),
+          turn("A", "azimuth of the outgoing ray at the point, from north").by_default("0deg"),
+          number("dz_dx", "", "slope towards east", -1000, 1000).by_default("0"),
+          number("dz_dy", "", "slope towards north", -1000, 1000).by_default("0")},
+         {{"psi_l", "deg", "local grazing angle; not above 0: the facet shadows itself"},
+          {"a_true", "", "true area over plan area, 1 / n_up"},
+          {"a_seen", "", "area projected on the plane normal to the ray, over plan area; 0 where it shadows itself"}},
+         [](const Arguments& a) -> std::vector<double> {
+             const Facet facet = facet_of(a.angle("psi"), a.angle("A"), a["dz_dx"], a["dz_dy"]);
+             return {facet.local_grazing.rad(), facet.true_area, facet.projected_area()};
+         },
+         "psi=5deg A=90deg dz_dx=0.2"},
         {"earth-radius",
          "radii of curvature of WGS84 at a latitude, and the effective one towards an azimuth",
          "physics 1.1 [V2]",

@@ -1,6 +1,11 @@
-// Models of physics 2: radar equation, noise, receiver, display.
+// Models of physics 1.4 and 2: radar equation, noise, receiver, display.
+#include <algorithm>
+#include <cmath>
+
+#include "lib/display.hpp"
 #include "lib/radar_equation.hpp"
 #include "lib/receiver.hpp"
+#include "tools/model_inputs.hpp"
 #include "tools/models.hpp"
 
 namespace wedgescope {
@@ -172,6 +177,32 @@ std::vector<Model> receiver_models() {
              return {levels.if_stage, levels.video, static_cast<double>(levels.grey)};
          },
          "P=-80dBm MDS=-102dBm G_if=50dB"},
+        {"display",
+         "where on the tube a slant range is painted",
+         "physics 1.4 [V2; time-delayed sweep P]",
+         {one_of("display", "kind of sweep", {"gpi", "ppi", "tdppi"}).by_default("gpi"), slant_range(),
+          height_input("hs", "height of the antenna above sea level"),
+          height_input("h_0", "reference height").by_default("0m"),
+          number("r_d", "m", "slant range at the centre of tdppi (default: the height above the reference)", 0, 1e7)
+              .or_word("auto")
+              .by_default("auto"),
+          earth_factor_input(), earth_radius_input()},
+         {{"rho", "m", "radius on the tube, in metres of the display's own range"}},
+         [](const Arguments& a) -> std::vector<double> {
+             constexpr DisplayKind kinds[] = {DisplayKind::gpi, DisplayKind::ppi, DisplayKind::tdppi};
+             DisplaySetting setting;
+             setting.params.kind = kinds[*a.word("display")];
+             setting.sensor_m = a["hs"];
+             setting.reference_m = a["h_0"];
+             setting.sweep_delay_m = a.word("r_d") ? std::max(0.0, a["hs"] - a["h_0"]) : a["r_d"];
+             setting.earth = earth_of(a);
+             if (const auto radius_m = display_radius_m(setting, a["r"])) return {*radius_m};
+             throw NoSolution(
+                 text("slant range ", a["r"], " m is not shown; the sweep begins at ",
+                      setting.params.kind == DisplayKind::tdppi ? setting.sweep_delay_m : std::abs(a["hs"] - a["h_0"]),
+                      " m"));
+         },
+         "display=gpi r=10km hs=7000ft"},
     };
 }
 

@@ -13,6 +13,11 @@ namespace {
 
 ModelInput frequency(double low_ghz, double high_ghz) { return number("f", "GHz", "frequency", low_ghz, high_ghz); }
 ModelInput grazing(double high_deg = 90) { return above("psi", "deg", "local grazing angle", 0, high_deg); }
+/// Of the laws that end before the surface is edge-on.
+ModelInput held_grazing(double high_deg = 90) {
+    return above("psi", "deg", fmt::format("local grazing angle; below {0:.2g} deg as at {0:.2g}", least_grazing.deg()),
+                 0, high_deg);
+}
 ModelInput polarisation() { return one_of("pol", "polarisation", {"hh", "vv", "circular"}).by_default("hh"); }
 Polarisation polarisation_of(const Arguments& a) {
     constexpr Polarisation all[] = {Polarisation::hh, Polarisation::vv, Polarisation::circular};
@@ -39,6 +44,12 @@ ModelInput gamma_input() {
     return gamma;
 }
 
+ModelInput material_input() {
+    std::vector<std::string> names;
+    for (const Material& material : material_table()) names.emplace_back(material.name);
+    return one_of("material", "class of the ground", std::move(names));
+}
+
 double gamma10_of(const Arguments& a) {
     const auto material = a.word("gamma10_dB");
     if (!material) return a["gamma10_dB"];
@@ -60,11 +71,22 @@ std::vector<Model> land_models() {
              return {gamma_at(gamma10, a["f"]).db(), sigma0.ratio(), sigma0.db()};
          },
          "gamma10_dB=trees psi=5deg f=16.5GHz"},
+        {"class",
+         "gamma of a class' ground and of its walls, as scenes take them",
+         "physics 4.1, 7.4 [anchors V2, the rest U/P; frequency law U]",
+         {material_input(), number("f", "Hz", "frequency", 1e6, 1e12).by_default(RadarParams{}.frequency_hz)},
+         {{"gamma_dB", "dB", "gamma of the ground; calm water has none"},
+          {"gamma_w_dB", "dB", "gamma of walls: as of the ground where the class has no own"}},
+         [](const Arguments& a) -> std::vector<double> {
+             const ClassGamma gamma = gamma_table(a["f"], std::nullopt)[static_cast<std::size_t>(*a.word("material"))];
+             return {db(gamma.ground), db(gamma.wall)};
+         },
+         "material=suburban f=16.5GHz"},
         {"ulaby-dobson",
          "sigma0 of land by the mean fits of Ulaby and Dobson",
          "physics 4.2 [C rows V1, X and Ku rows U: Ulaby & Dobson 1989; below 10 degrees P]",
          {one_of("class", "class of the ground", {"soil", "grass", "shrubs", "short-vegetation"}), frequency(1, 18),
-          grazing(), polarisation()},
+          held_grazing(), polarisation()},
          sigma0_outputs(),
          [](const Arguments& a) -> std::vector<double> {
              return both(
@@ -76,7 +98,7 @@ std::vector<Model> land_models() {
          "physics 4.3 [V2: Oh, Sarabandi & Ulaby 1992; below 20 degrees P]",
          {number("eps_re", "", "permittivity e' of the soil", 1, 100),
           number("eps_im", "", "its loss e''", 0, 100).by_default("0"),
-          above("s_rms", "m", "rms height of the surface", 0, 0.05), frequency(1, 18), grazing()},
+          above("s_rms", "m", "rms height of the surface", 0, 0.05), frequency(1, 18), held_grazing()},
          {{"vv_dB", "dB", "sigma0, VV"}, {"hh_dB", "dB", "sigma0, HH"}, {"hv_dB", "dB", "sigma0, HV"}},
          [](const Arguments& a) -> std::vector<double> {
              const BareSoil soil{{a["eps_re"], -a["eps_im"]}, a["s_rms"]};
@@ -88,7 +110,7 @@ std::vector<Model> land_models() {
          "sigma0 of land by the Georgia Tech model, X band",
          "physics 4.4 [form V1, coefficients U: Currie, Zehner]",
          {one_of("class", "class of the ground", {"soil", "grass", "crops", "trees", "urban", "wet-snow", "dry-snow"}),
-          frequency(8, 12), number("sigma_h", "m", "rms height (of soil)", 0, 10).by_default("0m"), grazing()},
+          frequency(8, 12), number("sigma_h", "m", "rms height (of soil)", 0, 10).by_default("0m"), held_grazing()},
          sigma0_outputs(),
          [](const Arguments& a) -> std::vector<double> {
              return both(git_land_sigma0(chosen<GitLandClass>(a, "class"), a["f"], a["sigma_h"], a.angle("psi")));
@@ -98,7 +120,7 @@ std::vector<Model> land_models() {
          "sigma0 of land by Morchin's model",
          "physics 4.5 [form and wooded hills V1, other rows U]",
          {one_of("class", "class of the ground", {"desert", "farmland", "wooded-hills", "mountains"}),
-          frequency(0.3, 8), grazing()},
+          frequency(0.3, 8), held_grazing()},
          sigma0_outputs(),
          [](const Arguments& a) -> std::vector<double> {
              return both(morchin_sigma0(chosen<MorchinClass>(a, "class"), a["f"], a.angle("psi")));
@@ -131,7 +153,7 @@ std::vector<Model> sea_models() {
         {"git-sea",
          "sigma0 of the sea by wind direction, small grazing angles; sea state 0 returns nothing",
          "physics 5.2 [V2: Horst, Dyer & Tuley 1978]",
-         {frequency(1, 100), polarisation(), sea_state(), grazing(15),
+         {frequency(1, 100), polarisation(), sea_state(), held_grazing(15),
           number("phi", "deg", "look direction minus upwind", -360, 360).by_default("90deg"),
           number("V", "m/s", "wind (default: of the sea state)", 0, 50).or_word("auto").by_default("auto"),
           number("h_av", "m", "mean wave height (default: of the sea state)", 0, 20).or_word("auto").by_default("auto"),
@@ -148,14 +170,15 @@ std::vector<Model> sea_models() {
          "sigma0 of a mirror with slopes, near the vertical",
          "physics 5.4 [V2: geometric optics; mss U]",
          {number("Gamma_0", "", "reflectivity at normal incidence, of power", 0, 1),
-          above("mss", "", "mean square slope", 0, 1), grazing()},
+          above("mss", "", "mean square slope", 0, 1), held_grazing()},
          sigma0_outputs(),
          [](const Arguments& a) -> std::vector<double> {
              return both(quasi_specular_sigma0(a["Gamma_0"], a["mss"], a.angle("psi")));
          },
          "Gamma_0=0.6 mss=0.03 psi=80deg"},
         {"sea",
-         "sigma0 of the sea as scenes take it: NRL to 60 degrees of grazing, quasi-specular above",
+         "sigma0 of the sea as scenes take it: NRL from 0.1 (below as there) to 60 degrees of grazing, quasi-specular "
+         "above",
          "physics 5.1, 5.4 [V2; joint P]",
          {frequency(0.5, 35), polarisation(), sea_state(), grazing(), temperature().by_default(Water{}.temperature_c),
           salinity().by_default(Water{}.salinity_ppt)},
@@ -182,7 +205,7 @@ std::vector<Model> sea_models() {
         {"far-shore",
          "how water in front of a bank brightens it, and how much water that takes",
          "physics 5.3 [derived there]",
-         {frequency(0.5, 40), polarisation(), grazing(),
+         {frequency(0.5, 40), polarisation(), held_grazing(),
           number("sigma_h", "m", "rms height of the water's surface", 0, 10).by_default("0m"),
           number("h_b", "m", "height of the bank", 0, 1000).by_default("5m"),
           temperature().by_default(fresh_water.temperature_c), salinity().by_default(fresh_water.salinity_ppt)},

@@ -428,7 +428,7 @@ void coverage_of_observers(const Settings& given, double start_s, Stop& stop) {
                        observers->size(), settings.at_least.value_or(1), grouped(facts.posts.enough),
                        judged > 0 ? 100 * static_cast<double>(facts.posts.enough) / judged : 0.0, facts.posts.most));
     if (judged == 0) fmt::print(stderr, "{}", nothing_judged_line(settings));
-    if (!unfit_map.empty()) remark(settings.quiet, text("not used: ", unfit_map));
+    remark_unused(settings.quiet, unfit_map);
     remark(settings.quiet, text("written: ", settings.output,
                                 fmt::format(" ({:.1f} s, {:.1f} observers/s)", now_s() - start_s,
                                             static_cast<double>(observers->size()) / run->sweep_s())));

@@ -64,7 +64,11 @@ void check_names(const NamedPaths& outputs, const NamedPaths& inputs) {
 
 std::string set_file(const Settings& s) { return shipped_set(s.radar_set) ? "" : s.radar_set; }
 
-NamedPaths input_paths(const Settings& s) {
+namespace {
+
+/// Files of the data base and of places; the rasters first.
+constexpr std::size_t raster_paths = 3;
+NamedPaths data_paths(const Settings& s) {
     return {{"dem", s.dem},
             {"culture", s.culture},
             {"culture-height", s.culture_height},
@@ -73,39 +77,47 @@ NamedPaths input_paths(const Settings& s) {
             {"track", s.track},
             {"set", set_file(s)},
             {"antenna", s.antenna_file},
-            {"the scene file", s.files.empty() ? "" : s.files[0]}};
+            {"observers", s.observers}};
+}
+
+}  // namespace
+
+NamedPaths input_paths(const Settings& s) {
+    NamedPaths paths = data_paths(s);
+    paths.emplace_back("the scene file", s.files.empty() ? "" : s.files[0]);
+    return paths;
+}
+
+void check_run_names(const NamedPaths& outputs, const NamedPaths& inputs) {
+    check_names(outputs, inputs);
+    if (std::any_of(outputs.begin(), outputs.end(), [](const auto& out) { return !out.second.empty(); })) return;
+    std::string keys;
+    for (const auto& [key, path] : outputs)
+        keys += text(keys.empty() ? "" : ", ", key, std::string_view(key) == "output" ? " (-o)" : "");
+    throw InputError(text("no output is given; at least one of ", keys, " is needed"));
 }
 
 void check_run_names(const Settings& s) {
     const NamedPaths outputs{{"output", s.output}, {"echo", s.echo},     {"power", s.power},
                              {"states", s.states}, {"ground", s.ground_file}, {"report", s.report},
                              {"timeline", s.timeline}};
-    check_names(outputs, input_paths(s));
-    const bool any = std::any_of(outputs.begin(), outputs.end(), [](const auto& out) { return !out.second.empty(); });
-    if (!any && !s.only_wedges)
-        throw InputError(
-            "no output is given; at least one of output (-o), echo, power, states, ground, report, timeline is needed");
+    s.only_wedges ? check_names(outputs, input_paths(s)) : check_run_names(outputs, input_paths(s));
+}
+
+InputFile input_file(const std::string& key, const std::string& path, const std::string& crs) {
+    InputFile input{key, path, std::nullopt, crs};
+    std::error_code error;
+    if (const auto bytes = fs::file_size(path, error); !error) input.bytes = bytes;
+    return input;
 }
 
 std::vector<InputFile> input_files(const Settings& s, const DataBase& data_base, const std::string& scene_file) {
     std::vector<InputFile> inputs;
-    const auto add = [&](const char* key, const std::string& path, bool raster) {
-        if (path.empty()) return;
-        std::error_code error;
-        InputFile input{key, path, std::nullopt, raster ? crs_name(data_base.crs_wkt) : ""};
-        if (const auto bytes = fs::file_size(path, error); !error) input.bytes = bytes;
-        inputs.push_back(input);
-    };
-    add("dem", s.dem, true);
-    add("culture", s.culture, true);
-    add("culture-height", s.culture_height, true);
-    add("culture-legend", legend_path(s), false);
-    add("class-table", s.class_table, false);
-    add("set", set_file(s), false);
-    add("antenna", s.antenna_file, false);
-    add("track", s.track, false);
-    add("observers", s.observers, false);
-    add("scene", scene_file, false);
+    const NamedPaths paths = data_paths(s);
+    for (std::size_t i = 0; i < paths.size(); ++i)
+        if (const auto& [key, path] = paths[i]; !path.empty())
+            inputs.push_back(input_file(key, path, i < raster_paths ? crs_name(data_base.crs_wkt) : ""));
+    if (!scene_file.empty()) inputs.push_back(input_file("scene", scene_file));
     return inputs;
 }
 

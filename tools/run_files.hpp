@@ -30,8 +30,13 @@ std::string set_file(const Settings& settings);
 /// All that a simulation may read.
 NamedPaths input_paths(const Settings& settings);
 
-/// The same of all of a simulation's outputs; InputError too where none is asked for.
+/// check_names() of a run; InputError too where no output is asked for, naming all of them.
+void check_run_names(const NamedPaths& outputs, const NamedPaths& inputs);
+/// The same of all of a simulation's outputs and inputs; with only-wedge it needs none.
 void check_run_names(const Settings& settings);
+
+/// An input for a report, with its size where it is a file.
+InputFile input_file(const std::string& key, const std::string& path, const std::string& crs = {});
 
 /// Inputs of a run for its report: those of the settings that are named, and the scene file where there is one.
 std::vector<InputFile> input_files(const Settings& settings, const DataBase& data_base,

@@ -137,7 +137,6 @@ std::string echo_scene_json(const Settings& settings, const RunResult& run, cons
     const double post_m = detail_post_m(run.scene, data_base);
     nlohmann::ordered_json echo;
     echo["revision"] = echo_revision;
-    echo["checksum"] = hex(echo_checksum(run.echo_w, run.echo_state));
     echo["levels"] = run.levels;
     echo["detail_post_m"] = std::isfinite(post_m) ? nlohmann::ordered_json(post_m) : nlohmann::ordered_json(nullptr);
     echo["data_base"] = words;
@@ -145,7 +144,13 @@ std::string echo_scene_json(const Settings& settings, const RunResult& run, cons
     echo["metres_per_unit"] = data_base.metres_per_unit;
     nlohmann::ordered_json out = scene_object(settings, run.scene);
     out["echo"] = echo;
+    out["echo"]["checksum"] = hex(echo_checksum(run.echo_w, run.echo_state, without_checksum(out)));
     return dumped(out);
+}
+
+std::string without_checksum(nlohmann::ordered_json scene) {
+    scene["echo"].erase("checksum");
+    return dumped(scene);
 }
 
 WorkDir::Run work_run(const Settings& settings, const ResolvedScene& resolved, const DataBase& data_base) {

@@ -27,6 +27,8 @@ std::string scene_json(const Settings& settings, const ResolvedScene& resolved);
 /// SCENE_JSON of an echo image: also what a picture of it takes from the data base, and what tells whether another scene would
 /// have the same echo (docs/formats.md).
 std::string echo_scene_json(const Settings& settings, const RunResult& run, const DataBase& data_base);
+/// What the checksum of an echo image's SCENE_JSON `scene` is taken of, beside the cells: all the rest of it, as it is written.
+std::string without_checksum(nlohmann::ordered_json scene);
 /// Does it name a file or a folder?
 bool takes_path(const Key& key);
 

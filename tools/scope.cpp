@@ -1,5 +1,4 @@
 #include <algorithm>
-#include <filesystem>
 
 #include "lib/plan.hpp"
 #include "lib/target.hpp"
@@ -23,12 +22,10 @@ namespace {
 
 void check_scope_names(const Settings& s) {
     const NamedPaths outputs{{"output", s.output}, {"power", s.power}, {"states", s.states}, {"report", s.report}};
-    check_names(outputs, {{"the echo image", s.files[0]},
-                          {"the scene file", s.files.size() > 1 ? s.files[1] : ""},
-                          {"set", set_file(s)},
-                          {"antenna", s.antenna_file}});
-    if (std::all_of(outputs.begin(), outputs.end(), [](const auto& out) { return out.second.empty(); }))
-        throw InputError("no output is given; at least one of output (-o), power, states, report is needed");
+    check_run_names(outputs, {{"the echo image", s.files[0]},
+                              {"the scene file", s.files.size() > 1 ? s.files[1] : ""},
+                              {"set", set_file(s)},
+                              {"antenna", s.antenna_file}});
 }
 
 nlohmann::ordered_json report_of(const StoredEcho& echo, const Settings& settings, const RunResult& result,
@@ -42,13 +39,9 @@ nlohmann::ordered_json report_of(const StoredEcho& echo, const Settings& setting
     out["scene"]["resolved"] = resolved_json(result.scene);
     out["data_base"] = echo.data_base;
     std::vector<InputFile> inputs;
-    for (std::size_t i = 0; i < settings.files.size(); ++i) {
-        std::error_code error;
+    for (std::size_t i = 0; i < settings.files.size(); ++i)
         inputs.push_back(
-            {i == 0 ? "echo" : "scene", settings.files[i], std::nullopt, i == 0 ? crs_name(echo.crs_wkt) : ""});
-        if (const auto bytes = std::filesystem::file_size(settings.files[i], error); !error)
-            inputs.back().bytes = bytes;
-    }
+            input_file(i == 0 ? "echo" : "scene", settings.files[i], i == 0 ? crs_name(echo.crs_wkt) : ""));
     out["inputs"] = inputs_json(inputs);
     out["states"] = json::object();
     for (std::size_t code = 0; code < report.states.size(); ++code)
@@ -73,7 +66,7 @@ void scope(const std::vector<std::string>& arguments, Stop& stop) {
     check_scope_names(request.settings);
     const std::string& path = request.settings.files[0];
     const GdalSession session(cache_bytes(request.settings), request.settings.config);
-    const EchoFile file(path);
+    const EchoFile file(path, request.settings.threads);
     const StoredEcho echo = stored_echo(path, file.scene_json(), file.columns(), file.rows());
 
     Settings settings = settings_from(echo.given, request.given);
@@ -83,8 +76,9 @@ void scope(const std::vector<std::string>& arguments, Stop& stop) {
         throw InputError(
             "legend is on, and it names the data base, which an echo image does not; give the scene file that says "
             "what dem is (dem = PATH), or legend off");
-    // What is read whole and what is made of it.
-    const std::size_t needed = image_bytes(scene) + echo.scene.swept.cells() * 5 + cache_bytes(settings);
+    // What is read whole becomes the scene's own image, or a part of it does and the whole is gone before more is made.
+    const std::size_t cells = scene.swept == echo.scene.swept ? 0 : echo.scene.swept.cells() + scene.swept.cells(),
+                      needed = std::max(image_bytes(scene), cells * 5) + cache_bytes(settings);
     if (needed > settings.memory_bytes)
         throw TooLittleMemory(static_cast<std::size_t>(settings.memory_bytes), needed, "this picture");
 
@@ -97,7 +91,7 @@ void scope(const std::vector<std::string>& arguments, Stop& stop) {
     const double read_start_s = now_s();
     PolarImage<float> echo_w(echo.scene.swept);
     PolarImage<std::uint8_t> state(echo.scene.swept);
-    file.read(echo_w, state, echo.checksum);
+    file.read(echo_w, state, echo.checksum, echo.said);
     const double read_s = now_s() - read_start_s;
     stop.check();
 

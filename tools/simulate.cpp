@@ -241,8 +241,7 @@ void simulate(const Settings& given, WorkDir* work, double start_s, Stop& stop) 
     for (const OutputFile* file : files) written += (written.empty() ? "" : ", ") + file->final_path();
     OutputFile::commit(files);
     remark(settings.quiet || terminal, text("sensor: ", place(scene)));
-    for (const std::string& unfit : {choice.unfit, unfit_map})
-        if (!unfit.empty()) remark(settings.quiet, text("not used: ", unfit));
+    for (const std::string& unfit : {choice.unfit, unfit_map}) remark_unused(settings.quiet, unfit);
     if (!settings.only_wedges)
         for (const std::string& line : doubts(result))
             if (!line.empty()) remark(settings.quiet, line);

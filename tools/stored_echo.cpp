@@ -125,6 +125,7 @@ StoredEcho stored_echo(const std::string& path, const std::string& scene_json, s
         throw DataError(text(named, " is damaged, or was changed: ", e.what()));
     }
     out.checksum = hex_number(echo, "checksum");
+    out.said = without_checksum(all);
     out.levels = echo.flag("levels");
     out.post_m =
         echo.at("detail_post_m").is_null() ? std::numeric_limits<double>::infinity() : echo.number("detail_post_m");

@@ -17,6 +17,7 @@ struct StoredEcho {
     Settings settings;         ///< of these, and the data base's words and numbers
     ResolvedScene scene;       ///< as swept; without what only a sweep needs
     std::uint64_t checksum = 0;
+    std::string said;                  ///< what the checksum is of, beside the cells
     bool levels = false;               ///< levels of detail were used
     double post_m = 0;                 ///< detail_post_m(); infinite: no level, whatever beam and pulse are
     nlohmann::ordered_json data_base;  ///< key -> word or number

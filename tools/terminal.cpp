@@ -43,6 +43,12 @@ void remark(bool quiet, std::string_view line) {
     if (!quiet) fmt::print(stderr, "{}\n", one_line(line));
 }
 
+std::string unused_line(const std::string& why) { return text("not used: ", why); }
+
+void remark_unused(bool quiet, const std::string& why) {
+    if (!why.empty()) remark(quiet, unused_line(why));
+}
+
 std::string one_line(std::string_view message) {
     std::string out;
     for (const char c : message) {

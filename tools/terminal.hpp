@@ -26,6 +26,11 @@ private:
 /// One line on stderr, unless `quiet`.
 void remark(bool quiet, std::string_view line);
 
+/// The same for why something that lies there and might serve is not used; nothing where `why` is empty.
+void remark_unused(bool quiet, const std::string& why);
+/// What it says.
+std::string unused_line(const std::string& why);
+
 /// The message as one line without control characters.
 std::string one_line(std::string_view message);
 

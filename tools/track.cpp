@@ -554,7 +554,7 @@ void simulate_track(const Settings& given, double start_s, Stop& stop) {
         if (frames.size() > 1) written += " to " + to[i].second;
     }
     for (const OutputFile* file : files) written += (written.empty() ? "" : ", ") + file->final_path();
-    if (!unfit_map.empty()) remark(settings.quiet, text("not used: ", unfit_map));
+    remark_unused(settings.quiet, unfit_map);
     remark(settings.quiet, text("written: ", written,
                                 fmt::format(" ({:.1f} s, {:.1f} frames/s)", now_s() - start_s,
                                             static_cast<double>(frames.size()) / run->frames_s())));
