@@ -107,9 +107,12 @@ void coverage(const std::vector<std::string>& arguments, Stop& stop) {
     settings.snap_to_post = translated.gdal_style;
     check_complete(settings);
     check_response(settings);
-    check_names(
-        {{"output", settings.output}, {"report", settings.report}, {"timeline", settings.timeline}},
-        {{"dem", settings.dem}, {"culture-height", settings.culture_height}, {"observers", settings.observers}});
+    check_names({{"output", settings.output}, {"report", settings.report}, {"timeline", settings.timeline}},
+                {{"dem", settings.dem},
+                 {"culture-height", settings.culture_height},
+                 {"observers", settings.observers},
+                 {"set", set_file(settings)},
+                 {"antenna", settings.antenna_file}});
     if (settings.no_data_value)
         settings.coverage.mask.no_data = static_cast<std::uint8_t>(*settings.no_data_value);
     else if (translated.gdal_style)

@@ -1370,7 +1370,7 @@ std::vector<Key> make_keys() {
     // Of the layer response.
     for (Key& key : keys)
         if (key.group == KeyGroup::antenna || key.group == KeyGroup::ground || key.group == KeyGroup::weather ||
-            key.name == "frequency" || key.name == "transmit-power" || key.name == "gain" || key.name == "losses" ||
+            key.name == "set" || key.name == "frequency" || key.name == "transmit-power" || key.name == "gain" || key.name == "losses" ||
             key.name == "polarisation" || key.name == "culture" || key.name == "culture-legend" ||
             key.name == "material") {
             key.commands |= command_coverage;
