@@ -1,9 +1,11 @@
 // Models of physics 6: the air, its gases, rain, cloud and fog, and what they take from a ray.
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <memory>
 
 #include "lib/atmosphere.hpp"
+#include "lib/beam.hpp"
 #include "lib/path_loss.hpp"
 #include "lib/rain.hpp"
 #include "lib/rain_echo.hpp"
@@ -108,7 +110,7 @@ const RainEcho& rain_echo_of(const Arguments& a, double far_m) {
     echo.earth = mean_earth(a);
     echo.sensor_m = a["hs"];
     echo.reference_m = a["h_0"];
-    echo.circular = *a.word("pol") == 1;
+    radar.polarisation = *a.word("pol") == 1 ? Polarisation::circular : Polarisation::hh;
     echo.most_range_m = 10e3;
     while (echo.most_range_m < far_m) echo.most_range_m *= 2;
 
@@ -140,7 +142,6 @@ std::vector<ModelInput> rain_volume_inputs() {
         rate(),
         frequency(200),
         one_of("pol", "polarisation", {"linear", "circular"}).by_default("linear"),
-        number("dr", "m", "size of a range bin (default c tau/8)", 0.01, 1e5).or_word("auto").by_default("auto"),
         number("P_t", "W", "transmitter's peak power", 1e-3, 1e9).by_default(set.transmit_power_w),
         number("G_0", "dB", "peak gain, one-way", -100, 100).by_default(set.gain),
         number("L_s", "dB", "system losses", 0, 100).by_default(set.losses),
@@ -152,14 +153,23 @@ std::vector<ModelInput> rain_volume_inputs() {
 
 double dbm(double power_w) { return power_w > 0 ? db(power_w) + 30 : no_value; }
 
+/// Integral of the two-way azimuth pattern, radians.
+double two_way_integral_rad(const AntennaParams& antenna) {
+    constexpr int steps = 4000;
+    const double step = std::min(8 * antenna.beam.rad(), Angle::degrees(180).rad()) / steps;
+    double sum = 0.5 * two_way_azimuth_pattern(antenna, 0);
+    for (int i = 1; i <= steps; ++i) sum += two_way_azimuth_pattern(antenna, i * step);
+    return 2 * step * sum;
+}
+
 std::vector<double> rain_volume(const Arguments& a) {
     RadarParams radar;
     radar.pulse_s = a["tau"];
-    const double range_m = a["r"], bin_m = a.word("dr") ? default_range_bin_m(radar) : a["dr"];
-    const auto bin = static_cast<std::int64_t>(range_m / bin_m);
-    const RainEcho& echo = rain_echo_of(a, std::max(range_m, static_cast<double>(bin + 1) * bin_m));
-    const double bin_w = echo.bins_w({bin, bin + 1}, bin_m).front();
-    return {echo.density_w_m(range_m), echo.power_w(range_m), bin_w, dbm(bin_w)};
+    const double range_m = a["r"], width_rad = two_way_integral_rad(azimuth_antenna(a));
+    const RainEcho& echo = rain_echo_of(a, range_m);
+    const std::array<double, 2> edges_m{std::max(0.0, range_m - radar.pulse_extent_m()), range_m};
+    const auto power_w = static_cast<double>(echo.cells_w(edges_m, width_rad).front());
+    return {echo.density_w_m_rad(range_m) * width_rad, power_w, dbm(power_w)};
 }
 
 std::vector<Model> air_models() {
@@ -238,13 +248,12 @@ std::vector<Model> rain_models() {
          },
          "R=2mm/h f=9GHz"},
         {"rain-volume",
-         "what rain itself sends back into a range bin, after beam and pulse, behind what the weather takes",
+         "what rain itself sends back, after beam and pulse, behind what the weather takes",
          "physics 6.4 [V2; layer, widening and near rain P; cancellation U, P]",
          rain_volume_inputs(),
          {{"p_r", "W/m", "echo of a metre of range"},
           {"P_r", "W", "power received at the range: of the pulse's length before it"},
-          {"P_bin", "W", "the same, mean over the range bin that the range lies in"},
-          {"P_bin_dBm", "dBm", "the same"}},
+          {"P_r_dBm", "dBm", "the same"}},
          rain_volume,
          "r=20km hs=7000ft R=heavy"},
         {"path-loss",
