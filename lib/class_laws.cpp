@@ -15,8 +15,10 @@ BackscatterLaw class_law(const Material& material, const ClassLawParams& params)
             if (!law.gamma()) return law;
         }
         const Decibel gamma10 = params.gamma ? *params.gamma : Decibel(*material.gamma10_db);
-        const double less = params.polarisation == Polarisation::circular ? circular_loss.ratio() : 1;
-        return BackscatterLaw::constant_gamma(gamma_at(gamma10, params.frequency_hz).ratio() / less);
+        const double gamma = gamma_at(gamma10, params.frequency_hz).ratio();
+        return BackscatterLaw::constant_gamma(params.polarisation == Polarisation::circular
+                                                  ? rounded_significand(gamma / circular_loss.ratio(), 24)
+                                                  : gamma);
     }
     return params.water == WaterModel::nrl ? sea_nrl_law(params.frequency_hz, params.polarisation, params.sea_state)
                                            : sea_calm_law(params.frequency_hz, params.polarisation);
@@ -30,7 +32,9 @@ ClassLaws::ClassLaws(const ClassLawParams& params)
     : ClassLaws([&] {
           std::vector<ClassGamma> gamma = gamma_table(params.materials, params.frequency_hz, params.gamma);
           if (params.polarisation == Polarisation::circular)
-              for (ClassGamma& g : gamma) g.wall /= circular_wall_loss.ratio();
+              for (ClassGamma& g : gamma)  // one gamma for everything stays one
+                  g.wall = rounded_significand(
+                      g.wall / (params.gamma ? circular_loss : circular_wall_loss).ratio(), 24);
           return gamma;
       }()) {
     const std::vector<Material>& materials = params.materials.rows();

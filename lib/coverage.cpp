@@ -193,6 +193,10 @@ struct Desk {
     std::array<QuadrantReport, 4> did{};  ///< by Quadrant
     // Of the layer response.
     std::unique_ptr<Culture> culture;
+    struct {
+        Culture::Cost cost;
+        std::uint64_t bytes_read = 0, bytes_spilled = 0;
+    } counted;  ///< of what reading classes took
     std::span<const float> culture_m;  ///< culture heights of a line's posts from culture_begin on; empty: none
     std::int64_t culture_begin = 0;
     std::optional<std::int32_t> unknown_code;  ///< the least on seen ground
@@ -1396,6 +1400,14 @@ void Cover::sweep(Strip& strip, std::size_t run) {
         give(s.voids.drop, after.voids.drop);
     }
     copy_out(strip, window, desk);
+    if (desk.culture) {
+        const Culture::Cost& cost = desk.culture->cost();
+        load_s += cost.cpu_s - desk.counted.cost.cpu_s;
+        did.disk_wait_s += cost.wait_s - desk.counted.cost.wait_s;
+        did.bytes_read += desk.culture->bytes_read() - desk.counted.bytes_read;
+        did.bytes_spilled += desk.culture->bytes_spilled() - desk.counted.bytes_spilled;
+        desk.counted = {cost, desk.culture->bytes_read(), desk.culture->bytes_spilled()};
+    }
     did.load_s += load_s;
     did.sweep_s += all_of_it.cpu_s() - load_s;
 }

@@ -26,7 +26,8 @@ namespace wedgescope {
 ///   response    dBm at the receiver from the post's own patch of ground, one post by one, at the azimuth peak of the beam,
 ///               before beam and pulse: K g_el^2 sigma / (r^4 L_a), sigma = sigma0(psi_l) times the patch's true area. The facet
 ///               is that of `grazing`; where culture stands on the post it is a wall. NaN also where the post is not seen or shows
-///               its back. The sum over all posts is that of the echo image (target height 0).
+///               its back. Posts near the sensor and without culture heights sum to the echo image's total: a patch's area is that of posts
+///               at the sensor, and the sweep takes each cell with culture on a corner for a wall.
 enum class CoverageLayer { mask, states, height, range, grazing, depression, response };
 constexpr bool is_bytes(CoverageLayer layer) { return layer == CoverageLayer::mask || layer == CoverageLayer::states; }
 

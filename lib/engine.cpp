@@ -48,7 +48,7 @@ PathLossRays loss_rays(const ResolvedScene& s, double most_range_m) {
     rays.earth = Earth::of_curvature(rounded_significand(s.earth.inverse_radius(), 24));
     rays.sensor_m = s.sensor_m;
     rays.most_range_m = rounded_significand(most_range_m, 24);
-    rays.highest_m = std::max(rays.highest_m, s.scene.weather.rain_top_m);
+    if (s.scene.weather.rain_mm_h > 0) rays.highest_m = std::max(rays.highest_m, s.scene.weather.rain_top_m);
     return rays;
 }
 
@@ -668,7 +668,8 @@ void take_rows(const RunResult& group, RunResult& whole) {
 }  // namespace
 
 RunResult run(const ResolvedScene& scene, WedgeSource& source, const EngineParams& params) {
-    return run(scene, source, params, {});
+    RunResult used;
+    return run(scene, source, params, std::move(used));
 }
 
 RunResult run(const ResolvedScene& scene, WedgeSource& source, const EngineParams& given, RunResult&& used) {
@@ -739,7 +740,8 @@ RunResult run(const ResolvedScene& scene, const Scan& scan, WedgeSource& source,
     const std::size_t images = image_bytes(scene);
     own.memory_bytes -= std::min(own.memory_bytes, images);
     own.progress = {};
-    RunResult group;
+    auto held = std::make_unique<RunResult>();
+    RunResult& group = *held;
     for (Interval bins{scene.shown.azimuth_bins.begin, 0}; bins.begin < scene.shown.azimuth_bins.end;
          bins.begin = bins.end) {
         bins.end = std::min(bins.begin + scan.step, scene.shown.azimuth_bins.end);
@@ -756,7 +758,7 @@ RunResult run(const ResolvedScene& scene, const Scan& scan, WedgeSource& source,
     result.report.peak_budget_bytes += images;
     result.report.peak_held_bytes += images;
     result.report.planned.peak_bytes += images;
-    group = {};
+    held.reset();
     crew.execute([&] { draw(params, params.tables->receiver, result); });
     if (!params.beside_others) result.received_w = {};
     if (params.stop) params.stop->check();

@@ -49,12 +49,14 @@ std::vector<Fact> echo_facts(const ResolvedScene& s, const DataBase& db) {
     add("class-table", scene.materials.own().empty() ? "as shipped" : scene.materials.own());
     add("gamma", scene.gamma ? text(scene.gamma->db()) : std::string("off"));
     add("backscatter", word(scene.land));
-    add("water", word(scene.water), " ", scene.sea_state);
+    add("water", word(scene.water), " ", scene.water == WaterModel::nrl ? scene.sea_state : 0.0);
     add("polarisation", word(radar.polarisation));
     const WeatherParams& air = scene.weather;
     add("gases", air.vapour_g_m3 ? text(*air.vapour_g_m3) : std::string("none"));
-    add("rain", air.rain_mm_h, " to ", air.rain_top_m);
-    add("cloud", air.liquid_water_g_m3, " from ", air.cloud_base_m, " to ", air.cloud_top_m);
+    add("rain", air.rain_mm_h > 0 ? text(air.rain_mm_h, " to ", air.rain_top_m) : std::string("clear"));
+    add("cloud", air.liquid_water_g_m3 > 0
+                     ? text(air.liquid_water_g_m3, " from ", air.cloud_base_m, " to ", air.cloud_top_m)
+                     : std::string("none"));
     const AntennaParams& antenna = radar.antenna;
     add("antenna", word(antenna.elevation));
     add("antenna-knee", antenna.knee.rad());

@@ -30,7 +30,9 @@ std::string content(const std::string& path) {
     return all.str();
 }
 
-const std::vector<std::string> ends{".png", "_echo.tif", "_power.tif", "_states.tif", "_mask.tif", "_height.tif"};
+const std::vector<std::string> ends{"scene.png",        "scene_echo.tif",    "scene_power.tif",
+                                    "scene_states.tif", "scene_mask.tif",    "scene_height.tif",
+                                    "weather.png",      "weather_power.tif", "weather_ground.tif"};
 
 /// What a picture with all its layers, a mask and a layer of floats of one scene are, byte for byte; under the same names each
 /// time, for rasters name their own file where the positions of their cells stand.
@@ -67,11 +69,16 @@ std::vector<std::string> files_of(const Folder& folder) {
          "2",
          "--noise",
          "on"});
+    run({"simulate", "--dem", folder / "ground.tif", "--culture", folder / "classes.tif", "--culture-legend",
+         folder / "legend.csv", "--culture-height", folder / "canopy.tif", "--report", folder / "weather.json", "-o",
+         folder / "weather.png", "--power", folder / "weather_power.tif", "--ground", folder / "weather_ground.tif",
+         "--backscatter", "ulaby-dobson", "--polarisation", "circular", "--gases", "normal", "--rain", "moderate",
+         "--cloud", "fog", "--speckle", "1"});
     run({"coverage", folder / "ground.tif", folder / "scene_mask.tif", "--culture-height", folder / "canopy.tif",
          "--target-height", "2.5m", "--report", folder / "coverage.json"});
     run({"coverage", folder / "ground.tif", folder / "scene_height.tif", "--layer", "height"});
     std::vector<std::string> all;
-    for (const std::string& end : ends) all.push_back(content(folder / (std::string("scene") + end)));
+    for (const std::string& end : ends) all.push_back(content(folder / end));
     return all;
 }
 

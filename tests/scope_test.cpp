@@ -265,6 +265,17 @@ TEST_CASE("an echo swept without the widths of beam and pulse serves with them w
                      {{{"--bwe", "on"}}, {{"--ple", "on"}}, {{"--bwe", "on", "--ple", "on", "--speckle", "1"}}});
 }
 
+TEST_CASE("rain, which is in no echo image, is the same again", "[scope][quick]") {
+    const Folder folder;
+    same_as_simulate(folder,
+                     with(quick_riverside, {"--rain", "moderate", "--gases", "normal", "--cloud", "fog", "--backscatter",
+                                            "ulaby-dobson", "--polarisation", "vv"}),
+                     {{{"--if-gain", "42dB"}},
+                      {{"--display", "ppi", "--ple-scale", "3"}},
+                      {{"--noise", "on", "--speckle", "1"}},
+                      {{"--bwe", "off", "--sector", "30deg,70deg"}}});
+}
+
 TEST_CASE("echoes binned by ground range, on a plane grid, and in latitude and longitude serve too", "[scope]") {
     const Folder folder;
     SECTION("gpi-true") {

@@ -127,7 +127,7 @@ void CoverageFile::close(std::uint64_t void_posts) {
                 band.SetNoDataValue(*layer.no_data);
             else if (void_posts > 0 && !layer.undeclared)
                 band.SetNoDataValue(layer.mask.no_data);
-        } else if (!is_bytes(layer.kind) && void_posts > 0) {
+        } else if (!is_bytes(layer.kind) && (void_posts > 0 || layer.kind == CoverageLayer::response)) {
             band.SetNoDataValue(std::numeric_limits<double>::quiet_NaN());
         }
     }

@@ -109,7 +109,10 @@ void coverage(const std::vector<std::string>& arguments, Stop& stop) {
     check_response(settings);
     check_names({{"output", settings.output}, {"report", settings.report}, {"timeline", settings.timeline}},
                 {{"dem", settings.dem},
+                 {"culture", settings.culture},
                  {"culture-height", settings.culture_height},
+                 {"culture-legend", legend_path(settings)},
+                 {"class-table", settings.class_table},
                  {"observers", settings.observers},
                  {"set", set_file(settings)},
                  {"antenna", settings.antenna_file}});

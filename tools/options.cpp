@@ -198,7 +198,7 @@ std::string file_content(const std::string& path, const char* kind = "scene file
 const std::vector<CommandInfo>& command_table() {
     static const std::vector<CommandInfo> table = {
         {command_simulate, "simulate", "wedgescope simulate [options] [scene.ini]",
-         "data base + scene -> scope picture, echo, power and state layers, report",
+         "data base + scene -> scope picture, echo, power and state layers, response of the ground, report",
          "Every option below is also a key of the scene file (lines 'key = value', # begins a comment). The command "
          "line wins; relative "
          "paths in the file start from its folder. Outputs appear under their names only when they are whole.",
@@ -212,12 +212,13 @@ const std::vector<CommandInfo>& command_table() {
          "where they are auto, follow beam and pulse: give them).",
          "wedgescope scope --if-gain 40dB --display ppi echo.tif -o scope.png"},
         {command_coverage, "coverage", "wedgescope coverage [options] IN OUT",
-         "terrain raster -> which of its posts are seen, or how high, far and steep they lie",
+         "terrain raster -> which of its posts are seen, how high, far and steep they lie, or what a radar gets of them",
          "OUT has IN's grid; the mask holds 255 where the ground is seen, 0 where it is not, 1 where there is no data "
          "or out of range. gdal_viewshed's options -ox -oy -oz -tz -md -cc -ov -vv -iv -a_nodata -b -f -co -om -q are "
          "understood too, in its units (-b 1 and -om NORMAL only: --layer height gives what -om DEM does); with -ox "
          "and -oy the ground is a plane, the sensor stands over the nearest post, and defaults are gdal_viewshed's. "
-         "With --observers many sensors are looked from in one run.",
+         "With --observers many sensors are looked from in one run. Radar, antenna, ground and weather count for --layer "
+         "response alone, as do culture, culture-legend, class-table and material.",
          "wedgescope coverage --latlon 33.9,-117.3 --altitude-agl 500m terrain.tif seen.tif"},
         {command_evaluate, "evaluate", "wedgescope evaluate MODEL [NAME=VALUE...] [options] | evaluate --list [MODEL]",
          "any model of the library as a calculator, over a CSV table or for single values",

@@ -113,7 +113,8 @@ std::optional<Arc> arc_alone(const Settings& settings, const DataBaseParams& lay
 class Ground {
 public:
     /// InputError where that is too little.
-    Ground(const Settings& settings, const ResolvedScene& scene, const DataBaseParams& layers, Stop& stop)
+    Ground(const Settings& settings, const ResolvedScene& scene, const DataBaseParams& layers, std::size_t held_bytes,
+           Stop& stop)
         : settings_(settings), source_(open_direct_source(layers)) {
         Scene same = settings.scene;
         same.range_m = scene.scene.range_m;
@@ -121,7 +122,8 @@ public:
         params_.layer = CoverageLayer::response;
         params_.cull = !settings.no_cull;
         params_.threads = settings.threads;
-        const std::size_t images = image_bytes(scene), all = memory_bytes(settings);
+        // Beside the images stands what the scene's own source holds.
+        const std::size_t images = image_bytes(scene) + held_bytes, all = memory_bytes(settings);
         params_.memory_bytes = all - std::min(all, images);
         params_.stop = &stop;
         const std::size_t least =
@@ -135,9 +137,8 @@ public:
         RasterFormat format = coverage_format(settings_);
         if (!settings_.output.empty()) format.driver.clear(), format.creation.clear();  // the picture's
         CoverageFile raster(scene_, source_->data_base(), layer, file, format);
-        const CoverageReport report =
-            cover(scene_, *source_, params_, [&](const CoverageTile& tile) { raster.write(tile); });
-        raster.close(static_cast<std::uint64_t>(source_->data_base().columns * source_->data_base().rows) - report.seen());
+        cover(scene_, *source_, params_, [&](const CoverageTile& tile) { raster.write(tile); });
+        raster.close(0);
     }
 
 private:
@@ -203,7 +204,7 @@ void simulate(const Settings& given, WorkDir* work, double start_s, Stop& stop) 
     params.archive = work;
     params.timeline = timeline.get();
     std::optional<Ground> ground;
-    if (outputs.ground) ground.emplace(settings, scene, layers, stop);
+    if (outputs.ground) ground.emplace(settings, scene, layers, source->held_bytes(), stop);
     Progress progress(settings.quiet);
     params.progress = [&](double fraction) { progress.report(fraction); };
     RunResult result = [&] {
