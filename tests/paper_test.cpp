@@ -1,0 +1,409 @@
+// What the 1979 paper (Faintich, Digital Sensor Simulation) says of its pictures, as numbers on a shipped scene; docs/paper.md
+// quotes what this prints (paper_test -s shows it). Receiver formulas are written out here again, from physics 2.2 and 2.4.
+#include <catch2/catch.hpp>
+
+#include <gdal_priv.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <numbers>
+
+#include "tests/program.hpp"
+
+namespace {
+
+namespace fs = std::filesystem;
+using Strings = std::vector<std::string>;
+
+const std::string data = WEDGESCOPE_DATA;
+
+Strings with(Strings base, const Strings& more) {
+    base.insert(base.end(), more.begin(), more.end());
+    return base;
+}
+
+class Folder {
+public:
+    Folder() : path_(fs::temp_directory_path() / ("paper_test_" + std::to_string(::getpid()))) {
+        fs::create_directories(path_);
+    }
+    ~Folder() { fs::remove_all(path_); }
+    std::string operator/(const std::string& name) const { return (path_ / name).string(); }
+    void make(const Strings& arguments) const {
+        const auto ended = wedgescope::test::run_program(
+            with({WEDGESCOPE_PROGRAM}, with(arguments, {"-q", "--overwrite"})), *this / "err");
+        INFO(arguments.front() << ": " << ended.err);
+        REQUIRE(ended.code == 0);
+    }
+
+private:
+    fs::path path_;
+};
+
+struct Raster {
+    int width = 0, height = 0;
+    std::vector<float> value;  ///< height x width
+    std::map<std::string, double> number;
+    std::array<double, 6> to_xy{};
+
+    float at(int column, int row) const { return value[static_cast<std::size_t>(row) * width + column]; }
+};
+
+Raster read(const std::string& path, int band = 1) {
+    GDALAllRegister();
+    const GDALDatasetUniquePtr file(GDALDataset::Open(path.c_str()));
+    INFO(path);
+    REQUIRE(file);
+    Raster raster;
+    raster.width = file->GetRasterXSize();
+    raster.height = file->GetRasterYSize();
+    raster.value.resize(static_cast<std::size_t>(raster.width) * static_cast<std::size_t>(raster.height));
+    REQUIRE(file->GetRasterBand(band)->RasterIO(GF_Read, 0, 0, raster.width, raster.height, raster.value.data(),
+                                                raster.width, raster.height, GDT_Float32, 0, 0) == CE_None);
+    file->GetGeoTransform(raster.to_xy.data());
+    for (const char* key : {"AZIMUTH_START_DEG", "AZIMUTH_STEP_DEG", "RANGE_START_M", "RANGE_STEP_M", "SENSOR_X",
+                            "SENSOR_Y", "SENSOR_HEIGHT_M", "REFERENCE_HEIGHT_M"})
+        if (const char* text = file->GetMetadataItem(key)) raster.number[key] = std::atof(text);
+    return raster;
+}
+
+/// v_if of physics 2.4 for watts, with the scene's 1.2 us, 8 dB and auto bandwidth.
+double if_level(double power_w, double if_gain_db) {
+    const double mds_w = 1.380649e-23 * 290 * (1.2 / 1.2e-6) * std::pow(10, 0.8);
+    return std::clamp((10 * std::log10(power_w / mds_w) + if_gain_db - 64) / 20, 0.0, 1.0);
+}
+double grey(double power_w, double if_gain_db) {
+    return power_w > 0 ? std::floor(255 * if_level(power_w, if_gain_db) + 0.5) : 0;
+}
+
+double correlation(const std::vector<double>& a, const std::vector<double>& b) {
+    double n = static_cast<double>(a.size()), x = 0, y = 0, xx = 0, yy = 0, xy = 0;
+    for (std::size_t i = 0; i < a.size(); ++i) {
+        x += a[i], y += b[i], xx += a[i] * a[i], yy += b[i] * b[i], xy += a[i] * b[i];
+    }
+    return (xy / n - x / n * y / n) / std::sqrt((xx / n - x / n * x / n) * (yy / n - y / n * y / n));
+}
+
+/// The set of docs/scenes/f111a_sector90.ini, over Riverside at 7000 ft.
+const Strings radar = {"--frequency", "16.5GHz", "--transmit-power", "50kW", "--gain",         "34dB",
+                       "--losses",    "6dB",     "--noise-figure",   "8dB",  "--pulse",        "1.2us",
+                       "--beam",      "1.5deg",  "--antenna",        "csc2", "--antenna-knee", "3deg"};
+const Strings place = {"--dem",          data + "/inland_empire_dem.tif",
+                       "--geometry",     "grid",
+                       "--latlon",       "33.93,-117.33",
+                       "--altitude-msl", "7000ft",
+                       "--heading",      "225deg"};
+const Strings ahead =
+    with({"simulate"},
+         with(with(radar, place), {"--culture", data + "/inland_empire_culture.tif", "--culture-legend", "fbfm40",
+                                   "--culture-height", data + "/inland_empire_canopy.tif", "--culture-height-scale",
+                                   "0.1", "--sector", "-45deg,45deg", "--range", "22nmi"}));
+
+constexpr float seen = 2;
+
+/// Echo and what is seen of one sweep.
+struct Swept {
+    Raster echo, state, power;
+    double range_m(int column) const {
+        return power.number.at("RANGE_START_M") + (column + 0.5) * power.number.at("RANGE_STEP_M");
+    }
+};
+Swept sweep(const Folder& folder, const std::string& name, const Strings& more) {
+    const std::string echo = folder / (name + ".tif"), states = folder / "states.tif", power = folder / "power.tif";
+    folder.make(with(ahead, with(more, {"--echo", echo, "--power", power, "--states", states})));
+    return {read(echo), read(states), read(power)};
+}
+
+/// Mean loss in dB of the echoes of one sweep against another's, over ranges from, to.
+double loss_db(const Swept& clear, const Swept& wet, double from_m, double to_m) {
+    double sum_clear = 0, sum_wet = 0;
+    const double first = clear.echo.number.at("RANGE_START_M"), step = clear.echo.number.at("RANGE_STEP_M");
+    for (int column = 0; column < clear.echo.width; ++column) {
+        const double r = first + (column + 0.5) * step;
+        if (r < from_m || r >= to_m) continue;
+        for (int row = 0; row < clear.echo.height; ++row) {
+            sum_clear += clear.echo.at(column, row);
+            sum_wet += wet.echo.at(column, row);
+        }
+    }
+    return 10 * std::log10(sum_clear / sum_wet);
+}
+
+/// Correlation of two grey scenes: with the same IF gain, and with the one that serves best.
+struct Fit {
+    double same_gain = 0, best = -1;
+    int gain_db = 0;
+};
+
+double share_not_black(const Swept& scene, double if_gain_db) {
+    double all = 0, lit = 0;
+    for (std::size_t i = 0; i < scene.power.value.size(); ++i)
+        if (scene.state.value[i] == seen) {
+            ++all;
+            if (grey(scene.power.value[i], if_gain_db) > 0) ++lit;
+        }
+    return lit / all;
+}
+
+}  // namespace
+
+TEST_CASE("IF gain decides what shows, video gain how bright it is", "[paper]") {
+    const Folder folder;
+    const Swept scene = sweep(folder, "echo", {"--antenna-width", "6deg"});
+    double before = 0;
+    for (const int gain : {34, 36, 38, 40, 42, 44}) {
+        const double share = share_not_black(scene, gain);
+        std::printf("IF gain %d dB: %.1f %% of seen cells are not black\n", gain, 100 * share);
+        CHECK(share > before);
+        before = share;
+    }
+    CHECK(share_not_black(scene, 34) <= 0.10);
+    CHECK(share_not_black(scene, 44) > 0.5);
+
+    // Video gain on the pictures: x 10^(12/20) at the most, so what rounds to black at 4 dB is at most grey 2 at 16 dB.
+    std::vector<float> dark;
+    std::size_t saturated_before = 0;
+    for (const int gain : {4, 7, 10, 13, 16}) {
+        folder.make({"scope", folder / "echo.tif", "--if-gain", "40dB", "--video-gain", std::to_string(gain) + "dB",
+                     "--rings", "off", "--size", "500", "-o", folder / "scope.png"});
+        const Raster picture = read(folder / "scope.png");
+        if (dark.empty()) dark = picture.value;
+        std::size_t lit = 0, saturated = 0, shown = 0;
+        float brightest_of_black = 0;
+        for (std::size_t i = 0; i < dark.size(); ++i) {
+            if (dark[i] == 0) brightest_of_black = std::max(brightest_of_black, picture.value[i]);
+            if (dark[i] > 0) ++lit;
+            if (picture.value[i] == 255) ++saturated;
+            if (picture.value[i] > 2) ++shown;
+        }
+        std::printf(
+            "IF gain 40 dB, video gain %2d dB: %.2f %% of the pixels lit at 4 dB are saturated; brightest of the "
+            "others %g\n",
+            gain, 100.0 * static_cast<double>(saturated) / static_cast<double>(lit),
+            static_cast<double>(brightest_of_black));
+        CHECK(brightest_of_black <= 2);
+        CHECK(shown <= lit);
+        CHECK(saturated >= saturated_before);
+        saturated_before = saturated;
+    }
+    CHECK(saturated_before > dark.size() / 1000);
+}
+
+TEST_CASE("gain makes up for a degree of tilt, and for some of five or ten", "[paper]") {
+    const Folder folder;
+    std::map<int, Swept> by_tilt;
+    for (const int tilt : {0, 1, 2, 5, 10})
+        by_tilt[tilt] = sweep(folder, "tilt", {"--antenna-width", "12deg", "--tilt", std::to_string(tilt) + "deg"});
+    const Swept& level = by_tilt[0];
+    const auto best_gain = [&](int tilt, double from_m, double to_m) {
+        Fit fit;
+        for (int gain = 30; gain <= 70; ++gain) {
+            std::vector<double> a, b;
+            for (int column = 0; column < level.power.width; ++column) {
+                if (level.range_m(column) < from_m || level.range_m(column) >= to_m) continue;
+                for (int row = 0; row < level.power.height; row += 3)
+                    if (level.state.at(column, row) == seen) {
+                        a.push_back(grey(level.power.at(column, row), 42));
+                        b.push_back(grey(by_tilt[tilt].power.at(column, row), gain));
+                    }
+            }
+            const double c = correlation(a, b);
+            if (gain == 42) fit.same_gain = c;
+            if (c > fit.best) fit.best = c, fit.gain_db = gain;
+        }
+        std::printf("tilt %d deg, %g to %g km: correlation with tilt 0 at 42 dB: %.3f at 42 dB, best %.3f at %d dB\n",
+                    tilt, from_m / 1000, to_m / 1000, fit.same_gain, fit.best, fit.gain_db);
+        return fit;
+    };
+    double before = 1;
+    for (const int tilt : {1, 2, 5, 10}) {
+        const auto far = best_gain(tilt, 24e3, 28e3), whole = best_gain(tilt, 0, 41e3);
+        CHECK(whole.best < before);
+        before = whole.best;
+        if (tilt == 1) CHECK(whole.best > 0.85);
+        if (tilt >= 5)
+            for (const auto& band : {far, whole}) {
+                CHECK(band.gain_db > 42);  // the beam has left the far ground
+                CHECK(band.best > band.same_gain);
+                // Where the paper has nearly the same scene we have not: the pattern's slope makes far and near differ.
+                CHECK(band.best < 0.9);
+            }
+    }
+}
+
+TEST_CASE("gases matter at long range only, rain anywhere", "[paper]") {
+    const Folder folder;
+    const Strings set = {"--antenna-width", "6deg", "--polarisation", "circular"};
+    const Swept clear = sweep(folder, "clear", set);
+    for (const std::string gases : {"normal", "high"}) {
+        const Swept air = sweep(folder, "air", with(set, {"--gases", gases}));
+        const double near = loss_db(clear, air, 2e3, 8e3), far = loss_db(clear, air, 28e3, 40e3);
+        std::printf("gases %s: %.2f dB at 2 to 8 km, %.2f dB at 28 to 40 km\n", gases.c_str(), near, far);
+        CHECK(near < (gases == "normal" ? 1 : 2));
+        CHECK(far > 3 * near);
+    }
+    double before = share_not_black(clear, 44);
+    std::printf("rain clear: %.1f %% of seen cells not black at 44 dB\n", 100 * before);
+    for (const std::string rain : {"drizzle", "light", "moderate", "heavy", "excessive"}) {
+        const Swept wet = sweep(folder, "wet", with(set, {"--rain", rain}));
+        // The whole path lies below the rain's top, so decibels grow as range does.
+        const double near = loss_db(clear, wet, 9.9e3, 10.1e3), far = loss_db(clear, wet, 19.8e3, 20.2e3);
+        const double share = share_not_black(wet, 44);
+        std::printf("rain %s: %.2f dB at 10 km, %.2f dB at 20 km; %.1f %% of seen cells not black at 44 dB\n",
+                    rain.c_str(), near, far, 100 * share);
+        CHECK(near == Approx(2 * loss_db(clear, wet, 4.95e3, 5.05e3)).epsilon(0.02));
+        if (rain != "drizzle") CHECK(share < before);
+        before = share;
+        if (rain == "heavy") CHECK(far > 30);
+    }
+}
+
+TEST_CASE("a lake is black until its waves are high", "[paper]") {
+    const Folder folder;
+    const Raster culture = read(data + "/inland_empire_culture.tif"), ground = read(data + "/inland_empire_dem.tif");
+    const auto all_water = [&](int column, int row, int margin) {
+        for (int y = row - margin; y <= row + margin; ++y)
+            for (int x = column - margin; x <= column + margin; ++x)
+                if (x < 0 || y < 0 || x >= culture.width || y >= culture.height || culture.at(x, y) != 98) return false;
+        return true;
+    };
+    double before_db = -300;
+    for (const int state : {0, 1, 3, 6}) {
+        const Swept scene = sweep(folder, "sea", {"--antenna-width", "6deg", "--sea-state", std::to_string(state)});
+        const auto& n = scene.power.number;
+        double water = 0, water_w = 0, black = 0, black_at_52 = 0, land = 0, land_w = 0;
+        for (int row = 0; row < scene.power.height; ++row)
+            for (int column = 0; column < scene.power.width; ++column) {
+                if (scene.state.at(column, row) != seen) continue;
+                const double azimuth =
+                    (n.at("AZIMUTH_START_DEG") + (row + 0.5) * n.at("AZIMUTH_STEP_DEG")) * std::numbers::pi / 180;
+                const double r = scene.range_m(column);
+                if (r < 8e3 || r > 20e3) continue;
+                // Ground position, at the height found there; the second step is exact to metres on gentle ground.
+                double height_m = n.at("REFERENCE_HEIGHT_M");
+                int x = 0, y = 0;
+                for (int step = 0; step < 2; ++step) {
+                    const double above = n.at("SENSOR_HEIGHT_M") - height_m, s = std::sqrt(r * r - above * above);
+                    x = static_cast<int>((n.at("SENSOR_X") + s * std::sin(azimuth) - ground.to_xy[0]) / 30);
+                    y = static_cast<int>((ground.to_xy[3] - n.at("SENSOR_Y") - s * std::cos(azimuth)) / 30);
+                    if (x < 0 || y < 0 || x >= ground.width || y >= ground.height) break;
+                    height_m = ground.at(x, y);
+                }
+                if (x < 0 || y < 0 || x >= ground.width || y >= ground.height) continue;
+                const double power_w = scene.power.at(column, row);
+                // 450 m from the shore the beam's skirt has left it.
+                if (all_water(x, y, 15)) {
+                    ++water, water_w += power_w, black += grey(power_w, 44) == 0, black_at_52 += grey(power_w, 52) == 0;
+                } else if (culture.at(x, y) != 98) {
+                    ++land, land_w += power_w;
+                }
+            }
+        REQUIRE(water > 200);
+        const double water_db = 10 * std::log10(std::max(water_w / water, 1e-30)) + 30;
+        std::printf(
+            "sea state %d: Lake Mathews %.1f dBm, land at its ranges %.1f dBm; %.1f %% of the lake's %g cells black at "
+            "44 dB, %.1f %% at 52 dB\n",
+            state, water_db, 10 * std::log10(land_w / land) + 30, 100 * black / water, water,
+            100 * black_at_52 / water);
+        CHECK(water_db > before_db);
+        if (state <= 1) CHECK(black > 0.95 * water);
+        if (state == 6) CHECK(black_at_52 < 0.05 * water);
+        if (state == 0) CHECK(black_at_52 > 0.95 * water);
+        before_db = water_db;
+    }
+}
+
+TEST_CASE("a target stands where the sweep of the tube says: GPI a map, PPI and TDPPI off it", "[paper]") {
+    const Folder folder;
+    const Raster ground = read(data + "/inland_empire_dem.tif");
+    // A culture of one's own on the same grid: soil, and two reflectors of 5 x 5 posts, north-west and south-west of the sensor.
+    const int sensor_column = 800, sensor_row = 500;
+    const std::array<std::array<int, 2>, 2> target{
+        {{sensor_column - 40, sensor_row - 60}, {sensor_column - 200, sensor_row + 150}}};
+    {
+        const GDALDatasetUniquePtr model(GDALDataset::Open((data + "/inland_empire_culture.tif").c_str()));
+        const GDALDatasetUniquePtr made(GetGDALDriverManager()->GetDriverByName("GTiff")->Create(
+            (folder / "targets.tif").c_str(), ground.width, ground.height, 1, GDT_Byte, nullptr));
+        auto to_xy = ground.to_xy;
+        made->SetGeoTransform(to_xy.data());
+        made->SetSpatialRef(model->GetSpatialRef());
+        std::vector<std::uint8_t> code(ground.value.size(), 1);
+        for (const auto& [column, row] : target)
+            for (int y = row - 2; y <= row + 2; ++y)
+                for (int x = column - 2; x <= column + 2; ++x) code[static_cast<std::size_t>(y * ground.width + x)] = 2;
+        REQUIRE(made->GetRasterBand(1)->RasterIO(GF_Write, 0, 0, ground.width, ground.height, code.data(), ground.width,
+                                                 ground.height, GDT_Byte, 0, 0) == CE_None);
+        std::ofstream(folder / "targets.csv") << "1,soil\n2,metal\n";
+    }
+    const double x = ground.to_xy[0] + 30 * (sensor_column + 0.5), y = ground.to_xy[3] - 30 * (sensor_row + 0.5);
+    const double sensor_m = 4000, range_m = 12000,
+                 above_m = sensor_m - static_cast<double>(ground.at(sensor_column, sensor_row));
+    folder.make(with(with({"simulate"}, radar), {"--antenna-width",
+                                                 "6deg",
+                                                 "--dem",
+                                                 data + "/inland_empire_dem.tif",
+                                                 "--culture",
+                                                 folder / "targets.tif",
+                                                 "--culture-legend",
+                                                 folder / "targets.csv",
+                                                 "--geometry",
+                                                 "grid",
+                                                 "--earth",
+                                                 "flat",
+                                                 "--xy",
+                                                 std::to_string(x) + "," + std::to_string(y),
+                                                 "--altitude-msl",
+                                                 "4000m",
+                                                 "--range",
+                                                 "12km",
+                                                 "--range-bin",
+                                                 "30m",
+                                                 "--bwe",
+                                                 "off",
+                                                 "--ple",
+                                                 "off",
+                                                 "--echo",
+                                                 folder / "targets_echo.tif"}));
+    constexpr int size = 800;
+    for (const std::string display : {"gpi", "ppi", "tdppi"}) {
+        folder.make({"scope", folder / "targets_echo.tif", "--display", display, "--if-gain", "46dB", "--rings", "off",
+                     "--size", std::to_string(size), "-o", folder / "scope.png"});
+        const Raster picture = read(folder / "scope.png");
+        const auto radius_m = [&](double r) {
+            if (display == "gpi") return std::sqrt(r * r - above_m * above_m);
+            return display == "ppi" ? r : r - above_m;
+        };
+        for (const auto& [column, row] : target) {
+            // The brightest pixels of the target's quadrant.
+            const bool north = row < sensor_row;
+            float most = 0;
+            double sum = 0, radius = 0;
+            for (const bool measure : {false, true})
+                for (int v = north ? 0 : size / 2; v < (north ? size / 2 : size); ++v)
+                    for (int u = 0; u < size / 2; ++u) {
+                        const float g = picture.at(u, v);
+                        if (!measure) most = std::max(most, g);
+                        if (measure && g == most) {
+                            ++sum;
+                            radius += std::hypot(u + 0.5 - size / 2, v + 0.5 - size / 2);
+                        }
+                    }
+            const double s = 30 * std::hypot(column - sensor_column, row - sensor_row);
+            const double height_m = ground.at(column, row);
+            const double expected_px = radius_m(std::hypot(s, sensor_m - height_m)) / radius_m(range_m) * size / 2;
+            std::printf(
+                "%s: a target %.0f m away shows at %.1f pixels, formula %.1f, on a map %.1f (brightest %g, %g "
+                "pixels)\n",
+                display.c_str(), s, radius / sum, expected_px, s / radius_m(range_m) * size / 2,
+                static_cast<double>(most), sum);
+            // Half its size, 75 m, and a pixel.
+            CHECK(radius / sum == Approx(expected_px).margin(75 / radius_m(range_m) * size / 2 + 1));
+        }
+    }
+}
