@@ -278,7 +278,10 @@ TEST_CASE("a lake is black until its waves are high", "[paper]") {
         const Swept scene = sweep(folder, "sea", {"--antenna-width", "6deg", "--sea-state", std::to_string(state)});
         const auto& n = scene.power.number;
         double water = 0, water_w = 0, black = 0, black_at_52 = 0, land = 0, land_w = 0;
-        for (int row = 0; row < scene.power.height; ++row)
+        // Land within 600 m before and behind the lake, along the ray.
+        double near_shore_w = 0, near_shore = 0, far_shore_w = 0, far_shore = 0;
+        for (int row = 0; row < scene.power.height; ++row) {
+            int first_water = -1, last_water = -1;
             for (int column = 0; column < scene.power.width; ++column) {
                 if (scene.state.at(column, row) != seen) continue;
                 const double azimuth =
@@ -299,11 +302,28 @@ TEST_CASE("a lake is black until its waves are high", "[paper]") {
                 const double power_w = scene.power.at(column, row);
                 // 450 m from the shore the beam's skirt has left it.
                 if (all_water(x, y, 15)) {
+                    if (first_water < 0) first_water = column;
+                    last_water = column;
                     ++water, water_w += power_w, black += grey(power_w, 44) == 0, black_at_52 += grey(power_w, 52) == 0;
                 } else if (culture.at(x, y) != 98) {
                     ++land, land_w += power_w;
                 }
             }
+            if (first_water < 0) continue;
+            // The inner lake ends 450 m, ten bins, before each shore.
+            const int shore = static_cast<int>(450 / n.at("RANGE_STEP_M")),
+                      width = static_cast<int>(600 / n.at("RANGE_STEP_M"));
+            for (int i = shore; i < shore + width; ++i) {
+                if (const int before = first_water - i; before >= 0 && scene.state.at(before, row) == seen)
+                    ++near_shore, near_shore_w += scene.power.at(before, row);
+                if (const int behind = last_water + i;
+                    behind < scene.power.width && scene.state.at(behind, row) == seen)
+                    ++far_shore, far_shore_w += scene.power.at(behind, row);
+            }
+        }
+        if (state == 0)
+            std::printf("the 600 m behind the lake return %.1f dB more than the 600 m before it\n",
+                        10 * std::log10(far_shore_w / far_shore / (near_shore_w / near_shore)));
         REQUIRE(water > 200);
         const double water_db = 10 * std::log10(std::max(water_w / water, 1e-30)) + 30;
         std::printf(
