@@ -156,7 +156,7 @@ TEST_CASE("the echo through a pattern of points is the sum over its wet rays", "
     const RainEcho echo = echo_of(weather, params);
     for (const double range : {600.0, 1700.0, 7000.0, 30e3, 100e3}) {
         INFO("at " << range << " m");
-        CHECK_THAT(echo.density_w_m(range), WithinRel(walked_density(weather, params, range), 2e-3));
+        CHECK_THAT(density(echo, radar, range), WithinRel(walked_density(weather, params, range), 2e-3));
     }
 }
 
