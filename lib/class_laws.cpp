@@ -24,6 +24,17 @@ BackscatterLaw class_law(const Material& material, const ClassLawParams& params)
                                            : sea_calm_law(params.frequency_hz, params.polarisation);
 }
 
+bool may_need_facets(const ClassLawParams& params) {
+    return !params.gamma &&
+           (params.land != LandModel::constant_gamma || params.water == WaterModel::calm || params.sea_state > 0);
+}
+
+bool may_be_directional(const ClassLawParams& params) {
+    const std::vector<Material>& materials = params.materials.rows();
+    return !params.gamma && std::any_of(materials.begin(), materials.end(),
+                                        [](const Material& m) { return m.directivity != Directivity::omni; });
+}
+
 ClassLaws::ClassLaws(std::vector<ClassGamma> gamma) : gamma_(std::move(gamma)) {
     for (const ClassGamma& g : gamma_) most_ = std::max({most_, g.ground, g.wall});
 }
@@ -38,8 +49,7 @@ ClassLaws::ClassLaws(const ClassLawParams& params)
           return gamma;
       }()) {
     const std::vector<Material>& materials = params.materials.rows();
-    const auto is_omni = [](const Material& m) { return m.directivity == Directivity::omni; };
-    if (!params.gamma && !std::all_of(materials.begin(), materials.end(), is_omni))
+    if (may_be_directional(params))
         for (const Material& m : materials) {
             const double axis = Angle::degrees(m.axis_deg).rad();
             facings_.push_back({m.directivity, rounded(std::sin(axis), 40), rounded(std::cos(axis), 40)});

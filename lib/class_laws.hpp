@@ -27,6 +27,9 @@ struct ClassLawParams {
 /// The law of a class' ground: ground_law of land, the water model of water (a class without a gamma). InputError where
 /// a model does not reach the frequency or the sea state.
 BackscatterLaw class_law(const Material& material, const ClassLawParams& params);
+/// Without making any table: may ClassLaws of these be none but constant()? May they be directional()?
+bool may_need_facets(const ClassLawParams& params);
+bool may_be_directional(const ClassLawParams& params);
 /// What circular polarisation (of one sense both ways) takes of a constant gamma: 3 dB of ground, 0.5 dB of walls, which
 /// return by two bounces [P] (physics "Rain volume echo").
 inline constexpr Decibel circular_loss{3}, circular_wall_loss{0.5};

@@ -120,13 +120,14 @@ Front::Front(const SweepScene& scene, const SpokeRun& run, WedgeCells& cells)
     start();
 }
 
-std::size_t Front::bytes_of(std::size_t lanes) {
-    return lanes * (25 * sizeof(double) + sizeof(std::int64_t) + sizeof(std::int32_t)) +
+std::size_t Front::bytes_of(std::size_t lanes, bool facets, bool directional) {
+    const std::size_t doubles = 21 + (facets ? 2 : 0) + (directional ? 2 : 0);
+    return lanes * (doubles * sizeof(double) + sizeof(std::int64_t) + sizeof(std::int32_t)) +
            tile_lanes * (3 * 9 + 9 + 4) * sizeof(double);
 }
 
 std::size_t Front::bytes() const {
-    return bytes_of(lanes_.mode.capacity()) + lanes_.straddlers.capacity() * sizeof(std::int32_t) +
+    return bytes_of(lanes_.mode.capacity(), needs_facets_, directional_) + lanes_.straddlers.capacity() * sizeof(std::int32_t) +
            (chunk_bounds_[0].highest_m.capacity() + chunk_bounds_[1].highest_m.capacity()) * sizeof(float) +
            culture_.bytes();
 }

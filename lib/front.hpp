@@ -83,7 +83,8 @@ public:
     /// Of reading culture, on the way from shade to deposit; no part of cost().
     const Culture::Cost& culture_cost() const { return culture_.cost(); }
     std::size_t bytes() const;
-    static std::size_t bytes_of(std::size_t lanes);  ///< without culture
+    /// Without culture; of a scene some law of which may depend on the angle or on the azimuth.
+    static std::size_t bytes_of(std::size_t lanes, bool facets, bool directional);
     /// Least culture code that no legend entry names, on seen ground.
     std::optional<std::int32_t> unknown_code() const { return unknown_code_; }
 

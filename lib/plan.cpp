@@ -84,7 +84,8 @@ private:
 class Walk {
 public:
     Walk(const ResolvedScene& scene, WedgeSource& source, const SpokeGrid& grid, std::int64_t strip, bool look)
-        : scene_(scene), source_(source), db_(source.data_base()), grid_(grid), strip_(strip), look_(look) {}
+        : scene_(scene), source_(source), db_(source.data_base()), grid_(grid), strip_(strip), look_(look),
+          facets_(may_need_facets(laws_of(scene.scene))), directional_(may_be_directional(laws_of(scene.scene))) {}
 
     WedgeForecast operator()(const Wedge& wedge) const {
         WedgeForecast f;
@@ -125,7 +126,7 @@ private:
             const ChunkRequest request{
                 grid_.window(fan, spokes, live, lines), lines_are_columns(q), {}, {}, {}, grid_.level(fan, line)};
             const Window posts = raster_posts(request.window, request.level);
-            std::size_t held = Front::bytes_of(lanes);
+            std::size_t held = Front::bytes_of(lanes, facets_, directional_);
             f.steps += static_cast<std::uint64_t>(live.size() * lines.size()) << (last_ring - ring);
             if (!request.window.empty()) {
                 const LoadCost cost = source_.cost(request);
@@ -169,7 +170,7 @@ private:
     const DataBase& db_;
     const SpokeGrid& grid_;
     std::int64_t strip_;
-    bool look_;
+    bool look_, facets_, directional_;
 };
 
 /// Decoded bytes that go through the source's cache. Of a raster without a map, thus read by GDAL, whose blocks are wider

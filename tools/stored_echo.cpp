@@ -176,10 +176,17 @@ std::string origin_of(const std::vector<Given>& given, const char* key) {
 }
 
 /// Cut where it is long: an antenna's points may be thousands.
-std::string value_words(const std::optional<std::string>& value) {
-    constexpr std::size_t most = 60;
+/// `other`: the value that it is told apart from; of a long one what differs shows.
+std::string value_words(const std::optional<std::string>& value, const std::optional<std::string>& other = {}) {
+    constexpr std::size_t most = 60, before = 20;
     if (!value) return "not given";
-    return value->size() > most ? value->substr(0, most) + "..." : *value;
+    if (value->size() <= most) return *value;
+    std::size_t from = 0;
+    if (other)
+        while (from < std::min(value->size(), other->size()) && (*value)[from] == (*other)[from]) ++from;
+    from = from > most - before ? from - before : 0;
+    const bool all = from + most >= value->size();
+    return text(from > 0 ? "..." : "", value->substr(from, most), all ? "" : "...");
 }
 
 /// Keys that were given but are none of scope's: as they were, or harmless in a scene file, or refused.
@@ -197,8 +204,8 @@ void check_given(const StoredEcho& echo, const std::vector<Given>& given, const 
             }
             const std::optional<std::string> before = key.get(echo.settings);
             if (now == before) continue;
-            throw InputError(text(g.origin, " is ", in_quotes(value_words(now)), "; the echo image was made with ",
-                                  in_quotes(value_words(before)), ", and ", key.needs_sweep, sweep_needed));
+            throw InputError(text(g.origin, " is ", in_quotes(value_words(now, before)), "; the echo image was made with ",
+                                  in_quotes(value_words(before, now)), ", and ", key.needs_sweep, sweep_needed));
         }
         if (!key.changes_result) {
             // Of a scene file that simulate takes: how it sweeps, and what else it writes.
@@ -213,8 +220,8 @@ void check_given(const StoredEcho& echo, const std::vector<Given>& given, const 
             continue;
         if (key.name == "geometry" && settings.scene.geometry && *settings.scene.geometry == echo.scene.geometry)
             continue;
-        throw InputError(text(g.origin, " is ", value_words(now), "; the echo image was swept with ",
-                              before ? value_words(before) : "no " + key.name, ", and ",
+        throw InputError(text(g.origin, " is ", value_words(now, before), "; the echo image was swept with ",
+                              before ? value_words(before, now) : "no " + key.name, ", and ",
                               key.needs_sweep.empty() ? "it changes what the ground returns" : key.needs_sweep,
                               sweep_needed));
     }
