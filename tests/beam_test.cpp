@@ -218,7 +218,7 @@ TEST_CASE("a slice with its skirt and lead-in gives the bits of the whole circle
     CHECK_THROWS_AS(power_image(PolarImage<float>(late), shown, setting), InputError);
 }
 
-TEST_CASE("long rows come out as short ones do, with any number of threads", "[beam]") {
+TEST_CASE("long rows come out as short ones do, with any number of threads", "[beam][threads]") {
     // More bins than one strip: what lies behind 4096 must not show.
     BeamSetting setting = level(4, 200);
     setting.sensor_m = 3000;
