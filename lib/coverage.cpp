@@ -221,11 +221,6 @@ public:
             least_tangent_ = rounded(std::tan(params.elevation->first.rad()), 40);
             most_tangent_ = rounded(std::tan(params.elevation->second.rad()), 40);
         }
-        if (params.layer == CoverageLayer::response) {
-            tables_ = std::make_unique<SceneTables>(scene.scene);
-            loss_ = loss_table(scene, tables_->weather, *scene.scene.range_m);
-            radar_constant_ = radar_constant(scene.scene.radar);
-        }
         hides_ = params.cull && bytes_ && !params.elevation && !(scene.scene.range_start_m > 0);
         for (Quadrant q : all_quadrants) set_up(q);
         own_east_west();
@@ -252,7 +247,7 @@ public:
         const std::int64_t width = run_spokes + tile_edge + 12 * knot + 2 * line_margin;
         const auto posts = static_cast<std::size_t>(width * (tile_edge + 1));
         std::size_t classes = 0;
-        if (tables_ && db_.has_culture)
+        if (params_.layer == CoverageLayer::response && db_.has_culture)
             classes = static_cast<std::size_t>(Culture::tiles_under(db_, {{0, width}, {0, width}}).columns.size() *
                                                Culture::tiles_under(db_, {{0, tile_edge}, {0, tile_edge}}).rows.size() *
                                                db_.culture_tile_columns * db_.culture_tile_rows) *
@@ -320,6 +315,10 @@ private:
     };
     static Facet facet(const Side& side, const LineForm& line, double slope, double z, double behind, double beside,
                        double arc_m, double inverse_radius, const SightLine& sight);
+    Culture& culture_of(Desk& desk) const {
+        if (!desk.culture) desk.culture = std::make_unique<Culture>(db_, &source_);
+        return *desk.culture;
+    }
     float nadir_response(std::int64_t column, std::int64_t row, double above_m);
     float response(const Side& side, double slope, std::int64_t index, std::int64_t post, const Facet& facet,
                    const SightLine& sight, double inverse_radius, Desk& desk) const;
@@ -818,7 +817,6 @@ void Cover::part_line(Interval posts, std::int64_t row, Desk& desk) const {
 /// Of the post right below: as of level ground.
 float Cover::nadir_response(std::int64_t column, std::int64_t row, double above_m) {
     Desk& desk = desks_.local();
-    if (!desk.culture) desk.culture = std::make_unique<Culture>(db_, &source_);
     desk.culture_m = {};
     const SightLine down{-above_m, 0, std::abs(above_m), above_m > 0 ? -1.0 : 1.0};
     return response(sides_[0], 0, column, row, {1, 1}, down, scene_.earth.inverse_radius(), desk);
@@ -912,7 +910,7 @@ Cover::Facet Cover::facet(const Side& side, const LineForm& line, double slope, 
 float Cover::response(const Side& side, double slope, std::int64_t index, std::int64_t post, const Facet& facet,
                       const SightLine& sight, double inverse_radius, Desk& desk) const {
     if (!(facet.sine > 0)) return nan_f;
-    Culture& culture = *desk.culture;
+    Culture& culture = culture_of(desk);
     const bool columns = lines_are_columns(side.quadrant);
     const double column = static_cast<double>(columns ? index : post), row = static_cast<double>(columns ? post : index);
     const std::int64_t cell_column = floor_i(culture.cell_column(column)), cell_row = floor_i(culture.cell_row(row));
@@ -1199,8 +1197,7 @@ void Cover::sweep(Strip& strip, std::size_t run) {
         did.bytes_spilled += chunk.bytes_spilled;
         held = of_lines;
         if (!tables_) return;
-        if (!desk.culture) desk.culture = std::make_unique<Culture>(db_, &source_);
-        if (db_.has_culture) desk.culture->open(request.window, false);
+        if (db_.has_culture) culture_of(desk).open(request.window, false);
     };
     // With a map each row of blocks is read when its turn comes, and what is hidden by then is not.
     bool mapped = false;
@@ -1635,6 +1632,11 @@ CoverageReport Cover::run() {
     report.peak_budget_bytes = needed();
     threads_ = report.threads;
     if (params_.timeline && !params_.beside_others) params_.timeline->memory(held_bytes(threads_));
+    if (params_.layer == CoverageLayer::response) {
+        tables_ = std::make_unique<SceneTables>(scene_.scene);
+        loss_ = loss_table(scene_, tables_->weather, *scene_.scene.range_m);
+        radar_constant_ = radar_constant(scene_.scene.radar);
+    }
     order_strips();
     Threads threads(threads_, !params_.beside_others);
     threads.execute([&] {

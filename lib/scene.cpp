@@ -86,7 +86,9 @@ void validate(const Scene& scene) {
 }
 
 ClassLawParams laws_of(const Scene& scene) {
-    return {scene.materials,  scene.radar.frequency_hz, scene.radar.polarisation, scene.land, scene.water, scene.sea_state, scene.gamma};
+    return {
+        scene.materials, scene.radar.frequency_hz, scene.radar.polarisation, scene.land, scene.water, scene.sea_state,
+        scene.gamma};
 }
 
 WeatherParams weather_of(const Scene& scene) {

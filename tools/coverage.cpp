@@ -108,14 +108,7 @@ void coverage(const std::vector<std::string>& arguments, Stop& stop) {
     check_complete(settings);
     check_response(settings);
     check_names({{"output", settings.output}, {"report", settings.report}, {"timeline", settings.timeline}},
-                {{"dem", settings.dem},
-                 {"culture", settings.culture},
-                 {"culture-height", settings.culture_height},
-                 {"culture-legend", legend_path(settings)},
-                 {"class-table", settings.class_table},
-                 {"observers", settings.observers},
-                 {"set", set_file(settings)},
-                 {"antenna", settings.antenna_file}});
+                data_paths(settings));
     if (settings.no_data_value)
         settings.coverage.mask.no_data = static_cast<std::uint8_t>(*settings.no_data_value);
     else if (translated.gdal_style)

@@ -64,10 +64,8 @@ void check_names(const NamedPaths& outputs, const NamedPaths& inputs) {
 
 std::string set_file(const Settings& s) { return shipped_set(s.radar_set) ? "" : s.radar_set; }
 
-namespace {
+static constexpr std::size_t raster_paths = 3;  // of data_paths, the first
 
-/// Files of the data base and of places; the rasters first.
-constexpr std::size_t raster_paths = 3;
 NamedPaths data_paths(const Settings& s) {
     return {{"dem", s.dem},
             {"culture", s.culture},
@@ -79,8 +77,6 @@ NamedPaths data_paths(const Settings& s) {
             {"antenna", s.antenna_file},
             {"observers", s.observers}};
 }
-
-}  // namespace
 
 NamedPaths input_paths(const Settings& s) {
     NamedPaths paths = data_paths(s);

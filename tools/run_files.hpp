@@ -27,6 +27,8 @@ std::string canonical_path(const std::string& path);
 /// Path of the user's own radar set; empty for none and for a shipped one.
 std::string set_file(const Settings& settings);
 
+/// Files of the data base, of places and of the set; the rasters first.
+NamedPaths data_paths(const Settings& settings);
 /// All that a simulation may read.
 NamedPaths input_paths(const Settings& settings);
 
