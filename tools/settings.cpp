@@ -86,6 +86,7 @@ SpillOptions spill_options(const Settings& settings) {
     options.memory_bytes = static_cast<std::size_t>(settings.memory_bytes);
     options.threads =
         settings.threads > 0 ? settings.threads : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+    options.all_round = !settings.ground_file.empty();
     return options;
 }
 
