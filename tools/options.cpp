@@ -2,14 +2,12 @@
 
 #include <algorithm>
 #include <boost/program_options.hpp>
-#include <cerrno>
-#include <cstring>
 #include <filesystem>
-#include <fstream>
 #include <map>
 
 #include "tiles/tile_store.hpp"
 #include "tools/radar_set.hpp"
+#include "tools/text_file.hpp"
 #include "tools/units.hpp"
 
 namespace po = boost::program_options;
@@ -177,20 +175,7 @@ std::vector<Given> read_command_line(Command command, const std::vector<std::str
 
 /// `kind`: of file, for messages.
 std::string file_content(const std::string& path, const char* kind = "scene file") {
-    const std::string subject = text(kind, " ", in_quotes(path));
-    std::error_code ignored;
-    if (std::filesystem::is_directory(path, ignored)) throw IoError(text(subject, " is a folder"));
-    errno = 0;
-    std::ifstream file(path, std::ios::binary);
-    if (!file) throw IoError(text(subject, " cannot be opened: ", std::strerror(errno)));
-    constexpr std::size_t most = std::size_t{1} << 20;
-    std::string content(most + 1, '\0');
-    file.read(content.data(), static_cast<std::streamsize>(content.size()));
-    if (file.bad()) throw IoError(text(subject, " cannot be read"));
-    content.resize(static_cast<std::size_t>(file.gcount()));
-    if (content.size() > most)
-        throw InputError(text(subject, " is larger than 1 MiB; a ", kind, " holds lines key = value"));
-    return content;
+    return text_of_file(text(kind, " ", in_quotes(path)), path, text("a ", kind, " holds lines key = value"));
 }
 
 }  // namespace
@@ -212,12 +197,14 @@ const std::vector<CommandInfo>& command_table() {
          "where they are auto, follow beam and pulse: give them).",
          "wedgescope scope --if-gain 40dB --display ppi echo.tif -o scope.png"},
         {command_coverage, "coverage", "wedgescope coverage [options] IN OUT",
-         "terrain raster -> which of its posts are seen, how high, far and steep they lie, or what a radar gets of them",
+         "terrain raster -> which of its posts are seen, how high, far and steep they lie, or what a radar gets of "
+         "them",
          "OUT has IN's grid; the mask holds 255 where the ground is seen, 0 where it is not, 1 where there is no data "
          "or out of range. gdal_viewshed's options -ox -oy -oz -tz -md -cc -ov -vv -iv -a_nodata -b -f -co -om -q are "
          "understood too, in its units (-b 1 and -om NORMAL only: --layer height gives what -om DEM does); with -ox "
          "and -oy the ground is a plane, the sensor stands over the nearest post, and defaults are gdal_viewshed's. "
-         "With --observers many sensors are looked from in one run. Radar, antenna, ground and weather count for --layer "
+         "With --observers many sensors are looked from in one run. Radar, antenna, ground and weather count for "
+         "--layer "
          "response alone, as do culture, culture-legend, class-table and material.",
          "wedgescope coverage --latlon 33.9,-117.3 --altitude-agl 500m terrain.tif seen.tif"},
         {command_evaluate, "evaluate", "wedgescope evaluate MODEL [NAME=VALUE...] [options] | evaluate --list [MODEL]",
