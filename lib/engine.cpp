@@ -68,9 +68,9 @@ struct WeatherHere {
                                   ? rounded(s.earth.slant_range_m(s.sensor_m, s.reference_m, edge), 10)
                                   : edge);
         }
-        loss = loss_table(s, weather, edges_m.back());
-        if (weather.params().rain_mm_h == 0) return;
         const PathLossRays rays = loss_rays(s, edges_m.back());
+        loss.emplace(weather, rays);
+        if (weather.params().rain_mm_h == 0) return;
         const RainEcho rain(weather, *loss, pattern,
                             {s.scene.radar, rays.earth, s.sensor_m, s.reference_m, rays.most_range_m});
         rain_w = rain.cells_w(edges_m, s.swept.azimuth_step_rad());

@@ -1,11 +1,8 @@
 #include "tools/keys.hpp"
 
 #include <algorithm>
-#include <cerrno>
 #include <cmath>
-#include <cstring>
 #include <filesystem>
-#include <fstream>
 #include <iterator>
 #include <numbers>
 
@@ -13,6 +10,7 @@
 #include "lib/seen_counts.hpp"
 #include "tools/antenna_file.hpp"
 #include "tools/radar_set.hpp"
+#include "tools/text_file.hpp"
 #include "tools/units.hpp"
 
 namespace wedgescope {
@@ -296,19 +294,8 @@ Codec class_table() {
         }
         s.class_table = resolved_path(given);
         const std::string subject = text(given.origin, " ", in_quotes(s.class_table));
-        std::error_code ignored;
-        if (std::filesystem::is_directory(s.class_table, ignored)) throw IoError(text(subject, " is a folder"));
-        errno = 0;
-        std::ifstream file(s.class_table, std::ios::binary);
-        if (!file) throw IoError(text(subject, " cannot be opened: ", std::strerror(errno)));
-        constexpr std::size_t most = std::size_t{1} << 20;
-        std::string content(most + 1, '\0');
-        file.read(content.data(), static_cast<std::streamsize>(content.size()));
-        if (file.bad()) throw IoError(text(subject, " cannot be read"));
-        content.resize(static_cast<std::size_t>(file.gcount()));
-        if (content.size() > most)
-            throw InputError(text(subject, " is larger than 1 MiB; it holds a line for each class"));
-        s.scene.materials = Materials::from_csv(subject, content);
+        s.scene.materials =
+            Materials::from_csv(subject, text_of_file(subject, s.class_table, "it holds a line for each class"));
     };
     codec.get = [](const Settings& s) -> std::optional<std::string> {
         const std::string& own = s.scene.materials.own();

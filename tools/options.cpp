@@ -2,14 +2,12 @@
 
 #include <algorithm>
 #include <boost/program_options.hpp>
-#include <cerrno>
-#include <cstring>
 #include <filesystem>
-#include <fstream>
 #include <map>
 
 #include "tiles/tile_store.hpp"
 #include "tools/radar_set.hpp"
+#include "tools/text_file.hpp"
 #include "tools/units.hpp"
 
 namespace po = boost::program_options;
@@ -177,20 +175,7 @@ std::vector<Given> read_command_line(Command command, const std::vector<std::str
 
 /// `kind`: of file, for messages.
 std::string file_content(const std::string& path, const char* kind = "scene file") {
-    const std::string subject = text(kind, " ", in_quotes(path));
-    std::error_code ignored;
-    if (std::filesystem::is_directory(path, ignored)) throw IoError(text(subject, " is a folder"));
-    errno = 0;
-    std::ifstream file(path, std::ios::binary);
-    if (!file) throw IoError(text(subject, " cannot be opened: ", std::strerror(errno)));
-    constexpr std::size_t most = std::size_t{1} << 20;
-    std::string content(most + 1, '\0');
-    file.read(content.data(), static_cast<std::streamsize>(content.size()));
-    if (file.bad()) throw IoError(text(subject, " cannot be read"));
-    content.resize(static_cast<std::size_t>(file.gcount()));
-    if (content.size() > most)
-        throw InputError(text(subject, " is larger than 1 MiB; a ", kind, " holds lines key = value"));
-    return content;
+    return text_of_file(text(kind, " ", in_quotes(path)), path, text("a ", kind, " holds lines key = value"));
 }
 
 }  // namespace
