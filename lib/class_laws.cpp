@@ -29,8 +29,13 @@ bool may_need_facets(const ClassLawParams& params) {
            (params.land != LandModel::constant_gamma || params.water == WaterModel::calm || params.sea_state > 0);
 }
 
+bool may_be_windy(const ClassLawParams& params) {
+    return params.wind_from && !params.gamma && params.water == WaterModel::nrl && params.sea_state > 0;
+}
+
 bool may_be_directional(const ClassLawParams& params) {
     const std::vector<Material>& materials = params.materials.rows();
+    if (may_be_windy(params)) return true;
     return !params.gamma && std::any_of(materials.begin(), materials.end(),
                                         [](const Material& m) { return m.directivity != Directivity::omni; });
 }
@@ -52,15 +57,22 @@ ClassLaws::ClassLaws(const ClassLawParams& params)
     if (may_be_directional(params))
         for (const Material& m : materials) {
             const double axis = Angle::degrees(m.axis_deg).rad();
-            facings_.push_back({m.directivity, rounded(std::sin(axis), 40), rounded(std::cos(axis), 40)});
+            facings_.push_back(
+                {m.directivity, rounded(std::sin(axis), 40), rounded(std::cos(axis), 40), is_of_water(m)});
         }
+    if (may_be_windy(params)) {
+        windy_ = true;
+        wind_ = WindTable(params.frequency_hz);
+        upwind_east_ = rounded(std::sin(params.wind_from->rad()), 40);
+        upwind_north_ = rounded(std::cos(params.wind_from->rad()), 40);
+    }
     std::vector<BackscatterTable> tables;
     bool all_constant = true;
     for (std::size_t id = 0; id < materials.size(); ++id) {
         tables.emplace_back(class_law(materials[id], params));
         gamma_[id].ground = tables.back().most();
         all_constant = all_constant && tables.back().constant();
-        most_ = std::max(most_, tables.back().most());
+        most_ = std::max(most_, tables.back().most() * (is_of_water(materials[id]) ? wind_.most() : 1));
         error_db_ = std::max(error_db_, tables.back().error_db());
     }
     if (all_constant) return;

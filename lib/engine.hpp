@@ -8,8 +8,9 @@
 
 #include "lib/beam.hpp"
 #include "lib/display.hpp"
-#include "lib/polar.hpp"
+#include "lib/far_shore.hpp"
 #include "lib/path_loss.hpp"
+#include "lib/polar.hpp"
 #include "lib/receiver.hpp"
 #include "lib/report.hpp"
 #include "lib/scene.hpp"
@@ -62,6 +63,7 @@ void look_at(ResolvedScene& scene, Interval azimuth_bins);
 struct SceneTables {
     explicit SceneTables(const Scene& scene);
     ClassLaws laws;
+    FarShore shore;
     Weather weather;
     PatternTable pattern;
     Receiver receiver;
