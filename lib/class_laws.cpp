@@ -30,8 +30,13 @@ bool may_need_facets(const ClassLawParams& params) {
            (params.land != LandModel::constant_gamma || params.water == WaterModel::calm || params.sea_state > 0);
 }
 
+bool may_be_windy(const ClassLawParams& params) {
+    return params.wind_from && !params.gamma && params.water == WaterModel::nrl && params.sea_state > 0;
+}
+
 bool may_be_directional(const ClassLawParams& params) {
     const std::vector<Material>& materials = params.materials.rows();
+    if (may_be_windy(params)) return true;
     return !params.gamma && std::any_of(materials.begin(), materials.end(),
                                         [](const Material& m) { return m.directivity != Directivity::omni; });
 }
@@ -53,19 +58,30 @@ ClassLaws::ClassLaws(const ClassLawParams& params)
     if (may_be_directional(params))
         for (const Material& m : materials) {
             const double axis = Angle::degrees(m.axis_deg).rad();
-            facings_.push_back({m.directivity, rounded(std::sin(axis), 40), rounded(std::cos(axis), 40)});
+            facings_.push_back(
+                {m.directivity, rounded(std::sin(axis), 40), rounded(std::cos(axis), 40), is_of_water(m)});
         }
+    if (may_be_windy(params)) {
+        windy_ = true;
+        wind_ = WindTable(params.frequency_hz);
+        upwind_east_ = rounded(std::sin(params.wind_from->rad()), 40);
+        upwind_north_ = rounded(std::cos(params.wind_from->rad()), 40);
+    }
     std::vector<BackscatterTable> tables;
-    for (const Material& material : materials) tables.emplace_back(class_law(material, params));
-    keep(tables);
+    std::vector<bool> water;
+    for (const Material& material : materials) {
+        tables.emplace_back(class_law(material, params));
+        water.push_back(is_of_water(material));
+    }
+    keep(tables, water);
 }
 
-void ClassLaws::keep(const std::vector<BackscatterTable>& tables) {
+void ClassLaws::keep(const std::vector<BackscatterTable>& tables, const std::vector<bool>& water) {
     bool all_constant = true;
     for (std::size_t id = 0; id < tables.size(); ++id) {
         gamma_[id].ground = tables[id].most();
         all_constant = all_constant && tables[id].constant();
-        most_ = std::max(most_, tables[id].most());
+        most_ = std::max(most_, tables[id].most() * (water[id] ? wind_.most() : 1));
         error_db_ = std::max(error_db_, tables[id].error_db());
     }
     if (all_constant) return;
@@ -98,7 +114,7 @@ ClassLaws ClassLaws::area_of_ground(std::size_t classes, ClassId id) {
     ClassLaws laws(std::vector<ClassGamma>(classes, ClassGamma{}));
     std::vector<BackscatterTable> tables(classes, BackscatterTable(BackscatterLaw::constant_gamma(0)));
     tables.at(id) = BackscatterTable(BackscatterLaw([](Angle) { return 1.0; }, least_grazing));
-    laws.keep(tables);
+    laws.keep(tables, std::vector<bool>(classes, false));
     return laws;
 }
 

@@ -23,13 +23,20 @@ struct ClassLawParams {
     WaterModel water = WaterModel::nrl;
     double sea_state = 0;
     std::optional<Decibel> gamma{};  ///< one constant gamma at 10 GHz in place of every law, walls and water included
+    std::optional<Angle>
+        wind_from{};         ///< azimuth that the wind blows from; none: the sea is the mean over wind directions
+    bool far_shore = false;  ///< FarShore (far_shore.hpp)
 };
+/// Of the class of water, which has no gamma.
+inline bool is_of_water(const Material& material) { return !material.gamma10_db; }
 /// The law of a class' ground: ground_law of land, the water model of water (a class without a gamma). InputError where
 /// a model does not reach the frequency or the sea state.
 BackscatterLaw class_law(const Material& material, const ClassLawParams& params);
 /// Without making any table: may ClassLaws of these be none but constant()? May they be directional()?
 bool may_need_facets(const ClassLawParams& params);
 bool may_be_directional(const ClassLawParams& params);
+/// Do these have waves, and a direction that the wind blows from?
+bool may_be_windy(const ClassLawParams& params);
 /// What circular polarisation (of one sense both ways) takes of a constant gamma: 3 dB of ground, 0.5 dB of walls, which
 /// return by two bounces [P] (physics "Rain volume echo").
 inline constexpr Decibel circular_loss{3}, circular_wall_loss{0.5};
@@ -68,9 +75,20 @@ public:
 
     /// Some class returns more to one side than to another.
     bool directional() const { return !facings_.empty(); }
-    /// directivity_gain() of a class towards a sensor from which it lies in the azimuth of this sine and cosine (clockwise
-    /// from north; there and back differ by half a turn, what meridians converge by within the range aside [P]).
-    double gain(ClassId id, double sine, double cosine) const noexcept {
+    // The same towards a sensor from which the place lies in the azimuth of this sine and cosine (clockwise from north; there
+    // and back differ by half a turn, what meridians converge by within the range aside [P]), where some class is directional.
+    double ground(ClassId id, double variable, double sine, double cosine) const noexcept {
+        const double factor = ground(id, variable) * facing_gain(id, sine, cosine);
+        return windy_ && facings_[id].waves ? factor * wind_.at(variable, cosine * upwind_north_ + sine * upwind_east_)
+                                            : factor;
+    }
+    double wall(ClassId id, double sine, double cosine) const noexcept {
+        return wall(id) * facing_gain(id, sine, cosine);
+    }
+
+private:
+    /// directivity_gain().
+    double facing_gain(ClassId id, double sine, double cosine) const noexcept {
         const Facing& facing = facings_[id];
         if (facing.directivity == Directivity::omni) return 1;
         const double towards = -(cosine * facing.north + sine * facing.east),
@@ -79,7 +97,6 @@ public:
         return square * square > least_directivity ? square * square : least_directivity;
     }
 
-private:
     struct Row {
         std::size_t first;
         int last;  // interval
@@ -89,14 +106,18 @@ private:
     struct Facing {
         Directivity directivity;
         double east, north;
+        bool waves;  // its ground is a sea
     };
-    /// Tables or constants, a row a class.
-    void keep(const std::vector<BackscatterTable>& tables);
+    /// Tables or constants, a row a class; those of water under the wind.
+    void keep(const std::vector<BackscatterTable>& tables, const std::vector<bool>& water);
 
     std::vector<ClassGamma> gamma_;
     std::vector<Facing> facings_;  // empty: all are omni
     std::vector<Row> rows_;
     std::vector<double> entries_;
+    bool windy_ = false;
+    WindTable wind_;
+    double upwind_east_ = 0, upwind_north_ = 0;
     double most_ = 0, error_db_ = 0;
 };
 

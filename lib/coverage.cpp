@@ -921,10 +921,15 @@ float Cover::response(const Side& side, double slope, std::int64_t index, std::i
         return nan_f;
     }
     const bool wall = !desk.culture_m.empty() && desk.culture_m[static_cast<std::size_t>(post - desk.culture_begin)] > 0;
-    double factor = wall ? tables_->laws.wall(id) : tables_->laws.ground(id, law_variable(facet.sine));
-    if (tables_->laws.directional()) {
-        const double azimuth = map_.azimuth_rad(side.quadrant, slope);
-        factor *= tables_->laws.gain(id, rounded(std::sin(azimuth), angle_bits), rounded(std::cos(azimuth), angle_bits));
+    const ClassLaws& laws = tables_->laws;
+    const double variable = law_variable(facet.sine);
+    double factor;
+    if (laws.directional()) {
+        const double azimuth = map_.azimuth_rad(side.quadrant, slope), east = rounded(std::sin(azimuth), angle_bits),
+                     north = rounded(std::cos(azimuth), angle_bits);
+        factor = wall ? laws.wall(id, east, north) : laws.ground(id, variable, east, north);
+    } else {
+        factor = wall ? laws.wall(id) : laws.ground(id, variable);
     }
     const double g0 = side.square[0], g1 = side.square[1], g2 = side.square[2];
     const double sigma = factor * facet.sine * std::sqrt(g0 * g2 - 0.25 * g1 * g1) * facet.secant,

@@ -115,7 +115,7 @@ struct Setting {
           grid(data_base, map, sampling_of(s, data_base), s.swept.circle_bins, levels),
           tables(made ? std::move(made) : std::make_shared<const SceneTables>(s.scene)),
           cells(quanta(s.swept.range_bins, s.swept.range_bin_m, radar_constant(s.scene.radar), tables->pattern.most(),
-                       grid.azimuth_step_rad(), tables->laws.most())) {
+                       grid.azimuth_step_rad(), tables->laws.most() * tables->shore.most())) {
         sweep.data_base = &data_base;
         sweep.grid = &grid;
         sweep.sampling = sampling_of(s, data_base);
@@ -131,6 +131,7 @@ struct Setting {
         sweep.pattern = &tables->pattern;
         sweep.constant = radar_constant(s.scene.radar);
         sweep.laws = &tables->laws;
+        sweep.shore = &tables->shore;
         sweep.loss = loss;
         sweep.source = &source;
         if (BlockMap* bounds = source.block_map()) sweep.smooth_sine = smooth_horizon(*bounds);
@@ -505,8 +506,8 @@ int threads_of(const EngineParams& params) {
 }  // namespace
 
 SceneTables::SceneTables(const Scene& scene)
-    : laws(laws_of(scene)), weather(weather_of(scene), scene.radar.frequency_hz), pattern(scene.radar.antenna),
-      receiver(scene.receiver, scene.radar) {}
+    : laws(laws_of(scene)), shore(laws_of(scene)), weather(weather_of(scene), scene.radar.frequency_hz),
+      pattern(scene.radar.antenna), receiver(scene.receiver, scene.radar) {}
 
 std::optional<PathLossTable> loss_table(const ResolvedScene& scene, const Weather& weather, double most_range_m) {
     if (weather.clear()) return std::nullopt;

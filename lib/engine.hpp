@@ -8,6 +8,7 @@
 
 #include "lib/beam.hpp"
 #include "lib/display.hpp"
+#include "lib/far_shore.hpp"
 #include "lib/path_loss.hpp"
 #include "lib/polar.hpp"
 #include "lib/receiver.hpp"
@@ -69,6 +70,7 @@ void look_at(ResolvedScene& scene, Interval azimuth_bins);
 struct SceneTables {
     explicit SceneTables(const Scene& scene);
     ClassLaws laws;
+    FarShore shore;
     Weather weather;
     PatternTable pattern;
     Receiver receiver;

@@ -104,8 +104,10 @@ void Front::Lanes::resize(std::size_t n) {
 Front::Front(const SweepScene& scene, const SpokeRun& run, WedgeCells& cells)
     : scene_(&scene), run_(&run), cells_(&cells), bins_per_metre_(1 / scene.range_bin_m),
       plain_ground_(!scene.data_base->has_culture && !scene.data_base->has_culture_height),
-      needs_facets_(!scene.laws->constant()), directional_(scene.laws->directional()), quadrant_(run.quadrant),
-      fan_(run.own_fan()), line_end_(scene.grid->line_count(fan_)), culture_(*scene.data_base, scene.source) {
+      needs_facets_(!scene.laws->constant()), directional_(scene.laws->directional()),
+      shore_(scene.shore && scene.shore->on() && scene.data_base->has_culture ? scene.shore : nullptr),
+      quadrant_(run.quadrant), fan_(run.own_fan()), line_end_(scene.grid->line_count(fan_)),
+      culture_(*scene.data_base, scene.source) {
     for (auto* samples : {&now_, &crossing_, &ahead_}) samples->resize(tile_lanes);
     for (auto* v : {&cell_, &bump_, &sine0_, &code_, &power_, &inverse_width_, &bow_, &facet_}) v->resize(tile_lanes);
     gamma_.assign(tile_lanes, scene.laws->gamma()[scene.data_base->default_class].ground);
@@ -120,14 +122,16 @@ Front::Front(const SweepScene& scene, const SpokeRun& run, WedgeCells& cells)
     start();
 }
 
-std::size_t Front::bytes_of(std::size_t lanes, bool facets, bool directional) {
+std::size_t Front::bytes_of(std::size_t lanes, bool facets, bool directional, bool shore) {
     const std::size_t doubles = 21 + (facets ? 2 : 0) + (directional ? 2 : 0);
-    return lanes * (doubles * sizeof(double) + sizeof(std::int64_t) + sizeof(std::int32_t)) +
+    return lanes * (doubles * sizeof(double) + (shore ? sizeof(ShoreWindow) : 0) + sizeof(std::int64_t) +
+                    sizeof(std::int32_t)) +
            tile_lanes * (3 * 9 + 9 + 4) * sizeof(double);
 }
 
 std::size_t Front::bytes() const {
-    return bytes_of(lanes_.mode.capacity(), needs_facets_, directional_) + lanes_.straddlers.capacity() * sizeof(std::int32_t) +
+    return bytes_of(lanes_.mode.capacity(), needs_facets_, directional_, shore_ != nullptr) +
+           lanes_.straddlers.capacity() * sizeof(std::int32_t) +
            (chunk_bounds_[0].highest_m.capacity() + chunk_bounds_[1].highest_m.capacity()) * sizeof(float) +
            culture_.bytes();
 }
@@ -146,6 +150,7 @@ void Front::set_up_ring(std::size_t ring, Lanes& lanes) const {
         for (LaneArray* v : {&lanes.across, &lanes.slant}) v->resize(lanes.row.size());
     if (directional_)
         for (LaneArray* v : {&lanes.east, &lanes.north}) v->resize(lanes.row.size());
+    if (shore_) lanes.shore.assign(lanes.row.size(), {});
     for (std::int64_t k = run.begin; k < run.end; ++k) {
         const auto lane = static_cast<std::size_t>(k - run.begin);
         const double m = static_cast<double>(k) / static_cast<double>(spokes);
@@ -735,16 +740,23 @@ void Front::take(const Between& between, std::size_t begin, std::size_t end, boo
         const bool left = found.plain && put_plain(at, m, lane, between, next);
         if (!found.changes && !left) continue;
         for (std::size_t i = at; i < at + m; ++i) {
-            if (code_[i] == 2)
+            if (code_[i] == 2) {
                 change(begin + i, i, between, next);
-            else if (code_[i] == 1 && left && gamma_[i] == several_gammas && lanes_.row[begin + i] >= 0)
+                if (shore_ && is(begin + i, mode_gap)) lanes_.shore[begin + i] = {};  // what is there, nobody knows
+            } else if (code_[i] == 1 && left && gamma_[i] == several_gammas && (lanes_.row[begin + i] >= 0 || shore_)) {
+                const SampleLanes first = now_.lanes(i), last = next.lanes(i);
                 put(begin + i,
                     {{from.x[i], to.x[i], inverse_width_[i], power_[i], bow_[i]},
-                     track(now_.lanes(i), next.lanes(i), between),
+                     track(first, last, between),
                      sine0_[i],
                      to.sine[i],
-                     facet_[i]},
+                     facet_[i],
+                     &first,
+                     &last,
+                     0,
+                     1},
                     between);
+            }
         }
     }
     if (!parts_.empty()) add_parts_together();
@@ -839,6 +851,10 @@ bool Front::find_gammas(std::size_t at, std::size_t n, std::size_t lane, const B
             else if (kind == CultureParts::wall)
                 gamma[i] = wall_gamma(classes[found.first[i]], lane + i);
         }
+    if (shore_) {
+        for (std::size_t k = 0; k < odd_count; ++k) gamma[odd[k]] = several_gammas;
+        return pass_shores(at, n, lane, classes, found.first, found.kind, next) || odd_count > 0;
+    }
     for (std::size_t k = 0; k < odd_count; ++k) {
         const std::size_t i = odd[k];
         if (found.kind[i] == CultureParts::elsewhere) classes = find_cells(from, i, between, n, pieces, scene, found);
@@ -859,6 +875,39 @@ bool Front::find_gammas(std::size_t at, std::size_t n, std::size_t lane, const B
         }
     }
     return left;
+}
+
+bool Front::pass_shores(std::size_t at, std::size_t n, std::size_t lane, const ClassId* classes,
+                        const std::int32_t* cell, const std::int32_t* kind, Samples& next) {
+    bool left = false;
+    for (std::size_t i = 0; i < n; ++i) {
+        double& gamma = gamma_[at + i];
+        if (kind[i] == CultureParts::nothing || gamma == several_gammas) continue;
+        const bool water = kind[i] == CultureParts::parts && shore_->is_water(classes[cell[i]]);
+        ShoreWindow& window = lanes_.shore[lane + i];
+        if (!water && window.state == ShoreWindow::none) continue;
+        const SampleLanes from = now_.lanes(at + i), to = next.lanes(at + i);
+        if (water && *to.height_m > *from.height_m) {  // a bank perhaps
+            gamma = several_gammas;
+            left = true;
+            continue;
+        }
+        const ShorePoint a = shore_point(lane + i, from, to, 0), b = shore_point(lane + i, from, to, 1);
+        if (water)
+            FarShore::pass_water(window, a, b);
+        else
+            gamma *= shore_->pass_land(window, a, b);
+    }
+    return left;
+}
+
+ShorePoint Front::shore_point(std::size_t lane, const SampleLanes& from, const SampleLanes& to, double u) const {
+    const double inverse = lanes_.inverse_radius[lane];
+    if (u == 0) return {*from.sine, *from.up_m, *from.out_m, *from.height_m, *from.arc_m * inverse};
+    if (u == 1) return {*to.sine, *to.up_m, *to.out_m, *to.height_m, *to.arc_m * inverse};
+    const auto at = [u](const double* a, const double* b) { return *a + u * (*b - *a); };
+    return {at(from.sine, to.sine), at(from.up_m, to.up_m), at(from.out_m, to.out_m), at(from.height_m, to.height_m),
+            at(from.arc_m, to.arc_m) * inverse};
 }
 
 const ClassId* Front::find_cells(const SampleLanes& from, std::size_t i, const Between& between, std::size_t n,
@@ -906,7 +955,8 @@ void Front::change(std::size_t lane, std::size_t i, const Between& between, Samp
         const double x1 = scene_->range_is_ground ? at(*from.x, *to.x, end) : range1 * bins_per_metre_,
                      x0 = at(*from.x, x1, part);
         ++cost_.pieces;
-        if (lanes_.row[lane] >= 0) {
+        const bool own = lanes_.row[lane] >= 0;
+        if (own || shore_) {
             find_facets(i, 1, lane, next);
             const auto deposit = [&](const PieceEnd& a, const PieceEnd& b, double bent) {
                 const double power = power_of(lane, a.sine, b.sine, a.range_m, b.range_m);
@@ -916,7 +966,11 @@ void Front::change(std::size_t lane, std::size_t i, const Between& between, Samp
                       between.major(at(*from.part, *to.part, b.part)), at(*from.minor, *to.minor, b.part)},
                      a.sine,
                      b.sine,
-                     facet_[i]},
+                     facet_[i],
+                     &from,
+                     &to,
+                     a.part,
+                     b.part},
                     between);
             };
             const PieceEnd first{begin, range0, horizon, x0}, last{end, range1, sine1, x1};
@@ -932,6 +986,8 @@ void Front::change(std::size_t lane, std::size_t i, const Between& between, Samp
                 };
                 halve(first, last, point, [&](const PieceEnd& a, const PieceEnd& b) { deposit(a, b, 0); });
             }
+        }
+        if (own) {
             if (sine1 > lanes_.void_horizon[lane]) {
                 lanes_.seen_least[lane] = std::min({lanes_.seen_least[lane], x0, x1});
                 lanes_.seen_most[lane] = std::max({lanes_.seen_most[lane], x0, x1});
@@ -997,6 +1053,7 @@ void Front::put(std::size_t lane, const Piece& piece, const Between& between) {
     double depression = 0;
     if (scene_->with_depression)
         depression = std::max(0.0, -std::asin(0.5 * (piece.sine0 + piece.sine1)) / (std::numbers::pi / 2));
+    if (shore_) return put_by_shore(lane, piece, between, depression);
     const std::optional<double> gamma = one_gamma(lane, piece.track, between, piece.variable);
     if (!gamma) return put_parts(lane, piece, depression);
     WedgeCells::Portion portion = piece.portion;
@@ -1013,30 +1070,45 @@ ClassId Front::class_at(std::int64_t cell_column, std::int64_t cell_row) {
     return id;
 }
 
-std::optional<IndexPosition> Front::wall_post(const Track& track, const Between& between) const {
+template <class Accept>
+std::optional<IndexPosition> Front::highest_corner(const Track& track, const Between& between, const LinePosts& behind,
+                                                   const LinePosts& ahead, const Accept& accept) const {
     const bool columns = lines_are_columns(quadrant_);
     const std::int64_t j = floor_of(0.5 * (track.minor0 + track.minor1));
-    const auto stands = [&](const LinePosts& line) {
-        return (line.has(j) && line.at(j) > 0) || (line.has(j + 1) && line.at(j + 1) > 0);
-    };
-    if (!stands(between.ahead_culture) && !(between.adjacent && stands(between.behind_culture))) return std::nullopt;
-    double most = 0;
-    IndexPosition best;
+    double most = -infinite;
+    std::optional<IndexPosition> best;
     const auto corner = [&](const LinePosts& line, double major, std::int64_t at) {
         if (!line.has(at)) return;
         const double h = static_cast<double>(line.at(at)), minor = static_cast<double>(at);
-        if (!(h > 0) || h < most) return;
+        if (!(h >= most)) return;
         const IndexPosition here = columns ? IndexPosition{major, minor} : IndexPosition{minor, major};
-        // Of equal ones the first in raster order.
-        if (h == most && (here.row > best.row || (here.row == best.row && here.column > best.column))) return;
+        if (best && h == most && (here.row > best->row || (here.row == best->row && here.column > best->column)))
+            return;
+        if (!accept(h, here)) return;
         most = h;
         best = here;
     };
     for (std::int64_t at = j; at <= j + 1; ++at) {
-        corner(between.ahead_culture, between.ahead_major, at);
-        if (between.adjacent) corner(between.behind_culture, between.behind_major, at);
+        corner(ahead, between.ahead_major, at);
+        if (between.adjacent) corner(behind, between.behind_major, at);
     }
     return best;
+}
+
+std::optional<IndexPosition> Front::wall_post(const Track& track, const Between& between) const {
+    return highest_corner(track, between, between.behind_culture, between.ahead_culture,
+                          [](double h, const IndexPosition&) { return h > 0; });
+}
+
+ClassId Front::land_of_cell(const Track& track, const Between& between) {
+    ClassId id = unknown_class;
+    highest_corner(track, between, between.behind, between.ahead, [&](double, const IndexPosition& post) {
+        const ClassId here = culture_.at(floor_of(cell_column(post.column)), floor_of(cell_row(post.row)));
+        if (here == unknown_class || shore_->is_water(here)) return false;
+        id = here;
+        return true;
+    });
+    return id;
 }
 
 std::optional<double> Front::one_gamma(std::size_t lane, const Track& track, const Between& between, double variable) {
@@ -1062,18 +1134,9 @@ std::optional<double> Front::one_gamma(std::size_t lane, const Track& track, con
     return ground_gamma(id, variable, lane);
 }
 
-void Front::put_parts(std::size_t lane, const Piece& piece, double depression) {
+template <class ClassOf, class Run>
+void Front::class_runs(const Track& t, const ClassOf& class_of, const Run& run) {
     const bool columns = lines_are_columns(quadrant_);
-    const WedgeCells::Target target = lanes_.target(lane);
-    const WedgeCells::Portion& whole = piece.portion;
-    const auto add = [&](double from, double to, ClassId id) {
-        std::optional<WedgeCells::Portion> part = part_of(whole, from, to);
-        if (!part) return;
-        part->power *= ground_gamma(id, piece.variable, lane);
-        cells_->add(target, *part, &depression);
-    };
-    // The culture cells that the piece runs through, in order; neighbouring parts of one class together.
-    const Track& t = piece.track;
     const double column0 = cell_column(columns ? t.major0 : t.minor0),
                  column1 = cell_column(columns ? t.major1 : t.minor1);
     const double row0 = cell_row(columns ? t.minor0 : t.major0), row1 = cell_row(columns ? t.minor1 : t.major1);
@@ -1092,15 +1155,70 @@ void Front::put_parts(std::size_t lane, const Piece& piece, double depression) {
     for (const double to : breaks_) {
         const double middle = 0.5 * (from + to);
         const ClassId id =
-            class_at(floor_of(column0 + middle * (column1 - column0)), floor_of(row0 + middle * (row1 - row0)));
+            class_of(floor_of(column0 + middle * (column1 - column0)), floor_of(row0 + middle * (row1 - row0)));
         if (open && id != *open) {
-            add(start, from, *open);
+            run(start, from, *open);
             start = from;
         }
         open = id;
         from = to;
     }
-    add(start, 1, *open);
+    run(start, 1.0, *open);
+}
+
+void Front::put_parts(std::size_t lane, const Piece& piece, double depression) {
+    const WedgeCells::Target target = lanes_.target(lane);
+    class_runs(
+        piece.track, [&](std::int64_t column, std::int64_t row) { return class_at(column, row); },
+        [&](double from, double to, ClassId id) {
+            std::optional<WedgeCells::Portion> part = part_of(piece.portion, from, to);
+            if (!part) return;
+            part->power *= ground_gamma(id, piece.variable, lane);
+            cells_->add(target, *part, &depression);
+        });
+}
+
+void Front::put_by_shore(std::size_t lane, const Piece& piece, const Between& between, double depression) {
+    const bool own = lanes_.row[lane] >= 0;
+    ShoreWindow& window = lanes_.shore[lane];
+    const auto class_of = [&](std::int64_t column, std::int64_t row) {
+        return own ? class_at(column, row) : culture_.at(column, row);
+    };
+    const auto point = [&](double u) {
+        return shore_point(lane, *piece.from, *piece.to, piece.begin + u * (piece.end - piece.begin));
+    };
+    const auto land = [&](double from, double to) {
+        return piece.from ? shore_->pass_land(window, point(from), point(to)) : 1.0;
+    };
+    const auto add = [&](double from, double to, double gamma) {
+        if (!own) return;
+        std::optional<WedgeCells::Portion> part = piece.portion;
+        if (from > 0 || to < 1) part = part_of(piece.portion, from, to);
+        if (!part) return;
+        part->power *= gamma;
+        cells_->add(lanes_.target(lane), *part, &depression);
+    };
+    if (between.ahead_culture.posts != &void_post || between.behind_culture.posts != &void_post)
+        if (const auto post = wall_post(piece.track, between)) {
+            const ClassId id = class_of(floor_of(cell_column(post->column)), floor_of(cell_row(post->row)));
+            return add(0, 1, wall_gamma(id, lane) * land(0, 1));
+        }
+    if (!between.in_chunk) return add(0, 1, ground_gamma(scene_->data_base->default_class, piece.variable, lane));
+    const bool rises = piece.from && *piece.to->height_m > *piece.from->height_m;
+    class_runs(piece.track, class_of, [&](double from, double to, ClassId id) {
+        if (!(to > from)) return;
+        if (shore_->is_water(id)) {
+            // Heights ramp from the last post of water to the first of land, and the class changes on the way: the bank is
+            // land from its foot.
+            const ClassId bank = rises ? land_of_cell(piece.track, between) : unknown_class;
+            if (bank == unknown_class) {
+                if (piece.from) FarShore::pass_water(window, point(from), point(to));
+                return add(from, to, ground_gamma(id, piece.variable, lane));
+            }
+            id = bank;
+        }
+        add(from, to, ground_gamma(id, piece.variable, lane) * land(from, to));
+    });
 }
 
 // ---- marks ----
@@ -1195,6 +1313,7 @@ void Front::double_spokes() {
             lanes_.gap_from[lane] = parents.gap_from[a];
             lanes_.gap_top[lane] = parents.gap_top[a];
             lanes_.mark_from[lane] = parents.last.arc[a];
+            if (shore_) lanes_.shore[lane] = parents.shore[a];
             continue;
         }
         const SpokeMap::Place place =
@@ -1207,6 +1326,7 @@ void Front::double_spokes() {
         double horizon = ha >= -1 && hb >= -1 ? 0.5 * (ha + hb) : std::max(ha, hb);
         lanes_.mark_from[lane] = lanes_.gap_from[lane] = place.arc_m;
         lanes_.gap_top[lane] = -infinite;
+        if (shore_) lanes_.shore[lane] = ShoreWindow::between(parents.shore[a], parents.shore[b]);
         if (parents.mode[a] == mode_done && parents.mode[b] == mode_done) {
             lanes_.mode[lane] = mode_done;
         } else if (sine != sine) {
@@ -1228,7 +1348,11 @@ void Front::double_spokes() {
                          {between_.behind_major, last.minor[lane], between_.behind_major, last.minor[lane]},
                          horizon,
                          sine,
-                         needs_facets_ ? law_variable(-sine) : 0},  // a point has no facet: as level ground
+                         needs_facets_ ? law_variable(-sine) : 0,  // a point has no facet: as level ground
+                         nullptr,
+                         nullptr,
+                         0,
+                         0},
                         between_);
                     cells_->mark(lanes_.target(lane), last.x[lane], last.x[lane],
                                  sine > lanes_.void_horizon[lane] ? bit_seen : bit_unknown);
@@ -1237,6 +1361,7 @@ void Front::double_spokes() {
                 horizon = sine;
             }
         }
+        if (shore_ && is(lane, mode_gap)) lanes_.shore[lane] = {};
         lanes_.horizon[lane] = horizon;
     }
     live_begin_ = 0;

@@ -23,6 +23,7 @@
 #include "lib/culture.hpp"
 #include "lib/culture_lanes.hpp"
 #include "lib/deposit.hpp"
+#include "lib/far_shore.hpp"
 #include "lib/lanes.hpp"
 #include "lib/sample.hpp"
 #include "lib/shade.hpp"
@@ -50,6 +51,7 @@ struct SweepScene {
     const PatternTable* pattern = nullptr;
     double constant = 0;                  ///< K
     const ClassLaws* laws = nullptr;      ///< of the classes
+    const FarShore* shore = nullptr;      ///< null or off: no bank is brightened
     const PathLossTable* loss = nullptr;  ///< null: nothing is lost on the way
     WedgeSource* source = nullptr;        ///< of classes; only with culture
 };
@@ -83,8 +85,8 @@ public:
     /// Of reading culture, on the way from shade to deposit; no part of cost().
     const Culture::Cost& culture_cost() const { return culture_.cost(); }
     std::size_t bytes() const;
-    /// Without culture; of a scene some law of which may depend on the angle or on the azimuth.
-    static std::size_t bytes_of(std::size_t lanes, bool facets, bool directional);
+    /// Without culture; of a scene some law of which may depend on the angle or on the azimuth, or with far shores.
+    static std::size_t bytes_of(std::size_t lanes, bool facets, bool directional, bool shore);
     /// Least culture code that no legend entry names, on seen ground.
     std::optional<std::int32_t> unknown_code() const { return unknown_code_; }
 
@@ -109,6 +111,7 @@ private:
         LaneArray share0, share1;
         std::vector<std::int64_t> origin;      // WedgeCells::origin_of the row
         std::vector<std::int32_t> straddlers;  // lanes with a second share
+        std::vector<ShoreWindow> shore;        // only with far shores
         WedgeCells::Target target(std::size_t lane) const { return {row[lane], {share0[lane], share1[lane]}}; }
         void resize(std::size_t n);
     };
@@ -130,6 +133,9 @@ private:
         Track track;
         double sine0, sine1;
         double variable;  // law_variable() of its facet
+        // The samples that it lies between, from `begin` to `end` of the way; null: it is a point.
+        const SampleLanes *from, *to;
+        double begin, end;
     };
 
     /// Places of lanes begin.. on a line: minor[i] in posts of a level, arc_m[i] of lane begin + i.
@@ -206,19 +212,37 @@ private:
     Track track(const SampleLanes& from, const SampleLanes& to, const Between& between) const;
     /// Backscatter of a piece, if it is the same all along.
     std::optional<double> one_gamma(std::size_t lane, const Track& track, const Between& between, double variable);
+    /// Calls run(from, to, class) for the parts of a piece, 0..1, in order, neighbouring ones of one class together;
+    /// class_of(cell column, cell row) says which.
+    template <class ClassOf, class Run>
+    void class_runs(const Track& track, const ClassOf& class_of, const Run& run);
+    /// As put(), with what lies across water from the sensor lit by way of the water; also of lanes that are not this run's
+    /// to deposit, for what they keep of the water.
+    void put_by_shore(std::size_t lane, const Piece& piece, const Between& between, double depression);
+    /// Pieces at, at + 1, ... of the tile that are of one class each, as classes[cell[i]] says; true if put() must do some.
+    bool pass_shores(std::size_t at, std::size_t n, std::size_t lane, const ClassId* classes, const std::int32_t* cell,
+                     const std::int32_t* kind, Samples& next);
+    ShorePoint shore_point(std::size_t lane, const SampleLanes& from, const SampleLanes& to, double u) const;
+    /// Corner of the cell under a piece that stands highest on `behind` and `ahead`, of those that accept(height, post) takes, of
+    /// equal ones the first in raster order.
+    template <class Accept>
+    std::optional<IndexPosition> highest_corner(const Track& track, const Between& between, const LinePosts& behind,
+                                                const LinePosts& ahead, const Accept& accept) const;
     /// Post whose culture height makes the cell under a piece a wall; nothing where there is none.
     std::optional<IndexPosition> wall_post(const Track& track, const Between& between) const;
+    /// Class of the land that a cell under a piece rises to: of its highest corner that is no water; unknown: it has none.
+    ClassId land_of_cell(const Track& track, const Between& between);
     /// A class on seen ground; if it is unknown its code is remembered.
     ClassId class_at(std::int64_t cell_column, std::int64_t cell_row);
     /// Of a class in a spoke's direction.
     double ground_gamma(ClassId id, double variable, std::size_t lane) const {
-        return id == unknown_class ? 0 : scene_->laws->ground(id, variable) * direction_gain(id, lane);
+        if (id == unknown_class) return 0;
+        return directional_ ? scene_->laws->ground(id, variable, lanes_.east[lane], lanes_.north[lane])
+                            : scene_->laws->ground(id, variable);
     }
     double wall_gamma(ClassId id, std::size_t lane) const {
-        return id == unknown_class ? 0 : scene_->laws->wall(id) * direction_gain(id, lane);
-    }
-    double direction_gain(ClassId id, std::size_t lane) const {
-        return directional_ ? scene_->laws->gain(id, lanes_.east[lane], lanes_.north[lane]) : 1;
+        if (id == unknown_class) return 0;
+        return directional_ ? scene_->laws->wall(id, lanes_.east[lane], lanes_.north[lane]) : scene_->laws->wall(id);
     }
 
     double level_coordinate(std::size_t lane, double arc_m) const;
@@ -237,6 +261,7 @@ private:
     bool plain_ground_;        // one class, no culture height
     bool needs_facets_;        // some law depends on the angle
     bool directional_;         // some class on the azimuth
+    const FarShore* shore_;    // null: no bank is brightened
     double minor_post_m_ = 1;  // metres of a post along the lines, at the sensor
     Quadrant quadrant_;
     Fan fan_;

@@ -85,7 +85,8 @@ class Walk {
 public:
     Walk(const ResolvedScene& scene, WedgeSource& source, const SpokeGrid& grid, std::int64_t strip, bool look)
         : scene_(scene), source_(source), db_(source.data_base()), grid_(grid), strip_(strip), look_(look),
-          facets_(may_need_facets(laws_of(scene.scene))), directional_(may_be_directional(laws_of(scene.scene))) {}
+          facets_(may_need_facets(laws_of(scene.scene))), directional_(may_be_directional(laws_of(scene.scene))),
+          shore_(scene.scene.far_shore && source.data_base().has_culture) {}
 
     WedgeForecast operator()(const Wedge& wedge) const {
         WedgeForecast f;
@@ -126,7 +127,7 @@ private:
             const ChunkRequest request{
                 grid_.window(fan, spokes, live, lines), lines_are_columns(q), {}, {}, {}, grid_.level(fan, line)};
             const Window posts = raster_posts(request.window, request.level);
-            std::size_t held = Front::bytes_of(lanes, facets_, directional_);
+            std::size_t held = Front::bytes_of(lanes, facets_, directional_, shore_);
             f.steps += static_cast<std::uint64_t>(live.size() * lines.size()) << (last_ring - ring);
             if (!request.window.empty()) {
                 const LoadCost cost = source_.cost(request);
@@ -170,7 +171,7 @@ private:
     const DataBase& db_;
     const SpokeGrid& grid_;
     std::int64_t strip_;
-    bool look_, facets_, directional_;
+    bool look_, facets_, directional_, shore_;
 };
 
 /// Decoded bytes that go through the source's cache. Of a raster without a map, thus read by GDAL, whose blocks are wider

@@ -80,6 +80,25 @@ void validate(const Scene& scene) {
     if (scene.spoke_lead) require_within("spoke-lead", *scene.spoke_lead, 1, 64, "");
     if (scene.gamma) require_within("gamma", scene.gamma->db(), -100, 100, "dB");
     require_within("sea-state", scene.sea_state, 0, 6, "");
+    if (scene.water == WaterModel::calm && scene.sea_state > 0)
+        throw InputError(text("sea-state is ", scene.sea_state,
+                              "; with water calm it must be 0 (the waves are those of water nrl)"));
+    if (scene.wind_from) {
+        constexpr double nano = 1e9;  // its last digits are those of the way through radians
+        const double deg = std::round(scene.wind_from->deg() * nano) / nano;
+        require_within("wind-direction", deg, -360, 360, "deg");
+        if (scene.water == WaterModel::calm)
+            throw InputError(text("wind-direction is ", deg,
+                                  " deg; with water calm it must be none (the waves are those of water nrl)"));
+    }
+    if (scene.gamma)
+        for (const auto& [name, given] :
+             {std::pair("wind-direction", scene.wind_from.has_value()), {"far-shore", scene.far_shore}})
+            if (given)
+                throw InputError(text(name,
+                                      " is given with gamma, which is one for everything, water too; accepted: one of "
+                                      "them"));
+    if (scene.far_shore) water_permittivity(scene.radar.frequency_hz, fresh_water);
     const ClassLawParams laws = laws_of(scene);
     for (const Material& material : scene.materials.rows()) class_law(material, laws);
     validate(weather_of(scene), scene.radar.frequency_hz);
@@ -88,7 +107,7 @@ void validate(const Scene& scene) {
 ClassLawParams laws_of(const Scene& scene) {
     return {
         scene.materials, scene.radar.frequency_hz, scene.radar.polarisation, scene.land, scene.water, scene.sea_state,
-        scene.gamma};
+        scene.gamma,     scene.wind_from,          scene.far_shore};
 }
 
 WeatherParams weather_of(const Scene& scene) {

@@ -87,6 +87,8 @@ struct Scene {
     LandModel land = LandModel::constant_gamma;
     WaterModel water = WaterModel::nrl;
     double sea_state = 0;   ///< Douglas, 0 to 6
+    std::optional<Angle> wind_from;  ///< azimuth, from north; none: the mean over wind directions
+    bool far_shore = false;          ///< banks across water are lit by way of the water too
     WeatherParams weather;  ///< its tilt is that of the radar's polarisation: weather_of()
     Quality quality = Quality::normal;
     std::optional<double> max_error_db;  ///< asked for in place of a quality, which is then what keeps it

@@ -6,6 +6,7 @@
 #include <numbers>
 
 #include "lib/require_angle.hpp"
+#include "lib/rounding.hpp"
 
 namespace wedgescope {
 namespace {
@@ -47,6 +48,15 @@ double quasi_specular(double reflectivity, double slope, double psi) {
     const double sine = std::sin(psi), square = sine * sine;
     return reflectivity / (slope * square * square) * std::exp(-(1 - square) / (square * slope));
 }
+
+/// k of GIT's contrast of upwind and downwind, exp(k cos(phi)); grazing angle in radians.
+double upwind_exponent(double frequency_hz, double psi, double high_band_hz) {
+    const double lambda = speed_of_light_m_s / frequency_hz;
+    return (frequency_hz >= high_band_hz ? 0.25 * std::pow(lambda, -0.33) : 0.2 * std::pow(lambda + 0.015, -0.4)) *
+           std::max(0.0, 1 - 2.8 * psi);
+}
+constexpr double git_high_band_hz = 10e9;
+constexpr double windless_psi = 1 / 2.8;
 
 /// Mirrors and waves together, linear.
 double sea(double frequency_hz, Polarisation polarisation, double sea_state, double reflectivity, double slope,
@@ -111,8 +121,8 @@ Decibel git_sea_sigma0(double frequency_hz, Polarisation polarisation, const Git
     const bool high = frequency_hz >= high_band_hz;
     const double roughness = (14.4 * lambda + 5.5) * psi * h / lambda, fourth = std::pow(roughness, 4);
     const double multipath = fourth / (1 + fourth);  // A_i
-    const double upwind = std::exp((high ? 0.25 * std::pow(lambda, -0.33) : 0.2 * std::pow(lambda + 0.015, -0.4)) *
-                                   std::cos(from_upwind.rad()) * (1 - 2.8 * psi));  // A_u
+    const double upwind =
+        std::exp(upwind_exponent(frequency_hz, psi, high_band_hz) * std::cos(from_upwind.rad()));  // A_u
     const double q = high ? 1.93 * std::pow(lambda, -0.04) : 1.1 * std::pow(lambda + 0.015, -0.4);
     const double speed = std::pow(1.94 * wind / (1 + wind / 15.4), q);  // A_w
     const double hh =
@@ -125,6 +135,46 @@ Decibel git_sea_sigma0(double frequency_hz, Polarisation polarisation, const Git
     return Decibel::from_ratio(of_polarisation(polarisation, [&](Polarisation hh_or_vv) {
         return hh_or_vv == Polarisation::vv ? hh * Decibel(more_db).ratio() : hh;
     }));
+}
+
+double wind_factor(double frequency_hz, Angle grazing, Angle from_upwind) {
+    require_within("frequency of the wind's contrast", frequency_hz / 1e9, 0.5, 100, "GHz");
+    require_angle("grazing angle of the wind's contrast", grazing, 0, 90);
+    require_angle("look direction from upwind", from_upwind, -360, 360);
+    const double k = upwind_exponent(frequency_hz, grazing.rad(), git_high_band_hz);
+    return std::exp(k * std::cos(from_upwind.rad())) / std::cyl_bessel_i(0.0, k);
+}
+
+WindTable::WindTable(double frequency_hz) {
+    // tan(psi) = 4 u^2 / (1 - u^2), law_variable()'s inverse; the first entry is at u = 0, the last where the contrast ends.
+    const auto grazing = [](double u) { return std::atan(law_bend * u * u / (1 - u * u)); };
+    const double last = law_variable(std::sin(windless_psi));
+    scale_ = rows / last;
+    const auto exact = [&](double row, double column) {
+        const double k = upwind_exponent(frequency_hz, grazing(row / rows * last), git_high_band_hz);
+        return std::exp(k * (2 * column / columns - 1)) / std::cyl_bessel_i(0.0, k);
+    };
+    for (int i = 0; i <= rows; ++i)
+        for (int j = 0; j <= columns; ++j) entries_.push_back(i == rows ? 1.0F : static_cast<float>(exact(i, j)));
+    scale_ = rounded_significand(scale_, 24);
+    most_ = static_cast<double>(*std::max_element(entries_.begin(), entries_.end()));
+    for (int i = 0; i < rows; ++i)
+        for (int j = 0; j < columns; ++j)
+            error_ = std::max(
+                error_, std::abs(at((i + 0.5) / scale_, 2 * (j + 0.5) / columns - 1) / exact(i + 0.5, j + 0.5) - 1));
+}
+
+double WindTable::at(double variable, double cosine) const noexcept {
+    const double row = variable > 0 ? variable * scale_ : 0.0;
+    if (!(row < rows) || entries_.empty()) return 1;
+    const double column = 0.5 * columns * ((cosine < -1 ? -1 : cosine > 1 ? 1 : cosine) + 1);
+    const int i = static_cast<int>(row), whole = static_cast<int>(column), j = whole < columns ? whole : columns - 1;
+    const float* const entry = entries_.data() + i * (columns + 1) + j;
+    const double part = column - j, here = static_cast<double>(entry[0]),
+                 next = static_cast<double>(entry[columns + 1]),
+                 a = here + part * (static_cast<double>(entry[1]) - here),
+                 b = next + part * (static_cast<double>(entry[columns + 2]) - next);
+    return a + (row - i) * (b - a);
 }
 
 Decibel quasi_specular_sigma0(double reflectivity, double slope, Angle grazing) {

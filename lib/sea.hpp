@@ -4,6 +4,8 @@
 // Grazing angles are local, from the tangent plane, 0 to 90 degrees. InputError names the model, what was found and what
 // is accepted. Source: physics "Sea and water backscatter".
 #pragma once
+#include <vector>
+
 #include "lib/backscatter.hpp"
 #include "lib/dielectric.hpp"
 #include "lib/polarisation.hpp"
@@ -39,6 +41,27 @@ struct GitSea {
 ///   high_band_hz     where the formulas of the upper band begin: 10 GHz, or 12, so that all of X band has one form
 Decibel git_sea_sigma0(double frequency_hz, Polarisation polarisation, const GitSea& sea, Angle grazing,
                        Angle from_upwind, double high_band_hz = 10e9);
+
+/// What the wind's direction makes of the sea's echo, 1 in the mean over azimuth [P]: GIT's contrast exp(k cos(phi)) over that
+/// mean, I_0(k); k falls with the grazing angle, to nothing at 1/2.8 rad (20.5 degrees).
+///   from_upwind  look direction minus upwind: 0 looks into the wind
+double wind_factor(double frequency_hz, Angle grazing, Angle from_upwind);
+
+/// wind_factor() as loops need it: over law_variable() of the grazing angle and cos(from_upwind), linear between entries, which
+/// are rounded to float.
+class WindTable {
+public:
+    WindTable() = default;  ///< 1
+    explicit WindTable(double frequency_hz);
+    double most() const { return most_; }
+    double error() const { return error_; }  ///< largest |table / factor - 1|, found when it is built
+    double at(double variable, double cosine) const noexcept;
+
+private:
+    static constexpr int rows = 64, columns = 64;  // intervals of the variable, of the cosine
+    double scale_ = 0, most_ = 1, error_ = 0;      // intervals a unit of the variable
+    std::vector<float> entries_;
+};
 
 /// Geometric optics: |Gamma_0|^2 / mss sec^4 exp(-tan^2 / mss) of the incidence angle, for HH and VV alike.
 ///   reflectivity  at normal incidence, of power, 0 to 1;  slope  mean-square, above 0

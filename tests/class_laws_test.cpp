@@ -280,3 +280,46 @@ TEST_CASE("a class with a side returns as that side is turned to the sensor, gro
                        WithinRel(echo_at(sided, azimuth, 3025) / echo_at(alike, azimuth, 3025), 1e-3));
     }
 }
+
+TEST_CASE("an open sea returns its law times the wind's factor, all round, and the law itself in the mean",
+          "[class-laws]") {
+    MemorySource source(401, 401, 30, [](double, double) { return 0.0; });
+    source.editable().default_class = id_of("water");
+    Scene s = bare_scene(6007, -6011, 700, 5500);
+    s.sea_state = 4;
+    const RunResult mean = simulate(s, source);
+    for (const double from_deg : {0.0, 205.0}) {
+        s.wind_from = Angle::degrees(from_deg);
+        const RunResult windy = simulate(s, source);
+        for (const double range : {2025.0, 3025.0, 5025.0}) {
+            const double psi = std::asin(700 / range) / degree;
+            double sum = 0, all = 0;
+            for (int row = 0; row < 72; ++row) {
+                const double azimuth = 5 * row + 2.5;
+                double factor = 0;
+                constexpr int parts = 20;
+                for (int i = 0; i < parts; ++i)
+                    factor += wind_factor(s.radar.frequency_hz, Angle::degrees(psi),
+                                          Angle::degrees(azimuth - 2.5 + 5 * (i + 0.5) / parts - from_deg)) /
+                              parts;
+                INFO("wind from " << from_deg << ", looking to " << azimuth << " at " << range << " m");
+                CHECK_THAT(echo_at(windy, azimuth, range) / echo_at(mean, azimuth, range), WithinRel(factor, 0.004));
+                sum += echo_at(windy, azimuth, range);
+                all += echo_at(mean, azimuth, range);
+            }
+            CHECK_THAT(sum / all, WithinRel(1.0, 0.001));
+        }
+    }
+    // The bound that the quantum takes holds the brightest sea.
+    ClassLawParams ripples{.frequency_hz = 16.5e9, .sea_state = 0.2};  // whose mirror is brighter than metal
+    const double mirror = ClassLaws(ripples).most();
+    ripples.wind_from = Angle::degrees(205);
+    CHECK(ClassLaws(ripples).most() > 1.5 * mirror);
+    // Without waves the wind changes nothing, not a bit.
+    s.sea_state = 0;
+    source.set_classes([](double c, double) { return id_of(c < 180 ? "water" : "grass"); });
+    const RunResult still = simulate(s, source);
+    s.wind_from.reset();
+    const RunResult calm = simulate(s, source);
+    CHECK(still.echo_w.cells == calm.echo_w.cells);
+}

@@ -258,6 +258,12 @@ TEST_CASE("the other models of land and sea, worked by hand", "[evaluate][quick]
     CHECK_THAT(waves.at("h_av").number, WithinRel(4.52e-3 * std::pow(wind, 2.5), 1e-14));
     CHECK_THAT(waves.at("h_13").number, WithinRel(0.04 + 0.1 * std::pow(3, 2.1), 1e-14));
     CHECK_THAT(waves.at("mss").number, WithinRel(0.003 + 5.12e-3 * wind, 1e-14));
+    // Upwind against downwind as GIT has it, whose own mean it is taken over.
+    CHECK_THAT(
+        value("sea-wind", "f=9GHz psi=2deg phi=0", "D_dB") - value("sea-wind", "f=9GHz psi=2deg phi=180deg", "D_dB"),
+        WithinAbs(value("git-sea", "f=9GHz SS=4 psi=2deg phi=0", "sigma0_dB") -
+                      value("git-sea", "f=9GHz SS=4 psi=2deg phi=180deg", "sigma0_dB"),
+                  1e-9));
     // Edge-on water mirrors all: 1 + 4 + 1; waves take it away.
     const auto shore = values("far-shore", "f=16.5GHz psi=0.05deg h_b=2m");
     CHECK_THAT(shore.at("F4").number, WithinAbs(6, 0.01));

@@ -245,6 +245,8 @@ TEST_CASE("every key of the design exists, and those to come do not yet", "[opti
                              "gamma",
                              "polarisation",
                              "sea-state",
+                             "wind-direction",
+                             "far-shore",
                              "gases",
                              "rain",
                              "if-gain",

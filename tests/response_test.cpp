@@ -205,3 +205,20 @@ TEST_CASE("any number of threads gives the same response", "[response]") {
     for (std::size_t i = 0; i < one.dbm.size(); ++i)
         if (!(one.dbm[i] == two.dbm[i]) && (one.dbm[i] == one.dbm[i] || two.dbm[i] == two.dbm[i])) FAIL("post " << i);
 }
+
+TEST_CASE("the wind's direction is in the response of a sea", "[response]") {
+    MemorySource source(301, 301, post_m, [](double, double) { return 0.0; });
+    source.editable().default_class = material_by_name("material", "water");
+    Scene s = scene_at(150.3, 149.6, 700, 5000);
+    s.sea_state = 3;
+    const Response mean = look(source, s);
+    s.wind_from = Angle::degrees(70);
+    const Response windy = look(source, s);
+    for (const auto& [column, row] : {std::pair{250, 150}, {40, 60}, {151, 290}, {20, 149}}) {
+        const double x = (column - 150.3) * post_m, y = (149.6 - row) * post_m;
+        const double factor = wind_factor(s.radar.frequency_hz, Angle::radians(std::asin(700 / std::hypot(x, y, 700))),
+                                          Angle::radians(std::atan2(x, y) - Angle::degrees(70).rad()));
+        INFO(column << ", " << row);
+        CHECK_THAT(windy.at(column, row) - mean.at(column, row), WithinAbs(10 * std::log10(factor), 0.005));
+    }
+}

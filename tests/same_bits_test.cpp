@@ -69,11 +69,41 @@ std::vector<std::string> files_of(const Folder& folder) {
          "2",
          "--noise",
          "on"});
-    run({"simulate", "--dem", folder / "ground.tif", "--culture", folder / "classes.tif", "--culture-legend",
-         folder / "legend.csv", "--culture-height", folder / "canopy.tif", "--report", folder / "weather.json", "-o",
-         folder / "weather.png", "--power", folder / "weather_power.tif", "--ground", folder / "weather_ground.tif",
-         "--backscatter", "ulaby-dobson", "--polarisation", "circular", "--gases", "normal", "--rain", "moderate",
-         "--cloud", "fog", "--speckle", "1"});
+    run({"simulate",
+         "--dem",
+         folder / "ground.tif",
+         "--culture",
+         folder / "classes.tif",
+         "--culture-legend",
+         folder / "lakes.csv",
+         "--culture-height",
+         folder / "canopy.tif",
+         "--report",
+         folder / "weather.json",
+         "-o",
+         folder / "weather.png",
+         "--power",
+         folder / "weather_power.tif",
+         "--ground",
+         folder / "weather_ground.tif",
+         "--backscatter",
+         "ulaby-dobson",
+         "--polarisation",
+         "circular",
+         "--gases",
+         "normal",
+         "--rain",
+         "moderate",
+         "--cloud",
+         "fog",
+         "--speckle",
+         "1",
+         "--far-shore",
+         "on",
+         "--sea-state",
+         "0.05",
+         "--wind-direction",
+         "200deg"});
     run({"coverage", folder / "ground.tif", folder / "scene_mask.tif", "--culture-height", folder / "canopy.tif",
          "--target-height", "2.5m", "--report", folder / "coverage.json"});
     run({"coverage", folder / "ground.tif", folder / "scene_height.tif", "--layer", "height"});
@@ -108,6 +138,7 @@ void draw_scene(const Folder& folder) {
     d.value = [&](int c, int r) { return 1 + (c / 2 + r / 3) % 3; };
     test::draw(folder / "classes.tif", d);
     std::ofstream(folder / "legend.csv") << "1,grass\n2,urban\n3,trees\n";
+    std::ofstream(folder / "lakes.csv") << "1,grass\n2,water\n3,trees\n";
 }
 
 }  // namespace

@@ -405,18 +405,28 @@ TEST_CASE("every setting that needs a new sweep is refused, by name and with the
     folder.make(with(with({"simulate"}, quick_riverside), {"--echo", echo, "-q"}));
     const std::string table = "name,gamma10_db;soil,-10";
     // Another value for each; the table says which there are.
-    const std::map<std::string, std::string> others = {
-        {"latlon", "33.94,-117.33"}, {"xy", "465000,3755000"}, {"altitude-msl", "7001ft"}, {"altitude-agl", "2km"},
-        {"altitude-hae", "2km"},     {"geoid-offset", "-30m"}, {"scan-step", "4"},         {"scan-period", "3s"},
-        {"range", "4.9km"},          {"range-start", "1km"},   {"geometry", "grid"},       {"earth", "1.3"},
-        {"quality", "fine"},         {"max-error", "0.1dB"},   {"spokes-per-post", "2"},   {"spoke-lead", "3"},
-        {"crossings", "off"},        {"course", "straight"},   {"detail", "off"},          {"frequency", "16.6GHz"},
-        {"transmit-power", "100kW"}, {"gain", "35dB"},         {"losses", "5dB"},          {"gamma", "-15dB"},
-        {"antenna", "cos-csc2"},     {"antenna-knee", "6deg"}, {"antenna-width", "13deg"}, {"antenna-exponent", "0.6"},
-        {"antenna-floor", "-50dB"},  {"tilt", "5deg"},         {"polarisation", "vv"},    {"backscatter", "oh"},
-        {"water", "calm"},           {"sea-state", "2"},       {"gases", "normal"},       {"rain", "light"},
-        {"rain-top", "2km"},         {"cloud", "fog"},         {"cloud-base", "100m"},    {"cloud-top", "500m"},
-        {"class-table", table}};
+    const std::map<std::string, std::string> others = {{"latlon", "33.94,-117.33"}, {"xy", "465000,3755000"},
+                                                       {"altitude-msl", "7001ft"},  {"altitude-agl", "2km"},
+                                                       {"altitude-hae", "2km"},     {"geoid-offset", "-30m"},
+                                                       {"scan-step", "4"},          {"scan-period", "3s"},
+                                                       {"range", "4.9km"},          {"range-start", "1km"},
+                                                       {"geometry", "grid"},        {"earth", "1.3"},
+                                                       {"quality", "fine"},         {"max-error", "0.1dB"},
+                                                       {"spokes-per-post", "2"},    {"spoke-lead", "3"},
+                                                       {"crossings", "off"},        {"course", "straight"},
+                                                       {"detail", "off"},           {"frequency", "16.6GHz"},
+                                                       {"transmit-power", "100kW"}, {"gain", "35dB"},
+                                                       {"losses", "5dB"},           {"gamma", "-15dB"},
+                                                       {"antenna", "cos-csc2"},     {"antenna-knee", "6deg"},
+                                                       {"antenna-width", "13deg"},  {"antenna-exponent", "0.6"},
+                                                       {"antenna-floor", "-50dB"},  {"tilt", "5deg"},
+                                                       {"polarisation", "vv"},      {"backscatter", "oh"},
+                                                       {"water", "calm"},           {"sea-state", "2"},
+                                                       {"gases", "normal"},         {"rain", "light"},
+                                                       {"rain-top", "2km"},         {"cloud", "fog"},
+                                                       {"cloud-base", "100m"},      {"cloud-top", "500m"},
+                                                       {"class-table", table},      {"wind-direction", "30deg"},
+                                                       {"far-shore", "on"}};
     std::set<std::string> tried;
     for (const wedgescope::Key& key : wedgescope::key_table()) {
         if (!(key.commands & wedgescope::command_simulate) || !key.changes_result ||

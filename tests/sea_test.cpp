@@ -228,3 +228,45 @@ TEST_CASE("a bank behind calm water returns up to six times as much", "[sea]") {
     CHECK_THROWS_WITH(gain(hh, -1, 5), Contains("rms wave height of the far shore is -1 m"));
     CHECK_THROWS_AS(gain(hh, 0, 91), InputError);
 }
+
+TEST_CASE("the wind's factor is GIT's contrast of upwind and downwind, and 1 in the mean over azimuth", "[sea]") {
+    for (const double ghz : {1.0, 5.6, 9.4, 16.5, 35.0})
+        for (const double deg : {0.5, 3.0, 10.0, 15.0}) {
+            const auto factor = [&](double from_upwind) {
+                return wind_factor(ghz * 1e9, Angle::degrees(deg), Angle::degrees(from_upwind));
+            };
+            INFO(ghz << " GHz at " << deg);
+            double sum = 0;
+            for (int i = 0; i < 360; ++i) sum += factor(i);
+            CHECK_THAT(sum / 360, WithinRel(1.0, 1e-12));
+            for (const double away : {30.0, 90.0, 135.0, 180.0})
+                CHECK_THAT(
+                    10 * std::log10(factor(0) / factor(away)),
+                    WithinAbs(git_db(ghz, Polarisation::hh, 4, deg, 0) - git_db(ghz, Polarisation::hh, 4, deg, away),
+                              1e-9));
+        }
+    // By hand: 16.5 GHz, k = 0.25 lambda^-0.33 at grazing 0.
+    const double k = 0.25 * std::pow(299792458 / 16.5e9, -0.33);
+    CHECK_THAT(10 * std::log10(wind_factor(16.5e9, Angle::degrees(0), Angle::degrees(0)) /
+                               wind_factor(16.5e9, Angle::degrees(0), Angle::degrees(180))),
+               WithinRel(20 * k / std::log(10.0), 1e-12));
+    // No contrast from 1/2.8 rad on.
+    for (const double deg : {20.47, 45.0, 90.0}) CHECK(wind_factor(9.4e9, Angle::degrees(deg), Angle::degrees(0)) == 1);
+}
+
+TEST_CASE("the wind's table keeps to its factor", "[sea]") {
+    for (const double ghz : {0.5, 9.4, 16.5, 35.0}) {
+        const WindTable table(ghz * 1e9);
+        CHECK(table.error() < 1e-3);
+        double most = 0;
+        for (double deg = 0; deg <= 90; deg += 0.37)
+            for (double away = 0; away <= 360; away += 7.7) {
+                const double exact = wind_factor(ghz * 1e9, Angle::degrees(deg), Angle::degrees(away));
+                most = std::max(most, exact);
+                CHECK_THAT(
+                    table.at(law_variable(std::sin(Angle::degrees(deg).rad())), std::cos(Angle::degrees(away).rad())),
+                    WithinRel(exact, 1e-3));
+            }
+        CHECK(table.most() >= most * (1 - 1e-6));
+    }
+}

@@ -84,8 +84,13 @@ std::string report_table(const CoverageReport& report, const Usage& usage) {
 
 /// What a radar has and ground returns counts in one layer only.
 void check_response(const Settings& settings) {
-    if (settings.coverage.layer == CoverageLayer::response) return;
     const Settings defaults;
+    if (settings.coverage.layer == CoverageLayer::response) {
+        if (settings.coverage.target_m > 0)
+            throw InputError(text("--target-height is ", settings.coverage.target_m,
+                                  " m; the layer response is of the ground itself and takes 0 alone"));
+        return;
+    }
     for (const Key& key : key_table())
         if (key.of_response && key.get(settings) != key.get(defaults))
             throw InputError(text("--", key.name, " is ", in_quotes(key.get(settings).value_or("")),

@@ -63,6 +63,7 @@ struct Codec {
 void store(double& field, double v) { field = v; }
 void store(std::optional<double>& field, double v) { field = v; }
 void store(Angle& field, double v) { field = Angle::radians(v); }
+void store(std::optional<Angle>& field, double v) { field = Angle::radians(v); }
 void store(Decibel& field, double v) { field = Decibel(v); }
 void store(std::optional<Decibel>& field, double v) { field = Decibel(v); }
 void store(std::uint64_t& field, double v) { field = static_cast<std::uint64_t>(v); }
@@ -72,6 +73,9 @@ void store(int& field, std::int64_t v) { field = static_cast<int>(v); }
 std::optional<double> load(double field) { return field; }
 std::optional<double> load(const std::optional<double>& field) { return field; }
 std::optional<double> load(Angle field) { return field.rad(); }
+std::optional<double> load(const std::optional<Angle>& field) {
+    return field ? std::optional(field->rad()) : std::nullopt;
+}
 std::optional<double> load(Decibel field) { return field.db(); }
 std::optional<double> load(const std::optional<Decibel>& field) {
     return field ? std::optional(field->db()) : std::nullopt;
@@ -1030,6 +1034,15 @@ std::vector<Key> make_keys() {
           number(
               between("0", "6"), [](auto& s) -> auto& { return s.scene.sea_state; }),
           "0", "Douglas, for nrl; 0: water returns nothing");
+    t.add("wind-direction",
+          quantity(
+              angle, between("-360deg", "360deg"), [](auto& s) -> auto& { return s.scene.wind_from; }, "none"),
+          "none",
+          "azimuth that the wind blows from, clockwise from north, for nrl: the sea returns most upwind; none: the "
+          "mean over "
+          "all directions");
+    t.add("far-shore", on_off([](auto& s) -> auto& { return s.scene.far_shore; }), "off",
+          "banks and walls that rise behind water are lit by way of its mirror too, as far as sea-state leaves one");
     t.add("gamma",
           quantity(
               decibel, between("-100dB", "100dB"), [](auto& s) -> auto& { return s.scene.gamma; }, "off"),
@@ -1400,6 +1413,7 @@ std::vector<Key> make_keys() {
             key.name == "set" || key.name == "frequency" || key.name == "transmit-power" || key.name == "gain" ||
             key.name == "losses" || key.name == "polarisation" || key.name == "culture" ||
             key.name == "culture-legend" || key.name == "material") {
+            if (key.name == "far-shore") continue;  // of what a ray meets on its way, not of a post by itself
             key.commands |= command_coverage;
             key.of_response = true;
         }
@@ -1448,7 +1462,8 @@ std::vector<Key> make_keys() {
     because({"frequency", "transmit-power", "gain", "losses"},
             "the echo's watts hold it, and would be rounded otherwise (if-gain brightens the picture as well)");
     because({"gamma"}, "it is what every piece of ground returns");
-    because({"polarisation", "backscatter", "water", "sea-state"}, "it decides what every piece of ground returns");
+    because({"polarisation", "backscatter", "water", "sea-state", "wind-direction", "far-shore"},
+            "it decides what every piece of ground returns");
     return keys;
 }
 

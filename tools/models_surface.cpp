@@ -166,6 +166,17 @@ std::vector<Model> sea_models() {
              return both(git_sea_sigma0(a["f"], polarisation_of(a), sea, a.angle("psi"), a.angle("phi"), a["f_b"]));
          },
          "f=9GHz pol=vv SS=4 psi=2deg phi=90deg"},
+        {"sea-wind",
+         "how many times its mean over wind directions a sea returns, as wind-direction has it in scenes",
+         "physics 5.2 [contrast V2: Horst, Dyer & Tuley 1978; normalised, and beyond 15 degrees P]",
+         {frequency(0.5, 100), grazing(),
+          number("phi", "deg", "look direction minus upwind", -360, 360).by_default("0deg")},
+         {{"D", "", "factor"}, {"D_dB", "dB", "the same"}},
+         [](const Arguments& a) -> std::vector<double> {
+             const double factor = wind_factor(a["f"], a.angle("psi"), a.angle("phi"));
+             return {factor, Decibel::from_ratio(factor).db()};
+         },
+         "f=16.5GHz psi=5deg phi=0deg"},
         {"quasi-specular",
          "sigma0 of a mirror with slopes, near the vertical",
          "physics 5.4 [V2: geometric optics; mss U]",

@@ -242,6 +242,8 @@ void simulate(const Settings& given, WorkDir* work, double start_s, Stop& stop) 
     for (const OutputFile* file : files) written += (written.empty() ? "" : ", ") + file->final_path();
     OutputFile::commit(files);
     remark(settings.quiet || terminal, text("sensor: ", place(scene)));
+    if (ground && settings.scene.far_shore)
+        remark(settings.quiet, "far-shore is not in ground, which knows each post by itself");
     for (const std::string& unfit : {choice.unfit, unfit_map}) remark_unused(settings.quiet, unfit);
     if (!settings.only_wedges)
         for (const std::string& line : doubts(result))

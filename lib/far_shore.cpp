@@ -1,0 +1,93 @@
+#include "lib/far_shore.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "lib/sea.hpp"
+
+namespace wedgescope {
+namespace {
+
+constexpr int intervals = 4096;
+
+/// Sine of the elevation of a point's image in the level of the water: as far below it as the point is above, along the
+/// vertical of the place.
+double image_sine(const ShorePoint& p, double level_m) {
+    const double x = p.theta * p.theta, cosine = 1 - 0.5 * x * (1 - x * (1.0 / 12)),
+                 sine = p.theta * (1 - x * (1.0 / 6) * (1 - x * (1.0 / 20)));
+    const double twice = 2 * (p.height_m - level_m), up = p.up_m - twice * cosine, out = p.out_m - twice * sine;
+    return up / std::sqrt(up * up + out * out);
+}
+
+}  // namespace
+
+ShoreWindow ShoreWindow::between(const ShoreWindow& a, const ShoreWindow& b) {
+    if (a.state == none || b.state == none) return {};
+    ShoreWindow c;
+    c.state = a.state == in_water || b.state == in_water ? in_water : on_land;
+    c.from = std::max(a.from, b.from);
+    c.top = std::min(a.top, b.top);
+    c.level_m = 0.5 * (a.level_m + b.level_m);
+    return c;
+}
+
+FarShore::FarShore(const ClassLawParams& params) {
+    if (!params.far_shore || params.gamma) return;
+    for (const Material& material : params.materials.rows()) water_.push_back(is_of_water(material));
+    const bool calm = params.water == WaterModel::calm || params.sea_state == 0;
+    const Permittivity water = water_permittivity(params.frequency_hz, calm ? fresh_water : Water{});
+    const double rms_m = calm ? 0 : rms_wave_height_m(params.sea_state);
+    const auto exact = [&](double root) {
+        return far_shore_gain(water, params.frequency_hz, params.polarisation, rms_m,
+                              Angle::radians(std::asin(std::min(1.0, root * root))));
+    };
+    for (int i = 0; i <= intervals; ++i)
+        entries_.push_back(static_cast<float>(exact(static_cast<double>(i) / intervals)));
+    most_ = static_cast<double>(*std::max_element(entries_.begin(), entries_.end()));
+    for (int i = 0; i < intervals; ++i) {
+        const double root = (i + 0.5) / intervals;
+        error_ = std::max(error_, std::abs(gain(root * root) / exact(root) - 1));
+    }
+}
+
+FarShore FarShore::without_gain() const {
+    FarShore plain = *this;
+    std::fill(plain.entries_.begin(), plain.entries_.end(), 1.0F);
+    plain.most_ = 1;
+    return plain;
+}
+
+double FarShore::gain(double sine) const noexcept {
+    if (!(sine > 0)) return 1;
+    const double place = std::sqrt(sine < 1 ? sine : 1.0) * intervals;
+    const int whole = static_cast<int>(place), i = whole < intervals ? whole : intervals - 1;
+    const double a = static_cast<double>(entries_[static_cast<std::size_t>(i)]),
+                 b = static_cast<double>(entries_[static_cast<std::size_t>(i) + 1]);
+    return a + (place - i) * (b - a);
+}
+
+void FarShore::pass_water(ShoreWindow& window, const ShorePoint& a, const ShorePoint& b) noexcept {
+    if (window.state != ShoreWindow::in_water) window.from = a.sine;
+    window.state = ShoreWindow::in_water;
+    window.top = b.sine;
+    window.level_m = b.height_m;
+}
+
+double FarShore::pass_land(ShoreWindow& window, const ShorePoint& a, const ShorePoint& b) const noexcept {
+    if (window.state == ShoreWindow::none) return 1;
+    window.state = ShoreWindow::on_land;
+    const double near = image_sine(a, window.level_m), far = image_sine(b, window.level_m);
+    const double high = near < window.top ? near : window.top, low = far > window.from ? far : window.from;
+    const double lowest = near < far ? near : far;
+    if (lowest < window.top) window.top = lowest;
+    if (!(window.top > window.from)) window.state = ShoreWindow::none;
+    if (!(high > low) || !(near > far)) return 1;
+    // The grazing angle of the middle ray: its depression less what the vertical turns by.
+    const double middle = 0.5 * (high + low), theta = 0.5 * (a.theta + b.theta), x = theta * theta,
+                 level = std::sqrt(1 - middle * middle);
+    const double grazing =
+        -(middle * (1 - 0.5 * x * (1 - x * (1.0 / 12))) + level * theta * (1 - x * (1.0 / 6) * (1 - x * (1.0 / 20))));
+    return 1 + (high - low) / (near - far) * (gain(grazing) - 1);
+}
+
+}  // namespace wedgescope
