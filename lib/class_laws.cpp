@@ -4,6 +4,7 @@
 #include <cmath>
 #include <utility>
 
+#include "lib/error.hpp"
 #include "lib/rounding.hpp"
 
 namespace wedgescope {
@@ -44,8 +45,8 @@ ClassLaws::ClassLaws(const ClassLawParams& params)
           std::vector<ClassGamma> gamma = gamma_table(params.materials, params.frequency_hz, params.gamma);
           if (params.polarisation == Polarisation::circular)
               for (ClassGamma& g : gamma)  // one gamma for everything stays one
-                  g.wall = rounded_significand(
-                      g.wall / (params.gamma ? circular_loss : circular_wall_loss).ratio(), 24);
+                  g.wall =
+                      rounded_significand(g.wall / (params.gamma ? circular_loss : circular_wall_loss).ratio(), 24);
           return gamma;
       }()) {
     const std::vector<Material>& materials = params.materials.rows();
@@ -55,13 +56,17 @@ ClassLaws::ClassLaws(const ClassLawParams& params)
             facings_.push_back({m.directivity, rounded(std::sin(axis), 40), rounded(std::cos(axis), 40)});
         }
     std::vector<BackscatterTable> tables;
+    for (const Material& material : materials) tables.emplace_back(class_law(material, params));
+    keep(tables);
+}
+
+void ClassLaws::keep(const std::vector<BackscatterTable>& tables) {
     bool all_constant = true;
-    for (std::size_t id = 0; id < materials.size(); ++id) {
-        tables.emplace_back(class_law(materials[id], params));
-        gamma_[id].ground = tables.back().most();
-        all_constant = all_constant && tables.back().constant();
-        most_ = std::max(most_, tables.back().most());
-        error_db_ = std::max(error_db_, tables.back().error_db());
+    for (std::size_t id = 0; id < tables.size(); ++id) {
+        gamma_[id].ground = tables[id].most();
+        all_constant = all_constant && tables[id].constant();
+        most_ = std::max(most_, tables[id].most());
+        error_db_ = std::max(error_db_, tables[id].error_db());
     }
     if (all_constant) return;
     for (const BackscatterTable& table : tables) {
@@ -71,6 +76,36 @@ ClassLaws::ClassLaws(const ClassLawParams& params)
         else
             entries_.insert(entries_.end(), table.data(), table.data() + table.intervals() + 1);
     }
+}
+
+ClassLaws ClassLaws::only(const std::vector<bool>& ground, const std::vector<bool>& walls) const {
+    if (ground.size() != gamma_.size() || walls.size() != gamma_.size())
+        throw Error(
+            text("laws of ", gamma_.size(), " classes, asked for some of ", ground.size(), " and ", walls.size()));
+    ClassLaws some = *this;
+    for (std::size_t id = 0; id < gamma_.size(); ++id) {
+        if (!walls[id]) some.gamma_[id].wall = 0;
+        if (ground[id]) continue;
+        some.gamma_[id].ground = 0;
+        if (constant()) continue;
+        const std::size_t end = id + 1 < rows_.size() ? rows_[id + 1].first : entries_.size();
+        for (std::size_t i = rows_[id].first; i < end; ++i) some.entries_[i] = 0;
+    }
+    return some;
+}
+
+ClassLaws ClassLaws::area_of_ground(std::size_t classes, ClassId id) {
+    ClassLaws laws(std::vector<ClassGamma>(classes, ClassGamma{}));
+    std::vector<BackscatterTable> tables(classes, BackscatterTable(BackscatterLaw::constant_gamma(0)));
+    tables.at(id) = BackscatterTable(BackscatterLaw([](Angle) { return 1.0; }, least_grazing));
+    laws.keep(tables);
+    return laws;
+}
+
+ClassLaws ClassLaws::area_of_walls(std::size_t classes, ClassId id) {
+    std::vector<ClassGamma> gamma(classes, ClassGamma{});
+    gamma.at(id).wall = 1;
+    return ClassLaws(std::move(gamma));
 }
 
 }  // namespace wedgescope

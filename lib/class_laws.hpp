@@ -41,6 +41,13 @@ public:
     explicit ClassLaws(const ClassLawParams& params);
     /// Of constant gammas alone, by class.
     explicit ClassLaws(std::vector<ClassGamma> gamma);
+    /// Factors of these laws for the ground and the walls of some classes, the others return nothing; most() stays. Both as
+    /// many as there are classes.
+    ClassLaws only(const std::vector<bool>& ground, const std::vector<bool>& walls) const;
+    /// Of so many classes the ground of one returns its area, sigma0 = 1 (below 0.05 degrees of grazing less), or its walls
+    /// the area that they show; the others return nothing.
+    static ClassLaws area_of_ground(std::size_t classes, ClassId id);
+    static ClassLaws area_of_walls(std::size_t classes, ClassId id);
 
     /// No class depends on the angle: gamma() is all there is.
     bool constant() const { return entries_.empty(); }
@@ -83,6 +90,9 @@ private:
         Directivity directivity;
         double east, north;
     };
+    /// Tables or constants, a row a class.
+    void keep(const std::vector<BackscatterTable>& tables);
+
     std::vector<ClassGamma> gamma_;
     std::vector<Facing> facings_;  // empty: all are omni
     std::vector<Row> rows_;

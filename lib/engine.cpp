@@ -20,8 +20,8 @@
 #include "lib/front.hpp"
 #include "lib/memory_budget.hpp"
 #include "lib/plan.hpp"
-#include "lib/receiver.hpp"
 #include "lib/rain_echo.hpp"
+#include "lib/receiver.hpp"
 #include "lib/rounding.hpp"
 #include "lib/spoke_map.hpp"
 #include "lib/stopwatch.hpp"
@@ -77,8 +77,8 @@ struct WeatherHere {
         // The beam will widen each bin as level ground at its range; rain is wider by its own elevation already.
         const BeamSetting beam = beam_setting(s);
         for (std::size_t j = 0; j < rain_w.size(); ++j) {
-            const double middle_m = (static_cast<double>(s.swept.range_bins.begin) + static_cast<double>(j) + 0.5) *
-                                    s.swept.range_bin_m;
+            const double middle_m =
+                (static_cast<double>(s.swept.range_bins.begin) + static_cast<double>(j) + 0.5) * s.swept.range_bin_m;
             rain_w[j] *= static_cast<float>(level_cosine(beam, middle_m));
         }
     }
@@ -595,8 +595,8 @@ void receive(const EngineParams& params, const WeatherHere& weather, RunResult& 
     const Stopwatch watch;
     const ReceiverParams& receiver = scene.scene.receiver;
     const FluctuationSetting fluctuation{receiver.speckle_looks, receiver.noise, scene.noise_power_w, receiver.seed};
-    result.received_w = received_power(result.echo_w, result.power_w, beam, fluctuation, std::move(result.received_w),
-                                       weather.rain_w);
+    result.received_w =
+        received_power(result.echo_w, result.power_w, beam, fluctuation, std::move(result.received_w), weather.rain_w);
     blank_near(scene, result.received_w);
     result.report.receiver_s = watch.wall_s();
 }
@@ -688,6 +688,17 @@ RunResult run(const ResolvedScene& scene, WedgeSource& source, const EngineParam
     return result;
 }
 
+RunResult measure(const ResolvedScene& scene, WedgeSource& source, const EngineParams& given, RunResult&& used) {
+    const EngineParams params = with_tables(given, scene);
+    RunResult result = std::move(used);
+    Threads crew(threads_of(params), !params.beside_others);
+    const WeatherHere weather(scene, params.tables->weather, params.tables->pattern);
+    sweep(scene, source, params, weather, crew, result);
+    crew.execute([&] { receive(params, weather, result); });
+    if (params.stop) params.stop->check();
+    return result;
+}
+
 bool holds(const PolarGrid& stored, const PolarGrid& wanted) {
     if (stored.circle_bins != wanted.circle_bins || stored.range_bin_m != wanted.range_bin_m ||
         intersection(stored.range_bins, wanted.range_bins) != wanted.range_bins)
@@ -705,9 +716,10 @@ RunResult show(const ResolvedScene& scene, PolarImage<float> echo_w, PolarImage<
     result.scene = scene;
     result.report.threads = threads_of(params);
     const bool rain = scene.scene.weather.rain_mm_h > 0;
-    const WeatherHere weather = rain ? WeatherHere(scene, Weather(weather_of(scene.scene), scene.scene.radar.frequency_hz),
-                                                   PatternTable(scene.scene.radar.antenna))
-                                     : WeatherHere();
+    const WeatherHere weather =
+        rain ? WeatherHere(scene, Weather(weather_of(scene.scene), scene.scene.radar.frequency_hz),
+                           PatternTable(scene.scene.radar.antenna))
+             : WeatherHere();
     Threads crew(result.report.threads, !params.beside_others);
     crew.execute([&] {
         const bool whole = echo_w.grid == scene.swept;

@@ -16,23 +16,20 @@ namespace {
 
 constexpr double degree = std::numbers::pi / 180;
 
-/// Bilinear bare terrain, and surface with culture height, at a place; NaN over a void or outside the hull of the post
-/// centres.
-struct Ground {
-    double bare_m = std::numeric_limits<double>::quiet_NaN();
-    double surface_m = bare_m;
-};
-Ground ground_at(WedgeSource& source, IndexPosition p) {
+}  // namespace
+
+GroundHeight ground_height(WedgeSource& source, IndexPosition p) {
     const DataBase& db = source.data_base();
     const bool inside = (db.cyclic || (p.column >= 0 && p.column <= static_cast<double>(db.columns - 1))) &&
                         p.row >= 0 && p.row <= static_cast<double>(db.rows - 1);
-    if (!inside) return {};
+    constexpr double none = std::numeric_limits<double>::quiet_NaN();
+    if (!inside) return {none, none};
     const auto c = static_cast<std::int64_t>(std::floor(p.column)), r = static_cast<std::int64_t>(std::floor(p.row));
     const double u = p.column - static_cast<double>(c), v = p.row - static_cast<double>(r);
     // Exactly on a line the posts beside it do not count, and may lie outside.
     const Window window{{c, c + (u > 0 ? 2 : 1)}, {r, r + (v > 0 ? 2 : 1)}};
     const Chunk chunk = source.load(window, false);
-    Ground ground{0, 0};
+    GroundHeight ground{0, 0};
     for (std::int64_t j = window.rows.begin; j < window.rows.end; ++j)
         for (std::int64_t i = window.columns.begin; i < window.columns.end; ++i) {
             const double weight = (i == c ? 1 - u : u) * (j == r ? 1 - v : v);
@@ -43,6 +40,8 @@ Ground ground_at(WedgeSource& source, IndexPosition p) {
         }
     return ground;
 }
+
+namespace {
 
 void locate(ResolvedScene& s, const DataBase& db) {
     const PlatformParams& p = s.scene.platform;
@@ -86,7 +85,7 @@ void locate(ResolvedScene& s, const DataBase& db) {
 void stand(ResolvedScene& s, WedgeSource& source) {
     const DataBase& db = source.data_base();
     const PlatformParams& p = s.scene.platform;
-    const Ground place = ground_at(source, s.nadir);
+    const GroundHeight place = ground_height(source, s.nadir);
     const double ground = place.bare_m;
     s.nadir_in_raster =
         (db.cyclic || (s.nadir.column >= -0.5 && s.nadir.column <= static_cast<double>(db.columns) - 0.5)) &&

@@ -207,6 +207,15 @@ const std::vector<CommandInfo>& command_table() {
          "--layer "
          "response alone, as do culture, culture-legend, class-table and material.",
          "wedgescope coverage --latlon 33.9,-117.3 --altitude-agl 500m terrain.tif seen.tif"},
+        {command_budget, "budget", "wedgescope budget [options] [scene.ini] --at AZIMUTH,RANGE | --at-latlon LAT,LON",
+         "link budget of one cell, line by line from the transmitter to the grey level",
+         "Takes every option of simulate that decides on the picture. Each line is a number with its unit; those from "
+         "the "
+         "transmitter to the clouds add up to the echo, which is the cell's in simulate's images. What depends on the "
+         "ground (pattern, gases, rain, cloud) is the mean over all that the cell gathers through pulse and beam, "
+         "weighted with what it returns. Where a scene file says where the sensor is, --latlon on the command line "
+         "without --at names the place on the ground.",
+         "wedgescope budget scene.ini --at 40deg,12nmi"},
         {command_evaluate, "evaluate", "wedgescope evaluate MODEL [NAME=VALUE...] [options] | evaluate --list [MODEL]",
          "any model of the library as a calculator, over a CSV table or for single values",
          "MODEL takes its inputs from the columns of the table (--in), named with their units in brackets, such as "
@@ -453,22 +462,39 @@ ScopeRequest parse_scope_arguments(const std::vector<std::string>& arguments) {
     return request;
 }
 
+namespace {
+
+/// Of budget, whose scene file says where the sensor is: `latlon` names the cell's place if nothing else does.
+void name_place(const std::vector<Given>& scene_file, std::vector<Given>& command_line) {
+    const auto has = [](const std::vector<Given>& all, std::initializer_list<const char*> names) {
+        return std::any_of(all.begin(), all.end(), [&](const Given& given) {
+            return std::any_of(names.begin(), names.end(), [&](const char* name) { return given.key == name; });
+        });
+    };
+    if (!has(scene_file, {"latlon", "xy"}) || has(command_line, {"at", "at-latlon", "xy"})) return;
+    for (Given& given : command_line)
+        if (given.key == "latlon") given.key = "at-latlon";
+}
+
+}  // namespace
+
 Settings parse_arguments(Command command, const std::vector<std::string>& arguments) {
     std::vector<std::string> files;
-    const std::vector<Given> command_line = read_command_line(command, arguments, files);
+    std::vector<Given> command_line = read_command_line(command, arguments, files);
     if (asks_for_help(command_line)) {
         Settings settings;
         settings.help = true;
         return settings;
     }
     std::vector<Given> scene_file;
-    if ((keys_taken(command, arguments) & command_simulate) && !files.empty()) {
+    if ((keys_taken(command, arguments) & (command_simulate | command_budget)) && !files.empty()) {
         if (files.size() > 1) {
             throw InputError(text("there are two scene files, ", in_quotes(files[0]), " and ", in_quotes(files[1]),
                                   "; one at most is taken"));
         }
         scene_file = read_scene(files[0], file_content(files[0]));
     }
+    if (command == command_budget) name_place(scene_file, command_line);
     Settings settings = settings_from(scene_file, command_line);
     settings.files = files;
     return settings;
