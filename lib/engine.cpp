@@ -20,8 +20,9 @@
 #include "lib/front.hpp"
 #include "lib/memory_budget.hpp"
 #include "lib/plan.hpp"
-#include "lib/receiver.hpp"
 #include "lib/rain_echo.hpp"
+#include "lib/raised_source.hpp"
+#include "lib/receiver.hpp"
 #include "lib/rounding.hpp"
 #include "lib/spoke_map.hpp"
 #include "lib/stopwatch.hpp"
@@ -513,7 +514,9 @@ std::optional<PathLossTable> loss_table(const ResolvedScene& scene, const Weathe
     return PathLossTable(weather, loss_rays(scene, most_range_m));
 }
 
-Plan plan(const ResolvedScene& scene, WedgeSource& source, const EngineParams& params) {
+Plan plan(const ResolvedScene& scene, WedgeSource& given, const EngineParams& params) {
+    SceneSource own(given, scene.scene);
+    WedgeSource& source = *own;
     const Setting setting(scene, source, params.tables);
     Plan wedges = plan(scene, source, setting.grid, params, threads_of(params), true);
     if (params.archive) check_only(params.only_wedges, wedges.wedges.size());  // without one the split may be another
@@ -674,10 +677,11 @@ RunResult run(const ResolvedScene& scene, WedgeSource& source, const EngineParam
 
 RunResult run(const ResolvedScene& scene, WedgeSource& source, const EngineParams& given, RunResult&& used) {
     const EngineParams params = with_tables(given, scene);
+    SceneSource own(source, scene.scene);
     RunResult result = std::move(used);
     Threads crew(threads_of(params), !params.beside_others);
     const WeatherHere weather(scene, params.tables->weather, params.tables->pattern);
-    sweep(scene, source, params, weather, crew, result);
+    sweep(scene, *own, params, weather, crew, result);
     if (params.only_wedges) return result;
     crew.execute([&] {
         receive(params, weather, result);
@@ -736,6 +740,7 @@ RunResult run(const ResolvedScene& scene, const Scan& scan, WedgeSource& source,
     result.received_w = PolarImage<float>(scene.shown, std::move(result.received_w));
 
     Threads crew(threads_of(params), !params.beside_others);
+    SceneSource ground(source, scene.scene);
     EngineParams own = params;
     const std::size_t images = image_bytes(scene);
     own.memory_bytes -= std::min(own.memory_bytes, images);
@@ -749,7 +754,7 @@ RunResult run(const ResolvedScene& scene, const Scan& scan, WedgeSource& source,
         if (place.shown.range_bins != scene.shown.range_bins || place.swept.range_bins != scene.swept.range_bins)
             throw Error("a scan's groups have other range bins than the whole");
         const WeatherHere weather(place, params.tables->weather, params.tables->pattern);
-        sweep(place, source, own, weather, crew, group);
+        sweep(place, *ground, own, weather, crew, group);
         crew.execute([&] { receive(own, weather, group); });
         take_rows(group, result);
         add(group.report, result.report);

@@ -50,6 +50,7 @@ std::vector<Fact> echo_facts(const ResolvedScene& s, const DataBase& db) {
     add("gamma", scene.gamma ? text(scene.gamma->db()) : std::string("off"));
     add("backscatter", word(scene.land));
     add("water", word(scene.water), " ", scene.water == WaterModel::nrl ? scene.sea_state : 0.0);
+    add("walls", word(scene.walls));
     add("polarisation", word(radar.polarisation));
     const WeatherParams& air = scene.weather;
     add("gases", air.vapour_g_m3 ? text(*air.vapour_g_m3) : std::string("none"));

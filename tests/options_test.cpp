@@ -245,6 +245,7 @@ TEST_CASE("every key of the design exists, and those to come do not yet", "[opti
                              "gamma",
                              "polarisation",
                              "sea-state",
+                             "walls",
                              "gases",
                              "rain",
                              "if-gain",

@@ -416,7 +416,7 @@ TEST_CASE("every setting that needs a new sweep is refused, by name and with the
         {"antenna-floor", "-50dB"},  {"tilt", "5deg"},         {"polarisation", "vv"},    {"backscatter", "oh"},
         {"water", "calm"},           {"sea-state", "2"},       {"gases", "normal"},       {"rain", "light"},
         {"rain-top", "2km"},         {"cloud", "fog"},         {"cloud-base", "100m"},    {"cloud-top", "500m"},
-        {"class-table", table}};
+        {"class-table", table},      {"walls", "statistical"}};
     std::set<std::string> tried;
     for (const wedgescope::Key& key : wedgescope::key_table()) {
         if (!(key.commands & wedgescope::command_simulate) || !key.changes_result ||

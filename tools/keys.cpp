@@ -1005,6 +1005,13 @@ std::vector<Key> make_keys() {
           number(
               between("0", "6"), [](auto& s) -> auto& { return s.scene.sea_state; }),
           "0", "Douglas, for nrl; 0: water returns nothing");
+    t.add("walls",
+          choice<Walls>(
+              {{"resolved", Walls::resolved}, {"statistical", Walls::statistical}},
+              [](auto& s) -> auto& { return s.scene.walls; }),
+          "resolved",
+          "those that culture heights make; or, of classes whose table gives structures finer than a post, their mean, which also "
+          "raises the ground by the share that they cover");
     t.add("gamma",
           quantity(
               decibel, between("-100dB", "100dB"), [](auto& s) -> auto& { return s.scene.gamma; }, "off"),
@@ -1411,7 +1418,7 @@ std::vector<Key> make_keys() {
     because({"frequency", "transmit-power", "gain", "losses"},
             "the echo's watts hold it, and would be rounded otherwise (if-gain brightens the picture as well)");
     because({"gamma"}, "it is what every piece of ground returns");
-    because({"polarisation", "backscatter", "water", "sea-state"}, "it decides what every piece of ground returns");
+    because({"polarisation", "backscatter", "water", "sea-state", "walls"}, "it decides what every piece of ground returns");
     return keys;
 }
 
