@@ -9,7 +9,9 @@
 
 namespace wedgescope {
 
-BackscatterLaw class_law(const Material& material, const ClassLawParams& params) {
+namespace {
+
+BackscatterLaw bare_law(const Material& material, const ClassLawParams& params) {
     if (params.gamma || material.gamma10_db) {
         if (!params.gamma && params.land != LandModel::constant_gamma) {
             BackscatterLaw law = ground_law(material, params.land, params.frequency_hz, params.polarisation);
@@ -25,9 +27,34 @@ BackscatterLaw class_law(const Material& material, const ClassLawParams& params)
                                            : sea_calm_law(params.frequency_hz, params.polarisation);
 }
 
+/// Do structures add to what its ground returns?
+bool has_statistical_walls(const Material& m, const ClassLawParams& params) {
+    return params.walls == Walls::statistical && !params.gamma && m.structures && (m.gamma_wall10_db || m.gamma10_db);
+}
+
+}  // namespace
+
+BackscatterLaw class_law(const Material& material, const ClassLawParams& params) {
+    BackscatterLaw ground = bare_law(material, params);
+    if (!has_statistical_walls(material, params)) return ground;
+    const Decibel gamma10(material.gamma_wall10_db ? *material.gamma_wall10_db : *material.gamma10_db);
+    double walls = gamma_at(gamma10, params.frequency_hz).ratio() * material.structures->walls();
+    if (params.polarisation == Polarisation::circular) walls /= circular_wall_loss.ratio();
+    const std::optional<Angle> corner = ground.corner();
+    return BackscatterLaw(
+        [ground = std::move(ground), walls](Angle grazing) {
+            return ground.factor(grazing) * std::sin(grazing.rad()) + walls * std::cos(grazing.rad());
+        },
+        least_grazing, corner);
+}
+
 bool may_need_facets(const ClassLawParams& params) {
-    return !params.gamma &&
-           (params.land != LandModel::constant_gamma || params.water == WaterModel::calm || params.sea_state > 0);
+    if (params.gamma) return false;
+    if (params.land != LandModel::constant_gamma || params.water == WaterModel::calm || params.sea_state > 0)
+        return true;
+    const std::vector<Material>& materials = params.materials.rows();
+    return std::any_of(materials.begin(), materials.end(),
+                       [&](const Material& m) { return has_statistical_walls(m, params); });
 }
 
 bool may_be_windy(const ClassLawParams& params) {

@@ -15,6 +15,9 @@ namespace wedgescope {
 /// The model of water: `nrl` sea_nrl_law of the sea state, `calm` sea_calm_law (the mirror of inland water alone).
 enum class WaterModel { nrl, calm };
 
+/// What of a class' walls: those that culture heights make, or of a class with Structures, their mean (physics 7.3).
+enum class Walls { resolved, statistical };
+
 struct ClassLawParams {
     Materials materials{};  ///< the classes
     double frequency_hz = 10e9;
@@ -26,11 +29,13 @@ struct ClassLawParams {
     std::optional<Angle>
         wind_from{};         ///< azimuth that the wind blows from; none: the sea is the mean over wind directions
     bool far_shore = false;  ///< FarShore (far_shore.hpp)
+    Walls walls = Walls::resolved;
 };
 /// Of the class of water, which has no gamma.
 inline bool is_of_water(const Material& material) { return !material.gamma10_db; }
-/// The law of a class' ground: ground_law of land, the water model of water (a class without a gamma). InputError where
-/// a model does not reach the frequency or the sea state.
+/// The law of a class' ground: ground_law of land, the water model of water (a class without a gamma); with statistical walls
+/// gamma_w n H w cos psi of its structures more, if no one gamma is for everything. InputError where a model does not reach
+/// the frequency or the sea state.
 BackscatterLaw class_law(const Material& material, const ClassLawParams& params);
 /// Without making any table: may ClassLaws of these be none but constant()? May they be directional()?
 bool may_need_facets(const ClassLawParams& params);

@@ -21,6 +21,7 @@
 #include "lib/memory_budget.hpp"
 #include "lib/plan.hpp"
 #include "lib/rain_echo.hpp"
+#include "lib/raised_source.hpp"
 #include "lib/receiver.hpp"
 #include "lib/rounding.hpp"
 #include "lib/spoke_map.hpp"
@@ -514,7 +515,9 @@ std::optional<PathLossTable> loss_table(const ResolvedScene& scene, const Weathe
     return PathLossTable(weather, loss_rays(scene, most_range_m));
 }
 
-Plan plan(const ResolvedScene& scene, WedgeSource& source, const EngineParams& params) {
+Plan plan(const ResolvedScene& scene, WedgeSource& given, const EngineParams& params) {
+    SceneSource own(given, scene.scene);
+    WedgeSource& source = *own;
     const Setting setting(scene, source, params.tables);
     Plan wedges = plan(scene, source, setting.grid, params, threads_of(params), true);
     if (params.archive) check_only(params.only_wedges, wedges.wedges.size());  // without one the split may be another
@@ -673,17 +676,27 @@ RunResult run(const ResolvedScene& scene, WedgeSource& source, const EngineParam
     return run(scene, source, params, std::move(used));
 }
 
+namespace {
+
+/// The scene's own tables are in `params`. With only_wedges nothing is received.
+RunResult sweep_and_receive(const ResolvedScene& scene, WedgeSource& source, const EngineParams& params, Threads& crew,
+                            RunResult&& used) {
+    SceneSource own(source, scene.scene);
+    RunResult result = std::move(used);
+    const WeatherHere weather(scene, params.tables->weather, params.tables->pattern);
+    sweep(scene, *own, params, weather, crew, result);
+    if (!params.only_wedges) crew.execute([&] { receive(params, weather, result); });
+    return result;
+}
+
+}  // namespace
+
 RunResult run(const ResolvedScene& scene, WedgeSource& source, const EngineParams& given, RunResult&& used) {
     const EngineParams params = with_tables(given, scene);
-    RunResult result = std::move(used);
     Threads crew(threads_of(params), !params.beside_others);
-    const WeatherHere weather(scene, params.tables->weather, params.tables->pattern);
-    sweep(scene, source, params, weather, crew, result);
+    RunResult result = sweep_and_receive(scene, source, params, crew, std::move(used));
     if (params.only_wedges) return result;
-    crew.execute([&] {
-        receive(params, weather, result);
-        draw(params, params.tables->receiver, result);
-    });
+    crew.execute([&] { draw(params, params.tables->receiver, result); });
     if (!params.beside_others) result.received_w = {};
     if (params.stop) params.stop->check();
     return result;
@@ -691,11 +704,8 @@ RunResult run(const ResolvedScene& scene, WedgeSource& source, const EngineParam
 
 RunResult measure(const ResolvedScene& scene, WedgeSource& source, const EngineParams& given, RunResult&& used) {
     const EngineParams params = with_tables(given, scene);
-    RunResult result = std::move(used);
     Threads crew(threads_of(params), !params.beside_others);
-    const WeatherHere weather(scene, params.tables->weather, params.tables->pattern);
-    sweep(scene, source, params, weather, crew, result);
-    crew.execute([&] { receive(params, weather, result); });
+    RunResult result = sweep_and_receive(scene, source, params, crew, std::move(used));
     if (params.stop) params.stop->check();
     return result;
 }
@@ -749,6 +759,7 @@ RunResult run(const ResolvedScene& scene, const Scan& scan, WedgeSource& source,
     result.received_w = PolarImage<float>(scene.shown, std::move(result.received_w));
 
     Threads crew(threads_of(params), !params.beside_others);
+    SceneSource ground(source, scene.scene);
     EngineParams own = params;
     const std::size_t images = image_bytes(scene);
     own.memory_bytes -= std::min(own.memory_bytes, images);
@@ -762,7 +773,7 @@ RunResult run(const ResolvedScene& scene, const Scan& scan, WedgeSource& source,
         if (place.shown.range_bins != scene.shown.range_bins || place.swept.range_bins != scene.swept.range_bins)
             throw Error("a scan's groups have other range bins than the whole");
         const WeatherHere weather(place, params.tables->weather, params.tables->pattern);
-        sweep(place, source, own, weather, crew, group);
+        sweep(place, *ground, own, weather, crew, group);
         crew.execute([&] { receive(own, weather, group); });
         take_rows(group, result);
         add(group.report, result.report);

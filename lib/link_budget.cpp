@@ -8,6 +8,7 @@
 
 #include "lib/error.hpp"
 #include "lib/radar_equation.hpp"
+#include "lib/raised_source.hpp"
 
 namespace wedgescope {
 namespace {
@@ -236,7 +237,8 @@ LinkBudget link_budget(const ResolvedScene& scene, WedgeSource& source, const En
 
 CellPlace cell_place(const ResolvedScene& s, WedgeSource& source, IndexPosition at) {
     const DataBase& db = source.data_base();
-    const double surface_m = ground_height(source, at).surface_m;
+    SceneSource ground(source, s.scene);
+    const double surface_m = ground_height(*ground, at).surface_m;
     if (!(surface_m == surface_m))
         throw InputError(fmt::format("the place is column {:.1f}, row {:.1f} of '{}'; no height is known there",
                                      at.column, at.row, db.name));

@@ -9,6 +9,7 @@
 #include "lib/coverage.hpp"
 #include "lib/engine.hpp"
 #include "lib/error.hpp"
+#include "lib/raised_source.hpp"
 #include "lib/rounding.hpp"
 
 namespace wedgescope {
@@ -216,8 +217,10 @@ DisplaySetting display_setting(const ResolvedScene& s) {
 namespace {
 
 /// Place, height and earth.
-ResolvedScene resolve_place(const Scene& scene, WedgeSource& source) {
+ResolvedScene resolve_place(const Scene& scene, WedgeSource& given) {
     validate(scene);
+    SceneSource own(given, scene);
+    WedgeSource& source = *own;
     const DataBase& db = source.data_base();
     ResolvedScene s;
     s.scene = scene;
@@ -269,7 +272,9 @@ ResolvedScene resolve_coverage(const Scene& scene, WedgeSource& source) {
 
 Sampling sampling_of(const ResolvedScene& scene, const DataBase& db) {
     const double post_m = std::max(std::abs(db.step_x), std::abs(db.step_y)) * db.metres_a_unit();
-    return sampling(scene.scene, db.has_culture_height, (scene.sensor_m - scene.reference_m) / post_m);
+    // Where statistical walls raise the ground it steps from class to class.
+    const bool steps = db.has_culture_height || (db.has_culture && !raises_m(scene.scene).empty());
+    return sampling(scene.scene, steps, (scene.sensor_m - scene.reference_m) / post_m);
 }
 
 void look_at(ResolvedScene& s, Interval azimuth_bins) {

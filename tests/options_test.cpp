@@ -247,6 +247,7 @@ TEST_CASE("every key of the design exists, and those to come do not yet", "[opti
                              "sea-state",
                              "wind-direction",
                              "far-shore",
+                             "walls",
                              "gases",
                              "rain",
                              "if-gain",

@@ -1043,6 +1043,14 @@ std::vector<Key> make_keys() {
           "all directions");
     t.add("far-shore", on_off([](auto& s) -> auto& { return s.scene.far_shore; }), "off",
           "banks and walls that rise behind water are lit by way of its mirror too, as far as sea-state leaves one");
+    t.add("walls",
+          choice<Walls>(
+              {{"resolved", Walls::resolved}, {"statistical", Walls::statistical}},
+              [](auto& s) -> auto& { return s.scene.walls; }),
+          "resolved",
+          "those that culture heights make; or, of classes whose table gives structures finer than a post, their mean, "
+          "which also "
+          "raises the ground by the share that they cover");
     t.add("gamma",
           quantity(
               decibel, between("-100dB", "100dB"), [](auto& s) -> auto& { return s.scene.gamma; }, "off"),
@@ -1462,7 +1470,7 @@ std::vector<Key> make_keys() {
     because({"frequency", "transmit-power", "gain", "losses"},
             "the echo's watts hold it, and would be rounded otherwise (if-gain brightens the picture as well)");
     because({"gamma"}, "it is what every piece of ground returns");
-    because({"polarisation", "backscatter", "water", "sea-state", "wind-direction", "far-shore"},
+    because({"polarisation", "backscatter", "water", "sea-state", "wind-direction", "far-shore", "walls"},
             "it decides what every piece of ground returns");
     return keys;
 }

@@ -431,15 +431,35 @@ bool asks_for_help(const std::vector<Given>& command_line) {
                        [](const Given& given) { return given.key == "help"; });
 }
 
-}  // namespace
+/// A tile store that holds the classes of its features brings its class table, unless another is given.
+void add_class_table(std::vector<Given>& given, std::vector<std::string> stores) {
+    for (const Given& one : given) {
+        if (one.key == "class-table") return;
+        if (one.key != "dem") continue;
+        Settings where;
+        find_key("dem")->set(where, one);
+        stores.push_back(where.dem);
+    }
+    for (const std::string& store : stores)
+        if (const std::string table = store_classes(store); !table.empty()) {
+            given.push_back({"class-table", table, text("class-table of tile store ", in_quotes(store)), ""});
+            return;
+        }
+}
 
-Settings settings_from(const std::vector<Given>& scene_file, const std::vector<Given>& command_line) {
+Settings settings_of(const std::vector<Given>& merged_keys) {
     Settings settings;
-    std::vector<Given> all = with_set(merged(scene_file, command_line));
+    std::vector<Given> all = with_set(merged_keys);
     // It says which words others may be.
     std::stable_partition(all.begin(), all.end(), [](const Given& given) { return given.key == "class-table"; });
     for (const Given& given : all) find_key(given.key)->set(settings, given);
     return settings;
+}
+
+}  // namespace
+
+Settings settings_from(const std::vector<Given>& scene_file, const std::vector<Given>& command_line) {
+    return settings_of(merged(scene_file, command_line));
 }
 
 ScopeRequest parse_scope_arguments(const std::vector<std::string>& arguments) {
@@ -495,12 +515,21 @@ Settings parse_arguments(Command command, const std::vector<std::string>& argume
         scene_file = read_scene(files[0], file_content(files[0]));
     }
     if (command == command_budget) name_place(scene_file, command_line);
-    Settings settings = settings_from(scene_file, command_line);
+    std::vector<Given> given = merged(scene_file, command_line);
+    // Of tile's and coverage's paths the last is an output.
+    const bool writes = command == command_coverage || (command == command_tile && files.size() > 1);
+    add_class_table(given,
+                    writes ? std::vector<std::string>(files.begin(), files.end() - (files.empty() ? 0 : 1)) : files);
+    Settings settings = settings_of(given);
     settings.files = files;
     return settings;
 }
 
-Settings parse_scene_file(const std::string& path) { return settings_from(read_scene(path, file_content(path)), {}); }
+Settings parse_scene_file(const std::string& path) {
+    std::vector<Given> given = read_scene(path, file_content(path));
+    add_class_table(given, {});
+    return settings_of(given);
+}
 
 namespace {
 
