@@ -137,18 +137,17 @@ ClassLaws ClassLaws::only(const std::vector<bool>& ground, const std::vector<boo
     return some;
 }
 
-ClassLaws ClassLaws::area_of_ground(std::size_t classes, ClassId id) {
-    ClassLaws laws(std::vector<ClassGamma>(classes, ClassGamma{}));
-    std::vector<BackscatterTable> tables(classes, BackscatterTable(BackscatterLaw::constant_gamma(0)));
-    tables.at(id) = BackscatterTable(BackscatterLaw([](Angle) { return 1.0; }, least_grazing));
-    laws.keep(tables, std::vector<bool>(classes, false));
+ClassLaws ClassLaws::areas(const std::vector<bool>& ground, const std::vector<bool>& walls) {
+    std::vector<ClassGamma> gamma(ground.size(), ClassGamma{});
+    for (std::size_t id = 0; id < gamma.size(); ++id) gamma[id].wall = walls.at(id) ? 1 : 0;
+    ClassLaws laws(std::move(gamma));
+    if (std::find(ground.begin(), ground.end(), true) == ground.end()) return laws;
+    static const BackscatterTable unit(BackscatterLaw([](Angle) { return 1.0; }, least_grazing)),
+        none(BackscatterLaw::constant_gamma(0));
+    std::vector<BackscatterTable> tables;
+    for (const bool some : ground) tables.push_back(some ? unit : none);
+    laws.keep(tables, std::vector<bool>(ground.size(), false));
     return laws;
-}
-
-ClassLaws ClassLaws::area_of_walls(std::size_t classes, ClassId id) {
-    std::vector<ClassGamma> gamma(classes, ClassGamma{});
-    gamma.at(id).wall = 1;
-    return ClassLaws(std::move(gamma));
 }
 
 }  // namespace wedgescope

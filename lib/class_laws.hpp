@@ -56,10 +56,9 @@ public:
     /// Factors of these laws for the ground and the walls of some classes, the others return nothing; most() stays. Both as
     /// many as there are classes.
     ClassLaws only(const std::vector<bool>& ground, const std::vector<bool>& walls) const;
-    /// Of so many classes the ground of one returns its area, sigma0 = 1 (below 0.05 degrees of grazing less), or its walls
-    /// the area that they show; the others return nothing.
-    static ClassLaws area_of_ground(std::size_t classes, ClassId id);
-    static ClassLaws area_of_walls(std::size_t classes, ClassId id);
+    /// The ground of these classes returns its area, sigma0 = 1 (below 0.05 degrees of grazing less), their walls the area
+    /// that they show, gamma = 1; the others return nothing. Both as many as there are classes.
+    static ClassLaws areas(const std::vector<bool>& ground, const std::vector<bool>& walls);
 
     /// No class depends on the angle: gamma() is all there is.
     bool constant() const { return entries_.empty(); }

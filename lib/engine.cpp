@@ -30,13 +30,30 @@
 
 namespace wedgescope {
 
-SpokeMapParams swept_map_params(const ResolvedScene& s, const DataBase& db) {
-    const double range = *s.scene.range_m, theta = range * s.earth.inverse_radius();
-    const double post = std::hypot(db.step_x, db.step_y) * db.metres_a_unit();
-    return {s.geometry, s.nadir, s.lat_deg, s.lon_deg, s.scene.earth_k,
-            // The arc of a slant range is at most this much longer, down to 2 km below sea level.
-            rounded(range * (1.0005 + theta * theta / 4) + 2 * post, 10)};
+namespace {
+
+/// No arc of this slant range is longer, down to 2 km below sea level.
+double most_arc_m(const ResolvedScene& s, const DataBase& db, double range_m) {
+    const double theta = range_m * s.earth.inverse_radius(),
+                 post = std::hypot(db.step_x, db.step_y) * db.metres_a_unit();
+    return rounded(range_m * (1.0005 + theta * theta / 4) + 2 * post, 10);
 }
+
+}  // namespace
+
+SpokeMapParams swept_map_params(const ResolvedScene& s, const DataBase& db) {
+    return {s.geometry, s.nadir, s.lat_deg, s.lon_deg, s.scene.earth_k, most_arc_m(s, db, *s.scene.range_m)};
+}
+
+double slant_range_m(const ResolvedScene& s, double range_m) {
+    return s.scene.display.kind == DisplayKind::gpi_true ? s.earth.slant_range_m(s.sensor_m, s.reference_m, range_m)
+                                                         : range_m;
+}
+
+double minimum_range_m(const ResolvedScene& s) {
+    return s.scene.receiver.minimum_range_m.value_or(s.scene.radar.pulse_extent_m());
+}
+
 namespace {
 
 using Clock = std::chrono::steady_clock;
@@ -65,9 +82,8 @@ struct WeatherHere {
         std::vector<double> edges_m;
         for (std::int64_t j = s.swept.range_bins.begin; j <= s.swept.range_bins.end; ++j) {
             const double edge = static_cast<double>(j) * s.swept.range_bin_m;
-            edges_m.push_back(s.scene.display.kind == DisplayKind::gpi_true
-                                  ? rounded(s.earth.slant_range_m(s.sensor_m, s.reference_m, edge), 10)
-                                  : edge);
+            edges_m.push_back(s.scene.display.kind == DisplayKind::gpi_true ? rounded(slant_range_m(s, edge), 10)
+                                                                            : edge);
         }
         const PathLossRays rays = loss_rays(s, edges_m.back());
         loss.emplace(weather, rays);
@@ -124,9 +140,11 @@ struct Setting {
         sweep.reference_m = s.reference_m;
         sweep.nadir_surface_m = s.nadir_on_data ? s.nadir_surface_m : std::numeric_limits<double>::quiet_NaN();
         sweep.nadir_patch = &s.nadir_patch;
-        sweep.max_arc_m = map.params().max_arc_m;
+        // The bins may end before the scene's range, which decides where the spokes are.
+        const double last_m = static_cast<double>(s.swept.range_bins.end) * s.swept.range_bin_m;
+        sweep.max_arc_m = std::min(map.params().max_arc_m, most_arc_m(s, data_base, last_m));
         constexpr double least_radius_m = 6335439;  // of the WGS84 meridian, at the equator
-        sweep.most_theta = s.scene.earth_k ? sweep.max_arc_m / (*s.scene.earth_k * least_radius_m) : 0;
+        sweep.most_theta = s.scene.earth_k ? map.params().max_arc_m / (*s.scene.earth_k * least_radius_m) : 0;
         sweep.range_bin_m = s.swept.range_bin_m;
         sweep.range_is_ground = s.scene.display.kind == DisplayKind::gpi_true;
         sweep.pattern = &tables->pattern;
@@ -570,14 +588,11 @@ void sweep(const ResolvedScene& scene, WedgeSource& source, const EngineParams& 
 
 /// Nothing is received before the receiver opens: cells whose middle is nearer than the minimum range hold no power, not even noise.
 void blank_near(const ResolvedScene& scene, PolarImage<float>& received_w) {
-    const double least_m = scene.scene.receiver.minimum_range_m.value_or(scene.scene.radar.pulse_extent_m());
+    const double least_m = minimum_range_m(scene);
     const PolarGrid& grid = received_w.grid;
     const auto slant_m = [&](std::size_t j) {
-        const double middle_m =
-            (static_cast<double>(grid.range_bins.begin) + static_cast<double>(j) + 0.5) * grid.range_bin_m;
-        return scene.scene.display.kind == DisplayKind::gpi_true
-                   ? scene.earth.slant_range_m(scene.sensor_m, scene.reference_m, middle_m)
-                   : middle_m;
+        return slant_range_m(
+            scene, (static_cast<double>(grid.range_bins.begin) + static_cast<double>(j) + 0.5) * grid.range_bin_m);
     };
     std::size_t blanked = 0;
     while (blanked < grid.range_count() && slant_m(blanked) < least_m) ++blanked;

@@ -59,6 +59,10 @@ struct GroundHeight {
     double surface_m;  ///< with culture height
 };
 GroundHeight ground_height(WedgeSource& source, IndexPosition place);
+/// Slant range of what range bins count: itself, or for gpi-true, whose bins count arcs, that of a level surface.
+double slant_range_m(const ResolvedScene& scene, double range_m);
+/// The receiver opens for what is no nearer; slant.
+double minimum_range_m(const ResolvedScene& scene);
 /// Where the spokes of a resolved scene go.
 SpokeMapParams swept_map_params(const ResolvedScene& scene, const DataBase& data_base);
 /// How densely a scene's ground is sampled: its quality, its own keys, and what the ground and the sensor's height need.
@@ -121,7 +125,8 @@ RunResult run(const ResolvedScene& scene, WedgeSource& source, const EngineParam
 /// The same in the memory of an earlier result.
 RunResult run(const ResolvedScene& scene, WedgeSource& source, const EngineParams& params, RunResult&& used);
 
-/// The same without state and picture; received_w stays.
+/// The same without state and picture; received_w stays. swept.range_bins and shown.range_bins of the scene may end before its
+/// range: then nothing beyond is swept, and what is nearer has the same bits.
 RunResult measure(const ResolvedScene& scene, WedgeSource& source, const EngineParams& params, RunResult&& used);
 
 /// The end of run() alone: power, states and scope of `scene` from an echo image that holds scene.swept (and may hold more): the

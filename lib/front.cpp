@@ -853,7 +853,7 @@ bool Front::find_gammas(std::size_t at, std::size_t n, std::size_t lane, const B
         }
     if (shore_) {
         for (std::size_t k = 0; k < odd_count; ++k) gamma[odd[k]] = several_gammas;
-        return pass_shores(at, n, lane, classes, found.first, found.kind, next) || odd_count > 0;
+        left = pass_shores(at, n, lane, classes, found.first, found.kind, next);
     }
     for (std::size_t k = 0; k < odd_count; ++k) {
         const std::size_t i = odd[k];
@@ -861,7 +861,10 @@ bool Front::find_gammas(std::size_t at, std::size_t n, std::size_t lane, const B
         const std::array<ClassId, 3> three{classes[found.first[i]], classes[found.second[i]], classes[found.third[i]]};
         const std::int32_t kind = found.kind[i];
         const bool one = three[0] == three[1] && three[1] == three[2];
-        if (kind > CultureParts::wall || std::find(three.begin(), three.end(), unknown_class) != three.end()) {
+        const bool shore =
+            shore_ && (lanes_.shore[lane + i].state != ShoreWindow::none ||
+                       std::any_of(three.begin(), three.end(), [&](ClassId id) { return shore_->is_water(id); }));
+        if (shore || kind > CultureParts::wall || std::find(three.begin(), three.end(), unknown_class) != three.end()) {
             gamma[i] = several_gammas;
             left = true;
         } else if (one) {

@@ -15,23 +15,23 @@ namespace {
 
 constexpr double degree = std::numbers::pi / 180;
 
+/// Bins modulo the circle, 0 for `begin`.
+std::int64_t bins_after(std::int64_t bin, std::int64_t begin, std::int64_t circle) {
+    return ((bin - begin) % circle + circle) % circle;
+}
+
 /// Sweeps of the azimuths that one cell gathers, of one scene.
 class Cell {
 public:
     Cell(const ResolvedScene& scene, WedgeSource& source, const EngineParams& params, std::int64_t azimuth_bin,
          std::int64_t range_bin)
-        : scene_(scene), source_(source), params_(params) {
+        : scene_(scene), source_(source), params_(params), range_bin_(range_bin) {
         const PolarGrid& shown = scene.shown;
-        const std::int64_t circle = shown.circle_bins,
-                           after = ((azimuth_bin - shown.azimuth_bins.begin) % circle + circle) % circle;
-        if (after >= shown.azimuth_bins.size() || range_bin < shown.range_bins.begin ||
-            range_bin >= shown.range_bins.end)
+        if (bins_after(azimuth_bin, shown.azimuth_bins.begin, shown.circle_bins) >= shown.azimuth_bins.size() ||
+            !shown.range_bins.contains(range_bin))
             throw Error(text("cell ", azimuth_bin, ",", range_bin, " is not in the image"));
-        const std::int64_t bin = (azimuth_bin % circle + circle) % circle;
-        look_at(scene_, {bin, bin + 1});
-        // An image that goes round has all azimuths in it.
-        row_ = static_cast<std::size_t>(bin - scene_.shown.azimuth_bins.begin);
-        column_ = static_cast<std::size_t>(range_bin - shown.range_bins.begin);
+        azimuth_bin_ = bins_after(azimuth_bin, 0, shown.circle_bins);
+        look_at(scene_, {azimuth_bin_, azimuth_bin_ + 1});
         params_.archive = nullptr;
         params_.only_wedges.reset();
         params_.progress = {};
@@ -42,37 +42,65 @@ public:
 
     /// From now on means alone: what is drawn takes the longest.
     void draw_no_more() { scene_.scene.receiver.speckle_looks = 0, scene_.scene.receiver.noise = false; }
+    /// From now on what lies beyond the cell is not swept; tables of what is lost on the way are other ones then, with the same bound.
+    void narrow() {
+        PolarGrid &shown = scene_.shown, &swept = scene_.swept;
+        const std::int64_t lead = lead_in_bins(beam_setting(scene_), shown.range_bin_m);
+        shown.range_bins = {range_bin_, range_bin_ + 1};
+        swept.range_bins = {std::max(swept.range_bins.begin, range_bin_ - lead), range_bin_ + 1};
+        swept_ = {}, echo_ = {};
+    }
     /// With these tables in place of the scene's.
     void sweep(const SceneTables& tables) {
         params_.tables = std::make_shared<const SceneTables>(tables);
         swept_ = measure(scene_, source_, params_, std::move(swept_));
-        // Without what the rain sends.
-        echo_ = power_image(swept_.echo_w, scene_.shown, beam_setting(scene_), std::move(echo_));
     }
-    double echo_w() const { return at(echo_); }
+    /// Of the ground: without what the rain sends.
+    double echo_w() { return gathered(swept_.echo_w); }
     double echo_w(const SceneTables& tables) {
         sweep(tables);
         return echo_w();
+    }
+    /// Echoes times r^4 of the range bin that they came from, W m^4.
+    double unspread() {
+        PolarImage<float> echo = swept_.echo_w;
+        const PolarGrid& grid = echo.grid;
+        for (std::size_t j = 0; j < grid.range_count(); ++j) {
+            const double middle_m =
+                (static_cast<double>(grid.range_bins.begin) + static_cast<double>(j) + 0.5) * grid.range_bin_m;
+            const double r = std::max(1.0, slant_range_m(scene_, middle_m));
+            for (std::size_t i = 0; i < grid.azimuth_count(); ++i)
+                echo.row(i)[j] = static_cast<float>(static_cast<double>(echo.row(i)[j]) * (r * r * r * r));
+        }
+        return gathered(echo);
+    }
+    double unspread(const SceneTables& tables) {
+        sweep(tables);
+        return unspread();
     }
     double power_w() const { return at(swept_.power_w); }
     double received_w() const { return at(swept_.received_w); }
     State state() const {
         const PolarGrid& swept = swept_.echo_state.grid;
-        const std::int64_t circle = swept.circle_bins,
-                           bin = scene_.shown.azimuth_bins.begin + static_cast<std::int64_t>(row_),
-                           row = ((bin - swept.azimuth_bins.begin) % circle + circle) % circle,
-                           column = scene_.shown.range_bins.begin + static_cast<std::int64_t>(column_) -
-                                    swept.range_bins.begin;
-        return static_cast<State>(swept_.echo_state.row(static_cast<std::size_t>(row))[column]);
+        const auto row = bins_after(azimuth_bin_, swept.azimuth_bins.begin, swept.circle_bins);
+        return static_cast<State>(
+            swept_.echo_state.row(static_cast<std::size_t>(row))[range_bin_ - swept.range_bins.begin]);
     }
 
 private:
-    double at(const PolarImage<float>& image) const { return static_cast<double>(image.row(row_)[column_]); }
+    double at(const PolarImage<float>& image) const {
+        const auto row = static_cast<std::size_t>(azimuth_bin_ - image.grid.azimuth_bins.begin);
+        return static_cast<double>(image.row(row)[range_bin_ - image.grid.range_bins.begin]);
+    }
+    double gathered(const PolarImage<float>& echo) {
+        echo_ = power_image(echo, scene_.shown, beam_setting(scene_), std::move(echo_));
+        return at(echo_);
+    }
 
     ResolvedScene scene_;
     WedgeSource& source_;
     EngineParams params_;
-    std::size_t row_ = 0, column_ = 0;
+    std::int64_t azimuth_bin_ = 0, range_bin_ = 0;
     RunResult swept_;
     PolarImage<float> echo_;
 };
@@ -85,128 +113,149 @@ PatternTable even_pattern() {
     return PatternTable(even);
 }
 
-/// Classes whose ground (walls) returns something, with what it is. Asks for many at once, and then for halves of those.
+/// Classes whose ground or walls lie in the cell, with what they return. Asks for the area of many at once, and then for halves
+/// of those.
 class Parts {
 public:
-    Parts(Cell& cell, const SceneTables& bare, double watts_per_m2)
-        : cell_(cell), bare_(bare), watts_per_m2_(watts_per_m2), classes_(bare.laws.gamma().size()) {}
+    /// `constant`: what a square metre that returns 1 comes to, W m^4.
+    Parts(Cell& cell, const SceneTables& bare, double constant)
+        : cell_(cell), bare_(bare), constant_(constant), classes_(bare.laws.gamma().size()) {}
 
-    void find(std::size_t first, std::size_t end, bool wall, double all_m2 = -1) {
-        if (first >= end) return;
-        if (all_m2 < 0) all_m2 = cross_section_m2(first, end, wall);
-        if (!(all_m2 > 0)) return;
+    /// Among classes first.. end - 1, which have `all_m2` together.
+    void find(std::size_t first, std::size_t end, bool wall, double all_m2) {
+        if (!(all_m2 > 0) || first >= end) return;
         if (end - first == 1) {
-            LinkPart part{static_cast<ClassId>(first), wall, all_m2, 0};
-            SceneTables areas = bare_;
-            areas.laws =
-                wall ? ClassLaws::area_of_walls(classes_, part.id) : ClassLaws::area_of_ground(classes_, part.id);
-            part.area_m2 = cell_.echo_w(areas) / watts_per_m2_;
-            parts.push_back(part);
+            const auto [ground, walls] = masks(first, end, wall);
+            SceneTables one = bare_;
+            one.laws = bare_.laws.only(ground, walls);
+            parts.push_back({static_cast<ClassId>(first), wall, cell_.unspread(one) / constant_, all_m2});
             return;
         }
         const std::size_t middle = first + (end - first) / 2;
-        const double lower_m2 = cross_section_m2(first, middle, wall);
+        const double lower_m2 = area_m2(first, middle, wall);
         find(first, middle, wall, lower_m2);
-        // What one half returns alone the other does not.
-        find(middle, end, wall, lower_m2 > 0 ? -1 : all_m2);
+        // What one half has alone the other has not.
+        find(middle, end, wall, lower_m2 > 0 ? area_m2(middle, end, wall) : all_m2);
     }
+    void find(std::size_t first, std::size_t end, bool wall) { find(first, end, wall, area_m2(first, end, wall)); }
 
     std::vector<LinkPart> parts;
 
 private:
-    double cross_section_m2(std::size_t first, std::size_t end, bool wall) {
-        const std::vector<bool> none(classes_, false);
-        std::vector<bool> some = none;
+    std::pair<std::vector<bool>, std::vector<bool>> masks(std::size_t first, std::size_t end, bool wall) const {
+        std::vector<bool> none(classes_, false), some = none;
         std::fill(some.begin() + static_cast<std::ptrdiff_t>(first), some.begin() + static_cast<std::ptrdiff_t>(end),
                   true);
-        SceneTables tables = bare_;
-        tables.laws = wall ? bare_.laws.only(none, some) : bare_.laws.only(some, none);
-        return cell_.echo_w(tables) / watts_per_m2_;
+        return wall ? std::pair(none, some) : std::pair(some, none);
+    }
+    double area_m2(std::size_t first, std::size_t end, bool wall) {
+        const auto [ground, walls] = masks(first, end, wall);
+        SceneTables areas = bare_;
+        areas.laws = ClassLaws::areas(ground, walls);
+        return cell_.unspread(areas) / constant_;
     }
 
     Cell& cell_;
     const SceneTables& bare_;
-    double watts_per_m2_;
+    double constant_;
     std::size_t classes_;
 };
 
-double slant_of(const ResolvedScene& s, double range_m) {
-    return s.scene.display.kind == DisplayKind::gpi_true ? s.earth.slant_range_m(s.sensor_m, s.reference_m, range_m)
-                                                         : range_m;
+/// The earth along an azimuth.
+Earth earth_towards(const ResolvedScene& s, double azimuth_rad) {
+    if (s.geometry != Geometry::geodesic || !s.scene.earth_k) return s.earth;
+    return Earth(*s.scene.earth_k * euler_radius_m(s.lat_deg * degree, azimuth_rad));
 }
 
 double ratio(double to, double from) { return from > 0 ? to / from : 1; }
 
+/// The angles and the area of the radar equation's cell where the ground is level.
+void look_at_level(const ResolvedScene& s, LinkBudget& b) {
+    const Earth earth = earth_towards(s, b.azimuth_rad);
+    const auto arc_m = earth.arc_m(s.sensor_m, s.reference_m, b.echo_range_m);
+    if (!arc_m) return;
+    const Earth::Sight sight = earth.sight(s.sensor_m, s.reference_m, *arc_m);
+    b.depression = Angle::radians(sight.depression_rad);
+    b.grazing = Angle::radians(sight.grazing_rad);
+    const RadarParams& radar = s.scene.radar;
+    const double scale = radar.pulse_length_error ? radar.pulse_length_scale : 0;
+    const double nearest_m = slant_range_m(s, b.range_m - s.shown.range_bin_m / 2) - scale * radar.pulse_extent_m();
+    if (!(nearest_m > std::abs(s.sensor_m - s.reference_m)) || !(sight.grazing_rad > 0)) return;
+    // The beam is at most twice as wide in azimuth as it would be on the horizon.
+    b.level_area_m2 = b.echo_range_m * two_way_width(radar.antenna.beam).rad() * radar.pulse_extent_m() *
+                      std::min(1 / std::cos(sight.grazing_rad), 2.0);
+}
+
 }  // namespace
 
 double LinkBudget::product_w() const {
-    return transmit_w * gain * wavelength_m2 * losses * spreading_m4 * cross_section_m2 * pattern * gases * rain *
-           cloud;
+    return transmit_w * gain * wavelength_m2 * losses * spreading_m4 * cross_section_m2 * far_shore * pattern * gases *
+           rain * cloud;
 }
 
 LinkBudget link_budget(const ResolvedScene& scene, WedgeSource& source, const EngineParams& params,
                        std::int64_t azimuth_bin, std::int64_t range_bin) {
     Cell cell(scene, source, params, azimuth_bin, range_bin);
-    const ResolvedScene& s = cell.scene();
-    const RadarParams& radar = s.scene.radar;
-    const PolarGrid& grid = s.shown;
+    const RadarParams& radar = scene.scene.radar;
+    const ReceiverParams& receiver = scene.scene.receiver;
 
     LinkBudget b;
     b.azimuth_bin = azimuth_bin, b.range_bin = range_bin;
-    b.azimuth_rad = (static_cast<double>(azimuth_bin) + 0.5) * grid.azimuth_step_rad();
-    b.range_m = (static_cast<double>(range_bin) + 0.5) * grid.range_bin_m;
-    b.slant_range_m = slant_of(s, b.range_m);
-    // The pulse paints an echo from its range outwards.
-    const double behind_m = radar.pulse_length_error ? 0.25 * 2 * radar.pulse_length_scale * radar.pulse_extent_m() : 0;
-    b.echo_range_m = std::max(1.0, b.slant_range_m - behind_m);
-
+    b.azimuth_rad = (static_cast<double>(azimuth_bin) + 0.5) * scene.shown.azimuth_step_rad();
+    b.range_m = (static_cast<double>(range_bin) + 0.5) * scene.shown.range_bin_m;
+    b.slant_range_m = slant_range_m(scene, b.range_m);
     b.transmit_w = radar.transmit_power_w;
     b.gain = std::pow(radar.gain.ratio(), 2);
     b.wavelength_m2 = std::pow(radar.wavelength_m(), 2) / std::pow(4 * std::numbers::pi, 3);
     b.losses = 1 / radar.losses.ratio();
-    b.spreading_m4 = std::pow(b.echo_range_m, -4);
-    const double watts_per_m2 = b.transmit_w * b.gain * b.wavelength_m2 * b.losses * b.spreading_m4;
+    const double constant = b.transmit_w * b.gain * b.wavelength_m2 * b.losses;
 
-    SceneTables tables(s.scene);
+    SceneTables tables(scene.scene);
     cell.sweep(tables);
     b.state = cell.state();
     b.echo_w = cell.echo_w();
     b.power_w = cell.power_w();
     b.received_w = cell.received_w();
-    b.noise_w = s.noise_power_w;
-    b.blanked = b.received_w == 0;
-    cell.draw_no_more();
-    const ReceiverParams& receiver = scene.scene.receiver;
+    b.noise_w = scene.noise_power_w;
+    b.blanked = b.slant_range_m < minimum_range_m(scene);
     const bool drawn = receiver.noise || receiver.speckle_looks > 0;
     b.fluctuation = drawn && !b.blanked ? ratio(b.received_w, b.power_w + b.noise_w) : 1;
-    if (s.scene.weather.rain_mm_h > 0) {
-        const std::vector<bool> none(tables.laws.gamma().size(), false);
+    cell.draw_no_more();
+    const std::size_t classes = tables.laws.gamma().size();
+    const std::vector<bool> no_class(classes, false);
+    if (scene.scene.weather.rain_mm_h > 0) {
         SceneTables rain_alone = tables;
-        rain_alone.laws = tables.laws.only(none, none);
+        rain_alone.laws = tables.laws.only(no_class, no_class);
         cell.sweep(rain_alone);
         b.rain_echo_w = cell.power_w();
     }
 
     // From the receiver back to the ground.
+    cell.narrow();
     double last_w = b.echo_w;
     WeatherParams weather = tables.weather.params();
-    const auto without = [&](double& loss) {
-        tables.weather = Weather(weather, radar.frequency_hz);
-        const double clearer_w = cell.echo_w(tables);
-        loss = ratio(last_w, clearer_w);
-        last_w = clearer_w;
+    const auto without = [&](double& effect) {
+        const double bare_w = cell.echo_w(tables);
+        effect = ratio(last_w, bare_w);
+        last_w = bare_w;
     };
-    if (weather.liquid_water_g_m3 > 0) weather.liquid_water_g_m3 = 0, without(b.cloud);
-    if (weather.rain_mm_h > 0) weather.rain_mm_h = 0, without(b.rain);
-    if (weather.vapour_g_m3) weather.vapour_g_m3.reset(), without(b.gases);
+    const auto clear = [&](double& loss) {
+        tables.weather = Weather(weather, radar.frequency_hz);
+        without(loss);
+    };
+    if (weather.liquid_water_g_m3 > 0) weather.liquid_water_g_m3 = 0, clear(b.cloud);
+    if (weather.rain_mm_h > 0) weather.rain_mm_h = 0, clear(b.rain);
+    if (weather.vapour_g_m3) weather.vapour_g_m3.reset(), clear(b.gases);
     tables.pattern = even_pattern();
-    const double even_w = cell.echo_w(tables);
-    b.pattern = ratio(last_w, even_w);
-    b.cross_section_m2 = even_w / watts_per_m2;
+    without(b.pattern);
+    if (tables.shore.on()) tables.shore = tables.shore.without_gain(), without(b.far_shore);
+    b.cross_section_m2 = cell.unspread() / constant;
+    b.echo_range_m = b.slant_range_m;
+    if (b.cross_section_m2 > 0) b.echo_range_m = std::pow(constant * b.cross_section_m2 / last_w, 0.25);
+    b.spreading_m4 = std::pow(b.echo_range_m, -4);
 
     const DataBase& db = source.data_base();
-    Parts parts(cell, tables, watts_per_m2);
-    const std::size_t classes = tables.laws.gamma().size();
+    Parts parts(cell, tables, constant);
     if (db.has_culture)
         parts.find(0, classes, false);
     else
@@ -215,23 +264,12 @@ LinkBudget link_budget(const ResolvedScene& scene, WedgeSource& source, const En
     b.parts = std::move(parts.parts);
     std::stable_sort(b.parts.begin(), b.parts.end(),
                      [](const LinkPart& x, const LinkPart& y) { return x.cross_section_m2 > y.cross_section_m2; });
+    look_at_level(scene, b);
 
-    const double drop_rad = level_depression_rad(s.earth, s.sensor_m, s.reference_m, b.echo_range_m);
-    if (const auto arc_m = s.earth.arc_m(s.sensor_m, s.reference_m, b.echo_range_m)) {
-        const double grazing = s.earth.sight(s.sensor_m, s.reference_m, *arc_m).grazing_rad;
-        // Round the vertical the beam has no elevation that would bound it; the cell is then no more than the pulse's ring.
-        if (grazing > 0 && drop_rad < 89 * degree)
-            b.level_area_m2 = cell_area(radar.antenna.beam, radar.antenna.width, radar.pulse_extent_m(), b.echo_range_m,
-                                        Angle::radians(grazing))
-                                  .pulse_m2;
-    }
-
-    const double dbm = rounded_dbm(b.received_w);
-    const Receiver set(receiver, radar);
-    b.received_dbm = dbm;
-    b.mds_dbm = set.mds_dbm();
+    b.received_dbm = rounded_dbm(b.received_w);
+    b.mds_dbm = Receiver(receiver, radar).mds_dbm();
     b.stc_db = stc_db(receiver, b.slant_range_m);
-    b.levels = receiver_levels(receiver, b.mds_dbm, dbm, b.stc_db);
+    b.levels = receiver_levels(receiver, b.mds_dbm, b.received_dbm, b.stc_db);
     return b;
 }
 
@@ -245,7 +283,6 @@ CellPlace cell_place(const ResolvedScene& s, WedgeSource& source, IndexPosition 
     CellPlace place;
     place.surface_m = surface_m;
     double arc_m = 0, azimuth_rad = 0;
-    Earth earth = s.earth;
     if (s.geometry == Geometry::geodesic) {
         const auto there = db.lat_lon(at.column, at.row);
         if (!there)
@@ -255,7 +292,6 @@ CellPlace cell_place(const ResolvedScene& s, WedgeSource& source, IndexPosition 
         GeographicLib::Geodesic::WGS84().Inverse(s.lat_deg, s.lon_deg, there->first, there->second, arc_m, azimuth,
                                                  back);
         azimuth_rad = azimuth * degree;
-        if (s.scene.earth_k) earth = Earth(*s.scene.earth_k * euler_radius_m(s.lat_deg * degree, azimuth_rad));
     } else {
         const double east_m = (at.column - s.nadir.column) * db.step_x * db.metres_per_unit,
                      north_m = (at.row - s.nadir.row) * db.step_y * db.metres_per_unit;
@@ -263,8 +299,9 @@ CellPlace cell_place(const ResolvedScene& s, WedgeSource& source, IndexPosition 
         azimuth_rad = std::atan2(east_m, north_m);
     }
     place.azimuth_rad = azimuth_rad < 0 ? azimuth_rad + 2 * std::numbers::pi : azimuth_rad;
-    place.range_m =
-        s.scene.display.kind == DisplayKind::gpi_true ? arc_m : earth.slant_range_m(s.sensor_m, surface_m, arc_m);
+    place.range_m = s.scene.display.kind == DisplayKind::gpi_true
+                        ? arc_m
+                        : earth_towards(s, azimuth_rad).slant_range_m(s.sensor_m, surface_m, arc_m);
     return place;
 }
 
@@ -272,7 +309,7 @@ std::optional<std::pair<double, double>> level_place(const ResolvedScene& s, con
                                                      double range_m) {
     const auto arc_m = s.scene.display.kind == DisplayKind::gpi_true
                            ? std::optional(range_m)
-                           : s.earth.arc_m(s.sensor_m, s.reference_m, range_m);
+                           : earth_towards(s, azimuth_rad).arc_m(s.sensor_m, s.reference_m, range_m);
     if (!arc_m) return std::nullopt;
     if (s.geometry == Geometry::geodesic) {
         double lat = 0, lon = 0;

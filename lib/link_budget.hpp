@@ -15,7 +15,7 @@ namespace wedgescope {
 struct LinkPart {
     ClassId id = 0;
     bool wall = false;
-    /// As seen through the beam's azimuth and the pulse (weights of peak 1), with the classes' directivity.
+    /// Seen through the beam's azimuth and the pulse (weights of peak 1), with the class' directivity.
     double cross_section_m2 = 0;
     /// Through the same weights: of ground the area of the visible surface (below 0.05 degrees of grazing less), of walls what they
     /// show at right angles to the ray.
@@ -24,27 +24,30 @@ struct LinkPart {
     double sigma0() const { return area_m2 > 0 ? cross_section_m2 / area_m2 : 0; }
 };
 
-/// Ratios are linear, of powers, both ways, at most 1 but for the first; those of a cell without any echo are 1.
+/// Ratios are linear, of powers, both ways; those of a cell without any echo are 1.
 struct LinkBudget {
     std::int64_t azimuth_bin = 0, range_bin = 0;
     State state = State::unknown;  ///< of the ground in the cell itself; the beam and the pulse may bring more
     double azimuth_rad = 0;        ///< middle of the cell, clockwise from north of the geometry
     double range_m = 0;            ///< middle of the cell, as range bins count (ground range for gpi-true)
     double slant_range_m = 0;      ///< of that
-    double echo_range_m =
-        0;  ///< slant range of the middle of the ground that the pulse brings into the cell, at least 1 m
+    /// Of a level surface at the reference height and echo_range_m; none inside the altitude hole.
+    std::optional<Angle> depression, grazing;
 
     double transmit_w = 0;
     double gain = 1;           ///< G_0^2
     double wavelength_m2 = 1;  ///< lambda^2 / (4 pi)^3
     double losses = 1;         ///< 1 / L_s
-    double spreading_m4 = 1;   ///< 1 / r^4 of echo_range_m
+    double spreading_m4 = 1;   ///< mean of 1 / r^4 over the ground
+    double echo_range_m = 0;   ///< the range of that; slant_range_m where there is no ground
     double cross_section_m2 =
         0;  ///< of all ground in it; the parts add up to it (but for the rounding of powers to quanta)
-    std::vector<LinkPart> parts;  ///< that return anything, the largest first
-    double level_area_m2 = 0;     ///< for comparison: the radar equation's cell on a level surface below
+    std::vector<LinkPart> parts;  ///< all ground and walls in it, what returns most first
+    double level_area_m2 =
+        0;  ///< for comparison: the radar equation's cell on a level surface; 0: it ends in the altitude hole
 
-    double pattern = 1;  ///< of elevation, g_el^2
+    double far_shore = 1;  ///< what banks return more by way of the water before them; at least 1
+    double pattern = 1;    ///< of elevation, g_el^2
     double gases = 1, rain = 1, cloud = 1;
     double echo_w = 0;       ///< of the ground: the product of all above
     double rain_echo_w = 0;  ///< of the rain itself
@@ -62,8 +65,8 @@ struct LinkBudget {
 };
 
 /// Of the cell of azimuth bin `azimuth_bin` and range bin `range_bin` of scene.shown (azimuths modulo the circle), which run()
-/// makes of the same scene. Error where it holds no such cell; else as run(). Sweeps the beam's azimuths once for each class in
-/// the cell and some ten times more.
+/// makes of the same scene. Error where it holds no such cell; else as run(). Sweeps the beam's azimuths once over the scene's
+/// range and then, to the cell, some five to ten times and twice for each class that is there.
 LinkBudget link_budget(const ResolvedScene& scene, WedgeSource& source, const EngineParams& params,
                        std::int64_t azimuth_bin, std::int64_t range_bin);
 

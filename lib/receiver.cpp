@@ -7,8 +7,8 @@
 namespace wedgescope {
 namespace {
 
-constexpr double if_gain_reference_db = 64;
-constexpr double video_gain_reference_db = 4;
+constexpr double if_gain_reference_db = if_gain_reference.db();
+constexpr double video_gain_reference_db = video_gain_reference.db();
 
 double rounded_db(double db) { return std::round(db * 1000) / 1000; }
 

@@ -12,6 +12,9 @@
 
 namespace wedgescope {
 
+/// The gains at which the IF amplifier shows the MDS and the video amplifier leaves it as it is.
+inline constexpr Decibel if_gain_reference{64}, video_gain_reference{4};
+
 /// Stands for no power at all; below what the least float in watts amounts to (-418.5 dBm).
 inline constexpr double least_dbm = -500;
 

@@ -419,14 +419,14 @@ Codec other_place(std::optional<LatLon> Settings::*field) {
 }
 
 Codec cell() {
-    Codec codec{"AZIMUTH,RANGE", "azimuth from -360deg to 360deg, range from 0m", {}, {}};
+    Codec codec{"AZIMUTH,RANGE", "azimuth from -360deg to 360deg, range from 0m to 10000km", {}, {}};
     codec.set = [](Settings& s, const Given& given) {
         const auto [azimuth, range] = two(given, "AZIMUTH,RANGE, an angle and a length such as 40deg,12nmi");
         const double angle = parse_quantity(Dimension::angle, given.origin, azimuth),
                      metres = parse_quantity(Dimension::length, given.origin, range);
-        if (!(std::abs(angle) <= 2 * std::numbers::pi * (1 + 1e-12)) || !(metres >= 0))
+        if (!(std::abs(angle) <= 2 * std::numbers::pi * (1 + 1e-12)) || !(metres >= 0 && metres <= 1e7))
             throw InputError(text(given.origin, " is ", in_quotes(given.value),
-                                  "; the azimuth must be from -360deg to 360deg and the range at least 0m"));
+                                  "; the azimuth must be from -360deg to 360deg and the range from 0m to 10000km"));
         s.cell = Settings::Cell{Angle::radians(angle), metres};
     };
     codec.get = [](const Settings& s) -> std::optional<std::string> {
@@ -869,9 +869,9 @@ std::vector<Key> make_keys() {
             key.in_scene_file = false;
             key.changes_result = false;
         };
-        budget_only(
-            t.add("at", cell(), "",
-                  "the cell: azimuth clockwise from the heading, as sector's, and range as the display's bins count"));
+        budget_only(t.add("at", cell(), "",
+                          "the cell: azimuth clockwise from the heading, as sector's, and slant range (ground range "
+                          "with display gpi-true)"));
         Key& place = t.add("at-latlon", other_place(&Settings::cell_place), "",
                            "or the place on the ground that the cell is to show, WGS84 degrees");
         place.set = [set = place.set](Settings& s, const Given& given) {
@@ -1360,7 +1360,7 @@ std::vector<Key> make_keys() {
     }
     {
         Key& j = t.add("json", flag([](auto& s) -> auto& { return s.json; }), "off",
-                       "JSON on stdout; evaluate: of the list");
+                       "JSON on stdout (evaluate: of the list)");
         j.commands = command_info | command_evaluate | command_budget;
         j.in_scene_file = false;
     }
@@ -1429,11 +1429,13 @@ std::vector<Key> make_keys() {
     for (Key& key : keys) {
         const bool of_many = key.name == "track" || key.name == "scan-step" || key.name == "scan-period",
                    talks = key.name == "config" || key.name == "quiet" || key.name == "help",
+                   decides =
+                       key.group == KeyGroup::display ? key.name == "display" : key.changes_result || key.name == "set",
                    runs = key.name == "threads" || key.name == "memory" || key.name == "source" ||
                           key.name == "temp-dir" || key.name == "keep-map" || key.name == "no-cull" ||
                           key.name == "wedges";
         if ((key.commands & command_simulate) && !of_many &&
-            (talks || runs || key.changes_result || key.group == KeyGroup::data_base))
+            (talks || runs || decides || key.group == KeyGroup::data_base))
             key.commands |= command_budget;
     }
     // What follows the echo image, and what the picture takes from the scene beside: the rest needs a new sweep.

@@ -30,7 +30,7 @@ struct Line {
     bool part = false;  ///< of the line above
 };
 
-constexpr const char *decibel = "dB", *dbm = "dBm", *dbsm = "dBm2";
+constexpr const char *decibel = "dB", *dbm = "dBm", *dbsm = "dBsm";
 
 std::optional<double> in_db(double ratio) {
     if (!(ratio > 0)) return std::nullopt;
@@ -39,17 +39,26 @@ std::optional<double> in_db(double ratio) {
 }
 std::optional<double> in_dbm(double watts) { return in_db(watts * 1e3); }
 
-std::string watts(double w) {
-    return w >= 1e3 ? fmt::format("{:.6g} kW", w / 1e3)
-           : w >= 1 ? fmt::format("{:.6g} W", w)
-                    : fmt::format("{:.4g} W", w);
+std::string watts(double w) { return w >= 1e3 ? fmt::format("{:.6g} kW", w / 1e3) : fmt::format("{:.4g} W", w); }
+
+/// Why a cell has no cross section.
+std::string emptiness(const LinkBudget& b) {
+    if (!b.parts.empty()) return "what lies in pulse and beam returns nothing";
+    switch (b.state) {
+        case State::shadow:
+            return "nothing in pulse and beam is seen: shadow";
+        case State::no_data:
+            return "nothing in pulse and beam is seen: no data";
+        default:
+            return b.grazing ? "nothing in pulse and beam is seen" : "nearer than the ground below: the altitude hole";
+    }
 }
 
 std::vector<Line> lines(const LinkBudget& b, const ResolvedScene& s, const Materials& materials) {
     const RadarParams& radar = s.scene.radar;
     const ReceiverParams& receiver = s.scene.receiver;
     const WeatherParams& weather = s.scene.weather;
-    const bool echo = b.echo_w > 0;
+    const bool echo = b.cross_section_m2 > 0;
     std::vector<Line> out;
     const auto add = [&](std::string name, std::optional<double> value, const char* unit, std::string note = {}) {
         out.push_back({std::move(name), value, unit, std::move(note)});
@@ -67,28 +76,35 @@ std::vector<Line> lines(const LinkBudget& b, const ResolvedScene& s, const Mater
     add("wavelength", in_db(b.wavelength_m2), dbsm,
         fmt::format("lambda^2 / (4 pi)^3, lambda {:.4f} m", radar.wavelength_m()));
     add("losses", in_db(b.losses), decibel, "of the system");
-    add("spreading", in_db(b.spreading_m4), "dB/m4", fmt::format("1 / r^4, r {:.1f} m", b.echo_range_m));
+    add("spreading", in_db(b.spreading_m4), "dB/m4",
+        fmt::format("1 / r^4, r {:.1f} m{}", b.echo_range_m, echo ? ": its mean over the ground" : ""));
     add("cross section", in_db(b.cross_section_m2), dbsm,
-        !echo ? std::string("nothing is seen in the pulse and the beam")
+        !echo ? emptiness(b)
               : fmt::format("{:.6g} m2{}", b.cross_section_m2,
                             b.level_area_m2 > 0
-                                ? fmt::format("; level ground has {:.6g} m2 in pulse and beam", b.level_area_m2)
+                                ? fmt::format("; level ground would have {:.6g} m2 of surface", b.level_area_m2)
                                 : std::string()));
     for (const LinkPart& part : b.parts) {
         const std::string& name = materials[part.id].name;
+        const auto sigma0 = in_db(part.sigma0());
         add(part.wall ? "walls of " + name : name, in_db(part.cross_section_m2), dbsm,
-            fmt::format("{} {:.2f} dB of {:.6g} m2 {}", part.wall ? "gamma" : "sigma0",
-                        in_db(part.sigma0()).value_or(-999), part.area_m2, part.wall ? "shown" : "surface"));
+            fmt::format("{} {} {:.6g} m2 {}", part.wall ? "gamma" : "sigma0",
+                        sigma0 ? fmt::format("{:.2f} dB of", *sigma0) : std::string("0:"), part.area_m2,
+                        part.wall ? "shown" : "of surface"));
         out.back().part = true;
     }
+    factor("far shore", b.far_shore, s.scene.far_shore, "by way of the water in front");
     factor("elevation pattern", b.pattern, true,
-           fmt::format("both ways, {}, tilt {:.6g} deg", word(radar.antenna.elevation), radar.antenna.tilt.deg()));
+           fmt::format("both ways, {}, tilt {:.6g} deg{}", word(radar.antenna.elevation), radar.antenna.tilt.deg(),
+                       b.depression ? fmt::format("; level ground is {:.2f} deg below the axis",
+                                                  b.depression->deg() - radar.antenna.tilt.deg())
+                                    : std::string()));
     factor("gases", b.gases, weather.vapour_g_m3.has_value(),
            fmt::format("both ways, vapour {:.6g} g/m3 at sea level", weather.vapour_g_m3.value_or(0)));
     factor("rain", b.rain, weather.rain_mm_h > 0, fmt::format("both ways, {:.6g} mm/h", weather.rain_mm_h));
     factor("cloud", b.cloud, weather.liquid_water_g_m3 > 0,
            fmt::format("both ways, {:.6g} g/m3", weather.liquid_water_g_m3));
-    add("echo", in_dbm(b.echo_w), dbm, "of the ground: the sum of the lines above");
+    add("echo", in_dbm(b.echo_w), dbm, "of the ground: transmitter to cloud, added");
     add("rain echo", in_dbm(b.rain_echo_w), dbm, b.rain_echo_w > 0 ? "of the rain itself; adds in watts" : "none");
     add("power", in_dbm(b.power_w), dbm, fmt::format("{:.6g} W, as in simulate --power", b.power_w));
     add("noise", in_dbm(b.noise_w), dbm,
@@ -102,17 +118,21 @@ std::vector<Line> lines(const LinkBudget& b, const ResolvedScene& s, const Mater
                   receiver.noise ? "on" : "off", receiver.seed)
             : std::string("none"));
     add("received", b.blanked ? std::nullopt : std::optional(b.received_dbm), dbm,
-        b.blanked ? "nearer than minimum-range: the receiver is blanked" : "");
+        b.blanked ? fmt::format("the receiver opens at {:.1f} m", minimum_range_m(s)) : std::string());
     add("STC", b.stc_db > 0 ? -b.stc_db : 0, decibel,
         receiver.stc_range_m ? fmt::format("at {:.1f} m", b.slant_range_m) : std::string("none"));
     add("MDS", b.mds_dbm, dbm, receiver.mds_dbm ? "as given" : "the noise");
     add("above MDS", b.blanked ? std::nullopt : std::optional(b.received_dbm - b.stc_db - b.mds_dbm), decibel,
         "received and STC, less MDS");
-    add("IF gain", receiver.if_gain.db(), decibel, "64 dB show the MDS");
+    add("IF gain", receiver.if_gain.db() - if_gain_reference.db(), decibel,
+        fmt::format("{:.6g} dB, of which {:.6g} dB bring the MDS to black's edge", receiver.if_gain.db(),
+                    if_gain_reference.db()));
     add("IF stage", b.levels.if_stage, "",
-        fmt::format("(above MDS + IF gain - 64 dB) / {:.6g} dB, 0 to 1", receiver.dynamic_range.db()));
-    add("video gain", receiver.video_gain.db(), decibel, "4 dB leave the IF stage as it is");
-    add("video", b.levels.video, "", "0 to 1");
+        fmt::format("(above MDS + IF gain) / {:.6g} dB, 0 to 1", receiver.dynamic_range.db()));
+    add("video gain", receiver.video_gain.db() - video_gain_reference.db(), decibel,
+        fmt::format("{:.6g} dB, of which {:.6g} dB leave the IF stage as it is; of amplitudes",
+                    receiver.video_gain.db(), video_gain_reference.db()));
+    add("video", b.levels.video, "", "IF stage with video gain, 0 to 1");
     add("grey level", b.levels.grey, "",
         receiver.display_gamma == 1 ? std::string("255 video")
                                     : fmt::format("255 video^(1/{:.6g})", receiver.display_gamma));
@@ -138,10 +158,7 @@ struct Page {
     const LinkBudget& budget;
 
     double azimuth_deg() const { return budget.azimuth_rad * 180 / std::numbers::pi; }
-    double relative_deg() const {
-        const double turn = azimuth_deg() - scene.scene.platform.heading.deg();
-        return turn - 360 * std::floor(turn / 360);
-    }
+    double relative_deg() const { return std::remainder(azimuth_deg() - scene.scene.platform.heading.deg(), 360); }
     std::optional<std::pair<double, double>> middle() const {
         return level_place(scene, data_base, budget.azimuth_rad, budget.range_m);
     }
@@ -162,8 +179,22 @@ std::string page_text(const Page& page) {
     if (const auto at = page.middle())
         out += fmt::format("level place  {} (its middle on a level surface {:.1f} m above the sea)\n",
                            place_words(*at, page.data_base.has_crs), page.scene.reference_m);
+    if (b.grazing)
+        out += fmt::format("level ground depression {:.3f} deg at the sensor, grazing {:.3f} deg, at {:.1f} m\n",
+                           b.depression->deg(), b.grazing->deg(), b.echo_range_m);
     out += "\n";
+    // Parts that change nothing are named together.
+    constexpr double faint_db = 40;
+    std::size_t faint = 0;
     for (const Line& line : lines(b, page.scene, page.settings.scene.materials)) {
+        if (line.part && line.value && *line.value < *in_db(b.cross_section_m2) - faint_db) {
+            ++faint;
+            continue;
+        }
+        if (!line.part && faint > 0) {
+            out += fmt::format("  {} more, each {:.0f} dB and more below\n", faint, faint_db);
+            faint = 0;
+        }
         const int digits = *line.unit ? 3 : line.name == "grey level" ? 0 : 4;
         const std::string value = line.value ? fmt::format("{:.{}f}", *line.value, digits) : "-";
         std::string text =
@@ -186,6 +217,11 @@ json page_json(const Page& page) {
     cell["azimuth_from_heading_deg"] = page.relative_deg();
     cell["range_m"] = b.range_m;
     cell["slant_range_m"] = b.slant_range_m;
+    cell["echo_range_m"] = b.echo_range_m;
+    cell["level_depression_deg"] = b.depression ? json(b.depression->deg()) : json(nullptr);
+    cell["level_grazing_deg"] = b.grazing ? json(b.grazing->deg()) : json(nullptr);
+    cell["level_area_m2"] = b.level_area_m2 > 0 ? json(b.level_area_m2) : json(nullptr);
+    cell["blanked"] = b.blanked;
     cell["state"] = state_names[static_cast<int>(b.state)];
     if (const auto at = page.middle())
         cell[page.data_base.has_crs ? "level_lat_lon" : "level_xy"] = {at->first, at->second};
@@ -211,42 +247,47 @@ json page_json(const Page& page) {
     return out;
 }
 
-/// The bins that hold the place asked for.
-std::pair<std::int64_t, std::int64_t> wanted_bins(const Settings& settings, const ResolvedScene& s,
-                                                  WedgeSource& source) {
+struct Bins {
+    std::int64_t azimuth, range;
+};
+
+/// The bins that hold the place asked for. The far edges of sector and range belong to the last bins.
+Bins wanted_bins(const Settings& settings, const ResolvedScene& s, WedgeSource& source) {
+    const double heading_rad = s.scene.platform.heading.rad();
     double azimuth_rad = 0, range_m = 0;
-    std::string asked;
+    std::string asked = "at";
     if (settings.cell) {
-        azimuth_rad = s.scene.platform.heading.rad() + settings.cell->azimuth.rad();
+        azimuth_rad = heading_rad + settings.cell->azimuth.rad();
         range_m = settings.cell->range_m;
-        asked = "at";
     } else {
         const LatLon& at = *settings.cell_place;
         const DataBase& db = source.data_base();
+        asked = settings.cell_place_key;
         if (!db.has_crs)
-            throw InputError(text(settings.cell_place_key, " needs a raster with a CRS; ", in_quotes(db.name),
-                                  " has none (give at AZIMUTH,RANGE)"));
+            throw InputError(
+                text(asked, " needs a raster with a CRS; ", in_quotes(db.name), " has none (give at AZIMUTH,RANGE)"));
         const CellPlace place = cell_place(s, source, db.locate(at.lat_deg, at.lon_deg));
         azimuth_rad = place.azimuth_rad, range_m = place.range_m;
-        asked = settings.cell_place_key;
     }
+    constexpr double whole = 1e-9;  // of a bin
     const PolarGrid& grid = s.shown;
-    const double turns = azimuth_rad / (2 * std::numbers::pi), circle = static_cast<double>(grid.circle_bins);
-    const auto azimuth_bin = std::min(static_cast<std::int64_t>((turns - std::floor(turns)) * circle + 1e-9),
-                                      grid.circle_bins - 1),
-               range_bin = static_cast<std::int64_t>(std::floor(range_m / grid.range_bin_m + 1e-9));
-    const std::int64_t after =
-        ((azimuth_bin - grid.azimuth_bins.begin) % grid.circle_bins + grid.circle_bins) % grid.circle_bins;
-    if (after >= grid.azimuth_bins.size())
-        throw InputError(
-            fmt::format("{} is in azimuth {:.4f} deg from the heading; the scene's sector is {:.4f} to {:.4f} deg",
-                        asked, 360 * (turns - std::floor(turns)) - s.scene.platform.heading.deg(),
-                        s.scene.sector->from.deg(), s.scene.sector->to.deg()));
-    if (range_bin < grid.range_bins.begin || range_bin >= grid.range_bins.end)
-        throw InputError(fmt::format("{} is at a range of {:.1f} m; the scene's is {:.1f} to {:.1f} m", asked, range_m,
-                                     static_cast<double>(grid.range_bins.begin) * grid.range_bin_m,
+    const double range_bins = range_m / grid.range_bin_m;
+    auto range = static_cast<std::int64_t>(std::floor(range_bins + whole));
+    if (range == grid.range_bins.end && range_bins <= static_cast<double>(range) + whole) --range;
+    if (!grid.range_bins.contains(range))
+        throw InputError(fmt::format("{} asks for a range of {:.1f} m; the scene's is {:.1f} to {:.1f} m", asked,
+                                     range_m, static_cast<double>(grid.range_bins.begin) * grid.range_bin_m,
                                      static_cast<double>(grid.range_bins.end) * grid.range_bin_m));
-    return {azimuth_bin, range_bin};
+    const double azimuth_bins = azimuth_rad / grid.azimuth_step_rad();
+    const auto bin = static_cast<std::int64_t>(std::floor(azimuth_bins + whole)), circle = grid.circle_bins;
+    const auto after = [&](std::int64_t i) { return ((i - grid.azimuth_bins.begin) % circle + circle) % circle; };
+    const bool on_edge = azimuth_bins <= static_cast<double>(bin) + whole;
+    for (const std::int64_t i : {bin, on_edge ? bin - 1 : bin})
+        if (after(i) < grid.azimuth_bins.size()) return {(i % circle + circle) % circle, range};
+    throw InputError(
+        fmt::format("{} asks for azimuth {:.4f} deg from the heading; the scene's sector is {:.4f} to {:.4f} deg",
+                    asked, std::remainder((azimuth_rad - heading_rad) * 180 / std::numbers::pi, 360),
+                    s.scene.sector->from.deg(), s.scene.sector->to.deg()));
 }
 
 }  // namespace
@@ -266,20 +307,37 @@ void link_budget(const std::vector<std::string>& arguments, Stop& stop) {
     const GdalSession session(cache_bytes(settings), settings.config);
     settings.expects_ground = expects_ground(settings, {.levels = true}, stop);
     check_simulation(settings, stop);
-    find_ground(settings, {.levels = true}, stop);
+    // Where the scene's range is given the cell is known before anything but the ground below the sensor is read.
+    std::optional<Arc> arc;
+    if (settings.scene.range_m) {
+        const auto direct = open_direct_source(data_base_params(settings, cache_bytes(settings), stop));
+        ResolvedScene scene = resolve(settings.scene, *direct);
+        const Bins bins = wanted_bins(settings, scene, *direct);
+        look_at(scene, {bins.azimuth, bins.azimuth + 1});
+        const double step_rad = scene.swept.azimuth_step_rad();
+        arc = Arc{static_cast<double>(scene.swept.azimuth_bins.begin) * step_rad,
+                  static_cast<double>(scene.swept.azimuth_bins.size()) * step_rad};
+    }
+    const std::string unfit_map = find_ground(settings, {.levels = true}, stop);
     const DataBaseParams layers = data_base_params(settings, cache_bytes(settings), stop);
     SpillOptions options = spill_options(settings);
     options.stop = &stop;
+    options.only = arc;
+    Progress sorting(settings.quiet);
     const SourceChoice choice = choose_source(layers, settings.source, settings.scene, options.memory_bytes);
+    const bool pass = choice.spilled && !choice.kept;
+    if (pass) options.progress = [&](double fraction) { sorting.report(fraction); };
     const std::unique_ptr<WedgeSource> source = open_source(choice, layers, settings.scene, options);
+    if (pass) sorting.done();
     const ResolvedScene scene = resolve(settings.scene, *source);
     EngineParams params = engine_params(settings);
     params.stop = &stop;
     params.data = source->fingerprint({});
-    const auto [azimuth_bin, range_bin] = wanted_bins(settings, scene, *source);
-    const LinkBudget budget = link_budget(scene, *source, params, azimuth_bin, range_bin);
+    const Bins bins = wanted_bins(settings, scene, *source);
+    const LinkBudget budget = link_budget(scene, *source, params, bins.azimuth, bins.range);
     const Page page{settings, scene, source->data_base(), budget};
     print(settings.json ? page_json(page).dump(2, ' ', false, json::error_handler_t::replace) + "\n" : page_text(page));
+    for (const std::string& unfit : {choice.unfit, unfit_map}) remark_unused(settings.quiet, unfit);
 }
 
 }  // namespace wedgescope

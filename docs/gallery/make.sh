@@ -128,14 +128,16 @@ sheet fig18_rain 3 "${tiles[@]}"
 # --- Sea states: Cape Flattery and the Strait of Juan de Fuca. The sea of this raster is its height 0; the rest is wooded.
 gdal_translate -q -ot Byte -a_nodata none "$data/olympic_coast_dem.tif" coast.tif
 { echo 0,water; for code in {1..255}; do echo "$code,trees"; done; } >coast.csv
-tiles=(); for state in 0 1 2 3 6; do
+tiles=(); for state in 1 2 3 6; do
   echo_of sea$state "$scenes/f111a_northeast.ini" --dem "$data/olympic_coast_dem.tif" --culture coast.tif --culture-legend coast.csv \
     --culture-height coast.tif --culture-height-scale 0 --latlon 48.36,-124.55 --altitude-msl 5000ft --range 14nmi --sea-state $state
   tube sea$state waves$state --if-gain 64dB --video-gain 4dB; tiles+=(waves$state "sea state $state, IF gain 64 dB"); done
 # A lake: dark water, and the far shore.
-echo_of lake "$scenes/f111a_northeast.ini" --dem "$data/lake_sunapee_dem.tif" --culture "$data/lake_sunapee_culture.tif" --culture-legend nlcd \
-  --culture-height "$data/lake_sunapee_culture.tif" --culture-height-scale 0 --latlon 43.38,-72.06 --altitude-msl 2500ft --range 4nmi
-tube lake shore --if-gain 28dB --video-gain 4dB; tiles+=(shore "Lake Sunapee, sea state 0, IF gain 28 dB")
+for shore in off on; do
+  echo_of lake_$shore "$scenes/f111a_northeast.ini" --dem "$data/lake_sunapee_dem.tif" --culture "$data/lake_sunapee_culture.tif" --culture-legend nlcd \
+    --culture-height "$data/lake_sunapee_culture.tif" --culture-height-scale 0 --latlon 43.38,-72.06 --altitude-msl 2500ft --range 4nmi --far-shore $shore
+  tube lake_$shore shore_$shore --if-gain 28dB --video-gain 4dB; tiles+=(shore_$shore "Lake Sunapee, far-shore $shore, IF gain 28 dB")
+done
 sheet fig18_sea 3 "${tiles[@]}"
 
 # --- Scenes as in Figures 19 to 22, on the 400 ft data base; the last row: one of them by density.
