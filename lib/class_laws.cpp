@@ -4,11 +4,14 @@
 #include <cmath>
 #include <utility>
 
+#include "lib/error.hpp"
 #include "lib/rounding.hpp"
 
 namespace wedgescope {
 
-BackscatterLaw class_law(const Material& material, const ClassLawParams& params) {
+namespace {
+
+BackscatterLaw bare_law(const Material& material, const ClassLawParams& params) {
     if (params.gamma || material.gamma10_db) {
         if (!params.gamma && params.land != LandModel::constant_gamma) {
             BackscatterLaw law = ground_law(material, params.land, params.frequency_hz, params.polarisation);
@@ -24,9 +27,34 @@ BackscatterLaw class_law(const Material& material, const ClassLawParams& params)
                                            : sea_calm_law(params.frequency_hz, params.polarisation);
 }
 
+/// Do structures add to what its ground returns?
+bool has_statistical_walls(const Material& m, const ClassLawParams& params) {
+    return params.walls == Walls::statistical && !params.gamma && m.structures && (m.gamma_wall10_db || m.gamma10_db);
+}
+
+}  // namespace
+
+BackscatterLaw class_law(const Material& material, const ClassLawParams& params) {
+    BackscatterLaw ground = bare_law(material, params);
+    if (!has_statistical_walls(material, params)) return ground;
+    const Decibel gamma10(material.gamma_wall10_db ? *material.gamma_wall10_db : *material.gamma10_db);
+    double walls = gamma_at(gamma10, params.frequency_hz).ratio() * material.structures->walls();
+    if (params.polarisation == Polarisation::circular) walls /= circular_wall_loss.ratio();
+    const std::optional<Angle> corner = ground.corner();
+    return BackscatterLaw(
+        [ground = std::move(ground), walls](Angle grazing) {
+            return ground.factor(grazing) * std::sin(grazing.rad()) + walls * std::cos(grazing.rad());
+        },
+        least_grazing, corner);
+}
+
 bool may_need_facets(const ClassLawParams& params) {
-    return !params.gamma &&
-           (params.land != LandModel::constant_gamma || params.water == WaterModel::calm || params.sea_state > 0);
+    if (params.gamma) return false;
+    if (params.land != LandModel::constant_gamma || params.water == WaterModel::calm || params.sea_state > 0)
+        return true;
+    const std::vector<Material>& materials = params.materials.rows();
+    return std::any_of(materials.begin(), materials.end(),
+                       [&](const Material& m) { return has_statistical_walls(m, params); });
 }
 
 bool may_be_windy(const ClassLawParams& params) {
@@ -49,8 +77,8 @@ ClassLaws::ClassLaws(const ClassLawParams& params)
           std::vector<ClassGamma> gamma = gamma_table(params.materials, params.frequency_hz, params.gamma);
           if (params.polarisation == Polarisation::circular)
               for (ClassGamma& g : gamma)  // one gamma for everything stays one
-                  g.wall = rounded_significand(
-                      g.wall / (params.gamma ? circular_loss : circular_wall_loss).ratio(), 24);
+                  g.wall =
+                      rounded_significand(g.wall / (params.gamma ? circular_loss : circular_wall_loss).ratio(), 24);
           return gamma;
       }()) {
     const std::vector<Material>& materials = params.materials.rows();
@@ -67,13 +95,21 @@ ClassLaws::ClassLaws(const ClassLawParams& params)
         upwind_north_ = rounded(std::cos(params.wind_from->rad()), 40);
     }
     std::vector<BackscatterTable> tables;
+    std::vector<bool> water;
+    for (const Material& material : materials) {
+        tables.emplace_back(class_law(material, params));
+        water.push_back(is_of_water(material));
+    }
+    keep(tables, water);
+}
+
+void ClassLaws::keep(const std::vector<BackscatterTable>& tables, const std::vector<bool>& water) {
     bool all_constant = true;
-    for (std::size_t id = 0; id < materials.size(); ++id) {
-        tables.emplace_back(class_law(materials[id], params));
-        gamma_[id].ground = tables.back().most();
-        all_constant = all_constant && tables.back().constant();
-        most_ = std::max(most_, tables.back().most() * (is_of_water(materials[id]) ? wind_.most() : 1));
-        error_db_ = std::max(error_db_, tables.back().error_db());
+    for (std::size_t id = 0; id < tables.size(); ++id) {
+        gamma_[id].ground = tables[id].most();
+        all_constant = all_constant && tables[id].constant();
+        most_ = std::max(most_, tables[id].most() * (water[id] ? wind_.most() : 1));
+        error_db_ = std::max(error_db_, tables[id].error_db());
     }
     if (all_constant) return;
     for (const BackscatterTable& table : tables) {
@@ -83,6 +119,36 @@ ClassLaws::ClassLaws(const ClassLawParams& params)
         else
             entries_.insert(entries_.end(), table.data(), table.data() + table.intervals() + 1);
     }
+}
+
+ClassLaws ClassLaws::only(const std::vector<bool>& ground, const std::vector<bool>& walls) const {
+    if (ground.size() != gamma_.size() || walls.size() != gamma_.size())
+        throw Error(
+            text("laws of ", gamma_.size(), " classes, asked for some of ", ground.size(), " and ", walls.size()));
+    ClassLaws some = *this;
+    for (std::size_t id = 0; id < gamma_.size(); ++id) {
+        if (!walls[id]) some.gamma_[id].wall = 0;
+        if (ground[id]) continue;
+        some.gamma_[id].ground = 0;
+        if (constant()) continue;
+        const std::size_t end = id + 1 < rows_.size() ? rows_[id + 1].first : entries_.size();
+        for (std::size_t i = rows_[id].first; i < end; ++i) some.entries_[i] = 0;
+    }
+    return some;
+}
+
+ClassLaws ClassLaws::area_of_ground(std::size_t classes, ClassId id) {
+    ClassLaws laws(std::vector<ClassGamma>(classes, ClassGamma{}));
+    std::vector<BackscatterTable> tables(classes, BackscatterTable(BackscatterLaw::constant_gamma(0)));
+    tables.at(id) = BackscatterTable(BackscatterLaw([](Angle) { return 1.0; }, least_grazing));
+    laws.keep(tables, std::vector<bool>(classes, false));
+    return laws;
+}
+
+ClassLaws ClassLaws::area_of_walls(std::size_t classes, ClassId id) {
+    std::vector<ClassGamma> gamma(classes, ClassGamma{});
+    gamma.at(id).wall = 1;
+    return ClassLaws(std::move(gamma));
 }
 
 }  // namespace wedgescope

@@ -15,6 +15,9 @@ namespace wedgescope {
 /// The model of water: `nrl` sea_nrl_law of the sea state, `calm` sea_calm_law (the mirror of inland water alone).
 enum class WaterModel { nrl, calm };
 
+/// What of a class' walls: those that culture heights make, or of a class with Structures, their mean (physics 7.3).
+enum class Walls { resolved, statistical };
+
 struct ClassLawParams {
     Materials materials{};  ///< the classes
     double frequency_hz = 10e9;
@@ -26,11 +29,13 @@ struct ClassLawParams {
     std::optional<Angle>
         wind_from{};         ///< azimuth that the wind blows from; none: the sea is the mean over wind directions
     bool far_shore = false;  ///< FarShore (far_shore.hpp)
+    Walls walls = Walls::resolved;
 };
 /// Of the class of water, which has no gamma.
 inline bool is_of_water(const Material& material) { return !material.gamma10_db; }
-/// The law of a class' ground: ground_law of land, the water model of water (a class without a gamma). InputError where
-/// a model does not reach the frequency or the sea state.
+/// The law of a class' ground: ground_law of land, the water model of water (a class without a gamma); with statistical walls
+/// gamma_w n H w cos psi of its structures more, if no one gamma is for everything. InputError where a model does not reach
+/// the frequency or the sea state.
 BackscatterLaw class_law(const Material& material, const ClassLawParams& params);
 /// Without making any table: may ClassLaws of these be none but constant()? May they be directional()?
 bool may_need_facets(const ClassLawParams& params);
@@ -48,6 +53,13 @@ public:
     explicit ClassLaws(const ClassLawParams& params);
     /// Of constant gammas alone, by class.
     explicit ClassLaws(std::vector<ClassGamma> gamma);
+    /// Factors of these laws for the ground and the walls of some classes, the others return nothing; most() stays. Both as
+    /// many as there are classes.
+    ClassLaws only(const std::vector<bool>& ground, const std::vector<bool>& walls) const;
+    /// Of so many classes the ground of one returns its area, sigma0 = 1 (below 0.05 degrees of grazing less), or its walls
+    /// the area that they show; the others return nothing.
+    static ClassLaws area_of_ground(std::size_t classes, ClassId id);
+    static ClassLaws area_of_walls(std::size_t classes, ClassId id);
 
     /// No class depends on the angle: gamma() is all there is.
     bool constant() const { return entries_.empty(); }
@@ -101,6 +113,9 @@ private:
         double east, north;
         bool waves;  // its ground is a sea
     };
+    /// Tables or constants, a row a class; those of water under the wind.
+    void keep(const std::vector<BackscatterTable>& tables, const std::vector<bool>& water);
+
     std::vector<ClassGamma> gamma_;
     std::vector<Facing> facings_;  // empty: all are omni
     std::vector<Row> rows_;

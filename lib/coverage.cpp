@@ -28,6 +28,7 @@
 #include "lib/error.hpp"
 #include "lib/handover.hpp"
 #include "lib/post_extremes.hpp"
+#include "lib/raised_source.hpp"
 #include "lib/rounding.hpp"
 #include "lib/stopwatch.hpp"
 #include "lib/sweep.hpp"
@@ -1708,16 +1709,20 @@ void check(const Cover& work, const WedgeSource& source, const CoverageParams& p
 }  // namespace
 
 std::size_t coverage_bytes(const ResolvedScene& scene, WedgeSource& source, const CoverageParams& params) {
-    const Cover work(scene, source, params, nullptr);
+    SceneSource own(source, scene.scene);
+    const Cover work(scene, *own, params, nullptr);
     return work.fixed_bytes(1) + work.own_desk_bytes();
 }
 
 void check_coverage(const ResolvedScene& scene, WedgeSource& source, const CoverageParams& params) {
-    check(Cover(scene, source, params, nullptr), source, params);
+    SceneSource own(source, scene.scene);
+    check(Cover(scene, *own, params, nullptr), *own, params);
 }
 
-CoverageReport cover(const ResolvedScene& scene, WedgeSource& source, const CoverageParams& params,
+CoverageReport cover(const ResolvedScene& scene, WedgeSource& given, const CoverageParams& params,
                      const std::function<void(const CoverageTile&)>& write) {
+    SceneSource own(given, scene.scene);
+    WedgeSource& source = *own;
     Cover work(scene, source, params, &write);
     check(work, source, params);
     if (params.beside_others) return work.run();

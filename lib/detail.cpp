@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "lib/class_laws.hpp"
 #include "lib/lanes.hpp"
 #include "lib/wedge_source.hpp"
 
@@ -207,7 +208,7 @@ class Chooser {
 public:
     Chooser(const ResolvedScene& scene, WedgeSource& source, const SpokeMap& map)
         : scene_(scene), db_(source.data_base()), bounds_(source.detail_map()->bounds()), detail_(*source.detail_map()),
-          map_(map) {}
+          map_(map), bent_(may_need_facets(laws_of(scene.scene))) {}
 
     DetailLevels operator()() const {
         DetailLevels chosen;
@@ -340,10 +341,13 @@ private:
                      allowed = detail_rms_db(scene_.scene.quality) * std::sqrt(2 * share);
         // A crest that sinks or rises shifts where its shadow ends by so much over the grazing angle.
         constexpr double crest = 0.5;
+        // Of a constant gamma a cell returns its rise, whatever the slopes between its ends; a law that bends with the angle sees
+        // these too, and what a level leaves out of them. Measured on shipped terrain: 1.3 to 5 times the error.
+        const double weight = bent_ ? 3 : 1;
         for (int level = most; level > 0; --level) {
             const auto i = static_cast<std::size_t>(level - 1);
             if (!whole(q, fan, from, to, level)) continue;
-            if (detail_error_db(place, level, std::sqrt(g.squared[i] / g.blocks), g.excess_m3[i] / g.blocks) <=
+            if (weight * detail_error_db(place, level, std::sqrt(g.squared[i] / g.blocks), g.excess_m3[i] / g.blocks) <=
                     allowed &&
                 g.peak_m[i] <= crest * place.grazing_rad * place.pulse_m)
                 return level;
@@ -371,11 +375,14 @@ private:
     BlockMap& bounds_;
     DetailMap& detail_;
     const SpokeMap& map_;
+    bool bent_;  // some law depends on the angle
 };
 
 }  // namespace
 
 double detail_post_m(const ResolvedScene& scene, const DataBase& db) {
+    // What raises the ground is no part of the maps.
+    if (!raises_m(scene.scene).empty()) return infinite;
     if (!scene.scene.detail || detail_rms_db(scene.scene.quality) == 0 || db.cyclic || coarsest(db) == 0)
         return infinite;
     // What detail_error_db() asks for at the least, with the sides of a post as they may be anywhere in range.

@@ -20,8 +20,9 @@
 #include "lib/front.hpp"
 #include "lib/memory_budget.hpp"
 #include "lib/plan.hpp"
-#include "lib/receiver.hpp"
 #include "lib/rain_echo.hpp"
+#include "lib/raised_source.hpp"
+#include "lib/receiver.hpp"
 #include "lib/rounding.hpp"
 #include "lib/spoke_map.hpp"
 #include "lib/stopwatch.hpp"
@@ -68,17 +69,17 @@ struct WeatherHere {
                                   ? rounded(s.earth.slant_range_m(s.sensor_m, s.reference_m, edge), 10)
                                   : edge);
         }
-        loss = loss_table(s, weather, edges_m.back());
-        if (weather.params().rain_mm_h == 0) return;
         const PathLossRays rays = loss_rays(s, edges_m.back());
+        loss.emplace(weather, rays);
+        if (weather.params().rain_mm_h == 0) return;
         const RainEcho rain(weather, *loss, pattern,
                             {s.scene.radar, rays.earth, s.sensor_m, s.reference_m, rays.most_range_m});
         rain_w = rain.cells_w(edges_m, s.swept.azimuth_step_rad());
         // The beam will widen each bin as level ground at its range; rain is wider by its own elevation already.
         const BeamSetting beam = beam_setting(s);
         for (std::size_t j = 0; j < rain_w.size(); ++j) {
-            const double middle_m = (static_cast<double>(s.swept.range_bins.begin) + static_cast<double>(j) + 0.5) *
-                                    s.swept.range_bin_m;
+            const double middle_m =
+                (static_cast<double>(s.swept.range_bins.begin) + static_cast<double>(j) + 0.5) * s.swept.range_bin_m;
             rain_w[j] *= static_cast<float>(level_cosine(beam, middle_m));
         }
     }
@@ -514,7 +515,9 @@ std::optional<PathLossTable> loss_table(const ResolvedScene& scene, const Weathe
     return PathLossTable(weather, loss_rays(scene, most_range_m));
 }
 
-Plan plan(const ResolvedScene& scene, WedgeSource& source, const EngineParams& params) {
+Plan plan(const ResolvedScene& scene, WedgeSource& given, const EngineParams& params) {
+    SceneSource own(given, scene.scene);
+    WedgeSource& source = *own;
     const Setting setting(scene, source, params.tables);
     Plan wedges = plan(scene, source, setting.grid, params, threads_of(params), true);
     if (params.archive) check_only(params.only_wedges, wedges.wedges.size());  // without one the split may be another
@@ -596,8 +599,8 @@ void receive(const EngineParams& params, const WeatherHere& weather, RunResult& 
     const Stopwatch watch;
     const ReceiverParams& receiver = scene.scene.receiver;
     const FluctuationSetting fluctuation{receiver.speckle_looks, receiver.noise, scene.noise_power_w, receiver.seed};
-    result.received_w = received_power(result.echo_w, result.power_w, beam, fluctuation, std::move(result.received_w),
-                                       weather.rain_w);
+    result.received_w =
+        received_power(result.echo_w, result.power_w, beam, fluctuation, std::move(result.received_w), weather.rain_w);
     blank_near(scene, result.received_w);
     result.report.receiver_s = watch.wall_s();
 }
@@ -673,18 +676,36 @@ RunResult run(const ResolvedScene& scene, WedgeSource& source, const EngineParam
     return run(scene, source, params, std::move(used));
 }
 
+namespace {
+
+/// The scene's own tables are in `params`. With only_wedges nothing is received.
+RunResult sweep_and_receive(const ResolvedScene& scene, WedgeSource& source, const EngineParams& params, Threads& crew,
+                            RunResult&& used) {
+    SceneSource own(source, scene.scene);
+    RunResult result = std::move(used);
+    const WeatherHere weather(scene, params.tables->weather, params.tables->pattern);
+    sweep(scene, *own, params, weather, crew, result);
+    if (!params.only_wedges) crew.execute([&] { receive(params, weather, result); });
+    return result;
+}
+
+}  // namespace
+
 RunResult run(const ResolvedScene& scene, WedgeSource& source, const EngineParams& given, RunResult&& used) {
     const EngineParams params = with_tables(given, scene);
-    RunResult result = std::move(used);
     Threads crew(threads_of(params), !params.beside_others);
-    const WeatherHere weather(scene, params.tables->weather, params.tables->pattern);
-    sweep(scene, source, params, weather, crew, result);
+    RunResult result = sweep_and_receive(scene, source, params, crew, std::move(used));
     if (params.only_wedges) return result;
-    crew.execute([&] {
-        receive(params, weather, result);
-        draw(params, params.tables->receiver, result);
-    });
+    crew.execute([&] { draw(params, params.tables->receiver, result); });
     if (!params.beside_others) result.received_w = {};
+    if (params.stop) params.stop->check();
+    return result;
+}
+
+RunResult measure(const ResolvedScene& scene, WedgeSource& source, const EngineParams& given, RunResult&& used) {
+    const EngineParams params = with_tables(given, scene);
+    Threads crew(threads_of(params), !params.beside_others);
+    RunResult result = sweep_and_receive(scene, source, params, crew, std::move(used));
     if (params.stop) params.stop->check();
     return result;
 }
@@ -706,9 +727,10 @@ RunResult show(const ResolvedScene& scene, PolarImage<float> echo_w, PolarImage<
     result.scene = scene;
     result.report.threads = threads_of(params);
     const bool rain = scene.scene.weather.rain_mm_h > 0;
-    const WeatherHere weather = rain ? WeatherHere(scene, Weather(weather_of(scene.scene), scene.scene.radar.frequency_hz),
-                                                   PatternTable(scene.scene.radar.antenna))
-                                     : WeatherHere();
+    const WeatherHere weather =
+        rain ? WeatherHere(scene, Weather(weather_of(scene.scene), scene.scene.radar.frequency_hz),
+                           PatternTable(scene.scene.radar.antenna))
+             : WeatherHere();
     Threads crew(result.report.threads, !params.beside_others);
     crew.execute([&] {
         const bool whole = echo_w.grid == scene.swept;
@@ -737,6 +759,7 @@ RunResult run(const ResolvedScene& scene, const Scan& scan, WedgeSource& source,
     result.received_w = PolarImage<float>(scene.shown, std::move(result.received_w));
 
     Threads crew(threads_of(params), !params.beside_others);
+    SceneSource ground(source, scene.scene);
     EngineParams own = params;
     const std::size_t images = image_bytes(scene);
     own.memory_bytes -= std::min(own.memory_bytes, images);
@@ -750,7 +773,7 @@ RunResult run(const ResolvedScene& scene, const Scan& scan, WedgeSource& source,
         if (place.shown.range_bins != scene.shown.range_bins || place.swept.range_bins != scene.swept.range_bins)
             throw Error("a scan's groups have other range bins than the whole");
         const WeatherHere weather(place, params.tables->weather, params.tables->pattern);
-        sweep(place, source, own, weather, crew, group);
+        sweep(place, *ground, own, weather, crew, group);
         crew.execute([&] { receive(own, weather, group); });
         take_rows(group, result);
         add(group.report, result.report);

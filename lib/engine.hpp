@@ -52,6 +52,13 @@ ResolvedScene resolve(const Scene& scene, WedgeSource& source);
 /// The same without the data base, of another scene at a place that is known: geometry, nadir, heights and earth of `place`,
 /// and its range where the scene has none. InputError.
 ResolvedScene resolve(const Scene& scene, const ResolvedScene& place);
+
+/// Bilinear heights between posts, metres above sea level; NaN over a void and outside the raster.
+struct GroundHeight {
+    double bare_m;
+    double surface_m;  ///< with culture height
+};
+GroundHeight ground_height(WedgeSource& source, IndexPosition place);
 /// Where the spokes of a resolved scene go.
 SpokeMapParams swept_map_params(const ResolvedScene& scene, const DataBase& data_base);
 /// How densely a scene's ground is sampled: its quality, its own keys, and what the ground and the sensor's height need.
@@ -113,6 +120,9 @@ Plan plan(const ResolvedScene& scene, WedgeSource& source, const EngineParams& p
 RunResult run(const ResolvedScene& scene, WedgeSource& source, const EngineParams& params);
 /// The same in the memory of an earlier result.
 RunResult run(const ResolvedScene& scene, WedgeSource& source, const EngineParams& params, RunResult&& used);
+
+/// The same without state and picture; received_w stays.
+RunResult measure(const ResolvedScene& scene, WedgeSource& source, const EngineParams& params, RunResult&& used);
 
 /// The end of run() alone: power, states and scope of `scene` from an echo image that holds scene.swept (and may hold more): the
 /// bits of a run() that makes that image. Error where it does not hold it.

@@ -50,6 +50,13 @@ FarShore::FarShore(const ClassLawParams& params) {
     }
 }
 
+FarShore FarShore::without_gain() const {
+    FarShore plain = *this;
+    std::fill(plain.entries_.begin(), plain.entries_.end(), 1.0F);
+    plain.most_ = 1;
+    return plain;
+}
+
 double FarShore::gain(double sine) const noexcept {
     if (!(sine > 0)) return 1;
     const double place = std::sqrt(sine < 1 ? sine : 1.0) * intervals;

@@ -38,6 +38,9 @@ public:
     FarShore() = default;  ///< brightens nothing
     explicit FarShore(const ClassLawParams& params);
 
+    /// The same classes on the same banks, brightened by nothing.
+    FarShore without_gain() const;
+
     /// Asked for, and there are classes that tell water from land.
     bool on() const { return !entries_.empty(); }
     double most() const { return most_; }    ///< largest gain; 1 if it is off

@@ -61,10 +61,22 @@ constexpr CodeRange smc[] = {{1, 1, 15}, {2, 2, 14}, {3, 3, 11},  {4, 4, 10},  {
 
 // ------------------------------------------------------------------------------------------------- the class table
 
-enum Column : std::size_t { name, gamma10, gamma_wall10, ulaby_dobson, permittivity, rms_height, directivity, axis };
-constexpr std::array<const char*, 8> columns = {"name",         "gamma10_db",        "gamma_wall10_db",
-                                                "ulaby_dobson", "soil_permittivity", "soil_rms_m",
-                                                "directivity",  "axis_deg"};
+enum Column : std::size_t {
+    name,
+    gamma10,
+    gamma_wall10,
+    ulaby_dobson,
+    permittivity,
+    rms_height,
+    directivity,
+    axis,
+    structures,
+    structure_width,
+    structure_height
+};
+constexpr std::array<const char*, 11> columns = {
+    "name",        "gamma10_db", "gamma_wall10_db", "ulaby_dobson",      "soil_permittivity", "soil_rms_m",
+    "directivity", "axis_deg",   "structures_km2",  "structure_width_m", "structure_height_m"};
 
 constexpr std::pair<const char*, UlabyDobsonClass> ulaby_dobson_words[] = {
     {"soil", UlabyDobsonClass::soil},
@@ -133,6 +145,10 @@ std::string row_text(const Material& m) {
     }
     cell(word(m.directivity));
     cell(m.axis_deg);
+    if (m.structures)
+        cell(m.structures->number_km2, ",", m.structures->width_m, ",", m.structures->height_m);
+    else
+        out += ",,,";
     return out;
 }
 
@@ -172,11 +188,26 @@ public:
             case axis:
                 row_.axis_deg = number(column, cell, -360, 360, "degrees, or nothing").value_or(0);
                 return;
+            case structures:
+                structures_[0] = Given{cell, number(column, cell, 1e-3, 1e6, "a square kilometre, or nothing")};
+                return;
+            case structure_width:
+                structures_[1] = Given{cell, number(column, cell, 1e-3, 1e3, "metres, or nothing")};
+                return;
+            case structure_height:
+                structures_[2] = Given{cell, number(column, cell, 1e-3, 1e3, "metres, or nothing")};
+                return;
         }
     }
 
-    /// Permittivity and height of bare soil count together.
     void finish() {
+        finish_soil();
+        finish_structures();
+    }
+
+private:
+    /// Permittivity and height of bare soil count together.
+    void finish_soil() {
         if (!permittivity_ && !rms_) return;
         BareSoil soil = row_.bare_soil.value_or(BareSoil{});
         const bool had = row_.bare_soil.has_value();
@@ -194,8 +225,21 @@ public:
         }
         row_.bare_soil = soil;
     }
+    /// And so do number, width and height of structures.
+    void finish_structures() {
+        if (!structures_[0] && !structures_[1] && !structures_[2]) return;
+        std::array<std::optional<double>, 3> whole;
+        if (row_.structures) whole = {row_.structures->number_km2, row_.structures->width_m, row_.structures->height_m};
+        for (std::size_t i = 0; i < whole.size(); ++i)
+            if (structures_[i]) whole[i] = structures_[i]->value;
+        const auto given = std::count_if(whole.begin(), whole.end(), [](const auto& one) { return one.has_value(); });
+        if (given != 0 && given != 3)
+            throw InputError(text(where_, ": of structures_km2, structure_width_m and structure_height_m ", given,
+                                  given == 1 ? " is" : " are", " given; accepted: all three, or none"));
+        row_.structures.reset();
+        if (given == 3) row_.structures = Structures{*whole[0], *whole[1], *whole[2]};
+    }
 
-private:
     [[noreturn]] void refuse(Column column, std::string_view cell, const std::string& accepted) const {
         throw InputError(text(where_, ": ", columns[column], " is '", cell, "'; it must be ", accepted));
     }
@@ -221,6 +265,11 @@ private:
     const std::string& where_;
     Material& row_;
     std::optional<std::string_view> permittivity_, rms_;
+    struct Given {
+        std::string_view cell;
+        std::optional<double> value;
+    };
+    std::array<std::optional<Given>, 3> structures_;  // number, width, height
 };
 
 /// Replaces rows or adds them; how many it found.
@@ -302,14 +351,33 @@ Materials Materials::from_csv(const std::string& source, std::string_view conten
     if (add_rows(rows, source, content) == 0)
         throw InputError(text(source, " names no class; accepted: lines such as corn,-14, with the columns ",
                               column_names(), " or a line that names them"));
+    out.take(std::move(rows));
+    return out;
+}
+
+Materials Materials::with(const Material& row) const {
+    std::vector<Material> rows = *rows_;
+    if (const std::optional<ClassId> id = find(row.name)) {
+        rows[*id] = row;
+    } else {
+        if (rows.size() == most)
+            throw InputError(text("'", row.name, "' is one class too many; accepted: ", most, " with the shipped ones"));
+        rows.push_back(row);
+    }
+    Materials out;
+    out.take(std::move(rows));
+    return out;
+}
+
+void Materials::take(std::vector<Material> rows) {
+    const Materials shipped;
     std::string own;
     for (std::size_t id = 0; id < rows.size(); ++id) {
         const std::string row = row_text(rows[id]);
-        if (id >= out.size() || row != row_text(out[id])) own += ";" + row;
+        if (id >= shipped.size() || row != row_text(shipped[id])) own += ";" + row;
     }
-    out.own_ = own.empty() ? "" : column_names() + own;
-    out.rows_ = std::make_shared<const std::vector<Material>>(std::move(rows));
-    return out;
+    own_ = own.empty() ? "" : column_names() + own;
+    rows_ = std::make_shared<const std::vector<Material>>(std::move(rows));
 }
 
 std::optional<ClassId> Materials::find(std::string_view name) const { return row_named(*rows_, name); }

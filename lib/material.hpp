@@ -18,6 +18,22 @@ namespace wedgescope {
 
 using ClassId = std::uint8_t;
 
+/// What stands on the ground of a class and is finer than a post, houses or crowns: so many, each as wide as deep, of one height.
+struct Structures {
+    double number_km2 = 0;  ///< on a square kilometre; above 0, as the others
+    double width_m = 0, height_m = 0;
+    /// Area of their faces on one side, on a unit of ground.
+    double walls() const { return number_km2 * 1e-6 * height_m * width_m; }
+    /// Of the ground that they cover.
+    double share() const {
+        const double covered = number_km2 * 1e-6 * width_m * width_m;
+        return covered < 1 ? covered : 1;
+    }
+    /// Mean height of what is covered and what is not [P].
+    double raise_m() const { return share() * height_m; }
+    friend bool operator==(const Structures&, const Structures&) = default;
+};
+
 struct Material {
     std::string name;                                ///< the word the `material` key and legends take
     std::optional<double> gamma10_db;                ///< at 10 GHz; none: returns nothing (calm water)
@@ -25,7 +41,8 @@ struct Material {
     std::optional<UlabyDobsonClass> ulaby_dobson{};  ///< none: constant gamma under that model too
     std::optional<BareSoil> bare_soil{};             ///< what Oh's model takes; none: constant gamma under it too
     Directivity directivity = Directivity::omni;
-    double axis_deg = 0;  ///< of the outward normal, from north, clockwise; of uni and bi
+    double axis_deg = 0;                     ///< of the outward normal, from north, clockwise; of uni and bi
+    std::optional<Structures> structures{};  ///< that statistical walls count; none: its walls are resolved
 };
 
 /// The models of land that a scene may choose.
@@ -44,6 +61,9 @@ public:
     /// and the line.
     static Materials from_csv(const std::string& source, std::string_view content);
 
+    /// This table with a row more, or in place of that of its name. InputError where there are `most` already.
+    Materials with(const Material& row) const;
+
     std::size_t size() const { return rows_->size(); }
     const Material& operator[](std::size_t id) const { return (*rows_)[id]; }
     const std::vector<Material>& rows() const { return *rows_; }
@@ -57,6 +77,8 @@ public:
     const std::string& own() const { return own_; }
 
 private:
+    void take(std::vector<Material> rows);
+
     std::shared_ptr<const std::vector<Material>> rows_;
     std::string own_;
 };

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <numbers>
+#include <utility>
 
 #include "lib/rounding.hpp"
 
@@ -16,38 +17,50 @@ constexpr std::array<double, 4> legendre_x{0.183434642495649805, 0.5255324099163
 constexpr std::array<double, 4> legendre_w{0.362683783378361983, 0.313706645877887287, 0.222381034453374471,
                                            0.101228536290376259};
 
-/// Depressions between which a pattern of points runs straight, or so nearly that a panel over several points will do.
-std::vector<double> bends(const std::vector<PatternPoint>& points) {
-    constexpr std::size_t most = 256;
-    std::vector<double> depressions;
-    const std::size_t step = 1 + points.size() / most;
-    for (std::size_t i = 0; i < points.size(); i += step) depressions.push_back(points[i].depression.rad());
-    if (!points.empty()) depressions.push_back(points.back().depression.rad());
-    return depressions;
-}
+/// Sines of elevation, ascending, at which the elevation pattern changes its course: what a panel of the quadrature must not hide.
+struct PatternSines {
+    std::vector<double> always;
+    std::vector<double> points;  ///< of a pattern of points
 
-/// Sines of elevation at which the elevation pattern changes its course: what a panel of the quadrature must not hide.
-std::vector<double> pattern_sines(const AntennaParams& antenna) {
-    const double nose = antenna.knee.rad() + antenna.tilt.rad(), width = antenna.width.rad(), knee = antenna.knee.rad();
-    std::vector<double> depressions;
-    if (antenna.elevation == ElevationPattern::points) {
-        for (const double beta : bends(antenna.points)) depressions.push_back(beta + antenna.tilt.rad());
-    } else {
-        for (const double widths : {0.0, 0.25, 0.5, 0.75, 1.0, 1.5, 2.25}) {
-            depressions.push_back(nose - widths * width);
-            if (antenna.elevation == ElevationPattern::gaussian) depressions.push_back(nose + widths * width);
+    explicit PatternSines(const AntennaParams& antenna) {
+        const double nose = antenna.knee.rad() + antenna.tilt.rad(), width = antenna.width.rad(),
+                     knee = antenna.knee.rad();
+        const auto add = [](std::vector<double>& sines, double depression) {
+            if (std::abs(depression) < 0.5 * std::numbers::pi)
+                sines.push_back(-rounded_significand(std::sin(depression), 24));
+        };
+        always = {-0.5 * std::numbers::sqrt3, 0.5 * std::numbers::sqrt3};  // where the widening ends
+        if (antenna.elevation == ElevationPattern::points) {
+            for (const PatternPoint& point : antenna.points) add(points, point.depression.rad() + antenna.tilt.rad());
+        } else {
+            for (const double widths : {0.0, 0.25, 0.5, 0.75, 1.0, 1.5, 2.25}) {
+                add(always, nose - widths * width);
+                if (antenna.elevation == ElevationPattern::gaussian) add(always, nose + widths * width);
+            }
+            if (antenna.elevation != ElevationPattern::gaussian)  // csc^2 falls with the ratio to the knee
+                for (double beta = 1.5 * knee; beta < std::numbers::pi; beta *= 1.5)
+                    add(always, beta + antenna.tilt.rad());
         }
-        if (antenna.elevation != ElevationPattern::gaussian)  // csc^2 falls with the ratio to the knee
-            for (double beta = 1.5 * knee; beta < std::numbers::pi; beta *= 1.5)
-                depressions.push_back(beta + antenna.tilt.rad());
+        std::sort(always.begin(), always.end());
+        std::sort(points.begin(), points.end());
     }
-    std::vector<double> sines{-0.5 * std::numbers::sqrt3, 0.5 * std::numbers::sqrt3};  // where the widening ends
-    for (const double depression : depressions)
-        if (std::abs(depression) < 0.5 * std::numbers::pi)
-            sines.push_back(-rounded_significand(std::sin(depression), 24));
-    std::sort(sines.begin(), sines.end());
-    return sines;
-}
+
+    /// Those between two sines. Of many points some, as the pattern runs so nearly straight over several of them that a panel of the
+    /// many will do; the first and the last always, as beyond them it may drop to the floor.
+    void put_between(double low, double high, std::vector<double>& into) const {
+        constexpr std::ptrdiff_t most_points = 256;
+        const auto inside = [&](const std::vector<double>& sines) {
+            const auto first = std::upper_bound(sines.begin(), sines.end(), low);
+            return std::pair(first, std::lower_bound(first, sines.end(), high));
+        };
+        const auto [always_first, always_last] = inside(always);
+        into.insert(into.end(), always_first, always_last);
+        const auto [first, last] = inside(points);
+        const std::ptrdiff_t n = last - first, step = 1 + n / most_points;
+        for (std::ptrdiff_t i = 0; i < n; i += step) into.push_back(first[i]);
+        if (n > 1 && (n - 1) % step != 0) into.push_back(first[n - 1]);
+    }
+};
 
 /// Between which sines of elevation a range is wet.
 struct Wet {
@@ -86,20 +99,29 @@ RainEcho::RainEcho(const Weather& weather, const PathLossTable& loss, const Patt
     const double pulse_m = params.radar.pulse_extent_m();
     if (rain.rain_mm_h == 0 || rain.rain_top_m <= params.reference_m || params.most_range_m <= pulse_m) return;
 
-    double constant = radar_constant(params.radar) * rain_cross_section_per_m(params.radar.frequency_hz, rain.rain_mm_h);
+    double constant =
+        radar_constant(params.radar) * rain_cross_section_per_m(params.radar.frequency_hz, rain.rain_mm_h);
     if (params.radar.polarisation == Polarisation::circular) constant /= rain_cancellation(rain.rain_mm_h).ratio();
     constant = rounded_significand(constant, 24);  // libm's last bits stay out
 
-    // Knots close enough for what falls with range and by attenuation: at most a 512th of the range and 50 m apart, so that
-    // the linear course between them is right to 1e-6, and to 0.5 % where rain takes 18 dB a kilometre. Coarser where the largest
-    // range is beyond what pays: never more than 20000 of them.
-    constexpr double by = 1.0 / 512, widest_m = 50;
+    // Knots close enough for what falls with range and by attenuation: at most a 128th of the range and 50 m apart, so that
+    // the linear course between them is right to 2e-5, and to 0.5 % where rain takes 18 dB a kilometre. Where it bends, as the wet
+    // rays first meet the top of the rain or the ground below, it may begin from nothing: from there on ever wider, so that it
+    // is right to 0.5 % of itself. Coarser where the largest range is beyond what pays: never more than 20000 of them.
+    constexpr double by = 1.0 / 128, widest_m = 50;
     const double most_step = std::max(widest_m, params.most_range_m / 16000);
     for (double range = pulse_m; range < params.most_range_m; range += std::min(by * range, most_step))
         range_m_.push_back(range);
     range_m_.push_back(params.most_range_m);
+    for (const double height_m : {params.reference_m, rain.rain_top_m})
+        for (const double beyond : {0.0, 1.0 / 64, 1.0 / 16, 1.0 / 4}) {
+            const double bend = std::abs(params.sensor_m - height_m) * (1 + by * beyond);
+            if (!(bend > pulse_m && bend < params.most_range_m)) continue;
+            if (const auto at = std::lower_bound(range_m_.begin(), range_m_.end(), bend); *at != bend)
+                range_m_.insert(at, bend);
+        }
 
-    const std::vector<double> cuts = pattern_sines(params.radar.antenna);
+    const PatternSines cuts(params.radar.antenna);
     const Wet wet{params.earth, params.sensor_m, params.reference_m, rain.rain_top_m};
     const double c = params.earth.inverse_radius();
     const double rain_nepers_m = 2e-3 * 0.23026 * rounded_significand(weather.rain_db_km(0), 24);
@@ -109,8 +131,7 @@ RainEcho::RainEcho(const Weather& weather, const PathLossTable& loss, const Patt
         edges.clear(), sines.clear(), weights.clear();
         if (sector.low < sector.high) {
             edges.push_back(sector.low);
-            for (const double cut : cuts)
-                if (cut > sector.low && cut < sector.high) edges.push_back(cut);
+            cuts.put_between(sector.low, sector.high, edges);
             // From above, the rain that the lowest rays pass through may be many times what a ray near the top does: the
             // echo then comes from the top of the sector, and panels halve towards it until each holds a neper or so.
             double nepers =
@@ -165,9 +186,12 @@ double RainEcho::between_w_rad(double near_m, double far_m) const {
         1;
     for (; begin < end && k + 1 < range_m_.size(); ++k) {
         const double stop = std::min(end, range_m_[k + 1]);
-        // p r^2 hardly changes between two knots: its middle value times the integral of 1 / r^2.
-        const double part = (0.5 * (begin + stop) - range_m_[k]) / (range_m_[k + 1] - range_m_[k]);
-        sum += (wet_w_m_rad_[k] + part * (wet_w_m_rad_[k + 1] - wet_w_m_rad_[k])) * (stop - begin) / (begin * stop);
+        // p r^2 is linear between two knots: its middle value m times the integral of 1 / r^2, and its slope times that of
+        // (r - m) / r^2, ln(stop / begin) - 2 q / (1 - q^2) with q = (stop - begin) / (stop + begin), to q^5.
+        const double slope = (wet_w_m_rad_[k + 1] - wet_w_m_rad_[k]) / (range_m_[k + 1] - range_m_[k]);
+        const double middle = wet_w_m_rad_[k] + slope * (0.5 * (begin + stop) - range_m_[k]);
+        const double q = (stop - begin) / (stop + begin);
+        sum += middle * (stop - begin) / (begin * stop) - slope * (4.0 / 3) * (q * q * q);
         begin = stop;
     }
     return sum;

@@ -9,6 +9,7 @@
 #include "lib/coverage.hpp"
 #include "lib/engine.hpp"
 #include "lib/error.hpp"
+#include "lib/raised_source.hpp"
 #include "lib/rounding.hpp"
 
 namespace wedgescope {
@@ -16,23 +17,20 @@ namespace {
 
 constexpr double degree = std::numbers::pi / 180;
 
-/// Bilinear bare terrain, and surface with culture height, at a place; NaN over a void or outside the hull of the post
-/// centres.
-struct Ground {
-    double bare_m = std::numeric_limits<double>::quiet_NaN();
-    double surface_m = bare_m;
-};
-Ground ground_at(WedgeSource& source, IndexPosition p) {
+}  // namespace
+
+GroundHeight ground_height(WedgeSource& source, IndexPosition p) {
     const DataBase& db = source.data_base();
     const bool inside = (db.cyclic || (p.column >= 0 && p.column <= static_cast<double>(db.columns - 1))) &&
                         p.row >= 0 && p.row <= static_cast<double>(db.rows - 1);
-    if (!inside) return {};
+    constexpr double none = std::numeric_limits<double>::quiet_NaN();
+    if (!inside) return {none, none};
     const auto c = static_cast<std::int64_t>(std::floor(p.column)), r = static_cast<std::int64_t>(std::floor(p.row));
     const double u = p.column - static_cast<double>(c), v = p.row - static_cast<double>(r);
     // Exactly on a line the posts beside it do not count, and may lie outside.
     const Window window{{c, c + (u > 0 ? 2 : 1)}, {r, r + (v > 0 ? 2 : 1)}};
     const Chunk chunk = source.load(window, false);
-    Ground ground{0, 0};
+    GroundHeight ground{0, 0};
     for (std::int64_t j = window.rows.begin; j < window.rows.end; ++j)
         for (std::int64_t i = window.columns.begin; i < window.columns.end; ++i) {
             const double weight = (i == c ? 1 - u : u) * (j == r ? 1 - v : v);
@@ -43,6 +41,8 @@ Ground ground_at(WedgeSource& source, IndexPosition p) {
         }
     return ground;
 }
+
+namespace {
 
 void locate(ResolvedScene& s, const DataBase& db) {
     const PlatformParams& p = s.scene.platform;
@@ -86,7 +86,7 @@ void locate(ResolvedScene& s, const DataBase& db) {
 void stand(ResolvedScene& s, WedgeSource& source) {
     const DataBase& db = source.data_base();
     const PlatformParams& p = s.scene.platform;
-    const Ground place = ground_at(source, s.nadir);
+    const GroundHeight place = ground_height(source, s.nadir);
     const double ground = place.bare_m;
     s.nadir_in_raster =
         (db.cyclic || (s.nadir.column >= -0.5 && s.nadir.column <= static_cast<double>(db.columns) - 0.5)) &&
@@ -217,8 +217,10 @@ DisplaySetting display_setting(const ResolvedScene& s) {
 namespace {
 
 /// Place, height and earth.
-ResolvedScene resolve_place(const Scene& scene, WedgeSource& source) {
+ResolvedScene resolve_place(const Scene& scene, WedgeSource& given) {
     validate(scene);
+    SceneSource own(given, scene);
+    WedgeSource& source = *own;
     const DataBase& db = source.data_base();
     ResolvedScene s;
     s.scene = scene;
@@ -270,7 +272,9 @@ ResolvedScene resolve_coverage(const Scene& scene, WedgeSource& source) {
 
 Sampling sampling_of(const ResolvedScene& scene, const DataBase& db) {
     const double post_m = std::max(std::abs(db.step_x), std::abs(db.step_y)) * db.metres_a_unit();
-    return sampling(scene.scene, db.has_culture_height, (scene.sensor_m - scene.reference_m) / post_m);
+    // Where statistical walls raise the ground it steps from class to class.
+    const bool steps = db.has_culture_height || (db.has_culture && !raises_m(scene.scene).empty());
+    return sampling(scene.scene, steps, (scene.sensor_m - scene.reference_m) / post_m);
 }
 
 void look_at(ResolvedScene& s, Interval azimuth_bins) {

@@ -1,5 +1,6 @@
 #include "lib/scene.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 #include "lib/error.hpp"
@@ -107,7 +108,17 @@ void validate(const Scene& scene) {
 ClassLawParams laws_of(const Scene& scene) {
     return {
         scene.materials, scene.radar.frequency_hz, scene.radar.polarisation, scene.land, scene.water, scene.sea_state,
-        scene.gamma,     scene.wind_from,          scene.far_shore};
+        scene.gamma,     scene.wind_from,          scene.far_shore,          scene.walls};
+}
+
+std::vector<float> raises_m(const Scene& scene) {
+    std::vector<float> raises;
+    const std::vector<Material>& rows = scene.materials.rows();
+    if (scene.walls != Walls::statistical ||
+        std::none_of(rows.begin(), rows.end(), [](const Material& m) { return m.structures.has_value(); }))
+        return raises;
+    for (const Material& m : rows) raises.push_back(m.structures ? static_cast<float>(m.structures->raise_m()) : 0.0F);
+    return raises;
 }
 
 WeatherParams weather_of(const Scene& scene) {
@@ -205,6 +216,8 @@ const char* word(LandModel model) {
     }
     return "";
 }
+
+const char* word(Walls walls) { return walls == Walls::resolved ? "resolved" : "statistical"; }
 
 const char* word(WaterModel model) { return model == WaterModel::nrl ? "nrl" : "calm"; }
 

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "lib/angle.hpp"
 #include "lib/class_laws.hpp"
@@ -86,9 +87,10 @@ struct Scene {
     std::optional<Decibel> gamma;  ///< one constant gamma at 10 GHz for everything
     LandModel land = LandModel::constant_gamma;
     WaterModel water = WaterModel::nrl;
-    double sea_state = 0;   ///< Douglas, 0 to 6
+    double sea_state = 0;            ///< Douglas, 0 to 6
     std::optional<Angle> wind_from;  ///< azimuth, from north; none: the mean over wind directions
     bool far_shore = false;          ///< banks across water are lit by way of the water too
+    Walls walls = Walls::resolved;
     WeatherParams weather;  ///< its tilt is that of the radar's polarisation: weather_of()
     Quality quality = Quality::normal;
     std::optional<double> max_error_db;  ///< asked for in place of a quality, which is then what keeps it
@@ -103,6 +105,8 @@ struct Scene {
 /// What shading takes of a scene; InputError, when they are used, where a model does not reach the frequency.
 ClassLawParams laws_of(const Scene& scene);
 WeatherParams weather_of(const Scene& scene);
+/// By class, what statistical walls raise its ground by, metres; empty: none is raised.
+std::vector<float> raises_m(const Scene& scene);
 
 /// RMS of the power image that a quality promises, dB, where c tau / 2 and beam are two posts or more.
 double promised_rms_db(Quality);
@@ -120,5 +124,6 @@ const char* word(ElevationPattern);
 const char* word(AzimuthPattern);
 const char* word(LandModel);
 const char* word(WaterModel);
+const char* word(Walls);
 
 }  // namespace wedgescope

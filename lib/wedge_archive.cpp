@@ -52,6 +52,7 @@ std::vector<Fact> echo_facts(const ResolvedScene& s, const DataBase& db) {
     add("water", word(scene.water), " ", scene.water == WaterModel::nrl ? scene.sea_state : 0.0);
     add("wind-direction", may_be_windy(laws_of(scene)) ? text(scene.wind_from->rad()) : std::string("none"));
     add("far-shore", scene.far_shore ? "on" : "off");
+    add("walls", word(scene.walls));
     add("polarisation", word(radar.polarisation));
     const WeatherParams& air = scene.weather;
     add("gases", air.vapour_g_m3 ? text(*air.vapour_g_m3) : std::string("none"));

@@ -386,6 +386,57 @@ TEST_CASE("a raster that cannot be used is named", "[cli]") {
             2, {"altitude-agl", "void"});
 }
 
+TEST_CASE("ground is the response of coverage, from any source, and refused by name", "[cli]") {
+    const Folder folder;
+    const Strings place = {"--latlon", "33.93,-117.33", "--altitude-msl", "7000ft", "--range", "5km"};
+    const Strings radar = {"--rain", "light", "--backscatter", "ulaby-dobson", "--reproducible"};
+    const Strings scene = with(with(good, radar), {"--report", "report.json", "--overwrite"});
+    const auto same = [&](const char* a, const char* b) { return content(folder.file(a)) == content(folder.file(b)); };
+    REQUIRE(folder.run(with(scene, {"-o", "direct.png", "--ground", "direct.tif"})).code == 0);
+    const Outcome spilled =
+        folder.run(with(scene, {"-o", "spilled.png", "--ground", "spilled.tif", "--source", "spilled"}));
+    INFO(spilled.err);
+    REQUIRE(spilled.code == 0);
+    CHECK(nlohmann::json::parse(content(folder.file("report.json")))["source"]["kind"] == "spilled");
+    REQUIRE(
+        folder.run(with(with(with({"coverage", dem, "alone.tif", "--layer", "response"}, place), radar), {})).code ==
+        0);
+    CHECK(same("direct.png", "spilled.png"));
+    CHECK(same("direct.tif", "spilled.tif"));
+    CHECK(same("direct.tif", "alone.tif"));
+    // Without a range the pass finds it, and keeps what the posts need in all directions.
+    const Strings wide = {"simulate", "--dem",         dem,           "--latlon", "33.93,-117.33", "--altitude-msl",
+                          "7000ft",   "--sector",      "30deg,80deg", "--size",   "200",           "--quality",
+                          "draft",    "--reproducible"};
+    REQUIRE(folder.run(with(wide, {"--ground", "wide.tif"})).code == 0);
+    REQUIRE(folder.run(with(wide, {"--ground", "wide_spilled.tif", "--source", "spilled"})).code == 0);
+    CHECK(same("wide.tif", "wide_spilled.tif"));
+
+    folder.write("own.tif", content(dem));
+    folder.write("track.csv",
+                 "time,lat,lon,altitude-msl [ft],heading\n0,33.93,-117.33,7000,0\n1,33.94,-117.33,7000,0\n");
+    const Strings own = with({"simulate", "--dem", "own.tif"}, place);
+    refuses(folder, with(own, {"--ground", "own.tif", "--overwrite"}), 2, {"ground", "own.tif", "dem"});
+    refuses(folder, with(own, {"-o", "one.tif", "--ground", "./one.tif"}), 2, {"ground", "output", "one.tif"});
+    refuses(folder, with(own, {"--ground", "direct.tif"}), 2, {"direct.tif", "--overwrite"});
+    refuses(folder, with(own, {"--ground", "nowhere/ground.tif"}), 1, {"nowhere"});
+    refuses(folder, with(own, {"--ground", ""}), 2, {"ground", "empty"});
+    refuses(folder, with(own, {"--ground", "ground.xyzzy"}), 2, {"ground.xyzzy", "no raster format"});
+    refuses(folder, with(own, {"--ground", "ground.png"}), 2, {"ground.png", "Float32"});
+    refuses(folder, with(own, {"--ground", "ground.xyz"}), 2, {"ground.xyz", "tile by tile"});
+    refuses(folder, with(own, {"--ground", "ground.tif", "--only-wedge", "0", "--work-dir", "work"}), 2,
+            {"ground", "only-wedge", "whole scene"});
+    const Strings flight = {"simulate",  "--dem", "own.tif",   "--range",  "5km",       "--track",
+                            "track.csv", "-o",    "frame.png", "--ground", "ground.tif"};
+    refuses(folder, flight, 2, {"ground", "track", "one place"});
+    refuses(folder, with(flight, {"--scan-step", "10", "--scan-period", "5s"}), 2, {"ground", "track", "one place"});
+    refuses(folder,
+            {"coverage", dem, "seen.tif", "--latlon", "33.93,-117.33", "--altitude-msl", "7000ft", "--ground", "g.tif"},
+            2, {"ground"});
+    // In too little memory, naming what would do.
+    refuses(folder, with(own, {"--ground", "ground.tif", "--memory", "2MiB"}), 2, {"memory", "needs at least"});
+}
+
 TEST_CASE("culture must lie on the terrain and be known by its legend", "[cli]") {
     const Folder folder;
     const std::string ground = grid(folder, "ground", "5");

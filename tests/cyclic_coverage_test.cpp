@@ -6,10 +6,12 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <map>
 #include <numbers>
 #include <vector>
 
 #include "lib/coverage.hpp"
+#include "lib/material.hpp"
 #include "tests/drawn_raster.hpp"
 #include "tests/reference/line_of_sight.hpp"
 #include "tests/terrain.hpp"
@@ -287,6 +289,79 @@ TEST_CASE("what a wall hides round a seam stays hidden, and is left out where bl
         }
     }
     CHECK(passed > 100000);
+}
+
+TEST_CASE("round the earth each post returns as the class of culture on a grid of its own", "[cyclic]") {
+    const auto hills = test::rolling(9000, 300, 29);
+    const Ground g{0.25, 15, 90, [&](double east, double south) {
+                       const double turn = 2 * std::numbers::pi * east / 1440, radius = 1440 / (2 * std::numbers::pi);
+                       return hills(radius * std::cos(turn) + 0.3 * south, radius * std::sin(turn) + 0.95 * south);
+                   }};
+    // Cells of 0.4 degrees whose edges no post lies on, begun elsewhere than the terrain.
+    constexpr double cell_deg = 0.4, cells_west = -143.27, cells_north = 15.37;
+    const auto code = [](double column, double row) {
+        const auto c = static_cast<int>(std::fmod(std::floor(column) + 900, 900)),
+                   r = static_cast<int>(std::floor(row));
+        return 1 + (7 * c + 3 * r + c / 5) % 3;
+    };
+    const Folder folder;
+    Drawing d;
+    d.columns = 900;
+    d.rows = 60;
+    d.type = GDT_Byte;
+    d.crs = "EPSG:4326";
+    d.geotransform = {{cells_west, cell_deg, 0, cells_north, 0, -cell_deg}};
+    d.value = [&](int c, int r) { return code(c, r); };
+    test::draw(folder / "classes.tif", d);
+    const std::vector<Cut> cuts{{-720, 1440}, {-736, 1441}, {0, 1440}};
+    const std::map<int, ClassId> legend{{1, 5}, {2, 8}, {3, 11}};
+    CoverageParams params;
+    params.layer = CoverageLayer::response;
+    for (const double lon : {180.0, -179.97, 175.05, -143.2}) {
+        Scene scene = scene_at(4.03, lon, 7000, 1e6);
+        scene.earth_k = 30;
+        const std::vector<ClassGamma> gamma = gamma_table(scene.radar.frequency_hz, std::nullopt);
+        std::vector<Result> of_cut;
+        for (const Cut& cut : cuts) {
+            draw(folder / "world.tif", g, cut);
+            DataBaseParams layers;
+            layers.dem = folder / "world.tif";
+            layers.cache_bytes = std::size_t{4} << 20;
+            const Result bare = look(*open_direct_source(layers), scene, params);
+            layers.culture = folder / "classes.tif";
+            layers.legend = Legend("drawn", legend);
+            of_cut.push_back(look(*open_direct_source(layers), scene, params));
+            const Result& classes = of_cut.back();
+            std::size_t seen = 0, over_seam = 0;
+            double worst = 0;
+            for (int r = 0; r < g.rows; ++r)
+                for (int c = 0; c < cut.columns; ++c) {
+                    const float value = classes.at(c, r);
+                    CHECK(std::isnan(value) == std::isnan(bare.at(c, r)));
+                    if (std::isnan(value)) continue;
+                    const double east = (cut.first + c) * g.step_deg, north = g.north - r * g.step_deg;
+                    const int here = code((east - cells_west) / cell_deg, (cells_north - north) / cell_deg);
+                    const double ratio = gamma[legend.at(here)].ground / gamma[layers.default_class].ground;
+                    worst = std::max(worst, std::abs(static_cast<double>(value) - static_cast<double>(bare.at(c, r)) -
+                                                     10 * std::log10(ratio)));
+                    ++seen;
+                    over_seam += std::abs(east - lon) > 180;
+                }
+            INFO("longitude " << lon << ", raster from post " << cut.first << ": " << seen << " seen, " << over_seam
+                              << " over the seam");
+            CHECK(seen > 800);
+            if (cut.first != 0 && std::abs(lon) > 170) CHECK(over_seam > 200);
+            CHECK(worst < 1e-4);
+        }
+        std::size_t unlike = 0;
+        for (std::size_t i = 0; i + 1 < cuts.size(); ++i)
+            for (int r = 0; r < g.rows; ++r)
+                for (int c = 0; c < cuts[i].columns; ++c) {
+                    const float a = of_cut[i].at(c, r), b = of_cut.back().of(g, cuts.back(), cuts[i].first + c, r);
+                    unlike += !(a == b || (std::isnan(a) && std::isnan(b)));
+                }
+        CHECK(unlike == 0);
+    }
 }
 
 TEST_CASE("a raster over the antimeridian is covered as one anywhere", "[cyclic]") {

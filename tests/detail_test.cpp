@@ -475,3 +475,54 @@ TEST_CASE("on hard ground levels add no more error than they are allowed", "[.][
         WARN(line);
     }
 }
+
+TEST_CASE("on shipped ground levels keep the promise under laws that bend with the angle", "[.][every-ground]") {
+    // A pulse of 300 m and a beam of 3 degrees over posts of 30 m and 90 m, so that levels have something to leave out; down to the
+    // nadir, where the laws are steepest.
+    struct Place {
+        const char *name, *dem;
+        double lat, lon;
+    };
+    std::string table;
+    bool some_levels = false;
+    for (const Place& place : {Place{"White Mountains", "/N44W072.hgt", 44.47, -71.52},
+                               Place{"Santa Ana Mountains", "/inland_empire_dem.tif", 33.8, -117.5}}) {
+        const DataBaseParams rasters = mapped(WEDGESCOPE_TEST_DATA + std::string(place.dem));
+        for (const double height_m : {5000.0, 9000.0, 13000.0}) {
+            Scene s;
+            s.platform.latlon = LatLon{place.lat, place.lon};
+            s.platform.altitude_m = height_m;
+            s.range_m = 22000;
+            s.radar.pulse_s = 2e-6;
+            s.radar.antenna.beam = Angle::degrees(3);
+            s.azimuth_bins = 480;
+            s.sector = Sector{Angle::degrees(20), Angle::degrees(110)};
+            s.display.size = 64;
+            for (const LandModel land : {LandModel::constant_gamma, LandModel::ulaby_dobson, LandModel::oh}) {
+                s.land = land;
+                s.quality = Quality::exact;
+                const RunResult exact = simulated(s, rasters);
+                CHECK(posts_of_level(exact, true) == 0);
+                s.quality = Quality::normal;
+                const RunResult on = simulated(s, rasters);
+                s.detail = false;
+                const RunResult off = simulated(s, rasters);
+                s.detail = true;
+                const auto error = compared(on, exact), bare = compared(off, exact), levels = compared(on, off);
+                table += fmt::format(
+                    "{} from {} m, {}: normal {:.4f} / {:.4f} dB, without levels {:.4f} / {:.4f}, levels alone {:.4f} "
+                    "/ "
+                    "{:.4f}; posts {} of {} ({} of levels)\n",
+                    place.name, height_m, word(land), error.rms_db, error.p99_db, bare.rms_db, bare.p99_db,
+                    levels.rms_db, levels.p99_db, posts_of_level(on, true) + posts_of_level(on, false),
+                    posts_of_level(off, false), posts_of_level(on, true));
+                INFO(place.name << " from " << height_m << " m, " << word(land));
+                some_levels |= posts_of_level(on, true) > 0 && land != LandModel::constant_gamma;
+                CHECK(error.rms_db < 0.1);
+                CHECK(error.p99_db < 0.35);
+            }
+        }
+    }
+    WARN(table);
+    CHECK(some_levels);
+}

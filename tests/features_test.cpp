@@ -467,3 +467,190 @@ TEST_CASE("a radar sees burnt metal by its gamma, and nothing else changes", "[f
         for (int j = 0; j < plain.columns; ++j) outside += tower.at(j, a) != far.at(j, a);
     CHECK(outside == 0);
 }
+
+TEST_CASE("a feature with a side of its own becomes a class of its own", "[features]") {
+    const Folder folder;
+    GeoJson file;
+    file.add_box(100, 100, 110, 110, {{"material", "metal"}, {"directivity", "uni"}, {"axis", 90.4}});
+    file.add_box(120, 100, 130, 110, {{"SMC", 1}, {"directivity", "2"}, {"axis_deg", "-100"}});
+    file.add_box(140, 100, 150, 110, {{"SMC", 1}, {"directivity", "Omni-directional"}});
+    file.add_box(160, 100, 170, 110, {{"SMC", 1}});
+    file.add_box(180, 100, 190, 110, {{"height", 5}, {"directivity", "uni"}, {"axis", 10}});  // no material
+    file.add_box(200, 100, 210, 110, {{"SMC", 3}, {"directivity", "1"}, {"axis", 359.7}});
+    file.write(folder / "f.json");
+    const FeatureParams plain{folder / "f.json", "", false, *Legend::built_in("smc"), {}, 1};
+    const FeatureParams params = with_sides(plain);
+    CHECK(params.axis_step_deg == 1);
+    REQUIRE(params.materials.size() == 19);
+    const auto row = [&](const char* name) { return params.materials[params.materials.by_name("material", name)]; };
+    CHECK(row("metal-uni-090").directivity == Directivity::uni);
+    CHECK(row("metal-uni-090").axis_deg == 90);
+    CHECK(row("metal-uni-090").gamma10_db == 6.0);
+    CHECK(row("metal-uni-090").gamma_wall10_db == 15.0);
+    CHECK(row("metal-bi-080").axis_deg == 80);
+    CHECK(row("urban-uni-000").directivity == Directivity::uni);
+    CHECK(row("urban-uni-000").structures == material_table()[urban].structures);
+
+    TileStoreParams store = into(folder / "store", folder / "f.json");
+    store.features = params;
+    store.legend = with_features(std::nullopt, params.materials);
+    write_tile_store(store);
+    const Cells codes = cells_of(folder / "store/culture.vrt");
+    const auto id = [&](const char* name) { return static_cast<float>(params.materials.by_name("material", name)); };
+    CHECK(codes.at(105, 105) == id("metal-uni-090"));
+    CHECK(codes.at(125, 105) == id("metal-bi-080"));
+    CHECK(codes.at(145, 105) == metal);
+    CHECK(codes.at(165, 105) == metal);
+    CHECK(codes.at(185, 105) == 255);
+    CHECK(codes.at(205, 105) == id("urban-uni-000"));
+    // Where the class itself has a side, that is the feature's too unless it says otherwise.
+    FeatureParams sided = plain;
+    sided.materials = Materials::from_csv("table", "name,directivity,axis_deg\nmetal,uni,90\n");
+    const FeatureParams same = with_sides(sided);
+    CHECK(same.materials.size() == 19);
+    CHECK_FALSE(same.materials.find("metal-uni-090"));
+    CHECK(same.materials.find("metal-omni"));
+    // Without any directivity there is nothing to add.
+    GeoJson().add("Point", {{5.5, 5.5}}, {{"SMC", 1}, {"axis", 3}}).write(folder / "plain.json");
+    CHECK(with_sides({folder / "plain.json", "", false, *Legend::built_in("smc"), {}, 1}).axis_step_deg == 0);
+}
+
+TEST_CASE("axes of more classes than there is room for are rounded", "[features]") {
+    const Folder folder;
+    GeoJson file;
+    for (int i = 0; i < 360; ++i)
+        file.add("Point", {{i + 0.5, 5.5}}, {{"SMC", 1 + i % 2}, {"directivity", i % 3 ? "uni" : "bi"}, {"axis", i}});
+    file.write(folder / "f.json");
+    const FeatureParams params = with_sides({folder / "f.json", "", false, *Legend::built_in("smc"), {}, 1});
+    // In steps of one degree and of two 240 axes of uni and 60 of bi; in steps of three 120 and 60.
+    CHECK(params.axis_step_deg == 3);
+    CHECK(params.materials.size() <= 255);
+    for (std::size_t id = 16; id < params.materials.size(); ++id)
+        CHECK(std::fmod(params.materials[id].axis_deg, 3) == 0);
+    TileStoreParams store = into(folder / "store", folder / "f.json");
+    store.features = params;
+    store.legend = with_features(std::nullopt, params.materials);
+    write_tile_store(store);
+    const Cells codes = cells_of(folder / "store/culture.vrt");
+    int wrong = 0;
+    for (int i = 0; i < 360; ++i) {
+        const Material& m = params.materials[static_cast<std::size_t>(codes.at(i, 5))];
+        const bool bi = i % 3 == 0;
+        const double off = std::remainder(m.axis_deg - i, bi ? 180 : 360);
+        wrong += m.directivity != (bi ? Directivity::bi : Directivity::uni) || std::fabs(off) > 1.5 ||
+                 m.gamma10_db != material_table()[static_cast<std::size_t>(15 - i % 2)].gamma10_db;
+    }
+    CHECK(wrong == 0);
+}
+
+TEST_CASE("a feature's wrong side is named", "[features]") {
+    const Folder folder;
+    const auto says = [&](const nlohmann::json& fields, const Strings& words) {
+        GeoJson file;
+        file.add("Point", {{5.5, 5.5}}, {{"SMC", 1}});
+        file.add("Point", {{6.5, 6.5}}, fields).write(folder / "f.json");
+        const Ended ended = wedgescope::test::run_program(
+            {WEDGESCOPE_PROGRAM, "tile", dem, folder / "store", "--features", folder / "f.json"}, folder / "err");
+        INFO(ended.err);
+        CHECK(ended.code == 1);
+        CHECK(std::count(ended.err.begin(), ended.err.end(), '\n') == 1);
+        for (const std::string& word : words) CHECK_THAT(ended.err, Contains(word));
+        CHECK_FALSE(std::filesystem::exists(folder / "store"));
+    };
+    says({{"SMC", 1}, {"directivity", "left"}, {"axis", 3}},
+         {"feature 1: directivity is 'left'", "omni, uni or bi, or 1 (uni), 2 (bi), 3 (omni)"});
+    says({{"SMC", 1}, {"directivity", "uni"}},
+         {"feature 1: directivity is 'uni'", "axis, degrees clockwise from north"});
+    says({{"SMC", 1}, {"directivity", "bi"}, {"axis", 361}}, {"axis is '361'", "degrees from -360 to 360"});
+    says({{"SMC", 1}, {"directivity", 3}, {"axis", "x"}, {"material", "mud"}}, {"material is 'mud'"});
+}
+
+TEST_CASE("a radar sees a burnt feature by its side, and a scene over the store needs no table", "[features]") {
+    const Folder folder;
+    const auto run = [&](const Strings& arguments, int code = 0) {
+        Strings all{WEDGESCOPE_PROGRAM};
+        all.insert(all.end(), arguments.begin(), arguments.end());
+        const Ended ended = wedgescope::test::run_program(all, folder / "err");
+        INFO(ended.err);
+        REQUIRE(ended.code == code);
+        return ended.err;
+    };
+    // Metal north of the sensor at post (800, 800), alike; looking to the south, north and west; and beside these what is not.
+    const auto box = [&](const char* name, const nlohmann::json& more) {
+        nlohmann::json fields{{"SMC", 1}};
+        fields.update(more);
+        GeoJson().add_box(790, 650, 811, 700, fields).write(folder / (std::string(name) + ".json"));
+        run({"tile", dem, folder / name, "--features", folder / (std::string(name) + ".json"), "-q"});
+    };
+    box("omni", nlohmann::json::object());
+    box("south", {{"directivity", "uni"}, {"axis", 180}});
+    box("north", {{"directivity", "uni"}, {"axis", 0}});
+    box("both", {{"directivity", "bi"}, {"axis", 0}});
+    box("aside", {{"directivity", "bi"}, {"axis", -45}});
+    CHECK_FALSE(std::filesystem::exists(folder / "omni/classes.csv"));
+    CHECK(std::filesystem::exists(folder / "south/classes.csv"));
+    const Strings place{"--xy",
+                        "453732.925899,3740078.07702",
+                        "--altitude-agl",
+                        "1500m",
+                        "--geometry",
+                        "grid",
+                        "--range",
+                        "7km",
+                        "--azimuth-bins",
+                        "360",
+                        "--range-bin",
+                        "60m",
+                        "-q"};
+    const auto echo = [&](const std::string& store, const Strings& more = {}, const std::string& name = "") {
+        const std::string out = folder / ((name.empty() ? store : name) + ".tif");
+        Strings arguments{"simulate", "--dem", folder / store, "--echo", out};
+        arguments.insert(arguments.end(), place.begin(), place.end());
+        arguments.insert(arguments.end(), more.begin(), more.end());
+        run(arguments);
+        return cells_of(out);
+    };
+    const Cells alike = echo("omni"), south = echo("south"), north = echo("north"), both = echo("both"),
+                aside = echo("aside");
+    // A cell full of metal, 3300 to 4300 m along the ground, at half a degree: the gain of its side there.
+    const auto ratio = [&](const Cells& a, int row, int j) {
+        return static_cast<double>(a.at(j, row)) / static_cast<double>(alike.at(j, row));
+    };
+    for (const int row : {0, 1, 2, 358, 359}) {
+        const double azimuth = (row + 0.5) * std::acos(-1.0) / 180;
+        for (const int j : {62, 66, 70}) {
+            INFO(row << ", " << j);
+            CHECK_THAT(ratio(south, row, j), WithinRel(std::pow(std::cos(azimuth), 4), 2e-3));
+            CHECK_THAT(ratio(north, row, j), WithinRel(0.01, 2e-3));
+            CHECK_THAT(ratio(both, row, j), WithinRel(std::pow(std::cos(azimuth), 4), 2e-3));
+            CHECK_THAT(ratio(aside, row, j), WithinRel(std::pow(std::cos(azimuth + std::acos(-1.0) / 4), 4), 5e-3));
+        }
+    }
+    // Elsewhere it is the same to the bit; and so is the picture however it is come by.
+    for (int row = 20; row < 340; ++row)
+        for (int j = 0; j < alike.columns; ++j)
+            if (south.at(j, row) != alike.at(j, row)) FAIL(row << ", " << j);
+    CHECK(echo("south", {"--source", "spilled", "--wedges", "7"}, "spilled").values == south.values);
+    CHECK(echo("south", {"--class-table", folder / "south/classes.csv", "--no-cull"}, "given").values == south.values);
+    // The layer response has it, post by post.
+    const auto response = [&](const std::string& store) {
+        Strings arguments{"coverage", "--layer", "response"};
+        for (std::size_t i = 0; i < 8; ++i) arguments.push_back(place[i]);
+        arguments.insert(arguments.end(), {"-q", folder / store, folder / (store + "_dbm.tif")});
+        run(arguments);
+        return cells_of(folder / (store + "_dbm.tif"));
+    };
+    const Cells dbm = response("omni"), dbm_north = response("north");
+    CHECK_THAT(static_cast<double>(dbm.at(800, 675) - dbm_north.at(800, 675)), WithinAbs(20, 1e-3));
+    CHECK(dbm.at(800, 720) == dbm_north.at(800, 720));
+    // A table of one's own without these classes is refused, and says where they are.
+    std::ofstream(folder / "mine.csv") << "corn,-14\n";
+    Strings own{"simulate",         "--dem",         folder / "south",   "--echo",
+                folder / "own.tif", "--class-table", folder / "mine.csv"};
+    own.insert(own.end(), place.begin(), place.end());
+    const std::string refused = run(own, 2);
+    CHECK_THAT(refused, Contains("'metal-uni-180'") && Contains("south/classes.csv"));
+    // A scope needs neither, and a spill can be kept round a point.
+    run({"scope", folder / "south.tif", "-o", folder / "scope.png", "-q"});
+    run({"tile", "--around", "33.8,-117.5", folder / "south", "-q"});
+}

@@ -71,11 +71,18 @@ TEST_CASE("the shipped table is that of physics 7.4", "[material]") {
         CHECK(shipped[id].directivity == Directivity::omni);
         CHECK(shipped[id].axis_deg == 0);
         CHECK(shipped[id].bare_soil.has_value() == (id == 2 || id == 4));
+        CHECK(shipped[id].structures.has_value() == (id == 8 || id == 10 || id == 11));
     }
     CHECK(shipped[2].bare_soil->permittivity == permittivity_by_name("", "dry-sand"));
     CHECK(shipped[2].bare_soil->rms_height_m == 0.005);
     CHECK(shipped[4].bare_soil->permittivity == permittivity_by_name("", "dry-soil"));
     CHECK(shipped[4].bare_soil->rms_height_m == 0.01);
+    CHECK(shipped[8].structures == Structures{2500, 10, 12});
+    CHECK(shipped[10].structures == Structures{800, 12, 6});
+    CHECK(shipped[11].structures == Structures{600, 20, 10});
+    CHECK_THAT(shipped[11].structures->walls(), WithinRel(0.12, 1e-12));
+    CHECK_THAT(shipped[11].structures->raise_m(), WithinRel(2.4, 1e-12));
+    CHECK(Structures{1e6, 30, 4}.raise_m() == 4);  // no more than all of the ground is covered
     CHECK(shipped.own().empty());
 }
 
@@ -115,12 +122,22 @@ TEST_CASE("a table's rows replace classes and add others, and what they leave ou
     CHECK(plain[16].bare_soil->rms_height_m == 0.02);
     CHECK(plain[16].axis_deg == 12.5);
     CHECK(plain.find("rye") == ClassId{17});
+    // Structures: one number of the three may be replaced, all may go, and classes without may get them.
+    const Materials built = Materials::from_csv(
+        "my.csv",
+        "name,structures_km2,structure_height_m,structure_width_m\nurban,700,25,20\ntrees,,,\nmetal,2,30,15.5\n");
+    CHECK(built[11].structures == Structures{700, 20, 25});
+    CHECK_FALSE(built[8].structures);
+    CHECK(built[15].structures == Structures{2, 15.5, 30});
+    CHECK(Materials::from_csv("my.csv", "name,structure_height_m\nurban,25\n")[11].structures ==
+          Structures{600, 20, 25});
 }
 
 TEST_CASE("a table's own rows in one line read back as the same table", "[material]") {
     const Materials own = Materials::from_csv(
         "my.csv",
-        "corn,-14.1,,short,wet-soil,0.02,uni,0.1\nsoil,-17,-8\nmetal,6.25\nsand,-20,,soil,,,bi,-0.3\nvoid,\n");
+        "corn,-14.1,,short,wet-soil,0.02,uni,0.1\nsoil,-17,-8\nmetal,6.25\nsand,-20,,soil,,,bi,-0.3\nvoid,\n"
+        "masts,0,10,,,,,,12.5,0.75,60\n");
     CHECK(own.own().find('\n') == std::string::npos);
     CHECK(is_inline_table(own.own()));
     CHECK_THAT(own.own(), !Contains("soil,-17"));  // as it was
@@ -135,6 +152,7 @@ TEST_CASE("a table's own rows in one line read back as the same table", "[materi
         CHECK(again[id].ulaby_dobson == own[id].ulaby_dobson);
         CHECK(again[id].directivity == own[id].directivity);
         CHECK(again[id].axis_deg == own[id].axis_deg);
+        CHECK(again[id].structures == own[id].structures);
         REQUIRE(again[id].bare_soil.has_value() == own[id].bare_soil.has_value());
         if (!own[id].bare_soil) continue;
         CHECK(again[id].bare_soil->permittivity == own[id].bare_soil->permittivity);
@@ -176,6 +194,10 @@ TEST_CASE("a wrong row of a class table is named", "[material]") {
     says("corn,-3,,,,,left", {"directivity is 'left'", "omni, uni, bi"});
     says("corn,-3,,,,,uni,361", {"axis_deg is '361'"});
     says("name,gamma10_db;corn,x", {"my.csv, row 2", "'x'"});
+    says("name,structures_km2\ncorn,5", {"line 2", "structures_km2", "1 is given", "all three, or none"});
+    says("name,structure_width_m\nurban,", {"line 2", "2 are given"});
+    says("name,structures_km2\nurban,0", {"structures_km2 is '0'", "0.001"});
+    says("name,structure_height_m\nurban,2km", {"structure_height_m is '2km'", "metres"});
     std::string many;
     for (int i = 0; i < 239; ++i) many += "class" + std::to_string(i) + ",-1\n";
     CHECK(Materials::from_csv("my.csv", many).size() == 255);

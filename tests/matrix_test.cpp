@@ -227,7 +227,7 @@ TEST_CASE("no way of running a scene changes a bit of it", "[matrix]") {
                                               << resumed);
                                     CHECK(got == *straight);
                                 }
-                    options.all_round = true;
+                    options.all_round = options.all_of_it = true;
                     const std::unique_ptr<WedgeSource> round = open();
                     for (const int threads : {1, 2})
                         for (const bool cull : {true, false}) {

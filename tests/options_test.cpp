@@ -247,6 +247,7 @@ TEST_CASE("every key of the design exists, and those to come do not yet", "[opti
                              "sea-state",
                              "wind-direction",
                              "far-shore",
+                             "walls",
                              "gases",
                              "rain",
                              "if-gain",
@@ -777,7 +778,7 @@ TEST_CASE("an antenna's file is read into points that need no file any more", "[
     constexpr unsigned seed = 5;
     INFO("seed " << seed);
     std::mt19937 random(seed);
-    std::uniform_real_distribution<double> step(0.002, 0.9), gain(-60, 0);
+    std::uniform_real_distribution<double> step(0.13, 0.9), gain(-60, 0);
     std::string content;
     double beta = -89.123;
     for (int i = 0; i < 200; ++i, beta += step(random)) content += fmt::format("{},{}\n", beta, gain(random));
@@ -796,6 +797,9 @@ TEST_CASE("a wrong antenna file is refused with its line and what is accepted", 
                                                Contains("dish.csv', line 3: the depression is 5 deg after 5 deg") &&
                                                Contains("ascending"));
     CHECK_THAT(wrong("0,0\n\n# x\n5,1\n"), Contains("line 4: the gain is 1 dB") && Contains("from -200 to 0 dB"));
+    CHECK_THAT(wrong("0,0\n0.1,-49.9\n0.2,-100.1\n"),
+               Contains("line 3: the gain changes by 50.2 dB in 0.1 deg; accepted: at most 500 dB a degree"));
+    CHECK_THAT(wrong("0,-200\n0.001,0\n"), Contains("line 2: the gain changes by 200 dB in 0.001 deg"));
     CHECK_THAT(wrong("0,0\n95,-1\n"), Contains("line 2: the depression is 95 deg") && Contains("from -90 to 90 deg"));
     CHECK_THAT(wrong("0,0\n"), Contains("there is 1 point; accepted: from 2 to 4096"));
     CHECK_THAT(wrong("# nothing\n"), Contains("there are 0 points"));

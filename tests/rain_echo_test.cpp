@@ -160,6 +160,27 @@ TEST_CASE("the echo through a pattern of points is the sum over its wet rays", "
     }
 }
 
+TEST_CASE("the echo through a pattern of more points than panels is the sum over its wet rays", "[rain-echo]") {
+    // Measured every 0.05 degrees: the main lobe and side lobes down to sharp nulls, with the ripple of a measurement.
+    RadarParams radar;
+    radar.antenna.elevation = ElevationPattern::points;
+    radar.antenna.tilt = Angle::degrees(2.2);
+    for (int i = -600; i <= 600; ++i) {
+        const double x = 0.9 * std::numbers::pi * 0.05 * i, lobe = x == 0 ? 1 : std::sin(x) / x;
+        const double gain_db = std::max(20 * std::log10(std::abs(lobe)), -45.0) + 0.4 * std::sin(2.7 * i);
+        radar.antenna.points.push_back({Angle::degrees(0.05 * i), Decibel(std::min(0.0, gain_db))});
+    }
+    REQUIRE(radar.antenna.points.size() > 4 * 256);
+    const Weather weather(rain(4), radar.frequency_hz);
+    const RainEchoParams params{
+        .radar = radar, .earth = four_thirds, .sensor_m = 2134, .reference_m = 300, .most_range_m = 120e3};
+    const RainEcho echo = echo_of(weather, params);
+    for (const double range : {600.0, 1700.0, 7000.0, 30e3, 100e3}) {
+        INFO("at " << range << " m");
+        CHECK_THAT(density(echo, radar, range), WithinRel(walked_density(weather, params, range), 2e-3));
+    }
+}
+
 TEST_CASE("rain is heard as far as its top is above the horizon, and no farther", "[rain-echo]") {
     const RadarParams radar = pencil();
     const Weather weather(rain(0.25), radar.frequency_hz);
@@ -193,8 +214,7 @@ TEST_CASE("cells of any edges add up, and nothing is heard while the pulse is be
     const RadarParams radar;
     const Weather weather(rain(4), radar.frequency_hz);
     const RainEcho echo = echo_of(
-        weather,
-        {.radar = radar, .earth = four_thirds, .sensor_m = 2134, .reference_m = 0, .most_range_m = 40e3});
+        weather, {.radar = radar, .earth = four_thirds, .sensor_m = 2134, .reference_m = 0, .most_range_m = 40e3});
     std::vector<double> fine, coarse{50, 1000, 1003.7, 20e3, 41e3};
     for (double edge = 50; edge < 41e3; edge += 18.75) fine.push_back(edge);
     fine.push_back(41e3);
@@ -232,4 +252,29 @@ TEST_CASE("ranges and heights that make no sense are refused by name", "[rain-ec
     CHECK(refused({.sensor_m = 2134, .most_range_m = 0}) == "range is 0 m; it must be above 0");
     CHECK(refused({.sensor_m = 2e6, .most_range_m = 1e4}) ==
           "sensor height is 2000000 m; it must be at least -1000 and at most 1000000");
+}
+
+TEST_CASE("between its knots the echo is the sum over its wet rays too, also where these first meet ground or top",
+          "[rain-echo]") {
+    // A beam that looks straight down as well as ahead, so that bends at the nadir count in full.
+    RadarParams radar = pencil();
+    radar.antenna.width = Angle::degrees(120);
+    radar.antenna.knee = Angle::degrees(90);  // the table is for angles off the nadir, but where the beam is even there
+    const Weather weather(rain(4), radar.frequency_hz);
+    for (const double sensor : {420.0, 2134.0, 4500.0}) {
+        const RainEchoParams params{
+            .radar = radar, .earth = four_thirds, .sensor_m = sensor, .reference_m = 300, .most_range_m = 40e3};
+        const RainEcho echo = echo_of(weather, params);
+        const double ground = sensor - 300, top = std::abs(sensor - 3000);
+        for (const double bend : {ground, top})
+            for (const double part : {0.9951, 0.9988, 1.0, 1.0013, 1.0037, 1.0061, 1.0201, 1.333})
+                if (const double range = part * bend; range > radar.pulse_extent_m()) {
+                    const double expected = walked_density(weather, params, range);
+                    INFO("from " << sensor << " m at " << range
+                                 << " m: " << density(echo, radar, range) / expected - 1);
+                    if (expected > 0)
+                        CHECK_THAT(density(echo, radar, range),
+                                   WithinRel(expected, part > 1 && part < 1.01 ? 5e-3 : 2.5e-3));
+                }
+    }
 }

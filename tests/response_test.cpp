@@ -87,15 +87,60 @@ TEST_CASE("a post of a plain returns the radar equation of its patch", "[respons
             const double x = (column - 150.3) * post_m, y = (149.6 - row) * post_m, range = std::hypot(x, y, 1500);
             if (range > 5000) continue;
             const double sine = 1500 / range, g = elevation_pattern(s.radar.antenna, std::asin(sine));
-            double power = radar_constant(s.radar) * g * g * law.factor(sine) * sine * post_m * post_m / std::pow(range, 4);
+            double power =
+                radar_constant(s.radar) * g * g * law.factor(sine) * sine * post_m * post_m / std::pow(range, 4);
             if (s.weather.rain_mm_h > 0)
                 // Below its top, 900 of 1500 m of the way down.
                 power *= std::pow(10, -0.2e-3 * range * 0.6 *
-                                          rain_attenuation_db_km(s.radar.frequency_hz, 16, Angle::radians(std::asin(sine)),
-                                                                 horizontal_tilt));
+                                          rain_attenuation_db_km(s.radar.frequency_hz, 16,
+                                                                 Angle::radians(std::asin(sine)), horizontal_tilt));
             INFO(column << ", " << row);
             CHECK_THAT(r.at(column, row), WithinAbs(10 * std::log10(power) + 30, 0.012));
         }
+    }
+}
+
+TEST_CASE("each post of rough ground returns as the facet on its sensor's side, along diagonals too", "[response]") {
+    // From right above a post, so that diagonals run through posts, where two quadrants meet.
+    constexpr std::int64_t edge = 141, middle = 70;
+    const auto hills = test::rolling(160, 60, 23);
+    const auto at_post = [&](double c, double r) { return 300 + 0.04 * post_m * c - 0.03 * post_m * r + hills(c, r); };
+    MemorySource source(edge, edge, post_m, at_post);
+    source.editable().default_class = material_by_name("material", "grass");
+    const auto z = [&](std::int64_t c, std::int64_t r) {
+        return static_cast<double>(static_cast<float>(at_post(static_cast<double>(c), static_cast<double>(r))));
+    };
+    Scene s = scene_at(middle, middle, 2600, 9000);
+    for (const LandModel land : {LandModel::constant_gamma, LandModel::ulaby_dobson}) {
+        s.land = land;
+        const Response got = look(source, s);
+        const BackscatterLaw law = class_law(material_table()[source.data_base().default_class], laws_of(s));
+        std::size_t diagonal = 0, others = 0;
+        double worst = 0;
+        for (std::int64_t r = 0; r < edge; ++r)
+            for (std::int64_t c = 0; c < edge; ++c) {
+                if (c == middle || r == middle) continue;  // no side is the sensor's
+                const std::int64_t near_c = c > middle ? c - 1 : c + 1, near_r = r > middle ? r - 1 : r + 1;
+                const double dz_dx = (z(c, r) - z(near_c, r)) / static_cast<double>(c - near_c) / post_m,
+                             dz_dy = (z(c, r) - z(c, near_r)) / static_cast<double>(near_r - r) / post_m;
+                const double x = static_cast<double>(middle - c) * post_m, y = static_cast<double>(r - middle) * post_m,
+                             up = 2600 - z(c, r), range = std::hypot(x, y, up);
+                const double secant = std::hypot(1, dz_dx, dz_dy);
+                const double sine = (up - dz_dx * x - dz_dy * y) / (range * secant);
+                const double value = got.at(c, r);
+                if (value != value) continue;
+                REQUIRE(sine > 0);
+                const double g = elevation_pattern(s.radar.antenna, std::asin(up / range));
+                const double power = radar_constant(s.radar) * g * g * law.factor(sine) * sine * secant * post_m *
+                                     post_m / std::pow(range, 4);
+                worst = std::max(worst, std::abs(value - 10 * std::log10(power) - 30));
+                ++(std::abs(c - middle) == std::abs(r - middle) ? diagonal : others);
+            }
+        INFO(diagonal << " posts on diagonals, " << others << " others");
+        CHECK(diagonal > 150);
+        CHECK(others > 10000);
+        // Tables of pattern and law.
+        CHECK(worst < 0.012);
     }
 }
 
@@ -142,12 +187,12 @@ TEST_CASE("culture on a post makes it a wall, and each class returns as its own"
     const Response r = look(source, s);
     const std::vector<ClassGamma> gamma = gamma_table(s.radar.frequency_hz, std::nullopt);
     const auto db = [](double ratio) { return 10 * std::log10(ratio); };
-    CHECK_THAT(r.at(101, 150) - r.at(199, 150),
-               WithinAbs(db(gamma[static_cast<std::size_t>(urban)].ground / gamma[static_cast<std::size_t>(grass)].ground),
-                         1e-3));
-    CHECK_THAT(r.at(100, 150) - r.at(200, 150),
-               WithinAbs(db(gamma[static_cast<std::size_t>(urban)].wall / gamma[static_cast<std::size_t>(grass)].ground),
-                         1e-3));
+    CHECK_THAT(r.at(101, 150) - r.at(199, 150), WithinAbs(db(gamma[static_cast<std::size_t>(urban)].ground /
+                                                             gamma[static_cast<std::size_t>(grass)].ground),
+                                                          1e-3));
+    CHECK_THAT(r.at(100, 150) - r.at(200, 150), WithinAbs(db(gamma[static_cast<std::size_t>(urban)].wall /
+                                                             gamma[static_cast<std::size_t>(grass)].ground),
+                                                          1e-3));
 }
 
 TEST_CASE("any number of threads gives the same response", "[response]") {

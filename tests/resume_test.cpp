@@ -707,6 +707,43 @@ TEST_CASE("killed at random, a run goes on where it stood and ends in the same b
     CHECK_FALSE(any_temporary(folder / "work"));
 }
 
+TEST_CASE("through rain over ground of any law a run goes on to the same bytes", "[resume][program]") {
+    const Folder folder;
+    Program program(folder);
+    const Strings weather = {"--rain", "moderate",      "--gases",      "normal",    "--cloud",
+                             "fog",    "--backscatter", "ulaby-dobson", "--speckle", "2"};
+    const Strings scene = scene_over(data + "/inland_empire_dem.tif") + weather, kept = {"--work-dir", "work"};
+    const Strings all = outputs + Strings{"--power", "power.tif"};
+    REQUIRE(program.run(scene + all).code == 0);
+    const Images straight(folder);
+    const std::string power = content(folder / "power.tif");
+    REQUIRE(program.run(scene + kept + Strings{"--only-wedge", "0-4"}).code == 0);
+    CHECK(wedge_files(folder / "work") == 5);
+    // Killed while it does the rest.
+    const pid_t child = program.start(scene + all + kept + Strings{"--resume"});
+    std::this_thread::sleep_for(std::chrono::milliseconds(300));
+    ::kill(child, SIGKILL);
+    program.finish(child);
+    const std::size_t before = wedge_files(folder / "work");
+    CHECK(before >= 5);
+    const Outcome last = program.run(scene + all + kept + Strings{"--resume"});
+    INFO(last.err);
+    REQUIRE(last.code == 0);
+    CHECK(report(folder)["reused"] == before);
+    CHECK(Images(folder) == straight);
+    CHECK(content(folder / "power.tif") == power);
+    // The weather and the law are the wedges' own: neither may be taken for another.
+    for (const Strings& other : {Strings{"--rain", "heavy"}, Strings{"--backscatter", "oh"}}) {
+        Strings words = scene;
+        for (std::size_t i = 0; i + 1 < words.size(); ++i)
+            if (words[i] == other[0]) words[i + 1] = other[1];
+        const Outcome refused = program.run(words + all + kept + Strings{"--resume"});
+        INFO(refused.err);
+        CHECK(refused.code != 0);
+        CHECK_THAT(refused.err, Contains(other[0].substr(2)));
+    }
+}
+
 TEST_CASE("another scene is refused, an edited data base and a damaged wedge are swept again", "[resume][program]") {
     const Folder folder;
     Program program(folder);

@@ -199,12 +199,14 @@ TEST_CASE("points of a pattern are refused by number, with what is accepted", "[
         return PatternPoint{Angle::degrees(depression_deg), Decibel(gain_db)};
     };
     CHECK(refused({at(-90, -30), at(0, 0), at(90, -30)}) == test::nothing_refused);
-    CHECK(refused({at(1, -1), at(1.001, 0)}) == test::nothing_refused);
+    CHECK(refused({at(1, -0.5), at(1.001, 0)}) == test::nothing_refused);
     CHECK_THAT(refused({}), Contains("antenna, point 1: there are 0 points; accepted: from 2 to 4096"));
     CHECK_THAT(refused({at(0, 0)}), Contains("there is 1 point"));
     CHECK_THAT(refused({at(0, 0), at(0, -1)}),
                Contains("antenna, point 2: the depression is 0 deg after 0 deg; accepted: ascending"));
     CHECK_THAT(refused({at(0, 0), at(0.0005, -1)}), Contains("0.001 deg or more apart"));
+    CHECK_THAT(refused({at(1, -0.6), at(1.001, 0)}),
+               Contains("point 2: the gain changes by 0.6 dB in 0.001 deg; accepted: at most 500 dB a degree"));
     CHECK_THAT(refused({at(0, 0), at(5, 0.1)}), Contains("point 2: the gain is 0.1 dB; accepted: from -200 to 0 dB"));
     CHECK_THAT(refused({at(-91, 0), at(5, 0)}), Contains("point 1: the depression is -91 deg"));
     CHECK_THAT(refused({at(nan_value, 0), at(5, 0)}), Contains("point 1: the depression is nan"));

@@ -268,8 +268,8 @@ TEST_CASE("an echo swept without the widths of beam and pulse serves with them w
 TEST_CASE("rain, which is in no echo image, is the same again", "[scope][quick]") {
     const Folder folder;
     same_as_simulate(folder,
-                     with(quick_riverside, {"--rain", "moderate", "--gases", "normal", "--cloud", "fog", "--backscatter",
-                                            "ulaby-dobson", "--polarisation", "vv"}),
+                     with(quick_riverside, {"--rain", "moderate", "--gases", "normal", "--cloud", "fog",
+                                            "--backscatter", "ulaby-dobson", "--polarisation", "vv"}),
                      {{{"--if-gain", "42dB"}},
                       {{"--display", "ppi", "--ple-scale", "3"}},
                       {{"--noise", "on", "--speckle", "1"}},
@@ -426,7 +426,7 @@ TEST_CASE("every setting that needs a new sweep is refused, by name and with the
                                                        {"rain-top", "2km"},         {"cloud", "fog"},
                                                        {"cloud-base", "100m"},      {"cloud-top", "500m"},
                                                        {"class-table", table},      {"wind-direction", "30deg"},
-                                                       {"far-shore", "on"}};
+                                                       {"far-shore", "on"},         {"walls", "statistical"}};
     std::set<std::string> tried;
     for (const wedgescope::Key& key : wedgescope::key_table()) {
         if (!(key.commands & wedgescope::command_simulate) || !key.changes_result ||

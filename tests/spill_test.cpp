@@ -755,6 +755,59 @@ TEST_CASE("a scene gives the same bits from the spill as from the raster", "[spi
     }
 }
 
+TEST_CASE("posts return the same from the spill as from the raster, beside a scene or alone", "[spill]") {
+    const Folder folder;
+    DataBaseParams params = only(data + "/inland_empire_dem.tif");
+    params.culture = data + "/inland_empire_culture.tif";
+    params.culture_height = data + "/inland_empire_canopy.tif";
+    params.culture_height_scale = 0.1;
+    params.legend = Legend::built_in("fbfm40");
+    const auto direct = open_direct_source(params);
+    Scene scene;
+    scene.platform.latlon = LatLon{33.9, -117.4};
+    scene.platform.altitude_above = AltitudeAbove::ground;
+    scene.platform.altitude_m = 700;
+    scene.azimuth_bins = 360;
+    scene.range_bin_m = 60;
+    scene.display.size = 64;
+    scene.land = LandModel::ulaby_dobson;
+    scene.weather.rain_mm_h = 4;
+    const auto response = [](const Scene& of, WedgeSource& source) {
+        CoverageParams coverage;
+        coverage.layer = CoverageLayer::response;
+        coverage.threads = 2;
+        std::map<std::pair<std::int64_t, std::int64_t>, std::vector<std::uint32_t>> tiles;
+        cover(resolve_coverage(of, source), source, coverage, [&](const CoverageTile& tile) {
+            auto& into = tiles[{tile.window.columns.begin, tile.window.rows.begin}];
+            for (std::int64_t r = 0; r < tile.window.rows.size(); ++r)
+                for (std::int64_t c = 0; c < tile.window.columns.size(); ++c)
+                    into.push_back(bits(tile.values[r * tile.stride + c]));
+        });
+        return tiles;
+    };
+    for (const bool narrow : {false, true}) {
+        if (narrow) {
+            scene.range_m = 15000;
+            scene.sector = Sector{Angle::degrees(100), Angle::degrees(230)};
+        }
+        for (const bool alone : {false, true}) {
+            Scene covered = scene;
+            if (!alone) covered.range_m = *resolve(scene, *direct).scene.range_m;
+            const auto want = response(covered, *direct);
+            for (const std::size_t memory : {std::size_t{2} << 20, plenty}) {
+                INFO((narrow ? "narrow, " : "") << (alone ? "alone, " : "beside a scene, ") << memory << " bytes");
+                SpillOptions options = in(folder, memory);
+                options.all_round = true;
+                options.all_of_it = alone;
+                const auto spilled = open_spilled_source(params, scene, options);
+                CHECK((spilled->report().spilled_bytes > 0) == (memory != plenty));
+                if (!alone) CHECK(*resolve(scene, *spilled).scene.range_m == *covered.range_m);
+                CHECK(response(covered, *spilled) == want);
+            }
+        }
+    }
+}
+
 TEST_CASE("what comes back from the spill's file is counted with the wedge or quadrant that it came back for",
           "[spill]") {
     const Folder folder;
@@ -772,7 +825,7 @@ TEST_CASE("what comes back from the spill's file is counted with the wedge or qu
     scene.range_bin_m = 60;
     scene.display.size = 64;
     SpillOptions options = in(folder, std::size_t{2} << 20);
-    options.all_round = true;
+    options.all_round = options.all_of_it = true;
     for (const std::size_t memory : {std::size_t{2} << 20, plenty}) {
         options.memory_bytes = memory;
         const auto source = open_spilled_source(params, scene, options);

@@ -11,9 +11,13 @@
 #include <type_traits>
 #include <vector>
 
+#include "lib/beam.hpp"
 #include "lib/coverage_lanes.hpp"
 #include "lib/culture_lanes.hpp"
+#include "lib/deposit.hpp"
+#include "lib/detail.hpp"
 #include "lib/display_lanes.hpp"
+#include "lib/path_loss.hpp"
 #include "lib/post_extremes.hpp"
 #include "lib/sample.hpp"
 #include "lib/seen_counts.hpp"
@@ -156,6 +160,135 @@ Bytes sweep_of(unsigned seed) {
     };
     step(StepTo::crossing, now, crossing);
     step(StepTo::line, crossing, line);
+
+    // What pieces seen in part or not at all leave in their lanes goes in too.
+    const std::vector<double> across = draw.lanes(n, -1, 1);
+    std::vector<double> slant(n), variable(n);
+    for (std::size_t i = 0; i < n; ++i) slant[i] = std::sqrt(1 + across[i] * across[i]);
+    facet_lanes(n, {crossing.lanes(), line.lanes(), behind_posts.data(), ahead_posts.data(), across.data(),
+                    slant.data(), draw.number(3, 900), variable.data()});
+    record.put(variable);
+    return std::move(record).bytes();
+}
+
+/// What weather takes.
+Bytes losses_of(unsigned seed) {
+    static const Weather all({.vapour_g_m3 = 7.5, .rain_mm_h = 16, .liquid_water_g_m3 = 0.3}, 16.5e9),
+        gases({.vapour_g_m3 = 13}, 9.4e9);
+    static const PathLossTable tables[] = {{all, {.earth = Earth(8.5e6), .sensor_m = 4100, .most_range_m = 120e3}},
+                                           {all, {.earth = Earth(), .sensor_m = 900, .most_range_m = 20e3}},
+                                           {gases, {.earth = Earth(8.5e6), .sensor_m = 12000, .most_range_m = 300e3}}};
+    Draw draw(seed);
+    const std::size_t n = 1 + draw.below(200);
+    std::vector<double> range = draw.lanes(n, 1, 150e3), sine = draw.lanes(n, -1, 0.2), inverse(n), factor(n);
+    for (std::size_t i = 0; i < n; ++i) {
+        inverse[i] = draw.below(4) ? 1 / draw.number(8.4e6, 8.6e6) : 0;
+        if (draw.below(9) == 0) range[i] = 0;
+        if (draw.below(9) == 0) sine[i] = -1;
+    }
+    Record record;
+    for (const PathLossTable& table : tables) {
+        factor_lanes(n, range.data(), sine.data(), inverse.data(), table, factor.data());
+        record.put(factor);
+    }
+    return std::move(record).bytes();
+}
+
+/// Into which cells power goes.
+Bytes deposits_of(unsigned seed) {
+    Draw draw(seed);
+    Record record;
+    const std::int64_t begin = draw.below(2) ? 0 : 37, columns = 40 + static_cast<std::int64_t>(draw.below(200));
+    constexpr std::size_t rows = 6;
+    const Quanta q = quanta({begin, begin + columns}, draw.number(5, 90), 1e-3, 1, 0.01, 1);
+    WedgeCells cells(rows, q);
+    for (int block = 0; block < 6; ++block) {
+        constexpr std::size_t most = WedgeCells::Portions::most;
+        const std::size_t n = 1 + draw.below(most);
+        std::vector<double> code(n), share0(n), share1(n, 0.0), x0(n), x1(n), inverse(n, 0.0), power(n), bow(n),
+            gamma(n);
+        std::vector<std::int64_t> origin(n);
+        std::vector<std::int32_t> straddlers;
+        // Most blocks lie in a few bins, as neighbouring spokes do; pieces of one bin and of many, either way round.
+        const double place = draw.number(static_cast<double>(begin) - 3, static_cast<double>(begin + columns) + 3),
+                     longest = draw.below(3) ? 2.5 : 30;
+        for (std::size_t i = 0; i < n; ++i) {
+            code[i] = draw.below(5) ? 1 : static_cast<double>(draw.below(4));
+            origin[i] = cells.origin_of(static_cast<std::int32_t>(draw.below(rows - 1)));
+            share0[i] = draw.below(8) ? draw.number(0, 0.005) : 0;
+            if (draw.below(4) == 0 && share0[i] > 0) {
+                share1[i] = draw.number(0, 0.005);
+                straddlers.push_back(static_cast<std::int32_t>(i) + 100);
+            }
+            x0[i] = place + draw.number(-1, 1);
+            x1[i] = x0[i] + draw.number(-longest, longest);
+            if (draw.below(10) == 0) x0[i] = std::floor(x0[i]);  // exactly on an edge
+            if (x0[i] != x1[i]) inverse[i] = 1 / std::abs(x1[i] - x0[i]);
+            const double bin_m = std::max(1.0, 60 * x0[i]);
+            power[i] = draw.below(9) ? 1e-3 * std::exp(draw.number(-25, 0)) / (bin_m * bin_m) : 0;
+            bow[i] = draw.number(-1, 1);
+            gamma[i] = draw.below(9) ? draw.number(0, 1) : -1;
+        }
+        cells.add_lanes(n, {code.data(), origin.data(), share0.data(), share1.data(), straddlers, 100, x0.data(),
+                            x1.data(), inverse.data(), power.data(), bow.data(), gamma.data()});
+    }
+    for (std::size_t row = 0; row < rows; ++row)
+        for (std::size_t column = 0; column < cells.columns(); ++column) {
+            const double watts = cells.watts(row, column);
+            record.put(&watts, 1);
+        }
+    return std::move(record).bytes();
+}
+
+/// Beam and pulse, powers and fields, drawn as they are, wider, longer or not at all.
+Bytes beams_of(unsigned seed) {
+    Draw draw(seed);
+    BeamSetting setting;
+    setting.antenna.beam = Angle::degrees(draw.number(0.5, 9));
+    setting.antenna.azimuth = draw.below(2) ? AzimuthPattern::gaussian : AzimuthPattern::uniform;
+    setting.beam_width_error = draw.below(4) > 0;
+    setting.pulse_length_error = draw.below(4) > 0;
+    if (draw.below(3) == 0) setting.beam_width_scale = draw.number(0.2, 3);
+    if (draw.below(3) == 0) setting.pulse_length_scale = draw.number(0.2, 3);
+    const double bin_m = draw.number(10, 80);
+    setting.pulse_extent_m = bin_m * (draw.below(2) ? static_cast<double>(1 + draw.below(6)) : draw.number(0.3, 6));
+    setting.sensor_m = draw.number(100, 4000);
+    setting.range_is_ground = draw.below(3) == 0;
+    if (draw.below(2)) setting.earth = Earth(8.5e6);
+    const std::int64_t circle = 90, first = draw.below(2) ? 0 : 20,
+                       columns = 1 + static_cast<std::int64_t>(draw.below(150));
+    Record record;
+    for (const auto of : {Resolution::Of::power, Resolution::Of::amplitude}) {
+        const Resolution resolution(setting, circle, bin_m, {first, first + columns}, of);
+        const auto n = static_cast<std::size_t>(resolution.sources().size());
+        std::vector<float> echo(n * static_cast<std::size_t>(circle));
+        for (float& cell : echo)
+            cell =
+                draw.below(5) ? static_cast<float>(std::exp(draw.number(-30, 0))) : 0.0F;  // many orders, and shadows
+        std::vector<double> scratch, out(static_cast<std::size_t>(columns));
+        for (const std::int64_t azimuth : {0, 7, 89}) {
+            resolution.row(
+                azimuth,
+                [&](std::int64_t bin) { return echo.data() + n * static_cast<std::size_t>((bin + circle) % circle); },
+                scratch, out);
+            record.put(out);
+        }
+    }
+    return std::move(record).bytes();
+}
+
+/// How far posts lie off coarser levels.
+Bytes residuals_of(unsigned seed) {
+    Draw draw(seed);
+    const std::int64_t columns = 2 + static_cast<std::int64_t>(draw.below(140)),
+                       rows = 2 + static_cast<std::int64_t>(draw.below(140)),
+                       stride = columns + static_cast<std::int64_t>(draw.below(3));
+    std::vector<float> posts = draw.heights(static_cast<std::size_t>(stride * rows));
+    if (draw.below(4))
+        for (float& z : posts) z = std::isnan(z) ? 1 : z;
+    const Residuals found = residuals(posts.data(), stride, columns, rows);
+    Record record;
+    for (const auto* each : {&found.rms_m, &found.peak_m, &found.cube_m}) record.put(*each);
     return std::move(record).bytes();
 }
 
@@ -291,6 +424,13 @@ void check_every_target(BytesOf&& bytes_of, unsigned seeds) {
 
 TEST_CASE("sweep and shade have the same bits on every instruction set", "[targets]") {
     check_every_target(sweep_of, 300);
+}
+
+TEST_CASE("cells, beam, losses and levels have the same bits on every instruction set", "[targets]") {
+    check_every_target(deposits_of, 300);
+    check_every_target(beams_of, 100);
+    check_every_target(losses_of, 200);
+    check_every_target(residuals_of, 200);
 }
 
 TEST_CASE("coverage's knots and masks, culture and extremes have the same bits on every instruction set", "[targets]") {

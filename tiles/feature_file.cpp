@@ -19,6 +19,8 @@ namespace {
 // The first one that a feature has counts. DFAD's own names and those of its descendants.
 constexpr const char* material_fields[] = {"material", "SMC", "surface_material_category", "surface_material", "class"};
 constexpr const char* height_fields[] = {"height", "HGT", "predominant_height", "height_m"};
+constexpr const char* directivity_fields[] = {"directivity"};
+constexpr const char* axis_fields[] = {"axis", "axis_deg"};
 /// Cells that a piece is drawn beyond the window, so that what GDAL clips at its edge shows in none.
 constexpr std::int64_t margin = 2;
 
@@ -101,7 +103,7 @@ struct FeatureFile::Handle {
     struct Layer {
         OGRLayer* layer = nullptr;
         std::string name;
-        std::vector<int> materials, heights;                           ///< fields, by their places
+        std::vector<int> materials, heights, directivities, axes;      ///< fields, by their places
         std::unique_ptr<OGRCoordinateTransformation> to_raster, back;  ///< none: as they are
         bool geographic = false;
     };
@@ -149,6 +151,10 @@ FeatureFile::FeatureFile(FeatureParams params, const RasterFacts& terrain)
         throw InputError(
             text(named(), " has no field for a material or a height; accepted: material or SMC, height or HGT (it has ",
                  names.empty() ? "none" : names, ")"));
+}
+
+FeatureFile::FeatureFile(FeatureParams params) : params_(std::move(params)), attributes_only_(true) {
+    free_.push_back(open());
 }
 
 FeatureFile::~FeatureFile() = default;
@@ -213,6 +219,12 @@ std::unique_ptr<FeatureFile::Handle> FeatureFile::open() {
         };
         find(material_fields, one.materials);
         find(height_fields, one.heights);
+        find(directivity_fields, one.directivities);
+        find(axis_fields, one.axes);
+        if (attributes_only_) {
+            handle->layers.push_back(std::move(one));
+            continue;
+        }
 
         RasterFacts facts;
         facts.role = "features";
@@ -261,6 +273,12 @@ std::optional<Number> number(const std::string& words) {
     return value;
 }
 
+/// Of the class that a class with a side of its own becomes.
+std::string sided_name(const std::string& name, const FeatureFile::Side& side) {
+    if (side.directivity == Directivity::omni) return text(name, "-omni");
+    return fmt::format("{}-{}-{:03d}", name, word(side.directivity), side.axis_deg);
+}
+
 /// Where features lie that may fall into a part of the raster.
 std::vector<Ask> asks(const OGREnvelope& part, const RasterFacts& grid, bool raster_geographic,
                       const OGRCoordinateTransformation* back, bool file_geographic) {
@@ -300,37 +318,143 @@ std::vector<Ask> asks(const OGREnvelope& part, const RasterFacts& grid, bool ras
 
 }  // namespace
 
+void FeatureFile::refuse(const Handle& handle, std::size_t layer, OGRFeature& feature, int field,
+                         const std::string& found, const std::string& accepted) const {
+    throw DataError(text(named(), ", layer ", quoted(handle.layers[layer].name), ", feature ", feature.GetFID(), ": ",
+                         feature.GetFieldDefnRef(field)->GetNameRef(), " is ", quoted(found),
+                         "; accepted: ", accepted));
+}
+
 double FeatureFile::value(const Handle& handle, std::size_t layer, OGRFeature& feature, What what) const {
-    const Handle::Layer& from = handle.layers[layer];
-    const auto refuse = [&](int field, const std::string& found, const std::string& accepted) {
-        throw DataError(text(named(), ", layer ", quoted(from.name), ", feature ", feature.GetFID(), ": ",
-                             feature.GetFieldDefnRef(field)->GetNameRef(), " is ", quoted(found),
-                             "; accepted: ", accepted));
-    };
     constexpr double nothing = -1;
-    for (const int field : what == What::material ? from.materials : from.heights) {
+    if (what == What::material) {
+        std::optional<ClassId> id = material(handle, layer, feature);
+        if (!id) return nothing;
+        if (params_.axis_step_deg > 0)
+            if (const std::optional<Side> own = side(handle, layer, feature, *id))
+                id = params_.materials.find(
+                    sided_name(params_.materials[*id].name, own->in_steps(params_.axis_step_deg)));
+        if (!id) throw DataError(text(named(), " changed while it was read"));
+        return static_cast<double>(*id);
+    }
+    for (const int field : handle.layers[layer].heights) {
         const std::string found = value_of(feature, field);
         if (found.empty()) continue;
-        if (what == What::height) {
-            const std::optional<double> height_m = number<double>(found);
-            if (!height_m || !(*height_m >= 0 && *height_m <= static_cast<double>(highest_height_m)))
-                refuse(field, found, text("metres from 0 to ", highest_height_m));
-            return *height_m > 0 ? *height_m : nothing;
-        }
-        if (const std::optional<int> code = number<int>(found)) {
-            const std::optional<ClassId> id = params_.legend.find(*code);
-            if (!id)
-                refuse(field, found,
-                       text("codes of the legend ", params_.legend.name(), " (features-legend), or one of ",
-                            params_.materials.words()));
-            return static_cast<double>(*id);
-        }
-        for (std::size_t id = 0; id < params_.materials.size(); ++id)
-            if (lower(params_.materials[id].name) == lower(found)) return static_cast<double>(id);
-        refuse(field, found,
-               text("codes of the legend ", params_.legend.name(), ", or one of ", params_.materials.words()));
+        const std::optional<double> height_m = number<double>(found);
+        if (!height_m || !(*height_m >= 0 && *height_m <= static_cast<double>(highest_height_m)))
+            refuse(handle, layer, feature, field, found, text("metres from 0 to ", highest_height_m));
+        return *height_m > 0 ? *height_m : nothing;
     }
     return nothing;
+}
+
+std::optional<ClassId> FeatureFile::material(const Handle& handle, std::size_t layer, OGRFeature& feature) const {
+    for (const int field : handle.layers[layer].materials) {
+        const std::string found = value_of(feature, field);
+        if (found.empty()) continue;
+        if (const std::optional<int> code = number<int>(found)) {
+            if (const std::optional<ClassId> id = params_.legend.find(*code)) return id;
+            refuse(handle, layer, feature, field, found,
+                   text("codes of the legend ", params_.legend.name(), " (features-legend), or one of ",
+                        params_.materials.words()));
+        }
+        for (std::size_t id = 0; id < params_.materials.size(); ++id)
+            if (lower(params_.materials[id].name) == lower(found)) return static_cast<ClassId>(id);
+        refuse(handle, layer, feature, field, found,
+               text("codes of the legend ", params_.legend.name(), ", or one of ", params_.materials.words()));
+    }
+    return std::nullopt;
+}
+
+FeatureFile::Side FeatureFile::Side::in_steps(int step_deg) const {
+    if (directivity == Directivity::omni) return {id, directivity, 0};
+    const int circle = directivity == Directivity::uni ? 360 : 180;
+    return {id, directivity, (2 * axis_deg + step_deg) / (2 * step_deg) * step_deg % circle};
+}
+
+std::optional<FeatureFile::Side> FeatureFile::side(const Handle& handle, std::size_t layer, OGRFeature& feature,
+                                                   ClassId id) const {
+    const Handle::Layer& from = handle.layers[layer];
+    /// Of the first field of some with a value: its place and the value.
+    const auto first = [&](const std::vector<int>& fields) -> std::pair<int, std::string> {
+        for (const int field : fields)
+            if (std::string found = value_of(feature, field); !found.empty()) return {field, std::move(found)};
+        return {-1, ""};
+    };
+    const auto [field, found] = first(from.directivities);
+    if (found.empty()) return std::nullopt;
+    std::string letters = lower(found);
+    std::erase_if(letters, [](char c) { return c == '-' || c == ' '; });
+    Side side{id, Directivity::omni, 0};
+    if (letters == "uni" || letters == "unidirectional" || letters == "1")
+        side.directivity = Directivity::uni;
+    else if (letters == "bi" || letters == "bidirectional" || letters == "2")
+        side.directivity = Directivity::bi;
+    else if (letters != "omni" && letters != "omnidirectional" && letters != "3")
+        refuse(handle, layer, feature, field, found, "omni, uni or bi, or 1 (uni), 2 (bi), 3 (omni)");
+    const auto whole = [](Directivity directivity, double degrees) {
+        const int circle = directivity == Directivity::uni ? 360 : 180;
+        const auto near = static_cast<int>(std::lround(degrees)) % circle;
+        return near < 0 ? near + circle : near;
+    };
+    if (side.directivity != Directivity::omni) {
+        const auto [axis_field, axis] = first(from.axes);
+        if (axis.empty())
+            refuse(handle, layer, feature, field, found,
+                   "with it an axis, degrees clockwise from north, in a field axis or axis_deg");
+        const std::optional<double> degrees = number<double>(axis);
+        if (!degrees || !(*degrees >= -360 && *degrees <= 360))
+            refuse(handle, layer, feature, axis_field, axis, "degrees from -360 to 360");
+        side.axis_deg = whole(side.directivity, *degrees);
+    }
+    const Material& own = params_.materials[id];
+    if (own.directivity == side.directivity &&
+        (own.directivity == Directivity::omni || whole(own.directivity, own.axis_deg) == side.axis_deg))
+        return std::nullopt;
+    return side;
+}
+
+std::set<FeatureFile::Side> FeatureFile::sides() {
+    const Lease lease(*this);
+    Handle& handle = *lease;
+    GdalErrors errors;
+    std::set<Side> found;
+    for (std::size_t i = 0; i < handle.layers.size(); ++i) {
+        const Handle::Layer& from = handle.layers[i];
+        if (from.directivities.empty() || from.materials.empty()) continue;
+        from.layer->SetSpatialFilter(nullptr);
+        from.layer->ResetReading();
+        for (OGRFeatureUniquePtr feature(from.layer->GetNextFeature()); feature;
+             feature.reset(from.layer->GetNextFeature()))
+            if (const std::optional<ClassId> id = material(handle, i, *feature))
+                if (const std::optional<Side> own = side(handle, i, *feature, *id)) found.insert(*own);
+    }
+    if (errors.failed()) throw IoError(text(named(), " cannot be read: ", errors.reason()));
+    return found;
+}
+
+FeatureParams with_sides(FeatureParams params) {
+    FeatureFile file(params);
+    const std::set<FeatureFile::Side> sides = file.sides();
+    if (sides.empty()) return params;
+    const std::size_t room = Materials::most - params.materials.size();
+    for (const int step_deg : {1, 2, 3, 5, 6, 9, 10, 15, 18, 30, 45, 90}) {
+        std::set<FeatureFile::Side> rounded;
+        for (const FeatureFile::Side& side : sides) rounded.insert(side.in_steps(step_deg));
+        if (rounded.size() > room) continue;
+        params.axis_step_deg = step_deg;
+        for (const FeatureFile::Side& side : rounded) {
+            Material row = params.materials[side.id];
+            row.name = sided_name(row.name, side);
+            row.directivity = side.directivity;
+            row.axis_deg = side.axis_deg;
+            params.materials = params.materials.with(row);
+        }
+        return params;
+    }
+    throw InputError(text(file.named(), " has ", sides.size(),
+                          " materials with a directivity of their own, even with axes of 90 degrees more than the ",
+                          room, " classes for which there is room"));
 }
 
 void FeatureFile::burn(const RasterFacts& grid, const Window& window, What what,

@@ -1,4 +1,4 @@
-// FeatureFile: the features of a vector file that lie in a window of a raster, cell by cell.
+// FeatureFile: the features of a vector file that lie in a window of a raster, cell by cell; and what sides they have.
 // For the .cpp files of this folder only. Leaves what lies below them to burnt_layer.hpp.
 //
 // A feature of a higher number lies over those of lower ones, whatever the order that the file gives them in: each cell
@@ -14,6 +14,8 @@
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -33,7 +35,21 @@ public:
     /// `terrain`: the grid whose CRS counts. IoError; InputError for a layer or fields that are not there; DataError for a CRS
     /// that PROJ knows no way from.
     FeatureFile(FeatureParams params, const RasterFacts& terrain);
+    /// For sides() alone.
+    explicit FeatureFile(FeatureParams params);
     ~FeatureFile();
+
+    /// A class, and the side that a feature of it has in place of the class' own.
+    struct Side {
+        ClassId id = 0;
+        Directivity directivity = Directivity::omni;
+        int axis_deg = 0;  ///< whole degrees: below 360 of uni, below 180 of bi, 0 of omni
+        friend auto operator<=>(const Side&, const Side&) = default;
+        /// With its axis in whole steps.
+        Side in_steps(int step_deg) const;
+    };
+    /// Of all features. DataError naming the feature; IoError.
+    std::set<Side> sides();
 
     const FeatureParams& params() const { return params_; }
     bool has_materials() const { return has_materials_; }  ///< some layer has a field for them
@@ -54,10 +70,16 @@ private:
     class Lease;
     std::unique_ptr<Handle> open();
     double value(const Handle& handle, std::size_t layer, OGRFeature& feature, What what) const;
+    std::optional<ClassId> material(const Handle& handle, std::size_t layer, OGRFeature& feature) const;
+    /// None: that of its class.
+    std::optional<Side> side(const Handle& handle, std::size_t layer, OGRFeature& feature, ClassId id) const;
+    [[noreturn]] void refuse(const Handle& handle, std::size_t layer, OGRFeature& feature, int field,
+                             const std::string& found, const std::string& accepted) const;
 
     FeatureParams params_;
     std::shared_ptr<OGRSpatialReference> crs_;  ///< of the raster; null: none
     bool geographic_ = false;
+    bool attributes_only_ = false;
     bool has_materials_ = false, has_heights_ = false;
     std::mutex mutex_, opening_;  ///< a CRS is compared by one thread at a time
     std::vector<std::unique_ptr<Handle>> free_;

@@ -313,7 +313,8 @@ protected:
     void open_culture(std::unique_ptr<RasterLayer> raster) {
         if (!params_.legend)
             throw InputError(
-                "culture needs culture-legend; accepted: fbfm40, nlcd, worldcover, smc, rat (its own attribute table) or a "
+                "culture needs culture-legend; accepted: fbfm40, nlcd, worldcover, smc, rat (its own attribute table) "
+                "or a "
                 "CSV file of code,material");
         culture_ = std::make_unique<RegisteredLayer>(std::move(raster), terrain_->facts());
         const RasterFacts& facts = culture_->facts();
@@ -669,7 +670,7 @@ PartitionScope scope_of_pass(const ResolvedScene& scene, bool range_given, const
         // resolve() refuses a range beyond 0.3 radii.
         constexpr double largest_radius_m = 6.4e6;
         scope.reach_m.reset();
-        if (scene.scene.earth_k && !options.all_round)
+        if (scene.scene.earth_k && !options.all_of_it)
             scope.reach_m = 0.3 * 1.025 * *scene.scene.earth_k * largest_radius_m;
     }
     if (options.only) {
@@ -1170,13 +1171,13 @@ std::unique_ptr<WedgeSource> open_spilled_source(const DataBaseParams& params, c
                                                  const SpillOptions& options) {
     const bool range_given = scene.range_m.has_value();
     const PartitionScope scope = scope_of_pass(placed(scene, *open_direct_source(params)), range_given, options);
-    return std::make_unique<PartitionedSource>(params, scope, !range_given && !options.all_round, options, "");
+    return std::make_unique<PartitionedSource>(params, scope, !range_given && !options.all_of_it, options, "");
 }
 
 std::unique_ptr<WedgeSource> forecast_spilled_source(const DataBaseParams& params, const ResolvedScene& scene,
                                                      bool range_given, const SpillOptions& options) {
     const PartitionScope scope = scope_of_pass(scene, range_given, options);
-    return std::make_unique<PartitionedSource>(params, scope, !range_given && !options.all_round, options);
+    return std::make_unique<PartitionedSource>(params, scope, !range_given && !options.all_of_it, options);
 }
 
 std::unique_ptr<WedgeSource> open_unread_source(const DataBaseParams& params, float ground_m, const Extremes& guess) {

@@ -51,7 +51,9 @@ struct Arc {
 
 struct SpillOptions {
     std::string temp_folder;  ///< empty: temporary_folder()
-    bool all_round = false;   ///< for coverage: whatever the sector, and without a range all of the raster
+    bool all_round = false;   ///< for what lies on the raster's own posts: whatever the sector
+    bool all_of_it =
+        false;  ///< for coverage: without a range all of the raster; else the range follows from the terrain
     std::optional<Arc> only;  ///< not the whole of the scene's sector: what wedges in these azimuths may need
     std::size_t memory_bytes = std::size_t{1} << 30;
     int threads = 1;

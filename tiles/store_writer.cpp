@@ -319,6 +319,7 @@ std::string StoreWriter::plan() const {
                            {"legend", params_.features->legend.csv(params_.features->materials)},
                            {"height_unit_m", params_.features->height_unit_m},
                            {"class_table", params_.features->materials.own()},
+                           {"axis_step_deg", params_.features->axis_step_deg},
                            {"fingerprint", hex(features_->fingerprint())}};
     return out.dump(1, ' ', false, json::error_handler_t::replace) + "\n";
 }
@@ -611,6 +612,7 @@ void StoreWriter::finish() {
         manifest_.layers.push_back(entry);
         sync_path(inside(name(layers_[i]->kind)), true);
     }
+    if (!params_.class_table.empty()) replace_file(inside(store_classes_name), params_.class_table);
     replace_file(inside(manifest_name), manifest_text(manifest_));
     sync_path(folder_, true);
 }

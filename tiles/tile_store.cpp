@@ -14,6 +14,12 @@ bool is_tile_store(const std::string& path) {
     return std::filesystem::is_regular_file(std::filesystem::path(path) / manifest_name, ignored);
 }
 
+std::string store_classes(const std::string& store) {
+    const std::filesystem::path path = std::filesystem::path(store) / store_classes_name;
+    std::error_code ignored;
+    return is_tile_store(store) && std::filesystem::is_regular_file(path, ignored) ? path.string() : "";
+}
+
 TileStore::TileStore(std::string path, std::size_t cache_bytes)
     : path_(std::move(path)), manifest_(std::make_unique<StoreManifest>(read_manifest(path_))),
       cache_(std::make_shared<TileCache>(cache_bytes)) {}
@@ -51,7 +57,10 @@ std::optional<Legend> TileStore::legend(const Materials& materials) const {
     try {
         return Legend::from_csv(manifest_->legend_name, manifest_->legend_csv, materials);
     } catch (const InputError& e) {
-        throw InputError(text("tile store '", path_, "': legend ", e.what()));
+        const std::string own = store_classes(path_);
+        throw InputError(text("tile store '", path_, "': legend ", e.what(),
+                              own.empty() ? "" : text(" (the classes of its features are in '", own,
+                                                      "'; a class-table given needs their rows too)")));
     }
 }
 

@@ -30,6 +30,11 @@ const char* name(StoreLayerKind kind);
 /// A folder with a manifest.
 bool is_tile_store(const std::string& path);
 
+/// The class table that a store with features of a side of their own keeps: a CSV that scenes over it read.
+inline constexpr const char* store_classes_name = "classes.csv";
+/// Its path; empty: no tile store, or one without.
+std::string store_classes(const std::string& store);
+
 class TileStore {
 public:
     /// Reads the manifest only. IoError, DataError naming the file.
@@ -63,6 +68,7 @@ struct TileStoreParams {
     std::string legend_name, legend_csv;    ///< kept in the store; csv empty for a built-in one
     std::optional<Legend> legend;           ///< the same, for naming codes that it does not know
     std::optional<FeatureParams> features;  ///< burnt over culture and culture height, or these are made of them alone
+    std::string class_table;                ///< CSV, kept in the store as store_classes_name; empty: none
     std::string output;                     ///< the folder
     std::int64_t tile_posts = 256;          ///< a power of two from 64 to 2048
     std::vector<std::string> creation;      ///< GeoTIFF creation options K=V

@@ -1,12 +1,11 @@
 #include "tools/antenna_file.hpp"
 
-#include <cerrno>
-#include <cstring>
 #include <filesystem>
-#include <fstream>
+#include <sstream>
 
 #include "tools/options.hpp"
 #include "tools/table_file.hpp"
+#include "tools/text_file.hpp"
 #include "tools/units.hpp"
 
 namespace wedgescope {
@@ -31,16 +30,13 @@ std::string bare(Dimension dimension, double value, std::string_view unit) {
 
 std::vector<PatternPoint> read_antenna_file(const std::string& origin, const std::string& path) {
     const std::string subject = text("antenna file ", in_quotes(path));
-    std::error_code ignored;
-    if (std::filesystem::is_directory(path, ignored)) throw IoError(text(subject, " is a folder"));
-    errno = 0;
-    std::ifstream file(path, std::ios::binary);
-    if (!file && errno == ENOENT) {
+    std::error_code none;
+    if (!std::filesystem::exists(path, none) && (!none || none == std::errc::no_such_file_or_directory)) {
         const auto near = nearest(path, {"gaussian", "csc2", "cos-csc2"});
         throw InputError(text(origin, " is ", in_quotes(path), ", and there is no such file; it must be ",
                               antenna_accepted, near ? text("; did you mean ", *near, "?") : std::string()));
     }
-    if (!file) throw IoError(text(subject, " cannot be opened: ", std::strerror(errno)));
+    std::istringstream file(text_of_file(subject, path, "it holds a line for each point"));
     TableRows rows(subject, file);
     std::vector<PatternPoint> points;
     std::vector<std::int64_t> lines;

@@ -106,7 +106,24 @@ Attempt simulation(const Settings& settings, const ResolvedScene& scene, bool ra
         EngineParams params = engine_params(granted);
         params.archive = archive;
         plan(scene, *source, params);
+        if (!granted.ground_file.empty()) ground_work(granted, scene, *source);
     };
+}
+
+GroundWork ground_work(const Settings& settings, const ResolvedScene& scene, WedgeSource& source) {
+    Scene same = settings.scene;
+    same.range_m = scene.scene.range_m;
+    GroundWork ground{resolve_coverage(same, source), {}};
+    CoverageParams& params = ground.params;
+    params.layer = CoverageLayer::response;
+    params.cull = !settings.no_cull;
+    params.threads = settings.threads;
+    const std::size_t images = image_bytes(scene), all = memory_bytes(settings);
+    params.memory_bytes = all - std::min(all, images);
+    const std::size_t least =
+        images + coverage_bytes(ground.scene, source, params) + source.cache_bytes() + source.reader_bytes();
+    if (least > all) throw TooLittleMemory(all, least, "this scene with ground");
+    return ground;
 }
 
 void check_simulation(const Settings& settings, const Stop& stop) {
@@ -160,7 +177,7 @@ void check_coverage_budget(const Settings& settings, const CoverageParams& param
         const Settings granted = with_memory(settings, memory);
         const DataBaseParams own_layers = data_base_params(granted, cache_bytes(granted), stop);
         SpillOptions options = spill_options(granted);
-        options.all_round = true;
+        options.all_round = options.all_of_it = true;
         check_reader(*open_direct_source(own_layers), memory);
         const SourceChoice choice = choose_source(own_layers, granted.source, granted.scene, memory);
         const auto source = choice.spilled && !choice.kept

@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <functional>
 
+#include "lib/coverage.hpp"
 #include "lib/engine.hpp"
 #include "lib/error.hpp"
 #include "tools/settings.hpp"
@@ -31,6 +32,15 @@ void check_reader(const WedgeSource& source, std::size_t memory_bytes);
 /// index). `range_given`: else the scene's range is a guess.
 Attempt simulation(const Settings& settings, const ResolvedScene& scene, bool range_given, const Stop& stop,
                    WedgeArchive* archive = nullptr);
+
+/// What --ground adds to a scene: the layer response on the raster's own posts, from the scene's own source, in what the images
+/// leave of the budget.
+struct GroundWork {
+    ResolvedScene scene;
+    CoverageParams params;
+};
+/// TooLittleMemory where that is too little.
+GroundWork ground_work(const Settings& settings, const ResolvedScene& scene, WedgeSource& source);
 
 /// Before simulate reads more than the posts below the sensor. Where the range follows from the terrain, the scene is
 /// refused if it does not fit at the least range that this may be, and the budget named does for the largest.

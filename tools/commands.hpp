@@ -14,6 +14,7 @@ void tile(const std::vector<std::string>& arguments, Stop& stop);
 void coverage(const std::vector<std::string>& arguments, Stop& stop);
 void evaluate(const std::vector<std::string>& arguments, Stop& stop);
 void info(const std::vector<std::string>& arguments, Stop& stop);
+void link_budget(const std::vector<std::string>& arguments, Stop& stop);
 void help(const std::vector<std::string>& arguments);
 
 }  // namespace wedgescope

@@ -146,7 +146,7 @@ void coverage(const std::vector<std::string>& arguments, Stop& stop) {
     params.stop = &stop;
     check_coverage_budget(settings, params, stop);
     SpillOptions spill = spill_options(settings);
-    spill.all_round = true;
+    spill.all_round = spill.all_of_it = true;
     spill.stop = &stop;
     spill.timeline = timeline.get();
     const SourceChoice choice = choose_source(layers, settings.source, settings.scene, spill.memory_bytes);

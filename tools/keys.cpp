@@ -1,11 +1,8 @@
 #include "tools/keys.hpp"
 
 #include <algorithm>
-#include <cerrno>
 #include <cmath>
-#include <cstring>
 #include <filesystem>
-#include <fstream>
 #include <iterator>
 #include <numbers>
 
@@ -13,6 +10,7 @@
 #include "lib/seen_counts.hpp"
 #include "tools/antenna_file.hpp"
 #include "tools/radar_set.hpp"
+#include "tools/text_file.hpp"
 #include "tools/units.hpp"
 
 namespace wedgescope {
@@ -112,8 +110,8 @@ Codec quantity(Dimension dimension, const Limits& limits, Field field, const std
 
 /// A quantity, some values of which have words; what of them is a word's value is written as one.
 template <class Field>
-Codec named(Dimension dimension, const Limits& limits, std::vector<std::pair<std::string, double>> words_of, Field field,
-            const std::string& absent = "") {
+Codec named(Dimension dimension, const Limits& limits, std::vector<std::pair<std::string, double>> words_of,
+            Field field, const std::string& absent = "") {
     Codec plain = quantity(dimension, limits, field, absent), codec = plain;
     codec.value.clear();
     for (const auto& [word, value] : words_of) codec.value += word + "|";
@@ -300,19 +298,8 @@ Codec class_table() {
         }
         s.class_table = resolved_path(given);
         const std::string subject = text(given.origin, " ", in_quotes(s.class_table));
-        std::error_code ignored;
-        if (std::filesystem::is_directory(s.class_table, ignored)) throw IoError(text(subject, " is a folder"));
-        errno = 0;
-        std::ifstream file(s.class_table, std::ios::binary);
-        if (!file) throw IoError(text(subject, " cannot be opened: ", std::strerror(errno)));
-        constexpr std::size_t most = std::size_t{1} << 20;
-        std::string content(most + 1, '\0');
-        file.read(content.data(), static_cast<std::streamsize>(content.size()));
-        if (file.bad()) throw IoError(text(subject, " cannot be read"));
-        content.resize(static_cast<std::size_t>(file.gcount()));
-        if (content.size() > most)
-            throw InputError(text(subject, " is larger than 1 MiB; it holds a line for each class"));
-        s.scene.materials = Materials::from_csv(subject, content);
+        s.scene.materials =
+            Materials::from_csv(subject, text_of_file(subject, s.class_table, "it holds a line for each class"));
     };
     codec.get = [](const Settings& s) -> std::optional<std::string> {
         const std::string& own = s.scene.materials.own();
@@ -416,16 +403,36 @@ Codec latlon() {
     return codec;
 }
 
-Codec around() {
+/// Another place than the sensor's.
+Codec other_place(std::optional<LatLon> Settings::*field) {
     Codec codec = latlon();
-    codec.set = [set = codec.set](Settings& s, const Given& given) {
+    codec.set = [set = codec.set, field](Settings& s, const Given& given) {
         Settings point;
         set(point, given);
-        s.around = point.scene.platform.latlon;
+        s.*field = point.scene.platform.latlon;
+    };
+    codec.get = [field](const Settings& s) -> std::optional<std::string> {
+        if (!(s.*field)) return std::nullopt;
+        return text((s.*field)->lat_deg, ",", (s.*field)->lon_deg);
+    };
+    return codec;
+}
+
+Codec cell() {
+    Codec codec{"AZIMUTH,RANGE", "azimuth from -360deg to 360deg, range from 0m", {}, {}};
+    codec.set = [](Settings& s, const Given& given) {
+        const auto [azimuth, range] = two(given, "AZIMUTH,RANGE, an angle and a length such as 40deg,12nmi");
+        const double angle = parse_quantity(Dimension::angle, given.origin, azimuth),
+                     metres = parse_quantity(Dimension::length, given.origin, range);
+        if (!(std::abs(angle) <= 2 * std::numbers::pi * (1 + 1e-12)) || !(metres >= 0))
+            throw InputError(text(given.origin, " is ", in_quotes(given.value),
+                                  "; the azimuth must be from -360deg to 360deg and the range at least 0m"));
+        s.cell = Settings::Cell{Angle::radians(angle), metres};
     };
     codec.get = [](const Settings& s) -> std::optional<std::string> {
-        if (!s.around) return std::nullopt;
-        return text(s.around->lat_deg, ",", s.around->lon_deg);
+        if (!s.cell) return std::nullopt;
+        return quantity_text(Dimension::angle, s.cell->azimuth.rad()) + "," +
+               quantity_text(Dimension::length, s.cell->range_m);
     };
     return codec;
 }
@@ -856,6 +863,24 @@ std::vector<Key> make_keys() {
           "levels of detail: auto: of fine ground every 2nd to 32nd post where normal and draft keep what they "
           "promise; off: every post");
 
+    {
+        const auto budget_only = [](Key& key) {
+            key.commands = command_budget;
+            key.in_scene_file = false;
+            key.changes_result = false;
+        };
+        budget_only(
+            t.add("at", cell(), "",
+                  "the cell: azimuth clockwise from the heading, as sector's, and range as the display's bins count"));
+        Key& place = t.add("at-latlon", other_place(&Settings::cell_place), "",
+                           "or the place on the ground that the cell is to show, WGS84 degrees");
+        place.set = [set = place.set](Settings& s, const Given& given) {
+            set(s, given);
+            s.cell_place_key = given.origin.starts_with("--") ? given.origin.substr(2) : given.origin;
+        };
+        budget_only(place);
+    }
+
     t.group(KeyGroup::coverage, true);
     {
         const auto coverage_only = [&](Key& key) {
@@ -874,7 +899,8 @@ std::vector<Key> make_keys() {
                                 [](auto& s) -> auto& { return s.coverage.layer; }),
                             "mask",
                             "seen or not; 0 no data, 1 shadow, 2 seen, 3 unknown, 4 outside; metres to be raised to be "
-                            "seen; slant range, m; ray to ground, deg; below the horizontal, deg; what a radar gets of each post, dBm"));
+                            "seen; slant range, m; ray to ground, deg; below the horizontal, deg; what a radar gets of "
+                            "each post, dBm"));
         {
             Key& observers = t.add(
                 "observers", path([](auto& s) -> auto& { return s.observers; }), "",
@@ -1002,8 +1028,7 @@ std::vector<Key> make_keys() {
           "model of land; a class that it does not know keeps its constant gamma (oh: all but sand and soil)");
     t.add("water",
           choice<WaterModel>(
-              {{"nrl", WaterModel::nrl}, {"calm", WaterModel::calm}},
-              [](auto& s) -> auto& { return s.scene.water; }),
+              {{"nrl", WaterModel::nrl}, {"calm", WaterModel::calm}}, [](auto& s) -> auto& { return s.scene.water; }),
           "nrl", "model of water: waves of sea-state, or the mirror of calm inland water round the vertical");
     t.add("sea-state",
           number(
@@ -1018,6 +1043,14 @@ std::vector<Key> make_keys() {
           "all directions");
     t.add("far-shore", on_off([](auto& s) -> auto& { return s.scene.far_shore; }), "off",
           "banks and walls that rise behind water are lit by way of its mirror too, as far as sea-state leaves one");
+    t.add("walls",
+          choice<Walls>(
+              {{"resolved", Walls::resolved}, {"statistical", Walls::statistical}},
+              [](auto& s) -> auto& { return s.scene.walls; }),
+          "resolved",
+          "those that culture heights make; or, of classes whose table gives structures finer than a post, their mean, "
+          "which also "
+          "raises the ground by the share that they cover");
     t.add("gamma",
           quantity(
               decibel, between("-100dB", "100dB"), [](auto& s) -> auto& { return s.scene.gamma; }, "off"),
@@ -1026,17 +1059,18 @@ std::vector<Key> make_keys() {
     t.group(KeyGroup::weather, true);
     t.add("gases",
           named(
-              density, between("0g/m3", "100g/m3"),
-              {{"normal", normal_vapour_g_m3}, {"high", high_vapour_g_m3}},
+              density, between("0g/m3", "100g/m3"), {{"normal", normal_vapour_g_m3}, {"high", high_vapour_g_m3}},
               [](auto& s) -> auto& { return s.scene.weather.vapour_g_m3; }, "none"),
           "none", "attenuation by oxygen and by so much water vapour at sea level (normal 7.5g/m3, high 20g/m3)");
     {
         std::vector<std::pair<std::string, double>> rates;
         for (const RainCategory& category : rain_categories) rates.emplace_back(category.name, category.rate_mm_h);
         t.add("rain",
-              named(rain_rate, between("0mm/h", "500mm/h"), rates,
-                    [](auto& s) -> auto& { return s.scene.weather.rain_mm_h; }),
-              "clear", "attenuates and returns an echo below rain-top (drizzle 0.25mm/h, light 1, moderate 4, heavy 16, "
+              named(
+                  rain_rate, between("0mm/h", "500mm/h"), rates,
+                  [](auto& s) -> auto& { return s.scene.weather.rain_mm_h; }),
+              "clear",
+              "attenuates and returns an echo below rain-top (drizzle 0.25mm/h, light 1, moderate 4, heavy 16, "
               "excessive 40)");
     }
     t.add("rain-top",
@@ -1045,10 +1079,10 @@ std::vector<Key> make_keys() {
           "3km", "above sea level");
     t.add("cloud",
           named(
-              density, between("0g/m3", "10g/m3"),
-              {{"none", 0.0}, {"fog", 0.05}, {"thick-fog", 0.5}},
+              density, between("0g/m3", "10g/m3"), {{"none", 0.0}, {"fog", 0.05}, {"thick-fog", 0.5}},
               [](auto& s) -> auto& { return s.scene.weather.liquid_water_g_m3; }),
-          "none", "liquid water from cloud-base to cloud-top; it attenuates (fog 0.05g/m3: visibility 300 m; thick-fog "
+          "none",
+          "liquid water from cloud-base to cloud-top; it attenuates (fog 0.05g/m3: visibility 300 m; thick-fog "
           "0.5g/m3: 50 m)");
     t.add("cloud-base",
           quantity(
@@ -1198,7 +1232,7 @@ std::vector<Key> make_keys() {
     }
     {
         Key& k =
-            t.add("around", around(), "",
+            t.add("around", other_place(&Settings::around), "",
                   "also keep the terrain sorted into wedges round this point, for scenes from there; FOLDER alone: of "
                   "a store that stands");
         k.commands = command_tile;
@@ -1273,8 +1307,9 @@ std::vector<Key> make_keys() {
     t.add("power", path([](auto& s) -> auto& { return s.power; }), "", "power image, after beam and pulse");
     t.add("states", path([](auto& s) -> auto& { return s.states; }), "",
           "0 no data, 1 shadow, 2 seen, 3 unknown, 4 outside");
-    t.add("ground", path([](auto& s) -> auto& { return s.ground_file; }), "",
-          "what the set gets of each post, dBm, on the raster's own posts: coverage's layer response of the same scene");
+    t.add(
+        "ground", path([](auto& s) -> auto& { return s.ground_file; }), "",
+        "what the set gets of each post, dBm, on the raster's own posts: coverage's layer response of the same scene");
     t.add("report", path([](auto& s) -> auto& { return s.report; }), "",
           "JSON: inputs, parameters, what each wedge did, times, memory");
     t.add("timeline", path([](auto& s) -> auto& { return s.timeline; }), "",
@@ -1326,7 +1361,7 @@ std::vector<Key> make_keys() {
     {
         Key& j = t.add("json", flag([](auto& s) -> auto& { return s.json; }), "off",
                        "JSON on stdout; evaluate: of the list");
-        j.commands = command_info | command_evaluate;
+        j.commands = command_info | command_evaluate | command_budget;
         j.in_scene_file = false;
     }
     {
@@ -1383,19 +1418,29 @@ std::vector<Key> make_keys() {
     // Of the layer response.
     for (Key& key : keys)
         if (key.group == KeyGroup::antenna || key.group == KeyGroup::ground || key.group == KeyGroup::weather ||
-            key.name == "set" || key.name == "frequency" || key.name == "transmit-power" || key.name == "gain" || key.name == "losses" ||
-            key.name == "polarisation" || key.name == "culture" || key.name == "culture-legend" ||
-            key.name == "material") {
+            key.name == "set" || key.name == "frequency" || key.name == "transmit-power" || key.name == "gain" ||
+            key.name == "losses" || key.name == "polarisation" || key.name == "culture" ||
+            key.name == "culture-legend" || key.name == "material") {
             if (key.name == "far-shore") continue;  // of what a ray meets on its way, not of a post by itself
             key.commands |= command_coverage;
             key.of_response = true;
         }
+    // The link budget of a cell of what simulate makes: all that decides on it, and how it is found.
+    for (Key& key : keys) {
+        const bool of_many = key.name == "track" || key.name == "scan-step" || key.name == "scan-period",
+                   talks = key.name == "config" || key.name == "quiet" || key.name == "help",
+                   runs = key.name == "threads" || key.name == "memory" || key.name == "source" ||
+                          key.name == "temp-dir" || key.name == "keep-map" || key.name == "no-cull" ||
+                          key.name == "wedges";
+        if ((key.commands & command_simulate) && !of_many &&
+            (talks || runs || key.changes_result || key.group == KeyGroup::data_base))
+            key.commands |= command_budget;
+    }
     // What follows the echo image, and what the picture takes from the scene beside: the rest needs a new sweep.
     for (Key& key : keys) {
         if (key.after_echo || key.group == KeyGroup::errors) key.commands |= command_scope;
         if (key.group == KeyGroup::data_base) key.needs_sweep = "the echo image holds what was seen of its data base";
-        if (key.group == KeyGroup::weather)
-            key.needs_sweep = "what is lost on the way is in every piece of the echo";
+        if (key.group == KeyGroup::weather) key.needs_sweep = "what is lost on the way is in every piece of the echo";
         if (key.group == KeyGroup::antenna) key.needs_sweep = "the pattern in elevation weighs every piece of ground";
     }
     const auto keys_of = [&](std::initializer_list<const char*> names, const auto& change) {
@@ -1425,7 +1470,7 @@ std::vector<Key> make_keys() {
     because({"frequency", "transmit-power", "gain", "losses"},
             "the echo's watts hold it, and would be rounded otherwise (if-gain brightens the picture as well)");
     because({"gamma"}, "it is what every piece of ground returns");
-    because({"polarisation", "backscatter", "water", "sea-state", "wind-direction", "far-shore"},
+    because({"polarisation", "backscatter", "water", "sea-state", "wind-direction", "far-shore", "walls"},
             "it decides what every piece of ground returns");
     return keys;
 }

@@ -19,7 +19,8 @@ enum Command : unsigned {
     command_tile = 8,
     command_coverage = 16,
     command_scope = 32,
-    command_evaluate = 64
+    command_evaluate = 64,
+    command_budget = 128
 };
 
 enum class KeyGroup {

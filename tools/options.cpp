@@ -2,14 +2,12 @@
 
 #include <algorithm>
 #include <boost/program_options.hpp>
-#include <cerrno>
-#include <cstring>
 #include <filesystem>
-#include <fstream>
 #include <map>
 
 #include "tiles/tile_store.hpp"
 #include "tools/radar_set.hpp"
+#include "tools/text_file.hpp"
 #include "tools/units.hpp"
 
 namespace po = boost::program_options;
@@ -177,20 +175,7 @@ std::vector<Given> read_command_line(Command command, const std::vector<std::str
 
 /// `kind`: of file, for messages.
 std::string file_content(const std::string& path, const char* kind = "scene file") {
-    const std::string subject = text(kind, " ", in_quotes(path));
-    std::error_code ignored;
-    if (std::filesystem::is_directory(path, ignored)) throw IoError(text(subject, " is a folder"));
-    errno = 0;
-    std::ifstream file(path, std::ios::binary);
-    if (!file) throw IoError(text(subject, " cannot be opened: ", std::strerror(errno)));
-    constexpr std::size_t most = std::size_t{1} << 20;
-    std::string content(most + 1, '\0');
-    file.read(content.data(), static_cast<std::streamsize>(content.size()));
-    if (file.bad()) throw IoError(text(subject, " cannot be read"));
-    content.resize(static_cast<std::size_t>(file.gcount()));
-    if (content.size() > most)
-        throw InputError(text(subject, " is larger than 1 MiB; a ", kind, " holds lines key = value"));
-    return content;
+    return text_of_file(text(kind, " ", in_quotes(path)), path, text("a ", kind, " holds lines key = value"));
 }
 
 }  // namespace
@@ -212,14 +197,25 @@ const std::vector<CommandInfo>& command_table() {
          "where they are auto, follow beam and pulse: give them).",
          "wedgescope scope --if-gain 40dB --display ppi echo.tif -o scope.png"},
         {command_coverage, "coverage", "wedgescope coverage [options] IN OUT",
-         "terrain raster -> which of its posts are seen, how high, far and steep they lie, or what a radar gets of them",
+         "terrain raster -> which of its posts are seen, how high, far and steep they lie, or what a radar gets of "
+         "them",
          "OUT has IN's grid; the mask holds 255 where the ground is seen, 0 where it is not, 1 where there is no data "
          "or out of range. gdal_viewshed's options -ox -oy -oz -tz -md -cc -ov -vv -iv -a_nodata -b -f -co -om -q are "
          "understood too, in its units (-b 1 and -om NORMAL only: --layer height gives what -om DEM does); with -ox "
          "and -oy the ground is a plane, the sensor stands over the nearest post, and defaults are gdal_viewshed's. "
-         "With --observers many sensors are looked from in one run. Radar, antenna, ground and weather count for --layer "
+         "With --observers many sensors are looked from in one run. Radar, antenna, ground and weather count for "
+         "--layer "
          "response alone, as do culture, culture-legend, class-table and material.",
          "wedgescope coverage --latlon 33.9,-117.3 --altitude-agl 500m terrain.tif seen.tif"},
+        {command_budget, "budget", "wedgescope budget [options] [scene.ini] --at AZIMUTH,RANGE | --at-latlon LAT,LON",
+         "link budget of one cell, line by line from the transmitter to the grey level",
+         "Takes every option of simulate that decides on the picture. Each line is a number with its unit; those from "
+         "the "
+         "transmitter to the clouds add up to the echo, which is the cell's in simulate's images. What depends on the "
+         "ground (pattern, gases, rain, cloud) is the mean over all that the cell gathers through pulse and beam, "
+         "weighted with what it returns. Where a scene file says where the sensor is, --latlon on the command line "
+         "without --at names the place on the ground.",
+         "wedgescope budget scene.ini --at 40deg,12nmi"},
         {command_evaluate, "evaluate", "wedgescope evaluate MODEL [NAME=VALUE...] [options] | evaluate --list [MODEL]",
          "any model of the library as a calculator, over a CSV table or for single values",
          "MODEL takes its inputs from the columns of the table (--in), named with their units in brackets, such as "
@@ -435,15 +431,35 @@ bool asks_for_help(const std::vector<Given>& command_line) {
                        [](const Given& given) { return given.key == "help"; });
 }
 
-}  // namespace
+/// A tile store that holds the classes of its features brings its class table, unless another is given.
+void add_class_table(std::vector<Given>& given, std::vector<std::string> stores) {
+    for (const Given& one : given) {
+        if (one.key == "class-table") return;
+        if (one.key != "dem") continue;
+        Settings where;
+        find_key("dem")->set(where, one);
+        stores.push_back(where.dem);
+    }
+    for (const std::string& store : stores)
+        if (const std::string table = store_classes(store); !table.empty()) {
+            given.push_back({"class-table", table, text("class-table of tile store ", in_quotes(store)), ""});
+            return;
+        }
+}
 
-Settings settings_from(const std::vector<Given>& scene_file, const std::vector<Given>& command_line) {
+Settings settings_of(const std::vector<Given>& merged_keys) {
     Settings settings;
-    std::vector<Given> all = with_set(merged(scene_file, command_line));
+    std::vector<Given> all = with_set(merged_keys);
     // It says which words others may be.
     std::stable_partition(all.begin(), all.end(), [](const Given& given) { return given.key == "class-table"; });
     for (const Given& given : all) find_key(given.key)->set(settings, given);
     return settings;
+}
+
+}  // namespace
+
+Settings settings_from(const std::vector<Given>& scene_file, const std::vector<Given>& command_line) {
+    return settings_of(merged(scene_file, command_line));
 }
 
 ScopeRequest parse_scope_arguments(const std::vector<std::string>& arguments) {
@@ -466,28 +482,54 @@ ScopeRequest parse_scope_arguments(const std::vector<std::string>& arguments) {
     return request;
 }
 
+namespace {
+
+/// Of budget, whose scene file says where the sensor is: `latlon` names the cell's place if nothing else does.
+void name_place(const std::vector<Given>& scene_file, std::vector<Given>& command_line) {
+    const auto has = [](const std::vector<Given>& all, std::initializer_list<const char*> names) {
+        return std::any_of(all.begin(), all.end(), [&](const Given& given) {
+            return std::any_of(names.begin(), names.end(), [&](const char* name) { return given.key == name; });
+        });
+    };
+    if (!has(scene_file, {"latlon", "xy"}) || has(command_line, {"at", "at-latlon", "xy"})) return;
+    for (Given& given : command_line)
+        if (given.key == "latlon") given.key = "at-latlon";
+}
+
+}  // namespace
+
 Settings parse_arguments(Command command, const std::vector<std::string>& arguments) {
     std::vector<std::string> files;
-    const std::vector<Given> command_line = read_command_line(command, arguments, files);
+    std::vector<Given> command_line = read_command_line(command, arguments, files);
     if (asks_for_help(command_line)) {
         Settings settings;
         settings.help = true;
         return settings;
     }
     std::vector<Given> scene_file;
-    if ((keys_taken(command, arguments) & command_simulate) && !files.empty()) {
+    if ((keys_taken(command, arguments) & (command_simulate | command_budget)) && !files.empty()) {
         if (files.size() > 1) {
             throw InputError(text("there are two scene files, ", in_quotes(files[0]), " and ", in_quotes(files[1]),
                                   "; one at most is taken"));
         }
         scene_file = read_scene(files[0], file_content(files[0]));
     }
-    Settings settings = settings_from(scene_file, command_line);
+    if (command == command_budget) name_place(scene_file, command_line);
+    std::vector<Given> given = merged(scene_file, command_line);
+    // Of tile's and coverage's paths the last is an output.
+    const bool writes = command == command_coverage || (command == command_tile && files.size() > 1);
+    add_class_table(given,
+                    writes ? std::vector<std::string>(files.begin(), files.end() - (files.empty() ? 0 : 1)) : files);
+    Settings settings = settings_of(given);
     settings.files = files;
     return settings;
 }
 
-Settings parse_scene_file(const std::string& path) { return settings_from(read_scene(path, file_content(path)), {}); }
+Settings parse_scene_file(const std::string& path) {
+    std::vector<Given> given = read_scene(path, file_content(path));
+    add_class_table(given, {});
+    return settings_of(given);
+}
 
 namespace {
 

@@ -42,6 +42,8 @@ void run_command(const std::vector<std::string>& words, Stop& stop) {
             return tile(rest, stop);
         case command_coverage:
             return coverage(rest, stop);
+        case command_budget:
+            return link_budget(rest, stop);
         case command_evaluate:
             return evaluate(rest, stop);
         case command_info:

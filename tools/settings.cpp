@@ -1,13 +1,10 @@
 #include "tools/settings.hpp"
 
 #include <algorithm>
-#include <cerrno>
-#include <cstring>
-#include <fstream>
-#include <sstream>
 #include <thread>
 
 #include "tiles/attribute_table.hpp"
+#include "tools/text_file.hpp"
 #include "tools/units.hpp"
 
 namespace wedgescope {
@@ -29,16 +26,10 @@ std::optional<Legend> legend(const Settings& settings, const std::string& cultur
 namespace {
 
 std::string csv_of(const char* key, const std::string& path) {
-    std::ifstream file(path, std::ios::binary);
-    if (!file) {
-        throw IoError(text(key, " ", in_quotes(path), " is none of fbfm40, nlcd, worldcover, smc",
-                           key == std::string("culture-legend") ? ", rat" : "",
-                           " and cannot be opened as a CSV file: ", std::strerror(errno)));
-    }
-    std::ostringstream content;
-    content << file.rdbuf();
-    if (!file) throw IoError(text(key, " ", in_quotes(path), ": cannot be read as a CSV file"));
-    return content.str();
+    const std::string subject = text(key, " ", in_quotes(path), " is none of fbfm40, nlcd, worldcover, smc",
+                                     key == std::string("culture-legend") ? ", rat" : "", " and, as a CSV file,");
+    constexpr std::size_t most_mib = 16;  // many codes
+    return text_of_file(subject, path, "it holds a line for each code", most_mib);
 }
 
 }  // namespace
@@ -86,6 +77,7 @@ SpillOptions spill_options(const Settings& settings) {
     options.memory_bytes = static_cast<std::size_t>(settings.memory_bytes);
     options.threads =
         settings.threads > 0 ? settings.threads : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+    options.all_round = !settings.ground_file.empty();
     return options;
 }
 

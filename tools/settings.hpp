@@ -70,6 +70,15 @@ struct Settings {
     bool no_cull = false;
     bool overwrite = false, reproducible = false;
 
+    /// Budget: the cell that is asked for, or the place on the ground that it is to show; and how that was said.
+    struct Cell {
+        Angle azimuth;  ///< clockwise from the heading
+        double range_m = 0;
+    };
+    std::optional<Cell> cell;
+    std::optional<LatLon> cell_place;
+    std::string cell_place_key;
+
     std::string table;                   ///< evaluate --in: path, - for standard input; empty: single values
     std::optional<std::int64_t> digits;  ///< evaluate: none: as many as read back the same
     bool list = false;                   ///< evaluate --list

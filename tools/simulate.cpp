@@ -109,43 +109,43 @@ std::optional<Arc> arc_alone(const Settings& settings, const DataBaseParams& lay
     }
 }
 
-/// The scene's response on the raster's own posts, in what the images leave of the budget.
+/// The file of the scene's response on the raster's own posts, and how it gets there. Made before the sweep: a name that no raster can
+/// have is found before any work.
 class Ground {
 public:
-    /// InputError where that is too little.
-    Ground(const Settings& settings, const ResolvedScene& scene, const DataBaseParams& layers, std::size_t held_bytes,
-           Stop& stop)
-        : settings_(settings), source_(open_direct_source(layers)) {
-        Scene same = settings.scene;
-        same.range_m = scene.scene.range_m;
-        scene_ = resolve_coverage(same, *source_);
-        params_.layer = CoverageLayer::response;
-        params_.cull = !settings.no_cull;
-        params_.threads = settings.threads;
-        // Beside the images stands what the scene's own source holds.
-        const std::size_t images = image_bytes(scene) + held_bytes, all = memory_bytes(settings);
-        params_.memory_bytes = all - std::min(all, images);
-        params_.stop = &stop;
-        const std::size_t least =
-            images + coverage_bytes(scene_, *source_, params_) + source_->cache_bytes() + source_->reader_bytes();
-        if (least > all) throw TooLittleMemory(all, least, "this scene with ground");
-    }
-    void write(const OutputFile& file, Timeline* timeline) {
-        params_.timeline = timeline;
-        CoverageFile::Layer layer;
-        layer.kind = params_.layer;
-        RasterFormat format = coverage_format(settings_);
-        if (!settings_.output.empty()) format.driver.clear(), format.creation.clear();  // the picture's
-        CoverageFile raster(scene_, source_->data_base(), layer, file, format);
-        cover(scene_, *source_, params_, [&](const CoverageTile& tile) { raster.write(tile); });
-        raster.close(0);
+    Ground(const Settings& settings, const ResolvedScene& scene, WedgeSource& source, const OutputFile& file)
+        : work_(ground_work(settings, scene, source)), source_(source),
+          raster_(work_.scene, source.data_base(), layer(), file, format(settings)) {}
+
+    void write(bool quiet, Stop& stop, Timeline* timeline, std::uint64_t data) {
+        remark(quiet || ::isatty(STDERR_FILENO) == 0, "the response of the ground's own posts");
+        Progress progress(quiet);
+        work_.params.progress = [&](double fraction) { progress.report(fraction); };
+        work_.params.stop = &stop;
+        work_.params.timeline = timeline;
+        work_.params.data = data;
+        cover(work_.scene, source_, work_.params, [&](const CoverageTile& tile) { raster_.write(tile); });
+        raster_.close(0);
+        progress.done();
     }
 
 private:
-    const Settings& settings_;
-    std::unique_ptr<WedgeSource> source_;
-    ResolvedScene scene_;
-    CoverageParams params_;
+    static CoverageFile::Layer layer() {
+        CoverageFile::Layer response;
+        response.kind = CoverageLayer::response;
+        return response;
+    }
+    static RasterFormat format(const Settings& settings) {
+        Settings covered = settings;
+        covered.coverage.layer = CoverageLayer::response;
+        RasterFormat format = coverage_format(covered);
+        if (!settings.output.empty()) format.driver.clear(), format.creation.clear();  // the picture's
+        return format;
+    }
+
+    GroundWork work_;
+    WedgeSource& source_;
+    CoverageFile raster_;
 };
 
 /// How to go on from what is kept, for the end of an error's line; empty if nothing is.
@@ -204,11 +204,11 @@ void simulate(const Settings& given, WorkDir* work, double start_s, Stop& stop) 
     params.archive = work;
     params.timeline = timeline.get();
     std::optional<Ground> ground;
-    if (outputs.ground) ground.emplace(settings, scene, layers, source->held_bytes(), stop);
     Progress progress(settings.quiet);
     params.progress = [&](double fraction) { progress.report(fraction); };
     RunResult result = [&] {
         try {
+            if (outputs.ground) ground.emplace(settings, scene, *source, *outputs.ground);
             return run(scene, *source, params);
         } catch (const TooLittleMemory& e) {
             source.reset();
@@ -225,7 +225,7 @@ void simulate(const Settings& given, WorkDir* work, double start_s, Stop& stop) 
     const double write_start_s = now_s();
     Span writing(timeline.get(), "write", "stage");
     if (outputs.layers) outputs.layers->write(result, settings, source->data_base(), stop);
-    if (ground) ground->write(*outputs.ground, timeline.get());
+    if (ground) ground->write(settings.quiet, stop, timeline.get(), data);
     const double write_s = now_s() - write_start_s;
     writing.end();
     if (timeline) timeline->finish();

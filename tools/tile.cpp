@@ -1,5 +1,6 @@
 #include <tbb/info.h>
 
+#include <algorithm>
 #include <filesystem>
 
 #include "tiles/gdal_session.hpp"
@@ -24,12 +25,12 @@ std::string kept_file(const Settings& settings) {
 }
 
 /// Sorts the store's posts round the point; returns the time that took.
-double keep_around(const Settings& settings, Stop& stop) {
+double keep_around(const Settings& settings, const Materials& materials, Stop& stop) {
     const double start_s = now_s();
     const std::string& store = settings.files.back();
     DataBaseParams params;
     params.dem = store;
-    params.materials = settings.scene.materials;  // the store's legend may name some of its own
+    params.materials = materials;  // the store's legend may name some of its own
     params.culture_height_scale = settings.culture_height_scale;
     params.cache_bytes = cache_bytes(settings);
     params.stop = &stop;
@@ -103,9 +104,15 @@ TileStoreParams store_params(const Settings& settings) {
                                         settings.culture_height_scale};
         if (!(settings.culture_height_scale > 0))
             throw InputError("culture-height-scale is 0, and features is given; it must be above 0");
-        params.legend = with_features(params.legend, materials);
+        params.features = with_sides(std::move(*params.features));
+        const Materials& all = params.features->materials;
+        if (params.features->axis_step_deg > 0) {
+            params.class_table = all.own() + "\n";
+            std::replace(params.class_table.begin(), params.class_table.end(), ';', '\n');
+        }
+        params.legend = with_features(params.legend, all);
         params.legend_name = params.legend->name();
-        params.legend_csv = params.legend->csv(materials);
+        params.legend_csv = params.legend->csv(all);
     }
     params.tile_posts = settings.tile_posts;
     params.creation = settings.creation;
@@ -158,7 +165,7 @@ void tile(const std::vector<std::string>& arguments, Stop& stop) {
     if (settings.help) return print(help_text(command_by_name("tile")));
     if (adds_to_store(settings)) {
         const GdalSession session(cache_bytes(settings), settings.config);
-        const double seconds = keep_around(settings, stop);
+        const double seconds = keep_around(settings, settings.scene.materials, stop);
         return remark(settings.quiet, fmt::format("written: {} ({:.1f} s)", kept_file(settings), seconds));
     }
     const GdalSession session(cache_bytes(settings), settings.config);
@@ -168,7 +175,14 @@ void tile(const std::vector<std::string>& arguments, Stop& stop) {
     params.progress = [&](double fraction) { progress.report(fraction); };
     const TileStoreSummary summary = write_tile_store(params);
     progress.done();
-    if (settings.around) keep_around(settings, stop);
+    if (settings.around)
+        keep_around(settings, params.features ? params.features->materials : settings.scene.materials, stop);
+    if (params.features && params.features->axis_step_deg > 0)
+        remark(settings.quiet,
+               fmt::format("features: {} classes with a side of their own, axes to {} deg, are in {}; scenes over the store "
+                           "take it as their class-table",
+                           params.features->materials.size() - settings.scene.materials.size(),
+                           params.features->axis_step_deg, in_quotes(store_classes(params.output))));
     tell(settings, summary, now_s() - start_s);
 }
 

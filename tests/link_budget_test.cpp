@@ -1,0 +1,308 @@
+// The link budget of a cell: closed forms for level ground, and on hills with culture and weather the sums and products
+// that a run's images must meet.
+#include <catch2/catch.hpp>
+
+#include <cmath>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <numbers>
+
+#include "lib/link_budget.hpp"
+#include "lib/radar_equation.hpp"
+#include "lib/rain.hpp"
+#include "tests/drawn_raster.hpp"
+#include "tests/in_process.hpp"
+#include "tests/terrain.hpp"
+
+using namespace wedgescope;
+using Catch::Matchers::Contains;
+using Catch::Matchers::WithinAbs;
+using Catch::Matchers::WithinRel;
+using test::MemorySource;
+
+namespace {
+
+constexpr double post_m = 30;
+
+Scene scene_at(double column, double row, double height_m, double range_m) {
+    Scene s;
+    s.platform.xy = PointXY{column * post_m, -row * post_m};
+    s.platform.altitude_m = height_m;
+    s.range_m = range_m;
+    s.azimuth_bins = 720;
+    s.earth_k.reset();
+    s.display.size = 64;
+    s.quality = Quality::exact;
+    return s;
+}
+
+double db(double ratio) { return 10 * std::log10(ratio); }
+
+/// The cell as a run over all azimuths makes it.
+struct Whole {
+    RunResult result;
+    Whole(const Scene& scene, WedgeSource& source) {
+        EngineParams params;
+        params.threads = 1;
+        params.beside_others = true;  // keeps what was received
+        result = run(resolve(scene, source), source, params);
+    }
+    double of(const PolarImage<float>& image, std::int64_t a, std::int64_t r) const {
+        return static_cast<double>(image.row(static_cast<std::size_t>(a))[r]);
+    }
+};
+
+LinkBudget budget(const Scene& scene, WedgeSource& source, std::int64_t azimuth, std::int64_t range) {
+    EngineParams params;
+    params.threads = 1;
+    return link_budget(resolve(scene, source), source, params, azimuth, range);
+}
+
+}  // namespace
+
+TEST_CASE("level ground has the closed form in every line", "[budget]") {
+    MemorySource source(601, 601, post_m, [](double, double) { return 100.0; });
+    const ClassId grass = material_by_name("material", "grass");
+    source.editable().default_class = grass;
+    Scene s = scene_at(300.3, 299.6, 2100, 8500);
+    s.radar.pulse_s = 2e-6;  // 300 m
+    s.radar.antenna.tilt = Angle::degrees(3);
+    for (const LandModel land : {LandModel::constant_gamma, LandModel::ulaby_dobson}) {
+        s.land = land;
+        s.weather.rain_mm_h = land == LandModel::constant_gamma ? 0 : 16;
+        s.weather.rain_top_m = 1100;
+        for (const std::int64_t bin : {60, 95}) {
+            const LinkBudget b = budget(s, source, 123, bin);
+            const double range = b.echo_range_m, sine = 2000 / range, depression = std::asin(sine);
+            CHECK(b.state == State::seen);
+            CHECK_THAT(b.slant_range_m,
+                       WithinAbs((static_cast<double>(bin) + 0.5) * default_range_bin_m(s.radar), 1e-9));
+            CHECK_THAT(b.slant_range_m - b.echo_range_m, WithinRel(0.25 * speed_of_light_m_s * 2e-6, 1e-12));
+            CHECK_THAT(b.transmit_w * b.gain * b.wavelength_m2 * b.losses, WithinRel(radar_constant(s.radar), 1e-12));
+            REQUIRE(b.parts.size() == 1);
+            CHECK(b.parts[0].id == grass);
+            CHECK_FALSE(b.parts[0].wall);
+            const CellArea cell = cell_area(s.radar.antenna.beam, s.radar.antenna.width, s.radar.pulse_extent_m(),
+                                            range, Angle::radians(depression));
+            CHECK_THAT(b.level_area_m2, WithinRel(cell.pulse_m2, 1e-9));
+            CHECK_THAT(db(b.parts[0].area_m2 / cell.pulse_m2), WithinAbs(0, 0.02));
+            const BackscatterLaw law = class_law(material_table()[grass], laws_of(s));
+            CHECK_THAT(db(b.parts[0].sigma0() / (law.factor(sine) * sine)), WithinAbs(0, 0.03));
+            const double g = elevation_pattern(s.radar.antenna, depression);
+            CHECK_THAT(db(b.pattern / (g * g)), WithinAbs(0, 0.03));
+            if (s.weather.rain_mm_h > 0) {
+                // Below its top: 1000 of 2000 m of the way.
+                const double way_km = 0.5e-3 * range;
+                CHECK_THAT(-db(b.rain),
+                           WithinAbs(2 * way_km *
+                                         rain_attenuation_db_km(s.radar.frequency_hz, 16, Angle::radians(depression),
+                                                                horizontal_tilt),
+                                     0.02));
+                CHECK(b.rain_echo_w > 0);
+            } else {
+                CHECK(b.rain == 1);
+                CHECK(b.rain_echo_w == 0);
+            }
+            CHECK(b.gases == 1);
+            CHECK(b.cloud == 1);
+            CHECK_THAT(b.product_w(), WithinRel(b.echo_w, 1e-6));
+        }
+    }
+}
+
+TEST_CASE("a budget adds up to the cell that a run makes", "[budget]") {
+    const auto hills = test::rolling(250, 120, 11);
+    MemorySource source(401, 401, post_m, [&](double c, double r) { return 500 + hills(c, r); });
+    source.set_classes([](double c, double r) {
+        return static_cast<int>(c) / 5 % 2 ? 8 : static_cast<int>(r) / 6 % 2 ? 5 : 11;  // trees, grass, towns
+    });
+    source.set_culture_height([](double c, double r) {
+        return static_cast<int>(c) / 5 % 2 == 0 && static_cast<int>(r) / 6 % 2 == 0 ? 25.0 : 0.0;
+    });
+    Scene s = scene_at(200.2, 199.7, 1500, 5800);
+    s.weather.vapour_g_m3 = 20;
+    s.weather.rain_mm_h = 40;
+    s.weather.rain_top_m = 900;
+    s.weather.liquid_water_g_m3 = 1;
+    s.weather.cloud_base_m = 900;
+    s.weather.cloud_top_m = 1400;
+    s.receiver.speckle_looks = 3;
+    s.receiver.noise = true;
+    s.receiver.stc_range_m = 4000;
+    for (const auto& [kind, land] :
+         {std::pair{DisplayKind::ppi, LandModel::ulaby_dobson}, {DisplayKind::gpi_true, LandModel::constant_gamma}}) {
+        s.display.kind = kind;
+        s.land = land;
+        const Whole whole(s, source);
+        std::size_t seen = 0, shadows = 0;
+        for (std::int64_t azimuth = 3; azimuth < 720; azimuth += 190)
+            for (std::int64_t range = 120; range < 300; range += 60) {
+                INFO("cell " << azimuth << ", " << range);
+                const LinkBudget b = budget(s, source, azimuth, range);
+                // The very bits of the images.
+                CHECK(b.power_w == whole.of(whole.result.power_w, azimuth, range));
+                CHECK(b.received_w == whole.of(whole.result.received_w, azimuth, range));
+                CHECK(b.state == static_cast<State>(whole.result.state.row(static_cast<std::size_t>(azimuth))[range]));
+                CHECK(b.levels.grey == Receiver(s.receiver, s.radar).grey(b.received_w, b.slant_range_m));
+                CHECK_THAT(b.echo_w + b.rain_echo_w, WithinRel(b.power_w, 1e-6));
+                CHECK_THAT(b.product_w(), WithinRel(b.echo_w, 1e-6));
+                shadows += b.state == State::shadow;
+                if (!(b.echo_w > 0)) continue;
+                ++seen;
+                double sum = 0;
+                for (const LinkPart& part : b.parts) sum += part.cross_section_m2;
+                CHECK_THAT(db(sum / b.cross_section_m2), WithinAbs(0, 0.002));
+                CHECK(b.parts.size() >= 2);
+                for (const double loss : {b.gases, b.rain, b.cloud}) CHECK((loss > 0 && loss < 1));
+                // Between those of the lowest and the highest ground there may be.
+                const auto gases_db = [&](double ground_m) {
+                    return path_loss(Weather(weather_of(s), s.radar.frequency_hz), Earth(), 1500, b.echo_range_m,
+                                     (ground_m - 1500) / b.echo_range_m)
+                        .gases_db;
+                };
+                CHECK(-db(b.gases) < gases_db(250) * 1.03);
+                CHECK(-db(b.gases) > gases_db(775) * 0.97);
+            }
+        CHECK(seen > 8);
+        CHECK(shadows > 0);
+    }
+    // Nearer than the receiver opens nothing is received.
+    s.receiver.minimum_range_m = 4000;
+    const LinkBudget near = budget(s, source, 3, 150);
+    CHECK(near.blanked);
+    CHECK(near.received_w == 0);
+    CHECK(near.levels.grey == 0);
+}
+
+TEST_CASE("a cell without ground says so", "[budget]") {
+    MemorySource source(301, 301, post_m, [](double c, double) { return c == 180 ? 400.0 : 0.0; });
+    Scene s = scene_at(100, 150, 500, 9000);
+    const ResolvedScene scene = resolve(s, source);
+    const CellPlace behind = cell_place(scene, source, {220, 150});
+    CHECK_THAT(behind.azimuth_rad, WithinAbs(std::numbers::pi / 2, 1e-12));
+    CHECK_THAT(behind.range_m, WithinRel(std::hypot(120 * post_m, 500.0), 1e-12));
+    CHECK(behind.surface_m == 0);
+    const LinkBudget b = budget(s, source, 180, static_cast<std::int64_t>(behind.range_m / scene.shown.range_bin_m));
+    CHECK(b.state == State::shadow);
+    CHECK(b.echo_w == 0);
+    CHECK(b.cross_section_m2 == 0);
+    CHECK(b.parts.empty());
+    CHECK(b.product_w() == 0);
+    CHECK_THAT(b.received_w, WithinRel(s.radar.noise_power_w(), 1e-6));
+    const auto level = level_place(scene, source.data_base(), behind.azimuth_rad, behind.range_m);
+    REQUIRE(level);
+    CHECK_THAT(level->first, WithinAbs(220 * post_m, 1e-6));
+    CHECK_THAT(level->second, WithinAbs(-150 * post_m, 1e-6));
+    CHECK_FALSE(level_place(scene, source.data_base(), 0, 499));  // the altitude hole
+    CHECK_THROWS_AS(cell_place(scene, source, {-5, 0}), InputError);
+    CHECK_THROWS(budget(s, source, 3, 1000000));
+}
+
+// ------------------------------------------------------------------------------------------------- the command
+
+namespace {
+
+const std::string dem = std::string(WEDGESCOPE_DATA) + "/inland_empire_dem.tif";
+
+struct Said {
+    test::Ended ended;
+    std::string out;
+};
+Said wedgescope_says(const test::Folder& folder, std::vector<std::string> words) {
+    Said said;
+    const std::string out = (folder / "out.txt");
+    said.ended = test::run_here(words, (folder / "err.txt"), out);
+    std::ostringstream all;
+    all << std::ifstream(out, std::ios::binary).rdbuf();
+    said.out = all.str();
+    return said;
+}
+
+}  // namespace
+
+TEST_CASE("the budget command prints what simulate makes", "[budget]") {
+    const test::Folder folder;
+    const std::string scene = (folder / "scene.ini");
+    std::ofstream(scene) << "dem = " << dem << "\nlatlon = 33.92,-117.28\naltitude-msl = 7000ft\nrange = 12nmi\n"
+                         << "gases = normal\nrain = light\nheading = 30deg\noutput = scope.png\n";
+    const Said said = wedgescope_says(folder, {"budget", scene, "--at", "200deg,8nmi", "--json"});
+    INFO(said.ended.err);
+    REQUIRE(said.ended.code == 0);
+    const auto page = nlohmann::json::parse(said.out);
+    CHECK(page["format"] == "wedgescope-budget-1");
+    CHECK_THAT(page["cell"]["azimuth_from_heading_deg"].get<double>(), WithinAbs(200, 0.4));
+    CHECK_THAT(page["cell"]["azimuth_deg"].get<double>(), WithinAbs(230, 0.4));
+    CHECK_THAT(page["cell"]["slant_range_m"].get<double>(), WithinAbs(8 * 1852, 20));
+    std::map<std::string, double> value;
+    for (const auto& line : page["lines"])
+        if (!line.contains("part_of") && line["value"].is_number()) value[line["name"]] = line["value"];
+    double sum = 0;
+    for (const char* name : {"transmitter", "antenna_gain", "wavelength", "losses", "spreading", "cross_section",
+                             "elevation_pattern", "gases", "rain", "cloud"}) {
+        REQUIRE(value.count(name) == 1);
+        sum += value[name];
+    }
+    CHECK_THAT(sum, WithinAbs(value["echo"], 1e-4));
+    CHECK_THAT(db(std::pow(10, value["echo"] / 10) + std::pow(10, value["rain_echo"] / 10)),
+               WithinAbs(value["power"], 1e-4));
+    CHECK_THAT(db(std::pow(10, value["power"] / 10) + std::pow(10, value["noise"] / 10)),
+               WithinAbs(value["received"], 2e-3));
+    CHECK_THAT(value["above_mds"], WithinAbs(value["received"] + value["stc"] - value["mds"], 1e-9));
+    CHECK_THAT(value["if_stage"],
+               WithinAbs(std::clamp((value["above_mds"] + value["if_gain"] - 64) / 20, 0.0, 1.0), 1e-6));
+    CHECK_THAT(value["grey_level"], WithinAbs(255 * value["video"], 0.5));
+
+    // The power layer holds the same.
+    const std::string power = (folder / "power.tif");
+    REQUIRE(test::run_here({"simulate", scene, "-o", (folder / "s.png"), "--power", power, "-q"}, (folder / "err.txt"))
+                .code == 0);
+    GDALAllRegister();
+    const std::unique_ptr<GDALDataset> image(GDALDataset::Open(power.c_str(), GDAL_OF_RASTER));
+    REQUIRE(image);
+    float watts = 0;
+    const int column = page["cell"]["range_bin"], row = page["cell"]["azimuth_bin"];
+    REQUIRE(image->GetRasterBand(1)->RasterIO(GF_Read, column, row, 1, 1, &watts, 1, 1, GDT_Float32, 0, 0, nullptr) ==
+            CE_None);
+    CHECK(static_cast<double>(watts) == page["watts"]["power"].get<double>());
+
+    // The place on level ground there is in the cell, or next to it where the ground is higher or lower.
+    const auto at = page["cell"]["level_lat_lon"];
+    const std::string place = fmt::format("{:.6f},{:.6f}", at[0].get<double>(), at[1].get<double>());
+    for (const char* option : {"--at-latlon", "--latlon"}) {
+        const Said by_place = wedgescope_says(folder, {"budget", scene, option, place, "--json"});
+        INFO(by_place.ended.err);
+        REQUIRE(by_place.ended.code == 0);
+        const auto same = nlohmann::json::parse(by_place.out);
+        CHECK(same["cell"]["azimuth_bin"] == page["cell"]["azimuth_bin"]);
+        CHECK_THAT(same["cell"]["slant_range_m"].get<double>(), WithinAbs(8 * 1852, 200));
+    }
+    const Said text = wedgescope_says(folder, {"budget", scene, "--at", "200deg,8nmi"});
+    CHECK_THAT(text.out,
+               Contains("transmitter") && Contains("76.990 dBm   50 kW") && Contains("soil") && Contains("grey level"));
+    CHECK_FALSE(std::filesystem::exists(folder / "scope.png"));
+}
+
+TEST_CASE("what budget cannot do it says in one line", "[budget]") {
+    const test::Folder folder;
+    const std::vector<std::string> scene = {"budget",         "--dem",  dem,       "--latlon", "33.92,-117.28",
+                                            "--altitude-msl", "7000ft", "--range", "12nmi"};
+    const auto refused = [&](std::vector<std::string> more, const std::string& words) {
+        std::vector<std::string> all = scene;
+        all.insert(all.end(), more.begin(), more.end());
+        const Said said = wedgescope_says(folder, all);
+        INFO(said.ended.err);
+        CHECK(said.ended.code == 2);
+        CHECK(std::count(said.ended.err.begin(), said.ended.err.end(), '\n') == 1);
+        CHECK_THAT(said.ended.err, Contains(words));
+        CHECK(said.out.empty());
+    };
+    refused({}, "at AZIMUTH,RANGE or at-latlon LAT,LON is needed");
+    refused({"--at", "20deg"}, "AZIMUTH,RANGE");
+    refused({"--at", "20deg,13nmi"}, "the scene's is 0.0 to 222");
+    refused({"--at", "20,3nmi"}, "angle");
+    refused({"--at", "400deg,3nmi"}, "from -360deg to 360deg");
+    refused({"--at", "20deg,3nmi", "--sector", "30deg,60deg"}, "the scene's sector is 30.0000 to 60.0000 deg");
+    refused({"--at", "20deg,3nmi", "--at-latlon", "33.9,-117.2"}, "exactly one");
+    refused({"--at-latlon", "10,10"}, "no height is known there");
+    refused({"--at", "20deg,3nmi", "--output", "x.png"}, "it is simulate's");
+}
