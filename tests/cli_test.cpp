@@ -268,6 +268,12 @@ TEST_CASE("coverage writes a mask on the raster's own grid, and every layer", "[
     refuses(folder,
             {"coverage", dem, "x.tif", "--latlon", "33.93,-117.33", "--altitude-agl", "1km", "--memory", "2MiB"}, 2,
             {"memory is 2 MiB", "at least"});
+    const Strings response = {"coverage",       dem,   "x.tif",   "--latlon", "33.93,-117.33",
+                              "--altitude-agl", "1km", "--layer", "response"};
+    refuses(folder, with(response, {"--target-height", "10m"}), 2, {"--target-height is 10 m", "layer response"});
+    refuses(folder, with(response, {"--far-shore", "on"}), 2, {"--far-shore", "simulate's"});
+    refuses(folder, with(start, {"--overwrite", "--wind-direction", "10deg"}), 2,
+            {"--wind-direction is '10deg'", "--layer response alone"});
     refuses(folder, {"simulate", "--layer", "mask"}, 2, {"--layer"});
     refuses(folder, {"simulate", "--ground-range", "5km"}, 2, {"--ground-range", "coverage's"});
     const std::string scene = folder.write("scene.ini", "dem = x.tif\nground-range = 5km\n");
@@ -330,6 +336,14 @@ TEST_CASE("a scene that contradicts itself or says too little is refused", "[cli
             {"dem"});
     refuses(folder, with(with(start, place), with(height, {"--culture", data + "/inland_empire_culture.tif"})), 2,
             {"culture-legend"});
+    const Strings whole = with(with(start, place), height);
+    refuses(folder, with(whole, {"--water", "calm", "--sea-state", "3"}), 2,
+            {"sea-state is 3", "water calm", "water nrl"});
+    refuses(folder, with(whole, {"--water", "calm", "--wind-direction", "10deg"}), 2,
+            {"wind-direction is 10 deg", "water calm"});
+    refuses(folder, with(whole, {"--gamma", "-15dB", "--far-shore", "on"}), 2, {"far-shore is given with gamma"});
+    refuses(folder, with(whole, {"--wind-direction", "361deg"}), 2,
+            {"--wind-direction is '361deg'", "from -360deg to 360deg"});
     const std::string twice = folder.write("twice.ini", "range = 5km\nlatlon = 1,2\nxy = 1,2\n");
     refuses(folder, {"simulate", twice, "-o", "scope.png"}, 2, {"line 3", "latlon"});
     const std::string unknown = folder.write("unknown.ini", "dem = x.tif\nfrequenzy = 5GHz\n");
