@@ -157,13 +157,13 @@ Chunk RaisedSource::load(const ChunkRequest& request) {
             chunk.bytes_spilled += tile.bytes_spilled;
             for (std::int64_t r = high.posts.begin; r < high.posts.end; ++r) {
                 const std::int64_t cell_row = rows.cells[static_cast<std::size_t>(r - window.rows.begin)];
-                const ClassId* const line =
-                    tile.classes.data() + (cell_row - high.cells.begin) * wide.cells.size() - wide.cells.begin;
+                const ClassId* const line = tile.classes.data() + (cell_row - high.cells.begin) * wide.cells.size();
                 for (std::int64_t c = wide.posts.begin; c < wide.posts.end; ++c)
                     if (wanted.has(c, r))
-                        lift(static_cast<std::size_t>((r - window.rows.begin) * down +
-                                                      (c - window.columns.begin) * across),
-                             line[columns.cells[static_cast<std::size_t>(c - window.columns.begin)]]);
+                        lift(
+                            static_cast<std::size_t>((r - window.rows.begin) * down +
+                                                     (c - window.columns.begin) * across),
+                            line[columns.cells[static_cast<std::size_t>(c - window.columns.begin)] - wide.cells.begin]);
             }
         }
     return chunk;

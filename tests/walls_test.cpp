@@ -10,6 +10,7 @@
 #include "lib/detail.hpp"
 #include "lib/engine.hpp"
 #include "lib/error.hpp"
+#include "lib/plan.hpp"
 #include "lib/raised_source.hpp"
 #include "lib/shade.hpp"
 #include "tests/drawn_raster.hpp"
@@ -321,6 +322,25 @@ TEST_CASE("what bounds leave out changes no bit where structures raise the groun
                         skipped += w.posts_skipped[static_cast<std::size_t>(why)];
             }
     CHECK(skipped > 10000);
+    // And no wedge holds more than it was granted: the classes under its posts count.
+    for (const std::int64_t wedges : {1, 9}) {
+        EngineParams params;
+        params.threads = 1;
+        params.wedges = wedges;
+        params.cull = false;
+        const ResolvedScene resolved = resolve(s, source);
+        const Plan granted = plan(resolved, source, params);
+        std::uint64_t bytes = 0, resolved_bytes = 0;
+        for (const WedgeReport& w : run(resolved, source, params).report.wedges) {
+            CHECK(w.peak_bytes <= granted.wedge_bytes);
+            bytes += w.bytes_read;
+        }
+        CHECK(static_cast<double>(bytes) == Approx(static_cast<double>(granted.total().bytes)).epsilon(0.2));
+        ResolvedScene plain = resolved;
+        plain.scene.walls = Walls::resolved;
+        for (const WedgeReport& w : run(plain, source, params).report.wedges) resolved_bytes += w.bytes_read;
+        CHECK(bytes > resolved_bytes);
+    }
     // The bounds stand above every post.
     SceneSource raised(source, s);
     const Window posts{{0, 520}, {0, 410}};

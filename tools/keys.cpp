@@ -1246,7 +1246,8 @@ std::vector<Key> make_keys() {
         tile_only(
             t.add("features", path([](auto& s) -> auto& { return s.features; }), "",
                   "vector file of points, lines and areas that are burnt over culture and culture-height, or make "
-                  "them: fields material (a word, or a code of features-legend) or SMC, and height or HGT, metres"));
+                  "them: fields material (a word, or a code of features-legend) or SMC, height or HGT, metres, and directivity "
+                  "(omni, uni, bi) with axis, degrees from north"));
         tile_only(t.add("features-layer", word_of("NAME", &Settings::features_layer), "",
                         "this layer of the vector file alone; without it all, later ones over those before"));
         tile_only(t.add("features-legend", features_legend(), "smc",
