@@ -26,6 +26,7 @@
 #include "lib/coverage_tiles.hpp"
 #include "lib/culture.hpp"
 #include "lib/error.hpp"
+#include "lib/facet.hpp"
 #include "lib/handover.hpp"
 #include "lib/post_extremes.hpp"
 #include "lib/raised_source.hpp"
@@ -905,7 +906,7 @@ Cover::Facet Cover::facet(const Side& side, const LineForm& line, double slope, 
     // The ray at the post: depression less the angle between the two verticals.
     const double angle = std::atan2(-sight.up_m, sight.out_m) - arc_m * inverse_radius;
     const double secant = std::sqrt(1 + steep);
-    return {(std::sin(angle) + rise * std::cos(angle)) / secant, secant};
+    return {facet_sine(std::sin(angle), std::cos(angle), rise, secant), secant};
 }
 
 float Cover::response(const Side& side, double slope, std::int64_t index, std::int64_t post, const Facet& facet,

@@ -17,13 +17,18 @@ struct Facet {
     double projected_area() const { return std::max(0.0, std::sin(local_grazing.rad())) * true_area; }
 };
 
+/// Sine of the local grazing angle (n . u, both of length 1; u points back to the antenna), of the sine and cosine of the grazing angle
+/// of the horizontal plane, the rise of the surface along the outgoing ray and the secant of its steepest slope.
+inline double facet_sine(double sine, double cosine, double rise, double secant) {
+    return (sine + rise * cosine) / secant;
+}
+
 /// `grazing`: of the horizontal plane at the point; `azimuth`: of the outgoing ray there, from north, clockwise; slopes dz/dx towards
 /// east and dz/dy towards north, finite.
 inline Facet facet_of(Angle grazing, Angle azimuth, double dz_dx, double dz_dy) {
     const double norm = std::sqrt(1 + dz_dx * dz_dx + dz_dy * dz_dy);
-    // n . u, both of length 1; u points back to the antenna.
-    const double back = dz_dx * std::sin(azimuth.rad()) + dz_dy * std::cos(azimuth.rad());
-    const double sine = (back * std::cos(grazing.rad()) + std::sin(grazing.rad())) / norm;
+    const double rise = dz_dx * std::sin(azimuth.rad()) + dz_dy * std::cos(azimuth.rad());
+    const double sine = facet_sine(std::sin(grazing.rad()), std::cos(grazing.rad()), rise, norm);
     return {Angle::radians(std::asin(std::clamp(sine, -1.0, 1.0))), norm};
 }
 

@@ -8,6 +8,7 @@
 #include "lib/class_laws.hpp"
 #include "lib/engine.hpp"
 #include "lib/shade.hpp"
+#include "tests/bare_scene.hpp"
 #include "tests/refusal.hpp"
 #include "tests/terrain.hpp"
 
@@ -15,6 +16,7 @@ using namespace wedgescope;
 using Catch::Matchers::WithinAbs;
 using Catch::Matchers::WithinRel;
 using wedgescope::test::MemorySource;
+using wedgescope::test::simulate;
 
 namespace {
 
@@ -22,27 +24,12 @@ constexpr double degree = std::numbers::pi / 180;
 
 ClassId id_of(const char* name) { return material_by_name("material", name); }
 
-/// No pattern, no beam, no pulse, a flat earth: the echo is K sigma0(psi) A / r^4.
+/// A bare set over a flat earth.
 Scene bare_scene(double x, double y, double altitude_m, double range_m) {
-    Scene s;
-    s.platform.xy = PointXY{x, y};
-    s.platform.altitude_m = altitude_m;
-    s.range_m = range_m;
+    Scene s = test::bare_scene(x, y, altitude_m, range_m);
     s.azimuth_bins = 72;
-    s.range_bin_m = 50;
     s.earth_k.reset();
-    s.quality = Quality::exact;
-    s.radar.antenna.elevation = ElevationPattern::gaussian;
-    s.radar.antenna.floor = Decibel(0);
-    s.radar.beam_width_error = s.radar.pulse_length_error = false;
-    s.display.size = 64;
     return s;
-}
-
-RunResult simulate(const Scene& scene, WedgeSource& source) {
-    EngineParams params;
-    params.threads = 1;
-    return run(resolve(scene, source), source, params);
 }
 
 double echo_at(const RunResult& r, double azimuth_deg, double range_m) {

@@ -10,37 +10,21 @@
 #include "lib/material.hpp"
 #include "lib/plan.hpp"
 #include "lib/shade.hpp"
+#include "tests/bare_scene.hpp"
 #include "tests/terrain.hpp"
 
 using namespace wedgescope;
 using wedgescope::test::MemorySource;
+using wedgescope::test::simulate;
 using wedgescope::test::void_post;
 
 namespace {
 
-/// A set without pattern, losses or spreading errors: E r^2 = K gamma (solid angle).
+/// A bare set over one gamma: E r^2 = K gamma (solid angle).
 Scene bare_scene(double x, double y, double altitude_m, double range_m) {
-    Scene s;
-    s.platform.xy = PointXY{x, y};
-    s.platform.altitude_m = altitude_m;
-    s.range_m = range_m;
-    s.azimuth_bins = 360;
-    s.range_bin_m = 50;
+    Scene s = test::bare_scene(x, y, altitude_m, range_m);
     s.gamma = Decibel(-15);
-    s.quality = Quality::exact;
-    s.radar.antenna.elevation = ElevationPattern::gaussian;
-    s.radar.antenna.floor = Decibel(0);  // g = 1 everywhere
-    s.radar.beam_width_error = false;
-    s.radar.pulse_length_error = false;
-    s.display.size = 64;
     return s;
-}
-
-RunResult simulate(const Scene& scene, WedgeSource& source, std::int64_t wedges = 0, int threads = 1) {
-    EngineParams params;
-    params.threads = threads;
-    params.wedges = wedges;
-    return run(resolve(scene, source), source, params);
 }
 
 double gamma_of(const Scene& s) {
@@ -368,9 +352,7 @@ TEST_CASE("the same bits for any number of wedges and threads", "[engine][thread
     s.azimuth_bins = 500;
     s.radar = RadarParams{};
     const RunResult one = simulate(s, source, 1, 1);
-    double total = 0;
-    for (float e : one.echo_w.cells) total += static_cast<double>(e);
-    CHECK(total > 0);
+    CHECK(test::sum_of(one.echo_w) > 0);
     for (std::int64_t wedges : {1, 7, 64})
         for (int threads : {1, 2}) {
             INFO(wedges << " wedges, " << threads << " threads");

@@ -324,6 +324,12 @@ TEST_CASE("the budget that a refusal names will do", "[memory]") {
     draw_hills(lines, {4500, GDT_Int16, 4500, 1, "ZSTD"});
     for (const std::uint64_t memory : {2, 40})
         check_refused(memory, joined(simulate(lines, "422000,4478000"), {"--range", "30km"}), log);
+    // With the response of the posts beside the picture, from the same blocks, which lie in all directions.
+    for (const std::uint64_t memory : {2, 40})
+        check_refused(memory,
+                      joined(simulate(lines, "422000,4478000"),
+                             {"--range", "30km", "--sector", "0deg,60deg", "--ground", folder / "ground.tif"}),
+                      log);
     check_refused(2,
                   {"coverage", lines, folder / "seen.tif", "--xy", "422000,4478000", "--altitude-agl", "900m", "-q",
                    "--overwrite"},

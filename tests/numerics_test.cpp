@@ -14,11 +14,13 @@
 #include "lib/deposit.hpp"
 #include "lib/engine.hpp"
 #include "lib/shade.hpp"
+#include "tests/bare_scene.hpp"
 #include "tests/reference/long_walk.hpp"
 #include "tests/terrain.hpp"
 
 using namespace wedgescope;
 using test::MemorySource;
+using test::simulate;
 
 namespace {
 
@@ -26,29 +28,15 @@ using Real = long double;
 constexpr Real pi = std::numbers::pi_v<long double>;
 constexpr Real round_m = 4.0L / 3 * 6371008.7714L;  // the effective earth of grid geometry
 
-/// A set with g = L = 1 and no beam or pulse: a cell holds K gamma sum of d(sin e) da / r^2.
+/// A bare set over one gamma: a cell holds K gamma sum of d(sin e) da / r^2.
 Scene bare_scene(const MemorySource& source, double column, double row, double range_m, double range_bin_m) {
     const DataBase& db = const_cast<MemorySource&>(source).data_base();
-    Scene s;
-    s.platform.xy = PointXY{db.origin_x + column * db.step_x, db.origin_y + row * db.step_y};
+    Scene s = test::bare_scene(db.origin_x + column * db.step_x, db.origin_y + row * db.step_y, 0, range_m);
     s.platform.altitude_above = AltitudeAbove::ground;
     s.geometry = Geometry::grid;
-    s.range_m = range_m;
     s.range_bin_m = range_bin_m;
-    s.azimuth_bins = 360;
     s.gamma = Decibel(-15);
-    s.quality = Quality::exact;
-    s.radar.antenna.elevation = ElevationPattern::gaussian;
-    s.radar.antenna.floor = Decibel(0);
-    s.radar.beam_width_error = s.radar.pulse_length_error = false;
-    s.display.size = 64;
     return s;
-}
-
-RunResult simulate(const Scene& scene, WedgeSource& source) {
-    EngineParams params;
-    params.threads = 1;
-    return run(resolve(scene, source), source, params);
 }
 
 /// Watts of a sum of d(sin e) / r^2 over an azimuth bin.
@@ -374,8 +362,7 @@ TEST_CASE("the number of azimuth bins shares the same power out, from 1 to 10000
         s.azimuth_bins = bins;
         const RunResult r = simulate(s, source);
         REQUIRE(r.echo_w.grid.azimuth_count() == static_cast<std::size_t>(bins));
-        double sum = 0;
-        for (const float w : r.echo_w.cells) sum += static_cast<double>(w);
+        const double sum = test::sum_of(r.echo_w);
         INFO(bins << " bins: " << sum << " W of " << whole << " W");
         if (bins == 1) whole = sum;
         CHECK(sum == Approx(whole).epsilon(2e-3));

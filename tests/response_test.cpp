@@ -8,6 +8,7 @@
 #include "lib/path_loss.hpp"
 #include "lib/rain.hpp"
 #include "lib/shade.hpp"
+#include "tests/bare_scene.hpp"
 #include "tests/refusal.hpp"
 #include "tests/terrain.hpp"
 
@@ -63,12 +64,7 @@ Response look(MemorySource& source, const Scene& scene, int threads = 1) {
 }
 
 double echo_sum_w(MemorySource& source, const Scene& scene) {
-    EngineParams params;
-    params.threads = 1;
-    const RunResult r = run(resolve(scene, source), source, params);
-    double sum = 0;
-    for (const float e : r.echo_w.cells) sum += static_cast<double>(e);
-    return sum;
+    return test::sum_of(test::simulate(scene, source).echo_w);
 }
 
 }  // namespace

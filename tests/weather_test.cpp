@@ -10,6 +10,7 @@
 #include "lib/engine.hpp"
 #include "lib/rain.hpp"
 #include "lib/shade.hpp"
+#include "tests/bare_scene.hpp"
 #include "tests/refusal.hpp"
 #include "tests/terrain.hpp"
 
@@ -17,6 +18,7 @@ using namespace wedgescope;
 using Catch::Matchers::WithinAbs;
 using Catch::Matchers::WithinRel;
 using wedgescope::test::MemorySource;
+using wedgescope::test::simulate;
 
 namespace {
 
@@ -30,12 +32,6 @@ Scene scene_at(double altitude_m, double range_m) {
     s.radar.antenna.beam = Angle::degrees(4);
     s.display.size = 64;
     return s;
-}
-
-RunResult simulate(const Scene& scene, WedgeSource& source) {
-    EngineParams params;
-    params.threads = 1;
-    return run(resolve(scene, source), source, params);
 }
 
 double at(const PolarImage<float>& image, std::size_t row, double range_m) {
