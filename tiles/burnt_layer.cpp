@@ -77,7 +77,8 @@ void BurntLayer::read_codes(const Window& window, std::int32_t* out) {
         const bool sided = dynamic_cast<const SidedLayer*>(below_.get()) != nullptr;
         const auto posts = static_cast<std::size_t>(window.posts());
         const auto* const taken = std::find_if(out, out + posts, [&](std::int32_t code) {
-            return !sided && code >= first_feature_code && code < first_feature_code + static_cast<std::int32_t>(Materials::most);
+            return !sided && code >= first_feature_code &&
+                   code < first_feature_code + static_cast<std::int32_t>(Materials::most);
         });
         if (taken != out + posts) {
             const std::int64_t at = taken - out, wide = window.columns.size();

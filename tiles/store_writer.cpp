@@ -180,7 +180,8 @@ void StoreWriter::open_layers() {
         std::vector<StoreSource> sources;
         if (!path.empty()) sources = Mosaic(role, {path}).sources();
         if (kind == StoreLayerKind::culture && params_.sides)
-            for (const StoreSource& one : Mosaic("directivity", {params_.sides->path}).sources()) sources.push_back(one);
+            for (const StoreSource& one : Mosaic("directivity", {params_.sides->path}).sources())
+                sources.push_back(one);
         if (features_) sources.push_back(features_->source());
         layers_.push_back(std::make_unique<Layer>(kind, burnt(kind), std::move(sources)));
     };
