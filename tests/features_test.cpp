@@ -15,6 +15,7 @@
 #include <set>
 
 #include "lib/block_map.hpp"
+#include "lib/error.hpp"
 #include "tests/drawn_raster.hpp"
 #include "tests/program.hpp"
 #include "tests/refusal.hpp"
@@ -479,7 +480,10 @@ TEST_CASE("a feature with a side of its own becomes a class of its own", "[featu
     file.add_box(200, 100, 210, 110, {{"SMC", 3}, {"directivity", "1"}, {"axis", 359.7}});
     file.write(folder / "f.json");
     const FeatureParams plain{folder / "f.json", "", false, *Legend::built_in("smc"), {}, 1};
-    const FeatureParams params = with_sides(plain);
+    const SidedClasses classes = sided_classes({}, plain, std::nullopt);
+    FeatureParams params = plain;
+    params.materials = classes.materials;
+    params.axis_step_deg = classes.axis_step_deg;
     CHECK(params.axis_step_deg == 1);
     REQUIRE(params.materials.size() == 19);
     const auto row = [&](const char* name) { return params.materials[params.materials.by_name("material", name)]; };
@@ -506,13 +510,15 @@ TEST_CASE("a feature with a side of its own becomes a class of its own", "[featu
     // Where the class itself has a side, that is the feature's too unless it says otherwise.
     FeatureParams sided = plain;
     sided.materials = Materials::from_csv("table", "name,directivity,axis_deg\nmetal,uni,90\n");
-    const FeatureParams same = with_sides(sided);
+    const SidedClasses same = sided_classes(sided.materials, sided, std::nullopt);
     CHECK(same.materials.size() == 19);
     CHECK_FALSE(same.materials.find("metal-uni-090"));
     CHECK(same.materials.find("metal-omni"));
     // Without any directivity there is nothing to add.
     GeoJson().add("Point", {{5.5, 5.5}}, {{"SMC", 1}, {"axis", 3}}).write(folder / "plain.json");
-    CHECK(with_sides({folder / "plain.json", "", false, *Legend::built_in("smc"), {}, 1}).axis_step_deg == 0);
+    CHECK(sided_classes({}, FeatureParams{folder / "plain.json", "", false, *Legend::built_in("smc"), {}, 1},
+                        std::nullopt)
+              .axis_step_deg == 0);
 }
 
 TEST_CASE("axes of more classes than there is room for are rounded", "[features]") {
@@ -521,7 +527,10 @@ TEST_CASE("axes of more classes than there is room for are rounded", "[features]
     for (int i = 0; i < 360; ++i)
         file.add("Point", {{i + 0.5, 5.5}}, {{"SMC", 1 + i % 2}, {"directivity", i % 3 ? "uni" : "bi"}, {"axis", i}});
     file.write(folder / "f.json");
-    const FeatureParams params = with_sides({folder / "f.json", "", false, *Legend::built_in("smc"), {}, 1});
+    FeatureParams params{folder / "f.json", "", false, *Legend::built_in("smc"), {}, 1};
+    const SidedClasses classes = sided_classes({}, params, std::nullopt);
+    params.materials = classes.materials;
+    params.axis_step_deg = classes.axis_step_deg;
     // In steps of one degree and of two 240 axes of uni and 60 of bi; in steps of three 120 and 60.
     CHECK(params.axis_step_deg == 3);
     CHECK(params.materials.size() <= 255);
@@ -653,4 +662,112 @@ TEST_CASE("a radar sees a burnt feature by its side, and a scene over the store 
     // A scope needs neither, and a spill can be kept round a point.
     run({"scope", folder / "south.tif", "-o", folder / "scope.png", "-q"});
     run({"tile", "--around", "33.8,-117.5", folder / "south", "-q"});
+}
+
+TEST_CASE("a raster says which side of culture's cells reflects, and features lie over it", "[features]") {
+    const Folder folder;
+    const auto run = [&](const Strings& arguments, int code = 0) {
+        Strings all{WEDGESCOPE_PROGRAM};
+        all.insert(all.end(), arguments.begin(), arguments.end());
+        const Ended ended = wedgescope::test::run_program(all, folder / "err");
+        INFO(ended.err);
+        REQUIRE(ended.code == code);
+        return ended.err;
+    };
+    // Codes of smc: metal, brick and no data in stripes of rows; sides in blocks of columns.
+    Drawing culture;
+    culture.columns = culture.rows = 200;
+    culture.type = GDT_Byte;
+    culture.no_data = 0;
+    culture.geotransform = {x_at(700), step, 0, y_at(600), 0, -step};
+    culture.value = [](int, int r) { return r < 80 ? 1 : r < 160 ? 3 : 0; };
+    draw(folder / "culture.tif", culture);
+    Drawing side = culture;
+    side.type = GDT_Int16;
+    side.no_data = -1;
+    side.value = [](int c, int) { return c < 40 ? 180 : c < 80 ? 360 + 45 : c < 120 ? 540 : c < 160 ? 359 : -1; };
+    draw(folder / "side.tif", side);
+    GeoJson().add_box(710, 610, 720, 620, {{"SMC", 1}, {"directivity", "uni"}, {"axis", 90}}).write(folder / "f.json");
+    const Strings tile{"tile",
+                       dem,
+                       folder / "store",
+                       "--culture",
+                       folder / "culture.tif",
+                       "--culture-legend",
+                       "smc",
+                       "--directivity",
+                       folder / "side.tif",
+                       "-q"};
+    Strings both = tile;
+    both.insert(both.end(), {"--features", folder / "f.json", "--around", "33.8,-117.5"});
+    run(both);
+    const Cells codes = cells_of(folder / "store/culture.vrt");
+    CHECK(codes.type == "Int16");
+    std::ifstream file(folder / "store/classes.csv");
+    const Materials table = Materials::from_csv("classes.csv", std::string(std::istreambuf_iterator<char>(file), {}));
+    CHECK(table.size() == 16 + 3 + 3 + 1);
+    const auto code = [&](const char* name) { return 30000 + static_cast<int>(table.by_name("material", name)); };
+    int wrong = 0;
+    for (int r = 0; r < 200; ++r)
+        for (int c = 0; c < 200; ++c) {
+            int expected = r < 80 ? 1 : r < 160 ? 3 : INT16_MIN;
+            const bool bricks = r >= 80;
+            if (r < 160) {
+                if (c < 40)
+                    expected = code(bricks ? "urban-uni-180" : "metal-uni-180");
+                else if (c < 80)
+                    expected = code(bricks ? "urban-bi-045" : "metal-bi-045");
+                else if (c >= 120 && c < 160)
+                    expected = code(bricks ? "urban-uni-359" : "metal-uni-359");
+            }
+            if (c >= 10 && c < 20 && r >= 10 && r < 20) expected = code("metal-uni-090");
+            wrong += static_cast<int>(codes.at(c, r)) != expected;
+        }
+    CHECK(wrong == 0);
+    // The sensor south of it: what looks south returns as if it looked everywhere, what looks north a hundredth.
+    Strings plain = tile;
+    plain[2] = folder / "plain";
+    plain.erase(plain.begin() + 7, plain.begin() + 9);
+    run(plain);
+    run({tile[0], tile[1], folder / "sided", tile[3], tile[4], tile[5], tile[6], tile[7], tile[8], "-q"});
+    const auto echo = [&](const std::string& store) {
+        run({"simulate", "--dem", folder / store, "--xy", text(x_at(720.5), ",", y_at(720.5)), "--altitude-agl",
+             "1500m", "--geometry", "grid", "--range", "4km", "--azimuth-bins", "720", "--range-bin", "60m", "--echo",
+             folder / (store + ".tif"), "--overwrite", "-q"});
+        return cells_of(folder / (store + ".tif"));
+    };
+    // Due north metal 40 to 120 posts away, brick nearer; the column of the sensor is one that looks south.
+    const Cells alike = echo("plain"), sided = echo("sided");
+    for (const int j : {32, 45, 55}) {
+        INFO(j);
+        CHECK_THAT(static_cast<double>(sided.at(j, 0)) / static_cast<double>(alike.at(j, 0)), WithinRel(1.0, 1e-3));
+    }
+    // Due south too, bricks turned away from it.
+    CHECK_THAT(static_cast<double>(sided.at(30, 360)) / static_cast<double>(alike.at(30, 360)), WithinRel(0.01, 1e-3));
+
+    // What is wrong is named.
+    const auto refused = [&](const Drawing& raster, int exit_code) {
+        draw(folder / "side.tif", raster);
+        Strings again = tile;
+        again[2] = folder / "none";
+        const std::string said = run(again, exit_code);
+        CHECK_FALSE(std::filesystem::exists(folder / "none"));
+        CHECK(std::count(said.begin(), said.end(), '\n') == 1);
+        return said;
+    };
+    side.value = [](int c, int r) { return c == 7 && r == 9 ? 541 : -1; };
+    CHECK_THAT(refused(side, 1), Contains("side.tif': value at column 7, row 9 is 541") && Contains("0 to 359 (uni"));
+    side.value = [](int, int) { return 10; };
+    side.geotransform = {x_at(701), step, 0, y_at(600), 0, -step};
+    CHECK_THAT(refused(side, 1), Contains("side.tif' has another grid than culture '"));
+    CHECK_THAT(run({"tile", dem, folder / "none", "--directivity", folder / "side.tif"}, 2),
+               Contains("directivity is given without culture"));
+    // None of its own: the raster as it is.
+    side.geotransform = culture.geotransform;
+    side.value = [](int, int) { return 540; };
+    draw(folder / "side.tif", side);
+    Strings omni = tile;
+    omni[2] = folder / "omni";
+    run(omni);
+    CHECK(cells_of(folder / "omni/culture.vrt").type == "Byte");
 }

@@ -8,6 +8,7 @@
 
 #include "lib/error.hpp"
 #include "tiles/checksum.hpp"
+#include "tiles/sided_layer.hpp"
 
 namespace wedgescope {
 
@@ -72,9 +73,12 @@ void BurntLayer::read_codes(const Window& window, std::int32_t* out) {
     const std::int32_t first = below_ ? first_feature_code : 0;
     if (below_) {
         below_->read_codes(window, out);
+        // Where cells have sides of their own the raster below has been looked at.
+        const bool sided = dynamic_cast<const SidedLayer*>(below_.get()) != nullptr;
         const auto posts = static_cast<std::size_t>(window.posts());
-        const auto* const taken = std::find_if(out, out + posts, [](std::int32_t code) {
-            return code >= first_feature_code && code < first_feature_code + static_cast<std::int32_t>(Materials::most);
+        const auto* const taken = std::find_if(out, out + posts, [&](std::int32_t code) {
+            return !sided && code >= first_feature_code &&
+                   code < first_feature_code + static_cast<std::int32_t>(Materials::most);
         });
         if (taken != out + posts) {
             const std::int64_t at = taken - out, wide = window.columns.size();
@@ -86,6 +90,7 @@ void BurntLayer::read_codes(const Window& window, std::int32_t* out) {
     } else {
         std::fill_n(out, window.posts(), void_code);
     }
+    if (!features_ || !features_->has_materials()) return;
     features_->burn(facts_, window, FeatureFile::What::material,
                     [&](std::size_t at, double id) { out[at] = first + static_cast<std::int32_t>(id); });
 }
@@ -124,14 +129,14 @@ void BurntLayer::read_values(const Window& window, void* out, GDALDataType type,
 
 ReaderBytes BurntLayer::reader_bytes() const {
     ReaderBytes bytes = below_ ? below_->reader_bytes() : ReaderBytes{};
-    bytes.packed += FeatureFile::handle_bytes;
+    if (features_) bytes.packed += FeatureFile::handle_bytes;
     return bytes;
 }
 
 std::uint64_t BurntLayer::fingerprint(const std::vector<Window>& cells) {
     Checksum sum;
     sum.add(below_ ? below_->fingerprint(cells) : 0);
-    sum.add(features_->fingerprint());
+    if (features_) sum.add(features_->fingerprint());
     return sum.value();
 }
 

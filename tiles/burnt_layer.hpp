@@ -16,7 +16,7 @@ namespace wedgescope {
 
 class BurntLayer final : public RasterLayer {
 public:
-    /// `below`: null: none, and `grid` is that of the terrain.
+    /// `below`: null: none, and `grid` is that of the terrain. `features`: null: none, over a SidedLayer.
     BurntLayer(StoreLayerKind kind, std::unique_ptr<RasterLayer> below, const RasterFacts& grid,
                std::shared_ptr<FeatureFile> features);
 
@@ -31,7 +31,6 @@ public:
     std::uint64_t fingerprint(const std::vector<Window>& cells) override;
 
     const RasterLayer* below() const { return below_.get(); }
-    const FeatureFile& features() const { return *features_; }
 
 private:
     bool codes_;

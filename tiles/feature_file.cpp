@@ -12,6 +12,8 @@
 
 #include "lib/error.hpp"
 #include "tiles/checksum.hpp"
+#include "tiles/raster_file.hpp"
+#include "tiles/sided_layer.hpp"
 
 namespace wedgescope {
 namespace {
@@ -273,12 +275,6 @@ std::optional<Number> number(const std::string& words) {
     return value;
 }
 
-/// Of the class that a class with a side of its own becomes.
-std::string sided_name(const std::string& name, const FeatureFile::Side& side) {
-    if (side.directivity == Directivity::omni) return text(name, "-omni");
-    return fmt::format("{}-{}-{:03d}", name, word(side.directivity), side.axis_deg);
-}
-
 /// Where features lie that may fall into a part of the raster.
 std::vector<Ask> asks(const OGREnvelope& part, const RasterFacts& grid, bool raster_geographic,
                       const OGRCoordinateTransformation* back, bool file_geographic) {
@@ -372,6 +368,28 @@ FeatureFile::Side FeatureFile::Side::in_steps(int step_deg) const {
     return {id, directivity, (2 * axis_deg + step_deg) / (2 * step_deg) * step_deg % circle};
 }
 
+namespace {
+
+int whole_axis(Directivity directivity, double degrees) {
+    const int circle = directivity == Directivity::uni ? 360 : 180;
+    const auto near = static_cast<int>(std::lround(degrees)) % circle;
+    return near < 0 ? near + circle : near;
+}
+
+}  // namespace
+
+std::optional<FeatureFile::Side> FeatureFile::own_side(const Material& own, const Side& side) {
+    if (own.directivity == side.directivity &&
+        (own.directivity == Directivity::omni || whole_axis(own.directivity, own.axis_deg) == side.axis_deg))
+        return std::nullopt;
+    return side;
+}
+
+std::string FeatureFile::sided_name(const std::string& name, const Side& side) {
+    if (side.directivity == Directivity::omni) return text(name, "-omni");
+    return fmt::format("{}-{}-{:03d}", name, word(side.directivity), side.axis_deg);
+}
+
 std::optional<FeatureFile::Side> FeatureFile::side(const Handle& handle, std::size_t layer, OGRFeature& feature,
                                                    ClassId id) const {
     const Handle::Layer& from = handle.layers[layer];
@@ -392,11 +410,6 @@ std::optional<FeatureFile::Side> FeatureFile::side(const Handle& handle, std::si
         side.directivity = Directivity::bi;
     else if (letters != "omni" && letters != "omnidirectional" && letters != "3")
         refuse(handle, layer, feature, field, found, "omni, uni or bi, or 1 (uni), 2 (bi), 3 (omni)");
-    const auto whole = [](Directivity directivity, double degrees) {
-        const int circle = directivity == Directivity::uni ? 360 : 180;
-        const auto near = static_cast<int>(std::lround(degrees)) % circle;
-        return near < 0 ? near + circle : near;
-    };
     if (side.directivity != Directivity::omni) {
         const auto [axis_field, axis] = first(from.axes);
         if (axis.empty())
@@ -405,13 +418,9 @@ std::optional<FeatureFile::Side> FeatureFile::side(const Handle& handle, std::si
         const std::optional<double> degrees = number<double>(axis);
         if (!degrees || !(*degrees >= -360 && *degrees <= 360))
             refuse(handle, layer, feature, axis_field, axis, "degrees from -360 to 360");
-        side.axis_deg = whole(side.directivity, *degrees);
+        side.axis_deg = whole_axis(side.directivity, *degrees);
     }
-    const Material& own = params_.materials[id];
-    if (own.directivity == side.directivity &&
-        (own.directivity == Directivity::omni || whole(own.directivity, own.axis_deg) == side.axis_deg))
-        return std::nullopt;
-    return side;
+    return own_side(params_.materials[id], side);
 }
 
 std::set<FeatureFile::Side> FeatureFile::sides() {
@@ -433,28 +442,31 @@ std::set<FeatureFile::Side> FeatureFile::sides() {
     return found;
 }
 
-FeatureParams with_sides(FeatureParams params) {
-    FeatureFile file(params);
-    const std::set<FeatureFile::Side> sides = file.sides();
-    if (sides.empty()) return params;
-    const std::size_t room = Materials::most - params.materials.size();
+SidedClasses sided_classes(const Materials& materials, const std::optional<FeatureParams>& features,
+                           const std::optional<SideRasterParams>& raster) {
+    std::set<FeatureFile::Side> sides;
+    if (features) sides = FeatureFile(*features).sides();
+    if (raster) sides.merge(SidedLayer(std::make_unique<RasterFile>("culture", raster->culture), *raster).sides());
+    SidedClasses out{materials, 0};
+    if (sides.empty()) return out;
+    const std::size_t room = Materials::most - materials.size();
     for (const int step_deg : {1, 2, 3, 5, 6, 9, 10, 15, 18, 30, 45, 90}) {
         std::set<FeatureFile::Side> rounded;
         for (const FeatureFile::Side& side : sides) rounded.insert(side.in_steps(step_deg));
         if (rounded.size() > room) continue;
-        params.axis_step_deg = step_deg;
+        out.axis_step_deg = step_deg;
         for (const FeatureFile::Side& side : rounded) {
-            Material row = params.materials[side.id];
-            row.name = sided_name(row.name, side);
+            Material row = materials[side.id];
+            row.name = FeatureFile::sided_name(row.name, side);
             row.directivity = side.directivity;
             row.axis_deg = side.axis_deg;
-            params.materials = params.materials.with(row);
+            out.materials = out.materials.with(row);
         }
-        return params;
+        return out;
     }
-    throw InputError(text(file.named(), " has ", sides.size(),
-                          " materials with a directivity of their own, even with axes of 90 degrees more than the ",
-                          room, " classes for which there is room"));
+    throw InputError(text("features and directivity have ", sides.size(),
+                          " materials with a side of their own, even with axes of 90 degrees more than the ", room,
+                          " classes for which there is room"));
 }
 
 void FeatureFile::burn(const RasterFacts& grid, const Window& window, What what,

@@ -48,6 +48,10 @@ public:
         /// With its axis in whole steps.
         Side in_steps(int step_deg) const;
     };
+    /// Nothing where it is the class' own.
+    static std::optional<Side> own_side(const Material& material, const Side& side);
+    /// Of the class that a class with a side of its own becomes.
+    static std::string sided_name(const std::string& name, const Side& side);
     /// Of all features. DataError naming the feature; IoError.
     std::set<Side> sides();
 

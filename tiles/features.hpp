@@ -7,6 +7,7 @@
 #include <string>
 
 #include "lib/material.hpp"
+#include "lib/stop.hpp"
 
 namespace wedgescope {
 
@@ -21,11 +22,28 @@ struct FeatureParams {
     int axis_step_deg = 0;     ///< degrees that axes are rounded to; 0: features' directivities are not looked at
 };
 
-/// The same with a class more in `materials` for each class with a directivity and axis of its own that a feature has: `metal`
+/// A raster over the culture raster, on its grid, that says which side of each cell reflects: 0 to 359: uni, the azimuth of its
+/// outward normal, degrees; 360 to 539: bi, that azimuth and 360 more; 540: omni; no data: the side of its class.
+struct SideRasterParams {
+    std::string path;
+    std::string culture;    ///< the raster below
+    Legend legend;          ///< of its codes
+    Materials materials{};  ///< and axis_step_deg: as FeatureParams'
+    int axis_step_deg = 0;
+    const Stop* stop = nullptr;  ///< looked at while all cells are read
+};
+
+/// Classes of features and cells with a directivity and an axis of their own.
+struct SidedClasses {
+    Materials materials;
+    int axis_step_deg = 0;  ///< that axes are rounded to; 0: there are none
+};
+/// The same materials with a class more for each class with a directivity and axis of its own that a feature or a cell has: `metal`
 /// looking to 90 degrees is `metal-uni-090`, the row of metal but for its side. Axes are rounded to as few degrees as leave room
-/// for all these classes: 1, or the next divisor of 90. Reads the attributes of all features. InputError where no step does;
-/// DataError naming the feature; IoError.
-FeatureParams with_sides(FeatureParams params);
+/// for all these classes: 1, or the next divisor of 90. Reads the attributes of all features, and all cells. InputError where no
+/// step does; DataError naming the feature or the cell; IoError.
+SidedClasses sided_classes(const Materials& materials, const std::optional<FeatureParams>& features,
+                           const std::optional<SideRasterParams>& raster);
 
 /// Codes that stand for the classes of features burnt over a raster of codes: this + ClassId. Without such a raster: ClassId.
 inline constexpr std::int32_t first_feature_code = 30000;

@@ -23,6 +23,7 @@
 #include "tiles/plain_file.hpp"
 #include "tiles/registered_layer.hpp"
 #include "tiles/sheet_writer.hpp"
+#include "tiles/sided_layer.hpp"
 #include "tiles/store_manifest.hpp"
 #include "tiles/store_vrt.hpp"
 #include "tiles/tile_store.hpp"
@@ -178,7 +179,10 @@ void StoreWriter::open_layers() {
         }
         std::vector<StoreSource> sources;
         if (!path.empty()) sources = Mosaic(role, {path}).sources();
-        sources.push_back(features_->source());
+        if (kind == StoreLayerKind::culture && params_.sides)
+            for (const StoreSource& one : Mosaic("directivity", {params_.sides->path}).sources())
+                sources.push_back(one);
+        if (features_) sources.push_back(features_->source());
         layers_.push_back(std::make_unique<Layer>(kind, burnt(kind), std::move(sources)));
     };
     if (!params_.culture.empty()) {
@@ -215,6 +219,7 @@ void StoreWriter::open_layers() {
 }
 
 bool StoreWriter::is_burnt(StoreLayerKind kind) const {
+    if (kind == StoreLayerKind::culture && params_.sides) return true;
     if (!features_) return false;
     return kind == StoreLayerKind::culture ? features_->has_materials()
                                            : kind == StoreLayerKind::culture_height && features_->has_heights();
@@ -225,6 +230,7 @@ std::unique_ptr<BurntLayer> StoreWriter::burnt(StoreLayerKind kind) const {
     const std::string& path = codes ? params_.culture : params_.culture_height;
     std::unique_ptr<RasterLayer> below;
     if (!path.empty()) below = std::make_unique<RasterFile>(codes ? "culture" : "culture-height", path);
+    if (codes && params_.sides) below = std::make_unique<SidedLayer>(std::move(below), *params_.sides);
     return std::make_unique<BurntLayer>(kind, std::move(below), layers_[0]->facts(), features_);
 }
 
@@ -262,7 +268,7 @@ std::size_t StoreWriter::job_bytes(const Layer& layer) const {
     std::size_t post = static_cast<std::size_t>(layer.entry.facts.type_bytes) + sizeof(float);
     if (!layer.single()) post += sizeof(float) + sizeof(std::int32_t);
     if (layer.resampled()) post += sizeof(float);
-    if (layer.burnt) post += FeatureFile::cell_bytes;
+    if (layer.burnt) post += FeatureFile::cell_bytes + (params_.sides ? sizeof(std::int32_t) : 0);
     std::size_t bytes = sheet_writer_bytes(layer.entry.facts);
     if (layer.kind == StoreLayerKind::dem) {
         bytes += 4 * page_blocks * page_blocks * sizeof(BlockBounds) +
@@ -321,6 +327,10 @@ std::string StoreWriter::plan() const {
                            {"class_table", params_.features->materials.own()},
                            {"axis_step_deg", params_.features->axis_step_deg},
                            {"fingerprint", hex(features_->fingerprint())}};
+    if (params_.sides)
+        out["directivity"] = {{"path", params_.sides->path},
+                              {"class_table", params_.sides->materials.own()},
+                              {"axis_step_deg", params_.sides->axis_step_deg}};
     return out.dump(1, ' ', false, json::error_handler_t::replace) + "\n";
 }
 

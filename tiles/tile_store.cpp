@@ -59,8 +59,9 @@ std::optional<Legend> TileStore::legend(const Materials& materials) const {
     } catch (const InputError& e) {
         const std::string own = store_classes(path_);
         throw InputError(text("tile store '", path_, "': legend ", e.what(),
-                              own.empty() ? "" : text(" (the classes of its features are in '", own,
-                                                      "'; a class-table given needs their rows too)")));
+                              own.empty() ? ""
+                                          : text(" (the classes of its features are in '", own,
+                                                 "'; a class-table given needs their rows too)")));
     }
 }
 

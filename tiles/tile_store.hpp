@@ -68,6 +68,7 @@ struct TileStoreParams {
     std::string legend_name, legend_csv;    ///< kept in the store; csv empty for a built-in one
     std::optional<Legend> legend;           ///< the same, for naming codes that it does not know
     std::optional<FeatureParams> features;  ///< burnt over culture and culture height, or these are made of them alone
+    std::optional<SideRasterParams> sides;  ///< of culture's cells; only with culture
     std::string class_table;                ///< CSV, kept in the store as store_classes_name; empty: none
     std::string output;                     ///< the folder
     std::int64_t tile_posts = 256;          ///< a power of two from 64 to 2048

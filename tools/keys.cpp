@@ -1248,6 +1248,9 @@ std::vector<Key> make_keys() {
                   "vector file of points, lines and areas that are burnt over culture and culture-height, or make "
                   "them: fields material (a word, or a code of features-legend) or SMC, height or HGT, metres, and directivity "
                   "(omni, uni, bi) with axis, degrees from north"));
+        tile_only(t.add("directivity", path([](auto& s) -> auto& { return s.directivity; }), "",
+                        "raster on culture's grid of the side that reflects, in place of the class' own: 0 to 359 the azimuth of "
+                        "one (uni), 360 to 539 that of two and 360 more (bi), 540 none (omni), degrees from north"));
         tile_only(t.add("features-layer", word_of("NAME", &Settings::features_layer), "",
                         "this layer of the vector file alone; without it all, later ones over those before"));
         tile_only(t.add("features-legend", features_legend(), "smc",

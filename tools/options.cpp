@@ -518,8 +518,9 @@ Settings parse_arguments(Command command, const std::vector<std::string>& argume
     std::vector<Given> given = merged(scene_file, command_line);
     // Of tile's and coverage's paths the last is an output.
     const bool writes = command == command_coverage || (command == command_tile && files.size() > 1);
-    add_class_table(given,
-                    writes ? std::vector<std::string>(files.begin(), files.end() - (files.empty() ? 0 : 1)) : files);
+    std::vector<std::string> stores = files;
+    if (writes && !stores.empty()) stores.pop_back();
+    add_class_table(given, stores);
     Settings settings = settings_of(given);
     settings.files = files;
     return settings;

@@ -39,6 +39,7 @@ struct Settings {
     std::string features, features_layer;  ///< path; a layer's name; empty: none, all
     std::string features_legend = "smc";   ///< built-in word or CSV path
     bool features_touch = false;
+    std::string directivity;  ///< raster over the culture's; empty: none
     std::optional<LatLon> around;  ///< tile: the point that a spill is kept for
     // Coverage only; threads, memory and culling stand below.
     CoverageParams coverage;

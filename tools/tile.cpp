@@ -56,7 +56,7 @@ double keep_around(const Settings& settings, const Materials& materials, Stop& s
     return now_s() - start_s;
 }
 
-TileStoreParams store_params(const Settings& settings) {
+TileStoreParams store_params(const Settings& settings, Stop& stop) {
     if (settings.files.size() < 2)
         throw InputError(text("tile needs at least one terrain raster and, last, the folder to write; found ",
                               settings.files.size(), settings.files.size() == 1 ? " path" : " paths"));
@@ -72,6 +72,7 @@ TileStoreParams store_params(const Settings& settings) {
     for (std::size_t i = 0; i + 1 < settings.files.size(); ++i) refuse_store(settings.files[i], "dem");
     refuse_store(settings.culture, "culture");
     refuse_store(settings.culture_height, "culture_height");
+    refuse_store(settings.directivity, "culture");
     const bool touch = settings.features_touch, layer = !settings.features_layer.empty(),
                codes = settings.features_legend != "smc";
     if (settings.features.empty() && (touch || layer || codes))
@@ -94,8 +95,8 @@ TileStoreParams store_params(const Settings& settings) {
         params.legend_name = settings.culture_legend;
         params.legend_csv = legend_csv(settings);
     }
+    const Materials& materials = settings.scene.materials;
     if (!settings.features.empty()) {
-        const Materials& materials = settings.scene.materials;
         params.features = FeatureParams{settings.features,
                                         settings.features_layer,
                                         settings.features_touch,
@@ -104,15 +105,32 @@ TileStoreParams store_params(const Settings& settings) {
                                         settings.culture_height_scale};
         if (!(settings.culture_height_scale > 0))
             throw InputError("culture-height-scale is 0, and features is given; it must be above 0");
-        params.features = with_sides(std::move(*params.features));
-        const Materials& all = params.features->materials;
-        if (params.features->axis_step_deg > 0) {
-            params.class_table = all.own() + "\n";
-            std::replace(params.class_table.begin(), params.class_table.end(), ';', '\n');
-        }
-        params.legend = with_features(params.legend, all);
+    }
+    if (!settings.directivity.empty()) {
+        if (!params.legend)
+            throw InputError(
+                "directivity is given without culture and culture-legend; it says which side of culture's cells "
+                "reflects");
+        params.sides = SideRasterParams{settings.directivity, settings.culture, *params.legend, materials, 0, &stop};
+    }
+    const SidedClasses all = sided_classes(materials, params.features, params.sides);
+    if (params.features) {
+        params.features->materials = all.materials;
+        params.features->axis_step_deg = all.axis_step_deg;
+    }
+    if (all.axis_step_deg == 0) params.sides.reset();
+    if (params.sides) {
+        params.sides->materials = all.materials;
+        params.sides->axis_step_deg = all.axis_step_deg;
+    }
+    if (all.axis_step_deg > 0) {
+        params.class_table = all.materials.own() + "\n";
+        std::replace(params.class_table.begin(), params.class_table.end(), ';', '\n');
+    }
+    if (params.features || params.sides) {
+        params.legend = with_features(params.legend, all.materials);
         params.legend_name = params.legend->name();
-        params.legend_csv = params.legend->csv(all);
+        params.legend_csv = params.legend->csv(all.materials);
     }
     params.tile_posts = settings.tile_posts;
     params.creation = settings.creation;
@@ -169,20 +187,22 @@ void tile(const std::vector<std::string>& arguments, Stop& stop) {
         return remark(settings.quiet, fmt::format("written: {} ({:.1f} s)", kept_file(settings), seconds));
     }
     const GdalSession session(cache_bytes(settings), settings.config);
-    TileStoreParams params = store_params(settings);
+    TileStoreParams params = store_params(settings, stop);
     params.stop = &stop;
     Progress progress(settings.quiet);
     params.progress = [&](double fraction) { progress.report(fraction); };
     const TileStoreSummary summary = write_tile_store(params);
     progress.done();
-    if (settings.around)
-        keep_around(settings, params.features ? params.features->materials : settings.scene.materials, stop);
-    if (params.features && params.features->axis_step_deg > 0)
+    const Materials& own = settings.scene.materials;
+    const Materials& all = params.sides ? params.sides->materials : params.features ? params.features->materials : own;
+    if (settings.around) keep_around(settings, all, stop);
+    if (!params.class_table.empty())
         remark(settings.quiet,
-               fmt::format("features: {} classes with a side of their own, axes to {} deg, are in {}; scenes over the store "
+               fmt::format("{} classes with a side of their own, axes to {} deg, are in {}; scenes over the store "
                            "take it as their class-table",
-                           params.features->materials.size() - settings.scene.materials.size(),
-                           params.features->axis_step_deg, in_quotes(store_classes(params.output))));
+                           all.size() - own.size(),
+                           params.sides ? params.sides->axis_step_deg : params.features->axis_step_deg,
+                           in_quotes(store_classes(params.output))));
     tell(settings, summary, now_s() - start_s);
 }
 
