@@ -48,7 +48,6 @@ public:
         const std::int64_t lead = lead_in_bins(beam_setting(scene_), shown.range_bin_m);
         shown.range_bins = {range_bin_, range_bin_ + 1};
         swept.range_bins = {std::max(swept.range_bins.begin, range_bin_ - lead), range_bin_ + 1};
-        swept_ = {}, echo_ = {};
     }
     /// With these tables in place of the scene's.
     void sweep(const SceneTables& tables) {
@@ -181,9 +180,12 @@ void look_at_level(const ResolvedScene& s, LinkBudget& b) {
     const double scale = radar.pulse_length_error ? radar.pulse_length_scale : 0;
     const double nearest_m = slant_range_m(s, b.range_m - s.shown.range_bin_m / 2) - scale * radar.pulse_extent_m();
     if (!(nearest_m > std::abs(s.sensor_m - s.reference_m)) || !(sight.grazing_rad > 0)) return;
-    // The beam is at most twice as wide in azimuth as it would be on the horizon.
-    b.level_area_m2 = b.echo_range_m * two_way_width(radar.antenna.beam).rad() * radar.pulse_extent_m() *
-                      std::min(1 / std::cos(sight.grazing_rad), 2.0);
+    // At the middle of the pulse; the beam is at most twice as wide in azimuth as it would be on the horizon.
+    const double middle_m = b.slant_range_m - scale * radar.pulse_extent_m() / 2;
+    const auto middle_arc_m = earth.arc_m(s.sensor_m, s.reference_m, middle_m);
+    const double grazing_rad = earth.sight(s.sensor_m, s.reference_m, middle_arc_m.value_or(*arc_m)).grazing_rad;
+    b.level_area_m2 = middle_m * two_way_width(radar.antenna.beam).rad() * radar.pulse_extent_m() *
+                      std::min(1 / std::cos(grazing_rad), 2.0);
 }
 
 }  // namespace

@@ -125,12 +125,11 @@ std::vector<Line> lines(const LinkBudget& b, const ResolvedScene& s, const Mater
     add("above MDS", b.blanked ? std::nullopt : std::optional(b.received_dbm - b.stc_db - b.mds_dbm), decibel,
         "received and STC, less MDS");
     add("IF gain", receiver.if_gain.db() - if_gain_reference.db(), decibel,
-        fmt::format("{:.6g} dB, of which {:.6g} dB bring the MDS to black's edge", receiver.if_gain.db(),
-                    if_gain_reference.db()));
+        fmt::format("{:.6g} dB, less the {:.6g} dB that show the MDS", receiver.if_gain.db(), if_gain_reference.db()));
     add("IF stage", b.levels.if_stage, "",
         fmt::format("(above MDS + IF gain) / {:.6g} dB, 0 to 1", receiver.dynamic_range.db()));
     add("video gain", receiver.video_gain.db() - video_gain_reference.db(), decibel,
-        fmt::format("{:.6g} dB, of which {:.6g} dB leave the IF stage as it is; of amplitudes",
+        fmt::format("{:.6g} dB, less the {:.6g} dB that leave the IF stage as it is; of amplitudes",
                     receiver.video_gain.db(), video_gain_reference.db()));
     add("video", b.levels.video, "", "IF stage with video gain, 0 to 1");
     add("grey level", b.levels.grey, "",
