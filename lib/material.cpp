@@ -118,7 +118,8 @@ std::vector<std::string_view> cells_of(std::string_view line) {
 }
 
 bool is_word(std::string_view s) {
-    if (s.empty() || s.size() > 40 || !std::isalpha(static_cast<unsigned char>(s.front()))) return false;
+    if (s.empty() || s.size() > Materials::longest_name || !std::isalpha(static_cast<unsigned char>(s.front())))
+        return false;
     return std::all_of(s.begin(), s.end(),
                        [](unsigned char c) { return std::isalnum(c) != 0 || c == '-' || c == '_'; });
 }
@@ -237,7 +238,13 @@ private:
             throw InputError(text(where_, ": of structures_km2, structure_width_m and structure_height_m ", given,
                                   given == 1 ? " is" : " are", " given; accepted: all three, or none"));
         row_.structures.reset();
-        if (given == 3) row_.structures = Structures{*whole[0], *whole[1], *whole[2]};
+        if (given != 3) return;
+        constexpr double most_shown = 10;  // square metres of wall over one of ground
+        const double shown = *whole[0] * 1e-6 * *whole[1] * *whole[2];
+        if (shown > most_shown)
+            throw InputError(text(where_, ": structures show ", shown,
+                                  " square metres of wall for each of ground; at most ", most_shown, " are accepted"));
+        row_.structures = Structures{*whole[0], *whole[1], *whole[2]};
     }
 
     [[noreturn]] void refuse(Column column, std::string_view cell, const std::string& accepted) const {
@@ -306,7 +313,8 @@ std::size_t add_rows(std::vector<Material>& rows, const std::string& source, std
         if (cells.size() > order.size()) fail("there are ", cells.size(), " columns; accepted: at most ", order.size());
         const std::string_view word = cells.front();
         if (!is_word(word))
-            fail("name is '", word, "'; it must be a word of letters, digits, - and _ that begins with a letter");
+            fail("name is '", word, "'; it must be a word of at most ", Materials::longest_name,
+                 " letters, digits, - and _ that begins with a letter");
         if (!named.emplace(word).second) fail("'", word, "' has a row already; each class may have one");
         std::optional<ClassId> id = row_named(rows, word);
         if (!id) {
@@ -361,7 +369,8 @@ Materials Materials::with(const Material& row) const {
         rows[*id] = row;
     } else {
         if (rows.size() == most)
-            throw InputError(text("'", row.name, "' is one class too many; accepted: ", most, " with the shipped ones"));
+            throw InputError(
+                text("'", row.name, "' is one class too many; accepted: ", most, " with the shipped ones"));
         rows.push_back(row);
     }
     Materials out;

@@ -52,6 +52,7 @@ enum class LandModel { constant_gamma, ulaby_dobson, oh };
 /// Copies share the rows.
 class Materials {
 public:
+    static constexpr std::size_t longest_name = 48;
     static constexpr std::size_t most = 255;  ///< the last ClassId means a code that no legend names
 
     Materials();  ///< the shipped table

@@ -514,6 +514,31 @@ TEST_CASE("a feature with a side of its own becomes a class of its own", "[featu
     CHECK(same.materials.size() == 19);
     CHECK_FALSE(same.materials.find("metal-uni-090"));
     CHECK(same.materials.find("metal-omni"));
+    // What the table of an earlier store says of such a class stays, unless it looks another way; water has no side.
+    FeatureParams again = plain;
+    again.materials = Materials::from_csv(
+        "table", "name,gamma10_db,directivity,axis_deg\nmetal-uni-090,-40,uni,90\nmetal-omni,-30,omni,\n");
+    const SidedClasses kept = sided_classes(again.materials, again, std::nullopt);
+    CHECK(kept.sides == 3);
+    CHECK(kept.materials.size() == 20);
+    CHECK(kept.materials[kept.materials.by_name("material", "metal-uni-090")].gamma10_db == -40.0);
+    again.materials = Materials::from_csv("table", "name,gamma10_db,directivity,axis_deg\nmetal-uni-090,-40,uni,80\n");
+    CHECK_THROWS_WITH(sided_classes(again.materials, again, std::nullopt),
+                      Contains("'metal-uni-090' with another side"));
+    GeoJson()
+        .add("Point", {{5.5, 5.5}}, {{"material", "water"}, {"directivity", "uni"}, {"axis", 3}})
+        .write(folder / "w.json");
+    CHECK(sided_classes({}, FeatureParams{folder / "w.json", "", false, *Legend::built_in("smc"), {}, 1}, std::nullopt)
+              .sides == 0);
+    // A name that grows too long is refused before anything is written.
+    FeatureParams wordy = plain;
+    wordy.path = folder / "l.json";
+    wordy.materials = Materials::from_csv("table", "name,gamma10_db\na-name-of-one-and-forty-letters-and-no-more,-4\n");
+    GeoJson()
+        .add("Point", {{5.5, 5.5}},
+             {{"material", "a-name-of-one-and-forty-letters-and-no-more"}, {"directivity", "uni"}, {"axis", 3}})
+        .write(folder / "l.json");
+    CHECK_THROWS_WITH(sided_classes(wordy.materials, wordy, std::nullopt), Contains("at most 48 characters"));
     // Without any directivity there is nothing to add.
     GeoJson().add("Point", {{5.5, 5.5}}, {{"SMC", 1}, {"axis", 3}}).write(folder / "plain.json");
     CHECK(sided_classes({}, FeatureParams{folder / "plain.json", "", false, *Legend::built_in("smc"), {}, 1},

@@ -454,7 +454,12 @@ TEST_CASE("no level of detail is used where structures raise the ground", "[wall
     Scene s = bare_scene(2048, -2048, 900, 1500);
     s.quality = Quality::normal;
     s.radar.pulse_length_error = s.radar.beam_width_error = true;
-    CHECK_FALSE(detail_possible(resolve(s, source), source.data_base()));
+    const auto possible = [&](const char* material) {
+        source.editable().default_class = material_by_name("material", material);
+        return detail_possible(resolve(s, source), source.data_base());
+    };
+    CHECK_FALSE(possible("trees"));
+    CHECK(possible("soil"));  // has none, and there is no culture
     s.walls = Walls::resolved;
-    CHECK(detail_possible(resolve(s, source), source.data_base()));
+    CHECK(possible("trees"));
 }

@@ -379,6 +379,7 @@ int whole_axis(Directivity directivity, double degrees) {
 }  // namespace
 
 std::optional<FeatureFile::Side> FeatureFile::own_side(const Material& own, const Side& side) {
+    if (!own.gamma10_db) return std::nullopt;  // water has waves, and these the wind
     if (own.directivity == side.directivity &&
         (own.directivity == Directivity::omni || whole_axis(own.directivity, own.axis_deg) == side.axis_deg))
         return std::nullopt;
@@ -447,17 +448,36 @@ SidedClasses sided_classes(const Materials& materials, const std::optional<Featu
     std::set<FeatureFile::Side> sides;
     if (features) sides = FeatureFile(*features).sides();
     if (raster) sides.merge(SidedLayer(std::make_unique<RasterFile>("culture", raster->culture), *raster).sides());
-    SidedClasses out{materials, 0};
+    SidedClasses out{materials, 0, 0};
     if (sides.empty()) return out;
+    /// A table that has the class already, as an earlier store's has: its row stays if it has that side.
+    const auto stands = [&](const FeatureFile::Side& side) {
+        const std::string name = FeatureFile::sided_name(materials[side.id].name, side);
+        const auto id = materials.find(name);
+        if (!id) return false;
+        const Material& row = materials[*id];
+        if (row.directivity != side.directivity || FeatureFile::own_side(row, {*id, side.directivity, side.axis_deg}))
+            throw InputError(text("class-table has a class '", name,
+                                  "' with another side than its name tells, and features or directivity need that "
+                                  "class; accepted: that side, or another name"));
+        return true;
+    };
     const std::size_t room = Materials::most - materials.size();
     for (const int step_deg : {1, 2, 3, 5, 6, 9, 10, 15, 18, 30, 45, 90}) {
         std::set<FeatureFile::Side> rounded;
         for (const FeatureFile::Side& side : sides) rounded.insert(side.in_steps(step_deg));
-        if (rounded.size() > room) continue;
+        const auto known = static_cast<std::size_t>(std::count_if(rounded.begin(), rounded.end(), stands));
+        if (rounded.size() - known > room) continue;
         out.axis_step_deg = step_deg;
+        out.sides = rounded.size();
         for (const FeatureFile::Side& side : rounded) {
+            if (stands(side)) continue;
             Material row = materials[side.id];
             row.name = FeatureFile::sided_name(row.name, side);
+            if (row.name.size() > Materials::longest_name)
+                throw InputError(text("class '", materials[side.id].name, "' is to have a side of its own, as '",
+                                      row.name, "'; accepted: names that are at most ", Materials::longest_name,
+                                      " characters long with it"));
             row.directivity = side.directivity;
             row.axis_deg = side.axis_deg;
             out.materials = out.materials.with(row);

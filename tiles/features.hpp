@@ -37,11 +37,12 @@ struct SideRasterParams {
 struct SidedClasses {
     Materials materials;
     int axis_step_deg = 0;  ///< that axes are rounded to; 0: there are none
+    std::size_t sides = 0;  ///< classes with a side of their own, those that the materials had already included
 };
 /// The same materials with a class more for each class with a directivity and axis of its own that a feature or a cell has: `metal`
 /// looking to 90 degrees is `metal-uni-090`, the row of metal but for its side. Axes are rounded to as few degrees as leave room
 /// for all these classes: 1, or the next divisor of 90. Reads the attributes of all features, and all cells. InputError where no
-/// step does; DataError naming the feature or the cell; IoError.
+/// step does, where a class of that name looks another way, or where the name grows too long; water has no side. DataError naming the feature or the cell; IoError.
 SidedClasses sided_classes(const Materials& materials, const std::optional<FeatureParams>& features,
                            const std::optional<SideRasterParams>& raster);
 

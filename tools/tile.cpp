@@ -56,7 +56,8 @@ double keep_around(const Settings& settings, const Materials& materials, Stop& s
     return now_s() - start_s;
 }
 
-TileStoreParams store_params(const Settings& settings, Stop& stop) {
+/// `sides`: out, classes with a side of their own.
+TileStoreParams store_params(const Settings& settings, Stop& stop, std::size_t& sides) {
     if (settings.files.size() < 2)
         throw InputError(text("tile needs at least one terrain raster and, last, the folder to write; found ",
                               settings.files.size(), settings.files.size() == 1 ? " path" : " paths"));
@@ -114,6 +115,7 @@ TileStoreParams store_params(const Settings& settings, Stop& stop) {
         params.sides = SideRasterParams{settings.directivity, settings.culture, *params.legend, materials, 0, &stop};
     }
     const SidedClasses all = sided_classes(materials, params.features, params.sides);
+    sides = all.sides;
     if (params.features) {
         params.features->materials = all.materials;
         params.features->axis_step_deg = all.axis_step_deg;
@@ -182,25 +184,35 @@ void tile(const std::vector<std::string>& arguments, Stop& stop) {
     const Settings settings = parse_arguments(command_tile, arguments);
     if (settings.help) return print(help_text(command_by_name("tile")));
     if (adds_to_store(settings)) {
+        for (const auto& [key, path] : {std::pair{"culture", &settings.culture},
+                                        {"culture-height", &settings.culture_height},
+                                        {"culture-legend", &settings.culture_legend},
+                                        {"features", &settings.features},
+                                        {"directivity", &settings.directivity}})
+            if (!path->empty())
+                throw InputError(text(key, " is ", in_quotes(*path), ", and ", in_quotes(settings.files[0]),
+                                      " is a store that stands; around adds a spill to it and nothing else"));
         const GdalSession session(cache_bytes(settings), settings.config);
         const double seconds = keep_around(settings, settings.scene.materials, stop);
         return remark(settings.quiet, fmt::format("written: {} ({:.1f} s)", kept_file(settings), seconds));
     }
     const GdalSession session(cache_bytes(settings), settings.config);
-    TileStoreParams params = store_params(settings, stop);
+    std::size_t sides = 0;
+    TileStoreParams params = store_params(settings, stop, sides);
     params.stop = &stop;
     Progress progress(settings.quiet);
     params.progress = [&](double fraction) { progress.report(fraction); };
     const TileStoreSummary summary = write_tile_store(params);
     progress.done();
-    const Materials& own = settings.scene.materials;
-    const Materials& all = params.sides ? params.sides->materials : params.features ? params.features->materials : own;
+    const Materials& all = params.sides      ? params.sides->materials
+                           : params.features ? params.features->materials
+                                             : settings.scene.materials;
     if (settings.around) keep_around(settings, all, stop);
     if (!params.class_table.empty())
         remark(settings.quiet,
-               fmt::format("{} classes with a side of their own, axes to {} deg, are in {}; scenes over the store "
-                           "take it as their class-table",
-                           all.size() - own.size(),
+               fmt::format("{} with a side of {} own, axes to {} deg: {}; scenes over the store take it as their "
+                           "class-table",
+                           sides == 1 ? "1 class" : text(sides, " classes"), sides == 1 ? "its" : "their",
                            params.sides ? params.sides->axis_step_deg : params.features->axis_step_deg,
                            in_quotes(store_classes(params.output))));
     tell(settings, summary, now_s() - start_s);
