@@ -392,7 +392,12 @@ TEST_CASE("a sector returns what the full circle returns there", "[engine]") {
     Scene s = bare_scene(4500, -4400, 1500, 5000);
     s.radar.beam_width_error = s.radar.pulse_length_error = true;
     const RunResult full = simulate(s, source);
-    for (const auto& [from, to] : {std::pair(-20.0, 33.0), std::pair(170.0, 200.0), std::pair(-180.0, -95.0)}) {
+    // Once round, over north and over the turn at 180 degrees.
+    double sum = 0, whole = 0;
+    for (const float power : full.power_w.cells) whole += static_cast<double>(power);
+    std::vector<int> seen(360, 0);
+    for (const auto& [from, to] :
+         {std::pair(-20.0, 33.0), {33.0, 170.0}, {170.0, 200.0}, {-160.0, -95.0}, {-95.0, -20.0}}) {
         s.sector = Sector{Angle::degrees(from), Angle::degrees(to)};
         const RunResult part = simulate(s, source);
         REQUIRE(part.power_w.grid.azimuth_bins.size() == std::llround(to - from));
@@ -402,8 +407,13 @@ TEST_CASE("a sector returns what the full circle returns there", "[engine]") {
             const std::vector<float> a(part.power_w.row(i), part.power_w.row(i) + part.power_w.grid.range_count());
             const std::vector<float> b(full.power_w.row(row), full.power_w.row(row) + full.power_w.grid.range_count());
             CHECK(a == b);
+            ++seen[row];
+            for (const float power : a) sum += static_cast<double>(power);
         }
     }
+    CHECK(seen == std::vector<int>(360, 1));
+    CHECK(whole > 0);
+    CHECK(sum == Approx(whole).epsilon(1e-12));
 }
 
 TEST_CASE("a point reflector is painted from its range to c tau/2 behind, and 0.4075 B sqrt(M) wide at M dB down",

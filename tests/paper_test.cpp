@@ -116,7 +116,14 @@ struct Swept {
 };
 Swept sweep(const Folder& folder, const std::string& name, const Strings& more) {
     const std::string echo = folder / (name + ".tif"), states = folder / "states.tif", power = folder / "power.tif";
-    folder.make(with(ahead, with(more, {"--echo", echo, "--power", power, "--states", states})));
+    Strings all;  // an option of both is that of `more`
+    for (std::size_t i = 0; i < ahead.size(); ++i) {
+        if (ahead[i].starts_with("--") && std::find(more.begin(), more.end(), ahead[i]) != more.end())
+            ++i;
+        else
+            all.push_back(ahead[i]);
+    }
+    folder.make(with(all, with(more, {"--echo", echo, "--power", power, "--states", states})));
     return {read(echo), read(states), read(power)};
 }
 
@@ -195,35 +202,55 @@ TEST_CASE("IF gain decides what shows, video gain how bright it is", "[paper]") 
     CHECK(saturated_before > dark.size() / 1000);
 }
 
-TEST_CASE("gain makes up for a degree of tilt, and for some of five or ten", "[paper]") {
+namespace {
+
+/// How alike the scenes of two tilts are, at the gain that makes them most so.
+Fit best_gain(const Swept& level, const Swept& tilted, int tilt, double from_m, double to_m) {
+    Fit fit;
+    for (int gain = 30; gain <= 70; ++gain) {
+        std::vector<double> a, b;
+        for (int column = 0; column < level.power.width; ++column) {
+            if (level.range_m(column) < from_m || level.range_m(column) >= to_m) continue;
+            for (int row = 0; row < level.power.height; row += 3)
+                if (level.state.at(column, row) == seen) {
+                    a.push_back(grey(level.power.at(column, row), 42));
+                    b.push_back(grey(tilted.power.at(column, row), gain));
+                }
+        }
+        const double c = correlation(a, b);
+        if (gain == 42) fit.same_gain = c;
+        if (c > fit.best) fit.best = c, fit.gain_db = gain;
+    }
+    std::printf("tilt %d deg, %g to %g km: correlation with tilt 0 at 42 dB: %.3f at 42 dB, best %.3f at %d dB\n", tilt,
+                from_m / 1000, to_m / 1000, fit.same_gain, fit.best, fit.gain_db);
+    return fit;
+}
+
+}  // namespace
+
+TEST_CASE("gain makes up for the tilt of a wide beam", "[paper]") {
+    const Folder folder;
+    const Strings fan = {"--antenna", "gaussian", "--antenna-knee", "10deg", "--antenna-width", "40deg"};
+    const Swept level = sweep(folder, "tilt", with(fan, {"--tilt", "0deg"}));
+    for (const int tilt : {5, 10}) {
+        const Fit whole =
+            best_gain(level, sweep(folder, "tilt", with(fan, {"--tilt", std::to_string(tilt) + "deg"})), tilt, 0, 41e3);
+        CHECK(whole.gain_db > 42);
+        CHECK(whole.best > whole.same_gain);
+        CHECK(whole.best > 0.95);
+    }
+}
+
+TEST_CASE("of a shaped beam gain makes up for a degree of tilt, and for some of five or ten", "[paper]") {
     const Folder folder;
     std::map<int, Swept> by_tilt;
     for (const int tilt : {0, 1, 2, 5, 10})
         by_tilt[tilt] = sweep(folder, "tilt", {"--antenna-width", "12deg", "--tilt", std::to_string(tilt) + "deg"});
     const Swept& level = by_tilt[0];
-    const auto best_gain = [&](int tilt, double from_m, double to_m) {
-        Fit fit;
-        for (int gain = 30; gain <= 70; ++gain) {
-            std::vector<double> a, b;
-            for (int column = 0; column < level.power.width; ++column) {
-                if (level.range_m(column) < from_m || level.range_m(column) >= to_m) continue;
-                for (int row = 0; row < level.power.height; row += 3)
-                    if (level.state.at(column, row) == seen) {
-                        a.push_back(grey(level.power.at(column, row), 42));
-                        b.push_back(grey(by_tilt[tilt].power.at(column, row), gain));
-                    }
-            }
-            const double c = correlation(a, b);
-            if (gain == 42) fit.same_gain = c;
-            if (c > fit.best) fit.best = c, fit.gain_db = gain;
-        }
-        std::printf("tilt %d deg, %g to %g km: correlation with tilt 0 at 42 dB: %.3f at 42 dB, best %.3f at %d dB\n",
-                    tilt, from_m / 1000, to_m / 1000, fit.same_gain, fit.best, fit.gain_db);
-        return fit;
-    };
     double before = 1;
     for (const int tilt : {1, 2, 5, 10}) {
-        const auto far = best_gain(tilt, 24e3, 28e3), whole = best_gain(tilt, 0, 41e3);
+        const Fit far = best_gain(level, by_tilt[tilt], tilt, 24e3, 28e3),
+                  whole = best_gain(level, by_tilt[tilt], tilt, 0, 41e3);
         CHECK(whole.best < before);
         before = whole.best;
         if (tilt == 1) CHECK(whole.best > 0.85);
@@ -231,8 +258,6 @@ TEST_CASE("gain makes up for a degree of tilt, and for some of five or ten", "[p
             for (const auto& band : {far, whole}) {
                 CHECK(band.gain_db > 42);  // the beam has left the far ground
                 CHECK(band.best > band.same_gain);
-                // Where the paper has nearly the same scene we have not: the pattern's slope makes far and near differ.
-                CHECK(band.best < 0.9);
             }
     }
 }
@@ -276,8 +301,8 @@ TEST_CASE("a lake is black until its waves are high", "[paper]") {
     double before_db = -300, plain_shore_db = 0;
     std::vector<double> plain_behind_w;  // cells of the far shore as they are by themselves
     for (const auto& [state, far_shore] : {std::pair{0, "off"}, {0, "on"}, {1, "off"}, {3, "off"}, {6, "off"}}) {
-        const Swept scene = sweep(folder, "sea",
-                                  {"--antenna-width", "6deg", "--sea-state", std::to_string(state), "--far-shore", far_shore});
+        const Swept scene = sweep(
+            folder, "sea", {"--antenna-width", "6deg", "--sea-state", std::to_string(state), "--far-shore", far_shore});
         const bool bright = std::string(far_shore) == "on";
         const auto& n = scene.power.number;
         double water = 0, water_w = 0, black = 0, black_at_52 = 0, land = 0, land_w = 0;
@@ -328,8 +353,8 @@ TEST_CASE("a lake is black until its waves are high", "[paper]") {
         }
         if (state == 0) {
             const double shore_db = 10 * std::log10(far_shore_w / behind_cells / (near_shore_w / near_shore));
-            std::printf("far-shore %s: the 600 m behind the lake return %.2f dB more than the 600 m before it\n", far_shore,
-                        shore_db);
+            std::printf("far-shore %s: the 600 m behind the lake return %.2f dB more than the 600 m before it\n",
+                        far_shore, shore_db);
             if (!bright) {
                 plain_shore_db = shore_db;
                 plain_behind_w = behind_w;
@@ -349,7 +374,7 @@ TEST_CASE("a lake is black until its waves are high", "[paper]") {
             }
         }
         if (bright) {  // the water itself stays as it is
-            CHECK(black > 0.95 * water);
+            CHECK(black == water);
             continue;
         }
         REQUIRE(water > 200);
@@ -360,7 +385,7 @@ TEST_CASE("a lake is black until its waves are high", "[paper]") {
             state, water_db, 10 * std::log10(land_w / land) + 30, 100 * black / water, water,
             100 * black_at_52 / water);
         CHECK(water_db > before_db);
-        if (state <= 1) CHECK(black > 0.95 * water);
+        CHECK(black == water);  // at the gain that shows land, whatever the state
         if (state == 6) CHECK(black_at_52 < 0.05 * water);
         if (state == 0) CHECK(black_at_52 > 0.95 * water);
         before_db = water_db;
@@ -452,6 +477,11 @@ TEST_CASE("a target stands where the sweep of the tube says: GPI a map, PPI and 
                 static_cast<double>(most), sum);
             // Half its size, 75 m, and a pixel.
             CHECK(radius / sum == Approx(expected_px).margin(75 / radius_m(range_m) * size / 2 + 1));
+            // A map puts it elsewhere, but for the GPI.
+            const double map_px = s / radius_m(range_m) * size / 2;
+            if (display == "gpi") CHECK(radius / sum == Approx(map_px).margin(3));
+            if (display == "ppi") CHECK(radius / sum > map_px * (s < 3000 ? 1.9 : 1.1));
+            if (display == "tdppi") CHECK(radius / sum < map_px * (s < 3000 ? 0.3 : 0.65));
         }
     }
 }

@@ -112,7 +112,13 @@ sheet fig15_antennas 4 "${tiles[@]}"
 for tilt in 0 5 10; do echo_of tilt$tilt "$scenes/f111a_sector90.ini" --range 22nmi --antenna-width 12deg --tilt ${tilt}deg; done
 tiles=(); for pair in 0,42 5,42 10,42 0,50 5,50 10,60; do
   tilt=${pair%,*} gain=${pair#*,}
-  tube tilt$tilt tilt_$pair --if-gain ${gain}dB --video-gain 4dB; tiles+=(tilt_$pair "tilt $tilt deg, IF gain $gain dB"); done
+  tube tilt$tilt tilt_$pair --if-gain ${gain}dB --video-gain 4dB; tiles+=(tilt_$pair "CSC2, tilt $tilt deg, IF gain $gain dB"); done
+# And a wide beam, which lights all of the scene's depressions much alike.
+for tilt in 0 5 10; do
+  echo_of fan$tilt "$scenes/f111a_sector90.ini" --range 22nmi --antenna gaussian --antenna-knee 10deg --antenna-width 40deg --tilt ${tilt}deg; done
+for pair in 0,42 5,43 10,45; do
+  tilt=${pair%,*} gain=${pair#*,}
+  tube fan$tilt fan_$pair --if-gain ${gain}dB --video-gain 4dB; tiles+=(fan_$pair "wide beam, tilt $tilt deg, IF gain $gain dB"); done
 sheet fig16_tilt 3 "${tiles[@]}"
 
 # --- Weather: gases, then rain with circular polarisation.
@@ -147,7 +153,25 @@ echo_of southeast "$scenes/f111a_northeast.ini" "${fine[@]}" --latlon 33.62,-117
 echo_of east "$scenes/f111a_northeast.ini" "${fine[@]}" --latlon 33.80,-117.27 --altitude-msl 8000ft --heading 270deg --sector -60deg,60deg --range 22nmi
 echo_of plain "$scenes/f111a_northeast.ini" --latlon 33.80,-117.27 --altitude-msl 8000ft --heading 270deg --sector -60deg,60deg --range 22nmi
 echo_of sparse "$scenes/f111a_northeast.ini" "${coarse[@]}" --latlon 33.80,-117.27 --altitude-msl 8000ft --heading 270deg --sector -60deg,60deg --range 22nmi
-tiles=(); for scene in northeast low southeast east plain sparse; do tube $scene scene_$scene; done
-cell=320x320 sheet fig19_scenes 3 scene_northeast 'north-east, 7000 ft' scene_low 'north-east, 2750 ft, PPI' scene_southeast 'south-east, 7000 ft' \
-  scene_plain 'east, 8000 ft: 30 m posts' scene_east 'east, 8000 ft: 400 ft posts' scene_sparse 'east, 8000 ft: 200 m posts'
+# vertical NAME [options]: the data base seen from above in the frame of the scene's map: reflectivity, shaded by its relief.
+vertical() {
+  local name=$1; shift
+  "$program" scope "$name.tif" --size 320 --rings off -q -o "$name.frame.tif" "$@"
+  for part in potential relief; do
+    gdal_translate -q -ot Byte -b 1 -scale 0 255 0 0 -a_nodata none "$name.frame.tif" part.tif
+    gdal_translate -q -b 1 "fine_$part.tif" from.tif
+    gdalwarp -q -r bilinear from.tif part.tif
+    gdal_translate -q -of PNG part.tif "$part.png"
+  done
+  convert potential.png relief.png -compose multiply -composite -level 0,70% "above_$name.png"
+}
+tiles=()
+for pair in 'northeast north-east, 7000 ft' 'low north-east, 2750 ft, PPI' 'southeast south-east, 7000 ft' 'east east, 8000 ft'; do
+  name=${pair%% *}
+  tube $name scene_$name
+  if [ $name = low ]; then vertical low --display gpi; else vertical $name; fi
+  tiles+=(scene_$name "${pair#* }" above_$name 'the same from above')
+done
+tube plain scene_plain; tube sparse scene_sparse
+cell=320x320 sheet fig19_scenes 4 "${tiles[@]}" scene_plain 'east, 8000 ft: 30 m posts' scene_east 'east, 8000 ft: 400 ft posts' scene_sparse 'east, 8000 ft: 200 m posts'
 du -cb "$sheets"/*.png | tail -1
