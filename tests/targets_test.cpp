@@ -224,8 +224,9 @@ Bytes deposits_of(unsigned seed) {
             x1[i] = x0[i] + draw.number(-longest, longest);
             if (draw.below(10) == 0) x0[i] = std::floor(x0[i]);  // exactly on an edge
             if (x0[i] != x1[i]) inverse[i] = 1 / std::abs(x1[i] - x0[i]);
-            const double bin_m = std::max(1.0, 60 * x0[i]);
-            power[i] = draw.below(9) ? 1e-3 * std::exp(draw.number(-25, 0)) / (bin_m * bin_m) : 0;
+            // Within what the quantum of the farthest bin allows, for all pieces that a cell may get.
+            const double bin_m = std::max(1.0, 90 * std::max(x0[i], x1[i]));
+            power[i] = draw.below(9) ? 1e-5 * std::exp(draw.number(-25, 0)) / (bin_m * bin_m) : 0;
             bow[i] = draw.number(-1, 1);
             gamma[i] = draw.below(9) ? draw.number(0, 1) : -1;
         }
