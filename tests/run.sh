@@ -68,9 +68,9 @@ if ((${#presets[@]})); then
     for preset in "${presets[@]}"; do run "$preset"; done
 else
     run release
-    # Minutes there, for nothing that the others do not try (whole programs sweep, count and take levels in cli, track,
-    # observers and resume); or no memory to speak of.
-    run asan --exclude-regex '^(reference|matrix|numerics|cull|same_bits|viewshed|options|earth|material|random|receiver|fluctuation|atmosphere|rain|path_loss|backscatter|sea|dielectric|intensity|walls|far_shore)_|_every_ground$|^(coverage|detail|evaluate|paper|scope)_test$'
+    # Minutes there, for nothing that the others do not try (whole programs sweep, count and take levels in cli and track);
+    # or no memory to speak of.
+    run asan --exclude-regex '^(reference|matrix|numerics|cull|same_bits|viewshed|options|earth|material|random|receiver|fluctuation|atmosphere|rain|path_loss|backscatter|sea|dielectric|intensity|walls|far_shore|observers|resume)_|_every_ground$|^(coverage|detail|evaluate|paper|scope)_test$'
     run tsan --tests-regex '^(memory_budget|timeline)_test$|_threads$'
 fi
 
