@@ -22,10 +22,12 @@ inline Scene bare_scene(double x, double y, double altitude_m, double range_m) {
     return s;
 }
 
-inline RunResult simulate(const Scene& scene, WedgeSource& source, std::int64_t wedges = 0, int threads = 1) {
+inline RunResult simulate(const Scene& scene, WedgeSource& source, std::int64_t wedges = 0, int threads = 1,
+                          bool cull = true) {
     EngineParams params;
     params.threads = threads;
     params.wedges = wedges;
+    params.cull = cull;
     return run(resolve(scene, source), source, params);
 }
 

@@ -9,6 +9,7 @@
 #include "lib/engine.hpp"
 #include "lib/far_shore.hpp"
 #include "lib/shade.hpp"
+#include "tests/bare_scene.hpp"
 #include "tests/every_target.hpp"
 #include "tests/refusal.hpp"
 #include "tests/terrain.hpp"
@@ -17,6 +18,7 @@ using namespace wedgescope;
 using Catch::Matchers::WithinAbs;
 using Catch::Matchers::WithinRel;
 using wedgescope::test::MemorySource;
+using wedgescope::test::simulate;
 
 namespace {
 
@@ -26,28 +28,11 @@ ClassId id_of(const char* name) { return material_by_name("material", name); }
 
 /// No pattern, no beam, no pulse: the echo is K sigma0(psi) A / r^4.
 Scene bare_scene(double x, double y, double altitude_m, double range_m) {
-    Scene s;
-    s.platform.xy = PointXY{x, y};
-    s.platform.altitude_m = altitude_m;
-    s.range_m = range_m;
+    Scene s = wedgescope::test::bare_scene(x, y, altitude_m, range_m);
     s.azimuth_bins = 720;
     s.range_bin_m = 4;
     s.earth_k.reset();
-    s.quality = Quality::exact;
-    s.radar.antenna.elevation = ElevationPattern::gaussian;
-    s.radar.antenna.floor = Decibel(0);
-    s.radar.beam_width_error = s.radar.pulse_length_error = false;
-    s.display.size = 64;
     return s;
-}
-
-RunResult simulate(const Scene& scene, WedgeSource& source, std::int64_t wedges = 0, int threads = 1,
-                   bool cull = true) {
-    EngineParams params;
-    params.threads = threads;
-    params.wedges = wedges;
-    params.cull = cull;
-    return run(resolve(scene, source), source, params);
 }
 
 /// A lake between two straight banks that run east and west, the sensor over the land south of it.

@@ -13,6 +13,7 @@
 #include "lib/plan.hpp"
 #include "lib/raised_source.hpp"
 #include "lib/shade.hpp"
+#include "tests/bare_scene.hpp"
 #include "tests/drawn_raster.hpp"
 #include "tests/terrain.hpp"
 #include "tiles/gdal_session.hpp"
@@ -25,6 +26,7 @@ using wedgescope::test::draw;
 using wedgescope::test::Drawing;
 using wedgescope::test::Folder;
 using wedgescope::test::MemorySource;
+using wedgescope::test::simulate;
 
 namespace {
 
@@ -32,30 +34,12 @@ constexpr double degree = std::numbers::pi / 180;
 
 /// No pattern, no beam, no pulse, a flat earth: the echo is K sigma0(psi) A / r^4.
 Scene bare_scene(double x, double y, double altitude_m, double range_m) {
-    Scene s;
-    s.platform.xy = PointXY{x, y};
-    s.platform.altitude_m = altitude_m;
-    s.range_m = range_m;
+    Scene s = wedgescope::test::bare_scene(x, y, altitude_m, range_m);
     s.azimuth_bins = 72;
-    s.range_bin_m = 50;
     s.earth_k.reset();
-    s.quality = Quality::exact;
     s.radar.frequency_hz = 10e9;  // gammas as the table has them
-    s.radar.antenna.elevation = ElevationPattern::gaussian;
-    s.radar.antenna.floor = Decibel(0);
-    s.radar.beam_width_error = s.radar.pulse_length_error = false;
-    s.display.size = 64;
     s.walls = Walls::statistical;
     return s;
-}
-
-RunResult simulate(const Scene& scene, WedgeSource& source, std::int64_t wedges = 0, int threads = 1,
-                   bool cull = true) {
-    EngineParams params;
-    params.threads = threads;
-    params.wedges = wedges;
-    params.cull = cull;
-    return run(resolve(scene, source), source, params);
 }
 
 double echo_at(const RunResult& r, double azimuth_deg, double range_m) {

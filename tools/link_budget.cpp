@@ -307,12 +307,13 @@ void link_budget(const std::vector<std::string>& arguments, Stop& stop) {
     settings.expects_ground = expects_ground(settings, {.levels = true}, stop);
     check_simulation(settings, stop);
     // Where the scene's range is given the cell is known before anything but the ground below the sensor is read.
+    std::optional<Bins> known;
     std::optional<Arc> arc;
     if (settings.scene.range_m) {
         const auto direct = open_direct_source(data_base_params(settings, cache_bytes(settings), stop));
         ResolvedScene scene = resolve(settings.scene, *direct);
-        const Bins bins = wanted_bins(settings, scene, *direct);
-        look_at(scene, {bins.azimuth, bins.azimuth + 1});
+        known = wanted_bins(settings, scene, *direct);
+        look_at(scene, {known->azimuth, known->azimuth + 1});
         const double step_rad = scene.swept.azimuth_step_rad();
         arc = Arc{static_cast<double>(scene.swept.azimuth_bins.begin) * step_rad,
                   static_cast<double>(scene.swept.azimuth_bins.size()) * step_rad};
@@ -332,7 +333,7 @@ void link_budget(const std::vector<std::string>& arguments, Stop& stop) {
     EngineParams params = engine_params(settings);
     params.stop = &stop;
     params.data = source->fingerprint({});
-    const Bins bins = wanted_bins(settings, scene, *source);
+    const Bins bins = known ? *known : wanted_bins(settings, scene, *source);
     const LinkBudget budget = link_budget(scene, *source, params, bins.azimuth, bins.range);
     const Page page{settings, scene, source->data_base(), budget};
     print(settings.json ? page_json(page).dump(2, ' ', false, json::error_handler_t::replace) + "\n" : page_text(page));
