@@ -6,6 +6,7 @@
 
 #include "lib/class_laws.hpp"
 #include "lib/lanes.hpp"
+#include "lib/raised_source.hpp"
 #include "lib/wedge_source.hpp"
 
 namespace wedgescope {
@@ -382,8 +383,7 @@ private:
 
 double detail_post_m(const ResolvedScene& scene, const DataBase& db) {
     // What raises the ground is no part of the maps.
-    const std::vector<float> raises = raises_m(scene.scene);
-    if (!raises.empty() && (db.has_culture || raises[db.default_class] > 0)) return infinite;
+    if (!raises_m(scene.scene, db).empty()) return infinite;
     if (!scene.scene.detail || detail_rms_db(scene.scene.quality) == 0 || db.cyclic || coarsest(db) == 0)
         return infinite;
     // What detail_error_db() asks for at the least, with the sides of a post as they may be anywhere in range.

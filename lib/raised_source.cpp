@@ -169,11 +169,15 @@ Chunk RaisedSource::load(const ChunkRequest& request) {
     return chunk;
 }
 
-SceneSource::SceneSource(WedgeSource& source, const Scene& scene) : source_(&source) {
+std::vector<float> raises_m(const Scene& scene, const DataBase& db) {
     std::vector<float> raises = raises_m(scene);
-    const DataBase& db = source.data_base();
-    if (raises.empty() || (!db.has_culture && !(raises[db.default_class] > 0))) return;
-    raised_.emplace(source, std::move(raises));
+    if (!raises.empty() && !db.has_culture && !(raises[db.default_class] > 0)) raises.clear();
+    return raises;
+}
+
+SceneSource::SceneSource(WedgeSource& source, const Scene& scene) : source_(&source) {
+    std::vector<float> raises = raises_m(scene, source.data_base());
+    if (!raises.empty()) raised_.emplace(source, std::move(raises));
 }
 
 }  // namespace wedgescope

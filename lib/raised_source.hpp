@@ -50,6 +50,9 @@ private:
     std::unique_ptr<Map> map_;
 };
 
+/// raises_m() of a scene over a data base: empty too where none of its classes can be one that is raised.
+std::vector<float> raises_m(const Scene& scene, const DataBase& data_base);
+
 /// A source as a scene sees it: itself, or raised.
 class SceneSource {
 public:

@@ -273,7 +273,7 @@ ResolvedScene resolve_coverage(const Scene& scene, WedgeSource& source) {
 Sampling sampling_of(const ResolvedScene& scene, const DataBase& db) {
     const double post_m = std::max(std::abs(db.step_x), std::abs(db.step_y)) * db.metres_a_unit();
     // Where statistical walls raise the ground it steps from class to class.
-    const bool steps = db.has_culture_height || (db.has_culture && !raises_m(scene.scene).empty());
+    const bool steps = db.has_culture_height || (db.has_culture && !raises_m(scene.scene, db).empty());
     return sampling(scene.scene, steps, (scene.sensor_m - scene.reference_m) / post_m);
 }
 
