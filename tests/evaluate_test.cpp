@@ -7,6 +7,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 #include <numbers>
+#include <regex>
 #include <set>
 
 #include "tests/in_process.hpp"
@@ -135,6 +136,84 @@ nlohmann::json listed() {
 }
 
 }  // namespace
+
+// ------------------------------------------------------------------------------------------------------- documents
+
+namespace {
+
+/// A row of a table of the documents whose last cell says what computes it: `MODEL values` outputs; `MODEL values` outputs ...
+struct DocumentedRow {
+    std::string text;
+    Strings numbers;  ///< as printed, of the cells between
+    struct Computed {
+        std::string model, words, output;
+    };
+    std::vector<Computed> computed;
+};
+
+Strings matches(const std::string& text, const std::string& pattern) {
+    Strings found;
+    const std::regex expression(pattern);
+    for (std::sregex_iterator i(text.begin(), text.end(), expression), end; i != end; ++i) found.push_back(i->str());
+    return found;
+}
+
+std::vector<DocumentedRow> documented_rows(const std::string& path) {
+    std::vector<DocumentedRow> rows;
+    for (const std::string& line : split(content(path), '\n')) {
+        Strings cells = split(line, '|');
+        if (!line.starts_with("| ") || !line.ends_with("|") || cells.size() < 4 || !cells.back().starts_with(" `"))
+            continue;
+        DocumentedRow row{line, {}, {}};
+        for (std::size_t i = 2; i + 1 < cells.size(); ++i)
+            for (const std::string& number : matches(cells[i], R"([-+]?\b[0-9]+(\.[0-9]+)?(e[-+]?[0-9]+)?\b)"))
+                row.numbers.push_back(number);
+        const std::string& last = cells.back();
+        for (std::size_t begin = last.find('`'); begin != std::string::npos;) {
+            const std::size_t end = last.find('`', begin + 1), next = last.find('`', end + 1),
+                              space = last.find(' ', begin);
+            const std::string model = last.substr(begin + 1, space - begin - 1),
+                              words = last.substr(space + 1, end - space - 1);
+            for (const std::string& output : matches(last.substr(end + 1, next - end - 1), "[A-Za-z0-9_]+"))
+                row.computed.push_back({model, words, output});
+            begin = next;
+        }
+        rows.push_back(std::move(row));
+    }
+    return rows;
+}
+
+/// One unit of the last digit of a printed number.
+double last_digit(const std::string& number) {
+    const auto e = number.find('e'), point = number.find('.');
+    const std::size_t end = e == std::string::npos ? number.size() : e;
+    const double decimals = point == std::string::npos ? 0 : static_cast<double>(end - point - 1);
+    const double exponent = e == std::string::npos ? 0 : std::stod(number.substr(e + 1));
+    return std::pow(10.0, exponent - decimals);
+}
+
+}  // namespace
+
+TEST_CASE("the tables of the documents are what their own commands compute", "[quick]") {
+    std::set<std::string> models;
+    std::size_t values_held = 0;
+    for (const DocumentedRow& row : documented_rows(WEDGESCOPE_DOCS "/physics.md")) {
+        INFO(row.text);
+        REQUIRE(!row.computed.empty());
+        REQUIRE(row.numbers.size() >= row.computed.size());
+        const std::size_t first = row.numbers.size() - row.computed.size();
+        for (std::size_t i = 0; i < row.computed.size(); ++i) {
+            const auto& [model, words, output] = row.computed[i];
+            const std::string& printed = row.numbers[first + i];
+            INFO(model << " " << words << ": " << output << ", printed " << printed);
+            CHECK_THAT(value(model, words, output), WithinAbs(std::stod(printed), 1.0001 * last_digit(printed)));
+            models.insert(model);
+            ++values_held;
+        }
+    }
+    CHECK(values_held >= 60);
+    CHECK(models.size() >= 20);
+}
 
 // ------------------------------------------------------------------------------------------------------- values
 
@@ -436,6 +515,14 @@ TEST_CASE("display, facets, and what beam and pulse make of an echo, worked by h
     CHECK(value("pulse-weight", "w=4 m=4", "w_m") == 0.5);
     CHECK(value("pulse-weight", "w=4 m=5", "w_m") == 0);
     CHECK_THAT(value("pulse-weight", "w=0.5 m=0", "w_m"), WithinRel(0.375, 1e-15));
+    // Exaggerated threefold: the half-power angle, three times as far out, weighs the same; a third each over 12 bins.
+    const auto wide = values("beam-weight", "phi=2.25deg theta_3=1.5deg r=100km hs=0 k=flat s=3");
+    CHECK_THAT(wide.at("w").number, WithinRel(beam.at("w").number, 1e-12));
+    sum = 0;
+    for (int m = 0; m <= 13; ++m) sum += value("pulse-weight", "w=4 s=3 m=" + std::to_string(m), "w_m");
+    CHECK_THAT(sum, WithinRel(4.0, 1e-15));
+    CHECK_THAT(value("pulse-weight", "w=4 s=3 m=0", "w_m"), WithinRel(0.5 / 3, 1e-15));
+    CHECK_THAT(value("pulse-weight", "w=4 s=3 m=11", "w_m"), WithinRel(1.0 / 3, 1e-15));
     // Classes: trees -12 dB and -10 dB of walls at 10 GHz; grass has no walls of its own.
     CHECK_THAT(value("class", "material=trees f=10GHz", "gamma_w_dB"), WithinAbs(-10, 1e-9));
     CHECK_THAT(value("class", "material=trees f=16.5GHz", "gamma_dB"), WithinAbs(-12 + 5 * std::log10(1.65), 1e-9));
@@ -443,6 +530,23 @@ TEST_CASE("display, facets, and what beam and pulse make of an echo, worked by h
     // A Gaussian may look up or straight ahead.
     CHECK(value("antenna-elevation", "delta=0 antenna=gaussian beta_0=0deg", "g_el") == 1);
     CHECK(value("antenna-elevation", "delta=-5deg antenna=gaussian beta_0=-5deg", "g_el") == 1);
+}
+
+TEST_CASE("structures add their faces, seen upright, to the ground's return", "[structures]") {
+    // 400 on a km2, 15 m wide and 8 m high: n H w = 0.048, 9 % covered; gamma_w of `concrete` 5 dB at 10 GHz.
+    const auto added = values("structures", "material=concrete n_km2=400 w=15m H=8m f=10GHz psi=30deg");
+    CHECK_THAT(added.at("nHw").number, WithinRel(0.048, 1e-12));
+    CHECK_THAT(added.at("share").number, WithinRel(0.09, 1e-12));
+    CHECK_THAT(added.at("raised").number, WithinRel(0.72, 1e-12));
+    CHECK_THAT(added.at("sigma0_w").number, WithinRel(std::pow(10, 0.5) * 0.048 * std::sqrt(0.75), 1e-12));
+    CHECK_THAT(added.at("sigma0").number, WithinRel(0.01 * 0.5, 1e-12));
+    // Circular polarisation takes 3 dB of the ground, 0.5 dB of what stands on it.
+    const auto round = values("structures", "material=concrete n_km2=400 w=15m H=8m f=10GHz psi=30deg pol=circular");
+    CHECK_THAT(round.at("ratio_dB").number - added.at("ratio_dB").number, WithinAbs(2.5, 1e-6));
+    const Folder folder;
+    CHECK_THAT(folder.refusal({"structures", "material=metal", "psi=5deg"}), Contains("needs n_km2, w and H"));
+    CHECK_THAT(folder.refusal({"structures", "material=water", "n_km2=1", "w=1m", "H=1m", "psi=5deg"}),
+               Contains("water has no structures"));
 }
 
 TEST_CASE("the rain's echo is the radar equation of what a level beam holds", "[evaluate][quick]") {

@@ -103,6 +103,10 @@ std::vector<Model> antenna_models() {
          "what an echo counts in an azimuth beside its own, two-way, as the fan beam widens towards the nadir",
          "physics 2.6 [P], 3 [V2]",
          joined({number("phi", "deg", "azimuth of the bin minus that of the echo", -180, 180),
+                 number("s", "",
+                        "bwe-scale; all weights of an exaggerated beam are divided by how much more they add up to",
+                        0.1, 20)
+                     .by_default("1"),
                  above("r", "m", "slant range", 0, 1e7), height_input("hs", "height of the antenna above sea level"),
                  height_input("h_0", "reference height").by_default("0m"), earth_factor_input(), earth_radius_input()},
                 azimuth_pattern_inputs()),
@@ -110,7 +114,8 @@ std::vector<Model> antenna_models() {
           {"w", "", "weight, 1 in the echo's own azimuth"},
           {"w_dB", "dB", "the same"}},
          [](const Arguments& a) -> std::vector<double> {
-             const double cosine = beam_cosine(a), w = two_way_azimuth_pattern(azimuth_antenna(a), a["phi"] * cosine);
+             const double cosine = beam_cosine(a),
+                          w = two_way_azimuth_pattern(azimuth_antenna(a), a["phi"] * cosine / a["s"]);
              return {cosine, w, db(w)};
          },
          "phi=1deg r=5km hs=7000ft"},
@@ -118,14 +123,16 @@ std::vector<Model> antenna_models() {
          "what an echo counts in the range bins behind it: H(m) - H(m - w)",
          "physics 2.6 [P]",
          {above("w", "", "range bins that the pulse is long, c tau / (2 dr)", 0, 1000),
-          number("m", "", "range bins from the echo's own outwards, a whole number", 0, 1000)},
+          number("m", "", "range bins from the echo's own outwards, a whole number", 0, 1000),
+          number("s", "", "ple-scale: the pulse is s w long, and its weights 1/s of that pulse's", 0.1, 20)
+              .by_default("1")},
          {{"w_m", "", "weight; all together are w"}},
          [](const Arguments& a) -> std::vector<double> {
              const double m = a["m"];
              if (m != std::floor(m)) throw NoSolution(text("m is ", m, "; bins are counted in whole numbers"));
-             const std::vector<double> weights = pulse_weights(a["w"]);
+             const std::vector<double> weights = pulse_weights(a["w"] * a["s"]);
              const auto bin = static_cast<std::size_t>(m);
-             return {bin < weights.size() ? weights[bin] : 0};
+             return {bin < weights.size() ? weights[bin] / a["s"] : 0};
          },
          "w=4 m=1"},
     };

@@ -3,6 +3,7 @@
 #include <array>
 #include <cmath>
 #include <memory>
+#include <numbers>
 
 #include "lib/atmosphere.hpp"
 #include "lib/beam.hpp"
@@ -266,10 +267,11 @@ std::vector<Model> rain_models() {
          {{"A_g", "dB", "by gases"},
           {"A_R", "dB", "by rain"},
           {"A_c", "dB", "by cloud"},
-          {"L_a", "dB", "all together"}},
+          {"L_a", "dB", "all together"},
+          {"tau", "Np", "optical depth of all together, one way"}},
          [](const Arguments& a) -> std::vector<double> {
              const PathLoss loss = loss_of(a);
-             return {loss.gases_db, loss.rain_db, loss.cloud_db, loss.db()};
+             return {loss.gases_db, loss.rain_db, loss.cloud_db, loss.db(), loss.db() / 2 * (std::numbers::ln10 / 10)};
          },
          "hs=7000ft delta=2deg r=30nmi R=heavy"},
     };

@@ -2,7 +2,9 @@
 #include <cmath>
 
 #include "lib/backscatter.hpp"
+#include "lib/class_laws.hpp"
 #include "lib/dielectric.hpp"
+#include "lib/directivity.hpp"
 #include "lib/material.hpp"
 #include "lib/sea.hpp"
 #include "lib/sensor.hpp"
@@ -82,6 +84,59 @@ std::vector<Model> land_models() {
              return {db(gamma.ground), db(gamma.wall)};
          },
          "material=suburban f=16.5GHz"},
+        {"directivity",
+         "what a feature with reflecting sides returns of its most",
+         "physics 7.2 [meaning V1; law P]",
+         {one_of("side", "which of its sides reflect", {"omni", "uni", "bi"}),
+          number("A", "deg", "azimuth from the feature to the radar", -360, 360),
+          number("A_n", "deg", "azimuth of the reflecting side's outward normal", -360, 360).by_default("0deg")},
+         {{"D", "", "factor on the radar cross-section"}, {"D_dB", "dB", "the same"}},
+         [](const Arguments& a) -> std::vector<double> {
+             const double factor = directivity_gain(chosen<Directivity>(a, "side"), a.angle("A"), a.angle("A_n"));
+             return {factor, db(factor)};
+         },
+         "side=uni A=30deg"},
+        {"structures",
+         "what houses or crowns finer than a post add to their ground: walls statistical",
+         "physics 7.3 [P]",
+         {material_input(),
+          number("n_km2", "", "structures on a square kilometre (default: of the class)", 0, 1e6)
+              .or_word("auto")
+              .by_default("auto"),
+          number("w", "m", "how wide and deep one is (default: of the class)", 0, 1000)
+              .or_word("auto")
+              .by_default("auto"),
+          number("H", "m", "how high one is (default: of the class)", 0, 1000).or_word("auto").by_default("auto"),
+          number("f", "Hz", "frequency", 1e6, 1e12).by_default(RadarParams{}.frequency_hz), held_grazing(),
+          polarisation()},
+         {{"nHw", "", "area of the faces that one side shows, on a unit of ground"},
+          {"share", "", "of the ground that they cover"},
+          {"raised", "m", "how much higher the surface stands"},
+          {"sigma0_w", "", "what they add to the radar cross-section per unit area"},
+          {"sigma0_w_dB", "dB", "the same"},
+          {"sigma0", "", "of the ground without them, by constant gamma"},
+          {"ratio_dB", "dB", "what they add over what the ground returns"}},
+         [](const Arguments& a) -> std::vector<double> {
+             Material material = material_table()[static_cast<std::size_t>(*a.word("material"))];
+             Structures structures = material.structures.value_or(Structures{});
+             if (!a.word("n_km2")) structures.number_km2 = a["n_km2"];
+             if (!a.word("w")) structures.width_m = a["w"];
+             if (!a.word("H")) structures.height_m = a["H"];
+             if (!(structures.walls() > 0))
+                 throw NoSolution(material.name + " has no structures of its own: it needs n_km2, w and H above 0");
+             if (!material.gamma10_db) throw NoSolution("water has no structures");
+             ClassLawParams params;
+             params.frequency_hz = a["f"];
+             params.polarisation = polarisation_of(a);
+             const Angle psi = std::max(a.angle("psi"), least_grazing);
+             const double ground = class_law(material, params).factor(psi) * std::sin(psi.rad());
+             material.structures = structures;
+             params.walls = Walls::statistical;
+             const double added = class_law(material, params).factor(psi) * std::sin(psi.rad()) - ground;
+             return {structures.walls(), structures.share(), structures.raise_m(), added, db(added), ground,
+                     db(added / ground)};
+         },
+         "material=urban f=10GHz psi=5deg"},
         {"ulaby-dobson",
          "sigma0 of land by the mean fits of Ulaby and Dobson",
          "physics 4.2 [C rows V1, X and Ku rows U: Ulaby & Dobson 1989; below 10 degrees P]",
