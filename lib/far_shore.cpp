@@ -10,13 +10,16 @@ namespace {
 
 constexpr int intervals = 4096;
 
-/// Sine of the elevation of a point's image in the level of the water: as far below it as the point is above, along the
-/// vertical of the place.
-double image_sine(const ShorePoint& p, double level_m) {
+struct Image {
+    double up_m, out_m;
+    double sine() const { return up_m / std::sqrt(up_m * up_m + out_m * out_m); }
+};
+/// A point's image in the level of the water: as far below it as the point is above, along the vertical of the place.
+Image image_of(const ShorePoint& p, double level_m) {
     const double x = p.theta * p.theta, cosine = 1 - 0.5 * x * (1 - x * (1.0 / 12)),
                  sine = p.theta * (1 - x * (1.0 / 6) * (1 - x * (1.0 / 20)));
-    const double twice = 2 * (p.height_m - level_m), up = p.up_m - twice * cosine, out = p.out_m - twice * sine;
-    return up / std::sqrt(up * up + out * out);
+    const double twice = 2 * (p.height_m - level_m);
+    return {p.up_m - twice * cosine, p.out_m - twice * sine};
 }
 
 }  // namespace
@@ -33,7 +36,8 @@ ShoreWindow ShoreWindow::between(const ShoreWindow& a, const ShoreWindow& b) {
 
 FarShore::FarShore(const ClassLawParams& params) {
     if (!params.far_shore || params.gamma) return;
-    for (const Material& material : params.materials.rows()) water_.push_back(is_of_water(material));
+    const std::vector<Material>& classes = params.materials.rows();
+    std::transform(classes.begin(), classes.end(), water_.begin(), is_of_water);
     const bool calm = params.water == WaterModel::calm || params.sea_state == 0;
     const Permittivity water = water_permittivity(params.frequency_hz, calm ? fresh_water : Water{});
     const double rms_m = calm ? 0 : rms_wave_height_m(params.sea_state);
@@ -73,10 +77,23 @@ void FarShore::pass_water(ShoreWindow& window, const ShorePoint& a, const ShoreP
     window.level_m = b.height_m;
 }
 
+bool FarShore::clear_of(const ShoreWindow& window, const ShorePoint& a, const ShorePoint& b) noexcept {
+    // Both ends, so all between: what is above a ray is one side of a straight line. Without a root or a division.
+    if (!(window.top < 0)) return false;
+    const double square = window.top * window.top;
+    const auto above = [&](const ShorePoint& p) {
+        const Image image = image_of(p, window.level_m);
+        const double up2 = image.up_m * image.up_m;
+        return !(image.up_m < 0) || !(up2 > square * (up2 + image.out_m * image.out_m));
+    };
+    return above(a) && above(b);
+}
+
 double FarShore::pass_land(ShoreWindow& window, const ShorePoint& a, const ShorePoint& b) const noexcept {
     if (window.state == ShoreWindow::none) return 1;
     window.state = ShoreWindow::on_land;
-    const double near = image_sine(a, window.level_m), far = image_sine(b, window.level_m);
+    if (clear_of(window, a, b)) return 1;
+    const double near = image_of(a, window.level_m).sine(), far = image_of(b, window.level_m).sine();
     const double high = near < window.top ? near : window.top, low = far > window.from ? far : window.from;
     const double lowest = near < far ? near : far;
     if (lowest < window.top) window.top = lowest;

@@ -7,6 +7,8 @@
 // distance h_b / tan(psi) in front of a point h_b above it. Ground that the sensor does not see lies below a ray that
 // falls, so it hides nothing from one that rises: only what is seen counts, and skipped ground changes nothing.
 #pragma once
+#include <array>
+#include <limits>
 #include <vector>
 
 #include "lib/class_laws.hpp"
@@ -45,17 +47,19 @@ public:
     bool on() const { return !entries_.empty(); }
     double most() const { return most_; }    ///< largest gain; 1 if it is off
     double error() const { return error_; }  ///< relative, of the table against far_shore_gain()
-    bool is_water(ClassId id) const { return id < water_.size() && water_[id]; }
+    bool is_water(ClassId id) const { return water_[id]; }
     /// far_shore_gain() of the sine of the grazing angle on the water.
     double gain(double sine) const noexcept;
 
     /// A piece of water from `a` out to `b`.
     static void pass_water(ShoreWindow& window, const ShorePoint& a, const ShorePoint& b) noexcept;
+    /// Does land from `a` out to `b` leave a window as it is: no part of it is lit from there, nor hides another's light?
+    static bool clear_of(const ShoreWindow& window, const ShorePoint& a, const ShorePoint& b) noexcept;
     /// A piece of land from `a` out to `b`: how many times it returns what it would by itself, the mean over the piece.
     double pass_land(ShoreWindow& window, const ShorePoint& a, const ShorePoint& b) const noexcept;
 
 private:
-    std::vector<bool> water_;     // by class
+    std::array<bool, std::size_t{std::numeric_limits<ClassId>::max()} + 1> water_{};  // by class
     std::vector<float> entries_;  // over the square root of the sine
     double most_ = 1, error_ = 0;
 };

@@ -92,9 +92,10 @@ SampleLanes Front::Samples::lanes(std::size_t at) {
 }
 
 void Front::Lanes::resize(std::size_t n) {
-    for (auto* v : {&metres_per_post, &inverse_radius, &mode, &horizon, &void_horizon, &mark_from, &gap_from, &gap_top,
-                    &seen_least, &seen_most, &share0, &share1})
+    for (auto* v : {&metres_per_post, &mode, &horizon, &void_horizon, &mark_from, &gap_from, &gap_top, &seen_least,
+                    &seen_most, &share0, &share1})
         v->resize(n);
+    inverse_radius.resize(n + whole_registers(1));
     last.resize(n);
     row.resize(n);
     origin.resize(n);
@@ -147,7 +148,7 @@ void Front::set_up_ring(std::size_t ring, Lanes& lanes) const {
     const Interval run = run_->spokes[ring];
     lanes.resize(static_cast<std::size_t>(run.size()));
     if (needs_facets_)
-        for (LaneArray* v : {&lanes.across, &lanes.slant}) v->resize(lanes.row.size());
+        for (LaneArray* v : {&lanes.across, &lanes.slant}) v->resize(lanes.row.size() + whole_registers(1));
     if (directional_)
         for (LaneArray* v : {&lanes.east, &lanes.north}) v->resize(lanes.row.size());
     if (shore_) lanes.shore.assign(lanes.row.size(), {});
@@ -720,14 +721,14 @@ void Front::take(const Between& between, std::size_t begin, std::size_t end, boo
     const std::uint64_t swept = ticks();
     for (std::size_t at = 0; at < n; at += block)
         if (rises[at / block].plain)
-            power_lanes(std::min(block, n - at),
+            power_lanes(whole_registers(std::min(block, n - at)),
                         {sine0_.data() + at, now_.lanes(at), next.lanes(at), bump_.data() + at, power_.data() + at,
                          inverse_width_.data() + at, bow_.data() + at},
                         *scene_->pattern, scene_->constant);
     if (scene_->loss || needs_facets_)
         for (std::size_t at = 0; at < n; at += block) {
             if (!rises[at / block].plain) continue;
-            const std::size_t m = std::min(block, n - at);
+            const std::size_t m = whole_registers(std::min(block, n - at));
             if (scene_->loss)
                 weaken_lanes(m, now_.lanes(at), next.lanes(at), sine0_.data() + at,
                              lanes_.inverse_radius.data() + begin + at, *scene_->loss, power_.data() + at);
@@ -769,14 +770,16 @@ void Front::take(const Between& between, std::size_t begin, std::size_t end, boo
 
 void Front::find_facets(std::size_t at, std::size_t n, std::size_t lane, Samples& next) {
     if (!needs_facets_) return;
-    facet_lanes(n, {now_.lanes(at), next.lanes(at), posts_.data() + 2 * at, posts_.data() + 2 * tile_lanes + 2 * at,
-                    lanes_.across.data() + lane, lanes_.slant.data() + lane, minor_post_m_ * post_, facet_.data() + at});
+    facet_lanes(n,
+                {now_.lanes(at), next.lanes(at), posts_.data() + 2 * at, posts_.data() + 2 * tile_lanes + 2 * at,
+                 lanes_.across.data() + lane, lanes_.slant.data() + lane, minor_post_m_ * post_, facet_.data() + at});
 }
 
 double Front::power_of(std::size_t lane, double sine0, double sine1, double range0_m, double range1_m) const {
     const double power = piece_power(sine0, sine1, range0_m, range1_m, *scene_->pattern, scene_->constant);
     if (!scene_->loss) return power;
-    return power * scene_->loss->factor(0.5 * (range0_m + range1_m), 0.5 * (sine0 + sine1), lanes_.inverse_radius[lane]);
+    return power *
+           scene_->loss->factor(0.5 * (range0_m + range1_m), 0.5 * (sine0 + sine1), lanes_.inverse_radius[lane]);
 }
 
 bool Front::put_plain(std::size_t at, std::size_t n, std::size_t lane, const Between& between, Samples& next) {
@@ -861,10 +864,10 @@ bool Front::find_gammas(std::size_t at, std::size_t n, std::size_t lane, const B
         const std::array<ClassId, 3> three{classes[found.first[i]], classes[found.second[i]], classes[found.third[i]]};
         const std::int32_t kind = found.kind[i];
         const bool one = three[0] == three[1] && three[1] == three[2];
-        const bool shore =
-            shore_ && (lanes_.shore[lane + i].state != ShoreWindow::none ||
-                       std::any_of(three.begin(), three.end(), [&](ClassId id) { return shore_->is_water(id); }));
-        if (shore || kind > CultureParts::wall || std::find(three.begin(), three.end(), unknown_class) != three.end()) {
+        // Where these are not all of its classes put() finds them; no window goes by before.
+        const bool more =
+            kind > CultureParts::wall || std::find(three.begin(), three.end(), unknown_class) != three.end();
+        if (more || (shore_ && needs_shore(lane + i, three, at + i, next))) {
             gamma[i] = several_gammas;
             left = true;
         } else if (one) {
@@ -880,14 +883,29 @@ bool Front::find_gammas(std::size_t at, std::size_t n, std::size_t lane, const B
     return left;
 }
 
+bool Front::needs_shore(std::size_t lane, const std::array<ClassId, 3>& classes, std::size_t i, Samples& next) {
+    if (std::any_of(classes.begin(), classes.end(), [&](ClassId id) { return shore_->is_water(id); })) return true;
+    ShoreWindow& window = lanes_.shore[lane];
+    if (window.state == ShoreWindow::none) return false;
+    const SampleLanes from = now_.lanes(i), to = next.lanes(i);
+    if (!FarShore::clear_of(window, shore_point(lane, from, to, 0), shore_point(lane, from, to, 1))) return true;
+    window.state = ShoreWindow::on_land;
+    return false;
+}
+
 bool Front::pass_shores(std::size_t at, std::size_t n, std::size_t lane, const ClassId* classes,
                         const std::int32_t* cell, const std::int32_t* kind, Samples& next) {
+    // Mostly there is none, and none was.
+    bool some = false;
+    for (std::size_t i = 0; i < n; ++i)
+        some |= (lanes_.shore[lane + i].state != ShoreWindow::none) | shore_->is_water(classes[cell[i]]);
+    if (!some) return false;
     bool left = false;
     for (std::size_t i = 0; i < n; ++i) {
         double& gamma = gamma_[at + i];
         if (kind[i] == CultureParts::nothing || gamma == several_gammas) continue;
-        const bool water = kind[i] == CultureParts::parts && shore_->is_water(classes[cell[i]]);
         ShoreWindow& window = lanes_.shore[lane + i];
+        const bool water = kind[i] == CultureParts::parts && shore_->is_water(classes[cell[i]]);
         if (!water && window.state == ShoreWindow::none) continue;
         const SampleLanes from = now_.lanes(at + i), to = next.lanes(at + i);
         if (water && *to.height_m > *from.height_m) {  // a bank perhaps
@@ -1191,7 +1209,8 @@ void Front::put_by_shore(std::size_t lane, const Piece& piece, const Between& be
         return shore_point(lane, *piece.from, *piece.to, piece.begin + u * (piece.end - piece.begin));
     };
     const auto land = [&](double from, double to) {
-        return piece.from ? shore_->pass_land(window, point(from), point(to)) : 1.0;
+        return piece.from && window.state != ShoreWindow::none ? shore_->pass_land(window, point(from), point(to))
+                                                               : 1.0;
     };
     const auto add = [&](double from, double to, double gamma) {
         if (!own) return;

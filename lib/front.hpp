@@ -222,6 +222,8 @@ private:
     /// Pieces at, at + 1, ... of the tile that are of one class each, as classes[cell[i]] says; true if put() must do some.
     bool pass_shores(std::size_t at, std::size_t n, std::size_t lane, const ClassId* classes, const std::int32_t* cell,
                      const std::int32_t* kind, Samples& next);
+    /// Must put() do this piece, for water under it or in front of it? If not, the window has gone by it.
+    bool needs_shore(std::size_t lane, const std::array<ClassId, 3>& classes, std::size_t i, Samples& next);
     ShorePoint shore_point(std::size_t lane, const SampleLanes& from, const SampleLanes& to, double u) const;
     /// Corner of the cell under a piece that stands highest on `behind` and `ahead`, of those that accept(height, post) takes, of
     /// equal ones the first in raster order.

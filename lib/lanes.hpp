@@ -21,6 +21,11 @@ namespace wedgescope {
 /// One number a lane, from a border of the cache's lines on: wide loads never cross one.
 using LaneArray = std::vector<double, tbb::cache_aligned_allocator<double>>;
 inline constexpr std::size_t lane_step = 8;  ///< lanes in the widest registers
+/// n up to whole registers of floats: a loop over so many leaves no rest to go through one by one. The arrays must go on so
+/// far; what they hold there is anything.
+constexpr std::size_t whole_registers(std::size_t n) {
+    return (n + 2 * lane_step - 1) / (2 * lane_step) * (2 * lane_step);
+}
 
 namespace detail {
 

@@ -57,19 +57,19 @@ double u_of_height(double sensor_m, double height_m, double inverse_radius) {
 
 /// Length of the ray below a height, without calls of libm but sqrt. `above_sensor`: that height is higher than the
 /// sensor, which then is below it from the start.
-template <bool above_sensor>
-WEDGESCOPE_LANES_PART double length_below(double range, double sine, double c, double sensor, double height) noexcept {
+template <bool above_sensor, class Real>
+WEDGESCOPE_LANES_PART Real length_below(Real range, Real sine, Real c, Real sensor, Real height) noexcept {
     // Roots of c t^2 + 2 S t sin e - d = 0, each in the form that does not cancel and knows the plane.
-    const double d = (height - sensor) * (2 + c * (sensor + height)), p = (1 + sensor * c) * sine,
-                 square = p * p + c * d, q = std::sqrt(square > 0 ? square : 0.0);
+    const Real d = (height - sensor) * (2 + c * (sensor + height)), p = (1 + sensor * c) * sine, square = p * p + c * d,
+               q = std::sqrt(square > 0 ? square : Real{0});
     if constexpr (above_sensor) {
-        const double out = d / (p + q);  // infinite where the plane's ray goes down
+        const Real out = d / (p + q);  // infinite where the plane's ray goes down
         return out < range ? out : range;
     } else {
-        const double in = d / (p - q), out = (q - p) / c, end = out < range ? out : range, inside = end - in;
+        const Real in = d / (p - q), out = (q - p) / c, end = out < range ? out : range, inside = end - in;
         // One selection after the other: so they run in lanes everywhere.
-        const double some = inside > 0 ? inside : 0.0, crossed = square > 0 ? some : 0.0;
-        return sine < 0 ? crossed : 0.0;
+        const Real some = inside > 0 ? inside : Real{0}, crossed = square > 0 ? some : Real{0};
+        return sine < 0 ? crossed : Real{0};
     }
 }
 
@@ -384,60 +384,69 @@ void PathLossTable::tabulate(const GasProfile& profile, const PathLossRays& rays
     }
 }
 
+/// In floats: six digits of a loss are far below what the table promises.
 struct PathLossLanes {
+    static constexpr std::size_t block = 64;
+
     static WEDGESCOPE_LANES_PART void factors(std::size_t n, const double* range_m, const double* sines,
                                               const double* inverse_radius, const PathLossTable& table,
                                               double* factor) noexcept {
-        constexpr std::size_t block = 64;
-        const double sensor = table.sensor_m_;
-        double octaves[block];
+        const auto sensor = static_cast<float>(table.sensor_m_);
+        float range[block], sine[block], inverse[block], octaves[block];
         for (std::size_t at = 0; at < n; at += block) {
             const std::size_t m = std::min(block, n - at);
-            const double *const range = range_m + at, *const sine = sines + at, *const inverse = inverse_radius + at;
-            for (std::size_t i = 0; i < m; ++i) octaves[i] = 0;
+            WEDGESCOPE_INDEPENDENT
+            for (std::size_t i = 0; i < m; ++i) {
+                range[i] = static_cast<float>(range_m[at + i]);
+                sine[i] = static_cast<float>(sines[at + i]);
+                inverse[i] = static_cast<float>(inverse_radius[at + i]);
+                octaves[i] = 0;
+            }
             if (table.has_gases_) gases(m, range, sine, inverse, table, octaves);
             if (table.has_rain_) {
-                const double r0 = table.rain_[0], r1 = table.rain_[1], r2 = table.rain_[2], r3 = table.rain_[3];
-                const auto rate = [=](double z) { return r0 + z * (r1 + z * (r2 + z * r3)); };
-                below(m, range, sine, inverse, sensor, table.rain_top_m_, rate, octaves);
+                const auto part = [&](std::size_t k) { return static_cast<float>(table.rain_[k]); };
+                const float r0 = part(0), r1 = part(1), r2 = part(2), r3 = part(3);
+                const auto rate = [=](float z) { return r0 + z * (r1 + z * (r2 + z * r3)); };
+                below(m, range, sine, inverse, sensor, static_cast<float>(table.rain_top_m_), rate, octaves);
             }
             if (table.has_cloud_)
                 for (const PathLossTable::Boundary& boundary : table.cloud_) {
-                    const double weight = boundary.octaves_per_m;
+                    const auto weight = static_cast<float>(boundary.octaves_per_m);
                     below(
-                        m, range, sine, inverse, sensor, boundary.height_m, [=](double) { return weight; }, octaves);
+                        m, range, sine, inverse, sensor, static_cast<float>(boundary.height_m),
+                        [=](float) { return weight; }, octaves);
                 }
             half_to_the(m, octaves, factor + at);
         }
     }
 
 private:
-    static WEDGESCOPE_LANES_PART void gases(std::size_t m, const double* __restrict range,
-                                            const double* __restrict sine, const double* __restrict inverse,
-                                            const PathLossTable& table, double* __restrict octaves) noexcept {
-        constexpr std::size_t block = 64;
-        double sag_part[block], rise_part[block];
-        int index[block];
+    static WEDGESCOPE_LANES_PART void gases(std::size_t m, const float* __restrict range, const float* __restrict sine,
+                                            const float* __restrict inverse, const PathLossTable& table,
+                                            float* __restrict octaves) noexcept {
+        float sag_part[block], rise_part[block];
+        std::int32_t index[block];
         float pairs[4 * block];
-        const double half_scale = table.half_scale_, sags_per_m = table.sags_per_m_, rises_per_m = table.rises_per_m_,
-                     rise0 = table.rise0_m_;
-        const int sags = table.sags_, rises = table.rises_, stride = rises + 1;
-        const double most_sag = sags, most_rise = rises;
+        const auto half_scale = static_cast<float>(table.half_scale_),
+                   sags_per_m = static_cast<float>(table.sags_per_m_),
+                   rises_per_m = static_cast<float>(table.rises_per_m_), rise0 = static_cast<float>(table.rise0_m_);
+        const std::int32_t sags = table.sags_, rises = table.rises_, stride = rises + 1;
+        const auto most_sag = static_cast<float>(sags), most_rise = static_cast<float>(rises);
         const float* __restrict entries = table.gases_.data();
         WEDGESCOPE_INDEPENDENT
         for (std::size_t i = 0; i < m; ++i) {
-            const double sag = range[i] * range[i] * inverse[i], rise = range[i] * sine[i] + sag * half_scale;
-            double x = sag * sags_per_m, y = (rise - rise0) * rises_per_m;
-            x = x > 0 ? x : 0.0;
+            const float sag = range[i] * range[i] * inverse[i], rise = range[i] * sine[i] + sag * half_scale;
+            float x = sag * sags_per_m, y = (rise - rise0) * rises_per_m;
+            x = x > 0 ? x : 0.0F;
             x = x < most_sag ? x : most_sag;
-            y = y > 0 ? y : 0.0;
+            y = y > 0 ? y : 0.0F;
             y = y < most_rise ? y : most_rise;
-            int j = static_cast<int>(x), k = static_cast<int>(y);
+            auto j = static_cast<std::int32_t>(x), k = static_cast<std::int32_t>(y);
             j = j < sags ? j : sags - 1;
             k = k < rises ? k : rises - 1;
             index[i] = j * stride + k;
-            sag_part[i] = x - static_cast<double>(j);
-            rise_part[i] = y - static_cast<double>(k);
+            sag_part[i] = x - static_cast<float>(j);
+            rise_part[i] = y - static_cast<float>(k);
         }
         for (std::size_t i = 0; i < m; ++i) {
             std::memcpy(pairs + 2 * i, entries + index[i], 2 * sizeof(float));
@@ -445,19 +454,17 @@ private:
         }
         WEDGESCOPE_INDEPENDENT
         for (std::size_t i = 0; i < m; ++i) {
-            const double a = static_cast<double>(pairs[2 * i]), b = static_cast<double>(pairs[2 * i + 1]),
-                         c = static_cast<double>(pairs[2 * (block + i)]),
-                         d = static_cast<double>(pairs[2 * (block + i) + 1]);
-            const double near = a + rise_part[i] * (b - a), far = c + rise_part[i] * (d - c);
+            const float a = pairs[2 * i], b = pairs[2 * i + 1], c = pairs[2 * (block + i)],
+                        d = pairs[2 * (block + i) + 1];
+            const float near = a + rise_part[i] * (b - a), far = c + rise_part[i] * (d - c);
             octaves[i] += range[i] * (near + sag_part[i] * (far - near));
         }
     }
 
     template <class Rate>
-    static WEDGESCOPE_LANES_PART void below(std::size_t m, const double* __restrict range,
-                                            const double* __restrict sine, const double* __restrict inverse,
-                                            double sensor, double height, const Rate& rate,
-                                            double* __restrict octaves) noexcept {
+    static WEDGESCOPE_LANES_PART void below(std::size_t m, const float* __restrict range, const float* __restrict sine,
+                                            const float* __restrict inverse, float sensor, float height,
+                                            const Rate& rate, float* __restrict octaves) noexcept {
         if (height > sensor) {
             WEDGESCOPE_INDEPENDENT
             for (std::size_t i = 0; i < m; ++i)
@@ -471,25 +478,22 @@ private:
         }
     }
 
-    /// 2^-octaves, 0 to 1000 of them, to 3e-10 of itself: 1 for 0.
-    static WEDGESCOPE_LANES_PART void half_to_the(std::size_t m, const double* __restrict octaves,
+    /// 2^-octaves, 0 to 1000 of them, to 2e-7 of itself (a whole number more of octaves: 6e-8 of that more): 1 for 0.
+    static WEDGESCOPE_LANES_PART void half_to_the(std::size_t m, const float* __restrict octaves,
                                                   double* __restrict factor) noexcept {
         // Adding this leaves the nearest whole number in the last bits.
-        constexpr double whole = 6755399441055744;  // 1.5 2^52
+        constexpr float whole = 12582912;  // 1.5 2^23
         // ln(2)^k / k!
-        constexpr double c1 = 0.69314718055994531, c2 = 0.24022650695910071, c3 = 0.055504108664821580,
-                         c4 = 0.0096181291076284772, c5 = 0.0013333558146428443, c6 = 0.00015403530393381609,
-                         c7 = 1.5252733804059840e-05, c8 = 1.3215486790144309e-06;
+        constexpr float c1 = 0.693147181F, c2 = 0.240226507F, c3 = 0.0555041087F, c4 = 0.00961812911F,
+                        c5 = 0.00133335581F, c6 = 0.000154035304F;
         WEDGESCOPE_INDEPENDENT
         for (std::size_t i = 0; i < m; ++i) {
-            double x = octaves[i] > 0 ? octaves[i] : 0.0;
-            x = x < 1000 ? -x : -1000.0;
-            const double shifted = x + whole, f = x - (shifted - whole);
-            const double series =
-                1 + f * (c1 + f * (c2 + f * (c3 + f * (c4 + f * (c5 + f * (c6 + f * (c7 + f * c8)))))));
-            const auto bits = std::bit_cast<std::uint64_t>(shifted);
-            const double power = std::bit_cast<double>((bits << 52) + (std::uint64_t{1023} << 52));
-            factor[i] = series * power;
+            float x = octaves[i] > 0 ? octaves[i] : 0.0F;
+            x = x < 1000 ? -x : -1000.0F;
+            const float shifted = x + whole, f = x - (shifted - whole);
+            const float series = 1 + f * (c1 + f * (c2 + f * (c3 + f * (c4 + f * (c5 + f * c6)))));
+            const std::int64_t power = std::bit_cast<std::int32_t>(shifted) - std::bit_cast<std::int32_t>(whole);
+            factor[i] = static_cast<double>(series) * std::bit_cast<double>((power + 1023) << 52);
         }
     }
 };

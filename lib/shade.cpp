@@ -147,23 +147,30 @@ WEDGESCOPE_LANES_PART void facets(std::size_t n, const FacetLanes& lanes) noexce
                  *__restrict part1 = lanes.to.part, *__restrict across = lanes.across, *__restrict slant = lanes.slant;
     const float *__restrict behind = lanes.behind, *__restrict ahead = lanes.ahead;
     double* __restrict variable = lanes.variable;
-    const double minor_posts_a_metre = 1 / lanes.minor_post_m;
+    const auto minor_posts_a_metre = static_cast<float>(1 / lanes.minor_post_m);
+    constexpr auto bend = static_cast<float>(law_bend);
     WEDGESCOPE_INDEPENDENT
     for (std::size_t i = 0; i < n; ++i) {
         const double up = up1[i] - up0[i], out = out1[i] - out0[i], up_middle = 0.5 * (up1[i] + up0[i]),
                      out_middle = 0.5 * (out1[i] + out0[i]);
-        const double turned = up * out_middle - out * up_middle;  // piece, ray and the sine of the angle between
-        const double b0 = static_cast<double>(behind[2 * i]), b1 = static_cast<double>(behind[2 * i + 1]),
-                     a0 = static_cast<double>(ahead[2 * i]), a1 = static_cast<double>(ahead[2 * i + 1]);
-        const double step = arc1[i] - arc0[i], along = (height1[i] - height0[i]) / (step > 1e-9 ? step : 1e-9),
-                     middle = 0.5 * (part0[i] + part1[i]);
-        const double minor = ((b1 - b0) + middle * ((a1 - a0) - (b1 - b0))) * minor_posts_a_metre,
-                     tilt = slant[i] * minor - across[i] * along, z_t = tilt == tilt ? tilt : 0.0;
-        const double own = 1 + along * along, lengths = (up * up + out * out) *
-                     (up_middle * up_middle + out_middle * out_middle) * (own + z_t * z_t);
-        const double sine = turned * std::sqrt(own / (lengths > 1e-30 ? lengths : 1e-30));
-        const double above = sine > 0 ? sine : 0.0, x = above < 1 ? above : 1.0;
-        variable[i] = std::sqrt(x / (x + law_bend * std::sqrt((1 - x) * (1 + x))));
+        // Piece, ray and the sine of the angle between: what is left of two long products. From there on floats do.
+        const auto turned = static_cast<float>(up * out_middle - out * up_middle);
+        const float b0 = behind[2 * i], b1 = behind[2 * i + 1], a0 = ahead[2 * i], a1 = ahead[2 * i + 1];
+        const auto way = static_cast<float>(arc1[i] - arc0[i]), risen = static_cast<float>(height1[i] - height0[i]),
+                   middle = static_cast<float>(0.5 * (part0[i] + part1[i]));
+        const float step = way > 1e-9F ? way : 1e-9F,
+                    minor = ((b1 - b0) + middle * ((a1 - a0) - (b1 - b0))) * minor_posts_a_metre,
+                    tilt = static_cast<float>(slant[i]) * minor * step - static_cast<float>(across[i]) * risen,
+                    aside = tilt == tilt ? tilt : 0.0F;
+        const auto u = static_cast<float>(up), o = static_cast<float>(out), u_m = static_cast<float>(up_middle),
+                   o_m = static_cast<float>(out_middle);
+        // The sine's square is a fraction, so its tangent's is too, and law_variable() is sqrt(tan / (tan + law_bend)).
+        const float own = step * step + risen * risen, ahead_of = turned > 0 ? turned : 0.0F,
+                    some = ahead_of * ahead_of * own,
+                    all = (u * u + o * o) * (u_m * u_m + o_m * o_m) * (own + aside * aside), rest = all - some,
+                    least = 1e-10F * all + 1e-30F, tangent = std::sqrt(some / (rest > least ? rest : least)),
+                    bent = tangent / (tangent + bend);
+        variable[i] = static_cast<double>(std::sqrt(bent));
     }
 }
 

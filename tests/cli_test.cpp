@@ -517,6 +517,15 @@ TEST_CASE("what may look like an error of the program is explained", "[cli]") {
     says({"--latlon", "33.8,-117.4", "--altitude-msl", "30km", "--range", "60km"}, "if-gain");
     says({"--latlon", "33.8,-117.4", "--altitude-msl", "3km", "--range", "20km", "--azimuth-bins", "60"},
          "wider than half the beam");
+    const Strings place{"--latlon", "33.8,-117.4", "--altitude-msl", "3km", "--range", "6km"};
+    says(with(place, {"--wind-direction", "30deg"}), "wind-direction has no effect: it is that of waves");
+    says(with(place, {"--far-shore", "on"}), "far-shore has no effect: water is told from land by culture");
+    says(with(place, {"--walls", "statistical"}), "walls statistical has no effect: no class of the ground");
+    says(with(place, {"--sea-state", "4", "--backscatter", "oh", "--gamma", "-15dB"}),
+         "backscatter and sea-state have no effect: gamma is one for everything");
+    for (const Strings& more : {Strings{"--wind-direction", "30deg", "--sea-state", "2"},
+                                Strings{"--walls", "statistical", "--material", "suburban"}})
+        CHECK(folder.run(with(scene, with(place, more))).error_lines() == 2);
     const Outcome usual =
         folder.run(with(scene, {"--latlon", "33.8,-117.4", "--altitude-msl", "3km", "--range", "20km"}));
     CHECK(usual.error_lines() == 2);  // the sensor's place, and what was written

@@ -467,6 +467,108 @@ TEST_CASE("every setting that needs a new sweep is refused, by name and with the
     refuses(folder, with(start, {"--memory", "1MiB"}), 2, {"memory is 1 MiB", "this picture needs at least"});
 }
 
+namespace {
+
+/// Every band of every raster of a folder.
+std::map<std::string, std::vector<float>> cells(const Folder& folder, const std::string& name) {
+    GDALAllRegister();
+    std::map<std::string, std::vector<float>> all;
+    for (const char* const file : {"scope.png", "power.tif", "states.tif"}) {
+        const GDALDatasetUniquePtr raster(GDALDataset::Open((folder / name + "/" + file).c_str()));
+        REQUIRE(raster);
+        const int width = raster->GetRasterXSize(), height = raster->GetRasterYSize(), bands = raster->GetRasterCount();
+        std::vector<float>& values = all[file];
+        values.resize(static_cast<std::size_t>(width) * height * bands);
+        REQUIRE(raster->RasterIO(GF_Read, 0, 0, width, height, values.data(), width, height, GDT_Float32, bands,
+                                 nullptr, 0, 0, 0) == CE_None);
+    }
+    return all;
+}
+
+}  // namespace
+
+TEST_CASE("what is switched off changes no bit, whatever its other keys say", "[scope]") {
+    const Folder folder;
+    Strings by_the_lake = quick_riverside;
+    *(std::find(by_the_lake.begin(), by_the_lake.end(), "--latlon") + 1) = "33.83,-117.42";
+    *(std::find(by_the_lake.begin(), by_the_lake.end(), "--altitude-msl") + 1) = "2500ft";
+    const std::string points = folder.write("beam.csv", "-30,-40\n0,-3\n5,0\n40,-10\n");
+    std::map<std::string, std::map<std::string, std::vector<float>>> made;
+    const auto cells_of = [&](const Strings& settings) -> const std::map<std::string, std::vector<float>>& {
+        const auto [at, is_new] = made.try_emplace(line_of(settings));
+        if (is_new) {
+            folder.make(with(with({"simulate", "--overwrite"}, by_the_lake), with(settings, outputs(folder, "off"))));
+            at->second = cells(folder, "off");
+        }
+        return at->second;
+    };
+    // A value of a key that plays no part with `off`, and does with `on`.
+    struct Idle {
+        std::string value;
+        Strings off, on;
+    };
+    const Strings file = {"--antenna", points}, one_gamma = {"--gamma", "-15dB"}, by_class = {"--gamma", "off"};
+    const std::map<std::string, Idle> idle = {
+        {"antenna-knee", {"9deg", file, {"--antenna", "csc2"}}},
+        {"antenna-width", {"20deg", file, {"--antenna", "gaussian"}}},
+        {"antenna-exponent", {"2", {"--antenna", "csc2"}, {"--antenna", "cos-csc2"}}},
+        {"backscatter", {"ulaby-dobson", one_gamma, by_class}},
+        {"sea-state", {"5", one_gamma, by_class}},
+        {"wind-direction", {"30deg", {"--sea-state", "0"}, {"--sea-state", "4"}}},
+        {"rain-top", {"1200m", {"--rain", "clear"}, {"--rain", "heavy"}}},
+        {"cloud-base", {"500m", {"--cloud", "none"}, {"--cloud", "2g/m3"}}},
+        {"cloud-top", {"1800m", {"--cloud", "none"}, {"--cloud", "2g/m3"}}},
+        {"stc-exponent", {"2", {"--stc-range", "off"}, {"--stc-range", "4km"}}},
+        {"stc-max", {"6dB", {"--stc-range", "off"}, {"--stc-range", "4km"}}},
+        {"bwe-scale", {"3", {"--bwe", "off"}, {"--bwe", "on"}}},
+        {"ple-scale", {"3", {"--ple", "off"}, {"--ple", "on"}}},
+        {"seed", {"7", {"--noise", "off", "--speckle", "0"}, {"--noise", "off", "--speckle", "1"}}},
+        {"sweep-delay", {"2200m", {"--display", "ppi"}, {"--display", "tdppi"}}},
+        {"ring-spacing", {"700m", {"--rings", "off"}, {"--rings", "on"}}},
+    };
+    // What always counts, and what switches.
+    const std::set<std::string> always = {"noise-figure",  "bandwidth",     "azimuth-pattern",
+                                          "walls",         "frequency",     "transmit-power",
+                                          "gain",          "losses",        "pulse",
+                                          "polarisation",  "beam",          "antenna",
+                                          "antenna-floor", "tilt",          "water",
+                                          "gamma",         "gases",         "rain",
+                                          "cloud",         "if-gain",       "video-gain",
+                                          "stc-range",     "dynamic-range", "mds",
+                                          "minimum-range", "display-gamma", "bwe",
+                                          "ple",           "noise",         "speckle",
+                                          "display",       "size",          "orientation",
+                                          "centre",        "rings",         "azimuth-marks",
+                                          "pixel-fill",    "far-shore",     "alpha",
+                                          "legend"};
+    using wedgescope::KeyGroup;
+    std::size_t tried = 0;
+    Strings defaults;
+    for (const wedgescope::Key& key : wedgescope::key_table()) {
+        if (!(key.commands & wedgescope::command_simulate) || !key.changes_result || key.name == "set") continue;
+        if (!std::set{KeyGroup::radar, KeyGroup::antenna, KeyGroup::ground, KeyGroup::weather, KeyGroup::receiver,
+                      KeyGroup::errors, KeyGroup::display}
+                 .contains(key.group))
+            continue;
+        if (!key.fallback.empty() &&
+            std::find(quick_riverside.begin(), quick_riverside.end(), "--" + key.name) == quick_riverside.end() &&
+            key.name != "size")
+            defaults = with(defaults, {"--" + key.name, key.fallback});
+        INFO(key.name << ": this test needs to know what switches it off, or that nothing does");
+        REQUIRE((idle.contains(key.name) != always.contains(key.name)));
+        if (always.contains(key.name)) continue;
+        const auto& [value, off, on] = idle.at(key.name);
+        const Strings given = {"--" + key.name, value};
+        CHECK((cells_of(with(off, given)) == cells_of(off)));
+        CHECK_FALSE((cells_of(with(on, given)) == cells_of(on)));
+        ++tried;
+    }
+    CHECK(tried == idle.size());
+    // And what is off by default is off: all defaults given, one by one.
+    CHECK(defaults.size() > 60);
+    CHECK((cells_of(defaults) == cells_of({})));
+}
+
 TEST_CASE("a sector's echo is refused for what lies outside, and levels of detail hold beam and pulse", "[scope]") {
     const Folder folder;
     const std::string echo = folder / "echo.tif", png = folder / "new.png";

@@ -13,6 +13,7 @@
 #include "tools/budget.hpp"
 #include "tools/commands.hpp"
 #include "tools/coverage_report.hpp"
+#include "tools/doubts.hpp"
 #include "tools/ground.hpp"
 #include "tools/help.hpp"
 #include "tools/keys.hpp"
@@ -206,6 +207,8 @@ void coverage(const std::vector<std::string>& arguments, Stop& stop) {
         remark(settings.quiet,
                text(choice.kept ? "terrain read from " : "terrain sorted into wedges first: ", choice.why));
     for (const std::string& unfit : {choice.unfit, unfit_map}) remark_unused(settings.quiet, unfit);
+    if (settings.coverage.layer == CoverageLayer::response)
+        for (const std::string& line : idle_effects(settings.scene, db)) remark(settings.quiet, line);
     remark(settings.quiet,
            text("written: ", settings.output, fmt::format(" ({:.1f} s, {:.0f} Mposts/s)", wall, all / wall * 1e-6)));
     if (settings.profile || settings.verbose) fmt::print(stderr, "{}", report_table(report, usage));

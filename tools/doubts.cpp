@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 
 namespace wedgescope {
@@ -26,6 +27,31 @@ std::array<std::string, doubt_count> doubts(const RunResult& r) {
             "azimuth bins of {:.4g} deg are wider than half the beam of {:.4g} deg: powers come out too "
             "high (azimuth-bins {:.0f} or more)",
             step_deg, beam_deg, std::ceil(720 / beam_deg));
+    return lines;
+}
+
+std::vector<std::string> idle_effects(const Scene& scene, const DataBase& db) {
+    std::vector<std::string> lines;
+    const ClassLawParams laws = laws_of(scene);
+    if (scene.gamma) {
+        std::vector<const char*> idle;
+        if (scene.land != LandModel::constant_gamma) idle.push_back("backscatter");
+        if (scene.water != WaterModel::nrl) idle.push_back("water");
+        if (scene.sea_state > 0) idle.push_back("sea-state");
+        if (!idle.empty())
+            lines.push_back(fmt::format("{} {} no effect: gamma is one for everything", fmt::join(idle, " and "),
+                                        idle.size() > 1 ? "have" : "has"));
+    }
+    if (scene.wind_from && !scene.gamma && !may_be_windy(laws))
+        lines.push_back("wind-direction has no effect: it is that of waves, and there are none");
+    if (scene.far_shore && !db.has_culture)
+        lines.push_back("far-shore has no effect: water is told from land by culture, and there is none");
+    const std::vector<Material>& classes = laws.materials.rows();
+    const auto has_structures = [](const Material& m) { return m.structures.has_value(); };
+    if (scene.walls == Walls::statistical &&
+        !(db.has_culture ? std::any_of(classes.begin(), classes.end(), has_structures)
+                         : has_structures(classes[db.default_class])))
+        lines.push_back("walls statistical has no effect: no class of the ground has structures");
     return lines;
 }
 

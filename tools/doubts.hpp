@@ -1,9 +1,10 @@
 // Doubts: what a user may take for an error of the program in a picture that is right, for a remark.
-// Leaves saying it to the commands.
+// And what of a scene has no effect. Leaves saying it to the commands.
 #pragma once
 #include <array>
 #include <cstddef>
 #include <string>
+#include <vector>
 
 #include "lib/engine.hpp"
 
@@ -14,5 +15,7 @@ enum Doubt : std::size_t { nothing_there, nothing_seen, nothing_lit, wide_bins, 
 
 /// A line for each kind of doubt that there is about a picture; empty: none.
 std::array<std::string, doubt_count> doubts(const RunResult& result);
+/// A line for each effect that a scene asks for and that changes nothing over a data base.
+std::vector<std::string> idle_effects(const Scene& scene, const DataBase& data_base);
 
 }  // namespace wedgescope

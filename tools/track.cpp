@@ -542,6 +542,7 @@ void simulate_track(const Settings& given, double start_s, Stop& stop) {
     if (timeline_file) files.push_back(&*timeline_file);
     OutputFile::commit(files);
 
+    for (const std::string& line : idle_effects(settings.scene, source->data_base())) remark(settings.quiet, line);
     for (const std::string& line : run->doubts()) remark(settings.quiet, line);
     if (settings.verbose || settings.profile) fmt::print(stderr, "{}", track_table(*run, usage));
     if (settings.profile) fmt::print(stderr, "{}", limits_words(settings, track_work(run->reports(), usage)));
