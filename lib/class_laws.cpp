@@ -11,10 +11,22 @@ namespace wedgescope {
 
 namespace {
 
+/// What a model refuses, with the key that asks for it in front.
+template <class Law>
+auto asked_by(const char* key, const Law& law) {
+    try {
+        return law();
+    } catch (const InputError& error) {
+        throw InputError(text(key, ": ", error.what()));
+    }
+}
+
 BackscatterLaw bare_law(const Material& material, const ClassLawParams& params) {
     if (params.gamma || material.gamma10_db) {
         if (!params.gamma && params.land != LandModel::constant_gamma) {
-            BackscatterLaw law = ground_law(material, params.land, params.frequency_hz, params.polarisation);
+            BackscatterLaw law =
+                asked_by(params.land == LandModel::oh ? "backscatter oh" : "backscatter ulaby-dobson",
+                         [&] { return ground_law(material, params.land, params.frequency_hz, params.polarisation); });
             if (!law.gamma()) return law;
         }
         const Decibel gamma10 = params.gamma ? *params.gamma : Decibel(*material.gamma10_db);
@@ -23,8 +35,10 @@ BackscatterLaw bare_law(const Material& material, const ClassLawParams& params) 
                                                   ? rounded_significand(gamma / circular_loss.ratio(), 24)
                                                   : gamma);
     }
-    return params.water == WaterModel::nrl ? sea_nrl_law(params.frequency_hz, params.polarisation, params.sea_state)
-                                           : sea_calm_law(params.frequency_hz, params.polarisation);
+    if (params.water == WaterModel::calm)
+        return asked_by("water calm", [&] { return sea_calm_law(params.frequency_hz, params.polarisation); });
+    return asked_by("sea-state",
+                    [&] { return sea_nrl_law(params.frequency_hz, params.polarisation, params.sea_state); });
 }
 
 /// Do structures add to what its ground returns?

@@ -93,9 +93,13 @@ std::string column_names() {
     return names;
 }
 
+/// In any case, as value attribute tables have them.
 std::optional<ClassId> row_named(const std::vector<Material>& rows, std::string_view name) {
     for (std::size_t id = 0; id < rows.size(); ++id)
-        if (name == rows[id].name) return static_cast<ClassId>(id);
+        if (std::equal(name.begin(), name.end(), rows[id].name.begin(), rows[id].name.end(), [](char a, char b) {
+                return std::tolower(static_cast<unsigned char>(a)) == std::tolower(static_cast<unsigned char>(b));
+            }))
+            return static_cast<ClassId>(id);
     return std::nullopt;
 }
 
@@ -181,12 +185,14 @@ public:
                 rms_ = cell;
                 return;
             case directivity:
+                sided_ = !cell.empty();
                 row_.directivity = Directivity::omni;
                 for (const Directivity one : {Directivity::omni, Directivity::uni, Directivity::bi})
                     if (cell == word(one)) row_.directivity = one;
                 if (cell != word(row_.directivity) && !cell.empty()) refuse(column, cell, "omni, uni, bi or nothing");
                 return;
             case axis:
+                axis_ = !cell.empty();
                 row_.axis_deg = number(column, cell, -360, 360, "degrees, or nothing").value_or(0);
                 return;
             case structures:
@@ -204,6 +210,14 @@ public:
     void finish() {
         finish_soil();
         finish_structures();
+        if (row_.directivity != Directivity::omni && sided_ && !axis_)
+            throw InputError(text(where_, ": '", row_.name, "' is ", word(row_.directivity),
+                                  " without an axis_deg; it needs the azimuth of its reflecting side"));
+        // Without gamma it is water to every model, whatever stands on it.
+        if (row_.gamma10_db || !(row_.ulaby_dobson || row_.bare_soil)) return;
+        throw InputError(text(where_, ": '", row_.name, "' has ",
+                              row_.ulaby_dobson ? "an ulaby_dobson" : "a soil_permittivity",
+                              " and no gamma10_db; a class without gamma10_db is water"));
     }
 
 private:
@@ -271,6 +285,7 @@ private:
 
     const std::string& where_;
     Material& row_;
+    bool sided_ = false, axis_ = false;  // a directivity and an axis are given
     std::optional<std::string_view> permittivity_, rms_;
     struct Given {
         std::string_view cell;
@@ -315,8 +330,9 @@ std::size_t add_rows(std::vector<Material>& rows, const std::string& source, std
         if (!is_word(word))
             fail("name is '", word, "'; it must be a word of at most ", Materials::longest_name,
                  " letters, digits, - and _ that begins with a letter");
-        if (!named.emplace(word).second) fail("'", word, "' has a row already; each class may have one");
         std::optional<ClassId> id = row_named(rows, word);
+        if (!named.emplace(id ? rows[*id].name : std::string(word)).second)
+            fail("'", word, "' has a row already; each class may have one");
         if (!id) {
             if (rows.size() == Materials::most)
                 fail("'", word, "' is one class too many; accepted: ", Materials::most, " with the shipped ones");

@@ -92,7 +92,9 @@ void validate(const WeatherParams& weather, double frequency_hz) {
     require_within("liquid-water", weather.liquid_water_g_m3, 0, 10, "g/m^3");
     if (weather.liquid_water_g_m3 > 0) {
         require_within("cloud-base", weather.cloud_base_m, lowest_air_m, 20e3, "m");
-        require_above_to("cloud-top", weather.cloud_top_m, weather.cloud_base_m, 20e3, "m");
+        if (!(weather.cloud_top_m > weather.cloud_base_m && weather.cloud_top_m <= 20e3))
+            throw InputError(text("cloud-top is ", weather.cloud_top_m, " m; it must be above cloud-base, which is ",
+                                  weather.cloud_base_m, " m, and at most 20000"));
         require_within("frequency with cloud", frequency_hz * 1e-9, 1, 200, "GHz");
     }
 }

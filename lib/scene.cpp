@@ -99,7 +99,7 @@ void validate(const Scene& scene) {
                 throw InputError(text(name,
                                       " is given with gamma, which is one for everything, water too; accepted: one of "
                                       "them"));
-    if (scene.far_shore) water_permittivity(scene.radar.frequency_hz, fresh_water);
+    if (scene.far_shore) require_within("frequency with far-shore", scene.radar.frequency_hz / 1e9, 0.5, 40, "GHz");
     const ClassLawParams laws = laws_of(scene);
     for (const Material& material : scene.materials.rows()) class_law(material, laws);
     validate(weather_of(scene), scene.radar.frequency_hz);

@@ -342,6 +342,11 @@ TEST_CASE("a scene that contradicts itself or says too little is refused", "[cli
     refuses(folder, with(whole, {"--water", "calm", "--wind-direction", "10deg"}), 2,
             {"wind-direction is 10 deg", "water calm"});
     refuses(folder, with(whole, {"--gamma", "-15dB", "--far-shore", "on"}), 2, {"far-shore is given with gamma"});
+    refuses(folder, with(whole, {"--far-shore", "on", "--frequency", "94GHz"}), 2,
+            {"frequency with far-shore is 94 GHz", "at most 40"});
+    refuses(folder, with(whole, {"--backscatter", "oh", "--frequency", "35GHz"}), 2, {"backscatter oh: ", "35 GHz"});
+    refuses(folder, with(whole, {"--sea-state", "3", "--frequency", "94GHz"}), 2, {"sea-state: ", "94 GHz"});
+    refuses(folder, with(whole, {"--water", "calm", "--frequency", "94GHz"}), 2, {"water calm: ", "94 GHz"});
     refuses(folder, with(whole, {"--wind-direction", "361deg"}), 2,
             {"--wind-direction is '361deg'", "from -360deg to 360deg"});
     const std::string twice = folder.write("twice.ini", "range = 5km\nlatlon = 1,2\nxy = 1,2\n");
@@ -349,6 +354,8 @@ TEST_CASE("a scene that contradicts itself or says too little is refused", "[cli
     const std::string unknown = folder.write("unknown.ini", "dem = x.tif\nfrequenzy = 5GHz\n");
     refuses(folder, {"simulate", unknown, "-o", "scope.png"}, 2, {"line 2", "'frequenzy'", "did you mean frequency?"});
     refuses(folder, {"simulate", "nowhere.ini", "-o", "scope.png"}, 1, {"nowhere.ini"});
+    refuses(folder, {"simulate", data + "/inland_empire_culture.tif", "-o", "scope.png"}, 2,
+            {"inland_empire_culture.tif' is no text", "key = value"});
 }
 
 TEST_CASE("a raster that cannot be used is named", "[cli]") {

@@ -887,6 +887,10 @@ TEST_CASE("each listed model runs in the middle of its ranges, and so does its e
                 number.precision(17);
                 number << (low + input["to"].get<double>()) / 2;
                 middle = number.str();
+                // Where two ranges of a model do not go together all the way.
+                if (symbol == "beta_0") middle = "30";
+                if (name == "path-loss" && symbol == "f") middle = "100";
+                if (symbol == "h_b") middle = "500";
             } else {
                 REQUIRE(!input["words"].empty());
                 middle = input["words"][input["words"].size() / 2];

@@ -374,6 +374,19 @@ TEST_CASE("features of a wrong field, class, height or layer are named", "[featu
     CHECK_THAT(refusal([&] { with_features(Legend("x", {{30254, 1}, {30003, 2}}), {}); }), Contains("code 30003"));
 }
 
+TEST_CASE("features that all lie off the terrain are remarked on", "[features]") {
+    const Folder folder;
+    GeoJson far, near;
+    far.add_box(90000, 5, 90010, 9, {{"SMC", 1}}).write(folder / "far.json");
+    near.add_box(90000, 5, 90010, 9, {{"SMC", 1}}).add("Point", {{5.5, 5.5}}, {{"SMC", 1}}).write(folder / "near.json");
+    CHECK(write_tile_store(into(folder / "far", folder / "far.json")).features_lie_elsewhere);
+    CHECK_FALSE(write_tile_store(into(folder / "near", folder / "near.json")).features_lie_elsewhere);
+    const Ended ended = wedgescope::test::run_program(
+        {WEDGESCOPE_PROGRAM, "tile", dem, folder / "again", "--features", folder / "far.json"}, folder / "err");
+    CHECK(ended.code == 0);
+    CHECK_THAT(ended.err, Contains("none lies on a cell of the terrain"));
+}
+
 TEST_CASE("options of features are checked", "[features]") {
     const Folder folder;
     const std::string file = GeoJson().add("Point", {{5.5, 5.5}}, {{"SMC", 1}}).write(folder / "f.json");

@@ -186,6 +186,9 @@ TEST_CASE("a wrong row of a class table is named", "[material]") {
     says("17,-3", {"name is '17'", "letter"});
     says("sweet corn,-3", {"'sweet corn'"});
     says("corn,-3\ncorn,-4", {"line 2", "'corn' has a row already"});
+    says("trees,-3\nTrees,-4", {"line 2", "'Trees' has a row already"});
+    says("name,ulaby_dobson\ncorn,short", {"'corn' has an ulaby_dobson and no gamma10_db", "is water"});
+    says("name,gamma10_db,directivity\nmast,3,uni", {"'mast' is uni without an axis_deg"});
     says("corn,-3,,tall", {"ulaby_dobson is 'tall'", "shrubs"});
     says("corn,-3,,,clay", {"soil_permittivity", "one is given"});
     says("corn,-3,,,clay,0.01", {"soil_permittivity is 'clay'", "dry-sand"});

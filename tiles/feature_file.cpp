@@ -558,6 +558,7 @@ void FeatureFile::burn(const RasterFacts& grid, const Window& window, What what,
                         if (owner[at] > number) continue;
                         owner[at] = number;
                         put(at, burnt);
+                        if (!burnt_.load(std::memory_order_relaxed)) burnt_ = true;
                     }
                 }
             }

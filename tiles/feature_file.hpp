@@ -9,6 +9,7 @@
 // geometry takes comes on top), and 8 + 2 bytes for each cell of the window.
 #pragma once
 #include <ogrsf_frmts.h>
+#include <atomic>
 
 #include <cstdint>
 #include <functional>
@@ -68,6 +69,7 @@ public:
     /// feature; IoError.
     void burn(const RasterFacts& grid, const Window& window, What what,
               const std::function<void(std::size_t, double)>& put);
+    bool burnt() const { return burnt_; }  ///< some cell has been
 
 private:
     struct Handle;
@@ -87,6 +89,7 @@ private:
     bool has_materials_ = false, has_heights_ = false;
     std::mutex mutex_, opening_;  ///< a CRS is compared by one thread at a time
     std::vector<std::unique_ptr<Handle>> free_;
+    std::atomic<bool> burnt_ = false;
 };
 
 }  // namespace wedgescope

@@ -668,6 +668,9 @@ TileStoreSummary StoreWriter::summary() const {
         out.layers.push_back(layer);
     }
     for (const auto& [code, cells] : codes) out.unknown_codes.push_back({code, cells});
+    const bool all_made =
+        std::none_of(out.layers.begin(), out.layers.end(), [](const auto& l) { return l.reused > 0; });
+    out.features_lie_elsewhere = features_ && all_made && !features_->burnt();
     out.disagreements = all.posts;
     out.interpolated = all.interpolated;
     out.largest_m = all.largest_m;

@@ -99,7 +99,8 @@ struct TileStoreSummary {
         std::int32_t code;
         std::uint64_t cells;
     };
-    std::vector<Code> unknown_codes;  ///< that the legend does not know
+    std::vector<Code> unknown_codes;      ///< that the legend does not know
+    bool features_lie_elsewhere = false;  ///< not one cell has a feature
 };
 
 /// InputError for options, an output that stands already or too small a memory; IoError and DataError naming file and

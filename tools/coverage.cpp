@@ -106,8 +106,8 @@ void coverage(const std::vector<std::string>& arguments, Stop& stop) {
     Settings settings = parse_arguments(command_coverage, translated.words);
     if (settings.help) return print(help_text(command_by_name("coverage")));
     if (settings.files.size() != 2)
-        throw InputError(
-            text("coverage takes two paths, the terrain raster and the output; found ", settings.files.size()));
+        throw InputError(text("coverage takes two paths, the terrain raster and the output; found ",
+                              settings.files.size(), " (of a scene file simulate --ground writes the layer response)"));
     settings.dem = settings.files[0];
     settings.output = settings.files[1];
     settings.snap_to_post = translated.gdal_style;

@@ -1151,7 +1151,9 @@ std::vector<Key> make_keys() {
     t.add("speckle",
           count(
               0, 10000, [](auto& s) -> auto& { return s.scene.receiver.speckle_looks; }),
-          "0", "fluctuation of the ground's echo, averaged over so many looks; 0: none");
+          "0",
+          "fluctuation of the ground's echo, averaged over so many looks, of which each costs a pass "
+          "over the picture's cells; 0: none");
     t.add("seed", seed(), "1", "of noise and speckle");
 
     t.group(KeyGroup::display, true);
@@ -1246,11 +1248,13 @@ std::vector<Key> make_keys() {
         tile_only(
             t.add("features", path([](auto& s) -> auto& { return s.features; }), "",
                   "vector file of points, lines and areas that are burnt over culture and culture-height, or make "
-                  "them: fields material (a word, or a code of features-legend) or SMC, height or HGT, metres, and directivity "
+                  "them: fields material (a word, or a code of features-legend) or SMC, height or HGT, metres, and "
+                  "directivity "
                   "(omni, uni, bi) with axis, degrees from north"));
-        tile_only(t.add("directivity", path([](auto& s) -> auto& { return s.directivity; }), "",
-                        "raster on culture's grid of the side that reflects, in place of the class' own: 0 to 359 the azimuth of "
-                        "one (uni), 360 to 539 that of two and 360 more (bi), 540 none (omni), degrees from north"));
+        tile_only(t.add(
+            "directivity", path([](auto& s) -> auto& { return s.directivity; }), "",
+            "raster on culture's grid of the side that reflects, in place of the class' own: 0 to 359 the azimuth of "
+            "one (uni), 360 to 539 that of two and 360 more (bi), 540 none (omni), degrees from north"));
         tile_only(t.add("features-layer", word_of("NAME", &Settings::features_layer), "",
                         "this layer of the vector file alone; without it all, later ones over those before"));
         tile_only(t.add("features-legend", features_legend(), "smc",

@@ -15,8 +15,8 @@ std::vector<ModelInput> elevation_pattern_inputs() {
                {"gaussian", "csc2", "cos-csc2"})
             .or_antenna_file()
             .by_default("csc2"),
-        number("beta_0", "deg", "knee: depression of the nose in the antenna's frame; above 0 but for gaussian", -30,
-               89.999)
+        number("beta_0", "deg", "knee: depression of the nose in the antenna's frame; above 0 but for gaussian", -90,
+               90)
             .by_default(set.knee),
         above("theta_el", "deg", "half-power beamwidth, of the shaped laws above the knee", 0, 180)
             .by_default(set.width),

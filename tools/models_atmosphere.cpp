@@ -37,7 +37,11 @@ ModelInput tilt() {
 
 WeatherParams weather_params(const Arguments& a) {
     WeatherParams params;
-    if (!a.word("rho0")) params.vapour_g_m3 = a["rho0"];
+    const auto vapour = a.word("rho0");
+    if (!vapour)
+        params.vapour_g_m3 = a["rho0"];
+    else if (*vapour > 0)
+        params.vapour_g_m3 = *vapour == 1 ? normal_vapour_g_m3 : high_vapour_g_m3;
     params.rain_mm_h = rate_of(a);
     params.rain_top_m = a["h_R"];
     params.liquid_water_g_m3 = a["M"];
@@ -86,10 +90,12 @@ std::vector<ModelInput> joined(std::vector<ModelInput> first, const std::vector<
 std::vector<ModelInput> weather_inputs() {
     return {number("rho0", "g/m^3", "water vapour at sea level; none: no gases at all", 0, most_vapour_g_m3)
                 .or_word("none")
+                .or_word("normal")
+                .or_word("high")
                 .by_default(normal_vapour_g_m3),
             number("h_R", "m", "top of the rain", -1000, 20e3).by_default(WeatherParams{}.rain_top_m),
             number("M", "g/m^3", "liquid water of cloud or fog", 0, 10).by_default("0"),
-            number("h_b", "m", "base of the cloud", -1000, 19e3).by_default("0m"),
+            number("h_b", "m", "base of the cloud", -1000, 20e3).by_default("0m"),
             number("h_c", "m", "top of the cloud", -1000, 20e3).by_default("1000m"),
             tilt(),
             number("k", "", "factor of the earth's mean radius", 0.1, 1e6).or_word("flat").by_default("4/3")};
@@ -262,7 +268,7 @@ std::vector<Model> rain_models() {
          "physics 6.2 to 6.5 along the ray of 1.1 [V2: ITU-R P.676-13, P.838-3, P.840-8; layers P]",
          joined({number("hs", "m", "height of the antenna above sea level", -1000, 1e6),
                  number("delta", "deg", "depression at the antenna, positive down", -90, 90),
-                 above("r", "m", "slant range", 0, 1e6), frequency(200), rate().by_default("clear")},
+                 above("r", "m", "slant range", 0, 1e6), frequency(1000), rate().by_default("clear")},
                 weather_inputs()),
          {{"A_g", "dB", "by gases"},
           {"A_R", "dB", "by rain"},

@@ -26,6 +26,7 @@ std::string text_of_file(const std::string& subject, const std::string& path, st
     }
     if (file.bad()) throw IoError(text(subject, " cannot be read"));
     if (content.size() > most) throw InputError(text(subject, " is larger than ", most_mib, " MiB; ", holds));
+    if (content.find('\0') != std::string::npos) throw InputError(text(subject, " is no text; ", holds));
     return content;
 }
 

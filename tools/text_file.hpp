@@ -8,7 +8,7 @@
 namespace wedgescope {
 
 /// `subject`: of the messages ("scene file 'x.ini'"); `holds`: what so large a file cannot be ("it holds a line for each class").
-/// IoError where it is a folder or cannot be read; InputError where it is larger than `most_mib`.
+/// IoError where it is a folder or cannot be read; InputError where it is larger than `most_mib` or no text.
 std::string text_of_file(const std::string& subject, const std::string& path, std::string_view holds,
                          std::size_t most_mib = 1);
 

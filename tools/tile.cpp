@@ -166,6 +166,9 @@ void tell(const Settings& settings, const TileStoreSummary& summary, double seco
         say(fmt::format("culture: {} codes in {} cells are not in the legend {}: {}", summary.unknown_codes.size(),
                         grouped(cells), in_quotes(settings.culture_legend), codes));
     }
+    if (summary.features_lie_elsewhere)
+        say(text("features ", in_quotes(settings.features),
+                 ": none lies on a cell of the terrain (is their CRS what the file says, longitude before latitude?)"));
     std::uint64_t reused = 0;
     for (const auto& layer : summary.layers) {
         say(fmt::format("{}: {} x {} {} in {} sheets, {}", layer.name, layer.columns, layer.rows, layer.type,
