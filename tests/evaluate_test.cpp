@@ -526,6 +526,8 @@ TEST_CASE("display, facets, and what beam and pulse make of an echo, worked by h
     // Classes: trees -12 dB and -10 dB of walls at 10 GHz; grass has no walls of its own.
     CHECK_THAT(value("class", "material=trees f=10GHz", "gamma_w_dB"), WithinAbs(-10, 1e-9));
     CHECK_THAT(value("class", "material=trees f=16.5GHz", "gamma_dB"), WithinAbs(-12 + 5 * std::log10(1.65), 1e-9));
+    CHECK_THAT(value("class", "material=trees f=10GHz pol=circular", "gamma_dB"), WithinAbs(-15, 1e-9));
+    CHECK_THAT(value("class", "material=trees f=10GHz pol=circular", "gamma_w_dB"), WithinAbs(-10.5, 1e-9));
     CHECK(value("class", "material=grass", "gamma_w_dB") == value("class", "material=grass", "gamma_dB"));
     // A Gaussian may look up or straight ahead.
     CHECK(value("antenna-elevation", "delta=0 antenna=gaussian beta_0=0deg", "g_el") == 1);

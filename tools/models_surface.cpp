@@ -76,12 +76,15 @@ std::vector<Model> land_models() {
         {"class",
          "gamma of a class' ground and of its walls, as scenes take them",
          "physics 4.1, 7.4 [anchors V2, the rest U/P; frequency law U]",
-         {material_input(), number("f", "Hz", "frequency", 1e6, 1e12).by_default(RadarParams{}.frequency_hz)},
+         {material_input(), number("f", "Hz", "frequency", 1e6, 1e12).by_default(RadarParams{}.frequency_hz),
+          polarisation()},
          {{"gamma_dB", "dB", "gamma of the ground; calm water has none"},
           {"gamma_w_dB", "dB", "gamma of walls: as of the ground where the class has no own"}},
          [](const Arguments& a) -> std::vector<double> {
              const ClassGamma gamma = gamma_table(a["f"], std::nullopt)[static_cast<std::size_t>(*a.word("material"))];
-             return {db(gamma.ground), db(gamma.wall)};
+             const bool circular = polarisation_of(a) == Polarisation::circular;
+             return {db(circular ? gamma.ground / circular_loss.ratio() : gamma.ground),
+                     db(circular ? gamma.wall / circular_wall_loss.ratio() : gamma.wall)};
          },
          "material=suburban f=16.5GHz"},
         {"directivity",
