@@ -74,7 +74,32 @@ cell=320x320 sheet fig03_data_bases 3 fine_height '400 ft posts, 25 ft steps: he
 # --- The three sweeps of the tube, from high up, so that slant and ground range differ.
 echo_of high "$scenes/f111a_northeast.ini" "${fine[@]}" --latlon 33.86,-117.42 --altitude-msl 15000ft --range 8nmi
 for display in gpi ppi tdppi; do rings=on tube high $display --display $display --if-gain 54dB; done
-sheet fig10_displays 3 gpi GPI ppi PPI tdppi TDPPI
+# Roads a nautical mile apart on level ground, as straight as can be, under the same aircraft: over a crossing, in the middle of a post.
+x=453732.926 y=3740078.077
+gdal_translate -q -ot Int16 -scale 0 10000 300 300 "$data/inland_empire_dem.tif" level.tif
+awk -v x=$x -v y=$y '
+  function road(x0, y0, x1, y1) {
+    printf "%s{ \"type\": \"Feature\", \"properties\": { \"material\": \"metal\" },\n", comma
+    printf "  \"geometry\": { \"type\": \"LineString\", \"coordinates\": [[%.3f, %.3f], [%.3f, %.3f]] } }", x0, y0, x1, y1
+    comma = ",\n"
+  }
+  BEGIN {
+    print "{ \"type\": \"FeatureCollection\", \"crs\": { \"type\": \"name\", \"properties\": { \"name\": \"urn:ogc:def:crs:EPSG::32611\" } },"
+    print "\"features\": ["
+    for (i = -9; i <= 9; ++i) {
+      road(x + 1852 * i, y - 16668, x + 1852 * i, y + 16668)
+      road(x - 16668, y + 1852 * i, x + 16668, y + 1852 * i)
+    }
+    print "] }"
+  }' >roads.geojson
+"$program" tile --features roads.geojson -q level.tif roads
+# A road along a ray is thinner than a bin; spokes enough that it does not fade in steps.
+echo_of crossing --set f111a --dem roads --xy $x,$y --geometry grid --altitude-msl 15000ft --range 8nmi --quality exact --spokes-per-post 4
+tiles=()
+for pair in 'gpi GPI' 'ppi PPI' 'tdppi TDPPI'; do
+  display=${pair% *}
+  tube crossing roads_$display --display $display --if-gain 50dB; tiles+=(roads_$display "${pair#* }, roads 1 nmi apart"); done
+sheet fig10_displays 3 gpi GPI ppi PPI tdppi TDPPI "${tiles[@]}"
 
 # --- Scan sectors.
 echo_of ahead "$scenes/f111a_sector90.ini" --range 22nmi
@@ -91,7 +116,11 @@ if grep -q -e --pixel-fill help.txt; then
   tube near long --pixel-fill none --bwe off
   tube near filled_long --pixel-fill holes --bwe off
   tube near filled_both --pixel-fill holes
-  sheet fig12_errors 3 unfiltered 'unfiltered' filled 'PIXFIL' wide 'BWE' long 'PLE' filled_long 'PIXFIL + PLE' filled_both 'PIXFIL + BWE + PLE'
+  # Exaggerated: a beam of three times the width gathers from farther outside the sector, so this is a sweep of its own.
+  echo_of blurred "$scenes/f111a_sector90.ini" "${fine[@]}" --latlon 33.78,-117.44 --range 5nmi --bwe-scale 3 --ple-scale 3 --pixel-fill holes
+  tube blurred three_wide --ple-scale 1; tube blurred three_long --bwe-scale 1; tube blurred three_both
+  sheet fig12_errors 3 unfiltered 'unfiltered' filled 'PIXFIL' wide 'BWE' long 'PLE' filled_long 'PIXFIL + PLE' filled_both 'PIXFIL + BWE + PLE' \
+    three_wide 'PIXFIL + 3 BWE + PLE' three_long 'PIXFIL + BWE + 3 PLE' three_both 'PIXFIL + 3 BWE + 3 PLE'
 else
   echo "make.sh: $program has no key pixel-fill; fig12_errors is left as it is" >&2
 fi
@@ -138,13 +167,24 @@ tiles=(); for state in 1 2 3 6; do
   echo_of sea$state "$scenes/f111a_northeast.ini" --dem "$data/olympic_coast_dem.tif" --culture coast.tif --culture-legend coast.csv \
     --culture-height coast.tif --culture-height-scale 0 --latlon 48.36,-124.55 --altitude-msl 5000ft --range 14nmi --sea-state $state
   tube sea$state waves$state --if-gain 64dB --video-gain 4dB; tiles+=(waves$state "sea state $state, IF gain 64 dB"); done
-# A lake: dark water, and the far shore.
+# Lake Mathews, in the sweeps that paper.md has its numbers from, cut out of large pictures: it is 14 km off.
+# lake NAME PICTURE IF_GAIN_DB
+lake() {
+  "$program" scope "$1.tif" --size 2880 --rings off --overwrite -q -o large.png --if-gain "$3dB"
+  convert large.png -crop 320x320+1252+1135 +repage "$2.png"
+}
+for pair in 0,off 0,on 6,off; do
+  echo_of mathews_$pair "$scenes/f111a_sector90.ini" --geometry grid --range 22nmi --sea-state ${pair%,*} --far-shore ${pair#*,}; done
+lake mathews_0,off calm 44; lake mathews_0,on bank 44; lake mathews_6,off rough 44; lake mathews_6,off rough_52 52
+tiles+=(calm 'Lake Mathews, sea state 0, IF gain 44 dB' bank 'sea state 0, far-shore on, IF gain 44 dB'
+  rough 'sea state 6, IF gain 44 dB' rough_52 'sea state 6, IF gain 52 dB')
+# A lake between hills: dark water, and the far shore.
 for shore in off on; do
   echo_of lake_$shore "$scenes/f111a_northeast.ini" --dem "$data/lake_sunapee_dem.tif" --culture "$data/lake_sunapee_culture.tif" --culture-legend nlcd \
     --culture-height "$data/lake_sunapee_culture.tif" --culture-height-scale 0 --latlon 43.38,-72.06 --altitude-msl 2500ft --range 4nmi --far-shore $shore
   tube lake_$shore shore_$shore --if-gain 28dB --video-gain 4dB; tiles+=(shore_$shore "Lake Sunapee, far-shore $shore, IF gain 28 dB")
 done
-sheet fig18_sea 3 "${tiles[@]}"
+sheet fig18_sea 4 "${tiles[@]}"
 
 # --- Scenes as in Figures 19 to 22, on the 400 ft data base; the last row: one of them by density.
 echo_of northeast "$scenes/f111a_northeast.ini" "${fine[@]}" --sector -60deg,60deg --range 22nmi
