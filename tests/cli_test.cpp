@@ -530,8 +530,11 @@ TEST_CASE("what may look like an error of the program is explained", "[cli]") {
     says(with(place, {"--walls", "statistical"}), "walls statistical has no effect: no class of the ground");
     says(with(place, {"--sea-state", "4", "--backscatter", "oh", "--gamma", "-15dB"}),
          "backscatter and sea-state have no effect: gamma is one for everything");
+    says(with(place, {"--class-table", "name,gamma10_db;tress,-14"}), "class-table adds tress, which neither");
     for (const Strings& more : {Strings{"--wind-direction", "30deg", "--sea-state", "2"},
-                                Strings{"--walls", "statistical", "--material", "suburban"}})
+                                Strings{"--walls", "statistical", "--material", "suburban"},
+                                Strings{"--class-table", "name,gamma10_db;Soil,-14"},
+                                Strings{"--class-table", "name,gamma10_db;corn,-14", "--material", "corn"}})
         CHECK(folder.run(with(scene, with(place, more))).error_lines() == 2);
     const Outcome usual =
         folder.run(with(scene, {"--latlon", "33.8,-117.4", "--altitude-msl", "3km", "--range", "20km"}));

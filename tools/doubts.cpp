@@ -30,7 +30,7 @@ std::array<std::string, doubt_count> doubts(const RunResult& r) {
     return lines;
 }
 
-std::vector<std::string> idle_effects(const Scene& scene, const DataBase& db) {
+std::vector<std::string> idle_effects(const Scene& scene, const DataBase& db, const std::optional<Legend>& legend) {
     std::vector<std::string> lines;
     const ClassLawParams laws = laws_of(scene);
     if (scene.gamma) {
@@ -52,6 +52,18 @@ std::vector<std::string> idle_effects(const Scene& scene, const DataBase& db) {
         !(db.has_culture ? std::any_of(classes.begin(), classes.end(), has_structures)
                          : has_structures(classes[db.default_class])))
         lines.push_back("walls statistical has no effect: no class of the ground has structures");
+    // A class that a table adds, or a name it misspells.
+    std::string unnamed;
+    for (std::size_t id = material_table().size(); id < classes.size(); ++id) {
+        const auto stands_for = [id](const auto& code) { return code.second == id; };
+        const bool named = id == db.default_class ||
+                           (db.has_culture &&
+                            (!legend || std::any_of(legend->classes().begin(), legend->classes().end(), stands_for)));
+        if (!named) unnamed += (unnamed.empty() ? "" : ", ") + classes[id].name;
+    }
+    if (!unnamed.empty())
+        lines.push_back(
+            fmt::format("class-table adds {}, which neither material nor a code of the culture names", unnamed));
     return lines;
 }
 

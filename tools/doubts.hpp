@@ -3,6 +3,7 @@
 #pragma once
 #include <array>
 #include <cstddef>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -15,7 +16,9 @@ enum Doubt : std::size_t { nothing_there, nothing_seen, nothing_lit, wide_bins, 
 
 /// A line for each kind of doubt that there is about a picture; empty: none.
 std::array<std::string, doubt_count> doubts(const RunResult& result);
-/// A line for each effect that a scene asks for and that changes nothing over a data base.
-std::vector<std::string> idle_effects(const Scene& scene, const DataBase& data_base);
+/// A line for each effect that a scene asks for and that changes nothing over a data base. `legend`: of its culture; none: not
+/// known.
+std::vector<std::string> idle_effects(const Scene& scene, const DataBase& data_base,
+                                      const std::optional<Legend>& legend = {});
 
 }  // namespace wedgescope
