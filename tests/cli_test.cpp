@@ -512,7 +512,7 @@ TEST_CASE("outputs are checked before any work, and nothing half-written stays",
     CHECK(content(folder.file("scope.png")) == "mine");
 }
 
-TEST_CASE("what may look like an error of the program is explained", "[cli]") {
+TEST_CASE("what may look like an error of the program is explained", "[cli][long]") {
     const Folder folder;
     const Strings scene{"simulate", "--dem", dem, "--size", "64", "-o", "s.png", "--overwrite"};
     const auto says = [&](const Strings& more, const std::string& what) {
@@ -574,7 +574,7 @@ TEST_CASE("all outputs of one run appear, and the report describes them", "[cli]
     CHECK(bins == swept["azimuth_bin_end"].get<std::int64_t>() - swept["azimuth_bin_begin"].get<std::int64_t>());
 }
 
-TEST_CASE("reproducible outputs do not depend on wedges and threads", "[cli][threads]") {
+TEST_CASE("reproducible outputs do not depend on wedges and threads", "[cli][threads][long]") {
     const Folder folder;
     std::string first[3];
     for (const char* wedges : {"1", "7", "64"}) {
@@ -613,7 +613,7 @@ TEST_CASE("a scene file works from any folder", "[cli]") {
     CHECK_THAT(folder.run({"info", "scenes/lake.ini"}).out, Contains("1000.0 m above the terrain"));
 }
 
-TEST_CASE("a radar set comes with the program, wherever that lies, and makes what its values make", "[cli]") {
+TEST_CASE("a radar set comes with the program, wherever that lies, and makes what its values make", "[cli][long]") {
     const Folder folder;
     for (const char* page : {"simulate", "scope"})
         CHECK_THAT(folder.run({"help", page}).out,
@@ -830,7 +830,7 @@ TEST_CASE("a signal while a raster is read from end to end ends the run at once"
     }
 }
 
-TEST_CASE("a raster that changes in any way while it is read ends the run, and no output appears", "[cli]") {
+TEST_CASE("a raster that changes in any way while it is read ends the run, and no output appears", "[cli][long]") {
     const Folder folder;
     const std::string hills = scanlines(folder, "hills", 4000), raster = content(hills);
     fs::create_directory(folder.work() / "spill");
@@ -1150,7 +1150,7 @@ TEST_CASE("a stopped tile keeps its finished sheets and says how to go on", "[cl
     CHECK(folder.names().count("store.part") == 0);
 }
 
-TEST_CASE("a store tiled around a point serves scenes from there by its kept spill, bit for bit", "[cli][threads]") {
+TEST_CASE("a store tiled around a point serves scenes from there by its kept spill, bit for bit", "[cli][threads][long]") {
     const Folder folder;
     const Outcome tiled = folder.run({"tile", dem, "store", "--culture", data + "/inland_empire_culture.tif",
                                       "--culture-legend", "fbfm40", "--around", "33.93,-117.33"});
@@ -1315,7 +1315,7 @@ TEST_CASE("coverage of nothing but voids says so", "[cli]") {
     CHECK(outcome.err.empty());
 }
 
-TEST_CASE("a kept ground map is used as long as it fits, and changes no byte", "[cli]") {
+TEST_CASE("a kept ground map is used as long as it fits, and changes no byte", "[cli][long]") {
     const Folder folder;
     fs::copy_file(dem, folder.file("dem.tif"));
     const Strings seen{"coverage", "dem.tif", "--altitude-agl", "300m", "--latlon", "33.95,-117.35", "--reproducible"};

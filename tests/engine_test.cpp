@@ -185,7 +185,7 @@ TEST_CASE("nearer than the minimum range nothing is received, and nothing else c
     }
 }
 
-TEST_CASE("the sum of E r^2 is gamma times the solid angle of the ground, whatever its slopes", "[engine]") {
+TEST_CASE("the sum of E r^2 is gamma times the solid angle of the ground, whatever its slopes", "[engine][long]") {
     const auto hills = test::rolling(400, 200, 7);
     MemorySource source(601, 601, 30, [&](double c, double r) { return 500 + hills(c, r); });
     Scene s = bare_scene(9000.0, -9000.0, 1500, 12500);
@@ -363,7 +363,7 @@ TEST_CASE("the same bits for any number of wedges and threads", "[engine][thread
         }
 }
 
-TEST_CASE("the same bits for any number of wedges where spokes double often", "[engine][threads]") {
+TEST_CASE("the same bits for any number of wedges where spokes double often", "[engine][threads][long]") {
     // Rough ground far out, few azimuth bins, the sensor on a corner of posts, every quality.
     std::mt19937 random(9);
     std::vector<float> noise(std::size_t{801} * 601);
@@ -506,7 +506,7 @@ TEST_CASE("on a flat plain the mean depression of a cell is that of its range", 
     }
 }
 
-TEST_CASE("no wedge holds more than the plan grants it", "[engine][plan]") {
+TEST_CASE("no wedge holds more than the plan grants it", "[engine][plan][long]") {
     std::mt19937 random(41);
     std::uniform_real_distribution<double> any(0, 1);
     double fullest = 0;

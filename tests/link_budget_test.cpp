@@ -189,7 +189,7 @@ TEST_CASE("far shores and statistical walls have their place in the sum", "[budg
     CHECK(town);
 }
 
-TEST_CASE("a budget adds up to the cell that a run makes", "[budget]") {
+TEST_CASE("a budget adds up to the cell that a run makes", "[budget][long]") {
     const auto hills = test::rolling(250, 120, 11);
     MemorySource source(401, 401, post_m, [&](double c, double r) { return 500 + hills(c, r); });
     source.set_classes([](double c, double r) {

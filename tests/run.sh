@@ -48,7 +48,7 @@ run() {  # preset, options for ctest
         asan | tsan)
             mapfile -t targets < <(ctest --preset "$preset" -N "$@" "${ctest_options[@]}" |
                 sed -n 's/^ *Test *#[0-9]*: *//p' |
-                sed 's/_threads$/_test/; s/_quick$/_test/; s/_every_[a-z]*$/_test/; s/^reference_check$/wedgescope_reference_check/' | sort -u)
+                sed 's/_threads$/_test/; s/_quick$/_test/; s/_brief$/_test/; s/_every_[a-z]*$/_test/; s/^reference_check$/wedgescope_reference_check/' | sort -u)
             targets=(--target wedgescope wedgescope_picture "${targets[@]}")
             ;;
     esac
@@ -70,7 +70,7 @@ else
     run release
     # Minutes there, for nothing that the others do not try (whole programs sweep, count and take levels in cli and track);
     # or no memory to speak of.
-    run asan --exclude-regex '^(reference|matrix|numerics|cull|same_bits|viewshed|options|earth|material|random|receiver|fluctuation|atmosphere|rain|path_loss|backscatter|sea|dielectric|intensity|walls|far_shore|observers|resume)_|_every_ground$|^(coverage|detail|evaluate|paper|scope)_test$'
+    run asan --exclude-regex '^(reference|matrix|numerics|cull|same_bits|viewshed|options|earth|material|random|receiver|fluctuation|atmosphere|rain|path_loss|backscatter|sea|dielectric|intensity|walls|far_shore|observers|resume)_|_every_ground$|^(cli|coverage|detail|engine|evaluate|link_budget|paper|scope|spill|track)_test$'
     run tsan --tests-regex '^(memory_budget|timeline)_test$|_threads$'
 fi
 

@@ -719,7 +719,7 @@ TEST_CASE("many threads read the same posts through one spill", "[spill][threads
     CHECK(wrong == 0);
 }
 
-TEST_CASE("a scene gives the same bits from the spill as from the raster", "[spill]") {
+TEST_CASE("a scene gives the same bits from the spill as from the raster", "[spill][long]") {
     const Folder folder;
     DataBaseParams params = only(data + "/inland_empire_dem.tif");
     params.culture = data + "/inland_empire_culture.tif";
@@ -755,7 +755,7 @@ TEST_CASE("a scene gives the same bits from the spill as from the raster", "[spi
     }
 }
 
-TEST_CASE("posts return the same from the spill as from the raster, beside a scene or alone", "[spill]") {
+TEST_CASE("posts return the same from the spill as from the raster, beside a scene or alone", "[spill][long]") {
     const Folder folder;
     DataBaseParams params = only(data + "/inland_empire_dem.tif");
     params.culture = data + "/inland_empire_culture.tif";

@@ -249,7 +249,7 @@ TEST_CASE("of a file without line ends no more is read than a line may have", "[
     CHECK(endless.given < 6000);
 }
 
-TEST_CASE("a scan by a sensor that stands is the plain picture, bit for bit", "[track]") {
+TEST_CASE("a scan by a sensor that stands is the plain picture, bit for bit", "[track][long]") {
     const auto hills = rolling(300, 40, 11);
     MemorySource source(201, 201, 60, [&](double c, double r) { return 200 + hills(c, r); });
     Scene s = bare_scene(6010, -5980);
@@ -417,7 +417,7 @@ TEST_CASE("each frame of a track is the picture that its row's numbers give alon
     }
 }
 
-TEST_CASE("two frames far apart over fine ground have the levels of detail that each has alone", "[track]") {
+TEST_CASE("two frames far apart over fine ground have the levels of detail that each has alone", "[track][long]") {
     const Folder folder;
     Drawing d;
     d.columns = 6600;  // farther apart than a page of the ground map is wide
