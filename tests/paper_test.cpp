@@ -313,6 +313,8 @@ TEST_CASE("of a shaped beam gain makes up for a degree of tilt, and for some of 
         before = whole.best;
         CHECK(whole.best == Approx(tilt == 1 ? 0.89 : tilt == 2 ? 0.69 : tilt == 5 ? 0.31 : 0.23).margin(0.006));
         if (tilt == 1) CHECK(whole.gain_db == 41);
+        if (tilt == 5) CHECK(whole.same_gain == Approx(0.22).margin(0.006));
+        if (tilt >= 5) CHECK(whole.gain_db == (tilt == 5 ? 55 : 70));
         if (tilt >= 5)
             for (const auto& band : {far, whole}) {
                 CHECK(band.gain_db > 42);  // the beam has left the far ground
