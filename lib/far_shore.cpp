@@ -22,6 +22,18 @@ Image image_of(const ShorePoint& p, double level_m) {
     return {p.up_m - twice * cosine, p.out_m - twice * sine};
 }
 
+/// Neither image is below the window: then nor is any between, for what is above a ray is one side of a straight line.
+/// Without a root or a division.
+bool above(const ShoreWindow& window, const Image& a, const Image& b) {
+    if (!(window.top < 0)) return false;
+    const double square = window.top * window.top;
+    const auto is_above = [square](const Image& image) {
+        const double up2 = image.up_m * image.up_m;
+        return !(image.up_m < 0) || !(up2 > square * (up2 + image.out_m * image.out_m));
+    };
+    return is_above(a) && is_above(b);
+}
+
 }  // namespace
 
 ShoreWindow ShoreWindow::between(const ShoreWindow& a, const ShoreWindow& b) {
@@ -78,22 +90,15 @@ void FarShore::pass_water(ShoreWindow& window, const ShorePoint& a, const ShoreP
 }
 
 bool FarShore::clear_of(const ShoreWindow& window, const ShorePoint& a, const ShorePoint& b) noexcept {
-    // Both ends, so all between: what is above a ray is one side of a straight line. Without a root or a division.
-    if (!(window.top < 0)) return false;
-    const double square = window.top * window.top;
-    const auto above = [&](const ShorePoint& p) {
-        const Image image = image_of(p, window.level_m);
-        const double up2 = image.up_m * image.up_m;
-        return !(image.up_m < 0) || !(up2 > square * (up2 + image.out_m * image.out_m));
-    };
-    return above(a) && above(b);
+    return above(window, image_of(a, window.level_m), image_of(b, window.level_m));
 }
 
 double FarShore::pass_land(ShoreWindow& window, const ShorePoint& a, const ShorePoint& b) const noexcept {
     if (window.state == ShoreWindow::none) return 1;
     window.state = ShoreWindow::on_land;
-    if (clear_of(window, a, b)) return 1;
-    const double near = image_of(a, window.level_m).sine(), far = image_of(b, window.level_m).sine();
+    const Image first = image_of(a, window.level_m), last = image_of(b, window.level_m);
+    if (above(window, first, last)) return 1;
+    const double near = first.sine(), far = last.sine();
     const double high = near < window.top ? near : window.top, low = far > window.from ? far : window.from;
     const double lowest = near < far ? near : far;
     if (lowest < window.top) window.top = lowest;

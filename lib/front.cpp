@@ -904,8 +904,8 @@ bool Front::pass_shores(std::size_t at, std::size_t n, std::size_t lane, const C
     for (std::size_t i = 0; i < n; ++i) {
         double& gamma = gamma_[at + i];
         if (kind[i] == CultureParts::nothing || gamma == several_gammas) continue;
-        ShoreWindow& window = lanes_.shore[lane + i];
         const bool water = kind[i] == CultureParts::parts && shore_->is_water(classes[cell[i]]);
+        ShoreWindow& window = lanes_.shore[lane + i];
         if (!water && window.state == ShoreWindow::none) continue;
         const SampleLanes from = now_.lanes(at + i), to = next.lanes(at + i);
         if (water && *to.height_m > *from.height_m) {  // a bank perhaps

@@ -542,14 +542,13 @@ TEST_CASE("what is switched off changes no bit, whatever its other keys say", "[
                                           "pixel-fill",    "far-shore",     "alpha",
                                           "legend"};
     using wedgescope::KeyGroup;
+    const std::set walked = {KeyGroup::radar,    KeyGroup::antenna, KeyGroup::ground, KeyGroup::weather,
+                             KeyGroup::receiver, KeyGroup::errors,  KeyGroup::display};
     std::size_t tried = 0;
     Strings defaults;
     for (const wedgescope::Key& key : wedgescope::key_table()) {
         if (!(key.commands & wedgescope::command_simulate) || !key.changes_result || key.name == "set") continue;
-        if (!std::set{KeyGroup::radar, KeyGroup::antenna, KeyGroup::ground, KeyGroup::weather, KeyGroup::receiver,
-                      KeyGroup::errors, KeyGroup::display}
-                 .contains(key.group))
-            continue;
+        if (!walked.contains(key.group)) continue;
         if (!key.fallback.empty() &&
             std::find(quick_riverside.begin(), quick_riverside.end(), "--" + key.name) == quick_riverside.end() &&
             key.name != "size")

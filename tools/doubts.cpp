@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "lib/raised_source.hpp"
+
 namespace wedgescope {
 
 std::array<std::string, doubt_count> doubts(const RunResult& r) {
@@ -32,7 +34,6 @@ std::array<std::string, doubt_count> doubts(const RunResult& r) {
 
 std::vector<std::string> idle_effects(const Scene& scene, const DataBase& db, const std::optional<Legend>& legend) {
     std::vector<std::string> lines;
-    const ClassLawParams laws = laws_of(scene);
     if (scene.gamma) {
         std::vector<const char*> idle;
         if (scene.land != LandModel::constant_gamma) idle.push_back("backscatter");
@@ -42,17 +43,14 @@ std::vector<std::string> idle_effects(const Scene& scene, const DataBase& db, co
             lines.push_back(fmt::format("{} {} no effect: gamma is one for everything", fmt::join(idle, " and "),
                                         idle.size() > 1 ? "have" : "has"));
     }
-    if (scene.wind_from && !scene.gamma && !may_be_windy(laws))
+    if (scene.wind_from && !may_be_windy(laws_of(scene)))
         lines.push_back("wind-direction has no effect: it is that of waves, and there are none");
     if (scene.far_shore && !db.has_culture)
         lines.push_back("far-shore has no effect: water is told from land by culture, and there is none");
-    const std::vector<Material>& classes = laws.materials.rows();
-    const auto has_structures = [](const Material& m) { return m.structures.has_value(); };
-    if (scene.walls == Walls::statistical &&
-        !(db.has_culture ? std::any_of(classes.begin(), classes.end(), has_structures)
-                         : has_structures(classes[db.default_class])))
+    if (scene.walls == Walls::statistical && raises_m(scene, db).empty())
         lines.push_back("walls statistical has no effect: no class of the ground has structures");
     // A class that a table adds, or a name it misspells.
+    const std::vector<Material>& classes = scene.materials.rows();
     std::string unnamed;
     for (std::size_t id = material_table().size(); id < classes.size(); ++id) {
         const auto stands_for = [id](const auto& code) { return code.second == id; };

@@ -1249,8 +1249,7 @@ std::vector<Key> make_keys() {
             t.add("features", path([](auto& s) -> auto& { return s.features; }), "",
                   "vector file of points, lines and areas that are burnt over culture and culture-height, or make "
                   "them: fields material (a word, or a code of features-legend) or SMC, height or HGT, metres, and "
-                  "directivity "
-                  "(omni, uni, bi) with axis, degrees from north"));
+                  "directivity (omni, uni, bi) with axis, degrees from north"));
         tile_only(t.add(
             "directivity", path([](auto& s) -> auto& { return s.directivity; }), "",
             "raster on culture's grid of the side that reflects, in place of the class' own: 0 to 359 the azimuth of "

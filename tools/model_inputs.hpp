@@ -9,6 +9,8 @@
 
 namespace wedgescope {
 
+/// One list after the other.
+std::vector<ModelInput> joined(std::vector<ModelInput> first, const std::vector<ModelInput>& more);
 /// A height in metres above sea level.
 ModelInput height_input(const char* name, const char* meaning);
 /// `k`, a number or flat, 4/3 by default.

@@ -60,11 +60,6 @@ AntennaParams azimuth_antenna(const Arguments& a) {
 
 namespace {
 
-std::vector<ModelInput> joined(std::vector<ModelInput> first, const std::vector<ModelInput>& more) {
-    first.insert(first.end(), more.begin(), more.end());
-    return first;
-}
-
 double beam_cosine(const Arguments& a) {
     BeamSetting setting;
     setting.sensor_m = a["hs"];

@@ -81,11 +81,6 @@ PathLoss loss_of(const Arguments& a) {
     return path_loss(weather_of(weather_params(a), a["f"]), mean_earth(a), a["hs"], a["r"], -std::sin(a["delta"]));
 }
 
-std::vector<ModelInput> joined(std::vector<ModelInput> first, const std::vector<ModelInput>& more) {
-    first.insert(first.end(), more.begin(), more.end());
-    return first;
-}
-
 /// Of what is not rain's own: gases, and what rain and cloud take.
 std::vector<ModelInput> weather_inputs() {
     return {number("rho0", "g/m^3", "water vapour at sea level; none: no gases at all", 0, most_vapour_g_m3)

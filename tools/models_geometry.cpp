@@ -29,6 +29,11 @@ double rad(double deg) { return Angle::degrees(deg).rad(); }
 
 }  // namespace
 
+std::vector<ModelInput> joined(std::vector<ModelInput> first, const std::vector<ModelInput>& more) {
+    first.insert(first.end(), more.begin(), more.end());
+    return first;
+}
+
 ModelInput height_input(const char* name, const char* meaning) {
     return number(name, "m", meaning, lowest_m, highest_m);
 }
