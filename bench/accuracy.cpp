@@ -1,5 +1,5 @@
-// accuracy OUT.tsv [--rays N] [SCENE...]: error against time. Runs scenes of the shipped data at every quality and at raw settings of
-// the sampling, compares power and states with the independent reference of tests/reference (converged to 0.01 dB with 48 rays a bin), and
+// accuracy OUT.tsv [--rays N] [--qualities] [--setting SPOKES,BIN,LEAD]... [SCENE...]: error against time. Runs scenes of the shipped data at every quality and at raw settings of
+// the sampling, compares power and states with the independent reference of tests/reference (converged to 0.01 dB with 48 rays a bin of 3/8 degree), and
 // writes a row for each: what it cost and how far off it was. Beside them polar sampling, rays with even steps, by the
 // reference's own code at coarse steps.
 //
@@ -34,44 +34,59 @@ using namespace wedgescope;
 namespace {
 
 const std::string data = WEDGESCOPE_TEST_DATA;
-constexpr double step_deg = 0.375;  // four azimuth bins a beam of 1.5 degrees
-constexpr int circle = 960, bins = 240;
 
 struct Place {
     const char* name;
-    const char* stem;  // of the shipped files
+    const char* stem;  // of the shipped files; or one of them
     bool culture;      // with culture and canopy
     double lat, lon, altitude_m;
-    int first_bin;
+    int first_deg;  // of 90 degrees
     double range_m, post_m;
     AltitudeAbove above = AltitudeAbove::sea_level;
     double beam_deg = 1.5, pulse_us = 0.5;
+
+    int circle() const { return static_cast<int>(4 * 360 / beam_deg); }  // four azimuth bins a beam
+    int bins() const { return circle() / 4; }
+    int first_bin() const { return first_deg * circle() / 360; }
 };
 constexpr AltitudeAbove low = AltitudeAbove::ground;
 const Place places[] = {
-    {"inland_empire 2134 m, culture", "inland_empire", true, 33.93, -117.33, 2134, 480, 30000, 30},
-    {"inland_empire 2134 m, bare", "inland_empire", false, 33.93, -117.33, 2134, 480, 30000, 30},
-    {"inland_empire 838 m, culture", "inland_empire", true, 33.93, -117.33, 838, 480, 30000, 30},
-    {"inland_empire 838 m, bare", "inland_empire", false, 33.93, -117.33, 838, 480, 30000, 30},
+    {"inland_empire 2134 m, culture", "inland_empire", true, 33.93, -117.33, 2134, 180, 30000, 30},
+    {"inland_empire 2134 m, bare", "inland_empire", false, 33.93, -117.33, 2134, 180, 30000, 30},
+    {"inland_empire 838 m, culture", "inland_empire", true, 33.93, -117.33, 838, 180, 30000, 30},
+    {"inland_empire 838 m, bare", "inland_empire", false, 33.93, -117.33, 838, 180, 30000, 30},
     {"worcester 1400 m, culture", "worcester_vermont", true, 44.42, -72.56, 1400, 0, 11000, 30},
-    {"olympic_coast 1500 m", "olympic_coast", false, 48.2, -124.6, 1500, 240, 30000, 30},
-    {"olympic_coast 12000 m", "olympic_coast", false, 48.2, -124.6, 12000, 240, 40000, 30},
-    {"azores 3000 m", "azores", false, 38.5, -28.3, 3000, 240, 60000, 92},
-    {"inland_empire 400 m above ground, culture", "inland_empire", true, 33.93, -117.33, 400, 480, 20000, 30, low},
-    {"inland_empire 150 m above ground, bare", "inland_empire", false, 33.93, -117.33, 150, 480, 20000, 30, low},
+    {"olympic_coast 1500 m", "olympic_coast", false, 48.2, -124.6, 1500, 90, 30000, 30},
+    {"olympic_coast 12000 m", "olympic_coast", false, 48.2, -124.6, 12000, 90, 40000, 30},
+    {"azores 3000 m", "azores", false, 38.5, -28.3, 3000, 90, 60000, 92},
+    {"inland_empire 400 m above ground, culture", "inland_empire", true, 33.93, -117.33, 400, 180, 20000, 30, low},
+    {"inland_empire 150 m above ground, bare", "inland_empire", false, 33.93, -117.33, 150, 180, 20000, 30, low},
     {"worcester 50 m above ground, bare", "worcester_vermont", false, 44.42, -72.56, 50, 0, 11000, 30, low},
-    {"olympic_coast 400 m above ground", "olympic_coast", false, 48.2, -124.6, 400, 240, 20000, 30, low},
-    {"beam 0.75 deg, pulse 0.25 us", "inland_empire", false, 33.93, -117.33, 838, 480, 30000, 30,
+    {"olympic_coast 400 m above ground", "olympic_coast", false, 48.2, -124.6, 400, 90, 20000, 30, low},
+    {"white_mountains 2500 m", "N44W072.hgt", false, 44.27, -71.3, 2500, 225, 46300, 92, AltitudeAbove::sea_level, 1.5,
+     1.3},
+    {"white_mountains 2500 m, 3 deg", "N44W072.hgt", false, 44.27, -71.3, 2500, 225, 60000, 92,
+     AltitudeAbove::sea_level, 3, 2.6},
+    {"beam 0.75 deg, pulse 0.25 us", "inland_empire", false, 33.93, -117.33, 838, 180, 30000, 30,
      AltitudeAbove::sea_level, 0.75, 0.25},
-    {"beam 3 deg, pulse 1 us", "inland_empire", false, 33.93, -117.33, 838, 480, 30000, 30, AltitudeAbove::sea_level, 3,
+    {"beam 3 deg, pulse 1 us", "inland_empire", false, 33.93, -117.33, 838, 180, 30000, 30, AltitudeAbove::sea_level, 3,
      1},
-    {"beam 6 deg, pulse 2 us", "inland_empire", false, 33.93, -117.33, 838, 480, 30000, 30, AltitudeAbove::sea_level, 6,
+    {"beam 6 deg, 838 m, culture", "inland_empire", true, 33.93, -117.33, 838, 180, 30000, 30, AltitudeAbove::sea_level,
+     6, 2},
+    {"beam 6 deg, 400 m above ground, culture", "inland_empire", true, 33.93, -117.33, 400, 180, 25000, 30, low, 6, 1},
+    {"beam 6 deg, 150 m above ground, bare", "inland_empire", false, 33.93, -117.33, 150, 180, 25000, 30, low, 6, 1},
+    {"beam 6 deg, olympic_coast 1500 m", "olympic_coast", false, 48.2, -124.6, 1500, 90, 30000, 30,
+     AltitudeAbove::sea_level, 6, 1},
+    {"beam 6 deg, 30 m above ground, bare", "inland_empire", false, 33.93, -117.33, 30, 180, 20000, 30, low, 6, 1},
+    {"beam 6 deg, 60 m above ground, culture", "inland_empire", true, 33.93, -117.33, 60, 180, 20000, 30, low, 6, 1},
+    {"beam 6 deg, pulse 2 us", "inland_empire", false, 33.93, -117.33, 838, 180, 30000, 30, AltitudeAbove::sea_level, 6,
      2},
 };
 
 DataBaseParams layers(const Place& p) {
     DataBaseParams db;
-    db.dem = data + "/" + p.stem + "_dem.tif";
+    const std::string stem = data + "/" + p.stem;
+    db.dem = stem.ends_with(".hgt") ? stem : stem + "_dem.tif";
     if (p.culture) {
         db.culture = data + "/" + p.stem + "_culture.tif";
         db.legend = Legend::built_in("fbfm40");
@@ -86,12 +101,12 @@ Scene scene_of(const Place& p) {
     s.platform.latlon = LatLon{p.lat, p.lon};
     s.platform.altitude_above = p.above;
     s.platform.altitude_m = p.altitude_m;
-    s.azimuth_bins = circle;
+    s.azimuth_bins = p.circle();
     s.radar.antenna.beam = Angle::degrees(p.beam_deg);
     s.radar.pulse_s = p.pulse_us * 1e-6;
     s.range_m = p.range_m;
     s.range_start_m = 2 * p.post_m / s.radar.antenna.beam.rad();  // from where the beam is two posts wide
-    s.sector = Sector{Angle::degrees(p.first_bin * step_deg), Angle::degrees((p.first_bin + bins) * step_deg)};
+    s.sector = Sector{Angle::degrees(p.first_deg), Angle::degrees(p.first_deg + 90)};
     s.display.size = 512;
     return s;
 }
@@ -107,11 +122,11 @@ reference::Scene reference_of(const Place& p, const DataBaseParams& db, double s
     r.lat_deg = p.lat;
     r.lon_deg = p.lon;
     r.height_msl_m = sensor_m;
-    r.azimuth_bins = circle;
+    r.azimuth_bins = p.circle();
     r.beamwidth_deg = p.beam_deg;
     r.pulse_s = p.pulse_us * 1e-6;
-    r.first_azimuth_bin = p.first_bin;
-    r.azimuth_count = bins;
+    r.first_azimuth_bin = p.first_bin();
+    r.azimuth_count = p.bins();
     r.range_bin_m = like.power_w.grid.range_bin_m;
     r.range_bins = static_cast<int>(like.power_w.grid.range_bins.end);
     return r;
@@ -227,34 +242,48 @@ private:
 struct Setting {
     std::string name;
     Quality quality = Quality::exact;
-    std::optional<double> spokes, lead;
+    std::optional<double> spokes, per_bin, lead;
     std::optional<bool> crossings, curved;
 };
-std::vector<Setting> settings() {
+Setting raw(double spokes, double per_bin, double lead) {
+    return {fmt::format("{} a post, {} a bin, lead {}", spokes, per_bin, lead),
+            Quality::exact,
+            spokes,
+            per_bin,
+            lead,
+            true,
+            true};
+}
+std::vector<Setting> qualities() {
     std::vector<Setting> all;
     for (const Quality q : {Quality::draft, Quality::normal, Quality::fine, Quality::exact})
-        all.push_back({text("quality ", word(q)), q, {}, {}, {}, {}});
-    for (const double lead : {1, 4, 8})
-        for (const bool crossings : {false, true})
-            for (const double spokes : {0.5, 1.0, 2.0, 4.0})
-                if (crossings || lead < 8)
-                    all.push_back(
-                        {fmt::format("{} spokes a post, lead {}{}", spokes, lead, crossings ? ", crossings" : ""),
-                         Quality::exact, spokes, lead, crossings, crossings});
+        all.push_back({text("quality ", word(q)), q, {}, {}, {}, {}, {}});
+    return all;
+}
+std::vector<Setting> settings() {
+    std::vector<Setting> all = qualities();
+    for (const double per_bin : {2, 4, 8, 16, 32})
+        for (const double spokes : {0.5, 1.0, 2.0}) all.push_back(raw(spokes, per_bin, 4));
+    for (const double lead : {1, 2, 8})
+        for (const double spokes : {0.5, 1.0, 2.0, 4.0}) all.push_back(raw(spokes, 8, lead));
+    for (const double spokes : {0.5, 1.0, 2.0, 4.0})
+        all.push_back({fmt::format("{} a post, 16 a bin, lines of one axis", spokes), Quality::exact, spokes, 16, 4,
+                       false, false});
     return all;
 }
 
-void measure(const Place& place, int rays_per_bin, Table& table) {
+void measure(const Place& place, int rays_per_bin, const std::vector<Setting>& wanted, bool polar, Table& table) {
     const DataBaseParams db = layers(place);
     const double noise_w = reference::noise_w(scene_of(place).radar.noise_bandwidth_hz(), 8);
     const Receiver receiver(scene_of(place).receiver, scene_of(place).radar);
     Images truth;
     std::size_t skip = 0, columns = 0;
     reference::Scene r;
-    for (const Setting& setting : settings()) {
+    for (const Setting& setting : wanted) {
         Scene s = scene_of(place);
         s.quality = setting.quality;
         s.spokes_per_post = setting.spokes;
+        s.spokes_per_bin = setting.per_bin;
         s.spoke_lead = setting.lead;
         s.crossings = setting.crossings;
         s.curved_course = setting.curved;
@@ -267,7 +296,7 @@ void measure(const Place& place, int rays_per_bin, Table& table) {
         const double wall_s = now_s() - start;
         if (truth.power_w.empty()) {
             r = reference_of(place, db, resolved.sensor_m, ours);
-            r.rays_per_bin = rays_per_bin;
+                r.rays_per_bin = static_cast<int>(rays_per_bin * std::max(1.0, place.beam_deg / 1.5));
             skip = static_cast<std::size_t>(ours.power_w.grid.range_bins.begin);
             columns = static_cast<std::size_t>(ours.power_w.grid.range_bins.size());
             truth = cut(reference::simulate(r), skip);
@@ -284,15 +313,16 @@ void measure(const Place& place, int rays_per_bin, Table& table) {
         table.row(place.name, setting.name, cpu_s, wall_s, samples, bytes,
                   compare(test, truth, columns, noise_w, receiver));
     }
+    if (!polar) return;
     for (const int rays : {2, 4, 8, 16}) {
-        reference::Scene polar = r;
-        polar.rays_per_bin = rays;
-        polar.step_posts = 4.0 / rays;
-        polar.split_steps = false;
-        const reference::Result made = reference::simulate(polar);
-        const double steps = r.range_bins * r.range_bin_m / (made.post_m * polar.step_posts);
-        table.row(place.name, fmt::format("polar, {} rays a bin, steps of {:.3g} posts", rays, polar.step_posts),
-                  made.cpu_s, made.cpu_s, static_cast<std::uint64_t>(steps * rays * bins), 0,
+        reference::Scene even = r;
+        even.rays_per_bin = rays;
+        even.step_posts = 4.0 / rays;
+        even.split_steps = false;
+        const reference::Result made = reference::simulate(even);
+        const double steps = r.range_bins * r.range_bin_m / (made.post_m * even.step_posts);
+        table.row(place.name, fmt::format("polar, {} rays a bin, steps of {:.3g} posts", rays, even.step_posts),
+                  made.cpu_s, made.cpu_s, static_cast<std::uint64_t>(steps * rays * place.bins()), 0,
                   compare(cut(made, skip), truth, columns, noise_w, receiver));
     }
 }
@@ -301,25 +331,39 @@ void measure(const Place& place, int rays_per_bin, Table& table) {
 
 int main(int argc, char** argv) {
     if (argc < 2) {
-        fmt::print(stderr,
-                   "usage: accuracy OUT.tsv [--rays N] [SCENE...]   rays of the reference; scenes that begin so, all "
-                   "without\n");
+        fmt::print(
+            stderr,
+            "usage: accuracy OUT.tsv [--rays N] [--qualities] [--setting SPOKES,BIN,LEAD]... [SCENE...]   rays of the "
+            "reference; no raw settings but those given; scenes that begin so, all without\n");
         return 2;
     }
     int rays = 48, scenes = 2;
-    if (argc > 3 && std::strcmp(argv[2], "--rays") == 0) {
-        rays = std::atoi(argv[3]);
-        scenes = 4;
+    std::vector<Setting> wanted = settings();
+    bool polar = true;
+    for (; scenes < argc; ++scenes) {
+        double spokes = 0, per_bin = 0, lead = 0;
+        if (std::strcmp(argv[scenes], "--rays") == 0 && scenes + 1 < argc) {
+            rays = std::atoi(argv[++scenes]);
+        } else if (std::strcmp(argv[scenes], "--qualities") == 0) {
+            wanted = qualities();
+            polar = false;
+        } else if (std::strcmp(argv[scenes], "--setting") == 0 && scenes + 1 < argc &&
+                   std::sscanf(argv[scenes + 1], "%lf,%lf,%lf", &spokes, &per_bin, &lead) == 3) {
+            wanted.push_back(raw(spokes, per_bin, lead));
+            ++scenes;
+        } else {
+            break;
+        }
     }
     try {
         use_target_of_environment();
         const GdalSession session(64 << 20, {});
         Table table(argv[1]);
         for (const Place& place : places) {
-            const bool wanted = argc <= scenes || std::any_of(argv + scenes, argv + argc, [&](const char* name) {
+            const bool chosen = argc <= scenes || std::any_of(argv + scenes, argv + argc, [&](const char* name) {
                                     return std::strncmp(place.name, name, std::strlen(name)) == 0;
                                 });
-            if (wanted) measure(place, rays, table);
+            if (chosen) measure(place, rays, wanted, polar, table);
         }
     } catch (const std::exception& e) {
         fmt::print(stderr, "accuracy: {}\n", e.what());

@@ -97,6 +97,7 @@ struct Scene {
     bool detail = true;                  ///< levels of detail where the quality's promise allows them
     // In place of what the quality says.
     std::optional<double> spokes_per_post;
+    std::optional<double> spokes_per_bin;  ///< of azimuth
     std::optional<double> spoke_lead;   ///< how many times their distance ahead spokes double
     std::optional<bool> crossings;      ///< sampled where spokes cross the other axis' lines too
     std::optional<bool> curved_course;  ///< the surface's course inside a cell, not a straight line

@@ -11,31 +11,36 @@
 namespace wedgescope {
 
 Sampling sampling(Quality quality, bool culture_height, double above_posts) {
+    const bool low = above_posts < (culture_height ? 20 : 14);
     double more = 1;
-    for (double above = above_posts; more < 16 && above < (culture_height ? 20 : 14); above *= 2) more *= 2;
-    const auto dense = [&](double bare, double with_culture, double lead) {
-        return Sampling{.spokes_per_post = std::min(16.0, more * (culture_height ? with_culture : bare)),
+    for (double above = above_posts; more < 16 && above < (culture_height ? 10 : 4); above *= 2) more *= 2;
+    const auto dense = [&](double per_post, double per_bin, double lead) {
+        return Sampling{.spokes_per_post = per_post,
+                        .spokes_per_bin = std::min(128.0, more * per_bin),
                         .lead = lead,
                         .cross_lines = true,
                         .exact_course = true};
     };
     switch (quality) {
         case Quality::draft:
-            if (more > 1) return dense(0.5, 0.5, 1);
-            return {.spokes_per_post = 1, .lead = 1, .cross_lines = false, .exact_course = false};
+            if (low) return dense(0.5, culture_height ? 4 : 2, 1);
+            return {.spokes_per_post = 1, .spokes_per_bin = 2, .lead = 1, .cross_lines = false, .exact_course = false};
         case Quality::normal:
-            return dense(0.5, 1, 4);
+            return dense(1, culture_height ? 8 : 4, 2);
         case Quality::fine:
-            return dense(1, 2, 4);
+            return culture_height ? dense(2, 16, 2) : dense(1, 8, 4);
         case Quality::exact:
-            return culture_height ? dense(4, 4, 4) : dense(1, 1, 8);
+            return culture_height ? dense(4, 32, 2) : dense(low ? 2 : 1, 16, 2);
     }
     return {};
 }
 
 Sampling own_sampling(const Scene& scene, Sampling of_quality) {
-    return {scene.spokes_per_post.value_or(of_quality.spokes_per_post), scene.spoke_lead.value_or(of_quality.lead),
-            scene.crossings.value_or(of_quality.cross_lines), scene.curved_course.value_or(of_quality.exact_course)};
+    return {.spokes_per_post = scene.spokes_per_post.value_or(of_quality.spokes_per_post),
+            .spokes_per_bin = scene.spokes_per_bin.value_or(of_quality.spokes_per_bin),
+            .lead = scene.spoke_lead.value_or(of_quality.lead),
+            .cross_lines = scene.crossings.value_or(of_quality.cross_lines),
+            .exact_course = scene.curved_course.value_or(of_quality.exact_course)};
 }
 
 SpokeGrid::SpokeGrid(const DataBase& data_base, const SpokeMap& map, const Sampling& sampling, std::int64_t circle_bins,
@@ -43,10 +48,11 @@ SpokeGrid::SpokeGrid(const DataBase& data_base, const SpokeMap& map, const Sampl
     : data_base_(data_base), map_(map), circle_bins_(circle_bins),
       azimuth_step_(2 * std::numbers::pi / static_cast<double>(circle_bins)),
       fans_each_(levels.any() ? levels.fans : 1), lines_(all_quadrants.size() * static_cast<std::size_t>(fans_each_)) {
-    // The same least K in all quadrants: no spoke wider than half an azimuth bin.
+    // The same least K in all quadrants.
+    const double widest = azimuth_step_ / std::max(2.0, sampling.spokes_per_bin);
     std::int64_t least = 64;
     for (Quadrant q : all_quadrants)
-        while (map.azimuth_per_slope(q) / static_cast<double>(least) > azimuth_step_ / 2) least *= 2;
+        while (map.azimuth_per_slope(q) / static_cast<double>(least) > widest) least *= 2;
     for (Quadrant q : all_quadrants) {
         const double nadir = map.nadir_major(q);
         const std::int64_t posts = lines_are_columns(q) ? data_base.columns : data_base.rows;

@@ -1,7 +1,7 @@
 // SpokeGrid: which spokes there are: quadrants, fans, lines, bands, rings, azimuths; and a wedge as runs of spokes.
 // A property of the scene, never of the split into wedges. Leaves positions to spoke_map.hpp and state to front.hpp.
 //
-// Spoke k of a quadrant (-K <= k <= K) has slope k/K; K is a power of two that doubles from one ring to the next, where
+// Spoke k of a quadrant (-K <= k <= K) has slope k/K; K is a power of two, at first enough for every azimuth bin, that doubles from one ring to the next, where
 // the spokes' spacing on a line `lead` times as far off (the last one at most) would exceed 1/o posts. Its cell is the azimuths between slopes (k-1/2)/K and
 // (k+1/2)/K, cut at +-1: a spoke on a common diagonal is swept by both quadrants and each deposits its own half.
 //
@@ -23,17 +23,18 @@ namespace wedgescope {
 /// What a quality means for the sweep.
 struct Sampling {
     double spokes_per_post = 1;  ///< o: at least so many spokes a post on every line
+    double spokes_per_bin = 2;   ///< and so many an azimuth bin; 2 or more
     /// How many times a line's distance spokes are dense enough for. A spoke that a doubling puts between two starts from
-    /// the mean of their horizons, which is wrong until ground of its own hides more: so the sooner the better.
+    /// the mean of their horizons, which is wrong until ground of its own hides more.
     double lead = 1;
     bool cross_lines = true;  ///< sampled where spokes cross the other axis' lines too
     bool exact_course =
         false;  ///< the bilinear surface's course between two samples, not a straight line, decides what is seen
 };
 /// `culture_height`: single posts may stand up from the ground (trees, buildings), and spokes must meet each of them.
-/// `above_posts`: the sensor's height over the ground below it, in posts. The lower it is, the longer are the shadows that
-/// a post beside the spokes throws: below 14 posts (20 with culture heights) spokes double with each halving of the
-/// height, to 16 times at most. Source: docs/accuracy.md.
+/// `above_posts`: the sensor's height over the ground below it, in posts. The lower it is, the longer are the shadows of
+/// single posts, and their edges must be met: spokes a bin double with each halving of the height below 4 posts (10 with
+/// culture heights), up to 128. Source: docs/accuracy.md.
 Sampling sampling(Quality quality, bool culture_height, double above_posts);
 /// `of_quality` with what the scene itself says.
 Sampling own_sampling(const Scene& scene, Sampling of_quality);

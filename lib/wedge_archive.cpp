@@ -31,6 +31,7 @@ std::vector<Fact> echo_facts(const ResolvedScene& s, const DataBase& db) {
     add("quality", word(scene.quality));
     const Sampling sampled = sampling_of(s, db);
     add("spokes-per-post", sampled.spokes_per_post);
+    add("spokes-per-bin", sampled.spokes_per_bin);
     add("spoke-lead", sampled.lead);
     add("crossings", sampled.cross_lines);
     add("course", sampled.exact_course ? "curved" : "straight");

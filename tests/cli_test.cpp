@@ -966,7 +966,7 @@ TEST_CASE("a run whose blocks pack smaller than foretold is split as it was fore
                        "--no-cull"};
     };
     std::set<std::string> larger;
-    for (const auto& [memory, range_bin, wedges] : {std::tuple{"20MiB", "20m", "1"}, {"24MiB", "60m", "16"}}) {
+    for (const auto& [memory, range_bin, wedges] : {std::tuple{"20MiB", "20m", "1"}, {"24MiB", "100m", "64"}}) {
         CAPTURE(memory);
         const Outcome planned = folder.run(with({"info", "--plan", "--json"}, scene(memory, range_bin, wedges)));
         INFO(planned.err);

@@ -567,6 +567,7 @@ TEST_CASE("a run reads and holds what its plan says, if nothing is left out", "[
     s.platform.xy = PointXY{30 * 210.2, -30 * 199.7};
     s.platform.altitude_m = 900;
     s.display.size = 64;
+    s.spokes_per_bin = 2;  // so few that they double within range, which the plan makes room for
     for (const double range : {2500.0, 5000.0, 12000.0}) {
         s.range_m = range;
         for (const std::int64_t wedges : {1, 9}) {

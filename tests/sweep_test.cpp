@@ -164,6 +164,27 @@ TEST_CASE("neighbouring spokes are as dense as a line so many times as far off n
         }
 }
 
+TEST_CASE("every azimuth bin has the spokes that it asks for, near the sensor too", "[spoke_grid]") {
+    const DataBase db = plane(301, 201, 30);
+    const SpokeMap map(db, {Geometry::grid, {150.5, 100.5}, 0, 0, 4.0 / 3, 4000});
+    for (const std::int64_t circle : {8, 360, 961})
+        for (const double per_bin : {2.0, 5.0, 32.0}) {
+            INFO(circle << " bins, " << per_bin << " spokes each");
+            const SpokeGrid grid(db, map, {.spokes_per_bin = per_bin}, circle);
+            const double most = 2 * std::numbers::pi / static_cast<double>(circle) / per_bin;
+            bool needed = false;
+            for (const Quadrant q : all_quadrants) {
+                const auto spokes = static_cast<double>(grid.rings(q).front().spokes);
+                double widest = 0;
+                for (double m = -1; m < 1; m += 1 / spokes)
+                    widest = std::max(widest, std::abs(map.azimuth_rad(q, m + 1 / spokes) - map.azimuth_rad(q, m)));
+                CHECK(widest <= most * (1 + 1e-9));
+                needed = needed || widest > most / 2 || spokes == 64;  // half as many would not do
+            }
+            CHECK(needed);
+        }
+}
+
 TEST_CASE("steps go from crossing to crossing of the bilinear surface", "[sample][sweep]") {
     WEDGESCOPE_ON_EVERY_TARGET;
     std::mt19937 random(11);

@@ -842,6 +842,10 @@ std::vector<Key> make_keys() {
           number(
               between("0.25", "16"), [](auto& s) -> auto& { return s.scene.spokes_per_post; }, "auto"),
           "auto", "least spokes for each post of a line; auto: as the quality says");
+    t.add("spokes-per-bin",
+          number(
+              between("2", "128"), [](auto& s) -> auto& { return s.scene.spokes_per_bin; }, "auto"),
+          "auto", "least spokes for each azimuth bin, near and far; auto: as the quality says");
     t.add("spoke-lead",
           number(
               between("1", "64"), [](auto& s) -> auto& { return s.scene.spoke_lead; }, "auto"),
@@ -1474,7 +1478,7 @@ std::vector<Key> make_keys() {
     because({"geometry", "earth"}, "it decides what the spokes meet and what hides it");
     because({"range"}, "how densely the ground is sampled follows from it");
     because({"range-start"}, "ground that its near edge cuts is added up in other pieces");
-    because({"quality", "max-error", "spokes-per-post", "spoke-lead", "crossings", "course", "detail"},
+    because({"quality", "max-error", "spokes-per-post", "spokes-per-bin", "spoke-lead", "crossings", "course", "detail"},
             "it decides how the ground is sampled");
     because({"frequency", "transmit-power", "gain", "losses"},
             "the echo's watts hold it, and would be rounded otherwise (if-gain brightens the picture as well)");

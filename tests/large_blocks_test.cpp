@@ -1,0 +1,122 @@
+// Blocks from operator new: theirs alone, whole, and given back; many sizes, on several threads.
+#include "tiles/large_blocks.hpp"
+
+#include <unistd.h>
+
+#include <catch2/catch.hpp>
+#include <cstdint>
+#include <cstring>
+#include <fstream>
+#include <new>
+#include <random>
+#include <thread>
+#include <vector>
+
+using namespace wedgescope;
+
+namespace {
+
+struct Block {
+    unsigned char* at;
+    std::size_t bytes;
+    unsigned char mark;
+};
+
+/// Its own mark at both ends and here and there between.
+void fill(const Block& b) { std::memset(b.at, b.mark, b.bytes); }
+bool whole(const Block& b) {
+    for (std::size_t i = 0; i < b.bytes; i += 997)
+        if (b.at[i] != b.mark) return false;
+    return b.at[b.bytes - 1] == b.mark;
+}
+
+std::size_t resident_bytes() {
+    std::size_t pages = 0, resident = 0;
+    std::ifstream("/proc/self/statm") >> pages >> resident;
+    return resident * static_cast<std::size_t>(::sysconf(_SC_PAGESIZE));
+}
+
+}  // namespace
+
+TEST_CASE("blocks of every size keep what is written to them, on several threads", "[large_blocks][quick]") {
+    std::vector<std::thread> threads;
+    std::vector<int> wrong(3);
+    for (std::size_t t = 0; t < wrong.size(); ++t)
+        threads.emplace_back([&wrong, t] {
+            std::mt19937 random(static_cast<unsigned>(t));
+            const std::size_t sizes[] = {1,
+                                         4096,
+                                         65535,
+                                         65536,
+                                         65537,
+                                         131072,
+                                         262144,
+                                         524288,
+                                         1048575,
+                                         1048576,
+                                         1500000,
+                                         2097152,
+                                         2097153,
+                                         3000000,
+                                         4194304,
+                                         5000000,
+                                         131071,
+                                         131073,
+                                         std::size_t{7} << 20};
+            std::vector<Block> held;
+            for (int turn = 0; turn < 600; ++turn) {
+                if (held.size() > 20 || (!held.empty() && random() % 3 == 0)) {
+                    const std::size_t k = random() % held.size();
+                    if (!whole(held[k])) ++wrong[t];
+                    if (random() % 2)
+                        ::operator delete(held[k].at);
+                    else
+                        ::operator delete(held[k].at, held[k].bytes);
+                    held.erase(held.begin() + static_cast<std::ptrdiff_t>(k));
+                    continue;
+                }
+                const std::size_t bytes = sizes[random() % std::size(sizes)];
+                held.push_back(
+                    {static_cast<unsigned char*>(::operator new(bytes)), bytes, static_cast<unsigned char>(random())});
+                fill(held.back());
+            }
+            for (const Block& b : held) {
+                if (!whole(b)) ++wrong[t];
+                ::operator delete(b.at);
+            }
+        });
+    for (std::thread& thread : threads) thread.join();
+    CHECK(wrong == std::vector<int>{0, 0, 0});
+}
+
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+TEST_CASE("freed blocks stay up to what is kept, and go back to the system beyond it", "[large_blocks][quick]") {
+    constexpr std::size_t block = std::size_t{32} << 20, small = std::size_t{128} << 10;
+    const auto hold_and_free = [&] {
+        std::vector<Block> held;
+        for (int i = 0; i < 4; ++i) held.push_back({static_cast<unsigned char*>(::operator new(block)), block, 1});
+        for (std::size_t i = 0; i < block / small; ++i)
+            held.push_back({static_cast<unsigned char*>(::operator new(small)), small, 2});
+        for (const Block& b : held) fill(b);
+        for (const Block& b : held) ::operator delete(b.at);
+    };
+    keep_large_blocks(0);
+    hold_and_free();
+    const std::size_t before = resident_bytes();
+    hold_and_free();
+    CHECK(resident_bytes() < before + (std::size_t{4} << 20));
+    keep_large_blocks(2 * block);
+    hold_and_free();
+    const std::size_t kept = resident_bytes();
+    CHECK(kept > before + block);
+    CHECK(kept < before + 2 * block + (std::size_t{4} << 20));
+    keep_large_blocks(0);
+    CHECK(resident_bytes() < before + (std::size_t{4} << 20));
+    keep_large_blocks(std::size_t{8} << 20);
+}
+
+TEST_CASE("a block that cannot be had is bad_alloc", "[large_blocks][quick]") {
+    volatile std::size_t bytes = std::size_t{1} << 60;
+    CHECK_THROWS_AS(::operator new(bytes), std::bad_alloc);
+}
+#endif

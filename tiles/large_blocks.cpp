@@ -1,0 +1,176 @@
+#include "tiles/large_blocks.hpp"
+
+// Sanitizers have an operator new of their own.
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+
+namespace wedgescope {
+void keep_large_blocks(std::size_t) {}
+}  // namespace wedgescope
+
+#else
+
+#include <sys/mman.h>
+
+#include <array>
+#include <bit>
+#include <cstdint>
+#include <cstdlib>
+#include <mutex>
+#include <new>
+
+namespace wedgescope {
+namespace {
+
+constexpr std::size_t page = std::size_t{2} << 20;
+
+/// Parts of a huge page: 64 KiB to 512 KiB.
+constexpr std::size_t least_part = page / 32, most_part = page / 4;
+constexpr bool is_part(std::size_t bytes) {
+    return bytes >= least_part && bytes <= most_part && std::has_single_bit(bytes);
+}
+
+/// All that are held or kept; what finds no place here comes from malloc.
+class LargeBlocks {
+public:
+    /// Null: malloc shall do it.
+    void* allocate(std::size_t bytes) noexcept {
+        const std::lock_guard lock(mutex_);
+        if (!is_part(bytes)) {
+            Block* const block = take((bytes + page - 1) / page, bytes);
+            return block ? block->at : nullptr;
+        }
+        const std::size_t parts = page / bytes;
+        const std::uint32_t all = parts == 32 ? ~0U : (1U << parts) - 1;
+        Block* shared = nullptr;
+        for (Block& block : blocks_)
+            if (block.part == bytes && !block.kept && block.used != all) {
+                shared = &block;
+                break;
+            }
+        if (!shared) {
+            shared = take(1, page);
+            if (!shared) return nullptr;
+            shared->part = bytes;
+            shared->used = 0;
+        }
+        const int first = std::countr_one(shared->used);
+        shared->used |= 1U << first;
+        return static_cast<char*>(shared->at) + static_cast<std::size_t>(first) * bytes;
+    }
+
+    /// False: it is none of these.
+    bool release(void* at) noexcept {
+        const auto address = reinterpret_cast<std::uintptr_t>(at);
+        if (address % least_part != 0) return false;
+        const std::lock_guard lock(mutex_);
+        for (Block& block : blocks_) {
+            if (!block.at || block.kept) continue;
+            const std::uintptr_t offset = address - reinterpret_cast<std::uintptr_t>(block.at);
+            if (offset >= (block.part ? page : 1)) continue;
+            if (block.part) block.used &= ~(1U << (offset / block.part));
+            if (block.used == 0) {
+                block.part = 0;
+                block.kept = true;
+                kept_bytes_ += block.pages * page;
+                drop();
+            }
+            return true;
+        }
+        return false;
+    }
+
+    void keep(std::size_t bytes) noexcept {
+        const std::lock_guard lock(mutex_);
+        most_kept_ = bytes;
+        drop();
+    }
+
+private:
+    struct Block {
+        void* at = nullptr;
+        std::size_t pages = 0;
+        bool kept = false;
+        std::size_t part = 0;    // bytes of each part; 0: it is not shared out
+        std::uint32_t used = 0;  // which parts
+    };
+
+    Block* take(std::size_t pages, std::size_t bytes) noexcept {
+        Block* room = nullptr;
+        for (Block& block : blocks_) {
+            if (block.kept && block.pages == pages) {
+                block.kept = false;
+                kept_bytes_ -= pages * page;
+                return &block;
+            }
+            if (!block.at && !room) room = &block;
+        }
+        if (!room) return nullptr;
+        void* const at = map(pages);
+        if (!at) return nullptr;
+        // A wish: nothing depends on it. What is left at the end is less than half a page.
+        ::madvise(at, (bytes + page / 2) / page * page, MADV_HUGEPAGE);
+        *room = {at, pages};
+        return room;
+    }
+
+    static void* map(std::size_t pages) noexcept {
+        const std::size_t bytes = pages * page;
+        void* const all = ::mmap(nullptr, bytes + page, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+        if (all == MAP_FAILED) return nullptr;
+        char* const begin = static_cast<char*>(all);
+        const std::size_t before = (page - reinterpret_cast<std::uintptr_t>(begin) % page) % page;
+        if (before > 0) ::munmap(begin, before);
+        if (before < page) ::munmap(begin + before + bytes, page - before);
+        return begin + before;
+    }
+
+    void drop() noexcept {
+        for (Block& block : blocks_) {
+            if (kept_bytes_ <= most_kept_) return;
+            if (!block.kept) continue;
+            ::munmap(block.at, block.pages * page);
+            kept_bytes_ -= block.pages * page;
+            block = {};
+        }
+    }
+
+    std::mutex mutex_;
+    std::array<Block, 256> blocks_{};
+    std::size_t kept_bytes_ = 0, most_kept_ = 4 * page;
+};
+
+/// Never destroyed: blocks are freed up to the very end.
+LargeBlocks& large_blocks() {
+    alignas(LargeBlocks) static std::byte room[sizeof(LargeBlocks)];
+    static LargeBlocks* const blocks = ::new (static_cast<void*>(room)) LargeBlocks;
+    return *blocks;
+}
+
+void* allocate(std::size_t bytes) {
+    if (bytes >= page / 2 || is_part(bytes))
+        if (void* const block = large_blocks().allocate(bytes)) return block;
+    return std::malloc(bytes ? bytes : 1);
+}
+
+void release(void* block) noexcept {
+    if (!block || !large_blocks().release(block)) std::free(block);
+}
+
+}  // namespace
+
+void keep_large_blocks(std::size_t bytes) { large_blocks().keep(bytes); }
+
+}  // namespace wedgescope
+
+void* operator new(std::size_t bytes) {
+    for (;;) {
+        if (void* const block = wedgescope::allocate(bytes)) return block;
+        const std::new_handler handler = std::get_new_handler();
+        if (!handler) throw std::bad_alloc();
+        handler();
+    }
+}
+void operator delete(void* block) noexcept { wedgescope::release(block); }
+void operator delete(void* block, std::size_t) noexcept { wedgescope::release(block); }
+
+#endif
