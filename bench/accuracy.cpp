@@ -296,7 +296,7 @@ void measure(const Place& place, int rays_per_bin, const std::vector<Setting>& w
         const double wall_s = now_s() - start;
         if (truth.power_w.empty()) {
             r = reference_of(place, db, resolved.sensor_m, ours);
-                r.rays_per_bin = static_cast<int>(rays_per_bin * std::max(1.0, place.beam_deg / 1.5));
+            r.rays_per_bin = static_cast<int>(rays_per_bin * std::max(1.0, place.beam_deg / 1.5));
             skip = static_cast<std::size_t>(ours.power_w.grid.range_bins.begin);
             columns = static_cast<std::size_t>(ours.power_w.grid.range_bins.size());
             truth = cut(reference::simulate(r), skip);

@@ -132,6 +132,7 @@ TEST_CASE("no way of running a scene changes a bit of it", "[matrix]") {
     scene.range_m = lat_lon ? 4000 : 7000;
     scene.far_shore = lakes;
     scene.spokes_per_post = 1.25;  // a few: what is compared here are bits
+    scene.spokes_per_bin = 2;
     scene.spoke_lead = 2;
     scene.azimuth_bins = 180;
     scene.range_bin_m = 60;
