@@ -10,7 +10,7 @@ set ylabel "RMS error of the power image, dB"
 set grid lc rgb "#dddddd"
 set key top right font ",8" samplen 1
 set xrange [0.02:10]
-set yrange [0.004:3]
+set yrange [0.002:3]
 set format y "%g"
 set format x "%g"
 
