@@ -107,8 +107,9 @@ private:
         if (!room) return nullptr;
         void* const at = map(pages);
         if (!at) return nullptr;
-        // A wish: nothing depends on it. What is left at the end is less than half a page.
-        ::madvise(at, (bytes + page / 2) / page * page, MADV_HUGEPAGE);
+        // A wish: nothing depends on it. What is left at the end comes in small pages, so that no more is resident than was
+        // asked for.
+        if (bytes >= page) ::madvise(at, bytes / page * page, MADV_HUGEPAGE);
         *room = {at, pages};
         return room;
     }
@@ -147,7 +148,7 @@ LargeBlocks& large_blocks() {
 }
 
 void* allocate(std::size_t bytes) {
-    if (bytes >= page / 2 || is_part(bytes))
+    if (bytes >= page || is_part(bytes))
         if (void* const block = large_blocks().allocate(bytes)) return block;
     return std::malloc(bytes ? bytes : 1);
 }

@@ -1,9 +1,9 @@
-// Large blocks: operator new of a megabyte or more, and of exactly 64, 128, 256 or 512 KiB (decoded tiles, several to a
+// Large blocks: operator new of 2 MiB or more, and of exactly 64, 128, 256 or 512 KiB (decoded tiles, several to a
 // page), in huge pages where the system grants them on request (/sys/kernel/mm/transparent_hugepage/enabled: madvise or
 // always). Images, chunks and tiles are filled at once; without this thousands of faults of 4 KiB take a quarter to a
 // third of a run. Leaves other blocks to malloc.
 //
-// A block holds at most half a huge page more than was asked for. Of those freed some are kept for the next ones of their size.
+// Of those freed some are kept for the next ones of their size.
 #pragma once
 #include <cstddef>
 
