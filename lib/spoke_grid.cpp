@@ -12,12 +12,12 @@ namespace wedgescope {
 
 Sampling sampling(Quality quality, bool culture_height, double above_posts) {
     const bool low = above_posts < (culture_height ? 20 : 14);
-    double more = 1;
+    double more = low ? 1 : above_posts < 40 ? 0.5 : 0.25;
     for (double above = above_posts; more < 16 && above < (culture_height ? 10 : 4); above *= 2) more *= 2;
     const auto dense = [&](double per_post, double per_bin, double lead) {
         return Sampling{.spokes_per_post = per_post,
-                        .spokes_per_bin = std::min(128.0, more * per_bin),
-                        .lead = lead,
+                        .spokes_per_bin = std::clamp(more * per_bin, 2.0, 128.0),
+                        .lead = low ? lead : 4,
                         .cross_lines = true,
                         .exact_course = true};
     };
@@ -26,7 +26,7 @@ Sampling sampling(Quality quality, bool culture_height, double above_posts) {
             if (low) return dense(0.5, culture_height ? 4 : 2, 1);
             return {.spokes_per_post = 1, .spokes_per_bin = 2, .lead = 1, .cross_lines = false, .exact_course = false};
         case Quality::normal:
-            return dense(1, culture_height ? 8 : 4, 2);
+            return culture_height ? dense(1, 8, 2) : dense(above_posts < 40 ? 1 : 0.5, 4, 2);
         case Quality::fine:
             return culture_height ? dense(2, 16, 2) : dense(1, 8, 4);
         case Quality::exact:

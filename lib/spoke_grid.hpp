@@ -33,8 +33,8 @@ struct Sampling {
 };
 /// `culture_height`: single posts may stand up from the ground (trees, buildings), and spokes must meet each of them.
 /// `above_posts`: the sensor's height over the ground below it, in posts. The lower it is, the longer are the shadows of
-/// single posts, and their edges must be met: spokes a bin double with each halving of the height below 4 posts (10 with
-/// culture heights), up to 128. Source: docs/accuracy.md.
+/// single posts, and their edges must be met: from 14 posts on (20 with culture heights) half as many spokes a bin do, from 40 on
+/// a quarter, and below 4 posts (10) they double with each halving of the height, up to 128. Source: docs/accuracy.md.
 Sampling sampling(Quality quality, bool culture_height, double above_posts);
 /// `of_quality` with what the scene itself says.
 Sampling own_sampling(const Scene& scene, Sampling of_quality);
