@@ -1,5 +1,6 @@
-// accuracy OUT.tsv [--rays N] [--qualities] [--setting SPOKES,BIN,LEAD]... [SCENE...]: error against time. Runs scenes of the shipped data at every quality and at raw settings of
-// the sampling, compares power and states with the independent reference of tests/reference (converged to 0.01 dB with 48 rays a bin of 3/8 degree), and
+// accuracy OUT.tsv [--rays N] [--qualities] [--setting SPOKES,BIN,LEAD]... [SCENE...]: error against time. Runs scenes
+// of the shipped data at every quality and at raw settings of the sampling, compares power and states with the
+// independent reference of tests/reference (converged to 0.01 dB with 48 rays a bin of 3/8 degree), and
 // writes a row for each: what it cost and how far off it was. Beside them polar sampling, rays with even steps, by the
 // reference's own code at coarse steps.
 //

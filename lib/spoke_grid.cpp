@@ -35,12 +35,18 @@ Sampling sampling(Quality quality, bool culture_height, double above_posts) {
     return {};
 }
 
-Sampling own_sampling(const Scene& scene, Sampling of_quality) {
+Sampling own_sampling(const Scene& scene, const Sampling& of_quality) {
     return {.spokes_per_post = scene.spokes_per_post.value_or(of_quality.spokes_per_post),
-            .spokes_per_bin = scene.spokes_per_bin.value_or(of_quality.spokes_per_bin),
+            .spokes_per_bin = of_quality.spokes_per_bin,
             .lead = scene.spoke_lead.value_or(of_quality.lead),
             .cross_lines = scene.crossings.value_or(of_quality.cross_lines),
             .exact_course = scene.curved_course.value_or(of_quality.exact_course)};
+}
+
+Sampling sampling(const Scene& scene, bool culture_height, double above_posts) {
+    Sampling own = own_sampling(scene, sampling(scene.quality, culture_height, above_posts));
+    own.spokes_per_bin = scene.spokes_per_bin.value_or(own.spokes_per_bin);
+    return own;
 }
 
 SpokeGrid::SpokeGrid(const DataBase& data_base, const SpokeMap& map, const Sampling& sampling, std::int64_t circle_bins,

@@ -1,9 +1,10 @@
 // SpokeGrid: which spokes there are: quadrants, fans, lines, bands, rings, azimuths; and a wedge as runs of spokes.
 // A property of the scene, never of the split into wedges. Leaves positions to spoke_map.hpp and state to front.hpp.
 //
-// Spoke k of a quadrant (-K <= k <= K) has slope k/K; K is a power of two, at first enough for every azimuth bin, that doubles from one ring to the next, where
-// the spokes' spacing on a line `lead` times as far off (the last one at most) would exceed 1/o posts. Its cell is the azimuths between slopes (k-1/2)/K and
-// (k+1/2)/K, cut at +-1: a spoke on a common diagonal is swept by both quadrants and each deposits its own half.
+// Spoke k of a quadrant (-K <= k <= K) has slope k/K; K is a power of two, at first enough for every azimuth bin, and
+// doubles from one ring to the next where the spokes' spacing on a line `lead` times as far off (the last one at most)
+// would exceed 1/o posts. Its cell is the azimuths between slopes (k-1/2)/K and (k+1/2)/K, cut at +-1: a spoke on a common
+// diagonal is swept by both quadrants and each deposits its own half.
 //
 // Where levels of detail are on, a quadrant's slopes are cut into fans of equal width. A fan has its own lines and rings:
 // its lines come in bands, outwards, each with a level L: lines and posts along them stand 2^L posts apart, at whole
@@ -32,15 +33,15 @@ struct Sampling {
         false;  ///< the bilinear surface's course between two samples, not a straight line, decides what is seen
 };
 /// `culture_height`: single posts may stand up from the ground (trees, buildings), and spokes must meet each of them.
-/// `above_posts`: the sensor's height over the ground below it, in posts. The lower it is, the longer are the shadows of
-/// single posts, and their edges must be met: from 14 posts on (20 with culture heights) half as many spokes a bin do, from 40 on
-/// a quarter, and below 4 posts (10) they double with each halving of the height, up to 128. Source: docs/accuracy.md.
+/// `above_posts`: the sensor's height over the ground below it, in posts. The lower it is, the longer are the shadows
+/// of single posts, and their edges must be met: from 14 posts on (20 with culture heights) half as many spokes a bin do,
+/// from 40 on a quarter, and below 4 posts (10) they double with each halving of the height, to 16 times or 128 at most.
+/// Source: docs/accuracy.md.
 Sampling sampling(Quality quality, bool culture_height, double above_posts);
-/// `of_quality` with what the scene itself says.
-Sampling own_sampling(const Scene& scene, Sampling of_quality);
-inline Sampling sampling(const Scene& scene, bool culture_height, double above_posts) {
-    return own_sampling(scene, sampling(scene.quality, culture_height, above_posts));
-}
+/// `of_quality` with what the scene itself says, but of its bins, which are an image's.
+Sampling own_sampling(const Scene& scene, const Sampling& of_quality);
+/// Of an image.
+Sampling sampling(const Scene& scene, bool culture_height, double above_posts);
 
 /// The spokes of a quadrant between two slopes: the whole quadrant where there are no levels of detail.
 struct Fan {

@@ -116,7 +116,9 @@ TEST_CASE("freed blocks stay up to what is kept, and go back to the system beyon
 }
 
 TEST_CASE("a block that cannot be had is bad_alloc", "[large_blocks][quick]") {
-    volatile std::size_t bytes = std::size_t{1} << 60;
-    CHECK_THROWS_AS(::operator new(bytes), std::bad_alloc);
+    for (const std::size_t much : {std::size_t{1} << 60, SIZE_MAX - 4096, SIZE_MAX}) {
+        volatile std::size_t bytes = much;
+        CHECK_THROWS_AS(::operator new(bytes), std::bad_alloc);
+    }
 }
 #endif

@@ -415,8 +415,9 @@ TEST_CASE("an error asked for chooses the quickest quality that promises it", "[
                                  "--max-error", "0.1dB"}),
                       Catch::Contains("at most one of quality and max-error"));
     const Settings raw = simulated({"--dem", "a.tif", "--latlon", "1,2", "--altitude-msl", "1km", "--spokes-per-post",
-                                    "2.5", "--crossings", "off", "--course", "straight"});
+                                    "2.5", "--spokes-per-bin", "7", "--crossings", "off", "--course", "straight"});
     CHECK(sampling(raw.scene, false, 100).spokes_per_post == 2.5);
+    CHECK(sampling(raw.scene, false, 100).spokes_per_bin == 7);
     CHECK_FALSE(sampling(raw.scene, false, 100).cross_lines);
     CHECK_FALSE(sampling(raw.scene, false, 100).exact_course);
 }

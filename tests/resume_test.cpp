@@ -345,6 +345,7 @@ TEST_CASE("whatever changes an echo is among the facts that the folder compares"
         [](Scene& s) { s.radar.antenna.tilt = Angle::degrees(2); },
         [](Scene& s) { s.gamma = Decibel(-15); },
         [](Scene& s) { s.spokes_per_post = 16; },
+        [](Scene& s) { s.spokes_per_bin = 128; },
         [](Scene& s) { s.crossings = false; },
         [](Scene& s) { s.curved_course = false; },
         [](Scene& s) { s.display.kind = DisplayKind::gpi_true; },

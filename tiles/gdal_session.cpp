@@ -103,7 +103,7 @@ GdalSession::GdalSession(std::size_t cache_bytes, const std::vector<std::pair<st
         static_cast<int>(std::clamp<std::size_t>(cache_bytes / 8, std::size_t{1} << 20, std::size_t{8} << 20));
     mallopt(M_MMAP_THRESHOLD, large);
     mallopt(M_TRIM_THRESHOLD, 2 * large);
-    keep_large_blocks(static_cast<std::size_t>(large));
+    keep_large_blocks(std::max(static_cast<std::size_t>(large), std::size_t{2} << 20));
     CPLSetErrorHandler(CPLQuietErrorHandler);
     // Each handle of a VRT gets its own sources: handles wander between threads, shared sources may not.
     CPLSetConfigOption("VRT_SHARED_SOURCE", "0");

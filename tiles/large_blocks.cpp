@@ -36,7 +36,7 @@ public:
     void* allocate(std::size_t bytes) noexcept {
         const std::lock_guard lock(mutex_);
         if (!is_part(bytes)) {
-            Block* const block = take((bytes + page - 1) / page, bytes);
+            Block* const block = take(bytes);
             return block ? block->at : nullptr;
         }
         const std::size_t parts = page / bytes;
@@ -48,7 +48,7 @@ public:
                 break;
             }
         if (!shared) {
-            shared = take(1, page);
+            shared = take(page);
             if (!shared) return nullptr;
             shared->part = bytes;
             shared->used = 0;
@@ -94,7 +94,8 @@ private:
         std::uint32_t used = 0;  // which parts
     };
 
-    Block* take(std::size_t pages, std::size_t bytes) noexcept {
+    Block* take(std::size_t bytes) noexcept {
+        const std::size_t pages = (bytes + page - 1) / page;
         Block* room = nullptr;
         for (Block& block : blocks_) {
             if (block.kept && block.pages == pages) {
@@ -107,8 +108,8 @@ private:
         if (!room) return nullptr;
         void* const at = map(pages);
         if (!at) return nullptr;
-        // A wish: nothing depends on it. What is left at the end comes in small pages, so that no more is resident than was
-        // asked for.
+        // A wish: nothing depends on it. What is left at the end comes in small pages, so that no more is resident than
+        // was asked for.
         if (bytes >= page) ::madvise(at, bytes / page * page, MADV_HUGEPAGE);
         *room = {at, pages};
         return room;
@@ -148,7 +149,7 @@ LargeBlocks& large_blocks() {
 }
 
 void* allocate(std::size_t bytes) {
-    if (bytes >= page || is_part(bytes))
+    if ((bytes >= page && bytes <= PTRDIFF_MAX) || is_part(bytes))
         if (void* const block = large_blocks().allocate(bytes)) return block;
     return std::malloc(bytes ? bytes : 1);
 }
