@@ -1,9 +1,11 @@
-// Cull: bounds on what ground can be seen, so that blocks below the horizon need not be read or swept.
+// Cull: bounds on what ground can be seen, so that blocks below the horizon need not be read or swept, nor spokes sampled
+// on lines where they stay below theirs.
 // Leaves which spokes cross a block to front.hpp and the bounds of the terrain to block_map.hpp.
 #pragma once
 #include <algorithm>
 #include <cmath>
 
+#include "lib/sample.hpp"
 #include "lib/sweep.hpp"
 
 namespace wedgescope {
@@ -23,5 +25,19 @@ inline double highest_sine(double sensor_m, double height_m, double near_arc_m, 
     if (1 - 0.5 * near * near * (1 - near * near * (1.0 / 12)) <= cosine) return at(near_arc_m);  // all behind it
     return margin - std::sqrt(std::max(0.0, 1 - cosine * cosine));
 }
+
+/// Spokes from one line to the next: raster index along the lines and arc there; what they have seen so far.
+struct PassingLanes {
+    static constexpr std::size_t most = 64;
+    const double *minor0, *minor1, *arc0_m, *arc1_m;
+    const double *mode, *horizon;  ///< SpokeMode; sine
+    const double* inverse_radius;
+};
+/// Are n spokes, n <= PassingLanes::most, all hidden or done, and does the ground between two neighbouring lines stay below
+/// the horizons of those that are hidden: the highest post of the cells that a spoke may run through, wherever in these
+/// it stands? False where a post is void or outside of a line's window. A handful of operations a spoke, no root, no
+/// division; refuses what is too near to say.
+bool pass_hidden(std::size_t n, double sensor_m, const LinePosts& behind, const LinePosts& ahead,
+                 const PassingLanes& lanes) noexcept;
 
 }  // namespace wedgescope

@@ -16,7 +16,8 @@
 namespace wedgescope {
 namespace {
 
-constexpr std::size_t tile_lanes = 128;  // spokes taken over a chunk's lines together: their state stays in cache
+// Spokes taken over a chunk's lines together: their state stays in cache.
+constexpr std::size_t tile_lanes = PassingLanes::most;
 constexpr double infinite = std::numeric_limits<double>::infinity();
 // In place of a piece's backscatter: not the same all along; the same, and deposited.
 constexpr double several_gammas = -1, in_parts = -2;
@@ -521,6 +522,7 @@ void Front::advance_tile(Interval lines, const Chunk* chunk, std::size_t begin, 
     between.behind_culture = chunk ? line_of(*chunk, chunk->culture_height_m, index) : no_posts();
     between.behind_major = static_cast<double>(index);
     between.adjacent = true;
+    refresh(between, from, to);
     copy(to - from, now_, 0, lanes_.last, from);
 }
 
@@ -620,6 +622,7 @@ std::int64_t Front::leap_block(std::int64_t line, std::int64_t last, const Chunk
         return line - 1;
     sample_line(line_of(chunk, chunk.surface_m, to), begin, end, 0, ahead_);
     std::swap(now_, ahead_);
+    stale_ = false;
     between.behind = line_of(chunk, chunk.surface_m, to);
     between.behind_culture = line_of(chunk, chunk.culture_height_m, to);
     between.behind_major = static_cast<double>(to);
@@ -649,6 +652,8 @@ void Front::advance_line(std::int64_t line, const Between& between, std::size_t 
         }
     cost_.sample += ticks() - clock;
 
+    if (leaps_ && between.adjacent && passes_line(between, begin, end)) return;
+    refresh(between, begin, end);
     if (scene_->sampling.cross_lines && between.adjacent) {
         for (;;) {
             const std::uint64_t crossing_clock = ticks();
@@ -666,6 +671,30 @@ void Front::advance_line(std::int64_t line, const Between& between, std::size_t 
     cost_.samples += n;
     take(between, begin, end, false, ahead_);
     std::fill_n(now_.part.begin(), n, 0.0);  // of the way to the next line
+}
+
+bool Front::passes_line(const Between& between, std::size_t begin, std::size_t end) {
+    const std::uint64_t clock = ticks();
+    const bool passes =
+        pass_hidden(end - begin, scene_->sensor_m, between.behind, between.ahead,
+                    {now_.minor.data(), ahead_.minor.data(), now_.arc.data(), ahead_.arc.data(),
+                     lanes_.mode.data() + begin, lanes_.horizon.data() + begin, lanes_.inverse_radius.data() + begin});
+    if (passes) {
+        std::swap(now_.minor, ahead_.minor);
+        std::swap(now_.arc, ahead_.arc);
+        stale_ = true;
+    }
+    cost_.sweep += ticks() - clock;
+    return passes;
+}
+
+void Front::refresh(const Between& between, std::size_t begin, std::size_t end) {
+    if (!stale_) return;
+    const std::uint64_t clock = ticks();
+    sample_line(between.behind, begin, end, 0, now_);
+    stale_ = false;
+    cost_.samples += end - begin;
+    cost_.sweep += ticks() - clock;
 }
 
 bool Front::beyond(std::size_t lane, double minor, double arc, double distance) const {

@@ -184,6 +184,10 @@ private:
     float highest_in_chunk(const Chunk& chunk, ChunkBounds& bounds, std::int64_t major_block,
                            std::int64_t minor_block) const;
     void advance_line(std::int64_t line, const Between& between, std::size_t begin, std::size_t end);
+    /// To the line ahead in one step, if nothing before it can come over the horizon of any spoke.
+    bool passes_line(const Between& between, std::size_t begin, std::size_t end);
+    /// The tile's last samples, where lines were passed without them.
+    void refresh(const Between& between, std::size_t begin, std::size_t end);
     void take(const Between& between, std::size_t begin, std::size_t end, bool crossings, Samples& next);
     void change(std::size_t lane, std::size_t i, const Between& between, Samples& next);
     std::span<const std::int32_t> straddlers(std::size_t begin, std::size_t end) const;
@@ -273,6 +277,7 @@ private:
     std::int64_t next_line_ = 0, line_end_ = 0;
     std::size_t live_begin_ = 0, live_end_ = 0;  // lanes not all done
     Lanes lanes_;
+    bool stale_ = false;  // of the last samples only minor, arc and part hold
     // Workspace of one tile: the last samples, those on the other axis' lines and those on the line ahead.
     Samples now_, crossing_, ahead_;
     LaneArray cell_, bump_, sine0_, code_, power_, inverse_width_, bow_, gamma_, facet_;

@@ -109,7 +109,8 @@ WeatherParams weather_of(const Scene& scene);
 /// By class, what statistical walls raise its ground by, metres; empty: none is raised.
 std::vector<float> raises_m(const Scene& scene);
 
-/// RMS of the power image that a quality promises, dB, where c tau / 2 and beam are two posts or more.
+/// RMS of the power image that a quality promises, dB, where c tau / 2 and beam are two posts or more and a beam has four
+/// azimuth bins or more, as `auto` makes them.
 double promised_rms_db(Quality);
 /// The quickest quality that promises at most so much; nothing where none does.
 std::optional<Quality> quality_within(double rms_db);

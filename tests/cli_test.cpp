@@ -190,7 +190,7 @@ TEST_CASE("help and version go to stdout", "[cli]") {
     CHECK_THAT(folder.run({"help", "info"}).out, Contains("--json"));
 }
 
-TEST_CASE("a wrong command or option costs one line and exit code 2", "[cli]") {
+TEST_CASE("a wrong command or option costs one line and exit code 2", "[cli][long]") {
     const Folder folder;
     refuses(folder, {}, 2, {"no command"});
     refuses(folder, {"coverage"}, 2, {"coverage takes two paths"});
@@ -280,7 +280,7 @@ TEST_CASE("coverage writes a mask on the raster's own grid, and every layer", "[
     refuses(folder, {"simulate", scene, "-o", "scope.png"}, 2, {"line 2", "ground-range", "coverage's"});
 }
 
-TEST_CASE("coverage understands gdal_viewshed's options", "[cli]") {
+TEST_CASE("coverage understands gdal_viewshed's options", "[cli][long]") {
     const Folder folder;
     const Strings place = {"-ox", "453717", "-oy", "3740093", "-oz", "100"};
     const auto report_of = [&](const Strings& options) {
@@ -320,7 +320,7 @@ TEST_CASE("coverage understands gdal_viewshed's options", "[cli]") {
     refuses(folder, {"coverage", data + "/N44W072.hgt", "x.tif", "-ox", "-71.5", "-oy", "44.5"}, 2, {"geodesic"});
 }
 
-TEST_CASE("a scene that contradicts itself or says too little is refused", "[cli]") {
+TEST_CASE("a scene that contradicts itself or says too little is refused", "[cli][long]") {
     const Folder folder;
     const Strings start = {"simulate", "-o", "scope.png", "--dem", dem};
     const Strings place = {"--latlon", "33.93,-117.33"}, height = {"--altitude-msl", "7000ft"};
@@ -885,7 +885,7 @@ TEST_CASE("a raster that changes in any way while it is read ends the run, and n
         }
 }
 
-TEST_CASE("a plan of a spilled run foretells what the run reads, spills and holds", "[cli]") {
+TEST_CASE("a plan of a spilled run foretells what the run reads, spills and holds", "[cli][long]") {
     const Folder folder;
     fs::create_directory(folder.work() / "spill");
     // 18 MB, of which the range leaves about three quarters; a quarter of the memory may stay in blocks.
@@ -950,7 +950,7 @@ TEST_CASE("a plan of a spilled run foretells what the run reads, spills and hold
     CHECK(none["partition_bytes"] == 0);
 }
 
-TEST_CASE("a run whose blocks pack smaller than foretold is split as it was foretold", "[cli]") {
+TEST_CASE("a run whose blocks pack smaller than foretold is split as it was foretold", "[cli][long]") {
     const Folder folder;
     fs::create_directory(folder.work() / "spill");
     // Flat ground takes a byte a block; foretold are two bytes a post, which do not stay in a quarter of the memory.
@@ -1108,7 +1108,7 @@ TEST_CASE("a signal during the pass or the wedges of a spilled run leaves nothin
     }
 }
 
-TEST_CASE("tile refuses wrong options and rasters in one line, and leaves nothing", "[cli]") {
+TEST_CASE("tile refuses wrong options and rasters in one line, and leaves nothing", "[cli][long]") {
     const Folder folder;
     const std::string a = grid(folder, "a", "5");
     refuses(folder, {"tile"}, 2, {"at least one terrain raster", "0 paths"});
@@ -1265,7 +1265,7 @@ TEST_CASE("a store tiled around a point serves scenes from there by its kept spi
             {"'store' is a tile store", "'store/culture.vrt'"});
 }
 
-TEST_CASE("an output without a name is refused before any work", "[cli]") {
+TEST_CASE("an output without a name is refused before any work", "[cli][long]") {
     const Folder folder;
     const std::string ground = grid(folder, "ground", "5");
     refuses(folder, {"tile", ground, ""}, 2, {"output has an empty name", "folder"});

@@ -6,6 +6,7 @@
 
 #include "lib/cull.hpp"
 #include "lib/engine.hpp"
+#include "tests/every_target.hpp"
 #include "tests/terrain.hpp"
 
 using namespace wedgescope;
@@ -62,6 +63,87 @@ TEST_CASE("no ground within a block stands higher than its bound", "[cull]") {
     CHECK(closest < 1e-6);  // and it is no wild guess
 }
 
+TEST_CASE("spokes pass a line unsampled only where nothing before it comes over their horizons", "[cull]") {
+    WEDGESCOPE_ON_EVERY_TARGET;
+    std::mt19937 random(9);
+    std::uniform_real_distribution<double> any(0, 1);
+    int passed = 0, well_hidden = 0, well_hidden_passed = 0, voids = 0;
+    for (int turn = 0; turn < 6000; ++turn) {
+        const std::size_t n = 1 + random() % PassingLanes::most;
+        const double sensor = 10 + 12000 * any(random) * any(random),
+                     inverse = any(random) < 0.1 ? 0 : 1 / (6.3e6 + 3e6 * any(random)),
+                     near = 30 + 300e3 * std::pow(any(random), 4), post = 1 + 90 * any(random),
+                     level = 3000 * any(random) - 400, rough = 300 * any(random) * any(random);
+        const std::int64_t begin = 1000 + static_cast<std::int64_t>(random() % 50);
+        constexpr std::size_t posts = 110;
+        std::vector<float> behind(posts), ahead(posts);
+        for (auto* line : {&behind, &ahead})
+            for (float& h : *line) h = static_cast<float>(level + rough * any(random));
+        if (turn % 8 == 0) ahead[random() % posts] = std::nanf("");
+        std::vector<double> minor0(n), minor1(n), arc0(n), arc1(n), mode(n), horizon(n), inverses(n, inverse);
+        const double start = static_cast<double>(begin) + 2 + 20 * any(random), slope = 2 * any(random) - 1,
+                     spacing = 0.4 + 0.8 * any(random),
+                     gap = (any(random) < 0.3 ? -1 : 1) * std::pow(10.0, -1 - 6 * any(random));
+        bool all_hidden = true, clear = gap > 0.01;
+        const auto height = [&](std::size_t i, double u) {
+            const double y = minor0[i] + u * (minor1[i] - minor0[i]) - static_cast<double>(begin);
+            const auto j = static_cast<std::size_t>(y);
+            const double v = y - static_cast<double>(j), b0 = behind[j], b1 = behind[j + 1], a0 = ahead[j],
+                         a1 = ahead[j + 1];
+            return (1 - u) * (b0 + v * (b1 - b0)) + u * (a0 + v * (a1 - a0));
+        };
+        for (std::size_t i = 0; i < n; ++i) {
+            minor0[i] = start + static_cast<double>(i) * spacing;
+            minor1[i] = minor0[i] + std::clamp(slope + 0.01 * static_cast<double>(i), -1.0, 1.0);
+            if (turn % 10 == 0) minor0[i] = std::floor(minor0[i]);
+            arc0[i] = near;
+            arc1[i] = near + post * (1 + 0.4 * any(random));
+            mode[i] = any(random) < 0.1 ? mode_done : mode_hidden;
+            if (turn % 20 == 3 && i == n / 2) mode[i] = any(random) < 0.5 ? mode_visible : mode_gap;
+            all_hidden = all_hidden && (mode[i] == mode_hidden || mode[i] == mode_done);
+            double most = -1;
+            for (int k = 0; k <= 8; ++k) {
+                const double u = k / 8.0, arc = arc0[i] + u * (arc1[i] - arc0[i]);
+                most = std::max(most, sight_line(sensor, arc, height(i, u), inverse).sine);
+            }
+            horizon[i] = std::clamp(most + gap * any(random), -1.0, 1.0);
+            clear = clear && horizon[i] > sight_line(sensor, arc0[i], level + rough, inverse).sine + 0.003 &&
+                    horizon[i] > sight_line(sensor, arc1[i], level + rough, inverse).sine + 0.003;
+        }
+        const bool passes = pass_hidden(
+            n, sensor, {behind.data(), begin, begin + static_cast<std::int64_t>(posts)},
+            {ahead.data(), begin, begin + static_cast<std::int64_t>(posts)},
+            {minor0.data(), minor1.data(), arc0.data(), arc1.data(), mode.data(), horizon.data(), inverses.data()});
+        INFO("turn " << turn << ", sensor " << sensor << ", arc " << near);
+        if (passes) {
+            ++passed;
+            REQUIRE(all_hidden);
+            for (std::size_t i = 0; i < n; ++i) {
+                if (mode[i] == mode_done) continue;
+                for (int k = 0; k <= 33; ++k) {
+                    const double u = k / 33.0, arc = arc0[i] + u * (arc1[i] - arc0[i]);
+                    REQUIRE(sight_line(sensor, arc, height(i, u), inverse).sine < horizon[i]);  // a void is not
+                }
+            }
+            // Not where posts are missing.
+            const auto last = static_cast<std::int64_t>(std::floor(std::max(minor0[n - 1], minor1[n - 1]))) + 1;
+            CHECK_FALSE(pass_hidden(n, sensor, {behind.data(), begin, last},
+                                    {ahead.data(), begin, begin + static_cast<std::int64_t>(posts)},
+                                    {minor0.data(), minor1.data(), arc0.data(), arc1.data(), mode.data(),
+                                     horizon.data(), inverses.data()}));
+        }
+        if (turn % 8 == 0) voids += passes;
+        if (clear && all_hidden && turn % 8 != 0) {
+            ++well_hidden;
+            well_hidden_passed += passes;
+        }
+    }
+    CHECK(passed > 400);
+    CHECK(voids > 10);  // voids that no spoke comes by
+    CHECK(well_hidden > 50);
+    CHECK(well_hidden_passed == well_hidden);
+}
+
 TEST_CASE("leaving out what is hidden changes no bit", "[cull][engine]") {
     std::mt19937 random(11);
     std::uniform_real_distribution<double> any(0, 1);
@@ -111,7 +193,7 @@ TEST_CASE("leaving out what is hidden changes no bit", "[cull][engine]") {
         s.display.size = 64;
         if (turn % 6 == 5) s.display.kind = DisplayKind::gpi_true;
         s.quality = std::array{Quality::exact, Quality::normal, Quality::draft, Quality::fine}[turn % 4U];
-        s.spokes_per_bin = 2;  // a few: what is compared here are bits
+        if (turn % 6 != 0) s.spokes_per_bin = 2;  // mostly a few: what is compared here are bits
         const RunResult all = run_with(source, s, false, 1);
         const RunResult leapt = run_with(source, s, true, 3);
         source.set_block_map();

@@ -247,7 +247,7 @@ TEST_CASE("features in latitude and longitude come to lie where the terrain has 
     CHECK(wrong == 0);
 }
 
-TEST_CASE("neither tiles nor the file's order or format show, and GDAL burns the whole raster alike", "[features]") {
+TEST_CASE("neither tiles nor the file's order or format show, and GDAL burns the whole raster alike", "[features][long]") {
     const Folder folder;
     // Triangles at random, over one another and over the edges; the last in the file is the topmost.
     std::mt19937 random(20);
@@ -409,7 +409,7 @@ TEST_CASE("options of features are checked", "[features]") {
     refuses({"--features", file, "--culture", data + "/inland_empire_culture.tif"}, 2, {"without culture-legend"});
 }
 
-TEST_CASE("a radar sees burnt metal by its gamma, and nothing else changes", "[features]") {
+TEST_CASE("a radar sees burnt metal by its gamma, and nothing else changes", "[features][long]") {
     const Folder folder;
     const auto run = [&](const Strings& arguments) {
         Strings all{WEDGESCOPE_PROGRAM};

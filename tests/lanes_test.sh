@@ -16,7 +16,7 @@ check() {  # source file
     # The compiler tells function by function which loops it vectorised; a template's loop stands in one several times.
     awk -v source="$source" -v lines="$lines" '
         BEGIN { count = split(lines, mark, " "); split("avx2 avx512", copies, " ") }
-        /^;; Function / { copy = $0; sub(/ \(_Z.*/, "", copy); sub(/.*::/, "", copy) }
+        /^;; Function / { copy = $0; sub(/ \(_Z.*/, "", copy); sub(/.*::/, "", copy); sub(/\..*/, "", copy) }
         index($1, source ":") == 1 && copy ~ /^avx/ {
             split($1, place, ":")
             if (/optimized: loop vectorized/) done[copy, place[2]] = 1

@@ -352,6 +352,53 @@ TEST_CASE("what a parabola shows over a horizon is what walking along it shows",
     CHECK(hides > 100);
 }
 
+TEST_CASE("each quality samples as the table in docs/accuracy.md says", "[grid]") {
+    // Posts above the ground below: lowest, low, mid, high; with culture heights all of these begin higher up.
+    const double bare[] = {1, 10, 30, 60}, culture[] = {2.5, 15, 30, 60};
+    struct Row {
+        Quality quality;
+        bool culture;
+        std::array<double, 4> per_bin, per_post, lead;
+    };
+    const Row rows[] = {
+        {Quality::draft, false, {8, 2, 2, 2}, {0.5, 0.5, 1, 1}, {1, 1, 1, 1}},
+        {Quality::draft, true, {16, 4, 2, 2}, {0.5, 0.5, 1, 1}, {1, 1, 1, 1}},
+        {Quality::normal, false, {16, 4, 2, 2}, {1, 1, 1, 0.5}, {2, 2, 4, 4}},
+        {Quality::normal, true, {32, 8, 4, 2}, {1, 1, 1, 1}, {2, 2, 4, 4}},
+        {Quality::fine, false, {32, 8, 4, 2}, {1, 1, 1, 1}, {4, 4, 4, 4}},
+        {Quality::fine, true, {64, 16, 8, 4}, {2, 2, 2, 2}, {2, 2, 4, 4}},
+        {Quality::exact, false, {64, 16, 8, 4}, {2, 2, 1, 1}, {2, 2, 4, 4}},
+        {Quality::exact, true, {128, 32, 16, 8}, {4, 4, 4, 4}, {2, 2, 4, 4}},
+    };
+    for (const Row& row : rows)
+        for (std::size_t i = 0; i < 4; ++i) {
+            const double above = row.culture ? culture[i] : bare[i];
+            const Sampling s = sampling(row.quality, row.culture, above);
+            INFO(word(row.quality) << (row.culture ? " with culture, " : " bare, ") << above << " posts above");
+            CHECK(s.spokes_per_bin == row.per_bin[i]);
+            CHECK(s.spokes_per_post == row.per_post[i]);
+            CHECK(s.lead == row.lead[i]);
+            const bool plain = row.quality == Quality::draft && i >= 2;
+            CHECK(s.cross_lines == !plain);
+            CHECK(s.exact_course == !plain);
+        }
+    // Nearer the ground never fewer a bin; a better quality never fewer of either; within what the key takes.
+    for (const bool with_culture : {false, true})
+        for (double above = 0.01; above < 400; above *= 1.1) {
+            Sampling before{.spokes_per_post = 0, .spokes_per_bin = 0};
+            for (const Quality q : {Quality::draft, Quality::normal, Quality::fine, Quality::exact}) {
+                const Sampling s = sampling(q, with_culture, above), higher = sampling(q, with_culture, above * 1.1);
+                INFO(word(q) << ", " << above << " posts above");
+                CHECK(s.spokes_per_bin >= higher.spokes_per_bin);
+                CHECK(s.spokes_per_bin >= before.spokes_per_bin);
+                if (before.cross_lines) CHECK(s.spokes_per_post >= before.spokes_per_post);
+                CHECK(s.spokes_per_bin >= 2);
+                CHECK(s.spokes_per_bin <= 128);
+                before = s;
+            }
+        }
+}
+
 TEST_CASE("deposits add up to what was put in, in any order and by lanes or one by one", "[deposit]") {
     WEDGESCOPE_ON_EVERY_TARGET;
     const Quanta q = quanta({10, 200}, 25, 1e3, 1, 0.01, 2);

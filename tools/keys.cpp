@@ -836,7 +836,9 @@ std::vector<Key> make_keys() {
     quality.get = [own = quality.get](const Settings& s) -> std::optional<std::string> {
         return s.scene.max_error_db ? std::nullopt : own(s);
     };
-    t.add("max-error", max_error(), "", "RMS of the power image to keep to: the quickest quality that promises it")
+    t.add("max-error", max_error(), "",
+          "RMS of the power image to keep to, where a beam has four azimuth bins or more: the quickest quality that "
+          "promises it")
         .exclusive = Exclusive::accuracy;
     t.add("spokes-per-post",
           number(
@@ -1478,8 +1480,9 @@ std::vector<Key> make_keys() {
     because({"geometry", "earth"}, "it decides what the spokes meet and what hides it");
     because({"range"}, "how densely the ground is sampled follows from it");
     because({"range-start"}, "ground that its near edge cuts is added up in other pieces");
-    because({"quality", "max-error", "spokes-per-post", "spokes-per-bin", "spoke-lead", "crossings", "course", "detail"},
-            "it decides how the ground is sampled");
+    because(
+        {"quality", "max-error", "spokes-per-post", "spokes-per-bin", "spoke-lead", "crossings", "course", "detail"},
+        "it decides how the ground is sampled");
     because({"frequency", "transmit-power", "gain", "losses"},
             "the echo's watts hold it, and would be rounded otherwise (if-gain brightens the picture as well)");
     because({"gamma"}, "it is what every piece of ground returns");
