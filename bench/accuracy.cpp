@@ -356,13 +356,23 @@ int main(int argc, char** argv) {
             break;
         }
     }
+    const auto begins_with = [](const Place& place, const char* name) {
+        return std::strncmp(place.name, name, std::strlen(name)) == 0;
+    };
+    for (int i = scenes; i < argc; ++i)
+        if (std::none_of(std::begin(places), std::end(places),
+                         [&](const Place& place) { return begins_with(place, argv[i]); })) {
+            fmt::print(stderr, "accuracy: '{}' is neither an option nor how a scene's name begins; scenes:\n", argv[i]);
+            for (const Place& place : places) fmt::print(stderr, "  {}\n", place.name);
+            return 2;
+        }
     try {
         use_target_of_environment();
         const GdalSession session(64 << 20, {});
         Table table(argv[1]);
         for (const Place& place : places) {
             const bool chosen = argc <= scenes || std::any_of(argv + scenes, argv + argc, [&](const char* name) {
-                                    return std::strncmp(place.name, name, std::strlen(name)) == 0;
+                                    return begins_with(place, name);
                                 });
             if (chosen) measure(place, rays, wanted, polar, table);
         }

@@ -59,17 +59,19 @@ WEDGESCOPE_LANES_PART int may_see(std::size_t n, double sensor_m, const float* _
     const double *__restrict arc0 = lanes.arc0_m, *__restrict arc1 = lanes.arc1_m, *__restrict mode = lanes.mode,
                  *__restrict horizon = lanes.horizon, *__restrict inverse_radius = lanes.inverse_radius;
     int count = 0;
+    WEDGESCOPE_INDEPENDENT
     for (std::size_t i = 0; i < n; ++i) {
         // As sight_line(): the earth sinks least at the near end, and up grows with the height; sinc lies between
         // 1 - theta^2 / 6 and 1, versine above 1 - theta^2 / 12. A bump counts in full where up grows by 1 - theta^2 / 2
-        // of the height: 2000 m for the highest that a cell can have.
+        // of the height only: 2000 x is that of a bump of 4000 m, a cell between posts 16 km apart in height.
         const double h = static_cast<double>(top[i]), s = horizon[i], inverse = inverse_radius[i];
         const double theta = arc0[i] * inverse, x = theta * theta, growth = 1 + h * inverse;
         const double up = (h - sensor_m) - 0.5 * arc0[i] * theta * (1 - x * (1.0 / 12)) * growth + 2000 * x;
         // Below the horizon's ray: up / sqrt(up^2 + out^2) < s, by squares that keep their sign. Looking down the far end
-        // counts, looking up the near one, 0.1 % off for how much lower than `top` the ground may be.
-        const double farther = growth > 1 ? growth : 1.0, far = arc1[i] * farther,
-                     near = arc0[i] * (1 - x * (1.0 / 6)) * 0.999, out = s < 0 ? far : near;
+        // counts, looking up the near one. Ground lower than `top` lies nearer, but sinks more below the ray than that;
+        // 0.1 % are for rounding and bumps.
+        const double farther = growth > 1 ? growth : 1.0, nearer = growth < 1 ? growth : 1.0, far = arc1[i] * farther,
+                     near = arc0[i] * (1 - x * (1.0 / 6)) * 0.999 * nearer, out = s < 0 ? far : near;
         const double up_square = up * (up < 0 ? -up : up) * (1 - s * s), ray_square = s * (s < 0 ? -s : s) * out * out;
         const double size = (up_square < 0 ? -up_square : up_square) + (ray_square < 0 ? -ray_square : ray_square);
         const double above = up_square < ray_square - 1e-9 * size ? 0.0 : 1.0, live = mode[i] == mode_done ? 0.0 : 1.0;
@@ -85,10 +87,9 @@ WEDGESCOPE_LANES_PART bool pass(std::size_t n, double sensor_m, const LinePosts&
     const double low = std::min({lanes.minor0[0], lanes.minor1[0], lanes.minor0[n - 1], lanes.minor1[n - 1]}),
                  high = std::max({lanes.minor0[0], lanes.minor1[0], lanes.minor0[n - 1], lanes.minor1[n - 1]});
     const double least = std::floor(low), cells = std::floor(high) - least + 1;
+    if (!(cells <= static_cast<double>(most_cells))) return false;
     const auto first = static_cast<std::int64_t>(least), last = first + static_cast<std::int64_t>(cells) - 1;
-    if (!(cells <= static_cast<double>(most_cells)) || !behind.has(first) || !behind.has(last + 1) ||
-        !ahead.has(first) || !ahead.has(last + 1))
-        return false;
+    if (!behind.has(first) || !behind.has(last + 1) || !ahead.has(first) || !ahead.has(last + 1)) return false;
     std::int32_t cell0[PassingLanes::most], cell1[PassingLanes::most];
     if (find_cells(n, least, cells, lanes.minor0, lanes.minor1, cell0, cell1)) return false;
     float highest[most_cells], top[PassingLanes::most];

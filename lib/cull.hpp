@@ -35,8 +35,8 @@ struct PassingLanes {
 };
 /// Are n spokes, n <= PassingLanes::most, all hidden or done, and does the ground between two neighbouring lines stay below
 /// the horizons of those that are hidden: the highest post of the cells that a spoke may run through, wherever in these
-/// it stands? False where a post is void or outside of a line's window. A handful of operations a spoke, no root, no
-/// division; refuses what is too near to say.
+/// it stands? False where one of these posts is void, or a line's window does not reach from the first spoke to the last.
+/// A handful of operations a spoke, no root, no division; refuses what is too near to say.
 bool pass_hidden(std::size_t n, double sensor_m, const LinePosts& behind, const LinePosts& ahead,
                  const PassingLanes& lanes) noexcept;
 

@@ -68,22 +68,30 @@ TEST_CASE("spokes pass a line unsampled only where nothing before it comes over 
     std::mt19937 random(9);
     std::uniform_real_distribution<double> any(0, 1);
     int passed = 0, well_hidden = 0, well_hidden_passed = 0, voids = 0;
-    for (int turn = 0; turn < 6000; ++turn) {
-        const std::size_t n = 1 + random() % PassingLanes::most;
-        const double sensor = 10 + 12000 * any(random) * any(random),
-                     inverse = any(random) < 0.1 ? 0 : 1 / (6.3e6 + 3e6 * any(random)),
-                     near = 30 + 300e3 * std::pow(any(random), 4), post = 1 + 90 * any(random),
-                     level = 3000 * any(random) - 400, rough = 300 * any(random) * any(random);
-        const std::int64_t begin = 1000 + static_cast<std::int64_t>(random() % 50);
-        constexpr std::size_t posts = 110;
+    for (int turn = 0; turn < 12000; ++turn) {
+        // Few mostly, for all must be hidden.
+        const std::size_t n = 1 + random() % (turn % 4 == 0 ? PassingLanes::most : 4);
+        // Every seventh a plain far below the datum on a small earth, seen from below; every seventh far away.
+        const bool deep = turn % 7 == 6, remote = turn % 7 == 5;
+        const double level = deep ? -20000 * any(random) : 3000 * any(random) - 400,
+                     rough = deep || turn % 3 == 0 ? 0.01 : 300 * any(random) * any(random),
+                     sensor = deep ? level - 300 * any(random) : 10 + 12000 * any(random) * any(random),
+                     near = remote ? 1e6 * any(random) : 30 + 300e3 * std::pow(any(random), 4),
+                     post = 1 + 90 * any(random);
+        const bool flat = any(random) < 0.1;
+        const double radius = (deep ? 2e6 : remote ? 4e6 : 6.3e6) + 3e6 * any(random);
+        const std::int64_t begin = static_cast<std::int64_t>(random() % 3000) - 1500;
+        constexpr std::size_t posts = 130;
+        const std::int64_t end = begin + static_cast<std::int64_t>(posts);
         std::vector<float> behind(posts), ahead(posts);
         for (auto* line : {&behind, &ahead})
             for (float& h : *line) h = static_cast<float>(level + rough * any(random));
-        if (turn % 8 == 0) ahead[random() % posts] = std::nanf("");
-        std::vector<double> minor0(n), minor1(n), arc0(n), arc1(n), mode(n), horizon(n), inverses(n, inverse);
-        const double start = static_cast<double>(begin) + 2 + 20 * any(random), slope = 2 * any(random) - 1,
-                     spacing = 0.4 + 0.8 * any(random),
-                     gap = (any(random) < 0.3 ? -1 : 1) * std::pow(10.0, -1 - 6 * any(random));
+        if (turn % 8 == 0) (turn % 16 ? ahead : behind)[random() % (n > 4 ? posts : 20)] = std::nanf("");
+        std::vector<double> minor0(n), minor1(n), arc0(n), arc1(n), mode(n), horizon(n), inverse(n);
+        // Some steeper than a post a line, so that they may meet three cells.
+        const double start = static_cast<double>(begin) + 4 + 10 * any(random), steep = turn % 5 == 2 ? 2 : 1,
+                     slope = steep * (2 * any(random) - 1), spacing = 0.4 + 0.8 * any(random),
+                     gap = std::pow(10.0, -1 - 6 * any(random));
         bool all_hidden = true, clear = gap > 0.01;
         const auto height = [&](std::size_t i, double u) {
             const double y = minor0[i] + u * (minor1[i] - minor0[i]) - static_cast<double>(begin);
@@ -92,56 +100,73 @@ TEST_CASE("spokes pass a line unsampled only where nothing before it comes over 
                          a1 = ahead[j + 1];
             return (1 - u) * (b0 + v * (b1 - b0)) + u * (a0 + v * (a1 - a0));
         };
+        constexpr int looks = 33;
         for (std::size_t i = 0; i < n; ++i) {
             minor0[i] = start + static_cast<double>(i) * spacing;
-            minor1[i] = minor0[i] + std::clamp(slope + 0.01 * static_cast<double>(i), -1.0, 1.0);
+            minor1[i] = minor0[i] + std::clamp(slope + 0.01 * static_cast<double>(i), -steep, steep);
             if (turn % 10 == 0) minor0[i] = std::floor(minor0[i]);
+            // A bend so great that neighbours do not stand in order.
+            if (turn % 9 == 1 && i == n / 2) {
+                const double far = any(random) < 0.5 ? -3.5 : 12 + static_cast<double>(n) * spacing;
+                minor0[i] = start + far;
+                minor1[i] = minor0[i] + slope / 2;
+            }
+            inverse[i] = flat ? 0 : (1 + 0.003 * any(random)) / radius;
             arc0[i] = near;
             arc1[i] = near + post * (1 + 0.4 * any(random));
             mode[i] = any(random) < 0.1 ? mode_done : mode_hidden;
             if (turn % 20 == 3 && i == n / 2) mode[i] = any(random) < 0.5 ? mode_visible : mode_gap;
             all_hidden = all_hidden && (mode[i] == mode_hidden || mode[i] == mode_done);
             double most = -1;
-            for (int k = 0; k <= 8; ++k) {
-                const double u = k / 8.0, arc = arc0[i] + u * (arc1[i] - arc0[i]);
-                most = std::max(most, sight_line(sensor, arc, height(i, u), inverse).sine);
+            for (int k = 0; k <= looks; ++k) {
+                const double u = static_cast<double>(k) / looks, arc = arc0[i] + u * (arc1[i] - arc0[i]);
+                most = std::max(most, sight_line(sensor, arc, height(i, u), inverse[i]).sine);
             }
-            horizon[i] = std::clamp(most + gap * any(random), -1.0, 1.0);
-            clear = clear && horizon[i] > sight_line(sensor, arc0[i], level + rough, inverse).sine + 0.003 &&
-                    horizon[i] > sight_line(sensor, arc1[i], level + rough, inverse).sine + 0.003;
+            const bool under = turn % 2 && any(random) < 0.5;
+            horizon[i] = std::clamp(most + (under ? -gap : gap) * any(random), -1.0, 1.0);
+            for (const double arc : {arc0[i], arc1[i]})
+                clear = clear && horizon[i] > sight_line(sensor, arc, level + rough, inverse[i]).sine + 0.003;
         }
-        const bool passes = pass_hidden(
-            n, sensor, {behind.data(), begin, begin + static_cast<std::int64_t>(posts)},
-            {ahead.data(), begin, begin + static_cast<std::int64_t>(posts)},
-            {minor0.data(), minor1.data(), arc0.data(), arc1.data(), mode.data(), horizon.data(), inverses.data()});
-        INFO("turn " << turn << ", sensor " << sensor << ", arc " << near);
+        const auto passes_in = [&](Interval b, Interval a) {
+            return pass_hidden(
+                n, sensor, {behind.data() + (b.begin - begin), b.begin, b.end},
+                {ahead.data() + (a.begin - begin), a.begin, a.end},
+                {minor0.data(), minor1.data(), arc0.data(), arc1.data(), mode.data(), horizon.data(), inverse.data()});
+        };
+        const Interval whole{begin, end};
+        const bool passes = passes_in(whole, whole);
+        INFO("turn " << turn << ", " << n << " spokes, sensor " << sensor << ", arc " << near);
         if (passes) {
             ++passed;
             REQUIRE(all_hidden);
             for (std::size_t i = 0; i < n; ++i) {
                 if (mode[i] == mode_done) continue;
-                for (int k = 0; k <= 33; ++k) {
-                    const double u = k / 33.0, arc = arc0[i] + u * (arc1[i] - arc0[i]);
-                    REQUIRE(sight_line(sensor, arc, height(i, u), inverse).sine < horizon[i]);  // a void is not
+                for (int k = 0; k <= looks; ++k) {
+                    const double u = static_cast<double>(k) / looks, arc = arc0[i] + u * (arc1[i] - arc0[i]);
+                    // Of a void it is none.
+                    REQUIRE(sight_line(sensor, arc, height(i, u), inverse[i]).sine < horizon[i]);
                 }
             }
-            // Not where posts are missing.
-            const auto last = static_cast<std::int64_t>(std::floor(std::max(minor0[n - 1], minor1[n - 1]))) + 1;
-            CHECK_FALSE(pass_hidden(n, sensor, {behind.data(), begin, last},
-                                    {ahead.data(), begin, begin + static_cast<std::int64_t>(posts)},
-                                    {minor0.data(), minor1.data(), arc0.data(), arc1.data(), mode.data(),
-                                     horizon.data(), inverses.data()}));
+            // Not where posts of either line are missing at either end.
+            const auto cell = [](double minor) { return static_cast<std::int64_t>(std::floor(minor)); };
+            const std::int64_t first = std::min(cell(minor0[0]), cell(minor1[0])),
+                               last = std::max(cell(minor0[n - 1]), cell(minor1[n - 1])) + 1;
+            for (const Interval cut : {Interval{begin, last}, Interval{first + 1, end}}) {
+                CHECK_FALSE(passes_in(cut, whole));
+                CHECK_FALSE(passes_in(whole, cut));
+            }
         }
         if (turn % 8 == 0) voids += passes;
-        if (clear && all_hidden && turn % 8 != 0) {
+        if (clear && all_hidden && steep == 1 && turn % 8 != 0 && turn % 2 == 0 && turn % 9 != 1) {
             ++well_hidden;
             well_hidden_passed += passes;
         }
     }
-    CHECK(passed > 400);
-    CHECK(voids > 10);  // voids that no spoke comes by
-    CHECK(well_hidden > 50);
-    CHECK(well_hidden_passed == well_hidden);
+    CHECK(passed > 2000);
+    CHECK(voids > 50);  // voids that no spoke comes by
+    CHECK(well_hidden > 100);
+    CHECK(well_hidden_passed > 0.98 * well_hidden);
+    CHECK(well_hidden_passed <= well_hidden);
 }
 
 TEST_CASE("leaving out what is hidden changes no bit", "[cull][engine]") {

@@ -247,7 +247,8 @@ TEST_CASE("features in latitude and longitude come to lie where the terrain has 
     CHECK(wrong == 0);
 }
 
-TEST_CASE("neither tiles nor the file's order or format show, and GDAL burns the whole raster alike", "[features][long]") {
+TEST_CASE("neither tiles nor the file's order or format show, and GDAL burns the whole raster alike",
+          "[features][long]") {
     const Folder folder;
     // Triangles at random, over one another and over the edges; the last in the file is the topmost.
     std::mt19937 random(20);
