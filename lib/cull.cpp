@@ -82,7 +82,6 @@ WEDGESCOPE_LANES_PART int may_see(std::size_t n, double sensor_m, const float* _
 
 WEDGESCOPE_LANES_PART bool pass(std::size_t n, double sensor_m, const LinePosts& behind, const LinePosts& ahead,
                                 const PassingLanes& lanes) noexcept {
-    if (not_hidden(n, lanes.mode)) return false;
     // Neighbours stand in order, but for what a bend may do: each is looked at again.
     const double low = std::min({lanes.minor0[0], lanes.minor1[0], lanes.minor0[n - 1], lanes.minor1[n - 1]}),
                  high = std::max({lanes.minor0[0], lanes.minor1[0], lanes.minor0[n - 1], lanes.minor1[n - 1]});
@@ -103,6 +102,8 @@ WEDGESCOPE_LANES_PART bool pass(std::size_t n, double sensor_m, const LinePosts&
 }
 
 }  // namespace
+
+bool none_sees(std::size_t n, const double* mode) noexcept { return on_target<not_hidden>(n, mode) == 0; }
 
 bool pass_hidden(std::size_t n, double sensor_m, const LinePosts& behind, const LinePosts& ahead,
                  const PassingLanes& lanes) noexcept {

@@ -33,8 +33,10 @@ struct PassingLanes {
     const double *mode, *horizon;  ///< SpokeMode; sine
     const double* inverse_radius;
 };
-/// Are n spokes, n <= PassingLanes::most, all hidden or done, and does the ground between two neighbouring lines stay below
-/// the horizons of those that are hidden: the highest post of the cells that a spoke may run through, wherever in these
+/// Are n spokes of these SpokeModes all hidden or done?
+bool none_sees(std::size_t n, const double* mode) noexcept;
+/// Of n spokes that none_sees() of, n <= PassingLanes::most: does the ground between two neighbouring lines stay below
+/// the horizons of those that are not done: the highest post of the cells that a spoke may run through, wherever in these
 /// it stands? False where one of these posts is void, or a line's window does not reach from the first spoke to the last.
 /// A handful of operations a spoke, no root, no division; refuses what is too near to say.
 bool pass_hidden(std::size_t n, double sensor_m, const LinePosts& behind, const LinePosts& ahead,

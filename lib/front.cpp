@@ -18,6 +18,8 @@ namespace {
 
 // Spokes taken over a chunk's lines together: their state stays in cache.
 constexpr std::size_t tile_lanes = PassingLanes::most;
+static_assert(tile_lanes == WedgeCells::Portions::most && tile_lanes == CulturePieces::most,
+              "a tile is taken in one go");
 constexpr double infinite = std::numeric_limits<double>::infinity();
 // In place of a piece's backscatter: not the same all along; the same, and deposited.
 constexpr double several_gammas = -1, in_parts = -2;
@@ -500,7 +502,9 @@ void Front::advance_tile(Interval lines, const Chunk* chunk, std::size_t begin, 
         from += skip;
         while (to > from && is(to - 1, mode_done)) --to;
         if (skip) copy(to - from, now_, skip, now_, 0);
-        for (bool again = leaps_ && chunk && from < to; again && line < lines.end;) {
+        const bool unseeing =
+            leaps_ && from < to && between.adjacent && none_sees(to - from, lanes_.mode.data() + from);
+        for (bool again = unseeing && chunk && line > 0; again && line < lines.end;) {
             const std::int64_t passed = leap(line, lines.end - 1, *chunk, from, to, between);
             again = passed >= line;
             line = passed + 1;
@@ -510,7 +514,7 @@ void Front::advance_tile(Interval lines, const Chunk* chunk, std::size_t begin, 
         between.ahead = chunk ? line_of(*chunk, chunk->surface_m, index) : no_posts();
         between.ahead_culture = chunk ? line_of(*chunk, chunk->culture_height_m, index) : no_posts();
         between.ahead_major = static_cast<double>(index);
-        if (from < to) advance_line(line, between, from, to);
+        if (from < to) advance_line(line, between, from, to, unseeing);
         between.behind = between.ahead;
         between.behind_culture = between.ahead_culture;
         between.behind_major = between.ahead_major;
@@ -575,9 +579,6 @@ bool Front::passes_alone(const Chunk& chunk, ChunkBounds& bounds, std::int64_t b
 
 std::int64_t Front::leap(std::int64_t line, std::int64_t last, const Chunk& chunk, std::size_t begin, std::size_t end,
                          Between& between) {
-    if (line == 0 || !between.adjacent) return line - 1;
-    for (std::size_t lane = begin; lane < end; ++lane)
-        if (!is(lane, mode_hidden) && !is(lane, mode_done)) return line - 1;
     const std::uint64_t clock = ticks();
     std::int64_t passed = line - 1;
     for (ChunkBounds& bounds : chunk_bounds_)
@@ -630,7 +631,7 @@ std::int64_t Front::leap_block(std::int64_t line, std::int64_t last, const Chunk
     return target;
 }
 
-void Front::advance_line(std::int64_t line, const Between& between, std::size_t begin, std::size_t end) {
+void Front::advance_line(std::int64_t line, const Between& between, std::size_t begin, std::size_t end, bool unseeing) {
     const SpokeGrid& grid = *scene_->grid;
     const double distance = grid.distance(fan_, line);
     const std::size_t n = end - begin;
@@ -652,7 +653,7 @@ void Front::advance_line(std::int64_t line, const Between& between, std::size_t 
         }
     cost_.sample += ticks() - clock;
 
-    if (leaps_ && between.adjacent && passes_line(between, begin, end)) return;
+    if (unseeing && passes_line(between, begin, end)) return;
     refresh(between, begin, end);
     if (scene_->sampling.cross_lines && between.adjacent) {
         for (;;) {
@@ -728,65 +729,41 @@ void Front::take(const Between& between, std::size_t begin, std::size_t end, boo
                to.minor, posts);
     const std::uint64_t sampled = ticks();
     const StepScene step = step_scene(scene_->sampling.exact_course && one_cell);
-    constexpr std::size_t block = WedgeCells::Portions::most;
-    std::array<Rises, tile_lanes / block> rises{};
-    for (std::size_t at = 0; at < n; at += block) {
-        const std::size_t lane = begin + at;
-        rises[at / block] = step_lanes(crossings ? StepTo::crossing : StepTo::line, std::min(block, n - at), step,
-                                       {now_.lanes(at),
-                                        next.lanes(at),
-                                        {posts.cell + at, posts.behind + 2 * at, posts.ahead + 2 * at},
-                                        lanes_.mode.data() + lane,
-                                        lanes_.inverse_radius.data() + lane,
-                                        lanes_.void_horizon.data() + lane,
-                                        lanes_.horizon.data() + lane,
-                                        lanes_.seen_least.data() + lane,
-                                        lanes_.seen_most.data() + lane,
-                                        bump_.data() + at,
-                                        sine0_.data() + at,
-                                        code_.data() + at});
-        cost_.pieces += static_cast<std::uint64_t>(rises[at / block].plain);
-    }
+    const Rises found =
+        step_lanes(crossings ? StepTo::crossing : StepTo::line, n, step,
+                   {from, to, posts, lanes_.mode.data() + begin, lanes_.inverse_radius.data() + begin,
+                    lanes_.void_horizon.data() + begin, lanes_.horizon.data() + begin, lanes_.seen_least.data() + begin,
+                    lanes_.seen_most.data() + begin, bump_.data(), sine0_.data(), code_.data()});
+    cost_.pieces += static_cast<std::uint64_t>(found.plain);
     const std::uint64_t swept = ticks();
-    for (std::size_t at = 0; at < n; at += block)
-        if (rises[at / block].plain)
-            power_lanes(whole_registers(std::min(block, n - at)),
-                        {sine0_.data() + at, now_.lanes(at), next.lanes(at), bump_.data() + at, power_.data() + at,
-                         inverse_width_.data() + at, bow_.data() + at},
-                        *scene_->pattern, scene_->constant);
-    if (scene_->loss || needs_facets_)
-        for (std::size_t at = 0; at < n; at += block) {
-            if (!rises[at / block].plain) continue;
-            const std::size_t m = whole_registers(std::min(block, n - at));
-            if (scene_->loss)
-                weaken_lanes(m, now_.lanes(at), next.lanes(at), sine0_.data() + at,
-                             lanes_.inverse_radius.data() + begin + at, *scene_->loss, power_.data() + at);
-            find_facets(at, m, begin + at, next);
-        }
+    if (found.plain) {
+        const std::size_t whole = whole_registers(n);
+        power_lanes(whole, {sine0_.data(), from, to, bump_.data(), power_.data(), inverse_width_.data(), bow_.data()},
+                    *scene_->pattern, scene_->constant);
+        if (scene_->loss)
+            weaken_lanes(whole, from, to, sine0_.data(), lanes_.inverse_radius.data() + begin, *scene_->loss,
+                         power_.data());
+        find_facets(0, whole, begin, next);
+    }
     const std::uint64_t shaded = ticks(), read = culture_.cost().ticks;
-    for (std::size_t at = 0; at < n; at += block) {
-        const Rises& found = rises[at / block];
-        const std::size_t m = std::min(block, n - at), lane = begin + at;
-        const bool left = found.plain && put_plain(at, m, lane, between, next);
-        if (!found.changes && !left) continue;
-        for (std::size_t i = at; i < at + m; ++i) {
-            if (code_[i] == 2) {
-                change(begin + i, i, between, next);
-                if (shore_ && is(begin + i, mode_gap)) lanes_.shore[begin + i] = {};  // what is there, nobody knows
-            } else if (code_[i] == 1 && left && gamma_[i] == several_gammas && (lanes_.row[begin + i] >= 0 || shore_)) {
-                const SampleLanes first = now_.lanes(i), last = next.lanes(i);
-                put(begin + i,
-                    {{from.x[i], to.x[i], inverse_width_[i], power_[i], bow_[i]},
-                     track(first, last, between),
-                     sine0_[i],
-                     to.sine[i],
-                     facet_[i],
-                     &first,
-                     &last,
-                     0,
-                     1},
-                    between);
-            }
+    const bool left = found.plain && put_plain(n, begin, between, next);
+    for (std::size_t i = 0; (found.changes || left) && i < n; ++i) {
+        if (code_[i] == 2) {
+            change(begin + i, i, between, next);
+            if (shore_ && is(begin + i, mode_gap)) lanes_.shore[begin + i] = {};  // what is there, nobody knows
+        } else if (code_[i] == 1 && left && gamma_[i] == several_gammas && (lanes_.row[begin + i] >= 0 || shore_)) {
+            const SampleLanes first = now_.lanes(i), last = next.lanes(i);
+            put(begin + i,
+                {{from.x[i], to.x[i], inverse_width_[i], power_[i], bow_[i]},
+                 track(first, last, between),
+                 sine0_[i],
+                 to.sine[i],
+                 facet_[i],
+                 &first,
+                 &last,
+                 0,
+                 1},
+                between);
         }
     }
     if (!parts_.empty()) add_parts_together();
@@ -811,30 +788,30 @@ double Front::power_of(std::size_t lane, double sine0, double sine1, double rang
            scene_->loss->factor(0.5 * (range0_m + range1_m), 0.5 * (sine0 + sine1), lanes_.inverse_radius[lane]);
 }
 
-bool Front::put_plain(std::size_t at, std::size_t n, std::size_t lane, const Between& between, Samples& next) {
-    const SampleLanes from = now_.lanes(at), to = next.lanes(at);
-    double* const gamma = gamma_.data() + at;
+bool Front::put_plain(std::size_t n, std::size_t lane, const Between& between, Samples& next) {
+    const SampleLanes from = now_.lanes(0), to = next.lanes(0);
+    double* const gamma = gamma_.data();
     if (scene_->with_depression) {
         std::fill_n(gamma, n, several_gammas);
         return true;
     }
-    const bool left = !plain_ground_ && find_gammas(at, n, lane, between, next);
+    const bool left = !plain_ground_ && find_gammas(n, lane, between, next);
     if (plain_ground_ && (needs_facets_ || directional_))
         for (std::size_t i = 0; i < n; ++i)
-            gamma[i] = ground_gamma(scene_->data_base->default_class, facet_[at + i], lane + i);
-    cells_->add_lanes(n, {code_.data() + at, lanes_.origin.data() + lane, lanes_.share0.data() + lane,
+            gamma[i] = ground_gamma(scene_->data_base->default_class, facet_[i], lane + i);
+    cells_->add_lanes(n, {code_.data(), lanes_.origin.data() + lane, lanes_.share0.data() + lane,
                           lanes_.share1.data() + lane, straddlers(lane, lane + n), static_cast<std::int32_t>(lane),
-                          from.x, to.x, inverse_width_.data() + at, power_.data() + at, bow_.data() + at, gamma});
+                          from.x, to.x, inverse_width_.data(), power_.data(), bow_.data(), gamma});
     return left;
 }
 
-bool Front::find_gammas(std::size_t at, std::size_t n, std::size_t lane, const Between& between, Samples& next) {
-    const SampleLanes from = now_.lanes(at), to = next.lanes(at);
-    double* const gamma = gamma_.data() + at;
-    const double* const code = code_.data() + at;
+bool Front::find_gammas(std::size_t n, std::size_t lane, const Between& between, Samples& next) {
+    const SampleLanes from = now_.lanes(0), to = next.lanes(0);
+    double* const gamma = gamma_.data();
+    const double* const code = code_.data();
     if (!between.in_chunk) {
         for (std::size_t i = 0; i < n; ++i)
-            gamma[i] = ground_gamma(scene_->data_base->default_class, facet_[at + i], lane + i);
+            gamma[i] = ground_gamma(scene_->data_base->default_class, facet_[i], lane + i);
         return false;
     }
     CulturePieces pieces{code, from.part, from.minor, to.part, to.minor};
@@ -879,13 +856,13 @@ bool Front::find_gammas(std::size_t at, std::size_t n, std::size_t lane, const B
         for (std::size_t i = 0; i < n; ++i) {
             const std::int32_t kind = found.kind[i];
             if (kind == CultureParts::parts)
-                gamma[i] = ground_gamma(classes[found.first[i]], facet_[at + i], lane + i);
+                gamma[i] = ground_gamma(classes[found.first[i]], facet_[i], lane + i);
             else if (kind == CultureParts::wall)
                 gamma[i] = wall_gamma(classes[found.first[i]], lane + i);
         }
     if (shore_) {
         for (std::size_t k = 0; k < odd_count; ++k) gamma[odd[k]] = several_gammas;
-        left = pass_shores(at, n, lane, classes, found.first, found.kind, next);
+        left = pass_shores(n, lane, classes, found.first, found.kind, next);
     }
     for (std::size_t k = 0; k < odd_count; ++k) {
         const std::size_t i = odd[k];
@@ -896,17 +873,17 @@ bool Front::find_gammas(std::size_t at, std::size_t n, std::size_t lane, const B
         // Where these are not all of its classes put() finds them; no window goes by before.
         const bool more =
             kind > CultureParts::wall || std::find(three.begin(), three.end(), unknown_class) != three.end();
-        if (more || (shore_ && needs_shore(lane + i, three, at + i, next))) {
+        if (more || (shore_ && needs_shore(lane + i, three, i, next))) {
             gamma[i] = several_gammas;
             left = true;
         } else if (one) {
             gamma[i] = kind == CultureParts::wall ? wall_gamma(three[0], lane + i)
-                                                  : ground_gamma(three[0], facet_[at + i], lane + i);
+                                                  : ground_gamma(three[0], facet_[i], lane + i);
         } else {
             gamma[i] = in_parts;
             if (lanes_.row[lane + i] >= 0)
-                add_parts(lane + i, {from.x[i], to.x[i], inverse_width_[at + i], power_[at + i], bow_[at + i]},
-                          {0, found.to_second[i], found.to_third[i], 1}, three, facet_[at + i]);
+                add_parts(lane + i, {from.x[i], to.x[i], inverse_width_[i], power_[i], bow_[i]},
+                          {0, found.to_second[i], found.to_third[i], 1}, three, facet_[i]);
         }
     }
     return left;
@@ -922,8 +899,8 @@ bool Front::needs_shore(std::size_t lane, const std::array<ClassId, 3>& classes,
     return false;
 }
 
-bool Front::pass_shores(std::size_t at, std::size_t n, std::size_t lane, const ClassId* classes,
-                        const std::int32_t* cell, const std::int32_t* kind, Samples& next) {
+bool Front::pass_shores(std::size_t n, std::size_t lane, const ClassId* classes, const std::int32_t* cell,
+                        const std::int32_t* kind, Samples& next) {
     // Mostly there is none, and none was.
     bool some = false;
     for (std::size_t i = 0; i < n; ++i)
@@ -931,12 +908,12 @@ bool Front::pass_shores(std::size_t at, std::size_t n, std::size_t lane, const C
     if (!some) return false;
     bool left = false;
     for (std::size_t i = 0; i < n; ++i) {
-        double& gamma = gamma_[at + i];
+        double& gamma = gamma_[i];
         if (kind[i] == CultureParts::nothing || gamma == several_gammas) continue;
         const bool water = kind[i] == CultureParts::parts && shore_->is_water(classes[cell[i]]);
         ShoreWindow& window = lanes_.shore[lane + i];
         if (!water && window.state == ShoreWindow::none) continue;
-        const SampleLanes from = now_.lanes(at + i), to = next.lanes(at + i);
+        const SampleLanes from = now_.lanes(i), to = next.lanes(i);
         if (water && *to.height_m > *from.height_m) {  // a bank perhaps
             gamma = several_gammas;
             left = true;

@@ -171,7 +171,7 @@ private:
         std::vector<float> highest_m{};  ///< NaN: not looked at yet; +inf: holds a void
         void set_up(const Chunk& chunk, bool lines_are_columns);
     };
-    /// Passes over lines up to the end of the block that the next one lies in, a large one or else a small one, if nothing
+    /// Of a tile that sees nothing. Passes over lines up to the end of the block that the next one lies in, a large one or else a small one, if nothing
     /// there can come over the horizon of any spoke; returns the last line passed, or one before `line` if there is none.
     std::int64_t leap(std::int64_t line, std::int64_t last, const Chunk& chunk, std::size_t begin, std::size_t end,
                       Between& between);
@@ -183,8 +183,9 @@ private:
     /// void.
     float highest_in_chunk(const Chunk& chunk, ChunkBounds& bounds, std::int64_t major_block,
                            std::int64_t minor_block) const;
-    void advance_line(std::int64_t line, const Between& between, std::size_t begin, std::size_t end);
-    /// To the line ahead in one step, if nothing before it can come over the horizon of any spoke.
+    /// `unseeing`: none_sees() of its spokes.
+    void advance_line(std::int64_t line, const Between& between, std::size_t begin, std::size_t end, bool unseeing);
+    /// Of a tile that sees nothing. To the line ahead in one step, if nothing before it can come over the horizon of any spoke.
     bool passes_line(const Between& between, std::size_t begin, std::size_t end);
     /// The tile's last samples, where lines were passed without them.
     void refresh(const Between& between, std::size_t begin, std::size_t end);
@@ -197,10 +198,10 @@ private:
     void find_facets(std::size_t at, std::size_t n, std::size_t lane, Samples& next);
     /// W per radian of azimuth of a piece with backscatter 1, as it arrives.
     double power_of(std::size_t lane, double sine0, double sine1, double range0_m, double range1_m) const;
-    /// Deposits the plain pieces of lanes at, at + 1, ... of the tile; true if some are left for put() (gamma_ says which).
-    bool put_plain(std::size_t at, std::size_t n, std::size_t lane, const Between& between, Samples& next);
+    /// Deposits the plain pieces of the tile; true if some are left for put() (gamma_ says which).
+    bool put_plain(std::size_t n, std::size_t lane, const Between& between, Samples& next);
     /// Their backscatter, into gamma_; what runs through several classes of a tile is deposited on the way.
-    bool find_gammas(std::size_t at, std::size_t n, std::size_t lane, const Between& between, Samples& next);
+    bool find_gammas(std::size_t n, std::size_t lane, const Between& between, Samples& next);
     /// Culture under n pieces, in the tile that piece i starts from, whose classes it returns.
     const ClassId* find_cells(const SampleLanes& from, std::size_t i, const Between& between, std::size_t n,
                               const CulturePieces& pieces, CultureScene& scene, CultureParts& found);
@@ -223,8 +224,8 @@ private:
     /// As put(), with what lies across water from the sensor lit by way of the water; also of lanes that are not this run's
     /// to deposit, for what they keep of the water.
     void put_by_shore(std::size_t lane, const Piece& piece, const Between& between, double depression);
-    /// Pieces at, at + 1, ... of the tile that are of one class each, as classes[cell[i]] says; true if put() must do some.
-    bool pass_shores(std::size_t at, std::size_t n, std::size_t lane, const ClassId* classes, const std::int32_t* cell,
+    /// Pieces of the tile that are of one class each, as classes[cell[i]] says; true if put() must do some.
+    bool pass_shores(std::size_t n, std::size_t lane, const ClassId* classes, const std::int32_t* cell,
                      const std::int32_t* kind, Samples& next);
     /// Must put() do this piece, for water under it or in front of it? If not, the window has gone by it.
     bool needs_shore(std::size_t lane, const std::array<ClassId, 3>& classes, std::size_t i, Samples& next);

@@ -128,10 +128,11 @@ TEST_CASE("spokes pass a line unsampled only where nothing before it comes over 
                 clear = clear && horizon[i] > sight_line(sensor, arc, level + rough, inverse[i]).sine + 0.003;
         }
         const auto passes_in = [&](Interval b, Interval a) {
-            return pass_hidden(
-                n, sensor, {behind.data() + (b.begin - begin), b.begin, b.end},
-                {ahead.data() + (a.begin - begin), a.begin, a.end},
-                {minor0.data(), minor1.data(), arc0.data(), arc1.data(), mode.data(), horizon.data(), inverse.data()});
+            return none_sees(n, mode.data()) &&
+                   pass_hidden(n, sensor, {behind.data() + (b.begin - begin), b.begin, b.end},
+                               {ahead.data() + (a.begin - begin), a.begin, a.end},
+                               {minor0.data(), minor1.data(), arc0.data(), arc1.data(), mode.data(), horizon.data(),
+                                inverse.data()});
         };
         const Interval whole{begin, end};
         const bool passes = passes_in(whole, whole);
@@ -166,7 +167,6 @@ TEST_CASE("spokes pass a line unsampled only where nothing before it comes over 
     CHECK(voids > 50);  // voids that no spoke comes by
     CHECK(well_hidden > 100);
     CHECK(well_hidden_passed > 0.98 * well_hidden);
-    CHECK(well_hidden_passed <= well_hidden);
 }
 
 TEST_CASE("leaving out what is hidden changes no bit", "[cull][engine]") {
