@@ -1,14 +1,66 @@
 // Errors: what went wrong, in one line that names the object, what was found, and what is accepted.
 // Leaves exit codes to tools/main.cpp, which alone turns an error into one.
 #pragma once
-#include <fmt/format.h>
-
 #include <cstddef>
+#include <cstdint>
+#include <initializer_list>
 #include <stdexcept>
 #include <string>
+#include <string_view>
+#include <type_traits>
 #include <utility>
 
 namespace wedgescope {
+
+/// What a message is made of: words, a character or a number. Holds a view of the words.
+class MessagePart {
+public:
+    MessagePart(const std::string& words) : MessagePart(std::string_view(words)) {}
+    MessagePart(const char* words) : MessagePart(std::string_view(words)) {}
+    MessagePart(std::string_view words) : kind_(Kind::words), words_(words) {}
+    template <class Number>
+    requires std::is_arithmetic_v<Number> MessagePart(Number number) {
+        if constexpr (std::is_same_v<Number, bool>)
+            *this = number ? "true" : "false";
+        else if constexpr (std::is_same_v<Number, char>)
+            kind_ = Kind::letter, letter_ = number;
+        else if constexpr (std::is_same_v<Number, float>)
+            kind_ = Kind::single, single_ = number;
+        else if constexpr (std::is_floating_point_v<Number>)
+            kind_ = Kind::real, real_ = number;
+        else if constexpr (std::is_signed_v<Number>)
+            kind_ = Kind::whole, whole_ = number;
+        else
+            kind_ = Kind::natural, natural_ = number;
+    }
+    void append_to(std::string& out) const;
+
+private:
+    enum class Kind { words, letter, real, single, whole, natural };
+    Kind kind_;
+    union {
+        std::string_view words_;
+        char letter_;
+        double real_;
+        float single_;
+        std::int64_t whole_;
+        std::uint64_t natural_;
+    };
+};
+
+/// The parts, written after one another. Numbers are written in the shortest form that reads back the same, whatever the
+/// locale.
+std::string joined_text(std::initializer_list<MessagePart> parts);
+
+/// The parts of a message: text("row ", 3, " of ", 7). Hundreds of places call it, each with types of its own: hardly a
+/// line to instantiate.
+template <class... Parts>
+std::string text(const Parts&... parts) {
+    return joined_text({parts...});
+}
+
+/// A user's text as it may stand in a one-line message: in quotes, control characters shown as ?, cut when long.
+std::string in_quotes(std::string_view words);
 
 /// Base of every error a user may cause. what() is one line without a trailing full stop.
 class Error : public std::runtime_error {
@@ -26,8 +78,8 @@ public:
 class TooLittleMemory : public InputError {
 public:
     TooLittleMemory(std::size_t budget, std::size_t least, const std::string& subject, const std::string& about = "")
-        : InputError(fmt::format("memory is {} MiB; {} needs at least {} MiB{}", budget >> 20, subject,
-                                 (least + (std::size_t{1} << 20) - 1) >> 20, about)),
+        : InputError(text("memory is ", budget >> 20, " MiB; ", subject, " needs at least ",
+                          (least + (std::size_t{1} << 20) - 1) >> 20, " MiB", about)),
           subject_(subject), about_(about) {}
     /// The same with another smallest budget.
     TooLittleMemory with(std::size_t budget, std::size_t least) const { return {budget, least, subject_, about_}; }
@@ -53,21 +105,12 @@ class Interrupted : public Error {
 public:
     /// `more`: what follows on the line.
     explicit Interrupted(int signal, const std::string& more = "")
-        : Error(fmt::format("stopped by signal {}{}", signal, more)), signal_(signal) {}
+        : Error(text("stopped by signal ", signal, more)), signal_(signal) {}
     int signal() const { return signal_; }
 
 private:
     int signal_;
 };
-
-/// The pieces of a message, written after one another: text("row ", 3, " of ", 7).
-/// Numbers are written in the shortest form that reads back the same, whatever the locale.
-template <class... Pieces>
-std::string text(const Pieces&... pieces) {
-    std::string out;
-    (fmt::format_to(std::back_inserter(out), "{}", pieces), ...);
-    return out;
-}
 
 /// Runs `body`; an Error that leaves it gets `context` in front of its message and keeps its type.
 template <class Body>

@@ -1,5 +1,6 @@
 #include "lib/link_budget.hpp"
 
+#include <fmt/format.h>
 #include <GeographicLib/Geodesic.hpp>
 
 #include <algorithm>

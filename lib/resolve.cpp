@@ -1,4 +1,5 @@
 // resolve(): asks the data base where the sensor stands and turns every default into a number.
+#include <fmt/format.h>
 #include <GeographicLib/Geodesic.hpp>
 
 #include <algorithm>

@@ -1,5 +1,7 @@
 #include "lib/sensor.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 

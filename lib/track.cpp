@@ -1,5 +1,6 @@
 #include "lib/track.hpp"
 
+#include <fmt/format.h>
 #include <GeographicLib/Geodesic.hpp>
 #include <GeographicLib/GeodesicLine.hpp>
 

@@ -1,5 +1,6 @@
 // The link budget of a cell: closed forms for level ground, and on hills with culture and weather the sums and products
 // that a run's images must meet.
+#include <fmt/format.h>
 #include <catch2/catch.hpp>
 
 #include <cmath>

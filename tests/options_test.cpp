@@ -1,4 +1,5 @@
 // Units, the table of keys, command line and scene file.
+#include <fmt/format.h>
 #include <catch2/catch.hpp>
 
 #include <unistd.h>

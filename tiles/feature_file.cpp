@@ -1,5 +1,6 @@
 #include "tiles/feature_file.hpp"
 
+#include <fmt/format.h>
 #include <gdal_alg.h>
 #include <sys/stat.h>
 
@@ -25,8 +26,6 @@ constexpr const char* directivity_fields[] = {"directivity"};
 constexpr const char* axis_fields[] = {"axis", "axis_deg"};
 /// Cells that a piece is drawn beyond the window, so that what GDAL clips at its edge shows in none.
 constexpr std::int64_t margin = 2;
-
-std::string quoted(const std::string& words) { return text("'", words, "'"); }
 
 DatasetHandle open_vector(const std::string& path) {
     return DatasetHandle(GDALDataset::Open(path.c_str(), GDAL_OF_VECTOR | GDAL_OF_READONLY | GDAL_OF_VERBOSE_ERROR));
@@ -161,7 +160,7 @@ FeatureFile::FeatureFile(FeatureParams params) : params_(std::move(params)), att
 
 FeatureFile::~FeatureFile() = default;
 
-std::string FeatureFile::named() const { return text("features ", quoted(params_.path)); }
+std::string FeatureFile::named() const { return text("features ", in_quotes(params_.path)); }
 
 StoreSource FeatureFile::source() const {
     StoreSource source{params_.path, 0, 0};
@@ -236,7 +235,7 @@ std::unique_ptr<FeatureFile::Handle> FeatureFile::open() {
         one.geographic = facts.crs && facts.geographic;
         if (facts.crs && !crs_)
             throw DataError(
-                text(named(), " is in CRS ", quoted(crs_definition(*facts.crs)),
+                text(named(), " is in CRS ", in_quotes(crs_definition(*facts.crs)),
                      ", and the terrain has none; accepted: features without a CRS, in the raster's own coordinates"));
         const char* const alike[] = {"IGNORE_DATA_AXIS_TO_SRS_AXIS_MAPPING=YES",
                                      "CRITERION=EQUIVALENT_EXCEPT_AXIS_ORDER_GEOGCRS", nullptr};
@@ -244,15 +243,16 @@ std::unique_ptr<FeatureFile::Handle> FeatureFile::open() {
             one.to_raster.reset(OGRCreateCoordinateTransformation(facts.crs.get(), crs_.get()));
             one.back.reset(OGRCreateCoordinateTransformation(crs_.get(), facts.crs.get()));
             if (!one.to_raster || !one.back)
-                throw DataError(text(named(), ": PROJ knows no way from its CRS ", quoted(crs_definition(*facts.crs)),
-                                     " to the terrain's: ", errors.reason()));
+                throw DataError(text(named(), ": PROJ knows no way from its CRS ",
+                                     in_quotes(crs_definition(*facts.crs)), " to the terrain's: ", errors.reason()));
         }
         handle->layers.push_back(std::move(one));
     }
     if (handle->layers.empty())
-        throw InputError(params_.layer.empty() ? text(named(), " holds no layer with a geometry")
-                                               : text("features-layer is ", quoted(params_.layer), "; ",
-                                                      quoted(params_.path), " has ", names.empty() ? "none" : names));
+        throw InputError(params_.layer.empty()
+                             ? text(named(), " holds no layer with a geometry")
+                             : text("features-layer is ", in_quotes(params_.layer), "; ", in_quotes(params_.path),
+                                    " has ", names.empty() ? "none" : names));
     return handle;
 }
 
@@ -316,8 +316,8 @@ std::vector<Ask> asks(const OGREnvelope& part, const RasterFacts& grid, bool ras
 
 void FeatureFile::refuse(const Handle& handle, std::size_t layer, OGRFeature& feature, int field,
                          const std::string& found, const std::string& accepted) const {
-    throw DataError(text(named(), ", layer ", quoted(handle.layers[layer].name), ", feature ", feature.GetFID(), ": ",
-                         feature.GetFieldDefnRef(field)->GetNameRef(), " is ", quoted(found),
+    throw DataError(text(named(), ", layer ", in_quotes(handle.layers[layer].name), ", feature ", feature.GetFID(),
+                         ": ", feature.GetFieldDefnRef(field)->GetNameRef(), " is ", in_quotes(found),
                          "; accepted: ", accepted));
 }
 
@@ -522,7 +522,7 @@ void FeatureFile::burn(const RasterFacts& grid, const Window& window, What what,
                 std::unique_ptr<OGRGeometry> geometry(feature->StealGeometry());
                 if (!geometry || geometry->IsEmpty()) continue;
                 const std::string where =
-                    text(named(), ", layer ", quoted(from.name), ", feature ", feature->GetFID(), ":");
+                    text(named(), ", layer ", in_quotes(from.name), ", feature ", feature->GetFID(), ":");
                 if (geometry->hasCurveGeometry()) geometry.reset(geometry->getLinearGeometry());
                 if (from.to_raster && geometry->transform(from.to_raster.get()) != OGRERR_NONE)
                     throw DataError(

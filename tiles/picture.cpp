@@ -1,5 +1,7 @@
 #include "tiles/picture.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 

@@ -12,8 +12,6 @@
 namespace wedgescope {
 namespace {
 
-std::string quoted(const std::string& words) { return text("'", words, "'"); }
-
 DatasetHandle open_vector(const std::string& path) {
     return DatasetHandle(GDALDataset::Open(path.c_str(), GDAL_OF_VECTOR | GDAL_OF_READONLY));
 }
@@ -36,7 +34,7 @@ struct PointFile::Open {
     std::vector<int> fields;  ///< by their place in the layer; -1: not there
     bool lat_lon = false;
     std::unique_ptr<OGRCoordinateTransformation> to_wgs84;  ///< none: as they are
-    std::string named() const { return text(role, " ", quoted(path)); }
+    std::string named() const { return text(role, " ", in_quotes(path)); }
 };
 
 PointFile::PointFile(const PointFileParams& params, const DataBase& data_base) : open_(new Open) {
@@ -69,7 +67,8 @@ PointFile::PointFile(const PointFileParams& params, const DataBase& data_base) :
     } else {
         o.layer = o.dataset->GetLayerByName(params.layer.c_str());
         if (!o.layer)
-            throw InputError(text(o.role, "-layer is ", quoted(params.layer), "; ", quoted(o.path), " has ", names));
+            throw InputError(
+                text(o.role, "-layer is ", in_quotes(params.layer), "; ", in_quotes(o.path), " has ", names));
     }
     OGRFeatureDefn& definition = *o.layer->GetLayerDefn();
     if (definition.GetGeomFieldCount() == 0)
@@ -85,7 +84,7 @@ PointFile::PointFile(const PointFileParams& params, const DataBase& data_base) :
     if (given) set_crs(facts, *given);
     if (!facts.crs) return;
     if (!data_base.has_crs)
-        throw DataError(text(o.named(), " is in CRS ", quoted(crs_definition(*facts.crs)), ", and '", data_base.name,
+        throw DataError(text(o.named(), " is in CRS ", in_quotes(crs_definition(*facts.crs)), ", and '", data_base.name,
                              "' has none; accepted: points without a CRS, in the raster's own coordinates"));
     o.lat_lon = true;
     if (facts.wgs84_lat_lon) return;
@@ -101,7 +100,7 @@ PointFile::PointFile(const PointFileParams& params, const DataBase& data_base) :
     const OGRSpatialReference wgs84 = wgs84_lon_lat();
     o.to_wgs84.reset(OGRCreateCoordinateTransformation(facts.crs.get(), &wgs84));
     if (!o.to_wgs84)
-        throw DataError(text(o.named(), ": PROJ knows no way from its CRS ", quoted(crs_definition(*facts.crs)),
+        throw DataError(text(o.named(), ": PROJ knows no way from its CRS ", in_quotes(crs_definition(*facts.crs)),
                              " to WGS84: ", errors.reason()));
 }
 

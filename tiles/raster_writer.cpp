@@ -1,6 +1,7 @@
 #include "tiles/raster_writer.hpp"
 
 #include <cpl_string.h>
+#include <fmt/format.h>
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 #include <tbb/task_arena.h>
@@ -285,7 +286,7 @@ void check_alpha(GDALDriver& driver, const CPLStringList& options, const std::st
     content.columns = content.rows = side;
     content.type = GDT_Byte;
     content.bands = {{cells.data(), "", "", {}, {}}, {cells.data(), "", "", {}, {}, true}};
-    const std::string path = text("/vsimem/wedgescope_alpha_", fmt::ptr(&content));
+    const std::string path = text("/vsimem/wedgescope_alpha_", reinterpret_cast<std::uintptr_t>(&content));
     GdalErrors errors;
     DatasetHandle written;
     if (has(driver, GDAL_DCAP_CREATE)) {

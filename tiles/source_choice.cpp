@@ -1,5 +1,7 @@
 #include "tiles/source_choice.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <filesystem>

@@ -1,5 +1,6 @@
 #include "tiles/sources.hpp"
 
+#include <fmt/format.h>
 #include <malloc.h>
 
 #include <algorithm>

@@ -1,6 +1,7 @@
 #include "tiles/work_dir.hpp"
 
 #include <fcntl.h>
+#include <fmt/format.h>
 #include <sys/stat.h>
 #include <unistd.h>
 

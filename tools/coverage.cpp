@@ -1,5 +1,7 @@
 #include "lib/coverage.hpp"
 
+#include <fmt/format.h>
+
 #include <array>
 #include <cmath>
 #include <memory>

@@ -1,4 +1,6 @@
 // evaluate: any model of the library over a CSV table, row by row, or for values on the command line.
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cerrno>
 #include <cmath>

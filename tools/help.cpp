@@ -1,5 +1,7 @@
 #include "tools/help.hpp"
 
+#include <fmt/format.h>
+
 #include <sstream>
 
 #include "tools/commands.hpp"
@@ -98,9 +100,9 @@ std::string help_text(const CommandInfo& command) {
     if (command.command == command_simulate || command.command == command_coverage ||
         command.command == command_scope) {
         out += "\nUnits: a number with a dimension needs its unit (0 does not)\n";
-        for (const Dimension d : {Dimension::length, Dimension::time, Dimension::frequency, Dimension::power,
-                                  Dimension::level, Dimension::angle, Dimension::decibel, Dimension::bytes,
-                                  Dimension::rain_rate, Dimension::density}) {
+        for (const Dimension d :
+             {Dimension::length, Dimension::time, Dimension::frequency, Dimension::power, Dimension::level,
+              Dimension::angle, Dimension::decibel, Dimension::bytes, Dimension::rain_rate, Dimension::density}) {
             out += fmt::format("  {:<12}{}\n", value_word(d), unit_list(d));
         }
     }

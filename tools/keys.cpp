@@ -1,5 +1,7 @@
 #include "tools/keys.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <filesystem>

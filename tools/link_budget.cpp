@@ -2,6 +2,8 @@
 // Leaves how the numbers are found to lib/link_budget.hpp.
 #include "lib/link_budget.hpp"
 
+#include <fmt/format.h>
+
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <numbers>

@@ -1,5 +1,7 @@
 #include "tools/models.hpp"
 
+#include <fmt/format.h>
+
 #include "tools/options.hpp"
 
 namespace wedgescope {

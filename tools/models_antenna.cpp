@@ -1,4 +1,6 @@
 // Models of physics 2.6 and 3: the antenna's patterns, and the weights that beam and pulse give to bins.
+#include <fmt/format.h>
+
 #include <cmath>
 
 #include "lib/beam.hpp"

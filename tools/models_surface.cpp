@@ -1,4 +1,6 @@
 // Models of physics 4, 5 and 8: what land and water return, and how they reflect.
+#include <fmt/format.h>
+
 #include <cmath>
 
 #include "lib/backscatter.hpp"

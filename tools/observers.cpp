@@ -1,5 +1,7 @@
 #include "tools/observers.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <memory>

@@ -1,5 +1,6 @@
 #include "tools/report_json.hpp"
 
+#include <fmt/format.h>
 #include <sys/resource.h>
 
 #include <algorithm>

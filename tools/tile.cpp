@@ -1,3 +1,4 @@
+#include <fmt/format.h>
 #include <tbb/info.h>
 
 #include <algorithm>

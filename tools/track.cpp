@@ -1,5 +1,6 @@
 #include "tools/track.hpp"
 
+#include <fmt/format.h>
 #include <unistd.h>
 
 #include <algorithm>

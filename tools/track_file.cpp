@@ -1,5 +1,7 @@
 #include "tools/track_file.hpp"
 
+#include <fmt/format.h>
+
 #include <cerrno>
 #include <cstring>
 #include <filesystem>

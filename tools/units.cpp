@@ -1,5 +1,7 @@
 #include "tools/units.hpp"
 
+#include <fmt/format.h>
+
 #include <charconv>
 #include <cmath>
 #include <limits>
@@ -135,17 +137,6 @@ std::string_view trimmed(std::string_view token) {
     while (!token.empty() && is_blank(token.front())) token.remove_prefix(1);
     while (!token.empty() && is_blank(token.back())) token.remove_suffix(1);
     return token;
-}
-
-std::string in_quotes(std::string_view token) {
-    constexpr std::size_t longest = 200;
-    std::string out = "'";
-    for (const char c : token.substr(0, longest)) {
-        const auto byte = static_cast<unsigned char>(c);
-        out += (byte < 0x20 || byte == 0x7f) ? '?' : c;
-    }
-    if (token.size() > longest) out += "...";
-    return out + "'";
 }
 
 const char* value_word(Dimension dimension) {

@@ -62,9 +62,6 @@ std::uint64_t parse_unsigned(std::string_view key, std::string_view token);
 /// on, off, true, false. InputError.
 bool parse_switch(std::string_view key, std::string_view token);
 
-/// A user's text as it may stand in a one-line message: in quotes, control characters shown as ?, cut when long.
-std::string in_quotes(std::string_view token);
-
 /// The text without white space at its ends.
 std::string_view trimmed(std::string_view token);
 
