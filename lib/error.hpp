@@ -16,7 +16,7 @@ namespace wedgescope {
 class MessagePart {
 public:
     MessagePart(const std::string& words) : MessagePart(std::string_view(words)) {}
-    MessagePart(const char* words) : MessagePart(std::string_view(words)) {}
+    MessagePart(const char* words) : MessagePart(std::string_view(words ? words : "")) {}
     MessagePart(std::string_view words) : kind_(Kind::words), words_(words) {}
     template <class Number>
     requires std::is_arithmetic_v<Number> MessagePart(Number number) {

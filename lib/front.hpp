@@ -171,8 +171,9 @@ private:
         std::vector<float> highest_m{};  ///< NaN: not looked at yet; +inf: holds a void
         void set_up(const Chunk& chunk, bool lines_are_columns);
     };
-    /// Of a tile that sees nothing. Passes over lines up to the end of the block that the next one lies in, a large one or else a small one, if nothing
-    /// there can come over the horizon of any spoke; returns the last line passed, or one before `line` if there is none.
+    /// Of a tile that sees nothing. Passes over lines up to the end of the block that the next one lies in, a large one or
+    /// else a small one, if nothing there can come over the horizon of any spoke; returns the last line passed, or one
+    /// before `line` if there is none.
     std::int64_t leap(std::int64_t line, std::int64_t last, const Chunk& chunk, std::size_t begin, std::size_t end,
                       Between& between);
     std::int64_t leap_block(std::int64_t line, std::int64_t last, const Chunk& chunk, ChunkBounds& bounds,
@@ -185,7 +186,8 @@ private:
                            std::int64_t minor_block) const;
     /// `unseeing`: none_sees() of its spokes.
     void advance_line(std::int64_t line, const Between& between, std::size_t begin, std::size_t end, bool unseeing);
-    /// Of a tile that sees nothing. To the line ahead in one step, if nothing before it can come over the horizon of any spoke.
+    /// Of a tile that sees nothing. To the line ahead in one step, if nothing before it can come over the horizon of any
+    /// spoke.
     bool passes_line(const Between& between, std::size_t begin, std::size_t end);
     /// The tile's last samples, where lines were passed without them.
     void refresh(const Between& between, std::size_t begin, std::size_t end);
