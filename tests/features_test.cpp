@@ -20,6 +20,7 @@
 #include "tests/program.hpp"
 #include "tests/refusal.hpp"
 #include "tiles/gdal_session.hpp"
+#include "tiles/store_check.hpp"
 #include "tiles/tile_store.hpp"
 
 using namespace wedgescope;
@@ -637,6 +638,10 @@ TEST_CASE("a radar sees a burnt feature by its side, and a scene over the store 
     box("aside", {{"directivity", "bi"}, {"axis", -45}});
     CHECK_FALSE(std::filesystem::exists(folder / "omni/classes.csv"));
     CHECK(std::filesystem::exists(folder / "south/classes.csv"));
+    CHECK(verify_store(folder / "south", nullptr, {}).damage.empty());
+    std::filesystem::rename(folder / "south/classes.csv", folder / "classes.csv");
+    CHECK_THAT(verify_store(folder / "south", nullptr, {}).damage.at(0), Contains("south/classes.csv' is missing"));
+    std::filesystem::rename(folder / "classes.csv", folder / "south/classes.csv");
     const Strings place{"--xy",
                         "453732.925899,3740078.07702",
                         "--altitude-agl",

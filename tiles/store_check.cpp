@@ -12,6 +12,7 @@
 #include "tiles/spill.hpp"
 #include "tiles/store_layer.hpp"
 #include "tiles/store_manifest.hpp"
+#include "tiles/tile_store.hpp"
 
 namespace wedgescope {
 namespace {
@@ -52,6 +53,7 @@ public:
             if (file_checksum(inside(manifest_.plan)) != manifest_.plan_checksum)
                 throw DataError(text("'", inside(manifest_.plan), "' is damaged"));
         });
+        tried([&] { check_class_table(); });
         check_kept();
         return verdict_;
     }
@@ -109,6 +111,15 @@ private:
                                      [&](const std::string& line) { verdict_.damage.push_back(line); });
         if (verdict_.damage.size() == before && file_checksum(path) != manifest_.detail_map_checksum)
             throw DataError(text("detail map '", path, "' is not the one that the manifest names"));
+    }
+
+    void check_class_table() {
+        if (!manifest_.class_table) return;
+        const std::string path = inside(store_classes_name);
+        std::error_code ignored;
+        if (!fs::is_regular_file(path, ignored))
+            throw DataError(text("class table '", path, "' is missing, in which the store's own classes stand"));
+        count(path);
     }
 
     void check_kept() {

@@ -10,6 +10,7 @@
 #include "tiles/checksum.hpp"
 #include "tiles/gdal_handle.hpp"
 #include "tiles/plain_file.hpp"
+#include "tiles/tile_store.hpp"
 
 namespace wedgescope {
 namespace {
@@ -176,6 +177,7 @@ std::string manifest_text(const StoreManifest& m) {
             json{{"format", detail_map_format}, {"file", m.detail_map}, {"checksum", hex(m.detail_map_checksum)}};
     out["plan"] = json{{"file", m.plan}, {"checksum", hex(m.plan_checksum)}};
     out["legend"] = m.legend_name.empty() ? json(nullptr) : json{{"name", m.legend_name}, {"csv", m.legend_csv}};
+    if (m.class_table) out["class_table"] = store_classes_name;
     // Of all bytes, its own digits taken for zeros.
     out["checksum"] = std::string(sum_digits, '0');
     std::string content = out.dump(1, ' ', false, json::error_handler_t::replace) + "\n";
@@ -218,6 +220,7 @@ StoreManifest read_manifest(const std::string& folder) {
             m.legend_name = legend.at("name").get<std::string>();
             m.legend_csv = legend.at("csv").get<std::string>();
         }
+        m.class_table = j.contains("class_table");
         return m;
     } catch (const json::exception& e) {
         throw damaged(e.what());

@@ -622,7 +622,8 @@ void StoreWriter::finish() {
         manifest_.layers.push_back(entry);
         sync_path(inside(name(layers_[i]->kind)), true);
     }
-    if (!params_.class_table.empty()) replace_file(inside(store_classes_name), params_.class_table);
+    manifest_.class_table = !params_.class_table.empty();
+    if (manifest_.class_table) replace_file(inside(store_classes_name), params_.class_table);
     replace_file(inside(manifest_name), manifest_text(manifest_));
     sync_path(folder_, true);
 }
