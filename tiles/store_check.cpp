@@ -115,10 +115,10 @@ private:
 
     void check_class_table() {
         if (!manifest_.class_table) return;
-        const std::string path = inside(store_classes_name);
-        std::error_code ignored;
-        if (!fs::is_regular_file(path, ignored))
-            throw DataError(text("class table '", path, "' is missing, in which the store's own classes stand"));
+        const std::string path = store_classes(path_);
+        if (path.empty())
+            throw DataError(text("class table '", inside(store_classes_name),
+                                 "' is missing, in which the store's own classes stand"));
         count(path);
     }
 
