@@ -4,6 +4,7 @@
 
 #include <catch2/catch.hpp>
 #include <cmath>
+#include <fstream>
 #include <map>
 #include <memory>
 #include <numbers>
@@ -78,6 +79,75 @@ double effective_radius(double azimuth) {
 }
 
 }  // namespace
+
+TEST_CASE("tiles that nothing of is seen hold the value of hidden ground, whatever no data is", "[coverage]") {
+    const Folder folder;
+    // A wall east of the sensor hides the tiles behind it; voids stand in one tile of the far corner, or nowhere.
+    constexpr int columns = 900, rows = 700, edge = 256;
+    const auto coverage = [&](const char* name, std::vector<std::string> words, const std::string& out) {
+        words.insert(words.begin(), {WEDGESCOPE_PROGRAM, "coverage", folder / name, folder / out, "-q", "--overwrite"});
+        const Ended ended = run_program(words, folder / "log");
+        INFO(ended.err);
+        REQUIRE(ended.code == 0);
+        return Posts(folder / out);
+    };
+    for (const bool voids : {false, true}) {
+        Drawing d;
+        d.columns = columns;
+        d.rows = rows;
+        d.type = GDT_Int16;
+        d.no_data = -9999;
+        d.value = [&](int c, int r) {
+            return voids && c > 800 && r > 600 ? -9999 : c == 60 || r == 100 || r == 500 ? 900 : (c + r) % 5;
+        };
+        const char* dem_name = voids ? "voids.tif" : "full.tif";
+        draw(folder / dem_name, d);
+        const std::vector<std::string> here = {"--xy", "1305,-1500", "--altitude-agl", "20m"};
+        const auto from_here = [&](std::vector<std::string> words) {
+            words.insert(words.end(), here.begin(), here.end());
+            return words;
+        };
+        const Posts states = coverage(dem_name, from_here({"--layer", "states"}), "states.tif");
+        std::size_t hidden_tiles = 0;
+        for (int r = 0; r < rows; r += edge)
+            for (int c = 0; c < columns; c += edge) {
+                bool hidden = true;
+                for (int y = r; y < std::min(r + edge, rows); ++y)
+                    for (int x = c; x < std::min(c + edge, columns); ++x) hidden = hidden && states.at(x, y) == 1;
+                hidden_tiles += hidden;
+            }
+        REQUIRE(hidden_tiles >= 4);
+        std::ofstream(folder / "one.csv") << "x,y,altitude-agl\n1305,-1500,20\n";
+        struct Case {
+            std::vector<std::string> words;
+            std::string out;
+            std::optional<double> no_data;
+            int seen = 255, hidden = 0, none = 1;
+        };
+        const std::optional<double> if_any = voids ? std::optional<double>(1) : std::nullopt,
+                                    no_count = voids ? std::optional<double>(65535) : std::nullopt;
+        const std::vector<Case> cases = {
+            {here, "mask.tif", if_any},
+            {from_here({"--co", "COMPRESS=NONE"}), "none.tif", if_any},
+            {from_here({"--co", "SPARSE_OK=TRUE"}), "sparse.tif", if_any},
+            {here, "mask.img", if_any},
+            {from_here({"--no-data-value", "0", "--hidden-value", "7"}), "seven.tif", 0.0, 255, 7, 0},
+            {from_here({"--no-data-value", "9"}), "nine.tif", 9.0, 255, 0, 9},
+            {{"--observers", folder / "one.csv"}, "count.tif", no_count, 1, 0, 65535},
+        };
+        for (const Case& c : cases) {
+            INFO(c.out << (voids ? ", voids" : ""));
+            const Posts mask = coverage(dem_name, c.words, c.out);
+            CHECK(mask.no_data == c.no_data);
+            std::size_t wrong = 0;
+            for (std::size_t i = 0; i < mask.values.size(); ++i) {
+                const int s = static_cast<int>(states.values[i]);
+                wrong += mask.values[i] != (s == 0 ? c.none : s == 1 ? c.hidden : c.seen);
+            }
+            CHECK(wrong == 0);
+        }
+    }
+}
 
 TEST_CASE("a void is no data in every layer, and what is seen needs no height", "[coverage]") {
     const Folder folder;

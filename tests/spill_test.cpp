@@ -23,6 +23,7 @@
 #include "tests/refusal.hpp"
 #include "tests/small_disk.hpp"
 #include "tiles/gdal_session.hpp"
+#include "tiles/needed_posts.hpp"
 #include "tiles/packed_block.hpp"
 #include "tiles/sources.hpp"
 #include "tiles/spill.hpp"
@@ -647,6 +648,71 @@ TEST_CASE("blocks that a request does not need are not read, and are counted by 
     // Columns right of the window and rows below it were never asked for.
     CHECK(never >= static_cast<std::uint64_t>((512 - 300) / edge * (640 / edge)));
     CHECK(hidden + never < static_cast<std::uint64_t>(640 / edge * (512 / edge)));
+}
+
+TEST_CASE("of a rectangle the parts are read that hold posts that are needed", "[spill]") {
+    std::mt19937 random(31);
+    const auto upto = [&](std::int64_t most) {
+        return static_cast<std::int64_t>(random() % static_cast<unsigned>(most));
+    };
+    constexpr std::int64_t margin = ChunkRequest::margin;
+    std::int64_t uncovered = 0, outside = 0, twice = 0, idle = 0, parts_of_some = 0, left_out = 0;
+    for (int trial = 0; trial < 400; ++trial) {
+        ChunkRequest request;
+        const std::int64_t c0 = upto(100) - 50, r0 = upto(100);
+        request.window = {{c0, c0 + 40 + upto(trial % 2 ? 900 : 60)}, {r0, r0 + 40 + upto(trial % 2 ? 60 : 900)}};
+        request.blocks = blocks_of(request.window);
+        const std::uint64_t rare = 1 + random() % 12;
+        for (std::int64_t i = 0; i < request.blocks.posts(); ++i) {
+            request.skip.push_back(random() % rare == 0 ? Skip::none : Skip::hidden);
+            request.fill_m.push_back(0);
+        }
+        const auto counts = [&](std::int64_t c, std::int64_t r) {  // the block of a post
+            const Window b = blocks_of({{c, c + 1}, {r, r + 1}});
+            const Interval columns = request.blocks.columns, rows = request.blocks.rows;
+            return columns.contains(b.columns.begin) && rows.contains(b.rows.begin) &&
+                   request.skip[static_cast<std::size_t>((b.rows.begin - rows.begin) * columns.size() +
+                                                         b.columns.begin - columns.begin)] == Skip::none;
+        };
+        const Interval all_columns = request.window.columns, all_rows = request.window.rows;
+        const std::int64_t c1 = all_columns.begin + upto(all_columns.size()),
+                           r1 = all_rows.begin + upto(all_rows.size());
+        const Window some{{c1, c1 + 1 + upto(all_columns.end - c1)}, {r1, r1 + 1 + upto(all_rows.end - r1)}};
+        std::vector<int> read(static_cast<std::size_t>(some.posts()));
+        int parts = 0;
+        NeededPosts(request).each_part(some, [&](const Window& part) {
+            ++parts;
+            const Window inside{intersection(part.columns, some.columns), intersection(part.rows, some.rows)};
+            outside += part.posts() - inside.posts();
+            bool any = false;  // within the margin of it
+            for (std::int64_t r = inside.rows.begin; r < inside.rows.end; ++r)
+                for (std::int64_t c = inside.columns.begin; c < inside.columns.end; ++c) {
+                    ++read[static_cast<std::size_t>((r - some.rows.begin) * some.columns.size() + c -
+                                                    some.columns.begin)];
+                    for (const std::int64_t y : {r - margin, r, r + margin})
+                        for (const std::int64_t x : {c - margin, c, c + margin}) any = any || counts(x, y);
+                }
+            idle += !any;
+        });
+        parts_of_some += parts > 1;
+        for (std::int64_t r = some.rows.begin; r < some.rows.end; ++r)
+            for (std::int64_t c = some.columns.begin; c < some.columns.end; ++c) {
+                bool needed = false;
+                for (const std::int64_t y : {r - margin, r, r + margin})
+                    for (const std::int64_t x : {c - margin, c, c + margin}) needed = needed || counts(x, y);
+                const int n = read[static_cast<std::size_t>((r - some.rows.begin) * some.columns.size() + c -
+                                                            some.columns.begin)];
+                uncovered += needed && n == 0;
+                twice += n > 1;
+                left_out += n == 0;
+            }
+    }
+    CHECK(uncovered == 0);
+    CHECK(outside == 0);
+    CHECK(twice == 0);
+    CHECK(idle == 0);
+    CHECK(parts_of_some > 60);
+    CHECK(left_out > 100000);
 }
 
 TEST_CASE("a raster that changes under the pass is an error that names it", "[spill]") {

@@ -1,7 +1,8 @@
 // Coverage raster: a layer of coverage as a raster file with the grid of its terrain, written tile by tile.
 // Leaves what the values are to lib/coverage.hpp.
 //
-// Memory: GDAL's block cache, no more: tiles are the file's own blocks (256 x 256 in a GeoTIFF) and come once each.
+// Memory: GDAL's block cache and a bit a tile, no more: tiles are the file's own blocks (256 x 256 in a GeoTIFF) and come
+// once each. Of a GeoTIFF those of nothing but 0 (hidden ground) are left to GDAL, which packs one for them all.
 #pragma once
 #include <memory>
 #include <optional>
@@ -50,6 +51,8 @@ private:
     using Items = std::vector<std::pair<std::string, std::string>>;
     void create(const DataBase& data_base, const OutputFile& file, const RasterFormat& format, const Items& metadata);
     void write_cells(const Window& window, const void* cells, std::int64_t stride);
+    std::optional<double> declared(std::uint64_t void_posts) const;
+    void write_blank_tiles();
     std::unique_ptr<Open> open_;
 };
 

@@ -1,6 +1,9 @@
 #include "tiles/georeference.hpp"
 
 #include <cmath>
+#include <map>
+#include <mutex>
+#include <string>
 
 #include "lib/error.hpp"
 #include "tiles/gdal_handle.hpp"
@@ -16,23 +19,41 @@ bool transform(OGRCoordinateTransformation& way, double& x, double& y) {
 
 }  // namespace
 
-Georeference::Georeference(const RasterFacts& facts) : facts_(facts) {
-    if (facts_.wgs84_lat_lon) return;
+/// Both ways, used by one thread at a time.
+struct Georeference::Ways {
+    std::mutex mutex;
+    std::unique_ptr<OGRCoordinateTransformation> to_raster, to_wgs84;
+};
+
+std::shared_ptr<Georeference::Ways> Georeference::ways_of(const RasterFacts& facts) {
+    static std::mutex mutex;
+    static std::map<std::string, std::weak_ptr<Ways>> known;  // by WKT
+    const std::lock_guard lock(mutex);
+    std::erase_if(known, [](const auto& entry) { return entry.second.expired(); });
+    std::weak_ptr<Ways>& place = known[crs_wkt(*facts.crs)];
+    if (auto ways = place.lock()) return ways;
+    const auto ways = std::make_shared<Ways>();
     GdalErrors errors;
     const OGRSpatialReference wgs84 = wgs84_lon_lat();
-    to_raster_.reset(OGRCreateCoordinateTransformation(&wgs84, facts_.crs.get()));
-    to_wgs84_.reset(OGRCreateCoordinateTransformation(facts_.crs.get(), &wgs84));
-    if (!to_raster_ || !to_wgs84_)
-        throw DataError(text(facts_.named(), ": PROJ knows no way between WGS84 and its CRS '",
-                             crs_definition(*facts_.crs), "': ", errors.reason()));
+    ways->to_raster.reset(OGRCreateCoordinateTransformation(&wgs84, facts.crs.get()));
+    ways->to_wgs84.reset(OGRCreateCoordinateTransformation(facts.crs.get(), &wgs84));
+    if (!ways->to_raster || !ways->to_wgs84)
+        throw DataError(text(facts.named(), ": PROJ knows no way between WGS84 and its CRS '",
+                             crs_definition(*facts.crs), "': ", errors.reason()));
+    place = ways;
+    return ways;
+}
+
+Georeference::Georeference(const RasterFacts& facts) : facts_(facts) {
+    if (!facts_.wgs84_lat_lon) ways_ = ways_of(facts_);
 }
 
 IndexPosition Georeference::locate(double lat_deg, double lon_deg) {
     double x = lon_deg, y = lat_deg;
-    if (to_raster_) {
-        const std::lock_guard lock(mutex_);
+    if (ways_) {
+        const std::lock_guard lock(ways_->mutex);
         GdalErrors errors;
-        if (!transform(*to_raster_, x, y))
+        if (!transform(*ways_->to_raster, x, y))
             throw DataError(text(facts_.named(), ": PROJ finds no place for latitude ", lat_deg, ", longitude ",
                                  lon_deg, " in its CRS '", crs_definition(*facts_.crs), "': ", errors.reason()));
     }
@@ -48,10 +69,10 @@ IndexPosition Georeference::locate(double lat_deg, double lon_deg) {
 std::optional<std::pair<double, double>> Georeference::lat_lon(double column, double row) {
     double x = facts_.corner_x + (column + 0.5) * facts_.step_x;
     double y = facts_.corner_y + (row + 0.5) * facts_.step_y;
-    if (to_wgs84_) {
-        const std::lock_guard lock(mutex_);
+    if (ways_) {
+        const std::lock_guard lock(ways_->mutex);
         GdalErrors quiet;
-        if (!transform(*to_wgs84_, x, y)) return std::nullopt;
+        if (!transform(*ways_->to_wgs84, x, y)) return std::nullopt;
     }
     if (!(std::fabs(y) <= 90) || !std::isfinite(x)) return std::nullopt;
     return std::pair(y, std::fabs(x) <= 180 ? x : std::remainder(x, 360.0));

@@ -1,8 +1,7 @@
 // Georeference: between WGS84 latitude and longitude and a raster's columns and rows, exact (PROJ).
-// For the .cpp files of this folder only. Leaves fitted, quick ways to lib/spoke_map.hpp.
+// Rasters of one CRS share what PROJ needs for it while one of them is open. For the .cpp files of this folder only. Leaves fitted, quick ways to lib/spoke_map.hpp.
 #pragma once
 #include <memory>
-#include <mutex>
 #include <optional>
 #include <utility>
 
@@ -20,9 +19,10 @@ public:
     std::optional<std::pair<double, double>> lat_lon(double column, double row);
 
 private:
+    struct Ways;
+    static std::shared_ptr<Ways> ways_of(const RasterFacts& facts);
     RasterFacts facts_;
-    std::mutex mutex_;
-    std::unique_ptr<OGRCoordinateTransformation> to_raster_, to_wgs84_;
+    std::shared_ptr<Ways> ways_;  ///< null: WGS84 itself
 };
 
 /// The grid of the terrain's posts and where it lies on earth; nothing about culture.

@@ -2,6 +2,7 @@
 // For the .cpp files of this folder only. Leaves reading to sources.cpp and registered_layer.hpp.
 #pragma once
 #include <algorithm>
+#include <utility>
 
 #include "lib/wedge_source.hpp"
 #include "tiles/raster_layer.hpp"
@@ -17,20 +18,46 @@ public:
     /// Skip::none if a post of the rectangle must be read; else the last of its blocks' reasons in the enumeration.
     Skip reason(const Window& posts) const {
         if (all()) return Skip::none;
-        constexpr std::int64_t margin = ChunkRequest::margin;
-        const Window near = blocks_of({{posts.columns.begin - margin, posts.columns.end + margin},
-                                       {posts.rows.begin - margin, posts.rows.end + margin}});
-        const Interval columns = intersection(near.columns, request_.blocks.columns),
-                       rows = intersection(near.rows, request_.blocks.rows);
-        const Window own = blocks_of(posts);
+        const Window near = blocks_near(posts), own = blocks_of(posts);
         Skip last = Skip::range;
-        for (std::int64_t r = rows.begin; r < rows.end; ++r)
-            for (std::int64_t c = columns.begin; c < columns.end; ++c) {
+        for (std::int64_t r = near.rows.begin; r < near.rows.end; ++r)
+            for (std::int64_t c = near.columns.begin; c < near.columns.end; ++c) {
                 const Skip why = at(c, r);
                 if (why == Skip::none) return Skip::none;
                 if (own.columns.contains(c) && own.rows.contains(r)) last = std::max(last, why);
             }
         return last;
+    }
+
+    /// Calls read(part) for parts of a rectangle, along its longer side, that hold all of its posts that must be read.
+    template <class Read>
+    void each_part(const Window& posts, Read&& read) const {
+        if (all()) return read(posts);
+        constexpr std::int64_t margin = ChunkRequest::margin;
+        const bool along_rows = posts.rows.size() > posts.columns.size();
+        const Interval along = along_rows ? posts.rows : posts.columns;
+        const Window near = blocks_near(posts);
+        const Interval blocks = along_rows ? near.rows : near.columns, beside = along_rows ? near.columns : near.rows;
+        const auto counts = [&](std::int64_t b) {
+            for (std::int64_t k = beside.begin; k < beside.end; ++k)
+                if ((along_rows ? at(k, b) : at(b, k)) == Skip::none) return true;
+            return false;
+        };
+        Interval part{};
+        const auto take = [&] {
+            if (!part.empty()) read(along_rows ? Window{posts.columns, part} : Window{part, posts.rows});
+        };
+        for (std::int64_t b = blocks.begin; b < blocks.end; ++b) {
+            if (!counts(b)) continue;
+            const Interval own = intersection({b * block_posts - margin, (b + 1) * block_posts + margin}, along);
+            if (part.empty() || own.begin > part.end) {
+                take();
+                part = own;
+            } else {
+                part.end = own.end;
+            }
+        }
+        take();
     }
 
     /// Puts fill heights, and 0 for culture heights (if not null), where nothing needs be read. Row after row of
@@ -46,6 +73,13 @@ public:
     }
 
 private:
+    /// Of the request, those that posts are in or within the margin of.
+    Window blocks_near(const Window& posts) const {
+        constexpr std::int64_t margin = ChunkRequest::margin;
+        const Window near = blocks_of({{posts.columns.begin - margin, posts.columns.end + margin},
+                                       {posts.rows.begin - margin, posts.rows.end + margin}});
+        return {intersection(near.columns, request_.blocks.columns), intersection(near.rows, request_.blocks.rows)};
+    }
     std::size_t index(std::int64_t c, std::int64_t r) const {
         const Window& b = request_.blocks;
         return static_cast<std::size_t>((r - b.rows.begin) * b.columns.size() + c - b.columns.begin);
@@ -61,18 +95,22 @@ private:
         const Interval across = {c * block_posts, (c + 1) * block_posts},
                        down = {r * block_posts, (r + 1) * block_posts};
         const std::int64_t width = posts.columns.size();
-        for (std::int64_t y = std::max(down.begin, posts.rows.begin); y < std::min(down.end, posts.rows.end); ++y) {
-            // The rows of blocks that this row of posts is in or near to: of these, columns beside and above.
-            const std::int64_t near = y < down.begin + margin ? r - 1 : y >= down.end - margin ? r + 1 : r;
-            if (near != r && needed(c, near)) continue;
+        // The posts that are in or near to the same rows of blocks: of these, columns beside and above.
+        for (const auto& [rows, near] : {std::pair{Interval{down.begin, down.begin + margin}, r - 1},
+                                         std::pair{Interval{down.begin + margin, down.end - margin}, r},
+                                         std::pair{Interval{down.end - margin, down.end}, r + 1}}) {
+            const Interval own = intersection(rows, posts.rows);
+            if (own.empty() || (near != r && needed(c, near))) continue;
             const bool west = needed(c - 1, r) || (near != r && needed(c - 1, near)),
                        east = needed(c + 1, r) || (near != r && needed(c + 1, near));
             const std::int64_t from = std::max(across.begin + (west ? margin : 0), posts.columns.begin),
                                to = std::min(across.end - (east ? margin : 0), posts.columns.end);
             if (from >= to) continue;
-            const std::int64_t first = (y - posts.rows.begin) * width + from - posts.columns.begin;
-            std::fill_n(surface + first, to - from, height);
-            if (culture) std::fill_n(culture + first, to - from, 0.0F);
+            for (std::int64_t y = own.begin; y < own.end; ++y) {
+                const std::int64_t first = (y - posts.rows.begin) * width + from - posts.columns.begin;
+                std::fill_n(surface + first, to - from, height);
+                if (culture) std::fill_n(culture + first, to - from, 0.0F);
+            }
         }
     }
 

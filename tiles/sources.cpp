@@ -98,8 +98,8 @@ public:
         std::unique_ptr<RasterLayer> culture, height;
         if (is_tile_store(params_.dem)) {
             // A quarter is left to GDAL, for layers beside the store and for what is written.
-            GdalSession::set_cache_bytes(params_.cache_bytes / 4);
-            store_ = std::make_unique<TileStore>(params_.dem, params_.cache_bytes / 4 * 3);
+            GdalSession::set_cache_bytes(params_.cache_bytes - store_share(params_.cache_bytes));
+            store_ = std::make_unique<TileStore>(params_.dem, store_share(params_.cache_bytes));
             terrain_ = store_->layer(StoreLayerKind::dem);
             if (params_.culture.empty()) {
                 culture = store_->layer(StoreLayerKind::culture);
@@ -126,6 +126,7 @@ public:
         if (facts.columns < 2 || facts.rows < 2)
             throw DataError(
                 text(facts.named(), " has ", facts.columns, " x ", facts.rows, " posts; accepted: at least 2 x 2"));
+        if (params_.by_strips && !culture && !height) limit_cache(strips_bytes(facts));
         data_base_ = describe(facts);
         data_base_.default_class = params_.default_class;
         ledger_ = std::make_unique<TileLedger>(facts);
@@ -297,6 +298,25 @@ public:
     }
 
 protected:
+    /// A quarter is left to GDAL, for layers beside the store and for what is written.
+    static std::size_t store_share(std::size_t cache_bytes) { return cache_bytes / 4 * 3; }
+
+    /// A cache for the blocks under one strip in each of the four quadrants, and some more.
+    static std::size_t strips_bytes(const RasterFacts& facts) {
+        constexpr std::int64_t strip = 256;
+        const double posts =
+            static_cast<double>(facts.columns) * static_cast<double>(std::max(facts.block_rows, strip)) +
+            static_cast<double>(facts.rows) * static_cast<double>(std::max(facts.block_columns, strip));
+        return static_cast<std::size_t>(2 * posts * 1.25 * static_cast<double>(facts.type_bytes) * 4 / 3);
+    }
+
+    void limit_cache(std::size_t bytes) {
+        if (bytes >= params_.cache_bytes) return;
+        params_.cache_bytes = bytes;
+        GdalSession::set_cache_bytes(store_ ? bytes - store_share(bytes) : bytes);
+        if (store_) store_->limit_cache(store_share(bytes));
+    }
+
     std::vector<RasterLayer*> readers() const {
         std::vector<RasterLayer*> all{terrain_.get()};
         if (height_) all.push_back(&height_->raster());
@@ -468,9 +488,14 @@ protected:
             },
             [&](const Window& cells) {
                 ledger_->touch(cells);
-                terrain_->read_heights(
-                    cells, out + (cells.rows.begin - rows.begin) * stride + cells.columns.begin + shift - first,
-                    stride);
+                const auto moved = [](const Window& w, std::int64_t by) {
+                    return Window{{w.columns.begin + by, w.columns.end + by}, w.rows};
+                };
+                needed.each_part(moved(cells, shift), [&](const Window& posts) {
+                    terrain_->read_heights(moved(posts, -shift),
+                                           out + (posts.rows.begin - rows.begin) * stride + posts.columns.begin - first,
+                                           stride);
+                });
                 read += static_cast<std::uint64_t>(cells.posts());
             },
             [&](const Window& cells, Skip why) { ledger_->pass(cells, why); });

@@ -25,6 +25,17 @@ void TileCache::add(const Key& key, Tile tile) {
     held_ += tile->size();
     recent_.emplace_front(key, std::move(tile));
     places_[key] = recent_.begin();
+    drop(gone);
+}
+
+void TileCache::limit(std::size_t most_bytes) {
+    std::list<Entry> gone;
+    const std::lock_guard lock(mutex_);
+    most_ = most_bytes;
+    drop(gone);
+}
+
+void TileCache::drop(std::list<Entry>& gone) {
     while (held_ > most_) {
         held_ -= recent_.back().second->size();
         places_.erase(recent_.back().first);

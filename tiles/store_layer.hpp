@@ -32,6 +32,8 @@ public:
     explicit TileCache(std::size_t most_bytes) : most_(most_bytes) {}
     Tile find(const Key& key);
     void add(const Key& key, Tile tile);
+    /// From now on at most so much.
+    void limit(std::size_t most_bytes);
     std::size_t bytes() {
         const std::lock_guard lock(mutex_);
         return held_;
@@ -39,8 +41,10 @@ public:
 
 private:
     using Entry = std::pair<Key, Tile>;
-    const std::size_t most_;
+    void drop(std::list<Entry>& gone);
+
     std::mutex mutex_;
+    std::size_t most_;
     std::list<Entry> recent_;  ///< the last used in front
     std::map<Key, std::list<Entry>::iterator> places_;
     std::size_t held_ = 0;

@@ -34,6 +34,8 @@ std::unique_ptr<RasterLayer> TileStore::layer(StoreLayerKind kind) const {
 
 std::size_t TileStore::cached_bytes() const { return cache_->bytes(); }
 
+void TileStore::limit_cache(std::size_t most_bytes) { cache_->limit(most_bytes); }
+
 std::unique_ptr<BlockMap> TileStore::block_map(double scale) const {
     const std::string file = (std::filesystem::path(path_) / manifest_->block_map).string();
     return std::make_unique<BlockMapFile>(whole_file(file, PlainFile::Use::read), manifest_->map_shape(), scale);

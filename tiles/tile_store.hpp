@@ -41,6 +41,7 @@ public:
     TileStore(std::string path, std::size_t cache_bytes);
     /// Of tiles that are held decoded.
     std::size_t cached_bytes() const;
+    void limit_cache(std::size_t most_bytes);
     ~TileStore();
 
     const StoreManifest& manifest() const { return *manifest_; }

@@ -91,18 +91,29 @@ void check_reader(const WedgeSource& source, std::size_t memory_bytes) {
     }
 }
 
+namespace {
+
+/// The source that a run with these settings would take; a pass is forecast, not made.
+std::unique_ptr<WedgeSource> source_at(const DataBaseParams& layers, const Settings& granted,
+                                       const ResolvedScene& scene, bool range_given, const SpillOptions& options) {
+    // A post is read in any case.
+    auto direct = open_direct_source(layers);
+    check_reader(*direct, memory_bytes(granted));
+    const SourceChoice choice = choose_source(layers, granted.source, granted.scene, memory_bytes(granted));
+    if (!choice.spilled) return direct;
+    return choice.kept ? open_source(choice, layers, granted.scene, options)
+                       : forecast_spilled_source(layers, scene, range_given, options);
+}
+
+}  // namespace
+
 Attempt simulation(const Settings& settings, const ResolvedScene& scene, bool range_given, const Stop& stop,
                    WedgeArchive* archive) {
     return [&settings, &scene, range_given, &stop, archive](std::size_t memory) {
         const Settings granted = with_memory(settings, memory);
         const DataBaseParams layers = data_base_params(granted, cache_bytes(granted), stop);
         const SpillOptions options = spill_options(granted);
-        // A post is read in any case.
-        check_reader(*open_direct_source(layers), memory);
-        const SourceChoice choice = choose_source(layers, granted.source, granted.scene, memory);
-        const auto source = choice.spilled && !choice.kept
-                                ? forecast_spilled_source(layers, scene, range_given, options)
-                                : open_source(choice, layers, granted.scene, options);
+        const auto source = source_at(layers, granted, scene, range_given, options);
         EngineParams params = engine_params(granted);
         params.archive = archive;
         plan(scene, *source, params);
@@ -166,23 +177,20 @@ void check_simulation(const Settings& settings, const Stop& stop) {
     }
 }
 
-void check_coverage_budget(const Settings& settings, const CoverageParams& params, const Stop& stop) {
-    const DataBaseParams layers = data_base_params(settings, cache_bytes(settings), stop);
-    const auto direct = open_direct_source(layers);
+void check_coverage_budget(const Settings& settings, const CoverageParams& params, WedgeSource& direct,
+                           const Stop& stop) {
     std::unique_ptr<WedgeSource> unread;
-    if (direct->cache_bytes() + direct->reader_bytes() > memory_bytes(settings))
-        unread = open_unread_source(layers, any_ground_m(settings.scene), {});
-    const ResolvedScene scene = resolve_coverage(settings.scene, unread ? *unread : *direct);
+    if (direct.cache_bytes() + direct.reader_bytes() > memory_bytes(settings))
+        unread = open_unread_source(data_base_params(settings, cache_bytes(settings), stop),
+                                    any_ground_m(settings.scene), {});
+    const ResolvedScene scene = resolve_coverage(settings.scene, unread ? *unread : direct);
     check_budget(settings, [&](std::size_t memory) {
         const Settings granted = with_memory(settings, memory);
-        const DataBaseParams own_layers = data_base_params(granted, cache_bytes(granted), stop);
+        DataBaseParams own_layers = data_base_params(granted, cache_bytes(granted), stop);
+        own_layers.by_strips = true;
         SpillOptions options = spill_options(granted);
         options.all_round = options.all_of_it = true;
-        check_reader(*open_direct_source(own_layers), memory);
-        const SourceChoice choice = choose_source(own_layers, granted.source, granted.scene, memory);
-        const auto source = choice.spilled && !choice.kept
-                                ? forecast_spilled_source(own_layers, scene, granted.scene.range_m.has_value(), options)
-                                : open_source(choice, own_layers, granted.scene, options);
+        const auto source = source_at(own_layers, granted, scene, granted.scene.range_m.has_value(), options);
         CoverageParams own = params;
         own.memory_bytes = memory;
         check_coverage(scene, *source, own);

@@ -46,8 +46,9 @@ GroundWork ground_work(const Settings& settings, const ResolvedScene& scene, Wed
 /// refused if it does not fit at the least range that this may be, and the budget named does for the largest.
 void check_simulation(const Settings& settings, const Stop& stop);
 
-/// Before coverage reads more than the posts below the sensor.
-void check_coverage_budget(const Settings& settings, const CoverageParams& params, const Stop& stop);
+/// Before coverage reads more than the posts below the sensor, of `direct`, the rasters as they are.
+void check_coverage_budget(const Settings& settings, const CoverageParams& params, WedgeSource& direct,
+                           const Stop& stop);
 
 /// Before `info` counts a raster, or resolves a scene on one.
 void check_summary(const Settings& settings, const std::string& path);

@@ -132,7 +132,8 @@ void coverage(const std::vector<std::string>& arguments, Stop& stop) {
     Span opening(timeline.get(), "open", "stage");
     const GdalSession session(cache_bytes(settings), settings.config);
     const std::string unfit_map = find_ground(settings, {}, stop);
-    const DataBaseParams layers = data_base_params(settings, cache_bytes(settings), stop);
+    DataBaseParams layers = data_base_params(settings, cache_bytes(settings), stop);
+    layers.by_strips = true;
     std::unique_ptr<WedgeSource> source = open_direct_source(layers);
     if (settings.snap_to_post && settings.scene.platform.xy) {
         // gdal_viewshed's observer stands in the middle of the cell that the place lies in.
@@ -147,7 +148,7 @@ void coverage(const std::vector<std::string>& arguments, Stop& stop) {
     params.threads = settings.threads;
     params.memory_bytes = static_cast<std::size_t>(settings.memory_bytes);
     params.stop = &stop;
-    check_coverage_budget(settings, params, stop);
+    check_coverage_budget(settings, params, *source, stop);
     SpillOptions spill = spill_options(settings);
     spill.all_round = spill.all_of_it = true;
     spill.stop = &stop;
