@@ -331,7 +331,7 @@ void measure(const Place& place, int rays_per_bin, const std::vector<Setting>& w
 }  // namespace
 
 int main(int argc, char** argv) {
-    if (argc < 2) {
+    if (argc < 2 || argv[1][0] == '-') {
         fmt::print(
             stderr,
             "usage: accuracy OUT.tsv [--rays N] [--qualities] [--setting SPOKES,BIN,LEAD]... [SCENE...]   rays of the "

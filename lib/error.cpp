@@ -7,27 +7,7 @@
 namespace wedgescope {
 
 void MessagePart::append_to(std::string& out) const {
-    const auto write = [&](const auto& number) { fmt::format_to(std::back_inserter(out), "{}", number); };
-    switch (kind_) {
-        case Kind::words:
-            out += words_;
-            break;
-        case Kind::letter:
-            out += letter_;
-            break;
-        case Kind::real:
-            write(real_);
-            break;
-        case Kind::single:
-            write(single_);
-            break;
-        case Kind::whole:
-            write(whole_);
-            break;
-        case Kind::natural:
-            write(natural_);
-            break;
-    }
+    std::visit([&](const auto& value) { fmt::format_to(std::back_inserter(out), "{}", value); }, value_);
 }
 
 std::string joined_text(std::initializer_list<MessagePart> parts) {

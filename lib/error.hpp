@@ -9,43 +9,29 @@
 #include <string_view>
 #include <type_traits>
 #include <utility>
+#include <variant>
 
 namespace wedgescope {
 
 /// What a message is made of: words, a character or a number. Holds a view of the words.
 class MessagePart {
 public:
-    MessagePart(const std::string& words) : MessagePart(std::string_view(words)) {}
-    MessagePart(const char* words) : MessagePart(std::string_view(words ? words : "")) {}
-    MessagePart(std::string_view words) : kind_(Kind::words), words_(words) {}
+    MessagePart(const std::string& words) : value_(std::string_view(words)) {}
+    MessagePart(const char* words) : value_(std::string_view(words ? words : "")) {}
+    MessagePart(std::string_view words) : value_(words) {}
     template <class Number>
     requires std::is_arithmetic_v<Number> MessagePart(Number number) {
         if constexpr (std::is_same_v<Number, bool>)
-            *this = number ? "true" : "false";
-        else if constexpr (std::is_same_v<Number, char>)
-            kind_ = Kind::letter, letter_ = number;
-        else if constexpr (std::is_same_v<Number, float>)
-            kind_ = Kind::single, single_ = number;
-        else if constexpr (std::is_floating_point_v<Number>)
-            kind_ = Kind::real, real_ = number;
-        else if constexpr (std::is_signed_v<Number>)
-            kind_ = Kind::whole, whole_ = number;
+            value_ = std::string_view(number ? "true" : "false");
+        else if constexpr (std::is_floating_point_v<Number> || std::is_same_v<Number, char>)
+            value_ = number;
         else
-            kind_ = Kind::natural, natural_ = number;
+            value_ = static_cast<std::conditional_t<std::is_signed_v<Number>, std::int64_t, std::uint64_t>>(number);
     }
     void append_to(std::string& out) const;
 
 private:
-    enum class Kind { words, letter, real, single, whole, natural };
-    Kind kind_;
-    union {
-        std::string_view words_;
-        char letter_;
-        double real_;
-        float single_;
-        std::int64_t whole_;
-        std::uint64_t natural_;
-    };
+    std::variant<std::string_view, char, float, double, std::int64_t, std::uint64_t> value_;
 };
 
 /// The parts, written after one another. Numbers are written in the shortest form that reads back the same, whatever the

@@ -1,0 +1,175 @@
+#include "lib/coverage_work.hpp"
+
+#include "lib/post_extremes.hpp"
+
+namespace wedgescope::covering {
+
+/// Bounds of the blocks under a window, from the source's map; none across the seam of a cyclic raster, where blocks do
+/// not meet.
+void Cover::ask_map(const Side& side, Interval major, Interval minor, Blocks& blocks) {
+    blocks.bounds.clear();
+    BlockMap* map = params_.cull ? source_.block_map() : nullptr;
+    const bool columns = lines_are_columns(side.quadrant);
+    const Window window = columns ? Window{major, minor} : Window{minor, major};
+    if (!map || window.columns.begin < 0 || window.columns.end > db_.columns) return;
+    const BlockWindow known = map->read(0, blocks_of(window));
+    blocks.majors = columns ? known.blocks.columns : known.blocks.rows;
+    blocks.minors = columns ? known.blocks.rows : known.blocks.columns;
+    for (std::int64_t i = blocks.majors.begin; i < blocks.majors.end; ++i)
+        for (std::int64_t j = blocks.minors.begin; j < blocks.minors.end; ++j)
+            blocks.bounds.push_back(columns ? known.at(i, j) : known.at(j, i));
+}
+
+/// What of some rows of blocks need not be read. `only`: the row that counts alone, of the others what its cells reach.
+void Cover::leave_out(bool columns, const Blocks& blocks, Interval majors, std::optional<std::int64_t> only,
+                      ChunkRequest& request) {
+    request.blocks = columns ? Window{majors, blocks.minors} : Window{blocks.minors, majors};
+    for (std::int64_t r = request.blocks.rows.begin; r < request.blocks.rows.end; ++r)
+        for (std::int64_t c = request.blocks.columns.begin; c < request.blocks.columns.end; ++c) {
+            const std::size_t at = columns ? blocks.at(c, r) : blocks.at(r, c);
+            const bool counts = !only || *only == (columns ? c : r), all_void = blocks.bounds[at].voids == Voids::all;
+            request.skip.push_back(counts ? blocks.skip[at] : all_void ? Skip::voids : Skip::range);
+            request.fill_m.push_back(all_void ? nan_f : blocks.bounds[at].lowest_m);
+        }
+}
+
+/// The same, of posts that were read.
+void Cover::look_at(const Chunk& chunk, Interval major, Interval minor, Blocks& blocks) const {
+    blocks.bounds.clear();
+    if (!hides_ || chunk.flat) return;
+    blocks.majors = {block_along(major.begin), block_along(major.end - 1) + 1};
+    blocks.minors = {block_along(minor.begin), block_along(minor.end - 1) + 1};
+    for (std::int64_t i = blocks.majors.begin; i < blocks.majors.end; ++i)
+        for (std::int64_t j = blocks.minors.begin; j < blocks.minors.end; ++j) {
+            const Interval lines = intersection(major, {i * block_posts, (i + 1) * block_posts + 1}),
+                           posts = intersection(minor, {j * block_posts, (j + 1) * block_posts + 1});
+            const PostExtremes extremes = post_extremes(
+                chunk.surface_m.data() + (lines.begin - major.begin) * minor.size() + posts.begin - minor.begin,
+                static_cast<std::size_t>(minor.size()), static_cast<std::size_t>(lines.size()),
+                static_cast<std::size_t>(posts.size()));
+            BlockBounds b;
+            b.lowest_m = extremes.lowest_m;
+            b.highest_m = extremes.highest_m;
+            b.voids = b.lowest_m > b.highest_m ? Voids::all : extremes.any_void ? Voids::some : Voids::none;
+            blocks.bounds.push_back(b);
+        }
+}
+
+/// Judges the blocks of one row, of which `lines` are to come, by the horizons that the desk's spokes have now: these
+/// only rise, and a spoke between two never gets less than the lower of them. A block is hidden if its highest ground,
+/// with a target on it, stays below the spokes that come by, and those beside them: then no sample of it raises a
+/// horizon, and no post of it is seen. Heights from the lowest to the highest give the same answers then, so what is
+/// not read may have any of them. Leaves the groups of spokes that come by something else; `core`: the run's own spokes.
+void Cover::hide(const Side& side, Interval lines, std::int64_t major, Interval core, bool all_posts, Desk& desk) {
+    Blocks& blocks = desk.blocks;
+    const Spokes& s = desk.spokes;
+    const Quadrant q = side.quadrant;
+    for (std::int64_t j = blocks.minors.begin; j < blocks.minors.end; ++j)
+        blocks.skip[blocks.at(major, j)] = blocks.bounds[blocks.at(major, j)].voids == Voids::all ? Skip::voids
+                                           : all_posts                                            ? Skip::none
+                                                                                                  : Skip::range;
+    const auto expose = [&](std::int64_t j) {
+        Skip& skip = blocks.skip[blocks.at(major, j)];
+        if (skip != Skip::voids) skip = Skip::none;
+    };
+    // A line more on either side, for the cells that reach into the row.
+    if (lines.begin < 1 || grid_.distance(q, lines.begin) < 3) {
+        for (std::int64_t j = blocks.minors.begin; j < blocks.minors.end; ++j) expose(j);
+        desk.groups = {{0, s.range.size() / knot}};
+        return;
+    }
+    const LineForm near = form(side, grid_.distance(q, lines.begin) - 1),
+                   far = form(side, grid_.distance(q, lines.end - 1) + 1);
+    const std::int64_t growth = s.of / side.spokes.of, groups = s.range.size() / knot;
+    place_knots(side, far, s, {0, groups}, desk);
+    std::swap(desk.at, desk.far_at);
+    std::swap(desk.lift, desk.far_lift);
+    place_knots(side, near, s, {0, groups}, desk);
+    // Spokes beyond the fan are nobody's; nor are those that doublings brought beyond it, of which the last has one parent.
+    const Interval carried =
+        intersection({side.spokes.range.begin * growth, side.spokes.range.end * growth}, fan(side, s.of));
+    // Of the run's neighbours one group on either side counts: at a doubling those outside have only one parent.
+    const Interval counted =
+        intersection({(core.begin - s.range.begin) / knot - 1, (core.end - s.range.begin) / knot + 1}, {0, groups});
+    const auto in_fan = [&](std::int64_t g) {
+        return counted.contains(g) && carried.contains(s.range.begin + g * knot);
+    };
+    desk.least.resize(static_cast<std::size_t>(groups));
+    least_of_groups(s.horizon.data(), desk.least.size(), desk.least.data());
+    // Far above what float's rounding, and straight lines between knots, make of a tangent.
+    constexpr double slack = 0x1p-14;
+    const double spokes = static_cast<double>(s.of),
+                 bow = std::abs(bow_per_slope(near)) * (0.25 * knot * knot) / (spokes * spokes);
+    const double raised_m = params_.target_m + blocks.relief_m * 8 * static_cast<double>(place_slack);
+    desk.touched.assign(static_cast<std::size_t>(groups), {});
+    for (std::int64_t g = 0; g < groups; ++g) {
+        if (!in_fan(g)) continue;
+        float least = desk.least[static_cast<std::size_t>(g)];
+        for (const std::int64_t beside : {g - 1, g + 1})
+            if (in_fan(beside)) least = std::min(least, desk.least[static_cast<std::size_t>(beside)]);
+        const auto i = static_cast<std::size_t>(g);
+        const Interval touched =
+            intersection({block_along(floor_i(std::min(desk.at[i], desk.far_at[i])) - 3),
+                          block_along(ceil_i(std::max(desk.at[i + 1], desk.far_at[i + 1])) + 3) + 1},
+                         blocks.minors);
+        desk.touched[i] = touched;
+        const double steep = static_cast<double>(std::max(desk.lift[i], desk.lift[i + 1])),
+                     gentle = static_cast<double>(std::min(desk.far_lift[i], desk.far_lift[i + 1])),
+                     drop = static_cast<double>(std::min(desk.drop[i], desk.drop[i + 1])) - bow;
+        bool judged = hides_ && has(least);
+        if (judged && scene_.range_limited) {
+            // All that a block holds must be in range, whatever its height.
+            const auto metres = [&](std::int64_t k) {
+                const double m = static_cast<double>(k) / spokes;
+                return std::sqrt(side.square[0] + m * (side.square[1] + m * side.square[2]));
+            };
+            const std::int64_t k = s.range.begin + g * knot;
+            const double arc = 1.03 * std::max(metres(k), metres(k + knot)) / gentle;
+            judged = arc * (1 + arc * scene_.earth.inverse_radius()) + 2 * std::abs(scene_.sensor_m) +
+                         2 * blocks.most_m + params_.target_m <
+                     *scene_.scene.range_m;
+        }
+        for (std::int64_t j = touched.begin; j < touched.end; ++j) {
+            Skip& skip = blocks.skip[blocks.at(major, j)];
+            if (skip == Skip::none || skip == Skip::voids) continue;
+            const BlockBounds& b = blocks.bounds[blocks.at(major, j)];
+            const double top_m = static_cast<double>(b.highest_m) + static_cast<double>(b.culture_m) + raised_m,
+                         w = (top_m - static_cast<double>(lift_.sensor_m)) /
+                             (1 + top_m * static_cast<double>(lift_.inverse_radius)),
+                         highest = w * (w > 0 ? steep : gentle) - drop + slack * (std::abs(w) * steep + drop);
+            const bool below = judged && b.voids == Voids::none && highest < static_cast<double>(least);
+            skip = below ? Skip::hidden : Skip::none;
+        }
+    }
+    desk.groups.clear();
+    for (std::int64_t g = counted.begin; g < counted.end; ++g) {
+        bool rises = !in_fan(g);
+        const Interval touched = desk.touched[static_cast<std::size_t>(g)];
+        for (std::int64_t j = touched.begin; j < touched.end && !rises; ++j)
+            rises = blocks.skip[blocks.at(major, j)] == Skip::none;
+        if (!rises) continue;
+        // Runs that all but meet are one.
+        if (!desk.groups.empty() && g - desk.groups.back().end < 4)
+            desk.groups.back().end = g + 1;
+        else
+            desk.groups.push_back({g, g + 1});
+    }
+}
+
+/// Parts of a line's posts, whole groups but for the ends, with why they need no test.
+void Cover::part_line(Interval posts, std::int64_t row, Desk& desk) const {
+    const Blocks& blocks = desk.blocks;
+    desk.parts.clear();
+    if (blocks.empty()) return desk.parts.push_back({posts, Skip::none});
+    for (std::int64_t j = posts.begin; j < posts.end;) {
+        const std::int64_t block = block_along(j), end = std::min(posts.end, (block + 1) * block_posts);
+        const Skip why = blocks.minors.contains(block) ? blocks.skip[blocks.at(row, block)] : Skip::none;
+        if (!desk.parts.empty() && desk.parts.back().second == why)
+            desk.parts.back().first.end = end;
+        else
+            desk.parts.push_back({{j, end}, why});
+        j = end;
+    }
+}
+
+}  // namespace wedgescope::covering
