@@ -1,5 +1,5 @@
 // Coverage lanes: the two hot loops of coverage: spokes take a line of posts, and posts test themselves against spokes.
-// Leaves where lines and spokes lie to coverage.cpp. Plain loops over contiguous arrays, compiled for several
+// Leaves where lines and spokes lie to coverage_sweep.cpp. Plain loops over contiguous arrays, compiled for several
 // instruction sets.
 //
 // What is compared is the tangent of the elevation angle times f(m), metres a post of the spoke, which is constant along

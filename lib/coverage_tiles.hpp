@@ -1,6 +1,6 @@
 // CoverageTiles: tiles of coverage's output on their way out: made when a strip first meets them, filled by its runs,
 // handed out when all their posts are known.
-// Leaves which posts there are, and when they are known, to coverage.cpp.
+// Leaves which posts there are, and when they are known, to coverage_strips.cpp.
 #pragma once
 #include <cstdint>
 #include <functional>

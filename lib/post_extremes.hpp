@@ -1,5 +1,5 @@
 // PostExtremes: the lowest and the highest of a rectangle of posts. Leaves what follows from it to front.cpp and
-// coverage.cpp, and the maps that are kept to block_map.hpp.
+// coverage_hide.cpp, and the maps that are kept to block_map.hpp.
 #pragma once
 #include <cstddef>
 #include <limits>

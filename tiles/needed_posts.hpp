@@ -1,13 +1,28 @@
-// NeededPosts: what a chunk request needs, post by post and rectangle by rectangle.
-// For the .cpp files of this folder only. Leaves reading to sources.cpp and registered_layer.hpp.
+// NeededPosts: what a chunk request needs, post by post and rectangle by rectangle; and the chunk that is begun for it.
+// For the .cpp files of this folder only. Leaves reading to raster_source.cpp and registered_layer.hpp.
 #pragma once
 #include <algorithm>
+#include <stdexcept>
 #include <utility>
 
+#include "lib/spoke_grid.hpp"
 #include "lib/wedge_source.hpp"
 #include "tiles/raster_layer.hpp"
 
 namespace wedgescope {
+
+/// What load() fills, still empty. std::out_of_range if the window is not inside the raster.
+inline Chunk begun_chunk(const DataBase& data_base, const ChunkRequest& request) {
+    const Window& window = request.window;
+    if (window.empty() || window.rows.begin < 0 || window.rows.end > posts_at(data_base.rows, request.level) ||
+        (!data_base.cyclic &&
+         (window.columns.begin < 0 || window.columns.end > posts_at(data_base.columns, request.level))))
+        throw std::out_of_range("load: window outside the raster");
+    Chunk chunk;
+    chunk.window = window;
+    chunk.lines_are_columns = request.lines_are_columns;
+    return chunk;
+}
 
 class NeededPosts {
 public:

@@ -1,5 +1,5 @@
 // RegisteredLayer: a raster (culture, culture height) registered by coordinate to the terrain's posts.
-// For the .cpp files of this folder only. Leaves the terrain itself and chunks to sources.cpp.
+// For the .cpp files of this folder only. Leaves the terrain itself and chunks to raster_source.cpp.
 #pragma once
 #include <cstdint>
 #include <memory>

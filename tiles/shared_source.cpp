@@ -6,10 +6,10 @@
 #include <algorithm>
 #include <atomic>
 #include <mutex>
-#include <stdexcept>
 
 #include "lib/spoke_grid.hpp"
 #include "lib/transpose.hpp"
+#include "tiles/needed_posts.hpp"
 
 namespace wedgescope {
 namespace {
@@ -132,26 +132,19 @@ RawVector<float> SharedSource::posts(const std::vector<float>& layer, const Wind
 
 Chunk SharedSource::load(const ChunkRequest& request) {
     if (!read_) return source_->load(request);
-    const Window& window = request.window;
-    if (window.empty() || window.rows.begin < 0 || window.rows.end > posts_at(data_base_.rows, request.level) ||
-        (!data_base_.cyclic &&
-         (window.columns.begin < 0 || window.columns.end > posts_at(data_base_.columns, request.level))))
-        throw std::out_of_range("load: window outside the raster");
-    Chunk chunk;
-    chunk.window = window;
-    chunk.lines_are_columns = request.lines_are_columns;
+    Chunk chunk = begun_chunk(data_base_, request);
     if (const auto height = request.flat_m()) {
         chunk.flat = true;
         chunk.surface_m.assign(static_cast<std::size_t>(chunk.minor_count()), *height);
         return chunk;
     }
-    chunk.surface_m = posts(surface_m_, window, request.lines_are_columns, request.level);
+    chunk.surface_m = posts(surface_m_, chunk.window, request.lines_are_columns, request.level);
     if (request.level == 0 && !culture_m_.empty()) {
-        chunk.culture_height_m = posts(culture_m_, window, request.lines_are_columns);
+        chunk.culture_height_m = posts(culture_m_, chunk.window, request.lines_are_columns);
         if (std::all_of(chunk.culture_height_m.begin(), chunk.culture_height_m.end(), [](float h) { return h == 0; }))
             chunk.culture_height_m.clear();
     }
-    chunk.posts_read = static_cast<std::uint64_t>(window.posts());
+    chunk.posts_read = static_cast<std::uint64_t>(chunk.window.posts());
     return chunk;
 }
 

@@ -1,5 +1,5 @@
 // StoreLayer: one layer of a tile store, read tile by tile, each tile checked against its checksum as it is decoded.
-// For the .cpp files of this folder only. Leaves which tiles are needed to sources.cpp.
+// For the .cpp files of this folder only. Leaves which tiles are needed to raster_source.cpp.
 //
 // Memory: TileCache, and for each reading thread one sheet's handle and one tile; at most 16 handles wait open,
 // fewer where tiles are large (idle_bytes).

@@ -1,0 +1,569 @@
+#include "tiles/raster_source.hpp"
+
+#include <array>
+#include <cmath>
+#include <limits>
+#include <numeric>
+#include <queue>
+#include <stdexcept>
+
+#include "lib/error.hpp"
+#include "lib/transpose.hpp"
+#include "tiles/checksum.hpp"
+#include "tiles/detail_map_file.hpp"
+#include "tiles/gdal_session.hpp"
+#include "tiles/georeference.hpp"
+#include "tiles/raster_file.hpp"
+
+namespace wedgescope {
+namespace {
+
+/// Lowest and highest of many floats, NaN left out; in lanes, so that no comparison waits for the one before.
+class Range {
+public:
+    /// Returns the number of NaN.
+    std::uint64_t add(const std::vector<float>& values) {
+        std::uint32_t none[lanes] = {};
+        const std::size_t whole = values.size() / lanes * lanes;
+        for (std::size_t i = 0; i < whole; i += lanes)
+            for (std::size_t k = 0; k < lanes; ++k) {
+                const float z = values[i + k];
+                none[k] += z != z;
+                low_[k] = z < low_[k] ? z : low_[k];
+                high_[k] = z > high_[k] ? z : high_[k];
+            }
+        for (std::size_t i = whole; i < values.size(); ++i) {
+            const float z = values[i];
+            none[0] += z != z;
+            low_[0] = z < low_[0] ? z : low_[0];
+            high_[0] = z > high_[0] ? z : high_[0];
+        }
+        return std::accumulate(std::begin(none), std::end(none), std::uint64_t{0});
+    }
+    float lowest() const { return *std::min_element(low_.begin(), low_.end()); }
+    float highest() const { return *std::max_element(high_.begin(), high_.end()); }
+
+private:
+    static constexpr std::size_t lanes = 16;
+    static std::array<float, lanes> filled(float value) {
+        std::array<float, lanes> out;
+        out.fill(value);
+        return out;
+    }
+    std::array<float, lanes> low_ = filled(std::numeric_limits<float>::infinity());
+    std::array<float, lanes> high_ = filled(-std::numeric_limits<float>::infinity());
+};
+
+/// Cells that may be read for these posts; all columns where a window leaves a raster that spans the circle.
+std::vector<Window> cells_under(const Axis& columns, const Axis& rows, const std::vector<Window>& posts) {
+    constexpr std::int64_t margin = 2;
+    const auto side = [](const Axis& axis, Interval part) {
+        const Interval all{0, axis.cells}, under = axis.under({part.begin - margin, part.end + margin});
+        return axis.circle > 0 && intersection(under, all) != under ? all : intersection(under, all);
+    };
+    std::vector<Window> cells;
+    for (const Window& window : posts)
+        if (const Window under{side(columns, window.columns), side(rows, window.rows)}; !under.empty())
+            cells.push_back(under);
+    return cells;
+}
+
+}  // namespace
+
+RasterSource::RasterSource(const DataBaseParams& params) : params_(params) {
+    std::unique_ptr<RasterLayer> culture, height;
+    if (is_tile_store(params_.dem)) {
+        // A quarter is left to GDAL, for layers beside the store and for what is written.
+        GdalSession::set_cache_bytes(params_.cache_bytes - store_share(params_.cache_bytes));
+        store_ = std::make_unique<TileStore>(params_.dem, store_share(params_.cache_bytes));
+        terrain_ = store_->layer(StoreLayerKind::dem);
+        if (params_.culture.empty()) {
+            culture = store_->layer(StoreLayerKind::culture);
+            if (!params_.legend) params_.legend = store_->legend(params_.materials);
+        }
+        if (params_.culture_height.empty()) {
+            has_detail_ = store_->has_detail_map();
+            height = store_->layer(StoreLayerKind::culture_height);
+            map_ = store_->block_map(params_.culture_height_scale);
+        }
+    } else {
+        terrain_ = std::make_unique<RasterFile>("dem", params_.dem);
+    }
+    if (!params_.culture.empty()) culture = std::make_unique<RasterFile>("culture", params_.culture);
+    if (!params_.culture_height.empty())
+        height = std::make_unique<RasterFile>("culture-height", params_.culture_height);
+
+    if (!map_ && params_.ground) {
+        map_ = params_.ground->block_map(params_.culture_height_scale);
+        has_detail_ = of_ground_ = true;
+    }
+
+    const RasterFacts& facts = terrain_->facts();
+    if (facts.columns < 2 || facts.rows < 2)
+        throw DataError(
+            text(facts.named(), " has ", facts.columns, " x ", facts.rows, " posts; accepted: at least 2 x 2"));
+    if (params_.by_strips && !culture && !height) limit_cache(strips_bytes(facts));
+    data_base_ = describe(facts);
+    data_base_.default_class = params_.default_class;
+    ledger_ = std::make_unique<TileLedger>(facts);
+    if (culture) open_culture(std::move(culture));
+    if (!height) return;
+    if (!(params_.culture_height_scale >= 0) || !std::isfinite(params_.culture_height_scale))
+        throw InputError(
+            text("culture-height-scale is ", params_.culture_height_scale, "; accepted: a number from 0 up"));
+    height_ = std::make_unique<RegisteredLayer>(std::move(height), facts);
+    data_base_.has_culture_height = true;
+    data_base_.post_bytes += height_->facts().type_bytes;
+}
+
+Chunk RasterSource::load(const ChunkRequest& request) {
+    Chunk chunk = begun_chunk(data_base_, request);
+    if (const auto height = request.flat_m()) {
+        pass_surface(request);
+        chunk.flat = true;
+        chunk.surface_m.assign(static_cast<std::size_t>(chunk.minor_count()), *height);
+    } else if (request.level > 0) {
+        load_level(chunk, request);
+    } else {
+        load_surface(chunk, NeededPosts(request));
+    }
+    return chunk;
+}
+
+LoadCost RasterSource::cost(const ChunkRequest& request) const {
+    const auto posts = static_cast<std::uint64_t>(request.window.posts());
+    LoadCost cost{posts, posts * static_cast<std::uint64_t>(terrain_->facts().type_bytes), posts * sizeof(float), 0};
+    const std::int64_t width = request.window.columns.size(), rows = request.window.rows.size();
+    const auto slab = static_cast<std::size_t>(width * std::min(rows, std::max<std::int64_t>(1, slab_posts / width)));
+    cost.beside_bytes = request.lines_are_columns ? slab * sizeof(float) : 0;
+    if (request.level > 0) {
+        cost.beside_bytes += terrain_->level_bytes();
+    } else if (height_) {
+        const double cells = std::fabs(height_->columns().scale * height_->rows().scale);
+        cost.bytes += static_cast<std::uint64_t>(static_cast<double>(posts) * cells) *
+                      static_cast<std::uint64_t>(height_->facts().type_bytes);
+        cost.chunk_bytes *= 2;
+        cost.beside_bytes += 2 * slab * sizeof(float);
+    }
+    cost.beside_bytes += reader_bytes();
+    return cost;
+}
+
+CultureCells RasterSource::load_classes(const Window& window) {
+    if (!culture_) throw std::out_of_range("load_classes: there is no culture");
+    CultureCells cells;
+    cells.window = window;
+    cells.classes.assign(static_cast<std::size_t>(window.posts()), params_.default_class);
+    bool any_unknown = false;
+    const std::int64_t read =
+        culture_->read_codes(window, [&](std::int64_t row, std::int64_t at, const std::int32_t* codes, std::int64_t n) {
+            ClassId* to = cells.classes.data() + row * window.columns.size() + at;
+            bool unknown = false;
+            for (std::int64_t i = 0; i < n; ++i) {
+                const ClassId id = class_of(codes[i]);
+                unknown |= id == unknown_class;
+                to[i] = id;
+            }
+            any_unknown |= unknown;
+        });
+    cells.bytes_read = static_cast<std::uint64_t>(read * culture_->facts().type_bytes);
+    if (!any_unknown) return cells;
+    cells.codes.assign(cells.classes.size(), void_code);
+    culture_->read_codes(window, [&](std::int64_t row, std::int64_t at, const std::int32_t* codes, std::int64_t n) {
+        std::copy_n(codes, n, cells.codes.data() + row * window.columns.size() + at);
+    });
+    return cells;
+}
+
+float RasterSource::bare_terrain_m(std::int64_t column, std::int64_t row) {
+    if (data_base_.cyclic) column = wrapped(column);
+    if (column < 0 || column >= data_base_.columns || row < 0 || row >= data_base_.rows)
+        throw std::out_of_range("bare_terrain_m: post outside the raster");
+    float z = 0;
+    terrain_->read_heights({{column, column + 1}, {row, row + 1}}, &z, 1);
+    return z;
+}
+
+Extremes RasterSource::extremes() {
+    const std::lock_guard lock(extremes_mutex_);
+    if (!extremes_) extremes_ = find_extremes();
+    return *extremes_;
+}
+
+std::uint64_t RasterSource::fingerprint(const std::vector<Window>& posts) {
+    Checksum sum;
+    Axis columns, rows;
+    columns.cells = data_base_.columns;
+    columns.circle = static_cast<double>(data_base_.cycle_columns);
+    rows.cells = data_base_.rows;
+    sum.add(terrain_->fingerprint(cells_under(columns, rows, posts)));
+    for (auto* layer : {culture_.get(), height_.get()})
+        sum.add(layer ? layer->raster().fingerprint(cells_under(layer->columns(), layer->rows(), posts)) : 0);
+    return sum.value();
+}
+
+DetailMap* RasterSource::detail_map() {
+    if (!has_detail_) return nullptr;
+    const std::lock_guard lock(detail_mutex_);
+    if (!detail_) {
+        const double scale = params_.culture_height_scale;
+        detail_ = of_ground_ ? params_.ground->detail_map(scale) : TileStore(params_.dem, 0).detail_map(scale);
+    }
+    return detail_.get();
+}
+
+Skipped RasterSource::skipped() const {
+    Skipped sum{};
+    ledger_->add_to(sum);
+    for (const auto* layer : {culture_.get(), height_.get()})
+        if (layer) layer->ledger().add_to(sum);
+    // Tiles that only levels were read of are not saved whole.
+    SkipCount& detail = sum[static_cast<std::size_t>(Skip::detail)];
+    const std::uint64_t read = std::min(detail.posts, level_posts_.load());
+    detail.posts -= read;
+    detail.bytes -= std::min(detail.bytes, read * static_cast<std::uint64_t>(terrain_->facts().type_bytes));
+    return sum;
+}
+
+std::size_t RasterSource::cache_bytes() const {
+    // Of a store also pages of the block map and the sheets that wait open.
+    constexpr std::size_t pages = (std::size_t{4} << 20) + DetailMapFile::most_bytes;
+    std::size_t idle = 0;
+    for (const RasterLayer* layer : readers()) idle += layer->idle_bytes();
+    // And what culling and levels by a map that is yet to be made may take of the sweep's share.
+    constexpr std::size_t to_come = std::size_t{2} << 20;
+    const bool expected = params_.expects_ground && !of_ground_;
+    return params_.cache_bytes + ledger_bytes() + idle + (store_ || of_ground_ || expected ? pages : 0) +
+           (expected ? to_come : 0);
+}
+
+std::size_t RasterSource::reader_bytes() const {
+    ReaderBytes all;
+    for (const RasterLayer* layer : readers()) {
+        const ReaderBytes own = layer->reader_bytes();
+        all = {std::max(all.decoded, own.decoded), all.packed + own.packed};
+    }
+    return all.decoded + all.packed;
+}
+
+std::size_t RasterSource::strips_bytes(const RasterFacts& facts) {
+    constexpr std::int64_t strip = 256;
+    const double posts = static_cast<double>(facts.columns) * static_cast<double>(std::max(facts.block_rows, strip)) +
+                         static_cast<double>(facts.rows) * static_cast<double>(std::max(facts.block_columns, strip));
+    return static_cast<std::size_t>(2 * posts * 1.25 * static_cast<double>(facts.type_bytes) * 4 / 3);
+}
+
+void RasterSource::limit_cache(std::size_t bytes) {
+    if (bytes >= params_.cache_bytes) return;
+    params_.cache_bytes = bytes;
+    GdalSession::set_cache_bytes(store_ ? bytes - store_share(bytes) : bytes);
+    if (store_) store_->limit_cache(store_share(bytes));
+}
+
+std::vector<RasterLayer*> RasterSource::readers() const {
+    std::vector<RasterLayer*> all{terrain_.get()};
+    if (height_) all.push_back(&height_->raster());
+    if (culture_) all.push_back(&culture_->raster());
+    return all;
+}
+
+std::size_t RasterSource::ledger_bytes() const {
+    std::size_t bytes = ledger_->bytes();
+    for (const auto* layer : {culture_.get(), height_.get()})
+        if (layer) bytes += layer->ledger().bytes();
+    return bytes;
+}
+
+void RasterSource::open_culture(std::unique_ptr<RasterLayer> raster) {
+    if (!params_.legend)
+        throw InputError(
+            "culture needs culture-legend; accepted: fbfm40, nlcd, worldcover, smc, rat (its own attribute table) "
+            "or a "
+            "CSV file of code,material");
+    culture_ = std::make_unique<RegisteredLayer>(std::move(raster), terrain_->facts());
+    const RasterFacts& facts = culture_->facts();
+    if (facts.scale != 1 || facts.offset != 0)
+        throw DataError(text(facts.named(), " has band scale ", facts.scale, " and offset ", facts.offset,
+                             "; accepted: plain codes, scale 1 and offset 0"));
+    data_base_.has_culture = true;
+    data_base_.culture_name = facts.path;
+    data_base_.legend_name = params_.legend ? params_.legend->name() : "none";
+    data_base_.culture_column_offset = culture_->columns().offset;
+    data_base_.culture_column_scale = culture_->columns().scale;
+    data_base_.culture_row_offset = culture_->rows().offset;
+    data_base_.culture_row_scale = culture_->rows().scale;
+    data_base_.culture_columns = facts.columns;
+    data_base_.culture_rows = facts.rows;
+    data_base_.culture_tile_columns = std::clamp<std::int64_t>(facts.block_columns, 64, 512);
+    data_base_.culture_tile_rows = std::clamp<std::int64_t>(facts.block_rows, 64, 512);
+    class_of_.resize(table_size, unknown_class);
+    for (const auto& [code, id] : params_.legend->classes())
+        if (code >= table_begin && code < table_begin + table_size)
+            class_of_[static_cast<std::size_t>(code - table_begin)] = id;
+}
+
+std::int64_t RasterSource::wrapped(std::int64_t column) const {
+    const std::int64_t cycle = data_base_.cycle_columns;
+    const std::int64_t rest = column % cycle;
+    return rest < 0 ? rest + cycle : rest;
+}
+
+std::vector<Run> RasterSource::terrain_runs(Interval columns) const {
+    if (!data_base_.cyclic || (columns.begin >= 0 && columns.end <= data_base_.columns))
+        return {{0, columns.size(), columns}};
+    std::vector<std::int64_t> source(static_cast<std::size_t>(columns.size()));
+    for (std::size_t i = 0; i < source.size(); ++i) source[i] = wrapped(columns.begin + static_cast<std::int64_t>(i));
+    return runs(source, 1);
+}
+
+std::vector<Interval> RasterSource::slabs(Interval rows, std::int64_t width) const {
+    const std::int64_t block = data_base_.block_rows;
+    std::int64_t high = std::max<std::int64_t>(1, slab_posts / width);
+    if (high >= block) high = high / block * block;
+    std::vector<Interval> found;
+    for (std::int64_t r = rows.begin; r < rows.end;) {
+        std::int64_t end = r + high;
+        if (high >= block) end -= end % block;  // to the next edge of blocks
+        end = std::min(end, rows.end);
+        found.push_back({r, end});
+        r = end;
+    }
+    return found;
+}
+
+void RasterSource::turn(const float* from, std::int64_t rows, std::int64_t width, float* to, std::int64_t minor,
+                        std::int64_t at) {
+    const auto columns = static_cast<std::size_t>(width);
+    transpose_floats(from, columns, static_cast<std::size_t>(rows), columns, to + at, static_cast<std::size_t>(minor));
+}
+
+void RasterSource::load_level(Chunk& chunk, const ChunkRequest& request) {
+    const NeededPosts needed(request);
+    const Interval columns = chunk.window.columns, rows = chunk.window.rows;
+    const std::int64_t width = columns.size(), minor = chunk.minor_count();
+    chunk.surface_m.resize(static_cast<std::size_t>(chunk.window.posts()));
+    RawVector<float> slab;
+    for (const Interval part : slabs(rows, width)) {
+        const std::int64_t first = part.begin - rows.begin;
+        float* surface = chunk.surface_m.data() + first * width;
+        if (chunk.lines_are_columns) {
+            slab.resize(static_cast<std::size_t>(part.size() * width));
+            surface = slab.data();
+        }
+        for_each_tile_run(
+            terrain_->facts(), {columns, part}, [&](const Window& posts) { return needed.reason(posts); },
+            [&](const Window& posts) {
+                terrain_->read_level(
+                    request.level, posts,
+                    surface + (posts.rows.begin - part.begin) * width + posts.columns.begin - columns.begin, width);
+                chunk.posts_read += static_cast<std::uint64_t>(posts.posts());
+            },
+            [](const Window&, Skip) {});
+        needed.fill({columns, part}, surface, nullptr);
+        if (chunk.lines_are_columns) turn(slab.data(), part.size(), width, chunk.surface_m.data(), minor, first);
+    }
+    pass_surface(request);
+    chunk.bytes_read += chunk.posts_read * static_cast<std::uint64_t>(terrain_->facts().type_bytes);
+    level_posts_ += chunk.posts_read;
+}
+
+void RasterSource::load_surface(Chunk& chunk, const NeededPosts& needed) {
+    const Interval columns = chunk.window.columns, rows = chunk.window.rows;
+    const std::int64_t width = columns.size(), minor = chunk.minor_count();
+    const auto posts = static_cast<std::size_t>(chunk.window.posts());
+    const std::vector<Run> terrain = terrain_runs(columns);
+    RegisteredLayer::Plan plan;
+    if (height_) plan = height_->plan(columns);
+    chunk.surface_m.resize(posts);
+    RawVector<float> slab;
+    std::vector<float> culture, scratch;
+    for (const Interval part : slabs(rows, width)) {
+        const auto n = static_cast<std::size_t>(part.size() * width);
+        const std::int64_t first = part.begin - rows.begin;
+        float* surface = chunk.surface_m.data() + first * width;
+        if (chunk.lines_are_columns) {
+            slab.resize(n);
+            surface = slab.data();
+        }
+        for (const Run& run : terrain)
+            chunk.posts_read += read_terrain(run, columns.begin, part, needed, surface, width);
+        if (culture_) pass_layer(*culture_, {columns, part}, needed);
+        if (height_) {
+            culture.resize(n);
+            const std::int64_t read =
+                height_->read_heights(plan, part, params_.culture_height_scale, needed, culture.data(), scratch);
+            chunk.bytes_read += static_cast<std::size_t>(read * height_->facts().type_bytes);
+            for (std::size_t i = 0; i < n; ++i) surface[i] += culture[i];
+        }
+        needed.fill({columns, part}, surface, height_ ? culture.data() : nullptr);
+        if (height_ && std::any_of(culture.begin(), culture.end(), [](float h) { return h != 0; })) {
+            if (chunk.culture_height_m.empty()) chunk.culture_height_m.assign(posts, 0);
+            if (chunk.lines_are_columns)
+                turn(culture.data(), part.size(), width, chunk.culture_height_m.data(), minor, first);
+            else
+                std::copy(culture.begin(), culture.end(), chunk.culture_height_m.begin() + first * width);
+        }
+        if (chunk.lines_are_columns) turn(slab.data(), part.size(), width, chunk.surface_m.data(), minor, first);
+    }
+    chunk.bytes_read += chunk.posts_read * static_cast<std::uint64_t>(terrain_->facts().type_bytes);
+}
+
+std::uint64_t RasterSource::read_terrain(const Run& run, std::int64_t first, Interval rows, const NeededPosts& needed,
+                                         float* out, std::int64_t stride) {
+    const std::int64_t shift = first + run.at - run.source.begin;
+    if (needed.all()) {
+        ledger_->touch({run.source, rows});
+        terrain_->read_heights({run.source, rows}, out + run.at, stride);
+        return static_cast<std::uint64_t>(run.source.size() * rows.size());
+    }
+    std::uint64_t read = 0;
+    for_each_tile_run(
+        terrain_->facts(), {run.source, rows},
+        [&](const Window& cells) {
+            return needed.reason({{cells.columns.begin + shift, cells.columns.end + shift}, cells.rows});
+        },
+        [&](const Window& cells) {
+            ledger_->touch(cells);
+            const auto moved = [](const Window& w, std::int64_t by) {
+                return Window{{w.columns.begin + by, w.columns.end + by}, w.rows};
+            };
+            needed.each_part(moved(cells, shift), [&](const Window& posts) {
+                terrain_->read_heights(moved(posts, -shift),
+                                       out + (posts.rows.begin - rows.begin) * stride + posts.columns.begin - first,
+                                       stride);
+            });
+            read += static_cast<std::uint64_t>(cells.posts());
+        },
+        [&](const Window& cells, Skip why) { ledger_->pass(cells, why); });
+    return read;
+}
+
+void RasterSource::pass_surface(const ChunkRequest& request) {
+    const NeededPosts needed(request);
+    const Window& window = request.window;
+    if (request.level > 0) return pass_level(request, needed);
+    for (const Run& run : terrain_runs(window.columns)) {
+        const std::int64_t shift = window.columns.begin + run.at - run.source.begin;
+        const auto reason = [&](const Window& cells) {
+            return needed.reason({{cells.columns.begin + shift, cells.columns.end + shift}, cells.rows});
+        };
+        for_each_tile_run(
+            terrain_->facts(), {run.source, window.rows}, reason, [](const Window&) {},
+            [&](const Window& cells, Skip why) { ledger_->pass(cells, why); });
+    }
+    for (auto* layer : {culture_.get(), height_.get()})
+        if (layer) pass_layer(*layer, window, needed);
+}
+
+void RasterSource::pass_level(const ChunkRequest& request, const NeededPosts& needed) {
+    const int level = request.level;
+    const auto why = [&](const Window& posts) {
+        const Skip reason = needed.reason(posts);
+        return reason == Skip::none ? Skip::detail : reason;
+    };
+    // In pieces that lie in one tile of the file.
+    const auto unit = [&](std::int64_t tile) { return std::max<std::int64_t>(1, tile >> level); };
+    const std::int64_t wide = unit(terrain_->facts().block_columns), high = unit(terrain_->facts().block_rows);
+    const Window& window = request.window;
+    for (std::int64_t r = window.rows.begin; r < window.rows.end;) {
+        const std::int64_t r_end = std::min(window.rows.end, (r / high + 1) * high);
+        for (std::int64_t c = window.columns.begin; c < window.columns.end;) {
+            const std::int64_t c_end = std::min(window.columns.end, (c / wide + 1) * wide);
+            const Window posts{{c, c_end}, {r, r_end}};
+            const Skip reason = why(posts);
+            ledger_->pass(raster_posts(posts, level), reason);
+            if (culture_) culture_->pass(raster_posts(posts, level), reason == Skip::detail ? Skip::culture : reason);
+            if (height_) height_->pass(raster_posts(posts, level), reason);
+            c = c_end;
+        }
+        r = r_end;
+    }
+}
+
+void RasterSource::pass_layer(RegisteredLayer& layer, const Window& posts, const NeededPosts& needed) {
+    const auto pass = [&](const Window& part) {
+        const Skip why = needed.reason(part);
+        layer.pass(part, why == Skip::none ? Skip::culture : why);
+    };
+    if (needed.all()) return pass(posts);
+    const Window blocks = blocks_of(posts);
+    for (std::int64_t r = blocks.rows.begin; r < blocks.rows.end; ++r)
+        for (std::int64_t c = blocks.columns.begin; c < blocks.columns.end; ++c)
+            pass({intersection(posts.columns, {c * block_posts, (c + 1) * block_posts}),
+                  intersection(posts.rows, {r * block_posts, (r + 1) * block_posts})});
+}
+
+ClassId RasterSource::class_of(std::int32_t code) const {
+    const std::int64_t at = static_cast<std::int64_t>(code) - table_begin;
+    if (at >= 0 && at < table_size) return class_of_[static_cast<std::size_t>(at)];
+    if (code == void_code) return params_.default_class;
+    return params_.legend->find(code).value_or(unknown_class);
+}
+
+Extremes RasterSource::find_extremes() {
+    if (const auto known = bare_extremes(); known && (!height_ || map_)) return known_extremes(*known);
+    Extremes out;
+    Range bare, surface;
+    std::vector<float> terrain, culture, scratch;
+    const ChunkRequest everything;
+    const NeededPosts all(everything);
+    for_each_window(terrain_->facts(), terrain_->facts().own_columns(), slab_posts, [&](const Window& window) {
+        if (params_.stop) params_.stop->check();
+        const auto n = static_cast<std::size_t>(window.posts());
+        terrain.resize(n);
+        terrain_->read_heights(window, terrain.data(), window.columns.size());
+        out.void_posts += bare.add(terrain);
+        if (!height_) return;
+        culture.resize(n);
+        height_->read_heights(height_->plan(window.columns), window.rows, params_.culture_height_scale, all,
+                              culture.data(), scratch);
+        for (std::size_t i = 0; i < n; ++i) terrain[i] += culture[i];
+        surface.add(terrain);
+    });
+    out.any_valid = bare.lowest() <= bare.highest();
+    if (out.any_valid) {
+        out.lowest_m = bare.lowest();
+        out.highest_m = height_ ? surface.highest() : bare.highest();
+    }
+    return out;
+}
+
+Extremes RasterSource::known_extremes(Extremes out) {
+    if (!height_ || !out.any_valid) return out;
+    struct Candidate {
+        float bound;
+        int level;
+        std::int64_t column, row;
+        bool operator<(const Candidate& other) const { return bound < other.bound; }
+    };
+    std::priority_queue<Candidate> candidates;
+    const Interval all_columns{0, terrain_->facts().own_columns()}, all_rows{0, data_base_.rows};
+    const auto add = [&](int level, const Window& blocks) {
+        const BlockWindow found = map_->read(level, blocks);
+        for (std::int64_t r = blocks.rows.begin; r < blocks.rows.end; ++r)
+            for (std::int64_t c = blocks.columns.begin; c < blocks.columns.end; ++c) {
+                const BlockBounds& b = found.at(c, r);
+                if (b.voids != Voids::all) candidates.push({b.highest_m + b.culture_m, level, c, r});
+            }
+    };
+    const int top = map_->levels() - 1;
+    add(top, blocks_of({{0, data_base_.columns}, all_rows}, top));
+    float highest = out.highest_m;  // of the bare terrain
+    while (!candidates.empty() && candidates.top().bound > highest) {
+        const Candidate c = candidates.top();
+        candidates.pop();
+        const std::int64_t edge = block_posts << c.level;
+        const Window posts{intersection(all_columns, {c.column * edge, (c.column + 1) * edge}),
+                           intersection(all_rows, {c.row * edge, (c.row + 1) * edge})};
+        if (posts.empty()) continue;
+        if (c.level > 0) {
+            add(c.level - 1, blocks_of(posts, c.level - 1));
+            continue;
+        }
+        for (const float z : load(posts, false).surface_m) highest = z > highest ? z : highest;
+    }
+    out.highest_m = highest;
+    return out;
+}
+
+}  // namespace wedgescope

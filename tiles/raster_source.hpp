@@ -1,0 +1,140 @@
+// RasterSource: the WedgeSource over raster layers: chunks of rasters, of a store's layers, or of what stands in their place.
+// For the .cpp files of this folder only. Leaves sorting into wedges to spilled_source.cpp, what a layer is to raster_layer.hpp.
+#pragma once
+#include <algorithm>
+#include <atomic>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <vector>
+
+#include "lib/detail.hpp"
+#include "tiles/ground_map.hpp"
+#include "tiles/needed_posts.hpp"
+#include "tiles/registered_layer.hpp"
+#include "tiles/sources.hpp"
+#include "tiles/tile_ledger.hpp"
+#include "tiles/tile_store.hpp"
+
+namespace wedgescope {
+
+/// Chunks of whatever layers there are: rasters, a store's, or blocks that a partition put in their place.
+class RasterSource : public WedgeSource {
+public:
+    explicit RasterSource(const DataBaseParams& params);
+
+    const DataBase& data_base() const override { return data_base_; }
+
+    using WedgeSource::load;
+    Chunk load(const ChunkRequest& request) override;
+
+    LoadCost cost(const ChunkRequest& request) const override;
+
+    std::uint64_t class_bytes(const Window& cells) const override {
+        return WedgeSource::class_bytes(cells) * static_cast<std::uint64_t>(culture_->facts().type_bytes);
+    }
+
+    CultureCells load_classes(const Window& window) override;
+
+    float bare_terrain_m(std::int64_t column, std::int64_t row) override;
+
+    Extremes extremes() override;
+
+    std::uint64_t fingerprint(const std::vector<Window>& posts) override;
+
+    BlockMap* block_map() override { return map_.get(); }
+    /// Opened when it is asked for: whoever uses no levels needs no such file.
+    DetailMap* detail_map() override;
+
+    Skipped skipped() const override;
+
+    std::size_t cache_bytes() const override;
+    std::size_t filled_bytes(std::uint64_t bytes_read) const override {
+        const std::size_t cache = params_.cache_bytes;
+        return cache_bytes() - cache + static_cast<std::size_t>(std::min<std::uint64_t>(cache, bytes_read));
+    }
+    std::size_t held_bytes() const override {
+        const auto blocks = static_cast<std::size_t>(GDALGetCacheUsed64()), tiles = store_ ? store_->cached_bytes() : 0;
+        return filled_bytes(blocks + tiles);
+    }
+
+    /// One layer is read at a time, but a handle keeps its buffers.
+    std::size_t reader_bytes() const override;
+
+protected:
+    /// A quarter is left to GDAL, for layers beside the store and for what is written.
+    static std::size_t store_share(std::size_t cache_bytes) { return cache_bytes / 4 * 3; }
+
+    /// A cache for the blocks under one strip in each of the four quadrants, and some more.
+    static std::size_t strips_bytes(const RasterFacts& facts);
+
+    void limit_cache(std::size_t bytes);
+
+    std::vector<RasterLayer*> readers() const;
+
+    std::size_t ledger_bytes() const;
+
+    void open_culture(std::unique_ptr<RasterLayer> raster);
+
+    std::int64_t wrapped(std::int64_t column) const;
+
+    /// The terrain columns of a window, in runs that can be read.
+    std::vector<Run> terrain_runs(Interval columns) const;
+
+    /// Rows read at a time for a window so wide: whole rows of blocks where they fit.
+    std::vector<Interval> slabs(Interval rows, std::int64_t width) const;
+
+    /// Row-major `from` (rows x width) into lines of columns of `minor` posts, from post `at` of each line on.
+    static void turn(const float* from, std::int64_t rows, std::int64_t width, float* to, std::int64_t minor,
+                     std::int64_t at);
+
+    /// Posts of a level of detail: bare terrain, for levels are used where no culture height stands.
+    void load_level(Chunk& chunk, const ChunkRequest& request);
+
+    void load_surface(Chunk& chunk, const NeededPosts& needed);
+
+    /// What is needed of one run of the columns that begin at `first`; returns posts read.
+    std::uint64_t read_terrain(const Run& run, std::int64_t first, Interval rows, const NeededPosts& needed, float* out,
+                               std::int64_t stride);
+
+    /// Notes why nothing of a request's posts is read.
+    void pass_surface(const ChunkRequest& request);
+
+    /// And of a request for a level: what it keeps is left out for the level's sake, the rest for its own reason.
+    void pass_level(const ChunkRequest& request, const NeededPosts& needed);
+
+    /// Notes why a layer under these posts may stay unread: for the ground's reason, or because nothing sees it.
+    static void pass_layer(RegisteredLayer& layer, const Window& posts, const NeededPosts& needed);
+
+    ClassId class_of(std::int32_t code) const;
+
+    Extremes find_extremes();
+
+    /// Of the bare terrain, where a store or a map knows them.
+    std::optional<Extremes> bare_extremes() const {
+        if (store_) return store_->terrain_extremes();
+        return of_ground_ ? params_.ground->terrain_extremes() : std::nullopt;
+    }
+
+    /// From what is known beforehand; with culture height a few blocks are read, the most promising first.
+    Extremes known_extremes(Extremes out);
+
+    static constexpr std::int32_t table_begin = -32768, table_size = 32768 + 65536;
+
+    DataBaseParams params_;
+    std::unique_ptr<TileStore> store_;  ///< null: plain rasters
+    std::unique_ptr<BlockMap> map_;
+    bool has_detail_ = false, of_ground_ = false;  ///< it is there; of params_.ground
+    std::mutex detail_mutex_;
+    std::atomic<std::uint64_t> level_posts_{0};  ///< read of levels above 0
+    std::unique_ptr<DetailMap> detail_;
+    std::unique_ptr<RasterLayer> terrain_;
+    std::unique_ptr<TileLedger> ledger_;  ///< of the terrain
+    std::unique_ptr<RegisteredLayer> culture_, height_;
+    std::vector<ClassId> class_of_;  ///< of codes from table_begin on
+    DataBase data_base_;
+    std::mutex extremes_mutex_;
+    std::optional<Extremes> extremes_;
+};
+
+}  // namespace wedgescope
