@@ -67,7 +67,7 @@ struct PieceEnd {
 /// a piece may be many times as long as its beginning is far, and its echo falls with the fourth power of the range.
 template <class Point, class Deposit>
 void halve(PieceEnd a, const PieceEnd& b, const Point& point, const Deposit& deposit) {
-    constexpr double leaf = 1.03;   // of ranges: what a part spreads evenly falls by a sixth over it
+    constexpr double leaf = 1.03;   // of ranges: over that the echo falls by an eighth, all but in a straight line
     std::array<PieceEnd, 40> ends;  // still to come, the nearest last
     std::size_t n = 0;
     ends[n++] = b;
@@ -986,9 +986,10 @@ void Front::change(std::size_t lane, std::size_t i, const Between& between, Samp
         if (own || shore_) {
             find_facets(i, 1, lane, next);
             const auto deposit = [&](const PieceEnd& a, const PieceEnd& b, double bent) {
-                const double power = power_of(lane, a.sine, b.sine, a.range_m, b.range_m);
+                const double power = power_of(lane, a.sine, b.sine, a.range_m, b.range_m),
+                             fall = echo_bow(a.sine, b.sine, a.range_m, b.range_m, *scene_->pattern);
                 put(lane,
-                    {{a.x, b.x, 1 / std::max(std::abs(b.x - a.x), 1e-9), power, bent},
+                    {{a.x, b.x, 1 / std::max(std::abs(b.x - a.x), 1e-9), power, std::clamp(bent + fall, -1.0, 1.0)},
                      {between.major(at(*from.part, *to.part, a.part)), at(*from.minor, *to.minor, a.part),
                       between.major(at(*from.part, *to.part, b.part)), at(*from.minor, *to.minor, b.part)},
                      a.sine,

@@ -78,12 +78,21 @@ PatternTable::PatternTable(const AntennaParams& antenna) {
     }
 }
 
-double PatternTable::at(double sine) const {
+PatternTable::Entries PatternTable::beside(double sine) const {
     const double x = (sine + 1) * (0.5 * intervals_);
     const int i = std::clamp(static_cast<int>(x), 0, intervals_ - 1);
-    const double a = static_cast<double>(values_[static_cast<std::size_t>(i)]),
-                 b = static_cast<double>(values_[static_cast<std::size_t>(i) + 1]);
-    return a + (x - i) * (b - a);
+    return {static_cast<double>(values_[static_cast<std::size_t>(i)]),
+            static_cast<double>(values_[static_cast<std::size_t>(i) + 1]), x - i};
+}
+
+double PatternTable::at(double sine) const {
+    const Entries e = beside(sine);
+    return e.first + e.part * (e.second - e.first);
+}
+
+double PatternTable::slope(double sine) const {
+    const Entries e = beside(sine);
+    return (e.second - e.first) * (0.5 * intervals_);
 }
 
 double radar_constant(const RadarParams& radar) {
@@ -128,12 +137,16 @@ WEDGESCOPE_LANES_PART void powers(std::size_t n, const Shading& shading, const P
             const double distance = way < 0 ? -way : way, width = distance > 1e-9 ? distance : 1e-9;
             const double risen = up1[at + i] * out0[at + i] - up0[at + i] * out1[at + i],
                          rise = risen > 1e-200 ? risen : 1e-200, swing = 4 * bump[at + i] * out0[at + i];
-            // One division for 1 / r^2, 1 / width and swing / rise.
-            const double square = range * range, all = 1 / (square * width * rise);
-            power[at + i] =
-                constant * (sine1[at + i] - sine0[at + i]) * (ga + part[i] * (gb - ga)) * (all * (width * rise));
-            inverse_width[at + i] = all * (square * rise);
-            const double bent = swing * (all * (square * width));
+            const double gain = ga + part[i] * (gb - ga), up = sine1[at + i] - sine0[at + i];
+            // One division for 1 / r^2, 1 / width, swing / rise and 1 / gain.
+            const double square = range * range, span = width * rise, all = 1 / (square * span * gain),
+                         inverse_square = all * (span * gain);
+            power[at + i] = constant * up * gain * inverse_square;
+            inverse_width[at + i] = all * (square * rise * gain);
+            // As echo_bow().
+            const double fall = 2 * (range1[at + i] - range0[at + i]) * (range * inverse_square),
+                         swell = 0.5 * up * ((gb - ga) * half) * (all * (square * span)),
+                         bent = swing * (all * (square * width * gain)) + fall - swell;
             bow[at + i] = bent < -1 ? -1 : bent > 1 ? 1 : bent;
         }
     }
@@ -145,7 +158,7 @@ WEDGESCOPE_LANES_PART void facets(std::size_t n, const FacetLanes& lanes) noexce
                  *__restrict height1 = lanes.to.height_m, *__restrict arc0 = lanes.from.arc_m,
                  *__restrict arc1 = lanes.to.arc_m, *__restrict part0 = lanes.from.part,
                  *__restrict part1 = lanes.to.part, *__restrict across = lanes.across, *__restrict slant = lanes.slant;
-    const float *__restrict behind = lanes.behind, *__restrict ahead = lanes.ahead;
+    const float* __restrict behind = lanes.behind, * __restrict ahead = lanes.ahead;
     double* __restrict variable = lanes.variable;
     const auto minor_posts_a_metre = static_cast<float>(1 / lanes.minor_post_m);
     constexpr auto bend = static_cast<float>(law_bend);
@@ -195,6 +208,11 @@ void weaken_lanes(std::size_t n, const SampleLanes& from, const SampleLanes& to,
 
 void power_lanes(std::size_t n, const Shading& shading, const PatternTable& pattern, double constant) noexcept {
     on_target<powers>(n, shading, pattern, constant);
+}
+
+double echo_bow(double sine0, double sine1, double range0_m, double range1_m, const PatternTable& pattern) noexcept {
+    const double range = std::max(1.0, 0.5 * (range0_m + range1_m)), middle = 0.5 * (sine0 + sine1);
+    return 2 * (range1_m - range0_m) / range - 0.5 * (sine1 - sine0) * pattern.slope(middle) / pattern.at(middle);
 }
 
 double piece_power(double sine0, double sine1, double range0_m, double range1_m, const PatternTable& pattern,

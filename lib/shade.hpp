@@ -28,8 +28,14 @@ public:
     double most() const { return most_; }    ///< largest entry
     double error() const { return error_; }  ///< relative
     double at(double sine) const;
+    /// How it changes there with the sine.
+    double slope(double sine) const;
 
 private:
+    struct Entries {
+        double first, second, part;  ///< the two beside a sine, and how far from the first to the second that lies
+    };
+    Entries beside(double sine) const;
     int intervals_ = 0;
     std::vector<float> values_;
     double most_ = 0, error_ = 0;
@@ -46,7 +52,8 @@ struct Shading {
     const double* bump_m;                 ///< in
     double *power, *inverse_width, *bow;  ///< out, as WedgeCells::Portion, without backscatter
 };
-/// power = K g_el^2(middle) / r_middle^2 (new horizon - old horizon), r at least 1 m, as the quantum takes it.
+/// power = K g_el^2(middle) / r_middle^2 (new horizon - old horizon), r at least 1 m, as the quantum takes it. It lies in
+/// range as the surface's rise over the rays does, a parabola, and as what falls on it and comes back: echo_bow().
 void power_lanes(std::size_t n, const Shading& shading, const PatternTable& pattern, double constant) noexcept;
 
 /// The facets of neighbouring pieces, each taken straight from its start to its end and tilted across as the cell it runs
@@ -68,6 +75,10 @@ void facet_lanes(std::size_t n, const FacetLanes& facets) noexcept;
 /// power[i] times loss.factor() of the middle of each piece.
 void weaken_lanes(std::size_t n, const SampleLanes& from, const SampleLanes& to, const double* sine0,
                   const double* inverse_radius, const PathLossTable& loss, double* power) noexcept;
+
+/// The bow of a portion by range and pattern alone: g_el^2 / r^4 over its value at the middle is 1 + bow (1 - 2 u) at part
+/// u of the way, to first order.
+double echo_bow(double sine0, double sine1, double range0_m, double range1_m, const PatternTable& pattern) noexcept;
 
 /// The same power of one piece.
 double piece_power(double sine0, double sine1, double range0_m, double range1_m, const PatternTable& pattern,

@@ -120,8 +120,8 @@ struct Chunk {
     /// Culture height (scaled), metres, at the same posts; empty where none stands in the window.
     RawVector<float> culture_height_m;
 
-    std::uint64_t posts_read = 0;
-    std::uint64_t bytes_read = 0;     ///< decoded bytes of the windows read
+    std::uint64_t posts_read = 0;     ///< in the tiles of the file that were needed, whether each of them was or not
+    std::uint64_t bytes_read = 0;     ///< of these, decoded
     std::uint64_t bytes_spilled = 0;  ///< read for it from a spill's file, as stored there: whole packed blocks
 
     std::int64_t line_count() const { return lines_are_columns ? window.columns.size() : window.rows.size(); }

@@ -309,7 +309,9 @@ TEST_CASE("rotating the aircraft round a lake rotates the bright far shore", "[f
                              azimuth = (static_cast<double>(row) + 0.5) * 0.5 * degree;
                 all += cell(off, row, j);
                 if (change == 0) continue;
-                CHECK(change >= -1e-5 * cell(off, row, j));  // parts of a piece are rounded on their own
+                // Parts of a piece are rounded on their own; of a sliver that reaches into a bin the ends are.
+                const double before = j > on.echo_w.grid.range_bins.begin ? cell(off, row, j - 1) : 0;
+                CHECK(change >= -1e-5 * cell(off, row, j) - 1e-9 * before);
                 const double ground = std::sqrt(std::max(0.0, range * range - 310.0 * 310));
                 more += change;
                 east += change * (x + ground * std::sin(azimuth) - 2000);

@@ -311,6 +311,70 @@ TEST_CASE("the series of the sight line is the exact form of the round earth", "
     }
 }
 
+TEST_CASE("inside a piece the echo lies in range as rise and range say", "[sweep]") {
+    std::mt19937 random(23);
+    std::uniform_real_distribution<double> any(0, 1);
+    constexpr std::size_t n = 64;
+    AntennaParams antenna;  // a slope of its own above the knee, csc^2 below
+    const PatternTable pattern(antenna);
+    double worst = 0, worst_power = 0, without_fall = 0;
+    for (int turn = 0; turn < 40; ++turn) {
+        const auto lanes = [&] { return std::vector<double>(n); };
+        auto up0 = lanes(), up1 = lanes(), out0 = lanes(), out1 = lanes(), range0 = lanes(), range1 = lanes(),
+             sine0 = lanes(), sine1 = lanes(), bump = lanes(), power = lanes(), inverse_width = lanes(), bow = lanes(),
+             idle = lanes();
+        for (std::size_t i = 0; i < n; ++i) {
+            out0[i] = 100 + 900 * any(random);
+            out1[i] = out0[i] * (1 + 0.11 * any(random));
+            const double step = out1[i] - out0[i];
+            // All of it above the knee of 5 degrees, or all below.
+            up0[i] = -(i % 2 ? 0.02 + 0.05 * any(random) : 0.12 + 0.2 * any(random)) * out0[i];
+            // Level ground or a slope up, and a bump that hides nothing of it.
+            up1[i] = up0[i] + 0.05 * any(random) * step;
+            const double risen = (up1[i] * out0[i] - up0[i] * out1[i]) / out0[i];
+            bump[i] = 0.25 * 0.4 * risen * (2 * any(random) - 1);
+            range0[i] = std::hypot(up0[i], out0[i]);
+            range1[i] = std::hypot(up1[i], out1[i]);
+            sine0[i] = up0[i] / range0[i];
+            sine1[i] = up1[i] / range1[i];
+        }
+        const auto ends = [&](auto& up, auto& out, auto& range, auto& sine) {
+            return SampleLanes{idle.data(), idle.data(),  idle.data(), idle.data(), up.data(),
+                               out.data(),  range.data(), sine.data(), range.data()};
+        };
+        power_lanes(n,
+                    {sine0.data(), ends(up0, out0, range0, sine0), ends(up1, out1, range1, sine1), bump.data(),
+                     power.data(), inverse_width.data(), bow.data()},
+                    pattern, 1);
+        for (std::size_t i = 0; i < n; ++i) {
+            // In small steps, what each adds, and where its middle lies.
+            constexpr int steps = 4000;
+            double sum = 0, moment = 0, sine = sine0[i], plain = 0, plain_moment = 0;
+            for (int k = 1; k <= steps; ++k) {
+                const double u = static_cast<double>(k) / steps, middle = u - 0.5 / steps,
+                             up = up0[i] + u * (up1[i] - up0[i]) + 4 * bump[i] * u * (1 - u),
+                             out = out0[i] + u * (out1[i] - out0[i]), range = std::hypot(up, out), next = up / range,
+                             gain = elevation_pattern(antenna, -std::asin(next)), rise = (next - sine) * range * range,
+                             added = rise * gain * gain / std::pow(range, 4);
+                sum += added;
+                moment += added * middle;
+                plain += rise;
+                plain_moment += rise * middle;
+                sine = next;
+            }
+            // Up to u lies the share u + bow u (1 - u): its mean is 1/2 - bow / 6.
+            worst = std::max(worst, std::abs(moment / sum - (0.5 - bow[i] / 6)));
+            without_fall = std::max(without_fall, std::abs(moment / sum - plain_moment / plain));
+            worst_power = std::max(worst_power, std::abs(power[i] / sum - 1));
+            const double fall = echo_bow(sine0[i], sine1[i], range0[i], range1[i], pattern);
+            CHECK(std::abs(plain_moment / plain - fall / 6 - moment / sum) < 0.006);
+        }
+    }
+    CHECK(worst < 0.005);
+    CHECK(worst_power < 0.03);
+    CHECK(without_fall > 0.03);
+}
+
 TEST_CASE("what a parabola shows over a horizon is what walking along it shows", "[sweep]") {
     std::mt19937 random(17);
     std::uniform_real_distribution<double> any(-1, 1);

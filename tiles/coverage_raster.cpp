@@ -96,8 +96,8 @@ void CoverageFile::create(const DataBase& db, const OutputFile& file, const Rast
         content.geotransform = {db.origin_x - 0.5 * db.step_x, db.step_x, 0,
                                 db.origin_y - 0.5 * db.step_y, 0,         db.step_y};
     open_->dataset = create_raster(content, file, format);
-    // What a GeoTIFF's close finds unwritten it packs once.
-    if (by_tiles() && EQUAL(open_->dataset->GetDriverName(), "GTiff"))
+    // What a GeoTIFF's close finds unwritten it fills with 0, or with the no-data value, and packs once.
+    if (by_tiles() && EQUAL(open_->dataset->GetDriverName(), "GTiff") && declared(0).value_or(0) == 0)
         open_->blank.resize(static_cast<std::size_t>(open_->tiles_across() * ((db.rows - 1) / CoverageTile::edge + 1)));
 }
 

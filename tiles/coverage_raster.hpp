@@ -1,8 +1,8 @@
 // Coverage raster: a layer of coverage as a raster file with the grid of its terrain, written tile by tile.
 // Leaves what the values are to lib/coverage.hpp.
 //
-// Memory: GDAL's block cache and a bit a tile, no more: tiles are the file's own blocks (256 x 256 in a GeoTIFF) and come
-// once each. Of a GeoTIFF those of nothing but 0 (hidden ground) are left to GDAL, which packs one for them all.
+// Memory: GDAL's block cache and a bit a tile, no more: tiles are the file's own blocks (256 x 256 in a GeoTIFF) and
+// come once each. Of a GeoTIFF those of nothing but 0 (hidden ground) are left to GDAL, which packs one for them all.
 #pragma once
 #include <memory>
 #include <optional>

@@ -1,5 +1,6 @@
 // Georeference: between WGS84 latitude and longitude and a raster's columns and rows, exact (PROJ).
-// Rasters of one CRS share what PROJ needs for it while one of them is open. For the .cpp files of this folder only. Leaves fitted, quick ways to lib/spoke_map.hpp.
+// Rasters of one CRS share what PROJ needs for it while one of them is open.
+// For the .cpp files of this folder only. Leaves fitted, quick ways to lib/spoke_map.hpp.
 #pragma once
 #include <memory>
 #include <optional>

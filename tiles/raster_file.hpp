@@ -1,6 +1,6 @@
 // RasterFile: one raster, opened and checked, and a pool of handles that threads read its first band through.
-// For the .cpp files of this folder only. Leaves what the values mean to raster_layer.hpp, chunks to raster_source.cpp and
-// counting to raster.cpp.
+// For the .cpp files of this folder only. Leaves what the values mean to raster_layer.hpp, chunks to raster_source.cpp
+// and counting to raster.cpp.
 //
 // Memory: one GDAL handle per thread that reads at the same time; a handle goes back to the pool with its lease. The
 // pool grows to the largest number of readers at a time and never waits. What each holds: reader_bytes().

@@ -73,7 +73,6 @@ std::vector<Window> cells_under(const Axis& columns, const Axis& rows, const std
 RasterSource::RasterSource(const DataBaseParams& params) : params_(params) {
     std::unique_ptr<RasterLayer> culture, height;
     if (is_tile_store(params_.dem)) {
-        // A quarter is left to GDAL, for layers beside the store and for what is written.
         GdalSession::set_cache_bytes(params_.cache_bytes - store_share(params_.cache_bytes));
         store_ = std::make_unique<TileStore>(params_.dem, store_share(params_.cache_bytes));
         terrain_ = store_->layer(StoreLayerKind::dem);
@@ -102,16 +101,19 @@ RasterSource::RasterSource(const DataBaseParams& params) : params_(params) {
     if (facts.columns < 2 || facts.rows < 2)
         throw DataError(
             text(facts.named(), " has ", facts.columns, " x ", facts.rows, " posts; accepted: at least 2 x 2"));
-    if (params_.by_strips && !culture && !height) limit_cache(strips_bytes(facts));
     data_base_ = describe(facts);
     data_base_.default_class = params_.default_class;
     ledger_ = std::make_unique<TileLedger>(facts);
     if (culture) open_culture(std::move(culture));
-    if (!height) return;
+    if (height) open_height(std::move(height));
+    if (store_ && params_.by_strips) limit_tiles();
+}
+
+void RasterSource::open_height(std::unique_ptr<RasterLayer> raster) {
     if (!(params_.culture_height_scale >= 0) || !std::isfinite(params_.culture_height_scale))
         throw InputError(
             text("culture-height-scale is ", params_.culture_height_scale, "; accepted: a number from 0 up"));
-    height_ = std::make_unique<RegisteredLayer>(std::move(height), facts);
+    height_ = std::make_unique<RegisteredLayer>(std::move(raster), terrain_->facts());
     data_base_.has_culture_height = true;
     data_base_.post_bytes += height_->facts().type_bytes;
 }
@@ -246,18 +248,23 @@ std::size_t RasterSource::reader_bytes() const {
     return all.decoded + all.packed;
 }
 
-std::size_t RasterSource::strips_bytes(const RasterFacts& facts) {
-    constexpr std::int64_t strip = 256;
-    const double posts = static_cast<double>(facts.columns) * static_cast<double>(std::max(facts.block_rows, strip)) +
-                         static_cast<double>(facts.rows) * static_cast<double>(std::max(facts.block_columns, strip));
-    return static_cast<std::size_t>(2 * posts * 1.25 * static_cast<double>(facts.type_bytes) * 4 / 3);
-}
-
-void RasterSource::limit_cache(std::size_t bytes) {
-    if (bytes >= params_.cache_bytes) return;
-    params_.cache_bytes = bytes;
-    GdalSession::set_cache_bytes(store_ ? bytes - store_share(bytes) : bytes);
-    if (store_) store_->limit_cache(store_share(bytes));
+void RasterSource::limit_tiles() {
+    constexpr double strip = 256, sides = 2, spare = 1.25;  // posts; two strips each way
+    double bytes = 0;
+    const auto add = [&](const RasterFacts& f, double columns_a_post, double rows_a_post) {
+        const double wide = std::max(static_cast<double>(f.block_columns), strip * columns_a_post),
+                     high = std::max(static_cast<double>(f.block_rows), strip * rows_a_post);
+        bytes += sides * spare * static_cast<double>(f.type_bytes) *
+                 (static_cast<double>(f.columns) * high + static_cast<double>(f.rows) * wide);
+    };
+    add(terrain_->facts(), 1, 1);
+    for (const auto& [layer, of_store] :
+         {std::pair{culture_.get(), params_.culture.empty()}, std::pair{height_.get(), params_.culture_height.empty()}})
+        if (layer && of_store) add(layer->facts(), std::fabs(layer->columns().scale), std::fabs(layer->rows().scale));
+    const std::size_t share = store_share(params_.cache_bytes);
+    if (bytes >= static_cast<double>(share)) return;
+    store_->limit_cache(static_cast<std::size_t>(bytes));
+    params_.cache_bytes -= share - static_cast<std::size_t>(bytes);
 }
 
 std::vector<RasterLayer*> RasterSource::readers() const {

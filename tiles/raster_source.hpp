@@ -1,5 +1,6 @@
-// RasterSource: the WedgeSource over raster layers: chunks of rasters, of a store's layers, or of what stands in their place.
-// For the .cpp files of this folder only. Leaves sorting into wedges to spilled_source.cpp, what a layer is to raster_layer.hpp.
+// RasterSource: the WedgeSource over raster layers: chunks of rasters, of a store's layers, or of what stands in their
+// place. For the .cpp files of this folder only. Leaves sorting into wedges to spilled_source.cpp, what a layer is to
+// raster_layer.hpp.
 #pragma once
 #include <algorithm>
 #include <atomic>
@@ -65,16 +66,15 @@ protected:
     /// A quarter is left to GDAL, for layers beside the store and for what is written.
     static std::size_t store_share(std::size_t cache_bytes) { return cache_bytes / 4 * 3; }
 
-    /// A cache for the blocks under one strip in each of the four quadrants, and some more.
-    static std::size_t strips_bytes(const RasterFacts& facts);
-
-    void limit_cache(std::size_t bytes);
+    /// Of the store's tiles those under one strip in each of the four quadrants, and a quarter more.
+    void limit_tiles();
 
     std::vector<RasterLayer*> readers() const;
 
     std::size_t ledger_bytes() const;
 
     void open_culture(std::unique_ptr<RasterLayer> raster);
+    void open_height(std::unique_ptr<RasterLayer> raster);
 
     std::int64_t wrapped(std::int64_t column) const;
 

@@ -8,11 +8,13 @@
 
 #include <algorithm>
 #include <cctype>
+#include <cerrno>
 #include <cmath>
 #include <cstdint>
 #include <filesystem>
 #include <limits>
 #include <map>
+#include <system_error>
 
 #include "lib/error.hpp"
 
@@ -378,9 +380,16 @@ DatasetHandle create_raster(const RasterContent& content, const OutputFile& file
 
 void close_raster(DatasetHandle dataset, const std::string& final_path) {
     GdalErrors errors;
+    errno = 0;
     dataset->FlushCache(true);
     dataset.reset();
-    if (errors.failed()) fail(final_path, errors);
+    if (!errors.failed()) return;
+    // Of tiles that GDAL fills in it says but that it cannot.
+    for (const int why : {ENOSPC, EFBIG, EDQUOT, EIO})
+        if (errno == why)
+            throw IoError(text("output '", final_path,
+                               "' cannot be written: ", std::error_code(why, std::generic_category()).message()));
+    fail(final_path, errors);
 }
 
 Metadata run_metadata(const RasterFormat& format) {

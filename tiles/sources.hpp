@@ -1,6 +1,7 @@
 // Sources: the WedgeSources. Direct: windows of rasters, read near to far as the engine asks. Spilled: the same posts
 // after one sequential pass, from blocks in wedge buckets. Both hand out the same bits.
-// Leaves which of them serves to source_choice.hpp, the pass to partition.hpp and the blocks' file to spill.hpp.
+// Leaves which of them serves to source_choice.hpp, the pass to partition.hpp and the blocks' file to spill.hpp. The first
+// is raster_source.cpp, the second and kept spills spilled_source.cpp.
 //
 // Memory: a direct source holds GDAL's own block cache, whose size the session sets, and for each reading thread and layer
 // one GDAL handle: the block that it decodes, which the cache keeps even where it is larger than all of the cache, and
@@ -37,8 +38,8 @@ struct DataBaseParams {
     std::size_t cache_bytes = 0;   ///< what the session grants GDAL's block cache
     /// What is known of the ground of plain rasters; null: nothing. A tile store has its own.
     std::shared_ptr<const GroundMap> ground;
-    /// Posts will be asked for once each, strip by strip outward from one point (coverage): a cache beyond a few strips would
-    /// only fill pages with what nobody asks for again.
+    /// Posts will be asked for once each, strip by strip outward from one point (coverage): a store's tiles beyond a few
+    /// strips would only fill pages with what nobody asks for again.
     bool by_strips = false;
     bool expects_ground = false;  ///< one will be given when posts are read: to be counted among what is held
     const Stop* stop = nullptr;   ///< looked at while all posts are read for their extremes

@@ -1,3 +1,5 @@
+#include "tiles/sources.hpp"
+
 #include <fmt/format.h>
 #include <malloc.h>
 
@@ -19,6 +21,7 @@
 #include "tiles/file_stamp.hpp"
 #include "tiles/partition.hpp"
 #include "tiles/raster_source.hpp"
+#include "tiles/spill.hpp"
 
 namespace wedgescope {
 namespace {
