@@ -67,7 +67,7 @@ struct PieceEnd {
 /// a piece may be many times as long as its beginning is far, and its echo falls with the fourth power of the range.
 template <class Point, class Deposit>
 void halve(PieceEnd a, const PieceEnd& b, const Point& point, const Deposit& deposit) {
-    constexpr double leaf = 1.03;   // of ranges: over that the echo falls by an eighth, all but in a straight line
+    constexpr double leaf = 1.03;   // of ranges: over that the echo falls by a ninth, all but in a straight line
     std::array<PieceEnd, 40> ends;  // still to come, the nearest last
     std::size_t n = 0;
     ends[n++] = b;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <limits>
 #include <numbers>
 
 #include "lib/lanes.hpp"
@@ -62,7 +63,10 @@ PatternTable::PatternTable(const AntennaParams& antenna) {
         values_.resize(static_cast<std::size_t>(intervals_) + 2);
         most_ = 0;
         for (std::size_t i = 0; i < values_.size(); ++i) {
-            values_[i] = static_cast<float>(exact(std::min(1.0, -1 + 2 * static_cast<double>(i) / intervals_)));
+            // Never 0: power_lanes divides by it.
+            values_[i] =
+                std::max(static_cast<float>(exact(std::min(1.0, -1 + 2 * static_cast<double>(i) / intervals_))),
+                         std::numeric_limits<float>::min());
             most_ = std::max(most_, static_cast<double>(values_[i]));
         }
         error_ = 0;
@@ -158,7 +162,7 @@ WEDGESCOPE_LANES_PART void facets(std::size_t n, const FacetLanes& lanes) noexce
                  *__restrict height1 = lanes.to.height_m, *__restrict arc0 = lanes.from.arc_m,
                  *__restrict arc1 = lanes.to.arc_m, *__restrict part0 = lanes.from.part,
                  *__restrict part1 = lanes.to.part, *__restrict across = lanes.across, *__restrict slant = lanes.slant;
-    const float* __restrict behind = lanes.behind, * __restrict ahead = lanes.ahead;
+    const float *__restrict behind = lanes.behind, *__restrict ahead = lanes.ahead;
     double* __restrict variable = lanes.variable;
     const auto minor_posts_a_metre = static_cast<float>(1 / lanes.minor_post_m);
     constexpr auto bend = static_cast<float>(law_bend);

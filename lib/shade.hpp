@@ -77,7 +77,8 @@ void weaken_lanes(std::size_t n, const SampleLanes& from, const SampleLanes& to,
                   const double* inverse_radius, const PathLossTable& loss, double* power) noexcept;
 
 /// The bow of a portion by range and pattern alone: g_el^2 / r^4 over its value at the middle is 1 + bow (1 - 2 u) at part
-/// u of the way, to first order.
+/// u of the way, to first order. Left out: what weather takes on the way, and that in bins of ground range (gpi-true) the
+/// echo also falls towards the nadir, as the cosine of the depression does.
 double echo_bow(double sine0, double sine1, double range0_m, double range1_m, const PatternTable& pattern) noexcept;
 
 /// The same power of one piece.

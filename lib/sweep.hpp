@@ -51,7 +51,7 @@ struct SampleLanes {
     double* x;  ///< range coordinate: slant range (arc for gpi-true) in bins
 };
 
-/// Whether a piece may be taken to lie at the mean of its ends' ranges: these differ by at most the factor `most`, and it
+/// Whether a piece's power may be taken at the mean of its ends' ranges: these differ by at most the factor `most`, and it
 /// does not pass the sensor by in between, as a cliff does. Ranges below a metre count as a metre.
 inline constexpr double most_range_ratio = 1.125, most_sine_step = 0.25;
 inline bool one_range(double range0_m, double range1_m, double sine_step, double most = most_range_ratio) {

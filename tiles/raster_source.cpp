@@ -6,6 +6,7 @@
 #include <numeric>
 #include <queue>
 #include <stdexcept>
+#include <utility>
 
 #include "lib/error.hpp"
 #include "lib/transpose.hpp"

@@ -379,16 +379,22 @@ DatasetHandle create_raster(const RasterContent& content, const OutputFile& file
 }
 
 void close_raster(DatasetHandle dataset, const std::string& final_path) {
+    // Of tiles that GDAL fills in it says only that it cannot: why, errno tells, if it is the disk.
+    int why = 0;
+    const auto note = [&] {
+        if (errno == ENOSPC || errno == EFBIG || errno == EDQUOT || errno == EIO) why = errno;
+        errno = 0;
+    };
     GdalErrors errors;
     errno = 0;
     dataset->FlushCache(true);
+    note();
     dataset.reset();
+    note();
     if (!errors.failed()) return;
-    // Of tiles that GDAL fills in it says but that it cannot.
-    for (const int why : {ENOSPC, EFBIG, EDQUOT, EIO})
-        if (errno == why)
-            throw IoError(text("output '", final_path,
-                               "' cannot be written: ", std::error_code(why, std::generic_category()).message()));
+    if (why != 0)
+        throw IoError(text("output '", final_path,
+                           "' cannot be written: ", std::error_code(why, std::generic_category()).message()));
     fail(final_path, errors);
 }
 
