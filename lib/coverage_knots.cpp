@@ -38,10 +38,10 @@ WEDGESCOPE_LANES_PART void place_spokes(const LineForm& line, const PieceForm& p
                                         std::int64_t first, std::size_t n, const KnotLanes& out) noexcept {
     double* __restrict at = out.at;
     float* __restrict lift = out.lift, * __restrict drop = out.drop;
-    const double inverse = 1 / static_cast<double>(spokes), start = static_cast<double>(first);
+    const double of = static_cast<double>(spokes), start = static_cast<double>(first);
     WEDGESCOPE_INDEPENDENT
     for (int i = 0; i < static_cast<int>(n); ++i) {  // which AVX2 can turn into doubles
-        const double m = (start + static_cast<double>(i * static_cast<int>(knot_step))) * inverse,
+        const double m = (start + static_cast<double>(i * static_cast<int>(knot_step))) / of,
                      u = (m - piece.middle) * piece.scale;
         const Polynomials p = factors(line, m, horner(piece.stretch, u));
         at[i] = line.nadir_minor + m * line.distance + horner(piece.bend, u);

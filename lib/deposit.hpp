@@ -2,7 +2,6 @@
 // sum depends on order; and state marks, which are or-ed. Leaves what is deposited to shade.hpp and the image to the
 // engine.
 #pragma once
-#include <array>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -51,31 +50,26 @@ public:
     struct Portion {
         double x0, x1;         ///< range coordinate of its ends, in bins from range 0; either may be the nearer
         double inverse_width;  ///< 1 / |x1 - x0|; finite, not looked at where both ends lie in one bin
-        double power;          ///< W per radian of azimuth
+        double power;          ///< W per radian of azimuth, with backscatter 1
         double bow;            ///< up to part u of the way lies the share u + bow u (1 - u); -1..1
     };
+    /// Its backscatter: gamma[0] up to part `second` of the way from x0 to x1, gamma[1] from there up to part `third`,
+    /// gamma[2] from there on; 0 <= second <= third <= 1.
+    struct Stretches {
+        double gamma[3];
+        double second, third;
+        static Stretches one(double gamma) { return {{gamma, gamma, gamma}, 0, 0}; }
+    };
     /// Adds it to the cells. `quantities`: one for each further channel.
-    void add(const Target& target, const Portion& p, const double* quantities = nullptr) {
-        const bool outwards = p.x0 < p.x1;
-        const double near = outwards ? p.x0 : p.x1, far = outwards ? p.x1 : p.x0;
-        if (!(far < end_) || !(near >= begin_)) return add_cut(target, p, quantities);
-        const auto first = static_cast<std::int32_t>(near), last = static_cast<std::int32_t>(far);
-        if (first == last) return put(target, first, p.power, quantities);
-        const double bow = outwards ? p.bow : -p.bow;
-        double done = 0;
-        for (std::int32_t j = first; j < last; ++j) {
-            const double u = (static_cast<double>(j + 1) - near) * p.inverse_width;
-            const double upto = p.power * (u + bow * (u * (1 - u)));
-            put(target, j, upto - done, quantities);
-            done = upto;
-        }
-        put(target, last, p.power - done, quantities);
-    }
+    void add(const Target& target, const Portion& p, const Stretches& stretches, const double* quantities = nullptr);
+
     /// The portions of neighbouring spokes at once: `add` for every lane with code[i] == 1, the same bits.
     ///   origin                where a spoke's row lies: origin_of(row); any row's, with share0 = 0, if it adds nothing
     ///   share0, share1        as Target::share
     ///   straddlers            lanes with share1 > 0, in order; counted from `first_lane`, which is lane 0 here
-    ///   x0, x1, inverse_width, power, bow   as Portion; `gamma` times power is what is added, nothing where it is < 0
+    ///   x0, x1, inverse_width, power, bow   as Portion
+    ///   gamma, second, third  as Stretches, finite; no `second`: gamma[2] all along, and the others are not looked at.
+    ///                         Lanes with gamma[2] < 0 add nothing
     struct Portions {
         static constexpr std::size_t most = 64;  ///< lanes at once
         const double* code;
@@ -83,7 +77,9 @@ public:
         const double *share0, *share1;
         std::span<const std::int32_t> straddlers;
         std::int32_t first_lane;
-        const double *x0, *x1, *inverse_width, *power, *bow, *gamma;
+        const double *x0, *x1, *inverse_width, *power, *bow;
+        const double* gamma[3];
+        const double *second = nullptr, *third = nullptr;
     };
     std::int64_t origin_of(std::int32_t row) const {
         return static_cast<std::int64_t>(row) * static_cast<std::int64_t>(columns_) -
@@ -113,64 +109,13 @@ private:
         if (channels_ > 1) put_quantities(target, j, whole, quantities);
     }
     void put_quantities(const Target& target, std::size_t column, double whole, const double* quantities);
-    void add_cut(const Target& target, const Portion& portion, const double* quantities);
+    void add_cut(const Target& target, const Portion& portion, const Stretches& stretches, const double* quantities);
 
     const Quanta& quanta_;
     std::size_t rows_, columns_, channels_, first_bin_;
     double begin_, end_;  // range bins, as coordinates
     std::vector<std::int64_t> sums_;
     std::vector<std::uint8_t> bits_;
-};
-
-/// Portions of any spokes, kept until there are enough for WedgeCells::add_lanes.
-class PortionQueue {
-public:
-    static constexpr std::size_t most = WedgeCells::Portions::most;
-
-    bool empty() const { return size_ == 0; }
-    bool full() const { return size_ == most; }
-    std::size_t size() const { return size_; }
-    void clear() { size_ = straddler_count_ = 0; }
-    /// origin, share0, share1, gamma: as WedgeCells::Portions. Not when full.
-    void push(std::int64_t origin, double share0, double share1, const WedgeCells::Portion& portion, double gamma) {
-        const std::size_t i = size_++;
-        origin_[i] = origin;
-        share0_[i] = share0;
-        share1_[i] = share1;
-        if (share1 > 0) straddlers_[straddler_count_++] = static_cast<std::int32_t>(i);
-        x0_[i] = portion.x0;
-        x1_[i] = portion.x1;
-        inverse_width_[i] = portion.inverse_width;
-        power_[i] = portion.power;
-        bow_[i] = portion.bow;
-        gamma_[i] = gamma;
-    }
-    WedgeCells::Portions portions() const {
-        return {code_.data(),
-                origin_.data(),
-                share0_.data(),
-                share1_.data(),
-                {straddlers_.data(), straddler_count_},
-                0,
-                x0_.data(),
-                x1_.data(),
-                inverse_width_.data(),
-                power_.data(),
-                bow_.data(),
-                gamma_.data()};
-    }
-
-private:
-    using Numbers = std::array<double, most>;
-    static constexpr Numbers ones() {
-        Numbers n{};
-        n.fill(1);
-        return n;
-    }
-    std::size_t size_ = 0, straddler_count_ = 0;
-    std::array<std::int64_t, most> origin_{};
-    std::array<std::int32_t, most> straddlers_{};
-    Numbers code_ = ones(), share0_{}, share1_{}, x0_{}, x1_{}, inverse_width_{}, power_{}, bow_{}, gamma_{};
 };
 
 }  // namespace wedgescope

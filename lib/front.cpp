@@ -21,8 +21,8 @@ constexpr std::size_t tile_lanes = PassingLanes::most;
 static_assert(tile_lanes == WedgeCells::Portions::most && tile_lanes == CulturePieces::most,
               "a tile is taken in one go");
 constexpr double infinite = std::numeric_limits<double>::infinity();
-// In place of a piece's backscatter: not the same all along; the same, and deposited.
-constexpr double several_gammas = -1, in_parts = -2;
+// In place of a piece's backscatter: put() has to find it.
+constexpr double left_to_put = -1;
 // Of bounds for several spokes: the least curvature shows the most ground; what it changes beside is below 4e-6.
 constexpr double together_margin = 1e-5;
 constexpr float void_post = std::numeric_limits<float>::quiet_NaN();
@@ -95,8 +95,8 @@ SampleLanes Front::Samples::lanes(std::size_t at) {
 }
 
 void Front::Lanes::resize(std::size_t n) {
-    for (auto* v : {&metres_per_post, &mode, &horizon, &void_horizon, &mark_from, &gap_from, &gap_top, &seen_least,
-                    &seen_most, &share0, &share1})
+    for (auto* v : {&slope, &metres_per_post, &mode, &horizon, &void_horizon, &mark_from, &gap_from, &gap_top,
+                    &seen_least, &seen_most, &share0, &share1})
         v->resize(n);
     inverse_radius.resize(n + whole_registers(1));
     last.resize(n);
@@ -114,7 +114,12 @@ Front::Front(const SweepScene& scene, const SpokeRun& run, WedgeCells& cells)
       culture_(*scene.data_base, scene.source) {
     for (auto* samples : {&now_, &crossing_, &ahead_}) samples->resize(tile_lanes);
     for (auto* v : {&cell_, &bump_, &sine0_, &code_, &power_, &inverse_width_, &bow_, &facet_}) v->resize(tile_lanes);
-    gamma_.assign(tile_lanes, scene.laws->gamma()[scene.data_base->default_class].ground);
+    gamma_[2].assign(tile_lanes, scene.laws->gamma()[scene.data_base->default_class].ground);
+    if (!plain_ground_) {
+        for (auto* v : {&gamma_[0], &gamma_[1]}) v->resize(tile_lanes);
+        class_gammas_.resize(std::size_t{unknown_class} + 1);
+        std::copy(scene.laws->gamma().begin(), scene.laws->gamma().end(), class_gammas_.begin());
+    }
     // On average of the two diagonals, that of the axes: f(+-1)^2 = major^2 + minor^2 -+ what they lean.
     const SpokeMap& map = scene.grid->map();
     const auto square = [&](double slope) { return std::pow(map.metres_per_post(quadrant_, slope), 2); };
@@ -127,10 +132,10 @@ Front::Front(const SweepScene& scene, const SpokeRun& run, WedgeCells& cells)
 }
 
 std::size_t Front::bytes_of(std::size_t lanes, bool facets, bool directional, bool shore) {
-    const std::size_t doubles = 21 + (facets ? 2 : 0) + (directional ? 2 : 0);
+    const std::size_t doubles = 22 + (facets ? 2 : 0) + (directional ? 2 : 0);
     return lanes * (doubles * sizeof(double) + (shore ? sizeof(ShoreWindow) : 0) + sizeof(std::int64_t) +
                     sizeof(std::int32_t)) +
-           tile_lanes * (3 * 9 + 9 + 4) * sizeof(double);
+           tile_lanes * (3 * 9 + 13 + 4) * sizeof(double);
 }
 
 std::size_t Front::bytes() const {
@@ -138,11 +143,6 @@ std::size_t Front::bytes() const {
            lanes_.straddlers.capacity() * sizeof(std::int32_t) +
            (chunk_bounds_[0].highest_m.capacity() + chunk_bounds_[1].highest_m.capacity()) * sizeof(float) +
            culture_.bytes();
-}
-
-double Front::slope(std::size_t lane) const {
-    return static_cast<double>(run_->spokes[ring_].begin + static_cast<std::int64_t>(lane)) /
-           static_cast<double>(scene_->grid->rings(fan_)[ring_].spokes);
 }
 
 void Front::set_up_ring(std::size_t ring, Lanes& lanes) const {
@@ -157,7 +157,8 @@ void Front::set_up_ring(std::size_t ring, Lanes& lanes) const {
     if (shore_) lanes.shore.assign(lanes.row.size(), {});
     for (std::int64_t k = run.begin; k < run.end; ++k) {
         const auto lane = static_cast<std::size_t>(k - run.begin);
-        const double m = static_cast<double>(k) / static_cast<double>(spokes);
+        const double m = SpokeGrid::slope(spokes, k);
+        lanes.slope[lane] = m;
         lanes.metres_per_post[lane] = grid.map().metres_per_post(quadrant_, m);
         lanes.inverse_radius[lane] = grid.map().inverse_radius(quadrant_, m);
         if (needs_facets_) {
@@ -380,7 +381,7 @@ void Front::places(double distance, int level, std::size_t begin, std::size_t en
                    std::vector<SpokeMap::LinePiece>& pieces) const {
     const SpokeGrid& grid = *scene_->grid;
     const std::int64_t spokes = grid.rings(fan_)[ring_].spokes, first = run_->spokes[ring_].begin;
-    grid.map().line(quadrant_, distance, slope(begin), slope(end - 1), pieces);
+    grid.map().line(quadrant_, distance, lanes_.slope[begin], lanes_.slope[end - 1], pieces);
     std::size_t at = begin;
     for (const SpokeMap::LinePiece& piece : pieces) {
         // Spokes with slopes in [slope_begin, slope_end).
@@ -389,8 +390,8 @@ void Front::places(double distance, int level, std::size_t begin, std::size_t en
             static_cast<std::int64_t>(std::ceil(piece.slope_end * static_cast<double>(spokes))) - first);
         if (stop <= static_cast<std::int64_t>(at)) continue;
         const std::size_t count = static_cast<std::size_t>(stop) - at;
-        place_lanes(piece, grid.map().nadir_minor(quadrant_), distance, spokes, first + static_cast<std::int64_t>(at),
-                    count, lanes_.metres_per_post.data() + at, minor + (at - begin), arc_m + (at - begin));
+        place_lanes(piece, grid.map().nadir_minor(quadrant_), distance, count, lanes_.slope.data() + at,
+                    lanes_.metres_per_post.data() + at, minor + (at - begin), arc_m + (at - begin));
         at += count;
     }
     if (level == 0) return;
@@ -707,7 +708,7 @@ bool Front::beyond(std::size_t lane, double minor, double arc, double distance) 
         static_cast<double>(posts_at(lines_are_columns(quadrant_) ? db.rows : db.columns, level_) - 1) * post_;
     minor *= post_;
     const SpokeMap& map = scene_->grid->map();
-    const double m = slope(lane), straight = map.nadir_minor(quadrant_) + m * distance;
+    const double m = lanes_.slope[lane], straight = map.nadir_minor(quadrant_) + m * distance;
     const double bend = map.straight() ? 0 : map.most_bend(quadrant_);
     return (minor < 0 && m <= 0 && straight + bend < 0) || (minor > last && m >= 0 && straight - bend > last);
 }
@@ -751,7 +752,7 @@ void Front::take(const Between& between, std::size_t begin, std::size_t end, boo
         if (code_[i] == 2) {
             change(begin + i, i, between, next);
             if (shore_ && is(begin + i, mode_gap)) lanes_.shore[begin + i] = {};  // what is there, nobody knows
-        } else if (code_[i] == 1 && left && gamma_[i] == several_gammas && (lanes_.row[begin + i] >= 0 || shore_)) {
+        } else if (code_[i] == 1 && left && gamma_[2][i] == left_to_put && (lanes_.row[begin + i] >= 0 || shore_)) {
             const SampleLanes first = now_.lanes(i), last = next.lanes(i);
             put(begin + i,
                 {{from.x[i], to.x[i], inverse_width_[i], power_[i], bow_[i]},
@@ -766,7 +767,6 @@ void Front::take(const Between& between, std::size_t begin, std::size_t end, boo
                 between);
         }
     }
-    if (!parts_.empty()) add_parts_together();
     cost_.sample += sampled - clock;
     cost_.sweep += swept - sampled;
     cost_.shade += shaded - swept;
@@ -790,30 +790,36 @@ double Front::power_of(std::size_t lane, double sine0, double sine1, double rang
 
 bool Front::put_plain(std::size_t n, std::size_t lane, const Between& between, Samples& next) {
     const SampleLanes from = now_.lanes(0), to = next.lanes(0);
-    double* const gamma = gamma_.data();
+    double* const gamma = gamma_[2].data();
     if (scene_->with_depression) {
-        std::fill_n(gamma, n, several_gammas);
+        std::fill_n(gamma, n, left_to_put);
         return true;
     }
-    const bool left = !plain_ground_ && find_gammas(n, lane, between, next);
-    if (plain_ground_ && (needs_facets_ || directional_))
+    const bool classes = !plain_ground_ && between.in_chunk;
+    const bool left = classes && find_gammas(n, lane, between, next);
+    if (!classes && (!plain_ground_ || needs_facets_ || directional_))
         for (std::size_t i = 0; i < n; ++i)
             gamma[i] = ground_gamma(scene_->data_base->default_class, facet_[i], lane + i);
-    cells_->add_lanes(n, {code_.data(), lanes_.origin.data() + lane, lanes_.share0.data() + lane,
-                          lanes_.share1.data() + lane, straddlers(lane, lane + n), static_cast<std::int32_t>(lane),
-                          from.x, to.x, inverse_width_.data(), power_.data(), bow_.data(), gamma});
+    cells_->add_lanes(n, {code_.data(),
+                          lanes_.origin.data() + lane,
+                          lanes_.share0.data() + lane,
+                          lanes_.share1.data() + lane,
+                          straddlers(lane, lane + n),
+                          static_cast<std::int32_t>(lane),
+                          from.x,
+                          to.x,
+                          inverse_width_.data(),
+                          power_.data(),
+                          bow_.data(),
+                          {gamma_[0].data(), gamma_[1].data(), gamma},
+                          classes ? found_.to_second : nullptr,
+                          found_.to_third});
     return left;
 }
 
 bool Front::find_gammas(std::size_t n, std::size_t lane, const Between& between, Samples& next) {
     const SampleLanes from = now_.lanes(0), to = next.lanes(0);
-    double* const gamma = gamma_.data();
     const double* const code = code_.data();
-    if (!between.in_chunk) {
-        for (std::size_t i = 0; i < n; ++i)
-            gamma[i] = ground_gamma(scene_->data_base->default_class, facet_[i], lane + i);
-        return false;
-    }
     CulturePieces pieces{code, from.part, from.minor, to.part, to.minor};
     if (between.ahead_culture.posts != &void_post || between.behind_culture.posts != &void_post) {
         const CellLanes corners{culture_cell_.data(), culture_posts_.data(), culture_posts_.data() + 2 * tile_lanes};
@@ -833,57 +839,68 @@ bool Front::find_gammas(std::size_t n, std::size_t lane, const Between& between,
                        db.culture_row_offset,
                        db.culture_row_scale * post_,
                        {}};
-    // Ground and walls by turns.
-    const double* const gammas = &scene_->laws->gamma().data()->ground;
-    static_assert(sizeof(ClassGamma) == 2 * sizeof(double));
-    bool left = false;
-    CultureParts found;
-    std::array<std::uint8_t, CulturePieces::most> odd;
-    std::size_t odd_count = 0;
-    // All in the tile that the first one lies in: mostly there is no other. Those of one class without a branch, for
-    // hardly two neighbours are alike.
+    CultureParts& found = found_;
+    const auto classes_under = [&](std::size_t i, const ClassId* classes) {
+        return Classes{{classes[found.first[i]], classes[found.second[i]], classes[found.third[i]]},
+                       found.to_second[i],
+                       found.to_third[i]};
+    };
+    const auto angular = [&](std::size_t i, const Classes& under) {
+        const WedgeCells::Stretches s =
+            found.kind[i] == CultureParts::wall
+                ? WedgeCells::Stretches::one(wall_gamma(under.id[0], lane + i))
+                : under.stretches([&](double, double, ClassId id) { return ground_gamma(id, facet_[i], lane + i); });
+        for (std::size_t k = 0; k < gamma_.size(); ++k) gamma_[k][i] = s.gamma[k];
+    };
+    // All in the tile that the first one lies in: mostly there is no other. Without a branch on classes, for hardly two
+    // neighbours are alike.
     const auto first = static_cast<std::size_t>(std::find(code, code + n, 1.0) - code);
     const ClassId* classes = find_cells(from, first, between, n, pieces, scene, found);
+    // Ground and walls by turns.
+    const double* const gammas = &class_gammas_.data()->ground;
+    static_assert(sizeof(ClassGamma) == 2 * sizeof(double));
+    std::array<double*, 3> gamma{gamma_[0].data(), gamma_[1].data(), gamma_[2].data()};
+    bool some_odd = shore_ != nullptr;
     for (std::size_t i = 0; i < n; ++i) {
-        const ClassId a = classes[found.first[i]], b = classes[found.second[i]], c = classes[found.third[i]];
-        const std::int32_t kind = found.kind[i];
-        const bool one = (a == b) & (b == c) & (a != unknown_class);
-        gamma[i] = gammas[2 * (a == unknown_class ? 0 : a) + (kind == CultureParts::wall ? 1 : 0)];
+        const std::size_t a = classes[found.first[i]], b = classes[found.second[i]], c = classes[found.third[i]],
+                          wall = found.kind[i] == CultureParts::wall ? 1 : 0;
+        gamma[0][i] = gammas[2 * a + wall];
+        gamma[1][i] = gammas[2 * b + wall];
+        gamma[2][i] = gammas[2 * c + wall];
+        some_odd |= (found.kind[i] > CultureParts::wall) | (std::max({a, b, c}) == unknown_class);
+    }
+    std::array<std::uint8_t, CulturePieces::most> odd;
+    std::size_t odd_count = 0;
+    for (std::size_t i = 0; some_odd && i < n; ++i) {
+        const Classes under = classes_under(i, classes);
+        const bool several = shore_ && !under.same();
         odd[odd_count] = static_cast<std::uint8_t>(i);
-        odd_count += (kind > CultureParts::wall) | ((kind != CultureParts::nothing) & !one) ? 1 : 0;
+        odd_count += found.kind[i] > CultureParts::wall ||
+                             (found.kind[i] != CultureParts::nothing && (!under.known() || several))
+                         ? 1
+                         : 0;
     }
     if (needs_facets_ || directional_)
         for (std::size_t i = 0; i < n; ++i) {
             const std::int32_t kind = found.kind[i];
-            if (kind == CultureParts::parts)
-                gamma[i] = ground_gamma(classes[found.first[i]], facet_[i], lane + i);
-            else if (kind == CultureParts::wall)
-                gamma[i] = wall_gamma(classes[found.first[i]], lane + i);
+            if (kind == CultureParts::parts || kind == CultureParts::wall) angular(i, classes_under(i, classes));
         }
+    bool left = false;
     if (shore_) {
-        for (std::size_t k = 0; k < odd_count; ++k) gamma[odd[k]] = several_gammas;
+        for (std::size_t k = 0; k < odd_count; ++k) gamma[2][odd[k]] = left_to_put;
         left = pass_shores(n, lane, classes, found.first, found.kind, next);
     }
     for (std::size_t k = 0; k < odd_count; ++k) {
         const std::size_t i = odd[k];
         if (found.kind[i] == CultureParts::elsewhere) classes = find_cells(from, i, between, n, pieces, scene, found);
-        const std::array<ClassId, 3> three{classes[found.first[i]], classes[found.second[i]], classes[found.third[i]]};
-        const std::int32_t kind = found.kind[i];
-        const bool one = three[0] == three[1] && three[1] == three[2];
+        const Classes under = classes_under(i, classes);
         // Where these are not all of its classes put() finds them; no window goes by before.
-        const bool more =
-            kind > CultureParts::wall || std::find(three.begin(), three.end(), unknown_class) != three.end();
-        if (more || (shore_ && needs_shore(lane + i, three, i, next))) {
-            gamma[i] = several_gammas;
+        if (found.kind[i] > CultureParts::wall || !under.known() ||
+            (shore_ && needs_shore(lane + i, under.id, i, next))) {
+            gamma[2][i] = left_to_put;
             left = true;
-        } else if (one) {
-            gamma[i] = kind == CultureParts::wall ? wall_gamma(three[0], lane + i)
-                                                  : ground_gamma(three[0], facet_[i], lane + i);
         } else {
-            gamma[i] = in_parts;
-            if (lanes_.row[lane + i] >= 0)
-                add_parts(lane + i, {from.x[i], to.x[i], inverse_width_[i], power_[i], bow_[i]},
-                          {0, found.to_second[i], found.to_third[i], 1}, three, facet_[i]);
+            angular(i, under);
         }
     }
     return left;
@@ -908,14 +925,13 @@ bool Front::pass_shores(std::size_t n, std::size_t lane, const ClassId* classes,
     if (!some) return false;
     bool left = false;
     for (std::size_t i = 0; i < n; ++i) {
-        double& gamma = gamma_[i];
-        if (kind[i] == CultureParts::nothing || gamma == several_gammas) continue;
+        if (kind[i] == CultureParts::nothing || gamma_[2][i] == left_to_put) continue;
         const bool water = kind[i] == CultureParts::parts && shore_->is_water(classes[cell[i]]);
         ShoreWindow& window = lanes_.shore[lane + i];
         if (!water && window.state == ShoreWindow::none) continue;
         const SampleLanes from = now_.lanes(i), to = next.lanes(i);
         if (water && *to.height_m > *from.height_m) {  // a bank perhaps
-            gamma = several_gammas;
+            gamma_[2][i] = left_to_put;
             left = true;
             continue;
         }
@@ -923,7 +939,7 @@ bool Front::pass_shores(std::size_t n, std::size_t lane, const ClassId* classes,
         if (water)
             FarShore::pass_water(window, a, b);
         else
-            gamma *= shore_->pass_land(window, a, b);
+            gamma_[0][i] = gamma_[1][i] = gamma_[2][i] *= shore_->pass_land(window, a, b);  // of one class all along
     }
     return left;
 }
@@ -953,20 +969,6 @@ const ClassId* Front::find_cells(const SampleLanes& from, std::size_t i, const B
     scene.tile = tile.window;
     culture_lanes(n, scene, pieces, found);
     return tile.classes.data();
-}
-
-void Front::add_parts(std::size_t lane, const WedgeCells::Portion& whole, const std::array<double, 4>& borders,
-                      const std::array<ClassId, 3>& classes, double variable) {
-    for (std::size_t begin = 0; begin < classes.size();) {
-        std::size_t end = begin + 1;
-        while (end < classes.size() && classes[end] == classes[begin]) ++end;
-        if (const auto part = part_of(whole, borders[begin], borders[end])) {
-            if (parts_.full()) add_parts_together();
-            parts_.push(lanes_.origin[lane], lanes_.share0[lane], lanes_.share1[lane], *part,
-                        ground_gamma(classes[begin], variable, lane));
-        }
-        begin = end;
-    }
 }
 
 void Front::change(std::size_t lane, std::size_t i, const Between& between, Samples& next) {
@@ -1082,11 +1084,22 @@ void Front::put(std::size_t lane, const Piece& piece, const Between& between) {
     if (scene_->with_depression)
         depression = std::max(0.0, -std::asin(0.5 * (piece.sine0 + piece.sine1)) / (std::numbers::pi / 2));
     if (shore_) return put_by_shore(lane, piece, between, depression);
-    const std::optional<double> gamma = one_gamma(lane, piece.track, between, piece.variable);
-    if (!gamma) return put_parts(lane, piece, depression);
-    WedgeCells::Portion portion = piece.portion;
-    portion.power *= *gamma;
-    cells_->add(lanes_.target(lane), portion, &depression);
+    const WedgeCells::Target target = lanes_.target(lane);
+    const auto add_one = [&](double gamma) {
+        cells_->add(target, piece.portion, WedgeCells::Stretches::one(gamma), &depression);
+    };
+    if (plain_ground_ || !between.in_chunk)
+        return add_one(ground_gamma(scene_->data_base->default_class, piece.variable, lane));
+    if (const auto post = wall_of(piece.track, between))
+        return add_one(wall_gamma(class_at(floor_of(cell_column(post->column)), floor_of(cell_row(post->row))), lane));
+    const auto class_of = [&](std::int64_t column, std::int64_t row) { return class_at(column, row); };
+    const auto gamma_of = [&](double, double, ClassId id) { return ground_gamma(id, piece.variable, lane); };
+    if (const auto under = few_classes(piece.track, class_of))
+        return cells_->add(target, piece.portion, under->stretches(gamma_of), &depression);
+    class_runs(piece.track, class_of, [&](double from, double to, ClassId id) {
+        if (const auto part = part_of(piece.portion, from, to))
+            cells_->add(target, *part, WedgeCells::Stretches::one(gamma_of(from, to, id)), &depression);
+    });
 }
 
 ClassId Front::class_at(std::int64_t cell_column, std::int64_t cell_row) {
@@ -1123,7 +1136,8 @@ std::optional<IndexPosition> Front::highest_corner(const Track& track, const Bet
     return best;
 }
 
-std::optional<IndexPosition> Front::wall_post(const Track& track, const Between& between) const {
+std::optional<IndexPosition> Front::wall_of(const Track& track, const Between& between) const {
+    if (between.ahead_culture.posts == &void_post && between.behind_culture.posts == &void_post) return std::nullopt;
     return highest_corner(track, between, between.behind_culture, between.ahead_culture,
                           [](double h, const IndexPosition&) { return h > 0; });
 }
@@ -1139,27 +1153,27 @@ ClassId Front::land_of_cell(const Track& track, const Between& between) {
     return id;
 }
 
-std::optional<double> Front::one_gamma(std::size_t lane, const Track& track, const Between& between, double variable) {
-    if (plain_ground_ || !between.in_chunk) return ground_gamma(scene_->data_base->default_class, variable, lane);
-    // Inside a cell with culture on a corner the surface stands above the bare terrain: wall, of the class of the
-    // corner with the most culture.
-    if (between.ahead_culture.posts != &void_post || between.behind_culture.posts != &void_post)
-        if (const auto post = wall_post(track, between)) {
-            const ClassId id = class_at(floor_of(cell_column(post->column)), floor_of(cell_row(post->row)));
-            return wall_gamma(id, lane);
-        }
-    // The culture cells that its way may touch, if these are four at the most.
+template <class ClassOf>
+std::optional<Front::Classes> Front::few_classes(const Track& t, const ClassOf& class_of) const {
+    // As culture_lanes(), number by number.
     const bool columns = lines_are_columns(quadrant_);
-    const std::int64_t column0 = floor_of(cell_column(columns ? track.major0 : track.minor0)),
-                       column1 = floor_of(cell_column(columns ? track.major1 : track.minor1)),
-                       row0 = floor_of(cell_row(columns ? track.minor0 : track.major0)),
-                       row1 = floor_of(cell_row(columns ? track.minor1 : track.major1));
-    if (std::abs(column1 - column0) > 1 || std::abs(row1 - row0) > 1) return std::nullopt;
-    const ClassId id = culture_.at(column0, row0);
-    if (id == unknown_class || culture_.at(column1, row1) != id) return std::nullopt;
-    if (column1 != column0 && row1 != row0 && (culture_.at(column1, row0) != id || culture_.at(column0, row1) != id))
-        return std::nullopt;
-    return ground_gamma(id, variable, lane);
+    const double column0 = cell_column(columns ? t.major0 : t.minor0),
+                 column1 = cell_column(columns ? t.major1 : t.minor1);
+    const double row0 = cell_row(columns ? t.minor0 : t.major0), row1 = cell_row(columns ? t.minor1 : t.major1);
+    const std::int64_t first_column = floor_of(column0), last_column = floor_of(column1), first_row = floor_of(row0),
+                       last_row = floor_of(row1);
+    if (std::abs(last_column - first_column) > 1 || std::abs(last_row - first_row) > 1) return std::nullopt;
+    const auto cut = [](std::int64_t first, std::int64_t last, double from, double to) {
+        return first == last ? 0.0 : (static_cast<double>(std::max(first, last)) - from) / (to - from);
+    };
+    const double at_column = cut(first_column, last_column, column0, column1),
+                 at_row = cut(first_row, last_row, row0, row1);
+    const bool column_first = at_column <= at_row;
+    return Classes{{class_of(first_column, first_row),
+                    class_of(column_first ? last_column : first_column, column_first ? first_row : last_row),
+                    class_of(last_column, last_row)},
+                   std::min(at_column, at_row),
+                   std::max(at_column, at_row)};
 }
 
 template <class ClassOf, class Run>
@@ -1194,18 +1208,6 @@ void Front::class_runs(const Track& t, const ClassOf& class_of, const Run& run) 
     run(start, 1.0, *open);
 }
 
-void Front::put_parts(std::size_t lane, const Piece& piece, double depression) {
-    const WedgeCells::Target target = lanes_.target(lane);
-    class_runs(
-        piece.track, [&](std::int64_t column, std::int64_t row) { return class_at(column, row); },
-        [&](double from, double to, ClassId id) {
-            std::optional<WedgeCells::Portion> part = part_of(piece.portion, from, to);
-            if (!part) return;
-            part->power *= ground_gamma(id, piece.variable, lane);
-            cells_->add(target, *part, &depression);
-        });
-}
-
 void Front::put_by_shore(std::size_t lane, const Piece& piece, const Between& between, double depression) {
     const bool own = lanes_.row[lane] >= 0;
     ShoreWindow& window = lanes_.shore[lane];
@@ -1223,31 +1225,35 @@ void Front::put_by_shore(std::size_t lane, const Piece& piece, const Between& be
         if (!own) return;
         std::optional<WedgeCells::Portion> part = piece.portion;
         if (from > 0 || to < 1) part = part_of(piece.portion, from, to);
-        if (!part) return;
-        part->power *= gamma;
-        cells_->add(lanes_.target(lane), *part, &depression);
+        if (part) cells_->add(lanes_.target(lane), *part, WedgeCells::Stretches::one(gamma), &depression);
     };
-    if (between.ahead_culture.posts != &void_post || between.behind_culture.posts != &void_post)
-        if (const auto post = wall_post(piece.track, between)) {
-            const ClassId id = class_of(floor_of(cell_column(post->column)), floor_of(cell_row(post->row)));
-            return add(0, 1, wall_gamma(id, lane) * land(0, 1));
-        }
+    if (const auto post = wall_of(piece.track, between)) {
+        const ClassId id = class_of(floor_of(cell_column(post->column)), floor_of(cell_row(post->row)));
+        return add(0, 1, wall_gamma(id, lane) * land(0, 1));
+    }
     if (!between.in_chunk) return add(0, 1, ground_gamma(scene_->data_base->default_class, piece.variable, lane));
     const bool rises = piece.from && *piece.to->height_m > *piece.from->height_m;
-    class_runs(piece.track, class_of, [&](double from, double to, ClassId id) {
-        if (!(to > from)) return;
+    const auto gamma_of = [&](double from, double to, ClassId id) {
+        if (!(to > from)) return 0.0;
         if (shore_->is_water(id)) {
             // Heights ramp from the last post of water to the first of land, and the class changes on the way: the bank is
             // land from its foot.
             const ClassId bank = rises ? land_of_cell(piece.track, between) : unknown_class;
             if (bank == unknown_class) {
                 if (piece.from) FarShore::pass_water(window, point(from), point(to));
-                return add(from, to, ground_gamma(id, piece.variable, lane));
+                return ground_gamma(id, piece.variable, lane);
             }
             id = bank;
         }
-        add(from, to, ground_gamma(id, piece.variable, lane) * land(from, to));
-    });
+        return ground_gamma(id, piece.variable, lane) * land(from, to);
+    };
+    if (const auto under = few_classes(piece.track, class_of)) {
+        const WedgeCells::Stretches stretches = under->stretches(gamma_of);
+        if (own) cells_->add(lanes_.target(lane), piece.portion, stretches, &depression);
+        return;
+    }
+    class_runs(piece.track, class_of,
+               [&](double from, double to, ClassId id) { add(from, to, gamma_of(from, to, id)); });
 }
 
 // ---- marks ----
@@ -1318,8 +1324,7 @@ void Front::double_spokes() {
     const Lanes parents = std::move(lanes_);
     const Interval parent_run = run_->spokes[ring_];
     ++ring_;
-    const std::int64_t spokes = grid.rings(fan_)[ring_].spokes;
-    assert(spokes == 2 * grid.rings(fan_)[ring_ - 1].spokes);
+    assert(grid.rings(fan_)[ring_].spokes == 2 * grid.rings(fan_)[ring_ - 1].spokes);
     const Interval run = run_->spokes[ring_];
     lanes_ = Lanes{};
     set_up_ring(ring_, lanes_);
@@ -1345,8 +1350,7 @@ void Front::double_spokes() {
             if (shore_) lanes_.shore[lane] = parents.shore[a];
             continue;
         }
-        const SpokeMap::Place place =
-            grid.map().place(quadrant_, static_cast<double>(k) / static_cast<double>(spokes), distance);
+        const SpokeMap::Place place = grid.map().place(quadrant_, lanes_.slope[lane], distance);
         last.minor[lane] = place.minor / post_;
         last.arc[lane] = place.arc_m;
         sample_line(between_.behind, lane, lane + 1, lane, last);

@@ -101,7 +101,7 @@ private:
         SampleLanes lanes(std::size_t at);
     };
     struct Lanes {
-        LaneArray metres_per_post, inverse_radius;
+        LaneArray slope, metres_per_post, inverse_radius;
         LaneArray across, slant;  // as FacetLanes; only where laws need facets
         LaneArray east, north;    // sine and cosine of the azimuth; only where some class is directional
         Samples last;
@@ -122,6 +122,25 @@ private:
         double behind_major = 0, ahead_major = 0;
         bool adjacent = false;  // there is a line behind, next to the one ahead
         double major(double part) const { return behind_major + part * (ahead_major - behind_major); }
+    };
+    /// Classes under a piece, along its way: id[0] up to share `to_second`, id[1] up to share `to_third`, then id[2].
+    struct Classes {
+        std::array<ClassId, 3> id;
+        double to_second, to_third;
+
+        bool same() const { return (id[0] == id[1]) & (id[1] == id[2]); }
+        bool known() const { return (id[0] != unknown_class) & (id[1] != unknown_class) & (id[2] != unknown_class); }
+        /// With gamma_of(from, to, class), asked once for each run of one class, in order.
+        template <class GammaOf>
+        WedgeCells::Stretches stretches(const GammaOf& gamma_of) const {
+            const std::array<double, 4> borders{0, to_second, to_third, 1};
+            WedgeCells::Stretches all{{}, to_second, to_third};
+            for (std::size_t begin = 0, end = 0; begin < id.size(); begin = end) {
+                while (end < id.size() && id[end] == id[begin]) ++end;
+                std::fill(all.gamma + begin, all.gamma + end, gamma_of(borders[begin], borders[end], id[begin]));
+            }
+            return all;
+        }
     };
     /// Where a piece runs, in raster indices.
     struct Track {
@@ -156,7 +175,6 @@ private:
         return {scene_->sensor_m, bins_per_metre_, scene_->range_is_ground, exact_course, scene_->most_theta};
     }
     bool is(std::size_t lane, SpokeMode mode) const { return lanes_.mode[lane] == mode; }
-    double slope(std::size_t lane) const;
     void set_up_ring(std::size_t ring, Lanes& lanes) const;
     void start();
     void double_spokes();
@@ -202,23 +220,16 @@ private:
     double power_of(std::size_t lane, double sine0, double sine1, double range0_m, double range1_m) const;
     /// Deposits the plain pieces of the tile; true if some are left for put() (gamma_ says which).
     bool put_plain(std::size_t n, std::size_t lane, const Between& between, Samples& next);
-    /// Their backscatter, into gamma_; what runs through several classes of a tile is deposited on the way.
+    /// Their backscatter over culture, into gamma_ and its borders; true if some are left for put().
     bool find_gammas(std::size_t n, std::size_t lane, const Between& between, Samples& next);
     /// Culture under n pieces, in the tile that piece i starts from, whose classes it returns.
     const ClassId* find_cells(const SampleLanes& from, std::size_t i, const Between& between, std::size_t n,
                               const CulturePieces& pieces, CultureScene& scene, CultureParts& found);
-    /// Of a piece that is of classes[k] from borders[k] to borders[k + 1].
-    void add_parts(std::size_t lane, const WedgeCells::Portion& whole, const std::array<double, 4>& borders,
-                   const std::array<ClassId, 3>& classes, double variable);
-    void add_parts_together() {
-        cells_->add_lanes(parts_.size(), parts_.portions());
-        parts_.clear();
-    }
     void put(std::size_t lane, const Piece& piece, const Between& between);
-    void put_parts(std::size_t lane, const Piece& piece, double depression);
     Track track(const SampleLanes& from, const SampleLanes& to, const Between& between) const;
-    /// Backscatter of a piece, if it is the same all along.
-    std::optional<double> one_gamma(std::size_t lane, const Track& track, const Between& between, double variable);
+    /// Classes under a piece that runs through two columns and two rows of culture cells at most; nothing if there are more.
+    template <class ClassOf>
+    std::optional<Classes> few_classes(const Track& track, const ClassOf& class_of) const;
     /// Calls run(from, to, class) for the parts of a piece, 0..1, in order, neighbouring ones of one class together;
     /// class_of(cell column, cell row) says which.
     template <class ClassOf, class Run>
@@ -238,7 +249,7 @@ private:
     std::optional<IndexPosition> highest_corner(const Track& track, const Between& between, const LinePosts& behind,
                                                 const LinePosts& ahead, const Accept& accept) const;
     /// Post whose culture height makes the cell under a piece a wall; nothing where there is none.
-    std::optional<IndexPosition> wall_post(const Track& track, const Between& between) const;
+    std::optional<IndexPosition> wall_of(const Track& track, const Between& between) const;
     /// Class of the land that a cell under a piece rises to: of its highest corner that is no water; unknown: it has none.
     ClassId land_of_cell(const Track& track, const Between& between);
     /// A class on seen ground; if it is unknown its code is remembered.
@@ -283,11 +294,13 @@ private:
     bool stale_ = false;  // of the last samples only minor, arc and part hold
     // Workspace of one tile: the last samples, those on the other axis' lines and those on the line ahead.
     Samples now_, crossing_, ahead_;
-    LaneArray cell_, bump_, sine0_, code_, power_, inverse_width_, bow_, gamma_, facet_;
-    std::vector<float> posts_;  // of the cells, four a lane
+    LaneArray cell_, bump_, sine0_, code_, power_, inverse_width_, bow_, facet_;
+    std::array<LaneArray, 3> gamma_;  // as WedgeCells::Portions; the first two, and what follows, only over culture
+    CultureParts found_;
+    std::vector<ClassGamma> class_gammas_;  // of every ClassId; of those that are no class nothing
+    std::vector<float> posts_;              // of the cells, four a lane
     LaneArray culture_cell_;
     std::vector<float> culture_posts_;  // culture heights, four a lane
-    PortionQueue parts_;
     std::vector<SpokeMap::LinePiece> line_pieces_;
     std::vector<double> breaks_;
     std::vector<float> patch_posts_, patch_culture_;  // of the line behind the nadir

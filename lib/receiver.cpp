@@ -68,7 +68,7 @@ void Receiver::find_steps() {
     constexpr double most = std::numeric_limits<double>::max();
     least_power_w_.fill(std::numeric_limits<double>::infinity());
     least_power_w_[0] = 0;
-    for (std::size_t g = 1; g < least_power_w_.size() && grey_of(most, 0) >= g; ++g) {
+    for (std::size_t g = 1; g < least_video_.size() && grey_of(most, 0) >= g; ++g) {
         const double dbm = black_dbm_ + receiver_.dynamic_range.db() * least_video_[g] / video_factor_,
                      about_w = std::pow(10.0, (dbm - 30) / 10);
         double low = about_w * (1 - 5e-4), high = about_w * (1 + 5e-4);

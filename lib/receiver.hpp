@@ -3,6 +3,7 @@
 //
 // Source: physics 2.2 to 2.4 (project definitions).
 #pragma once
+#include <algorithm>
 #include <array>
 #include <bit>
 #include <cstdint>
@@ -46,8 +47,10 @@ public:
         if (!(power_w >= least_power_w_[1])) return 0;
         const std::uint64_t key = key_of(power_w) - first_key_;
         std::size_t grey = key < start_grey_.size() ? start_grey_[key] : start_grey_.back();
+        // Without a branch: hardly a key holds two steps, but of those that hold one neighbours fall on either side.
+        grey += power_w >= least_power_w_[grey + 1] ? 1 : 0;
         while (grey < 255 && power_w >= least_power_w_[grey + 1]) ++grey;
-        return static_cast<std::uint8_t>(grey);
+        return static_cast<std::uint8_t>(std::min<std::size_t>(grey, 255));
     }
 
 private:
@@ -62,8 +65,8 @@ private:
     double black_dbm_ = 0;  ///< the level at which grey leaves 0, without STC
     double video_factor_ = 1;
     std::array<double, 256> least_video_{};  ///< [g]: the video level from which the grey is g or more
-    // Without STC: [g]: the least power from which the grey is g or more; infinite where there is none.
-    std::array<double, 256> least_power_w_{};
+    // Without STC: [g]: the least power from which the grey is g or more; infinite where there is none, as at 256.
+    std::array<double, 257> least_power_w_{};
     std::uint64_t first_key_ = 0;           ///< of the power from which the grey is 1
     std::vector<std::uint8_t> start_grey_;  ///< by key, less the first: the grey of the least power with that key
 };

@@ -12,11 +12,9 @@ namespace {
 constexpr float missing = std::numeric_limits<float>::quiet_NaN();
 
 WEDGESCOPE_LANES_PART void place(const SpokeMap::LinePiece& piece, double nadir_minor, double distance,
-                                 std::int64_t spokes, std::int64_t first, std::size_t n,
+                                 std::size_t n, const double* __restrict slopes,
                                  const double* __restrict metres_per_post, double* __restrict minor,
                                  double* __restrict arc_m) noexcept {
-    const double inverse = 1.0 / static_cast<double>(spokes);  // a power of two: exact
-    const double k0 = static_cast<double>(first);
     const double b0 = piece.bend[0], b1 = piece.bend[1], b2 = piece.bend[2], b3 = piece.bend[3], b4 = piece.bend[4];
     const double s0 = piece.stretch[0], s1 = piece.stretch[1], s2 = piece.stretch[2], s3 = piece.stretch[3],
                  s4 = piece.stretch[4];
@@ -24,15 +22,14 @@ WEDGESCOPE_LANES_PART void place(const SpokeMap::LinePiece& piece, double nadir_
     if (piece.straight()) {  // the same numbers sooner
         WEDGESCOPE_INDEPENDENT
         for (std::size_t i = 0; i < n; ++i) {
-            const double slope = (k0 + static_cast<double>(static_cast<int>(i))) * inverse;
-            minor[i] = nadir_minor + slope * distance;
+            minor[i] = nadir_minor + slopes[i] * distance;
             arc_m[i] = distance * metres_per_post[i];
         }
         return;
     }
     WEDGESCOPE_INDEPENDENT
     for (std::size_t i = 0; i < n; ++i) {
-        const double slope = (k0 + static_cast<double>(static_cast<int>(i))) * inverse;
+        const double slope = slopes[i];
         const double u = (slope - middle) * scale;
         const double bend = b0 + u * (b1 + u * (b2 + u * (b3 + u * b4)));
         const double stretch = s0 + u * (s1 + u * (s2 + u * (s3 + u * s4)));
@@ -117,10 +114,9 @@ WEDGESCOPE_LANES_PART void cells(const LinePosts& behind, const LinePosts& ahead
 
 }  // namespace
 
-void place_lanes(const SpokeMap::LinePiece& piece, double nadir_minor, double distance, std::int64_t spokes,
-                 std::int64_t first, std::size_t n, const double* metres_per_post, double* minor,
-                 double* arc_m) noexcept {
-    on_target<place>(piece, nadir_minor, distance, spokes, first, n, metres_per_post, minor, arc_m);
+void place_lanes(const SpokeMap::LinePiece& piece, double nadir_minor, double distance, std::size_t n,
+                 const double* slope, const double* metres_per_post, double* minor, double* arc_m) noexcept {
+    on_target<place>(piece, nadir_minor, distance, n, slope, metres_per_post, minor, arc_m);
 }
 
 int count_beyond(std::size_t n, const double* arc_m, double most_m) noexcept {

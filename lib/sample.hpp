@@ -17,12 +17,11 @@ struct LinePosts {
     float at(std::int64_t j) const { return posts[j - begin]; }
 };
 
-/// minor and arc of spokes first, first + 1, ... of K on a line: exactly SpokeMap::place.
-///   metres_per_post[n]  in: f(m) of each spoke
-///   minor[n], arc_m[n]  out: raster index along the line; metres
-void place_lanes(const SpokeMap::LinePiece& piece, double nadir_minor, double distance, std::int64_t spokes,
-                 std::int64_t first, std::size_t n, const double* metres_per_post, double* minor,
-                 double* arc_m) noexcept;
+/// minor and arc of some spokes on a line: exactly SpokeMap::place.
+///   slope[n], metres_per_post[n]  in: m and f(m) of each spoke
+///   minor[n], arc_m[n]            out: raster index along the line; metres
+void place_lanes(const SpokeMap::LinePiece& piece, double nadir_minor, double distance, std::size_t n,
+                 const double* slope, const double* metres_per_post, double* minor, double* arc_m) noexcept;
 
 /// How many of n arcs are beyond `most_m`.
 int count_beyond(std::size_t n, const double* arc_m, double most_m) noexcept;

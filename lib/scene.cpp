@@ -80,7 +80,7 @@ void validate(const Scene& scene) {
         require_within("azimuth-marks", std::round(deg * nano) / nano, 1, 180, "deg");
     }
     if (scene.spokes_per_post) require_within("spokes-per-post", *scene.spokes_per_post, 0.25, 16, "");
-    if (scene.spokes_per_bin) require_within("spokes-per-bin", *scene.spokes_per_bin, 2, 128, "");
+    if (scene.spokes_per_bin) require_within("spokes-per-bin", *scene.spokes_per_bin, 2, 256, "");
     if (scene.spoke_lead) require_within("spoke-lead", *scene.spoke_lead, 1, 64, "");
     if (scene.gamma) require_within("gamma", scene.gamma->db(), -100, 100, "dB");
     require_within("sea-state", scene.sea_state, 0, 6, "");

@@ -11,26 +11,26 @@
 namespace wedgescope {
 
 Sampling sampling(Quality quality, bool culture_height, double above_posts) {
-    const bool low = above_posts < (culture_height ? 20 : 14);
-    double more = low ? 1 : above_posts < 40 ? 0.5 : 0.25;
+    const bool low = above_posts < (culture_height ? 20 : 14), high = above_posts >= 40;
+    double more = low ? 1 : high ? 0.25 : 0.5;
     for (double above = above_posts; more < 16 && above < (culture_height ? 10 : 4); above *= 2) more *= 2;
     const auto dense = [&](double per_post, double per_bin, double lead) {
         return Sampling{.spokes_per_post = per_post,
-                        .spokes_per_bin = std::clamp(more * per_bin, 2.0, 128.0),
+                        .spokes_per_bin = std::clamp(more * per_bin, 3.0, 192.0),
                         .lead = low ? lead : 4,
                         .cross_lines = true,
                         .exact_course = true};
     };
     switch (quality) {
         case Quality::draft:
-            if (low) return dense(0.5, culture_height ? 4 : 2, 1);
-            return {.spokes_per_post = 1, .spokes_per_bin = 2, .lead = 1, .cross_lines = false, .exact_course = false};
+            if (low) return dense(0.6, culture_height ? 6 : 3, 1);
+            return {.spokes_per_post = 1, .spokes_per_bin = 3, .lead = 1, .cross_lines = false, .exact_course = false};
         case Quality::normal:
-            return culture_height ? dense(1, 8, 2) : dense(above_posts < 40 ? 1 : 0.5, 4, 2);
+            return culture_height ? dense(1.25, 12, 2) : dense(high ? 0.6 : 1, 6, 2);
         case Quality::fine:
-            return culture_height ? dense(2, 16, 2) : dense(1, 8, 4);
+            return culture_height ? dense(2, 24, 2) : dense(1.25, 12, 4);
         case Quality::exact:
-            return culture_height ? dense(4, 32, 2) : dense(low ? 2 : 1, 16, 2);
+            return culture_height ? dense(4, 48, 2) : dense(low ? 2 : high ? 1.5 : 1.25, 24, 2);
     }
     return {};
 }
@@ -56,9 +56,8 @@ SpokeGrid::SpokeGrid(const DataBase& data_base, const SpokeMap& map, const Sampl
       fans_each_(levels.any() ? levels.fans : 1), lines_(all_quadrants.size() * static_cast<std::size_t>(fans_each_)) {
     // The same least K in all quadrants.
     const double widest = azimuth_step_ / std::max(2.0, sampling.spokes_per_bin);
-    std::int64_t least = 64;
-    for (Quadrant q : all_quadrants)
-        while (map.azimuth_per_slope(q) / static_cast<double>(least) > widest) least *= 2;
+    double least = 64;
+    for (Quadrant q : all_quadrants) least = std::max(least, map.azimuth_per_slope(q) / widest);
     for (Quadrant q : all_quadrants) {
         const double nadir = map.nadir_major(q);
         const std::int64_t posts = lines_are_columns(q) ? data_base.columns : data_base.rows;
@@ -110,42 +109,70 @@ void SpokeGrid::set_bands(Fan f, std::int64_t first_line, std::int64_t line_coun
     lines.line_count = lines.bands.back().lines.end;
 }
 
-void SpokeGrid::set_rings(Fan f, const Sampling& sampling, std::int64_t least) {
-    FanLines& lines = lines_[static_cast<std::size_t>(static_cast<int>(f.quadrant) * fans_each_ + f.index)];
-    // Spokes must be dense enough, on every line up to `lead` times as far, for the posts of its level.
-    const double last_distance = lines.line_count ? distance(f, lines.line_count - 1) : 0,
+double SpokeGrid::needed_spokes(const FanLines& lines, Fan f, const Sampling& sampling, double d) const {
+    // Dense enough, on every line up to `lead` times as far, for the posts of its level.
+    const double last = lines.line_count ? distance(f, lines.line_count - 1) : 0,
+                 dense_to = std::min(d * sampling.lead, std::max(d, last)),
                  spokes_a_post = sampling.spokes_per_post * map_.spacing_slack();
-    const auto needed = [&](double d, std::int64_t k) {
-        const double dense_to = std::min(d * sampling.lead, std::max(d, last_distance));
-        for (const Band& band : lines.bands) {
-            if (&band != &lines.bands.front() && distance(f, band.lines.begin) > dense_to) break;
-            const double end = &band == &lines.bands.back() ? dense_to : distance(f, band.lines.end - 1);
-            const double spokes =
-                std::min(dense_to, end) * spokes_a_post / static_cast<double>(std::int64_t{1} << band.level);
-            while (spokes > static_cast<double>(k)) k *= 2;
-        }
-        return k;
+    double most = 0;
+    for (const Band& band : lines.bands) {
+        if (&band != &lines.bands.front() && distance(f, band.lines.begin) > dense_to) break;
+        const double end = &band == &lines.bands.back() ? dense_to : distance(f, band.lines.end - 1);
+        most = std::max(most,
+                        std::min(dense_to, end) * spokes_a_post / static_cast<double>(std::int64_t{1} << band.level));
+    }
+    return most;
+}
+
+std::vector<Ring> SpokeGrid::rings_from(Fan f, const Sampling& sampling, double least, std::int64_t spokes) const {
+    const FanLines& lines = of(f);
+    const auto enough = [&](std::int64_t line, std::int64_t k) {
+        return static_cast<double>(k) >= std::max(least, needed_spokes(lines, f, sampling, distance(f, line)));
     };
-    std::int64_t k = lines.line_count ? needed(distance(f, 0), least) : least;
-    lines.rings.push_back({k, {0, 0}});
+    std::vector<Ring> rings{{spokes, {0, 0}}};
     for (std::int64_t i = 0; i < lines.line_count;) {
-        const std::int64_t here = needed(distance(f, i), k);
-        while (k != here) {
-            k *= 2;
-            lines.rings.push_back({k, {i, i}});
-        }
+        for (; !enough(i, spokes); rings.push_back({spokes, {i, i}})) spokes *= 2;
         // The ring's last line: what is needed never falls.
         std::int64_t next = i + 1, end = lines.line_count;
         while (next < end) {
             const std::int64_t middle = next + (end - next) / 2;
-            if (needed(distance(f, middle), k) == k)
+            if (enough(middle, spokes))
                 next = middle + 1;
             else
                 end = middle;
         }
-        lines.rings.back().lines.end = next;
+        rings.back().lines.end = next;
         i = next;
     }
+    return rings;
+}
+
+void SpokeGrid::set_rings(Fan f, const Sampling& sampling, double least) {
+    FanLines& lines = lines_[static_cast<std::size_t>(static_cast<int>(f.quadrant) * fans_each_ + f.index)];
+    const auto whole_steps = [](double spokes) {
+        return static_cast<std::int64_t>(std::ceil(spokes / static_cast<double>(spoke_step))) * spoke_step;
+    };
+    const auto needed = [&](std::int64_t line) {
+        return std::max(least, needed_spokes(lines, f, sampling, distance(f, line)));
+    };
+    const std::int64_t first = whole_steps(lines.line_count ? needed(0) : least);
+    lines.rings = rings_from(f, sampling, least, first);
+    if (!lines.line_count) return;
+    // Or so many that the farthest lines, which have most of the samples, get no more than they need. The farther a line the
+    // less of it is seen: samples count less with the root of the distance.
+    const auto cost = [&](const std::vector<Ring>& rings) {
+        double sum = 0;
+        for (const Ring& ring : rings)
+            if (!ring.lines.empty())
+                sum += static_cast<double>(ring.spokes) *
+                       (std::sqrt(distance(f, ring.lines.end - 1)) -
+                        (ring.lines.begin > 0 ? std::sqrt(distance(f, ring.lines.begin - 1)) : 0));
+        return sum;
+    };
+    double least_for_last = needed(lines.line_count - 1);
+    while (least_for_last / 2 > static_cast<double>(first)) least_for_last /= 2;
+    std::vector<Ring> other = rings_from(f, sampling, least, whole_steps(least_for_last));
+    if (cost(other) < cost(lines.rings)) lines.rings = std::move(other);
 }
 
 Interval SpokeGrid::strip_lines(Fan f, std::int64_t line, std::int64_t strip) const {

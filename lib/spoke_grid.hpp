@@ -1,9 +1,9 @@
 // SpokeGrid: which spokes there are: quadrants, fans, lines, bands, rings, azimuths; and a wedge as runs of spokes.
 // A property of the scene, never of the split into wedges. Leaves positions to spoke_map.hpp and state to front.hpp.
 //
-// Spoke k of a quadrant (-K <= k <= K) has slope k/K; K is a power of two, at first enough for every azimuth bin, and
+// Spoke k of a quadrant (-K <= k <= K) has slope k/K (rounded: slope()); K is at first enough for every azimuth bin, and
 // doubles from one ring to the next where the spokes' spacing on a line `lead` times as far off (the last one at most)
-// would exceed 1/o posts. Its cell is the azimuths between slopes (k-1/2)/K and (k+1/2)/K, cut at +-1: a spoke on a common
+// would exceed 1/o posts. It begins at the multiple of `spoke_step` with which the fewest spokes do. Its cell is the azimuths between slopes (k-1/2)/K and (k+1/2)/K, cut at +-1: a spoke on a common
 // diagonal is swept by both quadrants and each deposits its own half.
 //
 // Where levels of detail are on, a quadrant's slopes are cut into fans of equal width. A fan has its own lines and rings:
@@ -16,6 +16,7 @@
 
 #include "lib/interval.hpp"
 #include "lib/polar.hpp"
+#include "lib/rounding.hpp"
 #include "lib/scene.hpp"
 #include "lib/spoke_map.hpp"
 
@@ -35,7 +36,7 @@ struct Sampling {
 /// `culture_height`: single posts may stand up from the ground (trees, buildings), and spokes must meet each of them.
 /// `above_posts`: the sensor's height over the ground below it, in posts. The lower it is, the longer are the shadows
 /// of single posts, and their edges must be met: from 14 posts on (20 with culture heights) half as many spokes a bin do,
-/// from 40 on a quarter, and below 4 posts (10) they double with each halving of the height, to 16 times or 128 at most.
+/// from 40 on a quarter, and below 4 posts (10) they double with each halving of the height, to 16 times or 192 at most.
 /// Source: docs/accuracy.md.
 Sampling sampling(Quality quality, bool culture_height, double above_posts);
 /// `of_quality` with what the scene itself says, but of its bins, which are an image's.
@@ -110,8 +111,18 @@ struct Wedge {
 
 class SpokeGrid {
 public:
+    /// The least number of spokes of an octant is a multiple of it: fans, and groups of lanes, divide it.
+    static constexpr std::int64_t spoke_step = 16;
+    static constexpr int slope_bits = 32;
+
     SpokeGrid(const DataBase& data_base, const SpokeMap& map, const Sampling& sampling, std::int64_t circle_bins,
               const DetailLevels& levels = {});
+
+    /// Of spoke k of K: k / K as a multiple of 2^-32, so that places along a line of whole posts are the same bits wherever in a
+    /// raster it lies.
+    static double slope(std::int64_t spokes, std::int64_t k) {
+        return rounded(static_cast<double>(k) / static_cast<double>(spokes), slope_bits);
+    }
 
     const SpokeMap& map() const { return map_; }
     double azimuth_step_rad() const { return azimuth_step_; }
@@ -168,7 +179,12 @@ private:
     std::int64_t least_spoke(Fan f, std::int64_t spokes) const { return 2 * spokes * f.index / fans_each_ - spokes; }
     std::int64_t most_spoke(Fan f, std::int64_t spokes) const { return least_spoke({f.quadrant, f.index + 1}, spokes); }
     void set_bands(Fan f, std::int64_t first_line, std::int64_t line_count, const DetailLevels& levels);
-    void set_rings(Fan f, const Sampling& sampling, std::int64_t least);
+    /// `least`: spokes that every ring has at least.
+    void set_rings(Fan f, const Sampling& sampling, double least);
+    /// Spokes that the lines up to one need, and that lie ahead of it for some way.
+    double needed_spokes(const FanLines& lines, Fan f, const Sampling& sampling, double distance) const;
+    /// Rings that begin with `spokes`, doubled where that is too few.
+    std::vector<Ring> rings_from(Fan f, const Sampling& sampling, double least, std::int64_t spokes) const;
     /// Azimuth of slope half_index / (2 K).
     double edge_azimuth(Quadrant q, std::int64_t spokes, std::int64_t half_index) const;
     Interval touching_spokes(Fan f, std::int64_t spokes, double azimuth_lo, double azimuth_hi) const;

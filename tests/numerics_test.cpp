@@ -300,8 +300,9 @@ TEST_CASE("a thousand million echoes add up to within half a quantum each", "[nu
         std::vector<double> one(lanes, 1.0), zero(lanes, 0.0), near(lanes, 7.25), far(lanes, 7.5), inverse(lanes, 4.0),
             powers(lanes, power);
         const std::vector<std::int64_t> origin(lanes, cells.origin_of(0));
-        const WedgeCells::Portions p{one.data(), origin.data(),  one.data(),    zero.data(), {},        0, near.data(),
-                                     far.data(), inverse.data(), powers.data(), zero.data(), one.data()};
+        const WedgeCells::Portions p{
+            one.data(),  origin.data(), one.data(),     zero.data(),   {},          0,
+            near.data(), far.data(),    inverse.data(), powers.data(), zero.data(), {nullptr, nullptr, one.data()}};
         for (std::size_t i = 0; i < count; ++i) cells.add_lanes(lanes, p);
         const Real truth = static_cast<Real>(power) * static_cast<Real>(echoes);
         INFO("echoes of " << power / quantum << " quanta");

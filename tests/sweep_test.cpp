@@ -156,10 +156,17 @@ TEST_CASE("neighbouring spokes are as dense as a line so many times as far off n
                     // No more than that: half of them would not do for the ring's first line.
                     if (before > 0) CHECK(spokes / 2 < needed(ring.lines.begin) * 1.001);
                     CHECK(ring.spokes > before);
+                    CHECK(ring.spokes % SpokeGrid::spoke_step == 0);
                     before = ring.spokes;
-                    CHECK((ring.spokes & (ring.spokes - 1)) == 0);
                 }
                 CHECK(next == grid.line_count(q));
+                // The first ring has as many as its first line needs, or the last as many as its last line does.
+                const std::vector<Ring>& rings = grid.rings(q);
+                const double least = std::max(64.0, spokes_per_post * std::min(lead * grid.distance(q, 0), last)),
+                             step = SpokeGrid::spoke_step *
+                                    static_cast<double>(rings.back().spokes / rings.front().spokes);
+                CHECK((static_cast<double>(rings.front().spokes) < least * 1.001 + SpokeGrid::spoke_step ||
+                       static_cast<double>(rings.back().spokes) < spokes_per_post * last * 1.001 + step));
             }
         }
 }
@@ -170,7 +177,7 @@ TEST_CASE("every azimuth bin has the spokes that it asks for, near the sensor to
     for (const std::int64_t circle : {8, 360, 961})
         for (const double per_bin : {2.0, 5.0, 32.0}) {
             INFO(circle << " bins, " << per_bin << " spokes each");
-            const SpokeGrid grid(db, map, {.spokes_per_bin = per_bin}, circle);
+            const SpokeGrid grid(db, map, {.spokes_per_post = 0.25, .spokes_per_bin = per_bin}, circle);
             const double most = 2 * std::numbers::pi / static_cast<double>(circle) / per_bin;
             bool needed = false;
             for (const Quadrant q : all_quadrants) {
@@ -179,7 +186,8 @@ TEST_CASE("every azimuth bin has the spokes that it asks for, near the sensor to
                 for (double m = -1; m < 1; m += 1 / spokes)
                     widest = std::max(widest, std::abs(map.azimuth_rad(q, m + 1 / spokes) - map.azimuth_rad(q, m)));
                 CHECK(widest <= most * (1 + 1e-9));
-                needed = needed || widest > most / 2 || spokes == 64;  // half as many would not do
+                // Fewer would not do, by a step.
+                needed = needed || widest > most * (1 - SpokeGrid::spoke_step / spokes) * (1 - 1e-9) || spokes == 64;
             }
             CHECK(needed);
         }
@@ -426,14 +434,14 @@ TEST_CASE("each quality samples as the table in docs/accuracy.md says", "[grid]"
         std::array<double, 4> per_bin, per_post, lead;
     };
     const Row rows[] = {
-        {Quality::draft, false, {8, 2, 2, 2}, {0.5, 0.5, 1, 1}, {1, 1, 1, 1}},
-        {Quality::draft, true, {16, 4, 2, 2}, {0.5, 0.5, 1, 1}, {1, 1, 1, 1}},
-        {Quality::normal, false, {16, 4, 2, 2}, {1, 1, 1, 0.5}, {2, 2, 4, 4}},
-        {Quality::normal, true, {32, 8, 4, 2}, {1, 1, 1, 1}, {2, 2, 4, 4}},
-        {Quality::fine, false, {32, 8, 4, 2}, {1, 1, 1, 1}, {4, 4, 4, 4}},
-        {Quality::fine, true, {64, 16, 8, 4}, {2, 2, 2, 2}, {2, 2, 4, 4}},
-        {Quality::exact, false, {64, 16, 8, 4}, {2, 2, 1, 1}, {2, 2, 4, 4}},
-        {Quality::exact, true, {128, 32, 16, 8}, {4, 4, 4, 4}, {2, 2, 4, 4}},
+        {Quality::draft, false, {12, 3, 3, 3}, {0.6, 0.6, 1, 1}, {1, 1, 1, 1}},
+        {Quality::draft, true, {24, 6, 3, 3}, {0.6, 0.6, 1, 1}, {1, 1, 1, 1}},
+        {Quality::normal, false, {24, 6, 3, 3}, {1, 1, 1, 0.6}, {2, 2, 4, 4}},
+        {Quality::normal, true, {48, 12, 6, 3}, {1.25, 1.25, 1.25, 1.25}, {2, 2, 4, 4}},
+        {Quality::fine, false, {48, 12, 6, 3}, {1.25, 1.25, 1.25, 1.25}, {4, 4, 4, 4}},
+        {Quality::fine, true, {96, 24, 12, 6}, {2, 2, 2, 2}, {2, 2, 4, 4}},
+        {Quality::exact, false, {96, 24, 12, 6}, {2, 2, 1.25, 1.5}, {2, 2, 4, 4}},
+        {Quality::exact, true, {192, 48, 24, 12}, {4, 4, 4, 4}, {2, 2, 4, 4}},
     };
     for (const Row& row : rows)
         for (std::size_t i = 0; i < 4; ++i)
@@ -459,87 +467,114 @@ TEST_CASE("each quality samples as the table in docs/accuracy.md says", "[grid]"
                 CHECK(s.spokes_per_bin >= before.spokes_per_bin);
                 if (before.cross_lines) CHECK(s.spokes_per_post >= before.spokes_per_post);
                 CHECK(s.spokes_per_bin >= 2);
-                CHECK(s.spokes_per_bin <= 128);
+                CHECK(s.spokes_per_bin <= 192);
                 before = s;
             }
         }
 }
 
-TEST_CASE("deposits add up to what was put in, in any order and by lanes or one by one", "[deposit]") {
+TEST_CASE("deposits add up to what was put in, bin by bin, in any order and by lanes or one by one", "[deposit]") {
     WEDGESCOPE_ON_EVERY_TARGET;
-    const Quanta q = quanta({10, 200}, 25, 1e3, 1, 0.01, 2);
+    constexpr std::size_t rows = 5, columns = 190;
+    const Quanta q = quanta({10, 10 + columns}, 25, 1e3, 1, 0.01, 2);
     std::mt19937 random(23);
     std::uniform_real_distribution<double> any(0, 1);
-    struct Put {
-        WedgeCells::Target target;
-        WedgeCells::Portion portion;
-    };
-    std::vector<Put> puts;
-    for (int i = 0; i < 5000; ++i) {
-        Put p;
-        p.target.row = static_cast<std::int32_t>(random() % 5);
-        p.target.share[0] = 0.01 * any(random);
-        p.target.share[1] = random() % 3 == 0 && p.target.row < 4 ? 0.01 * any(random) : 0;
-        p.portion.x0 = 5 + 205 * any(random);
-        p.portion.x1 = p.portion.x0 + 6 * (any(random) - 0.5);
-        p.portion.inverse_width = 1 / std::abs(p.portion.x1 - p.portion.x0);
-        p.portion.power = 1e-6 * any(random);
-        p.portion.bow = 2 * any(random) - 1;
-        puts.push_back(p);
-    }
-    WedgeCells forward(5, q), backward(5, q), lanes(5, q);
-    double inside = 0;
-    for (const Put& p : puts) {
-        forward.add(p.target, p.portion);
-        const auto upto = [&](double x) {
-            const double u = std::clamp((x - p.portion.x0) / (p.portion.x1 - p.portion.x0), 0.0, 1.0);
-            return u + p.portion.bow * u * (1 - u);
+    // Of one class all along, and of up to three.
+    for (const bool stretched : {false, true}) {
+        struct Put {
+            WedgeCells::Target target;
+            WedgeCells::Portion portion;
+            WedgeCells::Stretches stretches;
         };
-        inside += p.portion.power * std::abs(upto(200) - upto(10)) * (p.target.share[0] + p.target.share[1]);
-    }
-    for (auto p = puts.rbegin(); p != puts.rend(); ++p) backward.add(p->target, p->portion);
-    std::vector<double> code, s0, s1, x0, x1, w, power, bow;
-    const std::vector<double> gamma(puts.size(), 1.0);
-    std::vector<std::int64_t> row;
-    std::vector<std::int32_t> straddlers;
-    for (const Put& p : puts) {
-        code.push_back(1);
-        row.push_back(forward.origin_of(p.target.row));
-        s0.push_back(p.target.share[0]);
-        s1.push_back(p.target.share[1]);
-        if (p.target.share[1] > 0) straddlers.push_back(static_cast<std::int32_t>(code.size()) - 1);
-        x0.push_back(p.portion.x0);
-        x1.push_back(p.portion.x1);
-        w.push_back(p.portion.inverse_width);
-        power.push_back(p.portion.power);
-        bow.push_back(p.portion.bow);
-    }
-    for (std::size_t at = 0; at < puts.size(); at += WedgeCells::Portions::most) {
-        const std::size_t m = std::min(WedgeCells::Portions::most, puts.size() - at);
-        const auto first = static_cast<std::int32_t>(at);
-        const auto low = std::lower_bound(straddlers.begin(), straddlers.end(), first);
-        const auto high = std::lower_bound(low, straddlers.end(), first + static_cast<std::int32_t>(m));
-        lanes.add_lanes(m, {code.data() + at,
-                            row.data() + at,
-                            s0.data() + at,
-                            s1.data() + at,
-                            {low, high},
-                            first,
-                            x0.data() + at,
-                            x1.data() + at,
-                            w.data() + at,
-                            power.data() + at,
-                            bow.data() + at,
-                            gamma.data() + at});
-    }
-    double sum = 0;
-    for (std::size_t r = 0; r < 5; ++r)
-        for (std::size_t j = 0; j < 190; ++j) {
-            REQUIRE(forward.watts(r, j) == backward.watts(r, j));
-            REQUIRE(forward.watts(r, j) == lanes.watts(r, j));
-            sum += forward.watts(r, j);
+        std::vector<Put> puts;
+        for (int i = 0; i < 5000; ++i) {
+            Put p;
+            p.target.row = static_cast<std::int32_t>(random() % rows);
+            p.target.share[0] = 0.01 * any(random);
+            p.target.share[1] = random() % 3 == 0 && p.target.row < 4 ? 0.01 * any(random) : 0;
+            p.portion.x0 = 5 + 205 * any(random);
+            p.portion.x1 = p.portion.x0 + 6 * (any(random) - 0.5);
+            p.portion.inverse_width = 1 / std::abs(p.portion.x1 - p.portion.x0);
+            p.portion.power = 1e-6 * any(random);
+            p.portion.bow = 2 * any(random) - 1;
+            p.stretches = WedgeCells::Stretches::one(2 * any(random));
+            if (stretched && random() % 4 > 0) {
+                const double border = any(random);
+                p.stretches = {{2 * any(random), 2 * any(random), 2 * any(random)},
+                               random() % 2 ? border : border * any(random),
+                               border};
+            }
+            puts.push_back(p);
         }
-    CHECK(sum == Approx(inside).epsilon(1e-12));
+        WedgeCells forward(rows, q), backward(rows, q), lanes(rows, q);
+        std::vector<double> expected(rows * columns);
+        for (const Put& p : puts) {
+            forward.add(p.target, p.portion, p.stretches);
+            const auto way_to = [&](double x) { return (x - p.portion.x0) / (p.portion.x1 - p.portion.x0); };
+            const double borders[] = {0, p.stretches.second, p.stretches.third, 1};
+            for (std::size_t j = 0; j < columns; ++j)
+                for (std::size_t k = 0; k < 3; ++k) {
+                    const double a = way_to(10 + static_cast<double>(j)), b = way_to(11 + static_cast<double>(j)),
+                                 from = std::max(std::min(a, b), borders[k]),
+                                 to = std::min(std::max(a, b), borders[k + 1]);
+                    if (!(to > from)) continue;
+                    // What lies between, by the mean of how dense it is at its ends, which is a straight line.
+                    const double watts =
+                        p.stretches.gamma[k] * p.portion.power * (to - from) * (1 + p.portion.bow * (1 - from - to));
+                    for (std::size_t side = 0; side < 2; ++side)
+                        if (p.target.share[side] > 0)
+                            expected[(static_cast<std::size_t>(p.target.row) + side) * columns + j] +=
+                                watts * p.target.share[side];
+                }
+        }
+        for (auto p = puts.rbegin(); p != puts.rend(); ++p) backward.add(p->target, p->portion, p->stretches);
+        std::vector<double> code, s0, s1, x0, x1, w, power, bow, gamma[3], second, third;
+        std::vector<std::int64_t> row;
+        std::vector<std::int32_t> straddlers;
+        for (const Put& p : puts) {
+            code.push_back(1);
+            row.push_back(forward.origin_of(p.target.row));
+            s0.push_back(p.target.share[0]);
+            s1.push_back(p.target.share[1]);
+            if (p.target.share[1] > 0) straddlers.push_back(static_cast<std::int32_t>(code.size()) - 1);
+            x0.push_back(p.portion.x0);
+            x1.push_back(p.portion.x1);
+            w.push_back(p.portion.inverse_width);
+            power.push_back(p.portion.power);
+            bow.push_back(p.portion.bow);
+            for (std::size_t k = 0; k < 3; ++k) gamma[k].push_back(p.stretches.gamma[k]);
+            second.push_back(p.stretches.second);
+            third.push_back(p.stretches.third);
+        }
+        for (std::size_t at = 0; at < puts.size(); at += WedgeCells::Portions::most) {
+            const std::size_t m = std::min(WedgeCells::Portions::most, puts.size() - at);
+            const auto first = static_cast<std::int32_t>(at);
+            const auto low = std::lower_bound(straddlers.begin(), straddlers.end(), first);
+            const auto high = std::lower_bound(low, straddlers.end(), first + static_cast<std::int32_t>(m));
+            lanes.add_lanes(m, {code.data() + at,
+                                row.data() + at,
+                                s0.data() + at,
+                                s1.data() + at,
+                                {low, high},
+                                first,
+                                x0.data() + at,
+                                x1.data() + at,
+                                w.data() + at,
+                                power.data() + at,
+                                bow.data() + at,
+                                {gamma[0].data() + at, gamma[1].data() + at, gamma[2].data() + at},
+                                stretched ? second.data() + at : nullptr,
+                                third.data() + at});
+        }
+        double worst = 0;
+        for (std::size_t r = 0; r < rows; ++r)
+            for (std::size_t j = 0; j < columns; ++j) {
+                REQUIRE(forward.watts(r, j) == backward.watts(r, j));
+                REQUIRE(forward.watts(r, j) == lanes.watts(r, j));
+                worst = std::max(worst, std::abs(forward.watts(r, j) / expected[r * columns + j] - 1));
+            }
+        CHECK(worst < 1e-12);
+    }
 }
 
 TEST_CASE("the quantum of a bin leaves room for all that a cell can hold, and no more than a bit", "[deposit]") {

@@ -109,9 +109,11 @@ Bytes sweep_of(unsigned seed) {
     Samples now = samples(), crossing = samples(), line = samples();
     const std::vector<double> metres = draw.lanes(n, 25, 42);
     const double distance = 1 + static_cast<double>(draw.below(300)), nadir = draw.number(300, 301);
-    const auto first = static_cast<std::int64_t>(draw.below(64)) - 32;
-    place_lanes(piece, nadir, distance, 64, first, n, metres.data(), now.minor.data(), now.arc.data());
-    place_lanes(piece, nadir, distance + 1, 64, first, n, metres.data(), line.minor.data(), line.arc.data());
+    const double first = draw.number(-0.5, 0.5), spacing = draw.number(0, 0.01);
+    std::vector<double> slope(n);
+    for (std::size_t i = 0; i < n; ++i) slope[i] = first + spacing * static_cast<double>(i);
+    place_lanes(piece, nadir, distance, n, slope.data(), metres.data(), now.minor.data(), now.arc.data());
+    place_lanes(piece, nadir, distance + 1, n, slope.data(), metres.data(), line.minor.data(), line.arc.data());
     std::fill(line.part.begin(), line.part.end(), 1);
     record.put(now.minor);
     record.put(now.arc);
@@ -206,7 +208,8 @@ Bytes deposits_of(unsigned seed) {
         constexpr std::size_t most = WedgeCells::Portions::most;
         const std::size_t n = 1 + draw.below(most);
         std::vector<double> code(n), share0(n), share1(n, 0.0), x0(n), x1(n), inverse(n, 0.0), power(n), bow(n),
-            gamma(n);
+            gammas[3], second(n), third(n);
+        for (auto& gamma : gammas) gamma.resize(n);
         std::vector<std::int64_t> origin(n);
         std::vector<std::int32_t> straddlers;
         // Most blocks lie in a few bins, as neighbouring spokes do; pieces of one bin and of many, either way round.
@@ -228,10 +231,26 @@ Bytes deposits_of(unsigned seed) {
             const double bin_m = std::max(1.0, 90 * std::max(x0[i], x1[i]));
             power[i] = draw.below(9) ? 1e-5 * std::exp(draw.number(-25, 0)) / (bin_m * bin_m) : 0;
             bow[i] = draw.number(-1, 1);
-            gamma[i] = draw.below(9) ? draw.number(0, 1) : -1;
+            for (auto& gamma : gammas) gamma[i] = draw.number(0, 1);
+            if (draw.below(9) == 0) gammas[2][i] = -1;
+            third[i] = draw.below(3) ? draw.number(0, 1) : 0;
+            second[i] = draw.below(3) ? draw.number(0, third[i]) : third[i];
         }
-        cells.add_lanes(n, {code.data(), origin.data(), share0.data(), share1.data(), straddlers, 100, x0.data(),
-                            x1.data(), inverse.data(), power.data(), bow.data(), gamma.data()});
+        const bool stretched = draw.below(3) > 0;
+        cells.add_lanes(n, {code.data(),
+                            origin.data(),
+                            share0.data(),
+                            share1.data(),
+                            straddlers,
+                            100,
+                            x0.data(),
+                            x1.data(),
+                            inverse.data(),
+                            power.data(),
+                            bow.data(),
+                            {gammas[0].data(), gammas[1].data(), gammas[2].data()},
+                            stretched ? second.data() : nullptr,
+                            third.data()});
     }
     for (std::size_t row = 0; row < rows; ++row)
         for (std::size_t column = 0; column < cells.columns(); ++column) {

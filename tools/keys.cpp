@@ -848,7 +848,7 @@ std::vector<Key> make_keys() {
           "auto", "least spokes for each post of a line; auto: as the quality says");
     t.add("spokes-per-bin",
           number(
-              between("2", "128"), [](auto& s) -> auto& { return s.scene.spokes_per_bin; }, "auto"),
+              between("2", "256"), [](auto& s) -> auto& { return s.scene.spokes_per_bin; }, "auto"),
           "auto", "least spokes for each azimuth bin, near and far; auto: as the quality says");
     t.add("spoke-lead",
           number(
