@@ -98,12 +98,18 @@ HWY_ATTR void culture_any(std::size_t n, const CultureScene& scene, const Cultur
         const Holds column_first = at_column <= at_row;
         const auto index = [&](Lane cell_column, Lane cell_row)
                                HWY_ATTR { return hn::IfThenElseZero(good, cell_row * columns + cell_column); };
-        store(index(first_column, first_row), out.first + i);
-        store(index(pick(column_first, last_column, first_column), pick(column_first, first_row, last_row)),
-              out.second + i);
-        store(index(last_column, last_row), out.third + i);
-        hn::StoreU(hn::Min(at_column, at_row), d, out.to_second + i);
-        hn::StoreU(hn::Max(at_column, at_row), d, out.to_third + i);
+        const Lane to_second = hn::Min(at_column, at_row), to_third = hn::Max(at_column, at_row);
+        // A cell that is only touched is none of the piece's: its neighbour stands for it.
+        Lane cell0 = index(first_column, first_row), cell2 = index(last_column, last_row),
+             cell1 = index(pick(column_first, last_column, first_column), pick(column_first, first_row, last_row));
+        cell1 = pick(to_second == to_third, pick(to_second <= zero, cell2, cell0), cell1);
+        cell2 = pick(to_third >= one, cell1, cell2);
+        cell0 = pick(to_second <= zero, cell1, cell0);
+        store(cell0, out.first + i);
+        store(cell1, out.second + i);
+        store(cell2, out.third + i);
+        hn::StoreU(to_second, d, out.to_second + i);
+        hn::StoreU(to_third, d, out.to_third + i);
         const Lane kind =
             pick(wall, all(CultureParts::wall), pick(few, all(CultureParts::parts), all(CultureParts::many)));
         store(hn::IfThenElseZero(hn::LoadU(d, p.code + i) == one, pick(inside, kind, all(CultureParts::elsewhere))),

@@ -58,16 +58,19 @@ constexpr std::size_t block = WedgeCells::Portions::most;
 constexpr double magic = 6755399441055744.0;
 constexpr double most_magic = 0x1p50;
 
+/// Of the power up to part u of the way.
+WEDGESCOPE_LANES_PART double share_upto(double u, double bow) {
+    const double s = u + bow * (u * (1 - u));
+    return s < 1 ? s : 1.0;
+}
+
 /// A portion as it is met from its near end: what comes back from up to part `u` of the way to the far one, over its power
 /// with backscatter 1.
 struct FromNear {
     double bow, near_gamma, middle_gamma, far_gamma;
     double near_share, middle_share;  // of the power, up to the borders of the stretches
 
-    WEDGESCOPE_LANES_PART double share(double u) const {
-        const double s = u + bow * (u * (1 - u));
-        return s < 1 ? s : 1.0;
-    }
+    WEDGESCOPE_LANES_PART double share(double u) const { return share_upto(u, bow); }
     /// Of the share of the power that lies that far. The stretches telescope: each has what lies between its borders.
     WEDGESCOPE_LANES_PART double returned(double s) const {
         const double near = s < near_share ? s : near_share, upto = s < middle_share ? s : middle_share,
@@ -115,13 +118,12 @@ void WedgeCells::add_cut(const Target& target, const Portion& p, const Stretches
     const FromNear portion = from_near(p, stretches);
     const auto returned = [&](double x) {
         const double u = (x - near) * p.inverse_width;
-        return portion.returned(u <= 0 ? 0.0 : u >= 1 ? 1.0 : portion.share(u));
+        return portion.returned(x == far || u >= 1 ? 1.0 : u <= 0 ? 0.0 : portion.share(u));
     };
     double low = std::max(near, begin_), done = near < begin_ ? returned(low) : 0;
     const double high = std::min(far, end_);
-    for (auto j = static_cast<std::int32_t>(low); low < high || (low == high && done == 0 && low < end_); ++j) {
-        const double edge = std::min(high, static_cast<double>(j + 1));
-        const double upto = edge == far ? portion.returned(1) : returned(edge);
+    for (auto j = static_cast<std::int32_t>(low); low < high; ++j) {
+        const double edge = std::min(high, static_cast<double>(j + 1)), upto = returned(edge);
         put(target, j, p.power * (upto - done), quantities);
         done = upto;
         if (edge == high) break;
@@ -167,9 +169,9 @@ WEDGESCOPE_LANES_PART void place_portions(std::size_t n, const WedgeCells::Porti
             upto_two = power[i] * portion.returned(portion.share(v));
             whole = power[i] * portion.returned(1);
         } else {
-            const FromNear portion{outwards ? bow[i] : -bow[i], 0, 0, 0, 0, 0};
-            upto_one = power[i] * (third_gamma[i] * portion.share(u));
-            upto_two = power[i] * (third_gamma[i] * portion.share(v));
+            const double bend = outwards ? bow[i] : -bow[i];
+            upto_one = power[i] * (third_gamma[i] * share_upto(u, bend));
+            upto_two = power[i] * (third_gamma[i] * share_upto(v, bend));
             whole = power[i] * third_gamma[i];
         }
         const double a = bins > 0 ? upto_one : whole, b = bins > 1 ? upto_two : whole;

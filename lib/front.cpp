@@ -135,7 +135,8 @@ std::size_t Front::bytes_of(std::size_t lanes, bool facets, bool directional, bo
     const std::size_t doubles = 22 + (facets ? 2 : 0) + (directional ? 2 : 0);
     return lanes * (doubles * sizeof(double) + (shore ? sizeof(ShoreWindow) : 0) + sizeof(std::int64_t) +
                     sizeof(std::int32_t)) +
-           tile_lanes * (3 * 9 + 13 + 4) * sizeof(double);
+           tile_lanes * (3 * 9 + 11 + 4) * sizeof(double) + sizeof(CultureParts) +
+           (std::size_t{unknown_class} + 1) * sizeof(ClassGamma);
 }
 
 std::size_t Front::bytes() const {
@@ -748,8 +749,10 @@ void Front::take(const Between& between, std::size_t begin, std::size_t end, boo
     }
     const std::uint64_t shaded = ticks(), read = culture_.cost().ticks;
     const bool left = found.plain && put_plain(n, begin, between, next);
-    for (std::size_t i = 0; (found.changes || left) && i < n; ++i) {
+    int changes = found.changes;
+    for (std::size_t i = 0; (changes > 0 || left) && i < n; ++i) {
         if (code_[i] == 2) {
+            --changes;
             change(begin + i, i, between, next);
             if (shore_ && is(begin + i, mode_gap)) lanes_.shore[begin + i] = {};  // what is there, nobody knows
         } else if (code_[i] == 1 && left && gamma_[2][i] == left_to_put && (lanes_.row[begin + i] >= 0 || shore_)) {
@@ -839,15 +842,14 @@ bool Front::find_gammas(std::size_t n, std::size_t lane, const Between& between,
                        db.culture_row_offset,
                        db.culture_row_scale * post_,
                        {}};
-    CultureParts& found = found_;
     const auto classes_under = [&](std::size_t i, const ClassId* classes) {
-        return Classes{{classes[found.first[i]], classes[found.second[i]], classes[found.third[i]]},
-                       found.to_second[i],
-                       found.to_third[i]};
+        return Classes{{classes[found_.first[i]], classes[found_.second[i]], classes[found_.third[i]]},
+                       found_.to_second[i],
+                       found_.to_third[i]};
     };
     const auto angular = [&](std::size_t i, const Classes& under) {
         const WedgeCells::Stretches s =
-            found.kind[i] == CultureParts::wall
+            found_.kind[i] == CultureParts::wall
                 ? WedgeCells::Stretches::one(wall_gamma(under.id[0], lane + i))
                 : under.stretches([&](double, double, ClassId id) { return ground_gamma(id, facet_[i], lane + i); });
         for (std::size_t k = 0; k < gamma_.size(); ++k) gamma_[k][i] = s.gamma[k];
@@ -855,47 +857,45 @@ bool Front::find_gammas(std::size_t n, std::size_t lane, const Between& between,
     // All in the tile that the first one lies in: mostly there is no other. Without a branch on classes, for hardly two
     // neighbours are alike.
     const auto first = static_cast<std::size_t>(std::find(code, code + n, 1.0) - code);
-    const ClassId* classes = find_cells(from, first, between, n, pieces, scene, found);
+    const ClassId* classes = find_cells(from, first, between, n, pieces, scene);
     // Ground and walls by turns.
     const double* const gammas = &class_gammas_.data()->ground;
     static_assert(sizeof(ClassGamma) == 2 * sizeof(double));
     std::array<double*, 3> gamma{gamma_[0].data(), gamma_[1].data(), gamma_[2].data()};
     bool some_odd = shore_ != nullptr;
     for (std::size_t i = 0; i < n; ++i) {
-        const std::size_t a = classes[found.first[i]], b = classes[found.second[i]], c = classes[found.third[i]],
-                          wall = found.kind[i] == CultureParts::wall ? 1 : 0;
+        const std::size_t a = classes[found_.first[i]], b = classes[found_.second[i]], c = classes[found_.third[i]],
+                          wall = found_.kind[i] == CultureParts::wall ? 1 : 0;
         gamma[0][i] = gammas[2 * a + wall];
         gamma[1][i] = gammas[2 * b + wall];
         gamma[2][i] = gammas[2 * c + wall];
-        some_odd |= (found.kind[i] > CultureParts::wall) | (std::max({a, b, c}) == unknown_class);
+        some_odd |=
+            (found_.kind[i] > CultureParts::wall) | (a == unknown_class) | (b == unknown_class) | (c == unknown_class);
     }
     std::array<std::uint8_t, CulturePieces::most> odd;
     std::size_t odd_count = 0;
     for (std::size_t i = 0; some_odd && i < n; ++i) {
         const Classes under = classes_under(i, classes);
-        const bool several = shore_ && !under.same();
-        odd[odd_count] = static_cast<std::uint8_t>(i);
-        odd_count += found.kind[i] > CultureParts::wall ||
-                             (found.kind[i] != CultureParts::nothing && (!under.known() || several))
-                         ? 1
-                         : 0;
+        if (found_.kind[i] > CultureParts::wall ||
+            (found_.kind[i] != CultureParts::nothing && (!under.known() || (shore_ && !under.same()))))
+            odd[odd_count++] = static_cast<std::uint8_t>(i);
     }
     if (needs_facets_ || directional_)
         for (std::size_t i = 0; i < n; ++i) {
-            const std::int32_t kind = found.kind[i];
+            const std::int32_t kind = found_.kind[i];
             if (kind == CultureParts::parts || kind == CultureParts::wall) angular(i, classes_under(i, classes));
         }
     bool left = false;
     if (shore_) {
         for (std::size_t k = 0; k < odd_count; ++k) gamma[2][odd[k]] = left_to_put;
-        left = pass_shores(n, lane, classes, found.first, found.kind, next);
+        left = pass_shores(n, lane, classes, found_.first, found_.kind, next);
     }
     for (std::size_t k = 0; k < odd_count; ++k) {
         const std::size_t i = odd[k];
-        if (found.kind[i] == CultureParts::elsewhere) classes = find_cells(from, i, between, n, pieces, scene, found);
+        if (found_.kind[i] == CultureParts::elsewhere) classes = find_cells(from, i, between, n, pieces, scene);
         const Classes under = classes_under(i, classes);
         // Where these are not all of its classes put() finds them; no window goes by before.
-        if (found.kind[i] > CultureParts::wall || !under.known() ||
+        if (found_.kind[i] > CultureParts::wall || !under.known() ||
             (shore_ && needs_shore(lane + i, under.id, i, next))) {
             gamma[2][i] = left_to_put;
             left = true;
@@ -939,7 +939,7 @@ bool Front::pass_shores(std::size_t n, std::size_t lane, const ClassId* classes,
         if (water)
             FarShore::pass_water(window, a, b);
         else
-            gamma_[0][i] = gamma_[1][i] = gamma_[2][i] *= shore_->pass_land(window, a, b);  // of one class all along
+            for (double bright = shore_->pass_land(window, a, b); LaneArray & gamma : gamma_) gamma[i] *= bright;
     }
     return left;
 }
@@ -954,12 +954,12 @@ ShorePoint Front::shore_point(std::size_t lane, const SampleLanes& from, const S
 }
 
 const ClassId* Front::find_cells(const SampleLanes& from, std::size_t i, const Between& between, std::size_t n,
-                                 const CulturePieces& pieces, CultureScene& scene, CultureParts& found) {
+                                 const CulturePieces& pieces, CultureScene& scene) {
     if (!scene_->data_base->has_culture) {  // one cell for all
         scene.column_offset = scene.row_offset = 0.5;
         scene.column_scale = scene.row_scale = 0;
         scene.tile = {{0, 1}, {0, 1}};
-        culture_lanes(n, scene, pieces, found);
+        culture_lanes(n, scene, pieces, found_);
         return &scene_->data_base->default_class;
     }
     const double major = between.major(from.part[i]), minor = from.minor[i];
@@ -967,7 +967,7 @@ const ClassId* Front::find_cells(const SampleLanes& from, std::size_t i, const B
     const CultureCells& tile =
         culture_.tile_of(floor_of(cell_column(columns ? major : minor)), floor_of(cell_row(columns ? minor : major)));
     scene.tile = tile.window;
-    culture_lanes(n, scene, pieces, found);
+    culture_lanes(n, scene, pieces, found_);
     return tile.classes.data();
 }
 
@@ -1092,6 +1092,8 @@ void Front::put(std::size_t lane, const Piece& piece, const Between& between) {
         return add_one(ground_gamma(scene_->data_base->default_class, piece.variable, lane));
     if (const auto post = wall_of(piece.track, between))
         return add_one(wall_gamma(class_at(floor_of(cell_column(post->column)), floor_of(cell_row(post->row))), lane));
+    if (!scene_->data_base->has_culture)
+        return add_one(ground_gamma(scene_->data_base->default_class, piece.variable, lane));
     const auto class_of = [&](std::int64_t column, std::int64_t row) { return class_at(column, row); };
     const auto gamma_of = [&](double, double, ClassId id) { return ground_gamma(id, piece.variable, lane); };
     if (const auto under = few_classes(piece.track, class_of))
@@ -1169,11 +1171,19 @@ std::optional<Front::Classes> Front::few_classes(const Track& t, const ClassOf& 
     const double at_column = cut(first_column, last_column, column0, column1),
                  at_row = cut(first_row, last_row, row0, row1);
     const bool column_first = at_column <= at_row;
-    return Classes{{class_of(first_column, first_row),
-                    class_of(column_first ? last_column : first_column, column_first ? first_row : last_row),
-                    class_of(last_column, last_row)},
-                   std::min(at_column, at_row),
-                   std::max(at_column, at_row)};
+    const double to_second = std::min(at_column, at_row), to_third = std::max(at_column, at_row);
+    struct Cell {
+        std::int64_t column, row;
+    };
+    Cell first{first_column, first_row}, third{last_column, last_row},
+        second{column_first ? last_column : first_column, column_first ? first_row : last_row};
+    if (to_second == to_third) second = to_second <= 0 ? third : first;
+    if (to_third >= 1) third = second;
+    if (to_second <= 0) first = second;
+    return Classes{
+        {class_of(first.column, first.row), class_of(second.column, second.row), class_of(third.column, third.row)},
+        to_second,
+        to_third};
 }
 
 template <class ClassOf, class Run>

@@ -222,9 +222,9 @@ private:
     bool put_plain(std::size_t n, std::size_t lane, const Between& between, Samples& next);
     /// Their backscatter over culture, into gamma_ and its borders; true if some are left for put().
     bool find_gammas(std::size_t n, std::size_t lane, const Between& between, Samples& next);
-    /// Culture under n pieces, in the tile that piece i starts from, whose classes it returns.
+    /// Culture under n pieces, into found_, in the tile that piece i starts from, whose classes it returns.
     const ClassId* find_cells(const SampleLanes& from, std::size_t i, const Between& between, std::size_t n,
-                              const CulturePieces& pieces, CultureScene& scene, CultureParts& found);
+                              const CulturePieces& pieces, CultureScene& scene);
     void put(std::size_t lane, const Piece& piece, const Between& between);
     Track track(const SampleLanes& from, const SampleLanes& to, const Between& between) const;
     /// Classes under a piece that runs through two columns and two rows of culture cells at most; nothing if there are more.
@@ -295,7 +295,8 @@ private:
     // Workspace of one tile: the last samples, those on the other axis' lines and those on the line ahead.
     Samples now_, crossing_, ahead_;
     LaneArray cell_, bump_, sine0_, code_, power_, inverse_width_, bow_, facet_;
-    std::array<LaneArray, 3> gamma_;  // as WedgeCells::Portions; the first two, and what follows, only over culture
+    // Backscatter, as WedgeCells::Portions. Only over culture: the first two of it, and where its stretches end.
+    std::array<LaneArray, 3> gamma_;
     CultureParts found_;
     std::vector<ClassGamma> class_gammas_;  // of every ClassId; of those that are no class nothing
     std::vector<float> posts_;              // of the cells, four a lane

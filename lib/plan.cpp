@@ -111,10 +111,9 @@ private:
         for (std::int64_t line = 0; line < grid_.line_count(fan) && !live.empty();) {
             const std::int64_t spokes = rings[ring].spokes;
             const auto beyond = [&](std::int64_t k) {
-                return line > 0 && grid_.map()
-                                           .place(q, static_cast<double>(k) / static_cast<double>(spokes),
-                                                  grid_.distance(fan, line - 1))
-                                           .arc_m > most_arc;
+                return line > 0 &&
+                       grid_.map().place(q, SpokeGrid::slope(spokes, k), grid_.distance(fan, line - 1)).arc_m >
+                           most_arc;
             };
             while (!live.empty() && beyond(live.begin)) ++live.begin;
             while (!live.empty() && beyond(live.end - 1)) --live.end;
@@ -148,9 +147,8 @@ private:
                 f.bytes += class_bytes;
                 double share = 1;
                 if (coarse)
-                    share = coarse->visible(request.window, lines,
-                                            static_cast<double>(live.begin) / static_cast<double>(spokes),
-                                            static_cast<double>(live.end - 1) / static_cast<double>(spokes));
+                    share = coarse->visible(request.window, lines, SpokeGrid::slope(spokes, live.begin),
+                                            SpokeGrid::slope(spokes, live.end - 1));
                 f.likely_posts += share * static_cast<double>(cost.posts);
                 f.likely_bytes += share * static_cast<double>(cost.bytes + class_bytes);
             }

@@ -30,7 +30,7 @@ Sampling sampling(Quality quality, bool culture_height, double above_posts) {
         case Quality::fine:
             return culture_height ? dense(2, 24, 2) : dense(1.25, 12, 4);
         case Quality::exact:
-            return culture_height ? dense(4, 48, 2) : dense(low ? 2 : high ? 1.5 : 1.25, 24, 2);
+            return culture_height ? dense(4, 48, 2) : dense(low ? 2 : 1.5, 24, 2);
     }
     return {};
 }
@@ -54,7 +54,7 @@ SpokeGrid::SpokeGrid(const DataBase& data_base, const SpokeMap& map, const Sampl
     : data_base_(data_base), map_(map), circle_bins_(circle_bins),
       azimuth_step_(2 * std::numbers::pi / static_cast<double>(circle_bins)),
       fans_each_(levels.any() ? levels.fans : 1), lines_(all_quadrants.size() * static_cast<std::size_t>(fans_each_)) {
-    // The same least K in all quadrants.
+    // What the bins ask for, the same in all quadrants.
     const double widest = azimuth_step_ / std::max(2.0, sampling.spokes_per_bin);
     double least = 64;
     for (Quadrant q : all_quadrants) least = std::max(least, map.azimuth_per_slope(q) / widest);
@@ -88,13 +88,12 @@ SpokeGrid::SpokeGrid(const DataBase& data_base, const SpokeMap& map, const Sampl
 }
 
 void SpokeGrid::set_bands(Fan f, std::int64_t first_line, std::int64_t line_count, const DetailLevels& levels) {
-    FanLines& lines = lines_[static_cast<std::size_t>(static_cast<int>(f.quadrant) * fans_each_ + f.index)];
+    FanLines& lines = lines_[place_of(f)];
     lines.clockwise = map_.azimuth_rad(f.quadrant, 1) > map_.azimuth_rad(f.quadrant, -1);
     const std::int64_t out = outward(f.quadrant), last = first_line + out * (line_count - 1);
     lines.bands.push_back({0, {0, line_count}, first_line});
     if (levels.any() && line_count > 0)
-        for (const DetailLevels::Step& step :
-             levels.steps[static_cast<std::size_t>(static_cast<int>(f.quadrant) * fans_each_ + f.index)]) {
+        for (const DetailLevels::Step& step : levels.steps[place_of(f)]) {
             Band& before = lines.bands.back();
             const std::int64_t post = std::int64_t{1} << before.level;
             if ((step.border - before.first * post) * out < 0 || (last - step.border) * out < 0) continue;
@@ -148,7 +147,7 @@ std::vector<Ring> SpokeGrid::rings_from(Fan f, const Sampling& sampling, double 
 }
 
 void SpokeGrid::set_rings(Fan f, const Sampling& sampling, double least) {
-    FanLines& lines = lines_[static_cast<std::size_t>(static_cast<int>(f.quadrant) * fans_each_ + f.index)];
+    FanLines& lines = lines_[place_of(f)];
     const auto whole_steps = [](double spokes) {
         return static_cast<std::int64_t>(std::ceil(spokes / static_cast<double>(spoke_step))) * spoke_step;
     };
@@ -187,9 +186,9 @@ Window SpokeGrid::window(Fan f, std::int64_t spokes, Interval run, Interval line
     if (lines.empty() || run.empty()) return {};
     const Quadrant q = f.quadrant;
     const Band& band = band_of(f, lines.begin);
-    const double k = static_cast<double>(spokes), post = static_cast<double>(std::int64_t{1} << band.level);
-    const double lo = static_cast<double>(std::max(least_spoke(f, spokes), run.begin - 1)) / k,
-                 hi = static_cast<double>(std::min(most_spoke(f, spokes), run.end)) / k;
+    const double post = static_cast<double>(std::int64_t{1} << band.level);
+    const double lo = slope(spokes, std::max(least_spoke(f, spokes), run.begin - 1)),
+                 hi = slope(spokes, std::min(most_spoke(f, spokes), run.end));
     double least = std::numeric_limits<double>::infinity(), most = -least;
     const auto look = [&](std::int64_t line) {
         const double d = distance(f, line);

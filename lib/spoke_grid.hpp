@@ -3,7 +3,8 @@
 //
 // Spoke k of a quadrant (-K <= k <= K) has slope k/K (rounded: slope()); K is at first enough for every azimuth bin, and
 // doubles from one ring to the next where the spokes' spacing on a line `lead` times as far off (the last one at most)
-// would exceed 1/o posts. It begins at the multiple of `spoke_step` with which the fewest spokes do. Its cell is the azimuths between slopes (k-1/2)/K and (k+1/2)/K, cut at +-1: a spoke on a common
+// would exceed 1/o posts. It begins with a multiple of `spoke_step`: what the first line needs, or what in the end gives
+// the last line no more than that needs. Its cell is the azimuths between slopes (k-1/2)/K and (k+1/2)/K, cut at +-1: a spoke on a common
 // diagonal is swept by both quadrants and each deposits its own half.
 //
 // Where levels of detail are on, a quadrant's slopes are cut into fans of equal width. A fan has its own lines and rings:
@@ -114,14 +115,16 @@ public:
     /// The least number of spokes of an octant is a multiple of it: fans, and groups of lanes, divide it.
     static constexpr std::int64_t spoke_step = 16;
     static constexpr int slope_bits = 32;
+    static constexpr std::int64_t most_rounded = std::int64_t{1} << 20;
 
     SpokeGrid(const DataBase& data_base, const SpokeMap& map, const Sampling& sampling, std::int64_t circle_bins,
               const DetailLevels& levels = {});
 
-    /// Of spoke k of K: k / K as a multiple of 2^-32, so that places along a line of whole posts are the same bits wherever in a
-    /// raster it lies.
+    /// Of spoke k of K: k / K, rounded where K is at most 2^20, so that a place that has few binary digits, as on a
+    /// post, crosses lines at places with few digits too: the same bits wherever in a raster that is.
     static double slope(std::int64_t spokes, std::int64_t k) {
-        return rounded(static_cast<double>(k) / static_cast<double>(spokes), slope_bits);
+        const double m = static_cast<double>(k) / static_cast<double>(spokes);
+        return spokes <= most_rounded ? rounded(m, slope_bits) : m;
     }
 
     const SpokeMap& map() const { return map_; }
@@ -166,9 +169,10 @@ private:
         std::vector<Ring> rings;
         bool clockwise = true;  // azimuth grows with slope
     };
-    const FanLines& of(Fan f) const {
-        return lines_[static_cast<std::size_t>(static_cast<int>(f.quadrant) * fans_each_ + f.index)];
+    std::size_t place_of(Fan f) const {
+        return static_cast<std::size_t>(static_cast<int>(f.quadrant) * fans_each_ + f.index);
     }
+    const FanLines& of(Fan f) const { return lines_[place_of(f)]; }
     const Band& band_of(Fan f, std::int64_t line) const {
         const std::vector<Band>& bands = of(f).bands;
         std::size_t i = bands.size() - 1;

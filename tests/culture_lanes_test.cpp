@@ -2,11 +2,15 @@
 #include <catch2/catch.hpp>
 
 #include <cmath>
+#include <optional>
 #include <random>
 #include <vector>
 
 #include "lib/culture_lanes.hpp"
+#include "lib/material.hpp"
+#include "tests/bare_scene.hpp"
 #include "tests/every_target.hpp"
+#include "tests/terrain.hpp"
 
 using namespace wedgescope;
 
@@ -56,9 +60,9 @@ TEST_CASE("the culture cells along a piece are those that one meets walking alon
         CultureScene scene{.lines_are_columns = turn % 2 == 0,
                            .behind_major = turn % 4 < 2 ? 20.0 : 21.0,
                            .ahead_major = turn % 4 < 2 ? 21.0 : 20.0,
-                           .column_offset = -0.5,
+                           .column_offset = turn % 5 == 0 ? 0 : -0.5,  // borders through posts
                            .column_scale = coarse,
-                           .row_offset = 0.25,
+                           .row_offset = turn % 5 == 0 ? 0 : 0.25,
                            .row_scale = coarse,
                            .tile = {{0, 64}, {0, 48}}};
         const Pieces p = pieces(random, 1);
@@ -96,6 +100,14 @@ TEST_CASE("the culture cells along a piece are those that one meets walking alon
             REQUIRE(0 <= found.to_second[i]);
             REQUIRE(found.to_second[i] <= found.to_third[i]);
             REQUIRE(found.to_third[i] <= 1);
+            // Each cell is one that the piece runs through, not one that it only touches.
+            const double borders[] = {0, found.to_second[i], found.to_third[i], 1};
+            const std::int32_t named[] = {found.first[i], found.second[i], found.third[i]};
+            for (const std::int32_t cell : named) {
+                bool met = p.part0[i] == p.part1[i] && p.minor0[i] == p.minor1[i];
+                for (int k = 0; k < 3; ++k) met = met || (borders[k] < borders[k + 1] && named[k] == cell);
+                REQUIRE(met);
+            }
             for (int k = 0; k < 200; ++k) {
                 const double u = (k + 0.5) / 200;
                 if (std::abs(u - found.to_second[i]) < 1e-9 || std::abs(u - found.to_third[i]) < 1e-9) continue;
@@ -141,4 +153,78 @@ TEST_CASE("a piece in a cell with culture on a corner is a wall of the corner wi
             if (most > 0) REQUIRE(found.first[i] == row * 64 + column);
         }
     }
+}
+
+TEST_CASE("how culture is tiled changes no bit, whatever its cells' borders run through", "[culture]") {
+    constexpr int columns = 121, rows = 111;
+    std::mt19937 random(31);
+    std::vector<int> drawn(columns * rows);
+    for (int& id : drawn) id = static_cast<int>(random() % 4);  // the first of the table, and water
+    const auto classes = [&](double c, double r) {
+        const int id = drawn[static_cast<std::size_t>(r) * columns + static_cast<std::size_t>(c)];
+        return id == 3 ? static_cast<int>(*Materials().find("water")) : id + 1;
+    };
+    const auto hills = test::rolling(20, 12, 3);
+    // Cells centred on posts, with borders through posts, and of another size.
+    for (const auto& [offset, scale] : {std::pair(0.5, 1.0), {0.0, 1.0}, {0.31, 0.61}, {0.0, 2.0}})
+        for (const bool on_post : {false, true})
+            for (const bool far_shore : {false, true})
+                for (const bool heights : {false, true}) {
+                    INFO(offset << " " << scale << " " << on_post << far_shore << heights);
+                    std::optional<RunResult> whole;
+                    for (const std::int64_t tile : {256, 16, 5}) {
+                        test::MemorySource source(columns, rows, 30, [&](double c, double r) { return hills(c, r); });
+                        source.set_classes(classes);
+                        if (heights)
+                            source.set_culture_height(
+                                [](double c, double r) { return std::fmod(c + 3 * r, 11) < 1 ? 8 : 0; });
+                        DataBase& db = source.editable();
+                        db.culture_column_offset = db.culture_row_offset = offset;
+                        db.culture_column_scale = db.culture_row_scale = scale;
+                        db.culture_tile_columns = db.culture_tile_rows = tile;
+                        Scene s =
+                            test::bare_scene(30 * (on_post ? 60 : 60.37), -30 * (on_post ? 55 : 54.81), 150, 1500);
+                        s.far_shore = far_shore;
+                        RunResult here = test::simulate(s, source);
+                        if (!whole) {
+                            whole = std::move(here);
+                            CHECK(test::sum_of(whole->echo_w) > 0);
+                            continue;
+                        }
+                        CHECK(here.echo_w.cells == whole->echo_w.cells);
+                        CHECK(here.echo_state.cells == whole->echo_state.cells);
+                    }
+                }
+}
+
+TEST_CASE("a culture cell that seen ground only touches is not asked for its class", "[culture]") {
+    // A plateau that ends at line `edge` from the sensor, all else hidden under it, either way along either axis; borders
+    // of culture cells run through posts, and those from the edge on, or from a line before it, are of no class.
+    for (const bool by_columns : {false, true})
+        for (const bool forward : {false, true})
+            for (const bool far_shore : {false, true})
+                for (const bool seen : {false, true}) {
+                    INFO(by_columns << forward << far_shore << seen);
+                    const auto beyond = [&](double c, double r) {  // posts past the edge
+                        const double at = by_columns ? c : r;
+                        return forward ? at - 20 : 20 - at;
+                    };
+                    test::MemorySource source(
+                        41, 41, 30, [&](double c, double r) { return beyond(c, r) > 0 ? 0 : 120 + beyond(c, r); });
+                    source.set_classes([&](double c, double r) {
+                        const double cell = beyond(c, r) + (forward ? 0 : -1);  // its near border, from the edge
+                        return cell >= (seen ? -1 : 0) ? static_cast<int>(unknown_class) : 1;
+                    });
+                    DataBase& db = source.editable();
+                    db.culture_column_offset = db.culture_row_offset = 0;
+                    const double near = forward ? 6 : 34;
+                    Scene s =
+                        test::bare_scene(30 * (by_columns ? near : 20.0), -30 * (by_columns ? 20.0 : near), 126, 700);
+                    s.earth_k.reset();
+                    s.far_shore = far_shore;
+                    if (seen)
+                        CHECK_THROWS_WITH(test::simulate(s, source), Catch::Contains("is not in the legend"));
+                    else
+                        CHECK_NOTHROW(test::simulate(s, source));
+                }
 }

@@ -171,6 +171,37 @@ TEST_CASE("neighbouring spokes are as dense as a line so many times as far off n
         }
 }
 
+TEST_CASE("spokes begin with what the first line needs, or with a share of what the last one does", "[spoke_grid]") {
+    const DataBase db = plane(3001, 2001, 30);
+    const SpokeMap map(db, {Geometry::grid, {1500.5, 1000.5}, 0, 0, 4.0 / 3, 100000});
+    const auto spokes = [&](double per_post, double per_bin, double lead) {
+        const SpokeGrid grid(db, map, {.spokes_per_post = per_post, .spokes_per_bin = per_bin, .lead = lead}, 360);
+        std::vector<std::int64_t> all;
+        for (const Ring& ring : grid.rings(Quadrant::east)) all.push_back(ring.spokes);
+        return all;
+    };
+    // 115 for the bins, 1500 for the last line: an eighth of it to begin with.
+    CHECK(spokes(1, 2, 4) == std::vector<std::int64_t>{192, 384, 768, 1536});
+    // 1198 for the bins, 1500 for the last fifth of the lines: no more than the bins need, up to there.
+    CHECK(spokes(1, 20.9, 1) == std::vector<std::int64_t>{1200, 2400});
+    // Bins alone.
+    CHECK(spokes(0.5, 20.9, 1) == std::vector<std::int64_t>{1200});
+}
+
+TEST_CASE("slopes are the same for parents and children, and whole numbers of 2^-32", "[spoke_grid]") {
+    for (const std::int64_t spokes : {16, 48, 4912, 1 << 20, (1 << 20) + 16, 100000000})
+        for (const std::int64_t k : {-spokes, -spokes / 3, std::int64_t{0}, std::int64_t{7}, spokes / 4, spokes}) {
+            const double m = SpokeGrid::slope(spokes, k);
+            INFO(k << " of " << spokes);
+            CHECK(m == Approx(static_cast<double>(k) / static_cast<double>(spokes)).margin(0x1p-33).epsilon(0));
+            if (spokes <= 1 << 20) CHECK(m * 0x1p32 == std::nearbyint(m * 0x1p32));
+            if (spokes <= 1 << 19) CHECK(SpokeGrid::slope(2 * spokes, 2 * k) == m);
+            CHECK(SpokeGrid::slope(spokes, -k) == -m);
+        }
+    CHECK(SpokeGrid::slope(48, 48) == 1);
+    CHECK(SpokeGrid::slope(100000016, 100000016) == 1);
+}
+
 TEST_CASE("every azimuth bin has the spokes that it asks for, near the sensor too", "[spoke_grid]") {
     const DataBase db = plane(301, 201, 30);
     const SpokeMap map(db, {Geometry::grid, {150.5, 100.5}, 0, 0, 4.0 / 3, 4000});
@@ -440,7 +471,7 @@ TEST_CASE("each quality samples as the table in docs/accuracy.md says", "[grid]"
         {Quality::normal, true, {48, 12, 6, 3}, {1.25, 1.25, 1.25, 1.25}, {2, 2, 4, 4}},
         {Quality::fine, false, {48, 12, 6, 3}, {1.25, 1.25, 1.25, 1.25}, {4, 4, 4, 4}},
         {Quality::fine, true, {96, 24, 12, 6}, {2, 2, 2, 2}, {2, 2, 4, 4}},
-        {Quality::exact, false, {96, 24, 12, 6}, {2, 2, 1.25, 1.5}, {2, 2, 4, 4}},
+        {Quality::exact, false, {96, 24, 12, 6}, {2, 2, 1.5, 1.5}, {2, 2, 4, 4}},
         {Quality::exact, true, {192, 48, 24, 12}, {4, 4, 4, 4}, {2, 2, 4, 4}},
     };
     for (const Row& row : rows)
@@ -466,7 +497,7 @@ TEST_CASE("each quality samples as the table in docs/accuracy.md says", "[grid]"
                 CHECK(s.spokes_per_bin >= higher.spokes_per_bin);
                 CHECK(s.spokes_per_bin >= before.spokes_per_bin);
                 if (before.cross_lines) CHECK(s.spokes_per_post >= before.spokes_per_post);
-                CHECK(s.spokes_per_bin >= 2);
+                CHECK(s.spokes_per_bin >= 3);
                 CHECK(s.spokes_per_bin <= 192);
                 before = s;
             }
