@@ -53,11 +53,6 @@ void WedgeCells::put_quantities(const Target& target, std::size_t column, double
 
 namespace {
 
-constexpr std::size_t block = WedgeCells::Portions::most;
-/// Whole numbers by adding 1.5 2^52, as long as they are below 2^51: rounds to nearest even, as lrint does.
-constexpr double magic = 6755399441055744.0;
-constexpr double most_magic = 0x1p50;
-
 /// Of the power up to part u of the way.
 WEDGESCOPE_LANES_PART double share_upto(double u, double bow) {
     const double s = u + bow * (u * (1 - u));
@@ -132,6 +127,11 @@ void WedgeCells::add_cut(const Target& target, const Portion& p, const Stretches
 }
 
 namespace {
+
+constexpr std::size_t block = WedgeCells::Portions::most;
+/// Whole numbers by adding 1.5 2^52, as long as they are below 2^51: rounds to nearest even, as lrint does.
+constexpr double magic = 6755399441055744.0;
+constexpr double most_magic = 0x1p50;
 
 /// Portions that lie in at most three neighbouring bins, with the power in each; the others are `slow`.
 struct Placed {

@@ -108,12 +108,13 @@ void SpokeGrid::set_bands(Fan f, std::int64_t first_line, std::int64_t line_coun
     lines.line_count = lines.bands.back().lines.end;
 }
 
-double SpokeGrid::needed_spokes(const FanLines& lines, Fan f, const Sampling& sampling, double d) const {
+double SpokeGrid::needed_spokes(Fan f, const Sampling& sampling, double least, std::int64_t line) const {
+    const FanLines& lines = of(f);
     // Dense enough, on every line up to `lead` times as far, for the posts of its level.
-    const double last = lines.line_count ? distance(f, lines.line_count - 1) : 0,
+    const double d = distance(f, line), last = distance(f, lines.line_count - 1),
                  dense_to = std::min(d * sampling.lead, std::max(d, last)),
                  spokes_a_post = sampling.spokes_per_post * map_.spacing_slack();
-    double most = 0;
+    double most = least;
     for (const Band& band : lines.bands) {
         if (&band != &lines.bands.front() && distance(f, band.lines.begin) > dense_to) break;
         const double end = &band == &lines.bands.back() ? dense_to : distance(f, band.lines.end - 1);
@@ -126,7 +127,7 @@ double SpokeGrid::needed_spokes(const FanLines& lines, Fan f, const Sampling& sa
 std::vector<Ring> SpokeGrid::rings_from(Fan f, const Sampling& sampling, double least, std::int64_t spokes) const {
     const FanLines& lines = of(f);
     const auto enough = [&](std::int64_t line, std::int64_t k) {
-        return static_cast<double>(k) >= std::max(least, needed_spokes(lines, f, sampling, distance(f, line)));
+        return static_cast<double>(k) >= needed_spokes(f, sampling, least, line);
     };
     std::vector<Ring> rings{{spokes, {0, 0}}};
     for (std::int64_t i = 0; i < lines.line_count;) {
@@ -151,10 +152,7 @@ void SpokeGrid::set_rings(Fan f, const Sampling& sampling, double least) {
     const auto whole_steps = [](double spokes) {
         return static_cast<std::int64_t>(std::ceil(spokes / static_cast<double>(spoke_step))) * spoke_step;
     };
-    const auto needed = [&](std::int64_t line) {
-        return std::max(least, needed_spokes(lines, f, sampling, distance(f, line)));
-    };
-    const std::int64_t first = whole_steps(lines.line_count ? needed(0) : least);
+    const std::int64_t first = whole_steps(lines.line_count ? needed_spokes(f, sampling, least, 0) : least);
     lines.rings = rings_from(f, sampling, least, first);
     if (!lines.line_count) return;
     // Or so many that the farthest lines, which have most of the samples, get no more than they need. The farther a line the
@@ -168,7 +166,7 @@ void SpokeGrid::set_rings(Fan f, const Sampling& sampling, double least) {
                         (ring.lines.begin > 0 ? std::sqrt(distance(f, ring.lines.begin - 1)) : 0));
         return sum;
     };
-    double least_for_last = needed(lines.line_count - 1);
+    double least_for_last = needed_spokes(f, sampling, least, lines.line_count - 1);
     while (least_for_last / 2 > static_cast<double>(first)) least_for_last /= 2;
     std::vector<Ring> other = rings_from(f, sampling, least, whole_steps(least_for_last));
     if (cost(other) < cost(lines.rings)) lines.rings = std::move(other);

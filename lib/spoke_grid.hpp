@@ -185,8 +185,8 @@ private:
     void set_bands(Fan f, std::int64_t first_line, std::int64_t line_count, const DetailLevels& levels);
     /// `least`: spokes that every ring has at least.
     void set_rings(Fan f, const Sampling& sampling, double least);
-    /// Spokes that the lines up to one need, and that lie ahead of it for some way.
-    double needed_spokes(const FanLines& lines, Fan f, const Sampling& sampling, double distance) const;
+    /// Spokes that a line needs, and those that lie ahead of it for some way; `least` or more.
+    double needed_spokes(Fan f, const Sampling& sampling, double least, std::int64_t line) const;
     /// Rings that begin with `spokes`, doubled where that is too few.
     std::vector<Ring> rings_from(Fan f, const Sampling& sampling, double least, std::int64_t spokes) const;
     /// Azimuth of slope half_index / (2 K).
