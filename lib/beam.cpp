@@ -4,6 +4,7 @@
 #include <oneapi/tbb/parallel_for.h>
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <numbers>
 
@@ -172,40 +173,110 @@ Resolution::Resolution(const BeamSetting& setting, std::int64_t circle_bins, dou
 }
 
 void Resolution::row(std::int64_t azimuth_bin, const SourceRow& source, std::vector<double>& scratch,
-                     std::span<double> out) const {
-    const auto n = static_cast<std::size_t>(sources_.size());
+                     std::span<double> out, const Holds& holds) const {
+    // Part by part, of source bins and then of outputs, so that shadows, which are most of a low sensor's picture, cost little.
+    constexpr std::size_t part = 512;
+    const auto n = static_cast<std::size_t>(sources_.size()), outputs = static_cast<std::size_t>(outputs_.size()),
+               first = static_cast<std::size_t>(outputs_.begin - sources_.begin);  // output 0 among the sources
     scratch.resize(n);
     double* const beam = scratch.data();
-    on_target<take_own>(azimuth_.data(), source(modulo(azimuth_bin, circle_bins_)), beam, n);
-    for (std::int64_t offset = 1; offset <= skirt_; ++offset) {
-        const auto index = static_cast<std::size_t>(offset);
-        if (reach_[index] == 0) continue;
-        const float* const weight = azimuth_.data() + index * n;
-        const float* const right = source(modulo(azimuth_bin + offset, circle_bins_));
-        if (opposite(offset, circle_bins_))
-            on_target<add_one>(weight, right, beam, reach_[index]);
-        else
-            on_target<add_pair>(weight, source(modulo(azimuth_bin - offset, circle_bins_)), right, beam, reach_[index]);
+    std::size_t filled = 0;  // one past the last source bin that is not 0, so far
+    std::vector<std::size_t> filled_to;
+    const auto holds_some = [&](std::int64_t bin, std::size_t begin, std::size_t end) {
+        return !holds || holds(modulo(bin, circle_bins_), begin, end);
+    };
+    for (std::size_t begin = 0; begin < n; begin += part) {
+        const std::size_t end = std::min(begin + part, n);
+        bool any = false;
+        if (holds_some(azimuth_bin, begin, end)) {
+            on_target<take_own>(azimuth_.data() + begin, source(modulo(azimuth_bin, circle_bins_)) + begin,
+                                beam + begin, end - begin);
+            any = true;
+        } else {
+            std::fill(beam + begin, beam + end, 0.0);
+        }
+        for (std::int64_t offset = 1; offset <= skirt_; ++offset) {
+            const auto index = static_cast<std::size_t>(offset);
+            const std::size_t reach = std::min(reach_[index], end);
+            if (reach <= begin) continue;
+            const float* const weight = azimuth_.data() + index * n + begin;
+            const bool pair = !opposite(offset, circle_bins_);
+            const bool on_right = holds_some(azimuth_bin + offset, begin, reach),
+                       on_left = pair && holds_some(azimuth_bin - offset, begin, reach);
+            if (!on_right && !on_left) continue;
+            any = true;
+            const float* const right = source(modulo(azimuth_bin + offset, circle_bins_)) + begin;
+            if (pair)
+                on_target<add_pair>(weight, source(modulo(azimuth_bin - offset, circle_bins_)) + begin, right,
+                                    beam + begin, reach - begin);
+            else
+                on_target<add_one>(weight, right, beam + begin, reach - begin);
+        }
+        if (any) filled = end;
+        filled_to.push_back(filled);
     }
 
-    const auto outputs = static_cast<std::size_t>(outputs_.size());
-    const auto first = static_cast<std::size_t>(outputs_.begin - sources_.begin);  // output 0 among the sources
-    std::fill_n(out.begin(), outputs, 0.0);
-    if (!pulse_per_bin_) {
-        const std::vector<double>& pulse = pulse_.front();
-        for (std::size_t m = 0; m < pulse.size(); ++m) {
-            const std::size_t skip = m > first ? m - first : 0;  // those that would reach below 0 m
-            if (skip < outputs)
-                on_target<add_scaled>(pulse[m], beam + (first + skip - m), out.data() + skip, outputs - skip);
+    if (pulse_per_bin_) {
+        for (std::size_t j = 0; j < outputs; ++j) {
+            const std::vector<double>& pulse = pulse_[j];
+            const std::size_t bins = std::min(pulse.size(), first + j + 1);
+            out[j] = 0;
+            for (std::size_t m = 0; m < bins; ++m) out[j] += pulse[m] * beam[first + j - m];
         }
         return;
     }
-    for (std::size_t j = 0; j < outputs; ++j) {
-        const std::vector<double>& pulse = pulse_[j];
-        const std::size_t bins = std::min(pulse.size(), first + j + 1);
-        for (std::size_t m = 0; m < bins; ++m) out[j] += pulse[m] * beam[first + j - m];
+    const std::vector<double>& pulse = pulse_.front();
+    for (std::size_t begin = 0; begin < outputs; begin += part) {
+        const std::size_t end = std::min(begin + part, outputs);
+        std::fill(out.begin() + static_cast<std::ptrdiff_t>(begin), out.begin() + static_cast<std::ptrdiff_t>(end),
+                  0.0);
+        // Sources that feed it: from the pulse's length before it to its last bin.
+        const std::size_t lead = pulse.size() - 1, nearest = first + begin > lead ? first + begin - lead : 0;
+        if (filled_to[(first + end - 1) / part] <= nearest) continue;
+        for (std::size_t m = 0; m < pulse.size(); ++m) {
+            const std::size_t skip = std::max(begin, m > first ? m - first : 0);  // those that would reach below 0 m
+            if (skip < end) on_target<add_scaled>(pulse[m], beam + (first + skip - m), out.data() + skip, end - skip);
+        }
     }
 }
+
+namespace {
+
+/// Which parts of an image's rows hold anything.
+class FilledParts {
+public:
+    explicit FilledParts(const PolarImage<float>& image)
+        : parts_((image.grid.range_count() + bins - 1) / bins), filled_(image.grid.azimuth_count() * parts_) {
+        oneapi::tbb::parallel_for(oneapi::tbb::blocked_range<std::size_t>(0, image.grid.azimuth_count(), 16),
+                                  [&](const auto& rows) {
+                                      for (std::size_t i = rows.begin(); i < rows.end(); ++i)
+                                          for (std::size_t p = 0; p < parts_; ++p) {
+                                              const float* const from = image.row(i) + p * bins;
+                                              const std::size_t n = std::min(bins, image.grid.range_count() - p * bins);
+                                              filled_[i * parts_ + p] = on_target<some>(from, n);
+                                          }
+                                  });
+    }
+    /// Of range bins counted from the image's first one.
+    bool any(std::size_t row, std::size_t begin, std::size_t end) const {
+        const std::uint8_t* const parts = filled_.data() + row * parts_;
+        for (std::size_t p = begin / bins; p * bins < end; ++p)
+            if (parts[p]) return true;
+        return false;
+    }
+
+private:
+    static constexpr std::size_t bins = 256;
+    WEDGESCOPE_LANES_PART static std::uint8_t some(const float* from, std::size_t n) noexcept {
+        std::uint32_t bits = 0;
+        for (std::size_t j = 0; j < n; ++j) bits |= std::bit_cast<std::uint32_t>(from[j]);
+        return bits != 0;
+    }
+    std::size_t parts_;
+    std::vector<std::uint8_t> filled_;
+};
+
+}  // namespace
 
 std::int64_t strip_bins(const BeamSetting& setting, const PolarGrid& grid, std::int64_t rows,
                         std::int64_t bytes_per_cell) {
@@ -222,33 +293,43 @@ PolarImage<float> power_image(const PolarImage<float>& echo, const PolarGrid& sh
     if (shown.cells() == 0) return power;
     if (!everywhere_w.empty() && everywhere_w.size() != echo.grid.range_count())
         throw Error("what is everywhere has other range bins than the echo image");
+    const FilledParts filled(echo);
     const std::int64_t strip = strip_bins(setting, shown, 0, 0);
     for (std::int64_t begin = shown.range_bins.begin; begin < shown.range_bins.end; begin += strip) {
         const Resolution resolution(setting, shown.circle_bins, shown.range_bin_m,
                                     {begin, std::min(begin + strip, shown.range_bins.end)}, Resolution::Of::power);
         require_sources(echo.grid, shown, resolution);
-        const auto source = [&](std::int64_t azimuth_bin) {
-            const std::int64_t row = modulo(azimuth_bin - echo.grid.azimuth_bins.begin, echo.grid.circle_bins);
-            return echo.row(static_cast<std::size_t>(row)) + (resolution.sources().begin - echo.grid.range_bins.begin);
+        const auto row_of = [&](std::int64_t azimuth_bin) {
+            return static_cast<std::size_t>(modulo(azimuth_bin - echo.grid.azimuth_bins.begin, echo.grid.circle_bins));
+        };
+        const auto skip = static_cast<std::size_t>(resolution.sources().begin - echo.grid.range_bins.begin);
+        const Resolution::SourceRow source = [&](std::int64_t azimuth_bin) {
+            return echo.row(row_of(azimuth_bin)) + skip;
+        };
+        const Resolution::Holds holds = [&](std::int64_t azimuth_bin, std::size_t from, std::size_t to) {
+            return filled.any(row_of(azimuth_bin), skip + from, skip + to);
         };
         // The same in all azimuths, so beam and pulse make one row of it.
         std::vector<double> more(everywhere_w.empty() ? 0 : static_cast<std::size_t>(resolution.outputs().size()));
         if (!more.empty()) {
             std::vector<double> scratch;
-            const float* const from = everywhere_w.data() + (resolution.sources().begin - echo.grid.range_bins.begin);
-            resolution.row(0, [&](std::int64_t) { return from; }, scratch, more);
+            const float* const from = everywhere_w.data() + skip;
+            resolution.row(
+                0, [&](std::int64_t) { return from; }, scratch, more);
         }
-        oneapi::tbb::parallel_for(
-            oneapi::tbb::blocked_range<std::size_t>(0, shown.azimuth_count(), 4), [&](const auto& rows) {
-                std::vector<double> scratch;
-                std::vector<double> sums(static_cast<std::size_t>(resolution.outputs().size()));
-                for (std::size_t i = rows.begin(); i < rows.end(); ++i) {
-                    resolution.row(shown.azimuth_bins.begin + static_cast<std::int64_t>(i), source, scratch, sums);
-                    float* const out = power.row(i) + (begin - shown.range_bins.begin);
-                    for (std::size_t j = 0; j < more.size(); ++j) sums[j] += more[j];
-                    for (std::size_t j = 0; j < sums.size(); ++j) out[j] = static_cast<float>(sums[j]);
-                }
-            });
+        oneapi::tbb::parallel_for(oneapi::tbb::blocked_range<std::size_t>(0, shown.azimuth_count(), 4),
+                                  [&](const auto& rows) {
+                                      std::vector<double> scratch;
+                                      std::vector<double> sums(static_cast<std::size_t>(resolution.outputs().size()));
+                                      for (std::size_t i = rows.begin(); i < rows.end(); ++i) {
+                                          resolution.row(shown.azimuth_bins.begin + static_cast<std::int64_t>(i),
+                                                         source, scratch, sums, holds);
+                                          float* const out = power.row(i) + (begin - shown.range_bins.begin);
+                                          for (std::size_t j = 0; j < more.size(); ++j) sums[j] += more[j];
+                                          for (std::size_t j = 0; j < sums.size(); ++j)
+                                              out[j] = static_cast<float>(sums[j]);
+                                      }
+                                  });
     }
     return power;
 }

@@ -66,9 +66,12 @@ public:
 
     /// A row of the source image, from range bin sources().begin on, for any azimuth bin (modulo the circle).
     using SourceRow = std::function<const float*(std::int64_t azimuth_bin)>;
-    /// Writes outputs().size() sums. Const and without shared state: rows may be made side by side.
-    void row(std::int64_t azimuth_bin, const SourceRow& source, std::vector<double>& scratch,
-             std::span<double> out) const;
+    /// False where such a row holds nothing but zeros from source bin `begin` to before `end`, counted from sources().begin.
+    using Holds = std::function<bool(std::int64_t azimuth_bin, std::size_t begin, std::size_t end)>;
+    /// Writes outputs().size() sums. Const and without shared state: rows may be made side by side. With `holds` what is empty
+    /// is passed over; the sums are the same.
+    void row(std::int64_t azimuth_bin, const SourceRow& source, std::vector<double>& scratch, std::span<double> out,
+             const Holds& holds = {}) const;
 
 private:
     std::int64_t circle_bins_ = 0;

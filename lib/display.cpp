@@ -303,10 +303,10 @@ std::vector<std::uint32_t> holes(const std::vector<double>& painted_w, const Fra
 
 }  // namespace
 
-Picture picture(const PolarImage<float>& received_w, const PolarImage<std::uint8_t>& state,
-                const DisplaySetting& setting, const Receiver& receiver, Picture&& used) {
+Picture picture(const ReceivedPower& received, const PolarImage<std::uint8_t>& state, const DisplaySetting& setting,
+                const Receiver& receiver, Picture&& used) {
     const PolarGrid& grid = setting.shown;
-    if (received_w.grid != grid || state.grid != grid || grid.cells() == 0)
+    if (received.grid() != grid || state.grid != grid || grid.cells() == 0)
         throw std::invalid_argument("picture: power, states and display have different grids, or empty ones");
 
     Picture result;
@@ -321,7 +321,7 @@ Picture picture(const PolarImage<float>& received_w, const PolarImage<std::uint8
 
     const PixelScene scene = pixel_scene(setting, f, graticule);
     std::vector<double> painted_w;
-    if (setting.params.pixel_fill != PixelFill::interpolate) painted_w = paint_cells(received_w, setting, f);
+    if (setting.params.pixel_fill != PixelFill::interpolate) painted_w = paint_cells(received, setting, f);
     if (setting.params.pixel_fill == PixelFill::holes) fill_holes(painted_w, f, holes(painted_w, f, scene));
     const bool lines = setting.params.azimuth_marks_rad.has_value();
     std::atomic<std::uint64_t> lit = 0;
@@ -342,13 +342,12 @@ Picture picture(const PolarImage<float>& received_w, const PolarImage<std::uint8
                 const auto index = [](std::int32_t bin) { return static_cast<std::size_t>(bin); };
                 const std::size_t near = index(pixels.range.first[i]), far = index(pixels.range.second[i]);
                 const double along = pixels.range.share[i], across = pixels.azimuth.share[i];
-                const auto between = [&](const float* cells) {
+                const auto between = [&](const ReceivedPower::Row& cells) {
                     return (1 - along) * static_cast<double>(cells[near]) + along * static_cast<double>(cells[far]);
                 };
-                const double power_w = painted
-                                           ? painted[i]
-                                           : (1 - across) * between(received_w.row(index(pixels.azimuth.first[i]))) +
-                                                 across * between(received_w.row(index(pixels.azimuth.second[i])));
+                const double power_w = painted ? painted[i]
+                                               : (1 - across) * between(received.row(index(pixels.azimuth.first[i]))) +
+                                                     across * between(received.row(index(pixels.azimuth.second[i])));
                 const double slant_m =
                     ground_bins ? setting.earth.slant_range_m(setting.sensor_m, setting.reference_m, pixels.range_m[i])
                                 : pixels.range_m[i];

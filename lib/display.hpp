@@ -49,6 +49,37 @@ std::size_t bytes_a_pixel(const DisplayParams& params);
 std::optional<double> display_radius_m(const DisplaySetting& setting, double range_m);
 std::optional<double> display_range_m(const DisplaySetting& setting, double radius_m);
 
+/// Received power, watts, of each cell: an image of it, or the power image with the noise that the receiver adds to every
+/// cell and without its first `blanked` range bins, in which nothing is received. The image must outlive it.
+class ReceivedPower {
+public:
+    // NOLINTNEXTLINE(google-explicit-constructor): an image of received power is one
+    ReceivedPower(const PolarImage<float>& received_w) : ReceivedPower(received_w, 0, 0) {}
+    ReceivedPower(const PolarImage<float>& power_w, double noise_w, std::size_t blanked)
+        : image_w_(&power_w), noise_w_(noise_w), blanked_(blanked) {}
+
+    class Row {
+    public:
+        Row(const float* cells, double noise_w, std::size_t blanked)
+            : cells_(cells), noise_w_(noise_w), blanked_(blanked) {}
+        float operator[](std::size_t range) const {
+            return range < blanked_ ? 0.0F : static_cast<float>(static_cast<double>(cells_[range]) + noise_w_);
+        }
+
+    private:
+        const float* cells_;
+        double noise_w_;
+        std::size_t blanked_;
+    };
+    Row row(std::size_t azimuth) const { return {image_w_->row(azimuth), noise_w_, blanked_}; }
+    const PolarGrid& grid() const { return image_w_->grid; }
+
+private:
+    const PolarImage<float>* image_w_;
+    double noise_w_;
+    std::size_t blanked_;
+};
+
 struct Picture {
     Frame frame;
     std::vector<std::uint8_t> grey;    ///< height x width
@@ -57,13 +88,13 @@ struct Picture {
     std::uint64_t lit = 0;             ///< pixels that the receiver lets leave black, rings and marks aside
 };
 
-/// Received power (watts, on `setting.shown`), bilinear in watts between cell centres (wrapping through north on a
+/// Received power (on `setting.shown`), bilinear in watts between cell centres (wrapping through north on a
 /// full circle) or as pixel_fill.hpp says, then the receiver; states nearest in any case. With `rings` range rings at a round step
 /// (1, 2 or 5 x 10^n nautical miles, four to nine of them) or at `ring_spacing_m`, and ticks at the rim each 10 degrees
 /// from the azimuth that is up, longer each 30; with `azimuth_marks_rad` radial lines from the heading on, to either side up to
 /// 180 degrees, each from where its neighbours are four pixels away. All these add to the picture as a brighter trace does.
 /// `used`: a picture whose memory may serve again.
-Picture picture(const PolarImage<float>& received_w, const PolarImage<std::uint8_t>& state,
-                const DisplaySetting& setting, const Receiver& receiver, Picture&& used = {});
+Picture picture(const ReceivedPower& received, const PolarImage<std::uint8_t>& state, const DisplaySetting& setting,
+                const Receiver& receiver, Picture&& used = {});
 
 }  // namespace wedgescope

@@ -1,6 +1,9 @@
 #include "lib/engine.hpp"
 
+#include <tbb/blocked_range.h>
 #include <tbb/flow_graph.h>
+#include <tbb/parallel_for.h>
+#include <tbb/parallel_reduce.h>
 #include <tbb/task_arena.h>
 
 #include <malloc.h>
@@ -494,23 +497,36 @@ PolarImage<T> part_of(const PolarImage<T>& image, const PolarGrid& part, PolarIm
     PolarImage<T> out(part, std::move(used));
     const std::int64_t circle = part.circle_bins;
     const auto skip = static_cast<std::size_t>(part.range_bins.begin - image.grid.range_bins.begin);
-    for (std::int64_t a = part.azimuth_bins.begin; a < part.azimuth_bins.end; ++a) {
-        const std::int64_t row = ((a - image.grid.azimuth_bins.begin) % circle + circle) % circle;
-        std::copy_n(image.row(static_cast<std::size_t>(row)) + skip, part.range_count(),
-                    out.row(static_cast<std::size_t>(a - part.azimuth_bins.begin)));
-    }
+    tbb::parallel_for(tbb::blocked_range<std::size_t>(0, part.azimuth_count(), 16), [&](const auto& rows) {
+        for (std::size_t i = rows.begin(); i < rows.end(); ++i) {
+            const std::int64_t azimuth = part.azimuth_bins.begin + static_cast<std::int64_t>(i),
+                               row = ((azimuth - image.grid.azimuth_bins.begin) % circle + circle) % circle;
+            std::copy_n(image.row(static_cast<std::size_t>(row)) + skip, part.range_count(), out.row(i));
+        }
+    });
     return out;
 }
 
-/// In four tables: a single one waits for its own last sum.
-void count_states(const std::vector<std::uint8_t>& cells, std::array<std::uint64_t, state_count>& counts) {
-    std::array<std::array<std::uint64_t, state_count>, 4> parts{};
-    const std::size_t fours = cells.size() / 4 * 4;
-    for (std::size_t i = 0; i < fours; i += 4)
-        for (std::size_t k = 0; k < 4; ++k) ++parts[k][cells[i + k]];
-    for (std::size_t i = fours; i < cells.size(); ++i) ++parts[0][cells[i]];
-    for (const auto& part : parts)
-        for (std::size_t code = 0; code < counts.size(); ++code) counts[code] += part[code];
+using StateCounts = std::array<std::uint64_t, state_count>;
+
+StateCounts count_states(const PolarImage<std::uint8_t>& image) {
+    const auto add = [](StateCounts a, const StateCounts& b) {
+        for (std::size_t code = 0; code < a.size(); ++code) a[code] += b[code];
+        return a;
+    };
+    return tbb::parallel_reduce(
+        tbb::blocked_range<std::size_t>(0, image.cells.size(), 1 << 16), StateCounts{},
+        [&](const auto& cells, StateCounts counts) {
+            // In four tables: a single one waits for its own last sum.
+            std::array<StateCounts, 4> parts{};
+            std::size_t i = cells.begin();
+            for (; i + 4 <= cells.end(); i += 4)
+                for (std::size_t k = 0; k < 4; ++k) ++parts[k][image.cells[i + k]];
+            for (; i < cells.end(); ++i) ++parts[0][image.cells[i]];
+            for (const StateCounts& part : parts) counts = add(counts, part);
+            return counts;
+        },
+        add);
 }
 
 void check_only(const std::optional<Interval>& only, std::size_t wedges) {
@@ -586,22 +602,23 @@ void sweep(const ResolvedScene& scene, WedgeSource& source, const EngineParams& 
     check_unchanged(source, data);
 }
 
-/// Nothing is received before the receiver opens: cells whose middle is nearer than the minimum range hold no power, not even noise.
-void blank_near(const ResolvedScene& scene, PolarImage<float>& received_w) {
+/// Range bins of an image in which nothing is received, not even noise, for their middle is nearer than the minimum range: the receiver
+/// is not open yet.
+std::size_t blanked_bins(const ResolvedScene& scene, const PolarGrid& grid) {
     const double least_m = minimum_range_m(scene);
-    const PolarGrid& grid = received_w.grid;
     const auto slant_m = [&](std::size_t j) {
         return slant_range_m(
             scene, (static_cast<double>(grid.range_bins.begin) + static_cast<double>(j) + 0.5) * grid.range_bin_m);
     };
     std::size_t blanked = 0;
     while (blanked < grid.range_count() && slant_m(blanked) < least_m) ++blanked;
-    if (blanked == 0) return;
-    for (std::size_t i = 0; i < grid.azimuth_count(); ++i) std::fill_n(received_w.row(i), blanked, 0.0F);
+    return blanked;
 }
 
-/// What reaches the receiver from the echoes.
-void receive(const EngineParams& params, const WeatherHere& weather, RunResult& result) {
+bool fluctuates(const ReceiverParams& receiver) { return receiver.speckle_looks > 0 || receiver.noise; }
+
+/// What reaches the receiver from the echoes, and what it makes of that: an image only where something is drawn, or `keep`.
+void receive(const EngineParams& params, const WeatherHere& weather, bool keep, RunResult& result) {
     const ResolvedScene& scene = result.scene;
     const BeamSetting beam = beam_setting(scene);
     {
@@ -610,13 +627,18 @@ void receive(const EngineParams& params, const WeatherHere& weather, RunResult& 
         result.power_w = power_image(result.echo_w, scene.shown, beam, std::move(result.power_w), weather.rain_w);
         result.report.beam_s = watch.wall_s();
     }
+    const ReceiverParams& receiver = scene.scene.receiver;
+    if (!keep && !fluctuates(receiver)) {
+        result.received_w = {};
+        return;
+    }
     const Span stage(params.timeline, "receiver", "stage");
     const Stopwatch watch;
-    const ReceiverParams& receiver = scene.scene.receiver;
     const FluctuationSetting fluctuation{receiver.speckle_looks, receiver.noise, scene.noise_power_w, receiver.seed};
     result.received_w =
         received_power(result.echo_w, result.power_w, beam, fluctuation, std::move(result.received_w), weather.rain_w);
-    blank_near(scene, result.received_w);
+    const std::size_t blanked = blanked_bins(scene, scene.shown);
+    for (std::size_t i = 0; i < scene.shown.azimuth_count(); ++i) std::fill_n(result.received_w.row(i), blanked, 0.0F);
     result.report.receiver_s = watch.wall_s();
 }
 
@@ -626,8 +648,11 @@ void draw(const EngineParams& params, const Receiver& receiver, RunResult& resul
     const Span stage(params.timeline, "display", "stage");
     const Stopwatch watch;
     result.state = part_of(result.echo_state, scene.shown, std::move(result.state));
-    count_states(result.state.cells, result.report.states);
-    result.scope = picture(result.received_w, result.state, display_setting(scene), receiver, std::move(result.scope));
+    result.report.states = count_states(result.state);
+    const ReceivedPower received = result.received_w.cells.empty() ? ReceivedPower(result.power_w, scene.noise_power_w,
+                                                                                   blanked_bins(scene, scene.shown))
+                                                                   : ReceivedPower(result.received_w);
+    result.scope = picture(received, result.state, display_setting(scene), receiver, std::move(result.scope));
     result.report.display_s = watch.wall_s();
 }
 
@@ -693,14 +718,14 @@ RunResult run(const ResolvedScene& scene, WedgeSource& source, const EngineParam
 
 namespace {
 
-/// The scene's own tables are in `params`. With only_wedges nothing is received.
-RunResult sweep_and_receive(const ResolvedScene& scene, WedgeSource& source, const EngineParams& params, Threads& crew,
-                            RunResult&& used) {
+/// The scene's own tables are in `params`. With only_wedges nothing is received; `keep`: as receive().
+RunResult sweep_and_receive(const ResolvedScene& scene, WedgeSource& source, const EngineParams& params, bool keep,
+                            Threads& crew, RunResult&& used) {
     SceneSource own(source, scene.scene);
     RunResult result = std::move(used);
     const WeatherHere weather(scene, params.tables->weather, params.tables->pattern);
     sweep(scene, *own, params, weather, crew, result);
-    if (!params.only_wedges) crew.execute([&] { receive(params, weather, result); });
+    if (!params.only_wedges) crew.execute([&] { receive(params, weather, keep, result); });
     return result;
 }
 
@@ -709,7 +734,7 @@ RunResult sweep_and_receive(const ResolvedScene& scene, WedgeSource& source, con
 RunResult run(const ResolvedScene& scene, WedgeSource& source, const EngineParams& given, RunResult&& used) {
     const EngineParams params = with_tables(given, scene);
     Threads crew(threads_of(params), !params.beside_others);
-    RunResult result = sweep_and_receive(scene, source, params, crew, std::move(used));
+    RunResult result = sweep_and_receive(scene, source, params, false, crew, std::move(used));
     if (params.only_wedges) return result;
     crew.execute([&] { draw(params, params.tables->receiver, result); });
     if (!params.beside_others) result.received_w = {};
@@ -720,7 +745,7 @@ RunResult run(const ResolvedScene& scene, WedgeSource& source, const EngineParam
 RunResult measure(const ResolvedScene& scene, WedgeSource& source, const EngineParams& given, RunResult&& used) {
     const EngineParams params = with_tables(given, scene);
     Threads crew(threads_of(params), !params.beside_others);
-    RunResult result = sweep_and_receive(scene, source, params, crew, std::move(used));
+    RunResult result = sweep_and_receive(scene, source, params, true, crew, std::move(used));
     if (params.stop) params.stop->check();
     return result;
 }
@@ -752,7 +777,7 @@ RunResult show(const ResolvedScene& scene, PolarImage<float> echo_w, PolarImage<
         result.echo_w = whole ? std::move(echo_w) : part_of(echo_w, scene.swept, {});
         result.echo_state = whole ? std::move(echo_state) : part_of(echo_state, scene.swept, {});
         echo_w = {}, echo_state = {};  // the power image is made in the room of what is left over
-        receive(params, weather, result);
+        receive(params, weather, false, result);
         draw(params, Receiver(scene.scene.receiver, scene.scene.radar), result);
     });
     result.received_w = {};
@@ -789,7 +814,7 @@ RunResult run(const ResolvedScene& scene, const Scan& scan, WedgeSource& source,
             throw Error("a scan's groups have other range bins than the whole");
         const WeatherHere weather(place, params.tables->weather, params.tables->pattern);
         sweep(place, *ground, own, weather, crew, group);
-        crew.execute([&] { receive(own, weather, group); });
+        crew.execute([&] { receive(own, weather, true, group); });
         take_rows(group, result);
         add(group.report, result.report);
         if (params.stop) params.stop->check();

@@ -106,7 +106,9 @@ struct RunResult {
     PolarImage<std::uint8_t> echo_state;  ///< on scene.swept
     PolarImage<float> power_w;            ///< on scene.shown, without noise and speckle
     PolarImage<std::uint8_t> state;       ///< on scene.shown
-    PolarImage<float> received_w;  ///< on scene.shown, what the picture is made from; kept of runs side by side only
+    /// On scene.shown, what the picture is made from where that is more than power_w and the receiver's mean noise: of measure(),
+    /// and of runs side by side that scan or draw speckle or noise.
+    PolarImage<float> received_w;
     Picture scope;
     RunReport report;
     bool levels = false;  ///< some ground was swept at a level of detail

@@ -10,9 +10,8 @@
 
 namespace wedgescope {
 
-std::vector<double> paint_cells(const PolarImage<float>& received_w, const DisplaySetting& setting,
-                                const Frame& frame) {
-    const PolarGrid& grid = received_w.grid;
+std::vector<double> paint_cells(const ReceivedPower& received, const DisplaySetting& setting, const Frame& frame) {
+    const PolarGrid& grid = received.grid();
     const auto pixels = static_cast<std::size_t>(frame.width * frame.height);
     std::vector<double> power_w(pixels, 0);
     std::vector<std::uint32_t> cells(pixels, 0);
@@ -31,7 +30,7 @@ std::vector<double> paint_cells(const PolarImage<float>& received_w, const Displ
             (static_cast<double>(grid.azimuth_bins.begin) + static_cast<double>(i) + 0.5) * grid.azimuth_step_rad() -
             frame.up_azimuth_rad;
         const double right = std::sin(azimuth_rad), up = std::cos(azimuth_rad);
-        const float* const from = received_w.row(i);
+        const ReceivedPower::Row from = received.row(i);
         for (std::size_t j = 0; j < grid.range_count(); ++j) {
             if (radius_pixels[j] < 0) continue;
             // libm's last bit must not move a cell to the next pixel.

@@ -10,10 +10,10 @@
 namespace wedgescope {
 
 /// Received watts of each pixel of the frame, row after row: the mean over the cells whose centres fall on it, so that even
-/// ground keeps its level where many share a pixel; below 0 where there is none: a hole. All cells of `received_w` count whose
+/// ground keeps its level where many share a pixel; below 0 where there is none: a hole. All cells of `received` count whose
 /// middle lies in the display's range, those without an echo too (they hold noise): a shadow is painted black, not left
 /// open. Sums in a fixed order; positions rounded to 2^-20 pixel.
-std::vector<double> paint_cells(const PolarImage<float>& received_w, const DisplaySetting& setting, const Frame& frame);
+std::vector<double> paint_cells(const ReceivedPower& received, const DisplaySetting& setting, const Frame& frame);
 
 /// Gives each of these holes (places in `power_w`, row after row) the mean, in watts, of those of the eight pixels round it that
 /// are no holes; then again, until none of them is left or none has such a neighbour. What is filled in one pass counts from

@@ -5,9 +5,9 @@
 #include <cstdint>
 #include <numbers>
 #include <utility>
-#include <vector>
 
 #include "lib/interval.hpp"
+#include "lib/raw_vector.hpp"
 
 namespace wedgescope {
 
@@ -30,12 +30,15 @@ struct PolarGrid {
 template <class T>
 struct PolarImage {
     PolarGrid grid;
-    std::vector<T> cells;
+    RawVector<T> cells;
 
     PolarImage() = default;
-    explicit PolarImage(const PolarGrid& g) : grid(g), cells(g.cells()) {}
-    /// In the memory that another image had; what its cells hold is left as it may be.
-    PolarImage(const PolarGrid& g, PolarImage&& used) : grid(g), cells(std::move(used.cells)) { cells.resize(g.cells()); }
+    explicit PolarImage(const PolarGrid& g) : grid(g), cells(g.cells(), T{}) {}
+    /// In the memory that another image had; what its cells hold is left as it may be, and who fills them is the first to
+    /// touch them.
+    PolarImage(const PolarGrid& g, PolarImage&& used) : grid(g), cells(std::move(used.cells)) {
+        cells.resize(g.cells());
+    }
     T* row(std::size_t azimuth) { return cells.data() + azimuth * grid.range_count(); }
     const T* row(std::size_t azimuth) const { return cells.data() + azimuth * grid.range_count(); }
 };

@@ -427,3 +427,48 @@ TEST_CASE("a field's exaggerated weights are the square roots of the powers'", "
         for (std::size_t j = 0; j < 60; ++j) CHECK_THAT(volts[j] * volts[j], WithinAbs(watts[j], 3e-7));
     }
 }
+
+TEST_CASE("a row passes over what is empty without changing a bit, and finds every lone echo", "[beam]") {
+    // Parts of a row and of an image are 512 and 256 bins: echoes at their borders, alone or together.
+    const std::int64_t bins = 1400;
+    const BeamSetting setting = level(3, 74);
+    const PolarGrid whole = grid(240, 10, {0, 240}, {0, bins});
+    const std::int64_t skirt = skirt_bins(setting, 240);
+    REQUIRE(skirt > 3);
+    for (const std::vector<std::int64_t>& ranges : std::vector<std::vector<std::int64_t>>{
+             {0}, {255, 256}, {504}, {511}, {512}, {1023, 1030}, {bins - 1}, {3, 511, 700, 1399}, {}}) {
+        PolarImage<float> echo(whole);
+        for (const std::int64_t j : ranges) at(echo, 100 + j % 7, j) = 1 + 0.125F * static_cast<float>(j);
+        const PolarImage<float> power = power_image(echo, whole, setting);
+        // By definition, without parts: the pulse's weights over the beam's.
+        const std::vector<double> pulse = pulse_weights(7.4);
+        for (std::int64_t i = 90; i < 118; ++i)
+            for (std::int64_t j = 0; j < bins; ++j) {
+                double all = 0;
+                for (std::size_t m = 0; m < pulse.size(); ++m) {
+                    const std::int64_t from = j - static_cast<std::int64_t>(m);
+                    if (from < 0) break;
+                    for (std::int64_t k = -skirt; k <= skirt; ++k)
+                        if (const float cell = at(echo, i + k, from); cell > 0)
+                            all += pulse[m] * static_cast<double>(cell) *
+                                   two_way_azimuth_pattern(setting.antenna,
+                                                           static_cast<double>(k) * 2 * std::numbers::pi / 240);
+                }
+                if (all == 0)
+                    REQUIRE(at(power, i, j) == 0);
+                else
+                    REQUIRE_THAT(static_cast<double>(at(power, i, j)), WithinRel(all, 2 * float_error));
+            }
+        // And bit by bit as a row that looks at everything.
+        const Resolution resolution(setting, 240, 10, {0, bins}, Resolution::Of::power);
+        std::vector<double> scratch, sums(static_cast<std::size_t>(bins));
+        for (std::int64_t i = 85; i < 123; ++i) {
+            resolution.row(
+                i, [&](std::int64_t bin) { return echo.row(static_cast<std::size_t>(bin)); }, scratch, sums);
+            bool same = true;
+            for (std::int64_t j = 0; j < bins; ++j)
+                same = same && at(power, i, j) == static_cast<float>(sums[static_cast<std::size_t>(j)]);
+            CHECK(same);
+        }
+    }
+}

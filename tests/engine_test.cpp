@@ -185,6 +185,25 @@ TEST_CASE("nearer than the minimum range nothing is received, and nothing else c
     }
 }
 
+TEST_CASE("without noise and speckle the picture is that of the received power, which need not be made", "[engine]") {
+    const auto hills = test::rolling(300, 150, 3);
+    MemorySource source(301, 301, 30, [&](double c, double r) { return 300 + hills(c, r); });
+    Scene s = bare_scene(4500, -4500, 900, 4000);
+    s.receiver.if_gain = Decibel(70);
+    s.receiver.minimum_range_m = 1000.0;
+    s.display.kind = GENERATE(DisplayKind::ppi, DisplayKind::gpi);
+    s.display.pixel_fill = GENERATE(PixelFill::interpolate, PixelFill::holes);
+    const ResolvedScene scene = resolve(s, source);
+    const RunResult r = run(scene, source, {});
+    CHECK(r.received_w.cells.empty());
+    const RunResult measured = measure(scene, source, {}, {});
+    REQUIRE(measured.received_w.grid == r.power_w.grid);
+    const Picture drawn = picture(measured.received_w, r.state, display_setting(scene), Receiver(s.receiver, s.radar));
+    CHECK(std::count(drawn.grey.begin(), drawn.grey.end(), 0) < static_cast<std::ptrdiff_t>(drawn.grey.size()));
+    CHECK(r.scope.grey == drawn.grey);
+    CHECK(r.scope.lit == drawn.lit);
+}
+
 TEST_CASE("the sum of E r^2 is gamma times the solid angle of the ground, whatever its slopes", "[engine][long]") {
     const auto hills = test::rolling(400, 200, 7);
     MemorySource source(601, 601, 30, [&](double c, double r) { return 500 + hills(c, r); });
