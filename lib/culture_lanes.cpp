@@ -61,14 +61,13 @@ HWY_INLINE Holds wall_corner(const CultureScene& scene, const CulturePieces& p, 
 HWY_ATTR void culture_any(std::size_t n, const CultureScene& scene, const CulturePieces& p, CultureParts& out) {
     const Doubles d;
     const Lane zero = hn::Zero(d), one = all(1);
-    const Lane behind = all(scene.behind_major), step = all(scene.ahead_major - scene.behind_major);
     const Lane column_begin = all(static_cast<double>(scene.tile.columns.begin)),
                row_begin = all(static_cast<double>(scene.tile.rows.begin)),
                columns = all(static_cast<double>(scene.tile.columns.size())),
                rows = all(static_cast<double>(scene.tile.rows.size()));
     for (std::size_t i = 0; i < n; i += hn::Lanes(d)) {
-        Place from{behind + hn::LoadU(d, p.part0 + i) * step, hn::LoadU(d, p.minor0 + i)},
-            to{behind + hn::LoadU(d, p.part1 + i) * step, hn::LoadU(d, p.minor1 + i)};
+        Place from{hn::LoadU(d, p.major0 + i), hn::LoadU(d, p.minor0 + i)},
+            to{hn::LoadU(d, p.major1 + i), hn::LoadU(d, p.minor1 + i)};
         Holds wall = one < zero;
         if (p.cell) {
             Place corner;
@@ -112,8 +111,7 @@ HWY_ATTR void culture_any(std::size_t n, const CultureScene& scene, const Cultur
         hn::StoreU(to_third, d, out.to_third + i);
         const Lane kind =
             pick(wall, all(CultureParts::wall), pick(few, all(CultureParts::parts), all(CultureParts::many)));
-        store(hn::IfThenElseZero(hn::LoadU(d, p.code + i) == one, pick(inside, kind, all(CultureParts::elsewhere))),
-              out.kind + i);
+        store(pick(inside, kind, all(CultureParts::elsewhere)), out.kind + i);
     }
 }
 

@@ -11,17 +11,16 @@ namespace wedgescope {
 /// What the pieces between two lines share.
 struct CultureScene {
     bool lines_are_columns = false;
-    double behind_major = 0, ahead_major = 0;    ///< raster index of the two lines
+    double behind_major = 0, ahead_major = 0;  ///< raster index of the two lines; only where there are culture heights
     double column_offset = 0, column_scale = 1;  ///< culture column = offset + scale * column of the raster
     double row_offset = 0, row_scale = 1;
     Window tile;  ///< of culture cells
 };
 
-/// Pieces as Front has them, and the culture cells found. Of up to `most` lanes.
+/// Pieces as Front has them, and the culture cells found. Of up to `most` lanes; read in whole registers.
 struct CulturePieces {
-    static constexpr std::size_t most = 64;
-    const double* code;                             ///< in: 1 for those asked for
-    const double *part0, *minor0, *part1, *minor1;  ///< in: of the way between the lines; raster index along them
+    static constexpr std::size_t most = 96;
+    const double *major0, *minor0, *major1, *minor1;  ///< in: raster indices, across the lines and along them
     /// In, or null where there are no culture heights: the raster index along the lines of each piece's cell, and the
     /// heights on its corners [2 n] as CellLanes has them.
     const double* cell = nullptr;
@@ -31,7 +30,6 @@ struct CultureParts {
     static constexpr std::size_t most = CulturePieces::most;
     /// What a piece is.
     enum Kind : std::int32_t {
-        nothing,    ///< not asked for
         parts,      ///< `first` up to share `to_second`, `second` up to share `to_third`, then `third`
         wall,       ///< culture stands on a corner of its cell: all of the culture cell `first`
         many,       ///< more than two culture cells along one axis

@@ -145,7 +145,7 @@ struct Placed {
 template <bool stretched>
 WEDGESCOPE_LANES_PART void place_portions(std::size_t n, const WedgeCells::Portions& p, double begin, double end,
                                           double inverse, Placed& out) noexcept {
-    const double* __restrict code = p.code, * __restrict x0 = p.x0, * __restrict x1 = p.x1, * __restrict inverse_width = p.inverse_width, * __restrict power = p.power, * __restrict bow = p.bow, * __restrict share = p.share0;
+    const double* __restrict x0 = p.x0, * __restrict x1 = p.x1, * __restrict inverse_width = p.inverse_width, * __restrict power = p.power, * __restrict bow = p.bow, * __restrict share = p.share0;
     [[maybe_unused]] const double* __restrict first_gamma = p.gamma[0], * __restrict second_gamma = p.gamma[1], * __restrict to_second = p.second, * __restrict to_third = p.third;
     const double* __restrict third_gamma = p.gamma[2];
     double* __restrict one = out.one, * __restrict two = out.two, * __restrict three = out.three;
@@ -155,7 +155,7 @@ WEDGESCOPE_LANES_PART void place_portions(std::size_t n, const WedgeCells::Porti
     for (std::size_t i = 0; i < n; ++i) {
         const bool outwards = x0[i] < x1[i];
         const double near = outwards ? x0[i] : x1[i], far = outwards ? x1[i] : x0[i];
-        const double wanted = code[i] == 1 ? third_gamma[i] >= 0 ? 1.0 : 0.0 : 0.0,
+        const double wanted = third_gamma[i] >= 0 ? 1.0 : 0.0,
                      fits = far < end ? near >= begin ? wanted : 0.0 : 0.0;
         const auto first = static_cast<std::int32_t>(fits > 0 ? near : begin),
                    last = static_cast<std::int32_t>(fits > 0 ? far : begin);
@@ -197,7 +197,7 @@ __attribute__((optimize("no-tree-slp-vectorize"))) void WedgeCells::add_lanes(st
     // Bins with the quantum of the first portion: most blocks of lanes lie in them.
     Placed placed;
     std::size_t some = 0;
-    while (some < n && !(p.code[some] == 1 && p.x0[some] >= begin_ && p.x0[some] < end_)) ++some;
+    while (some < n && !(p.x0[some] >= begin_ && p.x0[some] < end_)) ++some;
     Interval same{quanta_.range_bins.begin, quanta_.range_bins.begin};
     double inverse = 0;
     if (some < n) {
@@ -229,8 +229,8 @@ __attribute__((optimize("no-tree-slp-vectorize"))) void WedgeCells::add_lanes(st
     }
     for (i = 4 * quarter; i < n; ++i) put_one(i);
     for (const std::int32_t lane : p.straddlers) {
-        i = static_cast<std::size_t>(lane - p.first_lane);
-        if (p.code[i] != 1 || placed.slow[i] || p.gamma[2][i] < 0) continue;
+        i = static_cast<std::size_t>(lane);
+        if (placed.slow[i] || p.gamma[2][i] < 0) continue;
         std::int64_t* cell = sums + (p.origin[i] + placed.first[i]) + static_cast<std::ptrdiff_t>(columns_);
         cell[0] += std::lrint(placed.one[i] * inverse * p.share1[i]);
         cell[1] += std::lrint(placed.two[i] * inverse * p.share1[i]);

@@ -63,20 +63,18 @@ public:
     /// Adds it to the cells. `quantities`: one for each further channel.
     void add(const Target& target, const Portion& p, const Stretches& stretches, const double* quantities = nullptr);
 
-    /// The portions of neighbouring spokes at once: `add` for every lane with code[i] == 1, the same bits.
+    /// Many portions at once: `add` for every one, the same bits.
     ///   origin                where a spoke's row lies: origin_of(row); any row's, with share0 = 0, if it adds nothing
     ///   share0, share1        as Target::share
-    ///   straddlers            lanes with share1 > 0, in order; counted from `first_lane`, which is lane 0 here
+    ///   straddlers            lanes with share1 > 0
     ///   x0, x1, inverse_width, power, bow   as Portion
     ///   gamma, second, third  as Stretches, finite; no `second`: gamma[2] all along, and the others are not looked at.
     ///                         Lanes with gamma[2] < 0 add nothing
     struct Portions {
-        static constexpr std::size_t most = 64;  ///< lanes at once
-        const double* code;
+        static constexpr std::size_t most = 96;  ///< lanes at once
         const std::int64_t* origin;
         const double *share0, *share1;
         std::span<const std::int32_t> straddlers;
-        std::int32_t first_lane;
         const double *x0, *x1, *inverse_width, *power, *bow;
         const double* gamma[3];
         const double *second = nullptr, *third = nullptr;

@@ -5,7 +5,7 @@
 #include <cassert>
 #include <cmath>
 #include <limits>
-#include <numbers>
+#include <numeric>
 
 #include "lib/cull.hpp"
 #include "lib/lanes.hpp"
@@ -16,23 +16,10 @@
 namespace wedgescope {
 namespace {
 
-// Spokes taken over a chunk's lines together: their state stays in cache.
-constexpr std::size_t tile_lanes = PassingLanes::most;
-static_assert(tile_lanes == WedgeCells::Portions::most && tile_lanes == CulturePieces::most,
-              "a tile is taken in one go");
 constexpr double infinite = std::numeric_limits<double>::infinity();
-// In place of a piece's backscatter: put() has to find it.
-constexpr double left_to_put = -1;
 // Of bounds for several spokes: the least curvature shows the most ground; what it changes beside is below 4e-6.
 constexpr double together_margin = 1e-5;
 constexpr float void_post = std::numeric_limits<float>::quiet_NaN();
-
-LinePosts no_posts() { return {&void_post, 0, 0}; }
-
-std::int64_t floor_of(double v) {
-    const auto t = static_cast<std::int64_t>(v);
-    return static_cast<double>(t) > v ? t - 1 : t;
-}
 
 /// The block, `side` posts wide, that a post, or the cell that begins with it, lies in.
 std::int64_t block_along(std::int64_t post, std::int64_t side = block_posts) {
@@ -47,15 +34,6 @@ struct CellsAhead {
 CellsAhead cells_ahead(std::int64_t from, std::int64_t last, std::int64_t out, std::int64_t side = block_posts) {
     const std::int64_t block = block_along(out > 0 ? from : from - 1, side);
     return {block, out > 0 ? std::min((block + 1) * side, last) : std::max(block * side, last)};
-}
-
-/// What lies from `from` to `to` of the way, 0..1; nothing if that is no share of it. A part of a parabola is one too.
-std::optional<WedgeCells::Portion> part_of(const WedgeCells::Portion& whole, double from, double to) {
-    const double length = to - from, share = length * (1 + whole.bow * (1 - from - to));
-    if (!(share > 0)) return std::nullopt;
-    const double way = whole.x1 - whole.x0;
-    return WedgeCells::Portion{whole.x0 + from * way, whole.x0 + to * way, whole.inverse_width / length,
-                               whole.power * share, whole.bow * length * length / share};
 }
 
 /// A point of a piece.
@@ -102,7 +80,8 @@ void Front::Lanes::resize(std::size_t n) {
     last.resize(n);
     row.resize(n);
     origin.resize(n);
-    straddlers.clear();
+    number.resize(n);
+    std::iota(number.begin(), number.end(), 0);
 }
 
 Front::Front(const SweepScene& scene, const SpokeRun& run, WedgeCells& cells)
@@ -113,10 +92,14 @@ Front::Front(const SweepScene& scene, const SpokeRun& run, WedgeCells& cells)
       quadrant_(run.quadrant), fan_(run.own_fan()), line_end_(scene.grid->line_count(fan_)),
       culture_(*scene.data_base, scene.source) {
     for (auto* samples : {&now_, &crossing_, &ahead_}) samples->resize(tile_lanes);
-    for (auto* v : {&cell_, &bump_, &sine0_, &code_, &power_, &inverse_width_, &bow_, &facet_}) v->resize(tile_lanes);
-    gamma_[2].assign(tile_lanes, scene.laws->gamma()[scene.data_base->default_class].ground);
+    for (auto* v : {&cell_, &bump_, &rise_, &swing_, &sine0_, &code_}) v->resize(tile_lanes);
+    constexpr std::size_t most_pieces = whole_registers(VisiblePieces::most);
+    for (auto* v : {&power_, &inverse_width_, &bow_, &facet_, &share0_, &share1_, &inverse_radius_, &across_, &slant_})
+        v->resize(most_pieces);
+    origin_.resize(most_pieces);
+    gamma_[2].assign(most_pieces, scene.laws->gamma()[scene.data_base->default_class].ground);
     if (!plain_ground_) {
-        for (auto* v : {&gamma_[0], &gamma_[1]}) v->resize(tile_lanes);
+        for (auto* v : {&gamma_[0], &gamma_[1]}) v->resize(most_pieces);
         class_gammas_.resize(std::size_t{unknown_class} + 1);
         std::copy(scene.laws->gamma().begin(), scene.laws->gamma().end(), class_gammas_.begin());
     }
@@ -125,8 +108,9 @@ Front::Front(const SweepScene& scene, const SpokeRun& run, WedgeCells& cells)
     const auto square = [&](double slope) { return std::pow(map.metres_per_post(quadrant_, slope), 2); };
     minor_post_m_ = std::sqrt(0.5 * (square(1) + square(-1)) - square(0));
     posts_.resize(4 * tile_lanes);
-    culture_posts_.resize(4 * tile_lanes);
-    culture_cell_.resize(tile_lanes);
+    culture_posts_.resize(4 * VisiblePieces::most);
+    culture_cell_.resize(VisiblePieces::most);
+    at_once_ = shore_ || scene.with_depression || scene.data_base->has_culture_height;
     between_.behind = between_.ahead = between_.behind_culture = between_.ahead_culture = no_posts();
     start();
 }
@@ -134,14 +118,13 @@ Front::Front(const SweepScene& scene, const SpokeRun& run, WedgeCells& cells)
 std::size_t Front::bytes_of(std::size_t lanes, bool facets, bool directional, bool shore) {
     const std::size_t doubles = 22 + (facets ? 2 : 0) + (directional ? 2 : 0);
     return lanes * (doubles * sizeof(double) + (shore ? sizeof(ShoreWindow) : 0) + sizeof(std::int64_t) +
-                    sizeof(std::int32_t)) +
-           tile_lanes * (3 * 9 + 11 + 4) * sizeof(double) + sizeof(CultureParts) +
-           (std::size_t{unknown_class} + 1) * sizeof(ClassGamma);
+                    sizeof(std::int64_t) + sizeof(std::int32_t)) +
+           tile_lanes * (3 * 9 + 6 + 2) * sizeof(double) + VisiblePieces::most * 16 * sizeof(double) +
+           VisiblePieces::bytes() + sizeof(CultureParts) + (std::size_t{unknown_class} + 1) * sizeof(ClassGamma);
 }
 
 std::size_t Front::bytes() const {
     return bytes_of(lanes_.mode.capacity(), needs_facets_, directional_, shore_ != nullptr) +
-           lanes_.straddlers.capacity() * sizeof(std::int32_t) +
            (chunk_bounds_[0].highest_m.capacity() + chunk_bounds_[1].highest_m.capacity()) * sizeof(float) +
            culture_.bytes();
 }
@@ -185,7 +168,6 @@ void Front::set_up_ring(std::size_t ring, Lanes& lanes) const {
         }
         lanes.row[lane] = target.row;
         lanes.origin[lane] = cells_->origin_of(std::max(target.row, 0));
-        if (target.share[1] > 0) lanes.straddlers.push_back(static_cast<std::int32_t>(lane));
         lanes.share0[lane] = target.share[0];
         lanes.share1[lane] = target.share[1];
     }
@@ -522,6 +504,7 @@ void Front::advance_tile(Interval lines, const Chunk* chunk, std::size_t begin, 
         between.behind_major = between.ahead_major;
         between.adjacent = true;
     }
+    put_pieces(between);
     // The spokes' last line, whether they leapt there or not.
     const std::int64_t index = grid.line_index(fan_, lines.end - 1);
     between.behind = chunk ? line_of(*chunk, chunk->surface_m, index) : no_posts();
@@ -714,12 +697,6 @@ bool Front::beyond(std::size_t lane, double minor, double arc, double distance) 
     return (minor < 0 && m <= 0 && straight + bend < 0) || (minor > last && m >= 0 && straight - bend > last);
 }
 
-std::span<const std::int32_t> Front::straddlers(std::size_t begin, std::size_t end) const {
-    const auto low =
-        std::lower_bound(lanes_.straddlers.begin(), lanes_.straddlers.end(), static_cast<std::int32_t>(begin));
-    return {low, std::lower_bound(low, lanes_.straddlers.end(), static_cast<std::int32_t>(end))};
-}
-
 void Front::take(const Between& between, std::size_t begin, std::size_t end, bool crossings, Samples& next) {
     const std::size_t n = end - begin;
     const SampleLanes from = now_.lanes(0), to = next.lanes(0);
@@ -731,57 +708,34 @@ void Front::take(const Between& between, std::size_t begin, std::size_t end, boo
                to.minor, posts);
     const std::uint64_t sampled = ticks();
     const StepScene step = step_scene(scene_->sampling.exact_course && one_cell);
-    const Rises found =
-        step_lanes(crossings ? StepTo::crossing : StepTo::line, n, step,
-                   {from, to, posts, lanes_.mode.data() + begin, lanes_.inverse_radius.data() + begin,
-                    lanes_.void_horizon.data() + begin, lanes_.horizon.data() + begin, lanes_.seen_least.data() + begin,
-                    lanes_.seen_most.data() + begin, bump_.data(), sine0_.data(), code_.data()});
+    const Rises found = step_lanes(
+        crossings ? StepTo::crossing : StepTo::line, n, step,
+        {from, to, posts, lanes_.mode.data() + begin, lanes_.inverse_radius.data() + begin,
+         lanes_.void_horizon.data() + begin, lanes_.horizon.data() + begin, lanes_.seen_least.data() + begin,
+         lanes_.seen_most.data() + begin, bump_.data(), rise_.data(), swing_.data(), sine0_.data(), code_.data()});
     cost_.pieces += static_cast<std::uint64_t>(found.plain);
     const std::uint64_t swept = ticks();
-    if (found.plain) {
-        const std::size_t whole = whole_registers(n);
-        power_lanes(whole, {sine0_.data(), from, to, bump_.data(), power_.data(), inverse_width_.data(), bow_.data()},
-                    *scene_->pattern, scene_->constant);
-        if (scene_->loss)
-            weaken_lanes(whole, from, to, sine0_.data(), lanes_.inverse_radius.data() + begin, *scene_->loss,
-                         power_.data());
-        find_facets(0, whole, begin, next);
-    }
-    const std::uint64_t shaded = ticks(), read = culture_.cost().ticks;
-    const bool left = found.plain && put_plain(n, begin, between, next);
+    if (found.plain) keep_pieces(n, begin, between, next);
+    const std::uint64_t kept = ticks();
+    if (at_once_ || pieces_.size() + tile_lanes > VisiblePieces::most) put_pieces(between);
+    const std::uint64_t put = ticks(), read = culture_.cost().ticks;
     int changes = found.changes;
-    for (std::size_t i = 0; (changes > 0 || left) && i < n; ++i) {
-        if (code_[i] == 2) {
-            --changes;
-            change(begin + i, i, between, next);
-            if (shore_ && is(begin + i, mode_gap)) lanes_.shore[begin + i] = {};  // what is there, nobody knows
-        } else if (code_[i] == 1 && left && gamma_[2][i] == left_to_put && (lanes_.row[begin + i] >= 0 || shore_)) {
-            const SampleLanes first = now_.lanes(i), last = next.lanes(i);
-            put(begin + i,
-                {{from.x[i], to.x[i], inverse_width_[i], power_[i], bow_[i]},
-                 track(first, last, between),
-                 sine0_[i],
-                 to.sine[i],
-                 facet_[i],
-                 &first,
-                 &last,
-                 0,
-                 1},
-                between);
-        }
+    for (std::size_t i = 0; changes > 0 && i < n; ++i) {
+        if (code_[i] != 2) continue;
+        --changes;
+        change(begin + i, i, between, next);
+        if (shore_ && is(begin + i, mode_gap)) lanes_.shore[begin + i] = {};  // what is there, nobody knows
     }
     cost_.sample += sampled - clock;
     cost_.sweep += swept - sampled;
-    cost_.shade += shaded - swept;
-    cost_.deposit += ticks() - shaded - (culture_.cost().ticks - read);
+    cost_.deposit += kept - swept + ticks() - put - (culture_.cost().ticks - read);
     std::swap(now_, next);
 }
 
-void Front::find_facets(std::size_t at, std::size_t n, std::size_t lane, Samples& next) {
+void Front::find_facet(std::size_t i, std::size_t lane, Samples& next) {
     if (!needs_facets_) return;
-    facet_lanes(n,
-                {now_.lanes(at), next.lanes(at), posts_.data() + 2 * at, posts_.data() + 2 * tile_lanes + 2 * at,
-                 lanes_.across.data() + lane, lanes_.slant.data() + lane, minor_post_m_ * post_, facet_.data() + at});
+    facet_lanes(1, {now_.lanes(i), next.lanes(i), posts_.data() + 2 * i, posts_.data() + 2 * tile_lanes + 2 * i,
+                    lanes_.across.data() + lane, lanes_.slant.data() + lane, minor_post_m_ * post_, facet_.data()});
 }
 
 double Front::power_of(std::size_t lane, double sine0, double sine1, double range0_m, double range1_m) const {
@@ -789,186 +743,6 @@ double Front::power_of(std::size_t lane, double sine0, double sine1, double rang
     if (!scene_->loss) return power;
     return power *
            scene_->loss->factor(0.5 * (range0_m + range1_m), 0.5 * (sine0 + sine1), lanes_.inverse_radius[lane]);
-}
-
-bool Front::put_plain(std::size_t n, std::size_t lane, const Between& between, Samples& next) {
-    const SampleLanes from = now_.lanes(0), to = next.lanes(0);
-    double* const gamma = gamma_[2].data();
-    if (scene_->with_depression) {
-        std::fill_n(gamma, n, left_to_put);
-        return true;
-    }
-    const bool classes = !plain_ground_ && between.in_chunk;
-    const bool left = classes && find_gammas(n, lane, between, next);
-    if (!classes && (!plain_ground_ || needs_facets_ || directional_))
-        for (std::size_t i = 0; i < n; ++i)
-            gamma[i] = ground_gamma(scene_->data_base->default_class, facet_[i], lane + i);
-    cells_->add_lanes(n, {code_.data(),
-                          lanes_.origin.data() + lane,
-                          lanes_.share0.data() + lane,
-                          lanes_.share1.data() + lane,
-                          straddlers(lane, lane + n),
-                          static_cast<std::int32_t>(lane),
-                          from.x,
-                          to.x,
-                          inverse_width_.data(),
-                          power_.data(),
-                          bow_.data(),
-                          {gamma_[0].data(), gamma_[1].data(), gamma},
-                          classes ? found_.to_second : nullptr,
-                          found_.to_third});
-    return left;
-}
-
-bool Front::find_gammas(std::size_t n, std::size_t lane, const Between& between, Samples& next) {
-    const SampleLanes from = now_.lanes(0), to = next.lanes(0);
-    const double* const code = code_.data();
-    CulturePieces pieces{code, from.part, from.minor, to.part, to.minor};
-    if (between.ahead_culture.posts != &void_post || between.behind_culture.posts != &void_post) {
-        const CellLanes corners{culture_cell_.data(), culture_posts_.data(), culture_posts_.data() + 2 * tile_lanes};
-        cell_lanes(between.adjacent ? between.behind_culture : no_posts(), between.ahead_culture, n, from.minor,
-                   to.minor, corners);
-        pieces.cell = corners.cell;
-        pieces.behind_m = corners.behind;
-        pieces.ahead_m = corners.ahead;
-    }
-    const DataBase& db = *scene_->data_base;
-    const bool columns = lines_are_columns(quadrant_);
-    CultureScene scene{columns,
-                       between.behind_major,
-                       between.ahead_major,
-                       db.culture_column_offset,
-                       db.culture_column_scale * post_,
-                       db.culture_row_offset,
-                       db.culture_row_scale * post_,
-                       {}};
-    const auto classes_under = [&](std::size_t i, const ClassId* classes) {
-        return Classes{{classes[found_.first[i]], classes[found_.second[i]], classes[found_.third[i]]},
-                       found_.to_second[i],
-                       found_.to_third[i]};
-    };
-    const auto angular = [&](std::size_t i, const Classes& under) {
-        const WedgeCells::Stretches s =
-            found_.kind[i] == CultureParts::wall
-                ? WedgeCells::Stretches::one(wall_gamma(under.id[0], lane + i))
-                : under.stretches([&](double, double, ClassId id) { return ground_gamma(id, facet_[i], lane + i); });
-        for (std::size_t k = 0; k < gamma_.size(); ++k) gamma_[k][i] = s.gamma[k];
-    };
-    // All in the tile that the first one lies in: mostly there is no other. Without a branch on classes, for hardly two
-    // neighbours are alike.
-    const auto first = static_cast<std::size_t>(std::find(code, code + n, 1.0) - code);
-    const ClassId* classes = find_cells(from, first, between, n, pieces, scene);
-    // Ground and walls by turns.
-    const double* const gammas = &class_gammas_.data()->ground;
-    static_assert(sizeof(ClassGamma) == 2 * sizeof(double));
-    std::array<double*, 3> gamma{gamma_[0].data(), gamma_[1].data(), gamma_[2].data()};
-    bool some_odd = shore_ != nullptr;
-    for (std::size_t i = 0; i < n; ++i) {
-        const std::size_t a = classes[found_.first[i]], b = classes[found_.second[i]], c = classes[found_.third[i]],
-                          wall = found_.kind[i] == CultureParts::wall ? 1 : 0;
-        gamma[0][i] = gammas[2 * a + wall];
-        gamma[1][i] = gammas[2 * b + wall];
-        gamma[2][i] = gammas[2 * c + wall];
-        some_odd |=
-            (found_.kind[i] > CultureParts::wall) | (a == unknown_class) | (b == unknown_class) | (c == unknown_class);
-    }
-    std::array<std::uint8_t, CulturePieces::most> odd;
-    std::size_t odd_count = 0;
-    for (std::size_t i = 0; some_odd && i < n; ++i) {
-        const Classes under = classes_under(i, classes);
-        if (found_.kind[i] > CultureParts::wall ||
-            (found_.kind[i] != CultureParts::nothing && (!under.known() || (shore_ && !under.same()))))
-            odd[odd_count++] = static_cast<std::uint8_t>(i);
-    }
-    if (needs_facets_ || directional_)
-        for (std::size_t i = 0; i < n; ++i) {
-            const std::int32_t kind = found_.kind[i];
-            if (kind == CultureParts::parts || kind == CultureParts::wall) angular(i, classes_under(i, classes));
-        }
-    bool left = false;
-    if (shore_) {
-        for (std::size_t k = 0; k < odd_count; ++k) gamma[2][odd[k]] = left_to_put;
-        left = pass_shores(n, lane, classes, found_.first, found_.kind, next);
-    }
-    for (std::size_t k = 0; k < odd_count; ++k) {
-        const std::size_t i = odd[k];
-        if (found_.kind[i] == CultureParts::elsewhere) classes = find_cells(from, i, between, n, pieces, scene);
-        const Classes under = classes_under(i, classes);
-        // Where these are not all of its classes put() finds them; no window goes by before.
-        if (found_.kind[i] > CultureParts::wall || !under.known() ||
-            (shore_ && needs_shore(lane + i, under.id, i, next))) {
-            gamma[2][i] = left_to_put;
-            left = true;
-        } else {
-            angular(i, under);
-        }
-    }
-    return left;
-}
-
-bool Front::needs_shore(std::size_t lane, const std::array<ClassId, 3>& classes, std::size_t i, Samples& next) {
-    if (std::any_of(classes.begin(), classes.end(), [&](ClassId id) { return shore_->is_water(id); })) return true;
-    ShoreWindow& window = lanes_.shore[lane];
-    if (window.state == ShoreWindow::none) return false;
-    const SampleLanes from = now_.lanes(i), to = next.lanes(i);
-    if (!FarShore::clear_of(window, shore_point(lane, from, to, 0), shore_point(lane, from, to, 1))) return true;
-    window.state = ShoreWindow::on_land;
-    return false;
-}
-
-bool Front::pass_shores(std::size_t n, std::size_t lane, const ClassId* classes, const std::int32_t* cell,
-                        const std::int32_t* kind, Samples& next) {
-    // Mostly there is none, and none was.
-    bool some = false;
-    for (std::size_t i = 0; i < n; ++i)
-        some |= (lanes_.shore[lane + i].state != ShoreWindow::none) | shore_->is_water(classes[cell[i]]);
-    if (!some) return false;
-    bool left = false;
-    for (std::size_t i = 0; i < n; ++i) {
-        if (kind[i] == CultureParts::nothing || gamma_[2][i] == left_to_put) continue;
-        const bool water = kind[i] == CultureParts::parts && shore_->is_water(classes[cell[i]]);
-        ShoreWindow& window = lanes_.shore[lane + i];
-        if (!water && window.state == ShoreWindow::none) continue;
-        const SampleLanes from = now_.lanes(i), to = next.lanes(i);
-        if (water && *to.height_m > *from.height_m) {  // a bank perhaps
-            gamma_[2][i] = left_to_put;
-            left = true;
-            continue;
-        }
-        const ShorePoint a = shore_point(lane + i, from, to, 0), b = shore_point(lane + i, from, to, 1);
-        if (water)
-            FarShore::pass_water(window, a, b);
-        else
-            for (double bright = shore_->pass_land(window, a, b); LaneArray & gamma : gamma_) gamma[i] *= bright;
-    }
-    return left;
-}
-
-ShorePoint Front::shore_point(std::size_t lane, const SampleLanes& from, const SampleLanes& to, double u) const {
-    const double inverse = lanes_.inverse_radius[lane];
-    if (u == 0) return {*from.sine, *from.up_m, *from.out_m, *from.height_m, *from.arc_m * inverse};
-    if (u == 1) return {*to.sine, *to.up_m, *to.out_m, *to.height_m, *to.arc_m * inverse};
-    const auto at = [u](const double* a, const double* b) { return *a + u * (*b - *a); };
-    return {at(from.sine, to.sine), at(from.up_m, to.up_m), at(from.out_m, to.out_m), at(from.height_m, to.height_m),
-            at(from.arc_m, to.arc_m) * inverse};
-}
-
-const ClassId* Front::find_cells(const SampleLanes& from, std::size_t i, const Between& between, std::size_t n,
-                                 const CulturePieces& pieces, CultureScene& scene) {
-    if (!scene_->data_base->has_culture) {  // one cell for all
-        scene.column_offset = scene.row_offset = 0.5;
-        scene.column_scale = scene.row_scale = 0;
-        scene.tile = {{0, 1}, {0, 1}};
-        culture_lanes(n, scene, pieces, found_);
-        return &scene_->data_base->default_class;
-    }
-    const double major = between.major(from.part[i]), minor = from.minor[i];
-    const bool columns = scene.lines_are_columns;
-    const CultureCells& tile =
-        culture_.tile_of(floor_of(cell_column(columns ? major : minor)), floor_of(cell_row(columns ? minor : major)));
-    scene.tile = tile.window;
-    culture_lanes(n, scene, pieces, found_);
-    return tile.classes.data();
 }
 
 void Front::change(std::size_t lane, std::size_t i, const Between& between, Samples& next) {
@@ -986,7 +760,7 @@ void Front::change(std::size_t lane, std::size_t i, const Between& between, Samp
         ++cost_.pieces;
         const bool own = lanes_.row[lane] >= 0;
         if (own || shore_) {
-            find_facets(i, 1, lane, next);
+            find_facet(i, lane, next);
             const auto deposit = [&](const PieceEnd& a, const PieceEnd& b, double bent) {
                 const double power = power_of(lane, a.sine, b.sine, a.range_m, b.range_m),
                              fall = echo_bow(a.sine, b.sine, a.range_m, b.range_m, *scene_->pattern);
@@ -996,7 +770,7 @@ void Front::change(std::size_t lane, std::size_t i, const Between& between, Samp
                       between.major(at(*from.part, *to.part, b.part)), at(*from.minor, *to.minor, b.part)},
                      a.sine,
                      b.sine,
-                     facet_[i],
+                     facet_[0],
                      &from,
                      &to,
                      a.part,
@@ -1071,199 +845,6 @@ void Front::change(std::size_t lane, std::size_t i, const Between& between, Samp
             lanes_.mode[lane] = mode_visible;
         }
     }
-}
-
-// ---- deposit ----
-
-Front::Track Front::track(const SampleLanes& from, const SampleLanes& to, const Between& between) const {
-    return {between.major(*from.part), *from.minor, between.major(*to.part), *to.minor};
-}
-
-void Front::put(std::size_t lane, const Piece& piece, const Between& between) {
-    double depression = 0;
-    if (scene_->with_depression)
-        depression = std::max(0.0, -std::asin(0.5 * (piece.sine0 + piece.sine1)) / (std::numbers::pi / 2));
-    if (shore_) return put_by_shore(lane, piece, between, depression);
-    const WedgeCells::Target target = lanes_.target(lane);
-    const auto add_one = [&](double gamma) {
-        cells_->add(target, piece.portion, WedgeCells::Stretches::one(gamma), &depression);
-    };
-    if (plain_ground_ || !between.in_chunk)
-        return add_one(ground_gamma(scene_->data_base->default_class, piece.variable, lane));
-    if (const auto post = wall_of(piece.track, between))
-        return add_one(wall_gamma(class_at(floor_of(cell_column(post->column)), floor_of(cell_row(post->row))), lane));
-    if (!scene_->data_base->has_culture)
-        return add_one(ground_gamma(scene_->data_base->default_class, piece.variable, lane));
-    const auto class_of = [&](std::int64_t column, std::int64_t row) { return class_at(column, row); };
-    const auto gamma_of = [&](double, double, ClassId id) { return ground_gamma(id, piece.variable, lane); };
-    if (const auto under = few_classes(piece.track, class_of))
-        return cells_->add(target, piece.portion, under->stretches(gamma_of), &depression);
-    class_runs(piece.track, class_of, [&](double from, double to, ClassId id) {
-        if (const auto part = part_of(piece.portion, from, to))
-            cells_->add(target, *part, WedgeCells::Stretches::one(gamma_of(from, to, id)), &depression);
-    });
-}
-
-ClassId Front::class_at(std::int64_t cell_column, std::int64_t cell_row) {
-    const ClassId id = culture_.at(cell_column, cell_row);
-    if (id == unknown_class) {
-        const std::int32_t code = culture_.code(cell_column, cell_row);
-        if (!unknown_code_ || code < *unknown_code_) unknown_code_ = code;
-    }
-    return id;
-}
-
-template <class Accept>
-std::optional<IndexPosition> Front::highest_corner(const Track& track, const Between& between, const LinePosts& behind,
-                                                   const LinePosts& ahead, const Accept& accept) const {
-    const bool columns = lines_are_columns(quadrant_);
-    const std::int64_t j = floor_of(0.5 * (track.minor0 + track.minor1));
-    double most = -infinite;
-    std::optional<IndexPosition> best;
-    const auto corner = [&](const LinePosts& line, double major, std::int64_t at) {
-        if (!line.has(at)) return;
-        const double h = static_cast<double>(line.at(at)), minor = static_cast<double>(at);
-        if (!(h >= most)) return;
-        const IndexPosition here = columns ? IndexPosition{major, minor} : IndexPosition{minor, major};
-        if (best && h == most && (here.row > best->row || (here.row == best->row && here.column > best->column)))
-            return;
-        if (!accept(h, here)) return;
-        most = h;
-        best = here;
-    };
-    for (std::int64_t at = j; at <= j + 1; ++at) {
-        corner(ahead, between.ahead_major, at);
-        if (between.adjacent) corner(behind, between.behind_major, at);
-    }
-    return best;
-}
-
-std::optional<IndexPosition> Front::wall_of(const Track& track, const Between& between) const {
-    if (between.ahead_culture.posts == &void_post && between.behind_culture.posts == &void_post) return std::nullopt;
-    return highest_corner(track, between, between.behind_culture, between.ahead_culture,
-                          [](double h, const IndexPosition&) { return h > 0; });
-}
-
-ClassId Front::land_of_cell(const Track& track, const Between& between) {
-    ClassId id = unknown_class;
-    highest_corner(track, between, between.behind, between.ahead, [&](double, const IndexPosition& post) {
-        const ClassId here = culture_.at(floor_of(cell_column(post.column)), floor_of(cell_row(post.row)));
-        if (here == unknown_class || shore_->is_water(here)) return false;
-        id = here;
-        return true;
-    });
-    return id;
-}
-
-template <class ClassOf>
-std::optional<Front::Classes> Front::few_classes(const Track& t, const ClassOf& class_of) const {
-    // As culture_lanes(), number by number.
-    const bool columns = lines_are_columns(quadrant_);
-    const double column0 = cell_column(columns ? t.major0 : t.minor0),
-                 column1 = cell_column(columns ? t.major1 : t.minor1);
-    const double row0 = cell_row(columns ? t.minor0 : t.major0), row1 = cell_row(columns ? t.minor1 : t.major1);
-    const std::int64_t first_column = floor_of(column0), last_column = floor_of(column1), first_row = floor_of(row0),
-                       last_row = floor_of(row1);
-    if (std::abs(last_column - first_column) > 1 || std::abs(last_row - first_row) > 1) return std::nullopt;
-    const auto cut = [](std::int64_t first, std::int64_t last, double from, double to) {
-        return first == last ? 0.0 : (static_cast<double>(std::max(first, last)) - from) / (to - from);
-    };
-    const double at_column = cut(first_column, last_column, column0, column1),
-                 at_row = cut(first_row, last_row, row0, row1);
-    const bool column_first = at_column <= at_row;
-    const double to_second = std::min(at_column, at_row), to_third = std::max(at_column, at_row);
-    struct Cell {
-        std::int64_t column, row;
-    };
-    Cell first{first_column, first_row}, third{last_column, last_row},
-        second{column_first ? last_column : first_column, column_first ? first_row : last_row};
-    if (to_second == to_third) second = to_second <= 0 ? third : first;
-    if (to_third >= 1) third = second;
-    if (to_second <= 0) first = second;
-    return Classes{
-        {class_of(first.column, first.row), class_of(second.column, second.row), class_of(third.column, third.row)},
-        to_second,
-        to_third};
-}
-
-template <class ClassOf, class Run>
-void Front::class_runs(const Track& t, const ClassOf& class_of, const Run& run) {
-    const bool columns = lines_are_columns(quadrant_);
-    const double column0 = cell_column(columns ? t.major0 : t.minor0),
-                 column1 = cell_column(columns ? t.major1 : t.minor1);
-    const double row0 = cell_row(columns ? t.minor0 : t.major0), row1 = cell_row(columns ? t.minor1 : t.major1);
-    breaks_.clear();
-    const auto cut = [&](double from, double to) {
-        const double lo = std::min(from, to), hi = std::max(from, to);
-        for (auto border = static_cast<double>(floor_of(lo) + 1); border < hi; border += 1)
-            breaks_.push_back((border - from) / (to - from));
-    };
-    cut(column0, column1);
-    cut(row0, row1);
-    if (breaks_.size() > 1) std::sort(breaks_.begin(), breaks_.end());
-    breaks_.push_back(1);
-    double from = 0, start = 0;
-    std::optional<ClassId> open;
-    for (const double to : breaks_) {
-        const double middle = 0.5 * (from + to);
-        const ClassId id =
-            class_of(floor_of(column0 + middle * (column1 - column0)), floor_of(row0 + middle * (row1 - row0)));
-        if (open && id != *open) {
-            run(start, from, *open);
-            start = from;
-        }
-        open = id;
-        from = to;
-    }
-    run(start, 1.0, *open);
-}
-
-void Front::put_by_shore(std::size_t lane, const Piece& piece, const Between& between, double depression) {
-    const bool own = lanes_.row[lane] >= 0;
-    ShoreWindow& window = lanes_.shore[lane];
-    const auto class_of = [&](std::int64_t column, std::int64_t row) {
-        return own ? class_at(column, row) : culture_.at(column, row);
-    };
-    const auto point = [&](double u) {
-        return shore_point(lane, *piece.from, *piece.to, piece.begin + u * (piece.end - piece.begin));
-    };
-    const auto land = [&](double from, double to) {
-        return piece.from && window.state != ShoreWindow::none ? shore_->pass_land(window, point(from), point(to))
-                                                               : 1.0;
-    };
-    const auto add = [&](double from, double to, double gamma) {
-        if (!own) return;
-        std::optional<WedgeCells::Portion> part = piece.portion;
-        if (from > 0 || to < 1) part = part_of(piece.portion, from, to);
-        if (part) cells_->add(lanes_.target(lane), *part, WedgeCells::Stretches::one(gamma), &depression);
-    };
-    if (const auto post = wall_of(piece.track, between)) {
-        const ClassId id = class_of(floor_of(cell_column(post->column)), floor_of(cell_row(post->row)));
-        return add(0, 1, wall_gamma(id, lane) * land(0, 1));
-    }
-    if (!between.in_chunk) return add(0, 1, ground_gamma(scene_->data_base->default_class, piece.variable, lane));
-    const bool rises = piece.from && *piece.to->height_m > *piece.from->height_m;
-    const auto gamma_of = [&](double from, double to, ClassId id) {
-        if (!(to > from)) return 0.0;
-        if (shore_->is_water(id)) {
-            // Heights ramp from the last post of water to the first of land, and the class changes on the way: the bank is
-            // land from its foot.
-            const ClassId bank = rises ? land_of_cell(piece.track, between) : unknown_class;
-            if (bank == unknown_class) {
-                if (piece.from) FarShore::pass_water(window, point(from), point(to));
-                return ground_gamma(id, piece.variable, lane);
-            }
-            id = bank;
-        }
-        return ground_gamma(id, piece.variable, lane) * land(from, to);
-    };
-    if (const auto under = few_classes(piece.track, class_of)) {
-        const WedgeCells::Stretches stretches = under->stretches(gamma_of);
-        if (own) cells_->add(lanes_.target(lane), piece.portion, stretches, &depression);
-        return;
-    }
-    class_runs(piece.track, class_of,
-               [&](double from, double to, ClassId id) { add(from, to, gamma_of(from, to, id)); });
 }
 
 // ---- marks ----

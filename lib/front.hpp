@@ -15,11 +15,11 @@
 #include <array>
 #include <cstdint>
 #include <optional>
-#include <span>
 #include <vector>
 
 #include "lib/block_map.hpp"
 #include "lib/class_laws.hpp"
+#include "lib/cull.hpp"
 #include "lib/culture.hpp"
 #include "lib/culture_lanes.hpp"
 #include "lib/deposit.hpp"
@@ -29,6 +29,7 @@
 #include "lib/shade.hpp"
 #include "lib/spoke_grid.hpp"
 #include "lib/sweep.hpp"
+#include "lib/visible_pieces.hpp"
 #include "lib/wedge_source.hpp"
 
 namespace wedgescope {
@@ -93,6 +94,9 @@ public:
 private:
     static constexpr double no_horizon = -2;
     static constexpr std::int64_t small_block_posts = 8;
+    /// Spokes taken over a chunk's lines together: their state stays in cache.
+    static constexpr std::size_t tile_lanes = 64;
+    static_assert(tile_lanes <= VisiblePieces::most && tile_lanes <= PassingLanes::most, "a tile is taken in one go");
 
     /// Nine arrays of doubles, one sample a spoke.
     struct Samples {
@@ -109,9 +113,9 @@ private:
         LaneArray horizon, void_horizon, mark_from, gap_from, gap_top, seen_least, seen_most;
         std::vector<std::int32_t> row;  // of the cells; below 0: not this run's to deposit
         LaneArray share0, share1;
-        std::vector<std::int64_t> origin;      // WedgeCells::origin_of the row
-        std::vector<std::int32_t> straddlers;  // lanes with a second share
-        std::vector<ShoreWindow> shore;        // only with far shores
+        std::vector<std::int64_t> origin;  // WedgeCells::origin_of the row
+        std::vector<std::int64_t> number;  // 0, 1, ...
+        std::vector<ShoreWindow> shore;    // only with far shores
         WedgeCells::Target target(std::size_t lane) const { return {row[lane], {share0[lane], share1[lane]}}; }
         void resize(std::size_t n);
     };
@@ -211,22 +215,28 @@ private:
     void refresh(const Between& between, std::size_t begin, std::size_t end);
     void take(const Between& between, std::size_t begin, std::size_t end, bool crossings, Samples& next);
     void change(std::size_t lane, std::size_t i, const Between& between, Samples& next);
-    std::span<const std::int32_t> straddlers(std::size_t begin, std::size_t end) const;
     bool beyond(std::size_t lane, double minor, double arc, double distance) const;
 
-    /// law_variable() of the facets of n pieces, of lanes lane.., into facet_ from `at` on; only where laws need it.
-    void find_facets(std::size_t at, std::size_t n, std::size_t lane, Samples& next);
+    /// law_variable() of the facet of sample i's piece, of a lane, into facet_[0]; only where laws need it.
+    void find_facet(std::size_t i, std::size_t lane, Samples& next);
     /// W per radian of azimuth of a piece with backscatter 1, as it arrives.
     double power_of(std::size_t lane, double sine0, double sine1, double range0_m, double range1_m) const;
-    /// Deposits the plain pieces of the tile; true if some are left for put() (gamma_ says which).
-    bool put_plain(std::size_t n, std::size_t lane, const Between& between, Samples& next);
+    /// Puts the plain pieces of a tile's samples, of lanes lane.., to the others that wait.
+    void keep_pieces(std::size_t n, std::size_t lane, const Between& between, Samples& next);
+    /// Shades and deposits all that wait. With `at_once_` they are of one line, which `between` tells.
+    void put_pieces(const Between& between);
+    SampleLanes starts_of_pieces(std::size_t i);
+    SampleLanes ends_of_pieces(std::size_t i);
+    std::size_t lane_of_piece(std::size_t i) const {
+        return static_cast<std::size_t>(pieces_.integers(VisiblePieces::lane)[i]);
+    }
+    /// Deposits them but for those that are left for put(): true if there are any (gamma_ says which).
+    bool put_plain(const Between& between);
     /// Their backscatter over culture, into gamma_ and its borders; true if some are left for put().
-    bool find_gammas(std::size_t n, std::size_t lane, const Between& between, Samples& next);
-    /// Culture under n pieces, into found_, in the tile that piece i starts from, whose classes it returns.
-    const ClassId* find_cells(const SampleLanes& from, std::size_t i, const Between& between, std::size_t n,
-                              const CulturePieces& pieces, CultureScene& scene);
+    bool find_gammas(const Between& between);
+    /// Culture under them, into found_, in the tile that piece i starts from, whose classes it returns.
+    const ClassId* find_cells(std::size_t i, const CulturePieces& pieces, CultureScene& scene);
     void put(std::size_t lane, const Piece& piece, const Between& between);
-    Track track(const SampleLanes& from, const SampleLanes& to, const Between& between) const;
     /// Classes under a piece that runs through two columns and two rows of culture cells at most; nothing if there are more.
     template <class ClassOf>
     std::optional<Classes> few_classes(const Track& track, const ClassOf& class_of) const;
@@ -237,11 +247,10 @@ private:
     /// As put(), with what lies across water from the sensor lit by way of the water; also of lanes that are not this run's
     /// to deposit, for what they keep of the water.
     void put_by_shore(std::size_t lane, const Piece& piece, const Between& between, double depression);
-    /// Pieces of the tile that are of one class each, as classes[cell[i]] says; true if put() must do some.
-    bool pass_shores(std::size_t n, std::size_t lane, const ClassId* classes, const std::int32_t* cell,
-                     const std::int32_t* kind, Samples& next);
-    /// Must put() do this piece, for water under it or in front of it? If not, the window has gone by it.
-    bool needs_shore(std::size_t lane, const std::array<ClassId, 3>& classes, std::size_t i, Samples& next);
+    /// Pieces that are of one class each, as classes[found_.first] says; true if put() must do some.
+    bool pass_shores(const ClassId* classes);
+    /// Must put() do piece i, for water under it or in front of it? If not, the window has gone by it.
+    bool needs_shore(std::size_t i, const std::array<ClassId, 3>& classes);
     ShorePoint shore_point(std::size_t lane, const SampleLanes& from, const SampleLanes& to, double u) const;
     /// Corner of the cell under a piece that stands highest on `behind` and `ahead`, of those that accept(height, post) takes, of
     /// equal ones the first in raster order.
@@ -294,7 +303,13 @@ private:
     bool stale_ = false;  // of the last samples only minor, arc and part hold
     // Workspace of one tile: the last samples, those on the other axis' lines and those on the line ahead.
     Samples now_, crossing_, ahead_;
-    LaneArray cell_, bump_, sine0_, code_, power_, inverse_width_, bow_, facet_;
+    LaneArray cell_, bump_, rise_, swing_, sine0_, code_;
+    VisiblePieces pieces_;  // of the tile, that wait to be shaded and deposited
+    bool at_once_ =
+        false;  // they do not wait: what becomes of them hangs on their line or on their order along a spoke
+    LaneArray power_, inverse_width_, bow_, facet_;                // of these
+    LaneArray share0_, share1_, inverse_radius_, across_, slant_;  // of their spokes
+    std::vector<std::int64_t> origin_;
     // Backscatter, as WedgeCells::Portions. Only over culture: the first two of it, and where its stretches end.
     std::array<LaneArray, 3> gamma_;
     CultureParts found_;

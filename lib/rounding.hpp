@@ -1,9 +1,16 @@
-// Rounding of what libm, PROJ and GeographicLib return before it enters the sweep, so that a last bit that differs
+// Rounding: to whole numbers, and of what libm, PROJ and GeographicLib return before it enters the sweep, so that a last bit that differs
 // between two machines' libraries never reaches a result.
 #pragma once
 #include <cmath>
+#include <cstdint>
 
 namespace wedgescope {
+
+/// The greatest whole number that is not above it.
+inline std::int64_t floor_of(double v) {
+    const auto t = static_cast<std::int64_t>(v);
+    return static_cast<double>(t) > v ? t - 1 : t;
+}
 
 /// The nearest multiple of 2^-bits.
 inline double rounded(double value, int bits) { return std::ldexp(std::nearbyint(std::ldexp(value, bits)), -bits); }

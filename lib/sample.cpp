@@ -114,6 +114,8 @@ WEDGESCOPE_LANES_PART void cells(const LinePosts& behind, const LinePosts& ahead
 
 }  // namespace
 
+LinePosts no_posts() { return {&missing, 0, 0}; }
+
 void place_lanes(const SpokeMap::LinePiece& piece, double nadir_minor, double distance, std::size_t n,
                  const double* slope, const double* metres_per_post, double* minor, double* arc_m) noexcept {
     on_target<place>(piece, nadir_minor, distance, n, slope, metres_per_post, minor, arc_m);

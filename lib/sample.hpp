@@ -13,9 +13,13 @@ struct LinePosts {
     const float* posts = nullptr;
     std::int64_t begin = 0, end = 0;
 
+    bool empty() const { return begin == end; }
     bool has(std::int64_t j) const { return j >= begin && j < end; }
     float at(std::int64_t j) const { return posts[j - begin]; }
 };
+
+/// A line that holds none.
+LinePosts no_posts();
 
 /// minor and arc of some spokes on a line: exactly SpokeMap::place.
 ///   slope[n], metres_per_post[n]  in: m and f(m) of each spoke

@@ -109,10 +109,10 @@ namespace {
 
 WEDGESCOPE_LANES_PART void powers(std::size_t n, const Shading& shading, const PatternTable& pattern,
                                   double constant) noexcept {
-    const double *__restrict sine0 = shading.sine0, *__restrict sine1 = shading.to.sine, *__restrict range0 = shading.from.range_m,
-                 *__restrict range1 = shading.to.range_m, *__restrict x0 = shading.from.x, *__restrict x1 = shading.to.x,
-                 *__restrict up0 = shading.from.up_m, *__restrict up1 = shading.to.up_m, *__restrict out0 = shading.from.out_m,
-                 *__restrict out1 = shading.to.out_m, *__restrict bump = shading.bump_m;
+    const double *__restrict horizon = shading.horizon, *__restrict sine = shading.sine,
+                 *__restrict range0 = shading.range0_m, *__restrict range1 = shading.range1_m,
+                 *__restrict x0 = shading.x0, *__restrict x1 = shading.x1, *__restrict rise = shading.rise,
+                 *__restrict swing = shading.swing;
     double *__restrict power = shading.power, *__restrict inverse_width = shading.inverse_width, *__restrict bow = shading.bow;
     const float* __restrict table = pattern.data();
     const double half = 0.5 * pattern.intervals();
@@ -125,7 +125,7 @@ WEDGESCOPE_LANES_PART void powers(std::size_t n, const Shading& shading, const P
         const std::size_t m = std::min(block, n - at);
         WEDGESCOPE_INDEPENDENT
         for (std::size_t i = 0; i < m; ++i) {
-            const double place = (0.5 * (sine0[at + i] + sine1[at + i]) + 1) * half;
+            const double place = (0.5 * (horizon[at + i] + sine[at + i]) + 1) * half;
             const double inside = place > 0 ? place : 0.0;
             int j = static_cast<int>(inside < 1e9 ? inside : 0.0);
             j = j < last ? j : last;
@@ -139,18 +139,17 @@ WEDGESCOPE_LANES_PART void powers(std::size_t n, const Shading& shading, const P
             const double middle = 0.5 * (range0[at + i] + range1[at + i]), range = middle > 1 ? middle : 1.0,
                          way = x1[at + i] - x0[at + i];
             const double distance = way < 0 ? -way : way, width = distance > 1e-9 ? distance : 1e-9;
-            const double risen = up1[at + i] * out0[at + i] - up0[at + i] * out1[at + i],
-                         rise = risen > 1e-200 ? risen : 1e-200, swing = 4 * bump[at + i] * out0[at + i];
-            const double gain = ga + part[i] * (gb - ga), up = sine1[at + i] - sine0[at + i];
+            const double risen = rise[at + i] > 1e-200 ? rise[at + i] : 1e-200;
+            const double gain = ga + part[i] * (gb - ga), up = sine[at + i] - horizon[at + i];
             // One division for 1 / r^2, 1 / width, swing / rise and 1 / gain.
-            const double square = range * range, span = width * rise, all = 1 / (square * span * gain),
+            const double square = range * range, span = width * risen, all = 1 / (square * span * gain),
                          inverse_square = all * (span * gain);
             power[at + i] = constant * up * gain * inverse_square;
-            inverse_width[at + i] = all * (square * rise * gain);
+            inverse_width[at + i] = all * (square * risen * gain);
             // As echo_bow().
             const double fall = 2 * (range1[at + i] - range0[at + i]) * (range * inverse_square),
                          swell = 0.5 * up * ((gb - ga) * half) * (all * (square * span)),
-                         bent = swing * (all * (square * width * gain)) + fall - swell;
+                         bent = swing[at + i] * (all * (square * width * gain)) + fall - swell;
             bow[at + i] = bent < -1 ? -1 : bent > 1 ? 1 : bent;
         }
     }
@@ -195,18 +194,18 @@ WEDGESCOPE_LANES_PART void facets(std::size_t n, const FacetLanes& lanes) noexce
 
 void facet_lanes(std::size_t n, const FacetLanes& facets_of) noexcept { on_target<facets>(n, facets_of); }
 
-void weaken_lanes(std::size_t n, const SampleLanes& from, const SampleLanes& to, const double* sine0,
-                  const double* inverse_radius, const PathLossTable& loss, double* power) noexcept {
+void weaken_lanes(std::size_t n, const Shading& shading, const double* inverse_radius,
+                  const PathLossTable& loss) noexcept {
     constexpr std::size_t block = 64;
     double range[block], sine[block], factor[block];
     for (std::size_t at = 0; at < n; at += block) {
         const std::size_t m = std::min(block, n - at);
         for (std::size_t i = 0; i < m; ++i) {
-            range[i] = 0.5 * (from.range_m[at + i] + to.range_m[at + i]);
-            sine[i] = 0.5 * (sine0[at + i] + to.sine[at + i]);
+            range[i] = 0.5 * (shading.range0_m[at + i] + shading.range1_m[at + i]);
+            sine[i] = 0.5 * (shading.horizon[at + i] + shading.sine[at + i]);
         }
         factor_lanes(m, range, sine, inverse_radius + at, loss, factor);
-        for (std::size_t i = 0; i < m; ++i) power[at + i] *= factor[i];
+        for (std::size_t i = 0; i < m; ++i) shading.power[at + i] *= factor[i];
     }
 }
 

@@ -44,12 +44,12 @@ private:
 /// K of the radar equation: P_t G_0^2 lambda^2 / ((4 pi)^3 L_s); echo = K g^2 sigma / r^4.
 double radar_constant(const RadarParams& radar);
 
-/// Pieces of neighbouring spokes that are visible all the way, in lanes; what comes out for lanes that hold none means
-/// nothing.
+/// Pieces that are visible all the way, in lanes.
 struct Shading {
-    const double* sine0;                  ///< in: old horizon, the elevation of the piece's start
-    SampleLanes from, to;                 ///< in
-    const double* bump_m;                 ///< in
+    const double *horizon, *sine;         ///< in: elevation of start and end: the old horizon and the new one
+    const double *range0_m, *range1_m;    ///< in: of start and end
+    const double *x0, *x1;                ///< in: range coordinates of these
+    const double *rise, *swing;           ///< in: as StepLanes
     double *power, *inverse_width, *bow;  ///< out, as WedgeCells::Portion, without backscatter
 };
 /// power = K g_el^2(middle) / r_middle^2 (new horizon - old horizon), r at least 1 m, as the quantum takes it. It lies in
@@ -72,9 +72,9 @@ struct FacetLanes {
 /// degrees of latitude 100 km away z_t is wrong by 3 %.
 void facet_lanes(std::size_t n, const FacetLanes& facets) noexcept;
 
-/// power[i] times loss.factor() of the middle of each piece.
-void weaken_lanes(std::size_t n, const SampleLanes& from, const SampleLanes& to, const double* sine0,
-                  const double* inverse_radius, const PathLossTable& loss, double* power) noexcept;
+/// Their powers times loss.factor() of the middle of each.
+void weaken_lanes(std::size_t n, const Shading& shading, const double* inverse_radius,
+                  const PathLossTable& loss) noexcept;
 
 /// The bow of a portion by range and pattern alone: g_el^2 / r^4 over its value at the middle is 1 + bow (1 - 2 u) at part
 /// u of the way, to first order. Left out: what weather takes on the way, and that in bins of ground range (gpi-true) the

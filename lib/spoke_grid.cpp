@@ -199,7 +199,6 @@ Window SpokeGrid::window(Fan f, std::int64_t spokes, Interval run, Interval line
     for (std::int64_t i = all_lines.begin; i < lines.end; i += map_.straight() ? all_lines.size() : step) look(i);
     look(lines.end - 1);
     const DataBase& db = data_base_;
-    const auto floor_of = [](double v) { return static_cast<std::int64_t>(std::floor(v)); };
     const std::int64_t nadir = floor_of(map_.nadir_minor(q));
     const Interval all = db.cyclic && !lines_are_columns(q)
                              ? Interval{nadir - db.cycle_columns / 2, nadir + db.cycle_columns / 2}

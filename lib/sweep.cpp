@@ -19,7 +19,8 @@ WEDGESCOPE_LANES_PART Rises step(std::size_t n, const StepScene& scene, const St
     const double *__restrict mode = lanes.mode, *__restrict inverse_radius = lanes.inverse_radius,
                  *__restrict void_horizon = lanes.void_horizon;
     double *__restrict horizon = lanes.horizon, *__restrict seen_least = lanes.seen_least,
-           *__restrict seen_most = lanes.seen_most, *__restrict bump_m = lanes.bump_m, *__restrict sine0 = lanes.sine0,
+           *__restrict seen_most = lanes.seen_most, *__restrict bump_m = lanes.bump_m, *__restrict rise = lanes.rise, *__restrict swing = lanes.swing,
+           *__restrict sine0 = lanes.sine0,
            *__restrict code = lanes.code;
     const double sensor_m = scene.sensor_m, arc_bins = scene.range_is_ground ? scene.bins_per_metre : 0,
                  range_bins = scene.range_is_ground ? 0 : scene.bins_per_metre,
@@ -45,11 +46,14 @@ WEDGESCOPE_LANES_PART Rises step(std::size_t n, const StepScene& scene, const St
         x1[i] = x;
 
         const double bent = quarter * ((za1 - za0) - (zb1 - zb0)) * (part1[i] - part0[i]) * (minor1[i] - minor0[i]);
-        const double bump = bent == bent ? bent : 0.0, swing = 4 * (bump < 0 ? -bump : bump);
+        const double bump = bent == bent ? bent : 0.0, risen = p.up_m * out0[i] - up0[i] * p.out_m,
+                     swung = 4 * bump * out0[i];
         bump_m[i] = bump;
+        rise[i] = risen;
+        swing[i] = swung;
 
         const double h = horizon[i], m = mode[i];
-        const double straight = truth(swing * out0[i] <= p.up_m * out0[i] - up0[i] * p.out_m);
+        const double straight = truth((swung < 0 ? -swung : swung) <= risen);
         const double rising = truth(m == mode_visible) * truth(s > h) * (1 - stands);
         // one_range, but for what lies within a metre: that is left to Front.
         const double together = truth(p.range_m <= most_range_ratio * range0[i]) *

@@ -17,10 +17,10 @@ using namespace wedgescope;
 namespace {
 
 struct Pieces {
-    std::vector<double> code, part0, minor0, part1, minor1, cell;
+    std::vector<double> major0, minor0, major1, minor1, cell;
     std::vector<float> behind, ahead;
     CulturePieces view(bool walls) const {
-        CulturePieces p{code.data(), part0.data(), minor0.data(), part1.data(), minor1.data()};
+        CulturePieces p{major0.data(), minor0.data(), major1.data(), minor1.data()};
         if (walls) {
             p.cell = cell.data();
             p.behind_m = behind.data();
@@ -30,16 +30,16 @@ struct Pieces {
     }
 };
 
-/// Pieces of up to one cell, as they lie between lines, some of them exactly along a line or ending on a post.
-Pieces pieces(std::mt19937& random, double reach) {
+/// Pieces of up to one cell, as they lie between two lines, some of them exactly along a line or ending on a post.
+Pieces pieces(std::mt19937& random, double reach, double behind, double ahead) {
     constexpr std::size_t n = CulturePieces::most;
     const auto number = [&](double from, double to) { return std::uniform_real_distribution<>(from, to)(random); };
     Pieces p;
     for (std::size_t i = 0; i < n; ++i) {
         const double start = number(-2, 70), way = number(-reach, reach);
-        p.code.push_back(static_cast<double>(random() % 3));
-        p.part0.push_back(random() % 4 == 0 ? 0 : number(0, 0.7));
-        p.part1.push_back(random() % 4 == 0 ? 1 : number(p.part0.back(), 1));
+        const double part0 = random() % 4 == 0 ? 0 : number(0, 0.7), part1 = random() % 4 == 0 ? 1 : number(part0, 1);
+        p.major0.push_back(behind + part0 * (ahead - behind));
+        p.major1.push_back(behind + part1 * (ahead - behind));
         p.minor0.push_back(random() % 4 == 0 ? std::floor(start) : start);
         p.minor1.push_back(random() % 5 == 0 ? p.minor0.back() : p.minor0.back() + way);
         p.cell.push_back(std::floor(0.5 * (p.minor0.back() + p.minor1.back())));
@@ -65,19 +65,14 @@ TEST_CASE("the culture cells along a piece are those that one meets walking alon
                            .row_offset = turn % 5 == 0 ? 0 : 0.25,
                            .row_scale = coarse,
                            .tile = {{0, 64}, {0, 48}}};
-        const Pieces p = pieces(random, 1);
+        const Pieces p = pieces(random, 1, scene.behind_major, scene.ahead_major);
         CultureParts found;
         const std::size_t n = 1 + random() % CulturePieces::most;
         culture_lanes(n, scene, p.view(false), found);
         for (std::size_t i = 0; i < n; ++i) {
             CAPTURE(turn, i);
-            if (p.code[i] != 1) {
-                REQUIRE(found.kind[i] == CultureParts::nothing);
-                continue;
-            }
             const auto at = [&](double u) {
-                const double part = p.part0[i] + u * (p.part1[i] - p.part0[i]),
-                             major = scene.behind_major + part * (scene.ahead_major - scene.behind_major),
+                const double major = p.major0[i] + u * (p.major1[i] - p.major0[i]),
                              minor = p.minor0[i] + u * (p.minor1[i] - p.minor0[i]);
                 const double column = scene.lines_are_columns ? major : minor,
                              row = scene.lines_are_columns ? minor : major;
@@ -104,7 +99,7 @@ TEST_CASE("the culture cells along a piece are those that one meets walking alon
             const double borders[] = {0, found.to_second[i], found.to_third[i], 1};
             const std::int32_t named[] = {found.first[i], found.second[i], found.third[i]};
             for (const std::int32_t cell : named) {
-                bool met = p.part0[i] == p.part1[i] && p.minor0[i] == p.minor1[i];
+                bool met = p.major0[i] == p.major1[i] && p.minor0[i] == p.minor1[i];
                 for (int k = 0; k < 3; ++k) met = met || (borders[k] < borders[k + 1] && named[k] == cell);
                 REQUIRE(met);
             }
@@ -128,7 +123,7 @@ TEST_CASE("a piece in a cell with culture on a corner is a wall of the corner wi
         const bool columns = turn % 2 == 0;
         const double behind = turn % 4 < 2 ? 20 : 21, ahead = turn % 4 < 2 ? 21 : 20;
         const CultureScene scene{columns, behind, ahead, 0.5, 1, 0.5, 1, {{0, 64}, {0, 64}}};
-        const Pieces p = pieces(random, 0.2);
+        const Pieces p = pieces(random, 0.2, behind, ahead);
         CultureParts found;
         culture_lanes(CulturePieces::most, scene, p.view(true), found);
         for (std::size_t i = 0; i < CulturePieces::most; ++i) {
@@ -148,7 +143,7 @@ TEST_CASE("a piece in a cell with culture on a corner is a wall of the corner wi
                     column = c;
                 }
             const bool far = p.cell[i] < 0 || p.cell[i] > 62;
-            if (p.code[i] != 1 || far) continue;
+            if (far) continue;
             REQUIRE((found.kind[i] == CultureParts::wall) == (most > 0));
             if (most > 0) REQUIRE(found.first[i] == row * 64 + column);
         }

@@ -273,14 +273,15 @@ TEST_CASE("steps go from crossing to crossing of the bilinear surface", "[sample
             cross_lanes(n, {now.part.data(), now.minor.data(), now.arc.data(), line.minor.data(), line.arc.data(),
                             crossing.part.data(), crossing.minor.data(), crossing.arc.data()});
         auto cell = lanes(0), mode = lanes(mode_visible), flat = lanes(0), void_horizon = lanes(-2), least = lanes(0),
-             most = lanes(0), bump = lanes(0), sine0 = lanes(0), code = lanes(0), horizon = lanes(-1);
+             most = lanes(0), bump = lanes(0), rise = lanes(0), swing = lanes(0), sine0 = lanes(0), code = lanes(0),
+             horizon = lanes(-1);
         std::vector<float> behind_posts(2 * n), ahead_posts(2 * n);
         const auto step = [&](StepTo target, Samples& from, Samples& to) {
             const CellLanes posts{cell.data(), behind_posts.data(), ahead_posts.data()};
             cell_lanes(back, front, n, from.minor.data(), to.minor.data(), posts);
             step_lanes(target, n, {sensor_m, 0.1, false, true, 0},
                        {from.lanes(), to.lanes(), posts, mode.data(), flat.data(), void_horizon.data(), horizon.data(),
-                        least.data(), most.data(), bump.data(), sine0.data(), code.data()});
+                        least.data(), most.data(), bump.data(), rise.data(), swing.data(), sine0.data(), code.data()});
         };
         const auto same = [](double a, double b) {
             return std::isnan(b) ? std::isnan(a) : a == Approx(b).margin(1e-9);
@@ -360,8 +361,8 @@ TEST_CASE("inside a piece the echo lies in range as rise and range say", "[sweep
     for (int turn = 0; turn < 40; ++turn) {
         const auto lanes = [&] { return std::vector<double>(n); };
         auto up0 = lanes(), up1 = lanes(), out0 = lanes(), out1 = lanes(), range0 = lanes(), range1 = lanes(),
-             sine0 = lanes(), sine1 = lanes(), bump = lanes(), power = lanes(), inverse_width = lanes(), bow = lanes(),
-             idle = lanes();
+             sine0 = lanes(), sine1 = lanes(), bump = lanes(), rise = lanes(), swing = lanes(), power = lanes(),
+             inverse_width = lanes(), bow = lanes();
         for (std::size_t i = 0; i < n; ++i) {
             out0[i] = 100 + 900 * any(random);
             out1[i] = out0[i] * (1 + 0.11 * any(random));
@@ -370,20 +371,17 @@ TEST_CASE("inside a piece the echo lies in range as rise and range say", "[sweep
             up0[i] = -(i % 2 ? 0.02 + 0.05 * any(random) : 0.12 + 0.2 * any(random)) * out0[i];
             // Level ground or a slope up, and a bump that hides nothing of it.
             up1[i] = up0[i] + 0.05 * any(random) * step;
-            const double risen = (up1[i] * out0[i] - up0[i] * out1[i]) / out0[i];
-            bump[i] = 0.25 * 0.4 * risen * (2 * any(random) - 1);
+            rise[i] = up1[i] * out0[i] - up0[i] * out1[i];
+            bump[i] = 0.25 * 0.4 * rise[i] / out0[i] * (2 * any(random) - 1);
+            swing[i] = 4 * bump[i] * out0[i];
             range0[i] = std::hypot(up0[i], out0[i]);
             range1[i] = std::hypot(up1[i], out1[i]);
             sine0[i] = up0[i] / range0[i];
             sine1[i] = up1[i] / range1[i];
         }
-        const auto ends = [&](auto& up, auto& out, auto& range, auto& sine) {
-            return SampleLanes{idle.data(), idle.data(),  idle.data(), idle.data(), up.data(),
-                               out.data(),  range.data(), sine.data(), range.data()};
-        };
         power_lanes(n,
-                    {sine0.data(), ends(up0, out0, range0, sine0), ends(up1, out1, range1, sine1), bump.data(),
-                     power.data(), inverse_width.data(), bow.data()},
+                    {sine0.data(), sine1.data(), range0.data(), range1.data(), range0.data(), range1.data(),
+                     rise.data(), swing.data(), power.data(), inverse_width.data(), bow.data()},
                     pattern, 1);
         for (std::size_t i = 0; i < n; ++i) {
             // In small steps, what each adds, and where its middle lies.
@@ -393,12 +391,12 @@ TEST_CASE("inside a piece the echo lies in range as rise and range say", "[sweep
                 const double u = static_cast<double>(k) / steps, middle = u - 0.5 / steps,
                              up = up0[i] + u * (up1[i] - up0[i]) + 4 * bump[i] * u * (1 - u),
                              out = out0[i] + u * (out1[i] - out0[i]), range = std::hypot(up, out), next = up / range,
-                             gain = elevation_pattern(antenna, -std::asin(next)), rise = (next - sine) * range * range,
-                             added = rise * gain * gain / std::pow(range, 4);
+                             gain = elevation_pattern(antenna, -std::asin(next)), lit = (next - sine) * range * range,
+                             added = lit * gain * gain / std::pow(range, 4);
                 sum += added;
                 moment += added * middle;
-                plain += rise;
-                plain_moment += rise * middle;
+                plain += lit;
+                plain_moment += lit * middle;
                 sine = next;
             }
             // Up to u lies the share u + bow u (1 - u): its mean is 1/2 - bow / 6.
@@ -559,15 +557,12 @@ TEST_CASE("deposits add up to what was put in, bin by bin, in any order and by l
                 }
         }
         for (auto p = puts.rbegin(); p != puts.rend(); ++p) backward.add(p->target, p->portion, p->stretches);
-        std::vector<double> code, s0, s1, x0, x1, w, power, bow, gamma[3], second, third;
+        std::vector<double> s0, s1, x0, x1, w, power, bow, gamma[3], second, third;
         std::vector<std::int64_t> row;
-        std::vector<std::int32_t> straddlers;
         for (const Put& p : puts) {
-            code.push_back(1);
             row.push_back(forward.origin_of(p.target.row));
             s0.push_back(p.target.share[0]);
             s1.push_back(p.target.share[1]);
-            if (p.target.share[1] > 0) straddlers.push_back(static_cast<std::int32_t>(code.size()) - 1);
             x0.push_back(p.portion.x0);
             x1.push_back(p.portion.x1);
             w.push_back(p.portion.inverse_width);
@@ -579,15 +574,13 @@ TEST_CASE("deposits add up to what was put in, bin by bin, in any order and by l
         }
         for (std::size_t at = 0; at < puts.size(); at += WedgeCells::Portions::most) {
             const std::size_t m = std::min(WedgeCells::Portions::most, puts.size() - at);
-            const auto first = static_cast<std::int32_t>(at);
-            const auto low = std::lower_bound(straddlers.begin(), straddlers.end(), first);
-            const auto high = std::lower_bound(low, straddlers.end(), first + static_cast<std::int32_t>(m));
-            lanes.add_lanes(m, {code.data() + at,
-                                row.data() + at,
+            std::vector<std::int32_t> straddlers;
+            for (std::size_t i = 0; i < m; ++i)
+                if (s1[at + i] > 0) straddlers.push_back(static_cast<std::int32_t>(i));
+            lanes.add_lanes(m, {row.data() + at,
                                 s0.data() + at,
                                 s1.data() + at,
-                                {low, high},
-                                first,
+                                straddlers,
                                 x0.data() + at,
                                 x1.data() + at,
                                 w.data() + at,

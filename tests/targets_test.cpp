@@ -130,7 +130,7 @@ Bytes sweep_of(unsigned seed) {
     const LinePosts back{behind.data(), begin, begin + 700}, front{ahead.data() + cut, begin + cut, begin + 690};
     auto cell = zeros(), mode = zeros(), radius = zeros(), void_horizon = draw.lanes(n, -1, 0),
          horizon = draw.lanes(n, -0.5, 0.2), least = zeros(), most = zeros(), bump = zeros(), sine0 = zeros(),
-         code = zeros(), power = zeros(), width = zeros(), bow = zeros();
+         code = zeros(), power = zeros(), width = zeros(), bow = zeros(), rise = zeros(), swing = zeros();
     for (std::size_t i = 0; i < n; ++i) {
         mode[i] = static_cast<double>(draw.below(4));
         radius[i] = draw.below(5) ? 1 / 8.5e6 : 0;
@@ -149,15 +149,18 @@ Bytes sweep_of(unsigned seed) {
         const Rises rises = step_lanes(
             to_line, n, {draw.number(1, 9000), 0.1, draw.below(2) == 0, draw.below(2) == 0, draw.number(0, 0.06)},
             {from.lanes(), to.lanes(), posts, mode.data(), radius.data(), void_horizon.data(), horizon.data(),
-             least.data(), most.data(), bump.data(), sine0.data(), code.data()});
+             least.data(), most.data(), bump.data(), rise.data(), swing.data(), sine0.data(), code.data()});
         const int both[] = {rises.plain, rises.changes};
         record.put(both);
         record.put(behind_posts);
         record.put(ahead_posts);
-        power_lanes(n, {sine0.data(), from.lanes(), to.lanes(), bump.data(), power.data(), width.data(), bow.data()},
+        power_lanes(n,
+                    {sine0.data(), to.sine.data(), from.range.data(), to.range.data(), from.x.data(), to.x.data(),
+                     rise.data(), swing.data(), power.data(), width.data(), bow.data()},
                     pattern, 1e-3);
-        for (const auto* out : {&cell, &to.part, &to.minor, &to.arc, &to.height, &to.up, &to.out, &to.range, &to.sine,
-                                &to.x, &horizon, &least, &most, &bump, &sine0, &code, &power, &width, &bow})
+        for (const auto* out :
+             {&cell,  &to.part, &to.minor, &to.arc, &to.height, &to.up, &to.out, &to.range, &to.sine, &to.x, &horizon,
+              &least, &most,    &bump,     &rise,   &swing,     &sine0, &code,   &power,    &width,   &bow})
             record.put(*out);
     };
     step(StepTo::crossing, now, crossing);
@@ -207,8 +210,8 @@ Bytes deposits_of(unsigned seed) {
     for (int block = 0; block < 6; ++block) {
         constexpr std::size_t most = WedgeCells::Portions::most;
         const std::size_t n = 1 + draw.below(most);
-        std::vector<double> code(n), share0(n), share1(n, 0.0), x0(n), x1(n), inverse(n, 0.0), power(n), bow(n),
-            gammas[3], second(n), third(n);
+        std::vector<double> share0(n), share1(n, 0.0), x0(n), x1(n), inverse(n, 0.0), power(n), bow(n), gammas[3],
+            second(n), third(n);
         for (auto& gamma : gammas) gamma.resize(n);
         std::vector<std::int64_t> origin(n);
         std::vector<std::int32_t> straddlers;
@@ -216,12 +219,11 @@ Bytes deposits_of(unsigned seed) {
         const double place = draw.number(static_cast<double>(begin) - 3, static_cast<double>(begin + columns) + 3),
                      longest = draw.below(3) ? 2.5 : 30;
         for (std::size_t i = 0; i < n; ++i) {
-            code[i] = draw.below(5) ? 1 : static_cast<double>(draw.below(4));
             origin[i] = cells.origin_of(static_cast<std::int32_t>(draw.below(rows - 1)));
             share0[i] = draw.below(8) ? draw.number(0, 0.005) : 0;
             if (draw.below(4) == 0 && share0[i] > 0) {
                 share1[i] = draw.number(0, 0.005);
-                straddlers.push_back(static_cast<std::int32_t>(i) + 100);
+                straddlers.push_back(static_cast<std::int32_t>(i));
             }
             x0[i] = place + draw.number(-1, 1);
             x1[i] = x0[i] + draw.number(-longest, longest);
@@ -237,12 +239,10 @@ Bytes deposits_of(unsigned seed) {
             second[i] = draw.below(3) ? draw.number(0, third[i]) : third[i];
         }
         const bool stretched = draw.below(3) > 0;
-        cells.add_lanes(n, {code.data(),
-                            origin.data(),
+        cells.add_lanes(n, {origin.data(),
                             share0.data(),
                             share1.data(),
                             straddlers,
-                            100,
                             x0.data(),
                             x1.data(),
                             inverse.data(),
@@ -367,10 +367,10 @@ Bytes coverage_of(unsigned seed) {
     record.put(&found.any_void, 1);
 
     constexpr std::size_t most = CulturePieces::most;
-    const auto part0 = draw.lanes(most, 0, 0.7), part1 = draw.lanes(most, 0.7, 1), minor0 = draw.lanes(most, -2, 66);
-    auto code = draw.lanes(most, 0, 1), minor1 = minor0, cells = minor0;
+    const auto major0 = draw.lanes(most, 20, 20.7), major1 = draw.lanes(most, 20.7, 21),
+               minor0 = draw.lanes(most, -2, 66);
+    auto minor1 = minor0, cells = minor0;
     for (std::size_t i = 0; i < most; ++i) {
-        code[i] = static_cast<double>(draw.below(3));
         minor1[i] += draw.number(-1, 1);
         cells[i] = std::floor(0.5 * (minor0[i] + minor1[i]));
     }
@@ -379,8 +379,8 @@ Bytes coverage_of(unsigned seed) {
                              {{0, 64}, {0, 64}}};
     CultureParts parts{};
     culture_lanes(most, scene,
-                  {code.data(), part0.data(), minor0.data(), part1.data(), minor1.data(),
-                   draw.below(2) ? cells.data() : nullptr, behind.data(), ahead.data()},
+                  {major0.data(), minor0.data(), major1.data(), minor1.data(), draw.below(2) ? cells.data() : nullptr,
+                   behind.data(), ahead.data()},
                   parts);
     for (const auto* out : {&parts.kind, &parts.first, &parts.second, &parts.third}) record.put(*out);
     record.put(parts.to_second);

@@ -1,0 +1,510 @@
+// What becomes of visible pieces: their backscatter, by class, wall and shore, and their echo into the cells.
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <optional>
+
+#include "lib/front.hpp"
+#include "lib/rounding.hpp"
+#include "lib/ticks.hpp"
+
+namespace wedgescope {
+namespace {
+
+// In place of a piece's backscatter: put() has to find it.
+constexpr double left_to_put = -1;
+
+/// What lies from `from` to `to` of the way, 0..1; nothing if that is no share of it. A part of a parabola is one too.
+std::optional<WedgeCells::Portion> part_of(const WedgeCells::Portion& whole, double from, double to) {
+    const double length = to - from, share = length * (1 + whole.bow * (1 - from - to));
+    if (!(share > 0)) return std::nullopt;
+    const double way = whole.x1 - whole.x0;
+    return WedgeCells::Portion{whole.x0 + from * way, whole.x0 + to * way, whole.inverse_width / length,
+                               whole.power * share, whole.bow * length * length / share};
+}
+
+}  // namespace
+
+// ---- plain pieces, many at once ----
+
+void Front::keep_pieces(std::size_t n, std::size_t lane, const Between& between, Samples& next) {
+    using P = VisiblePieces;
+    const SampleLanes from = now_.lanes(0), to = next.lanes(0);
+    P::Tile tile{};
+    const auto keep = [&](P::Column at, const auto* column) { tile[at] = column; };
+    keep(P::lane, lanes_.number.data() + lane);
+    keep(P::horizon, sine0_.data()), keep(P::sine, to.sine);
+    keep(P::range0, from.range_m), keep(P::range1, to.range_m);
+    keep(P::rise, rise_.data()), keep(P::swing, swing_.data());
+    if (scene_->range_is_ground) keep(P::x0, from.x), keep(P::x1, to.x);
+    std::array<double, tile_lanes> major0, major1;
+    if (!plain_ground_ || at_once_) {
+        for (std::size_t i = 0; i < n; ++i) major0[i] = between.major(from.part[i]);
+        for (std::size_t i = 0; i < n; ++i) major1[i] = between.major(to.part[i]);
+        keep(P::major0, major0.data()), keep(P::major1, major1.data());
+        keep(P::minor0, from.minor), keep(P::minor1, to.minor);
+    }
+    if (needs_facets_ || shore_) {
+        keep(P::up0, from.up_m), keep(P::up1, to.up_m);
+        keep(P::out0, from.out_m), keep(P::out1, to.out_m);
+        keep(P::height0, from.height_m), keep(P::height1, to.height_m);
+        keep(P::arc0, from.arc_m), keep(P::arc1, to.arc_m);
+    }
+    if (needs_facets_) {
+        keep(P::part0, from.part), keep(P::part1, to.part);
+        keep(P::behind, posts_.data()), keep(P::ahead, posts_.data() + 2 * tile_lanes);
+    }
+    if (shore_) keep(P::sine0, from.sine);
+    pieces_.add(n, code_.data(), tile);
+}
+
+SampleLanes Front::starts_of_pieces(std::size_t i) {
+    using P = VisiblePieces;
+    const auto at = [&](P::Column column) { return pieces_.numbers(column) + i; };
+    return {at(P::part0), at(P::minor0), at(P::arc0),  at(P::height0), at(P::up0),
+            at(P::out0),  at(P::range0), at(P::sine0), at(P::x0)};
+}
+
+SampleLanes Front::ends_of_pieces(std::size_t i) {
+    using P = VisiblePieces;
+    const auto at = [&](P::Column column) { return pieces_.numbers(column) + i; };
+    return {at(P::part1), at(P::minor1), at(P::arc1), at(P::height1), at(P::up1),
+            at(P::out1),  at(P::range1), at(P::sine), at(P::x1)};
+}
+
+void Front::put_pieces(const Between& between) {
+    using P = VisiblePieces;
+    const std::size_t n = pieces_.size();
+    if (n == 0) return;
+    const std::uint64_t clock = ticks();
+    const auto column = [&](P::Column of) { return pieces_.numbers(of); };
+    // What the pieces have of their spokes.
+    for (std::size_t i = 0; i < n; ++i) {
+        const std::size_t lane = lane_of_piece(i);
+        origin_[i] = lanes_.origin[lane];
+        share0_[i] = lanes_.share0[lane];
+        share1_[i] = lanes_.share1[lane];
+    }
+    if (!scene_->range_is_ground)
+        for (std::size_t i = 0; i < n; ++i) {
+            column(P::x0)[i] = column(P::range0)[i] * bins_per_metre_;
+            column(P::x1)[i] = column(P::range1)[i] * bins_per_metre_;
+        }
+    const Shading shading{column(P::horizon), column(P::sine),       column(P::range0), column(P::range1),
+                          column(P::x0),      column(P::x1),         column(P::rise),   column(P::swing),
+                          power_.data(),      inverse_width_.data(), bow_.data()};
+    power_lanes(whole_registers(n), shading, *scene_->pattern, scene_->constant);
+    const auto of_spokes = [&](const LaneArray& from, LaneArray& to) {
+        for (std::size_t i = 0; i < n; ++i) to[i] = from[lane_of_piece(i)];
+        return to.data();
+    };
+    if (scene_->loss) weaken_lanes(n, shading, of_spokes(lanes_.inverse_radius, inverse_radius_), *scene_->loss);
+    if (needs_facets_)
+        facet_lanes(n, {starts_of_pieces(0), ends_of_pieces(0), pieces_.pairs(P::behind), pieces_.pairs(P::ahead),
+                        of_spokes(lanes_.across, across_), of_spokes(lanes_.slant, slant_), minor_post_m_ * post_,
+                        facet_.data()});
+    const std::uint64_t shaded = ticks(), read = culture_.cost().ticks;
+    if (put_plain(between)) {
+        for (std::size_t i = 0; i < n; ++i) {
+            const auto lane = static_cast<std::size_t>(pieces_.integers(P::lane)[i]);
+            if (gamma_[2][i] != left_to_put || (lanes_.row[lane] < 0 && !shore_)) continue;
+            const SampleLanes first = starts_of_pieces(i), last = ends_of_pieces(i);
+            put(lane,
+                {{*first.x, *last.x, inverse_width_[i], power_[i], bow_[i]},
+                 {pieces_.numbers(P::major0)[i], *first.minor, pieces_.numbers(P::major1)[i], *last.minor},
+                 pieces_.numbers(P::horizon)[i],
+                 *last.sine,
+                 facet_[i],
+                 &first,
+                 &last,
+                 0,
+                 1},
+                between);
+        }
+    }
+    pieces_.clear();
+    cost_.shade += shaded - clock;
+    cost_.deposit += ticks() - shaded - (culture_.cost().ticks - read);
+}
+
+bool Front::put_plain(const Between& between) {
+    using P = VisiblePieces;
+    const std::size_t n = pieces_.size();
+    double* const gamma = gamma_[2].data();
+    if (scene_->with_depression) {
+        std::fill_n(gamma, n, left_to_put);
+        return true;
+    }
+    const bool classes = !plain_ground_ && between.in_chunk;
+    const bool left = classes && find_gammas(between);
+    if (!classes && (!plain_ground_ || needs_facets_ || directional_))
+        for (std::size_t i = 0; i < n; ++i)
+            gamma[i] = ground_gamma(scene_->data_base->default_class, facet_[i], lane_of_piece(i));
+    // Without a branch: a third of the spokes may be some.
+    std::array<std::int32_t, VisiblePieces::most> straddlers;
+    std::size_t straddling = 0;
+    for (std::size_t i = 0; i < n; ++i) {
+        straddlers[straddling] = static_cast<std::int32_t>(i);
+        straddling += share1_[i] > 0 ? 1 : 0;
+    }
+    cells_->add_lanes(n, {origin_.data(),
+                          share0_.data(),
+                          share1_.data(),
+                          {straddlers.data(), straddling},
+                          pieces_.numbers(P::x0),
+                          pieces_.numbers(P::x1),
+                          inverse_width_.data(),
+                          power_.data(),
+                          bow_.data(),
+                          {gamma_[0].data(), gamma_[1].data(), gamma},
+                          classes ? found_.to_second : nullptr,
+                          found_.to_third});
+    return left;
+}
+
+bool Front::find_gammas(const Between& between) {
+    using P = VisiblePieces;
+    const std::size_t n = pieces_.size();
+    CulturePieces pieces{pieces_.numbers(P::major0), pieces_.numbers(P::minor0), pieces_.numbers(P::major1),
+                         pieces_.numbers(P::minor1)};
+    if (!between.ahead_culture.empty() || !between.behind_culture.empty()) {
+        const CellLanes corners{culture_cell_.data(), culture_posts_.data(),
+                                culture_posts_.data() + 2 * VisiblePieces::most};
+        cell_lanes(between.adjacent ? between.behind_culture : no_posts(), between.ahead_culture, n, pieces.minor0,
+                   pieces.minor1, corners);
+        pieces.cell = corners.cell;
+        pieces.behind_m = corners.behind;
+        pieces.ahead_m = corners.ahead;
+    }
+    const DataBase& db = *scene_->data_base;
+    const bool columns = lines_are_columns(quadrant_);
+    CultureScene scene{columns,
+                       between.behind_major,
+                       between.ahead_major,
+                       db.culture_column_offset,
+                       db.culture_column_scale * post_,
+                       db.culture_row_offset,
+                       db.culture_row_scale * post_,
+                       {}};
+    const auto classes_under = [&](std::size_t i, const ClassId* classes) {
+        return Classes{{classes[found_.first[i]], classes[found_.second[i]], classes[found_.third[i]]},
+                       found_.to_second[i],
+                       found_.to_third[i]};
+    };
+    const auto angular = [&](std::size_t i, const Classes& under) {
+        const WedgeCells::Stretches s = found_.kind[i] == CultureParts::wall
+                                            ? WedgeCells::Stretches::one(wall_gamma(under.id[0], lane_of_piece(i)))
+                                            : under.stretches([&](double, double, ClassId id) {
+                                                  return ground_gamma(id, facet_[i], lane_of_piece(i));
+                                              });
+        for (std::size_t k = 0; k < gamma_.size(); ++k) gamma_[k][i] = s.gamma[k];
+    };
+    // All in the tile that the first one lies in: mostly there is no other. Without a branch on classes, for hardly two
+    // neighbours are alike.
+    const ClassId* classes = find_cells(0, pieces, scene);
+    // Ground and walls by turns.
+    const double* const gammas = &class_gammas_.data()->ground;
+    static_assert(sizeof(ClassGamma) == 2 * sizeof(double));
+    std::array<double*, 3> gamma{gamma_[0].data(), gamma_[1].data(), gamma_[2].data()};
+    bool some_odd = shore_ != nullptr;
+    for (std::size_t i = 0; i < n; ++i) {
+        const std::size_t a = classes[found_.first[i]], b = classes[found_.second[i]], c = classes[found_.third[i]],
+                          wall = found_.kind[i] == CultureParts::wall ? 1 : 0;
+        gamma[0][i] = gammas[2 * a + wall];
+        gamma[1][i] = gammas[2 * b + wall];
+        gamma[2][i] = gammas[2 * c + wall];
+        some_odd |=
+            (found_.kind[i] > CultureParts::wall) | (a == unknown_class) | (b == unknown_class) | (c == unknown_class);
+    }
+    std::array<std::uint8_t, CulturePieces::most> odd;
+    std::size_t odd_count = 0;
+    for (std::size_t i = 0; some_odd && i < n; ++i) {
+        const Classes under = classes_under(i, classes);
+        if (found_.kind[i] > CultureParts::wall || !under.known() || (shore_ && !under.same()))
+            odd[odd_count++] = static_cast<std::uint8_t>(i);
+    }
+    if (needs_facets_ || directional_)
+        for (std::size_t i = 0; i < n; ++i) {
+            const std::int32_t kind = found_.kind[i];
+            if (kind == CultureParts::parts || kind == CultureParts::wall) angular(i, classes_under(i, classes));
+        }
+    bool left = false;
+    if (shore_) {
+        for (std::size_t k = 0; k < odd_count; ++k) gamma[2][odd[k]] = left_to_put;
+        left = pass_shores(classes);
+    }
+    for (std::size_t k = 0; k < odd_count; ++k) {
+        const std::size_t i = odd[k];
+        if (found_.kind[i] == CultureParts::elsewhere) classes = find_cells(i, pieces, scene);
+        const Classes under = classes_under(i, classes);
+        // Where these are not all of its classes put() finds them; no window goes by before.
+        if (found_.kind[i] > CultureParts::wall || !under.known() || (shore_ && needs_shore(i, under.id))) {
+            gamma[2][i] = left_to_put;
+            left = true;
+        } else {
+            angular(i, under);
+        }
+    }
+    return left;
+}
+
+bool Front::needs_shore(std::size_t i, const std::array<ClassId, 3>& classes) {
+    if (std::any_of(classes.begin(), classes.end(), [&](ClassId id) { return shore_->is_water(id); })) return true;
+    const std::size_t lane = lane_of_piece(i);
+    ShoreWindow& window = lanes_.shore[lane];
+    if (window.state == ShoreWindow::none) return false;
+    const SampleLanes from = starts_of_pieces(i), to = ends_of_pieces(i);
+    if (!FarShore::clear_of(window, shore_point(lane, from, to, 0), shore_point(lane, from, to, 1))) return true;
+    window.state = ShoreWindow::on_land;
+    return false;
+}
+
+bool Front::pass_shores(const ClassId* classes) {
+    const std::size_t n = pieces_.size();
+    const std::int32_t *const cell = found_.first, *const kind = found_.kind;
+    // Mostly there is none, and none was.
+    bool some = false;
+    for (std::size_t i = 0; i < n; ++i)
+        some |= (lanes_.shore[lane_of_piece(i)].state != ShoreWindow::none) | shore_->is_water(classes[cell[i]]);
+    if (!some) return false;
+    bool left = false;
+    for (std::size_t i = 0; i < n; ++i) {
+        if (gamma_[2][i] == left_to_put) continue;
+        const std::size_t lane = lane_of_piece(i);
+        const bool water = kind[i] == CultureParts::parts && shore_->is_water(classes[cell[i]]);
+        ShoreWindow& window = lanes_.shore[lane];
+        if (!water && window.state == ShoreWindow::none) continue;
+        const SampleLanes from = starts_of_pieces(i), to = ends_of_pieces(i);
+        if (water && *to.height_m > *from.height_m) {  // a bank perhaps
+            gamma_[2][i] = left_to_put;
+            left = true;
+            continue;
+        }
+        const ShorePoint a = shore_point(lane, from, to, 0), b = shore_point(lane, from, to, 1);
+        if (water)
+            FarShore::pass_water(window, a, b);
+        else
+            for (double bright = shore_->pass_land(window, a, b); LaneArray & gamma : gamma_) gamma[i] *= bright;
+    }
+    return left;
+}
+
+ShorePoint Front::shore_point(std::size_t lane, const SampleLanes& from, const SampleLanes& to, double u) const {
+    const double inverse = lanes_.inverse_radius[lane];
+    if (u == 0) return {*from.sine, *from.up_m, *from.out_m, *from.height_m, *from.arc_m * inverse};
+    if (u == 1) return {*to.sine, *to.up_m, *to.out_m, *to.height_m, *to.arc_m * inverse};
+    const auto at = [u](const double* a, const double* b) { return *a + u * (*b - *a); };
+    return {at(from.sine, to.sine), at(from.up_m, to.up_m), at(from.out_m, to.out_m), at(from.height_m, to.height_m),
+            at(from.arc_m, to.arc_m) * inverse};
+}
+
+const ClassId* Front::find_cells(std::size_t i, const CulturePieces& pieces, CultureScene& scene) {
+    const std::size_t n = pieces_.size();
+    if (!scene_->data_base->has_culture) {  // one cell for all
+        scene.column_offset = scene.row_offset = 0.5;
+        scene.column_scale = scene.row_scale = 0;
+        scene.tile = {{0, 1}, {0, 1}};
+        culture_lanes(n, scene, pieces, found_);
+        return &scene_->data_base->default_class;
+    }
+    const double major = pieces.major0[i], minor = pieces.minor0[i];
+    const bool columns = scene.lines_are_columns;
+    const CultureCells& tile =
+        culture_.tile_of(floor_of(cell_column(columns ? major : minor)), floor_of(cell_row(columns ? minor : major)));
+    scene.tile = tile.window;
+    culture_lanes(n, scene, pieces, found_);
+    return tile.classes.data();
+}
+
+// ---- one piece ----
+
+void Front::put(std::size_t lane, const Piece& piece, const Between& between) {
+    double depression = 0;
+    if (scene_->with_depression)
+        depression = std::max(0.0, -std::asin(0.5 * (piece.sine0 + piece.sine1)) / (std::numbers::pi / 2));
+    if (shore_) return put_by_shore(lane, piece, between, depression);
+    const WedgeCells::Target target = lanes_.target(lane);
+    const auto add_one = [&](double gamma) {
+        cells_->add(target, piece.portion, WedgeCells::Stretches::one(gamma), &depression);
+    };
+    if (plain_ground_ || !between.in_chunk)
+        return add_one(ground_gamma(scene_->data_base->default_class, piece.variable, lane));
+    if (const auto post = wall_of(piece.track, between))
+        return add_one(wall_gamma(class_at(floor_of(cell_column(post->column)), floor_of(cell_row(post->row))), lane));
+    if (!scene_->data_base->has_culture)
+        return add_one(ground_gamma(scene_->data_base->default_class, piece.variable, lane));
+    const auto class_of = [&](std::int64_t column, std::int64_t row) { return class_at(column, row); };
+    const auto gamma_of = [&](double, double, ClassId id) { return ground_gamma(id, piece.variable, lane); };
+    if (const auto under = few_classes(piece.track, class_of))
+        return cells_->add(target, piece.portion, under->stretches(gamma_of), &depression);
+    class_runs(piece.track, class_of, [&](double from, double to, ClassId id) {
+        if (const auto part = part_of(piece.portion, from, to))
+            cells_->add(target, *part, WedgeCells::Stretches::one(gamma_of(from, to, id)), &depression);
+    });
+}
+
+ClassId Front::class_at(std::int64_t cell_column, std::int64_t cell_row) {
+    const ClassId id = culture_.at(cell_column, cell_row);
+    if (id == unknown_class) {
+        const std::int32_t code = culture_.code(cell_column, cell_row);
+        if (!unknown_code_ || code < *unknown_code_) unknown_code_ = code;
+    }
+    return id;
+}
+
+template <class Accept>
+std::optional<IndexPosition> Front::highest_corner(const Track& track, const Between& between, const LinePosts& behind,
+                                                   const LinePosts& ahead, const Accept& accept) const {
+    const bool columns = lines_are_columns(quadrant_);
+    const std::int64_t j = floor_of(0.5 * (track.minor0 + track.minor1));
+    double most = -std::numeric_limits<double>::infinity();
+    std::optional<IndexPosition> best;
+    const auto corner = [&](const LinePosts& line, double major, std::int64_t at) {
+        if (!line.has(at)) return;
+        const double h = static_cast<double>(line.at(at)), minor = static_cast<double>(at);
+        if (!(h >= most)) return;
+        const IndexPosition here = columns ? IndexPosition{major, minor} : IndexPosition{minor, major};
+        if (best && h == most && (here.row > best->row || (here.row == best->row && here.column > best->column)))
+            return;
+        if (!accept(h, here)) return;
+        most = h;
+        best = here;
+    };
+    for (std::int64_t at = j; at <= j + 1; ++at) {
+        corner(ahead, between.ahead_major, at);
+        if (between.adjacent) corner(behind, between.behind_major, at);
+    }
+    return best;
+}
+
+std::optional<IndexPosition> Front::wall_of(const Track& track, const Between& between) const {
+    if (between.ahead_culture.empty() && between.behind_culture.empty()) return std::nullopt;
+    return highest_corner(track, between, between.behind_culture, between.ahead_culture,
+                          [](double h, const IndexPosition&) { return h > 0; });
+}
+
+ClassId Front::land_of_cell(const Track& track, const Between& between) {
+    ClassId id = unknown_class;
+    highest_corner(track, between, between.behind, between.ahead, [&](double, const IndexPosition& post) {
+        const ClassId here = culture_.at(floor_of(cell_column(post.column)), floor_of(cell_row(post.row)));
+        if (here == unknown_class || shore_->is_water(here)) return false;
+        id = here;
+        return true;
+    });
+    return id;
+}
+
+template <class ClassOf>
+std::optional<Front::Classes> Front::few_classes(const Track& t, const ClassOf& class_of) const {
+    // As culture_lanes(), number by number.
+    const bool columns = lines_are_columns(quadrant_);
+    const double column0 = cell_column(columns ? t.major0 : t.minor0),
+                 column1 = cell_column(columns ? t.major1 : t.minor1);
+    const double row0 = cell_row(columns ? t.minor0 : t.major0), row1 = cell_row(columns ? t.minor1 : t.major1);
+    const std::int64_t first_column = floor_of(column0), last_column = floor_of(column1), first_row = floor_of(row0),
+                       last_row = floor_of(row1);
+    if (std::abs(last_column - first_column) > 1 || std::abs(last_row - first_row) > 1) return std::nullopt;
+    const auto cut = [](std::int64_t first, std::int64_t last, double from, double to) {
+        return first == last ? 0.0 : (static_cast<double>(std::max(first, last)) - from) / (to - from);
+    };
+    const double at_column = cut(first_column, last_column, column0, column1),
+                 at_row = cut(first_row, last_row, row0, row1);
+    const bool column_first = at_column <= at_row;
+    const double to_second = std::min(at_column, at_row), to_third = std::max(at_column, at_row);
+    struct Cell {
+        std::int64_t column, row;
+    };
+    Cell first{first_column, first_row}, third{last_column, last_row},
+        second{column_first ? last_column : first_column, column_first ? first_row : last_row};
+    if (to_second == to_third) second = to_second <= 0 ? third : first;
+    if (to_third >= 1) third = second;
+    if (to_second <= 0) first = second;
+    return Classes{
+        {class_of(first.column, first.row), class_of(second.column, second.row), class_of(third.column, third.row)},
+        to_second,
+        to_third};
+}
+
+template <class ClassOf, class Run>
+void Front::class_runs(const Track& t, const ClassOf& class_of, const Run& run) {
+    const bool columns = lines_are_columns(quadrant_);
+    const double column0 = cell_column(columns ? t.major0 : t.minor0),
+                 column1 = cell_column(columns ? t.major1 : t.minor1);
+    const double row0 = cell_row(columns ? t.minor0 : t.major0), row1 = cell_row(columns ? t.minor1 : t.major1);
+    breaks_.clear();
+    const auto cut = [&](double from, double to) {
+        const double lo = std::min(from, to), hi = std::max(from, to);
+        for (auto border = static_cast<double>(floor_of(lo) + 1); border < hi; border += 1)
+            breaks_.push_back((border - from) / (to - from));
+    };
+    cut(column0, column1);
+    cut(row0, row1);
+    if (breaks_.size() > 1) std::sort(breaks_.begin(), breaks_.end());
+    breaks_.push_back(1);
+    double from = 0, start = 0;
+    std::optional<ClassId> open;
+    for (const double to : breaks_) {
+        const double middle = 0.5 * (from + to);
+        const ClassId id =
+            class_of(floor_of(column0 + middle * (column1 - column0)), floor_of(row0 + middle * (row1 - row0)));
+        if (open && id != *open) {
+            run(start, from, *open);
+            start = from;
+        }
+        open = id;
+        from = to;
+    }
+    run(start, 1.0, *open);
+}
+
+void Front::put_by_shore(std::size_t lane, const Piece& piece, const Between& between, double depression) {
+    const bool own = lanes_.row[lane] >= 0;
+    ShoreWindow& window = lanes_.shore[lane];
+    const auto class_of = [&](std::int64_t column, std::int64_t row) {
+        return own ? class_at(column, row) : culture_.at(column, row);
+    };
+    const auto point = [&](double u) {
+        return shore_point(lane, *piece.from, *piece.to, piece.begin + u * (piece.end - piece.begin));
+    };
+    const auto land = [&](double from, double to) {
+        return piece.from && window.state != ShoreWindow::none ? shore_->pass_land(window, point(from), point(to))
+                                                               : 1.0;
+    };
+    const auto add = [&](double from, double to, double gamma) {
+        if (!own) return;
+        std::optional<WedgeCells::Portion> part = piece.portion;
+        if (from > 0 || to < 1) part = part_of(piece.portion, from, to);
+        if (part) cells_->add(lanes_.target(lane), *part, WedgeCells::Stretches::one(gamma), &depression);
+    };
+    if (const auto post = wall_of(piece.track, between)) {
+        const ClassId id = class_of(floor_of(cell_column(post->column)), floor_of(cell_row(post->row)));
+        return add(0, 1, wall_gamma(id, lane) * land(0, 1));
+    }
+    if (!between.in_chunk) return add(0, 1, ground_gamma(scene_->data_base->default_class, piece.variable, lane));
+    const bool rises = piece.from && *piece.to->height_m > *piece.from->height_m;
+    const auto gamma_of = [&](double from, double to, ClassId id) {
+        if (!(to > from)) return 0.0;
+        if (shore_->is_water(id)) {
+            // Heights ramp from the last post of water to the first of land, and the class changes on the way: the bank is
+            // land from its foot.
+            const ClassId bank = rises ? land_of_cell(piece.track, between) : unknown_class;
+            if (bank == unknown_class) {
+                if (piece.from) FarShore::pass_water(window, point(from), point(to));
+                return ground_gamma(id, piece.variable, lane);
+            }
+            id = bank;
+        }
+        return ground_gamma(id, piece.variable, lane) * land(from, to);
+    };
+    if (const auto under = few_classes(piece.track, class_of)) {
+        const WedgeCells::Stretches stretches = under->stretches(gamma_of);
+        if (own) cells_->add(lanes_.target(lane), piece.portion, stretches, &depression);
+        return;
+    }
+    class_runs(piece.track, class_of,
+               [&](double from, double to, ClassId id) { add(from, to, gamma_of(from, to, id)); });
+}
+
+}  // namespace wedgescope
