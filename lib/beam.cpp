@@ -173,7 +173,7 @@ Resolution::Resolution(const BeamSetting& setting, std::int64_t circle_bins, dou
 }
 
 void Resolution::row(std::int64_t azimuth_bin, const SourceRow& source, std::vector<double>& scratch,
-                     std::span<double> out, const Holds& holds) const {
+                     std::span<double> out, const FilledParts* filled_parts) const {
     // Part by part, of source bins and then of outputs, so that shadows, which are most of a low sensor's picture, cost little.
     constexpr std::size_t part = 512;
     const auto n = static_cast<std::size_t>(sources_.size()), outputs = static_cast<std::size_t>(outputs_.size()),
@@ -183,7 +183,8 @@ void Resolution::row(std::int64_t azimuth_bin, const SourceRow& source, std::vec
     std::size_t filled = 0;  // one past the last source bin that is not 0, so far
     std::vector<std::size_t> filled_to;
     const auto holds_some = [&](std::int64_t bin, std::size_t begin, std::size_t end) {
-        return !holds || holds(modulo(bin, circle_bins_), begin, end);
+        return !filled_parts || filled_parts->any(bin, sources_.begin + static_cast<std::int64_t>(begin),
+                                                  sources_.begin + static_cast<std::int64_t>(end));
     };
     for (std::size_t begin = 0; begin < n; begin += part) {
         const std::size_t end = std::min(begin + part, n);
@@ -242,41 +243,26 @@ void Resolution::row(std::int64_t azimuth_bin, const SourceRow& source, std::vec
 
 namespace {
 
-/// Which parts of an image's rows hold anything.
-class FilledParts {
-public:
-    explicit FilledParts(const PolarImage<float>& image)
-        : parts_((image.grid.range_count() + bins - 1) / bins), filled_(image.grid.azimuth_count() * parts_) {
-        oneapi::tbb::parallel_for(oneapi::tbb::blocked_range<std::size_t>(0, image.grid.azimuth_count(), 16),
-                                  [&](const auto& rows) {
-                                      for (std::size_t i = rows.begin(); i < rows.end(); ++i)
-                                          for (std::size_t p = 0; p < parts_; ++p) {
-                                              const float* const from = image.row(i) + p * bins;
-                                              const std::size_t n = std::min(bins, image.grid.range_count() - p * bins);
-                                              filled_[i * parts_ + p] = on_target<some>(from, n);
-                                          }
-                                  });
-    }
-    /// Of range bins counted from the image's first one.
-    bool any(std::size_t row, std::size_t begin, std::size_t end) const {
-        const std::uint8_t* const parts = filled_.data() + row * parts_;
-        for (std::size_t p = begin / bins; p * bins < end; ++p)
-            if (parts[p]) return true;
-        return false;
-    }
-
-private:
-    static constexpr std::size_t bins = 256;
-    WEDGESCOPE_LANES_PART static std::uint8_t some(const float* from, std::size_t n) noexcept {
-        std::uint32_t bits = 0;
-        for (std::size_t j = 0; j < n; ++j) bits |= std::bit_cast<std::uint32_t>(from[j]);
-        return bits != 0;
-    }
-    std::size_t parts_;
-    std::vector<std::uint8_t> filled_;
-};
+WEDGESCOPE_LANES_PART std::uint8_t some(const float* from, std::size_t n) noexcept {
+    std::uint32_t bits = 0;
+    for (std::size_t j = 0; j < n; ++j) bits |= std::bit_cast<std::uint32_t>(from[j]);
+    return bits != 0;
+}
 
 }  // namespace
+
+FilledParts::FilledParts(const PolarImage<float>& image)
+    : grid_(image.grid), parts_((image.grid.range_count() + bins - 1) / bins),
+      filled_(image.grid.azimuth_count() * parts_) {
+    oneapi::tbb::parallel_for(
+        oneapi::tbb::blocked_range<std::size_t>(0, grid_.azimuth_count(), 16), [&](const auto& rows) {
+            constexpr auto part = static_cast<std::size_t>(bins);
+            for (std::size_t i = rows.begin(); i < rows.end(); ++i)
+                for (std::size_t p = 0; p < parts_; ++p)
+                    filled_[i * parts_ + p] =
+                        on_target<some>(image.row(i) + p * part, std::min(part, grid_.range_count() - p * part));
+        });
+}
 
 std::int64_t strip_bins(const BeamSetting& setting, const PolarGrid& grid, std::int64_t rows,
                         std::int64_t bytes_per_cell) {
@@ -306,9 +292,6 @@ PolarImage<float> power_image(const PolarImage<float>& echo, const PolarGrid& sh
         const Resolution::SourceRow source = [&](std::int64_t azimuth_bin) {
             return echo.row(row_of(azimuth_bin)) + skip;
         };
-        const Resolution::Holds holds = [&](std::int64_t azimuth_bin, std::size_t from, std::size_t to) {
-            return filled.any(row_of(azimuth_bin), skip + from, skip + to);
-        };
         // The same in all azimuths, so beam and pulse make one row of it.
         std::vector<double> more(everywhere_w.empty() ? 0 : static_cast<std::size_t>(resolution.outputs().size()));
         if (!more.empty()) {
@@ -323,7 +306,7 @@ PolarImage<float> power_image(const PolarImage<float>& echo, const PolarGrid& sh
                                       std::vector<double> sums(static_cast<std::size_t>(resolution.outputs().size()));
                                       for (std::size_t i = rows.begin(); i < rows.end(); ++i) {
                                           resolution.row(shown.azimuth_bins.begin + static_cast<std::int64_t>(i),
-                                                         source, scratch, sums, holds);
+                                                         source, scratch, sums, &filled);
                                           float* const out = power.row(i) + (begin - shown.range_bins.begin);
                                           for (std::size_t j = 0; j < more.size(); ++j) sums[j] += more[j];
                                           for (std::size_t j = 0; j < sums.size(); ++j)

@@ -53,6 +53,29 @@ PolarImage<float> power_image(const PolarImage<float>& echo, const PolarGrid& sh
 /// 0.5.
 double level_cosine(const BeamSetting& setting, double range_m);
 
+/// Which parts of an echo image's rows hold anything but zeros.
+class FilledParts {
+public:
+    explicit FilledParts(const PolarImage<float>& image);
+    /// From range bin `begin` to before `end`, those of the image's grid; azimuth modulo the circle, one that the image has.
+    bool any(std::int64_t azimuth_bin, std::int64_t begin, std::int64_t end) const {
+        std::int64_t row = azimuth_bin - grid_.azimuth_bins.begin;
+        if (row < 0) row += grid_.circle_bins;
+        if (row >= grid_.circle_bins) row -= grid_.circle_bins;
+        const std::uint8_t* const parts = filled_.data() + static_cast<std::size_t>(row) * parts_;
+        const std::int64_t last = (end - 1 - grid_.range_bins.begin) / bins;
+        for (std::int64_t part = (begin - grid_.range_bins.begin) / bins; part <= last; ++part)
+            if (parts[part]) return true;
+        return false;
+    }
+
+private:
+    static constexpr std::int64_t bins = 256;
+    PolarGrid grid_;
+    std::size_t parts_;
+    std::vector<std::uint8_t> filled_;
+};
+
 /// The weights of beam and pulse for a run of range bins, computed once (libm's results rounded to float), and
 /// what they make of one row. `amplitude`: square roots of the power weights, for fields instead of powers.
 class Resolution {
@@ -66,12 +89,10 @@ public:
 
     /// A row of the source image, from range bin sources().begin on, for any azimuth bin (modulo the circle).
     using SourceRow = std::function<const float*(std::int64_t azimuth_bin)>;
-    /// False where such a row holds nothing but zeros from source bin `begin` to before `end`, counted from sources().begin.
-    using Holds = std::function<bool(std::int64_t azimuth_bin, std::size_t begin, std::size_t end)>;
-    /// Writes outputs().size() sums. Const and without shared state: rows may be made side by side. With `holds` what is empty
-    /// is passed over; the sums are the same.
+    /// Writes outputs().size() sums. Const and without shared state: rows may be made side by side. With `filled`, of the image
+    /// that the source rows are those of, what is empty is passed over; the sums are the same.
     void row(std::int64_t azimuth_bin, const SourceRow& source, std::vector<double>& scratch, std::span<double> out,
-             const Holds& holds = {}) const;
+             const FilledParts* filled = nullptr) const;
 
 private:
     std::int64_t circle_bins_ = 0;

@@ -326,7 +326,10 @@ Picture picture(const ReceivedPower& received, const PolarImage<std::uint8_t>& s
     const bool lines = setting.params.azimuth_marks_rad.has_value();
     std::atomic<std::uint64_t> lit = 0;
     const bool ground_bins = setting.params.kind == DisplayKind::gpi_true;
-    const auto draw_row = [&](std::int64_t row, PixelRow& pixels) {
+    // cell_w(cell, its range bin): watts. By value, like all that the pixels share: their bytes could be anything's.
+    const auto draw_row = [&](const auto cell_w, std::int64_t row, PixelRow& pixels) {
+        const std::size_t width = grid.range_count();
+        const std::uint8_t* const state_of = state.cells.data();
         std::uint64_t lit_here = 0;
         const double y = (f.centre_row - (static_cast<double>(row) + 0.5)) * f.metres_per_pixel;
         for (std::int64_t column = 0; column < f.width; column += std::int64_t{pixel_lanes}) {
@@ -335,19 +338,23 @@ Picture picture(const ReceivedPower& received, const PolarImage<std::uint8_t>& s
             std::uint8_t* const greys = result.grey.data() + row * f.width + column;
             std::uint8_t* const states = result.state.data() + row * f.width + column;
             const double* const painted = painted_w.empty() ? nullptr : painted_w.data() + row * f.width + column;
+            const auto index = [](std::int32_t bin) { return static_cast<std::size_t>(bin); };
+            // Of all, shown or not, their bins are some of the image's: quicker than asking.
+            std::array<double, pixel_lanes> watts;
+            for (std::size_t i = 0; !painted && i < n; ++i) {
+                const std::size_t near = index(pixels.range.first[i]), far = index(pixels.range.second[i]);
+                const double along = pixels.range.share[i], across = pixels.azimuth.share[i];
+                const auto between = [&](std::int32_t azimuth) {
+                    const std::size_t at = index(azimuth) * width;
+                    return (1 - along) * cell_w(at + near, near) + along * cell_w(at + far, far);
+                };
+                watts[i] = (1 - across) * between(pixels.azimuth.first[i]) + across * between(pixels.azimuth.second[i]);
+            }
             for (std::size_t i = 0; i < n; ++i) {
                 const bool hole = painted && painted[i] < 0;
                 // A cell at the rim may fall on a pixel whose own middle lies outside.
                 if (!pixels.shown[i] && (!painted || hole)) continue;
-                const auto index = [](std::int32_t bin) { return static_cast<std::size_t>(bin); };
-                const std::size_t near = index(pixels.range.first[i]), far = index(pixels.range.second[i]);
-                const double along = pixels.range.share[i], across = pixels.azimuth.share[i];
-                const auto between = [&](const ReceivedPower::Row& cells) {
-                    return (1 - along) * static_cast<double>(cells[near]) + along * static_cast<double>(cells[far]);
-                };
-                const double power_w = painted ? painted[i]
-                                               : (1 - across) * between(received.row(index(pixels.azimuth.first[i]))) +
-                                                     across * between(received.row(index(pixels.azimuth.second[i])));
+                const double power_w = painted ? painted[i] : watts[i];
                 const double slant_m =
                     ground_bins ? setting.earth.slant_range_m(setting.sensor_m, setting.reference_m, pixels.range_m[i])
                                 : pixels.range_m[i];
@@ -359,14 +366,24 @@ Picture picture(const ReceivedPower& received, const PolarImage<std::uint8_t>& s
                     grey = std::min(255, grey + static_cast<int>(light + 0.5));
                 }
                 greys[i] = static_cast<std::uint8_t>(grey);
-                if (pixels.shown[i]) states[i] = state.row(index(pixels.azimuth.nearest[i]))[pixels.range.nearest[i]];
+                if (pixels.shown[i])
+                    states[i] = state_of[index(pixels.azimuth.nearest[i]) * width + index(pixels.range.nearest[i])];
             }
         }
         lit += lit_here;
     };
     oneapi::tbb::parallel_for(oneapi::tbb::blocked_range<std::int64_t>(0, f.height, 8), [&](const auto& rows) {
         const auto pixels = std::make_unique<PixelRow>();
-        for (std::int64_t row = rows.begin(); row < rows.end(); ++row) draw_row(row, *pixels);
+        for (std::int64_t row = rows.begin(); row < rows.end(); ++row) {
+            if (received.plain())
+                draw_row(
+                    [cells = received.cells()](std::size_t at, std::size_t) { return static_cast<double>(cells[at]); },
+                    row, *pixels);
+            else
+                draw_row([received](std::size_t at,
+                                    std::size_t range) { return static_cast<double>(received.watts(at, range)); },
+                         row, *pixels);
+        }
     });
     result.lit = lit;
     return result;

@@ -58,20 +58,13 @@ public:
     ReceivedPower(const PolarImage<float>& power_w, double noise_w, std::size_t blanked)
         : image_w_(&power_w), noise_w_(noise_w), blanked_(blanked) {}
 
-    class Row {
-    public:
-        Row(const float* cells, double noise_w, std::size_t blanked)
-            : cells_(cells), noise_w_(noise_w), blanked_(blanked) {}
-        float operator[](std::size_t range) const {
-            return range < blanked_ ? 0.0F : static_cast<float>(static_cast<double>(cells_[range]) + noise_w_);
-        }
-
-    private:
-        const float* cells_;
-        double noise_w_;
-        std::size_t blanked_;
-    };
-    Row row(std::size_t azimuth) const { return {image_w_->row(azimuth), noise_w_, blanked_}; }
+    /// Of a cell and its range bin, both counted from the image's first ones.
+    float watts(std::size_t cell, std::size_t range) const {
+        return range < blanked_ ? 0.0F : static_cast<float>(static_cast<double>(image_w_->cells[cell]) + noise_w_);
+    }
+    /// Nothing to add and nothing to leave out: it is what cells() says.
+    bool plain() const { return noise_w_ == 0 && blanked_ == 0; }
+    const float* cells() const { return image_w_->cells.data(); }
     const PolarGrid& grid() const { return image_w_->grid; }
 
 private:

@@ -617,7 +617,14 @@ std::size_t blanked_bins(const ResolvedScene& scene, const PolarGrid& grid) {
 
 bool fluctuates(const ReceiverParams& receiver) { return receiver.speckle_looks > 0 || receiver.noise; }
 
-/// What reaches the receiver from the echoes, and what it makes of that: an image only where something is drawn, or `keep`.
+/// Is an image of received power quicker made than its cells are looked at one by one, four a pixel?
+bool smaller_than_looked_at(const ResolvedScene& scene) {
+    const auto size = static_cast<std::size_t>(scene.scene.display.size);
+    return scene.shown.cells() <= 4 * size * size;
+}
+
+/// What reaches the receiver from the echoes, and what it makes of that: as an image where something is drawn or that is quicker, or
+/// to `keep` it.
 void receive(const EngineParams& params, const WeatherHere& weather, bool keep, RunResult& result) {
     const ResolvedScene& scene = result.scene;
     const BeamSetting beam = beam_setting(scene);
@@ -628,7 +635,7 @@ void receive(const EngineParams& params, const WeatherHere& weather, bool keep, 
         result.report.beam_s = watch.wall_s();
     }
     const ReceiverParams& receiver = scene.scene.receiver;
-    if (!keep && !fluctuates(receiver)) {
+    if (!keep && !fluctuates(receiver) && !smaller_than_looked_at(scene)) {
         result.received_w = {};
         return;
     }

@@ -106,8 +106,8 @@ struct RunResult {
     PolarImage<std::uint8_t> echo_state;  ///< on scene.swept
     PolarImage<float> power_w;            ///< on scene.shown, without noise and speckle
     PolarImage<std::uint8_t> state;       ///< on scene.shown
-    /// On scene.shown, what the picture is made from where that is more than power_w and the receiver's mean noise: of measure(),
-    /// and of runs side by side that scan or draw speckle or noise.
+    /// On scene.shown, what the picture was made from: of measure(), and of runs side by side that draw speckle or noise, scan, or
+    /// are small; empty of others.
     PolarImage<float> received_w;
     Picture scope;
     RunReport report;

@@ -30,7 +30,6 @@ std::vector<double> paint_cells(const ReceivedPower& received, const DisplaySett
             (static_cast<double>(grid.azimuth_bins.begin) + static_cast<double>(i) + 0.5) * grid.azimuth_step_rad() -
             frame.up_azimuth_rad;
         const double right = std::sin(azimuth_rad), up = std::cos(azimuth_rad);
-        const ReceivedPower::Row from = received.row(i);
         for (std::size_t j = 0; j < grid.range_count(); ++j) {
             if (radius_pixels[j] < 0) continue;
             // libm's last bit must not move a cell to the next pixel.
@@ -40,7 +39,7 @@ std::vector<double> paint_cells(const ReceivedPower& received, const DisplaySett
                 static_cast<std::int64_t>(std::floor(rounded(frame.centre_row - radius_pixels[j] * up, pixel_bits)));
             if (column < 0 || column >= frame.width || row < 0 || row >= frame.height) continue;
             const auto at = static_cast<std::size_t>(row * frame.width + column);
-            power_w[at] += static_cast<double>(from[j]);
+            power_w[at] += static_cast<double>(received.watts(i * grid.range_count() + j, j));
             ++cells[at];
         }
     }

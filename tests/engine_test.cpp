@@ -193,6 +193,7 @@ TEST_CASE("without noise and speckle the picture is that of the received power, 
     s.receiver.minimum_range_m = 1000.0;
     s.display.kind = GENERATE(DisplayKind::ppi, DisplayKind::gpi);
     s.display.pixel_fill = GENERATE(PixelFill::interpolate, PixelFill::holes);
+    s.display.size = GENERATE(600, 40);  // more pixels than cells, and fewer
     const ResolvedScene scene = resolve(s, source);
     const RunResult r = run(scene, source, {});
     CHECK(r.received_w.cells.empty());

@@ -17,6 +17,7 @@
 #include <system_error>
 
 #include "lib/error.hpp"
+#include "tiles/png_file.hpp"
 
 namespace wedgescope {
 namespace {
@@ -322,6 +323,16 @@ void check_output(const OutputFile& file, OutputLayer layer, const RasterFormat&
     if (layer == OutputLayer::masked_scope) check_alpha(driver, options, file.final_path());
 }
 
+namespace {
+
+/// A grey picture as PNG, with or without alpha, and nothing asked of GDAL's driver.
+bool is_plain_png(GDALDriver& driver, const RasterContent& content, const RasterFormat& format) {
+    return EQUAL(driver.GetDescription(), "PNG") && content.type == GDT_Byte && format.creation.empty() &&
+           (content.bands.size() == 1 || (content.bands.size() == 2 && content.bands[1].alpha));
+}
+
+}  // namespace
+
 void write_raster(const RasterContent& content, const OutputFile& file, const RasterFormat& format) {
     const std::string& final_path = file.final_path();
     GDALDriver& driver = driver_for(final_path, content.type, format);
@@ -340,7 +351,15 @@ void write_raster(const RasterContent& content, const OutputFile& file, const Ra
     GdalErrors errors;
     const char* path = file.temporary_path().c_str();
     DatasetHandle dataset;
-    if (has(driver, GDAL_DCAP_CREATE)) {
+    if (is_plain_png(driver, content, format)) {
+        std::vector<const std::uint8_t*> bands;
+        for (const BandContent& band : content.bands) bands.push_back(static_cast<const std::uint8_t*>(band.cells));
+        write_png(path, content.columns, content.rows, bands, final_path);
+        // What is said of it GDAL keeps beside it.
+        dataset.reset(GDALDataset::Open(path, GDAL_OF_RASTER));
+        if (!dataset) fail(final_path, errors);
+        describe(*dataset, content, geolocation);
+    } else if (has(driver, GDAL_DCAP_CREATE)) {
         dataset.reset(driver.Create(path, static_cast<int>(content.columns), static_cast<int>(content.rows),
                                     static_cast<int>(content.bands.size()), content.type,
                                     const_cast<char**>(options.List())));
