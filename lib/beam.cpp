@@ -71,8 +71,6 @@ double middle_m(std::int64_t range_bin, double range_bin_m) {
     return (static_cast<double>(range_bin) + 0.5) * range_bin_m;
 }
 
-std::int64_t modulo(std::int64_t a, std::int64_t n) { return ((a % n) + n) % n; }
-
 }  // namespace
 
 double two_way_azimuth_pattern(const AntennaParams& antenna, double offset_rad) {
@@ -173,24 +171,24 @@ Resolution::Resolution(const BeamSetting& setting, std::int64_t circle_bins, dou
 }
 
 void Resolution::row(std::int64_t azimuth_bin, const SourceRow& source, std::vector<double>& scratch,
-                     std::span<double> out, const FilledParts* filled_parts) const {
+                     std::span<double> out, const FilledParts* filled) const {
     // Part by part, of source bins and then of outputs, so that shadows, which are most of a low sensor's picture, cost little.
     constexpr std::size_t part = 512;
     const auto n = static_cast<std::size_t>(sources_.size()), outputs = static_cast<std::size_t>(outputs_.size()),
                first = static_cast<std::size_t>(outputs_.begin - sources_.begin);  // output 0 among the sources
     scratch.resize(n);
     double* const beam = scratch.data();
-    std::size_t filled = 0;  // one past the last source bin that is not 0, so far
-    std::vector<std::size_t> filled_to;
+    std::size_t last = 0;  // one past the last source bin that may not be 0, so far
+    std::vector<std::size_t> last_of((n + part - 1) / part);
     const auto holds_some = [&](std::int64_t bin, std::size_t begin, std::size_t end) {
-        return !filled_parts || filled_parts->any(bin, sources_.begin + static_cast<std::int64_t>(begin),
-                                                  sources_.begin + static_cast<std::int64_t>(end));
+        return !filled || filled->any(bin, sources_.begin + static_cast<std::int64_t>(begin),
+                                      sources_.begin + static_cast<std::int64_t>(end));
     };
     for (std::size_t begin = 0; begin < n; begin += part) {
         const std::size_t end = std::min(begin + part, n);
         bool any = false;
         if (holds_some(azimuth_bin, begin, end)) {
-            on_target<take_own>(azimuth_.data() + begin, source(modulo(azimuth_bin, circle_bins_)) + begin,
+            on_target<take_own>(azimuth_.data() + begin, source(positive_modulo(azimuth_bin, circle_bins_)) + begin,
                                 beam + begin, end - begin);
             any = true;
         } else {
@@ -206,15 +204,15 @@ void Resolution::row(std::int64_t azimuth_bin, const SourceRow& source, std::vec
                        on_left = pair && holds_some(azimuth_bin - offset, begin, reach);
             if (!on_right && !on_left) continue;
             any = true;
-            const float* const right = source(modulo(azimuth_bin + offset, circle_bins_)) + begin;
+            const float* const right = source(positive_modulo(azimuth_bin + offset, circle_bins_)) + begin;
             if (pair)
-                on_target<add_pair>(weight, source(modulo(azimuth_bin - offset, circle_bins_)) + begin, right,
+                on_target<add_pair>(weight, source(positive_modulo(azimuth_bin - offset, circle_bins_)) + begin, right,
                                     beam + begin, reach - begin);
             else
                 on_target<add_one>(weight, right, beam + begin, reach - begin);
         }
-        if (any) filled = end;
-        filled_to.push_back(filled);
+        if (any) last = end;
+        last_of[begin / part] = last;
     }
 
     if (pulse_per_bin_) {
@@ -233,7 +231,7 @@ void Resolution::row(std::int64_t azimuth_bin, const SourceRow& source, std::vec
                   0.0);
         // Sources that feed it: from the pulse's length before it to its last bin.
         const std::size_t lead = pulse.size() - 1, nearest = first + begin > lead ? first + begin - lead : 0;
-        if (filled_to[(first + end - 1) / part] <= nearest) continue;
+        if (last_of[(first + end - 1) / part] <= nearest) continue;
         for (std::size_t m = 0; m < pulse.size(); ++m) {
             const std::size_t skip = std::max(begin, m > first ? m - first : 0);  // those that would reach below 0 m
             if (skip < end) on_target<add_scaled>(pulse[m], beam + (first + skip - m), out.data() + skip, end - skip);
@@ -286,7 +284,8 @@ PolarImage<float> power_image(const PolarImage<float>& echo, const PolarGrid& sh
                                     {begin, std::min(begin + strip, shown.range_bins.end)}, Resolution::Of::power);
         require_sources(echo.grid, shown, resolution);
         const auto row_of = [&](std::int64_t azimuth_bin) {
-            return static_cast<std::size_t>(modulo(azimuth_bin - echo.grid.azimuth_bins.begin, echo.grid.circle_bins));
+            return static_cast<std::size_t>(
+                positive_modulo(azimuth_bin - echo.grid.azimuth_bins.begin, echo.grid.circle_bins));
         };
         const auto skip = static_cast<std::size_t>(resolution.sources().begin - echo.grid.range_bins.begin);
         const Resolution::SourceRow source = [&](std::int64_t azimuth_bin) {
@@ -323,7 +322,7 @@ void require_sources(const PolarGrid& echo, const PolarGrid& shown, const Resolu
     const Interval range = resolution.sources();
     const bool range_held = range.begin >= echo.range_bins.begin && range.end <= echo.range_bins.end;
     const std::int64_t lead =
-        modulo(shown.azimuth_bins.begin - resolution.skirt() - echo.azimuth_bins.begin, echo.circle_bins);
+        positive_modulo(shown.azimuth_bins.begin - resolution.skirt() - echo.azimuth_bins.begin, echo.circle_bins);
     const bool azimuth_held =
         echo.full_circle() || lead + shown.azimuth_bins.size() + 2 * resolution.skirt() <= echo.azimuth_bins.size();
     if (!range_held || !azimuth_held)

@@ -326,7 +326,7 @@ Picture picture(const ReceivedPower& received, const PolarImage<std::uint8_t>& s
     const bool lines = setting.params.azimuth_marks_rad.has_value();
     std::atomic<std::uint64_t> lit = 0;
     const bool ground_bins = setting.params.kind == DisplayKind::gpi_true;
-    // cell_w(cell, its range bin): watts. By value, like all that the pixels share: their bytes could be anything's.
+    // cell_w(cell, its range bin): watts. By value: what bytes are written to could be anything that is not.
     const auto draw_row = [&](const auto cell_w, std::int64_t row, PixelRow& pixels) {
         const std::size_t width = grid.range_count();
         const std::uint8_t* const state_of = state.cells.data();

@@ -60,7 +60,7 @@ public:
 
     /// Of a cell and its range bin, both counted from the image's first ones.
     float watts(std::size_t cell, std::size_t range) const {
-        return range < blanked_ ? 0.0F : static_cast<float>(static_cast<double>(image_w_->cells[cell]) + noise_w_);
+        return range < blanked_ ? 0.0F : with_mean_noise(image_w_->cells[cell], noise_w_);
     }
     /// Nothing to add and nothing to leave out: it is what cells() says.
     bool plain() const { return noise_w_ == 0 && blanked_ == 0; }

@@ -617,8 +617,9 @@ std::size_t blanked_bins(const ResolvedScene& scene, const PolarGrid& grid) {
 
 bool fluctuates(const ReceiverParams& receiver) { return receiver.speckle_looks > 0 || receiver.noise; }
 
-/// Is an image of received power quicker made than its cells are looked at one by one, four a pixel?
-bool smaller_than_looked_at(const ResolvedScene& scene) {
+/// Fewer cells than the picture looks at, four a pixel: an image of received power is then made sooner than that is found for each
+/// look. The same bits either way.
+bool fewer_cells_than_looks(const ResolvedScene& scene) {
     const auto size = static_cast<std::size_t>(scene.scene.display.size);
     return scene.shown.cells() <= 4 * size * size;
 }
@@ -635,7 +636,7 @@ void receive(const EngineParams& params, const WeatherHere& weather, bool keep, 
         result.report.beam_s = watch.wall_s();
     }
     const ReceiverParams& receiver = scene.scene.receiver;
-    if (!keep && !fluctuates(receiver) && !smaller_than_looked_at(scene)) {
+    if (!keep && !fluctuates(receiver) && !fewer_cells_than_looks(scene)) {
         result.received_w = {};
         return;
     }

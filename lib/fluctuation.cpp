@@ -9,6 +9,7 @@
 #include <numeric>
 
 #include "lib/random.hpp"
+#include "lib/receiver.hpp"
 
 namespace wedgescope {
 namespace {
@@ -112,7 +113,7 @@ PolarImage<float> received_power(const PolarImage<float>& echo, const PolarImage
             const float* const from = power.row(i);
             float* const to = received.row(i);
             for (std::size_t j = 0; j < grid.range_count(); ++j)
-                to[j] = static_cast<float>(static_cast<double>(from[j]) + setting.noise_power_w);
+                to[j] = with_mean_noise(from[j], setting.noise_power_w);
         });
         return received;
     }

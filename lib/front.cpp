@@ -76,7 +76,7 @@ void Front::Lanes::resize(std::size_t n) {
     for (auto* v : {&slope, &metres_per_post, &mode, &horizon, &void_horizon, &mark_from, &gap_from, &gap_top,
                     &seen_least, &seen_most, &share0, &share1})
         v->resize(n);
-    inverse_radius.resize(n + whole_registers(1));
+    inverse_radius.resize(n);
     last.resize(n);
     row.resize(n);
     origin.resize(n);
@@ -89,8 +89,8 @@ Front::Front(const SweepScene& scene, const SpokeRun& run, WedgeCells& cells)
       plain_ground_(!scene.data_base->has_culture && !scene.data_base->has_culture_height),
       needs_facets_(!scene.laws->constant()), directional_(scene.laws->directional()),
       shore_(scene.shore && scene.shore->on() && scene.data_base->has_culture ? scene.shore : nullptr),
-      quadrant_(run.quadrant), fan_(run.own_fan()), line_end_(scene.grid->line_count(fan_)),
-      culture_(*scene.data_base, scene.source) {
+      at_once_(shore_ || scene.with_depression || scene.data_base->has_culture_height), quadrant_(run.quadrant),
+      fan_(run.own_fan()), line_end_(scene.grid->line_count(fan_)), culture_(*scene.data_base, scene.source) {
     for (auto* samples : {&now_, &crossing_, &ahead_}) samples->resize(tile_lanes);
     for (auto* v : {&cell_, &bump_, &rise_, &swing_, &sine0_, &code_}) v->resize(tile_lanes);
     constexpr std::size_t most_pieces = whole_registers(VisiblePieces::most);
@@ -110,7 +110,6 @@ Front::Front(const SweepScene& scene, const SpokeRun& run, WedgeCells& cells)
     posts_.resize(4 * tile_lanes);
     culture_posts_.resize(4 * VisiblePieces::most);
     culture_cell_.resize(VisiblePieces::most);
-    at_once_ = shore_ || scene.with_depression || scene.data_base->has_culture_height;
     between_.behind = between_.ahead = between_.behind_culture = between_.ahead_culture = no_posts();
     start();
 }
@@ -135,7 +134,7 @@ void Front::set_up_ring(std::size_t ring, Lanes& lanes) const {
     const Interval run = run_->spokes[ring];
     lanes.resize(static_cast<std::size_t>(run.size()));
     if (needs_facets_)
-        for (LaneArray* v : {&lanes.across, &lanes.slant}) v->resize(lanes.row.size() + whole_registers(1));
+        for (LaneArray* v : {&lanes.across, &lanes.slant}) v->resize(lanes.row.size());
     if (directional_)
         for (LaneArray* v : {&lanes.east, &lanes.north}) v->resize(lanes.row.size());
     if (shore_) lanes.shore.assign(lanes.row.size(), {});
@@ -385,6 +384,7 @@ void Front::places(double distance, int level, std::size_t begin, std::size_t en
 void Front::enter_level(std::int64_t line) {
     const int level = scene_->grid->level(fan_, line);
     if (level == level_) return;
+    assert(pieces_.size() == 0);
     const double before = post_;
     level_ = level;
     post_ = static_cast<double>(std::int64_t{1} << level);
@@ -906,6 +906,7 @@ void Front::end_gap(std::size_t lane, double arc_m) {
 // ---- rings ----
 
 void Front::double_spokes() {
+    assert(pieces_.size() == 0);  // they know their spokes by number
     const SpokeGrid& grid = *scene_->grid;
     for (std::size_t lane = 0; lane < lanes_.mode.size(); ++lane) {
         mark_seen(lane);
@@ -994,6 +995,7 @@ void Front::double_spokes() {
 }
 
 void Front::finish() {
+    assert(pieces_.size() == 0);
     for (std::size_t lane = 0; lane < lanes_.mode.size(); ++lane) {
         if (is(lane, mode_done)) continue;
         mark_seen(lane);

@@ -228,7 +228,7 @@ private:
     SampleLanes starts_of_pieces(std::size_t i);
     SampleLanes ends_of_pieces(std::size_t i);
     std::size_t lane_of_piece(std::size_t i) const {
-        return static_cast<std::size_t>(pieces_.integers(VisiblePieces::lane)[i]);
+        return static_cast<std::size_t>(pieces_.integer(VisiblePieces::lane, i));
     }
     /// Deposits them but for those that are left for put(): true if there are any (gamma_ says which).
     bool put_plain(const Between& between);
@@ -287,10 +287,11 @@ private:
     const SpokeRun* run_;
     WedgeCells* cells_;
     double bins_per_metre_;
-    bool plain_ground_;        // one class, no culture height
-    bool needs_facets_;        // some law depends on the angle
-    bool directional_;         // some class on the azimuth
-    const FarShore* shore_;    // null: no bank is brightened
+    bool plain_ground_;      // one class, no culture height
+    bool needs_facets_;      // some law depends on the angle
+    bool directional_;       // some class on the azimuth
+    const FarShore* shore_;  // null: no bank is brightened
+    bool at_once_;  // pieces do not wait: what becomes of them hangs on their line, or on their order along a spoke
     double minor_post_m_ = 1;  // metres of a post along the lines, at the sensor
     Quadrant quadrant_;
     Fan fan_;
@@ -304,10 +305,8 @@ private:
     // Workspace of one tile: the last samples, those on the other axis' lines and those on the line ahead.
     Samples now_, crossing_, ahead_;
     LaneArray cell_, bump_, rise_, swing_, sine0_, code_;
-    VisiblePieces pieces_;  // of the tile, that wait to be shaded and deposited
-    bool at_once_ =
-        false;  // they do not wait: what becomes of them hangs on their line or on their order along a spoke
-    LaneArray power_, inverse_width_, bow_, facet_;                // of these
+    VisiblePieces pieces_;                           // over lines of one tile, that wait to be shaded and deposited
+    LaneArray power_, inverse_width_, bow_, facet_;  // of these
     LaneArray share0_, share1_, inverse_radius_, across_, slant_;  // of their spokes
     std::vector<std::int64_t> origin_;
     // Backscatter, as WedgeCells::Portions. Only over culture: the first two of it, and where its stretches end.

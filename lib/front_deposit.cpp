@@ -1,6 +1,7 @@
 // What becomes of visible pieces: their backscatter, by class, wall and shore, and their echo into the cells.
 #include <algorithm>
 #include <array>
+#include <cassert>
 #include <cmath>
 #include <limits>
 #include <numbers>
@@ -78,6 +79,7 @@ void Front::put_pieces(const Between& between) {
     using P = VisiblePieces;
     const std::size_t n = pieces_.size();
     if (n == 0) return;
+    assert(at_once_ || (between.ahead_culture.empty() && between.behind_culture.empty()));
     const std::uint64_t clock = ticks();
     const auto column = [&](P::Column of) { return pieces_.numbers(of); };
     // What the pieces have of their spokes.
@@ -108,7 +110,7 @@ void Front::put_pieces(const Between& between) {
     const std::uint64_t shaded = ticks(), read = culture_.cost().ticks;
     if (put_plain(between)) {
         for (std::size_t i = 0; i < n; ++i) {
-            const auto lane = static_cast<std::size_t>(pieces_.integers(P::lane)[i]);
+            const std::size_t lane = lane_of_piece(i);
             if (gamma_[2][i] != left_to_put || (lanes_.row[lane] < 0 && !shore_)) continue;
             const SampleLanes first = starts_of_pieces(i), last = ends_of_pieces(i);
             put(lane,

@@ -192,6 +192,8 @@ std::uint64_t cached_bytes(WedgeSource& source, const Plan& p) {
 }  // namespace
 
 std::size_t image_bytes(const ResolvedScene& scene) {
+    // Power, received power and states: a run that makes no image of received power turns echo states and dBm into floats in that
+    // room when they are written.
     const auto size = static_cast<double>(scene.scene.display.size);
     auto bytes = static_cast<std::size_t>(static_cast<double>(scene.swept.cells()) * 5 +
                                           static_cast<double>(scene.shown.cells()) * (4 + 4 + 1) +

@@ -34,9 +34,10 @@ struct PolarImage {
 
     PolarImage() = default;
     explicit PolarImage(const PolarGrid& g) : grid(g), cells(g.cells(), T{}) {}
-    /// In the memory that another image had; what its cells hold is left as it may be, and who fills them is the first to
-    /// touch them.
+    /// In the memory that another image had, if it is large enough; what the cells hold is left as it may be, and who fills
+    /// them is the first to touch them.
     PolarImage(const PolarGrid& g, PolarImage&& used) : grid(g), cells(std::move(used.cells)) {
+        if (cells.capacity() < g.cells()) cells = {};  // before there is more, and nothing of it is copied
         cells.resize(g.cells());
     }
     T* row(std::size_t azimuth) { return cells.data() + azimuth * grid.range_count(); }

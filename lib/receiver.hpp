@@ -22,6 +22,11 @@ inline constexpr double least_dbm = -500;
 /// dBm of a power in watts, rounded to 0.001 dB, so that libm's last bit never shows; `least_dbm` for 0 W.
 double rounded_dbm(double power_w);
 
+/// What is received of a power in watts without fluctuation: with the noise's mean on it.
+inline float with_mean_noise(float power_w, double noise_power_w) {
+    return static_cast<float>(static_cast<double>(power_w) + noise_power_w);
+}
+
 /// A_stc = min(A_max, max(0, 10 n log10(r_stc / r))), dB; 0 without STC.
 double stc_db(const ReceiverParams& receiver, double slant_range_m);
 

@@ -19,9 +19,8 @@ WEDGESCOPE_LANES_PART Rises step(std::size_t n, const StepScene& scene, const St
     const double *__restrict mode = lanes.mode, *__restrict inverse_radius = lanes.inverse_radius,
                  *__restrict void_horizon = lanes.void_horizon;
     double *__restrict horizon = lanes.horizon, *__restrict seen_least = lanes.seen_least,
-           *__restrict seen_most = lanes.seen_most, *__restrict bump_m = lanes.bump_m, *__restrict rise = lanes.rise, *__restrict swing = lanes.swing,
-           *__restrict sine0 = lanes.sine0,
-           *__restrict code = lanes.code;
+           *__restrict seen_most = lanes.seen_most, *__restrict bump_m = lanes.bump_m, *__restrict rise = lanes.rise,
+           *__restrict swing = lanes.swing, *__restrict sine0 = lanes.sine0, *__restrict code = lanes.code;
     const double sensor_m = scene.sensor_m, arc_bins = scene.range_is_ground ? scene.bins_per_metre : 0,
                  range_bins = scene.range_is_ground ? 0 : scene.bins_per_metre,
                  quarter = scene.exact_course ? -0.25 : 0.0;

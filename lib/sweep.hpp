@@ -86,11 +86,11 @@ struct StepLanes {
     const double *inverse_radius, *void_horizon;  ///< in
     double* horizon;                              ///< in, out: sine
     double *seen_least, *seen_most;               ///< in, out: range coordinates of the visible run so far
-    double*
-        bump_m;  ///< out: how far the surface stands above the straight piece half-way: along a straight way through
-                 ///< a cell it is a parabola, lin(u) + bump 4 u (1 - u). 0 where a post of the cell is missing
-    double *rise,
-        *swing;  ///< out: up1 out0 - up0 out1, so how the piece rises over the ray to its start, and what its bump adds: 4 bump out0
+    /// Out: how far the surface stands above the straight piece half-way: along a straight way through a cell it is a
+    /// parabola, lin(u) + bump 4 u (1 - u). 0 where a post of the cell is missing.
+    double* bump_m;
+    /// Out: how the piece rises over the ray to its start, up1 out0 - up0 out1, and what its bump adds, 4 bump out0.
+    double *rise, *swing;
     double* sine0;  ///< out: the old horizon
     double* code;   ///< out: what the sample does to its spoke, below
 };

@@ -3,6 +3,7 @@
 // other axis. Leaves which pieces these are to sweep.hpp and what becomes of them to front.hpp.
 #pragma once
 #include <array>
+#include <bit>
 #include <cstddef>
 #include <cstdint>
 #include <vector>
@@ -42,9 +43,10 @@ public:
     void clear() { size_ = 0; }
 
     double* numbers(Column column) { return columns_[column].data(); }
-    const std::int64_t* integers(Column column) const {
-        return reinterpret_cast<const std::int64_t*>(columns_[column].data());
+    std::int64_t integer(Column column, std::size_t i) const {
+        return std::bit_cast<std::int64_t>(columns_[column][i]);
     }
+    /// Bits that were moved here as they are, never as doubles.
     const float* pairs(Column column) const { return reinterpret_cast<const float*>(columns_[column].data()); }
 
     static constexpr std::size_t bytes() { return columns * length * sizeof(double); }

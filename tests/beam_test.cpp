@@ -7,6 +7,7 @@
 
 #include "lib/beam.hpp"
 #include "lib/error.hpp"
+#include "tests/every_target.hpp"
 
 using namespace wedgescope;
 using Catch::Matchers::WithinAbs;
@@ -429,6 +430,7 @@ TEST_CASE("a field's exaggerated weights are the square roots of the powers'", "
 }
 
 TEST_CASE("a row passes over what is empty without changing a bit, and finds every lone echo", "[beam]") {
+    WEDGESCOPE_ON_EVERY_TARGET;
     // Parts of a row and of an image are 512 and 256 bins: echoes at their borders, alone or together.
     const std::int64_t bins = 1400;
     const BeamSetting setting = level(3, 74);
@@ -470,5 +472,21 @@ TEST_CASE("a row passes over what is empty without changing a bit, and finds eve
                 same = same && at(power, i, j) == static_cast<float>(sums[static_cast<std::size_t>(j)]);
             CHECK(same);
         }
+    }
+}
+
+TEST_CASE("azimuths that go round through north beyond the circle find the rows of an image of the whole circle",
+          "[beam]") {
+    const BeamSetting setting = level(6, 30);
+    const PolarGrid whole = grid(240, 10, {0, 240}, {0, 300});
+    PolarImage<float> echo(whole);
+    for (std::int64_t row = 0; row < 240; row += row < 20 ? 1 : 37)
+        at(echo, row, 20 + row) = 1 + static_cast<float>(row);
+    at(echo, 239, 290) = 5;
+    const PolarImage<float> all = power_image(echo, whole, setting);
+    for (const Interval azimuths : {Interval{239, 478}, {236, 470}, {120, 359}}) {
+        const PolarImage<float> part = power_image(echo, grid(240, 10, azimuths, {0, 300}), setting);
+        for (std::int64_t i = 0; i < azimuths.size(); ++i)
+            for (std::int64_t j = 0; j < 300; ++j) REQUIRE(at(part, i, j) == at(all, (azimuths.begin + i) % 240, j));
     }
 }

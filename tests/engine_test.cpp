@@ -185,6 +185,27 @@ TEST_CASE("nearer than the minimum range nothing is received, and nothing else c
     }
 }
 
+TEST_CASE("a sector that all but closes the circle has the power of the full circle, whatever its skirt goes round",
+          "[engine]") {
+    const auto hills = test::rolling(300, 150, 9);
+    MemorySource source(301, 301, 30, [&](double c, double r) { return 300 + hills(c, r); });
+    Scene s = bare_scene(4500, -4500, 700, 4000);
+    s.radar.antenna.beam = Angle::degrees(4);
+    s.azimuth_bins = 360;
+    const RunResult whole = run(resolve(s, source), source, {});
+    for (const auto& [from, to] : {std::pair(-0.9, 358.9), {-3.0, 351.0}, {359.0, 717.0}, {2.0, 358.0}}) {
+        s.sector = Sector{Angle::degrees(from), Angle::degrees(to)};
+        const RunResult part = run(resolve(s, source), source, {});
+        const PolarGrid& shown = part.power_w.grid;
+        REQUIRE(shown.azimuth_count() > 300);
+        for (std::size_t i = 0; i < shown.azimuth_count(); ++i) {
+            const auto row = static_cast<std::size_t>((shown.azimuth_bins.begin + static_cast<std::int64_t>(i)) % 360);
+            CAPTURE(from, i, row);
+            REQUIRE(std::equal(part.power_w.row(i), part.power_w.row(i) + shown.range_count(), whole.power_w.row(row)));
+        }
+    }
+}
+
 TEST_CASE("without noise and speckle the picture is that of the received power, which need not be made", "[engine]") {
     const auto hills = test::rolling(300, 150, 3);
     MemorySource source(301, 301, 30, [&](double c, double r) { return 300 + hills(c, r); });
@@ -195,8 +216,12 @@ TEST_CASE("without noise and speckle the picture is that of the received power, 
     s.display.pixel_fill = GENERATE(PixelFill::interpolate, PixelFill::holes);
     s.display.size = GENERATE(600, 40);  // more pixels than cells, and fewer
     const ResolvedScene scene = resolve(s, source);
-    const RunResult r = run(scene, source, {});
-    CHECK(r.received_w.cells.empty());
+    EngineParams params;
+    params.threads = 2;
+    params.beside_others = true;  // keeps what the picture was made from
+    const RunResult r = run(scene, source, params);
+    // Four looks at a cell for each pixel: more than there are cells, or fewer.
+    CHECK(r.received_w.cells.empty() == (s.display.size == 40));
     const RunResult measured = measure(scene, source, {}, {});
     REQUIRE(measured.received_w.grid == r.power_w.grid);
     const Picture drawn = picture(measured.received_w, r.state, display_setting(scene), Receiver(s.receiver, s.radar));

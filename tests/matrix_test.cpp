@@ -59,8 +59,8 @@ private:
 };
 
 struct Bits {
-    std::vector<float> echo_w;
-    std::vector<std::uint8_t> state;
+    RawVector<float> echo_w;
+    RawVector<std::uint8_t> state;
     bool operator==(const Bits& other) const {
         return state == other.state && echo_w.size() == other.echo_w.size() &&
                std::memcmp(echo_w.data(), other.echo_w.data(), echo_w.size() * sizeof(float)) == 0;

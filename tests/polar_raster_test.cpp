@@ -367,6 +367,48 @@ RunResult drawn_scope(DisplayKind kind, bool rings, double up_rad) {
 
 }  // namespace
 
+TEST_CASE("a PNG that does not fit on the disk is an error, wherever that is found, and nothing is left", "[picture]") {
+    const Folder folder;
+    RunResult run = drawn_scope(DisplayKind::gpi, true, 0);
+    std::uint32_t noise = 1;
+    for (auto& grey : run.scope.grey) grey = static_cast<std::uint8_t>((noise = noise * 1664525u + 1013904223u) >> 24);
+    run.scope.state.assign(run.scope.grey.size(), 2);
+    run.scene.scene.display.alpha = GENERATE(false, true);
+    // At its first byte, among the pixels, and with its last ones, which the file's close writes.
+    for (const rlim_t most : {rlim_t{0}, rlim_t{5000}, rlim_t{29000}}) {
+        CAPTURE(most);
+        const std::string message = [&] {
+            const SmallDisk disk(most);
+            return test::refusal<IoError>(
+                [&] { write(folder, "scope.png", [&](OutputFile& f) { write_scope(run, f, {}); }); });
+        }();
+        CHECK_THAT(message, Contains("scope.png' cannot be written: File too large"));
+        CHECK(folder.names().empty());
+    }
+}
+
+TEST_CASE("a PNG of GDAL's driver, as creation options ask for, has the same pixels and the same words", "[picture]") {
+    const Folder folder;
+    RunResult run = drawn_scope(DisplayKind::gpi, false, 0);
+    run.scope.state.assign(run.scope.grey.size(), 2);
+    for (std::size_t i = 0; i < run.scope.state.size(); i += 3) run.scope.state[i] = 0;
+    run.scene.scene.display.alpha = GENERATE(false, true);
+    RasterFormat format;
+    const Read own(write(folder, "own.png", [&](OutputFile& f) { write_scope(run, f, format); }));
+    format.creation = {"ZLEVEL=6"};
+    const Read theirs(write(folder, "theirs.png", [&](OutputFile& f) { write_scope(run, f, format); }));
+    for (int band = 1; band <= (run.scene.scene.display.alpha ? 2 : 1); ++band)
+        CHECK(own.band(band) == theirs.band(band));
+    CHECK(own.band(1)[777] == static_cast<double>(run.scope.grey[777]));
+    std::array<double, 6> a{}, b{};
+    CHECK(own.dataset->GetGeoTransform(a.data()) == theirs.dataset->GetGeoTransform(b.data()));
+    CHECK(a == b);
+    for (const char* item : {"SOFTWARE", "DISPLAY", "METRES_PER_PIXEL", "SENSOR_HEIGHT_M"}) {
+        REQUIRE(own.dataset->GetMetadataItem(item));
+        CHECK(std::string(own.dataset->GetMetadataItem(item)) == theirs.dataset->GetMetadataItem(item));
+    }
+}
+
 TEST_CASE("a gpi scope without rings lies on the map where its pixels are", "[picture]") {
     const Folder folder;
     for (const char* name : {"scope.png", "scope.tif"})

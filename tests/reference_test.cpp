@@ -99,7 +99,7 @@ std::vector<Outcome> compare(const Case& c, const std::vector<Quality>& qualitie
         const std::vector<double> power(ours.power_w.cells.begin(), ours.power_w.cells.end());
         Outcome o;
         o.power = reference::compare(power, truth.power_w, reference::noise_w(s.radar.noise_bandwidth_hz(), 8));
-        o.states = reference::state_difference(ours.state.cells, truth.state);
+        o.states = reference::state_difference({ours.state.cells.begin(), ours.state.cells.end()}, truth.state);
         std::printf(
             "%-28s %-6s rms %.4f dB, p99 %.4f dB, median %+.5f dB, most %.2f dB over %zu cells; states %.3f %%\n",
             c.name, word(quality), o.power.rms_db, o.power.p99_db, o.power.median_db, o.power.max_db, o.power.count,

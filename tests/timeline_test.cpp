@@ -10,6 +10,7 @@
 
 #include "lib/engine.hpp"
 #include "lib/error.hpp"
+#include "lib/plan.hpp"
 #include "lib/stopwatch.hpp"
 #include "tests/drawn_raster.hpp"
 #include "tests/refusal.hpp"
@@ -101,13 +102,15 @@ Told read(const std::string& path) {
 }
 
 RunResult simulate(WedgeSource& source, Timeline* timeline, std::size_t memory_bytes = std::size_t{1} << 30,
-                   std::int64_t wedges = 6) {
+                   std::int64_t wedges = 6, bool noise = false) {
+    Scene scene = small_scene();
+    scene.receiver.noise = noise;
     EngineParams params;
     params.threads = 2;
     params.wedges = wedges;
     params.memory_bytes = memory_bytes;
     params.timeline = timeline;
-    return run(resolve(small_scene(), source), source, params);
+    return run(resolve(scene, source), source, params);
 }
 
 }  // namespace
@@ -122,7 +125,7 @@ TEST_CASE("a timeline's spans nest on each thread and last as long as the report
         TimelineFile timeline(file);
         {
             const Span whole(&timeline, "whole", "stage");
-            result = simulate(source, &timeline);
+            result = simulate(source, &timeline, std::size_t{1} << 30, 6, true);  // noise is drawn by the receiver
         }
         timeline.finish();
         const Span late(&timeline, "late", "stage");  // left out
@@ -228,12 +231,23 @@ TEST_CASE("a wedge waits for a slow disk as long as the disk is slow", "[timelin
 TEST_CASE("where memory lets in one wedge for two threads, the others wait for the one", "[timeline]") {
     SlowSource source = hills();
     source.pause_ms = 4;
-    // The least budget that does lets in one wedge at a time.
-    const std::string words = test::refusal<InputError>([&] { simulate(source, nullptr, 1 << 10); });
-    const std::size_t least = std::stoull(words.substr(words.find("at least ") + 9)) << 20;
-    REQUIRE(least > 0);
+    // The least budget that does, by halving (words round it up to MiB), lets in one wedge at a time.
+    const ResolvedScene scene = resolve(small_scene(), source);
+    std::size_t too_little = 1 << 10, enough = std::size_t{1} << 30;
+    while (enough - too_little > 1 << 10) {
+        EngineParams params;
+        params.threads = 2;
+        params.wedges = 180;
+        params.memory_bytes = too_little + (enough - too_little) / 2;
+        try {
+            plan(scene, source, params);
+            enough = params.memory_bytes;
+        } catch (const InputError&) {
+            too_little = params.memory_bytes;
+        }
+    }
     const Stopwatch watch;
-    const RunResult tight = simulate(source, nullptr, least, 180);
+    const RunResult tight = simulate(source, nullptr, enough, 180);
     const double elapsed_s = watch.wall_s();
     double waited_s = 0, walls_s = 0;
     for (const WedgeReport& w : tight.report.wedges) {

@@ -22,7 +22,7 @@ TEST_CASE("of tile after tile the visible pieces stand behind one another, in or
         if (pieces.size() + n > VisiblePieces::most) {
             REQUIRE(pieces.size() == lanes.size());
             for (std::size_t i = 0; i < lanes.size(); ++i) {
-                REQUIRE(pieces.integers(VisiblePieces::lane)[i] == lanes[i]);
+                REQUIRE(pieces.integer(VisiblePieces::lane, i) == lanes[i]);
                 REQUIRE(pieces.numbers(VisiblePieces::range1)[i] == ranges[i]);
                 REQUIRE(pieces.pairs(VisiblePieces::ahead)[2 * i] == pairs[2 * i]);
                 REQUIRE(pieces.pairs(VisiblePieces::ahead)[2 * i + 1] == pairs[2 * i + 1]);

@@ -67,14 +67,14 @@ void write_png(const std::string& path, std::int64_t columns, std::int64_t rows,
     const auto system_reason = [] { return std::error_code(errno, std::generic_category()).message(); };
     std::unique_ptr<std::FILE, int (*)(std::FILE*)> file(std::fopen(path.c_str(), "wb"), std::fclose);
     if (!file) fail(system_reason());
+    std::vector<std::uint8_t> mixed(bands.size() == 2 ? static_cast<std::size_t>(2 * columns) : 0);
     Complaint complaint;
     png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, &complaint, complain, say_nothing);
     png_infop info = png ? png_create_info_struct(png) : nullptr;
     if (!info) {
         png_destroy_write_struct(&png, nullptr);
-        throw std::bad_alloc();
+        fail(complaint.words[0] ? complaint.words : "libpng cannot begin");
     }
-    std::vector<std::uint8_t> mixed(bands.size() == 2 ? static_cast<std::size_t>(2 * columns) : 0);
     errno = 0;
     const bool good = encode(png, info, file.get(), static_cast<std::uint32_t>(columns),
                              static_cast<std::uint32_t>(rows), bands.data(), bands.size(), mixed.data());

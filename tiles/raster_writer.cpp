@@ -328,6 +328,7 @@ namespace {
 /// A grey picture as PNG, with or without alpha, and nothing asked of GDAL's driver.
 bool is_plain_png(GDALDriver& driver, const RasterContent& content, const RasterFormat& format) {
     return EQUAL(driver.GetDescription(), "PNG") && content.type == GDT_Byte && format.creation.empty() &&
+           !content.bands[0].no_data &&
            (content.bands.size() == 1 || (content.bands.size() == 2 && content.bands[1].alpha));
 }
 
@@ -356,7 +357,8 @@ void write_raster(const RasterContent& content, const OutputFile& file, const Ra
         for (const BandContent& band : content.bands) bands.push_back(static_cast<const std::uint8_t*>(band.cells));
         write_png(path, content.columns, content.rows, bands, final_path);
         // What is said of it GDAL keeps beside it.
-        dataset.reset(GDALDataset::Open(path, GDAL_OF_RASTER));
+        const char* const as_png[] = {"PNG", nullptr};
+        dataset.reset(GDALDataset::Open(path, GDAL_OF_RASTER, as_png));
         if (!dataset) fail(final_path, errors);
         describe(*dataset, content, geolocation);
     } else if (has(driver, GDAL_DCAP_CREATE)) {

@@ -91,8 +91,8 @@ void scope(const std::vector<std::string>& arguments, Stop& stop) {
     layers.check(settings);
 
     const double read_start_s = now_s();
-    PolarImage<float> echo_w(echo.scene.swept);
-    PolarImage<std::uint8_t> state(echo.scene.swept);
+    PolarImage<float> echo_w(echo.scene.swept, {});
+    PolarImage<std::uint8_t> state(echo.scene.swept, {});
     file.read(echo_w, state, echo.checksum, echo.said);
     const double read_s = now_s() - read_start_s;
     stop.check();
