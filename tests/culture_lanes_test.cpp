@@ -55,7 +55,7 @@ Pieces pieces(std::mt19937& random, double reach, double behind, double ahead) {
 TEST_CASE("the culture cells along a piece are those that one meets walking along it", "[culture]") {
     WEDGESCOPE_ON_EVERY_TARGET;
     std::mt19937 random(5);
-    for (int turn = 0; turn < 400; ++turn) {
+    for (int turn = 0; turn < 90; ++turn) {
         const double coarse = turn % 3 == 0 ? 1.0 : turn % 3 == 1 ? 0.61 : 2.3;  // culture cells in a post
         CultureScene scene{.lines_are_columns = turn % 2 == 0,
                            .behind_major = turn % 4 < 2 ? 20.0 : 21.0,
@@ -119,7 +119,7 @@ TEST_CASE("the culture cells along a piece are those that one meets walking alon
 TEST_CASE("a piece in a cell with culture on a corner is a wall of the corner with the highest one", "[culture]") {
     WEDGESCOPE_ON_EVERY_TARGET;
     std::mt19937 random(6);
-    for (int turn = 0; turn < 400; ++turn) {
+    for (int turn = 0; turn < 90; ++turn) {
         const bool columns = turn % 2 == 0;
         const double behind = turn % 4 < 2 ? 20 : 21, ahead = turn % 4 < 2 ? 21 : 20;
         const CultureScene scene{columns, behind, ahead, 0.5, 1, 0.5, 1, {{0, 64}, {0, 64}}};
@@ -150,7 +150,7 @@ TEST_CASE("a piece in a cell with culture on a corner is a wall of the corner wi
     }
 }
 
-TEST_CASE("how culture is tiled changes no bit, whatever its cells' borders run through", "[culture]") {
+TEST_CASE("how culture is tiled changes no bit, whatever its cells' borders run through", "[culture][long]") {
     constexpr int columns = 121, rows = 111;
     std::mt19937 random(31);
     std::vector<int> drawn(columns * rows);
@@ -192,7 +192,7 @@ TEST_CASE("how culture is tiled changes no bit, whatever its cells' borders run 
                 }
 }
 
-TEST_CASE("a culture cell that seen ground only touches is not asked for its class", "[culture]") {
+TEST_CASE("a culture cell that seen ground only touches is not asked for its class", "[culture][long]") {
     // A plateau that ends at line `edge` from the sensor, all else hidden under it, either way along either axis; borders
     // of culture cells run through posts, and those from the edge on, or from a line before it, are of no class.
     for (const bool by_columns : {false, true})
