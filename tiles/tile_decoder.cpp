@@ -10,6 +10,7 @@
 #include <type_traits>
 
 #include "lib/error.hpp"
+#include "lib/lanes.hpp"
 
 namespace wedgescope {
 namespace {
@@ -38,6 +39,22 @@ Eight running_sums(Eight v) {
     return v + __builtin_shufflevector(v, none, 8, 9, 10, 11, 0, 1, 2, 3);
 }
 
+/// The same of sixteen bytes.
+using Sixteen [[gnu::vector_size(16)]] = std::uint8_t;
+WEDGESCOPE_LANES_PART Sixteen running_sums(Sixteen v) noexcept {
+    const Sixteen none{};
+    v += __builtin_shufflevector(v, none, 16, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14);
+    v += __builtin_shufflevector(v, none, 16, 17, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13);
+    v += __builtin_shufflevector(v, none, 16, 17, 18, 19, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11);
+    return v + __builtin_shufflevector(v, none, 16, 17, 18, 19, 20, 21, 22, 23, 0, 1, 2, 3, 4, 5, 6, 7);
+}
+
+WEDGESCOPE_LANES_PART Sixteen load(const std::uint8_t* bytes) noexcept {
+    Sixteen v;
+    std::memcpy(&v, bytes, sizeof v);
+    return v;
+}
+
 /// x[i] += x[i - 1], row by row.
 template <class T>
 void add_up(std::byte* values, std::int64_t edge) {
@@ -62,18 +79,51 @@ void add_up(std::byte* values, std::int64_t edge) {
     }
 }
 
-/// Rows of differences of bytes, the values' highest bytes first (TIFF technical note 3).
-void join_bytes(std::byte* values, std::int64_t edge, std::size_t type_bytes) {
-    const auto n = static_cast<std::size_t>(edge);
-    std::vector<std::uint8_t> planes(n * type_bytes);
-    for (std::int64_t r = 0; r < edge; ++r) {
-        std::byte* line = values + static_cast<std::size_t>(r) * planes.size();
-        unsigned sum = 0;
-        for (std::size_t i = 0; i < planes.size(); ++i) {
-            sum += static_cast<unsigned>(line[i]);
-            planes[i] = static_cast<std::uint8_t>(sum);
-        }
-        for (std::size_t i = 0; i < n; ++i)
+/// Sums of the first 1, 2, ... of `n` bytes, in place.
+WEDGESCOPE_LANES_PART void add_up_bytes(std::uint8_t* bytes, std::size_t n) noexcept {
+    std::uint8_t sum = 0;
+    std::size_t i = 0;
+    for (; i + sizeof(Sixteen) <= n; i += sizeof(Sixteen)) {
+        const Sixteen own = running_sums(load(bytes + i)), all = own + sum;
+        std::memcpy(bytes + i, &all, sizeof all);
+        sum = static_cast<std::uint8_t>(sum + own[15]);  // not all[15]: so no step waits for the one before
+    }
+    for (; i < n; ++i) bytes[i] = sum = static_cast<std::uint8_t>(sum + bytes[i]);
+}
+
+/// Each of a's followed by that of b: the first half and the second.
+template <int half>
+WEDGESCOPE_LANES_PART Sixteen in_turns(Sixteen a, Sixteen b) noexcept {
+    constexpr int h = 8 * half;
+    return __builtin_shufflevector(a, b, h, h + 16, h + 1, h + 17, h + 2, h + 18, h + 3, h + 19, h + 4, h + 20, h + 5,
+                                   h + 21, h + 6, h + 22, h + 7, h + 23);
+}
+
+/// Four planes of n bytes, the highest first, into values of four bytes; returns how many of each were taken.
+WEDGESCOPE_LANES_PART std::size_t join_fours(const std::uint8_t* planes, std::size_t n, std::byte* values) noexcept {
+    std::size_t i = 0;
+    for (; i + sizeof(Sixteen) <= n; i += sizeof(Sixteen)) {
+        const Sixteen b3 = load(planes + i), b2 = load(planes + n + i), b1 = load(planes + 2 * n + i),
+                      b0 = load(planes + 3 * n + i);
+        // Pairs of pairs: 0 2 0 2 ... with 1 3 1 3 ... gives 0 1 2 3.
+        const Sixteen even[2] = {in_turns<0>(b0, b2), in_turns<1>(b0, b2)},
+                      odd[2] = {in_turns<0>(b1, b3), in_turns<1>(b1, b3)};
+        const Sixteen joined[4] = {in_turns<0>(even[0], odd[0]), in_turns<1>(even[0], odd[0]),
+                                   in_turns<0>(even[1], odd[1]), in_turns<1>(even[1], odd[1])};
+        std::memcpy(values + 4 * i, joined, sizeof joined);
+    }
+    return i;
+}
+
+/// Rows of `n` values as differences of bytes, the values' highest bytes first (TIFF technical note 3). `planes`: room for
+/// a row.
+WEDGESCOPE_LANES_PART void join_bytes(std::byte* line, std::size_t rows, std::size_t n, std::size_t type_bytes,
+                                      std::uint8_t* planes) noexcept {
+    const std::size_t row_bytes = n * type_bytes;
+    for (std::size_t r = 0; r < rows; ++r, line += row_bytes) {
+        std::memcpy(planes, line, row_bytes);
+        add_up_bytes(planes, row_bytes);
+        for (std::size_t i = type_bytes == 4 ? join_fours(planes, n, line) : 0; i < n; ++i)
             for (std::size_t b = 0; b < type_bytes; ++b)
                 line[i * type_bytes + b] = static_cast<std::byte>(planes[(type_bytes - 1 - b) * n + i]);
     }
@@ -108,7 +158,11 @@ bool TileDecoder::unpack(std::uint64_t at, std::size_t count, RawVector<std::byt
 }
 
 void TileDecoder::undo(Predictor predictor, RawVector<std::byte>& values) const {
-    if (predictor == Predictor::floating) join_bytes(values.data(), edge_, type_bytes_);
+    if (predictor == Predictor::floating) {
+        const auto edge = static_cast<std::size_t>(edge_);
+        std::vector<std::uint8_t> planes(edge * type_bytes_);
+        on_target<join_bytes>(values.data(), edge, edge, type_bytes_, planes.data());
+    }
     if (predictor != Predictor::horizontal) return;
     switch (type_bytes_) {
         case 1:
