@@ -276,6 +276,8 @@ void Cover::prepare(Strip& strip) {
                 }
     } else {
         // The fan of each row, without what belongs to east and west; all else in the row is outside.
+        std::vector<bool> by_column(static_cast<std::size_t>(tile_of(db_.columns - 1) + 1));
+        const auto cross = [&](std::int64_t column) { by_column[static_cast<std::size_t>(column / tile_edge)] = true; };
         for (std::int64_t line = lines.begin; line < lines.end; ++line) {
             const std::int64_t row = grid_.line_index(q, line);
             const auto theirs = [&](std::int64_t c) {
@@ -286,10 +288,11 @@ void Cover::prepare(Strip& strip) {
             while (!fan.empty() && theirs(fan.end - 1)) --fan.end;
             strip.own[static_cast<std::size_t>(line - lines.begin)] = fan;
             for (std::int64_t c = fan.begin; c < fan.end; c += tile_edge - real_column(c) % tile_edge)
-                for (std::int64_t same : same_columns(real_column(c)))
-                    crossed.emplace_back(strip.tile, same / tile_edge);
-            if (!fan.empty()) crossed.emplace_back(strip.tile, real_column(fan.end - 1) / tile_edge);
+                for (std::int64_t same : same_columns(real_column(c))) cross(same);
+            if (!fan.empty()) cross(real_column(fan.end - 1));
         }
+        for (std::size_t tc = 0; tc < by_column.size(); ++tc)
+            if (by_column[tc]) crossed.emplace_back(strip.tile, static_cast<std::int64_t>(tc));
         for (std::int64_t tc = tile_of(reached_.columns.begin); tc * tile_edge < reached_.columns.end; ++tc) {
             std::int64_t posts = 0;
             for (std::int64_t c = tc * tile_edge; c < std::min(db_.columns, (tc + 1) * tile_edge); ++c)

@@ -390,10 +390,10 @@ bool Wedges::sweep(WedgeTask& task) {
         if (front.unknown_code() && (!task.unknown_code || *front.unknown_code() < *task.unknown_code))
             task.unknown_code = front.unknown_code();
         // The front counts ticks; CPU seconds of the node are shared out by them below.
-        task.report.sample_s += static_cast<double>(cost.sample);
-        task.report.sweep_s += static_cast<double>(cost.sweep);
-        task.report.shade_s += static_cast<double>(cost.shade);
-        task.report.deposit_s += static_cast<double>(cost.deposit);
+        task.report.sample_s += static_cast<double>(cost.clock.spent(StageClock::sample));
+        task.report.sweep_s += static_cast<double>(cost.clock.spent(StageClock::sweep));
+        task.report.shade_s += static_cast<double>(cost.clock.spent(StageClock::shade));
+        task.report.deposit_s += static_cast<double>(cost.clock.spent(StageClock::deposit));
         task.front.reset();
         ++task.run;
     }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cassert>
 #include <cmath>
 #include <limits>
@@ -11,7 +12,6 @@
 #include "lib/lanes.hpp"
 #include "lib/post_extremes.hpp"
 #include "lib/rounding.hpp"
-#include "lib/ticks.hpp"
 
 namespace wedgescope {
 namespace {
@@ -442,6 +442,7 @@ void Front::advance(Interval lines, const Chunk* chunk, bool leap) {
             between_ = first;
             advance_tile(part, chunk, tile, std::min(live_end_, tile + tile_lanes), between_);
         }
+        cost_.clock.enter(StageClock::other);
         trim();
         next_line_ = part.end;
         lines.begin = part.end;
@@ -564,11 +565,10 @@ bool Front::passes_alone(const Chunk& chunk, ChunkBounds& bounds, std::int64_t b
 
 std::int64_t Front::leap(std::int64_t line, std::int64_t last, const Chunk& chunk, std::size_t begin, std::size_t end,
                          Between& between) {
-    const std::uint64_t clock = ticks();
+    cost_.clock.enter(StageClock::sweep);
     std::int64_t passed = line - 1;
     for (ChunkBounds& bounds : chunk_bounds_)
         if (passed < line) passed = leap_block(line, last, chunk, bounds, begin, end, between);
-    cost_.sweep += ticks() - clock;
     return passed;
 }
 
@@ -621,7 +621,7 @@ void Front::advance_line(std::int64_t line, const Between& between, std::size_t 
     const double distance = grid.distance(fan_, line);
     const std::size_t n = end - begin;
 
-    const std::uint64_t clock = ticks();
+    cost_.clock.enter(StageClock::sample);
     places(distance, level_, begin, end, ahead_.minor.data(), ahead_.arc.data(), line_pieces_);
     // Beyond the range, or gone from the raster for good.
     const auto modes = lanes_.mode.begin() + static_cast<std::ptrdiff_t>(begin);
@@ -636,17 +636,15 @@ void Front::advance_line(std::int64_t line, const Between& between, std::size_t 
             if (is(lane, mode_gap)) mark_rest(lane, lanes_.mark_from[lane]);
             lanes_.mode[lane] = mode_done;
         }
-    cost_.sample += ticks() - clock;
 
     if (unseeing && passes_line(between, begin, end)) return;
     refresh(between, begin, end);
     if (scene_->sampling.cross_lines && between.adjacent) {
         for (;;) {
-            const std::uint64_t crossing_clock = ticks();
+            cost_.clock.enter(StageClock::sample);
             const int crossed = cross_lanes(
                 n, {now_.part.data(), now_.minor.data(), now_.arc.data(), ahead_.minor.data(), ahead_.arc.data(),
                     crossing_.part.data(), crossing_.minor.data(), crossing_.arc.data()});
-            cost_.sample += ticks() - crossing_clock;
             if (crossed == 0) break;
             cost_.samples += static_cast<std::uint64_t>(crossed);
             take(between, begin, end, true, crossing_);
@@ -660,7 +658,7 @@ void Front::advance_line(std::int64_t line, const Between& between, std::size_t 
 }
 
 bool Front::passes_line(const Between& between, std::size_t begin, std::size_t end) {
-    const std::uint64_t clock = ticks();
+    cost_.clock.enter(StageClock::sweep);
     const bool passes =
         pass_hidden(end - begin, scene_->sensor_m, between.behind, between.ahead,
                     {now_.minor.data(), ahead_.minor.data(), now_.arc.data(), ahead_.arc.data(),
@@ -670,17 +668,15 @@ bool Front::passes_line(const Between& between, std::size_t begin, std::size_t e
         std::swap(now_.arc, ahead_.arc);
         stale_ = true;
     }
-    cost_.sweep += ticks() - clock;
     return passes;
 }
 
 void Front::refresh(const Between& between, std::size_t begin, std::size_t end) {
     if (!stale_) return;
-    const std::uint64_t clock = ticks();
+    cost_.clock.enter(StageClock::sweep);
     sample_line(between.behind, begin, end, 0, now_);
     stale_ = false;
     cost_.samples += end - begin;
-    cost_.sweep += ticks() - clock;
 }
 
 bool Front::beyond(std::size_t lane, double minor, double arc, double distance) const {
@@ -700,13 +696,13 @@ bool Front::beyond(std::size_t lane, double minor, double arc, double distance) 
 void Front::take(const Between& between, std::size_t begin, std::size_t end, bool crossings, Samples& next) {
     const std::size_t n = end - begin;
     const SampleLanes from = now_.lanes(0), to = next.lanes(0);
-    const std::uint64_t clock = ticks();
+    cost_.clock.enter(StageClock::sample);
     // The cell that the piece runs through; without the other axis' lines it may run through two: that of its end.
     const bool one_cell = crossings || (scene_->sampling.cross_lines && between.adjacent);
     const CellLanes posts{cell_.data(), posts_.data(), posts_.data() + 2 * tile_lanes};
     cell_lanes(between.adjacent ? between.behind : between.ahead, between.ahead, n, one_cell ? from.minor : to.minor,
                to.minor, posts);
-    const std::uint64_t sampled = ticks();
+    cost_.clock.enter(StageClock::sweep);
     const StepScene step = step_scene(scene_->sampling.exact_course && one_cell);
     const Rises found = step_lanes(
         crossings ? StepTo::crossing : StepTo::line, n, step,
@@ -714,21 +710,17 @@ void Front::take(const Between& between, std::size_t begin, std::size_t end, boo
          lanes_.void_horizon.data() + begin, lanes_.horizon.data() + begin, lanes_.seen_least.data() + begin,
          lanes_.seen_most.data() + begin, bump_.data(), rise_.data(), swing_.data(), sine0_.data(), code_.data()});
     cost_.pieces += static_cast<std::uint64_t>(found.plain);
-    const std::uint64_t swept = ticks();
+    if (found.plain + found.changes > 0) cost_.clock.enter(StageClock::deposit);
     if (found.plain) keep_pieces(n, begin, between, next);
-    const std::uint64_t kept = ticks();
     if (at_once_ || pieces_.size() + tile_lanes > VisiblePieces::most) put_pieces(between);
-    const std::uint64_t put = ticks(), read = culture_.cost().ticks;
-    int changes = found.changes;
-    for (std::size_t i = 0; changes > 0 && i < n; ++i) {
-        if (code_[i] != 2) continue;
-        --changes;
+    if (found.changes == 0) return std::swap(now_, next);
+    const std::uint64_t read = culture_.cost().ticks;
+    for (std::uint64_t left = lanes_of_code(2, n, code_.data()); left != 0; left &= left - 1) {
+        const auto i = static_cast<std::size_t>(std::countr_zero(left));
         change(begin + i, i, between, next);
         if (shore_ && is(begin + i, mode_gap)) lanes_.shore[begin + i] = {};  // what is there, nobody knows
     }
-    cost_.sample += sampled - clock;
-    cost_.sweep += swept - sampled;
-    cost_.deposit += kept - swept + ticks() - put - (culture_.cost().ticks - read);
+    cost_.clock.leave_out(culture_.cost().ticks - read);
     std::swap(now_, next);
 }
 

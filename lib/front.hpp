@@ -28,6 +28,7 @@
 #include "lib/sample.hpp"
 #include "lib/shade.hpp"
 #include "lib/spoke_grid.hpp"
+#include "lib/stage_clock.hpp"
 #include "lib/sweep.hpp"
 #include "lib/visible_pieces.hpp"
 #include "lib/wedge_source.hpp"
@@ -59,7 +60,7 @@ struct SweepScene {
 
 /// Clock ticks spent by stage, and counts.
 struct SweepCost {
-    std::uint64_t sample = 0, sweep = 0, shade = 0, deposit = 0;
+    StageClock clock;
     std::uint64_t samples = 0, pieces = 0;
 };
 
@@ -96,7 +97,8 @@ private:
     static constexpr std::int64_t small_block_posts = 8;
     /// Spokes taken over a chunk's lines together: their state stays in cache.
     static constexpr std::size_t tile_lanes = 64;
-    static_assert(tile_lanes <= VisiblePieces::most && tile_lanes <= PassingLanes::most, "a tile is taken in one go");
+    static_assert(tile_lanes <= VisiblePieces::most && tile_lanes <= PassingLanes::most && tile_lanes <= 64,
+                  "a tile is taken in one go");
 
     /// Nine arrays of doubles, one sample a spoke.
     struct Samples {

@@ -9,7 +9,6 @@
 
 #include "lib/front.hpp"
 #include "lib/rounding.hpp"
-#include "lib/ticks.hpp"
 
 namespace wedgescope {
 namespace {
@@ -80,7 +79,7 @@ void Front::put_pieces(const Between& between) {
     const std::size_t n = pieces_.size();
     if (n == 0) return;
     assert(at_once_ || (between.ahead_culture.empty() && between.behind_culture.empty()));
-    const std::uint64_t clock = ticks();
+    cost_.clock.enter(StageClock::shade);
     const auto column = [&](P::Column of) { return pieces_.numbers(of); };
     // What the pieces have of their spokes.
     for (std::size_t i = 0; i < n; ++i) {
@@ -107,7 +106,8 @@ void Front::put_pieces(const Between& between) {
         facet_lanes(n, {starts_of_pieces(0), ends_of_pieces(0), pieces_.pairs(P::behind), pieces_.pairs(P::ahead),
                         of_spokes(lanes_.across, across_), of_spokes(lanes_.slant, slant_), minor_post_m_ * post_,
                         facet_.data()});
-    const std::uint64_t shaded = ticks(), read = culture_.cost().ticks;
+    cost_.clock.enter(StageClock::deposit);
+    const std::uint64_t read = culture_.cost().ticks;
     if (put_plain(between)) {
         for (std::size_t i = 0; i < n; ++i) {
             const std::size_t lane = lane_of_piece(i);
@@ -127,8 +127,7 @@ void Front::put_pieces(const Between& between) {
         }
     }
     pieces_.clear();
-    cost_.shade += shaded - clock;
-    cost_.deposit += ticks() - shaded - (culture_.cost().ticks - read);
+    cost_.clock.leave_out(culture_.cost().ticks - read);
 }
 
 bool Front::put_plain(const Between& between) {

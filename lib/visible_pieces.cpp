@@ -82,6 +82,17 @@ HWY_ATTR std::size_t close_up(std::size_t n, const double* code, const std::uint
     return at;
 }
 
+HWY_ATTR std::uint64_t find_code(double wanted, std::size_t n, const double* code) {
+    const Numbers d;
+    std::uint64_t found = 0;
+    for (std::size_t i = 0; i < n; i += hn::Lanes(d)) {
+        std::uint8_t bits[8] = {};
+        hn::StoreMaskBits(d, hn::LoadU(d, code + i) == hn::Set(d, wanted), bits);
+        found |= static_cast<std::uint64_t>(bits[0]) << i;
+    }
+    return n < 64 ? found & ((std::uint64_t{1} << n) - 1) : found;
+}
+
 }  // namespace
 }  // namespace wedgescope::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
@@ -90,6 +101,11 @@ HWY_AFTER_NAMESPACE();
 namespace wedgescope {
 
 HWY_EXPORT(close_up);
+HWY_EXPORT(find_code);
+
+std::uint64_t lanes_of_code(double wanted, std::size_t n, const double* code) noexcept {
+    return HWY_DYNAMIC_DISPATCH(find_code)(wanted, n, code);
+}
 
 VisiblePieces::VisiblePieces() {
     for (LaneArray& column : columns_) column.resize(length);

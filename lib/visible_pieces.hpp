@@ -57,4 +57,7 @@ private:
     std::size_t size_ = 0;
 };
 
+/// Which of n <= 64 lanes have that code, the first in the lowest bit. The codes must go on to whole registers.
+std::uint64_t lanes_of_code(double wanted, std::size_t n, const double* code) noexcept;
+
 }  // namespace wedgescope

@@ -208,6 +208,72 @@ TEST_CASE("south-up rasters and rasters without any georeference are honoured", 
           Approx(1200.0 / 3937).epsilon(1e-12));
 }
 
+TEST_CASE("places are those that GDAL's own transformation finds, in any CRS", "[source]") {
+    struct Place {
+        const char* crs;
+        double lat, lon;
+    };
+    const auto place = GENERATE(values<Place>({
+        {"EPSG:32611", 34, -117},  // UTM, WGS84
+        {"EPSG:26711", 34, -117},  // of another datum: NAD27
+        {"EPSG:2263", 40.7, -74},  // US survey feet
+        {"EPSG:27700", 52, -1.5},  // OSGB36
+        {"EPSG:3035", 50, 10},     // northing before easting
+        {"EPSG:31467", 49, 9},     // the same, shifted datum
+        {"EPSG:3031", -80, 40},    // south pole
+        {"EPSG:3413", 84, -170},   // north pole
+        {"EPSG:2193", -41, 174},   // NZTM
+        {"EPSG:4267", 40, -100},   // degrees, NAD27
+        {"EPSG:4301", 36, 138},    // degrees, Tokyo
+        {"+proj=tmerc +lon_0=9 +ellps=bessel +towgs84=598,73,418,0.2,0,-2.4,6.7", 50, 9.5},
+        {"+proj=laea +lat_0=45 +lon_0=7 +R=6371000 +units=m", 45.2, 7.3},
+    }));
+    INFO(place.crs);
+    OGRSpatialReference wgs84, crs;
+    wgs84.SetWellKnownGeogCS("WGS84");
+    wgs84.SetAxisMappingStrategy(OAMS_TRADITIONAL_GIS_ORDER);
+    REQUIRE(crs.SetFromUserInput(place.crs) == OGRERR_NONE);
+    crs.SetAxisMappingStrategy(OAMS_TRADITIONAL_GIS_ORDER);
+    // As files hold it: an older format has lost the area that the CRS is in use in.
+    const bool old_format = GENERATE(false, true);
+    char* wkt = nullptr;
+    const char* const format[] = {old_format ? "FORMAT=WKT1_GDAL" : "FORMAT=WKT2_2019", nullptr};
+    REQUIRE(crs.exportToWkt(&wkt, format) == OGRERR_NONE);
+    const std::string words = wkt;
+    CPLFree(wkt);
+    const std::unique_ptr<OGRCoordinateTransformation> there(OGRCreateCoordinateTransformation(&wgs84, &crs)),
+        back(OGRCreateCoordinateTransformation(&crs, &wgs84));
+    REQUIRE((there && back));
+    double x = place.lon, y = place.lat;
+    REQUIRE(there->Transform(1, &x, &y));
+
+    const Folder folder;
+    Drawing d;
+    const double step = crs.IsGeographic() ? 1e-3 : 100;
+    d.columns = d.rows = 101;
+    d.geotransform = {{x - 50 * step, step, 0, y + 50 * step, 0, -step}};
+    d.crs = words;
+    draw(folder / "there.tif", d);
+    const auto source = open_direct_source(only(folder / "there.tif"));
+    const DataBase& db = source->data_base();
+    std::mt19937 random(5);
+    std::uniform_real_distribution<double> somewhere(0, 100);
+    for (int i = 0; i < 20; ++i) {
+        const double column = somewhere(random), row = somewhere(random);
+        double lon = x + (column - 49.5) * step, lat = y - (row - 49.5) * step;
+        REQUIRE(back->Transform(1, &lon, &lat));
+        const auto found = db.lat_lon(column, row);
+        REQUIRE(found);
+        CHECK(found->first == Approx(lat).epsilon(0).margin(1e-10));
+        CHECK(found->second == Approx(lon).epsilon(0).margin(1e-10));
+        double easting = lon, northing = lat;
+        REQUIRE(there->Transform(1, &easting, &northing));
+        const IndexPosition at = db.locate(lat, lon);
+        CHECK(at.column == Approx((easting - x) / step + 49.5).epsilon(0).margin(1e-6));
+        CHECK(at.row == Approx((y - northing) / step + 49.5).epsilon(0).margin(1e-6));
+    }
+}
+
 TEST_CASE("culture heights are added at the posts in single precision", "[source]") {
     const Plain dem(data + "/worcester_vermont_dem.tif"), canopy(data + "/worcester_vermont_canopy.tif");
     DataBaseParams params = only(data + "/worcester_vermont_dem.tif");

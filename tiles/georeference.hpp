@@ -20,10 +20,10 @@ public:
     std::optional<std::pair<double, double>> lat_lon(double column, double row);
 
 private:
-    struct Ways;
-    static std::shared_ptr<Ways> ways_of(const RasterFacts& facts);
+    class Way;
+    static std::shared_ptr<Way> way_of(const RasterFacts& facts);
     RasterFacts facts_;
-    std::shared_ptr<Ways> ways_;  ///< null: WGS84 itself
+    std::shared_ptr<Way> way_;  ///< null: WGS84 itself
 };
 
 /// The grid of the terrain's posts and where it lies on earth; nothing about culture.
