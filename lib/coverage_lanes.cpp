@@ -5,6 +5,8 @@
 #include <hwy/foreach_target.h>
 #include <hwy/highway.h>
 
+#include "lib/highway_copies.hpp"
+
 // Compiled once for every instruction set: all that is not a lane operation is + - * / and conversions, and nothing is
 // fused, so each gives the same bits.
 HWY_BEFORE_NAMESPACE();
@@ -274,17 +276,17 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace wedgescope {
 
-HWY_EXPORT(raise_any);
-HWY_EXPORT(test_any);
-HWY_EXPORT(least_any);
+constexpr auto raise_any_copies = WEDGESCOPE_HIGHWAY_COPIES(raise_any);
+constexpr auto test_any_copies = WEDGESCOPE_HIGHWAY_COPIES(test_any);
+constexpr auto least_any_copies = WEDGESCOPE_HIGHWAY_COPIES(least_any);
 
 void raise_lanes(const RaiseLanes& lanes, const Lift& lift, bool cross) noexcept {
-    HWY_DYNAMIC_DISPATCH(raise_any)(lanes, lift, cross);
+    raise_any_copies.in_use()(lanes, lift, cross);
 }
-void test_lanes(const TestLanes& lanes, const Lift& lift) noexcept { HWY_DYNAMIC_DISPATCH(test_any)(lanes, lift); }
+void test_lanes(const TestLanes& lanes, const Lift& lift) noexcept { test_any_copies.in_use()(lanes, lift); }
 
 void least_of_groups(const float* horizon, std::size_t groups, float* least) noexcept {
-    HWY_DYNAMIC_DISPATCH(least_any)(horizon, groups, least);
+    least_any_copies.in_use()(horizon, groups, least);
 }
 
 }  // namespace wedgescope

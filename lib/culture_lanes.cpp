@@ -5,6 +5,8 @@
 #include <hwy/foreach_target.h>
 #include <hwy/highway.h>
 
+#include "lib/highway_copies.hpp"
+
 HWY_BEFORE_NAMESPACE();
 namespace wedgescope::HWY_NAMESPACE {
 namespace {
@@ -122,10 +124,10 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace wedgescope {
 
-HWY_EXPORT(culture_any);
+constexpr auto culture_any_copies = WEDGESCOPE_HIGHWAY_COPIES(culture_any);
 
 void culture_lanes(std::size_t n, const CultureScene& scene, const CulturePieces& pieces, CultureParts& out) noexcept {
-    HWY_DYNAMIC_DISPATCH(culture_any)(n, scene, pieces, out);
+    culture_any_copies.in_use()(n, scene, pieces, out);
 }
 
 }  // namespace wedgescope

@@ -5,6 +5,8 @@
 #include <hwy/foreach_target.h>
 #include <hwy/highway.h>
 
+#include "lib/highway_copies.hpp"
+
 HWY_BEFORE_NAMESPACE();
 namespace wedgescope::HWY_NAMESPACE {
 namespace {
@@ -45,10 +47,10 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace wedgescope {
 
-HWY_EXPORT(extremes_any);
+constexpr auto extremes_any_copies = WEDGESCOPE_HIGHWAY_COPIES(extremes_any);
 
 PostExtremes post_extremes(const float* posts, std::size_t stride, std::size_t lines, std::size_t width) noexcept {
-    return HWY_DYNAMIC_DISPATCH(extremes_any)(posts, stride, lines, width);
+    return extremes_any_copies.in_use()(posts, stride, lines, width);
 }
 
 }  // namespace wedgescope

@@ -1,7 +1,5 @@
 #include "lib/target.hpp"
 
-#include <hwy/targets.h>
-
 #include <algorithm>
 #include <cstdlib>
 
@@ -12,26 +10,27 @@ namespace {
 
 constexpr const char* variable = "WEDGESCOPE_TARGET";
 
-#if HWY_ARCH_X86
-/// Highway's bit of a target; none for the baseline, which Highway falls back to without any.
-constexpr std::array<std::int64_t, target_names.size()> highway_bits{0, HWY_SSE4, HWY_AVX2, HWY_AVX3};
-#else
-constexpr std::array<std::int64_t, target_names.size()> highway_bits{};
+/// Of this machine and its operating system.
+bool can_run([[maybe_unused]] Target target) {
+#if defined(__x86_64__)
+    switch (target) {
+        case Target::baseline:
+            return true;
+        case Target::sse4:
+            return __builtin_cpu_supports("sse4.2") && __builtin_cpu_supports("aes") &&
+                   __builtin_cpu_supports("pclmul");
+        case Target::avx2:
+            return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("bmi") && __builtin_cpu_supports("bmi2") &&
+                   __builtin_cpu_supports("fma") && __builtin_cpu_supports("f16c") && __builtin_cpu_supports("lzcnt");
+        case Target::avx512:
+            return __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") &&
+                   __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl");
+    }
 #endif
-
-/// Those up to `target`, so that a loop that Highway could not compile for it runs on the next one.
-std::int64_t highway_bits_up_to(Target target) {
-    std::int64_t bits = 0;
-    for (std::size_t i = 0; i <= static_cast<std::size_t>(target); ++i) bits |= highway_bits[i];
-    return bits;
+    return target == Target::baseline;
 }
 
-void put(Target target) {
-    detail::target_in_use.store(target, std::memory_order_relaxed);
-#if HWY_ARCH_X86
-    hwy::GetChosenTarget().Update(highway_bits_up_to(target));
-#endif
-}
+void put(Target target) { detail::target_in_use.store(target, std::memory_order_relaxed); }
 
 std::string accepted_here() {
     std::string names = "auto";
@@ -50,10 +49,9 @@ std::string accepted_here() {
 constinit std::atomic<Target> detail::target_in_use{Target::baseline};
 
 std::vector<Target> targets_here() {
-    std::vector<Target> here{Target::baseline};
-    const std::int64_t supported = hwy::SupportedTargets();
-    for (std::size_t i = 1; i < target_names.size(); ++i)
-        if (supported & highway_bits[i]) here.push_back(static_cast<Target>(i));
+    std::vector<Target> here;
+    for (std::size_t i = 0; i < target_names.size(); ++i)
+        if (const auto target = static_cast<Target>(i); can_run(target)) here.push_back(target);
     return here;
 }
 

@@ -2,7 +2,7 @@
 // that forces it. Leaves how a loop is compiled for each of them to lanes.hpp and Highway.
 //
 // Every target gives the same bits. Both ways to compile a loop follow the one choice: what lanes.hpp copies and what Highway
-// dispatches (coverage_lanes, culture_lanes, post_extremes).
+// compiles (highway_copies.hpp).
 #pragma once
 #include <array>
 #include <atomic>
@@ -12,7 +12,8 @@
 namespace wedgescope {
 
 /// What the compiler takes for granted (SSE2 on x86-64; all there is on other processors), and what is asked of the machine
-/// for more. As Highway's of these names: SSE4.2 with AES, AVX2 with BMI2, FMA (not used) and F16C, AVX-512 F, BW, DQ and VL.
+/// for more. As Highway's of these names: SSE4.2 with AES and PCLMUL, AVX2 with BMI, LZCNT, FMA (not used) and F16C, AVX-512 F,
+/// BW, DQ and VL.
 enum class Target { baseline, sse4, avx2, avx512 };
 inline constexpr std::array<const char*, 4> target_names{"baseline", "sse4", "avx2", "avx512"};
 

@@ -24,6 +24,8 @@ constexpr auto order = [] {
 #include <hwy/foreach_target.h>
 #include <hwy/highway.h>
 
+#include "lib/highway_copies.hpp"
+
 HWY_BEFORE_NAMESPACE();
 namespace wedgescope::HWY_NAMESPACE {
 namespace {
@@ -100,11 +102,11 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace wedgescope {
 
-HWY_EXPORT(close_up);
-HWY_EXPORT(find_code);
+constexpr auto close_up_copies = WEDGESCOPE_HIGHWAY_COPIES(close_up);
+constexpr auto find_code_copies = WEDGESCOPE_HIGHWAY_COPIES(find_code);
 
 std::uint64_t lanes_of_code(double wanted, std::size_t n, const double* code) noexcept {
-    return HWY_DYNAMIC_DISPATCH(find_code)(wanted, n, code);
+    return find_code_copies.in_use()(wanted, n, code);
 }
 
 VisiblePieces::VisiblePieces() {
@@ -120,7 +122,7 @@ void VisiblePieces::add(std::size_t n, const double* code, const Tile& tile) noe
         from[count] = static_cast<const std::uint64_t*>(tile[c]);
         to[count++] = reinterpret_cast<std::uint64_t*>(columns_[c].data());
     }
-    size_ = HWY_DYNAMIC_DISPATCH(close_up)(n, code, from, to, count, size_);
+    size_ = close_up_copies.in_use()(n, code, from, to, count, size_);
 }
 
 }  // namespace wedgescope
