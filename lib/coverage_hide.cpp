@@ -156,19 +156,29 @@ void Cover::hide(const Side& side, Interval lines, std::int64_t major, Interval 
     }
 }
 
-/// Parts of a line's posts, whole groups but for the ends, with why they need no test.
-void Cover::part_line(Interval posts, std::int64_t row, Desk& desk) const {
+/// Parts of the posts of a row of blocks, with why they need no test; beyond the blocks there is no reason.
+void Cover::part_row(std::int64_t row, Desk& desk) {
     const Blocks& blocks = desk.blocks;
-    desk.parts.clear();
-    if (blocks.empty()) return desk.parts.push_back({posts, Skip::none});
-    for (std::int64_t j = posts.begin; j < posts.end;) {
-        const std::int64_t block = block_along(j), end = std::min(posts.end, (block + 1) * block_posts);
-        const Skip why = blocks.minors.contains(block) ? blocks.skip[blocks.at(row, block)] : Skip::none;
-        if (!desk.parts.empty() && desk.parts.back().second == why)
-            desk.parts.back().first.end = end;
+    constexpr std::int64_t far = std::numeric_limits<std::int64_t>::max();
+    desk.row_parts = {{{-far, blocks.empty() ? far : blocks.minors.begin * block_posts}, Skip::none}};
+    if (blocks.empty()) return;
+    const auto add = [&](std::int64_t end, Skip why) {
+        if (desk.row_parts.back().second == why)
+            desk.row_parts.back().first.end = end;
         else
-            desk.parts.push_back({{j, end}, why});
-        j = end;
+            desk.row_parts.push_back({{desk.row_parts.back().first.end, end}, why});
+    };
+    for (std::int64_t j = blocks.minors.begin; j < blocks.minors.end; ++j)
+        add((j + 1) * block_posts, blocks.skip[blocks.at(row, j)]);
+    add(far, Skip::none);
+}
+
+/// The same of a line's posts.
+void Cover::part_line(Interval posts, Desk& desk) {
+    desk.parts.clear();
+    for (const auto& [part, why] : desk.row_parts) {
+        if (part.begin >= posts.end) break;
+        if (const Interval own = intersection(part, posts); !own.empty()) desk.parts.push_back({own, why});
     }
 }
 

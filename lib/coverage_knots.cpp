@@ -34,6 +34,10 @@ WEDGESCOPE_LANES_PART double horner(const std::array<double, 5>& c, double u) no
     return c[0] + u * (c[1] + u * (c[2] + u * (c[3] + u * c[4])));
 }
 
+WEDGESCOPE_LANES_PART double place(const LineForm& line, const PieceForm& piece, double m, double u) noexcept {
+    return line.nadir_minor + m * line.distance + horner(piece.bend, u);
+}
+
 WEDGESCOPE_LANES_PART void place_spokes(const LineForm& line, const PieceForm& piece, std::int64_t spokes,
                                         std::int64_t first, std::size_t n, const KnotLanes& out) noexcept {
     double* __restrict at = out.at;
@@ -44,7 +48,7 @@ WEDGESCOPE_LANES_PART void place_spokes(const LineForm& line, const PieceForm& p
         const double m = (start + static_cast<double>(i * static_cast<int>(knot_step))) / of,
                      u = (m - piece.middle) * piece.scale;
         const Polynomials p = factors(line, m, horner(piece.stretch, u));
-        at[i] = line.nadir_minor + m * line.distance + horner(piece.bend, u);
+        at[i] = place(line, piece, m, u);
         lift[i] = static_cast<float>(p.lift);
         drop[i] = static_cast<float>(p.drop);
     }
@@ -134,6 +138,11 @@ WEDGESCOPE_LANES_PART void paint(const std::uint8_t* states, std::size_t n,
 void spoke_knots(const LineForm& line, const PieceForm& piece, std::int64_t spokes, std::int64_t first, std::size_t n,
                  const KnotLanes& out) noexcept {
     on_target<place_spokes>(line, piece, spokes, first, n, out);
+}
+
+double spoke_place(const LineForm& line, const PieceForm& piece, std::int64_t spokes, std::int64_t k) noexcept {
+    const double m = static_cast<double>(k) / static_cast<double>(spokes);
+    return place(line, piece, m, (m - piece.middle) * piece.scale);
 }
 
 void post_knots(const LineForm& line, const PieceForm& piece, std::int64_t spokes, const double* minor, std::size_t n,

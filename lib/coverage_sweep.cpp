@@ -9,6 +9,10 @@ namespace wedgescope::covering {
 
 namespace {
 
+PieceForm piece_form(const SpokeMap::LinePiece& piece) {
+    return {piece.middle, piece.scale, piece.bend, piece.stretch};
+}
+
 /// Twice as many: even spokes are their parents, odd ones stand between two; where one of these has met no ground, at
 /// the raster's edge, the child has met none either.
 void double_spokes(Spokes& s, Spokes& scratch) {
@@ -58,8 +62,7 @@ void Cover::place_knots(const Side& side, const LineForm& line, const Spokes& s,
                                          piece.slope_end * static_cast<double>(k);)
                 ++end;
         spoke_knots(
-            line, {piece.middle, piece.scale, piece.bend, piece.stretch}, k,
-            first + static_cast<std::int64_t>(i) * knot, end - i,
+            line, piece_form(piece), k, first + static_cast<std::int64_t>(i) * knot, end - i,
             {desk.at.data() + i, nullptr, nullptr, desk.lift.data() + i, desk.drop.data() + i, nullptr, nullptr});
         i = end;
     }
@@ -86,7 +89,7 @@ void Cover::place_posts(const Side& side, const LineForm& line, std::int64_t k, 
             for (end = i; end < n && desk.from[end] < border;) ++end;
         }
         post_knots(
-            line, {piece.middle, piece.scale, piece.bend, piece.stretch}, k, desk.from.data() + i, end - i,
+            line, piece_form(piece), k, desk.from.data() + i, end - i,
             {desk.post_at.data() + i, desk.post_slope.data() + i, desk.post_along.data() + i, desk.post_lift.data() + i,
              desk.post_drop.data() + i, desk.post_ray.data() + i, desk.post_rise.data() + i});
         i = end;
@@ -99,9 +102,7 @@ double Cover::spoke_at(const Side& side, const LineForm& line, std::int64_t k, d
     map_.line(side.quadrant, line.distance, std::clamp(guess, -1.0, 1.0), std::clamp(guess, -1.0, 1.0), pieces);
     double at = 0, slope = 0, along = 0;
     float lift = 0, drop = 0, ray = 0, rise = 0;
-    const SpokeMap::LinePiece& p = pieces.front();
-    post_knots(line, {p.middle, p.scale, p.bend, p.stretch}, k, &minor, 1,
-               {&at, &slope, &along, &lift, &drop, &ray, &rise});
+    post_knots(line, piece_form(pieces.front()), k, &minor, 1, {&at, &slope, &along, &lift, &drop, &ray, &rise});
     return at;
 }
 
@@ -218,6 +219,11 @@ void Cover::sweep(Strip& strip, std::size_t run) {
     for (std::size_t l = 0; l < static_cast<std::size_t>(lines.size()); ++l)
         if (first && last) window = hull(window, own[l]);
     desk.own.assign(static_cast<std::size_t>(lines.size()), {});
+    desk.blank.assign(desk.own.size(), 0);
+    const auto state_of = [](Skip why) {
+        return static_cast<std::uint8_t>(why == Skip::voids ? State::no_data : State::shadow);
+    };
+    const bool may_be_blank = bytes_ && !with_posts_ && !params_.reached_only;
     // The line behind the strip too, if the raster has it.
     std::int64_t before = grid_.line_index(q, lines.begin) - outward(q);
     const bool has_before = (db_.cyclic && columns) || (before >= 0 && before < (columns ? db_.columns : db_.rows));
@@ -329,6 +335,7 @@ void Cover::sweep(Strip& strip, std::size_t run) {
                     in_line = in_behind = no_line;
                 }
             }
+            part_row(row, desk);
         }
         bool doubled = line == lines.begin;
         while (s.of < rings[ring].spokes) {
@@ -354,17 +361,21 @@ void Cover::sweep(Strip& strip, std::size_t run) {
         const auto l = static_cast<std::size_t>(line - lines.begin);
         const Interval all = own[l];
         const auto edge = [&](std::int64_t k) {
-            const std::int64_t g = (k - s.range.begin) / knot;
-            place_knots(side, here, s, {g, g}, desk);
-            return ceil_i(desk.at[static_cast<std::size_t>(g)]);
+            const double slope = static_cast<double>(k) / static_cast<double>(s.of);
+            map_.line(q, d, slope, slope, desk.pieces);
+            return ceil_i(spoke_place(here, piece_form(desk.pieces.front()), s.of, k));
         };
         const Interval posts{first ? all.begin : std::clamp(edge(core.begin), all.begin, all.end),
                              last ? all.end : std::clamp(edge(core.end), all.begin, all.end)};
         desk.parts.clear();
         if (!posts.empty()) {
             desk.own[l] = posts;
-            part_line(posts, row, desk);
+            part_line(posts, desk);
         }
+        const bool blank = may_be_blank && std::all_of(desk.parts.begin(), desk.parts.end(), [&](const auto& part) {
+                               return part.second != Skip::none && byte_of(state_of(part.second)) == outside_byte();
+                           });
+        desk.blank[l] = blank ? 1 : 0;
         const bool looked_at = std::any_of(desk.parts.begin(), desk.parts.end(),
                                            [&](const auto& part) { return with_posts_ || part.second == Skip::none; });
         if (looked_at || !groups.empty()) {
@@ -380,9 +391,10 @@ void Cover::sweep(Strip& strip, std::size_t run) {
             const std::size_t out = l * width + static_cast<std::size_t>(part.begin - posts.begin);
             if (why != Skip::none) {
                 did.posts_passed += static_cast<std::uint64_t>(part.size());
-                const auto state = static_cast<std::uint8_t>(why == Skip::voids ? State::no_data : State::shadow);
+                const std::uint8_t state = state_of(why);
                 if (!with_posts_) {
                     desk.states[state] += static_cast<std::uint64_t>(part.size());
+                    if (blank) continue;
                     std::fill_n(desk.bytes.begin() + static_cast<std::ptrdiff_t>(out), part.size(), byte_of(state));
                     continue;
                 }
@@ -466,11 +478,21 @@ void Cover::copy_out(const Strip& strip, Interval window, Desk& desk) {
     const Side& side = *strip.side;
     const Interval lines = strip.lines;
     const auto width = static_cast<std::size_t>(window.size());
+    const bool columns = lines_are_columns(side.quadrant);
     const auto copy = [&]<class T>(const T* from) {
+        // All tiles of a strip lie beside one another, but where it closes the circle.
+        const std::int64_t first = grid_.line_index(side.quadrant, lines.begin),
+                           across = tile_of(columns ? real_column(first) : first);
+        std::vector<T*> along(static_cast<std::size_t>(tile_of((columns ? db_.rows : db_.columns) - 1) + 1));
         const auto tile = [&](std::int64_t row, std::int64_t column) {
-            return tiles_.buffer<T>(*strip.tiles.find({row / tile_edge, column / tile_edge})->second);
+            const CoverageTiles::Key key{row / tile_edge, column / tile_edge};
+            const auto look_up = [&] { return tiles_.buffer<T>(*strip.tiles.find(key)->second); };
+            if ((columns ? key.second : key.first) != across) return look_up();
+            T*& known = along[static_cast<std::size_t>(columns ? key.first : key.second)];
+            if (!known) known = look_up();
+            return known;
         };
-        if (lines_are_columns(side.quadrant))
+        if (columns)
             copy_columns(side, lines, from, width, tile, desk);
         else
             copy_rows(side, lines, from, width, tile, desk);
@@ -486,6 +508,12 @@ template <class T, class TileOf>
 void Cover::copy_columns(const Side& side, Interval lines, const T* from, std::size_t width, TileOf&& tile,
                          const Desk& desk) const {
     constexpr std::int64_t together = 64;
+    const std::array<std::uint8_t, together> blank_row = [&] {
+        std::array<std::uint8_t, together> bytes;
+        bytes.fill(outside_byte());
+        return bytes;
+    }();
+    const auto is_blank = [&](std::int64_t line) { return desk.blank[static_cast<std::size_t>(line)] != 0; };
     const auto source = [&](std::int64_t line, std::int64_t row) {
         const auto l = static_cast<std::size_t>(line);
         return from + l * width + (row - desk.own[l].begin);
@@ -497,6 +525,8 @@ void Cover::copy_columns(const Side& side, Interval lines, const T* from, std::s
         const std::int64_t end = std::min(rows.end, floor_to(row, together) + together);
         for (std::int64_t l = 0; l < lines.size(); l += 16) {
             const std::int64_t l_end = std::min(lines.size(), l + 16);
+            if (std::all_of(desk.blank.begin() + l, desk.blank.begin() + l_end, [](std::uint8_t b) { return b != 0; }))
+                continue;
             Interval all = {row, end};  // that each of the lines has
             for (std::int64_t i = l; i < l_end; ++i) all = intersection(all, desk.own[static_cast<std::size_t>(i)]);
             if (!std::is_same_v<T, std::uint8_t> || db_.cyclic || l_end - l < 16 || all.empty()) all = {row, row};
@@ -507,12 +537,14 @@ void Cover::copy_columns(const Side& side, Interval lines, const T* from, std::s
                                                         grid_.line_index(side.quadrant, lines.begin + l_end - 1));
                     for (std::int64_t i = l; i < l_end; ++i)
                         side_by_side[static_cast<std::size_t>(grid_.line_index(side.quadrant, lines.begin + i) -
-                                                              first)] = source(i, all.begin);
+                                                              first)] =
+                            is_blank(i) ? blank_row.data() : source(i, all.begin);
                     transpose_bytes(side_by_side, static_cast<std::size_t>(all.size()),
                                     tile(row, first) + (all.begin % tile_edge) * tile_edge + first % tile_edge,
                                     static_cast<std::size_t>(tile_edge));
                 }
             for (std::int64_t i = l; i < l_end; ++i) {
+                if (is_blank(i)) continue;
                 const Interval own = intersection(desk.own[static_cast<std::size_t>(i)], {row, end});
                 for (const Interval part : {Interval{own.begin, std::min(own.end, all.begin)},
                                             Interval{std::max(own.begin, all.end), own.end}}) {
@@ -534,6 +566,7 @@ template <class T, class TileOf>
 void Cover::copy_rows(const Side& side, Interval lines, const T* from, std::size_t width, TileOf&& tile,
                       const Desk& desk) const {
     for (std::int64_t l = 0; l < lines.size(); ++l) {
+        if (desk.blank[static_cast<std::size_t>(l)]) continue;
         const Interval own = desk.own[static_cast<std::size_t>(l)];
         const T* source = from + static_cast<std::size_t>(l) * width;
         const std::int64_t index = grid_.line_index(side.quadrant, lines.begin + l),

@@ -158,8 +158,9 @@ struct Desk {
     std::vector<float> raise_m, tangent;
     std::vector<std::uint8_t> bytes;  ///< of a run's posts, line after line
     std::vector<float> values;
-    std::vector<std::pair<Interval, Skip>> parts;  ///< of a line
-    std::vector<Interval> own;                     ///< of each line
+    std::vector<std::pair<Interval, Skip>> row_parts, parts;  ///< of a row of blocks; of a line
+    std::vector<Interval> own;                                ///< of each line
+    std::vector<std::uint8_t> blank;  ///< by line: its posts are all as tiles are before anything is known
     std::vector<SpokeMap::LinePiece> pieces;
     std::array<std::uint64_t, state_count> states{};
     std::array<QuadrantReport, 4> did{};  ///< by Quadrant
@@ -277,7 +278,8 @@ private:
                           ChunkRequest& request);
     void look_at(const Chunk& chunk, Interval major, Interval minor, Blocks& blocks) const;
     void hide(const Side& side, Interval lines, std::int64_t major, Interval core, bool all_posts, Desk& desk);
-    void part_line(Interval posts, std::int64_t row, Desk& desk) const;
+    static void part_row(std::int64_t row, Desk& desk);
+    static void part_line(Interval posts, Desk& desk);
     void pass_voids(Desk& desk, Interval window, bool behind);
     void finish_line(const Side& side, const LineForm& line, std::int64_t index, Interval posts, Interval window,
                      Desk& desk, std::size_t out);

@@ -66,9 +66,9 @@ void add_up(std::byte* values, std::int64_t edge) {
             for (; c + 8 <= edge; c += 8, line += sizeof(Eight)) {
                 Eight v;
                 std::memcpy(&v, line, sizeof v);
-                v = running_sums(v) + sum;
-                std::memcpy(line, &v, sizeof v);
-                sum = v[7];
+                const Eight own = running_sums(v), all = own + sum;
+                std::memcpy(line, &all, sizeof all);
+                sum = static_cast<T>(sum + own[7]);  // not all[7]: so no step waits for the one before
             }
         for (; c < edge; ++c, line += sizeof(T)) {
             T step;
@@ -86,7 +86,7 @@ WEDGESCOPE_LANES_PART void add_up_bytes(std::uint8_t* bytes, std::size_t n) noex
     for (; i + sizeof(Sixteen) <= n; i += sizeof(Sixteen)) {
         const Sixteen own = running_sums(load(bytes + i)), all = own + sum;
         std::memcpy(bytes + i, &all, sizeof all);
-        sum = static_cast<std::uint8_t>(sum + own[15]);  // not all[15]: so no step waits for the one before
+        sum = static_cast<std::uint8_t>(sum + own[15]);  // as above
     }
     for (; i < n; ++i) bytes[i] = sum = static_cast<std::uint8_t>(sum + bytes[i]);
 }
