@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <filesystem>
 #include <map>
 #include <optional>
@@ -334,14 +335,47 @@ void RasterFile::close_idle() {
     closed.swap(free_);
 }
 
+namespace {
+
+/// n values that end where n floats do, into those floats.
+template <class T>
+void to_floats_in_place(std::byte* line, std::size_t n) {
+    constexpr std::size_t together = 64;
+    const std::byte* from = line + n * (sizeof(float) - sizeof(T));
+    // What is written never comes up with what is still to be read.
+    const auto turn = [&](std::size_t i, std::size_t m) {
+        T values[together]{};
+        float floats[together];
+        std::memcpy(values, from + i * sizeof(T), m * sizeof(T));
+        for (std::size_t j = 0; j < together; ++j) floats[j] = static_cast<float>(values[j]);
+        std::memcpy(line + i * sizeof(float), floats, m * sizeof(float));
+    };
+    std::size_t i = 0;
+    for (; i + together <= n; i += together) turn(i, together);
+    if (i < n) turn(i, n - i);
+}
+
+}  // namespace
+
 void RasterFile::read_values(const Window& window, void* out, GDALDataType type, std::int64_t line_bytes) {
     if (window.empty()) return;
     const Lease lease(*this);
     GdalErrors errors;
     const int columns = static_cast<int>(window.columns.size()), rows = static_cast<int>(window.rows.size());
+    // GDAL turns integers into floats one by one, which takes as long as reading them.
+    const GDALDataType own = facts_.type;
+    const bool here = type == GDT_Float32 && (own == GDT_Int16 || own == GDT_UInt16);
+    const auto n = static_cast<std::size_t>(columns);
+    auto* const bytes = static_cast<std::byte*>(out);
     if ((*lease).band->RasterIO(GF_Read, static_cast<int>(window.columns.begin), static_cast<int>(window.rows.begin),
-                                columns, rows, out, columns, rows, type, 0, line_bytes, nullptr) != CE_None)
+                                columns, rows, here ? bytes + n * sizeof(std::int16_t) : bytes, columns, rows,
+                                here ? own : type, 0, line_bytes, nullptr) != CE_None)
         throw IoError(text(facts_.named(), ": ", place(window), " cannot be read: ", errors.reason()));
+    for (int r = 0; here && r < rows; ++r)
+        if (std::byte* const line = bytes + r * line_bytes; own == GDT_Int16)
+            to_floats_in_place<std::int16_t>(line, n);
+        else
+            to_floats_in_place<std::uint16_t>(line, n);
 }
 
 bool RasterFile::read_mask(const Window& window, std::vector<std::uint8_t>& masks) {
