@@ -185,6 +185,7 @@ void Cover::sweep(Strip& strip, std::size_t run) {
     Desk& desk = desks_.local();
     QuadrantReport& did = desk.did[static_cast<std::size_t>(q)];
     ++did.runs;
+    if (desk.culture) desk.culture->forget();  // what is read shall not hang on who sweeps which run
     const Span span(params_.timeline, "run", "wedge", static_cast<std::int64_t>(q));
     const Stopwatch all_of_it;
     double load_s = 0;

@@ -1,6 +1,7 @@
 #include "lib/culture.hpp"
 
 #include <cmath>
+#include <utility>
 
 #include "lib/stopwatch.hpp"
 #include "lib/ticks.hpp"
@@ -30,16 +31,32 @@ Window Culture::tiles_under(const DataBase& db, const Window& posts) {
 }
 
 void Culture::open(const Window& posts, bool all) {
-    tiles_ = tiles_under(db_, posts);
-    cells_.clear();
-    cells_.resize(static_cast<std::size_t>(tiles_.posts()));
+    const Window before = std::exchange(tiles_, tiles_under(db_, posts));
+    std::vector<CultureCells> tiles(static_cast<std::size_t>(tiles_.posts()));
+    bytes_ = 0;
+    const Interval columns = intersection(before.columns, tiles_.columns),
+                   rows = intersection(before.rows, tiles_.rows);
+    for (std::int64_t row = rows.begin; row < rows.end; ++row)
+        for (std::int64_t column = columns.begin; column < columns.end; ++column) {
+            CultureCells& tile = tiles[index(tiles_, column, row)];
+            tile = std::move(cells_[index(before, column, row)]);
+            bytes_ += tile.bytes();
+        }
+    cells_ = std::move(tiles);
     beyond_ = {};
     last_ = nullptr;
-    bytes_ = 0;
     if (!all) return;
     for (std::int64_t row = tiles_.rows.begin; row < tiles_.rows.end; ++row)
         for (std::int64_t column = tiles_.columns.begin; column < tiles_.columns.end; ++column)
             find(column * db_.culture_tile_columns, row * db_.culture_tile_rows);
+}
+
+void Culture::forget() {
+    tiles_ = {};
+    cells_.clear();
+    beyond_ = {};
+    last_ = nullptr;
+    bytes_ = 0;
 }
 
 const CultureCells& Culture::find(std::int64_t cell_column, std::int64_t cell_row) {
@@ -65,7 +82,8 @@ const CultureCells& Culture::find(std::int64_t cell_column, std::int64_t cell_ro
 }
 
 DataError unknown_class_error(const DataBase& db, std::int32_t code) {
-    return DataError(text("'", db.culture_name, "': code ", code, " on seen ground is not in the legend '", db.legend_name,
+    return DataError(text("'", db.culture_name, "': code ", code, " on seen ground is not in the legend '",
+                          db.legend_name,
                           "'; give a culture-legend that names it (info lists all codes of a culture raster)"));
 }
 

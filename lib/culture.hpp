@@ -23,8 +23,9 @@ public:
         return {{column * wide, (column + 1) * wide}, {row * high, (row + 1) * high}};
     }
 
-    /// Forgets what was read, and makes room for what lies under these posts; `all`: reads it at once.
+    /// Makes room for what lies under these posts, and forgets all else that was read; `all`: reads it at once.
     void open(const Window& posts, bool all);
+    void forget();
 
     double cell_column(double column) const { return db_.culture_column_offset + db_.culture_column_scale * column; }
     double cell_row(double row) const { return db_.culture_row_offset + db_.culture_row_scale * row; }

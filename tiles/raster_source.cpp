@@ -162,8 +162,11 @@ CultureCells RasterSource::load_classes(const Window& window) {
         culture_->read_codes(window, [&](std::int64_t row, std::int64_t at, const std::int32_t* codes, std::int64_t n) {
             ClassId* to = cells.classes.data() + row * window.columns.size() + at;
             bool unknown = false;
+            const ClassId* const table = class_of_.data();
             for (std::int64_t i = 0; i < n; ++i) {
-                const ClassId id = class_of(codes[i]);
+                const std::uint32_t in_table =
+                    static_cast<std::uint32_t>(codes[i]) - static_cast<std::uint32_t>(table_begin);
+                const ClassId id = in_table < table_size ? table[in_table] : class_of(codes[i]);
                 unknown |= id == unknown_class;
                 to[i] = id;
             }
