@@ -837,4 +837,9 @@ RunResult run(const ResolvedScene& scene, const Scan& scan, WedgeSource& source,
     return result;
 }
 
+RunResult::RunResult() = default;
+RunResult::RunResult(RunResult&&) noexcept = default;
+RunResult& RunResult::operator=(RunResult&&) noexcept = default;
+RunResult::~RunResult() = default;
+
 }  // namespace wedgescope

@@ -112,6 +112,12 @@ struct RunResult {
     Picture scope;
     RunReport report;
     bool levels = false;  ///< some ground was swept at a level of detail
+
+    // In engine.cpp, where no loop is left of the end of a million numbers: in sources that are compiled quickly there is.
+    RunResult();
+    RunResult(RunResult&&) noexcept;
+    RunResult& operator=(RunResult&&) noexcept;
+    ~RunResult();
 };
 
 BeamSetting beam_setting(const ResolvedScene& scene);
