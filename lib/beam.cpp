@@ -188,7 +188,7 @@ void Resolution::row(std::int64_t azimuth_bin, const SourceRow& source, std::vec
         const std::size_t end = std::min(begin + part, n);
         bool any = false;
         if (holds_some(azimuth_bin, begin, end)) {
-            on_target<take_own>(azimuth_.data() + begin, source(positive_modulo(azimuth_bin, circle_bins_)) + begin,
+            on_target<take_own>(azimuth_.data() + begin, source(bins_after(azimuth_bin, 0, circle_bins_)) + begin,
                                 beam + begin, end - begin);
             any = true;
         } else {
@@ -204,9 +204,9 @@ void Resolution::row(std::int64_t azimuth_bin, const SourceRow& source, std::vec
                        on_left = pair && holds_some(azimuth_bin - offset, begin, reach);
             if (!on_right && !on_left) continue;
             any = true;
-            const float* const right = source(positive_modulo(azimuth_bin + offset, circle_bins_)) + begin;
+            const float* const right = source(bins_after(azimuth_bin + offset, 0, circle_bins_)) + begin;
             if (pair)
-                on_target<add_pair>(weight, source(positive_modulo(azimuth_bin - offset, circle_bins_)) + begin, right,
+                on_target<add_pair>(weight, source(bins_after(azimuth_bin - offset, 0, circle_bins_)) + begin, right,
                                     beam + begin, reach - begin);
             else
                 on_target<add_one>(weight, right, beam + begin, reach - begin);
@@ -283,13 +283,9 @@ PolarImage<float> power_image(const PolarImage<float>& echo, const PolarGrid& sh
         const Resolution resolution(setting, shown.circle_bins, shown.range_bin_m,
                                     {begin, std::min(begin + strip, shown.range_bins.end)}, Resolution::Of::power);
         require_sources(echo.grid, shown, resolution);
-        const auto row_of = [&](std::int64_t azimuth_bin) {
-            return static_cast<std::size_t>(
-                positive_modulo(azimuth_bin - echo.grid.azimuth_bins.begin, echo.grid.circle_bins));
-        };
         const auto skip = static_cast<std::size_t>(resolution.sources().begin - echo.grid.range_bins.begin);
         const Resolution::SourceRow source = [&](std::int64_t azimuth_bin) {
-            return echo.row(row_of(azimuth_bin)) + skip;
+            return echo.row(echo.grid.row_of(azimuth_bin)) + skip;
         };
         // The same in all azimuths, so beam and pulse make one row of it.
         std::vector<double> more(everywhere_w.empty() ? 0 : static_cast<std::size_t>(resolution.outputs().size()));
@@ -321,11 +317,8 @@ void require_sources(const PolarGrid& echo, const PolarGrid& shown, const Resolu
         throw InputError("the echo image has other azimuth or range bins than the power image asked for");
     const Interval range = resolution.sources();
     const bool range_held = range.begin >= echo.range_bins.begin && range.end <= echo.range_bins.end;
-    const std::int64_t lead =
-        positive_modulo(shown.azimuth_bins.begin - resolution.skirt() - echo.azimuth_bins.begin, echo.circle_bins);
-    const bool azimuth_held =
-        echo.full_circle() || lead + shown.azimuth_bins.size() + 2 * resolution.skirt() <= echo.azimuth_bins.size();
-    if (!range_held || !azimuth_held)
+    const Interval gathered{shown.azimuth_bins.begin - resolution.skirt(), shown.azimuth_bins.end + resolution.skirt()};
+    if (!range_held || !echo.holds_azimuths(gathered))
         throw InputError(
             "the echo image is too narrow for this beam and pulse: it must hold what is shown, "
             "the beam's skirt to both sides and the pulse's length before it");

@@ -53,17 +53,13 @@ PolarImage<float> power_image(const PolarImage<float>& echo, const PolarGrid& sh
 /// 0.5.
 double level_cosine(const BeamSetting& setting, double range_m);
 
-/// 0 <= result < n.
-constexpr std::int64_t positive_modulo(std::int64_t a, std::int64_t n) { return ((a % n) + n) % n; }
-
 /// Which parts of an echo image's rows hold anything but zeros.
 class FilledParts {
 public:
     explicit FilledParts(const PolarImage<float>& image);
     /// From range bin `begin` to before `end`, those of the image's grid; any azimuth (modulo the circle) that the image has.
     bool any(std::int64_t azimuth_bin, std::int64_t begin, std::int64_t end) const {
-        const std::int64_t row = positive_modulo(azimuth_bin - grid_.azimuth_bins.begin, grid_.circle_bins);
-        const std::uint8_t* const parts = filled_.data() + static_cast<std::size_t>(row) * parts_;
+        const std::uint8_t* const parts = filled_.data() + grid_.row_of(azimuth_bin) * parts_;
         const std::int64_t last = (end - 1 - grid_.range_bins.begin) / bins;
         for (std::int64_t part = (begin - grid_.range_bins.begin) / bins; part <= last; ++part)
             if (parts[part]) return true;

@@ -495,13 +495,11 @@ void Wedges::sweep_all(Threads& threads) {
 template <class T>
 PolarImage<T> part_of(const PolarImage<T>& image, const PolarGrid& part, PolarImage<T>&& used) {
     PolarImage<T> out(part, std::move(used));
-    const std::int64_t circle = part.circle_bins;
     const auto skip = static_cast<std::size_t>(part.range_bins.begin - image.grid.range_bins.begin);
     tbb::parallel_for(tbb::blocked_range<std::size_t>(0, part.azimuth_count(), 16), [&](const auto& rows) {
         for (std::size_t i = rows.begin(); i < rows.end(); ++i) {
-            const std::int64_t azimuth = part.azimuth_bins.begin + static_cast<std::int64_t>(i),
-                               row = ((azimuth - image.grid.azimuth_bins.begin) % circle + circle) % circle;
-            std::copy_n(image.row(static_cast<std::size_t>(row)) + skip, part.range_count(), out.row(i));
+            const std::int64_t azimuth = part.azimuth_bins.begin + static_cast<std::int64_t>(i);
+            std::copy_n(image.row(image.grid.row_of(azimuth)) + skip, part.range_count(), out.row(i));
         }
     });
     return out;
@@ -615,8 +613,6 @@ std::size_t blanked_bins(const ResolvedScene& scene, const PolarGrid& grid) {
     return blanked;
 }
 
-bool fluctuates(const ReceiverParams& receiver) { return receiver.speckle_looks > 0 || receiver.noise; }
-
 /// Fewer cells than the picture looks at, four a pixel: an image of received power is then made sooner than that is found for each
 /// look. The same bits either way.
 bool fewer_cells_than_looks(const ResolvedScene& scene) {
@@ -636,7 +632,7 @@ void receive(const EngineParams& params, const WeatherHere& weather, bool keep, 
         result.report.beam_s = watch.wall_s();
     }
     const ReceiverParams& receiver = scene.scene.receiver;
-    if (!keep && !fluctuates(receiver) && !fewer_cells_than_looks(scene)) {
+    if (!keep && !receiver.fluctuates() && !fewer_cells_than_looks(scene)) {
         result.received_w = {};
         return;
     }
@@ -696,16 +692,15 @@ void add(const RunReport& part, RunReport& whole) {
 void take_rows(const RunResult& group, RunResult& whole) {
     const PolarGrid &shown = whole.scene.shown, &part = group.scene.shown;
     const std::int64_t circle = shown.circle_bins, skirt = skirt_bins(beam_setting(whole.scene), circle);
-    const auto after = [&](std::int64_t bin, std::int64_t begin) { return ((bin - begin) % circle + circle) % circle; };
-    const std::int64_t begin = after(part.azimuth_bins.begin, shown.azimuth_bins.begin),
+    const std::int64_t begin = bins_after(part.azimuth_bins.begin, shown.azimuth_bins.begin, circle),
                        end = begin + part.azimuth_bins.size(), all = shown.azimuth_bins.size();
     const PolarGrid& swept = group.echo_w.grid;
     for (std::int64_t bin = swept.azimuth_bins.begin; bin < swept.azimuth_bins.end; ++bin) {
-        const std::int64_t at = after(bin, shown.azimuth_bins.begin);
+        const std::int64_t at = bins_after(bin, shown.azimuth_bins.begin, circle);
         const bool own = at < all ? at >= begin && at < end : circle - at <= skirt ? begin == 0 : end == all;
         if (!own) continue;
-        const auto from = static_cast<std::size_t>(bin - swept.azimuth_bins.begin),
-                   to = static_cast<std::size_t>(after(bin, whole.echo_w.grid.azimuth_bins.begin));
+        const std::size_t from = static_cast<std::size_t>(bin - swept.azimuth_bins.begin),
+                          to = whole.echo_w.grid.row_of(bin);
         if (to >= whole.echo_w.grid.azimuth_count()) continue;
         std::copy_n(group.echo_w.row(from), swept.range_count(), whole.echo_w.row(to));
         std::copy_n(group.echo_state.row(from), swept.range_count(), whole.echo_state.row(to));
@@ -759,12 +754,9 @@ RunResult measure(const ResolvedScene& scene, WedgeSource& source, const EngineP
 }
 
 bool holds(const PolarGrid& stored, const PolarGrid& wanted) {
-    if (stored.circle_bins != wanted.circle_bins || stored.range_bin_m != wanted.range_bin_m ||
-        intersection(stored.range_bins, wanted.range_bins) != wanted.range_bins)
-        return false;
-    const std::int64_t circle = stored.circle_bins,
-                       lead = ((wanted.azimuth_bins.begin - stored.azimuth_bins.begin) % circle + circle) % circle;
-    return stored.full_circle() || lead + wanted.azimuth_bins.size() <= stored.azimuth_bins.size();
+    return stored.circle_bins == wanted.circle_bins && stored.range_bin_m == wanted.range_bin_m &&
+           intersection(stored.range_bins, wanted.range_bins) == wanted.range_bins &&
+           stored.holds_azimuths(wanted.azimuth_bins);
 }
 
 RunResult show(const ResolvedScene& scene, PolarImage<float> echo_w, PolarImage<std::uint8_t> echo_state,
@@ -838,7 +830,9 @@ RunResult run(const ResolvedScene& scene, const Scan& scan, WedgeSource& source,
 }
 
 RunResult::RunResult() = default;
+RunResult::RunResult(const RunResult&) = default;
 RunResult::RunResult(RunResult&&) noexcept = default;
+RunResult& RunResult::operator=(const RunResult&) = default;
 RunResult& RunResult::operator=(RunResult&&) noexcept = default;
 RunResult::~RunResult() = default;
 

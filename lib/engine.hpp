@@ -115,7 +115,9 @@ struct RunResult {
 
     // In engine.cpp, where no loop is left of the end of a million numbers: in sources that are compiled quickly there is.
     RunResult();
+    RunResult(const RunResult&);
     RunResult(RunResult&&) noexcept;
+    RunResult& operator=(const RunResult&);
     RunResult& operator=(RunResult&&) noexcept;
     ~RunResult();
 };

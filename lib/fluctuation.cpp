@@ -170,10 +170,8 @@ PolarImage<float> received_power(const PolarImage<float>& echo, const PolarImage
                 std::vector<double> re(n), im(n), scratch;
                 if (speckle) {
                     const auto rows_of = [&](const std::vector<float>& field) -> Resolution::SourceRow {
-                        return [&echo, &grid, sources, cells = field.data()](std::int64_t bin) {
-                            const std::int64_t row =
-                                (bin - echo.grid.azimuth_bins.begin + grid.circle_bins) % grid.circle_bins;
-                            return cells + static_cast<std::size_t>(row) * sources;
+                        return [&echo, sources, cells = field.data()](std::int64_t bin) {
+                            return cells + echo.grid.row_of(bin) * sources;
                         };
                     };
                     resolution.row(azimuth, rows_of(ground.re), scratch, re);

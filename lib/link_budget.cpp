@@ -16,11 +16,6 @@ namespace {
 
 constexpr double degree = std::numbers::pi / 180;
 
-/// Bins modulo the circle, 0 for `begin`.
-std::int64_t bins_after(std::int64_t bin, std::int64_t begin, std::int64_t circle) {
-    return ((bin - begin) % circle + circle) % circle;
-}
-
 /// Sweeps of the azimuths that one cell gathers, of one scene.
 class Cell {
 public:
@@ -28,8 +23,7 @@ public:
          std::int64_t range_bin)
         : scene_(scene), source_(source), params_(params), range_bin_(range_bin) {
         const PolarGrid& shown = scene.shown;
-        if (bins_after(azimuth_bin, shown.azimuth_bins.begin, shown.circle_bins) >= shown.azimuth_bins.size() ||
-            !shown.range_bins.contains(range_bin))
+        if (shown.row_of(azimuth_bin) >= shown.azimuth_count() || !shown.range_bins.contains(range_bin))
             throw Error(text("cell ", azimuth_bin, ",", range_bin, " is not in the image"));
         azimuth_bin_ = bins_after(azimuth_bin, 0, shown.circle_bins);
         look_at(scene_, {azimuth_bin_, azimuth_bin_ + 1});
@@ -82,9 +76,8 @@ public:
     double received_w() const { return at(swept_.received_w); }
     State state() const {
         const PolarGrid& swept = swept_.echo_state.grid;
-        const auto row = bins_after(azimuth_bin_, swept.azimuth_bins.begin, swept.circle_bins);
         return static_cast<State>(
-            swept_.echo_state.row(static_cast<std::size_t>(row))[range_bin_ - swept.range_bins.begin]);
+            swept_.echo_state.row(swept.row_of(azimuth_bin_))[range_bin_ - swept.range_bins.begin]);
     }
 
 private:
@@ -221,7 +214,7 @@ LinkBudget link_budget(const ResolvedScene& scene, WedgeSource& source, const En
     b.received_w = cell.received_w();
     b.noise_w = scene.noise_power_w;
     b.blanked = b.slant_range_m < minimum_range_m(scene);
-    const bool drawn = receiver.noise || receiver.speckle_looks > 0;
+    const bool drawn = receiver.fluctuates();
     b.fluctuation = drawn && !b.blanked ? ratio(b.received_w, b.power_w + b.noise_w) : 1;
     cell.draw_no_more();
     const std::size_t classes = tables.laws.gamma().size();

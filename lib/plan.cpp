@@ -198,7 +198,7 @@ std::size_t image_bytes(const ResolvedScene& scene) {
     auto bytes = static_cast<std::size_t>(static_cast<double>(scene.swept.cells()) * 5 +
                                           static_cast<double>(scene.shown.cells()) * (4 + 4 + 1) +
                                           static_cast<double>(bytes_a_pixel(scene.scene.display)) * size * size);
-    if (scene.scene.receiver.speckle_looks > 0 || scene.scene.receiver.noise) bytes += scene.swept.cells() * 24;
+    if (scene.scene.receiver.fluctuates()) bytes += scene.swept.cells() * 24;
     return bytes;
 }
 

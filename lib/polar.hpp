@@ -11,6 +11,11 @@
 
 namespace wedgescope {
 
+/// Azimuth bins from `begin` on clockwise to `bin`: 0 <= result < circle_bins, wherever the two are counted from.
+constexpr std::int64_t bins_after(std::int64_t bin, std::int64_t begin, std::int64_t circle_bins) {
+    return ((bin - begin) % circle_bins + circle_bins) % circle_bins;
+}
+
 /// Azimuth bin 0 starts at north of the geometry and bins go clockwise; range bin 0 starts at 0 m.
 struct PolarGrid {
     std::int64_t circle_bins = 0;  ///< azimuth bins in the full circle
@@ -20,6 +25,15 @@ struct PolarGrid {
 
     double azimuth_step_rad() const { return 2 * std::numbers::pi / static_cast<double>(circle_bins); }
     bool full_circle() const { return azimuth_bins.size() == circle_bins; }
+    /// Of an azimuth bin (modulo the circle); azimuth_count() or more where the image does not hold it.
+    std::size_t row_of(std::int64_t azimuth_bin) const {
+        return static_cast<std::size_t>(bins_after(azimuth_bin, azimuth_bins.begin, circle_bins));
+    }
+    /// All of these azimuths (modulo the circle)?
+    bool holds_azimuths(const Interval& bins) const {
+        return full_circle() ||
+               bins_after(bins.begin, azimuth_bins.begin, circle_bins) + bins.size() <= azimuth_bins.size();
+    }
     std::size_t azimuth_count() const { return static_cast<std::size_t>(azimuth_bins.size()); }
     std::size_t range_count() const { return static_cast<std::size_t>(range_bins.size()); }
     std::size_t cells() const { return azimuth_count() * range_count(); }
@@ -40,6 +54,7 @@ struct PolarImage {
         if (cells.capacity() < g.cells()) cells = {};  // before there is more, and nothing of it is copied
         cells.resize(g.cells());
     }
+    /// By its number, as PolarGrid::row_of().
     T* row(std::size_t azimuth) { return cells.data() + azimuth * grid.range_count(); }
     const T* row(std::size_t azimuth) const { return cells.data() + azimuth * grid.range_count(); }
 };

@@ -75,6 +75,9 @@ struct ReceiverParams {
     bool noise = false;     ///< fluctuating thermal noise; its mean is always there
     int speckle_looks = 0;  ///< 0: none
     std::uint64_t seed = 1;
+
+    /// Is anything drawn?
+    bool fluctuates() const { return speckle_looks > 0 || noise; }
 };
 
 /// Bins that are taken where none are asked for: four a beamwidth round the circle, c tau/8 in slant range.

@@ -280,11 +280,10 @@ Bins wanted_bins(const Settings& settings, const ResolvedScene& s, WedgeSource& 
                                      range_m, static_cast<double>(grid.range_bins.begin) * grid.range_bin_m,
                                      static_cast<double>(grid.range_bins.end) * grid.range_bin_m));
     const double azimuth_bins = azimuth_rad / grid.azimuth_step_rad();
-    const auto bin = static_cast<std::int64_t>(std::floor(azimuth_bins + whole)), circle = grid.circle_bins;
-    const auto after = [&](std::int64_t i) { return ((i - grid.azimuth_bins.begin) % circle + circle) % circle; };
+    const auto bin = static_cast<std::int64_t>(std::floor(azimuth_bins + whole));
     const bool on_edge = azimuth_bins <= static_cast<double>(bin) + whole;
     for (const std::int64_t i : {bin, on_edge ? bin - 1 : bin})
-        if (after(i) < grid.azimuth_bins.size()) return {(i % circle + circle) % circle, range};
+        if (grid.row_of(i) < grid.azimuth_count()) return {bins_after(i, 0, grid.circle_bins), range};
     throw InputError(
         fmt::format("{} asks for azimuth {:.4f} deg from the heading; the scene's sector is {:.4f} to {:.4f} deg",
                     asked, std::remainder((azimuth_rad - heading_rad) * 180 / std::numbers::pi, 360),
