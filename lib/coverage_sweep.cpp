@@ -97,12 +97,11 @@ void Cover::place_posts(const Side& side, const LineForm& line, std::int64_t k, 
 }
 
 double Cover::spoke_at(const Side& side, const LineForm& line, std::int64_t k, double minor) const {
-    std::vector<SpokeMap::LinePiece> pieces;
-    const double guess = (minor - line.nadir_minor) / line.distance;
-    map_.line(side.quadrant, line.distance, std::clamp(guess, -1.0, 1.0), std::clamp(guess, -1.0, 1.0), pieces);
+    const double guess = std::clamp((minor - line.nadir_minor) / line.distance, -1.0, 1.0);
     double at = 0, slope = 0, along = 0;
     float lift = 0, drop = 0, ray = 0, rise = 0;
-    post_knots(line, piece_form(pieces.front()), k, &minor, 1, {&at, &slope, &along, &lift, &drop, &ray, &rise});
+    post_knots(line, piece_form(map_.line_piece(side.quadrant, line.distance, guess)), k, &minor, 1,
+               {&at, &slope, &along, &lift, &drop, &ray, &rise});
     return at;
 }
 
@@ -249,8 +248,9 @@ void Cover::sweep(Strip& strip, std::size_t run) {
         chunk = {};
         chunk = source_.load(request);
         reading.add_bytes(chunk.bytes_read);
-        load_s += watch.cpu_s();
-        did.disk_wait_s += watch.wait_s();
+        const Stopwatch::Took took = watch.took();
+        load_s += took.cpu_s;
+        did.disk_wait_s += took.wait_s;
         did.posts_read += chunk.posts_read;
         did.bytes_read += chunk.bytes_read;
         did.bytes_spilled += chunk.bytes_spilled;
@@ -363,8 +363,7 @@ void Cover::sweep(Strip& strip, std::size_t run) {
         const Interval all = own[l];
         const auto edge = [&](std::int64_t k) {
             const double slope = static_cast<double>(k) / static_cast<double>(s.of);
-            map_.line(q, d, slope, slope, desk.pieces);
-            return ceil_i(spoke_place(here, piece_form(desk.pieces.front()), s.of, k));
+            return ceil_i(spoke_place(here, piece_form(map_.line_piece(q, d, slope)), s.of, k));
         };
         const Interval posts{first ? all.begin : std::clamp(edge(core.begin), all.begin, all.end),
                              last ? all.end : std::clamp(edge(core.end), all.begin, all.end)};

@@ -70,8 +70,9 @@ const CultureCells& Culture::find(std::int64_t cell_column, std::int64_t cell_ro
         const Stopwatch watch;
         const std::uint64_t clock = ticks();
         tile = source_->load_classes(window);
-        cost_.cpu_s += watch.cpu_s();
-        cost_.wait_s += watch.wait_s();
+        const Stopwatch::Took took = watch.took();
+        cost_.cpu_s += took.cpu_s;
+        cost_.wait_s += took.wait_s;
         cost_.ticks += ticks() - clock;
         bytes_read_ += tile.bytes_read;
         bytes_spilled_ += tile.bytes_spilled;

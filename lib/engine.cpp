@@ -362,8 +362,9 @@ void Wedges::load(WedgeTask& task) {
         }
         break;
     }
-    task.report.load_s += watch.cpu_s();
-    task.report.disk_wait_s += watch.wait_s();
+    const Stopwatch::Took took = watch.took();
+    task.report.load_s += took.cpu_s;
+    task.report.disk_wait_s += took.wait_s;
     note_memory();
 }
 

@@ -258,7 +258,7 @@ void SpokeMap::line(Quadrant q, double distance, double slope_lo, double slope_h
                     std::vector<LinePiece>& pieces) const {
     pieces.clear();
     if (straight()) {
-        pieces.push_back({-2, 2, 0, 1, {}, {}});
+        pieces.push_back(whole_line);
         return;
     }
     const int last = piece_of(q, slope_hi);

@@ -71,6 +71,10 @@ public:
     };
     /// Pieces, in order of slope, that together hold [slope_lo, slope_hi]. Straight: one piece of zeros.
     void line(Quadrant q, double distance, double slope_lo, double slope_hi, std::vector<LinePiece>& pieces) const;
+    /// The one that a slope lies on.
+    LinePiece line_piece(Quadrant q, double distance, double slope) const {
+        return straight() ? whole_line : piece(q, piece_of(q, slope), distance);
+    }
 
     /// |bend| is at most this within the quadrant.
     double most_bend(Quadrant q) const { return fits_[static_cast<std::size_t>(q)].most_bend; }
@@ -85,6 +89,7 @@ public:
 
 private:
     int piece_of(Quadrant q, double slope) const;
+    static constexpr LinePiece whole_line{-2, 2, 0, 1, {}, {}};
     LinePiece piece(Quadrant q, int i, double distance) const;
 
     using Patch = std::array<std::array<double, 5>, 5>;  // [power of m][power of d]

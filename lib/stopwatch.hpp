@@ -1,5 +1,5 @@
 // Stopwatch: wall and CPU seconds of the calling thread since it was made.
-// Leaves finer shares of a stage to ticks.hpp.
+// Leaves finer shares of a stage to stage_clock.hpp.
 #pragma once
 #include <time.h>
 
@@ -13,8 +13,14 @@ public:
     double wall_s() const { return std::chrono::duration<double>(std::chrono::steady_clock::now() - wall_).count(); }
     /// Only from the thread that made it.
     double cpu_s() const { return thread_cpu_s() - cpu_s_; }
-    /// What the thread did not run.
-    double wait_s() const { return std::max(0.0, wall_s() - cpu_s()); }
+    /// And what the thread did not run. CPU time is asked of the kernel, so once for both.
+    struct Took {
+        double cpu_s, wait_s;
+    };
+    Took took() const {
+        const double cpu = cpu_s();
+        return {cpu, std::max(0.0, wall_s() - cpu)};
+    }
 
 private:
     static double thread_cpu_s() {
