@@ -6,12 +6,18 @@
 
 namespace wedgescope::covering {
 
-/// A post right below the sensor lies on no line.
-void Cover::put_nadir(Strip& strip) {
+/// Does the sensor stand right above one? It lies on no line.
+bool Cover::post_below() const {
     const std::int64_t c = floor_i(scene_.nadir.column), r = floor_i(scene_.nadir.row);
     const bool on_post = static_cast<double>(c) == scene_.nadir.column && static_cast<double>(r) == scene_.nadir.row;
     const Window& patch = scene_.nadir_patch.window;
-    if (!on_post || r < 0 || r >= db_.rows || !patch.columns.contains(c) || !patch.rows.contains(r)) return;
+    return on_post && r >= 0 && r < db_.rows && patch.columns.contains(c) && patch.rows.contains(r);
+}
+
+void Cover::put_nadir(Strip& strip) {
+    if (!post_below()) return;
+    const std::int64_t c = floor_i(scene_.nadir.column), r = floor_i(scene_.nadir.row);
+    const Window& patch = scene_.nadir_patch.window;
     const float z = scene_.nadir_patch.surface_m[static_cast<std::size_t>(
         (r - patch.rows.begin) * patch.columns.size() + c - patch.columns.begin)];
     const double above_m = scene_.sensor_m - static_cast<double>(z) - params_.target_m;
@@ -41,6 +47,7 @@ void Cover::put_nadir(Strip& strip) {
 /// Of the post right below: as of level ground.
 float Cover::nadir_response(std::int64_t column, std::int64_t row, double above_m) {
     Desk& desk = desks_.local();
+    if (desk.culture) desk.culture->forget();  // as a run does
     desk.culture_m = {};
     const SightLine down{-above_m, 0, std::abs(above_m), above_m > 0 ? -1.0 : 1.0};
     return response(sides_[0], 0, column, row, {1, 1}, down, scene_.earth.inverse_radius(), desk);

@@ -1,6 +1,7 @@
 #include "lib/coverage_work.hpp"
 
 #include <numbers>
+#include <numeric>
 #include <stdexcept>
 
 #include "lib/stopwatch.hpp"
@@ -86,6 +87,35 @@ Interval Cover::widest_fan(const Side& side, std::int64_t line) const {
     return intersection(
         {floor_i(map_.place(side.quadrant, -1, d).minor) - 2, ceil_i(map_.place(side.quadrant, 1, d).minor) + 3},
         side.minor);
+}
+
+/// Of these, what does not belong to east and west.
+Interval Cover::own_of_row(const Side& side, std::int64_t line) const {
+    const std::int64_t row = grid_.line_index(side.quadrant, line);
+    const auto theirs = [&](std::int64_t c) { return own_[static_cast<std::size_t>(real_column(c))].contains(row); };
+    Interval fan = widest_fan(side, line);
+    while (!fan.empty() && theirs(fan.begin)) ++fan.begin;
+    while (!fan.empty() && theirs(fan.end - 1)) --fan.end;
+    return fan;
+}
+
+/// Is every post some quadrant's, or right below the sensor, and so known to be something else than outside?
+bool Cover::all_owned() const {
+    if (db_.cyclic) return false;
+    std::vector<std::int64_t> more(static_cast<std::size_t>(db_.rows) + 1), owned(static_cast<std::size_t>(db_.rows));
+    for (const Interval& rows : own_) {
+        if (rows.empty()) continue;
+        ++more[static_cast<std::size_t>(rows.begin)];
+        --more[static_cast<std::size_t>(rows.end)];
+    }
+    std::partial_sum(more.begin(), more.end() - 1, owned.begin());
+    for (Quadrant q : {Quadrant::south, Quadrant::north}) {
+        const Side& side = sides_[static_cast<std::size_t>(q)];
+        for (std::int64_t line = 0; line < side.lines; ++line)
+            owned[static_cast<std::size_t>(grid_.line_index(q, line))] += own_of_row(side, line).size();
+    }
+    if (post_below()) ++owned[static_cast<std::size_t>(floor_i(scene_.nadir.row))];
+    return std::all_of(owned.begin(), owned.end(), [&](std::int64_t posts) { return posts == db_.columns; });
 }
 
 /// The tiles that spokes come by lie in these columns and rows; of all others nothing need be known.
@@ -279,13 +309,7 @@ void Cover::prepare(Strip& strip) {
         std::vector<bool> by_column(static_cast<std::size_t>(tile_of(db_.columns - 1) + 1));
         const auto cross = [&](std::int64_t column) { by_column[static_cast<std::size_t>(column / tile_edge)] = true; };
         for (std::int64_t line = lines.begin; line < lines.end; ++line) {
-            const std::int64_t row = grid_.line_index(q, line);
-            const auto theirs = [&](std::int64_t c) {
-                return own_[static_cast<std::size_t>(real_column(c))].contains(row);
-            };
-            Interval fan = widest_fan(side, line);
-            while (!fan.empty() && theirs(fan.begin)) ++fan.begin;
-            while (!fan.empty() && theirs(fan.end - 1)) --fan.end;
+            const Interval fan = own_of_row(side, line);
             strip.own[static_cast<std::size_t>(line - lines.begin)] = fan;
             for (std::int64_t c = fan.begin; c < fan.end; c += tile_edge - real_column(c) % tile_edge)
                 for (std::int64_t same : same_columns(real_column(c))) cross(same);

@@ -373,7 +373,7 @@ void Cover::sweep(Strip& strip, std::size_t run) {
             part_line(posts, desk);
         }
         const bool blank = may_be_blank && std::all_of(desk.parts.begin(), desk.parts.end(), [&](const auto& part) {
-                               return part.second != Skip::none && byte_of(state_of(part.second)) == outside_byte();
+                               return part.second != Skip::none && byte_of(state_of(part.second)) == blank_;
                            });
         desk.blank[l] = blank ? 1 : 0;
         const bool looked_at = std::any_of(desk.parts.begin(), desk.parts.end(),
@@ -510,7 +510,7 @@ void Cover::copy_columns(const Side& side, Interval lines, const T* from, std::s
     constexpr std::int64_t together = 64;
     const std::array<std::uint8_t, together> blank_row = [&] {
         std::array<std::uint8_t, together> bytes;
-        bytes.fill(outside_byte());
+        bytes.fill(blank_);
         return bytes;
     }();
     const auto is_blank = [&](std::int64_t line) { return desk.blank[static_cast<std::size_t>(line)] != 0; };

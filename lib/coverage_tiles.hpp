@@ -30,11 +30,13 @@ public:
         std::unique_ptr<Tile> tile;
     };
 
-    /// Of a raster of so many posts; `bytes` or floats; a post that no run reaches is `outside`, or NaN. `reached_only`:
+    /// Of a raster of so many posts; `bytes` or floats; a post that no run writes is `outside`, or NaN. `reached_only`:
     /// a tile without a buffer is not handed out.
     CoverageTiles(std::int64_t columns, std::int64_t rows, bool bytes, std::uint8_t outside, bool reached_only)
         : columns_(columns), rows_(rows), bytes_(bytes), outside_(outside), reached_only_(reached_only) {}
 
+    /// In place of `outside`; before there is any tile.
+    void begin_as(std::uint8_t byte) { outside_ = byte; }
     std::size_t tile_bytes() const { return static_cast<std::size_t>(edge * edge) * (bytes_ ? 1 : sizeof(float)); }
 
     // From one thread at a time:
@@ -51,7 +53,7 @@ public:
 
     // From any thread:
 
-    /// Its buffer of edge x edge posts, all outside at first. A tile that no run reaches needs none.
+    /// Its buffer of edge x edge posts, all as tiles begin at first. A tile that no run reaches needs none.
     template <class T>
     T* buffer(Tile& tile) {
         std::call_once(tile.made, [&] { make(tile); });

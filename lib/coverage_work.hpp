@@ -200,6 +200,11 @@ public:
         reached_ = {{0, db_.columns}, {0, db_.rows}};
         if (params.reached_only) leave_unreached();
         for (Quadrant q : {Quadrant::south, Quadrant::north}) set_rows(q);
+        // Most of what there is to see is hidden mostly: what tiles are of which nothing is seen need not be painted.
+        if (bytes_ && !with_posts_ && !params.reached_only && all_owned()) {
+            blank_ = byte_of(static_cast<std::uint8_t>(State::shadow));
+            tiles_.begin_as(blank_);
+        }
     }
 
     /// With so many strips on their way at a time.
@@ -254,6 +259,9 @@ private:
     void own_east_west();
     void leave_unreached();
     Interval widest_fan(const Side& side, std::int64_t line) const;
+    Interval own_of_row(const Side& side, std::int64_t line) const;
+    bool all_owned() const;
+    bool post_below() const;
     Interval tile_lines(const Side& side, std::int64_t step, Interval& indices) const;
     LineForm form(const Side& side, double distance) const;
     /// Spokes that are carried: one beyond the outermost at least, for what rounding puts outside of it.
@@ -337,10 +345,11 @@ private:
     std::optional<PathLossTable> loss_;
     double radar_constant_ = 0;
     bool bytes_, voids_;
-    bool with_range_ = false;  ///< a slant range or one along the ground is asked for
-    bool limited_ = false;     ///< not all of the raster is in view
-    bool with_posts_ = false;  ///< the single post must be looked at
-    bool hides_ = false;       ///< a post below every horizon can be judged without its height
+    bool with_range_ = false;              ///< a slant range or one along the ground is asked for
+    bool limited_ = false;                 ///< not all of the raster is in view
+    bool with_posts_ = false;              ///< the single post must be looked at
+    std::uint8_t blank_ = outside_byte();  ///< as tiles of bytes begin
+    bool hides_ = false;                   ///< a post below every horizon can be judged without its height
     double farthest_m_ = std::numeric_limits<double>::infinity();  ///< along the ground
     double least_tangent_ = 0, most_tangent_ = 0;
     Lift lift_;

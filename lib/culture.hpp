@@ -11,7 +11,8 @@
 
 namespace wedgescope {
 
-/// Tiles of the culture raster under one chunk, each empty until something in it is asked for.
+/// Tiles of the culture raster under one chunk, each empty until something in it is asked for; of the chunk before, those
+/// under both stay.
 class Culture {
 public:
     Culture(const DataBase& data_base, WedgeSource* source) : db_(data_base), source_(source) {}

@@ -113,7 +113,7 @@ struct RunResult {
     RunReport report;
     bool levels = false;  ///< some ground was swept at a level of detail
 
-    // In engine.cpp, where no loop is left of the end of a million numbers: in sources that are compiled quickly there is.
+    // Written out in engine.cpp: where sources are compiled with -O1 the end of an image is a loop over all of its numbers.
     RunResult();
     RunResult(const RunResult&);
     RunResult(RunResult&&) noexcept;

@@ -1,5 +1,6 @@
 // What a front leaves out by the block: not read, for no spoke comes by or none would see it, or passed over in one step.
 #include <algorithm>
+#include <array>
 #include <limits>
 #include <vector>
 

@@ -1,5 +1,5 @@
-// StageClock: how a thread's time is shared out among the stages of a sweep, by a look at the clock where one ends and the
-// next begins. Leaves seconds to Stopwatch (stopwatch.hpp).
+// StageClock: how the time of a piece of work is shared out among the stages of a sweep, by a look at the clock where one ends
+// and the next begins. Leaves seconds to Stopwatch (stopwatch.hpp).
 #pragma once
 #include <array>
 #include <cstddef>

@@ -13,7 +13,7 @@ public:
     double wall_s() const { return std::chrono::duration<double>(std::chrono::steady_clock::now() - wall_).count(); }
     /// Only from the thread that made it.
     double cpu_s() const { return thread_cpu_s() - cpu_s_; }
-    /// And what the thread did not run. CPU time is asked of the kernel, so once for both.
+    /// That, and what the thread did not run. CPU time is asked of the kernel, so once for both.
     struct Took {
         double cpu_s, wait_s;
     };

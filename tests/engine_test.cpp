@@ -5,6 +5,7 @@
 #include <numbers>
 #include <random>
 
+#include "lib/culture.hpp"
 #include "lib/engine.hpp"
 #include "lib/front.hpp"
 #include "lib/material.hpp"
@@ -637,4 +638,43 @@ TEST_CASE("a run reads and holds what its plan says, if nothing is left out", "[
                   Approx(static_cast<double>(planned.peak_bytes)).epsilon(0.2));
         }
     }
+}
+
+TEST_CASE("class tiles stay while chunks lie over them, and no longer", "[engine]") {
+    MemorySource source(1000, 700, 30, [](double, double) { return 0; });
+    source.set_classes([](double c, double r) { return (static_cast<int>(c) / 3 + static_cast<int>(r) / 5) % 16; });
+    const DataBase& db = source.data_base();
+    Culture culture(db, &source);
+    const auto right = [&](const Window& posts) {
+        for (std::int64_t r = posts.rows.begin; r < posts.rows.end; r += 7)
+            for (std::int64_t c = posts.columns.begin; c < posts.columns.end; c += 5)
+                if (culture.at(c, r) != static_cast<ClassId>((c / 3 + r / 5) % 16)) return false;
+        return true;
+    };
+    const auto read_for = [&](const Window& posts) {
+        const std::uint64_t before = culture.bytes_read();
+        culture.open(posts, true);
+        CHECK(right(posts));
+        const Window tiles = Culture::tiles_under(db, posts);
+        CHECK(culture.bytes() ==
+              static_cast<std::size_t>(tiles.posts() * db.culture_tile_columns * db.culture_tile_rows));
+        return culture.bytes_read() - before;
+    };
+    const Window west{{10, 500}, {10, 240}}, east{{300, 760}, {10, 240}}, south{{300, 760}, {300, 500}};
+    const auto bytes_beside = [&](const Window& posts, const Window& at_hand) {
+        const Window tiles = Culture::tiles_under(db, posts), held = Culture::tiles_under(db, at_hand);
+        const Window both{intersection(tiles.columns, held.columns), intersection(tiles.rows, held.rows)};
+        return static_cast<std::uint64_t>((tiles.posts() - (both.empty() ? 0 : both.posts())) *
+                                          db.culture_tile_columns * db.culture_tile_rows);
+    };
+    const Window none{{900, 901}, {600, 601}};
+    CHECK(read_for(west) == bytes_beside(west, none));
+    CHECK(read_for(west) == 0);
+    CHECK(bytes_beside(east, west) < bytes_beside(east, none));
+    CHECK(read_for(east) == bytes_beside(east, west));
+    CHECK(read_for(south) == bytes_beside(south, east));
+    CHECK(read_for(east) == bytes_beside(east, south));
+    culture.forget();
+    CHECK(culture.bytes() == 0);
+    CHECK(read_for(east) == bytes_beside(east, none));
 }

@@ -4,6 +4,7 @@
 #include <GeographicLib/TransverseMercator.hpp>
 #include <cmath>
 #include <cstdlib>
+#include <fstream>
 #include <random>
 #include <thread>
 
@@ -208,6 +209,38 @@ TEST_CASE("south-up rasters and rasters without any georeference are honoured", 
           Approx(1200.0 / 3937).epsilon(1e-12));
 }
 
+TEST_CASE("a VRT's fractions of whole numbers are kept", "[source]") {
+    const Folder folder;
+    Drawing d;
+    d.columns = d.rows = 8;
+    d.type = GDT_Int16;
+    d.value = [](int c, int r) { return 10 * c + 3 * r; };
+    draw(folder / "whole.tif", d);
+    const auto vrt = [&](const std::string& source, int size) {
+        std::ofstream(folder / "part.vrt") << "<VRTDataset rasterXSize='" << size << "' rasterYSize='" << size
+                                           << "'><SRS>EPSG:32611</SRS><GeoTransform>0, 10, 0, 0, 0, -10</GeoTransform>"
+                                              "<VRTRasterBand dataType='Int16' band='1'>"
+                                           << source << "</VRTRasterBand></VRTDataset>";
+        const Plain plain(folder / "part.vrt");
+        const auto opened = open_direct_source(only(folder / "part.vrt"));
+        const Chunk chunk = opened->load({{0, size}, {0, size}}, false);
+        int fractions = 0;
+        for (int r = 0; r < size; ++r)
+            for (int c = 0; c < size; ++c) {
+                CHECK(surface(chunk, c, r) == static_cast<float>(plain.at(c, r)));
+                fractions += plain.at(c, r) != std::trunc(plain.at(c, r));
+            }
+        return fractions;
+    };
+    const std::string file = "<SourceFilename relativeToVRT='1'>whole.tif</SourceFilename><SourceBand>1</SourceBand>";
+    CHECK(vrt("<ComplexSource>" + file + "<ScaleOffset>0</ScaleOffset><ScaleRatio>0.1</ScaleRatio></ComplexSource>",
+              8) > 0);
+    vrt("<SimpleSource resampling='bilinear'>" + file +
+            "<SrcRect xOff='0' yOff='0' xSize='8' ySize='8'/><DstRect xOff='0' yOff='0' xSize='16' ySize='16'/>"
+            "</SimpleSource>",
+        16);
+}
+
 TEST_CASE("places are those that GDAL's own transformation finds, in any CRS", "[source]") {
     struct Place {
         const char* crs;
@@ -234,13 +267,25 @@ TEST_CASE("places are those that GDAL's own transformation finds, in any CRS", "
     wgs84.SetAxisMappingStrategy(OAMS_TRADITIONAL_GIS_ORDER);
     REQUIRE(crs.SetFromUserInput(place.crs) == OGRERR_NONE);
     crs.SetAxisMappingStrategy(OAMS_TRADITIONAL_GIS_ORDER);
-    // As files hold it: an older format has lost the area that the CRS is in use in.
-    const bool old_format = GENERATE(false, true);
-    char* wkt = nullptr;
-    const char* const format[] = {old_format ? "FORMAT=WKT1_GDAL" : "FORMAT=WKT2_2019", nullptr};
-    REQUIRE(crs.exportToWkt(&wkt, format) == OGRERR_NONE);
-    const std::string words = wkt;
-    CPLFree(wkt);
+    // As a VRT may hold it: an older format has lost the area that the CRS is in use in, and may come with a shift of the datum.
+    enum class Format { now, old, shifted };
+    const auto format = GENERATE(Format::now, Format::old, Format::shifted);
+    INFO("format " << static_cast<int>(format));
+    const std::string words = [&] {
+        OGRSpatialReference written(crs);
+        if (format == Format::shifted && !written.GetAuthorityCode(nullptr)) return std::string();
+        if (format == Format::shifted) written.SetTOWGS84(598, 73, 418, 0.2, 0, -2.4, 6.7);
+        char* wkt = nullptr;
+        const char* const options[] = {format == Format::now ? "FORMAT=WKT2_2019" : "FORMAT=WKT1_GDAL", nullptr};
+        REQUIRE(written.exportToWkt(&wkt, options) == OGRERR_NONE);
+        std::string text = wkt;
+        CPLFree(wkt);
+        return text;
+    }();
+    if (words.empty()) return;
+    if (format == Format::shifted) REQUIRE_THAT(words, Contains("TOWGS84"));
+    REQUIRE(crs.SetFromUserInput(words.c_str()) == OGRERR_NONE);
+    crs.SetAxisMappingStrategy(OAMS_TRADITIONAL_GIS_ORDER);
     const std::unique_ptr<OGRCoordinateTransformation> there(OGRCreateCoordinateTransformation(&wgs84, &crs)),
         back(OGRCreateCoordinateTransformation(&crs, &wgs84));
     REQUIRE((there && back));
@@ -252,9 +297,18 @@ TEST_CASE("places are those that GDAL's own transformation finds, in any CRS", "
     const double step = crs.IsGeographic() ? 1e-3 : 100;
     d.columns = d.rows = 101;
     d.geotransform = {{x - 50 * step, step, 0, y + 50 * step, 0, -step}};
-    d.crs = words;
+    d.crs.clear();
     draw(folder / "there.tif", d);
-    const auto source = open_direct_source(only(folder / "there.tif"));
+    char* escaped = CPLEscapeString(words.c_str(), -1, CPLES_XML);
+    std::ofstream(folder / "there.vrt")
+        << "<VRTDataset rasterXSize='101' rasterYSize='101'><SRS dataAxisToSRSAxisMapping='"
+        << (crs.EPSGTreatsAsLatLong() || crs.EPSGTreatsAsNorthingEasting() ? "2,1" : "1,2") << "'>" << escaped
+        << "</SRS><GeoTransform>" << text(x - 50 * step) << ", " << text(step) << ", 0, " << text(y + 50 * step)
+        << ", 0, " << text(-step)
+        << "</GeoTransform><VRTRasterBand dataType='Float32' band='1'><SimpleSource><SourceFilename relativeToVRT='1'>"
+           "there.tif</SourceFilename></SimpleSource></VRTRasterBand></VRTDataset>";
+    CPLFree(escaped);
+    const auto source = open_direct_source(only(folder / "there.vrt"));
     const DataBase& db = source->data_base();
     std::mt19937 random(5);
     std::uniform_real_distribution<double> somewhere(0, 100);

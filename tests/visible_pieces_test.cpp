@@ -1,6 +1,8 @@
 // Visible pieces, closed up by lanes, against picking them one by one.
 #include <catch2/catch.hpp>
 
+#include <iterator>
+#include <limits>
 #include <random>
 #include <vector>
 
@@ -51,5 +53,20 @@ TEST_CASE("of tile after tile the visible pieces stand behind one another, in or
         tile[VisiblePieces::ahead] = posts.data();
         pieces.add(n, code.data(), tile);
         REQUIRE(pieces.size() == lanes.size());
+    }
+}
+
+TEST_CASE("lanes of a code are found among any number of lanes, whatever stands behind them", "[sweep]") {
+    WEDGESCOPE_ON_EVERY_TARGET;
+    std::mt19937 random(12);
+    const double codes[] = {0, 1, 2, std::numeric_limits<double>::quiet_NaN(), -2};
+    for (int turn = 0; turn < 2000; ++turn) {
+        LaneArray code(64);
+        for (double& c : code) c = codes[random() % std::size(codes)];
+        const std::size_t n = 1 + random() % 64;
+        std::uint64_t expected = 0;
+        for (std::size_t i = 0; i < n; ++i)
+            if (code[i] == 2) expected |= std::uint64_t{1} << i;
+        REQUIRE(lanes_of_code(2, n, code.data()) == expected);
     }
 }

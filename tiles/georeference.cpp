@@ -63,23 +63,25 @@ public:
 private:
     Object create(const OGRSpatialReference& crs) {
         Object own(proj_create(context_.get(), crs_wkt(crs).c_str()));
-        double west, south, east, north;
         const char *authority = crs.GetAuthorityName(nullptr), *code = crs.GetAuthorityCode(nullptr);
-        if (!own || !authority || !code ||
-            proj_get_area_of_use(context_.get(), own.get(), &west, &south, &east, &north, nullptr))
-            return own;
-        // An older format has lost where the CRS is in use, which decides between shifts of its datum: as its authority
-        // defines it, if that is the same.
+        if (!own || !authority || !code) return own;
+        // An older format has lost where the CRS is in use, which decides between shifts of its datum, or comes with a shift
+        // of its own: then as its authority defines it, if that is the same but for the shift. So GDAL does.
+        const bool shifted = proj_get_type(own.get()) == PJ_TYPE_BOUND_CRS;
+        const Object bare(shifted ? proj_get_source_crs(context_.get(), own.get()) : nullptr);
+        const PJ* const plain = bare ? bare.get() : own.get();
+        double west, south, east, north;
+        if (!shifted && proj_get_area_of_use(context_.get(), plain, &west, &south, &east, &north, nullptr)) return own;
         Object official(proj_create(context_.get(), text(authority, ":", code).c_str()));
         reason_.clear();
-        return official && proj_is_equivalent_to_with_ctx(context_.get(), official.get(), own.get(), PJ_COMP_EQUIVALENT)
-                   ? std::move(official)
-                   : std::move(own);
+        const bool same =
+            official && proj_is_equivalent_to_with_ctx(context_.get(), official.get(), plain, PJ_COMP_EQUIVALENT) != 0;
+        return same ? std::move(official) : std::move(own);
     }
 
     std::mutex mutex_;
-    std::unique_ptr<PJ_CONTEXT, DestroyContext> context_;
     std::string reason_;  ///< what PROJ said first of the last that failed
+    std::unique_ptr<PJ_CONTEXT, DestroyContext> context_;
     Object way_;
 };
 

@@ -373,7 +373,8 @@ void RasterFile::read_values(const Window& window, void* out, GDALDataType type,
     const Lease lease(*this);
     GdalErrors errors;
     const int columns = static_cast<int>(window.columns.size()), rows = static_cast<int>(window.rows.size());
-    const WidenInPlace widen = widening(facts_.type, type);
+    // A VRT computes in the type that is asked for: fractions of scaled or interpolated sources are none of its band's type.
+    const WidenInPlace widen = facts_.driver == "VRT" ? nullptr : widening(facts_.type, type);
     const GDALDataType read = widen ? facts_.type : type;
     const auto n = static_cast<std::size_t>(columns);
     auto* const bytes = static_cast<std::byte*>(out);
