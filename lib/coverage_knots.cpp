@@ -140,9 +140,8 @@ void spoke_knots(const LineForm& line, const PieceForm& piece, std::int64_t spok
     on_target<place_spokes>(line, piece, spokes, first, n, out);
 }
 
-double spoke_place(const LineForm& line, const PieceForm& piece, std::int64_t spokes, std::int64_t k) noexcept {
-    const double m = static_cast<double>(k) / static_cast<double>(spokes);
-    return place(line, piece, m, (m - piece.middle) * piece.scale);
+double spoke_place(const LineForm& line, const PieceForm& piece, double slope) noexcept {
+    return place(line, piece, slope, (slope - piece.middle) * piece.scale);
 }
 
 void post_knots(const LineForm& line, const PieceForm& piece, std::int64_t spokes, const double* minor, std::size_t n,

@@ -64,8 +64,8 @@ struct PieceForm {
 /// Knots of spokes first, first + 16, ... of K.
 void spoke_knots(const LineForm& line, const PieceForm& piece, std::int64_t spokes, std::int64_t first, std::size_t n,
                  const KnotLanes& out) noexcept;
-/// Where spoke k of K crosses the line: KnotLanes::at of spoke_knots(), bit for bit.
-double spoke_place(const LineForm& line, const PieceForm& piece, std::int64_t spokes, std::int64_t k) noexcept;
+/// Where a spoke of slope k / K crosses the line: KnotLanes::at of spoke_knots(), bit for bit.
+double spoke_place(const LineForm& line, const PieceForm& piece, double slope) noexcept;
 /// Knots at places `minor`[n] along the line.
 void post_knots(const LineForm& line, const PieceForm& piece, std::int64_t spokes, const double* minor, std::size_t n,
                 const KnotLanes& out) noexcept;

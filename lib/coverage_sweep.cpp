@@ -223,7 +223,6 @@ void Cover::sweep(Strip& strip, std::size_t run) {
     const auto state_of = [](Skip why) {
         return static_cast<std::uint8_t>(why == Skip::voids ? State::no_data : State::shadow);
     };
-    const bool may_be_blank = bytes_ && !with_posts_ && !params_.reached_only;
     // The line behind the strip too, if the raster has it.
     std::int64_t before = grid_.line_index(q, lines.begin) - outward(q);
     const bool has_before = (db_.cyclic && columns) || (before >= 0 && before < (columns ? db_.columns : db_.rows));
@@ -363,7 +362,7 @@ void Cover::sweep(Strip& strip, std::size_t run) {
         const Interval all = own[l];
         const auto edge = [&](std::int64_t k) {
             const double slope = static_cast<double>(k) / static_cast<double>(s.of);
-            return ceil_i(spoke_place(here, piece_form(map_.line_piece(q, d, slope)), s.of, k));
+            return ceil_i(spoke_place(here, piece_form(map_.line_piece(q, d, slope)), slope));
         };
         const Interval posts{first ? all.begin : std::clamp(edge(core.begin), all.begin, all.end),
                              last ? all.end : std::clamp(edge(core.end), all.begin, all.end)};
@@ -372,9 +371,9 @@ void Cover::sweep(Strip& strip, std::size_t run) {
             desk.own[l] = posts;
             part_line(posts, desk);
         }
-        const bool blank = may_be_blank && std::all_of(desk.parts.begin(), desk.parts.end(), [&](const auto& part) {
-                               return part.second != Skip::none && byte_of(state_of(part.second)) == blank_;
-                           });
+        const bool blank = std::all_of(desk.parts.begin(), desk.parts.end(), [&](const auto& part) {
+            return part.second != Skip::none && byte_of(state_of(part.second)) == blank_;
+        });
         desk.blank[l] = blank ? 1 : 0;
         const bool looked_at = std::any_of(desk.parts.begin(), desk.parts.end(),
                                            [&](const auto& part) { return with_posts_ || part.second == Skip::none; });
@@ -510,7 +509,7 @@ void Cover::copy_columns(const Side& side, Interval lines, const T* from, std::s
     constexpr std::int64_t together = 64;
     const std::array<std::uint8_t, together> blank_row = [&] {
         std::array<std::uint8_t, together> bytes;
-        bytes.fill(blank_);
+        bytes.fill(blank_.value_or(0));
         return bytes;
     }();
     const auto is_blank = [&](std::int64_t line) { return desk.blank[static_cast<std::size_t>(line)] != 0; };

@@ -200,10 +200,10 @@ public:
         reached_ = {{0, db_.columns}, {0, db_.rows}};
         if (params.reached_only) leave_unreached();
         for (Quadrant q : {Quadrant::south, Quadrant::north}) set_rows(q);
-        // Most of what there is to see is hidden mostly: what tiles are of which nothing is seen need not be painted.
-        if (bytes_ && !with_posts_ && !params.reached_only && all_owned()) {
-            blank_ = byte_of(static_cast<std::uint8_t>(State::shadow));
-            tiles_.begin_as(blank_);
+        // Most ground is hidden mostly, and what tiles begin as need not be painted.
+        if (bytes_ && !with_posts_ && !params.reached_only) {
+            blank_ = all_owned() ? byte_of(static_cast<std::uint8_t>(State::shadow)) : outside_byte();
+            tiles_.begin_as(*blank_);
         }
     }
 
@@ -345,11 +345,11 @@ private:
     std::optional<PathLossTable> loss_;
     double radar_constant_ = 0;
     bool bytes_, voids_;
-    bool with_range_ = false;              ///< a slant range or one along the ground is asked for
-    bool limited_ = false;                 ///< not all of the raster is in view
-    bool with_posts_ = false;              ///< the single post must be looked at
-    std::uint8_t blank_ = outside_byte();  ///< as tiles of bytes begin
-    bool hides_ = false;                   ///< a post below every horizon can be judged without its height
+    bool with_range_ = false;            ///< a slant range or one along the ground is asked for
+    bool limited_ = false;               ///< not all of the raster is in view
+    bool with_posts_ = false;            ///< the single post must be looked at
+    std::optional<std::uint8_t> blank_;  ///< as tiles begin, where that need not be painted
+    bool hides_ = false;                 ///< a post below every horizon can be judged without its height
     double farthest_m_ = std::numeric_limits<double>::infinity();  ///< along the ground
     double least_tangent_ = 0, most_tangent_ = 0;
     Lift lift_;

@@ -457,9 +457,8 @@ void Front::take(const Between& between, std::size_t begin, std::size_t end, boo
     if (found.plain + found.changes > 0) cost_.clock.enter(StageClock::deposit);
     if (found.plain) keep_pieces(n, begin, between, next);
     if (at_once_ || pieces_.size() + tile_lanes > VisiblePieces::most) put_pieces(between);
-    if (found.changes == 0) return std::swap(now_, next);
     const std::uint64_t read = culture_.cost().ticks;
-    for (std::uint64_t left = lanes_of_code(2, n, code_.data()); left != 0; left &= left - 1) {
+    for (std::uint64_t left = found.changes > 0 ? lanes_of_code(2, n, code_.data()) : 0; left != 0; left &= left - 1) {
         const auto i = static_cast<std::size_t>(std::countr_zero(left));
         change(begin + i, i, between, next);
         if (shore_ && is(begin + i, mode_gap)) lanes_.shore[begin + i] = {};  // what is there, nobody knows

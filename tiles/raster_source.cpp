@@ -162,11 +162,8 @@ CultureCells RasterSource::load_classes(const Window& window) {
         culture_->read_codes(window, [&](std::int64_t row, std::int64_t at, const std::int32_t* codes, std::int64_t n) {
             ClassId* to = cells.classes.data() + row * window.columns.size() + at;
             bool unknown = false;
-            const ClassId* const table = class_of_.data();
             for (std::int64_t i = 0; i < n; ++i) {
-                const std::uint32_t in_table =
-                    static_cast<std::uint32_t>(codes[i]) - static_cast<std::uint32_t>(table_begin);
-                const ClassId id = in_table < table_size ? table[in_table] : class_of(codes[i]);
+                const ClassId id = class_of(codes[i]);
                 unknown |= id == unknown_class;
                 to[i] = id;
             }
@@ -504,9 +501,7 @@ void RasterSource::pass_layer(RegisteredLayer& layer, const Window& posts, const
                   intersection(posts.rows, {r * block_posts, (r + 1) * block_posts})});
 }
 
-ClassId RasterSource::class_of(std::int32_t code) const {
-    const std::int64_t at = static_cast<std::int64_t>(code) - table_begin;
-    if (at >= 0 && at < table_size) return class_of_[static_cast<std::size_t>(at)];
+ClassId RasterSource::class_beyond_table(std::int32_t code) const {
     if (code == void_code) return params_.default_class;
     return params_.legend->find(code).value_or(unknown_class);
 }
