@@ -50,7 +50,7 @@ BurntLayer::BurntLayer(StoreLayerKind kind, std::unique_ptr<RasterLayer> below, 
         become(GDT_Int16, INT16_MIN);
     else
         become(GDT_Int32, INT32_MIN);
-    facts_.type_bytes = GDALGetDataTypeSizeBytes(facts_.type);
+    facts_.type_bytes = type_bytes(facts_.type);
     prepare();
 }
 
@@ -124,7 +124,7 @@ void BurntLayer::read_values(const Window& window, void* out, GDALDataType type,
     for (std::size_t r = 0; r < static_cast<std::size_t>(window.rows.size()); ++r)
         GDALCopyWords64(stored.data() + r * wide * static_cast<std::size_t>(facts_.type_bytes), facts_.type,
                         facts_.type_bytes, line + static_cast<std::int64_t>(r) * line_bytes, type,
-                        GDALGetDataTypeSizeBytes(type), static_cast<GPtrDiff_t>(wide));
+                        type_bytes(type), static_cast<GPtrDiff_t>(wide));
 }
 
 ReaderBytes BurntLayer::reader_bytes() const {

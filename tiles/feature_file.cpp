@@ -231,20 +231,19 @@ std::unique_ptr<FeatureFile::Handle> FeatureFile::open() {
         facts.role = "features";
         facts.path = params_.path;
         facts.has_geotransform = true;
-        if (const OGRSpatialReference* given = layer->GetSpatialRef()) set_crs(facts, *given);
+        if (const OGRSpatialReference* given = layer->GetSpatialRef()) set_crs(facts, from_gdal(*given));
         one.geographic = facts.crs && facts.geographic;
         if (facts.crs && !crs_)
             throw DataError(
-                text(named(), " is in CRS ", in_quotes(crs_definition(*facts.crs)),
+                text(named(), " is in CRS ", in_quotes(facts.crs->definition()),
                      ", and the terrain has none; accepted: features without a CRS, in the raster's own coordinates"));
-        const char* const alike[] = {"IGNORE_DATA_AXIS_TO_SRS_AXIS_MAPPING=YES",
-                                     "CRITERION=EQUIVALENT_EXCEPT_AXIS_ORDER_GEOGCRS", nullptr};
-        if (facts.crs && !facts.crs->IsSame(crs_.get(), alike)) {
-            one.to_raster.reset(OGRCreateCoordinateTransformation(facts.crs.get(), crs_.get()));
-            one.back.reset(OGRCreateCoordinateTransformation(crs_.get(), facts.crs.get()));
+        if (facts.crs && !facts.crs->same_as(*crs_)) {
+            const OGRSpatialReference own = in_gdal(*facts.crs), raster = in_gdal(*crs_);
+            one.to_raster.reset(OGRCreateCoordinateTransformation(&own, &raster));
+            one.back.reset(OGRCreateCoordinateTransformation(&raster, &own));
             if (!one.to_raster || !one.back)
                 throw DataError(text(named(), ": PROJ knows no way from its CRS ",
-                                     in_quotes(crs_definition(*facts.crs)), " to the terrain's: ", errors.reason()));
+                                     in_quotes(facts.crs->definition()), " to the terrain's: ", errors.reason()));
         }
         handle->layers.push_back(std::move(one));
     }

@@ -83,7 +83,7 @@ private:
                              const std::string& found, const std::string& accepted) const;
 
     FeatureParams params_;
-    std::shared_ptr<OGRSpatialReference> crs_;  ///< of the raster; null: none
+    std::shared_ptr<const Crs> crs_;  ///< of the raster; null: none
     bool geographic_ = false;
     bool attributes_only_ = false;
     bool has_materials_ = false, has_heights_ = false;

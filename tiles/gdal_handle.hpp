@@ -2,9 +2,12 @@
 #pragma once
 #include <cpl_error.h>
 #include <gdal_priv.h>
+#include <ogr_spatialref.h>
 
 #include <memory>
 #include <string>
+
+#include "tiles/crs.hpp"
 
 namespace wedgescope {
 
@@ -17,6 +20,10 @@ using DatasetHandle = std::unique_ptr<GDALDataset, CloseDataset>;
 void register_usual_drivers();
 /// Registers all of GDAL's drivers; once. They take 7 MiB: only for files that the usual ones do not know.
 void register_all_drivers();
+
+/// A CRS for GDAL, x (longitude) first, and from GDAL: null where that is empty; DataError where PROJ cannot write it.
+OGRSpatialReference in_gdal(const Crs& crs);
+std::shared_ptr<const Crs> from_gdal(const OGRSpatialReference& crs);
 
 /// Keeps what GDAL says on this thread while it lives, instead of letting it be printed.
 class GdalErrors {

@@ -18,8 +18,13 @@
 #include "tiles/gdal_handle.hpp"
 #include "tiles/large_blocks.hpp"
 
+/// Of late_gdal.cpp; null where GDAL is linked as other libraries are.
+extern "C" __attribute__((weak)) bool wedgescope_late_gdal_loaded() noexcept;
+
 namespace wedgescope {
 namespace {
+
+bool gdal_is_loaded() { return !wedgescope_late_gdal_loaded || wedgescope_late_gdal_loaded(); }
 
 /// One line, without a full stop at its end.
 std::string one_line(std::string message) {
@@ -41,6 +46,18 @@ std::optional<GIntBig> cache_max(const std::string& value) {
 
 std::atomic<std::uint64_t> sessions = 0;
 
+/// What GDAL is to be told.
+struct Wishes {
+    std::mutex mutex;
+    std::size_t cache_bytes = 0;
+    std::vector<std::pair<std::string, std::string>> config;
+    std::optional<std::size_t> later_cache_bytes;
+};
+Wishes& wishes() {
+    static Wishes all;
+    return all;
+}
+
 constexpr const char* pool_size = "GDAL_MAX_DATASET_POOL_SIZE";
 
 /// One for each MiB of cached blocks, for the blocks of a part that is closed go with it. GDAL fails where all that may
@@ -48,6 +65,17 @@ constexpr const char* pool_size = "GDAL_MAX_DATASET_POOL_SIZE";
 std::size_t parts_for(std::size_t cache_bytes) {
     const std::size_t in_use = 2 * std::max<std::size_t>(1, std::thread::hardware_concurrency());
     return std::max(in_use, std::clamp<std::size_t>(cache_bytes >> 20, 8, 32));
+}
+
+/// Those only that know their files by themselves, so that no other driver would have been asked first.
+void register_usual() {
+    GDALRegister_VRT();
+    GDALRegister_GTiff();
+    GDALRegister_SRTMHGT();
+    GDALRegister_DTED();
+    GDALRegister_PNG();
+    GDALRegister_AAIGrid();
+    GDALRegister_MEM();
 }
 
 }  // namespace
@@ -76,18 +104,31 @@ std::string GdalErrors::reason() const {
     return failure_ + "; " + last_;
 }
 
+OGRSpatialReference in_gdal(const Crs& crs) {
+    OGRSpatialReference out;
+    GdalErrors quiet;
+    out.importFromWkt(crs.wkt().c_str());
+    out.SetAxisMappingStrategy(OAMS_TRADITIONAL_GIS_ORDER);
+    return out;
+}
+
+std::shared_ptr<const Crs> from_gdal(const OGRSpatialReference& crs) {
+    if (crs.IsEmpty()) return nullptr;
+    GdalErrors quiet;
+    char* words = nullptr;
+    const char* const options[] = {"FORMAT=WKT2_2019", nullptr};
+    const bool good = crs.exportToWkt(&words, options) == OGRERR_NONE && words;
+    const std::string wkt = good ? words : "";
+    CPLFree(words);
+    std::string reason;
+    if (auto own = Crs::read(wkt, reason)) return own;
+    const char* name = crs.GetName();
+    throw DataError(text("the CRS '", name ? name : "", "' is none that PROJ can write and read again: ", reason));
+}
+
 void register_usual_drivers() {
-    // Those only that know their files by themselves, so that no other driver would have been asked first.
     static std::once_flag once;
-    std::call_once(once, [] {
-        GDALRegister_VRT();
-        GDALRegister_GTiff();
-        GDALRegister_SRTMHGT();
-        GDALRegister_DTED();
-        GDALRegister_PNG();
-        GDALRegister_AAIGrid();
-        GDALRegister_MEM();
-    });
+    std::call_once(once, register_usual);
 }
 
 void register_all_drivers() {
@@ -104,20 +145,42 @@ GdalSession::GdalSession(std::size_t cache_bytes, const std::vector<std::pair<st
     mallopt(M_MMAP_THRESHOLD, large);
     mallopt(M_TRIM_THRESHOLD, 2 * large);
     keep_large_blocks(std::max(static_cast<std::size_t>(large), std::size_t{2} << 20));
+    for (const auto& [key, value] : config)
+        if (key.empty()) throw InputError(text("config '=", value, "' has no name; accepted: --config NAME=VALUE"));
+    {
+        const std::lock_guard lock(wishes().mutex);
+        wishes().cache_bytes = cache_bytes;
+        wishes().config = config;
+        wishes().later_cache_bytes.reset();
+    }
+    if (gdal_is_loaded()) settle();
+}
+
+void GdalSession::settle() {
+    std::size_t cache_bytes = 0;
+    std::vector<std::pair<std::string, std::string>> config;
+    std::optional<std::size_t> later_cache_bytes;
+    {
+        const std::lock_guard lock(wishes().mutex);
+        cache_bytes = wishes().cache_bytes;
+        config = wishes().config;
+        later_cache_bytes = wishes().later_cache_bytes;
+    }
     CPLSetErrorHandler(CPLQuietErrorHandler);
     // Each handle of a VRT gets its own sources: handles wander between threads, shared sources may not.
     CPLSetConfigOption("VRT_SHARED_SOURCE", "0");
     // Each part of a VRT that stays open keeps buffers of its own.
     CPLSetConfigOption(pool_size, std::to_string(parts_for(cache_bytes)).c_str());
     OSRSetPROJEnableNetwork(0);
-    register_usual_drivers();
-    set_cache_bytes(cache_bytes);
+    // Not by way of register_usual_drivers(): a thread within its call_once may be waiting for this one.
+    register_usual();
+    GDALSetCacheMax64(static_cast<GIntBig>(cache_bytes));
     for (const auto& [key, value] : config) {
-        if (key.empty()) throw InputError(text("config '=", value, "' has no name; accepted: --config NAME=VALUE"));
         CPLSetConfigOption(key.c_str(), value.c_str());
         if (EQUAL(key.c_str(), "GDAL_CACHEMAX"))
             if (const auto bytes = cache_max(value)) GDALSetCacheMax64(*bytes);
     }
+    if (later_cache_bytes) GDALSetCacheMax64(static_cast<GIntBig>(*later_cache_bytes));
 }
 
 // GDAL takes its drivers down itself when the program ends; whoever still holds a raster then does no harm.
@@ -128,7 +191,22 @@ std::size_t GdalSession::most_parts_open() {
     return static_cast<std::size_t>(std::max(2, std::atoi(CPLGetConfigOption(pool_size, text(gdals_own).c_str()))));
 }
 
-void GdalSession::set_cache_bytes(std::size_t bytes) { GDALSetCacheMax64(static_cast<GIntBig>(bytes)); }
+void GdalSession::set_cache_bytes(std::size_t bytes) {
+    {
+        const std::lock_guard lock(wishes().mutex);
+        wishes().later_cache_bytes = bytes;
+    }
+    if (gdal_is_loaded()) GDALSetCacheMax64(static_cast<GIntBig>(bytes));
+}
+
+std::size_t GdalSession::cache_used_bytes() {
+    return gdal_is_loaded() ? static_cast<std::size_t>(GDALGetCacheUsed64()) : 0;
+}
+
+bool GdalSession::configured() {
+    const std::lock_guard lock(wishes().mutex);
+    return !wishes().config.empty() || std::getenv("GDAL_PAM_ENABLED");
+}
 
 std::uint64_t GdalSession::number() { return sessions; }
 

@@ -1,5 +1,6 @@
 // GdalSession: GDAL's global state, set up once: drivers, cache, errors turned into exceptions of ours, PROJ's
-// network off. Leaves every file to raster.hpp and picture.hpp.
+// network off. Leaves every file to raster.hpp and picture.hpp, and loading GDAL to late_gdal.cpp: where the program does
+// that when it first calls GDAL, which some runs never do, the state is set up then.
 #pragma once
 #include <cstddef>
 #include <cstdint>
@@ -20,6 +21,12 @@ public:
     /// Rasters that VRTs are made of and that GDAL holds open at the most, over all threads: fewer in little memory.
     static std::size_t most_parts_open();
     static void set_cache_bytes(std::size_t bytes);
+    /// What GDAL's block cache holds.
+    static std::size_t cache_used_bytes();
+    /// Sets up GDAL as the session that was begun last wants it; called once GDAL is there.
+    static void settle();
+    /// Anything is asked of GDAL by name: whoever could do without it then leaves all to it.
+    static bool configured();
     static std::string gdal_version();
     /// Of the session that was begun last, from 1; 0 before the first.
     static std::uint64_t number();

@@ -12,14 +12,6 @@
 namespace wedgescope {
 namespace {
 
-struct DestroyContext {
-    void operator()(PJ_CONTEXT* context) const noexcept { proj_context_destroy(context); }
-};
-struct Destroy {
-    void operator()(PJ* object) const noexcept { proj_destroy(object); }
-};
-using Object = std::unique_ptr<PJ, Destroy>;
-
 constexpr const char* wgs84_in_proj = "EPSG:4326";
 
 }  // namespace
@@ -28,17 +20,22 @@ constexpr const char* wgs84_in_proj = "EPSG:4326";
 /// both CRS in a format of old, for which PROJ looks through the names of its data base: 10 to 15 ms of each process.
 class Georeference::Way {
 public:
-    explicit Way(const OGRSpatialReference& crs) : context_(proj_context_create()) {
+    explicit Way(const Crs& crs) : context_(proj_context_create()) {
+        reason_ = with_proj([&](PJ_CONTEXT* common) {
+            const ProjObject wgs84(proj_create(common, wgs84_in_proj)), raster = create(common, crs);
+            if (!wgs84 || !raster) return;
+            const ProjObject way(
+                proj_create_crs_to_crs_from_pj(common, wgs84.get(), raster.get(), nullptr, nullptr));
+            // Longitude and easting first, as in rasters, whatever the order of the CRS's axes.
+            if (way) way_.reset(proj_normalize_for_visualization(common, way.get()));
+            // From here on it does not wait for others.
+            if (way_) proj_assign_context(way_.get(), context_.get());
+        });
         proj_log_func(context_.get(), this, [](void* self, int, const char* message) {
             std::string& reason = static_cast<Way*>(self)->reason_;
             if (reason.empty()) reason = message;
         });
         proj_context_set_enable_network(context_.get(), 0);
-        const Object wgs84(proj_create(context_.get(), wgs84_in_proj)), raster = create(crs);
-        if (!wgs84 || !raster) return;
-        const Object way(proj_create_crs_to_crs_from_pj(context_.get(), wgs84.get(), raster.get(), nullptr, nullptr));
-        // Longitude and easting first, as in rasters, whatever the order of the CRS's axes.
-        if (way) way_.reset(proj_normalize_for_visualization(context_.get(), way.get()));
     }
 
     /// The raster's coordinates of a longitude and latitude in degrees, or (PJ_INV) the other way; false where there are
@@ -61,28 +58,25 @@ public:
     }
 
 private:
-    Object create(const OGRSpatialReference& crs) {
-        Object own(proj_create(context_.get(), crs_wkt(crs).c_str()));
-        const char *authority = crs.GetAuthorityName(nullptr), *code = crs.GetAuthorityCode(nullptr);
-        if (!own || !authority || !code) return own;
+    static ProjObject create(PJ_CONTEXT* context, const Crs& crs) {
+        ProjObject own(proj_create(context, crs.wkt().c_str()));
+        if (!own || crs.authority().empty() || crs.code().empty()) return own;
         // An older format has lost where the CRS is in use, which decides between shifts of its datum, or comes with a shift
         // of its own: then as its authority defines it, if that is the same but for the shift. So GDAL does.
-        const bool shifted = proj_get_type(own.get()) == PJ_TYPE_BOUND_CRS;
-        const Object bare(shifted ? proj_get_source_crs(context_.get(), own.get()) : nullptr);
+        const ProjObject bare(crs.bound() ? proj_get_source_crs(context, own.get()) : nullptr);
         const PJ* const plain = bare ? bare.get() : own.get();
         double west, south, east, north;
-        if (!shifted && proj_get_area_of_use(context_.get(), plain, &west, &south, &east, &north, nullptr)) return own;
-        Object official(proj_create(context_.get(), text(authority, ":", code).c_str()));
-        reason_.clear();
+        if (!crs.bound() && proj_get_area_of_use(context, plain, &west, &south, &east, &north, nullptr)) return own;
+        ProjObject official(proj_create(context, text(crs.authority(), ":", crs.code()).c_str()));
         const bool same =
-            official && proj_is_equivalent_to_with_ctx(context_.get(), official.get(), plain, PJ_COMP_EQUIVALENT) != 0;
+            official && proj_is_equivalent_to_with_ctx(context, official.get(), plain, PJ_COMP_EQUIVALENT) != 0;
         return same ? std::move(official) : std::move(own);
     }
 
     std::mutex mutex_;
     std::string reason_;  ///< what PROJ said first of the last that failed
-    std::unique_ptr<PJ_CONTEXT, DestroyContext> context_;
-    Object way_;
+    ProjContext context_;
+    ProjObject way_;
 };
 
 std::shared_ptr<Georeference::Way> Georeference::way_of(const RasterFacts& facts) {
@@ -90,12 +84,12 @@ std::shared_ptr<Georeference::Way> Georeference::way_of(const RasterFacts& facts
     static std::map<std::string, std::weak_ptr<Way>> known;  // by WKT
     const std::lock_guard lock(mutex);
     std::erase_if(known, [](const auto& entry) { return entry.second.expired(); });
-    std::weak_ptr<Way>& place = known[crs_wkt(*facts.crs)];
+    std::weak_ptr<Way>& place = known[facts.crs->wkt()];
     if (auto way = place.lock()) return way;
     const auto way = std::make_shared<Way>(*facts.crs);
     if (!way->known())
         throw DataError(text(facts.named(), ": PROJ knows no way between WGS84 and its CRS '",
-                             crs_definition(*facts.crs), "': ", way->reason()));
+                             facts.crs->definition(), "': ", way->reason()));
     place = way;
     return way;
 }
@@ -108,7 +102,7 @@ IndexPosition Georeference::locate(double lat_deg, double lon_deg) {
     double x = lon_deg, y = lat_deg;
     if (way_ && !way_->transform(PJ_FWD, x, y))
         throw DataError(text(facts_.named(), ": PROJ finds no place for latitude ", lat_deg, ", longitude ", lon_deg,
-                             " in its CRS '", crs_definition(*facts_.crs), "': ", way_->reason()));
+                             " in its CRS '", facts_.crs->definition(), "': ", way_->reason()));
     IndexPosition at{(x - facts_.corner_x) / facts_.step_x - 0.5, (y - facts_.corner_y) / facts_.step_y - 0.5};
     if (facts_.geographic) {
         const double circle = 360 / facts_.step_x;
@@ -143,7 +137,7 @@ DataBase describe(const RasterFacts& facts) {
     d.crs_in_metres = !facts.geographic;
     d.metres_per_unit = facts.metres_per_unit;
     if (!facts.crs) return d;
-    d.crs_wkt = crs_wkt(*facts.crs);
+    d.crs_wkt = facts.crs->wkt();
     d.cycle_columns = facts.cycle_columns();
     d.cyclic = d.cycle_columns > 0;
     const auto where = std::make_shared<Georeference>(facts);

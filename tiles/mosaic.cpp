@@ -176,7 +176,7 @@ void Mosaic::choose_type() {
     const RasterFacts own = pieces_[0].raster->facts();
     const auto become = [&](GDALDataType type, double no_data) {
         facts_.type = type;
-        facts_.type_bytes = GDALGetDataTypeSizeBytes(type);
+        facts_.type_bytes = type_bytes(type);
         facts_.has_no_data = true;
         facts_.no_data = no_data;
     };

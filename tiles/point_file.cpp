@@ -81,26 +81,23 @@ PointFile::PointFile(const PointFileParams& params, const DataBase& data_base) :
     facts.role = o.role;
     facts.path = o.path;
     facts.has_geotransform = true;
-    if (given) set_crs(facts, *given);
+    if (given) set_crs(facts, from_gdal(*given));
     if (!facts.crs) return;
     if (!data_base.has_crs)
-        throw DataError(text(o.named(), " is in CRS ", in_quotes(crs_definition(*facts.crs)), ", and '", data_base.name,
+        throw DataError(text(o.named(), " is in CRS ", in_quotes(facts.crs->definition()), ", and '", data_base.name,
                              "' has none; accepted: points without a CRS, in the raster's own coordinates"));
     o.lat_lon = true;
     if (facts.wgs84_lat_lon) return;
-    OGRSpatialReference terrain;
-    terrain.SetFromUserInput(data_base.crs_wkt.c_str());
-    terrain.SetAxisMappingStrategy(OAMS_TRADITIONAL_GIS_ORDER);
-    const char* const options[] = {"IGNORE_DATA_AXIS_TO_SRS_AXIS_MAPPING=YES",
-                                   "CRITERION=EQUIVALENT_EXCEPT_AXIS_ORDER_GEOGCRS", nullptr};
-    if (facts.crs->IsSame(&terrain, options)) {
+    std::string reason;
+    const auto terrain = Crs::read(data_base.crs_wkt, reason);
+    if (terrain && facts.crs->same_as(*terrain)) {
         o.lat_lon = false;
         return;
     }
-    const OGRSpatialReference wgs84 = wgs84_lon_lat();
-    o.to_wgs84.reset(OGRCreateCoordinateTransformation(facts.crs.get(), &wgs84));
+    const OGRSpatialReference own = in_gdal(*facts.crs), wgs84 = in_gdal(Crs::wgs84());
+    o.to_wgs84.reset(OGRCreateCoordinateTransformation(&own, &wgs84));
     if (!o.to_wgs84)
-        throw DataError(text(o.named(), ": PROJ knows no way from its CRS ", in_quotes(crs_definition(*facts.crs)),
+        throw DataError(text(o.named(), ": PROJ knows no way from its CRS ", in_quotes(facts.crs->definition()),
                              " to WGS84: ", errors.reason()));
 }
 

@@ -24,9 +24,8 @@ void find_bounds(const RasterFacts& facts, RasterSummary& summary) {
         return;
     }
     GdalErrors errors;
-    const OGRSpatialReference wgs84 = wgs84_lon_lat();
-    const std::unique_ptr<OGRCoordinateTransformation> to_wgs84(
-        OGRCreateCoordinateTransformation(facts.crs.get(), &wgs84));
+    const OGRSpatialReference own = in_gdal(*facts.crs), wgs84 = in_gdal(Crs::wgs84());
+    const std::unique_ptr<OGRCoordinateTransformation> to_wgs84(OGRCreateCoordinateTransformation(&own, &wgs84));
     if (!to_wgs84 ||
         !to_wgs84->TransformBounds(x0, y0, x1, y1, &summary.west, &summary.south, &summary.east, &summary.north, 21))
         throw DataError(
@@ -48,7 +47,7 @@ RasterSummary summarise_raster(const std::string& path, bool count_codes, const 
     RasterSummary summary;
     summary.path = path;
     summary.driver = facts.driver;
-    summary.data_type = facts.signed_byte ? "Int8" : GDALGetDataTypeName(facts.type);
+    summary.data_type = facts.signed_byte ? "Int8" : type_name(facts.type);
     summary.unit = facts.unit;
     summary.columns = facts.columns;
     summary.rows = facts.rows;
@@ -64,11 +63,7 @@ RasterSummary summarise_raster(const std::string& path, bool count_codes, const 
     summary.no_data = facts.no_data;
     summary.compression = facts.compression;
     if (facts.crs) {
-        const char* name = facts.crs->GetName();
-        const char* authority = facts.crs->GetAuthorityName(nullptr);
-        const char* code = facts.crs->GetAuthorityCode(nullptr);
-        summary.crs_name = name ? name : "";
-        if (authority && code) summary.crs_name += text(" (", authority, ":", code, ")");
+        summary.crs_name = facts.crs->titled();
         find_bounds(facts, summary);
     }
 

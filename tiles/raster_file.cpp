@@ -69,9 +69,9 @@ void inspect_grid(GDALDataset& dataset, RasterFacts& facts) {
 void inspect_band(GDALDataset& dataset, RasterFacts& facts) {
     GDALRasterBand& band = *dataset.GetRasterBand(1);
     facts.type = band.GetRasterDataType();
-    facts.type_bytes = GDALGetDataTypeSizeBytes(facts.type);
+    facts.type_bytes = type_bytes(facts.type);
     if (facts.type == GDT_Unknown || GDALDataTypeIsComplex(facts.type))
-        throw DataError(text(facts.named(), " holds ", GDALGetDataTypeName(facts.type),
+        throw DataError(text(facts.named(), " holds ", type_name(facts.type),
                              " values; accepted: integers and floating point numbers"));
     int block_columns = 0, block_rows = 0;
     band.GetBlockSize(&block_columns, &block_rows);
@@ -116,7 +116,7 @@ RasterFacts inspect(GDALDataset& dataset, RasterFacts facts) {
                  first ? text("; accepted: one of its subdatasets, such as '", first, "'") : std::string()));
     }
     inspect_grid(dataset, facts);
-    if (const OGRSpatialReference* crs = dataset.GetSpatialRef()) set_crs(facts, *crs);
+    if (const OGRSpatialReference* crs = dataset.GetSpatialRef()) set_crs(facts, from_gdal(*crs));
     inspect_band(dataset, facts);
     return facts;
 }
@@ -127,7 +127,7 @@ ReaderBytes block_bytes(GDALRasterBand& band, bool tiff) {
     band.GetBlockSize(&wide, &high);
     ReaderBytes bytes;
     bytes.decoded = static_cast<std::size_t>(std::max(1, wide)) * static_cast<std::size_t>(std::max(1, high)) *
-                    static_cast<std::size_t>(GDALGetDataTypeSizeBytes(band.GetRasterDataType()));
+                    static_cast<std::size_t>(type_bytes(band.GetRasterDataType()));
     // What does not shrink may grow a little.
     bytes.packed = bytes.decoded + bytes.decoded / 64 + 1024;
     constexpr std::size_t small = std::size_t{1} << 20;
@@ -379,7 +379,7 @@ void RasterFile::read_values(const Window& window, void* out, GDALDataType type,
     const auto n = static_cast<std::size_t>(columns);
     auto* const bytes = static_cast<std::byte*>(out);
     const std::size_t beside =
-        n * static_cast<std::size_t>(GDALGetDataTypeSizeBytes(type) - GDALGetDataTypeSizeBytes(read));
+        n * static_cast<std::size_t>(type_bytes(type) - type_bytes(read));
     if ((*lease).band->RasterIO(GF_Read, static_cast<int>(window.columns.begin), static_cast<int>(window.rows.begin),
                                 columns, rows, bytes + beside, columns, rows, read, 0, line_bytes, nullptr) != CE_None)
         throw IoError(text(facts_.named(), ": ", place(window), " cannot be read: ", errors.reason()));

@@ -1,7 +1,5 @@
 #include "tiles/raster_layer.hpp"
 
-#include <cpl_conv.h>
-
 #include <algorithm>
 #include <cctype>
 #include <cmath>
@@ -11,6 +9,37 @@
 #include "tiles/gdal_handle.hpp"
 
 namespace wedgescope {
+
+namespace {
+
+struct PostType {
+    GDALDataType type;
+    const char* name;
+    int bytes;
+};
+constexpr PostType usual_types[] = {{GDT_Byte, "Byte", 1},     {GDT_UInt16, "UInt16", 2},   {GDT_Int16, "Int16", 2},
+                                    {GDT_UInt32, "UInt32", 4}, {GDT_Int32, "Int32", 4},     {GDT_UInt64, "UInt64", 8},
+                                    {GDT_Int64, "Int64", 8},   {GDT_Float32, "Float32", 4}, {GDT_Float64, "Float64", 8}};
+
+}  // namespace
+
+std::string type_name(GDALDataType type) {
+    for (const PostType& usual : usual_types)
+        if (usual.type == type) return usual.name;
+    return GDALGetDataTypeName(type);
+}
+
+GDALDataType type_by_name(const std::string& name) {
+    for (const PostType& usual : usual_types)
+        if (usual.name == name) return usual.type;
+    return GDALGetDataTypeByName(name.c_str());
+}
+
+int type_bytes(GDALDataType type) {
+    for (const PostType& usual : usual_types)
+        if (usual.type == type) return usual.bytes;
+    return GDALGetDataTypeSizeBytes(type);
+}
 
 double unit_in_metres(std::string unit) {
     std::erase_if(unit, [](unsigned char c) { return !std::isalnum(c); });
@@ -24,59 +53,22 @@ double unit_in_metres(std::string unit) {
     return 1;
 }
 
-void set_crs(RasterFacts& facts, const OGRSpatialReference& given) {
-    if (given.IsEmpty() || !facts.has_geotransform) return;
-    auto crs = std::make_shared<OGRSpatialReference>(given);
-    if (crs->IsCompound()) crs->StripVertical();
-    crs->SetAxisMappingStrategy(OAMS_TRADITIONAL_GIS_ORDER);
-    if (crs->IsGeocentric())
+void set_crs(RasterFacts& facts, std::shared_ptr<const Crs> given) {
+    if (!given || !facts.has_geotransform) return;
+    if (given->kind() == Crs::Kind::geocentric)
         throw DataError(
             text(facts.named(), " has a geocentric CRS; accepted: latitude and longitude, or a projection"));
-    if (crs->IsGeographic()) {
-        const double degree = crs->GetAngularUnits(static_cast<const char**>(nullptr)) * 180 / M_PI;
-        if (std::fabs(degree - 1) > 1e-9)
-            throw DataError(text(facts.named(), " has angles in units of ", degree, " degrees; accepted: degrees"));
+    if (given->kind() == Crs::Kind::geographic) {
+        if (std::fabs(given->unit() - 1) > 1e-9)
+            throw DataError(
+                text(facts.named(), " has angles in units of ", given->unit(), " degrees; accepted: degrees"));
         facts.geographic = true;
-        const OGRSpatialReference wgs84 = wgs84_lon_lat();
-        const char* const options[] = {"IGNORE_DATA_AXIS_TO_SRS_AXIS_MAPPING=YES",
-                                       "CRITERION=EQUIVALENT_EXCEPT_AXIS_ORDER_GEOGCRS", nullptr};
-        facts.wgs84_lat_lon = crs->IsSame(&wgs84, options) != 0;
+        facts.wgs84_lat_lon = given->same_as(Crs::wgs84());
     } else {
-        facts.metres_per_unit = crs->GetLinearUnits(static_cast<const char**>(nullptr));
-        if (!(facts.metres_per_unit > 0)) facts.metres_per_unit = 1;
-        if (!crs->IsProjected()) return;  // a local grid: a plane with a unit, nowhere on earth
+        facts.metres_per_unit = given->unit() > 0 ? given->unit() : 1;
+        if (given->kind() != Crs::Kind::projected) return;  // a local grid: a plane with a unit, nowhere on earth
     }
-    facts.crs = std::move(crs);
-}
-
-OGRSpatialReference wgs84_lon_lat() {
-    OGRSpatialReference wgs84;
-    wgs84.SetWellKnownGeogCS("WGS84");
-    wgs84.SetAxisMappingStrategy(OAMS_TRADITIONAL_GIS_ORDER);
-    return wgs84;
-}
-
-std::string crs_definition(const OGRSpatialReference& crs) {
-    const char* authority = crs.GetAuthorityName(nullptr);
-    const char* code = crs.GetAuthorityCode(nullptr);
-    if (authority && code) return text(authority, ":", code);
-    GdalErrors quiet;
-    char* words = nullptr;
-    std::string definition;
-    if (crs.exportToProj4(&words) == OGRERR_NONE && words) definition = words;
-    CPLFree(words);
-    if (!definition.empty()) return definition;
-    return crs_wkt(crs);
-}
-
-std::string crs_wkt(const OGRSpatialReference& crs) {
-    GdalErrors quiet;
-    char* words = nullptr;
-    const char* const options[] = {"FORMAT=WKT2_2019", nullptr};
-    std::string wkt;
-    if (crs.exportToWkt(&words, options) == OGRERR_NONE && words) wkt = words;
-    CPLFree(words);
-    return wkt;
+    facts.crs = std::move(given);
 }
 
 std::int64_t RasterFacts::cycle_columns() const {
@@ -95,8 +87,11 @@ std::int64_t RasterFacts::own_columns() const {
 
 void RasterLayer::prepare() {
     const bool floating = facts_.type == GDT_Float32 || facts_.type == GDT_Float64;
-    // The same conversion that the values go through.
-    GDALCopyWords(&facts_.no_data, GDT_Float64, 0, &no_data_, GDT_Float32, 0, 1);
+    // The same conversion that the values go through: beyond float's range GDAL's.
+    if (std::fabs(facts_.no_data) <= static_cast<double>(std::numeric_limits<float>::max()))
+        no_data_ = static_cast<float>(facts_.no_data);
+    else
+        GDALCopyWords(&facts_.no_data, GDT_Float64, 0, &no_data_, GDT_Float32, 0, 1);
     no_data_is_huge_ = facts_.has_no_data && floating && std::fabs(facts_.no_data) > 1e30;
     may_be_void_ = facts_.has_no_data || facts_.has_mask;
     const double largest = facts_.type == GDT_Byte     ? 255

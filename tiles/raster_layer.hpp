@@ -2,7 +2,6 @@
 // For the .cpp files of this folder only. Leaves where the values come from to raster_file.hpp and store_layer.hpp.
 #pragma once
 #include <gdal.h>
-#include <ogr_spatialref.h>
 
 #include <cstdint>
 #include <functional>
@@ -11,6 +10,7 @@
 #include <vector>
 
 #include "lib/interval.hpp"
+#include "tiles/crs.hpp"
 
 namespace wedgescope {
 
@@ -18,6 +18,11 @@ namespace wedgescope {
 inline constexpr float highest_height_m = 1e5F;
 /// Marks a culture cell without data.
 inline constexpr std::int32_t void_code = INT32_MIN;
+
+/// What GDALGetDataTypeName and its kind say, without GDAL where posts are of a usual type.
+std::string type_name(GDALDataType type);
+GDALDataType type_by_name(const std::string& name);
+int type_bytes(GDALDataType type);
 
 struct RasterFacts {
     std::string role;  ///< for messages: "dem", "culture", "culture-height"
@@ -30,7 +35,7 @@ struct RasterFacts {
     bool has_geotransform = false;      ///< else the lower left cell's centre is 0, 0 and cells are 1 x 1
     double corner_x = 0, corner_y = 0;  ///< outer corner of the first cell, CRS units
     double step_x = 1, step_y = -1;
-    std::shared_ptr<OGRSpatialReference> crs;  ///< horizontal part, x (longitude) first; null: none
+    std::shared_ptr<const Crs> crs;     ///< null: none
     bool geographic = false;
     bool wgs84_lat_lon = false;
     double metres_per_unit = 1;    ///< of x and y, if not geographic
@@ -53,7 +58,7 @@ struct RasterFacts {
 };
 
 /// Takes CRS, kind of CRS and its units from `given`. DataError for a CRS that is none of ours.
-void set_crs(RasterFacts& facts, const OGRSpatialReference& given);
+void set_crs(RasterFacts& facts, std::shared_ptr<const Crs> given);
 /// Metres of a height unit; 1 for what is not known.
 double unit_in_metres(std::string unit);
 
@@ -111,13 +116,5 @@ void for_each_window(const RasterFacts& facts, std::int64_t columns, std::int64_
 
 /// "columns 3 to 5, rows 0 to 9".
 std::string place(const Window& window);
-
-/// WGS84 latitude and longitude, longitude first.
-OGRSpatialReference wgs84_lon_lat();
-
-/// Name and best short definition ("EPSG:32611", else a PROJ string, else WKT) of a CRS.
-std::string crs_definition(const OGRSpatialReference& crs);
-/// WKT 2 of 2019; empty if PROJ cannot write it.
-std::string crs_wkt(const OGRSpatialReference& crs);
 
 }  // namespace wedgescope

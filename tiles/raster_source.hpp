@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "lib/detail.hpp"
+#include "tiles/gdal_session.hpp"
 #include "tiles/ground_map.hpp"
 #include "tiles/needed_posts.hpp"
 #include "tiles/registered_layer.hpp"
@@ -55,7 +56,7 @@ public:
         return cache_bytes() - cache + static_cast<std::size_t>(std::min<std::uint64_t>(cache, bytes_read));
     }
     std::size_t held_bytes() const override {
-        const auto blocks = static_cast<std::size_t>(GDALGetCacheUsed64()), tiles = store_ ? store_->cached_bytes() : 0;
+        const auto blocks = GdalSession::cache_used_bytes(), tiles = store_ ? store_->cached_bytes() : 0;
         return filled_bytes(blocks + tiles);
     }
 

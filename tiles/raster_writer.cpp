@@ -17,7 +17,9 @@
 #include <system_error>
 
 #include "lib/error.hpp"
+#include "tiles/gdal_session.hpp"
 #include "tiles/png_file.hpp"
+#include "tiles/side_file.hpp"
 
 namespace wedgescope {
 namespace {
@@ -41,6 +43,12 @@ std::string ending(const std::string& path) {
     std::transform(found.begin(), found.end(), found.begin(),
                    [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
     return found;
+}
+
+/// A PNG of which nothing is asked that GDAL's driver would have to do.
+bool asks_for_plain_png(const std::string& path, const RasterFormat& format) {
+    if (!format.creation.empty() || GdalSession::configured()) return false;
+    return format.driver.empty() ? ending(path) == "png" : EQUAL(format.driver.c_str(), "PNG");
 }
 
 GDALDriver& find_driver(const std::string& path, const RasterFormat& format) {
@@ -240,21 +248,21 @@ void write_geolocation(const GeolocationGrid& grid, const std::string& path, con
     if (errors.failed()) fail(final_path, errors);
 }
 
-CPLStringList geolocation_metadata(const GeolocationGrid& grid, const std::string& final_path) {
-    CPLStringList items;
+Metadata geolocation_metadata(const GeolocationGrid& grid, const std::string& final_path) {
+    Metadata items;
     const std::string side = std::filesystem::path(final_path).filename().string() + ".geoloc.tif";
     // By name beside the raster, wherever the two are moved together.
-    items.SetNameValue("X_DATASET", side.c_str());
-    items.SetNameValue("X_DATASET_RELATIVE_TO_SOURCE", "YES");
-    items.SetNameValue("X_BAND", "1");
-    items.SetNameValue("Y_DATASET", side.c_str());
-    items.SetNameValue("Y_DATASET_RELATIVE_TO_SOURCE", "YES");
-    items.SetNameValue("Y_BAND", "2");
-    items.SetNameValue("PIXEL_OFFSET", "0");
-    items.SetNameValue("LINE_OFFSET", text(grid.closed ? -grid.row_step : 0).c_str());
-    items.SetNameValue("PIXEL_STEP", text(grid.column_step).c_str());
-    items.SetNameValue("LINE_STEP", text(grid.row_step).c_str());
-    items.SetNameValue("GEOREFERENCING_CONVENTION", "TOP_LEFT_CORNER");
+    items.emplace_back("X_DATASET", side);
+    items.emplace_back("X_DATASET_RELATIVE_TO_SOURCE", "YES");
+    items.emplace_back("X_BAND", "1");
+    items.emplace_back("Y_DATASET", side);
+    items.emplace_back("Y_DATASET_RELATIVE_TO_SOURCE", "YES");
+    items.emplace_back("Y_BAND", "2");
+    items.emplace_back("PIXEL_OFFSET", "0");
+    items.emplace_back("LINE_OFFSET", text(grid.closed ? -grid.row_step : 0));
+    items.emplace_back("PIXEL_STEP", text(grid.column_step));
+    items.emplace_back("LINE_STEP", text(grid.row_step));
+    items.emplace_back("GEOREFERENCING_CONVENTION", "TOP_LEFT_CORNER");
     OGRSpatialReference crs;
     GdalErrors quiet;
     if (grid.crs.empty())
@@ -262,7 +270,7 @@ CPLStringList geolocation_metadata(const GeolocationGrid& grid, const std::strin
     else
         crs.SetFromUserInput(grid.crs.c_str());
     char* wkt = nullptr;
-    if (crs.exportToWkt(&wkt) == OGRERR_NONE && wkt) items.SetNameValue("SRS", wkt);
+    if (crs.exportToWkt(&wkt) == OGRERR_NONE && wkt) items.emplace_back("SRS", wkt);
     CPLFree(wkt);
     return items;
 }
@@ -318,6 +326,7 @@ void check_output(const OutputFile& file, OutputLayer layer, const RasterFormat&
     const bool bytes =
         layer == OutputLayer::scope || layer == OutputLayer::masked_scope || layer == OutputLayer::states;
     const GDALDataType type = bytes ? GDT_Byte : GDT_Float32;
+    if (bytes && layer != OutputLayer::states && asks_for_plain_png(file.final_path(), format)) return;
     GDALDriver& driver = driver_for(file.final_path(), type, format);
     const CPLStringList options = creation_options(driver, type, {}, format);
     if (layer == OutputLayer::masked_scope) check_alpha(driver, options, file.final_path());
@@ -325,43 +334,47 @@ void check_output(const OutputFile& file, OutputLayer layer, const RasterFormat&
 
 namespace {
 
-/// A grey picture as PNG, with or without alpha, and nothing asked of GDAL's driver.
-bool is_plain_png(GDALDriver& driver, const RasterContent& content, const RasterFormat& format) {
-    return EQUAL(driver.GetDescription(), "PNG") && content.type == GDT_Byte && format.creation.empty() &&
-           !content.bands[0].no_data &&
+/// Of a grey picture, with or without alpha, those that are written without GDAL.
+bool is_plain_png(const RasterContent& content, const OutputFile& file, const RasterFormat& format) {
+    return asks_for_plain_png(file.final_path(), format) && content.type == GDT_Byte && !content.bands[0].no_data &&
            (content.bands.size() == 1 || (content.bands.size() == 2 && content.bands[1].alpha));
+}
+
+void write_plain_png(const RasterContent& content, const Metadata& geolocation, const OutputFile& file) {
+    std::vector<const std::uint8_t*> bands;
+    for (const BandContent& band : content.bands) bands.push_back(static_cast<const std::uint8_t*>(band.cells));
+    write_png(file.temporary_path(), content.columns, content.rows, bands, file.final_path());
+    write_side_file(content, geolocation, file.temporary_path(), file.final_path());
+}
+
+void check_size(const RasterContent& content, const std::string& final_path) {
+    if (content.columns < 1 || content.rows < 1 || content.columns > std::numeric_limits<int>::max() ||
+        content.rows > std::numeric_limits<int>::max())
+        throw InputError(text("output '", final_path, "' would have ", content.columns, " x ", content.rows,
+                              " cells; accepted: 1 to ", std::numeric_limits<int>::max(), " either way"));
 }
 
 }  // namespace
 
 void write_raster(const RasterContent& content, const OutputFile& file, const RasterFormat& format) {
     const std::string& final_path = file.final_path();
+    check_size(content, final_path);
+    Metadata geolocation_items;
+    if (content.geolocation) {
+        geolocation_items = geolocation_metadata(*content.geolocation, final_path);
+        write_geolocation(*content.geolocation, file.temporary_path() + ".geoloc.tif", final_path);
+    }
+    if (is_plain_png(content, file, format)) return write_plain_png(content, geolocation_items, file);
     GDALDriver& driver = driver_for(final_path, content.type, format);
     const CPLStringList options =
         creation_options(driver, content.type, {content.patches, content.quick_to_read}, format);
-    if (content.columns < 1 || content.rows < 1 || content.columns > std::numeric_limits<int>::max() ||
-        content.rows > std::numeric_limits<int>::max())
-        throw InputError(text("output '", final_path, "' would have ", content.columns, " x ", content.rows,
-                              " cells; accepted: 1 to ", std::numeric_limits<int>::max(), " either way"));
     CPLStringList geolocation;
-    if (content.geolocation) {
-        geolocation = geolocation_metadata(*content.geolocation, final_path);
-        write_geolocation(*content.geolocation, file.temporary_path() + ".geoloc.tif", final_path);
-    }
+    for (const auto& [key, value] : geolocation_items) geolocation.SetNameValue(key.c_str(), value.c_str());
 
     GdalErrors errors;
     const char* path = file.temporary_path().c_str();
     DatasetHandle dataset;
-    if (is_plain_png(driver, content, format)) {
-        std::vector<const std::uint8_t*> bands;
-        for (const BandContent& band : content.bands) bands.push_back(static_cast<const std::uint8_t*>(band.cells));
-        write_png(path, content.columns, content.rows, bands, final_path);
-        // What is said of it GDAL keeps beside it.
-        const char* const as_png[] = {"PNG", nullptr};
-        dataset.reset(GDALDataset::Open(path, GDAL_OF_RASTER, as_png));
-        if (!dataset) fail(final_path, errors);
-        describe(*dataset, content, geolocation);
-    } else if (has(driver, GDAL_DCAP_CREATE)) {
+    if (has(driver, GDAL_DCAP_CREATE)) {
         dataset.reset(driver.Create(path, static_cast<int>(content.columns), static_cast<int>(content.rows),
                                     static_cast<int>(content.bands.size()), content.type,
                                     const_cast<char**>(options.List())));

@@ -53,7 +53,7 @@ std::string quoted(const std::string& word) {
 std::string warp_line(const RasterFacts& terrain, const RasterFacts& layer) {
     const std::filesystem::path source(layer.path);
     const std::string warped = (source.parent_path() / (source.stem().string() + "_warped.tif")).string();
-    return text("gdalwarp -t_srs ", quoted(crs_definition(*terrain.crs)), " -r near -tr ", terrain.step_x, " ",
+    return text("gdalwarp -t_srs ", quoted(terrain.crs->definition()), " -r near -tr ", terrain.step_x, " ",
                 std::fabs(terrain.step_y), " -te ", std::min(terrain.corner_x, terrain.edge_x()), " ",
                 std::min(terrain.corner_y, terrain.edge_y()), " ", std::max(terrain.corner_x, terrain.edge_x()), " ",
                 std::max(terrain.corner_y, terrain.edge_y()), " ", quoted(layer.path), " ", quoted(warped));
@@ -99,11 +99,9 @@ Interval Axis::under(Interval posts) const {
 
 void refuse_other_crs(const RasterFacts& layer, const RasterFacts& terrain, const std::string& dem) {
     if (!layer.crs || !terrain.crs) return;
-    const char* const options[] = {"IGNORE_DATA_AXIS_TO_SRS_AXIS_MAPPING=YES", nullptr};
-    GdalErrors quiet;
-    if (!layer.crs->IsSame(terrain.crs.get(), options))
-        throw DataError(text(layer.named(), " is in CRS '", crs_definition(*layer.crs), "', ", dem, " in '",
-                             crs_definition(*terrain.crs), "'; accepted: the dem's; use: ", warp_line(terrain, layer)));
+    if (!layer.crs->same_as(*terrain.crs))
+        throw DataError(text(layer.named(), " is in CRS '", layer.crs->definition(), "', ", dem, " in '",
+                             terrain.crs->definition(), "'; accepted: the dem's; use: ", warp_line(terrain, layer)));
 }
 
 RegisteredLayer::RegisteredLayer(std::unique_ptr<RasterLayer> raster, const RasterFacts& terrain)

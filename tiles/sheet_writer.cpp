@@ -135,7 +135,10 @@ SheetWriter::SheetWriter(const RasterFacts& facts, bool codes, const Window& pos
                        facts.step_y};
         dataset_->SetGeoTransform(g);
     }
-    if (facts.crs) dataset_->SetSpatialRef(facts.crs.get());
+    if (facts.crs) {
+        const OGRSpatialReference crs = in_gdal(*facts.crs);
+        dataset_->SetSpatialRef(&crs);
+    }
     GDALRasterBand* band = dataset_->GetRasterBand(1);
     if (facts.has_no_data) {
         if (facts.type == GDT_Int64)

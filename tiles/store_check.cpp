@@ -181,18 +181,12 @@ StoreDescription describe_store(const std::string& path) {
         const RasterFacts& f = entry.facts;
         StoreDescription::Layer layer;
         layer.name = name(entry.kind);
-        layer.type = GDALGetDataTypeName(f.type);
+        layer.type = type_name(f.type);
         layer.compression = f.compression;
         layer.unit = f.unit;
         layer.has_crs = f.crs != nullptr;
         layer.geographic = f.geographic;
-        if (f.crs) {
-            const char* words = f.crs->GetName();
-            const char* authority = f.crs->GetAuthorityName(nullptr);
-            const char* code = f.crs->GetAuthorityCode(nullptr);
-            layer.crs_name = words ? words : "";
-            if (authority && code) layer.crs_name += text(" (", authority, ":", code, ")");
-        }
+        if (f.crs) layer.crs_name = f.crs->titled();
         layer.has_no_data = f.has_no_data;
         layer.no_data = f.no_data;
         layer.columns = f.columns;

@@ -82,6 +82,19 @@ SheetReader::SheetReader(std::string path, const RasterFacts& layer, const Windo
     if (const std::uint64_t bytes = file_bytes(path_); bytes != sums_.file_bytes)
         throw DataError(
             text("sheet '", path_, "' has ", bytes, " bytes; it had ", sums_.file_bytes, " when the store was made"));
+    if (by == By::whatever_is_fastest) {
+        // One that is not as the manifest says is left to GDAL, and to messages.
+        auto index = TiffIndex::of(path_);
+        const bool whole = index && index->levels.size() == static_cast<std::size_t>(sums_.levels()) &&
+                           index->levels[0].columns == sums_.columns && index->levels[0].rows == sums_.rows &&
+                           index->levels[0].tile_columns == static_cast<std::uint64_t>(sums_.tile);
+        if (whole) decoder_ = TileDecoder::of(path_, std::move(*index), static_cast<std::size_t>(facts_.type_bytes));
+    }
+    if (!decoder_) open();
+}
+
+void SheetReader::open() {
+    if (dataset_) return;
     GdalErrors errors;
     dataset_ = open_sheet(path_);
     if (!dataset_) throw DataError(text("sheet '", path_, "' is damaged, it cannot be opened: ", errors.reason()));
@@ -91,9 +104,6 @@ SheetReader::SheetReader(std::string path, const RasterFacts& layer, const Windo
     if (!band || dataset_->GetRasterXSize() != sums_.columns || dataset_->GetRasterYSize() != sums_.rows ||
         wide != sums_.tile || high != sums_.tile || band->GetRasterDataType() != facts_.type)
         throw DataError(text("sheet '", path_, "' is damaged: its size, type or tiles are not those of the manifest"));
-    if (by == By::whatever_is_fastest)
-        decoder_ = TileDecoder::of(path_, *dataset_, sums_.tile, static_cast<std::size_t>(facts_.type_bytes),
-                                   GDALDataTypeIsFloating(facts_.type) != 0);
 }
 
 RawVector<std::byte> SheetReader::tile(int level, std::int64_t column, std::int64_t row) {
@@ -112,12 +122,6 @@ RawVector<std::byte> SheetReader::tile(int level, std::int64_t column, std::int6
                            {r, std::min(posts_.rows.end, r + (edge << level))}}),
                     " of the layer) ", what);
     };
-    GdalErrors errors;
-    GDALRasterBand* band = dataset_->GetRasterBand(1);
-    if (level > 0) band = band->GetOverview(level - 1);
-    int block_wide = 0, block_high = 0;
-    if (band) band->GetBlockSize(&block_wide, &block_high);
-    if (!band || block_wide != edge || block_high != edge) throw DataError(named("cannot be read: " + errors.reason()));
     RawVector<std::byte> values(static_cast<std::size_t>(edge * edge) * bytes);
     const auto right = [&] {
         Checksum sum;
@@ -126,7 +130,15 @@ RawVector<std::byte> SheetReader::tile(int level, std::int64_t column, std::int6
             sum.add(values.data() + static_cast<std::size_t>(r * edge) * bytes, static_cast<std::size_t>(wide) * bytes);
         return sum.value() == expected;
     };
-    if (!decoded_here(*band, column, row, values, right)) {
+    if (!decoded_here(level, column, row, values, right)) {
+        open();
+        GdalErrors errors;
+        GDALRasterBand* band = dataset_->GetRasterBand(1);
+        if (level > 0) band = band->GetOverview(level - 1);
+        int block_wide = 0, block_high = 0;
+        if (band) band->GetBlockSize(&block_wide, &block_high);
+        if (!band || block_wide != edge || block_high != edge)
+            throw DataError(named("cannot be read: " + errors.reason()));
         if (band->ReadBlock(static_cast<int>(column), static_cast<int>(row), values.data()) != CE_None)
             throw DataError(named("cannot be read: " + errors.reason()));
         if (!right()) throw DataError(named("is damaged"));
@@ -141,11 +153,11 @@ RawVector<std::byte> SheetReader::tile(int level, std::int64_t column, std::int6
 }
 
 /// False where GDAL must look.
-bool SheetReader::decoded_here(GDALRasterBand& band, std::int64_t column, std::int64_t row,
+bool SheetReader::decoded_here(int level, std::int64_t column, std::int64_t row,
                                RawVector<std::byte>& values, const std::function<bool()>& right) {
     if (!decoder_) return false;
     try {
-        if (decoder_->decode(band, column, row, values, right)) return true;
+        if (decoder_->decode(level, column, row, values, right)) return true;
     } catch (const IoError&) {  // GDAL says which tile
     }
     // Another layout than it seemed, or damage: either way once is enough.
@@ -240,7 +252,7 @@ void copy_line(const std::byte* from, const RasterFacts& facts, void* to, GDALDa
     if (type == GDT_Int32 && facts.type == GDT_Byte) return widen<std::uint8_t, std::int32_t>(from, to, count);
     if (type == GDT_Int32 && facts.type == GDT_Int16) return widen<std::int16_t, std::int32_t>(from, to, count);
     if (type == GDT_Int32 && facts.type == GDT_UInt16) return widen<std::uint16_t, std::int32_t>(from, to, count);
-    GDALCopyWords(from, facts.type, facts.type_bytes, to, type, GDALGetDataTypeSizeBytes(type),
+    GDALCopyWords(from, facts.type, facts.type_bytes, to, type, type_bytes(type),
                   static_cast<int>(count));
 }
 
@@ -287,7 +299,7 @@ void StoreLayer::thin(RawVector<std::byte>& values, const SheetSums& sums, int o
 void StoreLayer::read_values(int level, const Window& window, void* out, GDALDataType type, std::int64_t line_bytes) {
     if (window.empty()) return;
     const std::int64_t edge = facts_.block_columns;
-    const int size = GDALGetDataTypeSizeBytes(type);
+    const int size = type_bytes(type);
     for (std::int64_t tr = window.rows.begin / edge; tr <= (window.rows.end - 1) / edge; ++tr)
         for (std::int64_t tc = window.columns.begin / edge; tc <= (window.columns.end - 1) / edge; ++tc) {
             const TileCache::Tile values = tile(level, tc, tr);

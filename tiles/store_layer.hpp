@@ -66,14 +66,15 @@ public:
     RawVector<std::byte> tile(int level, std::int64_t column, std::int64_t row);
 
 private:
-    bool decoded_here(GDALRasterBand& band, std::int64_t column, std::int64_t row, RawVector<std::byte>& values,
+    void open();
+    bool decoded_here(int level, std::int64_t column, std::int64_t row, RawVector<std::byte>& values,
                       const std::function<bool()>& right);
 
     std::string path_;
     RasterFacts facts_;
     SheetSums sums_;
-    DatasetHandle dataset_;
     std::optional<TileDecoder> decoder_;
+    DatasetHandle dataset_;  ///< null while the decoder does
     Window posts_;
 };
 

@@ -57,9 +57,9 @@ json to_json(const StoreLayerEntry& layer) {
              {"columns", f.columns},
              {"rows", f.rows},
              {"tile", f.block_columns},
-             {"type", GDALGetDataTypeName(f.type)}};
+             {"type", type_name(f.type)}};
     out["geotransform"] = f.has_geotransform ? json{f.corner_x, f.step_x, 0, f.corner_y, 0, f.step_y} : json(nullptr);
-    out["crs"] = f.crs ? crs_wkt(*f.crs) : "";
+    out["crs"] = f.crs ? f.crs->wkt() : "";
     out["metres_per_unit"] = f.metres_per_unit;
     out["scale"] = f.scale;
     out["offset"] = f.offset;
@@ -95,8 +95,8 @@ StoreLayerEntry layer_from(const json& j, const std::string& folder) {
     f.columns = j.at("columns").get<std::int64_t>();
     f.rows = j.at("rows").get<std::int64_t>();
     f.block_columns = f.block_rows = j.at("tile").get<std::int64_t>();
-    f.type = GDALGetDataTypeByName(j.at("type").get<std::string>().c_str());
-    f.type_bytes = GDALGetDataTypeSizeBytes(f.type);
+    f.type = type_by_name(j.at("type").get<std::string>());
+    f.type_bytes = type_bytes(f.type);
     if (const json& g = j.at("geotransform"); !g.is_null()) {
         f.has_geotransform = true;
         f.corner_x = g.at(0).get<double>();
@@ -108,10 +108,9 @@ StoreLayerEntry layer_from(const json& j, const std::string& folder) {
         f.corner_y = static_cast<double>(f.rows) - 0.5;
     }
     if (const auto wkt = j.at("crs").get<std::string>(); !wkt.empty()) {
-        OGRSpatialReference crs;
-        GdalErrors errors;
-        if (crs.importFromWkt(wkt.c_str()) != OGRERR_NONE)
-            throw DataError(text("'", folder, "': the CRS in the manifest cannot be understood: ", errors.reason()));
+        std::string reason;
+        const auto crs = Crs::read(wkt, reason);
+        if (!crs) throw DataError(text("'", folder, "': the CRS in the manifest cannot be understood: ", reason));
         set_crs(f, crs);
     }
     f.metres_per_unit = j.at("metres_per_unit").get<double>();

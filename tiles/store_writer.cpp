@@ -308,7 +308,7 @@ std::string StoreWriter::plan() const {
         json one{{"name", name(layer->kind)},
                  {"columns", f.columns},
                  {"rows", f.rows},
-                 {"type", GDALGetDataTypeName(f.type)},
+                 {"type", type_name(f.type)},
                  {"no_data", f.has_no_data ? text(f.no_data) : "none"},
                  {"tile_size", f.block_columns},
                  {"co", layer->creation},
@@ -658,7 +658,7 @@ TileStoreSummary StoreWriter::summary() const {
     std::map<std::int32_t, std::uint64_t> codes;
     for (std::size_t i = 0; i < layers_.size(); ++i) {
         const RasterFacts& f = layers_[i]->entry.facts;
-        TileStoreSummary::Layer layer{name(layers_[i]->kind), GDALGetDataTypeName(f.type), f.columns, f.rows, 0, 0, 0};
+        TileStoreSummary::Layer layer{name(layers_[i]->kind), type_name(f.type), f.columns, f.rows, 0, 0, 0};
         for (const Done& done : done_[i]) {
             layer.sheets += done.made;
             layer.reused += done.reused;

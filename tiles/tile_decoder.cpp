@@ -1,12 +1,10 @@
 #include "tiles/tile_decoder.hpp"
 
+#include <tiff.h>
 #include <zstd.h>
 
-#include <algorithm>
-#include <charconv>
 #include <cstring>
 #include <memory>
-#include <string_view>
 #include <type_traits>
 
 #include "lib/error.hpp"
@@ -20,15 +18,6 @@ struct Scratch {
     std::unique_ptr<ZSTD_DCtx, decltype(&ZSTD_freeDCtx)> context{ZSTD_createDCtx(), ZSTD_freeDCtx};
     std::vector<char> packed;
 };
-
-std::optional<std::uint64_t> number(const char* word) {
-    if (!word) return std::nullopt;
-    const std::string_view digits(word);
-    std::uint64_t value = 0;
-    const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), value);
-    if (error != std::errc() || end != digits.data() + digits.size()) return std::nullopt;
-    return value;
-}
 
 /// Sums of the first 1, 2, ... of eight, by the compiler's vectors of 16 bytes, which every x86-64 has.
 using Eight [[gnu::vector_size(16)]] = std::uint16_t;
@@ -131,21 +120,20 @@ WEDGESCOPE_LANES_PART void join_bytes(std::byte* line, std::size_t rows, std::si
 
 }  // namespace
 
-std::optional<TileDecoder> TileDecoder::of(const std::string& path, GDALDataset& sheet, std::int64_t edge,
-                                           std::size_t type_bytes, bool floating) {
-    const char* packing = sheet.GetMetadataItem("COMPRESSION", "IMAGE_STRUCTURE");
-    const bool zstd = packing && EQUAL(packing, "ZSTD");
-    if (packing && !zstd) return std::nullopt;
-    TileDecoder decoder(path, edge, type_bytes);
-    decoder.zstd_ = zstd;
-    decoder.likely_ = {Predictor::horizontal, Predictor::none};
-    if (floating) decoder.likely_.insert(decoder.likely_.begin(), Predictor::floating);
-    if (!zstd) decoder.likely_ = {Predictor::none};
-    return decoder;
+std::optional<TileDecoder> TileDecoder::of(const std::string& path, TiffIndex sheet, std::size_t type_bytes) {
+    if (sheet.levels.empty()) return std::nullopt;
+    const std::uint32_t edge = sheet.levels[0].tile_columns;
+    for (const TiffIndex::Level& level : sheet.levels) {
+        const bool packed = level.compression == COMPRESSION_ZSTD;
+        if (level.bands != 1 || level.bits != 8 * type_bytes || level.tile_columns != edge || level.tile_rows != edge ||
+            (!packed && level.compression != COMPRESSION_NONE))
+            return std::nullopt;
+    }
+    return TileDecoder(path, std::move(sheet), type_bytes);
 }
 
-bool TileDecoder::unpack(std::uint64_t at, std::size_t count, RawVector<std::byte>& values) const {
-    if (!zstd_) {
+bool TileDecoder::unpack(bool zstd, std::uint64_t at, std::size_t count, RawVector<std::byte>& values) const {
+    if (!zstd) {
         if (count != values.size()) return false;
         file_->read(at, values.data(), count);
         return true;
@@ -157,13 +145,13 @@ bool TileDecoder::unpack(std::uint64_t at, std::size_t count, RawVector<std::byt
            values.size();
 }
 
-void TileDecoder::undo(Predictor predictor, RawVector<std::byte>& values) const {
-    if (predictor == Predictor::floating) {
+void TileDecoder::undo(std::uint16_t predictor, RawVector<std::byte>& values) const {
+    if (predictor == PREDICTOR_FLOATINGPOINT) {
         const auto edge = static_cast<std::size_t>(edge_);
         std::vector<std::uint8_t> planes(edge * type_bytes_);
         on_target<join_bytes>(values.data(), edge, edge, type_bytes_, planes.data());
     }
-    if (predictor != Predictor::horizontal) return;
+    if (predictor != PREDICTOR_HORIZONTAL) return;
     switch (type_bytes_) {
         case 1:
             return add_up<std::uint8_t>(values.data(), edge_);
@@ -176,22 +164,19 @@ void TileDecoder::undo(Predictor predictor, RawVector<std::byte>& values) const 
     }
 }
 
-bool TileDecoder::decode(GDALRasterBand& band, std::int64_t column, std::int64_t row, RawVector<std::byte>& values,
-                         const std::function<bool()>& right) {
-    const std::string place = text(column, "_", row);
-    const auto at = number(band.GetMetadataItem(("BLOCK_OFFSET_" + place).c_str(), "TIFF")),
-               count = number(band.GetMetadataItem(("BLOCK_SIZE_" + place).c_str(), "TIFF"));
+bool TileDecoder::decode(int level, std::int64_t column, std::int64_t row, RawVector<std::byte>& values,
+                         const std::function<bool()>& right) const {
+    if (level >= static_cast<int>(sheet_.levels.size())) return false;
+    const TiffIndex::Level& own = sheet_.levels[static_cast<std::size_t>(level)];
+    const std::int64_t across = (own.columns + edge_ - 1) / edge_;
+    const auto tile = static_cast<std::size_t>(row * across + column);
+    if (tile >= own.offsets.size()) return false;
     // What packing makes of noise is a little larger than it.
-    if (!at || !count || *count == 0 || *count > ZSTD_compressBound(values.size())) return false;
-    for (std::size_t i = 0; i < likely_.size(); ++i) {
-        if (!unpack(*at, static_cast<std::size_t>(*count), values)) return false;
-        undo(likely_[i], values);
-        if (!right()) continue;
-        std::rotate(likely_.begin(), likely_.begin() + static_cast<std::ptrdiff_t>(i),
-                    likely_.begin() + static_cast<std::ptrdiff_t>(i) + 1);
-        return true;
-    }
-    return false;
+    const std::uint64_t at = own.offsets[tile], count = own.byte_counts[tile];
+    if (at == 0 || count == 0 || count > ZSTD_compressBound(values.size())) return false;
+    if (!unpack(own.compression == COMPRESSION_ZSTD, at, static_cast<std::size_t>(count), values)) return false;
+    undo(own.predictor, values);
+    return right();
 }
 
 }  // namespace wedgescope

@@ -5,44 +5,42 @@
 //
 // Memory: for each reading thread one tile as the file holds it, and 160 KB of the decoder's.
 #pragma once
-#include <gdal_priv.h>
-
 #include <cstddef>
 #include <cstdint>
 #include <functional>
 #include <memory>
 #include <optional>
 #include <string>
-#include <vector>
+#include <utility>
 
 #include "lib/raw_vector.hpp"
 #include "tiles/plain_file.hpp"
+#include "tiles/tiff_index.hpp"
 
 namespace wedgescope {
 
 class TileDecoder {
 public:
-    /// Null if the file is packed otherwise. `band`: the sheet's first.
-    static std::optional<TileDecoder> of(const std::string& path, GDALDataset& sheet, std::int64_t edge,
-                                         std::size_t type_bytes, bool floating);
+    /// Null if the sheet, of one band of such values in square tiles, is packed otherwise.
+    static std::optional<TileDecoder> of(const std::string& path, TiffIndex sheet, std::size_t type_bytes);
 
-    /// Tile of a band (the sheet's or of an overview): [edge x edge] values. False where it cannot be decoded here, or
-    /// `right` says no to all that it may be.
-    bool decode(GDALRasterBand& band, std::int64_t column, std::int64_t row, RawVector<std::byte>& values,
-                const std::function<bool()>& right);
+    const TiffIndex& sheet() const { return sheet_; }
+    /// A tile of the sheet (level 0) or of an overview: [edge x edge] values. False where it cannot be decoded here, or
+    /// `right` says that these are not what was packed.
+    bool decode(int level, std::int64_t column, std::int64_t row, RawVector<std::byte>& values,
+                const std::function<bool()>& right) const;
 
 private:
-    enum class Predictor { none, horizontal, floating };
-    TileDecoder(const std::string& path, std::int64_t edge, std::size_t type_bytes)
-        : file_(std::make_unique<PlainFile>(path, PlainFile::Use::read)), edge_(edge), type_bytes_(type_bytes) {}
-    bool unpack(std::uint64_t at, std::size_t count, RawVector<std::byte>& values) const;
-    void undo(Predictor predictor, RawVector<std::byte>& values) const;
+    TileDecoder(const std::string& path, TiffIndex sheet, std::size_t type_bytes)
+        : file_(std::make_unique<PlainFile>(path, PlainFile::Use::read)), sheet_(std::move(sheet)),
+          edge_(sheet_.levels[0].tile_columns), type_bytes_(type_bytes) {}
+    bool unpack(bool zstd, std::uint64_t at, std::size_t count, RawVector<std::byte>& values) const;
+    void undo(std::uint16_t predictor, RawVector<std::byte>& values) const;
 
     std::unique_ptr<PlainFile> file_;
+    TiffIndex sheet_;
     std::int64_t edge_;
     std::size_t type_bytes_;
-    bool zstd_ = false;
-    std::vector<Predictor> likely_;  ///< the one that was right last in front
 };
 
 }  // namespace wedgescope

@@ -1,0 +1,19 @@
+// Side file: what a raster's own format cannot hold, in the .aux.xml beside it, as GDAL keeps and reads it. For pictures that
+// are written without GDAL. For the .cpp files of this folder only. Leaves what is said to raster_writer.hpp.
+#pragma once
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace wedgescope {
+
+struct RasterContent;
+
+/// Words as text of XML, or (`quoted`) as the value of an attribute.
+std::string xml_words(const std::string& words, bool quoted = false);
+
+/// To `path` + ".aux.xml"; `geolocation`: items of that domain. IoError, which names the output as `final_path`.
+void write_side_file(const RasterContent& content, const std::vector<std::pair<std::string, std::string>>& geolocation,
+                     const std::string& path, const std::string& final_path);
+
+}  // namespace wedgescope

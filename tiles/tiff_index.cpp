@@ -1,0 +1,71 @@
+#include "tiles/tiff_index.hpp"
+
+#include <tiffio.h>
+
+#include <cstdarg>
+#include <memory>
+
+namespace wedgescope {
+namespace {
+
+struct CloseTiff {
+    void operator()(TIFF* file) const noexcept { TIFFClose(file); }
+};
+struct FreeOptions {
+    void operator()(TIFFOpenOptions* options) const noexcept { TIFFOpenOptionsFree(options); }
+};
+
+/// Who asks falls back on GDAL, which says it again.
+int say_nothing(TIFF*, void*, const char*, const char*, std::va_list) { return 1; }
+
+template <class T>
+T field(TIFF* file, std::uint32_t tag) {
+    T value = 0;
+    TIFFGetFieldDefaulted(file, tag, &value);
+    return value;
+}
+
+std::optional<TiffIndex::Level> level_of(TIFF* file) {
+    if (!TIFFIsTiled(file)) return std::nullopt;
+    TiffIndex::Level level;
+    level.columns = field<std::uint32_t>(file, TIFFTAG_IMAGEWIDTH);
+    level.rows = field<std::uint32_t>(file, TIFFTAG_IMAGELENGTH);
+    level.tile_columns = field<std::uint32_t>(file, TIFFTAG_TILEWIDTH);
+    level.tile_rows = field<std::uint32_t>(file, TIFFTAG_TILELENGTH);
+    level.bands = field<std::uint16_t>(file, TIFFTAG_SAMPLESPERPIXEL);
+    level.bits = field<std::uint16_t>(file, TIFFTAG_BITSPERSAMPLE);
+    level.format = field<std::uint16_t>(file, TIFFTAG_SAMPLEFORMAT);
+    level.compression = field<std::uint16_t>(file, TIFFTAG_COMPRESSION);
+    // Of packings that know none libtiff gives no value.
+    if (std::uint16_t predictor = 0; TIFFGetField(file, TIFFTAG_PREDICTOR, &predictor)) level.predictor = predictor;
+    const std::uint32_t tiles = TIFFNumberOfTiles(file);
+    const std::uint64_t *offsets = nullptr, *byte_counts = nullptr;
+    if (!TIFFGetField(file, TIFFTAG_TILEOFFSETS, &offsets) || !offsets ||
+        !TIFFGetField(file, TIFFTAG_TILEBYTECOUNTS, &byte_counts) || !byte_counts)
+        return std::nullopt;
+    level.offsets.assign(offsets, offsets + tiles);
+    level.byte_counts.assign(byte_counts, byte_counts + tiles);
+    return level;
+}
+
+}  // namespace
+
+std::optional<TiffIndex> TiffIndex::of(const std::string& path) {
+    const std::unique_ptr<TIFFOpenOptions, FreeOptions> options(TIFFOpenOptionsAlloc());
+    TIFFOpenOptionsSetErrorHandlerExtR(options.get(), say_nothing, nullptr);
+    TIFFOpenOptionsSetWarningHandlerExtR(options.get(), say_nothing, nullptr);
+    // m: without mapping the file into memory.
+    const std::unique_ptr<TIFF, CloseTiff> file(TIFFOpenExt(path.c_str(), "rm", options.get()));
+    if (!file) return std::nullopt;
+    TiffIndex index;
+    do {
+        const auto kind = field<std::uint32_t>(file.get(), TIFFTAG_SUBFILETYPE);
+        if (!index.levels.empty() && kind != FILETYPE_REDUCEDIMAGE) continue;  // a mask
+        auto level = level_of(file.get());
+        if (!level) return std::nullopt;
+        index.levels.push_back(std::move(*level));
+    } while (TIFFReadDirectory(file.get()));
+    return index;
+}
+
+}  // namespace wedgescope

@@ -1,0 +1,26 @@
+// TiffIndex: where the tiles of a TIFF and of its overviews lie and how they are packed, as libtiff reads it: GDAL, which
+// tells the same, takes longer to be loaded than many a run. For the .cpp files of this folder only. Leaves reading tiles to
+// tile_decoder.hpp, and every file that is not as expected to GDAL.
+#pragma once
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace wedgescope {
+
+struct TiffIndex {
+    struct Level {
+        std::int64_t columns = 0, rows = 0;
+        std::uint32_t tile_columns = 0, tile_rows = 0;
+        std::uint16_t bands = 1, bits = 0, format = 0;   ///< of a value; SAMPLEFORMAT_*
+        std::uint16_t compression = 0, predictor = 1;    ///< COMPRESSION_*, PREDICTOR_*
+        std::vector<std::uint64_t> offsets, byte_counts;  ///< of tiles, row after row
+    };
+    std::vector<Level> levels;  ///< the raster, then its overviews as the file holds them
+
+    /// Nothing if the file is no TIFF of tiles that libtiff can read.
+    static std::optional<TiffIndex> of(const std::string& path);
+};
+
+}  // namespace wedgescope
