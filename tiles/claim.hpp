@@ -4,6 +4,7 @@
 #pragma once
 #include <functional>
 #include <string>
+#include <utility>
 
 namespace wedgescope {
 
@@ -15,6 +16,7 @@ public:
     Descriptor& operator=(Descriptor&& other) noexcept;
     ~Descriptor();
     int get() const { return number_; }
+    int release() { return std::exchange(number_, -1); }  ///< to be closed by the caller
     explicit operator bool() const { return number_ >= 0; }
 
 private:

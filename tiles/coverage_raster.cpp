@@ -1,10 +1,15 @@
 #include "tiles/coverage_raster.hpp"
 
+#include <cctype>
 #include <cstddef>
+#include <filesystem>
 #include <limits>
+#include <stdexcept>
 
 #include "lib/error.hpp"
+#include "tiles/gdal_session.hpp"
 #include "tiles/raster_writer.hpp"
+#include "tiles/tiff_file.hpp"
 
 namespace wedgescope {
 namespace {
@@ -46,32 +51,143 @@ bool all_zero(const Window& window, const void* cells, std::size_t cell_bytes) {
     return true;
 }
 
+/// No GDAL need be loaded for it.
+bool is_plain_tiff(const OutputFile& file, const RasterFormat& format) {
+    std::string ending = std::filesystem::path(file.final_path()).extension().string();
+    for (char& c : ending) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+    return (ending == ".tif" || ending == ".tiff") && format.driver.empty() && format.creation.empty() &&
+           !GdalSession::configured();
+}
+
 }  // namespace
 
-struct CoverageFile::Open {
-    Layer layer;
-    std::string final_path;
-    DatasetHandle dataset;
-    std::vector<bool> blank = {};  ///< tiles left to GDAL, row after row; empty: none are
-    GDALDataType type() const { return layer.counts ? GDT_UInt16 : is_bytes(layer.kind) ? GDT_Byte : GDT_Float32; }
-    std::int64_t tiles_across() const { return (dataset->GetRasterXSize() - 1) / CoverageTile::edge + 1; }
+/// A raster's file, written by GDAL or not.
+class CoverageFile::Open {
+public:
+    Open() = default;
+    virtual ~Open() = default;
+    Open(const Open&) = delete;
+    Open& operator=(const Open&) = delete;
+
+    virtual bool by_tiles() const = 0;
+    /// `cells`: its rows are `stride` cells apart.
+    virtual void write(const Window& window, const void* cells, std::int64_t stride) = 0;
+    virtual void close(std::optional<double> no_data) = 0;
+};
+
+namespace {
+
+std::int64_t tiles(std::int64_t posts) { return (posts - 1) / CoverageTile::edge + 1; }
+
+}  // namespace
+
+/// Any format, type and CRS.
+class CoverageFile::ByGdal : public CoverageFile::Open {
+public:
+    /// `fills_with_zero`: GDAL's close would fill tiles with 0, so that those of 0 may be left to it.
+    ByGdal(const RasterContent& content, const OutputFile& file, const RasterFormat& format, bool fills_with_zero)
+        : final_path_(file.final_path()), type_(content.type), tiles_across_(tiles(content.columns)),
+          dataset_(create_raster(content, file, format)) {
+        // What a GeoTIFF's close finds unwritten it fills with 0, or with the no-data value, and packs once.
+        if (ByGdal::by_tiles() && EQUAL(dataset_->GetDriverName(), "GTiff") && fills_with_zero)
+            blank_.resize(static_cast<std::size_t>(tiles_across_ * tiles(content.rows)));
+    }
+
+    bool by_tiles() const override {
+        int columns = 0, rows = 0;
+        dataset_->GetRasterBand(1)->GetBlockSize(&columns, &rows);
+        return columns == CoverageTile::edge && rows == CoverageTile::edge;
+    }
+
+    void write(const Window& window, const void* cells, std::int64_t stride) override {
+        const GSpacing step = GDALGetDataTypeSizeBytes(type_);
+        if (by_tiles() && stride == CoverageTile::edge) {
+            // A tile is a block: past GDAL's cache, so that blocks stand in the file in the order they come.
+            const std::int64_t column = window.columns.begin / CoverageTile::edge,
+                               row = window.rows.begin / CoverageTile::edge;
+            if (blank_.empty() || !all_zero(window, cells, static_cast<std::size_t>(step)))
+                return write_tile(column, row, cells);
+            blank_[static_cast<std::size_t>(row * tiles_across_ + column)] = true;
+            return;
+        }
+        GdalErrors errors;
+        const int columns = static_cast<int>(window.columns.size()), rows = static_cast<int>(window.rows.size());
+        GDALRasterBand& band = *dataset_->GetRasterBand(1);
+        if (band.RasterIO(GF_Write, static_cast<int>(window.columns.begin), static_cast<int>(window.rows.begin),
+                          columns, rows, const_cast<void*>(cells), columns, rows, type_, step,
+                          step * static_cast<GSpacing>(stride), nullptr) != CE_None)
+            throw IoError(text("output '", final_path_, "' cannot be written: ", errors.reason()));
+    }
+
+    void close(std::optional<double> no_data) override {
+        if (no_data) {
+            {
+                GdalErrors quiet;
+                dataset_->GetRasterBand(1)->SetNoDataValue(*no_data);
+            }
+            // GDAL's close would fill with it.
+            if (*no_data != 0) write_blank_tiles();
+        }
+        close_raster(std::move(dataset_), final_path_);
+    }
+
+private:
     void write_tile(std::int64_t column, std::int64_t row, const void* cells) {
         GdalErrors errors;
-        if (dataset->GetRasterBand(1)->WriteBlock(static_cast<int>(column), static_cast<int>(row),
-                                                  const_cast<void*>(cells)) != CE_None)
-            throw IoError(text("output '", final_path, "' cannot be written: ", errors.reason()));
+        if (dataset_->GetRasterBand(1)->WriteBlock(static_cast<int>(column), static_cast<int>(row),
+                                                   const_cast<void*>(cells)) != CE_None)
+            throw IoError(text("output '", final_path_, "' cannot be written: ", errors.reason()));
     }
+
+    void write_blank_tiles() {
+        const auto bytes = static_cast<std::size_t>(GDALGetDataTypeSizeBytes(type_));
+        const std::vector<std::byte> zeros(static_cast<std::size_t>(CoverageTile::edge * CoverageTile::edge) * bytes);
+        for (std::size_t i = 0; i < blank_.size(); ++i)
+            if (blank_[i])
+                write_tile(static_cast<std::int64_t>(i) % tiles_across_, static_cast<std::int64_t>(i) / tiles_across_,
+                           zeros.data());
+    }
+
+    std::string final_path_;
+    GDALDataType type_;
+    std::int64_t tiles_across_;
+    DatasetHandle dataset_;
+    std::vector<bool> blank_;  ///< tiles left to GDAL, row after row; empty: none are
+};
+
+/// Bytes as a GeoTIFF as it is by default, in a CRS of the EPSG's or in none.
+class CoverageFile::ByTiff : public CoverageFile::Open {
+public:
+    ByTiff(TiffContent content, const OutputFile& file)
+        : file_(file.temporary_path(), std::move(content), file.final_path()) {}
+
+    bool by_tiles() const override { return true; }
+
+    void write(const Window& window, const void* cells, std::int64_t stride) override {
+        static_assert(TiffFile::edge == CoverageTile::edge);
+        if (stride != TiffFile::edge) throw std::logic_error("a tile of coverage has rows of another length");
+        if (all_zero(window, cells, 1)) return;
+        file_.write_tile(window.columns.begin / TiffFile::edge, window.rows.begin / TiffFile::edge,
+                         static_cast<const std::uint8_t*>(cells));
+    }
+
+    void close(std::optional<double> no_data) override {
+        file_.close(no_data ? std::optional(static_cast<std::uint8_t>(*no_data)) : std::nullopt);
+    }
+
+private:
+    TiffFile file_;
 };
 
 CoverageFile::CoverageFile(const ResolvedScene& scene, const DataBase& db, const Layer& layer, const OutputFile& file,
                            const RasterFormat& format)
-    : open_(new Open{layer, file.final_path(), nullptr}) {
+    : layer_(layer) {
     create(db, file, format, scene_metadata(scene, format));
 }
 
 CoverageFile::CoverageFile(std::size_t observers, const DataBase& db, const Layer& layer, const OutputFile& file,
                            const RasterFormat& format)
-    : open_(new Open{layer, file.final_path(), nullptr}) {
+    : layer_(layer) {
     Items items = run_metadata(format);
     items.emplace_back("OBSERVERS", std::to_string(observers));
     create(db, file, format, items);
@@ -79,103 +195,64 @@ CoverageFile::CoverageFile(std::size_t observers, const DataBase& db, const Laye
 
 void CoverageFile::create(const DataBase& db, const OutputFile& file, const RasterFormat& format,
                           const Items& metadata) {
-    const Layer& layer = open_->layer;
+    const std::string description = layer_.counts ? "observers that see the post" : words(layer_.kind).description;
+    std::optional<std::array<double, 6>> geotransform;
+    if (db.has_geotransform)
+        geotransform = {db.origin_x - 0.5 * db.step_x, db.step_x, 0, db.origin_y - 0.5 * db.step_y, 0, db.step_y};
+
+    if (layer_.kind == CoverageLayer::mask && !layer_.counts && is_plain_tiff(file, format)) {
+        const std::optional<TiffCrs> crs = db.crs_wkt.empty() ? std::nullopt : tiff_crs(db.crs_wkt);
+        if (crs || db.crs_wkt.empty()) {
+            open_ = std::make_unique<ByTiff>(TiffContent{db.columns, db.rows, description, metadata, geotransform, crs},
+                                             file);
+            return;
+        }
+    }
+
     RasterContent content;
     content.columns = db.columns;
     content.rows = db.rows;
-    content.type = open_->type();
-    content.patches = layer.counts || is_bytes(layer.kind);
+    content.type = layer_.counts ? GDT_UInt16 : is_bytes(layer_.kind) ? GDT_Byte : GDT_Float32;
+    content.patches = layer_.counts || is_bytes(layer_.kind);
     content.bands.resize(1);
-    content.bands[0].description = layer.counts ? "observers that see the post" : words(layer.kind).description;
-    content.bands[0].unit = layer.counts ? "" : words(layer.kind).unit;
-    if (layer.kind == CoverageLayer::states)
+    content.bands[0].description = description;
+    content.bands[0].unit = layer_.counts ? "" : words(layer_.kind).unit;
+    if (layer_.kind == CoverageLayer::states)
         content.bands[0].categories.assign(std::begin(state_names), std::end(state_names));
     content.metadata = metadata;
     content.crs = db.crs_wkt;
-    if (db.has_geotransform)
-        content.geotransform = {db.origin_x - 0.5 * db.step_x, db.step_x, 0,
-                                db.origin_y - 0.5 * db.step_y, 0,         db.step_y};
-    open_->dataset = create_raster(content, file, format);
-    // What a GeoTIFF's close finds unwritten it fills with 0, or with the no-data value, and packs once.
-    if (by_tiles() && EQUAL(open_->dataset->GetDriverName(), "GTiff") && declared(0).value_or(0) == 0)
-        open_->blank.resize(static_cast<std::size_t>(open_->tiles_across() * ((db.rows - 1) / CoverageTile::edge + 1)));
+    content.geotransform = geotransform;
+    open_ = std::make_unique<ByGdal>(content, file, format, declared(0).value_or(0) == 0);
 }
 
 CoverageFile::~CoverageFile() = default;
 
-bool CoverageFile::by_tiles() const {
-    int columns = 0, rows = 0;
-    open_->dataset->GetRasterBand(1)->GetBlockSize(&columns, &rows);
-    return columns == CoverageTile::edge && rows == CoverageTile::edge;
-}
+bool CoverageFile::by_tiles() const { return open_->by_tiles(); }
 
 void CoverageFile::write(const CoverageTile& tile) {
-    const bool bytes = is_bytes(open_->layer.kind);
-    write_cells(tile.window, bytes ? static_cast<const void*>(tile.bytes) : static_cast<const void*>(tile.values),
-                tile.stride);
+    const bool bytes = is_bytes(layer_.kind);
+    open_->write(tile.window, bytes ? static_cast<const void*>(tile.bytes) : static_cast<const void*>(tile.values),
+                 tile.stride);
 }
 
 void CoverageFile::write(const Window& window, const std::uint16_t* counts) {
-    write_cells(window, counts, CoverageTile::edge);
-}
-
-void CoverageFile::write_cells(const Window& window, const void* cells, std::int64_t stride) {
-    const GDALDataType type = open_->type();
-    const GSpacing step = GDALGetDataTypeSizeBytes(type);
-    if (by_tiles() && stride == CoverageTile::edge) {
-        // A tile is a block: past GDAL's cache, so that blocks stand in the file in the order they come.
-        const std::int64_t column = window.columns.begin / CoverageTile::edge,
-                           row = window.rows.begin / CoverageTile::edge;
-        if (open_->blank.empty() || !all_zero(window, cells, static_cast<std::size_t>(step)))
-            return open_->write_tile(column, row, cells);
-        open_->blank[static_cast<std::size_t>(row * open_->tiles_across() + column)] = true;
-        return;
-    }
-    GdalErrors errors;
-    const int columns = static_cast<int>(window.columns.size()), rows = static_cast<int>(window.rows.size());
-    GDALRasterBand& band = *open_->dataset->GetRasterBand(1);
-    if (band.RasterIO(GF_Write, static_cast<int>(window.columns.begin), static_cast<int>(window.rows.begin), columns,
-                      rows, const_cast<void*>(cells), columns, rows, type, step, step * static_cast<GSpacing>(stride),
-                      nullptr) != CE_None)
-        throw IoError(text("output '", open_->final_path, "' cannot be written: ", errors.reason()));
+    open_->write(window, counts, CoverageTile::edge);
 }
 
 /// The value that says no data, where the file declares one.
 std::optional<double> CoverageFile::declared(std::uint64_t void_posts) const {
-    const Layer& layer = open_->layer;
-    if (layer.kind == CoverageLayer::mask && !layer.counts && layer.no_data) return *layer.no_data;
-    if (layer.kind == CoverageLayer::response && !layer.counts) return std::numeric_limits<double>::quiet_NaN();
+    if (layer_.kind == CoverageLayer::mask && !layer_.counts && layer_.no_data) return *layer_.no_data;
+    if (layer_.kind == CoverageLayer::response && !layer_.counts) return std::numeric_limits<double>::quiet_NaN();
     if (void_posts == 0) return std::nullopt;
-    if (layer.counts) return no_count;
-    if (layer.kind == CoverageLayer::mask) {
-        if (layer.undeclared) return std::nullopt;
-        return layer.mask.no_data;
+    if (layer_.counts) return no_count;
+    if (layer_.kind == CoverageLayer::mask) {
+        if (layer_.undeclared) return std::nullopt;
+        return layer_.mask.no_data;
     }
-    if (is_bytes(layer.kind)) return std::nullopt;
+    if (is_bytes(layer_.kind)) return std::nullopt;
     return std::numeric_limits<double>::quiet_NaN();
 }
 
-void CoverageFile::write_blank_tiles() {
-    const auto bytes = static_cast<std::size_t>(GDALGetDataTypeSizeBytes(open_->type()));
-    const std::vector<std::byte> zeros(static_cast<std::size_t>(CoverageTile::edge * CoverageTile::edge) * bytes);
-    const std::int64_t across = open_->blank.empty() ? 1 : open_->tiles_across();
-    for (std::size_t i = 0; i < open_->blank.size(); ++i)
-        if (open_->blank[i])
-            open_->write_tile(static_cast<std::int64_t>(i) % across, static_cast<std::int64_t>(i) / across,
-                              zeros.data());
-}
-
-void CoverageFile::close(std::uint64_t void_posts) {
-    GDALRasterBand& band = *open_->dataset->GetRasterBand(1);
-    if (const std::optional<double> no_data = declared(void_posts)) {
-        {
-            GdalErrors quiet;
-            band.SetNoDataValue(*no_data);
-        }
-        // GDAL's close would fill with it.
-        if (*no_data != 0) write_blank_tiles();
-    }
-    close_raster(std::move(open_->dataset), open_->final_path);
-}
+void CoverageFile::close(std::uint64_t void_posts) { open_->close(declared(void_posts)); }
 
 }  // namespace wedgescope

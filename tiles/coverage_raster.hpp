@@ -1,8 +1,10 @@
 // Coverage raster: a layer of coverage as a raster file with the grid of its terrain, written tile by tile.
 // Leaves what the values are to lib/coverage.hpp.
 //
+// A mask as a GeoTIFF, in a CRS of the EPSG's or in none, is written without GDAL, which is then never called; all else by GDAL.
+//
 // Memory: GDAL's block cache and a bit a tile, no more: tiles are the file's own blocks (256 x 256 in a GeoTIFF) and
-// come once each. Of a GeoTIFF those of nothing but 0 (hidden ground) are left to GDAL, which packs one for them all.
+// come once each. Of a GeoTIFF those of nothing but 0 (hidden ground) are left to its close, which packs one for them all.
 #pragma once
 #include <memory>
 #include <optional>
@@ -47,12 +49,14 @@ public:
     void close(std::uint64_t void_posts);
 
 private:
-    struct Open;
+    class Open;
+    class ByGdal;
+    class ByTiff;
     using Items = std::vector<std::pair<std::string, std::string>>;
     void create(const DataBase& data_base, const OutputFile& file, const RasterFormat& format, const Items& metadata);
-    void write_cells(const Window& window, const void* cells, std::int64_t stride);
     std::optional<double> declared(std::uint64_t void_posts) const;
-    void write_blank_tiles();
+
+    Layer layer_;
     std::unique_ptr<Open> open_;
 };
 

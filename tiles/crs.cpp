@@ -132,10 +132,11 @@ std::string Crs::definition() const {
 }
 
 std::string Crs::wkt_of_old() const {
+    const char* const with_axes[] = {"MULTILINE=NO", "OUTPUT_AXIS=YES", nullptr};
     std::string out;
     with_proj([&](PJ_CONTEXT* context) {
         const ProjObject own(proj_create(context, wkt_.c_str()));
-        if (own) out = words(proj_as_wkt(context, own.get(), PJ_WKT1_GDAL, one_line));
+        if (own) out = words(proj_as_wkt(context, own.get(), PJ_WKT1_GDAL, with_axes));
     });
     return out.empty() ? wkt_ : out;
 }

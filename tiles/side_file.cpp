@@ -49,7 +49,7 @@ std::string side_text(const RasterContent& content, const Metadata& geolocation)
 
 }  // namespace
 
-std::string xml_words(const std::string& words, bool quoted) {
+std::string xml_words(std::string_view words, bool quoted) {
     std::string out;
     for (const char c : words) {
         if (c == '&')
@@ -60,7 +60,7 @@ std::string xml_words(const std::string& words, bool quoted) {
             out += "&gt;";
         else if (c == '"' && quoted)
             out += "&quot;";
-        else
+        else if (static_cast<unsigned char>(c) >= ' ' || c == '\t' || c == '\n' || c == '\r')  // XML knows no others
             out += c;
     }
     return out;

@@ -2,6 +2,7 @@
 // are written without GDAL. For the .cpp files of this folder only. Leaves what is said to raster_writer.hpp.
 #pragma once
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -10,7 +11,7 @@ namespace wedgescope {
 struct RasterContent;
 
 /// Words as text of XML, or (`quoted`) as the value of an attribute.
-std::string xml_words(const std::string& words, bool quoted = false);
+std::string xml_words(std::string_view words, bool quoted = false);
 
 /// To `path` + ".aux.xml"; `geolocation`: items of that domain. IoError, which names the output as `final_path`.
 void write_side_file(const RasterContent& content, const std::vector<std::pair<std::string, std::string>>& geolocation,
