@@ -12,15 +12,40 @@ namespace wedgescope::HWY_NAMESPACE {
 namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
+// Places are doubles, half a register at a time; what follows from them are floats and whole numbers in whole ones.
 using Doubles = hn::CappedTag<double, 8>;
-using Floats = hn::Rebind<float, Doubles>;
-using Ints = hn::Rebind<std::int32_t, Doubles>;
+using HalfFloats = hn::Rebind<float, Doubles>;
+using HalfInts = hn::Rebind<std::int32_t, Doubles>;
+#if HWY_TARGET == HWY_SCALAR  // one lane has no halves
+using Floats = HalfFloats;
+using Ints = HalfInts;
+HWY_INLINE hn::Vec<Ints> join(hn::Vec<HalfInts> low, hn::Vec<HalfInts>) { return low; }
+HWY_INLINE hn::Vec<Floats> join(hn::Vec<HalfFloats> low, hn::Vec<HalfFloats>) { return low; }
+#else
+using Floats = hn::Repartition<float, Doubles>;
+using Ints = hn::Repartition<std::int32_t, Doubles>;
+HWY_INLINE hn::Vec<Ints> join(hn::Vec<HalfInts> low, hn::Vec<HalfInts> high) { return hn::Combine(Ints(), high, low); }
+HWY_INLINE hn::Vec<Floats> join(hn::Vec<HalfFloats> low, hn::Vec<HalfFloats> high) {
+    return hn::Combine(Floats(), high, low);
+}
+#endif
 using Lane = hn::Vec<Doubles>;
+using Share = hn::Vec<Floats>;
+using Whole = hn::Vec<Ints>;
 using Holds = hn::Mask<Doubles>;
 
 HWY_INLINE Lane all(double x) { return hn::Set(Doubles(), x); }
+HWY_INLINE Whole all_of(std::int64_t x) { return hn::Set(Ints(), static_cast<std::int32_t>(x)); }
 HWY_INLINE Lane pick(Holds holds, Lane a, Lane b) { return hn::IfThenElse(holds, a, b); }
-HWY_INLINE void store(Lane x, std::int32_t* to) { hn::StoreU(hn::DemoteTo(Ints(), x), Ints(), to); }
+HWY_INLINE Whole pick(hn::Mask<Floats> holds, Whole a, Whole b) {
+    return hn::IfThenElse(hn::RebindMask(Ints(), holds), a, b);
+}
+HWY_INLINE Whole wholes(Lane low, Lane high) {
+    return join(hn::DemoteTo(HalfInts(), low), hn::DemoteTo(HalfInts(), high));
+}
+HWY_INLINE Share shares(Lane low, Lane high) {
+    return join(hn::DemoteTo(HalfFloats(), low), hn::DemoteTo(HalfFloats(), high));
+}
 
 /// Where a piece begins or ends: raster index across the lines and along them.
 struct Place {
@@ -30,8 +55,8 @@ struct Place {
 /// The corner with the highest culture, and where there is one.
 HWY_INLINE Holds wall_corner(const CultureScene& scene, const CulturePieces& p, std::size_t i, Place& corner) {
     const Doubles d;
-    const Floats f;
-    hn::Vec<Floats> low[2], high[2];
+    const HalfFloats f;
+    hn::Vec<HalfFloats> low[2], high[2];
     const bool in_order = scene.behind_major <= scene.ahead_major;
     hn::LoadInterleaved2(f, (in_order ? p.behind_m : p.ahead_m) + 2 * i, low[0], low[1]);
     hn::LoadInterleaved2(f, (in_order ? p.ahead_m : p.behind_m) + 2 * i, high[0], high[1]);
@@ -40,7 +65,7 @@ HWY_INLINE Holds wall_corner(const CultureScene& scene, const CulturePieces& p, 
     const Lane cell = hn::LoadU(d, p.cell + i), after = cell + all(1);
     Lane most = hn::Zero(d);
     corner = {low_major, cell};
-    const auto rival = [&](hn::Vec<Floats> height, Lane major, Lane minor) HWY_ATTR {
+    const auto rival = [&](hn::Vec<HalfFloats> height, Lane major, Lane minor) HWY_ATTR {
         const Lane h = hn::PromoteTo(d, height);
         const Holds higher = h > most;
         most = pick(higher, h, most);
@@ -60,61 +85,88 @@ HWY_INLINE Holds wall_corner(const CultureScene& scene, const CulturePieces& p, 
     return most > hn::Zero(d);
 }
 
-HWY_ATTR void culture_any(std::size_t n, const CultureScene& scene, const CulturePieces& p, CultureParts& out) {
+/// Along one axis, of half a register's pieces: the cells of both ends, how far before the border between them a piece starts
+/// and how far it runs.
+struct Along {
+    Lane first, last, before, way;
+    HWY_INLINE Along(Lane from, Lane to) : first(hn::Floor(from)), last(hn::Floor(to)) {
+        before = hn::Max(first, last) - from;
+        way = to - from;
+    }
+};
+
+/// The same of a register's.
+struct Cells {
+    Whole first, last, least, most;
+    Share cut;  ///< how far along the way it passes from one to the other; 0 where there is but one
+    HWY_INLINE Cells(const Along& low, const Along& high)
+        : first(wholes(low.first, high.first)), last(wholes(low.last, high.last)), least(hn::Min(first, last)),
+          most(hn::Max(first, last)),
+          cut(hn::IfThenElseZero(hn::RebindMask(Floats(), most > least),
+                                 shares(low.before, high.before) / shares(low.way, high.way))) {}
+};
+
+HWY_ATTR bool culture_any(std::size_t n, const CultureScene& scene, const CulturePieces& p, CultureParts& out) {
     const Doubles d;
-    const Lane zero = hn::Zero(d), one = all(1);
-    const Lane column_begin = all(static_cast<double>(scene.tile.columns.begin)),
-               row_begin = all(static_cast<double>(scene.tile.rows.begin)),
-               columns = all(static_cast<double>(scene.tile.columns.size())),
-               rows = all(static_cast<double>(scene.tile.rows.size()));
-    for (std::size_t i = 0; i < n; i += hn::Lanes(d)) {
+    const Floats f;
+    const Ints w;
+    const Window& tile = scene.tile;
+    const Whole column_begin = all_of(tile.columns.begin), column_last = all_of(tile.columns.end - 1),
+                row_begin = all_of(tile.rows.begin), row_last = all_of(tile.rows.end - 1),
+                columns = all_of(tile.columns.size()), one = all_of(1);
+    const Lane column_offset = all(scene.column_offset), column_scale = all(scene.column_scale),
+               row_offset = all(scene.row_offset), row_scale = all(scene.row_scale);
+    hn::Mask<Ints> odd = hn::Zero(w) > one;
+    struct Half {
+        Along column, row;
+        Lane wall;
+    };
+    const auto half = [&](std::size_t i) HWY_ATTR {
         Place from{hn::LoadU(d, p.major0 + i), hn::LoadU(d, p.minor0 + i)},
             to{hn::LoadU(d, p.major1 + i), hn::LoadU(d, p.minor1 + i)};
-        Holds wall = one < zero;
+        Lane wall = hn::Zero(d);
         if (p.cell) {
             Place corner;
-            wall = wall_corner(scene, p, i, corner);
-            from = {pick(wall, corner.major, from.major), pick(wall, corner.minor, from.minor)};
-            to = {pick(wall, corner.major, to.major), pick(wall, corner.minor, to.minor)};
+            const Holds stands = wall_corner(scene, p, i, corner);
+            from = {pick(stands, corner.major, from.major), pick(stands, corner.minor, from.minor)};
+            to = {pick(stands, corner.major, to.major), pick(stands, corner.minor, to.minor)};
+            wall = hn::IfThenElseZero(stands, all(1));
         }
-        const auto column = [&](const Place& at) HWY_ATTR {
-            return all(scene.column_offset) + all(scene.column_scale) * (scene.lines_are_columns ? at.major : at.minor);
-        };
-        const auto row = [&](const Place& at) HWY_ATTR {
-            return all(scene.row_offset) + all(scene.row_scale) * (scene.lines_are_columns ? at.minor : at.major);
-        };
-        const Lane column0 = column(from), column1 = column(to), row0 = row(from), row1 = row(to);
-        const Lane first_column = hn::Floor(column0) - column_begin, last_column = hn::Floor(column1) - column_begin,
-                   first_row = hn::Floor(row0) - row_begin, last_row = hn::Floor(row1) - row_begin;
-        const Lane left = hn::Min(first_column, last_column), right = hn::Max(first_column, last_column),
-                   top = hn::Min(first_row, last_row), bottom = hn::Max(first_row, last_row);
-        const Holds inside = hn::And(hn::And(left >= zero, right < columns), hn::And(top >= zero, bottom < rows)),
-                    few = hn::And(right - left <= one, bottom - top <= one), good = hn::And(inside, few);
-        // The border between two cells begins the second one.
-        const auto cut = [&](Holds crosses, Lane border, Lane from_at, Lane to_at) HWY_ATTR {
-            return hn::IfThenElseZero(crosses, (border - from_at) / pick(crosses, to_at - from_at, one));
-        };
-        const Lane at_column = cut(right > left, right + column_begin, column0, column1),
-                   at_row = cut(bottom > top, bottom + row_begin, row0, row1);
-        const Holds column_first = at_column <= at_row;
-        const auto index = [&](Lane cell_column, Lane cell_row)
-                               HWY_ATTR { return hn::IfThenElseZero(good, cell_row * columns + cell_column); };
-        const Lane to_second = hn::Min(at_column, at_row), to_third = hn::Max(at_column, at_row);
+        const bool by_columns = scene.lines_are_columns;
+        return Half{{column_offset + column_scale * (by_columns ? from.major : from.minor),
+                     column_offset + column_scale * (by_columns ? to.major : to.minor)},
+                    {row_offset + row_scale * (by_columns ? from.minor : from.major),
+                     row_offset + row_scale * (by_columns ? to.minor : to.major)},
+                    wall};
+    };
+    for (std::size_t i = 0; i < n; i += hn::Lanes(f)) {
+        const Half low = half(i), high = half(i + hn::Lanes(f) - hn::Lanes(d));
+        const Cells column(low.column, high.column), row(low.row, high.row);
+        const auto outside = hn::Or(hn::Or(column.least<column_begin, column.most> column_last),
+                                    hn::Or(row.least<row_begin, row.most> row_last)),
+                   many = hn::Or(column.most - column.least > one, row.most - row.least > one);
+        const Share to_second = hn::Min(column.cut, row.cut), to_third = hn::Max(column.cut, row.cut);
         // A cell that is only touched is none of the piece's: its neighbour stands for it.
-        Lane cell0 = index(first_column, first_row), cell2 = index(last_column, last_row),
-             cell1 = index(pick(column_first, last_column, first_column), pick(column_first, first_row, last_row));
-        cell1 = pick(to_second == to_third, pick(to_second <= zero, cell2, cell0), cell1);
-        cell2 = pick(to_third >= one, cell1, cell2);
-        cell0 = pick(to_second <= zero, cell1, cell0);
-        store(cell0, out.first + i);
-        store(cell1, out.second + i);
-        store(cell2, out.third + i);
-        hn::StoreU(to_second, d, out.to_second + i);
-        hn::StoreU(to_third, d, out.to_third + i);
-        const Lane kind =
-            pick(wall, all(CultureParts::wall), pick(few, all(CultureParts::parts), all(CultureParts::many)));
-        store(pick(inside, kind, all(CultureParts::elsewhere)), out.kind + i);
+        const Whole across = column.last - column.first, along = (row.last - row.first) * columns;
+        const Whole start = (row.first - row_begin) * columns + (column.first - column_begin);
+        Whole cell0 = start, cell2 = start + (across + along),
+              cell1 = start + pick(column.cut <= row.cut, across, along);
+        cell1 = pick(to_second == to_third, pick(to_second <= hn::Zero(f), cell2, cell0), cell1);
+        cell2 = pick(to_third >= hn::Set(f, 1), cell1, cell2);
+        cell0 = pick(to_second <= hn::Zero(f), cell1, cell0);
+        const auto bad = hn::Or(outside, many);
+        hn::StoreU(hn::IfThenZeroElse(bad, cell0), w, out.first + i);
+        hn::StoreU(hn::IfThenZeroElse(bad, cell1), w, out.second + i);
+        hn::StoreU(hn::IfThenZeroElse(bad, cell2), w, out.third + i);
+        hn::StoreU(to_second, f, out.to_second + i);
+        hn::StoreU(to_third, f, out.to_third + i);
+        const Whole wall = p.cell ? wholes(low.wall, high.wall) : hn::Zero(w);
+        static_assert(CultureParts::parts == 0 && CultureParts::wall == 1);
+        const Whole few = hn::IfThenElse(many, all_of(CultureParts::many), wall);
+        hn::StoreU(hn::IfThenElse(outside, all_of(CultureParts::elsewhere), few), w, out.kind + i);
+        odd = hn::Or(odd, hn::And(bad, hn::FirstN(w, n - i)));
     }
+    return !hn::AllFalse(w, odd);
 }
 
 }  // namespace
@@ -126,8 +178,8 @@ namespace wedgescope {
 
 constexpr auto culture_any_copies = WEDGESCOPE_HIGHWAY_COPIES(culture_any);
 
-void culture_lanes(std::size_t n, const CultureScene& scene, const CulturePieces& pieces, CultureParts& out) noexcept {
-    culture_any_copies.in_use()(n, scene, pieces, out);
+bool culture_lanes(std::size_t n, const CultureScene& scene, const CulturePieces& pieces, CultureParts& out) noexcept {
+    return culture_any_copies.in_use()(n, scene, pieces, out);
 }
 
 }  // namespace wedgescope

@@ -19,7 +19,7 @@ struct CultureScene {
 
 /// Pieces as Front has them, and the culture cells found. Of up to `most` lanes; read in whole registers.
 struct CulturePieces {
-    static constexpr std::size_t most = 96;
+    static constexpr std::size_t most = 128;
     const double *major0, *minor0, *major1, *minor1;  ///< in: raster indices, across the lines and along them
     /// In, or null where there are no culture heights: the raster index along the lines of each piece's cell, and the
     /// heights on its corners [2 n] as CellLanes has them.
@@ -37,11 +37,11 @@ struct CultureParts {
     };
     std::int32_t kind[most];
     std::int32_t first[most], second[most], third[most];  ///< culture cells, counted from the tile's first one
-    double to_second[most], to_third[most];               ///< 0..1, ascending
+    float to_second[most], to_third[most];                ///< 0..1, ascending
 };
 
 /// The culture cells of n pieces, n <= CulturePieces::most. The wall's cell is that of the corner with the highest
-/// culture, of equal ones the first in raster order.
-void culture_lanes(std::size_t n, const CultureScene& scene, const CulturePieces& pieces, CultureParts& out) noexcept;
+/// culture, of equal ones the first in raster order. False: there are but parts and walls.
+bool culture_lanes(std::size_t n, const CultureScene& scene, const CulturePieces& pieces, CultureParts& out) noexcept;
 
 }  // namespace wedgescope

@@ -54,72 +54,100 @@ void WedgeCells::put_quantities(const Target& target, std::size_t column, double
 namespace {
 
 /// Of the power up to part u of the way.
-WEDGESCOPE_LANES_PART double share_upto(double u, double bow) {
-    const double s = u + bow * (u * (1 - u));
-    return s < 1 ? s : 1.0;
+WEDGESCOPE_LANES_PART float share_upto(float u, float bow) {
+    const float s = u + bow * (u * (1 - u));
+    return s < 1 ? s : 1.0F;
 }
+
+WEDGESCOPE_LANES_PART float inverse_of(float way) { return 1 / (way > 1e-9F ? way : 1e-9F); }
 
 /// A portion as it is met from its near end: what comes back from up to part `u` of the way to the far one, over its power
 /// with backscatter 1.
 struct FromNear {
-    double bow, near_gamma, middle_gamma, far_gamma;
-    double near_share, middle_share;  // of the power, up to the borders of the stretches
+    float bow, near_gamma, middle_gamma, far_gamma;
+    float near_share, middle_share;  // of the power, up to the borders of the stretches
 
-    WEDGESCOPE_LANES_PART double share(double u) const { return share_upto(u, bow); }
+    WEDGESCOPE_LANES_PART float share(float u) const { return share_upto(u, bow); }
     /// Of the share of the power that lies that far. The stretches telescope: each has what lies between its borders.
-    WEDGESCOPE_LANES_PART double returned(double s) const {
-        const double near = s < near_share ? s : near_share, upto = s < middle_share ? s : middle_share,
-                     middle = upto > near_share ? upto : near_share, far = s > middle_share ? s : middle_share;
+    WEDGESCOPE_LANES_PART float returned(float s) const {
+        const float near = s < near_share ? s : near_share, upto = s < middle_share ? s : middle_share,
+                    middle = upto > near_share ? upto : near_share, far = s > middle_share ? s : middle_share;
         return near_gamma * near + middle_gamma * (middle - near_share) + far_gamma * (far - middle_share);
     }
 };
 
-WEDGESCOPE_LANES_PART FromNear from_near(bool outwards, double bow, double first, double second, double third,
-                                         double to_second, double to_third) {
-    const double to_middle = outwards ? to_second : 1 - to_third, to_far = outwards ? to_third : 1 - to_second;
+WEDGESCOPE_LANES_PART FromNear from_near(bool outwards, float bow, float first, float second, float third,
+                                         float to_second, float to_third) {
+    const float to_middle = outwards ? to_second : 1 - to_third, to_far = outwards ? to_third : 1 - to_second;
     FromNear p{outwards ? bow : -bow, outwards ? first : third, second, outwards ? third : first, 0, 0};
     p.near_share = p.share(to_middle);
     p.middle_share = p.share(to_far);
     return p;
 }
 
-FromNear from_near(const WedgeCells::Portion& p, const WedgeCells::Stretches& s) {
-    return from_near(p.x0 < p.x1, p.bow, s.gamma[0], s.gamma[1], s.gamma[2], s.second, s.third);
+/// The bin in which it lies; 0 if it lies before that.
+WEDGESCOPE_LANES_PART std::int32_t bin_of(double x) {
+    const double above = x > 0 ? x : 0.0;
+    return static_cast<std::int32_t>(above < 1e9 ? above : 0.0);
 }
 
 }  // namespace
 
-void WedgeCells::add(const Target& target, const Portion& p, const Stretches& stretches, const double* quantities) {
-    const bool outwards = p.x0 < p.x1;
-    const double near = outwards ? p.x0 : p.x1, far = outwards ? p.x1 : p.x0;
-    if (!(far < end_) || !(near >= begin_)) return add_cut(target, p, stretches, quantities);
-    const FromNear portion = from_near(p, stretches);
-    const auto first = static_cast<std::int32_t>(near), last = static_cast<std::int32_t>(far);
-    double done = 0;
-    for (std::int32_t j = first; j < last; ++j) {
-        const double u = (static_cast<double>(j + 1) - near) * p.inverse_width;
-        const double upto = p.power * portion.returned(portion.share(u));
-        put(target, j, upto - done, quantities);
-        done = upto;
+/// Where a portion lies. From `bin` on floats do: they tell 1e-7 of a bin.
+struct WedgeCells::Placing {
+    std::int32_t bin;  // of its near end
+    float begin, way;  // from the bin's near edge to the portion's near end; from x0 to x1
+    float bow;         // as Portion
+    Placing(std::int32_t bin_at, float begin_at, float way_to, float bow_of)
+        : bin(bin_at), begin(begin_at), way(way_to), bow(bow_of) {}
+    Placing(double x0, double x1, double bow_of)
+        : bin(bin_of(x0 < x1 ? x0 : x1)), begin(static_cast<float>((x0 < x1 ? x0 : x1) - static_cast<double>(bin))),
+          way(static_cast<float>(x1 - x0)), bow(static_cast<float>(bow_of)) {}
+    float length() const { return way < 0 ? -way : way; }
+    FromNear from_near(const Stretches& s) const {
+        return wedgescope::from_near(way > 0, bow, s.gamma[0], s.gamma[1], s.gamma[2], s.second, s.third);
     }
-    put(target, last, p.power * portion.returned(1) - done, quantities);
+};
+
+void WedgeCells::add(const Target& target, const Portion& p, const Stretches& stretches, const double* quantities) {
+    add_placed(target, {p.x0, p.x1, p.bow}, p.power, stretches, quantities);
 }
 
-void WedgeCells::add_cut(const Target& target, const Portion& p, const Stretches& stretches, const double* quantities) {
-    // Some of it lies in front of the first bin or behind the last one.
-    const bool outwards = p.x0 < p.x1;
-    const double near = outwards ? p.x0 : p.x1, far = outwards ? p.x1 : p.x0;
-    if (!(far >= begin_) || !(near < end_)) return;  // also NaN
-    const FromNear portion = from_near(p, stretches);
-    const auto returned = [&](double x) {
-        const double u = (x - near) * p.inverse_width;
-        return portion.returned(x == far || u >= 1 ? 1.0 : u <= 0 ? 0.0 : portion.share(u));
+void WedgeCells::add_placed(const Target& target, const Placing& p, double power, const Stretches& stretches,
+                            const double* quantities) {
+    const float reach = p.begin + p.length();
+    const std::int64_t begin = quanta_.range_bins.begin, end = quanta_.range_bins.end;
+    if (!(p.begin >= 0 && reach < 1e9F) || p.bin < begin || p.bin + static_cast<std::int64_t>(reach) >= end)
+        return add_cut(target, p, power, stretches, quantities);
+    const FromNear portion = p.from_near(stretches);
+    const float inverse = inverse_of(p.length());
+    const auto bins = static_cast<std::int32_t>(reach);
+    float done = 0;
+    for (std::int32_t k = 0; k < bins; ++k) {
+        const float upto = portion.returned(portion.share((static_cast<float>(k + 1) - p.begin) * inverse));
+        put(target, p.bin + k, power, upto - done, quantities);
+        done = upto;
+    }
+    put(target, p.bin + bins, power, portion.returned(1) - done, quantities);
+}
+
+void WedgeCells::add_cut(const Target& target, const Placing& p, double power, const Stretches& stretches,
+                         const double* quantities) {
+    // Some of it lies in front of the first bin or behind the last one. In bins from that of its near end.
+    const float begin = static_cast<float>(quanta_.range_bins.begin - p.bin),
+                end = static_cast<float>(quanta_.range_bins.end - p.bin), far = p.begin + p.length();
+    if (!(far >= begin) || !(p.begin < end)) return;  // also NaN
+    const FromNear portion = p.from_near(stretches);
+    const float inverse = inverse_of(p.length());
+    const auto returned = [&](float x) {
+        const float u = (x - p.begin) * inverse;
+        return portion.returned(x == far || u >= 1 ? 1.0F : u <= 0 ? 0.0F : portion.share(u));
     };
-    double low = std::max(near, begin_), done = near < begin_ ? returned(low) : 0;
-    const double high = std::min(far, end_);
+    float low = std::max(p.begin, begin), done = p.begin < begin ? returned(low) : 0;
+    const float high = std::min(far, end);
     for (auto j = static_cast<std::int32_t>(low); low < high; ++j) {
-        const double edge = std::min(high, static_cast<double>(j + 1)), upto = returned(edge);
-        put(target, j, p.power * (upto - done), quantities);
+        const float edge = std::min(high, static_cast<float>(j + 1)), upto = returned(edge);
+        put(target, p.bin + j, power, upto - done, quantities);
         done = upto;
         if (edge == high) break;
         low = edge;
@@ -128,65 +156,91 @@ void WedgeCells::add_cut(const Target& target, const Portion& p, const Stretches
 
 namespace {
 
-constexpr std::size_t block = WedgeCells::Portions::most;
+constexpr std::size_t block = whole_registers(WedgeCells::Portions::most);
+static_assert(block == WedgeCells::Portions::most, "lanes are written whole");
 /// Whole numbers by adding 1.5 2^52, as long as they are below 2^51: rounds to nearest even, as lrint does.
 constexpr double magic = 6755399441055744.0;
-constexpr double most_magic = 0x1p50;
+constexpr float most_magic = 0x1p50F;
 
-/// Portions that lie in at most three neighbouring bins, with the power in each; the others are `slow`.
+/// Portions that lie in at most three neighbouring bins, with what falls into each; the others are `slow`.
 struct Placed {
-    double one[block], two[block], three[block];  // W per radian
-    std::int64_t counts[3][block];                // quanta; 0 where there is nothing to add
-    std::int32_t first[block];                    // range bin, any inside [begin, end) where there is nothing to add
+    double scale[block];  // quanta of the power
+    float begin[block], way[block], quanta[block];
+    std::int32_t bin[block];
+    float shares[3][block];         // of the power, with backscatter; 0 where there is nothing to add
+    std::int64_t counts[3][block];  // quanta
+    std::int32_t first[block];      // range bin, any inside [begin, end) where there is nothing to add
     std::int32_t slow[block];
 };
 
 /// [begin, end): the range bins that all have the quantum 1 / inverse. `stretched`: there may be more than one backscatter.
 template <bool stretched>
-WEDGESCOPE_LANES_PART void place_portions(std::size_t n, const WedgeCells::Portions& p, double begin, double end,
-                                          double inverse, Placed& out) noexcept {
-    const double* __restrict x0 = p.x0, * __restrict x1 = p.x1, * __restrict inverse_width = p.inverse_width, * __restrict power = p.power, * __restrict bow = p.bow, * __restrict share = p.share0;
-    [[maybe_unused]] const double* __restrict first_gamma = p.gamma[0], * __restrict second_gamma = p.gamma[1], * __restrict to_second = p.second, * __restrict to_third = p.third;
-    const double* __restrict third_gamma = p.gamma[2];
-    double* __restrict one = out.one, * __restrict two = out.two, * __restrict three = out.three;
-    std::int64_t* __restrict count0 = out.counts[0], * __restrict count1 = out.counts[1], * __restrict count2 = out.counts[2];
-    std::int32_t* __restrict first_bin = out.first, * __restrict slow = out.slow;
-    WEDGESCOPE_INDEPENDENT
-    for (std::size_t i = 0; i < n; ++i) {
-        const bool outwards = x0[i] < x1[i];
-        const double near = outwards ? x0[i] : x1[i], far = outwards ? x1[i] : x0[i];
-        const double wanted = third_gamma[i] >= 0 ? 1.0 : 0.0,
-                     fits = far < end ? near >= begin ? wanted : 0.0 : 0.0;
-        const auto first = static_cast<std::int32_t>(fits > 0 ? near : begin),
-                   last = static_cast<std::int32_t>(fits > 0 ? far : begin);
-        const double from = static_cast<double>(first), bins = static_cast<double>(last) - from;
-        const double u = (from + 1 - near) * inverse_width[i], v = (from + 2 - near) * inverse_width[i];
-        double upto_one, upto_two, whole;
-        if constexpr (stretched) {
-            const FromNear portion =
-                from_near(outwards, bow[i], first_gamma[i], second_gamma[i], third_gamma[i], to_second[i], to_third[i]);
-            upto_one = power[i] * portion.returned(portion.share(u));
-            upto_two = power[i] * portion.returned(portion.share(v));
-            whole = power[i] * portion.returned(1);
-        } else {
-            const double bend = outwards ? bow[i] : -bow[i];
-            upto_one = power[i] * (third_gamma[i] * share_upto(u, bend));
-            upto_two = power[i] * (third_gamma[i] * share_upto(v, bend));
-            whole = power[i] * third_gamma[i];
+WEDGESCOPE_LANES_PART void place_portions(std::size_t n, const WedgeCells::Portions& p, std::int32_t begin,
+                                          std::int32_t end, double inverse, Placed& out) noexcept {
+    double* __restrict scale = out.scale;
+    float* __restrict begins = out.begin, * __restrict ways = out.way, * __restrict scales = out.quanta;
+    std::int32_t* __restrict bin_of_near = out.bin;
+    {
+        const double* __restrict x0 = p.x0, * __restrict x1 = p.x1, * __restrict power = p.power, * __restrict share = p.share0;
+        const double bins = p.bins;
+        WEDGESCOPE_INDEPENDENT
+        for (std::size_t i = 0; i < n; ++i) {
+            const double a = x0[i] * bins, b = x1[i] * bins, near = a < b ? a : b;
+            const std::int32_t bin = bin_of(near);
+            bin_of_near[i] = bin;
+            begins[i] = static_cast<float>(near - static_cast<double>(bin));
+            ways[i] = static_cast<float>(b - a);
+            const double quanta = power[i] * inverse * share[i];
+            scale[i] = quanta;
+            scales[i] = static_cast<float>(quanta);
         }
-        const double a = bins > 0 ? upto_one : whole, b = bins > 1 ? upto_two : whole;
-        const double second = b - a, third = whole - b;  // 0 where there is no such bin
-        const double k0 = a * inverse * share[i], k1 = second * inverse * share[i], k2 = third * inverse * share[i];
-        const double small = whole * inverse * share[i] < most_magic ? 1.0 : 0.0;
-        const double good = bins < 3 ? fits * small : 0.0;
-        one[i] = a;
-        two[i] = second;
-        three[i] = third;
-        count0[i] = std::bit_cast<std::int64_t>((good > 0 ? k0 : 0.0) + magic) - std::bit_cast<std::int64_t>(magic);
-        count1[i] = std::bit_cast<std::int64_t>((good > 0 ? k1 : 0.0) + magic) - std::bit_cast<std::int64_t>(magic);
-        count2[i] = std::bit_cast<std::int64_t>((good > 0 ? k2 : 0.0) + magic) - std::bit_cast<std::int64_t>(magic);
-        first_bin[i] = first;
-        slow[i] = wanted > good ? 1 : 0;
+    }
+    {
+        const float* __restrict bow = p.bow, * __restrict third_gamma = p.gamma[2];
+        [[maybe_unused]] const float* __restrict first_gamma = p.gamma[0], * __restrict second_gamma = p.gamma[1], * __restrict to_second = p.second, * __restrict to_third = p.third;
+        float* __restrict one = out.shares[0], * __restrict two = out.shares[1], * __restrict three = out.shares[2];
+        std::int32_t* __restrict first = out.first, * __restrict slow = out.slow;
+        // Truths as 0 and 1, so that every compiler makes lanes of them.
+        const auto truth = [](bool b) { return b ? 1.0F : 0.0F; };
+        WEDGESCOPE_INDEPENDENT
+        for (std::size_t i = 0; i < n; ++i) {
+            const float way = ways[i], length = way < 0 ? -way : way, far = begins[i] + length;
+            const bool outwards = way > 0;
+            const float reach = far > 0 ? far : 0.0F;
+            const auto bins = static_cast<std::int32_t>(reach < 3 ? reach : 3.0F);
+            const float wanted = truth(third_gamma[i] >= 0), fits = wanted * truth(begins[i] >= 0) *
+                                                                    truth(bin_of_near[i] >= begin) *
+                                                                    truth(bin_of_near[i] + bins < end);
+            const float width = inverse_of(length), u = (1 - begins[i]) * width, v = (2 - begins[i]) * width;
+            float upto_one, upto_two, whole;
+            if constexpr (stretched) {
+                const FromNear portion = from_near(outwards, bow[i], first_gamma[i], second_gamma[i], third_gamma[i],
+                                                   to_second[i], to_third[i]);
+                upto_one = portion.returned(portion.share(u));
+                upto_two = portion.returned(portion.share(v));
+                whole = portion.returned(1);
+            } else {
+                const float bend = outwards ? bow[i] : -bow[i];
+                upto_one = third_gamma[i] * share_upto(u, bend);
+                upto_two = third_gamma[i] * share_upto(v, bend);
+                whole = third_gamma[i];
+            }
+            const float a = bins > 0 ? upto_one : whole, b = bins > 1 ? upto_two : whole;
+            const float good = fits * truth(bins < 3) * truth(whole * scales[i] < most_magic);
+            one[i] = good > 0 ? a : 0.0F;
+            two[i] = good > 0 ? b - a : 0.0F;  // 0 where there is no such bin
+            three[i] = good > 0 ? whole - b : 0.0F;
+            first[i] = fits > 0 ? bin_of_near[i] : begin;
+            slow[i] = wanted > good ? 1 : 0;
+        }
+    }
+    for (std::size_t k = 0; k < 3; ++k) {
+        const float* __restrict shares = out.shares[k];
+        std::int64_t* __restrict counts = out.counts[k];
+        WEDGESCOPE_INDEPENDENT
+        for (std::size_t i = 0; i < n; ++i)
+            counts[i] = std::bit_cast<std::int64_t>(static_cast<double>(shares[i]) * scale[i] + magic) -
+                        std::bit_cast<std::int64_t>(magic);
     }
 }
 
@@ -197,20 +251,21 @@ __attribute__((optimize("no-tree-slp-vectorize"))) void WedgeCells::add_lanes(st
     // Bins with the quantum of the first portion: most blocks of lanes lie in them.
     Placed placed;
     std::size_t some = 0;
-    while (some < n && !(p.x0[some] >= begin_ && p.x0[some] < end_)) ++some;
+    const auto has_bin = [&](double x) { return x >= begin_ && x < end_; };
+    while (some < n && !has_bin(p.x0[some] * p.bins)) ++some;
     Interval same{quanta_.range_bins.begin, quanta_.range_bins.begin};
     double inverse = 0;
     if (some < n) {
-        const auto bin = static_cast<std::int64_t>(p.x0[some]);
+        const auto bin = static_cast<std::int64_t>(p.x0[some] * p.bins);
         same = *std::upper_bound(quanta_.runs.begin(), quanta_.runs.end(), bin,
                                  [](std::int64_t b, const Interval& run) { return b < run.end; });
         inverse = quanta_.inverse[static_cast<std::size_t>(bin) - first_bin_];
     }
-    const auto begin = static_cast<double>(same.begin), end = static_cast<double>(same.end);
+    const auto begin = static_cast<std::int32_t>(same.begin), end = static_cast<std::int32_t>(same.end);
     if (p.second)
-        on_target<place_portions<true>>(n, p, begin, end, inverse, placed);
+        on_target<place_portions<true>>(whole_registers(n), p, begin, end, inverse, placed);
     else
-        on_target<place_portions<false>>(n, p, begin, end, inverse, placed);
+        on_target<place_portions<false>>(whole_registers(n), p, begin, end, inverse, placed);
     std::int64_t* const sums = sums_.data();
     const auto put_one = [&](std::size_t i) {
         std::int64_t* cell = sums + (p.origin[i] + placed.first[i]);
@@ -230,20 +285,19 @@ __attribute__((optimize("no-tree-slp-vectorize"))) void WedgeCells::add_lanes(st
     for (i = 4 * quarter; i < n; ++i) put_one(i);
     for (const std::int32_t lane : p.straddlers) {
         i = static_cast<std::size_t>(lane);
-        if (placed.slow[i] || p.gamma[2][i] < 0) continue;
+        const double scale = p.power[i] * inverse * p.share1[i];
         std::int64_t* cell = sums + (p.origin[i] + placed.first[i]) + static_cast<std::ptrdiff_t>(columns_);
-        cell[0] += std::lrint(placed.one[i] * inverse * p.share1[i]);
-        cell[1] += std::lrint(placed.two[i] * inverse * p.share1[i]);
-        cell[2] += std::lrint(placed.three[i] * inverse * p.share1[i]);
+        for (std::size_t k = 0; k < 3; ++k) cell[k] += std::lrint(static_cast<double>(placed.shares[k][i]) * scale);
     }
     int slow = 0;
     for (i = 0; i < n; ++i) slow += placed.slow[i];
     for (i = 0; slow && i < n; ++i)
         if (placed.slow[i] && p.share0[i] > 0)
-            add({row_of(p.origin[i]), {p.share0[i], p.share1[i]}},
-                {p.x0[i], p.x1[i], p.inverse_width[i], p.power[i], p.bow[i]},
-                p.second ? Stretches{{p.gamma[0][i], p.gamma[1][i], p.gamma[2][i]}, p.second[i], p.third[i]}
-                         : Stretches::one(p.gamma[2][i]));
+            add_placed({row_of(p.origin[i]), {p.share0[i], p.share1[i]}},
+                       {placed.bin[i], placed.begin[i], placed.way[i], p.bow[i]}, p.power[i],
+                       p.second ? Stretches{{p.gamma[0][i], p.gamma[1][i], p.gamma[2][i]}, p.second[i], p.third[i]}
+                                : Stretches{{p.gamma[2][i], p.gamma[2][i], p.gamma[2][i]}, 0, 0},
+                       nullptr);
 }
 
 void WedgeCells::mark(const Target& target, double x0, double x1, std::uint8_t bit) {

@@ -48,36 +48,44 @@ public:
 
     /// Power of one visible piece and how it lies in range.
     struct Portion {
-        double x0, x1;         ///< range coordinate of its ends, in bins from range 0; either may be the nearer
-        double inverse_width;  ///< 1 / |x1 - x0|; finite, not looked at where both ends lie in one bin
-        double power;          ///< W per radian of azimuth, with backscatter 1
-        double bow;            ///< up to part u of the way lies the share u + bow u (1 - u); -1..1
+        double x0, x1;  ///< range coordinate of its ends, in bins from range 0; either may be the nearer
+        double power;   ///< W per radian of azimuth, with backscatter 1
+        double bow;     ///< up to part u of the way lies the share u + bow u (1 - u); -1..1
     };
     /// Its backscatter: gamma[0] up to part `second` of the way from x0 to x1, gamma[1] from there up to part `third`,
     /// gamma[2] from there on; 0 <= second <= third <= 1.
     struct Stretches {
-        double gamma[3];
-        double second, third;
-        static Stretches one(double gamma) { return {{gamma, gamma, gamma}, 0, 0}; }
+        float gamma[3];
+        float second, third;
+        static Stretches one(double gamma) {
+            const auto g = static_cast<float>(gamma);
+            return {{g, g, g}, 0, 0};
+        }
     };
-    /// Adds it to the cells. `quantities`: one for each further channel.
+    /// Adds it to the cells. `quantities`: one for each further channel. Where in its first bin it begins, its way from there
+    /// and what falls into each bin, of its power, are floats.
     void add(const Target& target, const Portion& p, const Stretches& stretches, const double* quantities = nullptr);
 
     /// Many portions at once: `add` for every one, the same bits.
     ///   origin                where a spoke's row lies: origin_of(row); any row's, with share0 = 0, if it adds nothing
     ///   share0, share1        as Target::share
     ///   straddlers            lanes with share1 > 0
-    ///   x0, x1, inverse_width, power, bow   as Portion
+    ///   x0, x1                times `bins` as Portion
+    ///   power, bow            as Portion
     ///   gamma, second, third  as Stretches, finite; no `second`: gamma[2] all along, and the others are not looked at.
     ///                         Lanes with gamma[2] < 0 add nothing
+    /// All but `straddlers` go on to whole_registers(n), with anything.
     struct Portions {
-        static constexpr std::size_t most = 96;  ///< lanes at once
+        static constexpr std::size_t most = 128;  ///< lanes at once
         const std::int64_t* origin;
         const double *share0, *share1;
         std::span<const std::int32_t> straddlers;
-        const double *x0, *x1, *inverse_width, *power, *bow;
-        const double* gamma[3];
-        const double *second = nullptr, *third = nullptr;
+        const double *x0, *x1;
+        double bins;
+        const double* power;
+        const float* bow;
+        const float* gamma[3];
+        const float *second = nullptr, *third = nullptr;
     };
     std::int64_t origin_of(std::int32_t row) const {
         return static_cast<std::int64_t>(row) * static_cast<std::int64_t>(columns_) -
@@ -98,16 +106,21 @@ private:
         return static_cast<std::int32_t>((origin + static_cast<std::int64_t>(first_bin_)) /
                                          static_cast<std::int64_t>(columns_));
     }
-    void put(const Target& target, std::int32_t bin, double power, const double* quantities) {
+    struct Placing;
+    /// A share of the power, with backscatter.
+    void put(const Target& target, std::int32_t bin, double power, float share, const double* quantities) {
         const std::size_t j = static_cast<std::size_t>(bin) - first_bin_;
-        const double whole = power * quanta_.inverse[j];
+        const double whole = power * quanta_.inverse[j], part = static_cast<double>(share);
         std::int64_t* cell = sums_.data() + static_cast<std::size_t>(target.row) * columns_ + j;
-        *cell += std::lrint(whole * target.share[0]);
-        if (target.share[1] > 0) cell[columns_] += std::lrint(whole * target.share[1]);
-        if (channels_ > 1) put_quantities(target, j, whole, quantities);
+        *cell += std::lrint(part * (whole * target.share[0]));
+        if (target.share[1] > 0) cell[columns_] += std::lrint(part * (whole * target.share[1]));
+        if (channels_ > 1) put_quantities(target, j, whole * part, quantities);
     }
     void put_quantities(const Target& target, std::size_t column, double whole, const double* quantities);
-    void add_cut(const Target& target, const Portion& portion, const Stretches& stretches, const double* quantities);
+    void add_placed(const Target& target, const Placing& placing, double power, const Stretches& stretches,
+                    const double* quantities);
+    void add_cut(const Target& target, const Placing& placing, double power, const Stretches& stretches,
+                 const double* quantities);
 
     const Quanta& quanta_;
     std::size_t rows_, columns_, channels_, first_bin_;

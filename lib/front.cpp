@@ -74,14 +74,17 @@ Front::Front(const SweepScene& scene, const SpokeRun& run, WedgeCells& cells)
     for (auto* samples : {&now_, &crossing_, &ahead_}) samples->resize(tile_lanes);
     for (auto* v : {&cell_, &bump_, &rise_, &swing_, &sine0_, &code_}) v->resize(tile_lanes);
     constexpr std::size_t most_pieces = whole_registers(VisiblePieces::most);
-    for (auto* v : {&power_, &inverse_width_, &bow_, &facet_, &share0_, &share1_, &inverse_radius_, &across_, &slant_})
-        v->resize(most_pieces);
+    for (auto* v : {&power_, &facet_, &share0_, &share1_, &inverse_radius_, &across_, &slant_}) v->resize(most_pieces);
+    bow_.resize(most_pieces);
     origin_.resize(most_pieces);
-    gamma_[2].assign(most_pieces, scene.laws->gamma()[scene.data_base->default_class].ground);
+    gamma_[2].assign(most_pieces, static_cast<float>(scene.laws->gamma()[scene.data_base->default_class].ground));
     if (!plain_ground_) {
         for (auto* v : {&gamma_[0], &gamma_[1]}) v->resize(most_pieces);
-        class_gammas_.resize(std::size_t{unknown_class} + 1);
-        std::copy(scene.laws->gamma().begin(), scene.laws->gamma().end(), class_gammas_.begin());
+        class_gammas_.assign(2 * (std::size_t{unknown_class} + 1), -1.0F);
+        for (std::size_t id = 0; id < std::min<std::size_t>(unknown_class, scene.laws->gamma().size()); ++id) {
+            class_gammas_[2 * id] = static_cast<float>(scene.laws->gamma()[id].ground);
+            class_gammas_[2 * id + 1] = static_cast<float>(scene.laws->gamma()[id].wall);
+        }
     }
     // On average of the two diagonals, that of the axes: f(+-1)^2 = major^2 + minor^2 -+ what they lean.
     const SpokeMap& map = scene.grid->map();
@@ -99,7 +102,7 @@ std::size_t Front::bytes_of(std::size_t lanes, bool facets, bool directional, bo
     return lanes * (doubles * sizeof(double) + (shore ? sizeof(ShoreWindow) : 0) + sizeof(std::int64_t) +
                     sizeof(std::int64_t) + sizeof(std::int32_t)) +
            tile_lanes * (3 * 9 + 6 + 2) * sizeof(double) + VisiblePieces::most * 16 * sizeof(double) +
-           VisiblePieces::bytes() + sizeof(CultureParts) + (std::size_t{unknown_class} + 1) * sizeof(ClassGamma);
+           VisiblePieces::bytes() + sizeof(CultureParts) + 2 * (std::size_t{unknown_class} + 1) * sizeof(float);
 }
 
 std::size_t Front::bytes() const {
@@ -500,7 +503,7 @@ void Front::change(std::size_t lane, std::size_t i, const Between& between, Samp
                 const double power = power_of(lane, a.sine, b.sine, a.range_m, b.range_m),
                              fall = echo_bow(a.sine, b.sine, a.range_m, b.range_m, *scene_->pattern);
                 put(lane,
-                    {{a.x, b.x, 1 / std::max(std::abs(b.x - a.x), 1e-9), power, std::clamp(bent + fall, -1.0, 1.0)},
+                    {{a.x, b.x, power, std::clamp(bent + fall, -1.0, 1.0)},
                      {between.major(at(*from.part, *to.part, a.part)), at(*from.minor, *to.minor, a.part),
                       between.major(at(*from.part, *to.part, b.part)), at(*from.minor, *to.minor, b.part)},
                      a.sine,
@@ -704,7 +707,7 @@ void Front::double_spokes() {
                 if (lanes_.row[lane] >= 0) {
                     const double power = power_of(lane, horizon, sine, last.range[lane], last.range[lane]);
                     put(lane,
-                        {{last.x[lane], last.x[lane], 1, power, 0},
+                        {{last.x[lane], last.x[lane], power, 0},
                          {between_.behind_major, last.minor[lane], between_.behind_major, last.minor[lane]},
                          horizon,
                          sine,

@@ -132,18 +132,19 @@ private:
     /// Classes under a piece, along its way: id[0] up to share `to_second`, id[1] up to share `to_third`, then id[2].
     struct Classes {
         std::array<ClassId, 3> id;
-        double to_second, to_third;
+        float to_second, to_third;
 
         bool same() const { return (id[0] == id[1]) & (id[1] == id[2]); }
         bool known() const { return (id[0] != unknown_class) & (id[1] != unknown_class) & (id[2] != unknown_class); }
         /// With gamma_of(from, to, class), asked once for each run of one class, in order.
         template <class GammaOf>
         WedgeCells::Stretches stretches(const GammaOf& gamma_of) const {
-            const std::array<double, 4> borders{0, to_second, to_third, 1};
+            const std::array<double, 4> borders{0, static_cast<double>(to_second), static_cast<double>(to_third), 1};
             WedgeCells::Stretches all{{}, to_second, to_third};
             for (std::size_t begin = 0, end = 0; begin < id.size(); begin = end) {
                 while (end < id.size() && id[end] == id[begin]) ++end;
-                std::fill(all.gamma + begin, all.gamma + end, gamma_of(borders[begin], borders[end], id[begin]));
+                std::fill(all.gamma + begin, all.gamma + end,
+                          static_cast<float>(gamma_of(borders[begin], borders[end], id[begin])));
             }
             return all;
         }
@@ -232,12 +233,22 @@ private:
     std::size_t lane_of_piece(std::size_t i) const {
         return static_cast<std::size_t>(pieces_.integer(VisiblePieces::lane, i));
     }
+    /// Where they lie in range, as WedgeCells::Portions.
+    struct RangeOfPieces {
+        const double *x0, *x1;
+        double bins;
+    };
+    RangeOfPieces range_of_pieces();
     /// Deposits them but for those that are left for put(): true if there are any (gamma_ says which).
     bool put_plain(const Between& between);
     /// Their backscatter over culture, into gamma_ and its borders; true if some are left for put().
     bool find_gammas(const Between& between);
     /// Culture under them, into found_, in the tile that piece i starts from, whose classes it returns.
-    const ClassId* find_cells(std::size_t i, const CulturePieces& pieces, CultureScene& scene);
+    struct Found {
+        const ClassId* classes;
+        bool odd;  ///< some are more than parts and walls
+    };
+    Found find_cells(std::size_t i, const CulturePieces& pieces, CultureScene& scene);
     void put(std::size_t lane, const Piece& piece, const Between& between);
     /// Classes under a piece that runs through two columns and two rows of culture cells at most; nothing if there are more.
     template <class ClassOf>
@@ -307,15 +318,18 @@ private:
     // Workspace of one tile: the last samples, those on the other axis' lines and those on the line ahead.
     Samples now_, crossing_, ahead_;
     LaneArray cell_, bump_, rise_, swing_, sine0_, code_;
-    VisiblePieces pieces_;                           // over lines of one tile, that wait to be shaded and deposited
-    LaneArray power_, inverse_width_, bow_, facet_;  // of these
+    VisiblePieces pieces_;     // over lines of one tile, that wait to be shaded and deposited
+    LaneArray power_, facet_;  // of these
+    std::vector<float> bow_;
     LaneArray share0_, share1_, inverse_radius_, across_, slant_;  // of their spokes
     std::vector<std::int64_t> origin_;
+    std::array<std::int32_t, VisiblePieces::most> straddlers_;  // of these, those with a second row
+    std::size_t straddling_ = 0;
     // Backscatter, as WedgeCells::Portions. Only over culture: the first two of it, and where its stretches end.
-    std::array<LaneArray, 3> gamma_;
+    std::array<std::vector<float>, 3> gamma_;
     CultureParts found_;
-    std::vector<ClassGamma> class_gammas_;  // of every ClassId; of those that are no class nothing
-    std::vector<float> posts_;              // of the cells, four a lane
+    std::vector<float> class_gammas_;  // of every ClassId, ground and wall; of those that are no class below 0
+    std::vector<float> posts_;         // of the cells, four a lane
     LaneArray culture_cell_;
     std::vector<float> culture_posts_;  // culture heights, four a lane
     std::vector<SpokeMap::LinePiece> line_pieces_;

@@ -1,6 +1,7 @@
 // What becomes of visible pieces: their backscatter, by class, wall and shore, and their echo into the cells.
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cassert>
 #include <cmath>
 #include <limits>
@@ -14,15 +15,21 @@ namespace wedgescope {
 namespace {
 
 // In place of a piece's backscatter: put() has to find it.
-constexpr double left_to_put = -1;
+constexpr float left_to_put = -1;
 
 /// What lies from `from` to `to` of the way, 0..1; nothing if that is no share of it. A part of a parabola is one too.
 std::optional<WedgeCells::Portion> part_of(const WedgeCells::Portion& whole, double from, double to) {
     const double length = to - from, share = length * (1 + whole.bow * (1 - from - to));
     if (!(share > 0)) return std::nullopt;
     const double way = whole.x1 - whole.x0;
-    return WedgeCells::Portion{whole.x0 + from * way, whole.x0 + to * way, whole.inverse_width / length,
-                               whole.power * share, whole.bow * length * length / share};
+    return WedgeCells::Portion{whole.x0 + from * way, whole.x0 + to * way, whole.power * share,
+                               whole.bow * length * length / share};
+}
+
+/// Backscatter of what also lies behind water, by lanes and one by one.
+float brightened(float gamma, double bright) { return gamma * static_cast<float>(bright); }
+double brightened(double gamma, double bright) {
+    return static_cast<double>(brightened(static_cast<float>(gamma), bright));
 }
 
 }  // namespace
@@ -81,21 +88,19 @@ void Front::put_pieces(const Between& between) {
     assert(at_once_ || (between.ahead_culture.empty() && between.behind_culture.empty()));
     cost_.clock.enter(StageClock::shade);
     const auto column = [&](P::Column of) { return pieces_.numbers(of); };
-    // What the pieces have of their spokes.
+    // What the pieces have of their spokes. Without a branch: a third of the spokes may be straddlers.
+    straddling_ = 0;
     for (std::size_t i = 0; i < n; ++i) {
         const std::size_t lane = lane_of_piece(i);
+        const double second = lanes_.share1[lane];
         origin_[i] = lanes_.origin[lane];
         share0_[i] = lanes_.share0[lane];
-        share1_[i] = lanes_.share1[lane];
+        share1_[i] = second;
+        straddlers_[straddling_] = static_cast<std::int32_t>(i);
+        straddling_ += second > 0 ? 1 : 0;
     }
-    if (!scene_->range_is_ground)
-        for (std::size_t i = 0; i < n; ++i) {
-            column(P::x0)[i] = column(P::range0)[i] * bins_per_metre_;
-            column(P::x1)[i] = column(P::range1)[i] * bins_per_metre_;
-        }
-    const Shading shading{column(P::horizon), column(P::sine),       column(P::range0), column(P::range1),
-                          column(P::x0),      column(P::x1),         column(P::rise),   column(P::swing),
-                          power_.data(),      inverse_width_.data(), bow_.data()};
+    const Shading shading{column(P::horizon), column(P::sine),  column(P::range0), column(P::range1),
+                          column(P::rise),    column(P::swing), power_.data(),     bow_.data()};
     power_lanes(whole_registers(n), shading, *scene_->pattern, scene_->constant);
     const auto of_spokes = [&](const LaneArray& from, LaneArray& to) {
         for (std::size_t i = 0; i < n; ++i) to[i] = from[lane_of_piece(i)];
@@ -109,12 +114,13 @@ void Front::put_pieces(const Between& between) {
     cost_.clock.enter(StageClock::deposit);
     const std::uint64_t read = culture_.cost().ticks;
     if (put_plain(between)) {
+        const auto [x0, x1, bins] = range_of_pieces();
         for (std::size_t i = 0; i < n; ++i) {
             const std::size_t lane = lane_of_piece(i);
             if (gamma_[2][i] != left_to_put || (lanes_.row[lane] < 0 && !shore_)) continue;
             const SampleLanes first = starts_of_pieces(i), last = ends_of_pieces(i);
             put(lane,
-                {{*first.x, *last.x, inverse_width_[i], power_[i], bow_[i]},
+                {{x0[i] * bins, x1[i] * bins, power_[i], static_cast<double>(bow_[i])},
                  {pieces_.numbers(P::major0)[i], *first.minor, pieces_.numbers(P::major1)[i], *last.minor},
                  pieces_.numbers(P::horizon)[i],
                  *last.sine,
@@ -130,10 +136,15 @@ void Front::put_pieces(const Between& between) {
     cost_.clock.leave_out(culture_.cost().ticks - read);
 }
 
-bool Front::put_plain(const Between& between) {
+Front::RangeOfPieces Front::range_of_pieces() {
     using P = VisiblePieces;
+    if (scene_->range_is_ground) return {pieces_.numbers(P::x0), pieces_.numbers(P::x1), 1};
+    return {pieces_.numbers(P::range0), pieces_.numbers(P::range1), bins_per_metre_};
+}
+
+bool Front::put_plain(const Between& between) {
     const std::size_t n = pieces_.size();
-    double* const gamma = gamma_[2].data();
+    float* const gamma = gamma_[2].data();
     if (scene_->with_depression) {
         std::fill_n(gamma, n, left_to_put);
         return true;
@@ -142,21 +153,15 @@ bool Front::put_plain(const Between& between) {
     const bool left = classes && find_gammas(between);
     if (!classes && (!plain_ground_ || needs_facets_ || directional_))
         for (std::size_t i = 0; i < n; ++i)
-            gamma[i] = ground_gamma(scene_->data_base->default_class, facet_[i], lane_of_piece(i));
-    // Without a branch: a third of the spokes may be some.
-    std::array<std::int32_t, VisiblePieces::most> straddlers;
-    std::size_t straddling = 0;
-    for (std::size_t i = 0; i < n; ++i) {
-        straddlers[straddling] = static_cast<std::int32_t>(i);
-        straddling += share1_[i] > 0 ? 1 : 0;
-    }
+            gamma[i] = static_cast<float>(ground_gamma(scene_->data_base->default_class, facet_[i], lane_of_piece(i)));
+    const auto [x0, x1, bins] = range_of_pieces();
     cells_->add_lanes(n, {origin_.data(),
                           share0_.data(),
                           share1_.data(),
-                          {straddlers.data(), straddling},
-                          pieces_.numbers(P::x0),
-                          pieces_.numbers(P::x1),
-                          inverse_width_.data(),
+                          {straddlers_.data(), straddling_},
+                          x0,
+                          x1,
+                          bins,
                           power_.data(),
                           bow_.data(),
                           {gamma_[0].data(), gamma_[1].data(), gamma},
@@ -204,21 +209,29 @@ bool Front::find_gammas(const Between& between) {
     };
     // All in the tile that the first one lies in: mostly there is no other. Without a branch on classes, for hardly two
     // neighbours are alike.
-    const ClassId* classes = find_cells(0, pieces, scene);
+    const Found cells = find_cells(0, pieces, scene);
+    const ClassId* classes = cells.classes;
+    std::array<float*, 3> gamma{gamma_[0].data(), gamma_[1].data(), gamma_[2].data()};
+    // As bits: what is below 0 is of no class.
+    std::uint32_t signs = 0;
+    const auto backscatter_of = [&](auto place) {
+        for (std::size_t i = 0; i < n; ++i) {
+            const std::int32_t* const cell[] = {found_.first, found_.second, found_.third};
+            for (std::size_t k = 0; k < 3; ++k) {
+                const float g = class_gammas_[place(classes[cell[k][i]], i)];
+                gamma[k][i] = g;
+                signs |= std::bit_cast<std::uint32_t>(g);
+            }
+        }
+    };
     // Ground and walls by turns.
-    const double* const gammas = &class_gammas_.data()->ground;
-    static_assert(sizeof(ClassGamma) == 2 * sizeof(double));
-    std::array<double*, 3> gamma{gamma_[0].data(), gamma_[1].data(), gamma_[2].data()};
-    bool some_odd = shore_ != nullptr;
-    for (std::size_t i = 0; i < n; ++i) {
-        const std::size_t a = classes[found_.first[i]], b = classes[found_.second[i]], c = classes[found_.third[i]],
-                          wall = found_.kind[i] == CultureParts::wall ? 1 : 0;
-        gamma[0][i] = gammas[2 * a + wall];
-        gamma[1][i] = gammas[2 * b + wall];
-        gamma[2][i] = gammas[2 * c + wall];
-        some_odd |=
-            (found_.kind[i] > CultureParts::wall) | (a == unknown_class) | (b == unknown_class) | (c == unknown_class);
-    }
+    if (pieces.cell)
+        backscatter_of([&](std::size_t id, std::size_t i) {
+            return 2 * id + (found_.kind[i] == CultureParts::wall ? std::size_t{1} : std::size_t{0});
+        });
+    else
+        backscatter_of([](std::size_t id, std::size_t) { return 2 * id; });
+    const bool some_odd = shore_ || cells.odd || (signs >> 31) != 0;
     std::array<std::uint8_t, CulturePieces::most> odd;
     std::size_t odd_count = 0;
     for (std::size_t i = 0; some_odd && i < n; ++i) {
@@ -238,7 +251,7 @@ bool Front::find_gammas(const Between& between) {
     }
     for (std::size_t k = 0; k < odd_count; ++k) {
         const std::size_t i = odd[k];
-        if (found_.kind[i] == CultureParts::elsewhere) classes = find_cells(i, pieces, scene);
+        if (found_.kind[i] == CultureParts::elsewhere) classes = find_cells(i, pieces, scene).classes;
         const Classes under = classes_under(i, classes);
         // Where these are not all of its classes put() finds them; no window goes by before.
         if (found_.kind[i] > CultureParts::wall || !under.known() || (shore_ && needs_shore(i, under.id))) {
@@ -287,7 +300,8 @@ bool Front::pass_shores(const ClassId* classes) {
         if (water)
             FarShore::pass_water(window, a, b);
         else
-            for (double bright = shore_->pass_land(window, a, b); LaneArray & gamma : gamma_) gamma[i] *= bright;
+            for (const double bright = shore_->pass_land(window, a, b); auto& gamma : gamma_)
+                gamma[i] = brightened(gamma[i], bright);
     }
     return left;
 }
@@ -301,22 +315,22 @@ ShorePoint Front::shore_point(std::size_t lane, const SampleLanes& from, const S
             at(from.arc_m, to.arc_m) * inverse};
 }
 
-const ClassId* Front::find_cells(std::size_t i, const CulturePieces& pieces, CultureScene& scene) {
+Front::Found Front::find_cells(std::size_t i, const CulturePieces& pieces, CultureScene& scene) {
     const std::size_t n = pieces_.size();
     if (!scene_->data_base->has_culture) {  // one cell for all
         scene.column_offset = scene.row_offset = 0.5;
         scene.column_scale = scene.row_scale = 0;
         scene.tile = {{0, 1}, {0, 1}};
-        culture_lanes(n, scene, pieces, found_);
-        return &scene_->data_base->default_class;
+        const bool odd = culture_lanes(n, scene, pieces, found_);
+        return {&scene_->data_base->default_class, odd};
     }
     const double major = pieces.major0[i], minor = pieces.minor0[i];
     const bool columns = scene.lines_are_columns;
     const CultureCells& tile =
         culture_.tile_of(floor_of(cell_column(columns ? major : minor)), floor_of(cell_row(columns ? minor : major)));
     scene.tile = tile.window;
-    culture_lanes(n, scene, pieces, found_);
-    return tile.classes.data();
+    const bool odd = culture_lanes(n, scene, pieces, found_);
+    return {tile.classes.data(), odd};
 }
 
 // ---- one piece ----
@@ -408,12 +422,14 @@ std::optional<Front::Classes> Front::few_classes(const Track& t, const ClassOf& 
                        last_row = floor_of(row1);
     if (std::abs(last_column - first_column) > 1 || std::abs(last_row - first_row) > 1) return std::nullopt;
     const auto cut = [](std::int64_t first, std::int64_t last, double from, double to) {
-        return first == last ? 0.0 : (static_cast<double>(std::max(first, last)) - from) / (to - from);
+        return first == last ? 0.0F
+                             : static_cast<float>(static_cast<double>(std::max(first, last)) - from) /
+                                   static_cast<float>(to - from);
     };
-    const double at_column = cut(first_column, last_column, column0, column1),
-                 at_row = cut(first_row, last_row, row0, row1);
+    const float at_column = cut(first_column, last_column, column0, column1),
+                at_row = cut(first_row, last_row, row0, row1);
     const bool column_first = at_column <= at_row;
-    const double to_second = std::min(at_column, at_row), to_third = std::max(at_column, at_row);
+    const float to_second = std::min(at_column, at_row), to_third = std::max(at_column, at_row);
     struct Cell {
         std::int64_t column, row;
     };
@@ -481,7 +497,7 @@ void Front::put_by_shore(std::size_t lane, const Piece& piece, const Between& be
     };
     if (const auto post = wall_of(piece.track, between)) {
         const ClassId id = class_of(floor_of(cell_column(post->column)), floor_of(cell_row(post->row)));
-        return add(0, 1, wall_gamma(id, lane) * land(0, 1));
+        return add(0, 1, brightened(wall_gamma(id, lane), land(0, 1)));
     }
     if (!between.in_chunk) return add(0, 1, ground_gamma(scene_->data_base->default_class, piece.variable, lane));
     const bool rises = piece.from && *piece.to->height_m > *piece.from->height_m;
@@ -497,7 +513,7 @@ void Front::put_by_shore(std::size_t lane, const Piece& piece, const Between& be
             }
             id = bank;
         }
-        return ground_gamma(id, piece.variable, lane) * land(from, to);
+        return brightened(ground_gamma(id, piece.variable, lane), land(from, to));
     };
     if (const auto under = few_classes(piece.track, class_of)) {
         const WedgeCells::Stretches stretches = under->stretches(gamma_of);

@@ -111,14 +111,15 @@ WEDGESCOPE_LANES_PART void powers(std::size_t n, const Shading& shading, const P
                                   double constant) noexcept {
     const double *__restrict horizon = shading.horizon, *__restrict sine = shading.sine,
                  *__restrict range0 = shading.range0_m, *__restrict range1 = shading.range1_m,
-                 *__restrict x0 = shading.x0, *__restrict x1 = shading.x1, *__restrict rise = shading.rise,
-                 *__restrict swing = shading.swing;
-    double *__restrict power = shading.power, *__restrict inverse_width = shading.inverse_width, *__restrict bow = shading.bow;
+                 *__restrict rise = shading.rise, *__restrict swing = shading.swing;
+    double* __restrict power = shading.power;
+    float* __restrict bow = shading.bow;
     const float* __restrict table = pattern.data();
     const double half = 0.5 * pattern.intervals();
+    const auto entries = static_cast<float>(half);
     const int last = pattern.intervals() - 1;
     constexpr std::size_t block = 64;
-    double part[block];
+    float part[block];
     int index[block];
     float pair[2 * block];
     for (std::size_t at = 0; at < n; at += block) {
@@ -130,27 +131,23 @@ WEDGESCOPE_LANES_PART void powers(std::size_t n, const Shading& shading, const P
             int j = static_cast<int>(inside < 1e9 ? inside : 0.0);
             j = j < last ? j : last;
             index[i] = j;
-            part[i] = place - static_cast<double>(j);
+            part[i] = static_cast<float>(place - static_cast<double>(j));
         }
         for (std::size_t i = 0; i < m; ++i) std::memcpy(pair + 2 * i, table + index[i], 2 * sizeof(float));
+        // What is left of two numbers beside each other is found in doubles; from there on floats do.
         WEDGESCOPE_INDEPENDENT
         for (std::size_t i = 0; i < m; ++i) {
-            const double ga = static_cast<double>(pair[2 * i]), gb = static_cast<double>(pair[2 * i + 1]);
-            const double middle = 0.5 * (range0[at + i] + range1[at + i]), range = middle > 1 ? middle : 1.0,
-                         way = x1[at + i] - x0[at + i];
-            const double distance = way < 0 ? -way : way, width = distance > 1e-9 ? distance : 1e-9;
-            const double risen = rise[at + i] > 1e-200 ? rise[at + i] : 1e-200;
-            const double gain = ga + part[i] * (gb - ga), up = sine[at + i] - horizon[at + i];
-            // One division for 1 / r^2, 1 / width, swing / rise and 1 / gain.
-            const double square = range * range, span = width * risen, all = 1 / (square * span * gain),
-                         inverse_square = all * (span * gain);
-            power[at + i] = constant * up * gain * inverse_square;
-            inverse_width[at + i] = all * (square * risen * gain);
+            const double up = sine[at + i] - horizon[at + i];
+            const auto middle = static_cast<float>(0.5 * (range0[at + i] + range1[at + i])),
+                       longer = static_cast<float>(range1[at + i] - range0[at + i]), risen = static_cast<float>(up),
+                       over = static_cast<float>(rise[at + i]), swung = static_cast<float>(swing[at + i]);
+            const float ga = pair[2 * i], gb = pair[2 * i + 1], gain = ga + part[i] * (gb - ga),
+                        inverse = 1 / (middle > 1 ? middle : 1.0F);
+            power[at + i] = constant * up * static_cast<double>(gain * inverse * inverse);
             // As echo_bow().
-            const double fall = 2 * (range1[at + i] - range0[at + i]) * (range * inverse_square),
-                         swell = 0.5 * up * ((gb - ga) * half) * (all * (square * span)),
-                         bent = swing[at + i] * (all * (square * width * gain)) + fall - swell;
-            bow[at + i] = bent < -1 ? -1 : bent > 1 ? 1 : bent;
+            const float fall = 2 * longer * inverse, swell = 0.5F * risen * ((gb - ga) * entries) / gain,
+                        bent = swung / (over > 1e-30F ? over : 1e-30F) + fall - swell;
+            bow[at + i] = bent < -1 ? -1.0F : bent > 1 ? 1.0F : bent;
         }
     }
 }
@@ -161,7 +158,7 @@ WEDGESCOPE_LANES_PART void facets(std::size_t n, const FacetLanes& lanes) noexce
                  *__restrict height1 = lanes.to.height_m, *__restrict arc0 = lanes.from.arc_m,
                  *__restrict arc1 = lanes.to.arc_m, *__restrict part0 = lanes.from.part,
                  *__restrict part1 = lanes.to.part, *__restrict across = lanes.across, *__restrict slant = lanes.slant;
-    const float *__restrict behind = lanes.behind, *__restrict ahead = lanes.ahead;
+    const float* __restrict behind = lanes.behind, * __restrict ahead = lanes.ahead;
     double* __restrict variable = lanes.variable;
     const auto minor_posts_a_metre = static_cast<float>(1 / lanes.minor_post_m);
     constexpr auto bend = static_cast<float>(law_bend);

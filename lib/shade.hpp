@@ -46,11 +46,11 @@ double radar_constant(const RadarParams& radar);
 
 /// Pieces that are visible all the way, in lanes.
 struct Shading {
-    const double *horizon, *sine;         ///< in: elevation of start and end: the old horizon and the new one
-    const double *range0_m, *range1_m;    ///< in: of start and end
-    const double *x0, *x1;                ///< in: range coordinates of these
-    const double *rise, *swing;           ///< in: as StepLanes
-    double *power, *inverse_width, *bow;  ///< out, as WedgeCells::Portion, without backscatter
+    const double *horizon, *sine;       ///< in: elevation of start and end: the old horizon and the new one
+    const double *range0_m, *range1_m;  ///< in: of start and end
+    const double *rise, *swing;         ///< in: as StepLanes
+    double* power;                      ///< out, as WedgeCells::Portion, without backscatter
+    float* bow;                         ///< out, as there
 };
 /// power = K g_el^2(middle) / r_middle^2 (new horizon - old horizon), r at least 1 m, as the quantum takes it. It lies in
 /// range as the surface's rise over the rays does, a parabola, and as what falls on it and comes back: echo_bow().

@@ -96,7 +96,9 @@ TEST_CASE("the culture cells along a piece are those that one meets walking alon
             REQUIRE(found.to_second[i] <= found.to_third[i]);
             REQUIRE(found.to_third[i] <= 1);
             // Each cell is one that the piece runs through, not one that it only touches.
-            const double borders[] = {0, found.to_second[i], found.to_third[i], 1};
+            const double to_second = static_cast<double>(found.to_second[i]),
+                         to_third = static_cast<double>(found.to_third[i]);
+            const double borders[] = {0, to_second, to_third, 1};
             const std::int32_t named[] = {found.first[i], found.second[i], found.third[i]};
             for (const std::int32_t cell : named) {
                 bool met = p.major0[i] == p.major1[i] && p.minor0[i] == p.minor1[i];
@@ -105,10 +107,10 @@ TEST_CASE("the culture cells along a piece are those that one meets walking alon
             }
             for (int k = 0; k < 200; ++k) {
                 const double u = (k + 0.5) / 200;
-                if (std::abs(u - found.to_second[i]) < 1e-9 || std::abs(u - found.to_third[i]) < 1e-9) continue;
-                const std::int32_t cell = u < found.to_second[i]  ? found.first[i]
-                                          : u < found.to_third[i] ? found.second[i]
-                                                                  : found.third[i];
+                if (std::abs(u - to_second) < 1e-6 || std::abs(u - to_third) < 1e-6) continue;  // they are floats
+                const std::int32_t cell = u < to_second  ? found.first[i]
+                                          : u < to_third ? found.second[i]
+                                                         : found.third[i];
                 const auto met = at(u);
                 REQUIRE(cell == static_cast<std::int32_t>(met.second * 64 + met.first));
             }

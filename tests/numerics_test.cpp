@@ -297,12 +297,19 @@ TEST_CASE("a thousand million echoes add up to within half a quantum each", "[nu
         const std::size_t count = power > 1000 * quantum ? calls : calls / 64;
         const double echoes = static_cast<double>(count * lanes);
         WedgeCells cells(1, q);
-        std::vector<double> one(lanes, 1.0), zero(lanes, 0.0), near(lanes, 7.25), far(lanes, 7.5), inverse(lanes, 4.0),
-            powers(lanes, power);
+        std::vector<double> one(lanes, 1.0), zero(lanes, 0.0), near(lanes, 7.25), far(lanes, 7.5), powers(lanes, power);
+        const std::vector<float> straight(lanes, 0.0F), gamma(lanes, 1.0F);
         const std::vector<std::int64_t> origin(lanes, cells.origin_of(0));
-        const WedgeCells::Portions p{
-            origin.data(), one.data(),     zero.data(),   {},          near.data(),
-            far.data(),    inverse.data(), powers.data(), zero.data(), {nullptr, nullptr, one.data()}};
+        const WedgeCells::Portions p{origin.data(),
+                                     one.data(),
+                                     zero.data(),
+                                     {},
+                                     near.data(),
+                                     far.data(),
+                                     1,
+                                     powers.data(),
+                                     straight.data(),
+                                     {nullptr, nullptr, gamma.data()}};
         for (std::size_t i = 0; i < count; ++i) cells.add_lanes(lanes, p);
         const Real truth = static_cast<Real>(power) * static_cast<Real>(echoes);
         INFO("echoes of " << power / quantum << " quanta");

@@ -10,6 +10,7 @@
 
 #include "lib/deposit.hpp"
 #include "lib/earth.hpp"
+#include "lib/lanes.hpp"
 #include "lib/sample.hpp"
 #include "lib/shade.hpp"
 #include "lib/spoke_grid.hpp"
@@ -361,8 +362,8 @@ TEST_CASE("inside a piece the echo lies in range as rise and range say", "[sweep
     for (int turn = 0; turn < 40; ++turn) {
         const auto lanes = [&] { return std::vector<double>(n); };
         auto up0 = lanes(), up1 = lanes(), out0 = lanes(), out1 = lanes(), range0 = lanes(), range1 = lanes(),
-             sine0 = lanes(), sine1 = lanes(), bump = lanes(), rise = lanes(), swing = lanes(), power = lanes(),
-             inverse_width = lanes(), bow = lanes();
+             sine0 = lanes(), sine1 = lanes(), bump = lanes(), rise = lanes(), swing = lanes(), power = lanes();
+        std::vector<float> bow(n);
         for (std::size_t i = 0; i < n; ++i) {
             out0[i] = 100 + 900 * any(random);
             out1[i] = out0[i] * (1 + 0.11 * any(random));
@@ -380,8 +381,8 @@ TEST_CASE("inside a piece the echo lies in range as rise and range say", "[sweep
             sine1[i] = up1[i] / range1[i];
         }
         power_lanes(n,
-                    {sine0.data(), sine1.data(), range0.data(), range1.data(), range0.data(), range1.data(),
-                     rise.data(), swing.data(), power.data(), inverse_width.data(), bow.data()},
+                    {sine0.data(), sine1.data(), range0.data(), range1.data(), rise.data(), swing.data(), power.data(),
+                     bow.data()},
                     pattern, 1);
         for (std::size_t i = 0; i < n; ++i) {
             // In small steps, what each adds, and where its middle lies.
@@ -400,7 +401,7 @@ TEST_CASE("inside a piece the echo lies in range as rise and range say", "[sweep
                 sine = next;
             }
             // Up to u lies the share u + bow u (1 - u): its mean is 1/2 - bow / 6.
-            worst = std::max(worst, std::abs(moment / sum - (0.5 - bow[i] / 6)));
+            worst = std::max(worst, std::abs(moment / sum - (0.5 - static_cast<double>(bow[i]) / 6)));
             without_fall = std::max(without_fall, std::abs(moment / sum - plain_moment / plain));
             worst_power = std::max(worst_power, std::abs(power[i] / sum - 1));
             const double fall = echo_bow(sine0[i], sine1[i], range0[i], range1[i], pattern);
@@ -523,15 +524,14 @@ TEST_CASE("deposits add up to what was put in, bin by bin, in any order and by l
             p.target.share[1] = random() % 3 == 0 && p.target.row < 4 ? 0.01 * any(random) : 0;
             p.portion.x0 = 5 + 205 * any(random);
             p.portion.x1 = p.portion.x0 + 6 * (any(random) - 0.5);
-            p.portion.inverse_width = 1 / std::abs(p.portion.x1 - p.portion.x0);
             p.portion.power = 1e-6 * any(random);
             p.portion.bow = 2 * any(random) - 1;
             p.stretches = WedgeCells::Stretches::one(2 * any(random));
             if (stretched && random() % 4 > 0) {
-                const double border = any(random);
-                p.stretches = {{2 * any(random), 2 * any(random), 2 * any(random)},
-                               random() % 2 ? border : border * any(random),
-                               border};
+                const auto number = [&] { return static_cast<float>(any(random)); };
+                const float border = number();
+                p.stretches = {
+                    {2 * number(), 2 * number(), 2 * number()}, random() % 2 ? border : border * number(), border};
             }
             puts.push_back(p);
         }
@@ -540,7 +540,8 @@ TEST_CASE("deposits add up to what was put in, bin by bin, in any order and by l
         for (const Put& p : puts) {
             forward.add(p.target, p.portion, p.stretches);
             const auto way_to = [&](double x) { return (x - p.portion.x0) / (p.portion.x1 - p.portion.x0); };
-            const double borders[] = {0, p.stretches.second, p.stretches.third, 1};
+            const double borders[] = {0, static_cast<double>(p.stretches.second),
+                                      static_cast<double>(p.stretches.third), 1};
             for (std::size_t j = 0; j < columns; ++j)
                 for (std::size_t k = 0; k < 3; ++k) {
                     const double a = way_to(10 + static_cast<double>(j)), b = way_to(11 + static_cast<double>(j)),
@@ -548,8 +549,8 @@ TEST_CASE("deposits add up to what was put in, bin by bin, in any order and by l
                                  to = std::min(std::max(a, b), borders[k + 1]);
                     if (!(to > from)) continue;
                     // What lies between, by the mean of how dense it is at its ends, which is a straight line.
-                    const double watts =
-                        p.stretches.gamma[k] * p.portion.power * (to - from) * (1 + p.portion.bow * (1 - from - to));
+                    const double watts = static_cast<double>(p.stretches.gamma[k]) * p.portion.power * (to - from) *
+                                         (1 + p.portion.bow * (1 - from - to));
                     for (std::size_t side = 0; side < 2; ++side)
                         if (p.target.share[side] > 0)
                             expected[(static_cast<std::size_t>(p.target.row) + side) * columns + j] +=
@@ -557,7 +558,8 @@ TEST_CASE("deposits add up to what was put in, bin by bin, in any order and by l
                 }
         }
         for (auto p = puts.rbegin(); p != puts.rend(); ++p) backward.add(p->target, p->portion, p->stretches);
-        std::vector<double> s0, s1, x0, x1, w, power, bow, gamma[3], second, third;
+        std::vector<double> s0, s1, x0, x1, power;
+        std::vector<float> bow, gamma[3], second, third;
         std::vector<std::int64_t> row;
         for (const Put& p : puts) {
             row.push_back(forward.origin_of(p.target.row));
@@ -565,13 +567,15 @@ TEST_CASE("deposits add up to what was put in, bin by bin, in any order and by l
             s1.push_back(p.target.share[1]);
             x0.push_back(p.portion.x0);
             x1.push_back(p.portion.x1);
-            w.push_back(p.portion.inverse_width);
             power.push_back(p.portion.power);
-            bow.push_back(p.portion.bow);
+            bow.push_back(static_cast<float>(p.portion.bow));
             for (std::size_t k = 0; k < 3; ++k) gamma[k].push_back(p.stretches.gamma[k]);
             second.push_back(p.stretches.second);
             third.push_back(p.stretches.third);
         }
+        for (auto* v : {&s0, &s1, &x0, &x1, &power}) v->resize(whole_registers(puts.size()));
+        for (auto* v : {&bow, &gamma[0], &gamma[1], &gamma[2], &second, &third})
+            v->resize(whole_registers(puts.size()));
         for (std::size_t at = 0; at < puts.size(); at += WedgeCells::Portions::most) {
             const std::size_t m = std::min(WedgeCells::Portions::most, puts.size() - at);
             std::vector<std::int32_t> straddlers;
@@ -583,7 +587,7 @@ TEST_CASE("deposits add up to what was put in, bin by bin, in any order and by l
                                 straddlers,
                                 x0.data() + at,
                                 x1.data() + at,
-                                w.data() + at,
+                                1,
                                 power.data() + at,
                                 bow.data() + at,
                                 {gamma[0].data() + at, gamma[1].data() + at, gamma[2].data() + at},
@@ -597,7 +601,7 @@ TEST_CASE("deposits add up to what was put in, bin by bin, in any order and by l
                 REQUIRE(forward.watts(r, j) == lanes.watts(r, j));
                 worst = std::max(worst, std::abs(forward.watts(r, j) / expected[r * columns + j] - 1));
             }
-        CHECK(worst < 1e-12);
+        CHECK(worst < 1e-5);  // pieces are floats
     }
 }
 

@@ -17,6 +17,7 @@
 #include "lib/deposit.hpp"
 #include "lib/detail.hpp"
 #include "lib/display_lanes.hpp"
+#include "lib/lanes.hpp"
 #include "lib/path_loss.hpp"
 #include "lib/post_extremes.hpp"
 #include "lib/sample.hpp"
@@ -130,7 +131,8 @@ Bytes sweep_of(unsigned seed) {
     const LinePosts back{behind.data(), begin, begin + 700}, front{ahead.data() + cut, begin + cut, begin + 690};
     auto cell = zeros(), mode = zeros(), radius = zeros(), void_horizon = draw.lanes(n, -1, 0),
          horizon = draw.lanes(n, -0.5, 0.2), least = zeros(), most = zeros(), bump = zeros(), sine0 = zeros(),
-         code = zeros(), power = zeros(), width = zeros(), bow = zeros(), rise = zeros(), swing = zeros();
+         code = zeros(), power = zeros(), rise = zeros(), swing = zeros();
+    std::vector<float> bow(n);
     for (std::size_t i = 0; i < n; ++i) {
         mode[i] = static_cast<double>(draw.below(4));
         radius[i] = draw.below(5) ? 1 / 8.5e6 : 0;
@@ -155,13 +157,13 @@ Bytes sweep_of(unsigned seed) {
         record.put(behind_posts);
         record.put(ahead_posts);
         power_lanes(n,
-                    {sine0.data(), to.sine.data(), from.range.data(), to.range.data(), from.x.data(), to.x.data(),
-                     rise.data(), swing.data(), power.data(), width.data(), bow.data()},
+                    {sine0.data(), to.sine.data(), from.range.data(), to.range.data(), rise.data(), swing.data(),
+                     power.data(), bow.data()},
                     pattern, 1e-3);
-        for (const auto* out :
-             {&cell,  &to.part, &to.minor, &to.arc, &to.height, &to.up, &to.out, &to.range, &to.sine, &to.x, &horizon,
-              &least, &most,    &bump,     &rise,   &swing,     &sine0, &code,   &power,    &width,   &bow})
+        for (const auto* out : {&cell, &to.part, &to.minor, &to.arc, &to.height, &to.up, &to.out, &to.range, &to.sine,
+                                &to.x, &horizon, &least, &most, &bump, &rise, &swing, &sine0, &code, &power})
             record.put(*out);
+        record.put(bow);
     };
     step(StepTo::crossing, now, crossing);
     step(StepTo::line, crossing, line);
@@ -210,9 +212,11 @@ Bytes deposits_of(unsigned seed) {
     for (int block = 0; block < 6; ++block) {
         constexpr std::size_t most = WedgeCells::Portions::most;
         const std::size_t n = 1 + draw.below(most);
-        std::vector<double> share0(n), share1(n, 0.0), x0(n), x1(n), inverse(n, 0.0), power(n), bow(n), gammas[3],
-            second(n), third(n);
-        for (auto& gamma : gammas) gamma.resize(n);
+        const std::size_t whole = whole_registers(n);
+        std::vector<double> share0(whole), share1(whole), x0(whole), x1(whole), power(whole);
+        std::vector<float> bow(whole), gammas[3], second(whole), third(whole);
+        for (auto& gamma : gammas) gamma.resize(whole);
+        const auto number = [&](double from, double to) { return static_cast<float>(draw.number(from, to)); };
         std::vector<std::int64_t> origin(n);
         std::vector<std::int32_t> straddlers;
         // Most blocks lie in a few bins, as neighbouring spokes do; pieces of one bin and of many, either way round.
@@ -228,15 +232,14 @@ Bytes deposits_of(unsigned seed) {
             x0[i] = place + draw.number(-1, 1);
             x1[i] = x0[i] + draw.number(-longest, longest);
             if (draw.below(10) == 0) x0[i] = std::floor(x0[i]);  // exactly on an edge
-            if (x0[i] != x1[i]) inverse[i] = 1 / std::abs(x1[i] - x0[i]);
             // Within what the quantum of the farthest bin allows, for all pieces that a cell may get.
             const double bin_m = std::max(1.0, 90 * std::max(x0[i], x1[i]));
             power[i] = draw.below(9) ? 1e-5 * std::exp(draw.number(-25, 0)) / (bin_m * bin_m) : 0;
-            bow[i] = draw.number(-1, 1);
-            for (auto& gamma : gammas) gamma[i] = draw.number(0, 1);
+            bow[i] = number(-1, 1);
+            for (auto& gamma : gammas) gamma[i] = number(0, 1);
             if (draw.below(9) == 0) gammas[2][i] = -1;
-            third[i] = draw.below(3) ? draw.number(0, 1) : 0;
-            second[i] = draw.below(3) ? draw.number(0, third[i]) : third[i];
+            third[i] = draw.below(3) ? number(0, 1) : 0;
+            second[i] = draw.below(3) ? third[i] * number(0, 1) : third[i];
         }
         const bool stretched = draw.below(3) > 0;
         cells.add_lanes(n, {origin.data(),
@@ -245,7 +248,7 @@ Bytes deposits_of(unsigned seed) {
                             straddlers,
                             x0.data(),
                             x1.data(),
-                            inverse.data(),
+                            1,
                             power.data(),
                             bow.data(),
                             {gammas[0].data(), gammas[1].data(), gammas[2].data()},
