@@ -74,7 +74,7 @@ public:
     ///   power, bow            as Portion
     ///   gamma, second, third  as Stretches, finite; no `second`: gamma[2] all along, and the others are not looked at.
     ///                         Lanes with gamma[2] < 0 add nothing
-    /// All but `straddlers` go on to whole_registers(n), with anything.
+    /// All but `origin` and `straddlers` go on to whole_registers(n), with anything.
     struct Portions {
         static constexpr std::size_t most = 128;  ///< lanes at once
         const std::int64_t* origin;
