@@ -56,11 +56,20 @@ Tiles drawn_tiles(std::int64_t columns, std::int64_t rows, int missing) {
     return tiles;
 }
 
+std::string wkt_of(const OGRSpatialReference& crs) {
+    const char* const options[] = {"FORMAT=WKT2_2019", nullptr};
+    char* words = nullptr;
+    if (crs.exportToWkt(&words, options) != OGRERR_NONE) throw std::runtime_error("a CRS without WKT");
+    const std::string wkt = words;
+    CPLFree(words);
+    return wkt;
+}
+
 std::string wkt_of(const std::string& definition) {
     if (definition.empty()) return "";
     OGRSpatialReference crs;
     if (crs.SetFromUserInput(definition.c_str()) != OGRERR_NONE) throw std::runtime_error("no CRS " + definition);
-    return from_gdal(crs)->wkt();
+    return wkt_of(crs);
 }
 
 TiffContent sized(std::int64_t columns, std::int64_t rows) {
@@ -176,7 +185,7 @@ Facts facts_of(const std::string& path) {
     facts["geotransform"] = in->GetGeoTransform(terms.data()) == CE_None ? "" : "none";
     for (const double term : terms) facts["geotransform"] += text(" ", term);
     if (const OGRSpatialReference* crs = in->GetSpatialRef()) {
-        facts["crs"] = from_gdal(*crs)->wkt();
+        facts["crs"] = wkt_of(*crs);
         for (const int axis : crs->GetDataAxisToSRSAxisMapping()) facts["axes"] += text(axis, " ");
     }
     facts["ground control points"] = text(in->GetGCPCount());
@@ -388,7 +397,7 @@ TEST_CASE("a CRS that EPSG's code does not tell all of is left to GDAL", "[tiff_
     OGRSpatialReference shifted;
     shifted.importFromEPSG(31467);
     shifted.SetTOWGS84(1, 2, 3, 0, 0, 0, 0);
-    CHECK_FALSE(tiff_crs(from_gdal(shifted)->wkt()));
+    CHECK_FALSE(tiff_crs(wkt_of(shifted)));
 }
 
 TEST_CASE("a TIFF is a big one where GDAL would make it so to be safe", "[tiff_file]") {
