@@ -19,9 +19,28 @@ namespace {
 const GdalSession session(std::size_t{16} << 20, {});
 
 const std::vector<std::string> definitions = {
-    "EPSG:4326", "EPSG:4269", "EPSG:4258", "OGC:CRS84", "EPSG:4979", "EPSG:32611", "EPSG:32733", "EPSG:26911",
-    "EPSG:27700", "EPSG:31467", "EPSG:2154", "EPSG:3031", "EPSG:3413", "EPSG:2193", "EPSG:2231", "EPSG:3857",
-    "EPSG:21781", "EPSG:32761", "EPSG:4807", "EPSG:4978", "EPSG:32611+5703", "ESRI:102008",
+    "EPSG:4326",
+    "EPSG:4269",
+    "EPSG:4258",
+    "OGC:CRS84",
+    "EPSG:4979",
+    "EPSG:32611",
+    "EPSG:32733",
+    "EPSG:26911",
+    "EPSG:27700",
+    "EPSG:31467",
+    "EPSG:2154",
+    "EPSG:3031",
+    "EPSG:3413",
+    "EPSG:2193",
+    "EPSG:2231",
+    "EPSG:3857",
+    "EPSG:21781",
+    "EPSG:32761",
+    "EPSG:4807",
+    "EPSG:4978",
+    "EPSG:32611+5703",
+    "ESRI:102008",
     "+proj=aeqd +lat_0=33.9 +lon_0=-117 +datum=WGS84 +units=m +no_defs",
     "+proj=utm +zone=11 +ellps=clrk66 +towgs84=-8,160,176 +units=us-ft +no_defs",
     "+proj=longlat +ellps=bessel +towgs84=598.1,73.7,418.2,0.202,0.045,-2.455,6.7 +no_defs"};
@@ -70,7 +89,8 @@ TEST_CASE("a CRS has the kind, unit, names and words that GDAL gives it", "[crs]
             CHECK(crs->authority() == words(gdal.GetAuthorityName(nullptr)));
             CHECK(crs->code() == words(gdal.GetAuthorityCode(nullptr)));
             const char* none = nullptr;
-            const double unit = gdal.IsGeographic() ? gdal.GetAngularUnits(&none) * 180 / M_PI : gdal.GetLinearUnits(&none);
+            const double unit =
+                gdal.IsGeographic() ? gdal.GetAngularUnits(&none) * 180 / M_PI : gdal.GetLinearUnits(&none);
             CHECK(crs->unit() == Approx(unit).epsilon(1e-12));
             const std::vector<int> mapping = gdal.GetDataAxisToSRSAxisMapping();
             if (!gdal.IsGeocentric())
@@ -110,6 +130,18 @@ TEST_CASE("the same CRS are those that GDAL takes for the same", "[crs]") {
             const OGRSpatialReference gdal_a = gdals(a), gdal_b = gdals(b);
             CHECK(one->same_as(*other) == (gdal_a.IsSame(&gdal_b, either_order) != 0));
         }
+}
+
+TEST_CASE("WGS84 is what GDAL takes for WGS84", "[crs]") {
+    OGRSpatialReference wgs84;
+    wgs84.SetWellKnownGeogCS("WGS84");
+    for (const std::string& definition : definitions) {
+        INFO(definition);
+        std::string reason;
+        const bool same = gdals(definition).IsSame(&wgs84, either_order) != 0;
+        CHECK(Crs::read(definition, reason)->same_as(Crs::wgs84()) == same);
+        CHECK(same == (definition == "EPSG:4326" || definition == "OGC:CRS84"));
+    }
 }
 
 TEST_CASE("what is no CRS is refused with PROJ's reason", "[crs]") {

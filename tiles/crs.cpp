@@ -38,7 +38,8 @@ std::string with_proj(const std::function<void(PJ_CONTEXT*)>& body) {
     if (!one.context) {
         one.context.reset(proj_context_create());
         proj_context_set_enable_network(one.context.get(), 0);
-        proj_log_func(one.context.get(), &one, [](void* self, int, const char* message) {
+        proj_log_func(one.context.get(), &one, [](void* self, int level, const char* message) {
+            if (level > PJ_LOG_ERROR) return;
             std::string& reason = static_cast<Common*>(self)->reason;
             if (reason.empty()) reason = message;
         });
@@ -56,8 +57,7 @@ std::shared_ptr<const Crs> Crs::read(const std::string& definition, std::string&
         const bool step = definition.starts_with("+") && definition.find("type=crs") == std::string::npos;
         ProjObject object(proj_create(context, (step ? definition + " +type=crs" : definition).c_str()));
         const bool whole = object && proj_get_type(object.get()) != PJ_TYPE_COMPOUND_CRS;
-        if (object && !whole)
-            object.reset(proj_crs_get_sub_crs(context, object.get(), 0));
+        if (object && !whole) object.reset(proj_crs_get_sub_crs(context, object.get(), 0));
         if (!object || !proj_is_crs(object.get())) return;
         crs->bound_ = proj_get_type(object.get()) == PJ_TYPE_BOUND_CRS;
         const ProjObject source(crs->bound_ ? proj_get_source_crs(context, object.get()) : nullptr);
@@ -109,10 +109,18 @@ std::shared_ptr<const Crs> Crs::read(const std::string& definition, std::string&
 }
 
 const Crs& Crs::wgs84() {
+    // In words: a raster of it needs no data base of PROJ's, which may be missing.
     static const std::shared_ptr<const Crs> one = [] {
         std::string reason;
-        auto crs = read("EPSG:4326", reason);
-        if (!crs) throw DataError(text("PROJ does not know EPSG:4326: ", reason));
+        auto crs = read(
+            "GEOGCRS[\"WGS 84\",DATUM[\"World Geodetic System 1984\",ELLIPSOID[\"WGS 84\",6378137,298.257223563,"
+            "LENGTHUNIT[\"metre\",1]]],PRIMEM[\"Greenwich\",0,ANGLEUNIT[\"degree\",0.0174532925199433]],"
+            "CS[ellipsoidal,2],AXIS[\"geodetic latitude "
+            "(Lat)\",north,ORDER[1],ANGLEUNIT[\"degree\",0.0174532925199433]],"
+            "AXIS[\"geodetic longitude (Lon)\",east,ORDER[2],ANGLEUNIT[\"degree\",0.0174532925199433]],"
+            "ID[\"EPSG\",4326]]",
+            reason);
+        if (!crs) throw DataError(text("PROJ cannot read WGS84: ", reason));
         return crs;
     }();
     return *one;

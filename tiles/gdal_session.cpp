@@ -10,6 +10,7 @@
 #include <cctype>
 #include <charconv>
 #include <cstdlib>
+#include <iterator>
 #include <mutex>
 #include <optional>
 #include <thread>
@@ -159,12 +160,10 @@ GdalSession::GdalSession(std::size_t cache_bytes, const std::vector<std::pair<st
 void GdalSession::settle() {
     std::size_t cache_bytes = 0;
     std::vector<std::pair<std::string, std::string>> config;
-    std::optional<std::size_t> later_cache_bytes;
     {
         const std::lock_guard lock(wishes().mutex);
         cache_bytes = wishes().cache_bytes;
         config = wishes().config;
-        later_cache_bytes = wishes().later_cache_bytes;
     }
     CPLSetErrorHandler(CPLQuietErrorHandler);
     // Each handle of a VRT gets its own sources: handles wander between threads, shared sources may not.
@@ -179,6 +178,12 @@ void GdalSession::settle() {
         CPLSetConfigOption(key.c_str(), value.c_str());
         if (EQUAL(key.c_str(), "GDAL_CACHEMAX"))
             if (const auto bytes = cache_max(value)) GDALSetCacheMax64(*bytes);
+    }
+    // Last, for another thread may have asked meanwhile; and not under the lock, for which it may be waiting.
+    std::optional<std::size_t> later_cache_bytes;
+    {
+        const std::lock_guard lock(wishes().mutex);
+        later_cache_bytes = wishes().later_cache_bytes;
     }
     if (later_cache_bytes) GDALSetCacheMax64(static_cast<GIntBig>(*later_cache_bytes));
 }
@@ -205,7 +210,14 @@ std::size_t GdalSession::cache_used_bytes() {
 
 bool GdalSession::configured() {
     const std::lock_guard lock(wishes().mutex);
-    return !wishes().config.empty() || std::getenv("GDAL_PAM_ENABLED");
+    // These change no file.
+    constexpr const char* harmless[] = {"GDAL_CACHEMAX", "GDAL_NUM_THREADS", "CPL_DEBUG"};
+    const auto matters = [&](const auto& item) {
+        return std::none_of(std::begin(harmless), std::end(harmless),
+                            [&](const char* name) { return EQUAL(item.first.c_str(), name); });
+    };
+    return std::any_of(wishes().config.begin(), wishes().config.end(), matters) || std::getenv("GDAL_PAM_ENABLED") ||
+           std::getenv("GDAL_PAM_PROXY_DIR") || std::getenv("GDAL_CONFIG_FILE");
 }
 
 std::uint64_t GdalSession::number() { return sessions; }

@@ -24,14 +24,14 @@ public:
         reason_ = with_proj([&](PJ_CONTEXT* common) {
             const ProjObject wgs84(proj_create(common, wgs84_in_proj)), raster = create(common, crs);
             if (!wgs84 || !raster) return;
-            const ProjObject way(
-                proj_create_crs_to_crs_from_pj(common, wgs84.get(), raster.get(), nullptr, nullptr));
+            const ProjObject way(proj_create_crs_to_crs_from_pj(common, wgs84.get(), raster.get(), nullptr, nullptr));
             // Longitude and easting first, as in rasters, whatever the order of the CRS's axes.
             if (way) way_.reset(proj_normalize_for_visualization(common, way.get()));
             // From here on it does not wait for others.
             if (way_) proj_assign_context(way_.get(), context_.get());
         });
-        proj_log_func(context_.get(), this, [](void* self, int, const char* message) {
+        proj_log_func(context_.get(), this, [](void* self, int level, const char* message) {
+            if (level > PJ_LOG_ERROR) return;
             std::string& reason = static_cast<Way*>(self)->reason_;
             if (reason.empty()) reason = message;
         });
@@ -88,8 +88,8 @@ std::shared_ptr<Georeference::Way> Georeference::way_of(const RasterFacts& facts
     if (auto way = place.lock()) return way;
     const auto way = std::make_shared<Way>(*facts.crs);
     if (!way->known())
-        throw DataError(text(facts.named(), ": PROJ knows no way between WGS84 and its CRS '",
-                             facts.crs->definition(), "': ", way->reason()));
+        throw DataError(text(facts.named(), ": PROJ knows no way between WGS84 and its CRS '", facts.crs->definition(),
+                             "': ", way->reason()));
     place = way;
     return way;
 }

@@ -25,6 +25,8 @@ list(FILTER offered INCLUDE REGEX " [TWi] ")
 list(TRANSFORM offered REPLACE "[@ ].*$" "")
 list(FILTER wanted INCLUDE REGEX " U")
 list(TRANSFORM wanted REPLACE " .*$" "")
+# By GDAL's own names: a library that came with others inside may offer those too, and what we call there is not GDAL's.
+list(FILTER wanted INCLUDE REGEX "^(GDAL|CPL|CSL|CPLE|OGR|OSR|OCT|VSI|GetGDAL|_Z(N[A-Z]*)?[0-9]+(GDAL|OGR|CPL))")
 list(REMOVE_DUPLICATES wanted)
 list(SORT wanted)
 set(stand_ins "")
@@ -49,15 +51,18 @@ extern "C" const char* const wedgescope_late_gdal_folder = "@folder@";
 extern "C" const char* const wedgescope_late_gdal_names[] = {
 @names@};
 asm(R"(
+    .pushsection .text
     .macro late name number
     .text
     .globl \name
     .hidden \name
     .type \name, @function
 \name:
+    endbr64
     jmp *.Llate\number(%rip)
     .size \name, . - \name
 .Lfirst\number:
+    endbr64
     pushq $\number
     jmp .Lfind
     .data
@@ -118,5 +123,6 @@ wedgescope_late_gdal_slots:
     add $8, %rsp
     jmp *%r11
     .cfi_endproc
+    .popsection
 )");
 ]=])

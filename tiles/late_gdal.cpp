@@ -33,7 +33,9 @@ std::atomic<void*> library = nullptr;
 void load() {
     void* found = ::dlopen(wedgescope_late_gdal_library, RTLD_LAZY | RTLD_LOCAL);
     // Where the system does not look, GDAL lies where it lay when this was built.
-    if (!found) found = ::dlopen((std::string(wedgescope_late_gdal_folder) + '/' + wedgescope_late_gdal_library).c_str(), RTLD_LAZY | RTLD_LOCAL);
+    if (!found)
+        found = ::dlopen((std::string(wedgescope_late_gdal_folder) + '/' + wedgescope_late_gdal_library).c_str(),
+                         RTLD_LAZY | RTLD_LOCAL);
     if (!found) give_up();
     library = found;
     wedgescope::GdalSession::settle();

@@ -17,9 +17,10 @@ struct PostType {
     const char* name;
     int bytes;
 };
-constexpr PostType usual_types[] = {{GDT_Byte, "Byte", 1},     {GDT_UInt16, "UInt16", 2},   {GDT_Int16, "Int16", 2},
-                                    {GDT_UInt32, "UInt32", 4}, {GDT_Int32, "Int32", 4},     {GDT_UInt64, "UInt64", 8},
-                                    {GDT_Int64, "Int64", 8},   {GDT_Float32, "Float32", 4}, {GDT_Float64, "Float64", 8}};
+constexpr PostType usual_types[] = {
+    {GDT_Byte, "Byte", 1},     {GDT_UInt16, "UInt16", 2},   {GDT_Int16, "Int16", 2},
+    {GDT_UInt32, "UInt32", 4}, {GDT_Int32, "Int32", 4},     {GDT_UInt64, "UInt64", 8},
+    {GDT_Int64, "Int64", 8},   {GDT_Float32, "Float32", 4}, {GDT_Float64, "Float64", 8}};
 
 }  // namespace
 

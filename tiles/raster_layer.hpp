@@ -35,7 +35,7 @@ struct RasterFacts {
     bool has_geotransform = false;      ///< else the lower left cell's centre is 0, 0 and cells are 1 x 1
     double corner_x = 0, corner_y = 0;  ///< outer corner of the first cell, CRS units
     double step_x = 1, step_y = -1;
-    std::shared_ptr<const Crs> crs;     ///< null: none
+    std::shared_ptr<const Crs> crs;  ///< null: none
     bool geographic = false;
     bool wgs84_lat_lon = false;
     double metres_per_unit = 1;    ///< of x and y, if not geographic

@@ -337,6 +337,8 @@ namespace {
 /// Of a grey picture, with or without alpha, those that are written without GDAL.
 bool is_plain_png(const RasterContent& content, const OutputFile& file, const RasterFormat& format) {
     return asks_for_plain_png(file.final_path(), format) && content.type == GDT_Byte && !content.bands[0].no_data &&
+           std::all_of(content.bands.begin(), content.bands.end(),
+                       [](const BandContent& band) { return band.unit.empty() && band.categories.empty(); }) &&
            (content.bands.size() == 1 || (content.bands.size() == 2 && content.bands[1].alpha));
 }
 

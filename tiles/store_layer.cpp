@@ -153,8 +153,8 @@ RawVector<std::byte> SheetReader::tile(int level, std::int64_t column, std::int6
 }
 
 /// False where GDAL must look.
-bool SheetReader::decoded_here(int level, std::int64_t column, std::int64_t row,
-                               RawVector<std::byte>& values, const std::function<bool()>& right) {
+bool SheetReader::decoded_here(int level, std::int64_t column, std::int64_t row, RawVector<std::byte>& values,
+                               const std::function<bool()>& right) {
     if (!decoder_) return false;
     try {
         if (decoder_->decode(level, column, row, values, right)) return true;
@@ -244,16 +244,19 @@ void widen(const std::byte* from, void* to, std::int64_t count) {
     for (std::int64_t i = 0; i < count; ++i) out[i] = static_cast<To>(values[i]);
 }
 
-/// GDALCopyWords, whose loops are not made for the conversions that are done most.
+/// GDALCopyWords, which has no lanes for the conversions that are done most, and for which GDAL would be loaded.
 void copy_line(const std::byte* from, const RasterFacts& facts, void* to, GDALDataType type, std::int64_t count) {
     if (type == GDT_Float32 && facts.type == GDT_Int16) return widen<std::int16_t, float>(from, to, count);
     if (type == GDT_Float32 && facts.type == GDT_UInt16) return widen<std::uint16_t, float>(from, to, count);
     if (type == GDT_Float32 && facts.type == GDT_Float32) return widen<float, float>(from, to, count);
+    if (type == GDT_Float32 && facts.type == GDT_Byte) return widen<std::uint8_t, float>(from, to, count);
+    if (type == GDT_Float32 && facts.type == GDT_Int32) return widen<std::int32_t, float>(from, to, count);
+    if (type == GDT_Float32 && facts.type == GDT_UInt32) return widen<std::uint32_t, float>(from, to, count);
+    if (type == GDT_Int32 && facts.type == GDT_Int32) return widen<std::int32_t, std::int32_t>(from, to, count);
     if (type == GDT_Int32 && facts.type == GDT_Byte) return widen<std::uint8_t, std::int32_t>(from, to, count);
     if (type == GDT_Int32 && facts.type == GDT_Int16) return widen<std::int16_t, std::int32_t>(from, to, count);
     if (type == GDT_Int32 && facts.type == GDT_UInt16) return widen<std::uint16_t, std::int32_t>(from, to, count);
-    GDALCopyWords(from, facts.type, facts.type_bytes, to, type, type_bytes(type),
-                  static_cast<int>(count));
+    GDALCopyWords(from, facts.type, facts.type_bytes, to, type, type_bytes(type), static_cast<int>(count));
 }
 
 }  // namespace

@@ -94,7 +94,9 @@ public:
     /// Values of a tile, the tile as the file holds it, and what unpacking takes.
     ReaderBytes reader_bytes() const override {
         const auto tile = static_cast<std::size_t>(facts_.block_columns * facts_.block_rows * facts_.type_bytes);
-        return {tile, 2 * tile};
+        // And where each tile of a sheet and of its overviews lies.
+        const auto across = static_cast<std::size_t>(sheet_posts / facts_.block_columns + 1);
+        return {tile, 2 * tile + 2 * across * across * 2 * sizeof(std::uint64_t)};
     }
     /// Of the sheets that wait open, each with a tile's buffer.
     std::size_t idle_bytes() const override { return most_idle() * reader_bytes().packed; }

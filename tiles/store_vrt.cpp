@@ -11,13 +11,14 @@ std::string vrt_text(const StoreLayerEntry& layer) {
     std::string out = text("<VRTDataset rasterXSize=\"", f.columns, "\" rasterYSize=\"", f.rows, "\">\n");
     if (f.crs) {
         // As the sheets have it: x first, whatever the CRS's own order of axes.
-        out += text("  <SRS dataAxisToSRSAxisMapping=\"", f.crs->axis_mapping(), "\">", xml_words(f.crs->wkt(), true), "</SRS>\n");
+        out += text("  <SRS dataAxisToSRSAxisMapping=\"", f.crs->axis_mapping(), "\">", xml_words(f.crs->wkt(), true),
+                    "</SRS>\n");
     }
     if (f.has_geotransform)
         out += text("  <GeoTransform>", f.corner_x, ", ", f.step_x, ", 0, ", f.corner_y, ", 0, ", f.step_y,
                     "</GeoTransform>\n");
-    out += text("  <VRTRasterBand dataType=\"", type_name(f.type), "\" band=\"1\" blockXSize=\"",
-                f.block_columns, "\" blockYSize=\"", f.block_rows, "\">\n");
+    out += text("  <VRTRasterBand dataType=\"", type_name(f.type), "\" band=\"1\" blockXSize=\"", f.block_columns,
+                "\" blockYSize=\"", f.block_rows, "\">\n");
     if (f.has_no_data)
         out += text("    <NoDataValue>", std::isnan(f.no_data) ? "nan" : text(f.no_data), "</NoDataValue>\n");
     if (!f.unit.empty()) out += text("    <UnitType>", xml_words(f.unit, true), "</UnitType>\n");
@@ -28,8 +29,8 @@ std::string vrt_text(const StoreLayerEntry& layer) {
         const std::string size = text("xSize=\"", posts.columns.size(), "\" ySize=\"", posts.rows.size(), "\"");
         out += text("    <SimpleSource>\n      <SourceFilename relativeToVRT=\"1\">", xml_words(sheet.file, true),
                     "</SourceFilename>\n      <SourceBand>1</SourceBand>\n      <SourceProperties RasterXSize=\"",
-                    posts.columns.size(), "\" RasterYSize=\"", posts.rows.size(), "\" DataType=\"",
-                    type_name(f.type), "\" BlockXSize=\"", f.block_columns, "\" BlockYSize=\"", f.block_rows,
+                    posts.columns.size(), "\" RasterYSize=\"", posts.rows.size(), "\" DataType=\"", type_name(f.type),
+                    "\" BlockXSize=\"", f.block_columns, "\" BlockYSize=\"", f.block_rows,
                     "\" />\n      <SrcRect xOff=\"0\" yOff=\"0\" ", size, " />\n      <DstRect xOff=\"",
                     posts.columns.begin, "\" yOff=\"", posts.rows.begin, "\" ", size, " />\n    </SimpleSource>\n");
     }

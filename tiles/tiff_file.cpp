@@ -86,7 +86,8 @@ std::optional<TiffCrs> find_crs(PJ_CONTEXT* context, const std::string& wkt) {
     if (found.epsg < 1024 || found.epsg > 32766) return std::nullopt;
     const PJ_TYPE type = proj_get_type(crs.get());
     // One derived from another comes with the way from there.
-    found.geographic = type == PJ_TYPE_GEOGRAPHIC_2D_CRS && !ProjObject(proj_crs_get_coordoperation(context, crs.get()));
+    found.geographic =
+        type == PJ_TYPE_GEOGRAPHIC_2D_CRS && !ProjObject(proj_crs_get_coordoperation(context, crs.get()));
     if (!found.geographic && type != PJ_TYPE_PROJECTED_CRS) return std::nullopt;
     const ProjObject geodetic(proj_crs_get_geodetic_crs(context, crs.get()));
     if (!geodetic || proj_get_type(geodetic.get()) != PJ_TYPE_GEOGRAPHIC_2D_CRS) return std::nullopt;
@@ -169,8 +170,8 @@ std::string metadata_xml(const TiffContent& content) {
     });
     std::string lines;
     const auto add = [&](const std::string& name, const char* more, const std::string& value) {
-        lines += "  <Item name=\"" + xml_words(name, true) + "\"" + more + ">" + xml_words(xml_words(value, true), false) +
-                 "</Item>\n";
+        lines += "  <Item name=\"" + xml_words(name, true) + "\"" + more + ">" +
+                 xml_words(xml_words(value, true), false) + "</Item>\n";
     };
     for (const auto& [name, value] : items) add(name, "", value);
     if (!content.description.empty()) add("DESCRIPTION", R"( sample="0" role="description")", content.description);

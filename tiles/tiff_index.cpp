@@ -34,7 +34,6 @@ std::optional<TiffIndex::Level> level_of(TIFF* file) {
     level.tile_rows = field<std::uint32_t>(file, TIFFTAG_TILELENGTH);
     level.bands = field<std::uint16_t>(file, TIFFTAG_SAMPLESPERPIXEL);
     level.bits = field<std::uint16_t>(file, TIFFTAG_BITSPERSAMPLE);
-    level.format = field<std::uint16_t>(file, TIFFTAG_SAMPLEFORMAT);
     level.compression = field<std::uint16_t>(file, TIFFTAG_COMPRESSION);
     // Of packings that know none libtiff gives no value.
     if (std::uint16_t predictor = 0; TIFFGetField(file, TIFFTAG_PREDICTOR, &predictor)) level.predictor = predictor;

@@ -13,8 +13,8 @@ struct TiffIndex {
     struct Level {
         std::int64_t columns = 0, rows = 0;
         std::uint32_t tile_columns = 0, tile_rows = 0;
-        std::uint16_t bands = 1, bits = 0, format = 0;   ///< of a value; SAMPLEFORMAT_*
-        std::uint16_t compression = 0, predictor = 1;    ///< COMPRESSION_*, PREDICTOR_*
+        std::uint16_t bands = 1, bits = 0;                ///< of a value
+        std::uint16_t compression = 0, predictor = 1;     ///< COMPRESSION_*, PREDICTOR_*
         std::vector<std::uint64_t> offsets, byte_counts;  ///< of tiles, row after row
     };
     std::vector<Level> levels;  ///< the raster, then its overviews as the file holds them

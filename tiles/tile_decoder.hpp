@@ -24,7 +24,6 @@ public:
     /// Null if the sheet, of one band of such values in square tiles, is packed otherwise.
     static std::optional<TileDecoder> of(const std::string& path, TiffIndex sheet, std::size_t type_bytes);
 
-    const TiffIndex& sheet() const { return sheet_; }
     /// A tile of the sheet (level 0) or of an overview: [edge x edge] values. False where it cannot be decoded here, or
     /// `right` says that these are not what was packed.
     bool decode(int level, std::int64_t column, std::int64_t row, RawVector<std::byte>& values,

@@ -1,0 +1,194 @@
+// The program loads GDAL when it first needs it: which runs do without, and that what they write is what GDAL would write.
+#include <catch2/catch.hpp>
+
+#include <gdal_priv.h>
+
+#include <cmath>
+#include <cstdlib>
+#include <map>
+#include <memory>
+
+#include "tests/drawn_raster.hpp"
+#include "tests/program.hpp"
+
+using namespace wedgescope::test;
+
+namespace {
+
+const std::string program = WEDGESCOPE_PROGRAM, data = WEDGESCOPE_DATA;
+
+/// Whether a run that must succeed loaded GDAL, by what the system's loader says of it.
+bool loads_gdal(std::vector<std::string> arguments, const Folder& folder) {
+    arguments.insert(arguments.begin(), program);
+    ::setenv("LD_DEBUG", "files", 1);
+    const Ended ended = run_program(arguments, folder / "err.txt");
+    ::unsetenv("LD_DEBUG");
+    INFO(arguments[1]);
+    REQUIRE(ended.code == 0);
+    REQUIRE(ended.err.find("libproj") != std::string::npos);  // the loader speaks, and of libraries
+    return ended.err.find("libgdal") != std::string::npos;
+}
+
+std::string store(const Folder& folder) {
+    const std::string path = folder / "ground.store";
+    CHECK(loads_gdal({"tile", data + "/inland_empire_dem.tif", path, "--culture", data + "/inland_empire_culture.tif",
+                      "--culture-legend", "fbfm40", "-q"},
+                     folder));
+    return path;
+}
+
+struct CloseIt {
+    void operator()(GDALDataset* dataset) const { GDALClose(dataset); }
+};
+using Dataset = std::unique_ptr<GDALDataset, CloseIt>;
+
+Dataset open(const std::string& path) {
+    GDALAllRegister();
+    Dataset dataset(GDALDataset::Open(path.c_str()));
+    REQUIRE(dataset);
+    return dataset;
+}
+
+/// Bands, place, CRS and all that is said of them.
+void check_alike(const std::string& one, const std::string& other) {
+    INFO(one << " and " << other);
+    const Dataset a = open(one), b = open(other);
+    REQUIRE(a->GetRasterXSize() == b->GetRasterXSize());
+    REQUIRE(a->GetRasterYSize() == b->GetRasterYSize());
+    REQUIRE(a->GetRasterCount() == b->GetRasterCount());
+    double ga[6] = {}, gb[6] = {};
+    CHECK(a->GetGeoTransform(ga) == b->GetGeoTransform(gb));
+    for (int i = 0; i < 6; ++i) CHECK(ga[i] == gb[i]);
+    REQUIRE((a->GetSpatialRef() == nullptr) == (b->GetSpatialRef() == nullptr));
+    if (a->GetSpatialRef()) {
+        CHECK(a->GetSpatialRef()->IsSame(b->GetSpatialRef()));
+        CHECK(a->GetSpatialRef()->GetDataAxisToSRSAxisMapping() == b->GetSpatialRef()->GetDataAxisToSRSAxisMapping());
+    }
+    const auto items = [](GDALDataset& dataset, const char* domain) {
+        std::map<std::string, std::string> out;
+        const CPLStringList list(dataset.GetMetadata(domain), FALSE);
+        for (int i = 0; i < list.Count(); ++i) {
+            const std::string item = list[i];
+            out[item.substr(0, item.find('='))] = item.substr(item.find('=') + 1);
+        }
+        for (const char* name : {"X_DATASET", "Y_DATASET", "SCENE_JSON"}) out.erase(name);  // hold names and options
+        return out;
+    };
+    CHECK(items(*a, "") == items(*b, ""));
+    CHECK(items(*a, "GEOLOCATION") == items(*b, "GEOLOCATION"));
+    CHECK(std::string(a->GetMetadataItem("SCENE_JSON")).size() > 100);
+    for (int band = 1; band <= a->GetRasterCount(); ++band) {
+        GDALRasterBand &x = *a->GetRasterBand(band), &y = *b->GetRasterBand(band);
+        CHECK(std::string(x.GetDescription()) == y.GetDescription());
+        CHECK(x.GetColorInterpretation() == y.GetColorInterpretation());
+        CHECK(x.GetRasterDataType() == y.GetRasterDataType());
+        int has_x = 0, has_y = 0;
+        CHECK(x.GetNoDataValue(&has_x) == y.GetNoDataValue(&has_y));
+        CHECK(has_x == has_y);
+        const auto n = static_cast<std::size_t>(a->GetRasterXSize()) * static_cast<std::size_t>(a->GetRasterYSize());
+        std::vector<std::uint8_t> cells[2] = {std::vector<std::uint8_t>(n), std::vector<std::uint8_t>(n)};
+        for (int k = 0; k < 2; ++k)
+            REQUIRE((k ? y : x).RasterIO(GF_Read, 0, 0, a->GetRasterXSize(), a->GetRasterYSize(), cells[k].data(),
+                                         a->GetRasterXSize(), a->GetRasterYSize(), GDT_Byte, 0, 0, nullptr) == CE_None);
+        CHECK(cells[0] == cells[1]);
+    }
+}
+
+}  // namespace
+
+TEST_CASE("what touches no raster of GDAL's does not load it", "[gdal]") {
+    const Folder folder;
+    CHECK_FALSE(loads_gdal({"help"}, folder));
+    CHECK_FALSE(loads_gdal({"help", "simulate"}, folder));
+    CHECK(loads_gdal({"--version"}, folder));
+}
+
+TEST_CASE("a picture of a store is made without GDAL and is as with it", "[gdal]") {
+    const Folder folder;
+    const std::string ground = store(folder);
+    const auto scene = [&](const std::string& name, std::vector<std::string> more) {
+        std::vector<std::string> words{
+            "simulate", "--dem",          ground, "--latlon", "33.93,-117.33", "--altitude-msl",
+            "7000ft",   "--range",        "12km", "--size",   "300",           "--quality",
+            "draft",    "--reproducible", "-q",   "-o",       folder / name};
+        words.insert(words.end(), more.begin(), more.end());
+        return words;
+    };
+    const auto more = GENERATE(values<std::vector<std::string>>(
+        {{"--rings", "off"}, {"--rings", "off", "--geometry", "grid", "--alpha", "on"}, {"--heading", "30deg"}}));
+    CHECK_FALSE(loads_gdal(scene("without.png", more), folder));
+    auto with = more;
+    with.insert(with.end(), {"--config", "ANYTHING=ELSE"});  // is GDAL's to read
+    CHECK(loads_gdal(scene("with.png", with), folder));
+    check_alike(folder / "without.png", folder / "with.png");
+    CHECK(loads_gdal({"simulate", "--dem", data + "/inland_empire_dem.tif", "--latlon", "33.93,-117.33",
+                      "--altitude-msl", "7000ft", "--range", "3km", "--size", "100", "-q", "-o", folder / "raw.png"},
+                     folder));
+}
+
+TEST_CASE("stores of usual types need no GDAL", "[gdal]") {
+    const Folder folder;
+    GDALAllRegister();
+    const auto type = GENERATE(GDT_Byte, GDT_UInt16, GDT_Int16, GDT_UInt32, GDT_Int32, GDT_Float32);
+    INFO(GDALGetDataTypeName(type));
+    {
+        const Dataset all = open(data + "/inland_empire_dem.tif");
+        GDALDriver* driver = GetGDALDriverManager()->GetDriverByName("GTiff");
+        const Dataset part(driver->Create((folder / "dem.tif").c_str(), 300, 300, 1, type, nullptr));
+        REQUIRE(part);
+        std::vector<float> posts(300 * 300);
+        REQUIRE(all->GetRasterBand(1)->RasterIO(GF_Read, 0, 0, 300, 300, posts.data(), 300, 300, GDT_Float32, 0, 0,
+                                                nullptr) == CE_None);
+        if (type == GDT_Byte)
+            for (float& z : posts) z = std::fmod(z, 200.0F);
+        REQUIRE(part->GetRasterBand(1)->RasterIO(GF_Write, 0, 0, 300, 300, posts.data(), 300, 300, GDT_Float32, 0, 0,
+                                                 nullptr) == CE_None);
+        double transform[6];
+        all->GetGeoTransform(transform);
+        part->SetGeoTransform(transform);
+        part->SetSpatialRef(all->GetSpatialRef());
+    }
+    CHECK(loads_gdal({"tile", folder / "dem.tif", folder / "part.store", "-q"}, folder));
+    const Dataset dem = open(folder / "dem.tif");
+    double transform[6];
+    dem->GetGeoTransform(transform);
+    const std::string xy =
+        std::to_string(transform[0] + 150.5 * transform[1]) + "," + std::to_string(transform[3] + 150.5 * transform[5]);
+    const auto mask = [&](const std::string& from, const std::string& to) {
+        return std::vector<std::string>{"coverage",       folder / from, folder / to,      "--xy", xy,
+                                        "--altitude-agl", "100m",        "--reproducible", "-q"};
+    };
+    CHECK_FALSE(loads_gdal(mask("part.store", "store.tif"), folder));
+    CHECK(loads_gdal(mask("dem.tif", "plain.tif"), folder));
+    check_alike(folder / "store.tif", folder / "plain.tif");
+}
+
+TEST_CASE("a raster of WGS84 needs no data base of PROJ's", "[gdal]") {
+    const Folder folder;
+    ::setenv("PROJ_DATA", (folder / "nothing").c_str(), 1);
+    ::setenv("PROJ_LIB", (folder / "nothing").c_str(), 1);
+    const Ended ended = run_program({program, "coverage", data + "/azores_dem.tif", folder / "mask.tif", "--latlon",
+                                     "38.47,-28.4", "--altitude-msl", "3000m", "--range", "5km", "-q"},
+                                    folder / "err.txt");
+    ::unsetenv("PROJ_DATA");
+    ::unsetenv("PROJ_LIB");
+    INFO(ended.err);
+    CHECK(ended.code == 0);
+}
+
+TEST_CASE("a mask over a store is made without GDAL and is as with it", "[gdal]") {
+    const Folder folder;
+    const std::string ground = store(folder);
+    const auto more = GENERATE(values<std::vector<std::string>>({{}, {"--geometry", "grid", "--range", "5km"}}));
+    const auto mask = [&](const std::string& name) {
+        std::vector<std::string> words{"coverage",       ground, folder / name,    "--latlon", "33.93,-117.33",
+                                       "--altitude-agl", "100m", "--reproducible", "-q"};
+        words.insert(words.end(), more.begin(), more.end());
+        return words;
+    };
+    CHECK_FALSE(loads_gdal(mask("without.tif"), folder));
+    auto with = mask("with.tif");
+    with.insert(with.end(), {"--co", "COMPRESS=PACKBITS"});
+    CHECK(loads_gdal(with, folder));
+    check_alike(folder / "without.tif", folder / "with.tif");
+}
