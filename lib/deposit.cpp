@@ -23,7 +23,7 @@ Quanta quanta(Interval range_bins, double range_bin_m, double radar_constant, do
     for (std::int64_t j = range_bins.begin; j < range_bins.end; ++j) {
         const double near_m = std::max(1.0, static_cast<double>(j) * range_bin_m);
         const double most = radar_constant * most_pattern2 * 2 * azimuth_step_rad * most_gamma / (near_m * near_m);
-        int exponent = -1000;  // nothing returns anything
+        int exponent = 0;  // nothing returns anything
         if (most > 0) {
             const double fraction = std::frexp(most, &exponent);  // most = fraction 2^exponent, fraction in [1/2, 1)
             if (fraction == 0.5) --exponent;
@@ -54,32 +54,39 @@ void WedgeCells::put_quantities(const Target& target, std::size_t column, double
 namespace {
 
 /// Of the power up to part u of the way.
-WEDGESCOPE_LANES_PART float share_upto(float u, float bow) {
-    const float s = u + bow * (u * (1 - u));
-    return s < 1 ? s : 1.0F;
+template <class Real>
+WEDGESCOPE_LANES_PART Real share_upto(Real u, Real bow) {
+    const Real s = u + bow * (u * (1 - u));
+    return s < 1 ? s : Real(1);
 }
 
-WEDGESCOPE_LANES_PART float inverse_of(float way) { return 1 / (way > 1e-9F ? way : 1e-9F); }
+template <class Real>
+WEDGESCOPE_LANES_PART Real inverse_of(Real way) {
+    constexpr auto least = static_cast<Real>(1e-9F);
+    return 1 / (way > least ? way : least);
+}
 
 /// A portion as it is met from its near end: what comes back from up to part `u` of the way to the far one, over its power
-/// with backscatter 1.
+/// with backscatter 1. In floats over a few bins; over many, what falls into one is too little beside what did before.
+template <class Real>
 struct FromNear {
-    float bow, near_gamma, middle_gamma, far_gamma;
-    float near_share, middle_share;  // of the power, up to the borders of the stretches
+    Real bow, near_gamma, middle_gamma, far_gamma;
+    Real near_share, middle_share;  // of the power, up to the borders of the stretches
 
-    WEDGESCOPE_LANES_PART float share(float u) const { return share_upto(u, bow); }
+    WEDGESCOPE_LANES_PART Real share(Real u) const { return share_upto(u, bow); }
     /// Of the share of the power that lies that far. The stretches telescope: each has what lies between its borders.
-    WEDGESCOPE_LANES_PART float returned(float s) const {
-        const float near = s < near_share ? s : near_share, upto = s < middle_share ? s : middle_share,
-                    middle = upto > near_share ? upto : near_share, far = s > middle_share ? s : middle_share;
+    WEDGESCOPE_LANES_PART Real returned(Real s) const {
+        const Real near = s < near_share ? s : near_share, upto = s < middle_share ? s : middle_share,
+                   middle = upto > near_share ? upto : near_share, far = s > middle_share ? s : middle_share;
         return near_gamma * near + middle_gamma * (middle - near_share) + far_gamma * (far - middle_share);
     }
 };
 
-WEDGESCOPE_LANES_PART FromNear from_near(bool outwards, float bow, float first, float second, float third,
-                                         float to_second, float to_third) {
-    const float to_middle = outwards ? to_second : 1 - to_third, to_far = outwards ? to_third : 1 - to_second;
-    FromNear p{outwards ? bow : -bow, outwards ? first : third, second, outwards ? third : first, 0, 0};
+template <class Real>
+WEDGESCOPE_LANES_PART FromNear<Real> from_near(bool outwards, Real bow, Real first, Real second, Real third,
+                                               Real to_second, Real to_third) {
+    const Real to_middle = outwards ? to_second : 1 - to_third, to_far = outwards ? to_third : 1 - to_second;
+    FromNear<Real> p{outwards ? bow : -bow, outwards ? first : third, second, outwards ? third : first, 0, 0};
     p.near_share = p.share(to_middle);
     p.middle_share = p.share(to_far);
     return p;
@@ -91,9 +98,15 @@ WEDGESCOPE_LANES_PART std::int32_t bin_of(double x) {
     return static_cast<std::int32_t>(above < 1e9 ? above : 0.0);
 }
 
+/// How far behind its near edge; never in the next bin.
+WEDGESCOPE_LANES_PART float begin_in(std::int32_t bin, double x) {
+    const auto begin = static_cast<float>(x - static_cast<double>(bin));
+    return begin < 1 ? begin : 0x1.fffffep-1F;
+}
+
 }  // namespace
 
-/// Where a portion lies. From `bin` on floats do: they tell 1e-7 of a bin.
+/// Where a portion lies. From `bin` on floats do.
 struct WedgeCells::Placing {
     std::int32_t bin;  // of its near end
     float begin, way;  // from the bin's near edge to the portion's near end; from x0 to x1
@@ -101,11 +114,14 @@ struct WedgeCells::Placing {
     Placing(std::int32_t bin_at, float begin_at, float way_to, float bow_of)
         : bin(bin_at), begin(begin_at), way(way_to), bow(bow_of) {}
     Placing(double x0, double x1, double bow_of)
-        : bin(bin_of(x0 < x1 ? x0 : x1)), begin(static_cast<float>((x0 < x1 ? x0 : x1) - static_cast<double>(bin))),
+        : bin(bin_of(x0 < x1 ? x0 : x1)), begin(begin_in(bin, x0 < x1 ? x0 : x1)),
           way(static_cast<float>(x1 - x0)), bow(static_cast<float>(bow_of)) {}
     float length() const { return way < 0 ? -way : way; }
-    FromNear from_near(const Stretches& s) const {
-        return wedgescope::from_near(way > 0, bow, s.gamma[0], s.gamma[1], s.gamma[2], s.second, s.third);
+    template <class Real>
+    FromNear<Real> from_near(const Stretches& s) const {
+        return wedgescope::from_near<Real>(way > 0, static_cast<Real>(bow), static_cast<Real>(s.gamma[0]),
+                                           static_cast<Real>(s.gamma[1]), static_cast<Real>(s.gamma[2]),
+                                           static_cast<Real>(s.second), static_cast<Real>(s.third));
     }
 };
 
@@ -119,34 +135,43 @@ void WedgeCells::add_placed(const Target& target, const Placing& p, double power
     const std::int64_t begin = quanta_.range_bins.begin, end = quanta_.range_bins.end;
     if (!(p.begin >= 0 && reach < 1e9F) || p.bin < begin || p.bin + static_cast<std::int64_t>(reach) >= end)
         return add_cut(target, p, power, stretches, quantities);
-    const FromNear portion = p.from_near(stretches);
-    const float inverse = inverse_of(p.length());
     const auto bins = static_cast<std::int32_t>(reach);
-    float done = 0;
+    // As many as lanes take.
+    bins < 3 ? spread<float>(target, p, bins, power, stretches, quantities)
+             : spread<double>(target, p, bins, power, stretches, quantities);
+}
+
+template <class Real>
+void WedgeCells::spread(const Target& target, const Placing& p, std::int32_t bins, double power,
+                        const Stretches& stretches, const double* quantities) {
+    const FromNear<Real> portion = p.from_near<Real>(stretches);
+    const Real begin = p.begin, inverse = inverse_of(static_cast<Real>(p.length()));
+    Real done = 0;
     for (std::int32_t k = 0; k < bins; ++k) {
-        const float upto = portion.returned(portion.share((static_cast<float>(k + 1) - p.begin) * inverse));
-        put(target, p.bin + k, power, upto - done, quantities);
+        const Real upto = portion.returned(portion.share((static_cast<Real>(k + 1) - begin) * inverse));
+        put(target, p.bin + k, power, static_cast<double>(upto - done), quantities);
         done = upto;
     }
-    put(target, p.bin + bins, power, portion.returned(1) - done, quantities);
+    put(target, p.bin + bins, power, static_cast<double>(portion.returned(1) - done), quantities);
 }
 
 void WedgeCells::add_cut(const Target& target, const Placing& p, double power, const Stretches& stretches,
                          const double* quantities) {
     // Some of it lies in front of the first bin or behind the last one. In bins from that of its near end.
-    const float begin = static_cast<float>(quanta_.range_bins.begin - p.bin),
-                end = static_cast<float>(quanta_.range_bins.end - p.bin), far = p.begin + p.length();
-    if (!(far >= begin) || !(p.begin < end)) return;  // also NaN
-    const FromNear portion = p.from_near(stretches);
-    const float inverse = inverse_of(p.length());
-    const auto returned = [&](float x) {
-        const float u = (x - p.begin) * inverse;
-        return portion.returned(x == far || u >= 1 ? 1.0F : u <= 0 ? 0.0F : portion.share(u));
+    const double first = p.begin, length = p.length(), far = first + length,
+                 begin = static_cast<double>(quanta_.range_bins.begin - p.bin),
+                 end = static_cast<double>(quanta_.range_bins.end - p.bin);
+    if (!(far >= begin) || !(first < end)) return;  // also NaN
+    const FromNear<double> portion = p.from_near<double>(stretches);
+    const double inverse = inverse_of(length);
+    const auto returned = [&](double x) {
+        const double u = (x - first) * inverse;
+        return portion.returned(x == far || u >= 1 ? 1.0 : u <= 0 ? 0.0 : portion.share(u));
     };
-    float low = std::max(p.begin, begin), done = p.begin < begin ? returned(low) : 0;
-    const float high = std::min(far, end);
+    double low = std::max(first, begin), done = first < begin ? returned(low) : 0;
+    const double high = std::min(far, end);
     for (auto j = static_cast<std::int32_t>(low); low < high; ++j) {
-        const float edge = std::min(high, static_cast<float>(j + 1)), upto = returned(edge);
+        const double edge = std::min(high, static_cast<double>(j + 1)), upto = returned(edge);
         put(target, p.bin + j, power, upto - done, quantities);
         done = upto;
         if (edge == high) break;
@@ -165,7 +190,8 @@ constexpr float most_magic = 0x1p50F;
 /// Portions that lie in at most three neighbouring bins, with what falls into each; the others are `slow`.
 struct Placed {
     double scale[block];  // quanta of the power
-    float begin[block], way[block], quanta[block];
+    float begin[block], way[block];
+    float rough_scale[block];  // the same as a float
     std::int32_t bin[block];
     float shares[3][block];         // of the power, with backscatter; 0 where there is nothing to add
     std::int64_t counts[3][block];  // quanta
@@ -178,7 +204,7 @@ template <bool stretched>
 WEDGESCOPE_LANES_PART void place_portions(std::size_t n, const WedgeCells::Portions& p, std::int32_t begin,
                                           std::int32_t end, double inverse, Placed& out) noexcept {
     double* __restrict scale = out.scale;
-    float* __restrict begins = out.begin, * __restrict ways = out.way, * __restrict scales = out.quanta;
+    float* __restrict begins = out.begin, * __restrict ways = out.way, * __restrict rough = out.rough_scale;
     std::int32_t* __restrict bin_of_near = out.bin;
     {
         const double* __restrict x0 = p.x0, * __restrict x1 = p.x1, * __restrict power = p.power, * __restrict share = p.share0;
@@ -188,11 +214,11 @@ WEDGESCOPE_LANES_PART void place_portions(std::size_t n, const WedgeCells::Porti
             const double a = x0[i] * bins, b = x1[i] * bins, near = a < b ? a : b;
             const std::int32_t bin = bin_of(near);
             bin_of_near[i] = bin;
-            begins[i] = static_cast<float>(near - static_cast<double>(bin));
+            begins[i] = begin_in(bin, near);
             ways[i] = static_cast<float>(b - a);
-            const double quanta = power[i] * inverse * share[i];
-            scale[i] = quanta;
-            scales[i] = static_cast<float>(quanta);
+            const double whole = power[i] * inverse * share[i];
+            scale[i] = whole;
+            rough[i] = static_cast<float>(whole);
         }
     }
     {
@@ -214,8 +240,8 @@ WEDGESCOPE_LANES_PART void place_portions(std::size_t n, const WedgeCells::Porti
             const float width = inverse_of(length), u = (1 - begins[i]) * width, v = (2 - begins[i]) * width;
             float upto_one, upto_two, whole;
             if constexpr (stretched) {
-                const FromNear portion = from_near(outwards, bow[i], first_gamma[i], second_gamma[i], third_gamma[i],
-                                                   to_second[i], to_third[i]);
+                const auto portion = from_near<float>(outwards, bow[i], first_gamma[i], second_gamma[i], third_gamma[i],
+                                                      to_second[i], to_third[i]);
                 upto_one = portion.returned(portion.share(u));
                 upto_two = portion.returned(portion.share(v));
                 whole = portion.returned(1);
@@ -226,7 +252,7 @@ WEDGESCOPE_LANES_PART void place_portions(std::size_t n, const WedgeCells::Porti
                 whole = third_gamma[i];
             }
             const float a = bins > 0 ? upto_one : whole, b = bins > 1 ? upto_two : whole;
-            const float good = fits * truth(bins < 3) * truth(whole * scales[i] < most_magic);
+            const float good = fits * truth(bins < 3) * truth(whole * rough[i] < most_magic);
             one[i] = good > 0 ? a : 0.0F;
             two[i] = good > 0 ? b - a : 0.0F;  // 0 where there is no such bin
             three[i] = good > 0 ? whole - b : 0.0F;
@@ -296,7 +322,7 @@ __attribute__((optimize("no-tree-slp-vectorize"))) void WedgeCells::add_lanes(st
             add_placed({row_of(p.origin[i]), {p.share0[i], p.share1[i]}},
                        {placed.bin[i], placed.begin[i], placed.way[i], p.bow[i]}, p.power[i],
                        p.second ? Stretches{{p.gamma[0][i], p.gamma[1][i], p.gamma[2][i]}, p.second[i], p.third[i]}
-                                : Stretches{{p.gamma[2][i], p.gamma[2][i], p.gamma[2][i]}, 0, 0},
+                                : Stretches::one(static_cast<double>(p.gamma[2][i])),
                        nullptr);
 }
 

@@ -62,8 +62,8 @@ public:
             return {{g, g, g}, 0, 0};
         }
     };
-    /// Adds it to the cells. `quantities`: one for each further channel. Where in its first bin it begins, its way from there
-    /// and what falls into each bin, of its power, are floats.
+    /// Adds it to the cells. `quantities`: one for each further channel. Where in its first bin it begins and its way from
+    /// there are floats; so is what falls into each bin, of its power, if these are three at the most.
     void add(const Target& target, const Portion& p, const Stretches& stretches, const double* quantities = nullptr);
 
     /// Many portions at once: `add` for every one, the same bits.
@@ -74,6 +74,7 @@ public:
     ///   power, bow            as Portion
     ///   gamma, second, third  as Stretches, finite; no `second`: gamma[2] all along, and the others are not looked at.
     ///                         Lanes with gamma[2] < 0 add nothing
+    /// The first n are finite.
     /// All but `origin` and `straddlers` go on to whole_registers(n), with anything.
     struct Portions {
         static constexpr std::size_t most = 128;  ///< lanes at once
@@ -108,9 +109,9 @@ private:
     }
     struct Placing;
     /// A share of the power, with backscatter.
-    void put(const Target& target, std::int32_t bin, double power, float share, const double* quantities) {
+    void put(const Target& target, std::int32_t bin, double power, double part, const double* quantities) {
         const std::size_t j = static_cast<std::size_t>(bin) - first_bin_;
-        const double whole = power * quanta_.inverse[j], part = static_cast<double>(share);
+        const double whole = power * quanta_.inverse[j];
         std::int64_t* cell = sums_.data() + static_cast<std::size_t>(target.row) * columns_ + j;
         *cell += std::lrint(part * (whole * target.share[0]));
         if (target.share[1] > 0) cell[columns_] += std::lrint(part * (whole * target.share[1]));
@@ -119,6 +120,9 @@ private:
     void put_quantities(const Target& target, std::size_t column, double whole, const double* quantities);
     void add_placed(const Target& target, const Placing& placing, double power, const Stretches& stretches,
                     const double* quantities);
+    template <class Real>
+    void spread(const Target& target, const Placing& placing, std::int32_t bins, double power,
+                const Stretches& stretches, const double* quantities);
     void add_cut(const Target& target, const Placing& placing, double power, const Stretches& stretches,
                  const double* quantities);
 

@@ -327,7 +327,7 @@ private:
     std::size_t straddling_ = 0;
     // Backscatter, as WedgeCells::Portions. Only over culture: the first two of it, and where its stretches end.
     std::array<std::vector<float>, 3> gamma_;
-    CultureParts found_;
+    CultureParts found_{};
     std::vector<float> class_gammas_;  // of every ClassId, ground and wall; of those that are no class below 0
     std::vector<float> posts_;         // of the cells, four a lane
     LaneArray culture_cell_;

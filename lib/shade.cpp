@@ -143,7 +143,7 @@ WEDGESCOPE_LANES_PART void powers(std::size_t n, const Shading& shading, const P
                        over = static_cast<float>(rise[at + i]), swung = static_cast<float>(swing[at + i]);
             const float ga = pair[2 * i], gb = pair[2 * i + 1], gain = ga + part[i] * (gb - ga),
                         inverse = 1 / (middle > 1 ? middle : 1.0F);
-            power[at + i] = constant * up * static_cast<double>(gain * inverse * inverse);
+            power[at + i] = constant * up * (static_cast<double>(gain) * static_cast<double>(inverse * inverse));
             // As echo_bow().
             const float fall = 2 * longer * inverse, swell = 0.5F * risen * ((gb - ga) * entries) / gain,
                         bent = swung / (over > 1e-30F ? over : 1e-30F) + fall - swell;

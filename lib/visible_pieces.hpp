@@ -23,7 +23,8 @@ public:
     // clang-format off
     enum Column : std::size_t {
         lane,                                     ///< std::int64_t: its spoke
-        horizon, sine, range0, range1, x0, x1,    ///< as Shading
+        horizon, sine, range0, range1,            ///< as Shading
+        x0, x1,                                   ///< range coordinate, only where bins are of ground range
         rise, swing,                              ///< as StepLanes
         major0, minor0, major1, minor1,           ///< raster indices, across the lines and along them
         sine0, up0, up1, out0, out1,              ///< as SampleLanes

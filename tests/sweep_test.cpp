@@ -605,6 +605,45 @@ TEST_CASE("deposits add up to what was put in, bin by bin, in any order and by l
     }
 }
 
+TEST_CASE("a dim stretch behind a bright one, and one of many bins, have what is theirs in every bin", "[deposit]") {
+    struct Row {
+        std::int64_t bins;
+        double dim;
+    };
+    const auto row = GENERATE(values<Row>({{200, 1e-6}, {30, 1e-4}, {30000, 1}}));
+    const double bow = GENERATE(0.0, 1.0, -0.6);
+    const auto n = static_cast<double>(row.bins);
+    const Quanta q = quanta({0, row.bins + 20}, 25, 1e3, 1, 0.01, 2);
+    WedgeCells cells(1, q);
+    const double x0 = 10.25, x1 = x0 + n, power = 1e-6, border = 0.25;
+    const auto dim = static_cast<float>(row.dim);
+    WedgeCells::Target target{};
+    target.share[0] = 0.01;
+    cells.add(target, {x0, x1, power, bow}, {{1, dim, dim}, static_cast<float>(border), 1});
+    for (std::int64_t j = 0; j < row.bins + 20; ++j) {
+        const auto upto = [&](double x) {
+            const double u = std::clamp((x - x0) / n, 0.0, 1.0), s = u + bow * u * (1 - u),
+                         b = border + bow * border * (1 - border);
+            return std::min(s, b) + static_cast<double>(dim) * std::max(0.0, s - b);
+        };
+        const auto x = static_cast<double>(j);
+        const double expected = 0.01 * power * (upto(x + 1) - upto(x)), got = cells.watts(0, static_cast<std::size_t>(j));
+        const double quantum = q.watts[static_cast<std::size_t>(j)];
+        INFO("bin " << j << " of " << row.bins << ", bow " << bow << ": " << got << ", " << expected);
+        REQUIRE(got >= 0);
+        REQUIRE(std::fabs(got - expected) <= 1e-6 * expected + quantum);
+    }
+}
+
+TEST_CASE("a piece that ends an instant before a bin's edge stays in its bin", "[deposit]") {
+    const Quanta q = quanta({0, 20}, 25, 1e3, 1, 0.01, 2);
+    WedgeCells cells(1, q);
+    WedgeCells::Target target{};
+    target.share[0] = 0.01;
+    for (const double k : {8.0, 20.0}) cells.add(target, {k - 1e-9, k - 1e-9, 1e-6, 0}, WedgeCells::Stretches::one(1));
+    for (std::size_t j = 0; j < 20; ++j) CHECK((cells.watts(0, j) > 0) == (j == 7 || j == 19));
+}
+
 TEST_CASE("the quantum of a bin leaves room for all that a cell can hold, and no more than a bit", "[deposit]") {
     const double constant = 1234.5, pattern = 0.8, step = 0.0065, gamma = 3.2;
     const Quanta q = quanta({0, 40}, 100, constant, pattern, step, gamma);
