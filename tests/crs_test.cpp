@@ -2,17 +2,27 @@
 #include <catch2/catch.hpp>
 
 #include <ogr_spatialref.h>
+#include <proj.h>
 
+#include <algorithm>
 #include <atomic>
+#include <cmath>
+#include <fstream>
 #include <string>
 #include <thread>
 #include <vector>
 
+#include "lib/error.hpp"
+#include "tests/drawn_raster.hpp"
+#include "tiles/checksum.hpp"
 #include "tiles/crs.hpp"
 #include "tiles/gdal_handle.hpp"
 #include "tiles/gdal_session.hpp"
+#include "tiles/georeference.hpp"
+#include "tiles/store_manifest.hpp"
 
 using namespace wedgescope;
+using wedgescope::test::Folder;
 
 namespace {
 
@@ -44,6 +54,10 @@ const std::vector<std::string> definitions = {
     "+proj=aeqd +lat_0=33.9 +lon_0=-117 +datum=WGS84 +units=m +no_defs",
     "+proj=utm +zone=11 +ellps=clrk66 +towgs84=-8,160,176 +units=us-ft +no_defs",
     "+proj=longlat +ellps=bessel +towgs84=598.1,73.7,418.2,0.202,0.045,-2.455,6.7 +no_defs"};
+
+/// In transverse Mercator, but no zone of UTM.
+const std::string off_the_equator =
+    "+proj=tmerc +lat_0=31.25 +lon_0=10.5 +k=0.99995 +x_0=1234.5 +y_0=-2000 +datum=WGS84 +units=m +no_defs";
 
 const char* const either_order[] = {"IGNORE_DATA_AXIS_TO_SRS_AXIS_MAPPING=YES", nullptr};
 
@@ -139,8 +153,140 @@ TEST_CASE("WGS84 is what GDAL takes for WGS84", "[crs]") {
         INFO(definition);
         std::string reason;
         const bool same = gdals(definition).IsSame(&wgs84, either_order) != 0;
-        CHECK(Crs::read(definition, reason)->same_as(Crs::wgs84()) == same);
+        const auto crs = Crs::read(definition, reason);
+        CHECK(crs->same_as(Crs::wgs84()) == same);
+        CHECK(crs->is_wgs84() == same);
         CHECK(same == (definition == "EPSG:4326" || definition == "OGC:CRS84"));
+    }
+}
+
+TEST_CASE("WGS84 in transverse Mercator is known for that, and nothing else is", "[crs]") {
+    const auto mercator = [](const std::string& definition) {
+        std::string reason;
+        const auto crs = Crs::read(definition, reason);
+        REQUIRE(crs);
+        return crs->mercator();
+    };
+    CHECK(mercator("EPSG:32611") == TransverseMercator{0, -117, 0.9996, 500000, 0});
+    CHECK(mercator("EPSG:32733") == TransverseMercator{0, 15, 0.9996, 500000, 1e7});
+    const auto tilted = mercator(off_the_equator);
+    REQUIRE(tilted);
+    CHECK(tilted->latitude_deg == Approx(31.25).epsilon(1e-15));
+    CHECK(tilted->longitude_deg == 10.5);
+    CHECK(tilted->scale == 0.99995);
+    CHECK(tilted->easting_m == 1234.5);
+    CHECK(tilted->northing_m == -2000);
+    for (const std::string& definition : definitions)
+        if (definition != "EPSG:32611" && definition != "EPSG:32733" && definition != "EPSG:32611+5703") {
+            INFO(definition);
+            CHECK_FALSE(mercator(definition));
+        }
+    // Of another ellipsoid, in feet, in feet by its false easting alone, from Paris, facing south.
+    for (const char* other :
+         {"+proj=tmerc +lon_0=9 +ellps=GRS80", "+proj=utm +zone=11 +datum=WGS84 +units=us-ft",
+          "+proj=utm +zone=11 +datum=WGS84 +towgs84=1,2,3", "+proj=tmerc +lon_0=9 +datum=WGS84 +pm=paris",
+          "+proj=tmerc +lon_0=9 +datum=WGS84 +axis=wsu", "EPSG:2053", "EPSG:9741"}) {
+        INFO(other);
+        CHECK_FALSE(mercator(other));
+    }
+}
+
+TEST_CASE("places of transverse Mercator are PROJ's, near its meridian and far", "[crs]") {
+    const std::string definition = GENERATE(values<std::string>({"EPSG:32611", "EPSG:32733", off_the_equator}));
+    INFO(definition);
+    std::string reason;
+    RasterFacts facts;
+    facts.has_geotransform = true;
+    facts.columns = facts.rows = 2;
+    set_crs(facts, Crs::read(definition, reason));
+    REQUIRE(facts.crs->mercator());
+    Georeference ours(facts);
+    PJ_CONTEXT* const context = proj_context_create();
+    PJ* const way = proj_create_crs_to_crs(context, "EPSG:4326", facts.crs->wkt().c_str(), nullptr);
+    PJ* const proj = proj_normalize_for_visualization(context, way);
+    REQUIRE(proj);
+    const double meridian = facts.crs->mercator()->longitude_deg;
+    double most_there = 0, most_back = 0;
+    int far = 0;
+    for (const double lat : {-90.0, -89.999, -80.0, -33.3, 0.0, 1e-9, 31.25, 45.0, 71.7, 84.0, 89.9, 90.0})
+        for (const double aside : {-85.0, -60.0, -20.001, -19.999, -7.0, -3.0, 0.0, 1e-8, 0.5, 6.0, 19.9, 21.0, 75.0}) {
+            CAPTURE(lat, aside);
+            const double lon = std::remainder(meridian + aside, 360.0);
+            const PJ_COORD there = proj_trans(proj, PJ_FWD, proj_coord(lon, lat, 0, HUGE_VAL));
+            if (!std::isfinite(there.v[0])) {
+                CHECK_THROWS_AS(ours.locate(lat, lon), DataError);
+                ++far;
+                continue;
+            }
+            // A circle more changes nothing.
+            const IndexPosition at = ours.locate(lat, lon + 360);
+            most_there = std::max({most_there, std::fabs(at.column + 0.5 - there.v[0]),
+                                   std::fabs(-at.row - 0.5 - there.v[1])});
+            const PJ_COORD back = proj_trans(proj, PJ_INV, there);
+            const auto lat_lon = ours.lat_lon(there.v[0] - 0.5, -there.v[1] - 0.5);
+            REQUIRE(lat_lon);
+            most_back = std::max({most_back, std::fabs(lat_lon->first - back.v[1]),
+                                  std::fabs(std::remainder(lat_lon->second - back.v[0], 360.0)) *
+                                      std::cos(lat * M_PI / 180)});
+        }
+    CHECK(most_there < 1e-6);  // m
+    CHECK(most_back < 1e-11);  // degrees
+    CHECK(far < 12 * 13 / 2);
+    proj_destroy(proj);
+    proj_destroy(way);
+    proj_context_destroy(context);
+}
+
+TEST_CASE("a store's manifest tells all that PROJ knows of its CRS", "[crs]") {
+    const Folder folder;
+    for (const std::string& definition : definitions) {
+        INFO(definition);
+        std::string reason;
+        const auto crs = Crs::read(Crs::read(definition, reason)->wkt(), reason);  // as of a raster that GDAL has read
+        if (crs->kind() == Crs::Kind::geocentric) continue;
+        StoreManifest manifest;
+        manifest.layers.resize(1);
+        RasterFacts& facts = manifest.layers[0].facts;
+        facts.has_geotransform = true;
+        facts.type = GDT_Int16;
+        facts.columns = facts.rows = facts.block_columns = 256;
+        facts.crs = crs;
+        std::string text = manifest_text(manifest);
+        const auto write = [&] { std::ofstream(folder / "manifest.json") << text; };
+        write();
+        if (definition == "EPSG:4807") {  // grads
+            CHECK_THROWS_AS(read_manifest(folder / ""), DataError);
+            continue;
+        }
+        const auto replace = [&](const std::string& what, const std::string& by) {
+            const std::size_t at = text.find(what);
+            REQUIRE(at != std::string::npos);
+            text.replace(at, what.size(), by);
+        };
+        const auto sum = [&] {
+            const std::string key = "\"checksum\": \"";
+            const std::size_t at = text.rfind(key) + key.size();
+            text.replace(at, 16, 16, '0');
+            text.replace(at, 16, hex(checksum(text)));
+        };
+        const auto asked = [&] {
+            sum();
+            write();
+            const auto found = read_manifest(folder / "").layers[0].facts.crs;
+            REQUIRE(found);
+            return found->facts();
+        };
+        const std::string name = "\"name\": \"" + crs->name() + "\"", renamed = "\"name\": \"renamed\"";
+        // Where another program's facts stand, PROJ is asked.
+        replace("\"revision\": 1,", "\"revision\": 999,");
+        replace(name, renamed);
+        CHECK(asked() == crs->facts());
+        // What is told is taken.
+        replace("\"revision\": 999,", "\"revision\": 1,");
+        CHECK(asked().name == "renamed");
+        CHECK(Crs::read(crs->wkt(), reason)->name() == "renamed");
+        replace(renamed, name);
+        CHECK(asked() == crs->facts());
     }
 }
 

@@ -30,6 +30,12 @@ using wedgescope::test::SmallDisk;
 
 namespace {
 
+std::optional<GeoTiffCrs> tiff_crs(const std::string& wkt) {
+    std::string reason;
+    const auto crs = Crs::read(wkt, reason);
+    return crs ? crs->in_geotiff() : std::nullopt;
+}
+
 constexpr std::int64_t edge = TiffFile::edge;
 using Tile = std::vector<std::uint8_t>;
 using Tiles = std::map<std::pair<std::int64_t, std::int64_t>, Tile>;  ///< by row and column
@@ -385,7 +391,7 @@ TEST_CASE("a CRS that EPSG's code does not tell all of is left to GDAL", "[tiff_
     const std::string ours = "+proj=tmerc +lon_0=9 +ellps=GRS80 +units=m +no_defs";
     for (const std::string& crs :
          {ours, std::string("+proj=longlat +ellps=bessel +towgs84=598,73,418,0,0,0,0 +no_defs"),
-          std::string("EPSG:4979"), std::string("EPSG:4978"), std::string("EPSG:5703"), std::string("EPSG:32611+5703"),
+          std::string("EPSG:4979"), std::string("EPSG:4978"), std::string("EPSG:5703"),
           std::string("ESRI:54009"), std::string("OGC:CRS84"), std::string("IAU_2015:30100"), std::string("EPSG:8857"),
           std::string("EPSG:6247"), std::string("EPSG:4807"), std::string("EPSG:27572"), std::string("EPSG:24370")}) {
         CAPTURE(crs);
@@ -393,6 +399,8 @@ TEST_CASE("a CRS that EPSG's code does not tell all of is left to GDAL", "[tiff_
     }
     for (const char* words : {"", "nonsense", "PROJCRS[", "LOCAL_CS[\"here\",UNIT[\"metre\",1]]"})
         CHECK_FALSE(tiff_crs(words));
+    // Of one with heights its horizontal part.
+    CHECK(tiff_crs(wkt_of("EPSG:32611+5703")) == tiff_crs(wkt_of("EPSG:32611")));
     // With a shift of its own: no longer what the code says.
     OGRSpatialReference shifted;
     shifted.importFromEPSG(31467);
@@ -558,9 +566,10 @@ TEST_CASE("a mask as a GeoTIFF needs no driver of GDAL's; other outputs do", "[t
         file.close(5);
         output.commit();
     };
-    RasterFormat plain, chosen, named;
+    RasterFormat plain, chosen, named, other;
     chosen.creation = {"COMPRESS=PACKBITS"};
-    named.driver = "GTiff";
+    named.driver = "gtiff";
+    other.driver = "no driver of this name";
     register_usual_drivers();
     register_all_drivers();
     write("theirs.tif", CoverageLayer::mask, chosen);
@@ -577,12 +586,13 @@ TEST_CASE("a mask as a GeoTIFF needs no driver of GDAL's; other outputs do", "[t
         CHECK_THROWS_AS(write("a.tif", CoverageLayer::mask, plain), InputError);
         db.crs_wkt = wkt;
         CHECK_THROWS_AS(write("a.tif", CoverageLayer::mask, chosen), InputError);
-        CHECK_THROWS_AS(write("a.tif", CoverageLayer::mask, named), InputError);
+        CHECK_NOTHROW(write("named.dat", CoverageLayer::mask, named));
+        CHECK_THROWS_AS(write("a.tif", CoverageLayer::mask, other), InputError);
         CHECK_THROWS_AS(write("a.tif", CoverageLayer::states, plain), InputError);
         CHECK_THROWS_AS(write("a.tif", CoverageLayer::mask, plain, true), InputError);
         GetGDALDriverManager()->RegisterDriver(driver);
     }
-    for (const char* name : {"ours.tif", "ours.tiff", "OURS.TIF"}) {
+    for (const char* name : {"ours.tif", "ours.tiff", "OURS.TIF", "named.dat"}) {
         CHECK(facts_of(folder / name) == facts_of(folder / "theirs.tif"));
         CHECK((cells_of(folder / name) == cells_of(folder / "theirs.tif")));
     }

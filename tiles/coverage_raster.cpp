@@ -1,13 +1,11 @@
 #include "tiles/coverage_raster.hpp"
 
-#include <cctype>
 #include <cstddef>
-#include <filesystem>
 #include <limits>
 #include <stdexcept>
 
 #include "lib/error.hpp"
-#include "tiles/gdal_session.hpp"
+#include "tiles/raster_layer.hpp"
 #include "tiles/raster_writer.hpp"
 #include "tiles/tiff_file.hpp"
 
@@ -51,14 +49,6 @@ bool all_zero(const Window& window, const void* cells, std::size_t cell_bytes) {
     return true;
 }
 
-/// No GDAL need be loaded for it.
-bool is_plain_tiff(const OutputFile& file, const RasterFormat& format) {
-    std::string ending = std::filesystem::path(file.final_path()).extension().string();
-    for (char& c : ending) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-    return (ending == ".tif" || ending == ".tiff") && format.driver.empty() && format.creation.empty() &&
-           !GdalSession::configured();
-}
-
 }  // namespace
 
 /// A raster's file, written by GDAL or not.
@@ -100,7 +90,7 @@ public:
     }
 
     void write(const Window& window, const void* cells, std::int64_t stride) override {
-        const GSpacing step = GDALGetDataTypeSizeBytes(type_);
+        const auto step = static_cast<GSpacing>(type_bytes(type_));
         if (by_tiles() && stride == CoverageTile::edge) {
             // A tile is a block: past GDAL's cache, so that blocks stand in the file in the order they come.
             const std::int64_t column = window.columns.begin / CoverageTile::edge,
@@ -140,7 +130,7 @@ private:
     }
 
     void write_blank_tiles() {
-        const auto bytes = static_cast<std::size_t>(GDALGetDataTypeSizeBytes(type_));
+        const auto bytes = static_cast<std::size_t>(type_bytes(type_));
         const std::vector<std::byte> zeros(static_cast<std::size_t>(CoverageTile::edge * CoverageTile::edge) * bytes);
         for (std::size_t i = 0; i < blank_.size(); ++i)
             if (blank_[i])
@@ -200,10 +190,12 @@ void CoverageFile::create(const DataBase& db, const OutputFile& file, const Rast
     if (db.has_geotransform)
         geotransform = {db.origin_x - 0.5 * db.step_x, db.step_x, 0, db.origin_y - 0.5 * db.step_y, 0, db.step_y};
 
-    if (layer_.kind == CoverageLayer::mask && !layer_.counts && is_plain_tiff(file, format)) {
-        const std::optional<TiffCrs> crs = db.crs_wkt.empty() ? std::nullopt : tiff_crs(db.crs_wkt);
-        if (crs || db.crs_wkt.empty()) {
-            open_ = std::make_unique<ByTiff>(TiffContent{db.columns, db.rows, description, metadata, geotransform, crs},
+    if (layer_.kind == CoverageLayer::mask && !layer_.counts && needs_no_driver("GTiff", file.final_path(), format)) {
+        std::string reason;
+        const auto crs = db.crs_wkt.empty() ? nullptr : Crs::read(db.crs_wkt, reason);
+        if (db.crs_wkt.empty() || (crs && crs->in_geotiff())) {
+            open_ = std::make_unique<ByTiff>(TiffContent{db.columns, db.rows, description, metadata, geotransform,
+                                                         crs ? crs->in_geotiff() : std::nullopt},
                                              file);
             return;
         }

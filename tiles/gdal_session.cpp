@@ -19,7 +19,7 @@
 #include "tiles/gdal_handle.hpp"
 #include "tiles/large_blocks.hpp"
 
-/// Of late_gdal.cpp; null where GDAL is linked as other libraries are.
+/// Of late_libraries.cpp; null where GDAL is linked as other libraries are.
 extern "C" __attribute__((weak)) bool wedgescope_late_gdal_loaded() noexcept;
 
 namespace wedgescope {

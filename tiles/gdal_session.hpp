@@ -1,5 +1,5 @@
 // GdalSession: GDAL's global state, set up once: drivers, cache, errors turned into exceptions of ours, PROJ's
-// network off. Leaves every file to raster.hpp and picture.hpp, and loading GDAL to late_gdal.cpp: where the program does
+// network off. Leaves every file to raster.hpp and picture.hpp, and loading GDAL to late_libraries.cpp: where the program does
 // that when it first calls GDAL, which some runs never do, the state is set up then.
 #pragma once
 #include <cstddef>

@@ -1,26 +1,44 @@
 #include "tiles/georeference.hpp"
 
-#include <proj.h>
-
+#include <GeographicLib/Constants.hpp>
+#include <GeographicLib/TransverseMercator.hpp>
 #include <cmath>
 #include <map>
 #include <mutex>
 #include <string>
 
 #include "lib/error.hpp"
+#include "tiles/proj_handle.hpp"
 
 namespace wedgescope {
+
+/// The way from WGS84 to a CRS and back.
+class Georeference::Way {
+public:
+    Way() = default;
+    virtual ~Way() = default;
+    Way(const Way&) = delete;
+    Way& operator=(const Way&) = delete;
+
+    enum Direction { forward, inverse };
+    /// The raster's coordinates of a longitude and latitude in degrees, or (inverse) the other way; false where there are none.
+    virtual bool transform(Direction direction, double& x, double& y) = 0;
+    virtual bool known() const = 0;
+    /// What was said first of the last that failed.
+    virtual std::string reason() = 0;
+};
+
 namespace {
 
 constexpr const char* wgs84_in_proj = "EPSG:4326";
 
 }  // namespace
 
-/// The way from WGS84 to a CRS and back, used by one thread at a time. Asks PROJ itself: GDAL's transformation first writes
-/// both CRS in a format of old, for which PROJ looks through the names of its data base: 10 to 15 ms of each process.
-class Georeference::Way {
+/// Any CRS; used by one thread at a time. Asks PROJ itself: GDAL's transformation first writes both CRS in a format of old, for
+/// which PROJ looks through the names of its data base: 10 to 15 ms of each process.
+class Georeference::ByProj : public Georeference::Way {
 public:
-    explicit Way(const Crs& crs) : context_(proj_context_create()) {
+    explicit ByProj(const Crs& crs) : context_(proj_context_create()) {
         reason_ = with_proj([&](PJ_CONTEXT* common) {
             const ProjObject wgs84(proj_create(common, wgs84_in_proj)), raster = create(common, crs);
             if (!wgs84 || !raster) return;
@@ -32,27 +50,26 @@ public:
         });
         proj_log_func(context_.get(), this, [](void* self, int level, const char* message) {
             if (level > PJ_LOG_ERROR) return;
-            std::string& reason = static_cast<Way*>(self)->reason_;
+            std::string& reason = static_cast<ByProj*>(self)->reason_;
             if (reason.empty()) reason = message;
         });
         proj_context_set_enable_network(context_.get(), 0);
     }
 
-    /// The raster's coordinates of a longitude and latitude in degrees, or (PJ_INV) the other way; false where there are
-    /// none.
-    bool transform(PJ_DIRECTION direction, double& x, double& y) {
+    bool transform(Direction direction, double& x, double& y) override {
         const std::lock_guard lock(mutex_);
         reason_.clear();
         if (!way_) return false;
         proj_errno_reset(way_.get());
-        const PJ_COORD at = proj_trans(way_.get(), direction, proj_coord(x, y, 0, HUGE_VAL));
+        const PJ_COORD at =
+            proj_trans(way_.get(), direction == forward ? PJ_FWD : PJ_INV, proj_coord(x, y, 0, HUGE_VAL));
         x = at.v[0];
         y = at.v[1];
         return std::isfinite(x) && std::isfinite(y);
     }
 
-    bool known() const { return way_ != nullptr; }
-    std::string reason() {
+    bool known() const override { return way_ != nullptr; }
+    std::string reason() override {
         const std::lock_guard lock(mutex_);
         return reason_.empty() ? "PROJ gives no reason" : reason_;
     }
@@ -79,6 +96,54 @@ private:
     ProjObject way_;
 };
 
+/// Transverse Mercator of WGS84, for any number of threads at once: GeographicLib's series differs from PROJ's by some
+/// nanometres and needs no data base, nor PROJ. Far from the meridian PROJ is asked.
+class Georeference::ByMercator : public Georeference::Way {
+public:
+    ByMercator(const Crs& crs, const TransverseMercator& mercator)
+        : crs_(crs), of_(mercator), projection_(GeographicLib::Constants::WGS84_a(),
+                                                GeographicLib::Constants::WGS84_f(), mercator.scale) {
+        double x = 0;
+        projection_.Forward(0, of_.latitude_deg, 0, x, origin_y_);
+    }
+
+    bool transform(Direction direction, double& x, double& y) override {
+        if (direction == forward) {
+            const double aside = std::remainder(x - of_.longitude_deg, 360.0);
+            if (!(std::fabs(aside) <= most_aside_deg && std::fabs(y) <= 90)) return by_proj().transform(direction, x, y);
+            double easting = 0, northing = 0;
+            projection_.Forward(0, y, aside, easting, northing);
+            x = easting + of_.easting_m;
+            y = northing - origin_y_ + of_.northing_m;
+            return true;
+        }
+        const double easting = x - of_.easting_m, northing = y - of_.northing_m + origin_y_;
+        if (!(std::fabs(easting) <= most_easting_m && std::fabs(northing) <= most_northing_m * of_.scale))
+            return by_proj().transform(direction, x, y);
+        projection_.Reverse(of_.longitude_deg, easting, northing, y, x);
+        return true;
+    }
+
+    bool known() const override { return true; }
+    std::string reason() override { return by_proj().reason(); }
+
+private:
+    static constexpr double most_aside_deg = 20, most_easting_m = 1.5e6, most_northing_m = 9.9e6;
+
+    ByProj& by_proj() {
+        const std::lock_guard lock(mutex_);
+        if (!by_proj_) by_proj_ = std::make_unique<ByProj>(crs_);
+        return *by_proj_;
+    }
+
+    Crs crs_;
+    TransverseMercator of_;
+    GeographicLib::TransverseMercator projection_;
+    double origin_y_ = 0;
+    std::mutex mutex_;
+    std::unique_ptr<ByProj> by_proj_;
+};
+
 std::shared_ptr<Georeference::Way> Georeference::way_of(const RasterFacts& facts) {
     static std::mutex mutex;
     static std::map<std::string, std::weak_ptr<Way>> known;  // by WKT
@@ -86,7 +151,9 @@ std::shared_ptr<Georeference::Way> Georeference::way_of(const RasterFacts& facts
     std::erase_if(known, [](const auto& entry) { return entry.second.expired(); });
     std::weak_ptr<Way>& place = known[facts.crs->wkt()];
     if (auto way = place.lock()) return way;
-    const auto way = std::make_shared<Way>(*facts.crs);
+    const auto& mercator = facts.crs->mercator();
+    const std::shared_ptr<Way> way = mercator ? std::shared_ptr<Way>(std::make_shared<ByMercator>(*facts.crs, *mercator))
+                                              : std::make_shared<ByProj>(*facts.crs);
     if (!way->known())
         throw DataError(text(facts.named(), ": PROJ knows no way between WGS84 and its CRS '", facts.crs->definition(),
                              "': ", way->reason()));
@@ -100,7 +167,7 @@ Georeference::Georeference(const RasterFacts& facts) : facts_(facts) {
 
 IndexPosition Georeference::locate(double lat_deg, double lon_deg) {
     double x = lon_deg, y = lat_deg;
-    if (way_ && !way_->transform(PJ_FWD, x, y))
+    if (way_ && !way_->transform(Way::forward, x, y))
         throw DataError(text(facts_.named(), ": PROJ finds no place for latitude ", lat_deg, ", longitude ", lon_deg,
                              " in its CRS '", facts_.crs->definition(), "': ", way_->reason()));
     IndexPosition at{(x - facts_.corner_x) / facts_.step_x - 0.5, (y - facts_.corner_y) / facts_.step_y - 0.5};
@@ -115,7 +182,7 @@ IndexPosition Georeference::locate(double lat_deg, double lon_deg) {
 std::optional<std::pair<double, double>> Georeference::lat_lon(double column, double row) {
     double x = facts_.corner_x + (column + 0.5) * facts_.step_x;
     double y = facts_.corner_y + (row + 0.5) * facts_.step_y;
-    if (way_ && !way_->transform(PJ_INV, x, y)) return std::nullopt;
+    if (way_ && !way_->transform(Way::inverse, x, y)) return std::nullopt;
     if (!(std::fabs(y) <= 90) || !std::isfinite(x)) return std::nullopt;
     return std::pair(y, std::fabs(x) <= 180 ? x : std::remainder(x, 360.0));
 }

@@ -1,4 +1,5 @@
-// Georeference: between WGS84 latitude and longitude and a raster's columns and rows, exact (PROJ).
+// Georeference: between WGS84 latitude and longitude and a raster's columns and rows, exact (PROJ;
+// GeographicLib where it knows the projection).
 // Rasters of one CRS share what PROJ needs for it while one of them is open.
 // For the .cpp files of this folder only. Leaves fitted, quick ways to lib/spoke_map.hpp.
 #pragma once
@@ -21,6 +22,8 @@ public:
 
 private:
     class Way;
+    class ByProj;
+    class ByMercator;
     static std::shared_ptr<Way> way_of(const RasterFacts& facts);
     RasterFacts facts_;
     std::shared_ptr<Way> way_;  ///< null: WGS84 itself

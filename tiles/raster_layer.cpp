@@ -64,7 +64,7 @@ void set_crs(RasterFacts& facts, std::shared_ptr<const Crs> given) {
             throw DataError(
                 text(facts.named(), " has angles in units of ", given->unit(), " degrees; accepted: degrees"));
         facts.geographic = true;
-        facts.wgs84_lat_lon = given->same_as(Crs::wgs84());
+        facts.wgs84_lat_lon = given->is_wgs84();
     } else {
         facts.metres_per_unit = given->unit() > 0 ? given->unit() : 1;
         if (given->kind() != Crs::Kind::projected) return;  // a local grid: a plane with a unit, nowhere on earth

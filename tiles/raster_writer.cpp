@@ -45,10 +45,13 @@ std::string ending(const std::string& path) {
     return found;
 }
 
-/// A PNG of which nothing is asked that GDAL's driver would have to do.
-bool asks_for_plain_png(const std::string& path, const RasterFormat& format) {
-    if (!format.creation.empty() || GdalSession::configured()) return false;
-    return format.driver.empty() ? ending(path) == "png" : EQUAL(format.driver.c_str(), "PNG");
+/// By the ending; null: one that is looked for among all drivers, or none.
+const char* usual_driver(const std::string& path) {
+    static const std::map<std::string, const char*> usual = {{"tif", "GTiff"}, {"tiff", "GTiff"}, {"png", "PNG"},
+                                                             {"jpg", "JPEG"},  {"jpeg", "JPEG"},  {"img", "HFA"},
+                                                             {"asc", "AAIGrid"}};
+    const auto found = usual.find(ending(path));
+    return found == usual.end() ? nullptr : found->second;
 }
 
 GDALDriver& find_driver(const std::string& path, const RasterFormat& format) {
@@ -66,14 +69,11 @@ GDALDriver& find_driver(const std::string& path, const RasterFormat& format) {
         return *driver;
     }
     const std::string extension = ending(path);
-    static const std::map<std::string, const char*> first_choice = {
-        {"tif", "GTiff"}, {"tiff", "GTiff"}, {"png", "PNG"},    {"jpg", "JPEG"},
-        {"jpeg", "JPEG"}, {"img", "HFA"},    {"asc", "AAIGrid"}};
-    const auto known = first_choice.find(extension);
+    const char* const usual = usual_driver(path);
     for (const bool all : {false, true}) {
         if (all) register_all_drivers();
-        if (known == first_choice.end()) continue;
-        if (GDALDriver* driver = drivers.GetDriverByName(known->second)) return *driver;
+        if (!usual) continue;
+        if (GDALDriver* driver = drivers.GetDriverByName(usual)) return *driver;
     }
     if (!extension.empty())
         for (int i = 0; i < drivers.GetDriverCount(); ++i) {
@@ -322,11 +322,17 @@ void check_alpha(GDALDriver& driver, const CPLStringList& options, const std::st
 
 }  // namespace
 
+bool needs_no_driver(const char* driver, const std::string& final_path, const RasterFormat& format) {
+    if (!format.creation.empty() || GdalSession::configured()) return false;
+    const char* const wanted = format.driver.empty() ? usual_driver(final_path) : format.driver.c_str();
+    return wanted && EQUAL(wanted, driver);
+}
+
 void check_output(const OutputFile& file, OutputLayer layer, const RasterFormat& format) {
     const bool bytes =
         layer == OutputLayer::scope || layer == OutputLayer::masked_scope || layer == OutputLayer::states;
     const GDALDataType type = bytes ? GDT_Byte : GDT_Float32;
-    if (bytes && layer != OutputLayer::states && asks_for_plain_png(file.final_path(), format)) return;
+    if (bytes && layer != OutputLayer::states && needs_no_driver("PNG", file.final_path(), format)) return;
     GDALDriver& driver = driver_for(file.final_path(), type, format);
     const CPLStringList options = creation_options(driver, type, {}, format);
     if (layer == OutputLayer::masked_scope) check_alpha(driver, options, file.final_path());
@@ -336,7 +342,7 @@ namespace {
 
 /// Of a grey picture, with or without alpha, those that are written without GDAL.
 bool is_plain_png(const RasterContent& content, const OutputFile& file, const RasterFormat& format) {
-    return asks_for_plain_png(file.final_path(), format) && content.type == GDT_Byte && !content.bands[0].no_data &&
+    return needs_no_driver("PNG", file.final_path(), format) && content.type == GDT_Byte && !content.bands[0].no_data &&
            std::all_of(content.bands.begin(), content.bands.end(),
                        [](const BandContent& band) { return band.unit.empty() && band.categories.empty(); }) &&
            (content.bands.size() == 1 || (content.bands.size() == 2 && content.bands[1].alpha));

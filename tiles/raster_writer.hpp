@@ -59,6 +59,9 @@ struct RasterContent {
     std::optional<GeolocationGrid> geolocation;
 };
 
+/// Of such a file ("PNG", "GTiff") is nothing asked that GDAL's own driver would have to do?
+bool needs_no_driver(const char* driver, const std::string& final_path, const RasterFormat& format);
+
 /// To file.temporary_path() and its side files; the caller commits. InputError for a driver, extension or creation
 /// option that will not do; IoError naming the final file if anything was not written.
 void write_raster(const RasterContent& content, const OutputFile& file, const RasterFormat& format);

@@ -49,6 +49,73 @@ ValueFacts values_from(const json& j) {
             j.at("void_posts").get<std::uint64_t>()};
 }
 
+/// Facts of another revision are left alone, and PROJ is asked again.
+constexpr int facts_revision = 1;
+
+json to_json(const CrsFacts& f) {
+    static constexpr const char* kinds[] = {"geographic", "projected", "geocentric", "local"};
+    json out{{"revision", facts_revision},
+             {"kind", kinds[static_cast<int>(f.kind)]},
+             {"unit", f.unit},
+             {"bound", f.bound},
+             {"north_first", f.north_first},
+             {"wgs84", f.wgs84},
+             {"name", f.name},
+             {"authority", f.authority},
+             {"code", f.code},
+             {"proj", f.proj_words},
+             {"wkt1", f.wkt_of_old}};
+    if (const auto& m = f.mercator)
+        out["transverse_mercator"] = {m->latitude_deg, m->longitude_deg, m->scale, m->easting_m, m->northing_m};
+    if (const auto& g = f.in_geotiff)
+        out["geotiff"] = {{"epsg", g->epsg},
+                          {"geographic", g->geographic},
+                          {"name", g->name},
+                          {"geographic_name", g->geographic_name},
+                          {"linear_unit", g->linear_unit},
+                          {"semi_major", g->semi_major_m},
+                          {"inverse_flattening", g->inverse_flattening}};
+    return out;
+}
+
+CrsFacts crs_facts_from(const json& j, const std::string& wkt) {
+    CrsFacts f;
+    const auto kind = j.at("kind").get<std::string>();
+    f.kind = kind == "geographic"   ? CrsKind::geographic
+             : kind == "projected"  ? CrsKind::projected
+             : kind == "geocentric" ? CrsKind::geocentric
+                                    : CrsKind::local;
+    f.unit = j.at("unit").get<double>();
+    f.bound = j.at("bound").get<bool>();
+    f.north_first = j.at("north_first").get<bool>();
+    f.wgs84 = j.at("wgs84").get<bool>();
+    f.name = j.at("name").get<std::string>();
+    f.authority = j.at("authority").get<std::string>();
+    f.code = j.at("code").get<std::string>();
+    f.proj_words = j.at("proj").get<std::string>();
+    f.wkt = wkt;
+    f.wkt_of_old = j.at("wkt1").get<std::string>();
+    if (const auto m = j.find("transverse_mercator"); m != j.end())
+        f.mercator = TransverseMercator{m->at(0).get<double>(), m->at(1).get<double>(), m->at(2).get<double>(),
+                                        m->at(3).get<double>(), m->at(4).get<double>()};
+    if (const auto g = j.find("geotiff"); g != j.end())
+        f.in_geotiff = GeoTiffCrs{g->at("epsg").get<int>(),
+                                  g->at("geographic").get<bool>(),
+                                  g->at("name").get<std::string>(),
+                                  g->at("geographic_name").get<std::string>(),
+                                  g->at("linear_unit").get<int>(),
+                                  g->at("semi_major").get<double>(),
+                                  g->at("inverse_flattening").get<double>()};
+    return f;
+}
+
+/// What PROJ knew of it when the store was made, if that is told; else PROJ is asked.
+std::shared_ptr<const Crs> crs_from(const json& layer, const std::string& wkt, std::string& reason) {
+    const auto told = layer.find("crs_facts");
+    if (told == layer.end() || told->value("revision", 0) != facts_revision) return Crs::read(wkt, reason);
+    return Crs::remember(crs_facts_from(*told, wkt));
+}
+
 json to_json(const StoreLayerEntry& layer) {
     const RasterFacts& f = layer.facts;
     json out{{"name", name(layer.kind)},
@@ -60,6 +127,7 @@ json to_json(const StoreLayerEntry& layer) {
              {"type", type_name(f.type)}};
     out["geotransform"] = f.has_geotransform ? json{f.corner_x, f.step_x, 0, f.corner_y, 0, f.step_y} : json(nullptr);
     out["crs"] = f.crs ? f.crs->wkt() : "";
+    if (f.crs) out["crs_facts"] = to_json(f.crs->facts());
     out["metres_per_unit"] = f.metres_per_unit;
     out["scale"] = f.scale;
     out["offset"] = f.offset;
@@ -109,7 +177,7 @@ StoreLayerEntry layer_from(const json& j, const std::string& folder) {
     }
     if (const auto wkt = j.at("crs").get<std::string>(); !wkt.empty()) {
         std::string reason;
-        const auto crs = Crs::read(wkt, reason);
+        const auto crs = crs_from(j, wkt, reason);
         if (!crs) throw DataError(text("'", folder, "': the CRS in the manifest cannot be understood: ", reason));
         set_crs(f, crs);
     }

@@ -1,130 +1,34 @@
 #include "tiles/tiff_file.hpp"
 
 #include <fcntl.h>
-#include <geotiffio.h>
-#include <tiffio.h>
 #include <unistd.h>
-#include <xtiffio.h>
 
 #include <algorithm>
 #include <cctype>
 #include <cerrno>
-#include <charconv>
-#include <cmath>
-#include <cstdarg>
 #include <cstdio>
 #include <iterator>
-#include <numbers>
-#include <string_view>
 #include <system_error>
 
 #include "lib/error.hpp"
 #include "tiles/claim.hpp"
-#include "tiles/crs.hpp"
 #include "tiles/side_file.hpp"
+#include "tiles/tiff_handle.hpp"
 
 namespace wedgescope {
 namespace {
 
-constexpr int degree = 9102;
+constexpr std::uint32_t pixel_scale = 33550, tie_points = 33922, transformation = 34264, key_directory = 34735,
+                        key_doubles = 34736, key_words = 34737, gdal_metadata = 42112, gdal_no_data = 42113;
 
-int number(const char* code) {
-    int value = 0;
-    if (!code) return 0;
-    const std::string_view words(code);
-    const auto [end, error] = std::from_chars(words.data(), words.data() + words.size(), value);
-    return error == std::errc() && end == words.data() + words.size() ? value : 0;
-}
-
-bool is_epsg(const char* authority) {
-    return authority && (std::string_view(authority) == "EPSG" || std::string_view(authority) == "epsg");
-}
-
-/// EPSG's code of the unit of a CRS's first axis, if it is a usual one; 0 if not, or if the CRS has not two axes. A unit in a
-/// WKT seldom comes with its code.
-int unit_of(PJ_CONTEXT* context, const PJ* crs) {
-    const ProjObject axes(proj_crs_get_coordinate_system(context, crs));
-    double size = 0;
-    const char* name = nullptr;
-    if (!axes || proj_cs_get_axis_count(context, axes.get()) != 2 ||
-        !proj_cs_get_axis_info(context, axes.get(), 0, nullptr, nullptr, nullptr, &size, &name, nullptr, nullptr) ||
-        !name)
-        return 0;
-    struct Unit {
-        const char* name;
-        double size;
-        int code;
-    };
-    static constexpr Unit usual[] = {{"degree", std::numbers::pi / 180, degree},
-                                     {"metre", 1, 9001},
-                                     {"foot", 0.3048, 9002},
-                                     {"US survey foot", 1200.0 / 3937, 9003}};
-    for (const Unit& unit : usual)
-        if (name == std::string_view(unit.name) && std::fabs(size - unit.size) < 1e-10) return unit.code;
-    return 0;
-}
-
-/// Is a projected CRS's method one that GDAL too names by the CRS's code alone? Others it keeps in a file beside.
-bool is_usual_method(PJ_CONTEXT* context, const PJ* crs) {
-    // Transverse Mercator and facing south; Lambert conformal conic with one parallel, two, Belgium's, and facing west;
-    // Albers; Cassini-Soldner; polar stereographic A and B; oblique stereographic; oblique Mercator A and B; Lambert
-    // azimuthal; Mercator A, B and the web's; polyconic; Krovak and facing north; New Zealand's grid.
-    static constexpr int usual[] = {9807, 9808, 9801, 9802, 9803, 9826, 9822, 9806, 9810, 9829, 9809,
-                                    9812, 9815, 9820, 9804, 9805, 1024, 9818, 9819, 1041, 9811};
-    const ProjObject way(proj_crs_get_coordoperation(context, crs));
-    const char *authority = nullptr, *code = nullptr;
-    return way && proj_coordoperation_get_method_info(context, way.get(), nullptr, &authority, &code) &&
-           is_epsg(authority) && std::find(std::begin(usual), std::end(usual), number(code)) != std::end(usual);
-}
-
-std::optional<TiffCrs> find_crs(PJ_CONTEXT* context, const std::string& wkt) {
-    const ProjObject crs(proj_create(context, wkt.c_str()));
-    if (!crs || !is_epsg(proj_get_id_auth_name(crs.get(), 0))) return std::nullopt;
-    TiffCrs found;
-    found.epsg = number(proj_get_id_code(crs.get(), 0));
-    // Above stands what GeoTIFF leaves to users.
-    if (found.epsg < 1024 || found.epsg > 32766) return std::nullopt;
-    const PJ_TYPE type = proj_get_type(crs.get());
-    // One derived from another comes with the way from there.
-    found.geographic =
-        type == PJ_TYPE_GEOGRAPHIC_2D_CRS && !ProjObject(proj_crs_get_coordoperation(context, crs.get()));
-    if (!found.geographic && type != PJ_TYPE_PROJECTED_CRS) return std::nullopt;
-    const ProjObject geodetic(proj_crs_get_geodetic_crs(context, crs.get()));
-    if (!geodetic || proj_get_type(geodetic.get()) != PJ_TYPE_GEOGRAPHIC_2D_CRS) return std::nullopt;
-    const ProjObject ellipsoid(proj_get_ellipsoid(context, geodetic.get()));
-    if (!ellipsoid || !proj_ellipsoid_get_parameters(context, ellipsoid.get(), &found.semi_major_m, nullptr, nullptr,
-                                                     &found.inverse_flattening))
-        return std::nullopt;
-    found.geographic_name = proj_get_name(geodetic.get());
-    if (unit_of(context, geodetic.get()) != degree) return std::nullopt;
-    if (found.geographic) return found;
-    found.name = proj_get_name(crs.get());
-    found.linear_unit = unit_of(context, crs.get());
-    if (found.linear_unit == 0 || found.linear_unit == degree || !is_usual_method(context, crs.get()))
-        return std::nullopt;
-    return found;
-}
-
-}  // namespace
-
-std::optional<TiffCrs> tiff_crs(const std::string& wkt) {
-    std::optional<TiffCrs> found;
-    with_proj([&](PJ_CONTEXT* context) { found = find_crs(context, wkt); });
-    return found;
-}
-
-namespace {
-
-constexpr std::uint32_t gdal_metadata = 42112, gdal_no_data = 42113;
-
-/// What GDAL and libgeotiff tell libtiff once for the whole process is told here for each file.
+/// Of GeoTIFF's and GDAL's own libtiff knows nothing until it is told, here for each file.
 const TIFFFieldInfo own_fields[] = {
-    {TIFFTAG_GEOPIXELSCALE, -1, -1, TIFF_DOUBLE, FIELD_CUSTOM, 1, 1, const_cast<char*>("GeoPixelScale")},
-    {TIFFTAG_GEOTIEPOINTS, -1, -1, TIFF_DOUBLE, FIELD_CUSTOM, 1, 1, const_cast<char*>("GeoTiePoints")},
-    {TIFFTAG_GEOTRANSMATRIX, -1, -1, TIFF_DOUBLE, FIELD_CUSTOM, 1, 1, const_cast<char*>("GeoTransformationMatrix")},
-    {TIFFTAG_GEOKEYDIRECTORY, -1, -1, TIFF_SHORT, FIELD_CUSTOM, 1, 1, const_cast<char*>("GeoKeyDirectory")},
-    {TIFFTAG_GEODOUBLEPARAMS, -1, -1, TIFF_DOUBLE, FIELD_CUSTOM, 1, 1, const_cast<char*>("GeoDoubleParams")},
-    {TIFFTAG_GEOASCIIPARAMS, -1, -1, TIFF_ASCII, FIELD_CUSTOM, 1, 0, const_cast<char*>("GeoASCIIParams")},
+    {pixel_scale, -1, -1, TIFF_DOUBLE, FIELD_CUSTOM, 1, 1, const_cast<char*>("GeoPixelScale")},
+    {tie_points, -1, -1, TIFF_DOUBLE, FIELD_CUSTOM, 1, 1, const_cast<char*>("GeoTiePoints")},
+    {transformation, -1, -1, TIFF_DOUBLE, FIELD_CUSTOM, 1, 1, const_cast<char*>("GeoTransformationMatrix")},
+    {key_directory, -1, -1, TIFF_SHORT, FIELD_CUSTOM, 1, 1, const_cast<char*>("GeoKeyDirectory")},
+    {key_doubles, -1, -1, TIFF_DOUBLE, FIELD_CUSTOM, 1, 1, const_cast<char*>("GeoDoubleParams")},
+    {key_words, -1, -1, TIFF_ASCII, FIELD_CUSTOM, 1, 0, const_cast<char*>("GeoASCIIParams")},
     {gdal_metadata, -1, -1, TIFF_ASCII, FIELD_CUSTOM, 1, 0, const_cast<char*>("GDALMetadata")},
     {gdal_no_data, -1, -1, TIFF_ASCII, FIELD_CUSTOM, 1, 0, const_cast<char*>("GDALNoDataValue")},
 };
@@ -144,20 +48,9 @@ int note(TIFF*, void* trouble, const char*, const char* format, std::va_list mor
     return 1;  // and nobody else hears it
 }
 
-int say_nothing(TIFF*, void*, const char*, const char*, std::va_list) { return 1; }
-
-void keep_silent(GTIF*, int, const char*, ...) {}
-
 struct CleanUp {
     void operator()(TIFF* tiff) const noexcept { TIFFCleanup(tiff); }  // the file itself is not closed
 };
-struct FreeOptions {
-    void operator()(TIFFOpenOptions* options) const noexcept { TIFFOpenOptionsFree(options); }
-};
-struct FreeKeys {
-    void operator()(GTIF* keys) const noexcept { GTIFFree(keys); }
-};
-
 /// GDAL's own list: sorted by names in upper case, its values made XML twice. Empty if there is nothing to tell.
 std::string metadata_xml(const TiffContent& content) {
     auto items = content.metadata;
@@ -178,27 +71,54 @@ std::string metadata_xml(const TiffContent& content) {
     return lines.empty() ? "" : "<GDALMetadata>\n" + lines + "</GDALMetadata>\n";
 }
 
-bool set_keys(TIFF* tiff, const TiffCrs& crs) {
-    const std::unique_ptr<GTIF, FreeKeys> owner(GTIFNewEx(tiff, keep_silent, nullptr));
-    GTIF* const keys = owner.get();
-    if (!keys) return false;
-    const auto code = [&](geokey_t key, int value) { return GTIFKeySet(keys, key, TYPE_SHORT, 1, value) != 0; };
-    const auto size = [&](geokey_t key, double value) { return GTIFKeySet(keys, key, TYPE_DOUBLE, 1, value) != 0; };
-    const auto words = [&](geokey_t key, const std::string& value) {
-        return GTIFKeySet(keys, key, TYPE_ASCII, 0, value.c_str()) != 0;
-    };
-    bool good = code(GTRasterTypeGeoKey, RasterPixelIsArea) &&
-                code(GTModelTypeGeoKey, crs.geographic ? ModelTypeGeographic : ModelTypeProjected) &&
-                code(GeogAngularUnitsGeoKey, Angular_Degree);
-    if (crs.geographic)
-        good = good && code(GeographicTypeGeoKey, crs.epsg) &&
-               (crs.inverse_flattening == 0 || size(GeogInvFlatteningGeoKey, crs.inverse_flattening)) &&
-               size(GeogSemiMajorAxisGeoKey, crs.semi_major_m);
-    else
-        good = good && code(ProjectedCSTypeGeoKey, crs.epsg) && code(ProjLinearUnitsGeoKey, crs.linear_unit) &&
-               words(GTCitationGeoKey, crs.name);
-    return good && words(GeogCitationGeoKey, crs.geographic_name) && GTIFWriteKeys(keys) != 0;
-}
+/// GeoTIFF's keys (OGC 19-008r4, 7): each four numbers in the directory, what is no short in a list beside it.
+class GeoKeys {
+public:
+    explicit GeoKeys(const GeoTiffCrs& crs) {
+        enum : std::uint16_t { projected = 1, geographic = 2, area = 1 };
+        code(1024, crs.geographic ? geographic : projected);  // GTModelType
+        code(1025, area);                                     // GTRasterType
+        if (!crs.geographic) words(1026, crs.name);           // GTCitation
+        if (crs.geographic) code(2048, crs.epsg);             // GeodeticCRS
+        words(2049, crs.geographic_name);                     // GeodeticCitation
+        code(2054, 9102);                                     // GeogAngularUnits: degrees
+        if (crs.geographic) size(2057, crs.semi_major_m);     // EllipsoidSemiMajorAxis
+        if (crs.geographic && crs.inverse_flattening != 0) size(2059, crs.inverse_flattening);
+        if (crs.geographic) return;
+        code(3072, crs.epsg);         // ProjectedCRS
+        code(3076, crs.linear_unit);  // ProjLinearUnits
+    }
+
+    /// In the order of the keys, behind version 1, revision 1.0, and their number.
+    std::vector<std::uint16_t> directory() const {
+        std::vector<std::uint16_t> out{1, 1, 0, static_cast<std::uint16_t>(keys_.size() / 4)};
+        out.insert(out.end(), keys_.begin(), keys_.end());
+        return out;
+    }
+    const std::vector<double>& sizes() const { return sizes_; }
+    const std::string& words() const { return words_; }
+
+private:
+    void add(std::uint16_t key, std::uint32_t list, std::size_t count, std::size_t value) {
+        for (const std::size_t number : {std::size_t{key}, std::size_t{list}, count, value})
+            keys_.push_back(static_cast<std::uint16_t>(number));
+    }
+    void code(std::uint16_t key, int value) { add(key, 0, 1, static_cast<std::size_t>(value)); }
+    void size(std::uint16_t key, double value) {
+        add(key, key_doubles, 1, sizes_.size());
+        sizes_.push_back(value);
+    }
+    /// What ends a word in the list must not stand in it.
+    void words(std::uint16_t key, std::string value) {
+        std::replace(value.begin(), value.end(), '|', ' ');
+        add(key, key_words, value.size() + 1, words_.size());
+        words_ += value + '|';
+    }
+
+    std::vector<std::uint16_t> keys_;
+    std::vector<double> sizes_;
+    std::string words_;
+};
 
 }  // namespace
 
@@ -217,7 +137,7 @@ struct TiffFile::Open {
     [[noreturn]] void fail() const {
         fail(trouble.system, trouble.words[0] ? trouble.words : "libtiff gives no reason");
     }
-    /// What libtiff or libgeotiff answers.
+    /// What libtiff answers.
     void require(bool good) const {
         if (!good) fail();
     }
@@ -225,7 +145,8 @@ struct TiffFile::Open {
     void set(std::uint32_t tag, Values... values) {
         require(TIFFSetField(tiff.get(), tag, values...) == 1);
     }
-    void set(std::uint32_t tag, const std::vector<double>& values) {
+    template <class Number>
+    void set(std::uint32_t tag, const std::vector<Number>& values) {
         set(tag, static_cast<int>(values.size()), values.data());
     }
 };
@@ -235,10 +156,8 @@ TiffFile::TiffFile(const std::string& path, TiffContent content, std::string fin
     o.final_path = std::move(final_path);
     o.file = Descriptor(::open(path.c_str(), O_RDWR | O_CREAT | O_TRUNC | O_CLOEXEC, 0666));
     if (!o.file) o.fail(errno);
-    const std::unique_ptr<TIFFOpenOptions, FreeOptions> options(TIFFOpenOptionsAlloc());
+    const TiffOptions options = tiff_options(note, &o.trouble);
     if (!options) o.fail(ENOMEM);
-    TIFFOpenOptionsSetErrorHandlerExtR(options.get(), note, &o.trouble);
-    TIFFOpenOptionsSetWarningHandlerExtR(options.get(), say_nothing, nullptr);
     const std::int64_t across = (content.columns - 1) / edge + 1, down = (content.rows - 1) / edge + 1;
     // As GDAL's BIGTIFF=IF_SAFER: by the bytes of all tiles before they are packed.
     const bool big = static_cast<double>(across * edge) * static_cast<double>(down * edge) > 2e9;
@@ -262,14 +181,20 @@ TiffFile::TiffFile(const std::string& path, TiffContent content, std::string fin
     if (content.geotransform) {
         const auto& [x, x_column, x_row, y, y_column, y_row] = *content.geotransform;
         if (x_row == 0 && y_column == 0 && y_row < 0) {
-            o.set(TIFFTAG_GEOPIXELSCALE, {x_column, -y_row, 0});
-            o.set(TIFFTAG_GEOTIEPOINTS, {0, 0, 0, x, y, 0});
+            o.set(pixel_scale, std::vector{x_column, -y_row, 0.0});
+            o.set(tie_points, std::vector{0.0, 0.0, 0.0, x, y, 0.0});
         } else {
             // A scale cannot say that y grows downward.
-            o.set(TIFFTAG_GEOTRANSMATRIX, {x_column, x_row, 0, x, y_column, y_row, 0, y, 0, 0, 0, 0, 0, 0, 0, 1});
+            o.set(transformation, std::vector{x_column, x_row, 0.0, x, y_column, y_row, 0.0, y,  //
+                                              0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0});
         }
     }
-    if (content.crs && !set_keys(o.tiff.get(), *content.crs)) o.fail(o.trouble.system, "libgeotiff refuses the CRS");
+    if (content.crs) {
+        const GeoKeys keys(*content.crs);
+        o.set(key_directory, keys.directory());
+        if (!keys.sizes().empty()) o.set(key_doubles, keys.sizes());
+        o.set(key_words, keys.words().c_str());
+    }
     const std::string xml = metadata_xml(content);
     if (!xml.empty()) o.set(gdal_metadata, xml.c_str());
 }

@@ -1,4 +1,4 @@
-// TIFF file: one band of bytes as a GeoTIFF in tiles, packed by runs, written by libtiff and libgeotiff tile by tile. To any
+// TIFF file: one band of bytes as a GeoTIFF in tiles, packed by runs, written by libtiff tile by tile. To any
 // reader it is what GDAL's driver would write; but GDAL is not asked, so that a program that only writes this need not load it.
 // Leaves names, what the bytes mean, and every other CRS, type or packing to raster_writer.hpp.
 //
@@ -12,20 +12,9 @@
 #include <utility>
 #include <vector>
 
-namespace wedgescope {
+#include "tiles/crs.hpp"
 
-/// A CRS of the EPSG's in degrees, as a GeoTIFF names it.
-struct TiffCrs {
-    int epsg = 0;
-    bool geographic = false;      ///< else projected
-    std::string name;             ///< of a projected one
-    std::string geographic_name;  ///< of itself, or of what it projects
-    int linear_unit = 0;          ///< of a projected one, EPSG's code: 9001 metre, ...; angles are degrees
-    double semi_major_m = 0, inverse_flattening = 0;
-};
-/// Nothing where EPSG's code alone does not tell all: a CRS of one's own, one with a shift, a height or unusual units.
-/// The code is taken at its word, as GDAL takes it.
-std::optional<TiffCrs> tiff_crs(const std::string& wkt);
+namespace wedgescope {
 
 struct TiffContent {
     std::int64_t columns = 0, rows = 0;
@@ -33,7 +22,7 @@ struct TiffContent {
     std::vector<std::pair<std::string, std::string>>
         metadata;                                       ///< no key twice, none that GDAL keeps elsewhere (TIFFTAG_...)
     std::optional<std::array<double, 6>> geotransform;  ///< in GDAL's order
-    std::optional<TiffCrs> crs;
+    std::optional<GeoTiffCrs> crs;
 };
 
 class TiffFile {

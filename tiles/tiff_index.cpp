@@ -1,9 +1,8 @@
 #include "tiles/tiff_index.hpp"
 
-#include <tiffio.h>
-
-#include <cstdarg>
 #include <memory>
+
+#include "tiles/tiff_handle.hpp"
 
 namespace wedgescope {
 namespace {
@@ -11,12 +10,6 @@ namespace {
 struct CloseTiff {
     void operator()(TIFF* file) const noexcept { TIFFClose(file); }
 };
-struct FreeOptions {
-    void operator()(TIFFOpenOptions* options) const noexcept { TIFFOpenOptionsFree(options); }
-};
-
-/// Who asks falls back on GDAL, which says it again.
-int say_nothing(TIFF*, void*, const char*, const char*, std::va_list) { return 1; }
 
 template <class T>
 T field(TIFF* file, std::uint32_t tag) {
@@ -50,9 +43,8 @@ std::optional<TiffIndex::Level> level_of(TIFF* file) {
 }  // namespace
 
 std::optional<TiffIndex> TiffIndex::of(const std::string& path) {
-    const std::unique_ptr<TIFFOpenOptions, FreeOptions> options(TIFFOpenOptionsAlloc());
-    TIFFOpenOptionsSetErrorHandlerExtR(options.get(), say_nothing, nullptr);
-    TIFFOpenOptionsSetWarningHandlerExtR(options.get(), say_nothing, nullptr);
+    // Who asks falls back on GDAL, which says it again.
+    const TiffOptions options = tiff_options();
     // m: without mapping the file into memory.
     const std::unique_ptr<TIFF, CloseTiff> file(TIFFOpenExt(path.c_str(), "rm", options.get()));
     if (!file) return std::nullopt;

@@ -7,12 +7,12 @@ packages=(
     g++ cmake ninja-build
     libgdal-dev libtbb-dev libgeographiclib-dev libboost-program-options-dev
     libfmt-dev nlohmann-json3-dev libzstd-dev libxxhash-dev libhwy-dev libpng-dev libproj-dev
-    libtiff-dev libgeotiff-dev
+    libtiff-dev
     libopenimageio-dev fonts-dejavu-core  # the picture helper and the letters of its legends
 )
 for option in "$@"; do
     case $option in
-        --tests) packages+=(catch2 gdal-bin ccache locales) ;;  # locales: one with a decimal comma
+        --tests) packages+=(catch2 gdal-bin ccache locales libgeotiff-dev) ;;  # locales: one with a decimal comma
         --bench) packages+=(gdal-bin gnuplot-nox grass-core) ;;
         *)
             echo "install_packages.sh: '$option' is not known; accepted are --tests and --bench" >&2

@@ -1,4 +1,5 @@
-// The program loads GDAL when it first needs it: which runs do without, and that what they write is what GDAL would write.
+// The program loads GDAL and PROJ when it first needs them: which runs do without, and that what they write is what they write
+// with them.
 #include <catch2/catch.hpp>
 
 #include <gdal_priv.h>
@@ -17,16 +18,27 @@ namespace {
 
 const std::string program = WEDGESCOPE_PROGRAM, data = WEDGESCOPE_DATA;
 
-/// Whether a run that must succeed loaded GDAL, by what the system's loader says of it.
-bool loads_gdal(std::vector<std::string> arguments, const Folder& folder) {
+struct Loaded {
+    bool gdal, proj;
+};
+/// By a run that must succeed, by what the system's loader says of it.
+Loaded loaded_by(std::vector<std::string> arguments, const Folder& folder) {
     arguments.insert(arguments.begin(), program);
     ::setenv("LD_DEBUG", "files", 1);
     const Ended ended = run_program(arguments, folder / "err.txt");
     ::unsetenv("LD_DEBUG");
     INFO(arguments[1]);
     REQUIRE(ended.code == 0);
-    REQUIRE(ended.err.find("libproj") != std::string::npos);  // the loader speaks, and of libraries
-    return ended.err.find("libgdal") != std::string::npos;
+    const auto names = [&](const char* library) { return ended.err.find(library) != std::string::npos; };
+    REQUIRE(names("libstdc++"));  // the loader speaks, and of libraries
+    return {names("libgdal"), names("libproj")};
+}
+bool loads_gdal(const std::vector<std::string>& arguments, const Folder& folder) {
+    return loaded_by(arguments, folder).gdal;
+}
+bool loads_either(const std::vector<std::string>& arguments, const Folder& folder) {
+    const Loaded loaded = loaded_by(arguments, folder);
+    return loaded.gdal || loaded.proj;
 }
 
 std::string store(const Folder& folder) {
@@ -98,8 +110,8 @@ void check_alike(const std::string& one, const std::string& other) {
 
 TEST_CASE("what touches no raster of GDAL's does not load it", "[gdal]") {
     const Folder folder;
-    CHECK_FALSE(loads_gdal({"help"}, folder));
-    CHECK_FALSE(loads_gdal({"help", "simulate"}, folder));
+    CHECK_FALSE(loads_either({"help"}, folder));
+    CHECK_FALSE(loads_either({"help", "simulate"}, folder));
     CHECK(loads_gdal({"--version"}, folder));
 }
 
@@ -116,7 +128,10 @@ TEST_CASE("a picture of a store is made without GDAL and is as with it", "[gdal]
     };
     const auto more = GENERATE(values<std::vector<std::string>>(
         {{"--rings", "off"}, {"--rings", "off", "--geometry", "grid", "--alpha", "on"}, {"--heading", "30deg"}}));
-    CHECK_FALSE(loads_gdal(scene("without.png", more), folder));
+    const Loaded loaded = loaded_by(scene("without.png", more), folder);
+    CHECK_FALSE(loaded.gdal);
+    // A map round the sensor is in a CRS of its own, which PROJ puts in words.
+    CHECK(loaded.proj == (more == std::vector<std::string>{"--rings", "off"}));
     auto with = more;
     with.insert(with.end(), {"--config", "ANYTHING=ELSE"});  // is GDAL's to read
     CHECK(loads_gdal(scene("with.png", with), folder));
@@ -158,7 +173,7 @@ TEST_CASE("stores of usual types need no GDAL", "[gdal]") {
         return std::vector<std::string>{"coverage",       folder / from, folder / to,      "--xy", xy,
                                         "--altitude-agl", "100m",        "--reproducible", "-q"};
     };
-    CHECK_FALSE(loads_gdal(mask("part.store", "store.tif"), folder));
+    CHECK_FALSE(loads_either(mask("part.store", "store.tif"), folder));
     CHECK(loads_gdal(mask("dem.tif", "plain.tif"), folder));
     check_alike(folder / "store.tif", folder / "plain.tif");
 }
@@ -186,9 +201,39 @@ TEST_CASE("a mask over a store is made without GDAL and is as with it", "[gdal]"
         words.insert(words.end(), more.begin(), more.end());
         return words;
     };
-    CHECK_FALSE(loads_gdal(mask("without.tif"), folder));
+    CHECK_FALSE(loads_either(mask("without.tif"), folder));
     auto with = mask("with.tif");
     with.insert(with.end(), {"--co", "COMPRESS=PACKBITS"});
     CHECK(loads_gdal(with, folder));
     check_alike(folder / "without.tif", folder / "with.tif");
+}
+
+TEST_CASE("stores of degrees need no PROJ, those of other datums and projections do, with or without a data base", "[gdal]") {
+    const Folder folder;
+    struct Case {
+        std::string crs;
+        double x, y, step;
+        bool without;
+    };
+    const auto c = GENERATE(values<Case>({{"EPSG:4326", -28, 38, 1e-3, true},
+                                          {"EPSG:32733", 5e5, 7e6, 30, true},
+                                          {"EPSG:26911", 5e5, 4e6, 30, false},
+                                          {"EPSG:3031", 1e5, 2e5, 30, false}}));
+    INFO(c.crs);
+    Drawing d;
+    d.columns = d.rows = 64;
+    d.geotransform = {{c.x, c.step, 0, c.y, 0, -c.step}};
+    d.crs = c.crs;
+    draw(folder / "dem.tif", d);
+    CHECK(loads_gdal({"tile", folder / "dem.tif", folder / "a.store", "-q"}, folder));
+    const auto mask = [&](const std::string& from, const std::string& to) {
+        return std::vector<std::string>{
+            "coverage",       folder / from, folder / to,      "--xy", std::to_string(c.x + 30 * c.step) + "," + std::to_string(c.y - 30 * c.step),
+            "--altitude-agl", "100m",        "--reproducible", "-q"};
+    };
+    const Loaded loaded = loaded_by(mask("a.store", "store.tif"), folder);
+    CHECK_FALSE(loaded.gdal);
+    CHECK(loaded.proj != c.without);
+    CHECK(loaded_by(mask("dem.tif", "plain.tif"), folder).proj);
+    check_alike(folder / "store.tif", folder / "plain.tif");
 }
