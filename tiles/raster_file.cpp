@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <filesystem>
 #include <map>
 #include <optional>
@@ -335,55 +334,21 @@ void RasterFile::close_idle() {
     closed.swap(free_);
 }
 
-namespace {
-
-/// n values that end where n wider ones do, into those.
-template <class From, class To>
-void widen_in_place(std::byte* line, std::size_t n) {
-    constexpr std::size_t together = 64;
-    const std::byte* from = line + n * (sizeof(To) - sizeof(From));
-    // What is written never comes up with what is still to be read.
-    const auto turn = [&](std::size_t i, std::size_t m) {
-        From values[together]{};
-        To wide[together];
-        std::memcpy(values, from + i * sizeof(From), m * sizeof(From));
-        for (std::size_t j = 0; j < together; ++j) wide[j] = static_cast<To>(values[j]);
-        std::memcpy(line + i * sizeof(To), wide, m * sizeof(To));
-    };
-    std::size_t i = 0;
-    for (; i + together <= n; i += together) turn(i, together);
-    if (i < n) turn(i, n - i);
-}
-
-/// For what is read most; null: GDAL does it, one value at a time, which takes as long as reading them.
-using WidenInPlace = void (*)(std::byte* line, std::size_t n);
-WidenInPlace widening(GDALDataType from, GDALDataType to) {
-    if (from == GDT_Int16 && to == GDT_Float32) return widen_in_place<std::int16_t, float>;
-    if (from == GDT_UInt16 && to == GDT_Float32) return widen_in_place<std::uint16_t, float>;
-    if (from == GDT_Byte && to == GDT_Int32) return widen_in_place<std::uint8_t, std::int32_t>;
-    if (from == GDT_Int16 && to == GDT_Int32) return widen_in_place<std::int16_t, std::int32_t>;
-    if (from == GDT_UInt16 && to == GDT_Int32) return widen_in_place<std::uint16_t, std::int32_t>;
-    return nullptr;
-}
-
-}  // namespace
-
 void RasterFile::read_values(const Window& window, void* out, GDALDataType type, std::int64_t line_bytes) {
     if (window.empty()) return;
     const Lease lease(*this);
     GdalErrors errors;
     const int columns = static_cast<int>(window.columns.size()), rows = static_cast<int>(window.rows.size());
     // A VRT computes in the type that is asked for: fractions of scaled or interpolated sources are none of its band's type.
-    const WidenInPlace widen = facts_.driver == "VRT" ? nullptr : widening(facts_.type, type);
+    const Widening widen = facts_.driver == "VRT" || facts_.type == type ? nullptr : widening(facts_.type, type);
     const GDALDataType read = widen ? facts_.type : type;
     const auto n = static_cast<std::size_t>(columns);
     auto* const bytes = static_cast<std::byte*>(out);
-    const std::size_t beside =
-        n * static_cast<std::size_t>(type_bytes(type) - type_bytes(read));
+    const std::size_t beside = n * static_cast<std::size_t>(type_bytes(type) - type_bytes(read));
     if ((*lease).band->RasterIO(GF_Read, static_cast<int>(window.columns.begin), static_cast<int>(window.rows.begin),
                                 columns, rows, bytes + beside, columns, rows, read, 0, line_bytes, nullptr) != CE_None)
         throw IoError(text(facts_.named(), ": ", place(window), " cannot be read: ", errors.reason()));
-    for (int r = 0; widen && r < rows; ++r) widen(bytes + r * line_bytes, n);
+    for (int r = 0; widen && r < rows; ++r) widen(bytes + r * line_bytes + beside, bytes + r * line_bytes, n);
 }
 
 bool RasterFile::read_mask(const Window& window, std::vector<std::uint8_t>& masks) {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cctype>
 #include <cmath>
+#include <cstring>
 #include <limits>
 
 #include "lib/error.hpp"
@@ -40,6 +41,57 @@ int type_bytes(GDALDataType type) {
     for (const PostType& usual : usual_types)
         if (usual.type == type) return usual.bytes;
     return GDALGetDataTypeSizeBytes(type);
+}
+
+namespace {
+
+template <class From, class To>
+void widen(const std::byte* from, std::byte* to, std::size_t n) {
+    const std::byte *from_end = from + n * sizeof(From), *to_end = to + n * sizeof(To);
+    if (to_end <= from || from_end <= to) {
+        const auto* __restrict values = reinterpret_cast<const From*>(from);
+        auto* __restrict wide = reinterpret_cast<To*>(to);
+        for (std::size_t i = 0; i < n; ++i) wide[i] = static_cast<To>(values[i]);
+        return;
+    }
+    // In one place: what is written never comes up with what is still to be read.
+    constexpr std::size_t together = 64;
+    const auto turn = [&](std::size_t i, std::size_t m) {
+        From values[together]{};
+        To wide[together];
+        std::memcpy(values, from + i * sizeof(From), m * sizeof(From));
+        for (std::size_t j = 0; j < together; ++j) wide[j] = static_cast<To>(values[j]);
+        std::memcpy(to + i * sizeof(To), wide, m * sizeof(To));
+    };
+    std::size_t i = 0;
+    for (; i + together <= n; i += together) turn(i, together);
+    if (i < n) turn(i, n - i);
+}
+
+template <class To>
+Widening widening_to(GDALDataType from) {
+    switch (from) {
+        case GDT_Byte:
+            return widen<std::uint8_t, To>;
+        case GDT_Int16:
+            return widen<std::int16_t, To>;
+        case GDT_UInt16:
+            return widen<std::uint16_t, To>;
+        case GDT_Int32:
+            return widen<std::int32_t, To>;
+        default:
+            return nullptr;
+    }
+}
+
+}  // namespace
+
+Widening widening(GDALDataType from, GDALDataType to) {
+    if (to == GDT_Int32) return widening_to<std::int32_t>(from);
+    if (to != GDT_Float32) return nullptr;
+    if (from == GDT_Float32) return widen<float, float>;
+    if (from == GDT_UInt32) return widen<std::uint32_t, float>;
+    return widening_to<float>(from);
 }
 
 double unit_in_metres(std::string unit) {

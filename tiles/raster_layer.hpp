@@ -24,6 +24,11 @@ std::string type_name(GDALDataType type);
 GDALDataType type_by_name(const std::string& name);
 int type_bytes(GDALDataType type);
 
+/// Turns n values of one type into as many of another, as GDALCopyWords would; both aligned. They may lie in one place, those at its end.
+using Widening = void (*)(const std::byte* from, std::byte* to, std::size_t n);
+/// For what is read most, in lanes; null: GDAL does it, one value at a time, which takes as long as reading them.
+Widening widening(GDALDataType from, GDALDataType to);
+
 struct RasterFacts {
     std::string role;  ///< for messages: "dem", "culture", "culture-height"
     std::string path;

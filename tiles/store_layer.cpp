@@ -237,25 +237,9 @@ TileCache::Tile StoreLayer::tile(int level, std::int64_t column, std::int64_t ro
 
 namespace {
 
-template <class From, class To>
-void widen(const std::byte* from, void* to, std::int64_t count) {
-    const auto* __restrict values = reinterpret_cast<const From*>(from);
-    auto* __restrict out = static_cast<To*>(to);
-    for (std::int64_t i = 0; i < count; ++i) out[i] = static_cast<To>(values[i]);
-}
-
-/// GDALCopyWords, which has no lanes for the conversions that are done most, and for which GDAL would be loaded.
-void copy_line(const std::byte* from, const RasterFacts& facts, void* to, GDALDataType type, std::int64_t count) {
-    if (type == GDT_Float32 && facts.type == GDT_Int16) return widen<std::int16_t, float>(from, to, count);
-    if (type == GDT_Float32 && facts.type == GDT_UInt16) return widen<std::uint16_t, float>(from, to, count);
-    if (type == GDT_Float32 && facts.type == GDT_Float32) return widen<float, float>(from, to, count);
-    if (type == GDT_Float32 && facts.type == GDT_Byte) return widen<std::uint8_t, float>(from, to, count);
-    if (type == GDT_Float32 && facts.type == GDT_Int32) return widen<std::int32_t, float>(from, to, count);
-    if (type == GDT_Float32 && facts.type == GDT_UInt32) return widen<std::uint32_t, float>(from, to, count);
-    if (type == GDT_Int32 && facts.type == GDT_Int32) return widen<std::int32_t, std::int32_t>(from, to, count);
-    if (type == GDT_Int32 && facts.type == GDT_Byte) return widen<std::uint8_t, std::int32_t>(from, to, count);
-    if (type == GDT_Int32 && facts.type == GDT_Int16) return widen<std::int16_t, std::int32_t>(from, to, count);
-    if (type == GDT_Int32 && facts.type == GDT_UInt16) return widen<std::uint16_t, std::int32_t>(from, to, count);
+/// GDALCopyWords, for which GDAL would be loaded, of what is read seldom alone.
+void copy_line(const std::byte* from, const RasterFacts& facts, std::byte* to, GDALDataType type, std::int64_t count) {
+    if (const Widening widen = widening(facts.type, type)) return widen(from, to, static_cast<std::size_t>(count));
     GDALCopyWords(from, facts.type, facts.type_bytes, to, type, type_bytes(type), static_cast<int>(count));
 }
 
