@@ -237,56 +237,95 @@ TEST_CASE("places of transverse Mercator are PROJ's, near its meridian and far",
     proj_context_destroy(context);
 }
 
-TEST_CASE("a store's manifest tells all that PROJ knows of its CRS", "[crs]") {
-    const Folder folder;
+TEST_CASE("what is known of a CRS hangs on its WKT alone, and not on how it was named", "[crs]") {
     for (const std::string& definition : definitions) {
         INFO(definition);
         std::string reason;
-        const auto crs = Crs::read(Crs::read(definition, reason)->wkt(), reason);  // as of a raster that GDAL has read
-        if (crs->kind() == Crs::Kind::geocentric) continue;
+        const auto named = Crs::read(definition, reason);
+        CHECK(named->facts() == Crs::read(named->wkt(), reason)->facts());
+    }
+}
+
+TEST_CASE("a projection that is none is PROJ's to refuse", "[crs]") {
+    std::string reason;
+    const std::string zone = Crs::read("EPSG:32611", reason)->wkt();
+    const auto changed = [&](const std::string& what, const std::string& by) {
+        std::string wkt = zone;
+        const std::size_t at = wkt.find(what);
+        REQUIRE(at != std::string::npos);
+        wkt.replace(at, what.size(), by);
+        return Crs::read(wkt, reason);
+    };
+    const std::string scale = "\"Scale factor at natural origin\",0.9996", latitude = "\"Latitude of natural origin\",0";
+    REQUIRE(changed(scale, "\"Scale factor at natural origin\",0.9")->mercator());
+    for (const auto& crs : {changed(scale, "\"Scale factor at natural origin\",0"),
+                            changed(scale, "\"Scale factor at natural origin\",-1"),
+                            changed(latitude, "\"Latitude of natural origin\",100")}) {
+        REQUIRE(crs);
+        CHECK_FALSE(crs->mercator());
+        RasterFacts facts;
+        facts.role = "dem";
+        facts.path = "ground.tif";
+        facts.has_geotransform = true;
+        set_crs(facts, crs);
+        CHECK_THROWS_WITH(Georeference(facts).locate(34, -117), Catch::Contains("dem 'ground.tif': PROJ "));
+    }
+}
+
+TEST_CASE("a store's manifest tells all that PROJ knows of its CRS", "[crs]") {
+    const Folder folder;
+    int number = 0;
+    for (const std::string& definition : definitions) {
+        INFO(definition);
+        std::string reason;
+        // In words that nobody has read yet, of which PROJ knows as much.
+        CrsFacts facts = Crs::read(Crs::read(definition, reason)->wkt(), reason)->facts();
+        if (facts.kind == CrsKind::geocentric || definition == "EPSG:4807") continue;  // no raster's; grads
         StoreManifest manifest;
         manifest.layers.resize(1);
-        RasterFacts& facts = manifest.layers[0].facts;
-        facts.has_geotransform = true;
-        facts.type = GDT_Int16;
-        facts.columns = facts.rows = facts.block_columns = 256;
-        facts.crs = crs;
-        std::string text = manifest_text(manifest);
-        const auto write = [&] { std::ofstream(folder / "manifest.json") << text; };
-        write();
-        if (definition == "EPSG:4807") {  // grads
-            CHECK_THROWS_AS(read_manifest(folder / ""), DataError);
-            continue;
-        }
-        const auto replace = [&](const std::string& what, const std::string& by) {
+        RasterFacts& layer = manifest.layers[0].facts;
+        layer.has_geotransform = true;
+        layer.type = GDT_Int16;
+        layer.columns = layer.rows = layer.block_columns = 256;
+        const auto made = [&] {
+            const bool in_old_words = facts.wkt_of_old != facts.wkt;
+            facts.wkt.insert(facts.wkt.find('[') + 1, std::string(static_cast<std::size_t>(++number), ' '));
+            if (!in_old_words) facts.wkt_of_old = facts.wkt;
+            layer.crs = std::make_shared<const Crs>(facts);
+            return manifest_text(manifest);
+        };
+        const auto read = [&](std::string text, const std::string& what, const std::string& by) {
             const std::size_t at = text.find(what);
             REQUIRE(at != std::string::npos);
             text.replace(at, what.size(), by);
-        };
-        const auto sum = [&] {
             const std::string key = "\"checksum\": \"";
-            const std::size_t at = text.rfind(key) + key.size();
-            text.replace(at, 16, 16, '0');
-            text.replace(at, 16, hex(checksum(text)));
-        };
-        const auto asked = [&] {
-            sum();
-            write();
+            const std::size_t sum = text.rfind(key) + key.size();
+            text.replace(sum, 16, 16, '0');
+            text.replace(sum, 16, hex(checksum(text)));
+            std::ofstream(folder / "manifest.json") << text;
             const auto found = read_manifest(folder / "").layers[0].facts.crs;
             REQUIRE(found);
+            CHECK(found->wkt() == facts.wkt);
             return found->facts();
         };
-        const std::string name = "\"name\": \"" + crs->name() + "\"", renamed = "\"name\": \"renamed\"";
-        // Where another program's facts stand, PROJ is asked.
-        replace("\"revision\": 1,", "\"revision\": 999,");
-        replace(name, renamed);
-        CHECK(asked() == crs->facts());
-        // What is told is taken.
-        replace("\"revision\": 999,", "\"revision\": 1,");
-        CHECK(asked().name == "renamed");
-        CHECK(Crs::read(crs->wkt(), reason)->name() == "renamed");
-        replace(renamed, name);
-        CHECK(asked() == crs->facts());
+        CHECK(read(made(), "checksum", "checksum") == facts);
+        // What is told is taken, ...
+        const std::string name = "\"name\": \"" + facts.name + "\"", renamed = "\"name\": \"renamed\"";
+        CHECK(read(made(), name, renamed).name == "renamed");
+        CHECK(read(manifest_text(manifest), "checksum", "checksum").name == "renamed");  // and remembered
+        // ... but not as another program tells it, or of another WKT, or none of it.
+        const auto asked = [&](const std::string& what, const std::string& by) {
+            std::string text = made();
+            const std::size_t at = text.find(name);
+            REQUIRE(at != std::string::npos);
+            text.replace(at, name.size(), renamed);
+            CHECK(read(text, what, by) == facts);
+        };
+        asked("\"crs_facts\"", "\"other_facts\"");
+        asked("\"revision\": 1,", "\"revision\": 999,");
+        asked("\"revision\": 1,", "\"revision\": \"1\",");
+        asked("\"of\": \"", "\"of\": \"0");
+        asked("\"kind\": \"", "\"kind\": \"un");
     }
 }
 

@@ -208,7 +208,7 @@ TEST_CASE("a mask over a store is made without GDAL and is as with it", "[gdal]"
     check_alike(folder / "without.tif", folder / "with.tif");
 }
 
-TEST_CASE("stores of degrees need no PROJ, those of other datums and projections do, with or without a data base", "[gdal]") {
+TEST_CASE("stores in WGS84 as degrees or UTM need neither PROJ nor its data base, those of other datums and projections do", "[gdal]") {
     const Folder folder;
     struct Case {
         std::string crs;
@@ -236,4 +236,9 @@ TEST_CASE("stores of degrees need no PROJ, those of other datums and projections
     CHECK(loaded.proj != c.without);
     CHECK(loaded_by(mask("dem.tif", "plain.tif"), folder).proj);
     check_alike(folder / "store.tif", folder / "plain.tif");
+    if (!c.without) return;
+    for (const char* variable : {"PROJ_DATA", "PROJ_LIB"}) ::setenv(variable, (folder / "nothing").c_str(), 1);
+    CHECK_FALSE(loads_either(mask("a.store", "again.tif"), folder));
+    for (const char* variable : {"PROJ_DATA", "PROJ_LIB"}) ::unsetenv(variable);
+    check_alike(folder / "again.tif", folder / "plain.tif");
 }

@@ -175,7 +175,11 @@ std::optional<TransverseMercator> mercator_of(PJ_CONTEXT* context, const PJ* crs
                 ++count;
             }
     }
-    return count == std::size(wanted) ? std::optional(found) : std::nullopt;
+    // What makes no projection PROJ says better.
+    const bool usable = count == std::size(wanted) && found.scale > 0 && std::isfinite(found.scale) &&
+                        std::fabs(found.latitude_deg) <= 90 && std::isfinite(found.longitude_deg) &&
+                        std::isfinite(found.easting_m) && std::isfinite(found.northing_m);
+    return usable ? std::optional(found) : std::nullopt;
 }
 
 // ---- what was read ----
@@ -185,7 +189,7 @@ struct Known {
     std::map<std::string, std::shared_ptr<const Crs>> by_definition;
 };
 Known& known() {
-    static Known one;
+    static Known& one = *new Known;  // as the common context of PROJ's, for whoever reads at the end
     return one;
 }
 
@@ -211,7 +215,14 @@ std::optional<CrsFacts> facts_of(PJ_CONTEXT* context, const std::string& definit
     const bool whole = object && proj_get_type(object.get()) != PJ_TYPE_COMPOUND_CRS;
     if (object && !whole) object.reset(proj_crs_get_sub_crs(context, object.get(), 0));
     if (!object || !proj_is_crs(object.get())) return std::nullopt;
+    // What is WKT 2 already stays as it is: writing it anew may lose a name. All else is what the WKT says, which is all that
+    // goes on from here: of an authority's code PROJ's data base knows more.
+    if (!whole || !is_wkt2(definition)) {
+        const std::string wkt = words(proj_as_wkt(context, object.get(), PJ_WKT2_2019, one_line));
+        return is_wkt2(wkt) ? facts_of(context, wkt) : std::nullopt;
+    }
     CrsFacts facts;
+    facts.wkt = definition;
     facts.bound = proj_get_type(object.get()) == PJ_TYPE_BOUND_CRS;
     const ProjObject source(facts.bound ? proj_get_source_crs(context, object.get()) : nullptr);
     const PJ* const plain = source ? source.get() : object.get();
@@ -226,20 +237,12 @@ std::optional<CrsFacts> facts_of(PJ_CONTEXT* context, const std::string& definit
     facts.code = words(proj_get_id_code(plain, 0));
     if (facts.authority.empty() || facts.code.empty())
         facts.proj_words = words(proj_as_proj_string(context, object.get(), PJ_PROJ_4, nullptr));
-    // What is WKT 2 already stays as it is: writing it anew may lose a name.
-    facts.wkt = whole && is_wkt2(definition) ? definition
-                                             : words(proj_as_wkt(context, object.get(), PJ_WKT2_2019, one_line));
-    if (facts.wkt.empty()) return std::nullopt;
-    // The rest of what the WKT says, which is all that goes on from here: PROJ's data base knows more of an authority's code.
-    if (facts.wkt != definition) object.reset(proj_create(context, facts.wkt.c_str()));
-    if (!object) return std::nullopt;
     facts.wkt_of_old = words(proj_as_wkt(context, object.get(), PJ_WKT1_GDAL, with_axes));
     if (facts.wkt_of_old.empty()) facts.wkt_of_old = facts.wkt;
     facts.in_geotiff = in_geotiff(context, object.get());
     const ProjObject wgs84(proj_create(context, wgs84_in_words));
-    const ProjObject bare(facts.bound ? proj_get_source_crs(context, object.get()) : nullptr);
-    facts.wgs84 = facts.kind == CrsKind::geographic && same(context, bare ? bare.get() : object.get(), wgs84.get());
-    if (!facts.bound) facts.mercator = mercator_of(context, object.get(), wgs84.get());
+    facts.wgs84 = facts.kind == CrsKind::geographic && same(context, plain, wgs84.get());
+    if (!facts.bound) facts.mercator = mercator_of(context, plain, wgs84.get());
     return facts;
 }
 
@@ -248,7 +251,7 @@ std::optional<CrsFacts> facts_of(PJ_CONTEXT* context, const std::string& definit
 std::shared_ptr<const Crs> Crs::remember(CrsFacts facts) {
     const auto crs = std::make_shared<const Crs>(std::move(facts));
     const std::lock_guard lock(known().mutex);
-    return known().by_definition[crs->wkt()] = crs;
+    return known().by_definition.try_emplace(crs->wkt(), crs).first->second;
 }
 
 std::shared_ptr<const Crs> Crs::read(const std::string& definition, std::string& reason) {
@@ -265,9 +268,10 @@ std::shared_ptr<const Crs> Crs::read(const std::string& definition, std::string&
         if (reason.empty()) reason = "PROJ gives no reason";
         return nullptr;
     }
+    reason.clear();
     const auto crs = std::make_shared<const Crs>(std::move(*facts));
     const std::lock_guard lock(known().mutex);
-    return known().by_definition[definition] = crs;
+    return known().by_definition.try_emplace(definition, crs).first->second;
 }
 
 const Crs& Crs::wgs84() {

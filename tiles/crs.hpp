@@ -5,6 +5,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 
 namespace wedgescope {
 
@@ -31,6 +32,8 @@ enum class CrsKind { geographic, projected, geocentric, local };
 
 /// What PROJ answered once.
 struct CrsFacts {
+    /// Of what is asked and how it is answered: whoever keeps facts asks again where it has changed.
+    static constexpr int revision = 1;
     CrsKind kind = CrsKind::local;
     double unit = 1;           ///< degrees (geographic) or metres in one unit of the first axis
     bool bound = false;        ///< with a shift to WGS84 of its own
@@ -57,7 +60,7 @@ public:
     /// Its horizontal part, from WKT, "EPSG:32611" or anything else that PROJ reads. Null if that is no CRS, with the reason.
     /// PROJ is asked once for each definition, and not for one whose facts were remembered.
     static std::shared_ptr<const Crs> read(const std::string& definition, std::string& reason);
-    /// Whatever reads `facts.wkt` from here on finds these.
+    /// Whatever reads `facts.wkt` from here on finds these, or what was known of it already.
     static std::shared_ptr<const Crs> remember(CrsFacts facts);
     /// WGS84 latitude and longitude.
     static const Crs& wgs84();

@@ -100,9 +100,9 @@ private:
 /// nanometres and needs no data base, nor PROJ. Far from the meridian PROJ is asked.
 class Georeference::ByMercator : public Georeference::Way {
 public:
-    ByMercator(const Crs& crs, const TransverseMercator& mercator)
-        : crs_(crs), of_(mercator), projection_(GeographicLib::Constants::WGS84_a(),
-                                                GeographicLib::Constants::WGS84_f(), mercator.scale) {
+    explicit ByMercator(std::shared_ptr<const Crs> crs)
+        : crs_(std::move(crs)), of_(*crs_->mercator()),
+          projection_(GeographicLib::Constants::WGS84_a(), GeographicLib::Constants::WGS84_f(), of_.scale) {
         double x = 0;
         projection_.Forward(0, of_.latitude_deg, 0, x, origin_y_);
     }
@@ -118,7 +118,7 @@ public:
             return true;
         }
         const double easting = x - of_.easting_m, northing = y - of_.northing_m + origin_y_;
-        if (!(std::fabs(easting) <= most_easting_m && std::fabs(northing) <= most_northing_m * of_.scale))
+        if (!(std::fabs(easting) <= most_easting_m * of_.scale && std::fabs(northing) <= most_northing_m * of_.scale))
             return by_proj().transform(direction, x, y);
         projection_.Reverse(of_.longitude_deg, easting, northing, y, x);
         return true;
@@ -132,11 +132,11 @@ private:
 
     ByProj& by_proj() {
         const std::lock_guard lock(mutex_);
-        if (!by_proj_) by_proj_ = std::make_unique<ByProj>(crs_);
+        if (!by_proj_) by_proj_ = std::make_unique<ByProj>(*crs_);
         return *by_proj_;
     }
 
-    Crs crs_;
+    std::shared_ptr<const Crs> crs_;
     TransverseMercator of_;
     GeographicLib::TransverseMercator projection_;
     double origin_y_ = 0;
@@ -151,9 +151,11 @@ std::shared_ptr<Georeference::Way> Georeference::way_of(const RasterFacts& facts
     std::erase_if(known, [](const auto& entry) { return entry.second.expired(); });
     std::weak_ptr<Way>& place = known[facts.crs->wkt()];
     if (auto way = place.lock()) return way;
-    const auto& mercator = facts.crs->mercator();
-    const std::shared_ptr<Way> way = mercator ? std::shared_ptr<Way>(std::make_shared<ByMercator>(*facts.crs, *mercator))
-                                              : std::make_shared<ByProj>(*facts.crs);
+    std::shared_ptr<Way> way;
+    if (facts.crs->mercator())
+        way = std::make_shared<ByMercator>(facts.crs);
+    else
+        way = std::make_shared<ByProj>(*facts.crs);
     if (!way->known())
         throw DataError(text(facts.named(), ": PROJ knows no way between WGS84 and its CRS '", facts.crs->definition(),
                              "': ", way->reason()));

@@ -1,6 +1,6 @@
 # Writes a source of stand-ins for those functions of some libraries that archives of ours call: each jumps to the library's own,
 # which late_libraries.cpp looks up, after loading the library, the first time that one is called. To load GDAL with the hundred
-# libraries that it brings, or PROJ with forty, takes longer than many a run.
+# libraries that it brings, or PROJ with thirty, takes longer than many a run.
 #   cmake -DARCHIVES=A.a;B.a -DNAMES=GDAL;PROJ -DLIBRARIES=libgdal.so;libproj.so -DNM=nm -DOBJDUMP=objdump -DOUT=stubs.cpp
 #     -P late_libraries.cmake
 cmake_minimum_required(VERSION 3.25)

@@ -3,8 +3,10 @@
 #include <dlfcn.h>
 
 #include <atomic>
+#include <cstddef>
 #include <cstdio>
 #include <cstdlib>
+#include <cstring>
 #include <mutex>
 #include <string>
 
@@ -27,9 +29,10 @@ bool wedgescope_late_gdal_loaded() noexcept;
 
 namespace {
 
-enum Library : unsigned { gdal, proj, libraries };  // as tiles/CMakeLists.txt names them
+constexpr std::size_t most_libraries = 8;
 
-std::atomic<void*> loaded[libraries] = {};
+std::atomic<void*> loaded[most_libraries] = {};
+std::atomic<bool> gdal_is_loaded = false;
 
 /// There is no way back from a stand-in that could not be served, as there is none where a program's library is missing.
 [[noreturn]] void give_up(const WedgescopeLateLibrary& library, const std::string& why) {
@@ -52,12 +55,15 @@ void load(unsigned number) {
         if (!found) give_up(library, first + "; " + reason());
     }
     loaded[number] = found;
-    if (number == gdal) wedgescope::GdalSession::settle();
+    if (std::strcmp(library.name, "GDAL") == 0) {
+        gdal_is_loaded = true;
+        wedgescope::GdalSession::settle();
+    }
 }
 
 }  // namespace
 
-bool wedgescope_late_gdal_loaded() noexcept { return loaded[gdal].load() != nullptr; }
+bool wedgescope_late_gdal_loaded() noexcept { return gdal_is_loaded; }
 
 void* wedgescope_late_find(unsigned long number) noexcept {
     // Whoever comes meanwhile waits until the session is settled, for which this thread calls GDAL itself.

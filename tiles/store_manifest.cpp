@@ -4,7 +4,10 @@
 #include <cmath>
 #include <cstring>
 #include <filesystem>
+#include <iterator>
 #include <nlohmann/json.hpp>
+#include <optional>
+#include <utility>
 
 #include "lib/error.hpp"
 #include "tiles/checksum.hpp"
@@ -49,13 +52,15 @@ ValueFacts values_from(const json& j) {
             j.at("void_posts").get<std::uint64_t>()};
 }
 
-/// Facts of another revision are left alone, and PROJ is asked again.
-constexpr int facts_revision = 1;
+constexpr std::pair<const char*, CrsKind> crs_kinds[] = {{"geographic", CrsKind::geographic},
+                                                         {"projected", CrsKind::projected},
+                                                         {"geocentric", CrsKind::geocentric},
+                                                         {"local", CrsKind::local}};
 
 json to_json(const CrsFacts& f) {
-    static constexpr const char* kinds[] = {"geographic", "projected", "geocentric", "local"};
-    json out{{"revision", facts_revision},
-             {"kind", kinds[static_cast<int>(f.kind)]},
+    json out{{"revision", CrsFacts::revision},
+             {"of", hex(checksum(f.wkt))},
+             {"kind", nullptr},
              {"unit", f.unit},
              {"bound", f.bound},
              {"north_first", f.north_first},
@@ -65,6 +70,8 @@ json to_json(const CrsFacts& f) {
              {"code", f.code},
              {"proj", f.proj_words},
              {"wkt1", f.wkt_of_old}};
+    for (const auto& [word, kind] : crs_kinds)
+        if (kind == f.kind) out["kind"] = word;
     if (const auto& m = f.mercator)
         out["transverse_mercator"] = {m->latitude_deg, m->longitude_deg, m->scale, m->easting_m, m->northing_m};
     if (const auto& g = f.in_geotiff)
@@ -78,13 +85,18 @@ json to_json(const CrsFacts& f) {
     return out;
 }
 
-CrsFacts crs_facts_from(const json& j, const std::string& wkt) {
+/// Nothing where facts are not told, or of another WKT, or as another program asked for them.
+std::optional<CrsFacts> crs_facts_from(const json& layer, const std::string& wkt) {
+    const auto told = layer.find("crs_facts");
+    if (told == layer.end() || !told->is_object()) return std::nullopt;
+    const json& j = *told;
+    if (j.value("revision", json()) != CrsFacts::revision || j.value("of", json()) != hex(checksum(wkt)))
+        return std::nullopt;
     CrsFacts f;
-    const auto kind = j.at("kind").get<std::string>();
-    f.kind = kind == "geographic"   ? CrsKind::geographic
-             : kind == "projected"  ? CrsKind::projected
-             : kind == "geocentric" ? CrsKind::geocentric
-                                    : CrsKind::local;
+    const auto kind = std::find_if(std::begin(crs_kinds), std::end(crs_kinds),
+                                   [&](const auto& known) { return j.at("kind") == known.first; });
+    if (kind == std::end(crs_kinds)) return std::nullopt;
+    f.kind = kind->second;
     f.unit = j.at("unit").get<double>();
     f.bound = j.at("bound").get<bool>();
     f.north_first = j.at("north_first").get<bool>();
@@ -111,9 +123,8 @@ CrsFacts crs_facts_from(const json& j, const std::string& wkt) {
 
 /// What PROJ knew of it when the store was made, if that is told; else PROJ is asked.
 std::shared_ptr<const Crs> crs_from(const json& layer, const std::string& wkt, std::string& reason) {
-    const auto told = layer.find("crs_facts");
-    if (told == layer.end() || told->value("revision", 0) != facts_revision) return Crs::read(wkt, reason);
-    return Crs::remember(crs_facts_from(*told, wkt));
+    auto facts = crs_facts_from(layer, wkt);
+    return facts ? Crs::remember(std::move(*facts)) : Crs::read(wkt, reason);
 }
 
 json to_json(const StoreLayerEntry& layer) {
