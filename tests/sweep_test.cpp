@@ -4,9 +4,11 @@
 #include <GeographicLib/Geodesic.hpp>
 
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <numbers>
 #include <random>
+#include <vector>
 
 #include "lib/deposit.hpp"
 #include "lib/earth.hpp"
@@ -558,41 +560,52 @@ TEST_CASE("deposits add up to what was put in, bin by bin, in any order and by l
                 }
         }
         for (auto p = puts.rbegin(); p != puts.rend(); ++p) backward.add(p->target, p->portion, p->stretches);
-        std::vector<double> s0, s1, x0, x1, power;
-        std::vector<float> bow, gamma[3], second, third;
-        std::vector<std::int64_t> row;
-        for (const Put& p : puts) {
-            row.push_back(forward.origin_of(p.target.row));
-            s0.push_back(p.target.share[0]);
-            s1.push_back(p.target.share[1]);
-            x0.push_back(p.portion.x0);
-            x1.push_back(p.portion.x1);
-            power.push_back(p.portion.power);
-            bow.push_back(static_cast<float>(p.portion.bow));
-            for (std::size_t k = 0; k < 3; ++k) gamma[k].push_back(p.stretches.gamma[k]);
-            second.push_back(p.stretches.second);
-            third.push_back(p.stretches.third);
-        }
-        for (auto* v : {&s0, &s1, &x0, &x1, &power}) v->resize(whole_registers(puts.size()));
-        for (auto* v : {&bow, &gamma[0], &gamma[1], &gamma[2], &second, &third})
-            v->resize(whole_registers(puts.size()));
-        for (std::size_t at = 0; at < puts.size(); at += WedgeCells::Portions::most) {
-            const std::size_t m = std::min(WedgeCells::Portions::most, puts.size() - at);
+        // In metres, of which a power of two make a bin; behind the last lane stands anything.
+        constexpr double bins = 1.0 / 32, wild[] = {NAN, 1e38, -1e38, INFINITY, -INFINITY, 1, -7};
+        for (std::size_t at = 0; at < puts.size();) {
+            const std::size_t n = std::min(1 + random() % WedgeCells::Portions::most, puts.size() - at),
+                              whole = whole_registers(n);
+            const auto column = [&](const auto& of) {
+                std::vector<double> out;
+                for (std::size_t i = 0; i < n; ++i) out.push_back(of(puts[at + i]));
+                while (out.size() < whole) out.push_back(wild[random() % std::size(wild)]);
+                return out;
+            };
+            const auto floats = [&](const auto& of) {
+                const std::vector<double> numbers = column(of);
+                return std::vector<float>(numbers.begin(), numbers.end());
+            };
+            const auto s0 = column([](const Put& p) { return p.target.share[0]; }),
+                       s1 = column([](const Put& p) { return p.target.share[1]; }),
+                       x0 = column([](const Put& p) { return p.portion.x0 / bins; }),
+                       x1 = column([](const Put& p) { return p.portion.x1 / bins; }),
+                       power = column([](const Put& p) { return p.portion.power; });
+            const auto gamma = [&](std::size_t k) {
+                return floats([k](const Put& p) { return static_cast<double>(p.stretches.gamma[k]); });
+            };
+            const auto bow = floats([](const Put& p) { return p.portion.bow; }), gamma0 = gamma(0), gamma1 = gamma(1),
+                       gamma2 = gamma(2),
+                       second = floats([](const Put& p) { return static_cast<double>(p.stretches.second); }),
+                       third = floats([](const Put& p) { return static_cast<double>(p.stretches.third); });
+            std::vector<std::int64_t> row;
             std::vector<std::int32_t> straddlers;
-            for (std::size_t i = 0; i < m; ++i)
-                if (s1[at + i] > 0) straddlers.push_back(static_cast<std::int32_t>(i));
-            lanes.add_lanes(m, {row.data() + at,
-                                s0.data() + at,
-                                s1.data() + at,
+            for (std::size_t i = 0; i < n; ++i) {
+                row.push_back(forward.origin_of(puts[at + i].target.row));
+                if (s1[i] > 0) straddlers.push_back(static_cast<std::int32_t>(i));
+            }
+            lanes.add_lanes(n, {row.data(),
+                                s0.data(),
+                                s1.data(),
                                 straddlers,
-                                x0.data() + at,
-                                x1.data() + at,
-                                1,
-                                power.data() + at,
-                                bow.data() + at,
-                                {gamma[0].data() + at, gamma[1].data() + at, gamma[2].data() + at},
-                                stretched ? second.data() + at : nullptr,
-                                third.data() + at});
+                                x0.data(),
+                                x1.data(),
+                                bins,
+                                power.data(),
+                                bow.data(),
+                                {gamma0.data(), gamma1.data(), gamma2.data()},
+                                stretched ? second.data() : nullptr,
+                                third.data()});
+            at += n;
         }
         double worst = 0;
         for (std::size_t r = 0; r < rows; ++r)

@@ -4,6 +4,7 @@
 #include <array>
 #include <catch2/catch.hpp>
 #include <cmath>
+#include <iterator>
 #include <cstring>
 #include <limits>
 #include <random>
@@ -241,6 +242,15 @@ Bytes deposits_of(unsigned seed) {
             third[i] = draw.below(3) ? number(0, 1) : 0;
             second[i] = draw.below(3) ? third[i] * number(0, 1) : third[i];
         }
+        // Behind the last lane stands anything.
+        constexpr double wild[] = {NAN, 1e38, -1e38, INFINITY, -INFINITY, 1, -7};
+        for (auto* of : {&share0, &share1, &x0, &x1, &power})
+            for (std::size_t i = n; i < whole; ++i) (*of)[i] = wild[draw.below(std::size(wild))];
+        for (auto* of : {&bow, &gammas[0], &gammas[1], &gammas[2], &second, &third})
+            for (std::size_t i = n; i < whole; ++i) (*of)[i] = static_cast<float>(wild[draw.below(std::size(wild))]);
+        const double bins = draw.below(2) ? 1 : draw.number(0.01, 0.1);
+        for (auto* of : {&x0, &x1})
+            for (std::size_t i = 0; i < n; ++i) (*of)[i] /= bins;
         const bool stretched = draw.below(3) > 0;
         cells.add_lanes(n, {origin.data(),
                             share0.data(),
@@ -248,7 +258,7 @@ Bytes deposits_of(unsigned seed) {
                             straddlers,
                             x0.data(),
                             x1.data(),
-                            1,
+                            bins,
                             power.data(),
                             bow.data(),
                             {gammas[0].data(), gammas[1].data(), gammas[2].data()},
