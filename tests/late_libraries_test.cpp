@@ -6,6 +6,9 @@
 
 #include <cmath>
 #include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
 #include <map>
 #include <memory>
 
@@ -241,4 +244,42 @@ TEST_CASE("stores in WGS84 as degrees or UTM need neither PROJ nor its data base
     CHECK_FALSE(loads_either(mask("a.store", "again.tif"), folder));
     for (const char* variable : {"PROJ_DATA", "PROJ_LIB"}) ::unsetenv(variable);
     check_alike(folder / "again.tif", folder / "plain.tif");
+}
+
+TEST_CASE("a library that is not there is named, by the run that calls it alone", "[gdal]") {
+    const Folder folder;
+    // The program as it would be if libraries had other names.
+    std::ifstream in(program, std::ios::binary);
+    std::string bytes((std::istreambuf_iterator<char>(in)), std::istreambuf_iterator<char>());
+    const auto rename = [&](const std::string& name, const std::string& other) {
+        const std::string begin = '\0' + name;  // a whole word, or the beginning of one
+        const std::size_t at = bytes.find(begin);
+        REQUIRE(at != std::string::npos);
+        bytes.replace(at + 1, name.size(), other);
+    };
+    const std::string utm = folder / "utm.store", nad83 = folder / "nad83.store";
+    for (const auto& [crs, path] : {std::pair("EPSG:32611", utm), std::pair("EPSG:26911", nad83)}) {
+        Drawing d;
+        d.columns = d.rows = 64;
+        d.geotransform = {{5e5, 30, 0, 4e6, 0, -30}};
+        d.crs = crs;
+        draw(folder / "dem.tif", d);
+        CHECK(loads_gdal({"tile", folder / "dem.tif", path, "-q"}, folder));
+    }
+    rename("libgdal.so.", "libgdax.so.");
+    rename("libproj.so.", "libprox.so.");
+    const std::string without = folder / "without";
+    std::ofstream(without, std::ios::binary) << bytes;
+    std::filesystem::permissions(without, std::filesystem::perms::owner_all);
+    const auto mask = [&](const std::string& dem) {
+        return run_program({without, "coverage", dem, folder / "mask.tif", "--xy", "501000,3999000", "--altitude-agl",
+                            "100m", "--overwrite", "-q"},
+                           folder / "err.txt");
+    };
+    CHECK(mask(utm).code == 0);
+    const Ended of_proj = mask(nad83), of_gdal = mask(folder / "dem.tif");
+    CHECK(of_proj.code == 1);
+    CHECK_THAT(of_proj.err, Catch::StartsWith("wedgescope: PROJ cannot be loaded: libprox.so."));
+    CHECK(of_gdal.code == 1);
+    CHECK_THAT(of_gdal.err, Catch::StartsWith("wedgescope: GDAL cannot be loaded: libgdax.so."));
 }

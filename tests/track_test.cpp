@@ -279,7 +279,7 @@ TEST_CASE("a scan by a sensor that stands is the plain picture, bit for bit", "[
     }
 }
 
-TEST_CASE("a scan shows a peak where it stands from the place at which its azimuth is looked at", "[track]") {
+TEST_CASE("a scan shows a peak where it stands from the place at which its azimuth is looked at", "[track][long]") {
     // Peaks 120 m high, one post wide, on a plane; the sensor flies north-east at 300 m/s through a turn of 8 s.
     constexpr double post = 25, period = 8, east = 240, north = 180, height = 800;
     const std::vector<std::pair<int, int>> peaks = {{230, 60},  {330, 140}, {345, 262},
@@ -790,7 +790,7 @@ TEST_CASE("a place of a scan that cannot be is found before work begins", "[trac
     CHECK(!std::filesystem::exists(folder / "s_0001.png"));
 }
 
-TEST_CASE("a scan over the antimeridian is that of a raster whose longitudes go on", "[track]") {
+TEST_CASE("a scan over the antimeridian is that of a raster whose longitudes go on", "[track][long]") {
     const Folder folder;
     // Posts of a quarter of a degree all round the earth, or of the 20 degrees on both sides of 180.
     const auto draw_earth = [&](const std::string& name, double west, int columns) {
