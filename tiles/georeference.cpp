@@ -23,7 +23,6 @@ public:
     enum Direction { forward, inverse };
     /// The raster's coordinates of a longitude and latitude in degrees, or (inverse) the other way; false where there are none.
     virtual bool transform(Direction direction, double& x, double& y) = 0;
-    virtual bool known() const = 0;
     /// What was said first of the last that failed.
     virtual std::string reason() = 0;
 };
@@ -38,7 +37,7 @@ constexpr const char* wgs84_in_proj = "EPSG:4326";
 /// which PROJ looks through the names of its data base: 10 to 15 ms of each process.
 class Georeference::ByProj : public Georeference::Way {
 public:
-    explicit ByProj(const Crs& crs) : context_(proj_context_create()) {
+    explicit ByProj(const Crs& crs) : context_(quiet_context(reason_)) {
         reason_ = with_proj([&](PJ_CONTEXT* common) {
             const ProjObject wgs84(proj_create(common, wgs84_in_proj)), raster = create(common, crs);
             if (!wgs84 || !raster) return;
@@ -48,12 +47,6 @@ public:
             // From here on it does not wait for others.
             if (way_) proj_assign_context(way_.get(), context_.get());
         });
-        proj_log_func(context_.get(), this, [](void* self, int level, const char* message) {
-            if (level > PJ_LOG_ERROR) return;
-            std::string& reason = static_cast<ByProj*>(self)->reason_;
-            if (reason.empty()) reason = message;
-        });
-        proj_context_set_enable_network(context_.get(), 0);
     }
 
     bool transform(Direction direction, double& x, double& y) override {
@@ -68,7 +61,7 @@ public:
         return std::isfinite(x) && std::isfinite(y);
     }
 
-    bool known() const override { return way_ != nullptr; }
+    bool known() const { return way_ != nullptr; }
     std::string reason() override {
         const std::lock_guard lock(mutex_);
         return reason_.empty() ? "PROJ gives no reason" : reason_;
@@ -124,7 +117,6 @@ public:
         return true;
     }
 
-    bool known() const override { return true; }
     std::string reason() override { return by_proj().reason(); }
 
 private:
@@ -151,11 +143,12 @@ std::shared_ptr<Georeference::Way> Georeference::way_of(const RasterFacts& facts
     std::erase_if(known, [](const auto& entry) { return entry.second.expired(); });
     std::weak_ptr<Way>& place = known[facts.crs->wkt()];
     if (auto way = place.lock()) return way;
-    std::shared_ptr<Way> way;
-    if (facts.crs->mercator())
-        way = std::make_shared<ByMercator>(facts.crs);
-    else
-        way = std::make_shared<ByProj>(*facts.crs);
+    if (facts.crs->mercator()) {
+        const auto way = std::make_shared<ByMercator>(facts.crs);
+        place = way;
+        return way;
+    }
+    const auto way = std::make_shared<ByProj>(*facts.crs);
     if (!way->known())
         throw DataError(text(facts.named(), ": PROJ knows no way between WGS84 and its CRS '", facts.crs->definition(),
                              "': ", way->reason()));

@@ -57,13 +57,8 @@ endforeach()
 
 # System V's way of calling on x86-64: what arguments lie in is kept while a library is loaded.
 file(CONFIGURE OUTPUT ${OUT} @ONLY CONTENT [=[// Made by tiles/late_libraries.cmake.
-struct WedgescopeLateLibrary {
-    const char *name, *file, *folder;
-};
-struct WedgescopeLateFunction {
-    const char* name;
-    unsigned library;
-};
+#include "tiles/late_libraries.hpp"
+
 extern "C" const WedgescopeLateLibrary wedgescope_late_libraries[] = {
 @libraries@};
 extern "C" const WedgescopeLateFunction wedgescope_late_functions[] = {

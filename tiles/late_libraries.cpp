@@ -1,5 +1,7 @@
 // What stands behind the stand-ins that late_libraries.cmake writes: a library is loaded when one of its functions is called first.
 // For the program itself only; tests and benchmarks, which call these libraries themselves, are linked with them.
+#include "tiles/late_libraries.hpp"
+
 #include <dlfcn.h>
 
 #include <atomic>
@@ -13,15 +15,6 @@
 #include "tiles/gdal_session.hpp"
 
 extern "C" {
-struct WedgescopeLateLibrary {
-    const char *name, *file, *folder;
-};
-extern const WedgescopeLateLibrary wedgescope_late_libraries[];
-struct WedgescopeLateFunction {
-    const char* name;
-    unsigned library;
-};
-extern const WedgescopeLateFunction wedgescope_late_functions[];
 extern std::atomic<void*> wedgescope_late_slots[];
 void* wedgescope_late_find(unsigned long number) noexcept;
 bool wedgescope_late_gdal_loaded() noexcept;

@@ -17,6 +17,10 @@ struct DestroyProj {
 using ProjObject = std::unique_ptr<PJ, DestroyProj>;
 using ProjContext = std::unique_ptr<PJ_CONTEXT, DestroyProj>;
 
+/// A context with the network off, which keeps in `reason`, which must stay where it is, the first thing that PROJ complains of
+/// while that is empty.
+ProjContext quiet_context(std::string& reason);
+
 /// Calls `body` with the common context, the network off, while no other thread has it; returns what PROJ complained of
 /// first, empty if of nothing. Not to be called from within `body`.
 std::string with_proj(const std::function<void(PJ_CONTEXT*)>& body);
