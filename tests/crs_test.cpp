@@ -16,6 +16,7 @@
 #include "tests/drawn_raster.hpp"
 #include "tiles/checksum.hpp"
 #include "tiles/crs.hpp"
+#include "tiles/crs_by_rule.hpp"
 #include "tiles/gdal_handle.hpp"
 #include "tiles/gdal_session.hpp"
 #include "tiles/georeference.hpp"
@@ -243,6 +244,36 @@ TEST_CASE("what is known of a CRS hangs on its WKT alone, and not on how it was 
         std::string reason;
         const auto named = Crs::read(definition, reason);
         CHECK(named->facts() == Crs::read(named->wkt(), reason)->facts());
+    }
+}
+
+TEST_CASE("what is told by rule is what PROJ finds", "[crs]") {
+    std::vector<int> codes{4326};
+    for (int zone = 1; zone <= 60; ++zone)
+        for (const int base : {32600, 32700}) codes.push_back(base + zone);
+    std::string reason;
+    for (const int code : codes) {
+        INFO(code);
+        const auto told = facts_by_rule(code);
+        REQUIRE(told);
+        // Behind another word, so that PROJ is asked and not what was remembered.
+        const auto asked = Crs::read(told->wkt + " ", reason);
+        REQUIRE(asked);
+        CrsFacts found = asked->facts();
+        found.wkt.pop_back();
+        CHECK(found == *told);
+        const auto official = Crs::read("EPSG:" + std::to_string(code), reason);
+        REQUIRE(official);
+        CHECK(official->same_as(Crs(*told)));
+        CrsFacts by_data_base = official->facts();
+        by_data_base.wkt = told->wkt;  // which also says where it is in use
+        CHECK(by_data_base == *told);
+        CHECK(Crs::by_rule(code)->facts() == *told);
+    }
+    for (const int code : {0, 4269, 4979, 32600, 32661, 32700, 32761, 26911, 3857}) {
+        INFO(code);
+        CHECK_FALSE(facts_by_rule(code));
+        CHECK_FALSE(Crs::by_rule(code));
     }
 }
 

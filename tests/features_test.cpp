@@ -181,11 +181,11 @@ TEST_CASE("features burn the cells that they cover over codes and heights, and n
         }
     CHECK(wrong == 0);
     // The block map knows them: it decides what may stay unread.
-    const auto map = TileStore(folder / "store", 0).block_map(0.1);
+    const auto map = TileStore(folder / "store").block_map(0.1);
     const BlockWindow blocks = map->read(0, blocks_of({{690, 710}, {695, 705}}));
     CHECK_THAT(static_cast<double>(blocks.at(700 / 32, 701 / 32).culture_m), WithinAbs(35.5, 1e-4));
     // The legend of the store names the codes of both.
-    const Legend legend = TileStore(folder / "store", 0).legend({}).value();
+    const Legend legend = TileStore(folder / "store").legend({}).value();
     CHECK(legend.find(98) == ClassId{0});
     CHECK(legend.find(30015) == ClassId{15});
 }

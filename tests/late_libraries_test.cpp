@@ -139,9 +139,31 @@ TEST_CASE("a picture of a store is made without GDAL and is as with it", "[gdal]
     with.insert(with.end(), {"--config", "ANYTHING=ELSE"});  // is GDAL's to read
     CHECK(loads_gdal(scene("with.png", with), folder));
     check_alike(folder / "without.png", folder / "with.png");
-    CHECK(loads_gdal({"simulate", "--dem", data + "/inland_empire_dem.tif", "--latlon", "33.93,-117.33",
-                      "--altitude-msl", "7000ft", "--range", "3km", "--size", "100", "-q", "-o", folder / "raw.png"},
-                     folder));
+}
+
+TEST_CASE("plain tiled rasters need no GDAL and give what they give with it", "[gdal]") {
+    const Folder folder;
+    const auto run = [&](const std::string& command, const std::string& name, std::vector<std::string> more) {
+        std::vector<std::string> words{command, "--latlon", "33.93,-117.33", "--altitude-msl", "7000ft", "--range",
+                                       "12km", "--reproducible", "-q"};
+        const std::string dem = data + "/inland_empire_dem.tif";
+        if (command == "simulate")
+            words.insert(words.end(), {"--dem", dem, "--culture", data + "/inland_empire_culture.tif",
+                                       "--culture-legend", "fbfm40", "--size", "300", "--quality", "draft", "--rings",
+                                       "off", "--geometry", "grid", "-o", folder / name});
+        else
+            words.insert(words.end(), {dem, folder / name});
+        words.insert(words.end(), more.begin(), more.end());
+        return words;
+    };
+    for (const std::string command : {"simulate", "coverage"}) {
+        INFO(command);
+        const std::string name = command == "simulate" ? "picture.png" : "mask.tif";
+        CHECK_FALSE(loads_either(run(command, name, {}), folder));
+        const std::vector<std::string> with{"--config", "ANYTHING=ELSE"};  // is GDAL's to read
+        CHECK(loads_gdal(run(command, "gdal_" + name, with), folder));
+        check_alike(folder / name, folder / ("gdal_" + name));
+    }
 }
 
 TEST_CASE("stores of usual types need no GDAL", "[gdal]") {

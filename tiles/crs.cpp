@@ -11,6 +11,7 @@
 #include <system_error>
 
 #include "lib/error.hpp"
+#include "tiles/crs_by_rule.hpp"
 #include "tiles/proj_handle.hpp"
 
 namespace wedgescope {
@@ -18,16 +19,7 @@ namespace {
 
 constexpr const char* one_line[] = {"MULTILINE=NO", nullptr};
 constexpr const char* with_axes[] = {"MULTILINE=NO", "OUTPUT_AXIS=YES", nullptr};
-constexpr int degree = 9102;
-
-/// In words: a raster of it needs no data base of PROJ's, which may be missing.
-constexpr const char* wgs84_in_words =
-    "GEOGCRS[\"WGS 84\",DATUM[\"World Geodetic System 1984\",ELLIPSOID[\"WGS 84\",6378137,298.257223563,"
-    "LENGTHUNIT[\"metre\",1]]],PRIMEM[\"Greenwich\",0,ANGLEUNIT[\"degree\",0.0174532925199433]],"
-    "CS[ellipsoidal,2],AXIS[\"geodetic latitude "
-    "(Lat)\",north,ORDER[1],ANGLEUNIT[\"degree\",0.0174532925199433]],"
-    "AXIS[\"geodetic longitude (Lon)\",east,ORDER[2],ANGLEUNIT[\"degree\",0.0174532925199433]],"
-    "ID[\"EPSG\",4326]]";
+constexpr int degree = 9102, wgs84_code = 4326;
 
 bool is_wkt2(const std::string& definition) {
     const std::size_t bracket = definition.find('[');
@@ -240,7 +232,7 @@ std::optional<CrsFacts> facts_of(PJ_CONTEXT* context, const std::string& definit
     facts.wkt_of_old = words(proj_as_wkt(context, object.get(), PJ_WKT1_GDAL, with_axes));
     if (facts.wkt_of_old.empty()) facts.wkt_of_old = facts.wkt;
     facts.in_geotiff = in_geotiff(context, object.get());
-    const ProjObject wgs84(proj_create(context, wgs84_in_words));
+    const ProjObject wgs84(proj_create(context, facts_by_rule(wgs84_code)->wkt.c_str()));
     facts.wgs84 = facts.kind == CrsKind::geographic && same(context, plain, wgs84.get());
     if (!facts.bound) facts.mercator = mercator_of(context, plain, wgs84.get());
     return facts;
@@ -252,6 +244,20 @@ std::shared_ptr<const Crs> Crs::remember(CrsFacts facts) {
     const auto crs = std::make_shared<const Crs>(std::move(facts));
     const std::lock_guard lock(known().mutex);
     return known().by_definition.try_emplace(crs->wkt(), crs).first->second;
+}
+
+std::shared_ptr<const Crs> Crs::by_rule(int epsg) {
+    auto facts = facts_by_rule(epsg);
+    return facts ? remember(std::move(*facts)) : nullptr;
+}
+
+std::shared_ptr<const Crs> Crs::in_usual_words(std::shared_ptr<const Crs> crs) {
+    if (!crs || !is_epsg(crs->authority().c_str())) return crs;
+    auto facts = facts_by_rule(number(crs->code().c_str()));
+    if (!facts) return crs;
+    CrsFacts other = crs->facts();
+    other.wkt = facts->wkt;
+    return other == *facts ? remember(std::move(*facts)) : crs;
 }
 
 std::shared_ptr<const Crs> Crs::read(const std::string& definition, std::string& reason) {
@@ -275,12 +281,7 @@ std::shared_ptr<const Crs> Crs::read(const std::string& definition, std::string&
 }
 
 const Crs& Crs::wgs84() {
-    static const std::shared_ptr<const Crs> one = [] {
-        std::string reason;
-        auto crs = read(wgs84_in_words, reason);
-        if (!crs) throw DataError(text("PROJ cannot read WGS84: ", reason));
-        return crs;
-    }();
+    static const std::shared_ptr<const Crs> one = by_rule(wgs84_code);
     return *one;
 }
 

@@ -62,6 +62,11 @@ public:
     static std::shared_ptr<const Crs> read(const std::string& definition, std::string& reason);
     /// Whatever reads `facts.wkt` from here on finds these, or what was known of it already.
     static std::shared_ptr<const Crs> remember(CrsFacts facts);
+    /// Of EPSG's code, where facts_by_rule() tells all without PROJ; else null.
+    static std::shared_ptr<const Crs> by_rule(int epsg);
+    /// The one by rule, where `crs` differs from it in no more than what its WKT says beside; else `crs`. So the same CRS has the
+    /// same words, whoever read it.
+    static std::shared_ptr<const Crs> in_usual_words(std::shared_ptr<const Crs> crs);
     /// WGS84 latitude and longitude.
     static const Crs& wgs84();
 

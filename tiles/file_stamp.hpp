@@ -20,4 +20,8 @@ std::vector<FileStamp> file_stamps(const std::string& path);
 /// Of the names without their folders, sizes and times, in the order of the names: the same wherever they lie.
 std::uint64_t stamps_checksum(std::vector<FileStamp> stamps);
 
+/// Of paths, sizes and times of change of files that a raster is read from, those in archives and elsewhere as GDAL finds them:
+/// changes when one of them may have changed, and is the same in another process otherwise.
+std::uint64_t files_fingerprint(const std::vector<std::string>& files);
+
 }  // namespace wedgescope

@@ -4,15 +4,18 @@
 #include <gdal_frmts.h>
 #include <malloc.h>
 #include <ogr_srs_api.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <atomic>
 #include <cctype>
 #include <charconv>
 #include <cstdlib>
+#include <cstring>
 #include <iterator>
 #include <mutex>
 #include <optional>
+#include <string_view>
 #include <thread>
 
 #include "lib/error.hpp"
@@ -209,15 +212,29 @@ std::size_t GdalSession::cache_used_bytes() {
 }
 
 bool GdalSession::configured() {
-    const std::lock_guard lock(wishes().mutex);
-    // These change no file.
-    constexpr const char* harmless[] = {"GDAL_CACHEMAX", "GDAL_NUM_THREADS", "CPL_DEBUG"};
-    const auto matters = [&](const auto& item) {
-        return std::none_of(std::begin(harmless), std::end(harmless),
-                            [&](const char* name) { return EQUAL(item.first.c_str(), name); });
+    // These change no file, nor what is read from one.
+    constexpr std::string_view harmless[] = {"GDAL_CACHEMAX", "GDAL_NUM_THREADS", "CPL_DEBUG", "GDAL_DATA",
+                                             "GDAL_DRIVER_PATH"};
+    const auto matters = [&](std::string name) {
+        std::transform(name.begin(), name.end(), name.begin(),
+                       [](unsigned char c) { return static_cast<char>(std::toupper(c)); });
+        return std::find(std::begin(harmless), std::end(harmless), name) == std::end(harmless);
     };
-    return std::any_of(wishes().config.begin(), wishes().config.end(), matters) || std::getenv("GDAL_PAM_ENABLED") ||
-           std::getenv("GDAL_PAM_PROXY_DIR") || std::getenv("GDAL_CONFIG_FILE");
+    {
+        const std::lock_guard lock(wishes().mutex);
+        for (const auto& [name, value] : wishes().config)
+            if (matters(name)) return true;
+    }
+    constexpr std::string_view gdals[] = {"GDAL_", "GTIFF_", "OSR_", "CPL_"};
+    for (char** variable = environ; variable && *variable; ++variable) {
+        const std::string_view name = std::string_view(*variable).substr(0, std::strcspn(*variable, "="));
+        const auto begins = [&](std::string_view words) { return name.starts_with(words); };
+        if (std::any_of(std::begin(gdals), std::end(gdals), begins) && matters(std::string(name))) return true;
+    }
+    // Where GDAL looks for options by itself.
+    const char* const home = std::getenv("HOME");
+    return ::access("/etc/gdal/gdalrc", F_OK) == 0 ||
+           (home && ::access((std::string(home) + "/.gdal/gdalrc").c_str(), F_OK) == 0);
 }
 
 std::uint64_t GdalSession::number() { return sessions; }

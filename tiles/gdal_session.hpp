@@ -25,7 +25,8 @@ public:
     static std::size_t cache_used_bytes();
     /// Sets up GDAL as the session that was begun last wants it; called once GDAL is there.
     static void settle();
-    /// By --config or the environment GDAL is told how to write: whoever could do without it then leaves files to it.
+    /// By --config, the environment or a file of its own GDAL is told how to read or write: whoever could do without it then
+    /// leaves files to it.
     static bool configured();
     static std::string gdal_version();
     /// Of the session that was begun last, from 1; 0 before the first.

@@ -22,10 +22,10 @@
 #include "tiles/file_stamp.hpp"
 #include "tiles/needed_posts.hpp"
 #include "tiles/output_file.hpp"
-#include "tiles/raster_file.hpp"
 #include "tiles/registered_layer.hpp"
 #include "tiles/sources.hpp"
 #include "tiles/spill.hpp"
+#include "tiles/tiff_layer.hpp"
 #include "tiles/tile_store.hpp"
 
 namespace wedgescope {
@@ -50,9 +50,9 @@ std::uint64_t sum_of(const Header& h) { return checksum(&h, header_bytes - sizeo
 std::uint64_t stamp(const std::string& path) { return path.empty() ? 0 : stamps_checksum(file_stamps(path)); }
 
 std::unique_ptr<RasterLayer> open_terrain(const DataBaseParams& rasters) {
-    if (is_tile_store(rasters.dem))
-        return std::make_unique<TileStore>(rasters.dem, rasters.cache_bytes / 2)->layer(StoreLayerKind::dem);
-    return std::make_unique<RasterFile>("dem", rasters.dem);
+    auto cache = std::make_shared<TileCache>(rasters.cache_bytes / 2);
+    if (is_tile_store(rasters.dem)) return TileStore(rasters.dem, cache).layer(StoreLayerKind::dem);
+    return open_raster("dem", rasters.dem, cache);
 }
 
 /// Reads ground, page by page of the detail map, into both maps.
@@ -62,7 +62,9 @@ public:
         : params_(params), terrain_(open_terrain(rasters)), facts_(terrain_->facts()) {
         if (!rasters.culture_height.empty())
             height_ = std::make_unique<RegisteredLayer>(
-                std::make_unique<RasterFile>("culture-height", rasters.culture_height), facts_);
+                open_raster("culture-height", rasters.culture_height,
+                            std::make_shared<TileCache>(rasters.cache_bytes / 4)),
+                facts_);
     }
 
     const RasterFacts& facts() const { return facts_; }

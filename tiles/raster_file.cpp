@@ -1,16 +1,16 @@
 #include "tiles/raster_file.hpp"
 
-#include <cpl_vsi.h>
 #include <sys/stat.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <filesystem>
 #include <map>
 #include <optional>
 
 #include "lib/error.hpp"
-#include "tiles/checksum.hpp"
+#include "tiles/file_stamp.hpp"
 #include "tiles/gdal_session.hpp"
 
 namespace wedgescope {
@@ -38,31 +38,13 @@ DatasetHandle open(const RasterFacts& facts) {
 }
 
 void inspect_grid(GDALDataset& dataset, RasterFacts& facts) {
-    double g[6];
-    facts.has_geotransform = dataset.GetGeoTransform(g) == CE_None;
-    if (!facts.has_geotransform) {
-        if (dataset.GetGCPCount() > 0)
-            throw DataError(text(facts.named(), " has ", dataset.GetGCPCount(),
-                                 " ground control points and no geotransform; accepted: what gdalwarp makes of it"));
-        facts.corner_x = -0.5;
-        facts.corner_y = static_cast<double>(facts.rows) - 0.5;
-        return;
-    }
-    for (double term : g)
-        if (!std::isfinite(term))
-            throw DataError(text(facts.named(), " has a geotransform that is not finite: ", term));
-    // A shear of less than a thousandth of a cell over the whole raster is rounding.
-    if (std::fabs(g[2]) * static_cast<double>(facts.rows) > 1e-3 * std::fabs(g[1]) ||
-        std::fabs(g[4]) * static_cast<double>(facts.columns) > 1e-3 * std::fabs(g[5]))
-        throw DataError(text(facts.named(), " is rotated (geotransform ", g[1], " ", g[2], " ", g[4], " ", g[5],
-                             "); accepted: rows that run east; gdalwarp makes such a raster of it"));
-    if (!(g[1] > 0) || g[5] == 0)
-        throw DataError(text(facts.named(), " has cells of ", g[1], " x ", g[5],
-                             "; accepted: a width above 0 and a height that is not 0"));
-    facts.corner_x = g[0];
-    facts.step_x = g[1];
-    facts.corner_y = g[3];
-    facts.step_y = g[5];
+    std::array<double, 6> g{};
+    if (dataset.GetGeoTransform(g.data()) == CE_None) return set_grid(facts, g);
+    if (dataset.GetGCPCount() > 0)
+        throw DataError(text(facts.named(), " has ", dataset.GetGCPCount(),
+                             " ground control points and no geotransform; accepted: what gdalwarp makes of it"));
+    facts.corner_x = -0.5;
+    facts.corner_y = static_cast<double>(facts.rows) - 0.5;
 }
 
 void inspect_band(GDALDataset& dataset, RasterFacts& facts) {
@@ -115,7 +97,7 @@ RasterFacts inspect(GDALDataset& dataset, RasterFacts facts) {
                  first ? text("; accepted: one of its subdatasets, such as '", first, "'") : std::string()));
     }
     inspect_grid(dataset, facts);
-    if (const OGRSpatialReference* crs = dataset.GetSpatialRef()) set_crs(facts, from_gdal(*crs));
+    if (const OGRSpatialReference* crs = dataset.GetSpatialRef()) set_crs(facts, Crs::in_usual_words(from_gdal(*crs)));
     inspect_band(dataset, facts);
     return facts;
 }
@@ -189,17 +171,17 @@ ReaderBytes vrt_bytes(const std::vector<std::string>& files, ReaderBytes bytes) 
 }
 
 /// Which state of which file.
-struct FileStamp {
+struct FileState {
     dev_t device;
     ino_t number;
     off_t size;
     std::int64_t changed_s, changed_ns;
-    bool operator==(const FileStamp&) const = default;
+    bool operator==(const FileState&) const = default;
 };
-std::optional<FileStamp> stamp(const std::string& path) {
+std::optional<FileState> state_of(const std::string& path) {
     struct stat s {};
     if (::stat(path.c_str(), &s) != 0 || !S_ISREG(s.st_mode)) return std::nullopt;
-    return FileStamp{s.st_dev, s.st_ino, s.st_size, s.st_mtim.tv_sec, s.st_mtim.tv_nsec};
+    return FileState{s.st_dev, s.st_ino, s.st_size, s.st_mtim.tv_sec, s.st_mtim.tv_nsec};
 }
 
 /// What was found out about rasters, for those that are opened again: a run looks at each several times before it
@@ -212,7 +194,7 @@ struct Inspected {
 struct Memory {
     std::mutex mutex;
     std::uint64_t session = 0;
-    std::map<std::string, std::pair<FileStamp, Inspected>> known;
+    std::map<std::string, std::pair<FileState, Inspected>> known;
 };
 Memory& memory() {
     static Memory all;
@@ -224,11 +206,11 @@ std::optional<Inspected> recall(const std::string& path) {
     const std::lock_guard lock(all.mutex);
     if (all.session != GdalSession::number()) return std::nullopt;
     const auto found = all.known.find(path);
-    if (found == all.known.end() || stamp(path) != found->second.first) return std::nullopt;
+    if (found == all.known.end() || state_of(path) != found->second.first) return std::nullopt;
     return found->second.second;
 }
 
-void remember(const FileStamp& when, Inspected found) {
+void remember(const FileState& when, Inspected found) {
     constexpr std::size_t most = 64;
     Memory& all = memory();
     const std::lock_guard lock(all.mutex);
@@ -242,26 +224,7 @@ void remember(const FileStamp& when, Inspected found) {
 }  // namespace
 
 std::uint64_t RasterFile::fingerprint(const std::vector<Window>&) {
-    Checksum sum;
-    for (const std::string& path : files_) {
-        struct stat plain {};
-        VSIStatBufL other{};
-        if (::stat(path.c_str(), &plain) == 0) {
-            // The same file from any folder.
-            std::error_code error;
-            sum.add(std::filesystem::absolute(path, error).lexically_normal().string());
-            sum.add(static_cast<std::uint64_t>(plain.st_size));
-            sum.add(static_cast<std::uint64_t>(plain.st_mtim.tv_sec));
-            sum.add(static_cast<std::uint64_t>(plain.st_mtim.tv_nsec));
-        } else if (VSIStatExL(path.c_str(), &other, VSI_STAT_EXISTS_FLAG | VSI_STAT_SIZE_FLAG) == 0) {  // /vsizip/ ...
-            sum.add(path);
-            sum.add(static_cast<std::uint64_t>(other.st_size));
-            sum.add(static_cast<std::uint64_t>(other.st_mtime));
-        } else {
-            sum.add(path + " is gone");
-        }
-    }
-    return sum.value();
+    return files_fingerprint(files_);
 }
 
 /// A reader for as long as it is needed.
@@ -307,7 +270,7 @@ RasterFile::RasterFile(std::string role, std::string path) {
     }
     facts_.role = std::move(role);
     facts_.path = std::move(path);
-    const std::optional<FileStamp> before = stamp(facts_.path);
+    const std::optional<FileState> before = state_of(facts_.path);
     DatasetHandle dataset = open(facts_);
     facts_ = inspect(*dataset, std::move(facts_));
     if (char** files = dataset->GetFileList()) {

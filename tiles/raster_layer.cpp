@@ -94,6 +94,15 @@ Widening widening(GDALDataType from, GDALDataType to) {
     return widening_to<float>(from);
 }
 
+void convert(const std::byte* from, GDALDataType from_type, std::byte* to, GDALDataType to_type, std::int64_t count) {
+    if (const Widening widen = widening(from_type, to_type)) return widen(from, to, static_cast<std::size_t>(count));
+    if (from_type == to_type) {
+        std::memcpy(to, from, static_cast<std::size_t>(count * type_bytes(to_type)));
+        return;
+    }
+    GDALCopyWords(from, from_type, type_bytes(from_type), to, to_type, type_bytes(to_type), static_cast<int>(count));
+}
+
 double unit_in_metres(std::string unit) {
     std::erase_if(unit, [](unsigned char c) { return !std::isalnum(c); });
     std::transform(unit.begin(), unit.end(), unit.begin(),
@@ -104,6 +113,25 @@ double unit_in_metres(std::string unit) {
                              "surveyfeet", "footussurvey", "usfoot", "usfeet"})
         if (unit == word) return 1200.0 / 3937;
     return 1;
+}
+
+void set_grid(RasterFacts& facts, const std::array<double, 6>& g) {
+    for (double term : g)
+        if (!std::isfinite(term))
+            throw DataError(text(facts.named(), " has a geotransform that is not finite: ", term));
+    // A shear of less than a thousandth of a cell over the whole raster is rounding.
+    if (std::fabs(g[2]) * static_cast<double>(facts.rows) > 1e-3 * std::fabs(g[1]) ||
+        std::fabs(g[4]) * static_cast<double>(facts.columns) > 1e-3 * std::fabs(g[5]))
+        throw DataError(text(facts.named(), " is rotated (geotransform ", g[1], " ", g[2], " ", g[4], " ", g[5],
+                             "); accepted: rows that run east; gdalwarp makes such a raster of it"));
+    if (!(g[1] > 0) || g[5] == 0)
+        throw DataError(text(facts.named(), " has cells of ", g[1], " x ", g[5],
+                             "; accepted: a width above 0 and a height that is not 0"));
+    facts.has_geotransform = true;
+    facts.corner_x = g[0];
+    facts.step_x = g[1];
+    facts.corner_y = g[3];
+    facts.step_y = g[5];
 }
 
 void set_crs(RasterFacts& facts, std::shared_ptr<const Crs> given) {
@@ -141,7 +169,7 @@ std::int64_t RasterFacts::own_columns() const {
 void RasterLayer::prepare() {
     const bool floating = facts_.type == GDT_Float32 || facts_.type == GDT_Float64;
     // The same conversion that the values go through: beyond float's range GDAL's.
-    if (std::fabs(facts_.no_data) <= static_cast<double>(std::numeric_limits<float>::max()))
+    if (!(std::fabs(facts_.no_data) > static_cast<double>(std::numeric_limits<float>::max())))
         no_data_ = static_cast<float>(facts_.no_data);
     else
         GDALCopyWords(&facts_.no_data, GDT_Float64, 0, &no_data_, GDT_Float32, 0, 1);
@@ -268,6 +296,14 @@ void RasterLayer::read_codes(const Window& window, std::int32_t* out) {
     std::vector<std::uint8_t> masks;
     if (read_mask(window, masks))
         for (std::size_t i = 0; i < n; ++i) out[i] = masks[i] == 0 ? void_code : out[i];
+}
+
+void fill_no_data(const RasterFacts& facts, std::byte* out, std::size_t count) {
+    const double value = facts.has_no_data ? facts.no_data : 0;
+    constexpr std::size_t most = std::size_t{1} << 24;  // GDAL counts in ints
+    for (std::size_t at = 0; at < count; at += most)
+        GDALCopyWords(&value, GDT_Float64, 0, out + at * static_cast<std::size_t>(facts.type_bytes), facts.type,
+                      facts.type_bytes, static_cast<int>(std::min(most, count - at)));
 }
 
 void for_each_window(const RasterFacts& facts, std::int64_t columns, std::int64_t most_posts,

@@ -3,6 +3,8 @@
 #pragma once
 #include <gdal.h>
 
+#include <array>
+#include <cstddef>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -28,6 +30,8 @@ int type_bytes(GDALDataType type);
 using Widening = void (*)(const std::byte* from, std::byte* to, std::size_t n);
 /// For what is read most, in lanes; null: GDAL does it, one value at a time, which takes as long as reading them.
 Widening widening(GDALDataType from, GDALDataType to);
+/// Turns `count` values into as many elsewhere: by a Widening, or GDAL, which is loaded for it, does it.
+void convert(const std::byte* from, GDALDataType from_type, std::byte* to, GDALDataType to_type, std::int64_t count);
 
 struct RasterFacts {
     std::string role;  ///< for messages: "dem", "culture", "culture-height"
@@ -62,6 +66,8 @@ struct RasterFacts {
     std::int64_t own_columns() const;
 };
 
+/// Takes corner and steps from a geotransform in GDAL's order. DataError for one that is none of ours.
+void set_grid(RasterFacts& facts, const std::array<double, 6>& geotransform);
 /// Takes CRS, kind of CRS and its units from `given`. DataError for a CRS that is none of ours.
 void set_crs(RasterFacts& facts, std::shared_ptr<const Crs> given);
 /// Metres of a height unit; 1 for what is not known.
@@ -80,6 +86,9 @@ public:
     virtual ReaderBytes reader_bytes() const { return {}; }
     /// Held between reads, at the most: files that wait open.
     virtual std::size_t idle_bytes() const { return 0; }
+
+    /// Are its tiles kept in a TileCache of its source's? Else in GDAL's cache.
+    virtual bool fills_tile_cache() const { return false; }
 
     /// Heights in metres, row after row, NaN = void; `window` inside the raster. Rows lie `stride` floats apart.
     /// IoError if it cannot be read; DataError naming the post if one is infinite or above highest_height_m.
@@ -114,6 +123,9 @@ private:
     float no_data_ = 0;             ///< as GDAL converts it
     bool no_data_is_huge_ = false;  ///< -3.4e38 and its kind: all of its size and sign is void
 };
+
+/// The no-data value (else 0) `count` times, as stored.
+void fill_no_data(const RasterFacts& facts, std::byte* out, std::size_t count);
 
 /// Calls `body` for windows of at most `most_posts`, made of whole blocks where they fit, row by row of blocks.
 void for_each_window(const RasterFacts& facts, std::int64_t columns, std::int64_t most_posts,

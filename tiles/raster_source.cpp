@@ -14,7 +14,7 @@
 #include "tiles/detail_map_file.hpp"
 #include "tiles/gdal_session.hpp"
 #include "tiles/georeference.hpp"
-#include "tiles/raster_file.hpp"
+#include "tiles/tiff_layer.hpp"
 
 namespace wedgescope {
 namespace {
@@ -73,9 +73,10 @@ std::vector<Window> cells_under(const Axis& columns, const Axis& rows, const std
 
 RasterSource::RasterSource(const DataBaseParams& params) : params_(params) {
     std::unique_ptr<RasterLayer> culture, height;
+    const std::size_t share = tile_cache_share(params_.cache_bytes);
+    tiles_ = std::make_shared<TileCache>(share);
     if (is_tile_store(params_.dem)) {
-        GdalSession::set_cache_bytes(params_.cache_bytes - store_share(params_.cache_bytes));
-        store_ = std::make_unique<TileStore>(params_.dem, store_share(params_.cache_bytes));
+        store_ = std::make_unique<TileStore>(params_.dem, tiles_);
         terrain_ = store_->layer(StoreLayerKind::dem);
         if (params_.culture.empty()) {
             culture = store_->layer(StoreLayerKind::culture);
@@ -87,11 +88,10 @@ RasterSource::RasterSource(const DataBaseParams& params) : params_(params) {
             map_ = store_->block_map(params_.culture_height_scale);
         }
     } else {
-        terrain_ = std::make_unique<RasterFile>("dem", params_.dem);
+        terrain_ = open_raster("dem", params_.dem, tiles_);
     }
-    if (!params_.culture.empty()) culture = std::make_unique<RasterFile>("culture", params_.culture);
-    if (!params_.culture_height.empty())
-        height = std::make_unique<RasterFile>("culture-height", params_.culture_height);
+    if (!params_.culture.empty()) culture = open_raster("culture", params_.culture, tiles_);
+    if (!params_.culture_height.empty()) height = open_raster("culture-height", params_.culture_height, tiles_);
 
     if (!map_ && params_.ground) {
         map_ = params_.ground->block_map(params_.culture_height_scale);
@@ -107,7 +107,11 @@ RasterSource::RasterSource(const DataBaseParams& params) : params_(params) {
     ledger_ = std::make_unique<TileLedger>(facts);
     if (culture) open_culture(std::move(culture));
     if (height) open_height(std::move(height));
-    if (store_ && params_.by_strips) limit_tiles();
+    bool any_tiles = false;
+    for (const RasterLayer* layer : readers()) any_tiles |= layer->fills_tile_cache();
+    if (!any_tiles) return;
+    GdalSession::set_cache_bytes(params_.cache_bytes - share);
+    if (params_.by_strips) limit_tiles();
 }
 
 void RasterSource::open_height(std::unique_ptr<RasterLayer> raster) {
@@ -210,7 +214,7 @@ DetailMap* RasterSource::detail_map() {
     const std::lock_guard lock(detail_mutex_);
     if (!detail_) {
         const double scale = params_.culture_height_scale;
-        detail_ = of_ground_ ? params_.ground->detail_map(scale) : TileStore(params_.dem, 0).detail_map(scale);
+        detail_ = of_ground_ ? params_.ground->detail_map(scale) : TileStore(params_.dem).detail_map(scale);
     }
     return detail_.get();
 }
@@ -252,19 +256,20 @@ std::size_t RasterSource::reader_bytes() const {
 void RasterSource::limit_tiles() {
     constexpr double strip = 256, sides = 2, spare = 1.25;  // posts; two strips each way
     double bytes = 0;
-    const auto add = [&](const RasterFacts& f, double columns_a_post, double rows_a_post) {
+    const auto add = [&](const RasterLayer& layer, double columns_a_post, double rows_a_post) {
+        if (!layer.fills_tile_cache()) return;
+        const RasterFacts& f = layer.facts();
         const double wide = std::max(static_cast<double>(f.block_columns), strip * columns_a_post),
                      high = std::max(static_cast<double>(f.block_rows), strip * rows_a_post);
         bytes += sides * spare * static_cast<double>(f.type_bytes) *
                  (static_cast<double>(f.columns) * high + static_cast<double>(f.rows) * wide);
     };
-    add(terrain_->facts(), 1, 1);
-    for (const auto& [layer, of_store] :
-         {std::pair{culture_.get(), params_.culture.empty()}, std::pair{height_.get(), params_.culture_height.empty()}})
-        if (layer && of_store) add(layer->facts(), std::fabs(layer->columns().scale), std::fabs(layer->rows().scale));
-    const std::size_t share = store_share(params_.cache_bytes);
+    add(*terrain_, 1, 1);
+    for (auto* layer : {culture_.get(), height_.get()})
+        if (layer) add(layer->raster(), std::fabs(layer->columns().scale), std::fabs(layer->rows().scale));
+    const std::size_t share = tiles_->most_bytes();
     if (bytes >= static_cast<double>(share)) return;
-    store_->limit_cache(static_cast<std::size_t>(bytes));
+    tiles_->limit(static_cast<std::size_t>(bytes));
     params_.cache_bytes -= share - static_cast<std::size_t>(bytes);
 }
 

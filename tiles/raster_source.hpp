@@ -15,6 +15,7 @@
 #include "tiles/needed_posts.hpp"
 #include "tiles/registered_layer.hpp"
 #include "tiles/sources.hpp"
+#include "tiles/tile_cache.hpp"
 #include "tiles/tile_ledger.hpp"
 #include "tiles/tile_store.hpp"
 
@@ -56,18 +57,14 @@ public:
         return cache_bytes() - cache + static_cast<std::size_t>(std::min<std::uint64_t>(cache, bytes_read));
     }
     std::size_t held_bytes() const override {
-        const auto blocks = GdalSession::cache_used_bytes(), tiles = store_ ? store_->cached_bytes() : 0;
-        return filled_bytes(blocks + tiles);
+        return filled_bytes(GdalSession::cache_used_bytes() + tiles_->bytes());
     }
 
     /// One layer is read at a time, but a handle keeps its buffers.
     std::size_t reader_bytes() const override;
 
 protected:
-    /// A quarter is left to GDAL, for layers beside the store and for what is written.
-    static std::size_t store_share(std::size_t cache_bytes) { return cache_bytes / 4 * 3; }
-
-    /// Of the store's tiles those under one strip in each of the four quadrants, and a quarter more.
+    /// Of the tiles that are kept those under one strip in each of the four quadrants, and a quarter more.
     void limit_tiles();
 
     std::vector<RasterLayer*> readers() const;
@@ -127,6 +124,7 @@ protected:
     static constexpr std::int32_t table_begin = -32768, table_size = 32768 + 65536;
 
     DataBaseParams params_;
+    std::shared_ptr<TileCache> tiles_;
     std::unique_ptr<TileStore> store_;  ///< null: plain rasters
     std::unique_ptr<BlockMap> map_;
     bool has_detail_ = false, of_ground_ = false;  ///< it is there; of params_.ground

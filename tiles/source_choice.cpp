@@ -7,8 +7,9 @@
 #include <filesystem>
 
 #include "lib/error.hpp"
+#include "tiles/gdal_handle.hpp"
 #include "tiles/gdal_session.hpp"
-#include "tiles/raster_file.hpp"
+#include "tiles/tiff_layer.hpp"
 #include "tiles/tile_store.hpp"
 
 namespace wedgescope {
@@ -53,14 +54,17 @@ SourceChoice choose_by_shape(const DataBaseParams& params, SourceKind asked, std
     constexpr double most_decoded = 4;
     Cut worst;
     double bytes = 0;
+    bool any_tiles = false;
     ReaderBytes reader;
     const bool store = is_tile_store(params.dem);
+    const auto tiles = std::make_shared<TileCache>(tile_cache_share(params.cache_bytes));
     const auto look = [&](const char* role, const std::string& path) {
         if (path.empty()) return;
-        const RasterFile file(role, path);
-        const RasterFacts& f = file.facts();
+        const auto raster = open_raster(role, path, tiles);
+        const RasterFacts& f = raster->facts();
         bytes += static_cast<double>(f.columns) * static_cast<double>(f.rows) * f.type_bytes;
-        const ReaderBytes own = file.reader_bytes();
+        any_tiles |= raster->fills_tile_cache();
+        const ReaderBytes own = raster->reader_bytes();
         reader = {std::max(reader.decoded, own.decoded), reader.packed + own.packed};
         const Cut cut = cut_of(f);
         if (worst.columns == 0 || cut.decoded > worst.decoded) worst = cut;
@@ -75,7 +79,8 @@ SourceChoice choose_by_shape(const DataBaseParams& params, SourceKind asked, std
                                    " of ", worst.columns, " x ", worst.rows,
                                    worst.compression.empty() ? std::string() : ", " + worst.compression);
     if (asked != SourceKind::automatic) return {asked == SourceKind::spilled, false, "as asked for; " + shape, ""};
-    if (bytes <= static_cast<double>(params.cache_bytes))
+    const std::size_t cache = any_tiles ? tiles->most_bytes() : params.cache_bytes;
+    if (bytes <= static_cast<double>(cache))
         return {
             false, false,
             text(shape, "; all ", static_cast<std::uint64_t>(std::ceil(bytes / 1048576)), " MiB fit into the cache"),

@@ -274,8 +274,7 @@ private:
         for (const LayerPass& layer : passes) {
             const PassDone done_here = run_pass(layer, pass);
             pass_bytes_ += done_here.read_bytes;
-            const std::size_t cached =
-                GdalSession::cache_used_bytes() + (store_ ? store_->cached_bytes() : 0);
+            const std::size_t cached = GdalSession::cache_used_bytes() + tiles_->bytes();
             pass_peak_bytes_ =
                 std::max(pass_peak_bytes_, done_here.held_bytes + spill_->index_bytes() + map_bytes_ + cached +
                                                forecast_.readers * RasterSource::reader_bytes());

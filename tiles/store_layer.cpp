@@ -10,53 +10,12 @@
 
 namespace wedgescope {
 
-TileCache::Tile TileCache::find(const Key& key) {
-    const std::lock_guard lock(mutex_);
-    const auto place = places_.find(key);
-    if (place == places_.end()) return nullptr;
-    recent_.splice(recent_.begin(), recent_, place->second);
-    return place->second->second;
-}
-
-void TileCache::add(const Key& key, Tile tile) {
-    std::list<Entry> gone;  // freed behind the lock
-    const std::lock_guard lock(mutex_);
-    if (tile->size() > most_ || places_.contains(key)) return;
-    held_ += tile->size();
-    recent_.emplace_front(key, std::move(tile));
-    places_[key] = recent_.begin();
-    drop(gone);
-}
-
-void TileCache::limit(std::size_t most_bytes) {
-    std::list<Entry> gone;
-    const std::lock_guard lock(mutex_);
-    most_ = most_bytes;
-    drop(gone);
-}
-
-void TileCache::drop(std::list<Entry>& gone) {
-    while (held_ > most_) {
-        held_ -= recent_.back().second->size();
-        places_.erase(recent_.back().first);
-        gone.splice(gone.begin(), recent_, std::prev(recent_.end()));
-    }
-}
-
 DatasetHandle open_sheet(const std::string& path) {
     // No list of the folder's files: it may be long, and nothing beside the sheet counts.
     const char* const drivers[] = {"GTiff", nullptr};
     const char* const siblings[] = {nullptr};
     return DatasetHandle(GDALDataset::Open(path.c_str(), GDAL_OF_RASTER | GDAL_OF_READONLY | GDAL_OF_VERBOSE_ERROR,
                                            drivers, nullptr, siblings));
-}
-
-void fill_no_data(const RasterFacts& facts, std::byte* out, std::size_t count) {
-    const double value = facts.has_no_data ? facts.no_data : 0;
-    constexpr std::size_t most = std::size_t{1} << 24;  // GDAL counts in ints
-    for (std::size_t at = 0; at < count; at += most)
-        GDALCopyWords(&value, GDT_Float64, 0, out + at * static_cast<std::size_t>(facts.type_bytes), facts.type,
-                      facts.type_bytes, static_cast<int>(std::min(most, count - at)));
 }
 
 namespace {
@@ -235,16 +194,6 @@ TileCache::Tile StoreLayer::tile(int level, std::int64_t column, std::int64_t ro
     return kept;
 }
 
-namespace {
-
-/// GDALCopyWords, for which GDAL would be loaded, of what is read seldom alone.
-void copy_line(const std::byte* from, const RasterFacts& facts, std::byte* to, GDALDataType type, std::int64_t count) {
-    if (const Widening widen = widening(facts.type, type)) return widen(from, to, static_cast<std::size_t>(count));
-    GDALCopyWords(from, facts.type, facts.type_bytes, to, type, type_bytes(type), static_cast<int>(count));
-}
-
-}  // namespace
-
 int StoreLayer::deepest() const {
     int level = 0;
     while ((sheet_posts >> (level + 1)) >= facts_.block_columns) ++level;
@@ -294,11 +243,11 @@ void StoreLayer::read_values(int level, const Window& window, void* out, GDALDat
             const Interval columns = intersection(window.columns, {tc * edge, tc * edge + wide}),
                            rows = intersection(window.rows, {tr * edge, (tr + 1) * edge});
             for (std::int64_t r = rows.begin; r < rows.end; ++r)
-                copy_line(values->data() + ((r - tr * edge) * wide + columns.begin - tc * edge) * facts_.type_bytes,
-                          facts_,
-                          static_cast<std::byte*>(out) + (r - window.rows.begin) * line_bytes +
-                              (columns.begin - window.columns.begin) * size,
-                          type, columns.size());
+                convert(values->data() + ((r - tr * edge) * wide + columns.begin - tc * edge) * facts_.type_bytes,
+                        facts_.type,
+                        static_cast<std::byte*>(out) + (r - window.rows.begin) * line_bytes +
+                            (columns.begin - window.columns.begin) * size,
+                        type, columns.size());
         }
 }
 

@@ -19,36 +19,10 @@
 #include "lib/raw_vector.hpp"
 #include "tiles/gdal_handle.hpp"
 #include "tiles/store_manifest.hpp"
+#include "tiles/tile_cache.hpp"
 #include "tiles/tile_decoder.hpp"
 
 namespace wedgescope {
-
-/// Decoded tiles by layer and number; the ones not used for longest go when it is full.
-class TileCache {
-public:
-    using Tile = std::shared_ptr<const RawVector<std::byte>>;
-    using Key = std::pair<int, std::uint64_t>;
-
-    explicit TileCache(std::size_t most_bytes) : most_(most_bytes) {}
-    Tile find(const Key& key);
-    void add(const Key& key, Tile tile);
-    /// From now on at most so much.
-    void limit(std::size_t most_bytes);
-    std::size_t bytes() {
-        const std::lock_guard lock(mutex_);
-        return held_;
-    }
-
-private:
-    using Entry = std::pair<Key, Tile>;
-    void drop(std::list<Entry>& gone);
-
-    std::mutex mutex_;
-    std::size_t most_;
-    std::list<Entry> recent_;  ///< the last used in front
-    std::map<Key, std::list<Entry>::iterator> places_;
-    std::size_t held_ = 0;
-};
 
 /// One sheet, opened for reading its tiles.
 class SheetReader {
@@ -98,6 +72,7 @@ public:
         const auto across = static_cast<std::size_t>(sheet_posts / facts_.block_columns + 1);
         return {tile, 2 * tile + 2 * across * across * 2 * sizeof(std::uint64_t)};
     }
+    bool fills_tile_cache() const override { return true; }
     /// Of the sheets that wait open, each with a tile's buffer.
     std::size_t idle_bytes() const override { return most_idle() * reader_bytes().packed; }
 
@@ -124,7 +99,5 @@ private:
 
 /// Opens a sheet's GeoTIFF, and nothing beside it. Null with the reason in `errors`.
 DatasetHandle open_sheet(const std::string& path);
-/// The no-data value (else 0) `count` times, as stored.
-void fill_no_data(const RasterFacts& facts, std::byte* out, std::size_t count);
 
 }  // namespace wedgescope

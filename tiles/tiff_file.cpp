@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <cctype>
 #include <cerrno>
-#include <cstdio>
 #include <iterator>
 #include <system_error>
 
@@ -32,21 +31,6 @@ const TIFFFieldInfo own_fields[] = {
     {gdal_metadata, -1, -1, TIFF_ASCII, FIELD_CUSTOM, 1, 0, const_cast<char*>("GDALMetadata")},
     {gdal_no_data, -1, -1, TIFF_ASCII, FIELD_CUSTOM, 1, 0, const_cast<char*>("GDALNoDataValue")},
 };
-
-/// What went wrong first, as libtiff says it while the system's own reason can still be asked.
-struct Trouble {
-    int system = 0;
-    char words[200] = {};
-};
-
-int note(TIFF*, void* trouble, const char*, const char* format, std::va_list more) {
-    auto& first = *static_cast<Trouble*>(trouble);
-    if (first.words[0] == 0) {
-        first.system = errno;
-        std::vsnprintf(first.words, sizeof first.words, format, more);
-    }
-    return 1;  // and nobody else hears it
-}
 
 struct CleanUp {
     void operator()(TIFF* tiff) const noexcept { TIFFCleanup(tiff); }  // the file itself is not closed
@@ -124,7 +108,7 @@ private:
 
 struct TiffFile::Open {
     std::string final_path;
-    Trouble trouble;  // outlives `tiff`, which may have something to say at its end
+    TiffTrouble trouble;  // outlives `tiff`, which may have something to say at its end
     Descriptor file;
     std::unique_ptr<TIFF, CleanUp> tiff;
     std::uint32_t tiles_across = 0;
@@ -156,7 +140,7 @@ TiffFile::TiffFile(const std::string& path, TiffContent content, std::string fin
     o.final_path = std::move(final_path);
     o.file = Descriptor(::open(path.c_str(), O_RDWR | O_CREAT | O_TRUNC | O_CLOEXEC, 0666));
     if (!o.file) o.fail(errno);
-    const TiffOptions options = tiff_options(note, &o.trouble);
+    const TiffOptions options = tiff_options(note_trouble, &o.trouble);
     if (!options) o.fail(ENOMEM);
     const std::int64_t across = (content.columns - 1) / edge + 1, down = (content.rows - 1) / edge + 1;
     // As GDAL's BIGTIFF=IF_SAFER: by the bytes of all tiles before they are packed.

@@ -3,8 +3,11 @@
 #pragma once
 #include <tiffio.h>
 
+#include <cerrno>
 #include <cstdarg>
+#include <cstdio>
 #include <memory>
+#include <string>
 
 namespace wedgescope {
 
@@ -15,6 +18,22 @@ using TiffOptions = std::unique_ptr<TIFFOpenOptions, FreeTiffOptions>;
 
 inline int say_nothing(TIFF*, void*, const char*, const char*, std::va_list) { return 1; }
 
+/// What went wrong first, as libtiff says it while the system's own reason can still be asked.
+struct TiffTrouble {
+    int system = 0;
+    char words[200] = {};
+};
+
+/// For tiff_options(): a TiffTrouble notes it.
+inline int note_trouble(TIFF*, void* trouble, const char*, const char* format, std::va_list more) {
+    auto& first = *static_cast<TiffTrouble*>(trouble);
+    if (first.words[0] == 0) {
+        first.system = errno;
+        std::vsnprintf(first.words, sizeof first.words, format, more);
+    }
+    return 1;  // and nobody else hears it
+}
+
 /// `errors` hears, with `listener`, what goes wrong; nobody what is odd. Null if there is no memory.
 inline TiffOptions tiff_options(TIFFErrorHandlerExtR errors = say_nothing, void* listener = nullptr) {
     TiffOptions options(TIFFOpenOptionsAlloc());
@@ -22,6 +41,17 @@ inline TiffOptions tiff_options(TIFFErrorHandlerExtR errors = say_nothing, void*
     TIFFOpenOptionsSetErrorHandlerExtR(options.get(), errors, listener);
     TIFFOpenOptionsSetWarningHandlerExtR(options.get(), say_nothing, nullptr);
     return options;
+}
+
+struct CloseTiff {
+    void operator()(TIFF* file) const noexcept { TIFFClose(file); }
+};
+using TiffReader = std::unique_ptr<TIFF, CloseTiff>;
+
+/// Opened without mapping the file into memory; where its tiles lie is read when it is asked for. Null if it is no TIFF.
+inline TiffReader read_tiff(const std::string& path, TIFFErrorHandlerExtR errors = say_nothing, void* listener = nullptr) {
+    const TiffOptions options = tiff_options(errors, listener);
+    return TiffReader(options ? TIFFOpenExt(path.c_str(), "rmD", options.get()) : nullptr);
 }
 
 }  // namespace wedgescope

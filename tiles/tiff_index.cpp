@@ -1,15 +1,11 @@
 #include "tiles/tiff_index.hpp"
 
-#include <memory>
+#include <utility>
 
 #include "tiles/tiff_handle.hpp"
 
 namespace wedgescope {
 namespace {
-
-struct CloseTiff {
-    void operator()(TIFF* file) const noexcept { TIFFClose(file); }
-};
 
 template <class T>
 T field(TIFF* file, std::uint32_t tag) {
@@ -42,21 +38,22 @@ std::optional<TiffIndex::Level> level_of(TIFF* file) {
 
 }  // namespace
 
-std::optional<TiffIndex> TiffIndex::of(const std::string& path) {
-    // Who asks falls back on GDAL, which says it again.
-    const TiffOptions options = tiff_options();
-    // m: without mapping the file into memory.
-    const std::unique_ptr<TIFF, CloseTiff> file(TIFFOpenExt(path.c_str(), "rm", options.get()));
-    if (!file) return std::nullopt;
+std::optional<TiffIndex> TiffIndex::of(TIFF* file) {
     TiffIndex index;
     do {
-        const auto kind = field<std::uint32_t>(file.get(), TIFFTAG_SUBFILETYPE);
-        if (!index.levels.empty() && kind != FILETYPE_REDUCEDIMAGE) continue;  // a mask
-        auto level = level_of(file.get());
+        const auto kind = field<std::uint32_t>(file, TIFFTAG_SUBFILETYPE);
+        index.has_mask |= (kind & FILETYPE_MASK) != 0;
+        if (!index.levels.empty() && kind != FILETYPE_REDUCEDIMAGE) continue;  // a mask, another page
+        auto level = level_of(file);
         if (!level) return std::nullopt;
         index.levels.push_back(std::move(*level));
-    } while (TIFFReadDirectory(file.get()));
+    } while (TIFFReadDirectory(file));
     return index;
+}
+
+std::optional<TiffIndex> TiffIndex::of(const std::string& path) {
+    const TiffReader file = read_tiff(path);
+    return file ? of(file.get()) : std::nullopt;
 }
 
 }  // namespace wedgescope

@@ -7,6 +7,8 @@
 #include <string>
 #include <vector>
 
+struct tiff;  // libtiff's TIFF
+
 namespace wedgescope {
 
 struct TiffIndex {
@@ -18,9 +20,12 @@ struct TiffIndex {
         std::vector<std::uint64_t> offsets, byte_counts;  ///< of tiles, row after row
     };
     std::vector<Level> levels;  ///< the raster, then its overviews as the file holds them
+    bool has_mask = false;      ///< of the raster
 
     /// Nothing if the file is no TIFF of tiles that libtiff can read.
     static std::optional<TiffIndex> of(const std::string& path);
+    /// Of one that is open at its first directory; leaves it at another.
+    static std::optional<TiffIndex> of(tiff* file);
 };
 
 }  // namespace wedgescope

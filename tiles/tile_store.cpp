@@ -20,9 +20,9 @@ std::string store_classes(const std::string& store) {
     return is_tile_store(store) && std::filesystem::is_regular_file(path, ignored) ? path.string() : "";
 }
 
-TileStore::TileStore(std::string path, std::size_t cache_bytes)
+TileStore::TileStore(std::string path, std::shared_ptr<TileCache> cache)
     : path_(std::move(path)), manifest_(std::make_unique<StoreManifest>(read_manifest(path_))),
-      cache_(std::make_shared<TileCache>(cache_bytes)) {}
+      cache_(cache ? std::move(cache) : std::make_shared<TileCache>(0)) {}
 
 TileStore::~TileStore() = default;
 
@@ -31,10 +31,6 @@ std::unique_ptr<RasterLayer> TileStore::layer(StoreLayerKind kind) const {
     if (!entry) return nullptr;
     return std::make_unique<StoreLayer>(path_, *entry, cache_);
 }
-
-std::size_t TileStore::cached_bytes() const { return cache_->bytes(); }
-
-void TileStore::limit_cache(std::size_t most_bytes) { cache_->limit(most_bytes); }
 
 std::unique_ptr<BlockMap> TileStore::block_map(double scale) const {
     const std::string file = (std::filesystem::path(path_) / manifest_->block_map).string();

@@ -37,11 +37,8 @@ std::string store_classes(const std::string& store);
 
 class TileStore {
 public:
-    /// Reads the manifest only. IoError, DataError naming the file.
-    TileStore(std::string path, std::size_t cache_bytes);
-    /// Of tiles that are held decoded.
-    std::size_t cached_bytes() const;
-    void limit_cache(std::size_t most_bytes);
+    /// Reads the manifest only. Its layers' tiles go through `cache`; null: none is kept. IoError, DataError naming the file.
+    explicit TileStore(std::string path, std::shared_ptr<TileCache> cache = nullptr);
     ~TileStore();
 
     const StoreManifest& manifest() const { return *manifest_; }

@@ -1,0 +1,402 @@
+// Rasters read without GDAL: what is known of them and their posts, beside GDAL's; and the files that are left to it.
+#include <catch2/catch.hpp>
+
+#include <gdal_priv.h>
+
+#include <atomic>
+#include <cmath>
+#include <cstdint>
+#include <cstring>
+#include <fstream>
+#include <functional>
+#include <iterator>
+#include <limits>
+#include <memory>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "lib/error.hpp"
+#include "tests/drawn_raster.hpp"
+#include "tiles/gdal_session.hpp"
+#include "tiles/raster_file.hpp"
+#include "tiles/tiff_layer.hpp"
+
+using namespace wedgescope;
+using wedgescope::test::draw;
+using wedgescope::test::Drawing;
+using wedgescope::test::Folder;
+
+namespace {
+
+const GdalSession session(std::size_t{16} << 20, {});
+
+std::shared_ptr<TileCache> cache() { return std::make_shared<TileCache>(std::size_t{8} << 20); }
+
+Drawing tiled(GDALDataType type, std::vector<std::string> creation = {}) {
+    Drawing d;
+    d.columns = 150;
+    d.rows = 107;
+    d.type = type;
+    d.value = [](int c, int r) { return (c * 7 + r * 13) % 251; };
+    d.creation = {"TILED=YES", "BLOCKXSIZE=64", "BLOCKYSIZE=64"};
+    d.creation.insert(d.creation.end(), creation.begin(), creation.end());
+    return d;
+}
+
+using Doubles = std::vector<double>;
+bool same_number(double a, double b) { return a == b || (std::isnan(a) && std::isnan(b)); }
+
+void check_facts(const RasterFacts& own, const RasterFacts& gdal) {
+    CHECK(own.role == gdal.role);
+    CHECK(own.path == gdal.path);
+    CHECK(own.driver == gdal.driver);
+    CHECK(own.columns == gdal.columns);
+    CHECK(own.rows == gdal.rows);
+    CHECK(own.block_columns == gdal.block_columns);
+    CHECK(own.block_rows == gdal.block_rows);
+    CHECK(own.type == gdal.type);
+    CHECK(own.type_bytes == gdal.type_bytes);
+    CHECK(own.signed_byte == gdal.signed_byte);
+    CHECK(own.has_geotransform == gdal.has_geotransform);
+    CHECK(Doubles{own.corner_x, own.corner_y, own.step_x, own.step_y} ==
+          Doubles{gdal.corner_x, gdal.corner_y, gdal.step_x, gdal.step_y});
+    REQUIRE(own.crs);
+    REQUIRE(gdal.crs);
+    CHECK(own.crs->wkt() == gdal.crs->wkt());
+    CHECK(own.crs->titled() == gdal.crs->titled());
+    CHECK(own.crs->mercator() == gdal.crs->mercator());
+    CHECK(own.crs->in_geotiff() == gdal.crs->in_geotiff());
+    CHECK(own.crs->wkt_of_old() == gdal.crs->wkt_of_old());
+    CHECK(own.crs->definition() == gdal.crs->definition());
+    CHECK(own.geographic == gdal.geographic);
+    CHECK(own.wgs84_lat_lon == gdal.wgs84_lat_lon);
+    CHECK(own.metres_per_unit == gdal.metres_per_unit);
+    CHECK(Doubles{own.scale, own.offset, own.unit_m} == Doubles{gdal.scale, gdal.offset, gdal.unit_m});
+    CHECK(own.unit == gdal.unit);
+    CHECK(own.has_no_data == gdal.has_no_data);
+    CHECK(same_number(own.no_data, gdal.no_data));
+    CHECK(own.has_mask == gdal.has_mask);
+    CHECK(own.compression == gdal.compression);
+}
+
+void check_posts(RasterLayer& own, RasterLayer& gdal) {
+    const std::int64_t columns = gdal.facts().columns, rows = gdal.facts().rows;
+    const std::vector<Window> windows{{{0, columns}, {0, rows}},
+                                      {{columns - 1, columns}, {rows - 1, rows}},
+                                      {{0, 1}, {0, 1}},
+                                      {{columns / 3, columns / 3 * 2}, {rows / 4, rows / 4 * 3}},
+                                      {{columns / 2, columns}, {0, 1}},
+                                      {{0, 1}, {rows / 2, rows}}};
+    for (const Window& window : windows) {
+        INFO(place(window));
+        const auto n = static_cast<std::size_t>(window.posts());
+        const std::int64_t stride = window.columns.size() + 3;  // and nothing beyond a row is touched
+        const auto room = static_cast<std::size_t>(stride * window.rows.size());
+        std::vector<float> a(room, -777.5F), b(room, -777.5F);
+        own.read_heights(window, a.data(), stride);
+        gdal.read_heights(window, b.data(), stride);
+        CHECK(std::memcmp(a.data(), b.data(), room * sizeof(float)) == 0);
+        if (gdal.facts().type == GDT_Float32) continue;
+        std::vector<std::int32_t> codes(n), others(n);
+        own.read_codes(window, codes.data());
+        gdal.read_codes(window, others.data());
+        CHECK(codes == others);
+    }
+}
+
+void check_alike(const std::string& path) {
+    INFO(path);
+    const auto own = TiffLayer::of("dem", path, cache());
+    REQUIRE(own);
+    CHECK(own->fills_tile_cache());
+    RasterFile gdal("dem", path);
+    check_facts(own->facts(), gdal.facts());
+    check_posts(*own, gdal);
+    CHECK(own->fingerprint({}) == gdal.fingerprint({}));
+}
+
+using Change = std::function<void(GDALDataset&)>;
+void update(const std::string& path, const Change& change) {
+    GDALDataset* file = GDALDataset::Open(path.c_str(), GDAL_OF_RASTER | GDAL_OF_UPDATE);
+    REQUIRE(file);
+    change(*file);
+    GDALClose(file);
+}
+
+/// To the bytes of a file.
+void edit(const std::string& path, const std::function<void(std::string&)>& change) {
+    std::string bytes;
+    {
+        std::ifstream in(path, std::ios::binary);
+        bytes.assign(std::istreambuf_iterator<char>(in), {});
+    }
+    change(bytes);
+    std::ofstream(path, std::ios::binary) << bytes;
+}
+
+}  // namespace
+
+TEST_CASE("a plain tiled GeoTIFF is read as GDAL reads it, whatever its type and packing", "[tiff_layer]") {
+    const Folder folder;
+    const std::string path = folder / "dem.tif";
+    for (const GDALDataType type : {GDT_Byte, GDT_UInt16, GDT_Int16, GDT_UInt32, GDT_Int32, GDT_Float32})
+        for (const std::string compression : {"NONE", "ZSTD", "DEFLATE", "LZW", "PACKBITS"})
+            for (const std::string predictor : {"1", "2", "3"})
+                for (const std::string order : {"LITTLE", "BIG"}) {
+                    const bool predicts = compression != "NONE" && compression != "PACKBITS";
+                    if ((predictor != "1" && !predicts) || (predictor == "3" && type != GDT_Float32)) continue;
+                    INFO(GDALGetDataTypeName(type) << ' ' << compression << ' ' << predictor << ' ' << order);
+                    std::vector<std::string> creation{"COMPRESS=" + compression, "ENDIANNESS=" + order};
+                    if (predicts) creation.push_back("PREDICTOR=" + predictor);
+                    draw(path, tiled(type, creation));
+                    check_alike(path);
+                }
+}
+
+TEST_CASE("values that are no heights are those that GDAL finds", "[tiff_layer]") {
+    const Folder folder;
+    const std::string path = folder / "dem.tif";
+    const double nan = std::numeric_limits<double>::quiet_NaN();
+    struct Case {
+        GDALDataType type;
+        double no_data, written;
+    };
+    for (const auto& [type, no_data, written] :
+         std::vector<Case>{{GDT_Int16, -32768, -32768},
+                           {GDT_Int16, 0, 0},
+                           {GDT_Int16, 1.5, 1},
+                           {GDT_Byte, 255, 255},
+                           {GDT_Byte, -9999, 0},
+                           {GDT_Int32, -2147483648.0, -2147483648.0},
+                           {GDT_Float32, -9999, -9999},
+                           {GDT_Float32, -999999, -999999},
+                           {GDT_Float32, nan, nan}}) {
+        INFO(GDALGetDataTypeName(type) << ' ' << no_data);
+        Drawing d = tiled(type);
+        d.no_data = no_data;
+        d.value = [written = written](int c, int r) { return (c + r) % 9 == 0 ? written : (c * 7 + r) % 200; };
+        draw(path, d);
+        check_alike(path);
+    }
+    // What a float cannot hold is GDAL's to compare.
+    for (const double no_data : {-std::numeric_limits<double>::max(), -9999.9}) {
+        Drawing d = tiled(GDT_Float32);
+        d.no_data = no_data;
+        draw(path, d);
+        CHECK_FALSE(TiffLayer::of("dem", path, cache()));
+    }
+    // Heights that are none are refused alike.
+    Drawing d = tiled(GDT_Float32);
+    d.value = [](int c, int r) { return c == 77 && r == 66 ? std::numeric_limits<double>::infinity() : 1; };
+    draw(path, d);
+    const auto own = TiffLayer::of("dem", path, cache());
+    REQUIRE(own);
+    std::vector<float> out(150 * 107);
+    CHECK_THROWS_AS(own->read_heights({{0, 150}, {0, 107}}, out.data(), 150), DataError);
+}
+
+TEST_CASE("grid and CRS are those that GDAL finds", "[tiff_layer]") {
+    const Folder folder;
+    const std::string path = folder / "dem.tif";
+    struct Case {
+        std::string crs;
+        std::array<double, 6> geotransform;
+    };
+    for (const auto& [crs, geotransform] : std::vector<Case>{
+             {"EPSG:32601", {1000, 10, 0, 2000, 0, -10}},
+             {"EPSG:32660", {166021.4431, 30.1, 0, 1e6 / 3, 0, -29.7}},
+             {"EPSG:32733", {499980.123456789, 0.3, 0, 9999990.987654321, 0, -0.3}},
+             {"EPSG:4326", {-117.00013888888889, 1 / 3600.0, 0, 34.00013888888889, 0, -1 / 3600.0}},
+             {"EPSG:4326", {-180, 2.4, 0, 90, 0, -1.5}}}) {
+        INFO(crs);
+        Drawing d = tiled(GDT_Int16);
+        d.crs = crs;
+        d.geotransform = geotransform;
+        draw(path, d);
+        check_alike(path);
+        // The tie point is a post.
+        update(path, [](GDALDataset& file) { file.SetMetadataItem("AREA_OR_POINT", "Point"); });
+        check_alike(path);
+    }
+}
+
+TEST_CASE("tiles of any shape, tiles that a file leaves out and overviews change nothing", "[tiff_layer]") {
+    const Folder folder;
+    const std::string path = folder / "dem.tif";
+    for (const auto& [wide, high] : std::vector<std::pair<int, int>>{{16, 16}, {16, 128}, {256, 32}, {512, 512}}) {
+        INFO(wide << " x " << high);
+        Drawing d = tiled(GDT_Int16);
+        d.creation = {"TILED=YES", "BLOCKXSIZE=" + std::to_string(wide), "BLOCKYSIZE=" + std::to_string(high),
+                      "COMPRESS=ZSTD"};
+        draw(path, d);
+        check_alike(path);
+    }
+    for (const bool with_no_data : {false, true}) {
+        Drawing d = tiled(GDT_Int16, {"SPARSE_OK=YES"});
+        if (with_no_data) d.no_data = -5;
+        const double nothing = with_no_data ? -5 : 0;
+        d.value = [nothing](int c, int r) { return c < 64 || r >= 64 ? nothing : c; };
+        draw(path, d);
+        check_alike(path);
+    }
+    draw(path, tiled(GDT_Int16, {"COMPRESS=DEFLATE"}));
+    update(path, [](GDALDataset& file) {
+        const int levels[] = {2, 4};
+        REQUIRE(file.BuildOverviews("AVERAGE", 2, const_cast<int*>(levels), 0, nullptr, nullptr, nullptr) == CE_None);
+    });
+    check_alike(path);
+}
+
+TEST_CASE("the shipped tiled rasters need no GDAL, and give the same posts", "[tiff_layer]") {
+    for (const char* name : {"inland_empire_dem.tif", "inland_empire_culture.tif", "lake_sunapee_dem.tif",
+                             "lake_sunapee_culture.tif", "olympic_coast_dem.tif", "azores_dem.tif"}) {
+        const std::string path = std::string(WEDGESCOPE_DATA) + "/" + name;
+        if (reads_without_gdal(path)) check_alike(path);
+    }
+    CHECK(reads_without_gdal(std::string(WEDGESCOPE_DATA) + "/inland_empire_dem.tif"));
+}
+
+TEST_CASE("a file of which GDAL may know more is left to GDAL", "[tiff_layer]") {
+    const Folder folder;
+    const std::string path = folder / "dem.tif";
+    const auto left = [&](const std::string& why) {
+        INFO(why);
+        CHECK_FALSE(TiffLayer::of("dem", path, cache()));
+        CHECK_FALSE(reads_without_gdal(path));
+        CHECK(dynamic_cast<RasterFile*>(open_raster("dem", path, cache()).get()));
+    };
+    const auto drawn = [&](const std::string& why, Drawing d) {
+        std::filesystem::remove(path + ".aux.xml");
+        draw(path, d);
+        left(why);
+    };
+    const auto changed = [&](const std::string& why, const Change& change) {
+        std::filesystem::remove(path + ".aux.xml");
+        draw(path, tiled(GDT_Int16));
+        CHECK(reads_without_gdal(path));
+        update(path, change);
+        left(why);
+    };
+    const auto with = [&](const std::function<void(Drawing&)>& change, GDALDataType type = GDT_Int16) {
+        Drawing d = tiled(type);
+        change(d);
+        return d;
+    };
+    drawn("strips", with([](Drawing& d) { d.creation.clear(); }));
+    drawn("two bands", with([](Drawing& d) { d.bands = 2; }));
+    drawn("scale", with([](Drawing& d) { d.scale = 0.1; }));
+    drawn("offset", with([](Drawing& d) { d.offset = 10; }));
+    drawn("unit", with([](Drawing& d) { d.unit = "ft"; }));
+    drawn("mask", with([](Drawing& d) { d.masked = [](int c, int) { return c == 3; }; }));
+    drawn("no CRS", with([](Drawing& d) { d.crs.clear(); }));
+    drawn("no grid", with([](Drawing& d) { d.geotransform.reset(); }));
+    drawn("rows that grow north", with([](Drawing& d) { (*d.geotransform)[5] = 10; }));
+    drawn("rotated", with([](Drawing& d) { (*d.geotransform)[2] = (*d.geotransform)[4] = 1e-7; }));
+    for (const char* crs : {"EPSG:4269", "EPSG:26911", "EPSG:3857", "EPSG:32661", "EPSG:2231", "EPSG:32611+5703",
+                            "+proj=utm +zone=11 +datum=WGS84 +units=us-ft", "+proj=aeqd +lat_0=34 +lon_0=-117"})
+        drawn(crs, with([&](Drawing& d) { d.crs = crs; }));
+    drawn("half of a byte", with([](Drawing& d) { d.creation.push_back("NBITS=4"); }, GDT_Byte));
+    drawn("12 bits", with([](Drawing& d) { d.creation.push_back("NBITS=12"); }, GDT_UInt16));
+    drawn("signed bytes", with([](Drawing& d) { d.creation.push_back("PIXELTYPE=SIGNEDBYTE"); }, GDT_Byte));
+    drawn("white is 0", with([](Drawing& d) { d.creation.push_back("PHOTOMETRIC=MINISWHITE"); }, GDT_Byte));
+    drawn("double", with([](Drawing&) {}, GDT_Float64));
+    drawn("another packing", with([](Drawing& d) { d.creation.push_back("COMPRESS=LZMA"); }));
+    changed("a scale, later", [](GDALDataset& file) { file.GetRasterBand(1)->SetScale(2); });
+    changed("a description", [](GDALDataset& file) { file.GetRasterBand(1)->SetDescription("heights"); });
+    changed("a domain of metadata", [](GDALDataset& file) { file.SetMetadataItem("A", "B", "C"); });
+    std::filesystem::remove(path + ".aux.xml");
+    draw(path, tiled(GDT_Int16));
+    for (const char* beside : {"dem.tif.aux.xml", "dem.tif.msk", "dem.aux"}) {
+        CHECK(reads_without_gdal(path));
+        std::ofstream(folder / beside) << "<PAMDataset/>";
+        left(beside);
+        std::filesystem::remove(folder / beside);
+    }
+    CHECK_FALSE(reads_without_gdal(folder / "none.tif"));
+    CHECK_FALSE(reads_without_gdal(folder / ""));
+    {
+        const GdalSession configured(std::size_t{16} << 20, {{"GTIFF_POINT_GEO_IGNORE", "YES"}});
+        left("--config");
+    }
+    const GdalSession again(std::size_t{16} << 20, {});
+    for (const char* name : {"GTIFF_POINT_GEO_IGNORE", "GDAL_GEOREF_SOURCES", "OSR_USE_ETMERC"}) {
+        CHECK(reads_without_gdal(path));
+        ::setenv(name, "NO", 1);
+        left(name);
+        ::unsetenv(name);
+    }
+    // A large tile that the cache would not keep is unpacked once by GDAL.
+    Drawing large = tiled(GDT_Int16);
+    large.columns = large.rows = 1030;
+    large.creation = {"TILED=YES", "BLOCKXSIZE=1024", "BLOCKYSIZE=1024"};
+    draw(path, large);
+    CHECK_FALSE(TiffLayer::of("dem", path, cache()));
+    CHECK(TiffLayer::of("dem", path, std::make_shared<TileCache>(std::size_t{33} << 20)));
+}
+
+TEST_CASE("a damaged tile is named by the posts that it holds", "[tiff_layer]") {
+    const Folder folder;
+    const std::string path = folder / "dem.tif";
+    const std::string packing = GENERATE("NONE", "ZSTD", "DEFLATE");
+    CAPTURE(packing);
+    Drawing d = tiled(GDT_Int16, {"COMPRESS=" + packing});
+    d.value = [](int c, int r) { return (c * 7919 + r * 104729) % 30011; };
+    draw(path, d);
+    // The last tile is at the end of the file.
+    std::filesystem::resize_file(path, std::filesystem::file_size(path) - 100);
+    const auto own = TiffLayer::of("dem", path, cache());
+    REQUIRE(own);
+    std::vector<float> out(150 * 107);
+    own->read_heights({{0, 128}, {0, 64}}, out.data(), 150);
+    for (int again = 0; again < 2; ++again)
+        try {
+            own->read_heights({{0, 150}, {0, 107}}, out.data(), 150);
+            FAIL("it is read");
+        } catch (const IoError& e) {
+            INFO(e.what());
+            CHECK_THAT(e.what(), Catch::Contains("dem '" + path + "': columns 128 to 149, rows 64 to 106 cannot be read: "));
+            CHECK(std::string(e.what()).find('\n') == std::string::npos);
+        }
+}
+
+TEST_CASE("a file that is cut short in its directory is GDAL's to refuse", "[tiff_layer]") {
+    const Folder folder;
+    const std::string path = folder / "dem.tif";
+    draw(path, tiled(GDT_Int16));
+    edit(path, [](std::string& bytes) { bytes.resize(60); });
+    CHECK_FALSE(reads_without_gdal(path));
+    CHECK_THROWS_AS(open_raster("dem", path), IoError);
+}
+
+TEST_CASE("threads read the posts that one reads", "[tiff_layer][threads]") {
+    const Folder folder;
+    const std::string path = folder / "dem.tif";
+    for (const std::string packing : {"NONE", "ZSTD", "LZW"}) {
+        INFO(packing);
+        Drawing d = tiled(GDT_Int16, {"COMPRESS=" + packing});
+        d.columns = d.rows = 400;
+        draw(path, d);
+        const auto few = std::make_shared<TileCache>(std::size_t{16} * 64 * 64 * 2);  // of 49 tiles
+        const auto own = TiffLayer::of("dem", path, few);
+        REQUIRE(own);
+        std::atomic<int> wrong{0};
+        std::vector<std::thread> threads;
+        for (int t = 0; t < 4; ++t)
+            threads.emplace_back([&, t] {
+                for (int i = 0; i < 60; ++i) {
+                    const int c = (t * 131 + i * 37) % 300, r = (t * 71 + i * 53) % 300;
+                    std::vector<float> out(100 * 100);
+                    own->read_heights({{c, c + 100}, {r, r + 100}}, out.data(), 100);
+                    for (int y = 0; y < 100; ++y)
+                        for (int x = 0; x < 100; ++x)
+                            wrong += out[static_cast<std::size_t>(y * 100 + x)] !=
+                                     static_cast<float>(((c + x) * 7 + (r + y) * 13) % 251);
+                }
+            });
+        for (std::thread& one : threads) one.join();
+        CHECK(wrong == 0);
+        CHECK(few->bytes() <= few->most_bytes());
+        CHECK(few->bytes() > 0);
+    }
+}
