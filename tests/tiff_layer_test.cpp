@@ -105,11 +105,14 @@ void check_posts(RasterLayer& own, RasterLayer& gdal) {
     }
 }
 
+bool little_endian(const std::string& path) { return std::ifstream(path, std::ios::binary).get() == 'I'; }
+
 void check_alike(const std::string& path) {
     INFO(path);
     const auto own = TiffLayer::of("dem", path, cache());
     REQUIRE(own);
-    CHECK(own->fills_tile_cache());
+    const bool as_it_is = own->facts().compression.empty() && little_endian(path);
+    CHECK(own->fills_tile_cache() == !as_it_is);
     RasterFile gdal("dem", path);
     check_facts(own->facts(), gdal.facts());
     check_posts(*own, gdal);
@@ -331,6 +334,9 @@ TEST_CASE("a file of which GDAL may know more is left to GDAL", "[tiff_layer]") 
     large.columns = large.rows = 1030;
     large.creation = {"TILED=YES", "BLOCKXSIZE=1024", "BLOCKYSIZE=1024"};
     draw(path, large);
+    CHECK(TiffLayer::of("dem", path, cache()));  // as it is, it needs none
+    large.creation.push_back("COMPRESS=ZSTD");
+    draw(path, large);
     CHECK_FALSE(TiffLayer::of("dem", path, cache()));
     CHECK(TiffLayer::of("dem", path, std::make_shared<TileCache>(std::size_t{33} << 20)));
 }
@@ -341,10 +347,10 @@ TEST_CASE("a damaged tile is named by the posts that it holds", "[tiff_layer]") 
     const std::string packing = GENERATE("NONE", "ZSTD", "DEFLATE");
     CAPTURE(packing);
     Drawing d = tiled(GDT_Int16, {"COMPRESS=" + packing});
-    d.value = [](int c, int r) { return (c * 7919 + r * 104729) % 30011; };
+    d.value = [](int c, int r) { return (c * 7919 + r * 104729) % 30011; };  // hardly shrinks
     draw(path, d);
-    // The last tile is at the end of the file.
-    std::filesystem::resize_file(path, std::filesystem::file_size(path) - 100);
+    // The last tile is at the end of the file; of its rows the last 21 are nobody's.
+    std::filesystem::resize_file(path, std::filesystem::file_size(path) - (packing == "NONE" ? 3500 : 100));
     const auto own = TiffLayer::of("dem", path, cache());
     REQUIRE(own);
     std::vector<float> out(150 * 107);
@@ -397,6 +403,6 @@ TEST_CASE("threads read the posts that one reads", "[tiff_layer][threads]") {
         for (std::thread& one : threads) one.join();
         CHECK(wrong == 0);
         CHECK(few->bytes() <= few->most_bytes());
-        CHECK(few->bytes() > 0);
+        CHECK((few->bytes() > 0) == (packing != "NONE"));
     }
 }

@@ -11,6 +11,7 @@
 
 #include "lib/error.hpp"
 #include "tiles/claim.hpp"
+#include "tiles/pack_bits.hpp"
 #include "tiles/side_file.hpp"
 #include "tiles/tiff_handle.hpp"
 
@@ -113,6 +114,7 @@ struct TiffFile::Open {
     std::unique_ptr<TIFF, CleanUp> tiff;
     std::uint32_t tiles_across = 0;
     std::vector<bool> written;  ///< tiles, row after row
+    std::vector<std::uint8_t> packed = std::vector<std::uint8_t>(edge * most_packed(edge));
 
     [[noreturn]] void fail(int system, const char* words = "") const {
         throw IoError(text("output '", final_path, "' cannot be written: ",
@@ -188,9 +190,10 @@ TiffFile::~TiffFile() = default;
 void TiffFile::write_tile(std::int64_t column, std::int64_t row, const std::uint8_t* cells) {
     Open& o = *open_;
     const std::uint32_t tile = static_cast<std::uint32_t>(row) * o.tiles_across + static_cast<std::uint32_t>(column);
+    std::uint8_t* end = o.packed.data();
+    for (std::int64_t r = 0; r < edge; ++r) end = pack_bits(cells + r * edge, edge, end);
     errno = 0;
-    // Only packings other than this one would change the cells.
-    o.require(TIFFWriteEncodedTile(o.tiff.get(), tile, const_cast<std::uint8_t*>(cells), edge * edge) >= 0);
+    o.require(TIFFWriteRawTile(o.tiff.get(), tile, o.packed.data(), end - o.packed.data()) >= 0);
     o.written[tile] = true;
 }
 

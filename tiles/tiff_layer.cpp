@@ -294,39 +294,43 @@ std::unique_ptr<TiffLayer> TiffLayer::of(const std::string& role, const std::str
                                          std::shared_ptr<TileCache> cache) {
     auto found = contents(role, path);
     if (!found) return nullptr;
-    // A tile that the cache does not take would be unpacked for each window of it; GDAL keeps the one in use, however large.
-    const auto& own = found->index.levels[0];
-    const double tile_bytes =
-        static_cast<double>(own.tile_columns) * static_cast<double>(own.tile_rows) * found->facts.type_bytes;
-    constexpr double few = 16;
-    if (cache && tile_bytes * few > static_cast<double>(cache->most_bytes())) return nullptr;
     if (!cache) cache = std::make_shared<TileCache>(0);
-    return std::unique_ptr<TiffLayer>(new TiffLayer(std::move(*found), std::move(cache)));
+    const double room = static_cast<double>(cache->most_bytes());
+    std::unique_ptr<TiffLayer> layer(new TiffLayer(std::move(*found), std::move(cache)));
+    // A tile that the cache does not take would be unpacked for each window of it; GDAL keeps the one in use, however large.
+    constexpr double few = 16;
+    const bool kept = few * static_cast<double>(layer->tile_bytes()) <= room;
+    return layer->fills_tile_cache() && room > 0 && !kept ? nullptr : std::move(layer);
 }
 
 TiffLayer::TiffLayer(Contents contents, std::shared_ptr<TileCache> cache)
-    : cache_(std::move(cache)), cached_as_(cache_->new_layer()) {
+    : cache_(std::move(cache)), cached_as_(cache_->new_layer()), index_(contents.index.levels[0]) {
     facts_ = std::move(contents.facts);
-    const TiffIndex::Level& own = contents.index.levels[0];
-    index_bytes_ = 2 * sizeof(std::uint64_t) * own.offsets.size();
-    if (const auto blank = [](std::uint64_t bytes) { return bytes == 0; };
-        std::any_of(own.byte_counts.begin(), own.byte_counts.end(), blank)) {
-        blank_.resize(own.byte_counts.size());
-        std::transform(own.byte_counts.begin(), own.byte_counts.end(), blank_.begin(), blank);
-    }
-    if (!contents.swapped)
+    const auto whole = [&](std::uint64_t bytes) { return bytes == 0 || bytes == tile_bytes(); };
+    if (contents.swapped) {
+        // libtiff turns them
+    } else if (facts_.compression.empty() &&
+               std::all_of(index_.byte_counts.begin(), index_.byte_counts.end(), whole)) {
+        file_ = std::make_unique<PlainFile>(facts_.path, PlainFile::Use::read);
+    } else {
         decoder_ = TileDecoder::of(facts_.path, std::move(contents.index), static_cast<std::size_t>(facts_.type_bytes));
+    }
     prepare();
 }
 
+std::size_t TiffLayer::tile_bytes() const {
+    return static_cast<std::size_t>(facts_.block_columns) * static_cast<std::size_t>(facts_.block_rows) *
+           static_cast<std::size_t>(facts_.type_bytes);
+}
+
 ReaderBytes TiffLayer::reader_bytes() const {
-    const auto tile = static_cast<std::size_t>(facts_.block_columns * facts_.block_rows * facts_.type_bytes);
+    if (file_) return {rows_at_a_time() * row_bytes(), 0};
     // As the file holds it: what does not shrink may grow a little. Beside it ZSTD has its window; libtiff a codec, and where all
     // tiles lie.
-    const std::size_t packed = tile + tile / 64;
+    const std::size_t tile = tile_bytes(), packed = tile + tile / 64;
     constexpr std::size_t context = std::size_t{1} << 14, codec = std::size_t{1} << 16;
     if (decoder_) return {tile, packed + (facts_.compression.empty() ? 0 : tile + context)};
-    return {tile, packed + codec + 2 * index_bytes_};
+    return {tile, packed + codec + 2 * index_bytes()};
 }
 
 std::uint64_t TiffLayer::fingerprint(const std::vector<Window>&) { return files_fingerprint({facts_.path}); }
@@ -361,25 +365,19 @@ void TiffLayer::unpack(std::int64_t column, std::int64_t row, RawVector<std::byt
     const auto bytes = static_cast<tmsize_t>(values.size());
     if (!file || TIFFTileSize(file) != bytes ||
         TIFFReadEncodedTile(file, TIFFComputeTile(file, x, y, 0, 0), values.data(), bytes) != bytes) {
-        const Window cells{{x, std::min(facts_.columns, x + facts_.block_columns)},
-                           {y, std::min(facts_.rows, y + facts_.block_rows)}};
         const char* const words = reader->trouble.words;
-        throw IoError(text(facts_.named(), ": ", place(cells),
-                           " cannot be read: ", words[0] ? words : "the file was changed while it was read"));
+        fail(column, row, words[0] ? words : "the file was changed while it was read");
     }
     const std::lock_guard lock(mutex_);
     free_.push_back(std::move(reader));
 }
 
 TileCache::Tile TiffLayer::tile(std::int64_t column, std::int64_t row) {
-    const std::int64_t across = (facts_.columns + facts_.block_columns - 1) / facts_.block_columns;
-    const auto number = static_cast<std::uint64_t>(row * across + column);
-    const TileCache::Key key{cached_as_, number};
+    const TileCache::Key key{cached_as_, tile_number(column, row)};
     if (auto found = cache_->find(key)) return found;
-    const auto posts = static_cast<std::size_t>(facts_.block_columns * facts_.block_rows);
-    RawVector<std::byte> values(posts * static_cast<std::size_t>(facts_.type_bytes));
-    if (!blank_.empty() && blank_[number])
-        fill_no_data(facts_, values.data(), posts);
+    RawVector<std::byte> values(tile_bytes());
+    if (is_blank(column, row))
+        fill_no_data(facts_, values.data(), values.size() / static_cast<std::size_t>(facts_.type_bytes));
     else
         unpack(column, row, values);
     auto kept = std::make_shared<const RawVector<std::byte>>(std::move(values));
@@ -387,21 +385,47 @@ TileCache::Tile TiffLayer::tile(std::int64_t column, std::int64_t row) {
     return kept;
 }
 
+void TiffLayer::fail(std::int64_t column, std::int64_t row, const std::string& reason) const {
+    const std::int64_t x = column * facts_.block_columns, y = row * facts_.block_rows;
+    throw IoError(text(facts_.named(), ": ",
+                       place({{x, std::min(facts_.columns, x + facts_.block_columns)},
+                              {y, std::min(facts_.rows, y + facts_.block_rows)}}),
+                       " cannot be read: ", reason));
+}
+
 void TiffLayer::read_values(const Window& window, void* out, GDALDataType type, std::int64_t line_bytes) {
     if (window.empty()) return;
-    const std::int64_t wide = facts_.block_columns, high = facts_.block_rows;
-    const int size = wedgescope::type_bytes(type);
+    const std::int64_t wide = facts_.block_columns, high = facts_.block_rows, size = wedgescope::type_bytes(type),
+                       bytes = facts_.type_bytes;
+    RawVector<std::byte> some;  // rows of a tile as they are
     for (std::int64_t tr = window.rows.begin / high; tr <= (window.rows.end - 1) / high; ++tr)
         for (std::int64_t tc = window.columns.begin / wide; tc <= (window.columns.end - 1) / wide; ++tc) {
-            const TileCache::Tile values = tile(tc, tr);
             const Interval columns = intersection(window.columns, {tc * wide, (tc + 1) * wide}),
                            rows = intersection(window.rows, {tr * high, (tr + 1) * high});
-            for (std::int64_t r = rows.begin; r < rows.end; ++r)
-                convert(values->data() + ((r - tr * high) * wide + columns.begin - tc * wide) * facts_.type_bytes,
-                        facts_.type,
+            const auto take = [&](const std::byte* row, std::int64_t r) {
+                convert(row + (columns.begin - tc * wide) * bytes, facts_.type,
                         static_cast<std::byte*>(out) + (r - window.rows.begin) * line_bytes +
                             (columns.begin - window.columns.begin) * size,
                         type, columns.size());
+            };
+            if (!file_ || is_blank(tc, tr)) {
+                const TileCache::Tile values = tile(tc, tr);
+                for (std::int64_t r = rows.begin; r < rows.end; ++r)
+                    take(values->data() + (r - tr * high) * wide * bytes, r);
+                continue;
+            }
+            const auto most = static_cast<std::int64_t>(rows_at_a_time());
+            for (std::int64_t r = rows.begin; r < rows.end;) {
+                const Interval part{r, std::min(rows.end, r + most)};
+                some.resize(static_cast<std::size_t>(part.size()) * row_bytes());
+                try {
+                    file_->read(index_.offsets[tile_number(tc, tr)] + static_cast<std::uint64_t>(r - tr * high) * row_bytes(),
+                                some.data(), some.size());
+                } catch (const IoError& e) {
+                    fail(tc, tr, e.what());
+                }
+                for (; r < part.end; ++r) take(some.data() + static_cast<std::size_t>(r - part.begin) * row_bytes(), r);
+            }
         }
 }
 
