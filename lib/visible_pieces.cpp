@@ -35,8 +35,8 @@ namespace hn = hwy::HWY_NAMESPACE;
 using Numbers = hn::CappedTag<double, 8>;
 using Bits = hn::RebindToUnsigned<Numbers>;
 
-/// What moves the lanes that a mask holds to the front, found once for all columns. Highway 1.0's own Compress copies its
-/// table to the stack at every call but where the processor has an instruction for it.
+/// What moves the lanes that a mask holds to the front, found once for all columns. Highway 1.0's own Compress copies a table
+/// of 2 KB to the stack at every call, with AVX-512 too.
 class CloseUp {
 public:
     HWY_ATTR explicit CloseUp(hn::Mask<Numbers> wanted) : wanted_(hn::RebindMask(Bits(), wanted)) {
@@ -51,7 +51,7 @@ public:
 #if HWY_TARGET > HWY_AVX3
         return hn::TableLookupLanes(numbers, order_);
 #else
-        return hn::Compress(numbers, wanted_);
+        return {_mm512_maskz_compress_epi64(wanted_.raw, numbers.raw)};
 #endif
     }
 
