@@ -19,6 +19,7 @@
 #include "tests/refusal.hpp"
 #include "tests/small_disk.hpp"
 #include "tiles/coverage_raster.hpp"
+#include "tiles/pack_bits.hpp"
 #include "tiles/raster_layer.hpp"
 #include "tiles/raster_writer.hpp"
 #include "tiles/tiff_file.hpp"
@@ -601,4 +602,42 @@ TEST_CASE("a mask as a GeoTIFF needs no driver of GDAL's; other outputs do", "[t
     CHECK(facts.at("description") == "visibility");
     CHECK(facts.at("geotransform") == " 400000 30 0 4500000 0 -30");
     CHECK_THAT(facts.at("file's "), Contains("OBSERVERS=3\n"));
+}
+
+TEST_CASE("packed runs unpack to the same bytes, and take no more room than they may", "[tiff_file]") {
+    std::mt19937 random(7);
+    const auto check = [](const std::vector<std::uint8_t>& row) {
+        std::vector<std::uint8_t> packed(most_packed(row.size()) + 1, 0xA5);
+        const auto end = static_cast<std::size_t>(pack_bits(row.data(), row.size(), packed.data()) - packed.data());
+        REQUIRE(end <= most_packed(row.size()));
+        CHECK(packed[end] == 0xA5);  // and not a byte more
+        // As the standard says it is read.
+        std::vector<std::uint8_t> found;
+        for (std::size_t i = 0; i < end;) {
+            const int n = static_cast<std::int8_t>(packed[i++]);
+            REQUIRE(n != -128);
+            const std::size_t count = static_cast<std::size_t>(n < 0 ? 1 - n : n + 1);
+            REQUIRE(i + (n < 0 ? 1 : count) <= end);
+            for (std::size_t k = 0; k < count; ++k) found.push_back(packed[n < 0 ? i : i + k]);
+            i += n < 0 ? 1 : count;
+        }
+        CHECK(found == row);
+        return end;
+    };
+    for (const std::size_t n : {1U, 2U, 3U, 7U, 8U, 9U, 127U, 128U, 129U, 130U, 255U, 256U, 257U, 600U}) {
+        CAPTURE(n);
+        CHECK(check(std::vector<std::uint8_t>(n, 255)) <= 2 * ((n + 127) / 128));
+        std::vector<std::uint8_t> row(n);
+        for (std::size_t i = 0; i < n; ++i) row[i] = static_cast<std::uint8_t>(i * 7);
+        check(row);
+        for (int longest = 1; longest <= 300; longest = longest * 2 + 1)
+            for (int again = 0; again < 20; ++again) {
+                std::uniform_int_distribution<int> length(1, longest), value(0, 2);
+                for (std::size_t i = 0; i < n;) {
+                    const auto byte = static_cast<std::uint8_t>(value(random) * 100);
+                    for (int k = length(random); k > 0 && i < n; --k) row[i++] = byte;
+                }
+                check(row);
+            }
+    }
 }

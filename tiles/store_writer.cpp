@@ -247,16 +247,16 @@ void StoreWriter::choose_creation(Layer& layer) const {
                                       key.starts_with("BLOCK") || key == "TILED" ? " (tile-size is)" : ""));
         given[key] = equals == std::string::npos ? "" : option.substr(equals + 1);
     }
-    if (!given.contains("COMPRESS")) {
-        given["COMPRESS"] = "ZSTD";
-        given.try_emplace("ZSTD_LEVEL", text(1));
-    }
+    const RasterFacts& facts = layer.entry.facts;
+    const bool small = facts.columns * facts.rows <= TileStoreParams::most_as_it_is / facts.type_bytes;
+    if (!given.contains("COMPRESS"))
+        given["COMPRESS"] = small && !given.contains("ZSTD_LEVEL") && !given.contains("PREDICTOR") ? "NONE" : "ZSTD";
     const std::string& compress = given["COMPRESS"];
+    if (EQUAL(compress.c_str(), "ZSTD")) given.try_emplace("ZSTD_LEVEL", text(1));
     const bool predicts =
         EQUAL(compress.c_str(), "ZSTD") || EQUAL(compress.c_str(), "DEFLATE") || EQUAL(compress.c_str(), "LZW");
-    const GDALDataType type = layer.entry.facts.type;
     if (predicts && !given.contains("PREDICTOR") && !layer.codes())
-        given["PREDICTOR"] = text(type == GDT_Float32 || type == GDT_Float64 ? 3 : 2);
+        given["PREDICTOR"] = text(facts.type == GDT_Float32 || facts.type == GDT_Float64 ? 3 : 2);
     layer.creation.clear();
     for (const auto& [key, value] : given) layer.creation.push_back(key + "=" + value);
     layer.entry.facts.compression = compress;

@@ -61,6 +61,10 @@ private:
 };
 
 struct TileStoreParams {
+    /// Bytes of a layer's posts that are kept as they are where `creation` says nothing: what the system's cache holds is read
+    /// sooner unpacked. Larger layers are packed by ZSTD, level 1, with a predictor.
+    static constexpr std::int64_t most_as_it_is = std::int64_t{1} << 31;
+
     std::vector<std::string> dems;          ///< where several hold a post, the first with a value there wins
     std::string culture, culture_height;    ///< empty: none
     std::string legend_name, legend_csv;    ///< kept in the store; csv empty for a built-in one
