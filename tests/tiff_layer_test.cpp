@@ -2,6 +2,7 @@
 #include <catch2/catch.hpp>
 
 #include <gdal_priv.h>
+#include <tiffio.h>
 
 #include <atomic>
 #include <cmath>
@@ -9,6 +10,7 @@
 #include <cstring>
 #include <fstream>
 #include <functional>
+#include <initializer_list>
 #include <iterator>
 #include <limits>
 #include <memory>
@@ -30,6 +32,8 @@ using wedgescope::test::Folder;
 namespace {
 
 const GdalSession session(std::size_t{16} << 20, {});
+
+bool reads_without_gdal(const std::string& path) { return PlainTiff::of("raster", path).has_value(); }
 
 std::shared_ptr<TileCache> cache() { return std::make_shared<TileCache>(std::size_t{8} << 20); }
 
@@ -105,17 +109,29 @@ void check_posts(RasterLayer& own, RasterLayer& gdal) {
     }
 }
 
-bool little_endian(const std::string& path) { return std::ifstream(path, std::ios::binary).get() == 'I'; }
+/// libtiff as a program has it that has not called GDAL: nobody told it of GeoTIFF's tags and GDAL's.
+class Untold {
+public:
+    Untold() : told_(TIFFSetTagExtender(nullptr)) {}
+    ~Untold() { TIFFSetTagExtender(told_); }
+    Untold(const Untold&) = delete;
+    Untold& operator=(const Untold&) = delete;
+
+private:
+    TIFFExtendProc told_;
+};
 
 void check_alike(const std::string& path) {
     INFO(path);
     const auto own = TiffLayer::of("dem", path, cache());
     REQUIRE(own);
-    const bool as_it_is = own->facts().compression.empty() && little_endian(path);
-    CHECK(own->fills_tile_cache() == !as_it_is);
     RasterFile gdal("dem", path);
     check_facts(own->facts(), gdal.facts());
     check_posts(*own, gdal);
+    const Untold untold;
+    const auto again = PlainTiff::of("dem", path);
+    REQUIRE(again);
+    check_facts(again->facts, gdal.facts());
     CHECK(own->fingerprint({}) == gdal.fingerprint({}));
 }
 
@@ -137,6 +153,36 @@ void edit(const std::string& path, const std::function<void(std::string&)>& chan
     change(bytes);
     std::ofstream(path, std::ios::binary) << bytes;
 }
+
+/// The first of a little-endian classic TIFF, to be spoilt.
+class Directory {
+public:
+    explicit Directory(std::string& bytes) : bytes_(bytes) {}
+    void set_type(std::uint16_t tag, std::uint16_t type) { put(entry(tag) + 2, type); }
+    void set_count(std::uint16_t tag, std::uint32_t count) { put(entry(tag) + 4, count); }
+    void set_value(std::uint16_t tag, std::uint16_t value) { put(entry(tag) + 8, value); }
+
+private:
+    template <class T>
+    T get(std::size_t at) const {
+        T value;
+        REQUIRE(at + sizeof value <= bytes_.size());
+        std::memcpy(&value, bytes_.data() + at, sizeof value);
+        return value;
+    }
+    template <class T>
+    void put(std::size_t at, T value) {
+        std::memcpy(bytes_.data() + at, &value, sizeof value);
+    }
+    std::size_t entry(std::uint16_t tag) const {
+        const std::size_t begin = get<std::uint32_t>(4);
+        for (std::size_t i = 0; i < get<std::uint16_t>(begin); ++i)
+            if (get<std::uint16_t>(begin + 2 + 12 * i) == tag) return begin + 2 + 12 * i;
+        FAIL("no tag " << tag);
+        return 0;
+    }
+    std::string& bytes_;
+};
 
 }  // namespace
 
@@ -251,13 +297,107 @@ TEST_CASE("tiles of any shape, tiles that a file leaves out and overviews change
     check_alike(path);
 }
 
-TEST_CASE("the shipped tiled rasters need no GDAL, and give the same posts", "[tiff_layer]") {
-    for (const char* name : {"inland_empire_dem.tif", "inland_empire_culture.tif", "lake_sunapee_dem.tif",
-                             "lake_sunapee_culture.tif", "olympic_coast_dem.tif", "azores_dem.tif"}) {
-        const std::string path = std::string(WEDGESCOPE_DATA) + "/" + name;
-        if (reads_without_gdal(path)) check_alike(path);
+TEST_CASE("shipped rasters in tiles and WGS84 need no GDAL, and give the same posts", "[tiff_layer]") {
+    const std::string data = WEDGESCOPE_DATA "/";
+    for (const char* name : {"azores_dem.tif", "inland_empire_canopy.tif", "inland_empire_culture.tif",
+                             "inland_empire_dem.tif", "olympic_coast_dem.tif"})
+        check_alike(data + name);
+    CHECK_FALSE(reads_without_gdal(data + "N44W072.hgt"));
+}
+
+TEST_CASE("what is not as it should be in a file's directory is left to GDAL", "[tiff_layer]") {
+    const Folder folder;
+    const std::string path = folder / "dem.tif";
+    const auto left = [&] {
+        // Where GDAL has told libtiff of its tags, that may read them as GDAL does.
+        if (const auto plain = PlainTiff::of("dem", path)) check_facts(plain->facts, RasterFile("dem", path).facts());
+        const Untold untold;
+        CHECK_FALSE(reads_without_gdal(path));
+    };
+    Drawing d = tiled(GDT_Int16, {"COMPRESS=ZSTD", "PREDICTOR=2"});
+    d.no_data = 7777;
+    const auto drawn = [&](const std::function<void(Directory&)>& change) {
+        draw(path, d);
+        CHECK(reads_without_gdal(path));
+        edit(path, [&](std::string& bytes) {
+            Directory directory(bytes);
+            change(directory);
+        });
+        left();
+    };
+    enum : std::uint16_t { byte = 1, signed_byte = 6, undefined = 7 };
+    for (const std::uint16_t type : {byte, signed_byte, undefined}) {
+        INFO("no-data as type " << type);
+        drawn([&](Directory& directory) { directory.set_type(42113, type); });
     }
-    CHECK(reads_without_gdal(std::string(WEDGESCOPE_DATA) + "/inland_empire_dem.tif"));
+    INFO("a word without its end");
+    drawn([](Directory& directory) { directory.set_count(42113, 4); });
+    INFO("few places of tiles");
+    drawn([](Directory& directory) { directory.set_count(324, 5); });
+    INFO("few sizes of tiles");
+    drawn([](Directory& directory) { directory.set_count(325, 5); });
+    for (const std::uint16_t predictor : std::initializer_list<std::uint16_t>{0, 3, 9}) {
+        INFO("predictor " << predictor);
+        drawn([&](Directory& directory) { directory.set_value(317, predictor); });
+    }
+    // Words that GDAL reads a scale or a unit from, however they are written.
+    for (const std::string item : {R"(<Item name="SCALE" sample="0" role ="scale">2</Item>)",
+                                    R"(<Item name="SCALE" sample="0" ROLE="scale">2</Item>)",
+                                    R"(<Item name="UNITTYPE" sample="0" role = "unittype">ft</Item>)"}) {
+        INFO(item);
+        draw(path, d);
+        update(path, [&](GDALDataset& file) {
+            file.SetMetadataItem("A", std::string(item.size() + 20, 'x').c_str());
+        });
+        CHECK(reads_without_gdal(path));
+        edit(path, [&](std::string& bytes) {
+            const std::size_t at = bytes.find("<Item name=\"A\"");
+            REQUIRE(at != std::string::npos);
+            std::string words = item;
+            words.resize(bytes.find("</GDALMetadata>", at) - at, ' ');
+            bytes.replace(at, words.size(), words);
+        });
+        left();
+        CHECK(RasterFile("dem", path).facts().scale * RasterFile("dem", path).facts().unit_m != 1);
+    }
+}
+
+TEST_CASE("rows below the raster may be missing", "[tiff_layer]") {
+    const Folder folder;
+    const std::string path = folder / "dem.tif";
+    for (const std::string packing : {"NONE", "DEFLATE", "PACKBITS"}) {
+        INFO(packing);
+        draw(path, tiled(GDT_Int16, {"COMPRESS=" + packing}));
+        // The last tile anew, with the 43 rows that the raster has of it.
+        std::vector<std::uint16_t> tile(64 * 64);
+        {
+            const std::unique_ptr<TIFF, decltype(&TIFFClose)> file(TIFFOpen(path.c_str(), "r+"), TIFFClose);
+            REQUIRE(file);
+            const std::uint32_t last = TIFFNumberOfTiles(file.get()) - 1;
+            REQUIRE(TIFFReadEncodedTile(file.get(), last, tile.data(), 64 * 64 * 2) == 64 * 64 * 2);
+            REQUIRE(TIFFWriteEncodedTile(file.get(), last, tile.data(), 43 * 64 * 2) == 43 * 64 * 2);
+        }
+        check_alike(path);
+    }
+}
+
+TEST_CASE("tiles that a file leaves out take no memory", "[tiff_layer]") {
+    const Folder folder;
+    const std::string path = folder / "dem.tif";
+    Drawing d = tiled(GDT_Int16);
+    d.columns = d.rows = 2000;
+    d.value = [](int c, int r) { return c == 1999 && r == 1999 ? 1 : 0; };
+    for (const std::string packing : {"NONE", "ZSTD"}) {
+        d.creation = {"TILED=YES", "BLOCKXSIZE=512", "BLOCKYSIZE=512", "SPARSE_OK=YES", "COMPRESS=" + packing};
+        draw(path, d);
+        const auto held = cache();
+        const auto own = TiffLayer::of("dem", path, held);
+        REQUIRE(own);
+        std::vector<float> out(2000);
+        for (std::int64_t r = 0; r < 1500; r += 100) own->read_heights({{0, 2000}, {r, r + 1}}, out.data(), 2000);
+        CHECK(held->bytes() == 0);
+        CHECK(own->reader_bytes().decoded <= (packing == "NONE" ? std::size_t{1} << 17 : std::size_t{1} << 19));
+    }
 }
 
 TEST_CASE("a file of which GDAL may know more is left to GDAL", "[tiff_layer]") {
@@ -265,6 +405,10 @@ TEST_CASE("a file of which GDAL may know more is left to GDAL", "[tiff_layer]") 
     const std::string path = folder / "dem.tif";
     const auto left = [&](const std::string& why) {
         INFO(why);
+        {
+            const Untold untold;
+            CHECK_FALSE(reads_without_gdal(path));
+        }
         CHECK_FALSE(TiffLayer::of("dem", path, cache()));
         CHECK_FALSE(reads_without_gdal(path));
         CHECK(dynamic_cast<RasterFile*>(open_raster("dem", path, cache()).get()));
@@ -310,7 +454,7 @@ TEST_CASE("a file of which GDAL may know more is left to GDAL", "[tiff_layer]") 
     changed("a domain of metadata", [](GDALDataset& file) { file.SetMetadataItem("A", "B", "C"); });
     std::filesystem::remove(path + ".aux.xml");
     draw(path, tiled(GDT_Int16));
-    for (const char* beside : {"dem.tif.aux.xml", "dem.tif.msk", "dem.aux"}) {
+    for (const char* beside : {"dem.tif.aux.xml", "dem.tif.msk", "dem.aux", "dem.tif.Msk", "DEM.TIF.msk"}) {
         CHECK(reads_without_gdal(path));
         std::ofstream(folder / beside) << "<PAMDataset/>";
         left(beside);

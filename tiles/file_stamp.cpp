@@ -5,19 +5,33 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <optional>
 #include <system_error>
 
 #include "tiles/checksum.hpp"
 #include "tiles/gdal_handle.hpp"
 #include "tiles/gdal_session.hpp"
-#include "tiles/tiff_layer.hpp"
+#include "tiles/plain_tiff.hpp"
 
 namespace wedgescope {
+namespace {
+
+/// Nothing if there is no such file, in a folder or where else GDAL looks: /vsizip/ ...
+std::optional<FileStamp> stamp_of(const std::string& file) {
+    struct stat plain {};
+    if (::stat(file.c_str(), &plain) == 0)
+        return FileStamp{file, static_cast<std::uint64_t>(plain.st_size), plain.st_mtim.tv_sec, plain.st_mtim.tv_nsec};
+    VSIStatBufL other{};
+    if (VSIStatExL(file.c_str(), &other, VSI_STAT_EXISTS_FLAG | VSI_STAT_SIZE_FLAG) != 0) return std::nullopt;
+    return FileStamp{file, static_cast<std::uint64_t>(other.st_size), other.st_mtim.tv_sec, other.st_mtim.tv_nsec};
+}
+
+}  // namespace
 
 std::vector<FileStamp> file_stamps(const std::string& path) {
     std::vector<std::string> files;
-    if (reads_without_gdal(path)) {
-        files.push_back(path);
+    if (PlainTiff::of("raster", path)) {
+        files = PlainTiff::files(path);
     } else {
         GdalErrors quiet;
         const DatasetHandle dataset(GDALDataset::Open(path.c_str(), GDAL_OF_RASTER | GDAL_OF_READONLY));
@@ -28,17 +42,8 @@ std::vector<FileStamp> file_stamps(const std::string& path) {
         }
     }
     std::vector<FileStamp> found;
-    for (const std::string& file : files) {
-        struct stat plain {};
-        if (::stat(file.c_str(), &plain) == 0) {
-            found.push_back(
-                {file, static_cast<std::uint64_t>(plain.st_size), plain.st_mtim.tv_sec, plain.st_mtim.tv_nsec});
-            continue;
-        }
-        VSIStatBufL facts{};
-        if (VSIStatExL(file.c_str(), &facts, VSI_STAT_EXISTS_FLAG | VSI_STAT_SIZE_FLAG) != 0) continue;
-        found.push_back({file, static_cast<std::uint64_t>(facts.st_size), facts.st_mtim.tv_sec, facts.st_mtim.tv_nsec});
-    }
+    for (const std::string& file : files)
+        if (const auto stamp = stamp_of(file)) found.push_back(*stamp);
     return found;
 }
 
@@ -58,22 +63,18 @@ std::uint64_t stamps_checksum(std::vector<FileStamp> stamps) {
 std::uint64_t files_fingerprint(const std::vector<std::string>& files) {
     Checksum sum;
     for (const std::string& path : files) {
-        struct stat plain {};
-        VSIStatBufL other{};
-        if (::stat(path.c_str(), &plain) == 0) {
-            // The same file from any folder.
-            std::error_code error;
-            sum.add(std::filesystem::absolute(path, error).lexically_normal().string());
-            sum.add(static_cast<std::uint64_t>(plain.st_size));
-            sum.add(static_cast<std::uint64_t>(plain.st_mtim.tv_sec));
-            sum.add(static_cast<std::uint64_t>(plain.st_mtim.tv_nsec));
-        } else if (VSIStatExL(path.c_str(), &other, VSI_STAT_EXISTS_FLAG | VSI_STAT_SIZE_FLAG) == 0) {  // /vsizip/ ...
-            sum.add(path);
-            sum.add(static_cast<std::uint64_t>(other.st_size));
-            sum.add(static_cast<std::uint64_t>(other.st_mtime));
-        } else {
+        const auto stamp = stamp_of(path);
+        if (!stamp) {
             sum.add(path + " is gone");
+            continue;
         }
+        // The same file from any folder.
+        std::error_code error;
+        const bool elsewhere = path.starts_with("/vsi");
+        sum.add(elsewhere ? path : std::filesystem::absolute(path, error).lexically_normal().string());
+        sum.add(stamp->bytes);
+        sum.add(static_cast<std::uint64_t>(stamp->changed_s));
+        sum.add(static_cast<std::uint64_t>(stamp->changed_ns));
     }
     return sum.value();
 }

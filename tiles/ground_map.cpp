@@ -49,8 +49,7 @@ std::uint64_t sum_of(const Header& h) { return checksum(&h, header_bytes - sizeo
 
 std::uint64_t stamp(const std::string& path) { return path.empty() ? 0 : stamps_checksum(file_stamps(path)); }
 
-std::unique_ptr<RasterLayer> open_terrain(const DataBaseParams& rasters) {
-    auto cache = std::make_shared<TileCache>(rasters.cache_bytes / 2);
+std::unique_ptr<RasterLayer> open_terrain(const DataBaseParams& rasters, const std::shared_ptr<TileCache>& cache) {
     if (is_tile_store(rasters.dem)) return TileStore(rasters.dem, cache).layer(StoreLayerKind::dem);
     return open_raster("dem", rasters.dem, cache);
 }
@@ -59,12 +58,11 @@ std::unique_ptr<RasterLayer> open_terrain(const DataBaseParams& rasters) {
 class Survey {
 public:
     Survey(const DataBaseParams& rasters, const GroundMap::MakeParams& params)
-        : params_(params), terrain_(open_terrain(rasters)), facts_(terrain_->facts()) {
+        : params_(params), tiles_(std::make_shared<TileCache>(rasters.cache_bytes / 2)),
+          terrain_(open_terrain(rasters, tiles_)), facts_(terrain_->facts()) {
         if (!rasters.culture_height.empty())
             height_ = std::make_unique<RegisteredLayer>(
-                open_raster("culture-height", rasters.culture_height,
-                            std::make_shared<TileCache>(rasters.cache_bytes / 4)),
-                facts_);
+                open_raster("culture-height", rasters.culture_height, tiles_), facts_);
     }
 
     const RasterFacts& facts() const { return facts_; }
@@ -196,6 +194,7 @@ private:
     static std::int64_t up(std::int64_t post) { return (post + block_page_posts - 1) / block_page_posts; }
 
     const GroundMap::MakeParams& params_;
+    std::shared_ptr<TileCache> tiles_;
     std::unique_ptr<RasterLayer> terrain_;
     std::unique_ptr<RegisteredLayer> height_;
     const RasterFacts facts_;

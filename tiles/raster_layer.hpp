@@ -1,5 +1,5 @@
 // RasterLayer: values of one raster layer, wherever they are kept, as heights in metres or as codes.
-// For the .cpp files of this folder only. Leaves where the values come from to raster_file.hpp and store_layer.hpp.
+// For the .cpp files of this folder only. Leaves where the values come from to raster_file.hpp, tiff_layer.hpp and store_layer.hpp.
 #pragma once
 #include <gdal.h>
 
@@ -87,6 +87,8 @@ public:
     /// Held between reads, at the most: files that wait open.
     virtual std::size_t idle_bytes() const { return 0; }
 
+    /// Rows that are decoded for one that is asked for.
+    virtual std::int64_t rows_decoded_together() const { return facts_.block_rows; }
     /// Are its tiles kept in a TileCache of its source's? Else in GDAL's cache.
     virtual bool fills_tile_cache() const { return false; }
 

@@ -21,8 +21,10 @@ struct Cut {
     std::string compression;
     double decoded = 1;
 };
-Cut cut_of(const RasterFacts& f) {
+Cut cut_of(const RasterLayer& raster) {
+    const RasterFacts& f = raster.facts();
     Cut cut{f.block_columns, f.block_rows, f.compression, 1};
+    std::int64_t rows_together = raster.rows_decoded_together();
     if (f.driver == "VRT") {
         // The first raster it is made of tells more than the blocks it shows.
         GdalErrors quiet;
@@ -34,7 +36,7 @@ Cut cut_of(const RasterFacts& f) {
             int columns = 0, rows = 0;
             part->GetRasterBand(1)->GetBlockSize(&columns, &rows);
             cut.columns = columns;
-            cut.rows = rows;
+            cut.rows = rows_together = rows;
             if (const char* c = part->GetMetadataItem("COMPRESSION", "IMAGE_STRUCTURE")) cut.compression = c;
             break;
         }
@@ -45,7 +47,7 @@ Cut cut_of(const RasterFacts& f) {
         const auto n = static_cast<double>(std::min<std::int64_t>(1024, posts)), b = static_cast<double>(block);
         return std::min((1 + (n - 1) / b) * b, static_cast<double>(posts)) / n;
     };
-    cut.decoded = ratio(cut.columns, f.columns) * ratio(cut.rows, f.rows);
+    cut.decoded = ratio(cut.columns, f.columns) * ratio(rows_together, f.rows);
     return cut;
 }
 
@@ -66,7 +68,7 @@ SourceChoice choose_by_shape(const DataBaseParams& params, SourceKind asked, std
         any_tiles |= raster->fills_tile_cache();
         const ReaderBytes own = raster->reader_bytes();
         reader = {std::max(reader.decoded, own.decoded), reader.packed + own.packed};
-        const Cut cut = cut_of(f);
+        const Cut cut = cut_of(*raster);
         if (worst.columns == 0 || cut.decoded > worst.decoded) worst = cut;
     };
     if (!store) look("dem", params.dem);

@@ -5,7 +5,8 @@
 //
 // Memory: a direct source holds GDAL's own block cache, whose size the session sets, and for each reading thread and layer
 // one GDAL handle: the block that it decodes, which the cache keeps even where it is larger than all of the cache, and
-// that block as the file holds it (reader_bytes). Chunks belong to whoever asked for them. While it reads, load() takes
+// that block as the file holds it (reader_bytes). Where layers are read without GDAL (stores, plain tiled GeoTIFFs) three
+// quarters of the cache are theirs. Chunks belong to whoever asked for them. While it reads, load() takes
 // up to 16 MiB beside its chunk.
 // A spilled source holds at most a quarter of the memory in blocks, an eighth in its index and a sixteenth in its block
 // map (without which it does when that would be larger); during the pass another quarter for the windows in flight, GDAL's
@@ -35,10 +36,10 @@ struct DataBaseParams {
     std::optional<Legend> legend;  ///< needed with culture
     Materials materials;           ///< that the legend of a store names
     ClassId default_class = 4;     ///< no culture, or its no-data
-    std::size_t cache_bytes = 0;   ///< what the session grants GDAL's block cache
+    std::size_t cache_bytes = 0;   ///< what the session grants for decoded blocks, GDAL's and our own
     /// What is known of the ground of plain rasters; null: nothing. A tile store has its own.
     std::shared_ptr<const GroundMap> ground;
-    /// Posts will be asked for once each, strip by strip outward from one point (coverage): a store's tiles beyond a few
+    /// Posts will be asked for once each, strip by strip outward from one point (coverage): decoded tiles beyond a few
     /// strips would only fill pages with what nobody asks for again.
     bool by_strips = false;
     bool expects_ground = false;  ///< one will be given when posts are read: to be counted among what is held

@@ -301,6 +301,7 @@ private:
         }
         if (height_) height_->forget();
         store_.reset();
+        tiles_->limit(0);
         data_base_.block_columns = data_base_.block_rows = terrain.edge;
         if (culture_) data_base_.culture_tile_columns = data_base_.culture_tile_rows = culture.edge;
         if (options.timeline) options.timeline->memory(cache_bytes());
@@ -451,6 +452,7 @@ private:
             map_ = std::move(of_store);
         }
         store_.reset();
+        tiles_->limit(0);
         data_base_.block_columns = data_base_.block_rows = terrain_->facts().block_rows;
         if (culture_) data_base_.culture_tile_columns = data_base_.culture_tile_rows = culture_->facts().block_rows;
     }

@@ -125,7 +125,7 @@ bool SheetReader::decoded_here(int level, std::int64_t column, std::int64_t row,
 }
 
 StoreLayer::StoreLayer(std::string folder, const StoreLayerEntry& entry, std::shared_ptr<TileCache> cache)
-    : folder_(std::move(folder)), entry_(entry), cache_(std::move(cache)) {
+    : folder_(std::move(folder)), entry_(entry), cache_(std::move(cache)), cached_as_(cache_->new_layer()) {
     facts_ = entry_.facts;
     for (const StoreSheet& sheet : entry_.sheets) sheets_[{sheet.column, sheet.row}] = &sheet;
     prepare();
@@ -153,9 +153,7 @@ TileCache::Tile StoreLayer::tile(int level, std::int64_t column, std::int64_t ro
     const std::int64_t edge = facts_.block_columns, a_sheet = (sheet_posts >> level) / edge;
     const std::int64_t columns = SheetSums::side(facts_.columns, level), rows = SheetSums::side(facts_.rows, level);
     const std::int64_t across = (columns + edge - 1) / edge;
-    constexpr int kinds = 3;
-    const TileCache::Key key{static_cast<int>(entry_.kind) + kinds * level,
-                             static_cast<std::uint64_t>(row * across + column)};
+    const TileCache::Key key{cached_as_ + level, static_cast<std::uint64_t>(row * across + column)};
     if (auto found = cache_->find(key)) return found;
     const auto place = sheets_.find({column / a_sheet, row / a_sheet});
     RawVector<std::byte> values;

@@ -93,6 +93,7 @@ private:
     StoreLayerEntry entry_;
     std::map<std::pair<std::int64_t, std::int64_t>, const StoreSheet*> sheets_;
     std::shared_ptr<TileCache> cache_;
+    int cached_as_;
     std::mutex mutex_;
     std::list<std::pair<const StoreSheet*, std::unique_ptr<SheetReader>>> idle_;  ///< the last used in front
 };

@@ -34,12 +34,13 @@ inline int note_trouble(TIFF*, void* trouble, const char*, const char* format, s
     return 1;  // and nobody else hears it
 }
 
-/// `errors` hears, with `listener`, what goes wrong; nobody what is odd. Null if there is no memory.
-inline TiffOptions tiff_options(TIFFErrorHandlerExtR errors = say_nothing, void* listener = nullptr) {
+/// `errors` hears, with `listener`, what goes wrong, `warnings` what is odd. Null if there is no memory.
+inline TiffOptions tiff_options(TIFFErrorHandlerExtR errors = say_nothing, void* listener = nullptr,
+                                TIFFErrorHandlerExtR warnings = say_nothing) {
     TiffOptions options(TIFFOpenOptionsAlloc());
     if (!options) return options;
     TIFFOpenOptionsSetErrorHandlerExtR(options.get(), errors, listener);
-    TIFFOpenOptionsSetWarningHandlerExtR(options.get(), say_nothing, nullptr);
+    TIFFOpenOptionsSetWarningHandlerExtR(options.get(), warnings, listener);
     return options;
 }
 
@@ -49,8 +50,9 @@ struct CloseTiff {
 using TiffReader = std::unique_ptr<TIFF, CloseTiff>;
 
 /// Opened without mapping the file into memory; where its tiles lie is read when it is asked for. Null if it is no TIFF.
-inline TiffReader read_tiff(const std::string& path, TIFFErrorHandlerExtR errors = say_nothing, void* listener = nullptr) {
-    const TiffOptions options = tiff_options(errors, listener);
+inline TiffReader read_tiff(const std::string& path, TIFFErrorHandlerExtR errors = say_nothing,
+                            TIFFErrorHandlerExtR warnings = say_nothing, void* listener = nullptr) {
+    const TiffOptions options = tiff_options(errors, listener, warnings);
     return TiffReader(options ? TIFFOpenExt(path.c_str(), "rmD", options.get()) : nullptr);
 }
 

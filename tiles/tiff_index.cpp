@@ -14,7 +14,9 @@ T field(TIFF* file, std::uint32_t tag) {
     return value;
 }
 
-std::optional<TiffIndex::Level> level_of(TIFF* file) {
+}  // namespace
+
+std::optional<TiffIndex::Level> TiffIndex::level_of(TIFF* file) {
     if (!TIFFIsTiled(file)) return std::nullopt;
     TiffIndex::Level level;
     level.columns = field<std::uint32_t>(file, TIFFTAG_IMAGEWIDTH);
@@ -36,24 +38,20 @@ std::optional<TiffIndex::Level> level_of(TIFF* file) {
     return level;
 }
 
-}  // namespace
-
-std::optional<TiffIndex> TiffIndex::of(TIFF* file) {
+std::optional<TiffIndex> TiffIndex::of(const std::string& path) {
+    // Who asks falls back on GDAL, which says it again.
+    const TiffReader opened = read_tiff(path);
+    TIFF* const file = opened.get();
+    if (!file) return std::nullopt;
     TiffIndex index;
     do {
         const auto kind = field<std::uint32_t>(file, TIFFTAG_SUBFILETYPE);
-        index.has_mask |= (kind & FILETYPE_MASK) != 0;
-        if (!index.levels.empty() && kind != FILETYPE_REDUCEDIMAGE) continue;  // a mask, another page
+        if (!index.levels.empty() && kind != FILETYPE_REDUCEDIMAGE) continue;  // a mask
         auto level = level_of(file);
         if (!level) return std::nullopt;
         index.levels.push_back(std::move(*level));
     } while (TIFFReadDirectory(file));
     return index;
-}
-
-std::optional<TiffIndex> TiffIndex::of(const std::string& path) {
-    const TiffReader file = read_tiff(path);
-    return file ? of(file.get()) : std::nullopt;
 }
 
 }  // namespace wedgescope

@@ -20,12 +20,11 @@ struct TiffIndex {
         std::vector<std::uint64_t> offsets, byte_counts;  ///< of tiles, row after row
     };
     std::vector<Level> levels;  ///< the raster, then its overviews as the file holds them
-    bool has_mask = false;      ///< of the raster
 
     /// Nothing if the file is no TIFF of tiles that libtiff can read.
     static std::optional<TiffIndex> of(const std::string& path);
-    /// Of one that is open at its first directory; leaves it at another.
-    static std::optional<TiffIndex> of(tiff* file);
+    /// The tiles of the directory at which a file is open; nothing if it has none.
+    static std::optional<Level> level_of(tiff* file);
 };
 
 }  // namespace wedgescope

@@ -1,6 +1,6 @@
 // TiffLayer: a plain tiled GeoTIFF as a layer, read without GDAL, which takes longer to be loaded than such a run takes
-// over the posts. For the .cpp files of this folder only. Leaves every file of which GDAL may know more than its first
-// directory says to raster_file.hpp.
+// over the posts. For the .cpp files of this folder only. Leaves what the file says to plain_tiff.hpp, and every other file to
+// raster_file.hpp.
 //
 // Memory: where each tile lies (idle_bytes). Of packed tiles a TileCache that others may share, and for each thread that reads one
 // tile and what unpacks it (reader_bytes). Of tiles as they are only rows that are asked for, a few at a time: the system's own
@@ -16,8 +16,8 @@
 #include <vector>
 
 #include "tiles/plain_file.hpp"
+#include "tiles/plain_tiff.hpp"
 #include "tiles/raster_layer.hpp"
-#include "tiles/tiff_index.hpp"
 #include "tiles/tile_cache.hpp"
 #include "tiles/tile_decoder.hpp"
 
@@ -25,26 +25,23 @@ namespace wedgescope {
 
 class TiffLayer final : public RasterLayer {
 public:
-    /// Null if `path` is anything but a TIFF that is read here as GDAL reads it: one band of usual numbers in tiles, packed as
-    /// libtiff unpacks it; its corner and cells by one tie point and a scale; in WGS84, as degrees or UTM, by EPSG's code; without
-    /// mask, scale, offset or unit; no file beside it that would tell GDAL more, and no configuration of GDAL's.
-    /// Packed tiles go through `cache`, which must have room for some; null: none is kept.
+    /// Null if `path` is no PlainTiff. Packed tiles go through `cache`; null too if that has no room for some. Without a cache none is
+    /// kept.
     static std::unique_ptr<TiffLayer> of(const std::string& role, const std::string& path,
                                          std::shared_ptr<TileCache> cache = nullptr);
 
     ~TiffLayer() override;
     void read_values(const Window& window, void* out, GDALDataType type, std::int64_t line_bytes) override;
     ReaderBytes reader_bytes() const override;
-    std::size_t idle_bytes() const override { return index_bytes(); }
+    std::size_t idle_bytes() const override { return (decoder_ ? 2 : 1) * index_bytes(); }
+    std::int64_t rows_decoded_together() const override { return file_ ? 1 : facts_.block_rows; }
     bool fills_tile_cache() const override { return !file_; }
     /// As RasterFile's.
     std::uint64_t fingerprint(const std::vector<Window>& cells) override;
 
 private:
-    struct Contents;
     struct Reader;
-    static std::optional<Contents> contents(const std::string& role, const std::string& path);
-    TiffLayer(Contents contents, std::shared_ptr<TileCache> cache);
+    TiffLayer(PlainTiff plain, std::shared_ptr<TileCache> cache);
 
     std::size_t index_bytes() const { return 2 * sizeof(std::uint64_t) * index_.offsets.size(); }
     bool is_blank(std::int64_t column, std::int64_t row) const { return index_.byte_counts[tile_number(column, row)] == 0; }
@@ -72,8 +69,6 @@ private:
     std::vector<std::unique_ptr<Reader>> free_;
 };
 
-/// Does open_raster() read it so? Then it is made of this file alone.
-bool reads_without_gdal(const std::string& path);
 /// A raster, opened and checked: without GDAL where that will do. IoError, DataError.
 std::unique_ptr<RasterLayer> open_raster(const std::string& role, const std::string& path,
                                          std::shared_ptr<TileCache> cache = nullptr);

@@ -15,8 +15,8 @@ TileCache::Tile TileCache::find(const Key& key) {
 void TileCache::add(const Key& key, Tile tile) {
     std::list<Entry> gone;  // freed behind the lock
     const std::lock_guard lock(mutex_);
-    if (tile->size() > most_ || places_.contains(key)) return;
-    held_ += tile->size();
+    if (bytes_of(tile) > most_ || places_.contains(key)) return;
+    held_ += bytes_of(tile);
     recent_.emplace_front(key, std::move(tile));
     places_[key] = recent_.begin();
     drop(gone);
@@ -31,7 +31,7 @@ void TileCache::limit(std::size_t most_bytes) {
 
 void TileCache::drop(std::list<Entry>& gone) {
     while (held_ > most_) {
-        held_ -= recent_.back().second->size();
+        held_ -= bytes_of(recent_.back().second);
         places_.erase(recent_.back().first);
         gone.splice(gone.begin(), recent_, std::prev(recent_.end()));
     }

@@ -26,8 +26,9 @@ public:
     explicit TileCache(std::size_t most_bytes) : most_(most_bytes) {}
     Tile find(const Key& key);
     void add(const Key& key, Tile tile);
-    /// A layer number that nobody else has: a store's layers count theirs from 0 on.
-    int new_layer() { return --last_layer_; }
+    /// The first half of its keys, of a layer that comes new: one for each level of detail.
+    int new_layer() { return most_levels * next_layer_++; }
+    static constexpr int most_levels = 32;
     /// From now on at most so much.
     void limit(std::size_t most_bytes);
     std::size_t most_bytes() {
@@ -46,10 +47,14 @@ private:
 
     std::mutex mutex_;
     std::size_t most_;
+    /// What an entry takes beside its tile, about.
+    static constexpr std::size_t entry_bytes = 256;
+    static std::size_t bytes_of(const Tile& tile) { return tile->size() + entry_bytes; }
+
     std::list<Entry> recent_;  ///< the last used in front
     std::map<Key, std::list<Entry>::iterator> places_;
     std::size_t held_ = 0;
-    std::atomic<int> last_layer_{0};
+    std::atomic<int> next_layer_{0};
 };
 
 }  // namespace wedgescope

@@ -1,6 +1,7 @@
 // TileDecoder: values of a sheet's tiles, decoded here where they are packed as the store packs them by default (ZSTD or
 // nothing; no predictor, horizontal or floating point): libtiff takes two to three times as long. Offers what it found:
-// whether that is what was stored only the checksum tells, so a layout that it takes wrongly costs time, never a bit.
+// of a store whether that is what was stored only the checksum tells, so a layout that it takes wrongly costs time, never a bit;
+// of other files who opened them must know their layout (plain_tiff.hpp).
 // For the .cpp files of this folder only. Leaves every other layout, and naming damage, to GDAL (store_layer.hpp).
 //
 // Memory: for each reading thread one tile as the file holds it, and 160 KB of the decoder's.
