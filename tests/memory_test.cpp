@@ -234,7 +234,8 @@ TEST_CASE("rasters of large blocks keep to --memory too", "[memory]") {
     check(64, simulate(tiles, "direct"), log);
     check(64, simulate(tiles, "auto"), log);
     check(64, {"info", tiles}, log);
-    check(64, {"tile", tiles, store, "--tile-size", "512", "--overwrite", "-q", "--threads", "2"}, log);
+    check(64, {"tile", tiles, store, "--tile-size", "512", "--co", "COMPRESS=ZSTD", "--overwrite", "-q", "--threads", "2"},
+          log);
     check(64, coverage(store), log);
     check(64, {"info", "--verify", store, "-q"}, log);
 
@@ -293,7 +294,9 @@ TEST_CASE("a kept spill, a mosaic and interleaved bands keep to --memory too", "
 
     // Its store, sorted round the sensor.
     const std::string store = folder / "store";
-    check(64, {"tile", folder / "mosaic.vrt", store, "--around", "40.322,-117.756", "-q", "--threads", "2"}, log);
+    check(64, {"tile", folder / "mosaic.vrt", store, "--around", "40.322,-117.756", "--co", "COMPRESS=ZSTD", "-q", "--threads",
+               "2"},
+          log);
     check(64, simulate(store), log);
     CHECK_THAT(text_of(report), Catch::Contains("wedges.spill"));
     CHECK(number_in(report, "spill_read_bytes") > 8 * mebibyte);
@@ -308,7 +311,7 @@ TEST_CASE("a kept spill, a mosaic and interleaved bands keep to --memory too", "
     check(64, simulate(bands), log);
     check(64, joined(simulate(bands), {"--source", "direct"}), log);
     check(64, {"info", bands}, log);
-    check(64, {"tile", bands, store, "--overwrite", "-q", "--threads", "2"}, log);
+    check(64, {"tile", bands, store, "--co", "COMPRESS=ZSTD", "--overwrite", "-q", "--threads", "2"}, log);
 }
 
 TEST_CASE("the budget that a refusal names will do", "[memory]") {

@@ -47,6 +47,7 @@ TileStoreParams into(const std::string& output, const std::vector<std::string>& 
     params.memory_bytes = std::size_t{256} << 20;
     params.cache_bytes = std::size_t{16} << 20;
     params.threads = 2;
+    params.most_as_it_is = 0;  // packed, as large ones are
     params.software = "test";
     return params;
 }
@@ -1181,6 +1182,41 @@ TEST_CASE("a disk that is full is an error with the sheet's name, and what was w
     const Outcome damaged = run_program({"info", "--verify", folder / "store"}, folder / "log");
     CHECK(damaged.code == 1);
     CHECK_THAT(damaged.err, Contains("c0_r0.sum") && Contains("1 damage was found"));
+}
+
+TEST_CASE("layers are kept as they are up to a size, and packed beyond it or where that is asked for", "[store]") {
+    const Folder folder;
+    draw(folder / "dem.tif", hills(600, 400));
+    auto params = into(folder / "store", {folder / "dem.tif"});
+    CHECK(TileStoreParams{}.most_as_it_is == std::int64_t{1} << 31);
+    struct Case {
+        std::int64_t most;
+        std::vector<std::string> creation;
+        std::string compression, predictor;
+    };
+    const std::int64_t bytes = 600 * 400 * 2;
+    for (const Case& c : {Case{bytes, {}, "", ""},
+                          Case{bytes - 1, {}, "ZSTD", "2"},
+                          Case{bytes, {"COMPRESS=ZSTD"}, "ZSTD", "2"},
+                          Case{bytes, {"PREDICTOR=1"}, "ZSTD", ""},
+                          Case{bytes, {"ZSTD_LEVEL=3"}, "ZSTD", "2"},
+                          Case{bytes - 1, {"COMPRESS=NONE"}, "", ""},
+                          Case{bytes, {"COMPRESS=DEFLATE", "PREDICTOR=1"}, "DEFLATE", ""}}) {
+        CAPTURE(c.most, c.creation);
+        params.most_as_it_is = c.most;
+        params.creation = c.creation;
+        params.overwrite = true;
+        write_tile_store(params);
+        GDALDataset* sheet = GDALDataset::Open((folder / "store/dem/c0_r0.tif").c_str());
+        REQUIRE(sheet);
+        const auto item = [&](const char* name) {
+            const char* words = sheet->GetMetadataItem(name, "IMAGE_STRUCTURE");
+            return std::string(words ? words : "");
+        };
+        CHECK(item("COMPRESSION") == c.compression);
+        CHECK(item("PREDICTOR") == c.predictor);
+        GDALClose(sheet);
+    }
 }
 
 TEST_CASE("codes that the legend does not know are counted", "[store]") {

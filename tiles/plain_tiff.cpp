@@ -11,6 +11,7 @@
 #include <cstring>
 #include <filesystem>
 #include <limits>
+#include <span>
 #include <string_view>
 #include <utility>
 
@@ -121,10 +122,10 @@ std::string lower(std::string name) {
     return name;
 }
 
-/// Are there none of the files from which GDAL would read more: what it or others keep beside a raster, a mask? It looks for them
-/// in small or large letters, in folders that are not too large to be listed.
+/// Are there none of the files from which GDAL would read more: what it or others keep beside a raster, a mask? It lists the folder
+/// and takes any letters for small; where that is too large, it asks for names in small and in large ones.
 bool is_alone(const std::string& path) {
-    constexpr const char* beside[] = {".aux.xml", ".aux", ".msk"};
+    constexpr const char *beside[] = {".aux.xml", ".aux", ".msk"}, *large[] = {".AUX.XML", ".AUX", ".MSK"};
     std::error_code error;
     const std::filesystem::path file(path);
     if (!std::filesystem::is_regular_file(file, error)) return false;
@@ -139,8 +140,11 @@ bool is_alone(const std::string& path) {
         for (const char* more : beside)
             if (other == name + more || other == stem + more) return false;
     }
-    for (const char* more : beside)
-        if (::access((path + more).c_str(), F_OK) == 0) return false;
+    const std::string whole_stem = std::filesystem::path(file).replace_extension().string();
+    for (const std::string& base : {path, whole_stem})
+        for (const auto& words : {std::span(beside), std::span(large)})
+            for (const char* more : words)
+                if (::access((base + more).c_str(), F_OK) == 0) return false;
     return true;
 }
 
@@ -330,6 +334,10 @@ std::optional<PlainTiff> PlainTiff::of(const std::string& role, const std::strin
     facts.rows = tiles->rows;
     facts.block_columns = wide;
     facts.block_rows = high;
+    for (std::size_t i = 0; i < tiles->offsets.size(); ++i) {
+        constexpr auto end = static_cast<std::uint64_t>(std::numeric_limits<std::int64_t>::max());
+        if (tiles->offsets[i] > end || tiles->byte_counts[i] > end - tiles->offsets[i]) return std::nullopt;
+    }
     const int predictor = tiles->predictor;
     if (predictor != PREDICTOR_NONE && predictor != PREDICTOR_HORIZONTAL &&
         !(predictor == PREDICTOR_FLOATINGPOINT && facts.type == GDT_Float32))

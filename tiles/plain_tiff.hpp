@@ -20,7 +20,7 @@ struct PlainTiff {
     /// mask, scale, offset or unit; no file beside it that would tell GDAL more, no configuration of GDAL's, and nothing that
     /// libtiff complains of.
     static std::optional<PlainTiff> of(const std::string& role, const std::string& path);
-    /// That such a raster is made of, as GDAL lists them: itself, and overviews if they lie beside it.
+    /// What such a raster is made of: itself, and overviews if they lie beside it.
     static std::vector<std::string> files(const std::string& path);
 };
 

@@ -261,7 +261,8 @@ void RasterSource::limit_tiles() {
         const RasterFacts& f = layer.facts();
         const double wide = std::max(static_cast<double>(f.block_columns), strip * columns_a_post),
                      high = std::max(static_cast<double>(f.block_rows), strip * rows_a_post);
-        bytes += sides * spare * static_cast<double>(f.type_bytes) *
+        const double tile = static_cast<double>(f.block_columns * f.block_rows * f.type_bytes);
+        bytes += sides * spare * static_cast<double>(f.type_bytes) * (1 + TileCache::entry_bytes / tile) *
                  (static_cast<double>(f.columns) * high + static_cast<double>(f.rows) * wide);
     };
     add(*terrain_, 1, 1);

@@ -248,7 +248,7 @@ void StoreWriter::choose_creation(Layer& layer) const {
         given[key] = equals == std::string::npos ? "" : option.substr(equals + 1);
     }
     const RasterFacts& facts = layer.entry.facts;
-    const bool small = facts.columns * facts.rows <= TileStoreParams::most_as_it_is / facts.type_bytes;
+    const bool small = facts.columns * facts.rows <= params_.most_as_it_is / facts.type_bytes;
     if (!given.contains("COMPRESS"))
         given["COMPRESS"] = small && !given.contains("ZSTD_LEVEL") && !given.contains("PREDICTOR") ? "NONE" : "ZSTD";
     const std::string& compress = given["COMPRESS"];

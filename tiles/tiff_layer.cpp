@@ -1,6 +1,8 @@
 #include "tiles/tiff_layer.hpp"
 
 #include <algorithm>
+#include <filesystem>
+#include <system_error>
 #include <utility>
 
 #include "lib/error.hpp"
@@ -50,11 +52,11 @@ std::size_t TiffLayer::tile_bytes() const {
 
 ReaderBytes TiffLayer::reader_bytes() const {
     if (file_) return {rows_at_a_time() * row_bytes(), 0};
-    // As the file holds it: what does not shrink may grow a little. Beside it ZSTD has its window; libtiff a codec, and where all
-    // tiles lie.
+    // As the file holds it: what does not shrink may grow a little. Beside it ZSTD has its window; libtiff, which may be asked too, a
+    // codec, and where all tiles lie.
     const std::size_t tile = tile_bytes(), packed = tile + tile / 64;
     constexpr std::size_t context = std::size_t{1} << 14, codec = std::size_t{1} << 16;
-    if (decoder_) return {tile, packed + (facts_.compression.empty() ? 0 : tile + context)};
+    if (decoder_) return {tile, packed + (facts_.compression.empty() ? 0 : tile + context) + 2 * index_bytes()};
     return {tile, packed + codec + 2 * index_bytes()};
 }
 
@@ -70,11 +72,16 @@ struct TiffLayer::Reader {
 TiffLayer::~TiffLayer() = default;
 
 std::unique_ptr<TiffLayer::Reader> TiffLayer::lend() {
-    const std::lock_guard lock(mutex_);
-    if (free_.empty()) return std::make_unique<Reader>(facts_.path);
-    auto reader = std::move(free_.back());
-    free_.pop_back();
-    return reader;
+    {
+        const std::lock_guard lock(mutex_);
+        if (!free_.empty()) {
+            auto reader = std::move(free_.back());
+            free_.pop_back();
+            reader->trouble = {};  // of another tile
+            return reader;
+        }
+    }
+    return std::make_unique<Reader>(facts_.path);
 }
 
 /// By the decoder; where it cannot, by libtiff, which also says what is wrong. Rows below the raster are as they come: some programs
@@ -84,10 +91,7 @@ void TiffLayer::unpack(std::int64_t column, std::int64_t row, RawVector<std::byt
         if (decoder_ && decoder_->decode(0, column, row, values, [] { return true; })) return;
     } catch (const IoError&) {  // libtiff says it again
     }
-    const std::size_t number = tile_number(column, row);
-    if (index_.offsets[number] + index_.byte_counts[number] > file_bytes(facts_.path)) fail(column, row, ends_early);
     auto reader = lend();
-    reader->trouble = {};
     const auto x = static_cast<std::uint32_t>(column * facts_.block_columns),
                y = static_cast<std::uint32_t>(row * facts_.block_rows);
     TIFF* const file = reader->file.get();
@@ -95,6 +99,10 @@ void TiffLayer::unpack(std::int64_t column, std::int64_t row, RawVector<std::byt
     const auto bytes = static_cast<tmsize_t>(static_cast<std::size_t>(rows) * row_bytes());
     if (!file || TIFFTileSize(file) != static_cast<tmsize_t>(values.size()) ||
         TIFFReadEncodedTile(file, TIFFComputeTile(file, x, y, 0, 0), values.data(), bytes) != bytes) {
+        const std::size_t number = tile_number(column, row);
+        std::error_code error;
+        const std::uintmax_t end = std::filesystem::file_size(facts_.path, error);
+        if (!error && index_.offsets[number] + index_.byte_counts[number] > end) fail(column, row, ends_early);
         const char* const words = reader->trouble.words;
         fail(column, row, words[0] ? words : "the file was changed while it was read");
     }
@@ -153,8 +161,11 @@ void TiffLayer::read_values(const Window& window, void* out, GDALDataType type, 
                 some.resize(static_cast<std::size_t>(part.size()) * row_bytes());
                 const std::uint64_t at =
                     index_.offsets[tile_number(tc, tr)] + static_cast<std::uint64_t>(r - tr * high) * row_bytes();
-                if (at + some.size() > file_->bytes()) fail(tc, tr, ends_early);
-                file_->read(at, some.data(), some.size());
+                try {
+                    file_->read(at, some.data(), some.size());
+                } catch (const IoError& e) {
+                    fail(tc, tr, at + some.size() > file_->bytes() ? ends_early : e.what());
+                }
                 for (; r < part.end; ++r) take(some.data() + static_cast<std::size_t>(r - part.begin) * row_bytes(), r);
             }
         }

@@ -3,7 +3,7 @@
 // raster_file.hpp.
 //
 // Memory: where each tile lies (idle_bytes). Of packed tiles a TileCache that others may share, and for each thread that reads one
-// tile and what unpacks it (reader_bytes). Of tiles as they are only rows that are asked for, a few at a time: the system's own
+// tile and what unpacks it (reader_bytes). Of whole tiles as they are only rows that are asked for, a few at a time: the system's own
 // cache has them already, and to fill another takes longer than to read them again.
 #pragma once
 #include <algorithm>

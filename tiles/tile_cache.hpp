@@ -26,9 +26,10 @@ public:
     explicit TileCache(std::size_t most_bytes) : most_(most_bytes) {}
     Tile find(const Key& key);
     void add(const Key& key, Tile tile);
-    /// The first half of its keys, of a layer that comes new: one for each level of detail.
-    int new_layer() { return most_levels * next_layer_++; }
-    static constexpr int most_levels = 32;
+    /// The first number of a new layer's keys for its level 0; level k, below 32, has the k-th behind it.
+    int new_layer() { return 32 * next_layer_++; }
+    /// What a tile takes beside its values, about.
+    static constexpr std::size_t entry_bytes = 256;
     /// From now on at most so much.
     void limit(std::size_t most_bytes);
     std::size_t most_bytes() {
@@ -47,8 +48,6 @@ private:
 
     std::mutex mutex_;
     std::size_t most_;
-    /// What an entry takes beside its tile, about.
-    static constexpr std::size_t entry_bytes = 256;
     static std::size_t bytes_of(const Tile& tile) { return tile->size() + entry_bytes; }
 
     std::list<Entry> recent_;  ///< the last used in front

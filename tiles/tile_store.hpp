@@ -61,10 +61,6 @@ private:
 };
 
 struct TileStoreParams {
-    /// Bytes of a layer's posts that are kept as they are where `creation` says nothing: what the system's cache holds is read
-    /// sooner unpacked. Larger layers are packed by ZSTD, level 1, with a predictor.
-    static constexpr std::int64_t most_as_it_is = std::int64_t{1} << 31;
-
     std::vector<std::string> dems;          ///< where several hold a post, the first with a value there wins
     std::string culture, culture_height;    ///< empty: none
     std::string legend_name, legend_csv;    ///< kept in the store; csv empty for a built-in one
@@ -75,6 +71,9 @@ struct TileStoreParams {
     std::string output;                     ///< the folder
     std::int64_t tile_posts = 256;          ///< a power of two from 64 to 2048
     std::vector<std::string> creation;      ///< GeoTIFF creation options K=V
+    /// Bytes of a layer's posts that are kept as they are where `creation` says nothing: what the system's cache holds is read
+    /// sooner unpacked. Larger layers are packed by ZSTD, level 1, with a predictor.
+    std::int64_t most_as_it_is = std::int64_t{1} << 31;
     std::size_t memory_bytes = std::size_t{1} << 30;
     std::size_t cache_bytes = 0;  ///< of these, what the session grants GDAL's block cache
     int threads = 1;
