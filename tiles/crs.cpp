@@ -19,7 +19,7 @@ namespace {
 
 constexpr const char* one_line[] = {"MULTILINE=NO", nullptr};
 constexpr const char* with_axes[] = {"MULTILINE=NO", "OUTPUT_AXIS=YES", nullptr};
-constexpr int degree = 9102, wgs84_code = 4326;
+constexpr int degree = 9102;
 
 bool is_wkt2(const std::string& definition) {
     const std::size_t bracket = definition.find('[');

@@ -8,8 +8,11 @@
 namespace wedgescope {
 namespace {
 
-constexpr int wgs84_code = 4326;
 constexpr const char *degree = R"(ANGLEUNIT["degree",0.0174532925199433])", *metre = R"(LENGTHUNIT["metre",1])";
+
+std::string axis(const char* name, const char* direction, int order, const char* unit) {
+    return text("AXIS[\"", name, "\",", direction, ",ORDER[", order, "],", unit, "],");
+}
 
 /// The datum and what its angles are counted from.
 std::string wgs84_datum() {
@@ -22,15 +25,12 @@ constexpr const char* wgs84_of_old =
     R"(UNIT["degree",0.0174532925199433,AUTHORITY["EPSG","9122"]])";
 
 CrsFacts wgs84() {
-    const auto axis = [](const char* name, const char* direction, int order) {
-        return text("AXIS[\"", name, "\",", direction, ",ORDER[", order, "],", degree, "],");
-    };
     CrsFacts facts;
     facts.kind = CrsKind::geographic;
     facts.north_first = facts.wgs84 = true;
     facts.name = "WGS 84";
-    facts.wkt = "GEOGCRS[" + wgs84_datum() + ",CS[ellipsoidal,2]," + axis("geodetic latitude (Lat)", "north", 1) +
-                axis("geodetic longitude (Lon)", "east", 2) + text("ID[\"EPSG\",", wgs84_code, "]]");
+    facts.wkt = "GEOGCRS[" + wgs84_datum() + ",CS[ellipsoidal,2]," + axis("geodetic latitude (Lat)", "north", 1, degree) +
+                axis("geodetic longitude (Lon)", "east", 2, degree) + text("ID[\"EPSG\",", wgs84_code, "]]");
     facts.wkt_of_old = text(wgs84_of_old, R"(,AXIS["Latitude",NORTH],AXIS["Longitude",EAST],AUTHORITY["EPSG",")",
                             wgs84_code, "\"]]");
     return facts;
@@ -47,9 +47,6 @@ CrsFacts utm(int epsg, int zone, bool south) {
     const auto parameter = [](const char* name, const std::string& value, const std::string& unit, int code) {
         return text(",PARAMETER[\"", name, "\",", value, ',', unit, ",ID[\"EPSG\",", code, "]]");
     };
-    const auto axis = [](const char* name, const char* direction, int order) {
-        return text("AXIS[\"", name, "\",", direction, ",ORDER[", order, "],", metre, "],");
-    };
     CrsFacts facts;
     facts.kind = CrsKind::projected;
     facts.name = "WGS 84 / " + named;
@@ -59,7 +56,7 @@ CrsFacts utm(int epsg, int zone, bool south) {
                 parameter("Longitude of natural origin", meridian, degree, 8802) +
                 parameter("Scale factor at natural origin", "0.9996", R"(SCALEUNIT["unity",1])", 8805) +
                 parameter("False easting", "500000", metre, 8806) + parameter("False northing", northing, metre, 8807) +
-                "],CS[Cartesian,2]," + axis("(E)", "east", 1) + axis("(N)", "north", 2) +
+                "],CS[Cartesian,2]," + axis("(E)", "east", 1, metre) + axis("(N)", "north", 2, metre) +
                 text("ID[\"EPSG\",", epsg, "]]");
     facts.wkt_of_old = text(
         "PROJCS[\"", facts.name, "\",", wgs84_of_old, R"(,AUTHORITY["EPSG",")", wgs84_code,

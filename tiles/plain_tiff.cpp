@@ -15,6 +15,7 @@
 #include <string_view>
 #include <utility>
 
+#include "tiles/crs_by_rule.hpp"
 #include "tiles/gdal_session.hpp"
 #include "tiles/tiff_handle.hpp"
 
@@ -133,13 +134,14 @@ bool is_alone(const std::string& path) {
     constexpr int most_listed = 1000;
     int listed = 0;
     const std::filesystem::path folder = file.parent_path().empty() ? "." : file.parent_path();
-    for (std::filesystem::directory_iterator at(folder, error), end; !error && at != end && listed++ < most_listed;
-         at.increment(error)) {
+    std::filesystem::directory_iterator at(folder, error), end;
+    for (; !error && at != end && listed < most_listed; at.increment(error), ++listed) {
         const std::string other = lower(at->path().filename().string());
         if (!other.starts_with(stem)) continue;
         for (const char* more : beside)
             if (other == name + more || other == stem + more) return false;
     }
+    if (!error && listed < most_listed) return true;
     const std::string whole_stem = std::filesystem::path(file).replace_extension().string();
     for (const std::string& base : {path, whole_stem})
         for (const auto& words : {std::span(beside), std::span(large)})
@@ -148,9 +150,7 @@ bool is_alone(const std::string& path) {
     return true;
 }
 
-constexpr std::uint32_t pixel_scale = 33550, tie_points = 33922, transformation = 34264, key_directory = 34735,
-                        key_doubles = 34736, key_words = 34737, gdal_metadata = 42112, gdal_no_data = 42113,
-                        rational_coefficients = 50844;
+constexpr std::uint32_t rational_coefficients = 50844;
 
 /// What GeoTIFF's keys say (OGC 19-008r4, 7).
 struct Keys {
@@ -224,8 +224,7 @@ std::optional<Keys> keys_of(TIFF* file, Doubts& doubts) {
                 return std::nullopt;
         }
     }
-    constexpr int wgs84 = 4326;
-    if (geodetic != 0 && geodetic != wgs84) return std::nullopt;
+    if (geodetic != 0 && geodetic != wgs84_code) return std::nullopt;
     if (model == geographic && plane == 0) keys.epsg = geodetic;
     if (model == projected) keys.epsg = plane;
     return keys.epsg != 0 ? std::optional(keys) : std::nullopt;

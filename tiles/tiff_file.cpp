@@ -18,9 +18,6 @@
 namespace wedgescope {
 namespace {
 
-constexpr std::uint32_t pixel_scale = 33550, tie_points = 33922, transformation = 34264, key_directory = 34735,
-                        key_doubles = 34736, key_words = 34737, gdal_metadata = 42112, gdal_no_data = 42113;
-
 /// Of GeoTIFF's and GDAL's own libtiff knows nothing until it is told, here for each file.
 const TIFFFieldInfo own_fields[] = {
     {pixel_scale, -1, -1, TIFF_DOUBLE, FIELD_CUSTOM, 1, 1, const_cast<char*>("GeoPixelScale")},

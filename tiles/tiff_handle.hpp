@@ -5,11 +5,16 @@
 
 #include <cerrno>
 #include <cstdarg>
+#include <cstdint>
 #include <cstdio>
 #include <memory>
 #include <string>
 
 namespace wedgescope {
+
+/// Tags of GeoTIFF's (OGC 19-008r4) and GDAL's, of which libtiff knows nothing until it is told.
+inline constexpr std::uint32_t pixel_scale = 33550, tie_points = 33922, transformation = 34264, key_directory = 34735,
+                               key_doubles = 34736, key_words = 34737, gdal_metadata = 42112, gdal_no_data = 42113;
 
 struct FreeTiffOptions {
     void operator()(TIFFOpenOptions* options) const noexcept { TIFFOpenOptionsFree(options); }
