@@ -50,7 +50,7 @@ void Cover::look_at(const Chunk& chunk, Interval major, Interval minor, Blocks& 
             BlockBounds b;
             b.lowest_m = extremes.lowest_m;
             b.highest_m = extremes.highest_m;
-            b.voids = b.lowest_m > b.highest_m ? Voids::all : extremes.any_void ? Voids::some : Voids::none;
+            b.voids = b.lowest_m > b.highest_m ? Voids::all : extremes.voids > 0 ? Voids::some : Voids::none;
             blocks.bounds.push_back(b);
         }
 }

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "lib/class_laws.hpp"
 #include "lib/lanes.hpp"
@@ -24,24 +25,42 @@ struct Spread {
     std::array<float, spread_lanes> squares{}, cubes{}, most{};
 };
 
-/// Adds what one row of posts lies off the straight way from `near` to `far`, `part` of it from the first; n a multiple of
-/// spread_lanes.
-WEDGESCOPE_LANES_PART void add_row(std::size_t n, const float* __restrict row, const float* __restrict near,
-                                   const float* __restrict step, float part, Spread& spread) noexcept {
-    float squares[spread_lanes], cubes[spread_lanes], most[spread_lanes];
-    for (std::size_t k = 0; k < spread_lanes; ++k) {
-        squares[k] = spread.squares[k];
-        cubes[k] = spread.cubes[k];
-        most[k] = spread.most[k];
+/// The surface of a level on one of its rows: straight from every `edge`-th post to the next; n a multiple of `edge`.
+template <std::size_t edge>
+WEDGESCOPE_LANES_PART void fill_line(std::size_t n, const float* __restrict from, float* __restrict out) noexcept {
+    constexpr float share = 1.0F / static_cast<float>(edge);
+    for (std::size_t c = 0; c < n; c += edge) {
+        const float a = from[c], slope = (from[c + edge] - a) * share;
+        for (std::size_t k = 0; k < edge; ++k) out[c + k] = a + static_cast<float>(k) * slope;
     }
-    for (std::size_t i = 0; i < n; i += spread_lanes)
-        for (std::size_t k = 0; k < spread_lanes; ++k) {
-            const float off = row[i + k] - (near[i + k] + part * step[i + k]), size = off < 0 ? -off : off;
-            const float square = off * off;
-            squares[k] += square;
-            cubes[k] += square * size;
-            most[k] = size > most[k] ? size : most[k];
-        }
+}
+
+WEDGESCOPE_LANES_PART bool has_void(std::size_t n, const float* row) noexcept {
+    int voids = 0;
+    for (std::size_t i = 0; i < n; ++i) voids |= row[i] != row[i] ? 1 : 0;
+    return voids != 0;
+}
+
+/// Adds what `edge` rows of posts, `stride` apart, lie off the straight way from `near` to near + step; n a multiple of
+/// spread_lanes.
+template <std::size_t edge>
+WEDGESCOPE_LANES_PART void add_rows(std::size_t n, const float* __restrict rows, std::size_t stride,
+                                    const float* __restrict near, const float* __restrict step,
+                                    Spread& spread) noexcept {
+    constexpr float share = 1.0F / static_cast<float>(edge);
+    float squares[spread_lanes] = {}, cubes[spread_lanes] = {}, most[spread_lanes] = {};
+    for (std::size_t r = 0; r < edge; ++r) {
+        const float* __restrict row = rows + r * stride;
+        const float part = static_cast<float>(r) * share;
+        for (std::size_t i = 0; i < n; i += spread_lanes)
+            for (std::size_t k = 0; k < spread_lanes; ++k) {
+                const float off = row[i + k] - (near[i + k] + part * step[i + k]), size = off < 0 ? -off : off;
+                const float square = off * off;
+                squares[k] += square;
+                cubes[k] += square * size;
+                most[k] = size > most[k] ? size : most[k];
+            }
+    }
     for (std::size_t k = 0; k < spread_lanes; ++k) {
         spread.squares[k] = squares[k];
         spread.cubes[k] = cubes[k];
@@ -49,65 +68,60 @@ WEDGESCOPE_LANES_PART void add_row(std::size_t n, const float* __restrict row, c
     }
 }
 
+/// Of one level; `wide` x `high` cells of posts, both multiples of `edge`, and one post beyond them.
+template <std::size_t edge>
+void find_level(const float* posts, std::size_t stride, std::size_t wide, std::size_t high, std::size_t at,
+                Residuals& found) {
+    using Line = std::array<float, detail_posts>;
+    // Whole lanes: what is beyond is 0 in all lines.
+    const std::size_t lanes = (wide + spread_lanes - 1) / spread_lanes * spread_lanes;
+    Line near{}, far{}, step{};
+    std::array<float, edge * detail_posts> copied{};
+    double sum = 0, cubes = 0;
+    float most = 0;
+    on_target<fill_line<edge>>(wide, posts, far.data());
+    for (std::size_t r = 0; r < high; r += edge) {
+        std::swap(near, far);
+        on_target<fill_line<edge>>(wide, posts + (r + edge) * stride, far.data());
+        for (std::size_t i = 0; i < lanes; ++i) step[i] = far[i] - near[i];
+        Spread spread;
+        if (wide == lanes) {
+            on_target<add_rows<edge>>(lanes, posts + r * stride, stride, near.data(), step.data(), spread);
+        } else {
+            for (std::size_t k = 0; k < edge; ++k)
+                std::copy_n(posts + (r + k) * stride, wide, copied.data() + k * detail_posts);
+            on_target<add_rows<edge>>(lanes, copied.data(), detail_posts, near.data(), step.data(), spread);
+        }
+        for (std::size_t k = 0; k < spread_lanes; ++k) {
+            sum += static_cast<double>(spread.squares[k]);
+            cubes += static_cast<double>(spread.cubes[k]);
+            most = std::max(most, spread.most[k]);
+        }
+    }
+    const auto cells = static_cast<double>(wide * high);
+    found.rms_m[at] = static_cast<float>(std::sqrt(sum / cells));
+    found.cube_m[at] = static_cast<float>(std::cbrt(cubes / cells));
+    found.peak_m[at] = most;
+}
+
 }  // namespace
 
 Residuals residuals(const float* posts, std::int64_t stride, std::int64_t columns, std::int64_t rows) {
     Residuals found;
     const std::int64_t all_wide = std::min(columns, detail_posts + 1), all_high = std::min(rows, detail_posts + 1);
-    for (std::int64_t r = 0; r < all_high; ++r) {
-        int voids = 0;
-        for (std::int64_t c = 0; c < all_wide; ++c) voids |= posts[r * stride + c] != posts[r * stride + c] ? 1 : 0;
-        if (voids) return found;
-    }
-    using Line = std::array<float, detail_posts>;
-    Line near{}, far{}, step{}, row{};
-    for (int level = 1; level <= levels; ++level) {
-        const std::int64_t edge = std::int64_t{1} << level;
-        const std::int64_t wide = (all_wide - 1) / edge * edge, high = (all_high - 1) / edge * edge;
-        if (wide <= 0 || high <= 0) continue;
-        const auto n = static_cast<std::size_t>(wide);
-        // Whole lanes: what is beyond is 0 in all lines.
-        const std::size_t lanes = (n + spread_lanes - 1) / spread_lanes * spread_lanes;
-        far.fill(0);
-        row.fill(0);
-        const float share = 1.0F / static_cast<float>(edge);
-        // The level's surface on one of its rows.
-        const auto line = [&](std::int64_t r, Line& out) {
-            const float* from = posts + r * stride;
-            for (std::int64_t c = 0; c < wide; c += edge) {
-                const float a = from[c], slope = (from[c + edge] - a) * share;
-                for (std::int64_t k = 0; k < edge; ++k)
-                    out[static_cast<std::size_t>(c + k)] = a + static_cast<float>(k) * slope;
-            }
+    for (std::int64_t r = 0; r < all_high; ++r)
+        if (on_target<has_void>(static_cast<std::size_t>(all_wide), posts + r * stride)) return found;
+    const auto find = [&]<std::size_t level>() {
+        constexpr std::size_t edge = std::size_t{1} << level;
+        const auto whole = [](std::int64_t side) {
+            return side > 1 ? static_cast<std::size_t>(side - 1) / edge * edge : 0;
         };
-        double sum = 0, cubes = 0;
-        float most = 0;
-        near.fill(0);
-        line(0, far);
-        for (std::int64_t r = 0; r < high; r += edge) {
-            std::swap(near, far);
-            line(r + edge, far);
-            for (std::size_t i = 0; i < lanes; ++i) step[i] = far[i] - near[i];
-            Spread spread;
-            for (std::int64_t k = 0; k < edge; ++k) {
-                const float* from = posts + (r + k) * stride;
-                if (n != lanes) {
-                    std::copy_n(from, n, row.begin());
-                    from = row.data();
-                }
-                on_target<add_row>(lanes, from, near.data(), step.data(), static_cast<float>(k) * share, spread);
-            }
-            for (std::size_t k = 0; k < spread_lanes; ++k) {
-                sum += static_cast<double>(spread.squares[k]);
-                cubes += static_cast<double>(spread.cubes[k]);
-                most = std::max(most, spread.most[k]);
-            }
-        }
-        const auto at = static_cast<std::size_t>(level - 1);
-        found.rms_m[at] = static_cast<float>(std::sqrt(sum / static_cast<double>(wide * high)));
-        found.cube_m[at] = static_cast<float>(std::cbrt(cubes / static_cast<double>(wide * high)));
-        found.peak_m[at] = most;
-    }
+        const std::size_t wide = whole(all_wide), high = whole(all_high);
+        if (wide > 0 && high > 0)
+            find_level<edge>(posts, static_cast<std::size_t>(stride), wide, high, level - 1, found);
+    };
+    [&]<std::size_t... k>(std::index_sequence<k...>) { (find.template operator()<k + 1>(), ...); }
+    (std::make_index_sequence<levels>());
     return found;
 }
 

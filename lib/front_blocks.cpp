@@ -201,7 +201,7 @@ float Front::highest_in_chunk(const Chunk& chunk, ChunkBounds& bounds, std::int6
     const PostExtremes extremes =
         post_extremes(line.posts + (along.begin - line.begin), static_cast<std::size_t>(chunk.minor_count()),
                       static_cast<std::size_t>(lines.size()), static_cast<std::size_t>(along.size()));
-    return bound = extremes.any_void ? static_cast<float>(infinite) : extremes.highest_m;
+    return bound = extremes.voids > 0 ? static_cast<float>(infinite) : extremes.highest_m;
 }
 
 bool Front::passes_alone(const Chunk& chunk, ChunkBounds& bounds, std::int64_t block, std::size_t begin,

@@ -2,11 +2,13 @@
 #include <catch2/catch.hpp>
 
 #include <algorithm>
+#include <cmath>
 #include <cstring>
 #include <random>
 #include <vector>
 
 #include "lib/coverage_lanes.hpp"
+#include "lib/post_extremes.hpp"
 #include "tests/every_target.hpp"
 #include "tests/reference/coverage_twin.hpp"
 
@@ -162,4 +164,32 @@ TEST_CASE("posts that test themselves have their plain twin's states, bit for bi
         for (std::size_t j = 0; j < posts; ++j) ++states[ours[j + static_cast<std::size_t>(line_margin)]];
     }
     for (const int n : states) CHECK(n > 100);
+}
+
+TEST_CASE("extremes and voids of a rectangle are what a plain loop finds", "[coverage][lanes]") {
+    WEDGESCOPE_ON_EVERY_TARGET;
+    std::mt19937 random(17);
+    for (int turn = 0; turn < 600; ++turn) {
+        const std::size_t width = 1 + random() % 70, lines = random() % 40, stride = width + random() % 5;
+        std::vector<float> posts(stride * (lines + 1));
+        for (std::size_t l = 0; l <= lines; ++l) {
+            const std::vector<float> line = line_of_posts(random, stride);
+            std::copy_n(line.begin() + line_margin, stride, posts.begin() + static_cast<std::ptrdiff_t>(l * stride));
+        }
+        if (turn % 5 == 0) posts.assign(posts.size(), turn % 2 ? -0.0F : std::numeric_limits<float>::quiet_NaN());
+        PostExtremes wanted;
+        for (std::size_t l = 0; l < lines; ++l)
+            for (std::size_t c = 0; c < width; ++c) {
+                const float z = posts[l * stride + c];
+                wanted.voids += std::isnan(z);
+                if (z < wanted.lowest_m) wanted.lowest_m = z;
+                if (z > wanted.highest_m) wanted.highest_m = z;
+            }
+        const PostExtremes found = post_extremes(posts.data(), stride, lines, width);
+        INFO(lines << " lines of " << width << ", " << stride << " apart");
+        CHECK(found.voids == wanted.voids);
+        CHECK(found.lowest_m == wanted.lowest_m);
+        CHECK(found.highest_m == wanted.highest_m);
+        CHECK_FALSE((found.lowest_m == 0 && std::signbit(found.lowest_m)));
+    }
 }

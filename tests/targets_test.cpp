@@ -4,8 +4,8 @@
 #include <array>
 #include <catch2/catch.hpp>
 #include <cmath>
-#include <iterator>
 #include <cstring>
+#include <iterator>
 #include <limits>
 #include <random>
 #include <string>
@@ -375,9 +375,9 @@ Bytes coverage_of(unsigned seed) {
     if (draw.below(2))
         for (float& z : block) z = std::isnan(z) ? 1 : z;
     const PostExtremes found = post_extremes(block.data(), 40, 8, width);
-    const float bounds[] = {found.lowest_m + 0.0F, found.highest_m + 0.0F};  // -0 and 0 are one height
+    const float bounds[] = {found.lowest_m, found.highest_m};
     record.put(bounds);
-    record.put(&found.any_void, 1);
+    record.put(&found.voids, 1);
 
     constexpr std::size_t most = CulturePieces::most;
     const auto major0 = draw.lanes(most, 20, 20.7), major1 = draw.lanes(most, 20.7, 21),

@@ -1,8 +1,10 @@
 #include "tiles/block_map_file.hpp"
 
+#include <algorithm>
 #include <cstring>
 
 #include "lib/error.hpp"
+#include "lib/post_extremes.hpp"
 
 namespace wedgescope {
 namespace {
@@ -166,21 +168,20 @@ void bound_blocks(const Window& own, const Window& given, const float* terrain, 
         for (std::int64_t bc = blocks.columns.begin; bc < blocks.columns.end; ++bc) {
             const Interval columns = intersection(given.columns, {bc * block_posts, (bc + 1) * block_posts + 1});
             const Interval rows = intersection(given.rows, {br * block_posts, (br + 1) * block_posts + 1});
+            const auto extremes = [&](const float* heights) {
+                const std::int64_t first =
+                    (rows.begin - given.rows.begin) * width + columns.begin - given.columns.begin;
+                return post_extremes(heights + first, static_cast<std::size_t>(width),
+                                     static_cast<std::size_t>(rows.size()), static_cast<std::size_t>(columns.size()));
+            };
+            const PostExtremes ground = extremes(terrain);
             BlockBounds b;
-            std::int64_t none = 0;
-            for (std::int64_t r = rows.begin; r < rows.end; ++r) {
-                const std::int64_t first = (r - given.rows.begin) * width + columns.begin - given.columns.begin;
-                for (std::int64_t i = first; i < first + columns.size(); ++i) {
-                    const float z = terrain[i];
-                    none += z != z;
-                    b.lowest_m = z < b.lowest_m ? z : b.lowest_m;
-                    b.highest_m = z > b.highest_m ? z : b.highest_m;
-                }
-                if (culture)
-                    for (std::int64_t i = first; i < first + columns.size(); ++i)
-                        b.culture_m = culture[i] > b.culture_m ? culture[i] : b.culture_m;
-            }
-            b.voids = none == 0 ? Voids::none : none == columns.size() * rows.size() ? Voids::all : Voids::some;
+            b.lowest_m = ground.lowest_m;
+            b.highest_m = ground.highest_m;
+            if (culture) b.culture_m = std::max(b.culture_m, extremes(culture).highest_m);
+            b.voids = ground.voids == 0                                                        ? Voids::none
+                      : ground.voids == static_cast<std::size_t>(columns.size() * rows.size()) ? Voids::all
+                                                                                               : Voids::some;
             block(bc, br) = b;
         }
 }

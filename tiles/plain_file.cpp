@@ -125,6 +125,13 @@ void sync_path(const std::string& path, bool folder) {
     if (!good) fail(path, "written to disk");
 }
 
+void begin_sync(const std::string& path) noexcept {
+    const int file = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+    if (file < 0) return;
+    ::sync_file_range(file, 0, 0, SYNC_FILE_RANGE_WRITE);
+    ::close(file);
+}
+
 void rename_path(const std::string& from, const std::string& to) {
     if (std::rename(from.c_str(), to.c_str()) != 0) fail(to, "put in place");
 }

@@ -46,6 +46,9 @@ std::string file_text(const std::string& path, std::size_t most);
 void replace_file(const std::string& path, const std::string& content);
 /// Syncs a file or folder; file systems that cannot sync folders are forgiven.
 void sync_path(const std::string& path, bool folder);
+
+/// Lets the system begin to write a file to disk while it is still read: a wish, sync_path() waits for the less.
+void begin_sync(const std::string& path) noexcept;
 void rename_path(const std::string& from, const std::string& to);
 
 }  // namespace wedgescope

@@ -15,6 +15,7 @@
 #include <set>
 
 #include "lib/error.hpp"
+#include "lib/post_extremes.hpp"
 #include "lib/threads.hpp"
 #include "tiles/block_map_file.hpp"
 #include "tiles/burnt_layer.hpp"
@@ -115,6 +116,9 @@ private:
     void make_sheets();
     void make(const Job& job);
     Done write_sheet(const Job& job, const std::vector<std::size_t>& pieces);
+    void add_codes(const std::int32_t* codes, const Window& given, const Window& own, Done& done) const;
+    static void add_heights(const Layer& layer, const float* heights, const Window& given, const Window& own,
+                            Done& done);
     bool finished_before(const Job& job, Done& done) const;
     Window with_next(const Window& posts) const;
     void bound(const Window& unit, const Mosaic::Posts& posts, const Window& given, std::vector<BlockPage>& pages,
@@ -443,6 +447,42 @@ void StoreWriter::bound(const Window& unit, const Mosaic::Posts& posts, const Wi
                  });
 }
 
+/// What the codes of the cells `own`, part of `given`, say of the layer.
+void StoreWriter::add_codes(const std::int32_t* codes, const Window& given, const Window& own, Done& done) const {
+    const std::int64_t width = given.columns.size();
+    for (std::int64_t y = own.rows.begin; y < own.rows.end; ++y)
+        for (std::int64_t x = own.columns.begin; x < own.columns.end; ++x) {
+            const std::int32_t code = codes[(y - given.rows.begin) * width + x - given.columns.begin];
+            if (code == void_code) {
+                ++done.values.voids;
+                continue;
+            }
+            done.values.lowest = std::min(done.values.lowest, static_cast<float>(code));
+            done.values.highest = std::max(done.values.highest, static_cast<float>(code));
+            if (params_.legend && !params_.legend->find(code)) ++done.codes[code];
+        }
+}
+
+/// The same of heights.
+void StoreWriter::add_heights(const Layer& layer, const float* heights, const Window& given, const Window& own,
+                              Done& done) {
+    const std::int64_t width = given.columns.size();
+    const float* const first =
+        heights + (own.rows.begin - given.rows.begin) * width + own.columns.begin - given.columns.begin;
+    const PostExtremes found =
+        post_extremes(first, static_cast<std::size_t>(width), static_cast<std::size_t>(own.rows.size()),
+                      static_cast<std::size_t>(own.columns.size()));
+    done.values.voids += found.voids;
+    done.values.lowest = std::min(done.values.lowest, found.lowest_m);
+    done.values.highest = std::max(done.values.highest, found.highest_m);
+    if (layer.kind != StoreLayerKind::culture_height || !(found.lowest_m < 0)) return;
+    for (std::int64_t y = 0; y < own.rows.size(); ++y)
+        for (std::int64_t x = 0; x < own.columns.size(); ++x)
+            if (const float z = first[y * width + x]; z < 0)
+                throw DataError(text(layer.facts().named(), ": height at column ", own.columns.begin + x, ", row ",
+                                     own.rows.begin + y, " is ", z, "; accepted: 0 and above"));
+}
+
 Done StoreWriter::write_sheet(const Job& job, const std::vector<std::size_t>& pieces) {
     Layer& layer = *job.layer;
     const bool dem = layer.kind == StoreLayerKind::dem;
@@ -473,28 +513,11 @@ Done StoreWriter::write_sheet(const Job& job, const std::vector<std::size_t>& pi
             const Window given = dem ? with_next(unit) : unit;
             layer.read(given, unit, kind, pieces, posts);
             const std::int64_t width = given.columns.size();
-            for (std::int64_t y = unit.rows.begin; y < unit.rows.end; ++y)
-                for (std::int64_t x = unit.columns.begin; x < std::min(unit.columns.end, own_columns); ++x) {
-                    const auto at = static_cast<std::size_t>((y - given.rows.begin) * width + x - given.columns.begin);
-                    if (layer.codes()) {
-                        const std::int32_t code = posts.codes[at];
-                        if (code == void_code) {
-                            ++done.values.voids;
-                            continue;
-                        }
-                        done.values.lowest = std::min(done.values.lowest, static_cast<float>(code));
-                        done.values.highest = std::max(done.values.highest, static_cast<float>(code));
-                        if (params_.legend && !params_.legend->find(code)) ++done.codes[code];
-                    } else {
-                        const float z = posts.heights[at];
-                        done.values.voids += z != z;
-                        done.values.lowest = z < done.values.lowest ? z : done.values.lowest;
-                        done.values.highest = z > done.values.highest ? z : done.values.highest;
-                        if (z < 0 && layer.kind == StoreLayerKind::culture_height)
-                            throw DataError(text(layer.facts().named(), ": height at column ", x, ", row ", y, " is ",
-                                                 z, "; accepted: 0 and above"));
-                    }
-                }
+            const Window own{intersection(unit.columns, {0, own_columns}), unit.rows};
+            if (layer.codes())
+                add_codes(posts.codes.data(), given, own, done);
+            else if (!own.columns.empty())
+                add_heights(layer, posts.heights.data(), given, own, done);
             for (std::int64_t y = r; y < unit.rows.end; y += tile)
                 for (std::int64_t x = unit.columns.begin; x < unit.columns.end; x += tile)
                     writer.write((x - sheet.columns.begin) / tile, (y - sheet.rows.begin) / tile,
