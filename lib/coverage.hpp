@@ -65,6 +65,7 @@ struct CoverageTile {
     const std::uint8_t* bytes = nullptr;
     const float* values = nullptr;
     std::int64_t stride = 0;
+    bool even = false;  ///< all posts hold the first one's byte or value
 };
 
 /// What the runs of a quadrant, the wedges of coverage, did and cost.

@@ -64,6 +64,7 @@ void Cover::hide(const Side& side, Interval lines, std::int64_t major, Interval 
     Blocks& blocks = desk.blocks;
     const Spokes& s = desk.spokes;
     const Quadrant q = side.quadrant;
+    desk.judged = major;
     for (std::int64_t j = blocks.minors.begin; j < blocks.minors.end; ++j)
         blocks.skip[blocks.at(major, j)] = blocks.bounds[blocks.at(major, j)].voids == Voids::all ? Skip::voids
                                            : all_posts                                            ? Skip::none
@@ -76,6 +77,7 @@ void Cover::hide(const Side& side, Interval lines, std::int64_t major, Interval 
     if (lines.begin < 1 || grid_.distance(q, lines.begin) < 3) {
         for (std::int64_t j = blocks.minors.begin; j < blocks.minors.end; ++j) expose(j);
         desk.groups = {{0, s.range.size() / knot}};
+        desk.touched.assign(static_cast<std::size_t>(s.range.size() / knot), blocks.minors);
         return;
     }
     const LineForm near = form(side, grid_.distance(q, lines.begin) - 1),
@@ -91,9 +93,8 @@ void Cover::hide(const Side& side, Interval lines, std::int64_t major, Interval 
     // Of the run's neighbours one group on either side counts: at a doubling those outside have only one parent.
     const Interval counted =
         intersection({(core.begin - s.range.begin) / knot - 1, (core.end - s.range.begin) / knot + 1}, {0, groups});
-    const auto in_fan = [&](std::int64_t g) {
-        return counted.contains(g) && carried.contains(s.range.begin + g * knot);
-    };
+    const auto first_from = [&](std::int64_t spoke) { return -floor_to(s.range.begin - spoke, knot) / knot; };
+    const Interval in_fan = intersection(counted, {first_from(carried.begin), first_from(carried.end)});
     desk.least.resize(static_cast<std::size_t>(groups));
     least_of_groups(s.horizon.data(), desk.least.size(), desk.least.data());
     // Far above what float's rounding, and straight lines between knots, make of a tangent.
@@ -102,17 +103,18 @@ void Cover::hide(const Side& side, Interval lines, std::int64_t major, Interval 
                  bow = std::abs(bow_per_slope(near)) * (0.25 * knot * knot) / (spokes * spokes);
     const double raised_m = params_.target_m + blocks.relief_m * 8 * static_cast<double>(place_slack);
     desk.touched.assign(static_cast<std::size_t>(groups), {});
+    desk.quiet.assign(static_cast<std::size_t>(groups), 0);
     for (std::int64_t g = 0; g < groups; ++g) {
-        if (!in_fan(g)) continue;
-        float least = desk.least[static_cast<std::size_t>(g)];
-        for (const std::int64_t beside : {g - 1, g + 1})
-            if (in_fan(beside)) least = std::min(least, desk.least[static_cast<std::size_t>(beside)]);
         const auto i = static_cast<std::size_t>(g);
         const Interval touched =
             intersection({block_along(floor_i(std::min(desk.at[i], desk.far_at[i])) - 3),
                           block_along(ceil_i(std::max(desk.at[i + 1], desk.far_at[i + 1])) + 3) + 1},
                          blocks.minors);
         desk.touched[i] = touched;
+        if (!in_fan.contains(g)) continue;
+        float least = desk.least[static_cast<std::size_t>(g)];
+        for (const std::int64_t beside : {g - 1, g + 1})
+            if (in_fan.contains(beside)) least = std::min(least, desk.least[static_cast<std::size_t>(beside)]);
         const double steep = static_cast<double>(std::max(desk.lift[i], desk.lift[i + 1])),
                      gentle = static_cast<double>(std::min(desk.far_lift[i], desk.far_lift[i + 1])),
                      drop = static_cast<double>(std::min(desk.drop[i], desk.drop[i + 1])) - bow;
@@ -129,23 +131,28 @@ void Cover::hide(const Side& side, Interval lines, std::int64_t major, Interval 
                          2 * blocks.most_m + params_.target_m <
                      *scene_.scene.range_m;
         }
+        // What of its own spokes, and of those that a doubling puts between them and the next group's, may be raised.
+        const float lowest = in_fan.contains(g + 1) ? std::min(desk.least[i], desk.least[i + 1]) : no_horizon_f;
+        bool quiet = hides_ && has(lowest);
         for (std::int64_t j = touched.begin; j < touched.end; ++j) {
             Skip& skip = blocks.skip[blocks.at(major, j)];
-            if (skip == Skip::none || skip == Skip::voids) continue;
+            if (skip == Skip::voids || (skip == Skip::none && !quiet)) continue;
             const BlockBounds& b = blocks.bounds[blocks.at(major, j)];
             const double top_m = static_cast<double>(b.highest_m) + static_cast<double>(b.culture_m) + raised_m,
                          w = (top_m - static_cast<double>(lift_.sensor_m)) /
                              (1 + top_m * static_cast<double>(lift_.inverse_radius)),
                          highest = w * (w > 0 ? steep : gentle) - drop + slack * (std::abs(w) * steep + drop);
+            quiet = quiet && b.voids == Voids::none && highest < static_cast<double>(lowest);
             const bool below = judged && b.voids == Voids::none && highest < static_cast<double>(least);
-            skip = below ? Skip::hidden : Skip::none;
+            if (skip != Skip::none) skip = below ? Skip::hidden : Skip::none;
         }
+        desk.quiet[i] = quiet ? 1 : 0;
     }
     desk.groups.clear();
     for (std::int64_t g = counted.begin; g < counted.end; ++g) {
-        bool rises = !in_fan(g);
+        bool rises = !in_fan.contains(g);
         const Interval touched = desk.touched[static_cast<std::size_t>(g)];
-        for (std::int64_t j = touched.begin; j < touched.end && !rises; ++j)
+        for (std::int64_t j = touched.begin; j < touched.end && !rises && !desk.quiet[static_cast<std::size_t>(g)]; ++j)
             rises = blocks.skip[blocks.at(major, j)] == Skip::none;
         if (!rises) continue;
         // Runs that all but meet are one.
@@ -154,6 +161,20 @@ void Cover::hide(const Side& side, Interval lines, std::int64_t major, Interval 
         else
             desk.groups.push_back({g, g + 1});
     }
+}
+
+/// Of the row of blocks that was judged last: posts along its lines that those which test themselves, and spokes that may be
+/// raised, look at.
+Interval Cover::looked_at(const Desk& desk) {
+    const Blocks& blocks = desk.blocks;
+    Interval found;
+    for (std::int64_t j = blocks.minors.begin; j < blocks.minors.end; ++j)
+        if (blocks.skip[blocks.at(desk.judged, j)] == Skip::none) found = hull(found, {j, j + 1});
+    for (const Interval& part : desk.groups)
+        for (std::int64_t g = part.begin; g < part.end; ++g)
+            found = hull(found, desk.touched[static_cast<std::size_t>(g)]);
+    constexpr std::int64_t beside = 4;
+    return found.empty() ? found : Interval{found.begin * block_posts - beside, found.end * block_posts + beside};
 }
 
 /// Parts of the posts of a row of blocks, with why they need no test; beyond the blocks there is no reason.

@@ -166,9 +166,6 @@ HWY_ATTR void test(const TestLanes& lanes, const Lift& lift) {
         const auto [drop0, drop1] = line(static_cast<double>(lanes.drop[g]), static_cast<double>(lanes.drop[g + 1]));
         const float bow = static_cast<float>(lanes.bow * spoke_step * spoke_step), begins = static_cast<float>(lead),
                     ends = static_cast<float>(lead + width);
-        const float slope0 = static_cast<float>((static_cast<double>(first) - lanes.nadir) / lanes.distance);
-        const auto [ray0, ray1] = line(static_cast<double>(lanes.ray[g]), static_cast<double>(lanes.ray[g + 1]));
-        const auto [rise0, rise1] = line(static_cast<double>(lanes.rise[g]), static_cast<double>(lanes.rise[g + 1]));
         for (std::size_t l = 0; l < knot_step; l += hn::Lanes(d)) {
             const std::int64_t at = first - lanes.origin + static_cast<std::int64_t>(l);
             const float* z = lanes.posts + at;
@@ -194,8 +191,20 @@ HWY_ATTR void test(const TestLanes& lanes, const Lift& lift) {
             const Lane bends = all(bow) * ((lane - all(begins)) * (lane - all(ends)));
             const Lane lifts = all(lift0) + lane * all(lift1), drops = all(drop0) + lane * all(drop1) + bends;
             const Lane high = w * lifts, tangent = high - drops;
+            const Lane of_level = (size_of(high) + drops) * all(level_slack);
+            const Holds is_void = hn::IsNaN(height);
+            if (!wanted) {
+                // Most posts stand far below.
+                const Lane most = of_level + all(lanes.most_relief_m) * lifts * all(place_slack);
+                const Holds below = tangent + most - level < zero;
+                if (hn::AllTrue(d, hn::Or(below, is_void))) {
+                    put_states(below, is_void, lanes.state + at);
+                    continue;
+                }
+            }
             // The own cell, the one on the sensor's side, along the straight chord: its course u = 0..1 from the line
             // behind to the post is a parabola, and so is how high the ray runs above it.
+            const float slope0 = static_cast<float>((static_cast<double>(first) - lanes.nadir) / lanes.distance);
             const Lane slope = all(slope0) + lane * all(slope_step), across = size_of(slope);
             const Holds leftwards = slope<zero, aslant = across> zero;
             const Lane beside = pick(leftwards, hn::LoadU(d, z + 1), hn::LoadU(d, z - 1)),
@@ -206,14 +215,16 @@ HWY_ATTR void test(const TestLanes& lanes, const Lift& lift) {
             const Lane relief =
                 hn::IfThenElseZero(step == step, size_of(step)) + hn::IfThenElseZero(side == side, side);
             // Spokes' positions are good to place_slack of a post.
-            const Lane slack = (size_of(high) + drops) * all(level_slack) + relief * lifts * all(place_slack);
+            const Lane slack = of_level + relief * lifts * all(place_slack);
             const Lane over = tangent + slack - level;  // below 0: hidden
-            const Holds is_void = hn::IsNaN(height);
             Holds hidden = over < zero;
             if (!wanted && hn::AllTrue(d, hn::Or(hidden, is_void))) {
                 put_states(hidden, is_void, lanes.state + at);
                 continue;
             }
+            const auto [ray0, ray1] = line(static_cast<double>(lanes.ray[g]), static_cast<double>(lanes.ray[g + 1]));
+            const auto [rise0, rise1] =
+                line(static_cast<double>(lanes.rise[g]), static_cast<double>(lanes.rise[g + 1]));
             const Lane to_entry = pick(aslant, step - to_corner, step), climbs = pick(aslant, step + to_beside, step);
             const Lane growth =
                 all(1 + lift.sensor_m * lift.inverse_radius) * (one - two * height * all(lift.inverse_radius));

@@ -341,7 +341,8 @@ void Cover::prepare(Strip& strip) {
     while (ring + 1 < rings.size() && rings[ring + 1].lines.begin <= lines.end - 1) ++ring;
     const std::int64_t k = rings[ring].spokes, growth = k / side.spokes.of;
     strip.after.resize(k, fan(side, k), voids_);
-    const std::int64_t step = std::max(knot, run_spokes / growth);
+    const auto most = std::min(run_spokes, floor_i(static_cast<double>(run_posts) * sampling_.spokes_per_post));
+    const std::int64_t step = std::max(knot, floor_to(most / growth, knot));
     const Interval all = side.spokes.range;
     for (std::int64_t at = all.begin; at < all.end;) {
         const std::int64_t end = std::min(all.end, floor_to(at + knot, step) + step);  // none of one group

@@ -165,6 +165,7 @@ void Cover::test_part(const LineForm& line, const Spokes& s, Interval posts, Int
     test.first_spoke = s.range.begin;
     test.spokes = static_cast<std::int32_t>(s.range.size());
     test.nearest = line.distance <= 1;
+    if (!desk.blocks.empty()) test.most_relief_m = 4 * static_cast<float>(desk.blocks.relief_m) + 1;
     test.target_m = static_cast<float>(params_.target_m);
     test.state = desk.state.data();
     test.raise_m = params_.layer == CoverageLayer::height || voids_ ? desk.raise_m.data() : nullptr;
@@ -238,9 +239,13 @@ void Cover::sweep(Strip& strip, std::size_t run) {
     Blocks& blocks = desk.blocks;
     blocks.bounds.clear();
     Chunk chunk;
-    Interval held;  // lines of the chunk, as the raster counts them
+    Interval held, held_posts;  // lines of the chunk, as the raster counts them, and which posts of each
     const auto load = [&](Interval of_lines, ChunkRequest request) {
-        request.window = columns ? Window{of_lines, window} : Window{window, of_lines};
+        const auto lines_of = [&](Interval posts) {
+            return columns ? Window{of_lines, posts} : Window{posts, of_lines};
+        };
+        request.window = lines_of(window);
+        if (narrows_ && !request.skip.empty()) request.looked_at = lines_of(intersection(looked_at(desk), window));
         request.lines_are_columns = columns;
         Span reading(params_.timeline, "load", "wedge", static_cast<std::int64_t>(q));
         const Stopwatch watch;
@@ -254,6 +259,7 @@ void Cover::sweep(Strip& strip, std::size_t run) {
         did.bytes_read += chunk.bytes_read;
         did.bytes_spilled += chunk.bytes_spilled;
         held = of_lines;
+        held_posts = columns ? chunk.window.rows : chunk.window.columns;
         if (!tables_) return;
         if (db_.has_culture) culture_of(desk).open(request.window, false);
     };
@@ -277,17 +283,18 @@ void Cover::sweep(Strip& strip, std::size_t run) {
     else
         desk.values.resize(width * static_cast<std::size_t>(lines.size()));
     const auto take_line = [&](std::int64_t index, std::vector<float>& to) {
-        if (width == 0) return;
-        const std::int64_t at = chunk.flat ? 0 : index - held.begin;
-        const float* from = chunk.surface_m.data() + static_cast<std::size_t>(at) * width;
-        std::copy(from, from + width, to.begin() + line_margin);
+        if (held_posts.empty()) return;
+        const std::int64_t at = chunk.flat ? 0 : index - held.begin, n = held_posts.size();
+        const float* from = chunk.surface_m.data() + at * n;
+        std::copy(from, from + n, to.begin() + line_margin + (held_posts.begin - window.begin));
     };
     const auto take_culture = [&](std::int64_t index) {
         desk.culture_m = {};
-        if (chunk.culture_height_m.empty() || width == 0) return;
-        const std::int64_t at = chunk.flat ? 0 : index - held.begin;
-        desk.culture_m = std::span(chunk.culture_height_m).subspan(static_cast<std::size_t>(at) * width, width);
-        desk.culture_begin = window.begin;
+        if (chunk.culture_height_m.empty() || held_posts.empty()) return;
+        const auto at = static_cast<std::size_t>(chunk.flat ? 0 : index - held.begin),
+                   n = static_cast<std::size_t>(held_posts.size());
+        desk.culture_m = std::span(chunk.culture_height_m).subspan(at * n, n);
+        desk.culture_begin = held_posts.begin;
     };
     // Which line of the raster each buffer holds, if any: lines that nothing comes of are not copied.
     constexpr std::int64_t no_line = std::numeric_limits<std::int64_t>::min();

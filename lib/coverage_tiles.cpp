@@ -52,6 +52,12 @@ void CoverageTiles::make(Tile& tile) {
         tile.values = filled(spare_values_, spare_mutex_, posts, std::numeric_limits<float>::quiet_NaN());
 }
 
+template <class T>
+const T* CoverageTiles::cells(Tile& tile, CoverageTile& out) {
+    out.even = tile.bytes.empty() && tile.values.empty();
+    return buffer<T>(out.even ? even_ : tile);
+}
+
 void CoverageTiles::hand_out(std::vector<Done> tiles, const std::function<void(const CoverageTile&)>& write) {
     for (auto& [key, tile] : tiles) {
         if (reached_only_ && tile->bytes.empty() && tile->values.empty()) continue;
@@ -60,10 +66,11 @@ void CoverageTiles::hand_out(std::vector<Done> tiles, const std::function<void(c
                       {key.first * edge, std::min((key.first + 1) * edge, rows_)}};
         out.stride = edge;
         if (bytes_)
-            out.bytes = buffer<std::uint8_t>(*tile);
+            out.bytes = cells<std::uint8_t>(*tile, out);
         else
-            out.values = buffer<float>(*tile);
+            out.values = cells<float>(*tile, out);
         write(out);
+        if (out.even) continue;
         const std::lock_guard lock(spare_mutex_);
         if (bytes_)
             spare_bytes_.push_back(std::move(tile->bytes));

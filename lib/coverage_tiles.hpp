@@ -66,11 +66,14 @@ public:
     void hand_out(std::vector<Done> tiles, const std::function<void(const CoverageTile&)>& write);
 
 private:
+    template <class T>
+    const T* cells(Tile& tile, CoverageTile& out);
     void make(Tile& tile);
     std::int64_t columns_, rows_;
     bool bytes_;
     std::uint8_t outside_;
     bool reached_only_;
+    Tile even_;  ///< stands for those that no run reached
     std::map<Key, std::unique_ptr<Tile>> tiles_;
     std::vector<Done> done_;
     std::mutex spare_mutex_;  ///< of the two below

@@ -35,8 +35,8 @@ namespace wedgescope::covering {
 
 inline constexpr std::int64_t tile_edge = CoverageTile::edge;
 inline constexpr std::int64_t knot = static_cast<std::int64_t>(knot_step);
-inline constexpr std::int64_t run_spokes = 2048;  ///< of a run, at the end of its strip
-inline constexpr std::size_t strips_ahead = 4;    ///< at most that many on their way at a time
+inline constexpr std::int64_t run_posts = 2048, run_spokes = 4096;  ///< of a run at the end of its strip, at the most
+inline constexpr std::size_t strips_ahead = 4;                      ///< at most that many on their way at a time
 inline constexpr float nan_f = std::numeric_limits<float>::quiet_NaN();
 
 inline std::int64_t floor_to(std::int64_t v, std::int64_t step) {
@@ -145,7 +145,9 @@ struct Job {
 struct Desk {
     Blocks blocks;
     std::vector<float> least;           ///< of the horizons of each group of spokes
-    std::vector<Interval> touched;      ///< blocks of a row, by each group
+    std::int64_t judged = 0;            ///< row of blocks that the following are of
+    std::vector<Interval> touched;      ///< blocks of the row, by each group
+    std::vector<std::uint8_t> quiet;    ///< groups that nothing of it raises
     std::vector<Interval> groups;       ///< runs of groups that something of the row of blocks may raise
     std::vector<Interval> every_group;  ///< all, as such a list
     Spokes spokes, scratch;
@@ -195,6 +197,7 @@ public:
             most_tangent_ = rounded(std::tan(params.elevation->second.rad()), 40);
         }
         hides_ = params.cull && bytes_ && !params.elevation && !(scene.scene.range_start_m > 0);
+        narrows_ = hides_ && !with_posts_ && !voids_ && !sampling_.cross_lines;
         for (Quadrant q : all_quadrants) set_up(q);
         own_east_west();
         reached_ = {{0, db_.columns}, {0, db_.rows}};
@@ -222,7 +225,7 @@ public:
     /// Without what the source's reader holds.
     std::size_t own_desk_bytes() const {
         // A run's window is as wide as its spokes and as they drift over the strip; it stands there as read and turned.
-        const std::int64_t width = run_spokes + tile_edge + 12 * knot + 2 * line_margin;
+        const std::int64_t width = run_posts + tile_edge + 12 * knot + 2 * line_margin;
         const auto posts = static_cast<std::size_t>(width * (tile_edge + 1));
         std::size_t classes = 0;
         if (params_.layer == CoverageLayer::response && db_.has_culture)
@@ -286,6 +289,7 @@ private:
                           ChunkRequest& request);
     void look_at(const Chunk& chunk, Interval major, Interval minor, Blocks& blocks) const;
     void hide(const Side& side, Interval lines, std::int64_t major, Interval core, bool all_posts, Desk& desk);
+    static Interval looked_at(const Desk& desk);
     static void part_row(std::int64_t row, Desk& desk);
     static void part_line(Interval posts, Desk& desk);
     void pass_voids(Desk& desk, Interval window, bool behind);
@@ -349,6 +353,7 @@ private:
     bool limited_ = false;               ///< not all of the raster is in view
     bool with_posts_ = false;            ///< the single post must be looked at
     std::optional<std::uint8_t> blank_;  ///< as tiles begin, where that need not be painted
+    bool narrows_ = false;               ///< of a row of blocks only what may be seen or raise a horizon is looked at
     bool hides_ = false;                 ///< a post below every horizon can be judged without its height
     double farthest_m_ = std::numeric_limits<double>::infinity();  ///< along the ground
     double least_tangent_ = 0, most_tangent_ = 0;

@@ -124,7 +124,7 @@ private:
             while (last_ring + 1 < rings.size() && rings[last_ring].lines.end <= lines.end) ++last_ring;
             const std::size_t lanes = static_cast<std::size_t>(run.spokes[last_ring].size() + run.spokes[ring].size());
             const ChunkRequest request{
-                grid_.window(fan, spokes, live, lines), lines_are_columns(q), {}, {}, {}, grid_.level(fan, line)};
+                grid_.window(fan, spokes, live, lines), lines_are_columns(q), {}, {}, {}, grid_.level(fan, line), {}};
             const Window posts = raster_posts(request.window, request.level);
             std::size_t held = Front::bytes_of(lanes, facets_, directional_, shore_);
             f.steps += static_cast<std::uint64_t>(live.size() * lines.size()) << (last_ring - ring);

@@ -37,8 +37,8 @@ struct DataBase {
     double metres_per_unit = 1;         ///< of x and y on a plane
     /// Metres in a unit of x and y: of a degree, those at the equator. For sizes that need not be exact.
     double metres_a_unit() const { return metres_per_unit * (crs_in_metres ? 1 : 111320); }
-    bool cyclic = false;                ///< columns span the whole circle of longitude
-    std::int64_t cycle_columns = 0;     ///< columns of the circle, if cyclic
+    bool cyclic = false;             ///< columns span the whole circle of longitude
+    std::int64_t cycle_columns = 0;  ///< columns of the circle, if cyclic
 
     /// WGS84 latitude and longitude (degrees) -> place on the grid, exact (PROJ). Only where has_crs.
     /// Called from one thread at a time. Columns of a lat/lon raster come out nearest to its middle.
@@ -96,6 +96,8 @@ struct ChunkRequest {
     std::vector<Skip> skip;
     std::vector<float> fill_m;
     int level = 0;  ///< of detail; 0: every post. Above 0 only where the source has a detail map
+    /// All of the window that anything looks at: a source may leave the rest out of the chunk. None: the whole window.
+    std::optional<Window> looked_at;
 
     /// The height to fill all of it with, if none of its posts must be read and none need be void.
     std::optional<float> flat_m() const {
@@ -111,7 +113,7 @@ struct ChunkRequest {
 
 /// One rectangle of posts, as the spokes of a quadrant cross it: line by line.
 struct Chunk {
-    Window window;
+    Window window;  ///< of the request, or less of it that holds what is looked at
     bool lines_are_columns = false;
     /// Surface height (terrain + culture height), metres, NaN = void: line-major, the lines in raster
     /// order, `minor_count()` posts a line in raster order.
@@ -179,7 +181,7 @@ public:
     /// Reads one rectangle. May be called from several threads at once. IoError, DataError.
     virtual Chunk load(const ChunkRequest& request) = 0;
     Chunk load(const Window& window, bool lines_are_columns) {
-        return load({window, lines_are_columns, {}, {}, {}, 0});
+        return load({window, lines_are_columns, {}, {}, {}, 0, {}});
     }
     /// What load() of the same would come to, without reading.
     virtual LoadCost cost(const ChunkRequest& request) const {

@@ -135,6 +135,17 @@ TEST_CASE("posts that test themselves have their plain twin's states, bit for bi
         lanes.spokes = spokes - 4;
         lanes.nearest = turn % 9 == 0;
         lanes.target_m = turn % 2 ? 15 : 0;
+        if (turn % 4 < 2) {
+            float lowest = std::numeric_limits<float>::infinity(), highest = -lowest;
+            for (const auto* heights : {&line, &behind})
+                for (const float z : *heights)
+                    if (z == z) lowest = std::min(lowest, z), highest = std::max(highest, z);
+            const double aslant =
+                std::max(std::abs(lanes.nadir), std::abs(static_cast<double>(posts) + 16 - lanes.nadir)) /
+                lanes.distance;
+            if (lowest <= highest)
+                lanes.most_relief_m = static_cast<float>(1.01 * (1 + 2 * aslant)) * (highest - lowest) + 1;
+        }
         const Lift how{static_cast<float>(1000 * part(random)), static_cast<float>(1 / 8.5e6)};
         const bool wanted = turn % 3 == 0;
         std::vector<std::uint8_t> ours(line.size(), 7), twins = ours;

@@ -219,7 +219,7 @@ TEST_CASE("a level of a store is every 2^level-th post of the raster, across she
     for (int level = 1; level <= DetailLevels::most; ++level)
         for (const bool lines_are_columns : {false, true}) {
             const Window all{{0, posts_at(d.columns, level)}, {0, posts_at(d.rows, level)}};
-            const Chunk chunk = source->load({all, lines_are_columns, {}, {}, {}, level});
+            const Chunk chunk = source->load({all, lines_are_columns, {}, {}, {}, level, {}});
             std::int64_t wrong = 0;
             for (std::int64_t r = 0; r < all.rows.end; ++r)
                 for (std::int64_t c = 0; c < all.columns.end; ++c) {

@@ -1,6 +1,7 @@
 #include "tiles/coverage_raster.hpp"
 
 #include <cstddef>
+#include <cstring>
 #include <limits>
 #include <stdexcept>
 
@@ -36,16 +37,14 @@ Words words(CoverageLayer layer) {
     return {"", ""};
 }
 
-/// Of a tile's cells, those in the window.
-bool all_zero(const Window& window, const void* cells, std::size_t cell_bytes) {
-    const std::size_t used = static_cast<std::size_t>(window.columns.size()) * cell_bytes,
+/// Of a tile's cells, those in the window; `even`: all are as the first.
+bool all_zero(const Window& window, const void* cells, std::size_t cell_bytes, bool even) {
+    const std::size_t used = even ? cell_bytes : static_cast<std::size_t>(window.columns.size()) * cell_bytes,
                       line_bytes = static_cast<std::size_t>(CoverageTile::edge) * cell_bytes;
+    const std::int64_t lines = even ? 1 : window.rows.size();
     const auto* line = static_cast<const unsigned char*>(cells);
-    for (std::int64_t r = 0; r < window.rows.size(); ++r, line += line_bytes) {
-        unsigned char any = 0;
-        for (std::size_t i = 0; i < used; ++i) any |= line[i];
-        if (any != 0) return false;
-    }
+    for (std::int64_t r = 0; r < lines; ++r, line += line_bytes)
+        if (line[0] != 0 || std::memcmp(line, line + 1, used - 1) != 0) return false;
     return true;
 }
 
@@ -60,8 +59,8 @@ public:
     Open& operator=(const Open&) = delete;
 
     virtual bool by_tiles() const = 0;
-    /// `cells`: its rows are `stride` cells apart.
-    virtual void write(const Window& window, const void* cells, std::int64_t stride) = 0;
+    /// `cells`: its rows are `stride` cells apart; `even`: all are as the first.
+    virtual void write(const Window& window, const void* cells, std::int64_t stride, bool even) = 0;
     virtual void close(std::optional<double> no_data) = 0;
 };
 
@@ -89,13 +88,13 @@ public:
         return columns == CoverageTile::edge && rows == CoverageTile::edge;
     }
 
-    void write(const Window& window, const void* cells, std::int64_t stride) override {
+    void write(const Window& window, const void* cells, std::int64_t stride, bool even) override {
         const auto step = static_cast<GSpacing>(type_bytes(type_));
         if (by_tiles() && stride == CoverageTile::edge) {
             // A tile is a block: past GDAL's cache, so that blocks stand in the file in the order they come.
             const std::int64_t column = window.columns.begin / CoverageTile::edge,
                                row = window.rows.begin / CoverageTile::edge;
-            if (blank_.empty() || !all_zero(window, cells, static_cast<std::size_t>(step)))
+            if (blank_.empty() || !all_zero(window, cells, static_cast<std::size_t>(step), even))
                 return write_tile(column, row, cells);
             blank_[static_cast<std::size_t>(row * tiles_across_ + column)] = true;
             return;
@@ -153,10 +152,10 @@ public:
 
     bool by_tiles() const override { return true; }
 
-    void write(const Window& window, const void* cells, std::int64_t stride) override {
+    void write(const Window& window, const void* cells, std::int64_t stride, bool even) override {
         static_assert(TiffFile::edge == CoverageTile::edge);
         if (stride != TiffFile::edge) throw std::logic_error("a tile of coverage has rows of another length");
-        if (all_zero(window, cells, 1)) return;
+        if (all_zero(window, cells, 1, even)) return;
         file_.write_tile(window.columns.begin / TiffFile::edge, window.rows.begin / TiffFile::edge,
                          static_cast<const std::uint8_t*>(cells));
     }
@@ -224,11 +223,11 @@ bool CoverageFile::by_tiles() const { return open_->by_tiles(); }
 void CoverageFile::write(const CoverageTile& tile) {
     const bool bytes = is_bytes(layer_.kind);
     open_->write(tile.window, bytes ? static_cast<const void*>(tile.bytes) : static_cast<const void*>(tile.values),
-                 tile.stride);
+                 tile.stride, tile.even);
 }
 
 void CoverageFile::write(const Window& window, const std::uint16_t* counts) {
-    open_->write(window, counts, CoverageTile::edge);
+    open_->write(window, counts, CoverageTile::edge, false);
 }
 
 /// The value that says no data, where the file declares one.

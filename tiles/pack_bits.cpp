@@ -44,6 +44,8 @@ std::uint8_t* put_bytes(const std::uint8_t* from, std::size_t n, std::uint8_t* t
 }  // namespace
 
 std::uint8_t* pack_bits(const std::uint8_t* row, std::size_t n, std::uint8_t* to) noexcept {
+    // Most rows are all alike.
+    if (n > 1 && row[0] == row[n - 1] && std::memcmp(row, row + 1, n - 1) == 0) return put_run(row[0], n, to);
     std::size_t begin = 0;  // of the bytes that wait to be put as they are
     for (std::size_t i = 0; i < n;) {
         const std::size_t run = run_of(row + i, n - i);

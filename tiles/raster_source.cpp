@@ -125,11 +125,23 @@ void RasterSource::open_height(std::unique_ptr<RasterLayer> raster) {
 
 Chunk RasterSource::load(const ChunkRequest& request) {
     Chunk chunk = begun_chunk(data_base_, request);
-    if (const auto height = request.flat_m()) {
-        pass_surface(request);
+    const Window& all = request.window;
+    if (request.looked_at)
+        chunk.window = {intersection(all.columns, request.looked_at->columns),
+                        intersection(all.rows, request.looked_at->rows)};
+    const Window& window = chunk.window;
+    if (const auto height = request.flat_m(); height || window.empty()) {
+        pass_surface(request, all);
         chunk.flat = true;
-        chunk.surface_m.assign(static_cast<std::size_t>(chunk.minor_count()), *height);
-    } else if (request.level > 0) {
+        if (!window.empty()) chunk.surface_m.assign(static_cast<std::size_t>(chunk.minor_count()), *height);
+        return chunk;
+    }
+    for (const Window& rest : {Window{all.columns, {all.rows.begin, window.rows.begin}},
+                               Window{all.columns, {window.rows.end, all.rows.end}},
+                               Window{{all.columns.begin, window.columns.begin}, window.rows},
+                               Window{{window.columns.end, all.columns.end}, window.rows}})
+        if (!rest.empty()) pass_surface(request, rest);
+    if (request.level > 0) {
         load_level(chunk, request);
     } else {
         load_surface(chunk, NeededPosts(request));
@@ -376,7 +388,7 @@ void RasterSource::load_level(Chunk& chunk, const ChunkRequest& request) {
         needed.fill({columns, part}, surface, nullptr);
         if (chunk.lines_are_columns) turn(slab.data(), part.size(), width, chunk.surface_m.data(), minor, first);
     }
-    pass_surface(request);
+    pass_surface(request, chunk.window);
     chunk.bytes_read += chunk.posts_read * static_cast<std::uint64_t>(terrain_->facts().type_bytes);
     level_posts_ += chunk.posts_read;
 }
@@ -452,10 +464,9 @@ std::uint64_t RasterSource::read_terrain(const Run& run, std::int64_t first, Int
     return read;
 }
 
-void RasterSource::pass_surface(const ChunkRequest& request) {
+void RasterSource::pass_surface(const ChunkRequest& request, const Window& window) {
     const NeededPosts needed(request);
-    const Window& window = request.window;
-    if (request.level > 0) return pass_level(request, needed);
+    if (request.level > 0) return pass_level(request.level, window, needed);
     for (const Run& run : terrain_runs(window.columns)) {
         const std::int64_t shift = window.columns.begin + run.at - run.source.begin;
         const auto reason = [&](const Window& cells) {
@@ -469,8 +480,7 @@ void RasterSource::pass_surface(const ChunkRequest& request) {
         if (layer) pass_layer(*layer, window, needed);
 }
 
-void RasterSource::pass_level(const ChunkRequest& request, const NeededPosts& needed) {
-    const int level = request.level;
+void RasterSource::pass_level(int level, const Window& window, const NeededPosts& needed) {
     const auto why = [&](const Window& posts) {
         const Skip reason = needed.reason(posts);
         return reason == Skip::none ? Skip::detail : reason;
@@ -478,7 +488,6 @@ void RasterSource::pass_level(const ChunkRequest& request, const NeededPosts& ne
     // In pieces that lie in one tile of the file.
     const auto unit = [&](std::int64_t tile) { return std::max<std::int64_t>(1, tile >> level); };
     const std::int64_t wide = unit(terrain_->facts().block_columns), high = unit(terrain_->facts().block_rows);
-    const Window& window = request.window;
     for (std::int64_t r = window.rows.begin; r < window.rows.end;) {
         const std::int64_t r_end = std::min(window.rows.end, (r / high + 1) * high);
         for (std::int64_t c = window.columns.begin; c < window.columns.end;) {

@@ -56,9 +56,7 @@ public:
         const std::size_t cache = params_.cache_bytes;
         return cache_bytes() - cache + static_cast<std::size_t>(std::min<std::uint64_t>(cache, bytes_read));
     }
-    std::size_t held_bytes() const override {
-        return filled_bytes(GdalSession::cache_used_bytes() + tiles_->bytes());
-    }
+    std::size_t held_bytes() const override { return filled_bytes(GdalSession::cache_used_bytes() + tiles_->bytes()); }
 
     /// One layer is read at a time, but a handle keeps its buffers.
     std::size_t reader_bytes() const override;
@@ -96,10 +94,10 @@ protected:
                                std::int64_t stride);
 
     /// Notes why nothing of a request's posts is read.
-    void pass_surface(const ChunkRequest& request);
+    void pass_surface(const ChunkRequest& request, const Window& window);
 
     /// And of a request for a level: what it keeps is left out for the level's sake, the rest for its own reason.
-    void pass_level(const ChunkRequest& request, const NeededPosts& needed);
+    void pass_level(int level, const Window& window, const NeededPosts& needed);
 
     /// Notes why a layer under these posts may stay unread: for the ground's reason, or because nothing sees it.
     static void pass_layer(RegisteredLayer& layer, const Window& posts, const NeededPosts& needed);
