@@ -101,7 +101,7 @@ void Cover::hide(const Side& side, Interval lines, std::int64_t major, Interval 
     constexpr double slack = 0x1p-14;
     const double spokes = static_cast<double>(s.of),
                  bow = std::abs(bow_per_slope(near)) * (0.25 * knot * knot) / (spokes * spokes);
-    const double raised_m = params_.target_m + blocks.relief_m * 8 * static_cast<double>(place_slack);
+    const double raised_m = params_.target_m + blocks.cell_relief_m() * static_cast<double>(place_slack);
     desk.touched.assign(static_cast<std::size_t>(groups), {});
     desk.quiet.assign(static_cast<std::size_t>(groups), 0);
     for (std::int64_t g = 0; g < groups; ++g) {

@@ -108,7 +108,8 @@ struct TestLanes {
     std::int64_t first_spoke;
     std::int32_t spokes;
     bool nearest;  ///< the line behind is not between the sensor and this one
-    /// Posts beside one another differ by less than a quarter of it; infinite: nothing is known.
+    /// At least what any post's cell counts as relief: |step to the line behind| + |slope| (|step on the line| + |step on the
+    /// line behind|); infinite: nothing is known.
     float most_relief_m = std::numeric_limits<float>::infinity();
     float target_m;
     std::uint8_t* state;  ///< out, by post: codes of State no_data, shadow, seen

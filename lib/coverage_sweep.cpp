@@ -165,7 +165,7 @@ void Cover::test_part(const LineForm& line, const Spokes& s, Interval posts, Int
     test.first_spoke = s.range.begin;
     test.spokes = static_cast<std::int32_t>(s.range.size());
     test.nearest = line.distance <= 1;
-    if (!desk.blocks.empty()) test.most_relief_m = 4 * static_cast<float>(desk.blocks.relief_m) + 1;
+    if (!desk.blocks.empty()) test.most_relief_m = static_cast<float>(desk.blocks.cell_relief_m());
     test.target_m = static_cast<float>(params_.target_m);
     test.state = desk.state.data();
     test.raise_m = params_.layer == CoverageLayer::height || voids_ ? desk.raise_m.data() : nullptr;

@@ -117,6 +117,9 @@ struct Blocks {
     std::vector<Skip> skip;           ///< none: something of it may be seen; range: no spoke comes by
     double relief_m = 0, most_m = 0;  ///< from the lowest to the highest surface; and farthest from sea level
     bool empty() const { return bounds.empty(); }
+    /// More than the relief that a post counts in its cell: a step along the ray and two across, times its slope, which is
+    /// below 2 (SpokeMap refuses rays that bend farther).
+    double cell_relief_m() const { return 8 * relief_m; }
     /// What follows from the bounds alone.
     void measure() {
         skip.assign(bounds.size(), Skip::none);

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <fstream>
+#include <numbers>
 #include <random>
 #include <string>
 #include <vector>
@@ -41,10 +42,10 @@ Scene scene_at(const DataBase& db, const Place& place, std::optional<double> ear
     return s;
 }
 
-std::vector<std::uint8_t> mask_of(WedgeSource& source, const Scene& scene) {
+std::vector<std::uint8_t> mask_of(WedgeSource& source, const Scene& scene, const CoverageParams& params = {}) {
     const DataBase& db = source.data_base();
     std::vector<std::uint8_t> all(static_cast<std::size_t>(db.columns * db.rows), 77);
-    cover(resolve_coverage(scene, source), source, {}, [&](const CoverageTile& tile) {
+    cover(resolve_coverage(scene, source), source, params, [&](const CoverageTile& tile) {
         for (std::int64_t r = tile.window.rows.begin; r < tile.window.rows.end; ++r)
             std::copy_n(tile.bytes + (r - tile.window.rows.begin) * tile.stride, tile.window.columns.size(),
                         all.begin() + r * db.columns + tile.window.columns.begin);
@@ -277,6 +278,62 @@ TEST_CASE("posts far from the origin and posts of extreme aspect are judged as a
             CHECK(seen < posts);
             CHECK(100.0 * wrong / posts <= 0.3);
         }
+    }
+}
+
+TEST_CASE("where rays bend near a pole, posts among spikes are judged alike, culled or not", "[numerics][coverage]") {
+    const Folder folder;
+    constexpr double lat_deg = 89.5, step_deg = 0.215 / 40, spike_m = 3000;
+    constexpr int far_column = 39, far_row = 64;
+    const double sensor_m = 1000 + spike_m - 0.7 * spike_m / 40000 * 3000 - 1;
+    test::Drawing d;
+    d.columns = 40;
+    d.rows = 78;
+    d.crs = "EPSG:4326";
+    d.geotransform = {-step_deg / 2, step_deg, 0, lat_deg + 2.5 * step_deg, 0, -step_deg};
+    d.value = [&](int c, int r) {
+        const double lambda = c * step_deg * (std::numbers::pi / 180),
+                     colatitude = (90 - lat_deg) * (std::numbers::pi / 180),
+                     away = (r - 2) * step_deg * (std::numbers::pi / 180);
+        const double metres =
+            6390000 * 2 *
+            std::asin(std::hypot(std::sin(away / 2),
+                                 std::sqrt(std::sin(colatitude) * std::sin(colatitude + away)) * std::sin(lambda / 2)));
+        if (c < 2) return 1000.0;
+        if (c <= 3) return std::min(1000 + spike_m, sensor_m + 0.7 * spike_m / 40000 * metres);  // the ridge that hides
+        const bool spike = c == far_column ? r == far_row : (c + r) % 2 != 0;
+        return spike ? 1000 + spike_m : 1000.0;
+    };
+    test::draw(folder / "pole.tif", d);
+    DataBaseParams params;
+    params.dem = folder / "pole.tif";
+    params.cache_bytes = 4 << 20;
+    const auto source = open_direct_source(params);
+    Scene s = scene_at(source->data_base(), {0, 2, 0}, 4.0 / 3);
+    s.platform.altitude_above = AltitudeAbove::sea_level;
+    s.platform.altitude_m = sensor_m;
+    s.geometry = Geometry::geodesic;
+    CoverageParams culled;
+    const auto sees = [&](double target_m, bool cull) {
+        culled.target_m = target_m;
+        culled.cull = cull;
+        return mask_of(*source, s, culled)[far_row * 40 + far_column] == 255;
+    };
+    // The least height that is seen, to what a float tells apart; then heights a hair above it.
+    double hidden_m = 0, seen_m = 9000;
+    REQUIRE(sees(seen_m, false));
+    while (seen_m - hidden_m > 1e-5) {
+        const double middle_m = 0.5 * (hidden_m + seen_m);
+        (sees(middle_m, false) ? seen_m : hidden_m) = middle_m;
+    }
+    CHECK(seen_m > 100);
+    for (int k = -20; k < 60; ++k) {
+        culled.target_m = seen_m + k * 2e-4;
+        culled.cull = true;
+        const auto one = mask_of(*source, s, culled);
+        culled.cull = false;
+        INFO("target of " << culled.target_m << " m");
+        CHECK((one == mask_of(*source, s, culled)));
     }
 }
 
