@@ -64,7 +64,6 @@ void Cover::hide(const Side& side, Interval lines, std::int64_t major, Interval 
     Blocks& blocks = desk.blocks;
     const Spokes& s = desk.spokes;
     const Quadrant q = side.quadrant;
-    desk.judged = major;
     for (std::int64_t j = blocks.minors.begin; j < blocks.minors.end; ++j)
         blocks.skip[blocks.at(major, j)] = blocks.bounds[blocks.at(major, j)].voids == Voids::all ? Skip::voids
                                            : all_posts                                            ? Skip::none
@@ -131,9 +130,7 @@ void Cover::hide(const Side& side, Interval lines, std::int64_t major, Interval 
                          2 * blocks.most_m + params_.target_m <
                      *scene_.scene.range_m;
         }
-        // What of its own spokes, and of those that a doubling puts between them and the next group's, may be raised.
-        const float lowest = in_fan.contains(g + 1) ? std::min(desk.least[i], desk.least[i + 1]) : no_horizon_f;
-        bool quiet = hides_ && has(lowest);
+        bool quiet = judged;
         for (std::int64_t j = touched.begin; j < touched.end; ++j) {
             Skip& skip = blocks.skip[blocks.at(major, j)];
             if (skip == Skip::voids || (skip == Skip::none && !quiet)) continue;
@@ -142,17 +139,18 @@ void Cover::hide(const Side& side, Interval lines, std::int64_t major, Interval 
                          w = (top_m - static_cast<double>(lift_.sensor_m)) /
                              (1 + top_m * static_cast<double>(lift_.inverse_radius)),
                          highest = w * (w > 0 ? steep : gentle) - drop + slack * (std::abs(w) * steep + drop);
-            quiet = quiet && b.voids == Voids::none && highest < static_cast<double>(lowest);
             const bool below = judged && b.voids == Voids::none && highest < static_cast<double>(least);
+            quiet = quiet && below;
             if (skip != Skip::none) skip = below ? Skip::hidden : Skip::none;
         }
         desk.quiet[i] = quiet ? 1 : 0;
     }
     desk.groups.clear();
     for (std::int64_t g = counted.begin; g < counted.end; ++g) {
+        const auto i = static_cast<std::size_t>(g);
+        const Interval touched = desk.touched[i];
         bool rises = !in_fan.contains(g);
-        const Interval touched = desk.touched[static_cast<std::size_t>(g)];
-        for (std::int64_t j = touched.begin; j < touched.end && !rises && !desk.quiet[static_cast<std::size_t>(g)]; ++j)
+        for (std::int64_t j = touched.begin; j < touched.end && !rises && !desk.quiet[i]; ++j)
             rises = blocks.skip[blocks.at(major, j)] == Skip::none;
         if (!rises) continue;
         // Runs that all but meet are one.
@@ -165,11 +163,11 @@ void Cover::hide(const Side& side, Interval lines, std::int64_t major, Interval 
 
 /// Of the row of blocks that was judged last: posts along its lines that those which test themselves, and spokes that may be
 /// raised, look at.
-Interval Cover::looked_at(const Desk& desk) {
+Interval Cover::looked_at_part(std::int64_t row, const Desk& desk) {
     const Blocks& blocks = desk.blocks;
     Interval found;
     for (std::int64_t j = blocks.minors.begin; j < blocks.minors.end; ++j)
-        if (blocks.skip[blocks.at(desk.judged, j)] == Skip::none) found = hull(found, {j, j + 1});
+        if (blocks.skip[blocks.at(row, j)] == Skip::none) found = hull(found, {j, j + 1});
     for (const Interval& part : desk.groups)
         for (std::int64_t g = part.begin; g < part.end; ++g)
             found = hull(found, desk.touched[static_cast<std::size_t>(g)]);

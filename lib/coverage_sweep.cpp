@@ -240,12 +240,11 @@ void Cover::sweep(Strip& strip, std::size_t run) {
     blocks.bounds.clear();
     Chunk chunk;
     Interval held, held_posts;  // lines of the chunk, as the raster counts them, and which posts of each
+    const auto rectangle = [&](Interval of_lines, Interval posts) {
+        return columns ? Window{of_lines, posts} : Window{posts, of_lines};
+    };
     const auto load = [&](Interval of_lines, ChunkRequest request) {
-        const auto lines_of = [&](Interval posts) {
-            return columns ? Window{of_lines, posts} : Window{posts, of_lines};
-        };
-        request.window = lines_of(window);
-        if (narrows_ && !request.skip.empty()) request.looked_at = lines_of(intersection(looked_at(desk), window));
+        request.window = rectangle(of_lines, window);
         request.lines_are_columns = columns;
         Span reading(params_.timeline, "load", "wedge", static_cast<std::int64_t>(q));
         const Stopwatch watch;
@@ -337,6 +336,7 @@ void Cover::sweep(Strip& strip, std::size_t run) {
                     ChunkRequest request;
                     leave_out(columns, blocks, {block_along(of_lines.begin), block_along(of_lines.end - 1) + 1},
                               behind_counts ? std::nullopt : std::optional(row), request);
+                    if (narrows_) request.looked_at = rectangle(of_lines, looked_at_part(row, desk));
                     load(of_lines, std::move(request));
                     // Of the last row's lines the buffers hold what was needed then.
                     in_line = in_behind = no_line;

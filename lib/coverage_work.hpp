@@ -148,8 +148,7 @@ struct Job {
 struct Desk {
     Blocks blocks;
     std::vector<float> least;           ///< of the horizons of each group of spokes
-    std::int64_t judged = 0;            ///< row of blocks that the following are of
-    std::vector<Interval> touched;      ///< blocks of the row, by each group
+    std::vector<Interval> touched;      ///< blocks of a row, by each group
     std::vector<std::uint8_t> quiet;    ///< groups that nothing of it raises
     std::vector<Interval> groups;       ///< runs of groups that something of the row of blocks may raise
     std::vector<Interval> every_group;  ///< all, as such a list
@@ -292,7 +291,7 @@ private:
                           ChunkRequest& request);
     void look_at(const Chunk& chunk, Interval major, Interval minor, Blocks& blocks) const;
     void hide(const Side& side, Interval lines, std::int64_t major, Interval core, bool all_posts, Desk& desk);
-    static Interval looked_at(const Desk& desk);
+    static Interval looked_at_part(std::int64_t row, const Desk& desk);
     static void part_row(std::int64_t row, Desk& desk);
     static void part_line(Interval posts, Desk& desk);
     void pass_voids(Desk& desk, Interval window, bool behind);
