@@ -72,7 +72,9 @@ void post_knots(const LineForm& line, const PieceForm& piece, std::int64_t spoke
 
 /// Posts of a line: post j is at[j - origin]; readable line_margin posts beyond either end, NaN there and where it is void.
 using PostLine = const float*;
-inline constexpr std::int64_t line_margin = 40;
+/// A group of spokes may begin where a line ends, with four posts from spoke to spoke (the least of `spokes-per-post` is a
+/// quarter), and what a few registers hold is loaded at once.
+inline constexpr std::int64_t line_margin = 4 * static_cast<std::int64_t>(knot_step) + 40;
 /// Readable beyond the last spoke of a horizon.
 inline constexpr std::size_t horizon_margin = 17;
 
