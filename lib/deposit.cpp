@@ -8,14 +8,6 @@
 
 namespace wedgescope {
 
-State most_telling(std::uint8_t bits) {
-    if (bits & bit_seen) return State::seen;
-    if (bits & bit_unknown) return State::unknown;
-    if (bits & bit_shadow) return State::shadow;
-    if (bits & bit_no_data) return State::no_data;
-    return State::outside;
-}
-
 Quanta quanta(Interval range_bins, double range_bin_m, double radar_constant, double most_pattern2,
               double azimuth_step_rad, double most_gamma) {
     Quanta q;
@@ -41,7 +33,7 @@ WedgeCells::WedgeCells(std::size_t rows, const Quanta& quanta, std::size_t chann
     : quanta_(quanta), rows_(rows), columns_(static_cast<std::size_t>(quanta.range_bins.size())), channels_(channels),
       first_bin_(static_cast<std::size_t>(quanta.range_bins.begin)),
       begin_(static_cast<double>(quanta.range_bins.begin)), end_(static_cast<double>(quanta.range_bins.end)),
-      sums_(rows * columns_ * channels + 2), bits_(rows * columns_) {}
+      sums_(rows * columns_ * channels + 2), bits_(rows * columns_), marked_(rows * bit_count) {}
 
 void WedgeCells::put_quantities(const Target& target, std::size_t column, double whole, const double* quantities) {
     for (std::size_t c = 1; c < channels_; ++c) {
@@ -114,8 +106,8 @@ struct WedgeCells::Placing {
     Placing(std::int32_t bin_at, float begin_at, float way_to, float bow_of)
         : bin(bin_at), begin(begin_at), way(way_to), bow(bow_of) {}
     Placing(double x0, double x1, double bow_of)
-        : bin(bin_of(x0 < x1 ? x0 : x1)), begin(begin_in(bin, x0 < x1 ? x0 : x1)),
-          way(static_cast<float>(x1 - x0)), bow(static_cast<float>(bow_of)) {}
+        : bin(bin_of(x0 < x1 ? x0 : x1)), begin(begin_in(bin, x0 < x1 ? x0 : x1)), way(static_cast<float>(x1 - x0)),
+          bow(static_cast<float>(bow_of)) {}
     float length() const { return way < 0 ? -way : way; }
     template <class Real>
     FromNear<Real> from_near(const Stretches& s) const {
@@ -336,9 +328,45 @@ void WedgeCells::mark(const Target& target, double x0, double x1, std::uint8_t b
     const auto first = static_cast<std::size_t>(near - begin), last = static_cast<std::size_t>(far - begin);
     for (std::size_t side = 0; side < 2; ++side) {
         if (!(target.share[side] > 0)) continue;
-        std::uint8_t* row = bits_.data() + (static_cast<std::size_t>(target.row) + side) * columns_;
-        for (std::size_t j = first; j <= last; ++j) row[j] = static_cast<std::uint8_t>(row[j] | bit);
+        const std::size_t row = static_cast<std::size_t>(target.row) + side;
+        std::uint8_t* const bits = bits_.data() + row * columns_;
+        const auto add = [bits, bit](std::size_t from, std::size_t to) {
+            for (std::size_t j = from; j < to; ++j) bits[j] = static_cast<std::uint8_t>(bits[j] | bit);
+        };
+        Marked& marked = marked_[row * bit_count + static_cast<std::size_t>(std::countr_zero(bit))];
+        if (first > marked.end || last + 1 < marked.begin) {
+            add(first, last + 1);
+            if (last + 1 - first > marked.end - marked.begin) marked = {first, last + 1};
+            continue;
+        }
+        add(first, marked.begin);
+        add(marked.end, last + 1);
+        marked = {std::min(first, marked.begin), std::max(last + 1, marked.end)};
     }
+}
+
+namespace {
+
+WEDGESCOPE_LANES_PART void whole_watts(std::size_t n, const std::int64_t* __restrict sums,
+                                       const double* __restrict quantum, float* __restrict watts) noexcept {
+    for (std::size_t j = 0; j < n; ++j) watts[j] = static_cast<float>(static_cast<double>(sums[j]) * quantum[j]);
+}
+
+WEDGESCOPE_LANES_PART void most_telling_states(std::size_t n, const std::uint8_t* __restrict bits,
+                                               std::uint8_t* __restrict states) noexcept {
+    for (std::size_t j = 0; j < n; ++j) {
+        const std::uint8_t b = bits[j];
+        const State hidden = b & bit_no_data ? State::no_data : State::outside,
+                    dark = b & bit_shadow ? State::shadow : hidden, doubtful = b & bit_unknown ? State::unknown : dark;
+        states[j] = static_cast<std::uint8_t>(b & bit_seen ? State::seen : doubtful);
+    }
+}
+
+}  // namespace
+
+void WedgeCells::finish(std::size_t row, float* watts, std::uint8_t* states) const {
+    on_target<whole_watts>(columns_, sums_.data() + row * columns_, quanta_.watts.data(), watts);
+    on_target<most_telling_states>(columns_, bits_.data() + row * columns_, states);
 }
 
 }  // namespace wedgescope

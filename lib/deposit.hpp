@@ -15,9 +15,6 @@ namespace wedgescope {
 
 /// One bit for each state that was met in a cell; outside is none of them.
 enum StateBit : std::uint8_t { bit_no_data = 1, bit_shadow = 2, bit_unknown = 4, bit_seen = 8 };
-/// The most telling: seen, unknown, shadow, no data; outside where nothing fell.
-State most_telling(std::uint8_t bits);
-
 /// What turns a deposit into a whole number: for each range bin, quantum = the least power of two >= B 2^-61, B the
 /// most that a cell of the bin can hold: constant * most_pattern2 * 2 * azimuth_step * most_gamma / r^2, r the bin's
 /// near edge, at least 1 m.
@@ -38,7 +35,9 @@ public:
 
     std::size_t rows() const { return rows_; }
     std::size_t columns() const { return columns_; }
-    std::size_t bytes() const { return sums_.size() * sizeof(std::int64_t) + bits_.size(); }
+    std::size_t bytes() const {
+        return sums_.size() * sizeof(std::int64_t) + bits_.size() + marked_.size() * sizeof(Marked);
+    }
 
     /// An azimuth share of a spoke: rows `row` and `row + 1` take `share[0]` and `share[1]` (radians; 0: not this one).
     struct Target {
@@ -100,7 +99,9 @@ public:
     double watts(std::size_t row, std::size_t column, std::size_t channel = 0) const {
         return static_cast<double>(sums_[(channel * rows_ + row) * columns_ + column]) * quanta_.watts[column];
     }
-    std::uint8_t bits(std::size_t row, std::size_t column) const { return bits_[row * columns_ + column]; }
+    /// All of a row: watts of the first channel, and states (codes of State), the most telling of those met: seen, unknown,
+    /// shadow, no data; outside where nothing fell.
+    void finish(std::size_t row, float* watts, std::uint8_t* states) const;
 
 private:
     std::int32_t row_of(std::int64_t origin) const {
@@ -131,6 +132,12 @@ private:
     double begin_, end_;  // range bins, as coordinates
     std::vector<std::int64_t> sums_;
     std::vector<std::uint8_t> bits_;
+    /// For each row and bit a stretch of columns that have it all: neighbouring spokes lie in the same shadow.
+    static constexpr std::size_t bit_count = 4;
+    struct Marked {
+        std::size_t begin = 0, end = 0;
+    };
+    std::vector<Marked> marked_;
 };
 
 }  // namespace wedgescope

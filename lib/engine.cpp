@@ -408,14 +408,8 @@ void Wedges::merge(WedgeTask& task) {
     const Stopwatch watch;
     const PolarGrid& swept = setting_.scene.swept;
     const auto first = static_cast<std::size_t>(task.report.azimuth_bins.begin - swept.azimuth_bins.begin);
-    for (std::size_t row = 0; task.cells && row < task.cells->rows(); ++row) {
-        float* echo = result_.echo_w.row(first + row);
-        std::uint8_t* state = result_.echo_state.row(first + row);
-        for (std::size_t j = 0; j < task.cells->columns(); ++j) {
-            echo[j] = static_cast<float>(task.cells->watts(row, j));
-            state[j] = static_cast<std::uint8_t>(most_telling(task.cells->bits(row, j)));
-        }
-    }
+    for (std::size_t row = 0; task.cells && row < task.cells->rows(); ++row)
+        task.cells->finish(row, result_.echo_w.row(first + row), result_.echo_state.row(first + row));
     if (task.unknown_code && (!unknown_code_ || *task.unknown_code < *unknown_code_)) unknown_code_ = task.unknown_code;
     WedgeReport& r = task.report;
     const double ticks = r.sample_s + r.sweep_s + r.shade_s + r.deposit_s;
