@@ -50,12 +50,29 @@ public:
     virtual BlockWindow read(int level, const Window& blocks) = 0;
 };
 
+/// The block, `side` posts wide, that a post, or the cell that begins with it, lies in.
+constexpr std::int64_t block_along(std::int64_t post, std::int64_t side = block_posts) {
+    return (post >= 0 ? post : post - side + 1) / side;
+}
+/// The blocks that posts in a row lie in.
+constexpr Interval blocks_along(Interval posts, std::int64_t side = block_posts) {
+    return posts.empty() ? Interval{} : Interval{block_along(posts.begin, side), block_along(posts.end - 1, side) + 1};
+}
 /// The blocks of a level that hold the posts of a window.
 constexpr Window blocks_of(const Window& posts, int level = 0) {
-    const std::int64_t edge = block_posts << level;
-    const auto down = [&](std::int64_t v) { return (v >= 0 ? v : v - edge + 1) / edge; };
-    const auto side = [&](Interval i) { return i.empty() ? Interval{} : Interval{down(i.begin), down(i.end - 1) + 1}; };
-    return {side(posts.columns), side(posts.rows)};
+    return {blocks_along(posts.columns, block_posts << level), blocks_along(posts.rows, block_posts << level)};
+}
+
+/// The block, `side` posts wide, of the cells that begin at line `from`, outwards (`out`: 1 or -1), and its far border, or
+/// line `last` before that.
+struct CellsAhead {
+    std::int64_t block, to;
+};
+constexpr CellsAhead cells_ahead(std::int64_t from, std::int64_t last, std::int64_t out,
+                                 std::int64_t side = block_posts) {
+    const std::int64_t block = block_along(out > 0 ? from : from - 1, side), near = block * side;
+    if (out > 0) return {block, near + side < last ? near + side : last};
+    return {block, near > last ? near : last};
 }
 
 /// As BlockMap::read, of any level: what is coarser than the map's last one is put together. `columns`, `rows`: posts.

@@ -26,6 +26,10 @@ inline double highest_sine(double sensor_m, double height_m, double near_arc_m, 
     return margin - std::sqrt(std::max(0.0, 1 - cosine * cosine));
 }
 
+/// Of a bound for several spokes by the least of their inverse radii: the least curvature shows the most ground; what it
+/// changes beside is below 4e-6.
+inline constexpr double together_margin = 1e-5;
+
 /// Spokes from one line to the next: raster index along the lines and arc there; what they have seen so far.
 struct PassingLanes {
     static constexpr std::size_t most = 64;

@@ -107,7 +107,9 @@ std::size_t Front::bytes_of(std::size_t lanes, bool facets, bool directional, bo
 
 std::size_t Front::bytes() const {
     return bytes_of(lanes_.mode.capacity(), needs_facets_, directional_, shore_ != nullptr) +
-           (chunk_bounds_[0].highest_m.capacity() + chunk_bounds_[1].highest_m.capacity()) * sizeof(float) +
+           (chunk_bounds_[0].highest_m.capacity() + chunk_bounds_[1].highest_m.capacity() +
+            asked_.highest_m.capacity()) *
+               sizeof(float) +
            culture_.bytes();
 }
 
@@ -271,6 +273,7 @@ void Front::advance(Interval lines, const Chunk* chunk, bool leap) {
     if (chunk) {
         if (scene_->data_base->has_culture) culture_.open(raster_posts(chunk->window, level_), !leap);
         for (ChunkBounds& bounds : chunk_bounds_) bounds.set_up(*chunk, lines_are_columns(quadrant_));
+        take_asked(chunk_bounds_[0]);
     }
     if (next_line_ > 0) {
         // Its last line again: the chunk before may not have held all posts that matter now, or had another level.

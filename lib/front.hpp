@@ -74,8 +74,8 @@ public:
     /// The posts that advancing over `lines` (of one level, which start at next_line()) needs, the line behind them too,
     /// in posts of their level; an empty window if none of the spokes meets the raster there. With a map: also which blocks can be left out, because no
     /// spoke comes there or because what they hold stays below the horizons that the spokes have now.
-    ChunkRequest request(Interval lines, BlockMap* map) const;
-    /// Carries the front over lines that `chunk` holds; null where the window was empty. With `leap` spokes pass over
+    ChunkRequest request(Interval lines, BlockMap* map);
+    /// Carries the front over lines that `chunk`, of the last request, holds; null where the window was empty. With `leap` spokes pass over
     /// blocks that stay below their horizons in one step; no bit changes.
     void advance(Interval lines, const Chunk* chunk, bool leap = true);
     /// Marks what lies beyond the last line. Call once.
@@ -193,14 +193,29 @@ private:
     struct ChunkBounds {
         std::int64_t side;
         Interval major{}, minor{};
-        std::vector<float> highest_m{};  ///< NaN: not looked at yet; +inf: holds a void
+        std::vector<float> highest_m{};  ///< NaN: not looked at yet; +inf: may hold a void; -inf: nothing to see there
         void set_up(const Chunk& chunk, bool lines_are_columns);
+        float& at(std::int64_t major_block, std::int64_t minor_block) {
+            return highest_m[static_cast<std::size_t>((major_block - major.begin) * minor.size() + minor_block -
+                                                      minor.begin)];
+        }
+    };
+    /// What the map told of the blocks of the last request, as ChunkBounds have it: -inf where none of the spokes that come
+    /// by can see anything.
+    struct AskedBlocks {
+        Window blocks;
+        std::vector<float> highest_m;  ///< row after row; empty: it was not asked
     };
     /// Of a tile that sees nothing. Passes over lines up to the end of the block that the next one lies in, a large one or
     /// else a small one, if nothing there can come over the horizon of any spoke; returns the last line passed, or one
     /// before `line` if there is none.
     std::int64_t leap(std::int64_t line, std::int64_t last, const Chunk& chunk, std::size_t begin, std::size_t end,
                       Between& between);
+    class BlockSurvey;
+    void take_asked(ChunkBounds& bounds) const;
+    /// Over as many whole blocks as hold nothing to see for the tile's spokes.
+    std::int64_t leap_hidden(std::int64_t line, std::int64_t last, const Chunk& chunk, std::size_t begin,
+                             std::size_t end, Between& between);
     std::int64_t leap_block(std::int64_t line, std::int64_t last, const Chunk& chunk, ChunkBounds& bounds,
                             std::size_t begin, std::size_t end, Between& between);
     /// Does every spoke on its own stay above what it comes by, from where it is now to where it is ahead?
@@ -337,6 +352,7 @@ private:
     std::vector<float> patch_posts_, patch_culture_;  // of the line behind the nadir
     bool leaps_ = true;
     std::array<ChunkBounds, 2> chunk_bounds_{{{block_posts}, {small_block_posts}}};
+    AskedBlocks asked_;
     Between between_;
     Culture culture_;
     SweepCost cost_;

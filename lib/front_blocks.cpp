@@ -1,4 +1,4 @@
-// What a front leaves out by the block: not read, for no spoke comes by or none would see it, or passed over in one step.
+// What a front passes over by the block, in one step.
 #include <algorithm>
 #include <array>
 #include <limits>
@@ -12,181 +12,33 @@ namespace wedgescope {
 namespace {
 
 constexpr double infinite = std::numeric_limits<double>::infinity();
-// Of bounds for several spokes: the least curvature shows the most ground; what it changes beside is below 4e-6.
-constexpr double together_margin = 1e-5;
-constexpr float void_post = std::numeric_limits<float>::quiet_NaN();
-
-/// The block, `side` posts wide, that a post, or the cell that begins with it, lies in.
-std::int64_t block_along(std::int64_t post, std::int64_t side = block_posts) {
-    return (post >= 0 ? post : post - side + 1) / side;
-}
-
-/// The block, `side` posts wide, of the cells that begin at line `from`, outwards, and its far border, or line `last`
-/// before that.
-struct CellsAhead {
-    std::int64_t block, to;
-};
-CellsAhead cells_ahead(std::int64_t from, std::int64_t last, std::int64_t out, std::int64_t side = block_posts) {
-    const std::int64_t block = block_along(out > 0 ? from : from - 1, side);
-    return {block, out > 0 ? std::min((block + 1) * side, last) : std::max(block * side, last)};
-}
+constexpr float not_looked_at = std::numeric_limits<float>::quiet_NaN();
 
 }  // namespace
 
-// ---- not read ----
-
-ChunkRequest Front::request(Interval lines, BlockMap* map) const {
-    const DataBase& db = *scene_->data_base;
-    const bool columns = lines_are_columns(quadrant_);
-    ChunkRequest request;
-    if (live_begin_ >= live_end_) return request;
-    const int level = request.level = scene_->grid->level(fan_, lines.begin);
-    const std::int64_t first_spoke = run_->spokes[ring_].begin;
-    request.window = scene_->grid->window(
-        fan_, scene_->grid->rings(fan_)[ring_].spokes,
-        {first_spoke + static_cast<std::int64_t>(live_begin_), first_spoke + static_cast<std::int64_t>(live_end_)},
-        lines);
-    request.lines_are_columns = columns;
-    const Window& window = request.window;
-    // Across the seam of a cyclic raster the blocks do not meet.
-    if (!map || window.empty() || window.columns.begin < 0 || window.columns.end > db.columns) return request;
-    request.blocks = blocks_of(window);
-    // Blocks of a level are as many of its posts wide: the map's own coarser ones.
-    const BlockWindow bounds = read_bounds(*map, level, request.blocks, db.columns, db.rows);
-    const std::int64_t count = posts_at(columns ? db.rows : db.columns, level);
-    const Interval majors = columns ? request.blocks.columns : request.blocks.rows,
-                   minors = columns ? request.blocks.rows : request.blocks.columns;
-    const auto index = [&](std::int64_t major, std::int64_t minor) {
-        const std::int64_t column = columns ? major : minor, row = columns ? minor : major;
-        return static_cast<std::size_t>((row - request.blocks.rows.begin) * request.blocks.columns.size() + column -
-                                        request.blocks.columns.begin);
-    };
-    request.skip.assign(bounds.bounds.size(), Skip::range);
-    request.fill_m.resize(bounds.bounds.size());
-    for (std::size_t i = 0; i < bounds.bounds.size(); ++i)
-        request.fill_m[i] = bounds.bounds[i].voids == Voids::all ? void_post : bounds.bounds[i].lowest_m;
-
-    // A spoke stands for those between it and its neighbours, which a doubling may bring.
-    const SpokeGrid& grid = *scene_->grid;
-    const std::size_t n = live_end_ - live_begin_;
-    std::vector<double> near_minor(n), near_arc(n), far_minor(n), far_arc(n);
-    std::vector<SpokeMap::LinePiece> pieces;
-    std::vector<std::uint8_t> may_gap(n);  // it may have met a void in this chunk
-    for (std::size_t i = 0; i < n; ++i) may_gap[i] = is(live_begin_ + i, mode_gap);
-    const std::int64_t out = outward(quadrant_), last = grid.line_index(fan_, lines.end - 1);
-    std::int64_t line = lines.begin;
-    places(line > 0 ? grid.distance(fan_, line - 1) : 0, level, live_begin_, live_end_, near_minor.data(),
-           near_arc.data(), pieces);
-    while (line < lines.end) {
-        // The cells between the line behind and the block's far edge.
-        const std::int64_t from = grid.line_index(fan_, line) - out;
-        auto [block, to] = cells_ahead(from, last, out);
-        line += (to - from) * out;
-        // Before the first line stands no block: what counts is that line.
-        if (!majors.contains(block)) block = block_along(to);
-        places(grid.distance(fan_, line - 1), level, live_begin_, live_end_, far_minor.data(), far_arc.data(), pieces);
-        const auto blocks_between = [&](double lo, double hi) {
-            return Interval{block_along(floor_of(lo) - ChunkRequest::margin),
-                            block_along(floor_of(hi) + 1 + ChunkRequest::margin) + 1};
-        };
-        const auto hide = [&](Skip& skip, double highest) {
-            if (skip != Skip::hidden) skip = highest < scene_->smooth_sine ? Skip::horizon : Skip::hidden;
-        };
-        // Neighbours together first: nothing there that any of them could see, and no void.
-        const auto all_hidden = [&](std::size_t first, std::size_t end) {
-            double lo = infinite, hi = -infinite, near = infinite, far = 0, inverse = infinite, horizon = infinite;
-            for (std::size_t i = first; i < end; ++i) {
-                const std::size_t lane = live_begin_ + i;
-                if (is(lane, mode_done) || near_arc[i] > scene_->max_arc_m * 1.001) continue;
-                if (may_gap[i]) return false;
-                const std::size_t before = i > 0 ? i - 1 : 0, after = std::min(i + 1, n - 1);
-                lo = std::min({lo, near_minor[before], far_minor[before]});
-                hi = std::max({hi, near_minor[after], far_minor[after]});
-                near = std::min(near, near_arc[i]);
-                far = std::max(far, far_arc[i]);
-                inverse = std::min(inverse, lanes_.inverse_radius[lane]);
-                horizon = std::min(horizon, lanes_.horizon[lane]);
-            }
-            if (lo > hi) return true;
-            const Interval all = blocks_between(lo, hi);
-            if (intersection(all, minors) != all || lo < 0 || hi > static_cast<double>(count - 1)) return false;
-            std::array<double, 8> highest{};
-            if (all.size() > static_cast<std::int64_t>(highest.size())) return false;
-            for (std::int64_t j = all.begin; j < all.end; ++j) {
-                const std::size_t at = index(block, j);
-                const BlockBounds& b = bounds.bounds[at];
-                if (b.voids != Voids::none) return false;
-                if (request.skip[at] == Skip::none) continue;
-                double& sine = highest[static_cast<std::size_t>(j - all.begin)];
-                sine =
-                    highest_sine(scene_->sensor_m, static_cast<double>(b.highest_m + b.culture_m), near, far, inverse) +
-                    together_margin;
-                if (sine >= horizon) return false;
-            }
-            for (std::int64_t j = all.begin; j < all.end; ++j) {
-                Skip& skip = request.skip[index(block, j)];
-                if (skip != Skip::none) hide(skip, highest[static_cast<std::size_t>(j - all.begin)]);
-            }
-            return true;
-        };
-        constexpr std::size_t together = 16;
-        for (std::size_t i = 0; i < n; ++i) {
-            if (i % together == 0 && all_hidden(i, std::min(i + together, n))) {
-                i += together - 1;
-                continue;
-            }
-            const std::size_t lane = live_begin_ + i;
-            if (is(lane, mode_done) || near_arc[i] > scene_->max_arc_m * 1.001) continue;
-            const std::size_t before = i > 0 ? i - 1 : 0, after = std::min(i + 1, n - 1);
-            const double lo = std::min(near_minor[before], far_minor[before]),
-                         hi = std::max(near_minor[after], far_minor[after]);
-            const Interval all = blocks_between(lo, hi);
-            const Interval inside = intersection(all, minors);
-            // The raster's edge is the edge of a void.
-            bool voids = may_gap[i] != 0 || inside != all || lo < 0 || hi > static_cast<double>(count - 1);
-            for (std::int64_t j = inside.begin; j < inside.end; ++j)
-                voids = voids || bounds.bounds[index(block, j)].voids != Voids::none;
-            may_gap[i] = voids;
-            for (std::int64_t j = inside.begin; j < inside.end; ++j) {
-                const std::size_t at = index(block, j);
-                Skip& skip = request.skip[at];
-                if (skip == Skip::none) continue;
-                const BlockBounds& b = bounds.bounds[at];
-                if (b.voids == Voids::all) {
-                    skip = Skip::voids;
-                    continue;
-                }
-                const double highest = highest_sine(scene_->sensor_m, static_cast<double>(b.highest_m + b.culture_m),
-                                                    near_arc[i], far_arc[i], lanes_.inverse_radius[lane]);
-                if (voids || highest >= lanes_.horizon[lane]) {
-                    skip = Skip::none;
-                } else {
-                    hide(skip, highest);
-                }
-            }
-        }
-        std::swap(near_minor, far_minor);
-        std::swap(near_arc, far_arc);
-    }
-    return request;
+void Front::ChunkBounds::set_up(const Chunk& chunk, bool columns) {
+    major = blocks_along(columns ? chunk.window.columns : chunk.window.rows, side);
+    minor = blocks_along(columns ? chunk.window.rows : chunk.window.columns, side);
+    highest_m.assign(static_cast<std::size_t>(major.size() * minor.size()), not_looked_at);
 }
 
-// ---- passed over ----
-
-void Front::ChunkBounds::set_up(const Chunk& chunk, bool columns) {
-    const auto blocks = [&](Interval posts) {
-        return posts.empty() ? Interval{0, 0}
-                             : Interval{block_along(posts.begin, side), block_along(posts.end - 1, side) + 1};
-    };
-    major = blocks(columns ? chunk.window.columns : chunk.window.rows);
-    minor = blocks(columns ? chunk.window.rows : chunk.window.columns);
-    highest_m.assign(static_cast<std::size_t>(major.size() * minor.size()), void_post);
+void Front::take_asked(ChunkBounds& bounds) const {
+    if (asked_.highest_m.empty()) return;
+    const Interval majors = lines_are_columns(quadrant_) ? asked_.blocks.columns : asked_.blocks.rows,
+                   minors = lines_are_columns(quadrant_) ? asked_.blocks.rows : asked_.blocks.columns;
+    const Interval major = intersection(majors, bounds.major), minor = intersection(minors, bounds.minor);
+    const std::int64_t wide = asked_.blocks.columns.size();
+    for (std::int64_t i = major.begin; i < major.end; ++i)
+        for (std::int64_t j = minor.begin; j < minor.end; ++j) {
+            const std::int64_t along = i - majors.begin, across = j - minors.begin;
+            bounds.at(i, j) = asked_.highest_m[static_cast<std::size_t>(
+                lines_are_columns(quadrant_) ? across * wide + along : along * wide + across)];
+        }
 }
 
 float Front::highest_in_chunk(const Chunk& chunk, ChunkBounds& bounds, std::int64_t major_block,
                               std::int64_t minor_block) const {
-    float& bound = bounds.highest_m[static_cast<std::size_t>((major_block - bounds.major.begin) * bounds.minor.size() +
-                                                             minor_block - bounds.minor.begin)];
+    float& bound = bounds.at(major_block, minor_block);
     if (bound == bound) return bound;
     if (chunk.flat) return bound = chunk.surface_m[0];
     const bool columns = lines_are_columns(quadrant_);
@@ -223,9 +75,56 @@ bool Front::passes_alone(const Chunk& chunk, ChunkBounds& bounds, std::int64_t b
 std::int64_t Front::leap(std::int64_t line, std::int64_t last, const Chunk& chunk, std::size_t begin, std::size_t end,
                          Between& between) {
     cost_.clock.enter(StageClock::sweep);
-    std::int64_t passed = line - 1;
+    std::int64_t passed = leap_hidden(line, last, chunk, begin, end, between);
     for (ChunkBounds& bounds : chunk_bounds_)
         if (passed < line) passed = leap_block(line, last, chunk, bounds, begin, end, between);
+    return passed;
+}
+
+std::int64_t Front::leap_hidden(std::int64_t line, std::int64_t last, const Chunk& chunk, std::size_t begin,
+                                std::size_t end, Between& between) {
+    std::int64_t passed = line - 1;
+    if (asked_.highest_m.empty()) return passed;
+    ChunkBounds& bounds = chunk_bounds_[0];
+    const SpokeGrid& grid = *scene_->grid;
+    const std::int64_t out = outward(quadrant_), last_index = grid.line_index(fan_, last);
+    const Interval along = lines_are_columns(quadrant_) ? chunk.window.rows : chunk.window.columns;
+    // Between the first spoke and the last lie the others, to far less than a post.
+    const std::size_t n = end - begin;
+    std::array<double, 2> near{now_.minor[0], now_.minor[n - 1]};
+    for (std::int64_t next = line; next <= last;) {
+        const std::int64_t from = grid.line_index(fan_, next) - out;
+        const auto [block, to] = cells_ahead(from, last_index, out);
+        const std::int64_t target = next + (to - from) * out - 1;
+        const double distance = grid.distance(fan_, target);
+        std::array<double, 2> far{};
+        double arc = 0;
+        for (std::size_t side = 0; side < 2; ++side) {
+            const SpokeMap::Place place = grid.map().place(quadrant_, lanes_.slope[side ? end - 1 : begin], distance);
+            far[side] = place.minor / post_;
+            arc = std::max(arc, place.arc_m);
+        }
+        const std::int64_t lo = floor_of(std::min({near[0], near[1], far[0], far[1]})) - 1,
+                           hi = floor_of(std::max({near[0], near[1], far[0], far[1]})) + 2;
+        const Interval all{block_along(lo), block_along(hi) + 1};
+        if (arc * 1.001 > scene_->max_arc_m || !bounds.major.contains(block) ||
+            intersection(all, bounds.minor) != all || !along.contains(lo) || !along.contains(hi))
+            break;
+        float highest = -static_cast<float>(infinite);
+        for (std::int64_t j = all.begin; j < all.end; ++j) highest = std::max(highest, bounds.at(block, j));
+        if (!(highest == -static_cast<float>(infinite))) break;
+        passed = target;
+        next = target + 1;
+        near = far;
+    }
+    if (passed < line) return passed;
+    places(grid.distance(fan_, passed), level_, begin, end, now_.minor.data(), now_.arc.data(), line_pieces_);
+    std::fill_n(now_.part.begin(), n, 0.0);
+    stale_ = true;
+    const std::int64_t index = grid.line_index(fan_, passed);
+    between.behind = line_of(chunk, chunk.surface_m, index);
+    between.behind_culture = line_of(chunk, chunk.culture_height_m, index);
+    between.behind_major = static_cast<double>(index);
     return passed;
 }
 
