@@ -575,18 +575,18 @@ TEST_CASE("deposits add up to what was put in, bin by bin, in any order and by l
                 const std::vector<double> numbers = column(of);
                 return std::vector<float>(numbers.begin(), numbers.end());
             };
-            const auto s0 = column([](const Put& p) { return p.target.share[0]; }),
-                       s1 = column([](const Put& p) { return p.target.share[1]; }),
-                       x0 = column([](const Put& p) { return p.portion.x0 / bins; }),
-                       x1 = column([](const Put& p) { return p.portion.x1 / bins; }),
-                       power = column([](const Put& p) { return p.portion.power; });
+            const auto s0 = column([](const Put&p) { return p.target.share[0]; }),
+                       s1 = column([](const Put&p) { return p.target.share[1]; }),
+                       x0 = column([](const Put&p) { return p.portion.x0 / bins; }),
+                       x1 = column([](const Put&p) { return p.portion.x1 / bins; }),
+                       power = column([](const Put&p) { return p.portion.power; });
             const auto gamma = [&](std::size_t k) {
                 return floats([k](const Put& p) { return static_cast<double>(p.stretches.gamma[k]); });
             };
-            const auto bow = floats([](const Put& p) { return p.portion.bow; }), gamma0 = gamma(0), gamma1 = gamma(1),
+            const auto bow = floats([](const Put&p) { return p.portion.bow; }), gamma0 = gamma(0), gamma1 = gamma(1),
                        gamma2 = gamma(2),
-                       second = floats([](const Put& p) { return static_cast<double>(p.stretches.second); }),
-                       third = floats([](const Put& p) { return static_cast<double>(p.stretches.third); });
+                       second = floats([](const Put&p) { return static_cast<double>(p.stretches.second); }),
+                       third = floats([](const Put&p) { return static_cast<double>(p.stretches.third); });
             std::vector<std::int64_t> row;
             std::vector<std::int32_t> straddlers;
             for (std::size_t i = 0; i < n; ++i) {
@@ -640,7 +640,8 @@ TEST_CASE("a dim stretch behind a bright one, and one of many bins, have what is
             return std::min(s, b) + static_cast<double>(dim) * std::max(0.0, s - b);
         };
         const auto x = static_cast<double>(j);
-        const double expected = 0.01 * power * (upto(x + 1) - upto(x)), got = cells.watts(0, static_cast<std::size_t>(j));
+        const double expected = 0.01 * power * (upto(x + 1) - upto(x)),
+                     got = cells.watts(0, static_cast<std::size_t>(j));
         const double quantum = q.watts[static_cast<std::size_t>(j)];
         INFO("bin " << j << " of " << row.bins << ", bow " << bow << ": " << got << ", " << expected);
         REQUIRE(got >= 0);
@@ -655,6 +656,49 @@ TEST_CASE("a piece that ends an instant before a bin's edge stays in its bin", "
     target.share[0] = 0.01;
     for (const double k : {8.0, 20.0}) cells.add(target, {k - 1e-9, k - 1e-9, 1e-6, 0}, WedgeCells::Stretches::one(1));
     for (std::size_t j = 0; j < 20; ++j) CHECK((cells.watts(0, j) > 0) == (j == 7 || j == 19));
+}
+
+TEST_CASE("a row's states are the most telling of all that was marked, in whatever stretches", "[deposit]") {
+    constexpr std::int64_t first = 7, columns = 150;
+    constexpr std::size_t rows = 3;
+    const Quanta q = quanta({first, first + columns}, 25, 1e3, 1, 0.01, 2);
+    std::mt19937 random(3);
+    for (int round = 0; round < 200; ++round) {
+        WedgeCells cells(rows, q);
+        std::array<std::array<int, columns>, rows> met{};
+        const int marks = 1 + static_cast<int>(random() % 12);
+        for (int i = 0; i < marks; ++i) {
+            const auto place = [&] {
+                return static_cast<double>(first) - 20 + 0.25 * static_cast<double>(random() % 800);
+            };
+            const double x0 = place(), x1 = random() % 4 ? x0 + 0.25 * static_cast<double>(random() % 80) : place();
+            const auto bit = static_cast<std::uint8_t>(1U << random() % 4);
+            WedgeCells::Target target{static_cast<std::int32_t>(random() % (rows - 1)),
+                                      {0.01, random() % 3 ? 0 : 0.02}};
+            cells.mark(target, x0, x1, bit);
+            for (std::size_t side = 0; side < (target.share[1] > 0 ? 2U : 1U); ++side)
+                for (std::int64_t j = 0; j < columns; ++j)
+                    if (std::max(x0, x1) >= static_cast<double>(first + j) &&
+                        std::min(x0, x1) < static_cast<double>(first + j + 1))
+                        met[static_cast<std::size_t>(target.row) + side][static_cast<std::size_t>(j)] |= bit;
+        }
+        std::array<float, columns> watts;
+        std::array<std::uint8_t, columns> states;
+        for (std::size_t row = 0; row < rows; ++row) {
+            cells.finish(row, watts.data(), states.data());
+            for (std::size_t j = 0; j < columns; ++j) {
+                const int bits = met[row][j];
+                const State expected = bits & bit_seen      ? State::seen
+                                       : bits & bit_unknown ? State::unknown
+                                       : bits & bit_shadow  ? State::shadow
+                                       : bits & bit_no_data ? State::no_data
+                                                            : State::outside;
+                INFO("round " << round << ", row " << row << ", column " << j);
+                REQUIRE(states[j] == static_cast<std::uint8_t>(expected));
+                REQUIRE(watts[j] == 0);
+            }
+        }
+    }
 }
 
 TEST_CASE("the quantum of a bin leaves room for all that a cell can hold, and no more than a bit", "[deposit]") {

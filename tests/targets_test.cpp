@@ -265,11 +265,22 @@ Bytes deposits_of(unsigned seed) {
                             stretched ? second.data() : nullptr,
                             third.data()});
     }
-    for (std::size_t row = 0; row < rows; ++row)
+    for (int i = 0; i < 20; ++i) {
+        const double x0 = draw.number(static_cast<double>(begin), static_cast<double>(begin + columns));
+        cells.mark({static_cast<std::int32_t>(draw.below(rows - 1)), {0.01, draw.below(2) ? 0.01 : 0}}, x0,
+                   x0 + draw.number(0, 60), static_cast<std::uint8_t>(1U << draw.below(4)));
+    }
+    std::vector<float> finished(cells.columns());
+    Bytes states(cells.columns());
+    for (std::size_t row = 0; row < rows; ++row) {
         for (std::size_t column = 0; column < cells.columns(); ++column) {
             const double watts = cells.watts(row, column);
             record.put(&watts, 1);
         }
+        cells.finish(row, finished.data(), states.data());
+        record.put(finished);
+        record.put(states);
+    }
     return std::move(record).bytes();
 }
 
