@@ -81,6 +81,8 @@ public:
             row_ = majors_.contains(block) ? block : block_along(to);
             find_edges(grid_.distance(fan, line - 1), far_edges_);
             look();
+            if (from == grid_.line_index(fan, lines.begin) - out) share_voids(from);
+            if (to == last) share_voids(to);
             std::swap(near_, far_);
             std::swap(near_edges_, far_edges_);
         }
@@ -91,8 +93,9 @@ private:
     std::size_t after(std::size_t i) const { return std::min(i + 1, n_ - 1); }
     std::size_t end_of(std::size_t group) const { return std::min((group + 1) * together, n_); }
 
-    std::size_t index(std::int64_t minor) const {
-        const std::int64_t column = columns_ ? row_ : minor, row = columns_ ? minor : row_;
+    std::size_t index(std::int64_t minor) const { return index(row_, minor); }
+    std::size_t index(std::int64_t major, std::int64_t minor) const {
+        const std::int64_t column = columns_ ? major : minor, row = columns_ ? minor : major;
         return static_cast<std::size_t>((row - request_.blocks.rows.begin) * request_.blocks.columns.size() + column -
                                         request_.blocks.columns.begin);
     }
@@ -109,6 +112,15 @@ private:
     }
     void hide(Skip& skip, double sine) const {
         if (skip != Skip::hidden) skip = sine < front_.scene_->smooth_sine ? Skip::horizon : Skip::hidden;
+    }
+
+    /// The chunk's first or last line may be the first one of blocks at which no spoke is looked at here: beside a block of
+    /// nothing but voids, to whose bounds it belongs, it is one too, and a gap goes on there.
+    void share_voids(std::int64_t line) {
+        const std::int64_t beyond = block_along(line);
+        if (beyond == row_ || !majors_.contains(beyond)) return;
+        for (std::int64_t j = minors_.begin; j < minors_.end; ++j)
+            if (bounds_.bounds[index(j)].voids == Voids::all) request_.fill_m[index(beyond, j)] = void_post;
     }
 
     /// Of the spokes beside each group on a line.
