@@ -242,6 +242,28 @@ TEST_CASE("leaving out what is hidden changes no bit", "[cull][engine]") {
     CHECK(samples_on < samples_off);
 }
 
+TEST_CASE("a gap goes on past the border of a chunk whose blocks are nothing but voids", "[cull][engine]") {
+    // Bands of voids that end a few posts behind a border: the block behind it is void only as far, and nobody asks for it with
+    // the chunk before.
+    const auto in_band = [](double at) { return (at >= 330 && at <= 388) || (at >= 93 && at <= 135); };
+    const auto shape = rolling(300, 60, 3);
+    const auto with_bands = [&](double c, double r) {
+        return in_band(c) || in_band(r) ? std::nan("") : std::round(shape(c, r));
+    };
+    MemorySource open(480, 480, 30, with_bands), mapped(480, 480, 30, with_bands);
+    mapped.set_block_map();
+    for (MemorySource* source : {&open, &mapped}) source->editable().block_columns = source->editable().block_rows = 64;
+    for (const double above : {20.0, 150.0, 800.0}) {
+        Scene s;
+        s.platform.xy = PointXY{30 * 232.0, -30 * 231.5};
+        s.platform.altitude_m = shape(232, 231.5) + above;
+        s.display.size = 64;
+        s.spokes_per_bin = 2;
+        INFO(above << " m above the ground");
+        CHECK(same_bits(run_with(open, s, false, 1), run_with(mapped, s, true, 4)));
+    }
+}
+
 TEST_CASE("what lies more than a chunk behind a wall is never read", "[cull][engine]") {
     // A wall in the east, south and west of the sensor, 600 m high; open ground in the north.
     const auto walled = [](double c, double r) {
