@@ -31,7 +31,8 @@ void halve(PieceEnd a, const PieceEnd& b, const Point& point, const Deposit& dep
     ends[n++] = b;
     while (n > 0) {
         const PieceEnd next = ends[n - 1];
-        if (one_range(a.range_m, next.range_m, next.sine - a.sine, leaf) || n == ends.size()) {
+        const bool known = next.sine == next.sine;  // else halves are no better
+        if (!known || one_range(a.range_m, next.range_m, next.sine - a.sine, leaf) || n == ends.size()) {
             if (next.sine > a.sine) deposit(a, next);
             a = {next.part, next.range_m, std::max(a.sine, next.sine), next.x};
             --n;

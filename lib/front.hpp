@@ -206,9 +206,9 @@ private:
         Window blocks;
         std::vector<float> highest_m;  ///< row after row; empty: it was not asked
     };
-    /// Of a tile that sees nothing. Passes over lines up to the end of the block that the next one lies in, a large one or
-    /// else a small one, if nothing there can come over the horizon of any spoke; returns the last line passed, or one
-    /// before `line` if there is none.
+    /// Of a tile that sees nothing. Passes over lines up to the end of as many blocks as the last request found nothing to see
+    /// in, else of the block that the next one lies in, a large one or a small one, if nothing there can come over the
+    /// horizon of any spoke; returns the last line passed, or one before `line` if there is none.
     std::int64_t leap(std::int64_t line, std::int64_t last, const Chunk& chunk, std::size_t begin, std::size_t end,
                       Between& between);
     class BlockSurvey;

@@ -13,6 +13,7 @@ namespace {
 
 constexpr double infinite = std::numeric_limits<double>::infinity();
 constexpr float not_looked_at = std::numeric_limits<float>::quiet_NaN();
+constexpr float nothing_to_see = -std::numeric_limits<float>::infinity();
 
 }  // namespace
 
@@ -64,6 +65,7 @@ bool Front::passes_alone(const Chunk& chunk, ChunkBounds& bounds, std::int64_t b
                            last = block_along(floor_of(std::max(now_.minor[i], ahead_.minor[i])) + 1, bounds.side);
         for (std::int64_t j = first; j <= last; ++j) {
             const auto highest = static_cast<double>(highest_in_chunk(chunk, bounds, block, j));
+            if (highest == static_cast<double>(nothing_to_see)) continue;
             if (!(highest < infinite) || highest_sine(scene_->sensor_m, highest, now_.arc[i], ahead_.arc[i],
                                                       lanes_.inverse_radius[lane]) >= lanes_.horizon[lane])
                 return false;
@@ -107,12 +109,13 @@ std::int64_t Front::leap_hidden(std::int64_t line, std::int64_t last, const Chun
         const std::int64_t lo = floor_of(std::min({near[0], near[1], far[0], far[1]})) - 1,
                            hi = floor_of(std::max({near[0], near[1], far[0], far[1]})) + 2;
         const Interval all{block_along(lo), block_along(hi) + 1};
+        // Between these two spokes arcs are no longer by more.
         if (arc * 1.001 > scene_->max_arc_m || !bounds.major.contains(block) ||
             intersection(all, bounds.minor) != all || !along.contains(lo) || !along.contains(hi))
             break;
-        float highest = -static_cast<float>(infinite);
-        for (std::int64_t j = all.begin; j < all.end; ++j) highest = std::max(highest, bounds.at(block, j));
-        if (!(highest == -static_cast<float>(infinite))) break;
+        bool hidden = true;  // one that nobody looked at is not
+        for (std::int64_t j = all.begin; j < all.end; ++j) hidden = hidden && bounds.at(block, j) == nothing_to_see;
+        if (!hidden) break;
         passed = target;
         next = target + 1;
         near = far;
@@ -159,8 +162,10 @@ std::int64_t Front::leap_block(std::int64_t line, std::int64_t last, const Chunk
     for (std::int64_t j = all.begin; j < all.end; ++j)
         highest = std::max(highest, highest_in_chunk(chunk, bounds, block, j));
     const auto most = static_cast<double>(highest);
-    if (!(most < infinite) || !(highest_sine(scene_->sensor_m, most, near, far, inverse) + together_margin < horizon ||
-                                passes_alone(chunk, bounds, block, begin, end)))
+    const bool hidden = highest == nothing_to_see;
+    if (!(most < infinite) ||
+        !(hidden || highest_sine(scene_->sensor_m, most, near, far, inverse) + together_margin < horizon ||
+          passes_alone(chunk, bounds, block, begin, end)))
         return line - 1;
     sample_line(line_of(chunk, chunk.surface_m, to), begin, end, 0, ahead_);
     std::swap(now_, ahead_);

@@ -62,8 +62,12 @@ public:
         }
         for (std::size_t g = 0; g < groups_.size(); ++g)
             for (const std::size_t i : {before(g * together), after(end_of(g) - 1)}) {
+                const double post_m = front_.lanes_.metres_per_post[first_ + i];
                 edge_slope_.push_back(front_.lanes_.slope[first_ + i]);
-                edge_post_m_.push_back(front_.lanes_.metres_per_post[first_ + i]);
+                edge_post_m_.push_back(post_m);
+                // What a doubling brings between a group and its neighbours is as long as they are.
+                groups_[g].least_post_m = std::min(groups_[g].least_post_m, post_m);
+                groups_[g].most_post_m = std::max(groups_[g].most_post_m, post_m);
             }
     }
 
@@ -249,7 +253,7 @@ private:
     std::vector<std::uint8_t> known_;    // groups of which near_ holds where each spoke is
     std::vector<std::uint8_t> may_gap_;  // spokes that may have met a void in this chunk
     Places near_, far_;
-    std::vector<double> edge_slope_, edge_post_m_;  // of the spokes before and behind each group
+    std::vector<double> edge_slope_, edge_post_m_;  // of the spokes before and behind each group: not quite in order
     Places near_edges_, far_edges_;
     std::vector<SpokeMap::LinePiece> pieces_;
 };
