@@ -106,8 +106,8 @@ struct WedgeCells::Placing {
     Placing(std::int32_t bin_at, float begin_at, float way_to, float bow_of)
         : bin(bin_at), begin(begin_at), way(way_to), bow(bow_of) {}
     Placing(double x0, double x1, double bow_of)
-        : bin(bin_of(x0 < x1 ? x0 : x1)), begin(begin_in(bin, x0 < x1 ? x0 : x1)), way(static_cast<float>(x1 - x0)),
-          bow(static_cast<float>(bow_of)) {}
+        : bin(bin_of(x0 < x1 ? x0 : x1)), begin(begin_in(bin, x0 < x1 ? x0 : x1)),
+          way(static_cast<float>(x1 - x0)), bow(static_cast<float>(bow_of)) {}
     float length() const { return way < 0 ? -way : way; }
     template <class Real>
     FromNear<Real> from_near(const Stretches& s) const {

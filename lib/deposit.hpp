@@ -15,6 +15,7 @@ namespace wedgescope {
 
 /// One bit for each state that was met in a cell; outside is none of them.
 enum StateBit : std::uint8_t { bit_no_data = 1, bit_shadow = 2, bit_unknown = 4, bit_seen = 8 };
+
 /// What turns a deposit into a whole number: for each range bin, quantum = the least power of two >= B 2^-61, B the
 /// most that a cell of the bin can hold: constant * most_pattern2 * 2 * azimuth_step * most_gamma / r^2, r the bin's
 /// near edge, at least 1 m.
@@ -35,8 +36,9 @@ public:
 
     std::size_t rows() const { return rows_; }
     std::size_t columns() const { return columns_; }
-    std::size_t bytes() const {
-        return sums_.size() * sizeof(std::int64_t) + bits_.size() + marked_.size() * sizeof(Marked);
+    std::size_t bytes() const { return bytes_of(rows_, columns_, channels_); }
+    static std::size_t bytes_of(std::size_t rows, std::size_t columns, std::size_t channels = 1) {
+        return rows * columns * (channels * sizeof(std::int64_t) + 1) + rows * bit_count * sizeof(Marked);
     }
 
     /// An azimuth share of a spoke: rows `row` and `row + 1` take `share[0]` and `share[1]` (radians; 0: not this one).

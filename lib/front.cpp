@@ -108,9 +108,7 @@ std::size_t Front::bytes_of(std::size_t lanes, bool facets, bool directional, bo
 
 std::size_t Front::bytes() const {
     return bytes_of(lanes_.mode.capacity(), needs_facets_, directional_, shore_ != nullptr) +
-           (chunk_bounds_[0].highest_m.capacity() + chunk_bounds_[1].highest_m.capacity() +
-            asked_.highest_m.capacity()) *
-               sizeof(float) +
+           (chunk_bounds_[0].highest_m.capacity() + chunk_bounds_[1].highest_m.capacity()) * sizeof(float) +
            culture_.bytes();
 }
 
@@ -265,24 +263,26 @@ LinePosts Front::line_of(const Chunk& chunk, const RawVector<float>& layer, std:
     return {layer.data() + line * minor.size(), minor.begin, minor.end};
 }
 
+void Front::stand_on(std::int64_t index, const Chunk* chunk, Between& between) const {
+    between.behind = chunk ? line_of(*chunk, chunk->surface_m, index) : no_posts();
+    between.behind_culture = chunk ? line_of(*chunk, chunk->culture_height_m, index) : no_posts();
+    between.behind_major = static_cast<double>(index);
+    between.adjacent = true;
+}
+
 void Front::advance(Interval lines, const Chunk* chunk, bool leap) {
     assert(lines.begin == next_line_);
     leaps_ = leap;
     enter_level(lines.begin);
     between_.in_chunk = chunk != nullptr;
-    for (ChunkBounds& bounds : chunk_bounds_) bounds.highest_m.clear();
     if (chunk) {
         if (scene_->data_base->has_culture) culture_.open(raster_posts(chunk->window, level_), !leap);
-        for (ChunkBounds& bounds : chunk_bounds_) bounds.set_up(*chunk, lines_are_columns(quadrant_));
-        take_asked(chunk_bounds_[0]);
+        for (ChunkBounds& bounds : chunk_bounds_)
+            if (bounds.highest_m.empty()) bounds.set_up(chunk->window, lines_are_columns(quadrant_));
     }
     if (next_line_ > 0) {
         // Its last line again: the chunk before may not have held all posts that matter now, or had another level.
-        const std::int64_t index = scene_->grid->line_index(fan_, next_line_) - outward(quadrant_);
-        between_.behind = chunk ? line_of(*chunk, chunk->surface_m, index) : no_posts();
-        between_.behind_culture = chunk ? line_of(*chunk, chunk->culture_height_m, index) : no_posts();
-        between_.behind_major = static_cast<double>(index);
-        between_.adjacent = true;
+        stand_on(scene_->grid->line_index(fan_, next_line_) - outward(quadrant_), chunk, between_);
         sample_line(between_.behind, live_begin_, live_end_, live_begin_, lanes_.last);
     }
     while (!lines.empty() && !finished()) {
@@ -303,6 +303,7 @@ void Front::advance(Interval lines, const Chunk* chunk, bool leap) {
     next_line_ = std::max(next_line_, lines.end);
     between_.behind = between_.behind_culture = between_.ahead = between_.ahead_culture = no_posts();
     between_.in_chunk = false;
+    for (ChunkBounds& bounds : chunk_bounds_) bounds.highest_m.clear();
 }
 
 std::size_t Front::first_live(std::size_t begin, std::size_t end) const {
@@ -358,11 +359,7 @@ void Front::advance_tile(Interval lines, const Chunk* chunk, std::size_t begin, 
     }
     put_pieces(between);
     // The spokes' last line, whether they leapt there or not.
-    const std::int64_t index = grid.line_index(fan_, lines.end - 1);
-    between.behind = chunk ? line_of(*chunk, chunk->surface_m, index) : no_posts();
-    between.behind_culture = chunk ? line_of(*chunk, chunk->culture_height_m, index) : no_posts();
-    between.behind_major = static_cast<double>(index);
-    between.adjacent = true;
+    stand_on(grid.line_index(fan_, lines.end - 1), chunk, between);
     refresh(between, from, to);
     copy(to - from, now_, 0, lanes_.last, from);
 }

@@ -75,8 +75,8 @@ public:
     /// in posts of their level; an empty window if none of the spokes meets the raster there. With a map: also which blocks can be left out, because no
     /// spoke comes there or because what they hold stays below the horizons that the spokes have now.
     ChunkRequest request(Interval lines, BlockMap* map);
-    /// Carries the front over lines that `chunk`, of the last request, holds; null where the window was empty. With `leap` spokes pass over
-    /// blocks that stay below their horizons in one step; no bit changes.
+    /// Carries the front over lines that `chunk`, of the last request, holds; null where the window was empty. With `leap`
+    /// spokes pass over blocks that stay below their horizons in one step; no bit changes.
     void advance(Interval lines, const Chunk* chunk, bool leap = true);
     /// Marks what lies beyond the last line. Call once.
     void finish();
@@ -177,6 +177,8 @@ private:
     void sample_line(const LinePosts& posts, std::size_t begin, std::size_t end, std::size_t at,
                      Samples& samples) const;
     LinePosts line_of(const Chunk& chunk, const RawVector<float>& layer, std::int64_t index) const;
+    /// Line `index`, of the chunk if there is one, is where the spokes are now.
+    void stand_on(std::int64_t index, const Chunk* chunk, Between& between) const;
 
     StepScene step_scene(bool exact_course) const {
         return {scene_->sensor_m, bins_per_metre_, scene_->range_is_ground, exact_course, scene_->most_theta};
@@ -194,25 +196,18 @@ private:
         std::int64_t side;
         Interval major{}, minor{};
         std::vector<float> highest_m{};  ///< NaN: not looked at yet; +inf: may hold a void; -inf: nothing to see there
-        void set_up(const Chunk& chunk, bool lines_are_columns);
+        void set_up(const Window& window, bool lines_are_columns);
         float& at(std::int64_t major_block, std::int64_t minor_block) {
             return highest_m[static_cast<std::size_t>((major_block - major.begin) * minor.size() + minor_block -
                                                       minor.begin)];
         }
-    };
-    /// What the map told of the blocks of the last request, as ChunkBounds have it: -inf where none of the spokes that come
-    /// by can see anything.
-    struct AskedBlocks {
-        Window blocks;
-        std::vector<float> highest_m;  ///< row after row; empty: it was not asked
     };
     /// Of a tile that sees nothing. Passes over lines up to the end of as many blocks as the last request found nothing to see
     /// in, else of the block that the next one lies in, a large one or a small one, if nothing there can come over the
     /// horizon of any spoke; returns the last line passed, or one before `line` if there is none.
     std::int64_t leap(std::int64_t line, std::int64_t last, const Chunk& chunk, std::size_t begin, std::size_t end,
                       Between& between);
-    class BlockSurvey;
-    void take_asked(ChunkBounds& bounds) const;
+    class BlockSurvey;  // of request()
     /// Over as many whole blocks as hold nothing to see for the tile's spokes.
     std::int64_t leap_hidden(std::int64_t line, std::int64_t last, const Chunk& chunk, std::size_t begin,
                              std::size_t end, Between& between);
@@ -351,8 +346,8 @@ private:
     std::vector<double> breaks_;
     std::vector<float> patch_posts_, patch_culture_;  // of the line behind the nadir
     bool leaps_ = true;
+    // The first are what the map told request(), where there is one: -inf where no spoke that comes by can see anything.
     std::array<ChunkBounds, 2> chunk_bounds_{{{block_posts}, {small_block_posts}}};
-    AskedBlocks asked_;
     Between between_;
     Culture culture_;
     SweepCost cost_;

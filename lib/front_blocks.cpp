@@ -17,24 +17,10 @@ constexpr float nothing_to_see = -std::numeric_limits<float>::infinity();
 
 }  // namespace
 
-void Front::ChunkBounds::set_up(const Chunk& chunk, bool columns) {
-    major = blocks_along(columns ? chunk.window.columns : chunk.window.rows, side);
-    minor = blocks_along(columns ? chunk.window.rows : chunk.window.columns, side);
+void Front::ChunkBounds::set_up(const Window& window, bool columns) {
+    major = blocks_along(columns ? window.columns : window.rows, side);
+    minor = blocks_along(columns ? window.rows : window.columns, side);
     highest_m.assign(static_cast<std::size_t>(major.size() * minor.size()), not_looked_at);
-}
-
-void Front::take_asked(ChunkBounds& bounds) const {
-    if (asked_.highest_m.empty()) return;
-    const Interval majors = lines_are_columns(quadrant_) ? asked_.blocks.columns : asked_.blocks.rows,
-                   minors = lines_are_columns(quadrant_) ? asked_.blocks.rows : asked_.blocks.columns;
-    const Interval major = intersection(majors, bounds.major), minor = intersection(minors, bounds.minor);
-    const std::int64_t wide = asked_.blocks.columns.size();
-    for (std::int64_t i = major.begin; i < major.end; ++i)
-        for (std::int64_t j = minor.begin; j < minor.end; ++j) {
-            const std::int64_t along = i - majors.begin, across = j - minors.begin;
-            bounds.at(i, j) = asked_.highest_m[static_cast<std::size_t>(
-                lines_are_columns(quadrant_) ? across * wide + along : along * wide + across)];
-        }
 }
 
 float Front::highest_in_chunk(const Chunk& chunk, ChunkBounds& bounds, std::int64_t major_block,
@@ -86,7 +72,6 @@ std::int64_t Front::leap(std::int64_t line, std::int64_t last, const Chunk& chun
 std::int64_t Front::leap_hidden(std::int64_t line, std::int64_t last, const Chunk& chunk, std::size_t begin,
                                 std::size_t end, Between& between) {
     std::int64_t passed = line - 1;
-    if (asked_.highest_m.empty()) return passed;
     ChunkBounds& bounds = chunk_bounds_[0];
     const SpokeGrid& grid = *scene_->grid;
     const std::int64_t out = outward(quadrant_), last_index = grid.line_index(fan_, last);
@@ -124,10 +109,7 @@ std::int64_t Front::leap_hidden(std::int64_t line, std::int64_t last, const Chun
     places(grid.distance(fan_, passed), level_, begin, end, now_.minor.data(), now_.arc.data(), line_pieces_);
     std::fill_n(now_.part.begin(), n, 0.0);
     stale_ = true;
-    const std::int64_t index = grid.line_index(fan_, passed);
-    between.behind = line_of(chunk, chunk.surface_m, index);
-    between.behind_culture = line_of(chunk, chunk.culture_height_m, index);
-    between.behind_major = static_cast<double>(index);
+    stand_on(grid.line_index(fan_, passed), &chunk, between);
     return passed;
 }
 
@@ -167,12 +149,10 @@ std::int64_t Front::leap_block(std::int64_t line, std::int64_t last, const Chunk
         !(hidden || highest_sine(scene_->sensor_m, most, near, far, inverse) + together_margin < horizon ||
           passes_alone(chunk, bounds, block, begin, end)))
         return line - 1;
-    sample_line(line_of(chunk, chunk.surface_m, to), begin, end, 0, ahead_);
+    stand_on(to, &chunk, between);
+    sample_line(between.behind, begin, end, 0, ahead_);
     std::swap(now_, ahead_);
     stale_ = false;
-    between.behind = line_of(chunk, chunk.surface_m, to);
-    between.behind_culture = line_of(chunk, chunk.culture_height_m, to);
-    between.behind_major = static_cast<double>(to);
     cost_.samples += n;
     return target;
 }

@@ -73,7 +73,8 @@ public:
 
     void operator()(Interval lines) {
         const Fan fan = front_.fan_;
-        const std::int64_t out = outward(fan.quadrant), last = grid_.line_index(fan, lines.end - 1);
+        const std::int64_t out = outward(fan.quadrant), behind = grid_.line_index(fan, lines.begin) - out,
+                           last = grid_.line_index(fan, lines.end - 1);
         std::int64_t line = lines.begin;
         find_edges(line > 0 ? grid_.distance(fan, line - 1) : 0, near_edges_);
         while (line < lines.end) {
@@ -85,7 +86,7 @@ public:
             row_ = majors_.contains(block) ? block : block_along(to);
             find_edges(grid_.distance(fan, line - 1), far_edges_);
             look();
-            if (from == grid_.line_index(fan, lines.begin) - out) share_voids(from);
+            if (from == behind) share_voids(from);
             if (to == last) share_voids(to);
             std::swap(near_, far_);
             std::swap(near_edges_, far_edges_);
@@ -145,17 +146,14 @@ private:
 
     void look() {
         // Where spokes are is found one by one only if neighbours together say nothing.
-        for (std::size_t g = 0; g < groups_.size(); ++g) {
-            const std::size_t end = std::min(g + groups_together, groups_.size());
-            if (g % groups_together == 0 && none_sees_any(g, end)) {
-                for (; g < end; ++g) known_[g] = false;
-                --g;
-                continue;
-            }
-            if (none_sees_any(g, g + 1))
-                known_[g] = false;
-            else
-                look_at_each(g);
+        for (std::size_t begin = 0; begin < groups_.size(); begin += groups_together) {
+            const std::size_t end = std::min(begin + groups_together, groups_.size());
+            const bool hidden = none_sees_any(begin, end);
+            for (std::size_t g = begin; g < end; ++g)
+                if (hidden || none_sees_any(g, g + 1))
+                    known_[g] = false;
+                else
+                    look_at_each(g);
         }
     }
 
@@ -259,7 +257,7 @@ private:
 };
 
 ChunkRequest Front::request(Interval lines, BlockMap* map) {
-    asked_.highest_m.clear();
+    for (ChunkBounds& bounds : chunk_bounds_) bounds.highest_m.clear();
     const DataBase& db = *scene_->data_base;
     ChunkRequest request;
     if (live_begin_ >= live_end_) return request;
@@ -279,17 +277,20 @@ ChunkRequest Front::request(Interval lines, BlockMap* map) {
     const std::size_t blocks = bounds.bounds.size();
     request.skip.assign(blocks, Skip::range);
     request.fill_m.resize(blocks);
-    for (std::size_t i = 0; i < blocks; ++i)
-        request.fill_m[i] = bounds.bounds[i].voids == Voids::all ? void_post : bounds.bounds[i].lowest_m;
+    for (std::size_t at = 0; at < blocks; ++at)
+        request.fill_m[at] = bounds.bounds[at].voids == Voids::all ? void_post : bounds.bounds[at].lowest_m;
     BlockSurvey(*this, bounds, request)(lines);
-    asked_.blocks = request.blocks;
-    asked_.highest_m.resize(blocks);
-    for (std::size_t i = 0; i < blocks; ++i) {
-        const BlockBounds& b = bounds.bounds[i];
-        asked_.highest_m[i] = static_cast<float>(b.voids != Voids::none          ? infinite
-                                                 : request.skip[i] != Skip::none ? -infinite
-                                                                                 : b.highest_m + b.culture_m);
-    }
+    ChunkBounds& found = chunk_bounds_[0];
+    found.set_up(window, request.lines_are_columns);
+    std::size_t i = 0;
+    for (std::int64_t row = request.blocks.rows.begin; row < request.blocks.rows.end; ++row)
+        for (std::int64_t column = request.blocks.columns.begin; column < request.blocks.columns.end; ++column, ++i) {
+            const BlockBounds& b = bounds.bounds[i];
+            float& highest = request.lines_are_columns ? found.at(column, row) : found.at(row, column);
+            highest = static_cast<float>(b.voids != Voids::none          ? infinite
+                                         : request.skip[i] != Skip::none ? -infinite
+                                                                         : b.highest_m + b.culture_m);
+        }
     return request;
 }
 

@@ -90,7 +90,8 @@ public:
 
     WedgeForecast operator()(const Wedge& wedge) const {
         WedgeForecast f;
-        const std::size_t cells = static_cast<std::size_t>(wedge.bins.size() * scene_.swept.range_bins.size()) * 9;
+        const std::size_t cells = WedgeCells::bytes_of(static_cast<std::size_t>(wedge.bins.size()),
+                                                       static_cast<std::size_t>(scene_.swept.range_bins.size()));
         std::size_t most = 0;
         for (const SpokeRun& run : wedge.runs) most = std::max(most, walk(run, f));
         f.peak_bytes = cells + most + allocations;

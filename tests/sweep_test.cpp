@@ -575,18 +575,18 @@ TEST_CASE("deposits add up to what was put in, bin by bin, in any order and by l
                 const std::vector<double> numbers = column(of);
                 return std::vector<float>(numbers.begin(), numbers.end());
             };
-            const auto s0 = column([](const Put&p) { return p.target.share[0]; }),
-                       s1 = column([](const Put&p) { return p.target.share[1]; }),
-                       x0 = column([](const Put&p) { return p.portion.x0 / bins; }),
-                       x1 = column([](const Put&p) { return p.portion.x1 / bins; }),
-                       power = column([](const Put&p) { return p.portion.power; });
+            const auto s0 = column([](const Put& p) { return p.target.share[0]; }),
+                       s1 = column([](const Put& p) { return p.target.share[1]; }),
+                       x0 = column([](const Put& p) { return p.portion.x0 / bins; }),
+                       x1 = column([](const Put& p) { return p.portion.x1 / bins; }),
+                       power = column([](const Put& p) { return p.portion.power; });
             const auto gamma = [&](std::size_t k) {
                 return floats([k](const Put& p) { return static_cast<double>(p.stretches.gamma[k]); });
             };
-            const auto bow = floats([](const Put&p) { return p.portion.bow; }), gamma0 = gamma(0), gamma1 = gamma(1),
+            const auto bow = floats([](const Put& p) { return p.portion.bow; }), gamma0 = gamma(0), gamma1 = gamma(1),
                        gamma2 = gamma(2),
-                       second = floats([](const Put&p) { return static_cast<double>(p.stretches.second); }),
-                       third = floats([](const Put&p) { return static_cast<double>(p.stretches.third); });
+                       second = floats([](const Put& p) { return static_cast<double>(p.stretches.second); }),
+                       third = floats([](const Put& p) { return static_cast<double>(p.stretches.third); });
             std::vector<std::int64_t> row;
             std::vector<std::int32_t> straddlers;
             for (std::size_t i = 0; i < n; ++i) {
@@ -640,8 +640,7 @@ TEST_CASE("a dim stretch behind a bright one, and one of many bins, have what is
             return std::min(s, b) + static_cast<double>(dim) * std::max(0.0, s - b);
         };
         const auto x = static_cast<double>(j);
-        const double expected = 0.01 * power * (upto(x + 1) - upto(x)),
-                     got = cells.watts(0, static_cast<std::size_t>(j));
+        const double expected = 0.01 * power * (upto(x + 1) - upto(x)), got = cells.watts(0, static_cast<std::size_t>(j));
         const double quantum = q.watts[static_cast<std::size_t>(j)];
         INFO("bin " << j << " of " << row.bins << ", bow " << bow << ": " << got << ", " << expected);
         REQUIRE(got >= 0);
