@@ -82,10 +82,10 @@ void Cover::hide(const Side& side, Interval lines, std::int64_t major, Interval 
     const LineForm near = form(side, grid_.distance(q, lines.begin) - 1),
                    far = form(side, grid_.distance(q, lines.end - 1) + 1);
     const std::int64_t growth = s.of / side.spokes.of, groups = s.range.size() / knot;
-    place_knots(side, far, s, {0, groups}, desk);
+    place_knots(side, far, {0, groups}, desk);
     std::swap(desk.at, desk.far_at);
     std::swap(desk.lift, desk.far_lift);
-    place_knots(side, near, s, {0, groups}, desk);
+    place_knots(side, near, {0, groups}, desk);
     // Spokes beyond the fan are nobody's; nor are those that doublings brought beyond it, of which the last has one parent.
     const Interval carried =
         intersection({side.spokes.range.begin * growth, side.spokes.range.end * growth}, fan(side, s.of));
@@ -101,6 +101,14 @@ void Cover::hide(const Side& side, Interval lines, std::int64_t major, Interval 
     const double spokes = static_cast<double>(s.of),
                  bow = std::abs(bow_per_slope(near)) * (0.25 * knot * knot) / (spokes * spokes);
     const double raised_m = params_.target_m + blocks.cell_relief_m() * static_cast<double>(place_slack);
+    desk.block_w.clear();
+    for (std::int64_t j = blocks.minors.begin; j < blocks.minors.end; ++j) {
+        const BlockBounds& b = blocks.bounds[blocks.at(major, j)];
+        const double top_m = static_cast<double>(b.highest_m) + static_cast<double>(b.culture_m) + raised_m,
+                     w = (top_m - static_cast<double>(lift_.sensor_m)) /
+                         (1 + top_m * static_cast<double>(lift_.inverse_radius));
+        desk.block_w.push_back(b.voids == Voids::none ? w : std::numeric_limits<double>::infinity());
+    }
     desk.touched.assign(static_cast<std::size_t>(groups), {});
     desk.quiet.assign(static_cast<std::size_t>(groups), 0);
     for (std::int64_t g = 0; g < groups; ++g) {
@@ -134,12 +142,9 @@ void Cover::hide(const Side& side, Interval lines, std::int64_t major, Interval 
         for (std::int64_t j = touched.begin; j < touched.end; ++j) {
             Skip& skip = blocks.skip[blocks.at(major, j)];
             if (skip == Skip::voids || (skip == Skip::none && !quiet)) continue;
-            const BlockBounds& b = blocks.bounds[blocks.at(major, j)];
-            const double top_m = static_cast<double>(b.highest_m) + static_cast<double>(b.culture_m) + raised_m,
-                         w = (top_m - static_cast<double>(lift_.sensor_m)) /
-                             (1 + top_m * static_cast<double>(lift_.inverse_radius)),
+            const double w = desk.block_w[static_cast<std::size_t>(j - blocks.minors.begin)],
                          highest = w * (w > 0 ? steep : gentle) - drop + slack * (std::abs(w) * steep + drop);
-            const bool below = judged && b.voids == Voids::none && highest < static_cast<double>(least);
+            const bool below = judged && highest < static_cast<double>(least);
             quiet = quiet && below;
             if (skip != Skip::none) skip = below ? Skip::hidden : Skip::none;
         }

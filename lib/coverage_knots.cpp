@@ -8,26 +8,28 @@ namespace wedgescope {
 namespace {
 
 struct Polynomials {
-    double lift, drop, ray, rise, along;
+    double lift, drop, ray, rise;
 };
 
-/// Slope m on a line -> the factors of the tangent.
-WEDGESCOPE_LANES_PART Polynomials factors(const LineForm& line, double m, double stretch) noexcept {
-    const double square = line.square[0] + m * (line.square[1] + m * line.square[2]);
-    const double curvature = line.curvature[0] + m * (line.curvature[1] + m * line.curvature[2]);
-    const double along = line.distance * (1 + stretch);
-    // theta^2 = s^2 / Re^2, with s^2 = along^2 f^2 and 1 / Re = curvature / f^2
-    const double x = along * along * curvature * curvature / square;
-    const double sinc = 1 - x * (1.0 / 6) * (1 - x * (1.0 / 20) * (1 - x * (1.0 / 42)));
+/// The factors of the tangent of what is `along` (its inverse is asked for, too, so that each caller has one division) with
+/// 1 + stretch = `wide`; `turn` is the angle between the verticals of two posts squared, 1 / Re times their step.
+WEDGESCOPE_LANES_PART Polynomials factors(double along, double inverse_along, double wide, double turn,
+                                          double curvature) noexcept {
+    const double x = along * along * turn;  // theta^2, 0.02 at 800 km
+    const double inverse_sinc =
+        1 + x * (1.0 / 6 + x * (7.0 / 360 + x * (31.0 / 15120 + x * (127.0 / 604800 + x * (73.0 / 3421440)))));
     const double half_tangent = 1 + x * (1.0 / 12) * (1 + x * (1.0 / 10) * (1 + x * (17.0 / 168)));
     const double cosine = 1 - x * (1.0 / 2) * (1 - x * (1.0 / 12) * (1 - x * (1.0 / 30)));
     Polynomials p;
-    p.lift = 1 / (along * sinc);
+    p.lift = inverse_along * inverse_sinc;
     p.drop = 0.5 * along * curvature * half_tangent;
-    p.ray = p.lift * (1 + stretch) * cosine;
-    p.rise = p.drop * (1 + stretch);
-    p.along = along;
+    p.ray = p.lift * wide * cosine;
+    p.rise = p.drop * wide;
     return p;
+}
+
+WEDGESCOPE_LANES_PART double quadratic(const std::array<double, 3>& c, double m) noexcept {
+    return c[0] + m * (c[1] + m * c[2]);
 }
 
 WEDGESCOPE_LANES_PART double horner(const std::array<double, 5>& c, double u) noexcept {
@@ -38,23 +40,57 @@ WEDGESCOPE_LANES_PART double place(const LineForm& line, const PieceForm& piece,
     return line.nadir_minor + m * line.distance + horner(piece.bend, u);
 }
 
-WEDGESCOPE_LANES_PART void place_spokes(const LineForm& line, const PieceForm& piece, std::int64_t spokes,
-                                        std::int64_t first, std::size_t n, const KnotLanes& out) noexcept {
-    double* __restrict at = out.at;
-    float* __restrict lift = out.lift, * __restrict drop = out.drop;
+/// n, spokes and first as spoke_fan() has them.
+WEDGESCOPE_LANES_PART void make_fan(const LineForm& line, std::int64_t spokes, std::int64_t first, std::size_t n,
+                                    const FanLanes& out) noexcept {
+    double* __restrict slope = out.slope, * __restrict turn = out.turn, * __restrict curvature = out.curvature;
     const double of = static_cast<double>(spokes), start = static_cast<double>(first);
+    const LineForm form = line;
     WEDGESCOPE_INDEPENDENT
     for (int i = 0; i < static_cast<int>(n); ++i) {  // which AVX2 can turn into doubles
         const double m = (start + static_cast<double>(i * static_cast<int>(knot_step))) / of,
-                     u = (m - piece.middle) * piece.scale;
-        const Polynomials p = factors(line, m, horner(piece.stretch, u));
-        at[i] = place(line, piece, m, u);
+                     bent = quadratic(form.curvature, m);
+        slope[i] = m;
+        turn[i] = bent * bent / quadratic(form.square, m);
+        curvature[i] = bent;
+    }
+}
+
+/// `straight`: neither bend nor stretch.
+template <bool straight>
+WEDGESCOPE_LANES_PART void place_spokes(const LineForm& line, const PieceForm& piece, const FanLanes& fan,
+                                        std::size_t n, const KnotLanes& out) noexcept {
+    const double* __restrict slope = fan.slope, * __restrict turn = fan.turn, * __restrict curvature = fan.curvature;
+    double* __restrict at = out.at;
+    float* __restrict lift = out.lift, * __restrict drop = out.drop;
+    const LineForm form = line;
+    const PieceForm curve = piece;
+    const double inverse = 1 / form.distance;
+    WEDGESCOPE_INDEPENDENT
+    for (std::size_t i = 0; i < n; ++i) {
+        const double m = slope[i], u = (m - curve.middle) * curve.scale;
+        const double wide = straight ? 1 : 1 + horner(curve.stretch, u);
+        const Polynomials p =
+            factors(form.distance * wide, straight ? inverse : inverse / wide, wide, turn[i], curvature[i]);
+        at[i] = straight ? form.nadir_minor + m * form.distance : place(form, curve, m, u);
         lift[i] = static_cast<float>(p.lift);
         drop[i] = static_cast<float>(p.drop);
     }
 }
 
-/// `straight`: neither bend nor stretch.
+WEDGESCOPE_LANES_PART bool is_straight(const PieceForm& piece) noexcept {
+    const std::array<double, 5> none{};
+    return piece.bend == none && piece.stretch == none;
+}
+
+WEDGESCOPE_LANES_PART void place_any_spokes(const LineForm& line, const PieceForm& piece, const FanLanes& fan,
+                                            std::size_t n, const KnotLanes& out) noexcept {
+    if (is_straight(piece))
+        place_spokes<true>(line, piece, fan, n, out);
+    else
+        place_spokes<false>(line, piece, fan, n, out);
+}
+
 template <bool straight>
 WEDGESCOPE_LANES_PART void place_posts(const LineForm& line, const PieceForm& piece, std::int64_t spokes,
                                        const double* minor, std::size_t n, const KnotLanes& out) noexcept {
@@ -77,10 +113,14 @@ WEDGESCOPE_LANES_PART void place_posts(const LineForm& line, const PieceForm& pi
         double m = t * inverse;
         // Newton's, by hand so that the loop stays one; bend is small beside the way, so three rounds would do.
         if (!straight) m = better(better(better(better(m, t), t), t), t);
-        const Polynomials p = factors(form, m, straight ? 0 : horner(stretch, (m - middle) * scale));
+        const double wide = straight ? 1 : 1 + horner(stretch, (m - middle) * scale);
+        const double square = quadratic(form.square, m), bent = quadratic(form.curvature, m);
+        const double both = 1 / (square * wide);  // of two inverses
+        const Polynomials p = factors(distance * wide, straight ? inverse : inverse * (both * square), wide,
+                                      bent * bent * (both * wide), bent);
         at[i] = m * static_cast<double>(spokes);
         slope[i] = m;
-        along[i] = p.along;
+        along[i] = distance * wide;
         lift[i] = static_cast<float>(p.lift);
         drop[i] = static_cast<float>(p.drop);
         ray[i] = static_cast<float>(p.ray);
@@ -90,27 +130,10 @@ WEDGESCOPE_LANES_PART void place_posts(const LineForm& line, const PieceForm& pi
 
 WEDGESCOPE_LANES_PART void place_any_posts(const LineForm& line, const PieceForm& piece, std::int64_t spokes,
                                            const double* minor, std::size_t n, const KnotLanes& out) noexcept {
-    const std::array<double, 5> none{};
-    if (piece.bend == none && piece.stretch == none)
+    if (is_straight(piece))
         place_posts<true>(line, piece, spokes, minor, n, out);
     else
         place_posts<false>(line, piece, spokes, minor, n, out);
-}
-
-WEDGESCOPE_LANES_PART void count(const std::uint8_t* states, std::size_t n,
-                                 std::array<std::uint64_t, coverage_states>& counts) noexcept {
-    std::uint32_t ones = 0, twos = 0, threes = 0, fours = 0;  // n is of a line
-    for (std::size_t i = 0; i < n; ++i) {
-        ones += states[i] == 1;
-        twos += states[i] == 2;
-        threes += states[i] == 3;
-        fours += states[i] == 4;
-    }
-    counts[0] += n - ones - twos - threes - fours;
-    counts[1] += ones;
-    counts[2] += twos;
-    counts[3] += threes;
-    counts[4] += fours;
 }
 
 WEDGESCOPE_LANES_PART void paint(const std::uint8_t* states, std::size_t n,
@@ -135,9 +158,14 @@ WEDGESCOPE_LANES_PART void paint(const std::uint8_t* states, std::size_t n,
 
 }  // namespace
 
-void spoke_knots(const LineForm& line, const PieceForm& piece, std::int64_t spokes, std::int64_t first, std::size_t n,
+void spoke_fan(const LineForm& line, std::int64_t spokes, std::int64_t first, std::size_t n,
+               const FanLanes& out) noexcept {
+    on_target<make_fan>(line, spokes, first, n, out);
+}
+
+void spoke_knots(const LineForm& line, const PieceForm& piece, const FanLanes& fan, std::size_t n,
                  const KnotLanes& out) noexcept {
-    on_target<place_spokes>(line, piece, spokes, first, n, out);
+    on_target<place_any_spokes>(line, piece, fan, n, out);
 }
 
 double spoke_place(const LineForm& line, const PieceForm& piece, double slope) noexcept {
@@ -147,11 +175,6 @@ double spoke_place(const LineForm& line, const PieceForm& piece, double slope) n
 void post_knots(const LineForm& line, const PieceForm& piece, std::int64_t spokes, const double* minor, std::size_t n,
                 const KnotLanes& out) noexcept {
     on_target<place_any_posts>(line, piece, spokes, minor, n, out);
-}
-
-void count_states(const std::uint8_t* states, std::size_t n,
-                  std::array<std::uint64_t, coverage_states>& counts) noexcept {
-    on_target<count>(states, n, counts);
 }
 
 void paint_mask(const std::uint8_t* states, std::size_t n, const std::array<std::uint8_t, coverage_states>& value,

@@ -23,10 +23,26 @@ using Holds = hn::Mask<Floats>;
 HWY_INLINE Lane all(float x) { return hn::Set(Floats(), x); }
 /// Where it holds a, else b.
 HWY_INLINE Lane pick(Holds holds, Lane a, Lane b) { return hn::IfThenElse(holds, a, b); }
-HWY_INLINE Lane greater(Lane a, Lane b) { return pick(a > b, a, b); }  // b where one is no number
+/// b where one is no number: what x86's own instruction does.
+HWY_INLINE Lane greater(Lane a, Lane b) {
+#if HWY_TARGET <= HWY_SSE4 && HWY_ARCH_X86
+    return hn::Max(a, b);
+#else
+    return pick(a > b, a, b);
+#endif
+}
 HWY_INLINE Lane size_of(Lane x) { return hn::Abs(x); }
 HWY_INLINE Lane whole(Index i) { return hn::ConvertTo(Floats(), i); }
-HWY_INLINE Index down(Lane x) { return hn::ConvertTo(Ints(), x); }  // towards 0
+/// Towards 0, of what an integer can hold: Highway mends what it cannot.
+HWY_INLINE Index down(Lane x) {
+#if HWY_TARGET <= HWY_AVX3
+    return Index{_mm512_cvttps_epi32(x.raw)};
+#elif HWY_TARGET == HWY_AVX2
+    return Index{_mm256_cvttps_epi32(x.raw)};
+#else
+    return hn::ConvertTo(Ints(), x);
+#endif
+}
 
 /// table[at], one after the other.
 HWY_INLINE Lane gather(const float* table, Index at) { return hn::GatherIndex(Floats(), table, at); }
@@ -36,19 +52,30 @@ HWY_INLINE Lane gather(const float* table, Index at) { return hn::GatherIndex(Fl
 template <int most>
 class Stretch {
 public:
-    /// first..last: the least and the greatest of `at`. The table must be readable up to `most` registers from first.
-    HWY_INLINE Stretch(Index at, int first, int last)
-        : at_(at), first_(first), registers_((last - first) / static_cast<int>(hn::Lanes(Floats())) + 1) {
-        near_ = last >= first && registers_ <= most;
-        offset_ = near_ ? at - hn::Set(Ints(), first) : hn::Zero(Ints());
+    /// Lane reads first + offset; `span`: the greatest offset. The table must be readable up to `most` registers from first.
+    HWY_INLINE Stretch(Index offset, int first, int span)
+        : offset_(offset), first_(first), registers_(span / static_cast<int>(hn::Lanes(Floats())) + 1) {
+        near_ = span >= 0 && registers_ <= most;
     }
     HWY_INLINE Lane read(const float* table) const {
-        if (!near_) return gather(table, at_);
+        const float* from = table + first_;
+        if (!near_) return gather(from, offset_);
         const Floats d;
         const Ints di;
         const int n = static_cast<int>(hn::Lanes(d));
+#if HWY_TARGET <= HWY_AVX3
+        if (most > 1 && registers_ > 1) {
+            // Two registers are one table of 32.
+            const Lane near = two_registers(hn::LoadU(d, from), hn::LoadU(d, from + n));
+            if (registers_ == 2) return near;
+            if (registers_ <= 4)
+                return pick(hn::RebindMask(d, offset_ > hn::Set(di, 2 * n - 1)),
+                            two_registers(hn::LoadU(d, from + 2 * n),
+                                          registers_ == 4 ? hn::LoadU(d, from + 3 * n) : hn::Zero(d)),
+                            near);
+        }
+#endif
         const auto inside = hn::IndicesFromVec(d, hn::And(offset_, hn::Set(di, n - 1)));
-        const float* from = table + first_;
         Lane found = hn::TableLookupLanes(hn::LoadU(d, from), inside);
         for (int r = 1; r < registers_; ++r) {
             const Holds farther = hn::RebindMask(d, offset_ > hn::Set(di, r * n - 1));
@@ -58,7 +85,12 @@ public:
     }
 
 private:
-    Index at_, offset_;
+#if HWY_TARGET <= HWY_AVX3
+    HWY_INLINE Lane two_registers(Lane low, Lane high) const {
+        return Lane{_mm512_permutex2var_ps(low.raw, offset_.raw, high.raw)};
+    }
+#endif
+    Index offset_;
     int first_, registers_;
     bool near_;
 };
@@ -69,78 +101,204 @@ HWY_INLINE Lane lifted(const Lift& lift, Lane up_m) {
     return up_m * ((one - x) * (one + x * x));
 }
 
+// What the lanes of a group have in common is found for some groups side by side, before the groups' turn comes.
+constexpr std::size_t together = 64;
+/// Vectors of floats in a group; and a value for each of them.
+constexpr std::size_t vectors = knot_step / hn::MaxLanes(Floats());
+template <class T>
+using OfGroups = std::array<T, together>;
+
+/// One value a group: doubles, and what is kept of them.
+template <std::size_t most>
+struct GroupLanes {
+    using Doubles = hn::CappedTag<double, most>;
+    using Narrow = hn::Rebind<float, Doubles>;
+    using Wholes = hn::Rebind<std::int32_t, Doubles>;
+    using Wide = hn::Vec<Doubles>;
+    using Slim = hn::Vec<Narrow>;
+    static HWY_INLINE Wide set(double x) { return hn::Set(Doubles(), x); }
+    static HWY_INLINE Slim set_slim(float x) { return hn::Set(Narrow(), x); }
+    static HWY_INLINE Wide read(const double* x) { return hn::LoadU(Doubles(), x); }
+    static HWY_INLINE Slim read(const float* x) { return hn::LoadU(Narrow(), x); }
+    static HWY_INLINE Wide wide(Slim x) { return hn::PromoteTo(Doubles(), x); }
+    static HWY_INLINE Slim slim(Wide x) { return hn::DemoteTo(Narrow(), x); }
+    static HWY_INLINE void put(Slim x, float* to) { hn::StoreU(x, Narrow(), to); }
+    static HWY_INLINE void put(Wide x, float* to) { put(slim(x), to); }
+    /// Without their fraction.
+    static HWY_INLINE void put_whole(Wide x, std::int32_t* to) { hn::StoreU(hn::DemoteTo(Wholes(), x), Wholes(), to); }
+    static HWY_INLINE void put_whole(Slim x, std::int32_t* to) { hn::StoreU(hn::ConvertTo(Wholes(), x), Wholes(), to); }
+};
+using ManyGroups = GroupLanes<8>;
+using OneGroup = GroupLanes<1>;
+
+/// Does `some`(lanes, i) for all of 0..n: many at a time, the last of them twice if need be, or one by one if they are few.
+template <class Some>
+HWY_INLINE HWY_ATTR void for_groups(std::size_t n, Some&& some) {
+    constexpr std::size_t many = hn::MaxLanes(ManyGroups::Doubles());
+    if (n < many) {
+        for (std::size_t i = 0; i < n; ++i) some(OneGroup(), i);
+        return;
+    }
+    for (std::size_t i = 0; i < n; i += many) some(ManyGroups(), std::min(i, n - many));
+}
+
+/// First and last lane of a group's vector.
+HWY_INLINE float first_lane(std::size_t vector) { return static_cast<float>(vector * hn::MaxLanes(Floats())); }
+HWY_INLINE float last_lane(std::size_t vector) { return static_cast<float>((vector + 1) * hn::MaxLanes(Floats()) - 1); }
+
+/// Straight lines through the lanes of groups of spokes.
+struct SpokeGroups {
+    OfGroups<std::int32_t> base;  ///< post, from the line's origin, in which the first spoke lies
+    OfGroups<float> part, step;   ///< from there, posts
+    OfGroups<float> lift_step, drop_step, back, back_step;
+    std::array<OfGroups<std::int32_t>, vectors> first, last;  ///< posts from `base`, of each vector
+};
+
+/// Of groups g on, as many as the lanes hold, to i on.
+template <class L, bool cross>
+HWY_INLINE HWY_ATTR void look_ahead(const RaiseLanes& lanes, std::size_t g, std::size_t i, SpokeGroups& out) {
+    const auto each = L::set(1.0 / knot_step);
+    const auto each_slim = L::set_slim(1.0F / knot_step);
+    const auto at = L::read(lanes.at + g), base = hn::Floor(at);
+    const auto part = L::slim(at - base), step = L::slim((L::read(lanes.at + g + 1) - at) * each);
+    L::put_whole(base - L::set(static_cast<double>(lanes.origin)), out.base.data() + i);
+    L::put(part, out.part.data() + i);
+    L::put(step, out.step.data() + i);
+    L::put((L::read(lanes.lift + g + 1) - L::read(lanes.lift + g)) * each_slim, out.lift_step.data() + i);
+    L::put((L::read(lanes.drop + g + 1) - L::read(lanes.drop + g)) * each_slim, out.drop_step.data() + i);
+    for (std::size_t v = 0; v < vectors; ++v) {
+        L::put_whole(part + L::set_slim(first_lane(v)) * step, out.first[v].data() + i);
+        L::put_whole(part + L::set_slim(last_lane(v)) * step, out.last[v].data() + i);
+    }
+    if (cross) {
+        const auto back = L::read(lanes.at_behind + g);
+        L::put(back - base, out.back.data() + i);
+        L::put((L::read(lanes.at_behind + g + 1) - back) * each, out.back_step.data() + i);
+    }
+}
+
 template <bool cross>
 HWY_ATTR void raise(const RaiseLanes& lanes, const Lift& lift) {
     const Floats d;
     constexpr float none = std::numeric_limits<float>::quiet_NaN();
     const float inverse_distance = 1 / lanes.distance, bow = lanes.bow;
-    for (std::size_t g = 0; g < lanes.groups; ++g) {
-        const double at = lanes.at[g];
-        const auto base = static_cast<std::int64_t>(std::floor(at));
-        const float part = static_cast<float>(at - static_cast<double>(base)),
-                    step = static_cast<float>((lanes.at[g + 1] - at) * (1.0 / knot_step));
-        const float first_lift = lanes.lift[g], lift_step = (lanes.lift[g + 1] - first_lift) * (1.0F / knot_step),
-                    drop = lanes.drop[g], drop_step = (lanes.drop[g + 1] - drop) * (1.0F / knot_step);
-        const float* z = lanes.posts + (base - lanes.origin);
-        const float* zb = lanes.behind + (base - lanes.origin);
-        float* horizon = lanes.horizon + g * knot_step;
-        const float back = cross ? static_cast<float>(lanes.at_behind[g] - static_cast<double>(base)) : 0,
-                    back_step =
-                        cross ? static_cast<float>((lanes.at_behind[g + 1] - lanes.at_behind[g]) * (1.0 / knot_step))
-                              : 0;
-        for (std::size_t l = 0; l < knot_step; l += hn::Lanes(d)) {
-            const float lane0 = static_cast<float>(l), lane1 = static_cast<float>(l + hn::Lanes(d) - 1);
-            const Lane lane = hn::Iota(d, lane0);
-            const Lane y = all(part) + lane * all(step);
-            const float y_first = part + lane0 * step, y_last = part + lane1 * step;
-            const Index i = down(y);
-            const Lane f = y - whole(i);
-            const Stretch<2> posts(i, static_cast<int>(y_first), static_cast<int>(y_last));
-            const Lane a = posts.read(z), b = posts.read(z + 1);
-            const Lane up_a = a - all(lift.sensor_m), between = up_a + f * (b - a);
-            const Lane above = pick(f == all(0), up_a, between);
-            const Lane lifts = all(first_lift) + lane * all(lift_step),
-                       drops =
-                           all(drop) + lane * (all(drop_step) + all(bow) * (lane - all(static_cast<float>(knot_step))));
-            const Lane tangent = lifted(lift, above) * lifts - drops;
-            Lane old = hn::LoadU(d, horizon + l);
-            if (cross) {
-                const Lane y0 = all(back) + lane * all(back_step), low = pick(y0 < y, y0, y),
-                           high = pick(y0 < y, y, y0);
-                const float y0_first = back + lane0 * back_step, y0_last = back + lane1 * back_step;
-                // Positions are above -17 here: rounded down by way of positive numbers.
-                const Index c = down(high + all(32)) - hn::Set(Ints(), 32);
-                const int c_first = static_cast<int>((y0_first < y_first ? y_first : y0_first) + 32) - 32,
-                          c_last = static_cast<int>((y0_last < y_last ? y_last : y0_last) + 32) - 32;
-                const Lane column = whole(c);
-                const Holds met = hn::And(column > low, column < high);
-                if (!hn::AllFalse(d, met)) {
-                    const Lane tau = (y - column) / pick(met, y - y0, all(1));  // lines back
-                    const Stretch<2> crossed(c, c_first, c_last);
-                    const Lane ahead = crossed.read(z),
-                               there = (ahead - all(lift.sensor_m)) + tau * (crossed.read(zb) - ahead);
-                    // lift and drop at a line tau nearer.
-                    const Lane nearer = all(1) - tau * all(inverse_distance);
-                    const Lane crossing = lifted(lift, pick(met, there, all(none))) * lifts / nearer - drops * nearer;
-                    old = greater(crossing, old);
+    SpokeGroups groups;
+    for (std::size_t begin = 0; begin < lanes.groups; begin += together) {
+        const std::size_t n = std::min(together, lanes.groups - begin);
+        for_groups(n, [&]<class L>(L, std::size_t i) HWY_ATTR { look_ahead<L, cross>(lanes, begin + i, i, groups); });
+        for (std::size_t i = 0; i < n; ++i) {
+            const float* z = lanes.posts + groups.base[i];
+            const float* zb = lanes.behind + groups.base[i];
+            float* horizon = lanes.horizon + (begin + i) * knot_step;
+            const float part = groups.part[i], step = groups.step[i];
+            for (std::size_t v = 0; v < vectors; ++v) {
+                const std::size_t l = v * hn::Lanes(d);
+                const Lane lane = hn::Iota(d, first_lane(v));
+                const Lane y = all(part) + lane * all(step);
+                const int y_first = groups.first[v][i], y_last = groups.last[v][i];
+                const Index at = down(y);
+                const Lane f = y - whole(at);
+                const Stretch<2> posts(at - hn::Set(Ints(), y_first), y_first, y_last - y_first);
+                const Lane a = posts.read(z), b = posts.read(z + 1);
+                const Lane up_a = a - all(lift.sensor_m), between = up_a + f * (b - a);
+                const Lane above = pick(f == all(0), up_a, between);
+                const Lane lifts = all(lanes.lift[begin + i]) + lane * all(groups.lift_step[i]),
+                           drops = all(lanes.drop[begin + i]) +
+                                   lane * (all(groups.drop_step[i]) +
+                                           all(bow) * (lane - all(static_cast<float>(knot_step))));
+                const Lane tangent = lifted(lift, above) * lifts - drops;
+                Lane old = hn::LoadU(d, horizon + l);
+                if (cross) {
+                    const float back = groups.back[i], back_step = groups.back_step[i];
+                    const Lane y0 = all(back) + lane * all(back_step), low = pick(y0 < y, y0, y),
+                               high = pick(y0 < y, y, y0);
+                    // Positions are above -17 here: rounded down by way of positive numbers.
+                    const Index c = down(high + all(32)) - hn::Set(Ints(), 32);
+                    const Lane column = whole(c);
+                    const Holds met = hn::And(column > low, column < high);
+                    if (!hn::AllFalse(d, met)) {
+                        const auto highest = [&](float at_lane) HWY_ATTR {
+                            const float here = part + at_lane * step, there = back + at_lane * back_step;
+                            return static_cast<int>((there < here ? here : there) + 32) - 32;
+                        };
+                        const int c_first = highest(first_lane(v)), c_last = highest(last_lane(v));
+                        const Lane tau = (y - column) / pick(met, y - y0, all(1));  // lines back
+                        const Stretch<2> crossed(c - hn::Set(Ints(), c_first), c_first, c_last - c_first);
+                        const Lane ahead = crossed.read(z),
+                                   there = (ahead - all(lift.sensor_m)) + tau * (crossed.read(zb) - ahead);
+                        // lift and drop at a line tau nearer.
+                        const Lane nearer = all(1) - tau * all(inverse_distance);
+                        const Lane crossing =
+                            lifted(lift, pick(met, there, all(none))) * lifts / nearer - drops * nearer;
+                        old = greater(crossing, old);
+                    }
                 }
+                hn::StoreU(greater(tangent, old), d, horizon + l);
             }
-            hn::StoreU(greater(tangent, old), d, horizon + l);
         }
     }
 }
 
+constexpr std::uint8_t in_shadow = 1, is_seen = 2;
+HWY_INLINE void put_shadow(std::uint8_t* to) {
+    const hn::Rebind<std::uint8_t, Ints> bytes;
+    hn::StoreU(hn::Set(bytes, in_shadow), bytes, to);
+}
+
 HWY_INLINE void put_states(Holds hidden, Holds is_void, std::uint8_t* to) {
     const Ints di;
-    const auto shadow = hn::Set(di, 1), seen = hn::Set(di, 2);
+    const auto shadow = hn::Set(di, in_shadow), seen = hn::Set(di, is_seen);
     const Index state =
         hn::IfThenZeroElse(hn::RebindMask(di, is_void), hn::IfThenElse(hn::RebindMask(di, hidden), shadow, seen));
     const hn::Rebind<std::uint8_t, Ints> bytes;
     hn::StoreU(hn::DemoteTo(bytes, state), bytes, to);
 }
 
+/// Straight lines through the lanes of groups of posts.
+struct PostGroups {
+    OfGroups<std::int32_t> base;         ///< spoke, from the first of the horizons, of the first post
+    OfGroups<float> spoke, spokes_step;  ///< from there
+    OfGroups<float> lift, lift_step, drop, drop_step, ray, ray_step, rise, rise_step;
+    OfGroups<float> bow, begins, ends;  ///< of drop, and where the knots stand: posts from the first one
+    OfGroups<float> slope;              ///< of the first post
+    std::array<OfGroups<std::int32_t>, vectors> first, last;  ///< spokes from `base`, of each vector
+};
+
+template <class L>
+HWY_INLINE HWY_ATTR void look_ahead(const TestLanes& lanes, std::size_t g, std::size_t i, PostGroups& out) {
+    const auto zero = L::set(0);
+    const auto first = L::set(static_cast<double>(lanes.first + static_cast<std::int64_t>(g * knot_step))) +
+                       hn::Iota(typename L::Doubles(), 0) * L::set(static_cast<double>(knot_step));
+    const auto from = L::read(lanes.from + g), width = L::read(lanes.from + g + 1) - from, lead = from - first,
+               per_post = hn::IfThenElseZero(width > zero, L::set(1) / width);
+    const auto line = [&](const float* at, float* start, float* step) HWY_ATTR {
+        const auto a = L::wide(L::read(at + g)), each = (L::wide(L::read(at + g + 1)) - a) * per_post;
+        L::put(a - lead * each, start + i);
+        L::put(each, step + i);
+    };
+    const auto at = L::read(lanes.at + g), spokes_step = (L::read(lanes.at + g + 1) - at) * per_post,
+               spoke0 = at - lead * spokes_step, base = hn::Floor(spoke0);
+    const auto spoke = L::slim(spoke0 - base), step = L::slim(spokes_step);
+    L::put_whole(base - L::set(static_cast<double>(lanes.first_spoke)), out.base.data() + i);
+    L::put(spoke, out.spoke.data() + i);
+    L::put(step, out.spokes_step.data() + i);
+    line(lanes.lift, out.lift.data(), out.lift_step.data());
+    line(lanes.drop, out.drop.data(), out.drop_step.data());
+    line(lanes.ray, out.ray.data(), out.ray_step.data());
+    line(lanes.rise, out.rise.data(), out.rise_step.data());
+    L::put(L::set(lanes.bow) * spokes_step * spokes_step, out.bow.data() + i);
+    L::put(lead, out.begins.data() + i);
+    L::put(lead + width, out.ends.data() + i);
+    L::put((first - L::set(lanes.nadir)) / L::set(lanes.distance), out.slope.data() + i);
+    for (std::size_t v = 0; v < vectors; ++v) {
+        L::put_whole(spoke + L::set_slim(first_lane(v)) * step, out.first[v].data() + i);
+        L::put_whole(spoke + L::set_slim(last_lane(v)) * step, out.last[v].data() + i);
+    }
+}
+
 template <bool raised, bool wanted>
-HWY_ATTR void test(const TestLanes& lanes, const Lift& lift) {
+HWY_INLINE HWY_ATTR void test_groups(const TestLanes& lanes, const Lift& lift, std::size_t begin, std::size_t n,
+                                     const PostGroups& groups) {
     const Floats d;
     const Ints di;
     const Lane zero = all(0), one = all(1), two = all(2), four = all(4);
@@ -148,38 +306,26 @@ HWY_ATTR void test(const TestLanes& lanes, const Lift& lift) {
     const Lane target = all(raised ? lanes.target_m : 0);
     const float slope_step = static_cast<float>(1 / lanes.distance);
     const float inverse_distance = slope_step;
+    const float most_slack = lanes.most_relief_m * place_slack;  // a power of two: nothing is rounded
     const Holds nearest = hn::RebindMask(d, hn::Set(di, lanes.nearest ? 1 : 0) == hn::Set(di, 1));
-    for (std::size_t g = 0; g < lanes.groups; ++g) {
-        const std::int64_t first = lanes.first + static_cast<std::int64_t>(g * knot_step);
-        const double from = lanes.from[g], width = lanes.from[g + 1] - from;
-        const double per_post = width > 0 ? 1 / width : 0;
-        const double lead = from - static_cast<double>(first);
-        const auto line = [&](double a, double b) HWY_ATTR {
-            const double step = (b - a) * per_post;
-            return std::pair(static_cast<float>(a - lead * step), static_cast<float>(step));
-        };
-        const double spoke_step = (lanes.at[g + 1] - lanes.at[g]) * per_post, spoke0 = lanes.at[g] - lead * spoke_step;
-        const double whole_spoke = std::floor(spoke0);
-        const float spoke = static_cast<float>(spoke0 - whole_spoke), spokes_step = static_cast<float>(spoke_step);
-        const int spoke_base = static_cast<int>(static_cast<std::int64_t>(whole_spoke) - lanes.first_spoke);
-        const auto [lift0, lift1] = line(static_cast<double>(lanes.lift[g]), static_cast<double>(lanes.lift[g + 1]));
-        const auto [drop0, drop1] = line(static_cast<double>(lanes.drop[g]), static_cast<double>(lanes.drop[g + 1]));
-        const float bow = static_cast<float>(lanes.bow * spoke_step * spoke_step), begins = static_cast<float>(lead),
-                    ends = static_cast<float>(lead + width);
-        for (std::size_t l = 0; l < knot_step; l += hn::Lanes(d)) {
-            const std::int64_t at = first - lanes.origin + static_cast<std::int64_t>(l);
+    const std::int64_t begins_at =
+        lanes.first - lanes.origin + static_cast<std::int64_t>(begin) * static_cast<std::int64_t>(knot_step);
+    for (std::size_t i = 0; i < n; ++i) {
+        for (std::size_t v = 0; v < vectors; ++v) {
+            const std::int64_t at = begins_at + static_cast<std::int64_t>(i * knot_step + v * hn::Lanes(d));
             const float* z = lanes.posts + at;
             const float* zb = lanes.behind + at;
-            const float lane0 = static_cast<float>(l), lane1 = static_cast<float>(l + hn::Lanes(d) - 1);
-            const Lane lane = hn::Iota(d, lane0);
-            const Lane k = all(spoke) + lane * all(spokes_step);
+            const Lane lane = hn::Iota(d, first_lane(v));
+            const Lane k = all(groups.spoke[i]) + lane * all(groups.spokes_step[i]);
             const Index beneath = down(k);
+            const int base = groups.base[i], first = groups.first[v][i] + base, last = groups.last[v][i] + base;
+            // Posts beside all spokes are with the outermost.
             const auto kept_of = [&](int over) { return std::min(std::max(over, 0), last_spoke); };
-            const Index kept =
-                hn::Min(hn::Max(beneath + hn::Set(di, spoke_base), hn::Zero(di)), hn::Set(di, last_spoke));
-            const int kept_first = kept_of(static_cast<int>(spoke + lane0 * spokes_step) + spoke_base),
-                      kept_last = kept_of(static_cast<int>(spoke + lane1 * spokes_step) + spoke_base);
-            const Stretch<4> spokes(kept, kept_first, kept_last);
+            const int kept_first = kept_of(first), kept_last = kept_of(last);
+            Index offset = beneath + hn::Set(di, base - kept_first);
+            if (kept_first != first || kept_last != last)
+                offset = hn::Min(hn::Max(offset, hn::Set(di, -kept_first)), hn::Set(di, last_spoke - kept_first));
+            const Stretch<4> spokes(offset, kept_first, kept_last - kept_first);
             const Lane f = k - whole(beneath);
             const Lane left = spokes.read(lanes.horizon), right = spokes.read(lanes.horizon + 1);
             // A spoke that has met no ground runs outside the raster, and so does the post's ray.
@@ -187,16 +333,22 @@ HWY_ATTR void test(const TestLanes& lanes, const Lift& lift) {
             const Holds free = hn::Or(left < half, right < half);
             const Lane level = pick(free, all(no_horizon_f), left + f * (right - left));
 
-            const Lane height = hn::LoadU(d, z), w = lifted(lift, (height - all(lift.sensor_m)) + target);
-            const Lane bends = all(bow) * ((lane - all(begins)) * (lane - all(ends)));
-            const Lane lifts = all(lift0) + lane * all(lift1), drops = all(drop0) + lane * all(drop1) + bends;
+            const Lane height = hn::LoadU(d, z), up_m = height - all(lift.sensor_m),
+                       w = lifted(lift, raised ? up_m + target : up_m);
+            const Lane bends = all(groups.bow[i]) * ((lane - all(groups.begins[i])) * (lane - all(groups.ends[i])));
+            const Lane lifts = all(groups.lift[i]) + lane * all(groups.lift_step[i]),
+                       drops = all(groups.drop[i]) + lane * all(groups.drop_step[i]) + bends;
             const Lane high = w * lifts, tangent = high - drops;
             const Lane of_level = (size_of(high) + drops) * all(level_slack);
             const Holds is_void = hn::IsNaN(height);
             if (!wanted) {
                 // Most posts stand far below.
-                const Lane most = of_level + all(lanes.most_relief_m) * lifts * all(place_slack);
+                const Lane most = of_level + all(most_slack) * lifts;
                 const Holds below = tangent + most - level < zero;
+                if (hn::AllTrue(d, below)) {
+                    put_shadow(lanes.state + at);
+                    continue;
+                }
                 if (hn::AllTrue(d, hn::Or(below, is_void))) {
                     put_states(below, is_void, lanes.state + at);
                     continue;
@@ -204,8 +356,7 @@ HWY_ATTR void test(const TestLanes& lanes, const Lift& lift) {
             }
             // The own cell, the one on the sensor's side, along the straight chord: its course u = 0..1 from the line
             // behind to the post is a parabola, and so is how high the ray runs above it.
-            const float slope0 = static_cast<float>((static_cast<double>(first) - lanes.nadir) / lanes.distance);
-            const Lane slope = all(slope0) + lane * all(slope_step), across = size_of(slope);
+            const Lane slope = all(groups.slope[i]) + lane * all(slope_step), across = size_of(slope);
             const Holds leftwards = slope<zero, aslant = across> zero;
             const Lane beside = pick(leftwards, hn::LoadU(d, z + 1), hn::LoadU(d, z - 1)),
                        corner = pick(leftwards, hn::LoadU(d, zb + 1), hn::LoadU(d, zb - 1)), back = hn::LoadU(d, zb);
@@ -222,14 +373,11 @@ HWY_ATTR void test(const TestLanes& lanes, const Lift& lift) {
                 put_states(hidden, is_void, lanes.state + at);
                 continue;
             }
-            const auto [ray0, ray1] = line(static_cast<double>(lanes.ray[g]), static_cast<double>(lanes.ray[g + 1]));
-            const auto [rise0, rise1] =
-                line(static_cast<double>(lanes.rise[g]), static_cast<double>(lanes.rise[g + 1]));
             const Lane to_entry = pick(aslant, step - to_corner, step), climbs = pick(aslant, step + to_beside, step);
             const Lane growth =
                 all(1 + lift.sensor_m * lift.inverse_radius) * (one - two * height * all(lift.inverse_radius));
-            const Lane ray_w = w * (all(ray0) + lane * all(ray1)), ray_rise = all(rise0) + lane * all(rise1) + bends,
-                       ray = ray_w + ray_rise;
+            const Lane ray_w = w * (all(groups.ray[i]) + lane * all(groups.ray_step[i])),
+                       ray_rise = all(groups.rise[i]) + lane * all(groups.rise_step[i]) + bends, ray = ray_w + ray_rise;
             const Lane stands = target * growth;
             const Lane cell_slack = (size_of(ray_w) + ray_rise + relief) * all(level_slack);
             const Lane steeper = climbs * growth - ray + cell_slack;  // at the post; below 0: a back slope
@@ -258,6 +406,16 @@ HWY_ATTR void test(const TestLanes& lanes, const Lift& lift) {
     }
 }
 
+template <bool raised, bool wanted>
+HWY_ATTR void test(const TestLanes& lanes, const Lift& lift) {
+    PostGroups groups;
+    for (std::size_t begin = 0; begin < lanes.groups; begin += together) {
+        const std::size_t n = std::min(together, lanes.groups - begin);
+        for_groups(n, [&]<class L>(L, std::size_t i) HWY_ATTR { look_ahead<L>(lanes, begin + i, i, groups); });
+        test_groups<raised, wanted>(lanes, lift, begin, n, groups);
+    }
+}
+
 HWY_ATTR void raise_any(const RaiseLanes& lanes, const Lift& lift, bool cross) {
     cross ? raise<true>(lanes, lift) : raise<false>(lanes, lift);
 }
@@ -268,6 +426,30 @@ HWY_ATTR void test_any(const TestLanes& lanes, const Lift& lift) {
         wanted ? test<true, true>(lanes, lift) : test<true, false>(lanes, lift);
     else
         wanted ? test<false, true>(lanes, lift) : test<false, false>(lanes, lift);
+}
+
+/// Adds what whole vectors of bytes hold of each state but the first to `found`; returns where the rest begins.
+template <class Bytes>
+HWY_INLINE HWY_ATTR std::size_t count_whole(Bytes d, const std::uint8_t* states, std::size_t begin, std::size_t n,
+                                            std::array<std::size_t, coverage_states>& found) {
+    const std::size_t step = hn::Lanes(d);
+    for (; begin + step <= n; begin += step) {
+        const auto here = hn::LoadU(d, states + begin);
+        for (std::uint8_t state = 1; state < coverage_states; ++state)
+            found[state] += hn::CountTrue(d, here == hn::Set(d, state));
+    }
+    return begin;
+}
+
+HWY_ATTR void count_any(const std::uint8_t* states, std::size_t n, std::array<std::uint64_t, coverage_states>& counts) {
+    std::array<std::size_t, coverage_states> found{};
+    std::size_t begin = count_whole(hn::ScalableTag<std::uint8_t>(), states, 0, n, found);
+    begin = count_whole(hn::CappedTag<std::uint8_t, 8>(), states, begin, n, found);
+    for (; begin < n; ++begin)
+        if (states[begin] != 0) ++found[states[begin]];
+    found[0] = n;
+    for (std::size_t state = 1; state < coverage_states; ++state) found[0] -= found[state];
+    for (std::size_t state = 0; state < coverage_states; ++state) counts[state] += found[state];
 }
 
 HWY_ATTR void least_any(const float* horizon, std::size_t groups, float* least) {
@@ -289,12 +471,18 @@ namespace wedgescope {
 
 constexpr auto raise_any_copies = WEDGESCOPE_HIGHWAY_COPIES(raise_any);
 constexpr auto test_any_copies = WEDGESCOPE_HIGHWAY_COPIES(test_any);
+constexpr auto count_any_copies = WEDGESCOPE_HIGHWAY_COPIES(count_any);
 constexpr auto least_any_copies = WEDGESCOPE_HIGHWAY_COPIES(least_any);
 
 void raise_lanes(const RaiseLanes& lanes, const Lift& lift, bool cross) noexcept {
     raise_any_copies.in_use()(lanes, lift, cross);
 }
 void test_lanes(const TestLanes& lanes, const Lift& lift) noexcept { test_any_copies.in_use()(lanes, lift); }
+
+void count_states(const std::uint8_t* states, std::size_t n,
+                  std::array<std::uint64_t, coverage_states>& counts) noexcept {
+    count_any_copies.in_use()(states, n, counts);
+}
 
 void least_of_groups(const float* horizon, std::size_t groups, float* least) noexcept {
     least_any_copies.in_use()(horizon, groups, least);

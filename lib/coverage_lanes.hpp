@@ -61,8 +61,14 @@ struct PieceForm {
     std::array<double, 5> bend{}, stretch{};
 };
 
-/// Knots of spokes first, first + 16, ... of K.
-void spoke_knots(const LineForm& line, const PieceForm& piece, std::int64_t spokes, std::int64_t first, std::size_t n,
+/// What spokes first, first + 16, ... of K have on every line: k / K, f^2 / Re^2, f^2 / Re.
+struct FanLanes {
+    double *slope, *turn, *curvature;
+};
+void spoke_fan(const LineForm& line, std::int64_t spokes, std::int64_t first, std::size_t n,
+               const FanLanes& out) noexcept;
+/// Knots of a fan's spokes.
+void spoke_knots(const LineForm& line, const PieceForm& piece, const FanLanes& fan, std::size_t n,
                  const KnotLanes& out) noexcept;
 /// Where a spoke of slope k / K crosses the line: KnotLanes::at of spoke_knots(), bit for bit.
 double spoke_place(const LineForm& line, const PieceForm& piece, double slope) noexcept;

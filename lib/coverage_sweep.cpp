@@ -43,26 +43,31 @@ LineForm Cover::form(const Side& side, double distance) const {
     return {distance, map_.nadir_minor(side.quadrant), side.square, side.curvature};
 }
 
-/// Knots of some groups of spokes, where they stand among all of them.
-void Cover::place_knots(const Side& side, const LineForm& line, const Spokes& s, Interval groups, Desk& desk) const {
+/// What the desk's spokes have on every line.
+void Cover::place_fan(const Side& side, Desk& desk) {
+    const Spokes& s = desk.spokes;
     const auto all = static_cast<std::size_t>(s.range.size() / knot + 1);
+    for (auto* v : {&desk.slope, &desk.turn, &desk.curvature}) v->resize(all);
+    const LineForm any{1, 0, side.square, side.curvature};
+    spoke_fan(any, s.of, s.range.begin, all, {desk.slope.data(), desk.turn.data(), desk.curvature.data()});
+}
+
+/// Knots of some groups of the desk's spokes, where they stand among all of them.
+void Cover::place_knots(const Side& side, const LineForm& line, Interval groups, Desk& desk) const {
+    const std::size_t all = desk.slope.size();
     desk.at.resize(all);
     desk.lift.resize(all);
     desk.drop.resize(all);
-    const std::int64_t k = s.of, first = s.range.begin;
-    const auto slope = [&](std::int64_t g) { return static_cast<double>(first + g * knot) / static_cast<double>(k); };
-    map_.line(side.quadrant, line.distance, slope(groups.begin), slope(groups.end), desk.pieces);
     auto i = static_cast<std::size_t>(groups.begin);
     const auto n = static_cast<std::size_t>(groups.end) + 1;
+    map_.line(side.quadrant, line.distance, desk.slope[i], desk.slope[n - 1], desk.pieces);
     for (std::size_t p = 0; p < desk.pieces.size(); ++p) {
         const SpokeMap::LinePiece& piece = desk.pieces[p];
         std::size_t end = n;
         if (p + 1 < desk.pieces.size())
-            for (end = i; end < n && static_cast<double>(first + static_cast<std::int64_t>(end) * knot) <
-                                         piece.slope_end * static_cast<double>(k);)
-                ++end;
+            for (end = i; end < n && desk.slope[end] < piece.slope_end;) ++end;
         spoke_knots(
-            line, piece_form(piece), k, first + static_cast<std::int64_t>(i) * knot, end - i,
+            line, piece_form(piece), {desk.slope.data() + i, desk.turn.data() + i, desk.curvature.data() + i}, end - i,
             {desk.at.data() + i, nullptr, nullptr, desk.lift.data() + i, desk.drop.data() + i, nullptr, nullptr});
         i = end;
     }
@@ -72,11 +77,17 @@ void Cover::place_posts(const Side& side, const LineForm& line, std::int64_t k, 
                         Desk& desk) {
     const std::int64_t first = floor_to(posts.begin, knot), groups = (floor_to(posts.end - 1, knot) - first) / knot + 1;
     const auto n = static_cast<std::size_t>(groups + 1);
-    for (auto* v : {&desk.from, &desk.post_at, &desk.post_slope, &desk.post_along}) v->resize(n);
-    for (auto* v : {&desk.post_lift, &desk.post_drop, &desk.post_ray, &desk.post_rise}) v->resize(n);
-    for (std::size_t i = 0; i < n; ++i)
-        desk.from[i] =
-            static_cast<double>(std::clamp(first + static_cast<std::int64_t>(i) * knot, own.begin, own.end - 1));
+    desk.post_groups = static_cast<std::size_t>(groups);
+    const auto make_room = [n](auto& v) {
+        if (v.size() < n) v.resize(n);
+    };
+    for (auto* v : {&desk.from, &desk.post_at, &desk.post_slope, &desk.post_along}) make_room(*v);
+    for (auto* v : {&desk.post_lift, &desk.post_drop, &desk.post_ray, &desk.post_rise}) make_room(*v);
+    const double begin = static_cast<double>(first), least = static_cast<double>(own.begin),
+                 most = static_cast<double>(own.end - 1);
+    double* from = desk.from.data();
+    for (int i = 0; i < static_cast<int>(n); ++i)
+        from[i] = std::min(std::max(begin + static_cast<double>(i * static_cast<int>(knot)), least), most);
     map_.line(side.quadrant, line.distance, -1, 1, desk.pieces);
     std::size_t i = 0;
     for (std::size_t p = 0; p < desk.pieces.size(); ++p) {
@@ -147,7 +158,7 @@ void Cover::pass_voids(Desk& desk, Interval window, bool behind) {
 /// Posts of a line, whose knots stand on the desk, test themselves.
 void Cover::test_part(const LineForm& line, const Spokes& s, Interval posts, Interval window, Desk& desk) const {
     TestLanes test{};
-    test.groups = desk.from.size() - 1;
+    test.groups = desk.post_groups;
     test.origin = window.begin - line_margin;
     test.first = floor_to(posts.begin, knot);
     test.from = desk.from.data();
@@ -207,12 +218,13 @@ void Cover::sweep(Strip& strip, std::size_t run) {
             take(side.spokes.voids.drop, s.voids.drop);
         }
     }
+    place_fan(side, desk);
     // Posts that the spokes can touch.
     double lo = std::numeric_limits<double>::infinity(), hi = -lo;
     for (std::int64_t line : {lines.begin, lines.end - 1}) {
         const double d = grid_.distance(q, line);
         const LineForm at = form(side, d);
-        place_knots(side, at, s, {0, s.range.size() / knot}, desk);
+        place_knots(side, at, {0, s.range.size() / knot}, desk);
         lo = std::min(lo, *std::min_element(desk.at.begin(), desk.at.end()));
         hi = std::max(hi, *std::max_element(desk.at.begin(), desk.at.end()));
     }
@@ -347,6 +359,7 @@ void Cover::sweep(Strip& strip, std::size_t run) {
         bool doubled = line == lines.begin;
         while (s.of < rings[ring].spokes) {
             double_spokes(s, desk.scratch);
+            place_fan(side, desk);
             core = {2 * core.begin, 2 * core.end};
             for (Interval& groups : desk.groups) groups = {2 * groups.begin, 2 * groups.end};
             doubled = true;
@@ -360,10 +373,10 @@ void Cover::sweep(Strip& strip, std::size_t run) {
         const std::vector<Interval>& groups = everywhere ? desk.every_group : desk.groups;
         if (cross || voids_) {
             if (line > 0 && (doubled || next_row))
-                for (const Interval& part : groups) place_knots(side, form(side, d - 1), s, part, desk);
+                for (const Interval& part : groups) place_knots(side, form(side, d - 1), part, desk);
             std::swap(desk.at, desk.at_behind);
         }
-        for (const Interval& part : groups) place_knots(side, here, s, part, desk);
+        for (const Interval& part : groups) place_knots(side, here, part, desk);
 
         const auto l = static_cast<std::size_t>(line - lines.begin);
         const Interval all = own[l];

@@ -147,14 +147,17 @@ struct Job {
 /// What a thread works in.
 struct Desk {
     Blocks blocks;
-    std::vector<float> least;           ///< of the horizons of each group of spokes
+    std::vector<float> least;     ///< of the horizons of each group of spokes
+    std::vector<double> block_w;  ///< of a row's blocks: how high their tops stand as a tangent counts it; inf: unknown
     std::vector<Interval> touched;      ///< blocks of a row, by each group
     std::vector<std::uint8_t> quiet;    ///< groups that nothing of it raises
     std::vector<Interval> groups;       ///< runs of groups that something of the row of blocks may raise
     std::vector<Interval> every_group;  ///< all, as such a list
     Spokes spokes, scratch;
     std::vector<float> line, behind;
+    std::vector<double> slope, turn, curvature;  ///< of the groups of `spokes`: FanLanes
     std::vector<double> at, at_behind, from, post_at, post_slope, post_along;
+    std::size_t post_groups = 0;  ///< of the part of a line whose knots stand in post_*; these may go on
     std::vector<double> far_at;
     std::vector<float> far_lift;
     std::vector<float> lift, drop, post_lift, post_drop, post_ray, post_rise;
@@ -283,7 +286,8 @@ private:
     void sweep(Strip& strip, std::size_t run);
     void end(Strip& strip);
     void write_done();
-    void place_knots(const Side& side, const LineForm& line, const Spokes& s, Interval groups, Desk& desk) const;
+    static void place_fan(const Side& side, Desk& desk);
+    void place_knots(const Side& side, const LineForm& line, Interval groups, Desk& desk) const;
     void place_posts(const Side& side, const LineForm& line, std::int64_t k, Interval own, Interval posts, Desk& desk);
     double spoke_at(const Side& side, const LineForm& line, std::int64_t k, double minor) const;
     void ask_map(const Side& side, Interval major, Interval minor, Blocks& blocks);

@@ -352,7 +352,11 @@ Bytes coverage_of(unsigned seed) {
     std::vector<double> at(n), slope(n), along(n);
     std::vector<float> lift(n), drop(n), ray(n), rise(n);
     const KnotLanes knots{at.data(), slope.data(), along.data(), lift.data(), drop.data(), ray.data(), rise.data()};
-    spoke_knots(line, piece, 1024, -1024, n, knots);
+    std::vector<double> turn(n), curvature(n);
+    const FanLanes fan{slope.data(), turn.data(), curvature.data()};
+    spoke_fan(line, 1024, -1024, n, fan);
+    for (const auto* out : {&slope, &turn, &curvature}) record.put(*out);
+    spoke_knots(line, piece, fan, n, knots);
     record.put(at);
     record.put(lift);
     record.put(drop);
