@@ -75,9 +75,8 @@ Front::Front(const SweepScene& scene, const SpokeRun& run, WedgeCells& cells)
     for (auto* samples : {&now_, &crossing_, &ahead_}) samples->resize(tile_lanes);
     for (auto* v : {&cell_, &bump_, &rise_, &swing_, &sine0_, &code_}) v->resize(tile_lanes);
     constexpr std::size_t most_pieces = whole_registers(VisiblePieces::most);
-    for (auto* v : {&power_, &facet_, &share0_, &share1_, &inverse_radius_, &across_, &slant_}) v->resize(most_pieces);
+    for (auto* v : {&power_, &facet_, &inverse_radius_, &across_, &slant_}) v->resize(most_pieces);
     bow_.resize(most_pieces);
-    origin_.resize(most_pieces);
     gamma_[2].assign(most_pieces, static_cast<float>(scene.laws->gamma()[scene.data_base->default_class].ground));
     if (!plain_ground_) {
         for (auto* v : {&gamma_[0], &gamma_[1]}) v->resize(most_pieces);
@@ -102,7 +101,7 @@ std::size_t Front::bytes_of(std::size_t lanes, bool facets, bool directional, bo
     const std::size_t doubles = 22 + (facets ? 2 : 0) + (directional ? 2 : 0);
     return lanes * (doubles * sizeof(double) + (shore ? sizeof(ShoreWindow) : 0) + sizeof(std::int64_t) +
                     sizeof(std::int64_t) + sizeof(std::int32_t)) +
-           tile_lanes * (3 * 9 + 6 + 2) * sizeof(double) + VisiblePieces::most * 16 * sizeof(double) +
+           tile_lanes * (3 * 9 + 6 + 2) * sizeof(double) + VisiblePieces::most * 13 * sizeof(double) +
            VisiblePieces::bytes() + sizeof(CultureParts) + 2 * (std::size_t{unknown_class} + 1) * sizeof(float);
 }
 

@@ -331,8 +331,7 @@ private:
     VisiblePieces pieces_;     // over lines of one tile, that wait to be shaded and deposited
     LaneArray power_, facet_;  // of these
     std::vector<float> bow_;
-    LaneArray share0_, share1_, inverse_radius_, across_, slant_;  // of their spokes
-    std::vector<std::int64_t> origin_;
+    LaneArray inverse_radius_, across_, slant_;  // of their spokes
     std::array<std::int32_t, VisiblePieces::most> straddlers_;  // of these, those with a second row
     std::size_t straddling_ = 0;
     // Backscatter, as WedgeCells::Portions. Only over culture: the first two of it, and where its stretches end.

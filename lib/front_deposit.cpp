@@ -41,15 +41,16 @@ void Front::keep_pieces(std::size_t n, std::size_t lane, const Between& between,
     const SampleLanes from = now_.lanes(0), to = next.lanes(0);
     P::Tile tile{};
     const auto keep = [&](P::Column at, const auto* column) { tile[at] = column; };
-    keep(P::lane, lanes_.number.data() + lane);
+    keep(P::lane, lanes_.number.data() + lane), keep(P::origin, lanes_.origin.data() + lane);
+    keep(P::share0, lanes_.share0.data() + lane), keep(P::share1, lanes_.share1.data() + lane);
     keep(P::horizon, sine0_.data()), keep(P::sine, to.sine);
     keep(P::range0, from.range_m), keep(P::range1, to.range_m);
     keep(P::rise, rise_.data()), keep(P::swing, swing_.data());
     if (scene_->range_is_ground) keep(P::x0, from.x), keep(P::x1, to.x);
     std::array<double, tile_lanes> major0, major1;
     if (!plain_ground_ || at_once_) {
-        for (std::size_t i = 0; i < n; ++i) major0[i] = between.major(from.part[i]);
-        for (std::size_t i = 0; i < n; ++i) major1[i] = between.major(to.part[i]);
+        between_lanes(n, between.behind_major, between.ahead_major, from.part, major0.data());
+        between_lanes(n, between.behind_major, between.ahead_major, to.part, major1.data());
         keep(P::major0, major0.data()), keep(P::major1, major1.data());
         keep(P::minor0, from.minor), keep(P::minor1, to.minor);
     }
@@ -88,16 +89,12 @@ void Front::put_pieces(const Between& between) {
     assert(at_once_ || (between.ahead_culture.empty() && between.behind_culture.empty()));
     cost_.clock.enter(StageClock::shade);
     const auto column = [&](P::Column of) { return pieces_.numbers(of); };
-    // What the pieces have of their spokes. Without a branch: a third of the spokes may be straddlers.
+    // Without a branch: a third of the spokes may be straddlers.
+    const double* const second = column(P::share1);
     straddling_ = 0;
     for (std::size_t i = 0; i < n; ++i) {
-        const std::size_t lane = lane_of_piece(i);
-        const double second = lanes_.share1[lane];
-        origin_[i] = lanes_.origin[lane];
-        share0_[i] = lanes_.share0[lane];
-        share1_[i] = second;
         straddlers_[straddling_] = static_cast<std::int32_t>(i);
-        straddling_ += second > 0 ? 1 : 0;
+        straddling_ += second[i] > 0 ? 1 : 0;
     }
     const Shading shading{column(P::horizon), column(P::sine),  column(P::range0), column(P::range1),
                           column(P::rise),    column(P::swing), power_.data(),     bow_.data()};
@@ -143,6 +140,7 @@ Front::RangeOfPieces Front::range_of_pieces() {
 }
 
 bool Front::put_plain(const Between& between) {
+    using P = VisiblePieces;
     const std::size_t n = pieces_.size();
     float* const gamma = gamma_[2].data();
     if (scene_->with_depression) {
@@ -155,9 +153,9 @@ bool Front::put_plain(const Between& between) {
         for (std::size_t i = 0; i < n; ++i)
             gamma[i] = static_cast<float>(ground_gamma(scene_->data_base->default_class, facet_[i], lane_of_piece(i)));
     const auto [x0, x1, bins] = range_of_pieces();
-    cells_->add_lanes(n, {origin_.data(),
-                          share0_.data(),
-                          share1_.data(),
+    cells_->add_lanes(n, {pieces_.integers(P::origin),
+                          pieces_.numbers(P::share0),
+                          pieces_.numbers(P::share1),
                           {straddlers_.data(), straddling_},
                           x0,
                           x1,

@@ -38,6 +38,12 @@ WEDGESCOPE_LANES_PART void place(const SpokeMap::LinePiece& piece, double nadir_
     }
 }
 
+WEDGESCOPE_LANES_PART void between(std::size_t n, double from, double to, const double* __restrict part,
+                                   double* __restrict out) noexcept {
+    WEDGESCOPE_INDEPENDENT
+    for (std::size_t i = 0; i < n; ++i) out[i] = from + part[i] * (to - from);
+}
+
 WEDGESCOPE_LANES_PART int beyond(std::size_t n, const double* arc_m, double most_m) noexcept {
     int count = 0;
     for (std::size_t i = 0; i < n; ++i) count += arc_m[i] > most_m ? 1 : 0;
@@ -119,6 +125,10 @@ LinePosts no_posts() { return {&missing, 0, 0}; }
 void place_lanes(const SpokeMap::LinePiece& piece, double nadir_minor, double distance, std::size_t n,
                  const double* slope, const double* metres_per_post, double* minor, double* arc_m) noexcept {
     on_target<place>(piece, nadir_minor, distance, n, slope, metres_per_post, minor, arc_m);
+}
+
+void between_lanes(std::size_t n, double from, double to, const double* part, double* out) noexcept {
+    on_target<between>(n, from, to, part, out);
 }
 
 int count_beyond(std::size_t n, const double* arc_m, double most_m) noexcept {

@@ -27,6 +27,9 @@ LinePosts no_posts();
 void place_lanes(const SpokeMap::LinePiece& piece, double nadir_minor, double distance, std::size_t n,
                  const double* slope, const double* metres_per_post, double* minor, double* arc_m) noexcept;
 
+/// out[n] = from + part[n] (to - from).
+void between_lanes(std::size_t n, double from, double to, const double* part, double* out) noexcept;
+
 /// How many of n arcs are beyond `most_m`.
 int count_beyond(std::size_t n, const double* arc_m, double most_m) noexcept;
 

@@ -23,6 +23,7 @@ public:
     // clang-format off
     enum Column : std::size_t {
         lane,                                     ///< std::int64_t: its spoke
+        origin, share0, share1,                   ///< of that, as WedgeCells::Portions
         horizon, sine, range0, range1,            ///< as Shading
         x0, x1,                                   ///< range coordinate, only where bins are of ground range
         rise, swing,                              ///< as StepLanes
@@ -44,10 +45,13 @@ public:
     void clear() { size_ = 0; }
 
     double* numbers(Column column) { return columns_[column].data(); }
+    /// Bits that were moved here as they are, never as doubles.
+    const std::int64_t* integers(Column column) const {
+        return reinterpret_cast<const std::int64_t*>(columns_[column].data());
+    }
     std::int64_t integer(Column column, std::size_t i) const {
         return std::bit_cast<std::int64_t>(columns_[column][i]);
     }
-    /// Bits that were moved here as they are, never as doubles.
     const float* pairs(Column column) const { return reinterpret_cast<const float*>(columns_[column].data()); }
 
     static constexpr std::size_t bytes() { return columns * length * sizeof(double); }
