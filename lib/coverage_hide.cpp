@@ -109,13 +109,14 @@ void Cover::hide(const Side& side, Interval lines, std::int64_t major, Interval 
                          (1 + top_m * static_cast<double>(lift_.inverse_radius));
         desk.block_w.push_back(b.voids == Voids::none ? w : std::numeric_limits<double>::infinity());
     }
+    const std::int64_t spare = 3 + ceil_i(map_.sag(q, static_cast<double>(lines.size() + 2)));
     desk.touched.assign(static_cast<std::size_t>(groups), {});
     desk.quiet.assign(static_cast<std::size_t>(groups), 0);
     for (std::int64_t g = 0; g < groups; ++g) {
         const auto i = static_cast<std::size_t>(g);
         const Interval touched =
-            intersection({block_along(floor_i(std::min(desk.at[i], desk.far_at[i])) - 3),
-                          block_along(ceil_i(std::max(desk.at[i + 1], desk.far_at[i + 1])) + 3) + 1},
+            intersection({block_along(floor_i(std::min(desk.at[i], desk.far_at[i])) - spare),
+                          block_along(ceil_i(std::max(desk.at[i + 1], desk.far_at[i + 1])) + spare) + 1},
                          blocks.minors);
         desk.touched[i] = touched;
         if (!in_fan.contains(g)) continue;

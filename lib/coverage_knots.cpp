@@ -11,11 +11,11 @@ struct Polynomials {
     double lift, drop, ray, rise;
 };
 
-/// The factors of the tangent of what is `along` (its inverse is asked for, too, so that each caller has one division) with
-/// 1 + stretch = `wide`; `turn` is the angle between the verticals of two posts squared, 1 / Re times their step.
+/// The factors of the tangent at d (1 + stretch) = `along`, with 1 + stretch = `wide`. `turn`, `curvature`: f^2 / Re^2 and
+/// f^2 / Re.
 WEDGESCOPE_LANES_PART Polynomials factors(double along, double inverse_along, double wide, double turn,
                                           double curvature) noexcept {
-    const double x = along * along * turn;  // theta^2, 0.02 at 800 km
+    const double x = along * along * turn;  // theta^2, 0.016 at 800 km
     const double inverse_sinc =
         1 + x * (1.0 / 6 + x * (7.0 / 360 + x * (31.0 / 15120 + x * (127.0 / 604800 + x * (73.0 / 3421440)))));
     const double half_tangent = 1 + x * (1.0 / 12) * (1 + x * (1.0 / 10) * (1 + x * (17.0 / 168)));

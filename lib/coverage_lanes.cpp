@@ -23,7 +23,7 @@ using Holds = hn::Mask<Floats>;
 HWY_INLINE Lane all(float x) { return hn::Set(Floats(), x); }
 /// Where it holds a, else b.
 HWY_INLINE Lane pick(Holds holds, Lane a, Lane b) { return hn::IfThenElse(holds, a, b); }
-/// b where one is no number: what x86's own instruction does.
+/// b where one is no number: what x86's own instruction does (Highway's plain targets have their own Max).
 HWY_INLINE Lane greater(Lane a, Lane b) {
 #if HWY_TARGET <= HWY_SSE4 && HWY_ARCH_X86
     return hn::Max(a, b);
@@ -142,9 +142,21 @@ HWY_INLINE HWY_ATTR void for_groups(std::size_t n, Some&& some) {
     for (std::size_t i = 0; i < n; i += many) some(ManyGroups(), std::min(i, n - many));
 }
 
+/// Is a vector one lane? Then what is first in it and last is not worth looking up.
+constexpr bool alone = vectors == knot_step;
 /// First and last lane of a group's vector.
 HWY_INLINE float first_lane(std::size_t vector) { return static_cast<float>(vector * hn::MaxLanes(Floats())); }
 HWY_INLINE float last_lane(std::size_t vector) { return static_cast<float>((vector + 1) * hn::MaxLanes(Floats()) - 1); }
+
+/// Where the first lane and the last of each vector lie on a straight way.
+template <class L, class Groups>
+HWY_INLINE HWY_ATTR void put_ends(typename L::Slim start, typename L::Slim step, std::size_t i, Groups& out) {
+    if constexpr (!alone)
+        for (std::size_t v = 0; v < vectors; ++v) {
+            L::put_whole(start + L::set_slim(first_lane(v)) * step, out.first[v].data() + i);
+            L::put_whole(start + L::set_slim(last_lane(v)) * step, out.last[v].data() + i);
+        }
+}
 
 /// Straight lines through the lanes of groups of spokes.
 struct SpokeGroups {
@@ -166,10 +178,7 @@ HWY_INLINE HWY_ATTR void look_ahead(const RaiseLanes& lanes, std::size_t g, std:
     L::put(step, out.step.data() + i);
     L::put((L::read(lanes.lift + g + 1) - L::read(lanes.lift + g)) * each_slim, out.lift_step.data() + i);
     L::put((L::read(lanes.drop + g + 1) - L::read(lanes.drop + g)) * each_slim, out.drop_step.data() + i);
-    for (std::size_t v = 0; v < vectors; ++v) {
-        L::put_whole(part + L::set_slim(first_lane(v)) * step, out.first[v].data() + i);
-        L::put_whole(part + L::set_slim(last_lane(v)) * step, out.last[v].data() + i);
-    }
+    put_ends<L>(part, step, i, out);
     if (cross) {
         const auto back = L::read(lanes.at_behind + g);
         L::put(back - base, out.back.data() + i);
@@ -195,8 +204,9 @@ HWY_ATTR void raise(const RaiseLanes& lanes, const Lift& lift) {
                 const std::size_t l = v * hn::Lanes(d);
                 const Lane lane = hn::Iota(d, first_lane(v));
                 const Lane y = all(part) + lane * all(step);
-                const int y_first = groups.first[v][i], y_last = groups.last[v][i];
                 const Index at = down(y);
+                const int y_first = alone ? hn::GetLane(at) : groups.first[v][i],
+                          y_last = alone ? y_first : groups.last[v][i];
                 const Lane f = y - whole(at);
                 const Stretch<2> posts(at - hn::Set(Ints(), y_first), y_first, y_last - y_first);
                 const Lane a = posts.read(z), b = posts.read(z + 1);
@@ -290,10 +300,7 @@ HWY_INLINE HWY_ATTR void look_ahead(const TestLanes& lanes, std::size_t g, std::
     L::put(lead, out.begins.data() + i);
     L::put(lead + width, out.ends.data() + i);
     L::put((first - L::set(lanes.nadir)) / L::set(lanes.distance), out.slope.data() + i);
-    for (std::size_t v = 0; v < vectors; ++v) {
-        L::put_whole(spoke + L::set_slim(first_lane(v)) * step, out.first[v].data() + i);
-        L::put_whole(spoke + L::set_slim(last_lane(v)) * step, out.last[v].data() + i);
-    }
+    put_ends<L>(spoke, step, i, out);
 }
 
 template <bool raised, bool wanted>
@@ -318,7 +325,8 @@ HWY_INLINE HWY_ATTR void test_groups(const TestLanes& lanes, const Lift& lift, s
             const Lane lane = hn::Iota(d, first_lane(v));
             const Lane k = all(groups.spoke[i]) + lane * all(groups.spokes_step[i]);
             const Index beneath = down(k);
-            const int base = groups.base[i], first = groups.first[v][i] + base, last = groups.last[v][i] + base;
+            const int base = groups.base[i], first = (alone ? hn::GetLane(beneath) : groups.first[v][i]) + base,
+                      last = alone ? first : groups.last[v][i] + base;
             // Posts beside all spokes are with the outermost.
             const auto kept_of = [&](int over) { return std::min(std::max(over, 0), last_spoke); };
             const int kept_first = kept_of(first), kept_last = kept_of(last);
@@ -446,7 +454,7 @@ HWY_ATTR void count_any(const std::uint8_t* states, std::size_t n, std::array<st
     std::size_t begin = count_whole(hn::ScalableTag<std::uint8_t>(), states, 0, n, found);
     begin = count_whole(hn::CappedTag<std::uint8_t, 8>(), states, begin, n, found);
     for (; begin < n; ++begin)
-        if (states[begin] != 0) ++found[states[begin]];
+        for (std::uint8_t state = 1; state < coverage_states; ++state) found[state] += states[begin] == state;
     found[0] = n;
     for (std::size_t state = 1; state < coverage_states; ++state) found[0] -= found[state];
     for (std::size_t state = 0; state < coverage_states; ++state) counts[state] += found[state];

@@ -88,7 +88,7 @@ inline constexpr std::size_t horizon_margin = 17;
 /// the other axis' line between the line behind and this one.
 ///   at, lift, drop  [groups + 1]  knots;  at_behind  positions on the line behind, `cross` only
 ///   horizon         [16 groups]
-/// A crossing between two posts is void if one of them is.
+/// Knots are finite, and far within 2^31 of the origin. A crossing between two posts is void if one of them is.
 struct RaiseLanes {
     std::size_t groups;
     std::int64_t origin;

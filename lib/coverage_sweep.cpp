@@ -228,7 +228,8 @@ void Cover::sweep(Strip& strip, std::size_t run) {
         lo = std::min(lo, *std::min_element(desk.at.begin(), desk.at.end()));
         hi = std::max(hi, *std::max_element(desk.at.begin(), desk.at.end()));
     }
-    Interval window = intersection({floor_i(lo) - 4, ceil_i(hi) + 5}, side.minor);
+    const std::int64_t sag = ceil_i(map_.sag(q, static_cast<double>(lines.size())));
+    Interval window = intersection({floor_i(lo) - 4 - sag, ceil_i(hi) + 5 + sag}, side.minor);
     for (std::size_t l = 0; l < static_cast<std::size_t>(lines.size()); ++l)
         if (first && last) window = hull(window, own[l]);
     desk.own.assign(static_cast<std::size_t>(lines.size()), {});
@@ -357,13 +358,14 @@ void Cover::sweep(Strip& strip, std::size_t run) {
             part_row(row, desk);
         }
         bool doubled = line == lines.begin;
+        const bool too_few = s.of < rings[ring].spokes;
         while (s.of < rings[ring].spokes) {
             double_spokes(s, desk.scratch);
-            place_fan(side, desk);
             core = {2 * core.begin, 2 * core.end};
             for (Interval& groups : desk.groups) groups = {2 * groups.begin, 2 * groups.end};
             doubled = true;
         }
+        if (too_few) place_fan(side, desk);
         const double d = grid_.distance(q, line);
         const LineForm here = form(side, d);
         // On the first line of a row of blocks cells of the last one lie behind.

@@ -157,7 +157,7 @@ struct Desk {
     std::vector<float> line, behind;
     std::vector<double> slope, turn, curvature;  ///< of the groups of `spokes`: FanLanes
     std::vector<double> at, at_behind, from, post_at, post_slope, post_along;
-    std::size_t post_groups = 0;  ///< of the part of a line whose knots stand in post_*; these may go on
+    std::size_t post_groups = 0;  ///< of the part of a line whose knots stand in post_*, which may be longer
     std::vector<double> far_at;
     std::vector<float> far_lift;
     std::vector<float> lift, drop, post_lift, post_drop, post_ray, post_rise;

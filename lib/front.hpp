@@ -215,6 +215,8 @@ private:
                             std::size_t begin, std::size_t end, Between& between);
     /// Does every spoke on its own stay above what it comes by, from where it is now to where it is ahead?
     bool passes_alone(const Chunk& chunk, ChunkBounds& bounds, std::int64_t block, std::size_t begin, std::size_t end);
+    /// By how many posts of the level a spoke leaves the straight way within a block.
+    double sag_within(const ChunkBounds& bounds) const;
     /// Highest surface of the chunk's posts on the lines of one block and `side` + 1 posts along them; +inf if one is
     /// void.
     float highest_in_chunk(const Chunk& chunk, ChunkBounds& bounds, std::int64_t major_block,

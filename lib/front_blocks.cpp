@@ -43,12 +43,18 @@ float Front::highest_in_chunk(const Chunk& chunk, ChunkBounds& bounds, std::int6
     return bound = extremes.voids > 0 ? static_cast<float>(infinite) : extremes.highest_m;
 }
 
+double Front::sag_within(const ChunkBounds& bounds) const {
+    return scene_->grid->map().sag(quadrant_, static_cast<double>(bounds.side) * post_) / post_;
+}
+
 bool Front::passes_alone(const Chunk& chunk, ChunkBounds& bounds, std::int64_t block, std::size_t begin,
                          std::size_t end) {
+    const double sag = sag_within(bounds);
     for (std::size_t lane = begin, i = 0; lane < end; ++lane, ++i) {
         if (is(lane, mode_done)) continue;
-        const std::int64_t first = block_along(floor_of(std::min(now_.minor[i], ahead_.minor[i])), bounds.side),
-                           last = block_along(floor_of(std::max(now_.minor[i], ahead_.minor[i])) + 1, bounds.side);
+        const std::int64_t first = block_along(floor_of(std::min(now_.minor[i], ahead_.minor[i]) - sag), bounds.side),
+                           last =
+                               block_along(floor_of(std::max(now_.minor[i], ahead_.minor[i]) + sag) + 1, bounds.side);
         for (std::int64_t j = first; j <= last; ++j) {
             const auto highest = static_cast<double>(highest_in_chunk(chunk, bounds, block, j));
             if (highest == static_cast<double>(nothing_to_see)) continue;
@@ -78,6 +84,7 @@ std::int64_t Front::leap_hidden(std::int64_t line, std::int64_t last, const Chun
     const Interval along = lines_are_columns(quadrant_) ? chunk.window.rows : chunk.window.columns;
     // Between the first spoke and the last lie the others, to far less than a post.
     const std::size_t n = end - begin;
+    const double sag = sag_within(bounds);
     std::array<double, 2> near{now_.minor[0], now_.minor[n - 1]};
     for (std::int64_t next = line; next <= last;) {
         const std::int64_t from = grid.line_index(fan_, next) - out;
@@ -91,8 +98,8 @@ std::int64_t Front::leap_hidden(std::int64_t line, std::int64_t last, const Chun
             far[side] = place.minor / post_;
             arc = std::max(arc, place.arc_m);
         }
-        const std::int64_t lo = floor_of(std::min({near[0], near[1], far[0], far[1]})) - 1,
-                           hi = floor_of(std::max({near[0], near[1], far[0], far[1]})) + 2;
+        const std::int64_t lo = floor_of(std::min({near[0], near[1], far[0], far[1]}) - sag) - 1,
+                           hi = floor_of(std::max({near[0], near[1], far[0], far[1]}) + sag) + 2;
         const Interval all{block_along(lo), block_along(hi) + 1};
         // Between these two spokes arcs are no longer by more.
         if (arc * 1.001 > scene_->max_arc_m || !bounds.major.contains(block) ||
@@ -135,6 +142,9 @@ std::int64_t Front::leap_block(std::int64_t line, std::int64_t last, const Chunk
         inverse = std::min(inverse, lanes_.inverse_radius[begin + i]);
         if (is(begin + i, mode_hidden)) horizon = std::min(horizon, lanes_.horizon[begin + i]);
     }
+    const double sag = sag_within(bounds);
+    lo -= sag;
+    hi += sag;
     const Interval all{block_along(floor_of(lo), bounds.side), block_along(floor_of(hi) + 1, bounds.side) + 1};
     if (far > scene_->max_arc_m || intersection(all, bounds.minor) != all || !along.contains(floor_of(lo)) ||
         !along.contains(floor_of(hi) + 1))

@@ -49,9 +49,11 @@ public:
           columns_(request.lines_are_columns), majors_(columns_ ? request.blocks.columns : request.blocks.rows),
           minors_(columns_ ? request.blocks.rows : request.blocks.columns),
           posts_(posts_at(columns_ ? front.scene_->data_base->rows : front.scene_->data_base->columns, request.level)),
-          post_(static_cast<double>(std::int64_t{1} << request.level)), first_(front.live_begin_),
-          n_(front.live_end_ - front.live_begin_), groups_((n_ + together - 1) / together), known_(groups_.size()),
-          may_gap_(n_), near_(n_), far_(n_), near_edges_(2 * groups_.size()), far_edges_(2 * groups_.size()) {
+          post_(static_cast<double>(std::int64_t{1} << request.level)),
+          sag_(grid_.map().sag(front.quadrant_, static_cast<double>(block_posts) * post_) / post_),
+          first_(front.live_begin_), n_(front.live_end_ - front.live_begin_), groups_((n_ + together - 1) / together),
+          known_(groups_.size()), may_gap_(n_), near_(n_), far_(n_), near_edges_(2 * groups_.size()),
+          far_edges_(2 * groups_.size()) {
         for (std::size_t i = 0; i < n_; ++i) {
             const std::size_t lane = first_ + i;
             may_gap_[i] = front_.is(lane, mode_gap);
@@ -178,6 +180,8 @@ private:
                      near_m = near_edges_.distance * group.least_post_m * (least_stretch - spare),
                      far_m = far_edges_.distance * group.most_post_m * (most_stretch + spare);
         if (far_m > front_.scene_->max_arc_m) return false;
+        lo -= sag_;
+        hi += sag_;
         const Interval all = blocks_between(lo, hi);
         std::array<double, 8> sine{};
         if (!inside(lo, hi, all) || all.size() > static_cast<std::int64_t>(sine.size())) return false;
@@ -210,8 +214,8 @@ private:
         for (std::size_t i = first; i < end; ++i) {
             const std::size_t lane = first_ + i;
             if (front_.is(lane, mode_done) || near_.arc_m[i] > front_.scene_->max_arc_m * 1.001) continue;
-            const double lo = std::min(near_.minor[before(i)], far_.minor[before(i)]),
-                         hi = std::max(near_.minor[after(i)], far_.minor[after(i)]);
+            const double lo = std::min(near_.minor[before(i)], far_.minor[before(i)]) - sag_,
+                         hi = std::max(near_.minor[after(i)], far_.minor[after(i)]) + sag_;
             const Interval all = blocks_between(lo, hi), some = intersection(all, minors_);
             // The raster's edge is the edge of a void.
             bool voids = may_gap_[i] != 0 || !inside(lo, hi, all);
@@ -245,6 +249,7 @@ private:
     Interval majors_, minors_;  // blocks
     std::int64_t posts_;        // along the lines
     double post_;               // posts of the raster in one of the level
+    double sag_;                // by how many posts a spoke leaves the straight way within a block
     std::int64_t row_ = 0;      // block of the cells that are looked at
     std::size_t first_, n_;     // lanes
     std::vector<Group> groups_;

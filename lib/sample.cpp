@@ -38,7 +38,7 @@ WEDGESCOPE_LANES_PART void place(const SpokeMap::LinePiece& piece, double nadir_
     }
 }
 
-WEDGESCOPE_LANES_PART void between(std::size_t n, double from, double to, const double* __restrict part,
+WEDGESCOPE_LANES_PART void mix(std::size_t n, double from, double to, const double* __restrict part,
                                    double* __restrict out) noexcept {
     WEDGESCOPE_INDEPENDENT
     for (std::size_t i = 0; i < n; ++i) out[i] = from + part[i] * (to - from);
@@ -128,7 +128,7 @@ void place_lanes(const SpokeMap::LinePiece& piece, double nadir_minor, double di
 }
 
 void between_lanes(std::size_t n, double from, double to, const double* part, double* out) noexcept {
-    on_target<between>(n, from, to, part, out);
+    on_target<mix>(n, from, to, part, out);
 }
 
 int count_beyond(std::size_t n, const double* arc_m, double most_m) noexcept {

@@ -193,8 +193,9 @@ Window SpokeGrid::window(Fan f, std::int64_t spokes, Interval run, Interval line
         least = std::min(least, map_.place(q, lo, d).minor / post);
         most = std::max(most, map_.place(q, hi, d).minor / post);
     };
-    // Between two of these a spoke leaves the straight way by far less than the margin.
-    constexpr std::int64_t step = 16;
+    // Between two of these a spoke leaves the straight way by less than the margin.
+    std::int64_t step = 16;
+    while (step > 1 && map_.sag(q, static_cast<double>(step) * post) > post) step /= 2;
     const Interval all_lines{std::max<std::int64_t>(lines.begin - 1, 0), lines.end};
     for (std::int64_t i = all_lines.begin; i < lines.end; i += map_.straight() ? all_lines.size() : step) look(i);
     look(lines.end - 1);

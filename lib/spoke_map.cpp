@@ -194,7 +194,7 @@ void SpokeMap::fit(const DataBase& data_base, Quadrant q) {
         f.bend.assign(n * n, Patch{});
         f.stretch.assign(n * n, Patch{});
         const double slope_half = 1.0 / pieces, distance_half = f.reach / (2 * pieces);
-        f.most_bend = 0;
+        f.most_bend = f.most_curve = 0;
         double worst = 0, slack = 1;
         for (std::size_t i = 0; i < n; ++i) {
             const double slope_middle = -1 + (2 * static_cast<double>(i) + 1) * slope_half;
@@ -222,7 +222,12 @@ void SpokeMap::fit(const DataBase& data_base, Quadrant q) {
                     }
                     return patch;
                 };
-                f.bend[i * n + j] = tensor(bend[j]);
+                const Patch& own = f.bend[i * n + j] = tensor(bend[j]);
+                double curve = 0;  // at the most, for |u|, |v| <= 1
+                for (const auto& of_slope : own)
+                    for (std::size_t power = 2; power < 5; ++power)
+                        curve += std::abs(of_slope[power]) * static_cast<double>(power * (power - 1));
+                f.most_curve = std::max(f.most_curve, curve / (distance_half * distance_half));
                 f.stretch[i * n + j] = tensor(stretch[j]);
             }
         }

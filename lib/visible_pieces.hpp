@@ -45,7 +45,7 @@ public:
     void clear() { size_ = 0; }
 
     double* numbers(Column column) { return columns_[column].data(); }
-    /// Bits that were moved here as they are, never as doubles.
+    /// Of bits that were moved here as they are, never as doubles.
     const std::int64_t* integers(Column column) const {
         return reinterpret_cast<const std::int64_t*>(columns_[column].data());
     }

@@ -43,7 +43,8 @@ TEST_CASE("spokes that take a line have their plain twin's horizons, bit for bit
     std::uniform_real_distribution<double> part(0, 1);
     int changed = 0;
     for (int turn = 0; turn < 400; ++turn) {
-        const std::size_t groups = 1 + random() % 9;
+        // None, some, and more than are looked at in one go.
+        const std::size_t groups = turn % 6 == 0 ? random() % 150 : 1 + random() % 9;
         const double step = turn % 7 == 0 ? 0.01 + 1.08 * part(random) : 0.1 + part(random) / 3;  // posts a spoke
         const double begin = static_cast<double>(random() % 20) + (turn % 3 ? part(random) : 0);
         const auto posts = static_cast<std::size_t>(begin + step * static_cast<double>(16 * groups)) + 22;
@@ -95,7 +96,7 @@ TEST_CASE("posts that test themselves have their plain twin's states, bit for bi
     std::uniform_real_distribution<double> part(0, 1);
     std::array<int, 3> states{};
     for (int turn = 0; turn < 400; ++turn) {
-        const std::size_t groups = 1 + random() % 6, posts = 16 * groups;
+        const std::size_t groups = turn % 6 == 0 ? random() % 150 : 1 + random() % 6, posts = 16 * groups;
         const std::vector<float> line = line_of_posts(random, posts), behind = line_of_posts(random, posts);
         // Spokes a post: 1 to 8 as the qualities have it, and up to 64 near the sensor.
         const double each = turn % 5 == 0 ? 64 * part(random) : 1 + 7 * part(random);
@@ -175,6 +176,22 @@ TEST_CASE("posts that test themselves have their plain twin's states, bit for bi
         for (std::size_t j = 0; j < posts; ++j) ++states[ours[j + static_cast<std::size_t>(line_margin)]];
     }
     for (const int n : states) CHECK(n > 100);
+}
+
+TEST_CASE("states are counted as one by one", "[coverage][lanes]") {
+    WEDGESCOPE_ON_EVERY_TARGET;
+    std::mt19937 random(13);
+    for (std::size_t n = 0; n < 300; ++n) {
+        std::vector<std::uint8_t> states(n);
+        std::array<std::uint64_t, coverage_states> wanted{5, 4, 3, 2, 1}, found = wanted;
+        for (std::uint8_t& state : states) {
+            state = static_cast<std::uint8_t>(random() % coverage_states);
+            ++wanted[state];
+        }
+        count_states(states.data(), n, found);
+        INFO(n << " states");
+        REQUIRE(found == wanted);
+    }
 }
 
 TEST_CASE("extremes and voids of a rectangle are what a plain loop finds", "[coverage][lanes]") {

@@ -173,7 +173,11 @@ void check_simulation(const Settings& settings, const Stop& stop) {
         constexpr std::int64_t small_posts = std::int64_t{1} << 24;
         const DataBase& db = direct->data_base();
         if (readable && !range_given && db.columns * db.rows <= small_posts) largest = resolve(settings.scene, *direct);
-        refuse(e, memory, simulation(settings, largest, range_given, stop));
+        try {
+            refuse(e, memory, simulation(settings, largest, range_given, stop));
+        } catch (const DataError&) {  // nobody can look so far there
+            refuse(e, memory, simulation(settings, least, range_given, stop));
+        }
     }
 }
 

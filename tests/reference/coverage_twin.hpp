@@ -106,7 +106,7 @@ inline void test(const TestLanes& lanes, const Lift& how) noexcept {
             const bool free = (left < 0.5F * no_horizon_f) | (right < 0.5F * no_horizon_f);
             const float between = left + f * (right - left), level = chosen(free, no_horizon_f, between);
 
-            const float height = z[l], w = lift.w((height - lift.sensor_m) + target);
+            const float height = z[l], up_m = height - lift.sensor_m, w = lift.w(raised ? up_m + target : up_m);
             const float bends = bow * ((lane - begins) * (lane - ends));
             const float lifts = lift0 + lane * lift1, drops = drop0 + lane * drop1 + bends;
             const float high = w * lifts, tangent = high - drops;
