@@ -68,6 +68,16 @@ void Cover::hide(const Side& side, Interval lines, std::int64_t major, Interval 
         blocks.skip[blocks.at(major, j)] = blocks.bounds[blocks.at(major, j)].voids == Voids::all ? Skip::voids
                                            : all_posts                                            ? Skip::none
                                                                                                   : Skip::range;
+    // A void's horizon comes from the posts round it: what lies beside one is read, and so is the void itself, so that it is for
+    // the lines next to it.
+    const auto beside_void = [&](std::int64_t j) {
+        for (std::int64_t i = std::max(major - 1, blocks.majors.begin); i < std::min(major + 2, blocks.majors.end); ++i)
+            for (std::int64_t k = std::max(j - 1, blocks.minors.begin); k < std::min(j + 2, blocks.minors.end); ++k)
+                if (blocks.bounds[blocks.at(i, k)].voids != Voids::none) return true;
+        return false;
+    };
+    for (std::int64_t j = blocks.minors.begin; voids_ && j < blocks.minors.end; ++j)
+        if (beside_void(j)) blocks.skip[blocks.at(major, j)] = Skip::none;
     const auto expose = [&](std::int64_t j) {
         Skip& skip = blocks.skip[blocks.at(major, j)];
         if (skip != Skip::voids) skip = Skip::none;

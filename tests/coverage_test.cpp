@@ -522,6 +522,38 @@ TEST_CASE("what stays below every horizon is left out, and no bit changes", "[co
     CHECK(passed_map > posts_all / 10);
 }
 
+TEST_CASE("what may stand in voids comes from the posts round them, hidden or not", "[coverage][cull]") {
+    // From the sensor, 100 m up, onwards: a wall that hides the plain; voids up to a block's border, and behind it a dam, hidden
+    // as well, but so high that in the voids it may reach over the wall's ray; a slope that rises into view.
+    const auto along = [](double t) -> double {
+        if (t >= 164 && t < 192) return std::numeric_limits<double>::quiet_NaN();
+        if (t >= 39 && t < 42) return 200;
+        if (t >= 192 && t < 194) return 650;
+        return t < 250 ? 0 : std::min(1200.0, 60 * (t - 250));
+    };
+    constexpr std::int64_t length = 320, width = 224;
+    for (const int way : {0, 1, 2, 3})
+        for (const Quality quality : {Quality::normal, Quality::exact}) {
+            const bool columns = way < 2, backwards = way % 2 == 1;
+            const auto place = [&](double t) { return backwards ? static_cast<double>(length - 1) - t : t; };
+            const auto ground = [&](double c, double r) { return along(place(columns ? c : r)); };
+            MemorySource source(columns ? length : width, columns ? width : length, post_m, ground);
+            source.set_block_map();
+            const double t = place(10.25), across = 0.5 * width + 0.25;
+            Scene scene = scene_at(columns ? t : across, columns ? across : t, 100, 4.0 / 3);
+            scene.quality = quality;
+            CoverageParams params = layer(CoverageLayer::states);
+            params.cull = false;
+            const Result whole = look(source, scene, params);
+            params.cull = true;
+            const Result read = look(source, scene, params);
+            INFO("way " << way << ", quality " << static_cast<int>(quality));
+            CHECK(read.bytes == whole.bytes);
+            CHECK(whole.report.states[static_cast<std::size_t>(State::unknown)] > 50);
+            CHECK(read.report.total().posts_passed > 10000);
+        }
+}
+
 TEST_CASE("ground behind a wall is never read, and nothing but voids neither", "[coverage][cull][quick]") {
     // A wall of 400 m from north to south, 4.5 km east of the sensor; far behind it void.
     const auto ground = [](double c, double) -> double {
