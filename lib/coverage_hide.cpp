@@ -76,8 +76,9 @@ void Cover::hide(const Side& side, Interval lines, std::int64_t major, Interval 
                 if (blocks.bounds[blocks.at(i, k)].voids != Voids::none) return true;
         return false;
     };
-    for (std::int64_t j = blocks.minors.begin; voids_ && j < blocks.minors.end; ++j)
-        if (beside_void(j)) blocks.skip[blocks.at(major, j)] = Skip::none;
+    if (voids_)
+        for (std::int64_t j = blocks.minors.begin; j < blocks.minors.end; ++j)
+            if (beside_void(j)) blocks.skip[blocks.at(major, j)] = Skip::none;
     const auto expose = [&](std::int64_t j) {
         Skip& skip = blocks.skip[blocks.at(major, j)];
         if (skip != Skip::voids) skip = Skip::none;
@@ -141,7 +142,7 @@ void Cover::hide(const Side& side, Interval lines, std::int64_t major, Interval 
             // All that a block holds must be in range, whatever its height.
             const auto metres = [&](std::int64_t k) {
                 const double m = static_cast<double>(k) / spokes;
-                return std::sqrt(side.square[0] + m * (side.square[1] + m * side.square[2]));
+                return std::sqrt(quadratic(side.square, m));
             };
             const std::int64_t k = s.range.begin + g * knot;
             const double arc = 1.03 * std::max(metres(k), metres(k + knot)) / gentle;

@@ -28,10 +28,6 @@ WEDGESCOPE_LANES_PART Polynomials factors(double along, double inverse_along, do
     return p;
 }
 
-WEDGESCOPE_LANES_PART double quadratic(const std::array<double, 3>& c, double m) noexcept {
-    return c[0] + m * (c[1] + m * c[2]);
-}
-
 WEDGESCOPE_LANES_PART double horner(const std::array<double, 5>& c, double u) noexcept {
     return c[0] + u * (c[1] + u * (c[2] + u * (c[3] + u * c[4])));
 }

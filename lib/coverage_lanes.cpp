@@ -6,6 +6,7 @@
 #include <hwy/highway.h>
 
 #include "lib/highway_copies.hpp"
+#include "lib/polar.hpp"
 
 // Compiled once for every instruction set: all that is not a lane operation is + - * / and conversions, and nothing is
 // fused, so each gives the same bits.
@@ -36,7 +37,8 @@ HWY_INLINE Lane whole(Index i) { return hn::ConvertTo(Floats(), i); }
 /// Towards 0, of what an integer can hold: Highway mends what it cannot.
 HWY_INLINE Index down(Lane x) {
 #if HWY_TARGET <= HWY_AVX3
-    return Index{_mm512_cvttps_epi32(x.raw)};
+    // GCC 12 takes what the unmasked one leaves undefined for uninitialised.
+    return Index{_mm512_maskz_cvttps_epi32(0xFFFF, x.raw)};
 #elif HWY_TARGET == HWY_AVX2
     return Index{_mm256_cvttps_epi32(x.raw)};
 #else
@@ -64,15 +66,14 @@ public:
         const Ints di;
         const int n = static_cast<int>(hn::Lanes(d));
 #if HWY_TARGET <= HWY_AVX3
-        if (most > 1 && registers_ > 1) {
+        static_assert(most <= 4);
+        if (registers_ > 1) {
             // Two registers are one table of 32.
             const Lane near = two_registers(hn::LoadU(d, from), hn::LoadU(d, from + n));
             if (registers_ == 2) return near;
-            if (registers_ <= 4)
-                return pick(hn::RebindMask(d, offset_ > hn::Set(di, 2 * n - 1)),
-                            two_registers(hn::LoadU(d, from + 2 * n),
-                                          registers_ == 4 ? hn::LoadU(d, from + 3 * n) : hn::Zero(d)),
-                            near);
+            const Lane far =
+                two_registers(hn::LoadU(d, from + 2 * n), registers_ == 4 ? hn::LoadU(d, from + 3 * n) : hn::Zero(d));
+            return pick(hn::RebindMask(d, offset_ > hn::Set(di, 2 * n - 1)), far, near);
         }
 #endif
         const auto inside = hn::IndicesFromVec(d, hn::And(offset_, hn::Set(di, n - 1)));
@@ -249,7 +250,7 @@ HWY_ATTR void raise(const RaiseLanes& lanes, const Lift& lift) {
     }
 }
 
-constexpr std::uint8_t in_shadow = 1, is_seen = 2;
+constexpr auto in_shadow = static_cast<std::uint8_t>(State::shadow), is_seen = static_cast<std::uint8_t>(State::seen);
 HWY_INLINE void put_shadow(std::uint8_t* to) {
     const hn::Rebind<std::uint8_t, Ints> bytes;
     hn::StoreU(hn::Set(bytes, in_shadow), bytes, to);

@@ -17,6 +17,8 @@
 #include <limits>
 #include <utility>
 
+#include "lib/lanes.hpp"
+
 namespace wedgescope {
 
 inline constexpr std::size_t knot_step = 16;
@@ -53,6 +55,10 @@ struct LineForm {
     std::array<double, 3> square{};     ///< f^2 = sum square[n] m^n
     std::array<double, 3> curvature{};  ///< f^2 / Re
 };
+/// sum c[n] m^n: of LineForm::square and curvature.
+WEDGESCOPE_LANES_PART double quadratic(const std::array<double, 3>& c, double m) noexcept {
+    return c[0] + m * (c[1] + m * c[2]);
+}
 /// Second-order coefficient of drop in m.
 inline double bow_per_slope(const LineForm& line) { return 0.5 * line.distance * line.curvature[2]; }
 /// Part of a line on which bend and stretch are one polynomial (SpokeMap::LinePiece).

@@ -147,8 +147,7 @@ void Cover::finish_line(const Side& side, const LineForm& line, std::int64_t ind
                 if (!in) s = outside;
             }
             const double z = static_cast<double>(height[j]);
-            const double squared = side.square[0] + m * (side.square[1] + m * side.square[2]),
-                         bent = side.curvature[0] + m * (side.curvature[1] + m * side.curvature[2]);
+            const double squared = quadratic(side.square, m), bent = quadratic(side.curvature, m);
             const double inverse_radius = bent / squared, arc = between(desk.post_along) * std::sqrt(squared);
             // A void's place in range is that of the level surface at the reference height.
             const double top = s == no_data || z != z ? scene_.reference_m : z + params_.target_m;

@@ -44,7 +44,7 @@ float Front::highest_in_chunk(const Chunk& chunk, ChunkBounds& bounds, std::int6
 }
 
 double Front::sag_within(const ChunkBounds& bounds) const {
-    return scene_->grid->map().sag(quadrant_, static_cast<double>(bounds.side) * post_) / post_;
+    return scene_->grid->map().sag(quadrant_, static_cast<double>(bounds.side), post_);
 }
 
 bool Front::passes_alone(const Chunk& chunk, ChunkBounds& bounds, std::int64_t block, std::size_t begin,

@@ -50,10 +50,9 @@ public:
           minors_(columns_ ? request.blocks.rows : request.blocks.columns),
           posts_(posts_at(columns_ ? front.scene_->data_base->rows : front.scene_->data_base->columns, request.level)),
           post_(static_cast<double>(std::int64_t{1} << request.level)),
-          sag_(grid_.map().sag(front.quadrant_, static_cast<double>(block_posts) * post_) / post_),
-          first_(front.live_begin_), n_(front.live_end_ - front.live_begin_), groups_((n_ + together - 1) / together),
-          known_(groups_.size()), may_gap_(n_), near_(n_), far_(n_), near_edges_(2 * groups_.size()),
-          far_edges_(2 * groups_.size()) {
+          sag_(grid_.map().sag(front.quadrant_, block_posts, post_)), first_(front.live_begin_),
+          n_(front.live_end_ - front.live_begin_), groups_((n_ + together - 1) / together), known_(groups_.size()),
+          may_gap_(n_), near_(n_), far_(n_), near_edges_(2 * groups_.size()), far_edges_(2 * groups_.size()) {
         for (std::size_t i = 0; i < n_; ++i) {
             const std::size_t lane = first_ + i;
             may_gap_[i] = front_.is(lane, mode_gap);

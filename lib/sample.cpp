@@ -39,7 +39,7 @@ WEDGESCOPE_LANES_PART void place(const SpokeMap::LinePiece& piece, double nadir_
 }
 
 WEDGESCOPE_LANES_PART void mix(std::size_t n, double from, double to, const double* __restrict part,
-                                   double* __restrict out) noexcept {
+                               double* __restrict out) noexcept {
     WEDGESCOPE_INDEPENDENT
     for (std::size_t i = 0; i < n; ++i) out[i] = from + part[i] * (to - from);
 }

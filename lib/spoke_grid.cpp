@@ -195,7 +195,7 @@ Window SpokeGrid::window(Fan f, std::int64_t spokes, Interval run, Interval line
     };
     // Between two of these a spoke leaves the straight way by less than the margin.
     std::int64_t step = 16;
-    while (step > 1 && map_.sag(q, static_cast<double>(step) * post) > post) step /= 2;
+    while (step > 1 && map_.sag(q, static_cast<double>(step), post) > 1) step /= 2;
     const Interval all_lines{std::max<std::int64_t>(lines.begin - 1, 0), lines.end};
     for (std::int64_t i = all_lines.begin; i < lines.end; i += map_.straight() ? all_lines.size() : step) look(i);
     look(lines.end - 1);

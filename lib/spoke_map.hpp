@@ -78,9 +78,12 @@ public:
 
     /// |bend| is at most this within the quadrant.
     double most_bend(Quadrant q) const { return fits_[static_cast<std::size_t>(q)].most_bend; }
-    /// Between two places `length` posts of major axis apart a spoke leaves the straight way by at most so many posts.
-    double sag(Quadrant q, double length) const {
-        return straight() ? 0 : fits_[static_cast<std::size_t>(q)].most_curve * length * length / 8 + tolerance_posts;
+    /// Between two places `length` posts of major axis apart a spoke leaves the straight way by at most so many posts; all of
+    /// them `post` posts of the raster wide.
+    double sag(Quadrant q, double length, double post = 1) const {
+        const double all = length * post;
+        return straight() ? 0
+                          : (fits_[static_cast<std::size_t>(q)].most_curve * all * all / 8 + tolerance_posts) / post;
     }
     /// Spokes stand at most this times d / K apart on a line.
     double spacing_slack() const { return spacing_slack_; }
@@ -100,8 +103,8 @@ private:
     struct Fit {
         double reach = 0;  // posts: pieces hold 0..reach
         int slope_pieces = 1, distance_pieces = 1;
-        std::vector<Patch> bend, stretch;  // [slope piece * distance_pieces + distance piece]
-        double most_bend = 0, most_curve = 0;              // posts; posts a post squared
+        std::vector<Patch> bend, stretch;      // [slope piece * distance_pieces + distance piece]
+        double most_bend = 0, most_curve = 0;  // posts; posts a post squared
     };
 
     void fit(const DataBase& data_base, Quadrant q);
