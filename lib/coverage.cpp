@@ -3,7 +3,9 @@
 #include <tbb/parallel_for.h>
 #include <tbb/task_arena.h>
 
+#include <algorithm>
 #include <chrono>
+#include <cmath>
 
 #include "lib/coverage_work.hpp"
 #include "lib/error.hpp"
@@ -85,6 +87,13 @@ namespace {
 using covering::Cover;
 
 void check(const Cover& work, const WedgeSource& source, const CoverageParams& params) {
+    constexpr double most_uneven = 0.5;
+    const double uneven = std::min(work.map().unevenness(covering::knot), static_cast<double>(covering::knot));
+    if (uneven > most_uneven)
+        throw DataError(text(source.data_base().name, ": its posts are so far apart that within ", covering::knot,
+                             " of them geodesics bend by ", std::ceil(uneven * 100) / 100,
+                             " of a post, and coverage follows up to ", most_uneven,
+                             "; resample it to finer posts"));
     const std::size_t cache = source.cache_bytes(), own = work.fixed_bytes(1) + work.desk_bytes();
     if (own + cache <= params.memory_bytes) return;
     // A guess: the source's cache grows with the budget.

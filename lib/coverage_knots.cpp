@@ -98,9 +98,12 @@ WEDGESCOPE_LANES_PART void place_posts(const LineForm& line, const PieceForm& pi
     const double middle = piece.middle, scale = piece.scale, distance = line.distance;
     const std::array<double, 5> bend = piece.bend, stretch = piece.stretch;
     const LineForm form = line;
+    // Not far from the piece, beyond which its polynomials lead anywhere.
+    const double least = middle - 1.25 / scale, most = middle + 1.25 / scale;
+    const auto inside = [=](double m) __attribute__((always_inline)) { return m < least ? least : m > most ? most : m; };
     const auto better = [=](double m, double t) __attribute__((always_inline)) {
         const double u = (m - middle) * scale;
-        return m - (m * distance + horner(bend, u) - t) / (distance + horner(derivative, u));
+        return inside(m - (m * distance + horner(bend, u) - t) / (distance + horner(derivative, u)));
     };
     const double inverse = 1 / distance;
     WEDGESCOPE_INDEPENDENT
@@ -108,7 +111,7 @@ WEDGESCOPE_LANES_PART void place_posts(const LineForm& line, const PieceForm& pi
         const double t = place[i] - form.nadir_minor;
         double m = t * inverse;
         // Newton's, by hand so that the loop stays one; bend is small beside the way, so three rounds would do.
-        if (!straight) m = better(better(better(better(m, t), t), t), t);
+        if (!straight) m = better(better(better(better(inside(m), t), t), t), t);
         const double wide = straight ? 1 : 1 + horner(stretch, (m - middle) * scale);
         const double square = quadratic(form.square, m), bent = quadratic(form.curvature, m);
         const double both = 1 / (square * wide);  // of two inverses

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 #include "lib/earth.hpp"
@@ -194,7 +195,7 @@ void SpokeMap::fit(const DataBase& data_base, Quadrant q) {
         f.bend.assign(n * n, Patch{});
         f.stretch.assign(n * n, Patch{});
         const double slope_half = 1.0 / pieces, distance_half = f.reach / (2 * pieces);
-        f.most_bend = f.most_curve = 0;
+        f.most_bend = f.most_curve = f.most_warp = 0;
         double worst = 0, slack = 1;
         for (std::size_t i = 0; i < n; ++i) {
             const double slope_middle = -1 + (2 * static_cast<double>(i) + 1) * slope_half;
@@ -249,6 +250,8 @@ void SpokeMap::fit(const DataBase& data_base, Quadrant q) {
                 if (distance * per_post <= params_.max_arc_m && std::abs((ahead - p.minor) / step) > 2) fail();
                 const double aside = place(q, slope + 1.0 / 1024, distance).minor;
                 slack = std::max(slack, (aside - p.minor) * 1024 / distance);
+                if (distance * per_post <= params_.max_arc_m)
+                    f.most_warp = std::max(f.most_warp, warp(q, slope, distance));
             }
         }
         if (worst <= tolerance_posts / 2) {
@@ -257,6 +260,29 @@ void SpokeMap::fit(const DataBase& data_base, Quadrant q) {
             return;
         }
     }
+}
+
+double SpokeMap::warp(Quadrant q, double slope, double distance) const {
+    // Of minor t(m) and way w(m) at one distance the derivatives, and with them d2m/dt2 = -t'' / t'^3 and d2w/dt2.
+    constexpr double h = 1.0 / 32;
+    const double middle = std::clamp(slope, -1 + h, 1 - h);
+    const auto at = [&](double m) {
+        const Place p = place(q, m, distance);
+        return std::pair(p.minor, p.arc_m / metres_per_post(q, m));
+    };
+    const auto [t0, w0] = at(middle - h);
+    const auto [t1, w1] = at(middle);
+    const auto [t2, w2] = at(middle + h);
+    const double dt = (t2 - t0) / (2 * h), dw = (w2 - w0) / (2 * h), ddt = (t2 - 2 * t1 + t0) / (h * h),
+                 ddw = (w2 - 2 * w1 + w0) / (h * h);
+    if (!(dt > 0)) return std::numeric_limits<double>::infinity();
+    return std::max(std::abs(ddt), std::abs(ddw - dw * ddt / dt)) / (dt * dt);
+}
+
+double SpokeMap::unevenness(double length) const {
+    double most = 0;
+    for (const Fit& f : fits_) most = std::max(most, f.most_warp);
+    return most * length * length / 8;
 }
 
 void SpokeMap::line(Quadrant q, double distance, double slope_lo, double slope_hi,

@@ -71,14 +71,74 @@ Line line(double lat, double lon, std::pair<double, double> to) {
 }
 
 /// Radius of curvature of WGS84 along an azimuth (Euler), times 4/3.
-double effective_radius(double azimuth) {
+double effective_radius(double azimuth, double lat = sensor_lat) {
     constexpr double a = 6378137, f = 1 / 298.257223563, e2 = f * (2 - f);
-    const double s = std::sin(sensor_lat * degree), w = std::sqrt(1 - e2 * s * s);
+    const double s = std::sin(lat * degree), w = std::sqrt(1 - e2 * s * s);
     const double meridian = a * (1 - e2) / (w * w * w), normal = a / w;
     return 4.0 / 3 / (std::pow(std::cos(azimuth), 2) / meridian + std::pow(std::sin(azimuth), 2) / normal);
 }
 
 }  // namespace
+
+TEST_CASE("coarse posts lie where geodesics lead, or are refused", "[coverage]") {
+    const Folder folder;
+    struct Case {
+        double lat, step_deg, range_m;
+        int columns, rows;
+        double column, row;  // of the sensor
+        bool refused;
+    };
+    for (const Case& k :
+         {Case{45, 0.25, 700e3, 80, 60, 40.3, 30.2, false}, Case{-72.5, 0.05, 380e3, 480, 150, 240.3, 75.2, false},
+          Case{80, 0.02, 90e3, 500, 90, 250.3, 45.2, false}, Case{72, 0.005, 300e3, 2000, 1100, 1000.3, 550.2, false},
+          // Rays bend so that posts of its far corner lie on the first lines.
+          Case{-63.124493472005184, 0.1083, 775e3, 374, 506, 234.3155, 315.4775, false},
+          Case{66.5, 0.35, 700e3, 120, 50, 60.3, 25.2, true}, Case{-74, 0.16, 260e3, 280, 60, 140.3, 30.2, true}}) {
+        Drawing d;
+        d.columns = k.columns;
+        d.rows = k.rows;
+        d.type = GDT_Int16;
+        d.crs = "EPSG:4326";
+        d.geotransform = {-k.step_deg * (k.column + 0.5),     k.step_deg, 0,
+                          k.lat + k.step_deg * (k.row + 0.5), 0,          -k.step_deg};
+        draw(folder / "coarse.tif", d);
+        constexpr double up_m = 10000;
+        const auto lat = std::to_string(k.lat), range = std::to_string(k.range_m) + "m";
+        const Ended ended =
+            run_program({WEDGESCOPE_PROGRAM, "coverage", "--latlon", lat + ",0", "--altitude-msl", "10000m", "--range",
+                         range, "--layer", "range", "-q", "--overwrite", folder / "coarse.tif", folder / "range.tif"},
+                        folder / "log");
+        INFO("latitude " << lat << ", posts of " << k.step_deg << " degrees: " << ended.err);
+        if (k.refused) {
+            CHECK(ended.code == 1);
+            CHECK_THAT(ended.err, Catch::Contains("coarse.tif") && Catch::Contains("so far apart"));
+            CHECK_FALSE(std::filesystem::exists(folder / "range.tif"));
+            continue;
+        }
+        REQUIRE(ended.code == 0);
+        const Posts ranges(folder / "range.tif");
+        std::filesystem::remove(folder / "range.tif");
+        const double post_m = k.step_deg * 111.7e3;  // the longer way
+        double worst = 0;
+        int in_range = 0, missed = 0;
+        for (int r = 0; r < k.rows; ++r)
+            for (int c = 0; c < k.columns; ++c) {
+                const Line to = line(k.lat, 0, ranges.lat_lon(c, r));
+                const double radius = effective_radius(to.azimuth, k.lat), sine = std::sin(0.5 * to.arc_m / radius),
+                             truth = std::sqrt(up_m * up_m + 4 * radius * (radius + up_m) * sine * sine),
+                             found = ranges.at(c, r);
+                if (found == found) {
+                    ++in_range;
+                    worst = std::max(worst, std::abs(found - truth));
+                } else {
+                    missed += truth < k.range_m - 0.5 * post_m;
+                }
+            }
+        CHECK(in_range > 300);
+        CHECK(missed == 0);
+        CHECK(worst < 0.52 * post_m);
+    }
+}
 
 TEST_CASE("tiles that nothing of is seen hold the value of hidden ground, whatever no data is", "[coverage]") {
     const Folder folder;
