@@ -87,13 +87,12 @@ namespace {
 using covering::Cover;
 
 void check(const Cover& work, const WedgeSource& source, const CoverageParams& params) {
-    constexpr double most_uneven = 0.5;
+    constexpr double most_uneven = 1;  // posts: none is taken for its neighbour
     const double uneven = std::min(work.map().unevenness(covering::knot), static_cast<double>(covering::knot));
     if (uneven > most_uneven)
         throw DataError(text(source.data_base().name, ": its posts are so far apart that within ", covering::knot,
                              " of them geodesics bend by ", std::ceil(uneven * 100) / 100,
-                             " of a post, and coverage follows up to ", most_uneven,
-                             "; resample it to finer posts"));
+                             " posts, and coverage follows up to ", most_uneven, "; resample it to finer posts"));
     const std::size_t cache = source.cache_bytes(), own = work.fixed_bytes(1) + work.desk_bytes();
     if (own + cache <= params.memory_bytes) return;
     // A guess: the source's cache grows with the budget.

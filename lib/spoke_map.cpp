@@ -276,7 +276,9 @@ double SpokeMap::warp(Quadrant q, double slope, double distance) const {
     const double dt = (t2 - t0) / (2 * h), dw = (w2 - w0) / (2 * h), ddt = (t2 - 2 * t1 + t0) / (h * h),
                  ddw = (w2 - 2 * w1 + w0) / (h * h);
     if (!(dt > 0)) return std::numeric_limits<double>::infinity();
-    return std::max(std::abs(ddt), std::abs(ddw - dw * ddt / dt)) / (dt * dt);
+    const auto square = [&](double m) { return metres_per_post(q, m) * metres_per_post(q, m); };
+    const double major = metres_per_post(q, 0), minor = std::sqrt(0.5 * (square(1) + square(-1)) - square(0));
+    return std::max(std::abs(ddt) * minor, std::abs(ddw - dw * ddt / dt) * major) / (dt * dt * std::max(major, minor));
 }
 
 double SpokeMap::unevenness(double length) const {
