@@ -10,6 +10,16 @@
 
 namespace wedgescope {
 
+namespace {
+
+/// Of a line's posts so many count for spokes_per_post; posts: from the nadir to the line, and to where a bin holds ten.
+double counted_posts(double above_posts, double posts, double to_wide_bins) {
+    const double share = above_posts >= 250 ? 1.0 / 3 : above_posts >= 130 ? 0.5 : 1;
+    return std::max(share * posts, std::min(posts, to_wide_bins));
+}
+
+}  // namespace
+
 Sampling sampling(Quality quality, bool culture_height, double above_posts) {
     const bool low = above_posts < (culture_height ? 20 : 14), high = above_posts >= 40;
     double more = low ? 1 : high ? 0.25 : 0.5;
@@ -17,6 +27,7 @@ Sampling sampling(Quality quality, bool culture_height, double above_posts) {
     const auto dense = [&](double per_post, double per_bin, double lead) {
         return Sampling{.spokes_per_post = per_post,
                         .spokes_per_bin = std::clamp(more * per_bin, 3.0, 192.0),
+                        .above_posts = above_posts,
                         .lead = low ? lead : 4,
                         .cross_lines = true,
                         .exact_course = true};
@@ -38,6 +49,7 @@ Sampling sampling(Quality quality, bool culture_height, double above_posts) {
 Sampling own_sampling(const Scene& scene, const Sampling& of_quality) {
     return {.spokes_per_post = scene.spokes_per_post.value_or(of_quality.spokes_per_post),
             .spokes_per_bin = of_quality.spokes_per_bin,
+            .above_posts = scene.spokes_per_post ? 0 : of_quality.above_posts,
             .lead = scene.spoke_lead.value_or(of_quality.lead),
             .cross_lines = scene.crossings.value_or(of_quality.cross_lines),
             .exact_course = scene.curved_course.value_or(of_quality.exact_course)};
@@ -113,13 +125,15 @@ double SpokeGrid::needed_spokes(Fan f, const Sampling& sampling, double least, s
     // Dense enough, on every line up to `lead` times as far, for the posts of its level.
     const double d = distance(f, line), last = distance(f, lines.line_count - 1),
                  dense_to = std::min(d * sampling.lead, std::max(d, last)),
-                 spokes_a_post = sampling.spokes_per_post * map_.spacing_slack();
+                 spokes_a_post = sampling.spokes_per_post * map_.spacing_slack(),
+                 wide_from = 10 * map_.azimuth_per_slope(f.quadrant) / azimuth_step_;
     double most = least;
     for (const Band& band : lines.bands) {
         if (&band != &lines.bands.front() && distance(f, band.lines.begin) > dense_to) break;
-        const double end = &band == &lines.bands.back() ? dense_to : distance(f, band.lines.end - 1);
-        most = std::max(most,
-                        std::min(dense_to, end) * spokes_a_post / static_cast<double>(std::int64_t{1} << band.level));
+        const double end = &band == &lines.bands.back() ? dense_to : distance(f, band.lines.end - 1),
+                     post = static_cast<double>(std::int64_t{1} << band.level);
+        most = std::max(most, spokes_a_post * counted_posts(sampling.above_posts / post, std::min(dense_to, end) / post,
+                                                            wide_from));
     }
     return most;
 }

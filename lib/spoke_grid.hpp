@@ -27,6 +27,10 @@ namespace wedgescope {
 struct Sampling {
     double spokes_per_post = 1;  ///< o: at least so many spokes a post on every line
     double spokes_per_bin = 2;   ///< and so many an azimuth bin; 2 or more
+    /// The sensor's height over the ground below it, in posts: from 130 on half of spokes_per_post does where a bin holds 20
+    /// posts of a line, from 250 on a third where it holds 30, and up to there no more spokes than where it holds 10. What
+    /// single spokes miss is less there, and averages out. 0: spokes_per_post everywhere.
+    double above_posts = 0;
     /// How many times a line's distance spokes are dense enough for. A spoke that a doubling puts between two starts from
     /// the mean of their horizons, which is wrong until ground of its own hides more.
     double lead = 1;

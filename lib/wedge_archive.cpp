@@ -32,6 +32,7 @@ std::vector<Fact> echo_facts(const ResolvedScene& s, const DataBase& db) {
     const Sampling sampled = sampling_of(s, db);
     add("spokes-per-post", sampled.spokes_per_post);
     add("spokes-per-bin", sampled.spokes_per_bin);
+    add("posts above", sampled.above_posts);
     add("spoke-lead", sampled.lead);
     add("crossings", sampled.cross_lines);
     add("course", sampled.exact_course ? "curved" : "straight");

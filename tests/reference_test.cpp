@@ -150,6 +150,12 @@ TEST_CASE("inland_empire from 30 m above ground, beam of 6 degrees: tails of the
            240});
 }
 
+TEST_CASE("inland_empire from 8000 m above ground, beam of 6 degrees: a third of the spokes in wide bins",
+          "[reference]") {
+    check({"inland_empire 8000 m, 6 deg", "inland_empire_dem.tif", "inland_empire_culture.tif",
+           "inland_empire_canopy.tif", 0.1, 33.93, -117.33, 8000, 120, 60, 35000, true, 240});
+}
+
 TEST_CASE("worcester_vermont: a third of it void, culture, canopy, Albers projection", "[reference]") {
     check({"worcester_vermont 1400 m", "worcester_vermont_dem.tif", "worcester_vermont_culture.tif",
            "worcester_vermont_canopy.tif", 0.1, 44.42, -72.56, 1400, 0, 240, 11000});

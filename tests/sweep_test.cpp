@@ -138,40 +138,51 @@ TEST_CASE("the spokes' cells share out the circle without gap or overlap, whatev
 TEST_CASE("neighbouring spokes are as dense as a line so many times as far off needs", "[spoke_grid]") {
     const DataBase db = plane(3001, 2001, 30);
     const SpokeMap map(db, {Geometry::grid, {1500.5, 1000.5}, 0, 0, 4.0 / 3, 100000});
-    for (const double spokes_per_post : {0.5, 1.0, 4.0})
-        for (const double lead : {1.0, 3.0, 64.0}) {
-            INFO(spokes_per_post << " spokes a post, lead " << lead);
-            const SpokeGrid grid(db, map, {.spokes_per_post = spokes_per_post, .lead = lead}, 360);
-            for (const Quadrant q : all_quadrants) {
-                std::int64_t next = 0, before = 0;
-                const double last = grid.distance(q, grid.line_count(q) - 1);
-                for (const Ring& ring : grid.rings(q)) {
-                    const auto spokes = static_cast<double>(ring.spokes);
-                    const auto needed = [&](std::int64_t line) {
-                        return spokes_per_post * std::min(lead * grid.distance(q, line), last);
-                    };
-                    CHECK(ring.lines.begin == next);
-                    next = ring.lines.end;
-                    // One without lines: the number of spokes doubles at once again.
-                    CHECK(ring.lines.begin <= ring.lines.end);
-                    if (before > 0) CHECK(ring.spokes == 2 * before);
-                    CHECK(spokes >= needed(ring.lines.end - 1));
-                    // No more than that: half of them would not do for the ring's first line.
-                    if (before > 0) CHECK(spokes / 2 < needed(ring.lines.begin) * 1.001);
-                    CHECK(ring.spokes > before);
-                    CHECK(ring.spokes % SpokeGrid::spoke_step == 0);
-                    before = ring.spokes;
+    struct High {
+        double above_posts, share;
+    };
+    for (const High high : {High{0, 1}, High{129, 1}, High{130, 0.5}, High{249, 0.5}, High{250, 1.0 / 3}})
+        for (const double spokes_per_post : {0.5, 1.0, 4.0})
+            for (const double lead : {1.0, 3.0, 64.0}) {
+                INFO(spokes_per_post << " spokes a post, lead " << lead << ", " << high.above_posts << " posts above");
+                const SpokeGrid grid(
+                    db, map, {.spokes_per_post = spokes_per_post, .above_posts = high.above_posts, .lead = lead}, 360);
+                // Where bins of a degree are 10 posts wide.
+                const double wide = 10 / (std::numbers::pi / 180);
+                const auto spokes_for = [&](double posts) {
+                    return spokes_per_post * std::max(high.share * posts, std::min(posts, wide));
+                };
+                for (const Quadrant q : all_quadrants) {
+                    std::int64_t next = 0, before = 0;
+                    const double last = grid.distance(q, grid.line_count(q) - 1);
+                    for (const Ring& ring : grid.rings(q)) {
+                        const auto spokes = static_cast<double>(ring.spokes);
+                        const auto needed = [&](std::int64_t line) {
+                            return spokes_for(std::min(lead * grid.distance(q, line), last));
+                        };
+                        CHECK(ring.lines.begin == next);
+                        next = ring.lines.end;
+                        // One without lines: the number of spokes doubles at once again.
+                        CHECK(ring.lines.begin <= ring.lines.end);
+                        if (before > 0) CHECK(ring.spokes == 2 * before);
+                        CHECK(spokes >= needed(ring.lines.end - 1));
+                        // No more than that: half of them would not do for the ring's first line.
+                        if (before > 0) CHECK(spokes / 2 < needed(ring.lines.begin) * 1.001);
+                        CHECK(ring.spokes > before);
+                        CHECK(ring.spokes % SpokeGrid::spoke_step == 0);
+                        before = ring.spokes;
+                    }
+                    CHECK(next == grid.line_count(q));
+                    // The first ring has as many as its first line needs, or the last as many as its last line does.
+                    const std::vector<Ring>& rings = grid.rings(q);
+                    const double least = std::max(2 * 360 / (2 * std::numbers::pi),
+                                                  spokes_for(std::min(lead * grid.distance(q, 0), last))),
+                                 step = SpokeGrid::spoke_step *
+                                        static_cast<double>(rings.back().spokes / rings.front().spokes);
+                    CHECK((static_cast<double>(rings.front().spokes) < least * 1.001 + SpokeGrid::spoke_step ||
+                           static_cast<double>(rings.back().spokes) < spokes_for(last) * 1.001 + step));
                 }
-                CHECK(next == grid.line_count(q));
-                // The first ring has as many as its first line needs, or the last as many as its last line does.
-                const std::vector<Ring>& rings = grid.rings(q);
-                const double least = std::max(64.0, spokes_per_post * std::min(lead * grid.distance(q, 0), last)),
-                             step = SpokeGrid::spoke_step *
-                                    static_cast<double>(rings.back().spokes / rings.front().spokes);
-                CHECK((static_cast<double>(rings.front().spokes) < least * 1.001 + SpokeGrid::spoke_step ||
-                       static_cast<double>(rings.back().spokes) < spokes_per_post * last * 1.001 + step));
             }
-        }
 }
 
 TEST_CASE("spokes begin with what the first line needs, or with a share of what the last one does", "[spoke_grid]") {
@@ -483,6 +494,7 @@ TEST_CASE("each quality samples as the table in docs/accuracy.md says", "[grid]"
                 CHECK(s.spokes_per_bin == row.per_bin[i]);
                 CHECK(s.spokes_per_post == row.per_post[i]);
                 CHECK(s.lead == row.lead[i]);
+                CHECK(s.above_posts == (row.quality == Quality::draft && i >= 2 ? 0 : above));
                 const bool plain = row.quality == Quality::draft && i >= 2;
                 CHECK(s.cross_lines == !plain);
                 CHECK(s.exact_course == !plain);
@@ -575,18 +587,18 @@ TEST_CASE("deposits add up to what was put in, bin by bin, in any order and by l
                 const std::vector<double> numbers = column(of);
                 return std::vector<float>(numbers.begin(), numbers.end());
             };
-            const auto s0 = column([](const Put& p) { return p.target.share[0]; }),
-                       s1 = column([](const Put& p) { return p.target.share[1]; }),
-                       x0 = column([](const Put& p) { return p.portion.x0 / bins; }),
-                       x1 = column([](const Put& p) { return p.portion.x1 / bins; }),
-                       power = column([](const Put& p) { return p.portion.power; });
+            const auto s0 = column([](const Put&p) { return p.target.share[0]; }),
+                       s1 = column([](const Put&p) { return p.target.share[1]; }),
+                       x0 = column([](const Put&p) { return p.portion.x0 / bins; }),
+                       x1 = column([](const Put&p) { return p.portion.x1 / bins; }),
+                       power = column([](const Put&p) { return p.portion.power; });
             const auto gamma = [&](std::size_t k) {
                 return floats([k](const Put& p) { return static_cast<double>(p.stretches.gamma[k]); });
             };
-            const auto bow = floats([](const Put& p) { return p.portion.bow; }), gamma0 = gamma(0), gamma1 = gamma(1),
+            const auto bow = floats([](const Put&p) { return p.portion.bow; }), gamma0 = gamma(0), gamma1 = gamma(1),
                        gamma2 = gamma(2),
-                       second = floats([](const Put& p) { return static_cast<double>(p.stretches.second); }),
-                       third = floats([](const Put& p) { return static_cast<double>(p.stretches.third); });
+                       second = floats([](const Put&p) { return static_cast<double>(p.stretches.second); }),
+                       third = floats([](const Put&p) { return static_cast<double>(p.stretches.third); });
             std::vector<std::int64_t> row;
             std::vector<std::int32_t> straddlers;
             for (std::size_t i = 0; i < n; ++i) {
@@ -640,7 +652,8 @@ TEST_CASE("a dim stretch behind a bright one, and one of many bins, have what is
             return std::min(s, b) + static_cast<double>(dim) * std::max(0.0, s - b);
         };
         const auto x = static_cast<double>(j);
-        const double expected = 0.01 * power * (upto(x + 1) - upto(x)), got = cells.watts(0, static_cast<std::size_t>(j));
+        const double expected = 0.01 * power * (upto(x + 1) - upto(x)),
+                     got = cells.watts(0, static_cast<std::size_t>(j));
         const double quantum = q.watts[static_cast<std::size_t>(j)];
         INFO("bin " << j << " of " << row.bins << ", bow " << bow << ": " << got << ", " << expected);
         REQUIRE(got >= 0);
