@@ -86,10 +86,12 @@ const Place places[] = {
     {"beam 6 deg, 4000 m above ground, bare", "inland_empire", false, 33.93, -117.33, 4000, 180, 35000, 30, low, 6, 1},
     {"beam 6 deg, 4000 m above ground, culture", "inland_empire", true, 33.93, -117.33, 4000, 180, 35000, 30, low, 6,
      1},
-    {"beam 6 deg, 8000 m above ground, bare", "inland_empire", false, 33.93, -117.33, 8000, 180, 35000, 30, low, 6, 1},
-    {"beam 6 deg, 8000 m above ground, culture", "inland_empire", true, 33.93, -117.33, 8000, 180, 35000, 30, low, 6,
+    {"beam 12 deg, 8000 m above ground, bare", "inland_empire", false, 33.93, -117.33, 8000, 180, 35000, 30, low, 12,
      1},
-    {"beam 6 deg, olympic_coast 8000 m", "olympic_coast", false, 48.2, -124.6, 8000, 90, 45000, 30, low, 6, 1},
+    {"beam 12 deg, 8000 m above ground, culture", "inland_empire", true, 33.93, -117.33, 8000, 180, 35000, 30, low, 12,
+     1},
+    {"beam 6 deg, olympic_coast 8000 m above ground", "olympic_coast", false, 48.2, -124.6, 8000, 90, 45000, 30, low, 6,
+     1},
 };
 
 DataBaseParams layers(const Place& p) {

@@ -3,7 +3,6 @@
 #include <tbb/parallel_for.h>
 #include <tbb/task_arena.h>
 
-#include <algorithm>
 #include <chrono>
 #include <cmath>
 
@@ -86,13 +85,21 @@ namespace {
 
 using covering::Cover;
 
+/// DataError where places between the knots of a line would be those of other posts.
+void check_knots(const Cover& work, const WedgeSource& source) {
+    constexpr double most_off = 1, many = covering::knot;
+    const double off = work.map().unevenness(covering::knot);
+    if (off <= most_off) return;
+    const SpokeMapParams& at = work.map().params();
+    throw DataError(text(source.data_base().name, ": within ", std::llround(at.max_arc_m), " m of latitude ",
+                         at.lat_deg, ", longitude ", at.lon_deg,
+                         " its posts are too coarse for coverage: geodesics would be off by ",
+                         off < many ? text(std::ceil(off * 100) / 100) : text("more than ", many), " posts (at most ",
+                         most_off, "); give a smaller range, or resample it to finer posts"));
+}
+
 void check(const Cover& work, const WedgeSource& source, const CoverageParams& params) {
-    constexpr double most_uneven = 1;  // posts: none is taken for its neighbour
-    const double uneven = std::min(work.map().unevenness(covering::knot), static_cast<double>(covering::knot));
-    if (uneven > most_uneven)
-        throw DataError(text(source.data_base().name, ": its posts are so far apart that within ", covering::knot,
-                             " of them geodesics bend by ", std::ceil(uneven * 100) / 100,
-                             " posts, and coverage follows up to ", most_uneven, "; resample it to finer posts"));
+    check_knots(work, source);
     const std::size_t cache = source.cache_bytes(), own = work.fixed_bytes(1) + work.desk_bytes();
     if (own + cache <= params.memory_bytes) return;
     // A guess: the source's cache grows with the budget.
@@ -106,6 +113,7 @@ void check(const Cover& work, const WedgeSource& source, const CoverageParams& p
 std::size_t coverage_bytes(const ResolvedScene& scene, WedgeSource& source, const CoverageParams& params) {
     SceneSource own(source, scene.scene);
     const Cover work(scene, *own, params, nullptr);
+    check_knots(work, *own);
     return work.fixed_bytes(1) + work.own_desk_bytes();
 }
 

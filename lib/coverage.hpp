@@ -115,10 +115,11 @@ Sampling coverage_sampling(Quality quality);
 /// As resolve(), but without a range all of the raster is in range. InputError, DataError.
 ResolvedScene resolve_coverage(const Scene& scene, WedgeSource& source);
 
-/// What cover() holds at the least, beside what the source does (its cache and a reader).
+/// What cover() holds at the least, beside what the source does (its cache and a reader). DataError where posts are so coarse
+/// that places would be off by more than one of them.
 std::size_t coverage_bytes(const ResolvedScene& scene, WedgeSource& source, const CoverageParams& params);
 
-/// InputError, saying the smallest that would do, if the budget is too small for cover().
+/// InputError, saying the smallest that would do, if the budget is too small for cover(); DataError as coverage_bytes().
 void check_coverage(const ResolvedScene& scene, WedgeSource& source, const CoverageParams& params);
 
 /// Hands out each tile of the raster once (or those reached alone), in the order of the strips, from one thread at a time

@@ -215,8 +215,8 @@ public:
         }
     }
 
-    /// With so many strips on their way at a time.
     const SpokeMap& map() const { return map_; }
+    /// With so many strips on their way at a time.
     std::size_t fixed_bytes(std::size_t strips) const {
         std::size_t bytes = own_.size() * sizeof(Interval);
         for (const Side& side : sides_) {

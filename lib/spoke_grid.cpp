@@ -12,7 +12,8 @@ namespace wedgescope {
 
 namespace {
 
-/// Of a line's posts so many count for spokes_per_post; posts: from the nadir to the line, and to where a bin holds ten.
+/// What spokes_per_post is multiplied by on a line so many `posts` from the nadir; bins hold ten posts `to_wide_bins` from there.
+/// All of them, and the height above ground, of the line's level of detail. Never falls with `posts`.
 double counted_posts(double above_posts, double posts, double to_wide_bins) {
     const double share = above_posts >= 250 ? 1.0 / 3 : above_posts >= 130 ? 0.5 : 1;
     return std::max(share * posts, std::min(posts, to_wide_bins));
@@ -35,7 +36,12 @@ Sampling sampling(Quality quality, bool culture_height, double above_posts) {
     switch (quality) {
         case Quality::draft:
             if (low) return dense(0.6, culture_height ? 6 : 3, 1);
-            return {.spokes_per_post = 1, .spokes_per_bin = 3, .lead = 1, .cross_lines = false, .exact_course = false};
+            return {.spokes_per_post = 1,
+                    .spokes_per_bin = 3,
+                    .above_posts = above_posts,
+                    .lead = 1,
+                    .cross_lines = false,
+                    .exact_course = false};
         case Quality::normal:
             return culture_height ? dense(1.25, 12, 2) : dense(high ? 0.6 : 1, 6, 2);
         case Quality::fine:

@@ -25,7 +25,7 @@ namespace wedgescope {
 
 /// What a quality means for the sweep.
 struct Sampling {
-    double spokes_per_post = 1;  ///< o: at least so many spokes a post on every line
+    double spokes_per_post = 1;  ///< o: at least so many spokes a post on every line, but for above_posts
     double spokes_per_bin = 2;   ///< and so many an azimuth bin; 2 or more
     /// The sensor's height over the ground below it, in posts: from 130 on half of spokes_per_post does where a bin holds 20
     /// posts of a line, from 250 on a third where it holds 30, and up to there no more spokes than where it holds 10. What

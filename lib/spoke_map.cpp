@@ -250,7 +250,7 @@ void SpokeMap::fit(const DataBase& data_base, Quadrant q) {
                 if (distance * per_post <= params_.max_arc_m && std::abs((ahead - p.minor) / step) > 2) fail();
                 const double aside = place(q, slope + 1.0 / 1024, distance).minor;
                 slack = std::max(slack, (aside - p.minor) * 1024 / distance);
-                if (distance * per_post <= params_.max_arc_m)
+                if (distance >= 1 && distance * per_post <= params_.max_arc_m)
                     f.most_warp = std::max(f.most_warp, warp(q, slope, distance));
             }
         }
@@ -276,9 +276,10 @@ double SpokeMap::warp(Quadrant q, double slope, double distance) const {
     const double dt = (t2 - t0) / (2 * h), dw = (w2 - w0) / (2 * h), ddt = (t2 - 2 * t1 + t0) / (h * h),
                  ddw = (w2 - 2 * w1 + w0) / (h * h);
     if (!(dt > 0)) return std::numeric_limits<double>::infinity();
-    const auto square = [&](double m) { return metres_per_post(q, m) * metres_per_post(q, m); };
-    const double major = metres_per_post(q, 0), minor = std::sqrt(0.5 * (square(1) + square(-1)) - square(0));
-    return std::max(std::abs(ddt) * minor, std::abs(ddw - dw * ddt / dt) * major) / (dt * dt * std::max(major, minor));
+    const double major = metres_per_post(q, 0),
+                 minor = metres_per_post(lines_are_columns(q) ? Quadrant::south : Quadrant::east, 0);
+    return std::max(std::abs(ddt) * minor, std::abs(ddw - dw * ddt / dt) * metres_per_post(q, middle)) /
+           (dt * dt * std::max(major, minor));
 }
 
 double SpokeMap::unevenness(double length) const {

@@ -85,8 +85,8 @@ public:
         return straight() ? 0
                           : (fits_[static_cast<std::size_t>(q)].most_curve * all * all / 8 + tolerance_posts) / post;
     }
-    /// By how many posts (across or along the lines) a place in range is off at most that is found between two on its line,
-    /// `length` posts apart, as if spokes stood evenly between them.
+    /// By how many posts, the longer way, a place in range is off that is found between two on its line, `length` posts apart,
+    /// as if spokes stood evenly between them: the most of samples, from a post on. 0 where spokes are straight.
     double unevenness(double length) const;
     /// Spokes stand at most this times d / K apart on a line.
     double spacing_slack() const { return spacing_slack_; }
@@ -108,11 +108,12 @@ private:
         int slope_pieces = 1, distance_pieces = 1;
         std::vector<Patch> bend, stretch;      // [slope piece * distance_pieces + distance piece]
         double most_bend = 0, most_curve = 0;  // posts; posts a post squared
-        double most_warp = 0;                  // of slope and stretch along a line, posts a post squared
+        double most_warp = 0;                  // warp() in range
     };
 
     void fit(const DataBase& data_base, Quadrant q);
-    /// How much a spoke's slope (times the way across) and stretch change unevenly along a line, posts a post squared.
+    /// Second derivative, by the place on a line, of where spokes of evenly spaced slopes cross it and of how far off that is: posts
+    /// (the longer way) a post squared; +inf where spokes turn round.
     double warp(Quadrant q, double slope, double distance) const;
 
     SpokeMapParams params_;

@@ -150,10 +150,10 @@ TEST_CASE("inland_empire from 30 m above ground, beam of 6 degrees: tails of the
            240});
 }
 
-TEST_CASE("inland_empire from 8000 m above ground, beam of 6 degrees: a third of the spokes in wide bins",
+TEST_CASE("inland_empire from 8000 m above ground, beam of 12 degrees: a third of the spokes in wide bins",
           "[reference]") {
-    check({"inland_empire 8000 m, 6 deg", "inland_empire_dem.tif", "inland_empire_culture.tif",
-           "inland_empire_canopy.tif", 0.1, 33.93, -117.33, 8000, 120, 60, 35000, true, 240});
+    check({"inland_empire 8000 m, 12 deg", "inland_empire_dem.tif", "inland_empire_culture.tif",
+           "inland_empire_canopy.tif", 0.1, 33.93, -117.33, 8000, 60, 30, 35000, true, 120});
 }
 
 TEST_CASE("worcester_vermont: a third of it void, culture, canopy, Albers projection", "[reference]") {

@@ -845,7 +845,8 @@ std::vector<Key> make_keys() {
     t.add("spokes-per-post",
           number(
               between("0.25", "16"), [](auto& s) -> auto& { return s.scene.spokes_per_post; }, "auto"),
-          "auto", "least spokes for each post of a line; auto: as the quality says");
+          "auto",
+          "least spokes for each post of a line; auto: as the quality says, and from high up fewer where bins are wide");
     t.add("spokes-per-bin",
           number(
               between("2", "256"), [](auto& s) -> auto& { return s.scene.spokes_per_bin; }, "auto"),
