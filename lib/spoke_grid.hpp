@@ -171,7 +171,8 @@ private:
         std::int64_t line_count = 0;
         std::vector<Band> bands;
         std::vector<Ring> rings;
-        bool clockwise = true;  // azimuth grows with slope
+        bool clockwise = true;    // azimuth grows with slope
+        double to_wide_bins = 0;  // posts from the nadir to where a bin holds ten of a line's
     };
     std::size_t place_of(Fan f) const {
         return static_cast<std::size_t>(static_cast<int>(f.quadrant) * fans_each_ + f.index);

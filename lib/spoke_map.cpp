@@ -195,7 +195,7 @@ void SpokeMap::fit(const DataBase& data_base, Quadrant q) {
         f.bend.assign(n * n, Patch{});
         f.stretch.assign(n * n, Patch{});
         const double slope_half = 1.0 / pieces, distance_half = f.reach / (2 * pieces);
-        f.most_bend = f.most_curve = f.most_warp = 0;
+        f.most_bend = f.most_curve = 0;
         double worst = 0, slack = 1;
         for (std::size_t i = 0; i < n; ++i) {
             const double slope_middle = -1 + (2 * static_cast<double>(i) + 1) * slope_half;
@@ -250,8 +250,6 @@ void SpokeMap::fit(const DataBase& data_base, Quadrant q) {
                 if (distance * per_post <= params_.max_arc_m && std::abs((ahead - p.minor) / step) > 2) fail();
                 const double aside = place(q, slope + 1.0 / 1024, distance).minor;
                 slack = std::max(slack, (aside - p.minor) * 1024 / distance);
-                if (distance >= 1 && distance * per_post <= params_.max_arc_m)
-                    f.most_warp = std::max(f.most_warp, warp(q, slope, distance));
             }
         }
         if (worst <= tolerance_posts / 2) {
@@ -283,8 +281,20 @@ double SpokeMap::warp(Quadrant q, double slope, double distance) const {
 }
 
 double SpokeMap::unevenness(double length) const {
+    if (straight()) return 0;
     double most = 0;
-    for (const Fit& f : fits_) most = std::max(most, f.most_warp);
+    for (Quadrant q : all_quadrants) {
+        const Fit& f = fits_[static_cast<std::size_t>(q)];
+        const int samples = 4 * f.slope_pieces;
+        for (int i = 0; i < samples; ++i) {
+            const double slope = -1 + (2.0 * i + 0.75) / samples, per_post = metres_per_post(q, slope);
+            for (int j = 0; j < samples; ++j) {
+                const double distance = f.reach * (j + 0.375) / samples;
+                if (distance >= 1 && distance * per_post <= params_.max_arc_m)
+                    most = std::max(most, warp(q, slope, distance));
+            }
+        }
+    }
     return most * length * length / 8;
 }
 

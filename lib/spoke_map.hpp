@@ -108,7 +108,6 @@ private:
         int slope_pieces = 1, distance_pieces = 1;
         std::vector<Patch> bend, stretch;      // [slope piece * distance_pieces + distance piece]
         double most_bend = 0, most_curve = 0;  // posts; posts a post squared
-        double most_warp = 0;                  // warp() in range
     };
 
     void fit(const DataBase& data_base, Quadrant q);
