@@ -175,8 +175,7 @@ TEST_CASE("neighbouring spokes are as dense as a line so many times as far off n
                     CHECK(next == grid.line_count(q));
                     // The first ring has as many as its first line needs, or the last as many as its last line does.
                     const std::vector<Ring>& rings = grid.rings(q);
-                    const double least = std::max(64.0,
-                                                  spokes_for(std::min(lead * grid.distance(q, 0), last))),
+                    const double least = std::max(64.0, spokes_for(std::min(lead * grid.distance(q, 0), last))),
                                  step = SpokeGrid::spoke_step *
                                         static_cast<double>(rings.back().spokes / rings.front().spokes);
                     CHECK((static_cast<double>(rings.front().spokes) < least * 1.001 + SpokeGrid::spoke_step ||

@@ -842,11 +842,12 @@ std::vector<Key> make_keys() {
           "RMS of the power image to keep to, where a beam has four azimuth bins or more: the quickest quality that "
           "promises it")
         .exclusive = Exclusive::accuracy;
-    t.add("spokes-per-post",
-          number(
-              between("0.25", "16"), [](auto& s) -> auto& { return s.scene.spokes_per_post; }, "auto"),
-          "auto",
-          "least spokes for each post of a line; auto: as the quality says, and from high up fewer where bins are wide");
+    t.add(
+        "spokes-per-post",
+        number(
+            between("0.25", "16"), [](auto& s) -> auto& { return s.scene.spokes_per_post; }, "auto"),
+        "auto",
+        "least spokes for each post of a line; auto: as the quality says, and from high up fewer where bins are wide");
     t.add("spokes-per-bin",
           number(
               between("2", "256"), [](auto& s) -> auto& { return s.scene.spokes_per_bin; }, "auto"),
