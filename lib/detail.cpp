@@ -13,7 +13,6 @@
 namespace wedgescope {
 namespace {
 
-constexpr double infinite = std::numeric_limits<double>::infinity();
 constexpr int levels = DetailLevels::most;
 constexpr int fans_each = 8;
 constexpr std::int64_t border_posts = std::int64_t{1} << levels;  // borders stand at multiples of these

@@ -14,8 +14,6 @@
 namespace wedgescope {
 namespace {
 
-constexpr double infinite = std::numeric_limits<double>::infinity();
-
 /// A point of a piece.
 struct PieceEnd {
     double part, range_m, sine, x;

@@ -11,7 +11,6 @@
 namespace wedgescope {
 namespace {
 
-constexpr double infinite = std::numeric_limits<double>::infinity();
 constexpr float not_looked_at = std::numeric_limits<float>::quiet_NaN();
 constexpr float nothing_to_see = -std::numeric_limits<float>::infinity();
 

@@ -10,7 +10,6 @@
 namespace wedgescope {
 namespace {
 
-constexpr double infinite = std::numeric_limits<double>::infinity();
 constexpr float void_post = std::numeric_limits<float>::quiet_NaN();
 constexpr std::size_t together = 16;        // spokes that are looked at together
 constexpr std::size_t groups_together = 8;  // and before them so many groups

@@ -18,10 +18,10 @@ namespace wedgescope {
 namespace {
 
 // Abramowitz & Stegun, table 25.4, n = 16: the positive abscissas on [-1, 1] and their weights.
-constexpr std::array<double, 8> legendre_x{0.095012509837637440185, 0.281603550779258913230, 0.458016777657227386342,
+constexpr std::array<double, 8> gauss16_x{0.095012509837637440185, 0.281603550779258913230, 0.458016777657227386342,
                                            0.617876244402643748447, 0.755404408355003033895, 0.865631202387831743880,
                                            0.944575023073232576078, 0.989400934991649932596};
-constexpr std::array<double, 8> legendre_w{0.189450610455068496285, 0.182603415044923588867, 0.169156519395002538189,
+constexpr std::array<double, 8> gauss16_w{0.189450610455068496285, 0.182603415044923588867, 0.169156519395002538189,
                                            0.149595988816576732081, 0.124628971255533872052, 0.095158511682492784810,
                                            0.062253523938647892863, 0.027152459411754094852};
 
@@ -32,8 +32,8 @@ double integral(double a, double b, int panels, const F& f) {
     const double half = 0.5 * (b - a) / panels;
     for (int p = 0; p < panels; ++p) {
         const double middle = a + (2 * p + 1) * half;
-        for (std::size_t i = 0; i < legendre_x.size(); ++i)
-            sum += legendre_w[i] * (f(middle - half * legendre_x[i]) + f(middle + half * legendre_x[i]));
+        for (std::size_t i = 0; i < gauss16_x.size(); ++i)
+            sum += gauss16_w[i] * (f(middle - half * gauss16_x[i]) + f(middle + half * gauss16_x[i]));
     }
     return sum * half;
 }

@@ -12,9 +12,9 @@ namespace wedgescope {
 namespace {
 
 // Gauss-Legendre, 8 points: the positive abscissas on [-1, 1] and their weights (Abramowitz & Stegun, table 25.4).
-constexpr std::array<double, 4> legendre_x{0.183434642495649805, 0.525532409916328986, 0.796666477413626740,
+constexpr std::array<double, 4> gauss8_x{0.183434642495649805, 0.525532409916328986, 0.796666477413626740,
                                            0.960289856497536232};
-constexpr std::array<double, 4> legendre_w{0.362683783378361983, 0.313706645877887287, 0.222381034453374471,
+constexpr std::array<double, 4> gauss8_w{0.362683783378361983, 0.313706645877887287, 0.222381034453374471,
                                            0.101228536290376259};
 
 /// Sines of elevation, ascending, at which the elevation pattern changes its course: what a panel of the quadrature must not hide.
@@ -148,10 +148,10 @@ RainEcho::RainEcho(const Weather& weather, const PathLossTable& loss, const Patt
             const double half = 0.5 * (edges[e] - edges[e - 1]) / panels;
             for (int p = 0; p < panels; ++p) {
                 const double middle = edges[e - 1] + (2 * p + 1) * half;
-                for (std::size_t i = 0; i < legendre_x.size(); ++i)
+                for (std::size_t i = 0; i < gauss8_x.size(); ++i)
                     for (const double sign : {-1.0, 1.0}) {
-                        sines.push_back(middle + sign * half * legendre_x[i]);
-                        weights.push_back(half * legendre_w[i]);
+                        sines.push_back(middle + sign * half * gauss8_x[i]);
+                        weights.push_back(half * gauss8_w[i]);
                     }
             }
         }

@@ -34,9 +34,9 @@ std::pair<double, double> direction(Quadrant q, double slope) {
 }
 
 /// The geodesic of one spoke, seen in index space.
-class Course {
+class SpokeCourse {
 public:
-    Course(const DataBase& data_base, const SpokeMapParams& params, Quadrant q, double azimuth_rad)
+    SpokeCourse(const DataBase& data_base, const SpokeMapParams& params, Quadrant q, double azimuth_rad)
         : data_base_(data_base), params_(params), quadrant_(q),
           line_(GeographicLib::Geodesic::WGS84().Line(params.lat_deg, params.lon_deg,
                                                       azimuth_rad * (180 / std::numbers::pi))) {}
@@ -180,7 +180,7 @@ void SpokeMap::fit(const DataBase& data_base, Quadrant q) {
                  "warp the raster to a projection made for the place"));
     };
     // bend and stretch at one slope and distance.
-    const auto at = [&](const Course& course, double slope, double distance) -> std::pair<double, double> {
+    const auto at = [&](const SpokeCourse& course, double slope, double distance) -> std::pair<double, double> {
         if (distance == 0) return {0.0, 0.0};
         const double per_post = metres_per_post(q, slope);
         const auto arc = course.arc_to(distance, distance * per_post, per_post);
@@ -203,7 +203,7 @@ void SpokeMap::fit(const DataBase& data_base, Quadrant q) {
                 stretch(n);  // [piece of d][slope node][distance node]
             for (std::size_t a = 0; a < 5; ++a) {
                 const double slope = slope_middle + nodes[a] * slope_half;
-                const Course course(data_base, params_, q, azimuth_rad(q, slope));
+                const SpokeCourse course(data_base, params_, q, azimuth_rad(q, slope));
                 for (std::size_t j = 0; j < n; ++j)
                     for (std::size_t b = 0; b < 5; ++b) {
                         const double distance = (2 * static_cast<double>(j) + 1 + nodes[b]) * distance_half;
@@ -236,7 +236,7 @@ void SpokeMap::fit(const DataBase& data_base, Quadrant q) {
         const int checks = 4 * pieces;
         for (int i = 0; i < checks; ++i) {
             const double slope = -1 + (2.0 * i + 0.75) / checks;
-            const Course course(data_base, params_, q, azimuth_rad(q, slope));
+            const SpokeCourse course(data_base, params_, q, azimuth_rad(q, slope));
             const double per_post = metres_per_post(q, slope);
             for (int j = 0; j < checks; ++j) {
                 const double distance = f.reach * (j + 0.375) / checks;

@@ -6,10 +6,13 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 
 #include "lib/sample.hpp"
 
 namespace wedgescope {
+
+inline constexpr double infinite = std::numeric_limits<double>::infinity();
 
 /// A point in the sensor's vertical plane: `up_m` above and `out_m` along its local horizontal.
 ///   up  = (h - hs) - q (Re + h)    out = (Re + h) sin(theta)    theta = s / Re, q = 2 sin^2(theta / 2)

@@ -19,7 +19,7 @@ namespace {
 
 constexpr const char* one_line[] = {"MULTILINE=NO", nullptr};
 constexpr const char* with_axes[] = {"MULTILINE=NO", "OUTPUT_AXIS=YES", nullptr};
-constexpr int degree = 9102;
+constexpr int degree_code = 9102;
 
 bool is_wkt2(const std::string& definition) {
     const std::size_t bracket = definition.find('[');
@@ -81,7 +81,7 @@ int unit_code_of(PJ_CONTEXT* context, const PJ* crs) {
         double size;
         int code;
     };
-    static constexpr Unit usual[] = {{"degree", std::numbers::pi / 180, degree},
+    static constexpr Unit usual[] = {{"degree", std::numbers::pi / 180, degree_code},
                                      {"metre", 1, 9001},
                                      {"foot", 0.3048, 9002},
                                      {"US survey foot", 1200.0 / 3937, 9003}};
@@ -122,11 +122,11 @@ std::optional<GeoTiffCrs> in_geotiff(PJ_CONTEXT* context, const PJ* crs) {
                                                      &found.inverse_flattening))
         return std::nullopt;
     found.geographic_name = words(proj_get_name(geodetic.get()));
-    if (unit_code_of(context, geodetic.get()) != degree) return std::nullopt;
+    if (unit_code_of(context, geodetic.get()) != degree_code) return std::nullopt;
     if (found.geographic) return found;
     found.name = words(proj_get_name(crs));
     found.linear_unit = unit_code_of(context, crs);
-    if (found.linear_unit == 0 || found.linear_unit == degree || !is_usual_method(method_of(context, way.get())))
+    if (found.linear_unit == 0 || found.linear_unit == degree_code || !is_usual_method(method_of(context, way.get())))
         return std::nullopt;
     return found;
 }

@@ -7,7 +7,7 @@
 namespace wedgescope {
 namespace {
 
-constexpr std::size_t longest = 128, word = sizeof(std::uint64_t);
+constexpr std::size_t longest = 128, word_bytes = sizeof(std::uint64_t);
 
 static_assert(std::endian::native == std::endian::little, "the first byte of eight is the lowest");
 
@@ -15,9 +15,9 @@ static_assert(std::endian::native == std::endian::little, "the first byte of eig
 std::size_t run_of(const std::uint8_t* at, std::size_t n) noexcept {
     const std::uint64_t same = 0x0101010101010101U * *at;
     std::size_t i = 0;
-    for (; i + word <= n; i += word) {
+    for (; i + word_bytes <= n; i += word_bytes) {
         std::uint64_t eight;
-        std::memcpy(&eight, at + i, word);
+        std::memcpy(&eight, at + i, word_bytes);
         if (eight != same) return i + static_cast<std::size_t>(std::countr_zero(eight ^ same)) / 8;
     }
     while (i < n && at[i] == *at) ++i;

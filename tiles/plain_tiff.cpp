@@ -23,7 +23,7 @@ namespace wedgescope {
 namespace {
 
 /// A short field as the file has it, or as the standard says it is where the file has none.
-std::uint16_t word(TIFF* file, std::uint32_t tag, std::uint16_t without) {
+std::uint16_t tag_value(TIFF* file, std::uint32_t tag, std::uint16_t without) {
     std::uint16_t value = 0;
     return TIFFGetFieldDefaulted(file, tag, &value) == 1 ? value : without;
 }
@@ -85,8 +85,8 @@ std::string words(TIFF* file, std::uint32_t tag, Doubts& doubts) {
 }
 
 GDALDataType type_of(TIFF* file) {
-    const std::uint16_t bits = word(file, TIFFTAG_BITSPERSAMPLE, 1);
-    switch (word(file, TIFFTAG_SAMPLEFORMAT, SAMPLEFORMAT_UINT)) {
+    const std::uint16_t bits = tag_value(file, TIFFTAG_BITSPERSAMPLE, 1);
+    switch (tag_value(file, TIFFTAG_SAMPLEFORMAT, SAMPLEFORMAT_UINT)) {
         case SAMPLEFORMAT_UINT:
             return bits == 8 ? GDT_Byte : bits == 16 ? GDT_UInt16 : bits == 32 ? GDT_UInt32 : GDT_Unknown;
         case SAMPLEFORMAT_INT:  // signed bytes GDAL tells from others by a word beside them
@@ -245,11 +245,11 @@ constexpr std::size_t most_tiles = std::size_t{1} << 18;
 
 /// Does the band hold what its posts are, and nothing beside?
 bool is_plain(TIFF* file, Doubts& doubts) {
-    const std::uint16_t photometric = word(file, TIFFTAG_PHOTOMETRIC, PHOTOMETRIC_MINISBLACK);
-    return TIFFIsTiled(file) && TIFFNumberOfTiles(file) <= most_tiles && word(file, TIFFTAG_SAMPLESPERPIXEL, 1) == 1 &&
+    const std::uint16_t photometric = tag_value(file, TIFFTAG_PHOTOMETRIC, PHOTOMETRIC_MINISBLACK);
+    return TIFFIsTiled(file) && TIFFNumberOfTiles(file) <= most_tiles && tag_value(file, TIFFTAG_SAMPLESPERPIXEL, 1) == 1 &&
            (photometric == PHOTOMETRIC_MINISBLACK || photometric == PHOTOMETRIC_PALETTE) &&
-           word(file, TIFFTAG_FILLORDER, FILLORDER_MSB2LSB) == FILLORDER_MSB2LSB &&
-           word(file, TIFFTAG_ORIENTATION, ORIENTATION_TOPLEFT) == ORIENTATION_TOPLEFT &&
+           tag_value(file, TIFFTAG_FILLORDER, FILLORDER_MSB2LSB) == FILLORDER_MSB2LSB &&
+           tag_value(file, TIFFTAG_ORIENTATION, ORIENTATION_TOPLEFT) == ORIENTATION_TOPLEFT &&
            !values<double>(file, transformation, TIFF_DOUBLE, doubts) &&
            !values<double>(file, rational_coefficients, TIFF_DOUBLE, doubts);
 }
@@ -313,7 +313,7 @@ std::optional<PlainTiff> PlainTiff::of(const std::string& role, const std::strin
     facts.driver = "GTiff";
     facts.type = type_of(file);
     const auto keys = keys_of(file, doubts);
-    const char* const compression = compression_name(word(file, TIFFTAG_COMPRESSION, COMPRESSION_NONE));
+    const char* const compression = compression_name(tag_value(file, TIFFTAG_COMPRESSION, COMPRESSION_NONE));
     // Items with a role are of the band: scale, offset, unit.
     const std::string metadata = lower(words(file, gdal_metadata, doubts)), no_data = words(file, gdal_no_data, doubts);
     if (facts.type == GDT_Unknown || !keys || !compression || metadata.find("role") != std::string::npos ||

@@ -17,6 +17,7 @@
 #include <nlohmann/json.hpp>
 
 #include "lib/receiver.hpp"
+#include "tiles/claim.hpp"
 #include "tools/terminal.hpp"
 #include "tools/units.hpp"
 
@@ -26,27 +27,6 @@ namespace wedgescope {
 namespace {
 
 constexpr const char* helper_name = "wedgescope_picture";
-
-/// A file descriptor that closes itself.
-class Descriptor {
-public:
-    Descriptor() = default;
-    explicit Descriptor(int number) : number_(number) {}
-    Descriptor(Descriptor&& other) noexcept : number_(std::exchange(other.number_, -1)) {}
-    Descriptor& operator=(Descriptor&& other) noexcept {
-        std::swap(number_, other.number_);
-        return *this;
-    }
-    ~Descriptor() { close(); }
-    int get() const { return number_; }
-    void close() {
-        if (number_ >= 0) ::close(number_);
-        number_ = -1;
-    }
-
-private:
-    int number_ = -1;
-};
 
 std::pair<Descriptor, Descriptor> make_pipe() {
     int ends[2];
@@ -70,8 +50,8 @@ std::string answer_of(const std::string& helper, const std::string& input) {
     const int failed = ::posix_spawn(&child, helper.c_str(), &actions, nullptr, arguments, environ);
     posix_spawn_file_actions_destroy(&actions);
     if (failed) throw IoError(text("cannot start ", in_quotes(helper), " for the legend: ", std::strerror(failed)));
-    input_read.close();
-    output_write.close();
+    input_read = Descriptor();
+    output_write = Descriptor();
 
     // The helper reads all its input before it writes. Should it die early, the write fails instead of killing us.
     struct sigaction ignore {
@@ -84,7 +64,7 @@ std::string answer_of(const std::string& helper, const std::string& input) {
         if (n <= 0) break;
         done += static_cast<std::size_t>(n);
     }
-    input_write.close();
+    input_write = Descriptor();
     ::sigaction(SIGPIPE, &before, nullptr);
     std::string answer;
     for (char block[65536];;) {

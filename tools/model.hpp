@@ -89,6 +89,8 @@ private:
 inline constexpr double no_value = std::numeric_limits<double>::quiet_NaN();
 /// Of a power ratio, dB; no value for what is not above 0.
 inline double db(double ratio) { return ratio > 0 ? Decibel::from_ratio(ratio).db() : no_value; }
+/// dB over a milliwatt.
+inline double dbm(double power_w) { return power_w > 0 ? db(power_w) + 30 : no_value; }
 /// What a model throws where its inputs, all of them in range, have no solution; says why.
 class NoSolution : public InputError {
 public:

@@ -153,8 +153,6 @@ std::vector<ModelInput> rain_volume_inputs() {
     return inputs;
 }
 
-double dbm(double power_w) { return power_w > 0 ? db(power_w) + 30 : no_value; }
-
 /// Integral of the two-way azimuth pattern, radians.
 double two_way_integral_rad(const AntennaParams& antenna) {
     constexpr int steps = 4000;

@@ -11,8 +11,6 @@
 namespace wedgescope {
 namespace {
 
-double dbm(double power_w) { return power_w > 0 ? db(power_w) + 30 : no_value; }
-
 const RadarParams set{};  // of defaults
 
 ModelInput frequency() { return number("f", "Hz", "frequency", 1e6, 1e12).by_default(set.frequency_hz); }
@@ -26,7 +24,7 @@ ModelInput azimuth_beam() {
 ModelInput elevation_beam() {
     return above("theta_el", "deg", "half-power beamwidth in elevation, one-way", 0, 180).by_default(set.antenna.width);
 }
-ModelInput grazing() { return above("psi", "deg", "grazing angle of the ground", 0, 90); }
+ModelInput ground_grazing() { return above("psi", "deg", "grazing angle of the ground", 0, 90); }
 
 /// P_t G_0 f L_s and what the ray makes of them.
 std::vector<ModelInput> with_set(std::vector<ModelInput> own) {
@@ -72,7 +70,7 @@ std::vector<Model> equation_models() {
         {"echo-area",
          "power received from the ground in a resolution cell",
          "physics 2.1 [V2: any text]",
-         with_set({number("sigma0_dB", "dB", "radar cross-section per unit area", -300, 100), grazing(), pulse(),
+         with_set({number("sigma0_dB", "dB", "radar cross-section per unit area", -300, 100), ground_grazing(), pulse(),
                    azimuth_beam(), elevation_beam()}),
          {{"A", "m^2", "area of the cell"},
           {"sigma", "m^2", "its radar cross-section"},
@@ -87,7 +85,7 @@ std::vector<Model> equation_models() {
         {"cell-area",
          "ground in one resolution cell, bounded by the pulse or by the beam",
          "physics 2.1 [V2: any text; theta_2 the integral of the two-way Gaussian]",
-         {slant_range(), grazing(), pulse(), azimuth_beam(), elevation_beam()},
+         {slant_range(), ground_grazing(), pulse(), azimuth_beam(), elevation_beam()},
          {{"theta_2", "deg", "two-way beamwidth in azimuth"},
           {"A_pulse", "m^2", "bounded by the pulse"},
           {"A_beam", "m^2", "bounded by the beam"},
