@@ -44,7 +44,7 @@ struct Place {
     int first_deg;  // of 90 degrees
     double range_m, post_m;
     AltitudeAbove above = AltitudeAbove::sea_level;
-    double beam_deg = 1.5, pulse_us = 0.5;
+    double beam_deg = 1.5, pulse_us = 0.5, power_w = 50e3;
 
     int circle() const { return static_cast<int>(4 * 360 / beam_deg); }  // four azimuth bins a beam
     int bins() const { return circle() / 4; }
@@ -82,7 +82,20 @@ const Place places[] = {
     {"beam 6 deg, 60 m above ground, culture", "inland_empire", true, 33.93, -117.33, 60, 180, 20000, 30, low, 6, 1},
     {"beam 6 deg, pulse 2 us", "inland_empire", false, 33.93, -117.33, 838, 180, 30000, 30, AltitudeAbove::sea_level, 6,
      2},
-    // So high that fewer spokes do.
+    // So high that fewer spokes do, the weaker the radar.
+    {"beam 6 deg, 1300 m above ground, bare", "inland_empire", false, 33.93, -117.33, 1300, 180, 35000, 30, low, 6, 1},
+    {"the same, 2 kW", "inland_empire", false, 33.93, -117.33, 1300, 180, 35000, 30, low, 6, 1, 2e3},
+    {"the same, 200 W", "inland_empire", false, 33.93, -117.33, 1300, 180, 35000, 30, low, 6, 1, 200},
+    {"beam 6 deg, 1300 m above ground, culture, 200 W", "inland_empire", true, 33.93, -117.33, 1300, 180, 35000, 30,
+     low, 6, 1, 200},
+    {"beam 6 deg, olympic_coast 1300 m above ground, 2 kW", "olympic_coast", false, 48.2, -124.6, 1300, 90, 45000, 30,
+     low, 6, 1, 2e3},
+    {"beam 12 deg, 2500 m above ground, bare, 1 kW", "inland_empire", false, 33.93, -117.33, 2500, 180, 35000, 30, low,
+     12, 1, 1e3},
+    {"beam 1.5 deg, 2500 m above ground, bare, 5 kW", "inland_empire", false, 33.93, -117.33, 2500, 180, 35000, 30, low,
+     1.5, 1, 5e3},
+    {"beam 12 deg, 8000 m above ground, bare, 1 kW", "inland_empire", false, 33.93, -117.33, 8000, 180, 35000, 30, low,
+     12, 1, 1e3},
     {"beam 6 deg, 4000 m above ground, bare", "inland_empire", false, 33.93, -117.33, 4000, 180, 35000, 30, low, 6, 1},
     {"beam 6 deg, 4000 m above ground, culture", "inland_empire", true, 33.93, -117.33, 4000, 180, 35000, 30, low, 6,
      1},
@@ -115,6 +128,7 @@ Scene scene_of(const Place& p) {
     s.azimuth_bins = p.circle();
     s.radar.antenna.beam = Angle::degrees(p.beam_deg);
     s.radar.pulse_s = p.pulse_us * 1e-6;
+    s.radar.transmit_power_w = p.power_w;
     s.range_m = p.range_m;
     s.range_start_m = 2 * p.post_m / s.radar.antenna.beam.rad();  // from where the beam is two posts wide
     s.sector = Sector{Angle::degrees(p.first_deg), Angle::degrees(p.first_deg + 90)};
@@ -136,6 +150,7 @@ reference::Scene reference_of(const Place& p, const DataBaseParams& db, double s
     r.azimuth_bins = p.circle();
     r.beamwidth_deg = p.beam_deg;
     r.pulse_s = p.pulse_us * 1e-6;
+    r.transmit_power_w = p.power_w;
     r.first_azimuth_bin = p.first_bin();
     r.azimuth_count = p.bins();
     r.range_bin_m = like.power_w.grid.range_bin_m;

@@ -68,10 +68,13 @@ Front::Front(const SweepScene& scene, const SpokeRun& run, WedgeCells& cells)
       plain_ground_(!scene.data_base->has_culture && !scene.data_base->has_culture_height),
       needs_facets_(!scene.laws->constant()), directional_(scene.laws->directional()),
       shore_(scene.shore && scene.shore->on() && scene.data_base->has_culture ? scene.shore : nullptr),
-      at_once_(shore_ || scene.with_depression || scene.data_base->has_culture_height), quadrant_(run.quadrant),
-      fan_(run.own_fan()), line_end_(scene.grid->line_count(fan_)), culture_(*scene.data_base, scene.source) {
+      at_once_(shore_ || scene.with_depression || scene.data_base->has_culture_height),
+      joins_(plain_ground_ && !at_once_ && !needs_facets_), quadrant_(run.quadrant), fan_(run.own_fan()),
+      line_end_(scene.grid->line_count(fan_)), culture_(*scene.data_base, scene.source) {
     for (auto* samples : {&now_, &crossing_, &ahead_}) samples->resize(tile_lanes);
-    for (auto* v : {&cell_, &bump_, &rise_, &swing_, &sine0_, &code_}) v->resize(tile_lanes);
+    for (auto* v : {&cell_, &bump_, &start_range_, &start_x_}) v->resize(tile_lanes);
+    for (Plain* plain : {&plain_, &crossed_})
+        for (auto* v : {&plain->rise, &plain->swing, &plain->sine0, &plain->code}) v->resize(tile_lanes);
     constexpr std::size_t most_pieces = whole_registers(VisiblePieces::most);
     for (auto* v : {&power_, &facet_, &inverse_radius_, &across_, &slant_}) v->resize(most_pieces);
     bow_.resize(most_pieces);
@@ -99,7 +102,7 @@ std::size_t Front::bytes_of(std::size_t lanes, bool facets, bool directional, bo
     const std::size_t doubles = 22 + (facets ? 2 : 0) + (directional ? 2 : 0);
     return lanes * (doubles * sizeof(double) + (shore ? sizeof(ShoreWindow) : 0) + sizeof(std::int64_t) +
                     sizeof(std::int64_t) + sizeof(std::int32_t)) +
-           tile_lanes * (3 * 9 + 6 + 2) * sizeof(double) + VisiblePieces::most * 13 * sizeof(double) +
+           tile_lanes * (3 * 9 + 12 + 2) * sizeof(double) + VisiblePieces::most * 13 * sizeof(double) +
            VisiblePieces::bytes() + sizeof(CultureParts) + 2 * (std::size_t{unknown_class} + 1) * sizeof(float);
 }
 
@@ -392,6 +395,7 @@ void Front::advance_line(std::int64_t line, const Between& between, std::size_t 
                     crossing_.part.data(), crossing_.minor.data(), crossing_.arc.data()});
             if (crossed == 0) break;
             cost_.samples += static_cast<std::uint64_t>(crossed);
+            if (waiting_ > 0) keep_crossed(n, begin, between);
             take(between, begin, end, true, crossing_);
             if (grid.map().straight()) break;  // |slope| <= 1: one at the most
         }
@@ -449,22 +453,31 @@ void Front::take(const Between& between, std::size_t begin, std::size_t end, boo
                to.minor, posts);
     cost_.clock.enter(StageClock::sweep);
     const StepScene step = step_scene(scene_->sampling.exact_course && one_cell);
-    const Rises found = step_lanes(
-        crossings ? StepTo::crossing : StepTo::line, n, step,
-        {from, to, posts, lanes_.mode.data() + begin, lanes_.inverse_radius.data() + begin,
-         lanes_.void_horizon.data() + begin, lanes_.horizon.data() + begin, lanes_.seen_least.data() + begin,
-         lanes_.seen_most.data() + begin, bump_.data(), rise_.data(), swing_.data(), sine0_.data(), code_.data()});
+    const Rises found = step_lanes(crossings ? StepTo::crossing : StepTo::line, n, step,
+                                   {from, to, posts, lanes_.mode.data() + begin, lanes_.inverse_radius.data() + begin,
+                                    lanes_.void_horizon.data() + begin, lanes_.horizon.data() + begin,
+                                    lanes_.seen_least.data() + begin, lanes_.seen_most.data() + begin, bump_.data(),
+                                    plain_.rise.data(), plain_.swing.data(), plain_.sine0.data(), plain_.code.data()});
     cost_.pieces += static_cast<std::uint64_t>(found.plain);
     if (found.plain + found.changes > 0) cost_.clock.enter(StageClock::deposit);
-    if (found.plain) keep_pieces(n, begin, between, next);
-    if (at_once_ || pieces_.size() + tile_lanes > VisiblePieces::most) put_pieces(between);
+    const bool wait = crossings && joins_;
+    if (waiting_ > 0)
+        keep_joined(n, begin, between, from, to);
+    else if (found.plain && !wait)
+        keep_pieces(n, begin, between, from, to, plain_);
+    make_room(between);
     const std::uint64_t read = culture_.cost().ticks;
-    for (std::uint64_t left = found.changes > 0 ? lanes_of_code(2, n, code_.data()) : 0; left != 0; left &= left - 1) {
+    for (std::uint64_t left = found.changes > 0 ? lanes_of_code(2, n, plain_.code.data()) : 0; left != 0;
+         left &= left - 1) {
         const auto i = static_cast<std::size_t>(std::countr_zero(left));
         change(begin + i, i, between, next);
         if (shore_ && is(begin + i, mode_gap)) lanes_.shore[begin + i] = {};  // what is there, nobody knows
     }
     cost_.clock.leave_out(culture_.cost().ticks - read);
+    if (wait) {
+        std::swap(plain_, crossed_);
+        waiting_ = found.plain;
+    }
     std::swap(now_, next);
 }
 

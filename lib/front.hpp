@@ -236,8 +236,20 @@ private:
     void find_facet(std::size_t i, std::size_t lane, Samples& next);
     /// W per radian of azimuth of a piece with backscatter 1, as it arrives.
     double power_of(std::size_t lane, double sine0, double sine1, double range0_m, double range1_m) const;
-    /// Puts the plain pieces of a tile's samples, of lanes lane.., to the others that wait.
-    void keep_pieces(std::size_t n, std::size_t lane, const Between& between, Samples& next);
+    /// Plain pieces of a tile's samples, where `code` is 1.
+    struct Plain {
+        LaneArray rise, swing, sine0, code;
+    };
+    /// Puts them, of lanes lane.., to the others that wait.
+    void keep_pieces(std::size_t n, std::size_t lane, const Between& between, const SampleLanes& from,
+                     const SampleLanes& to, const Plain& plain);
+    /// Keeps those of plain_, from `from` to `to`, and those up to the other axis' lines, each two that can be as one.
+    void keep_joined(std::size_t n, std::size_t lane, const Between& between, SampleLanes from, const SampleLanes& to);
+    /// Keeps those up to the other axis' lines as they are.
+    void keep_crossed(std::size_t n, std::size_t lane, const Between& between);
+    void make_room(const Between& between) {
+        if (at_once_ || pieces_.size() + tile_lanes > VisiblePieces::most) put_pieces(between);
+    }
     /// Shades and deposits all that wait. With `at_once_` they are of one line, which `between` tells.
     void put_pieces(const Between& between);
     SampleLanes starts_of_pieces(std::size_t i);
@@ -317,6 +329,7 @@ private:
     bool directional_;       // some class on the azimuth
     const FarShore* shore_;  // null: no bank is brightened
     bool at_once_;  // pieces do not wait: what becomes of them hangs on their line, or on their order along a spoke
+    bool joins_;    // those on both sides of the other axis' lines may be one: nothing tells them apart but their way
     double minor_post_m_ = 1;  // metres of a post along the lines, at the sensor
     Quadrant quadrant_;
     Fan fan_;
@@ -329,11 +342,13 @@ private:
     bool stale_ = false;  // of the last samples only minor, arc and part hold
     // Workspace of one tile: the last samples, those on the other axis' lines and those on the line ahead.
     Samples now_, crossing_, ahead_;
-    LaneArray cell_, bump_, rise_, swing_, sine0_, code_;
+    LaneArray cell_, bump_, start_range_, start_x_;
+    Plain plain_, crossed_;    // of the step, and of the one to the other axis' lines while they wait for it
+    int waiting_ = 0;          // of crossed_
     VisiblePieces pieces_;     // over lines of one tile, that wait to be shaded and deposited
     LaneArray power_, facet_;  // of these
     std::vector<float> bow_;
-    LaneArray inverse_radius_, across_, slant_;  // of their spokes
+    LaneArray inverse_radius_, across_, slant_;                 // of their spokes
     std::array<std::int32_t, VisiblePieces::most> straddlers_;  // of these, those with a second row
     std::size_t straddling_ = 0;
     // Backscatter, as WedgeCells::Portions. Only over culture: the first two of it, and where its stretches end.

@@ -36,16 +36,16 @@ double brightened(double gamma, double bright) {
 
 // ---- plain pieces, many at once ----
 
-void Front::keep_pieces(std::size_t n, std::size_t lane, const Between& between, Samples& next) {
+void Front::keep_pieces(std::size_t n, std::size_t lane, const Between& between, const SampleLanes& from,
+                        const SampleLanes& to, const Plain& plain) {
     using P = VisiblePieces;
-    const SampleLanes from = now_.lanes(0), to = next.lanes(0);
     P::Tile tile{};
     const auto keep = [&](P::Column at, const auto* column) { tile[at] = column; };
     keep(P::lane, lanes_.number.data() + lane), keep(P::origin, lanes_.origin.data() + lane);
     keep(P::share0, lanes_.share0.data() + lane), keep(P::share1, lanes_.share1.data() + lane);
-    keep(P::horizon, sine0_.data()), keep(P::sine, to.sine);
+    keep(P::horizon, plain.sine0.data()), keep(P::sine, to.sine);
     keep(P::range0, from.range_m), keep(P::range1, to.range_m);
-    keep(P::rise, rise_.data()), keep(P::swing, swing_.data());
+    keep(P::rise, plain.rise.data()), keep(P::swing, plain.swing.data());
     if (scene_->range_is_ground) keep(P::x0, from.x), keep(P::x1, to.x);
     std::array<double, tile_lanes> major0, major1;
     if (!plain_ground_ || at_once_) {
@@ -65,7 +65,28 @@ void Front::keep_pieces(std::size_t n, std::size_t lane, const Between& between,
         keep(P::behind, posts_.data()), keep(P::ahead, posts_.data() + 2 * tile_lanes);
     }
     if (shore_) keep(P::sine0, from.sine);
-    pieces_.add(n, code_.data(), tile);
+    pieces_.add(n, plain.code.data(), tile);
+}
+
+void Front::keep_crossed(std::size_t n, std::size_t lane, const Between& between) {
+    // now_ stands where they end, crossing_ where they start.
+    make_room(between);
+    keep_pieces(n, lane, between, crossing_.lanes(0), now_.lanes(0), crossed_);
+    waiting_ = 0;
+}
+
+void Front::keep_joined(std::size_t n, std::size_t lane, const Between& between, SampleLanes from,
+                        const SampleLanes& to) {
+    const auto part = [](Plain& plain) {
+        return JoinLanes::Part{plain.sine0.data(), plain.rise.data(), plain.swing.data(), plain.code.data()};
+    };
+    waiting_ = join_lanes(n, {part(crossed_), part(plain_), crossing_.range.data(), crossing_.x.data(), from.range_m,
+                              from.x, to.range_m, to.sine, to.x, start_range_.data(), start_x_.data()});
+    if (waiting_ > 0) keep_crossed(n, lane, between);
+    make_room(between);
+    from.range_m = start_range_.data();
+    from.x = start_x_.data();
+    keep_pieces(n, lane, between, from, to, plain_);
 }
 
 SampleLanes Front::starts_of_pieces(std::size_t i) {

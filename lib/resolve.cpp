@@ -12,6 +12,7 @@
 #include "lib/error.hpp"
 #include "lib/raised_source.hpp"
 #include "lib/rounding.hpp"
+#include "lib/shade.hpp"
 
 namespace wedgescope {
 namespace {
@@ -271,12 +272,63 @@ ResolvedScene resolve_coverage(const Scene& scene, WedgeSource& source) {
     return s;
 }
 
+namespace {
+
+/// Linear gamma of what returns most of the ground; infinite where it hangs on the angle.
+double most_gamma(const Scene& scene, const DataBase& db) {
+    if (may_need_facets(laws_of(scene))) return infinite;
+    const std::vector<ClassGamma> classes = gamma_table(scene.materials, scene.radar.frequency_hz, scene.gamma);
+    if (!db.has_culture && !db.has_culture_height) return classes[db.default_class].ground;
+    double most = 0;
+    for (const ClassGamma& of : classes) most = std::max({most, of.ground, of.wall});
+    return most;
+}
+
+/// Power of a cell `range_m` off whose ground rises towards the sensor by half: of its gamma, with the antenna's most towards
+/// anything from the level of the ground below to that of the sensor. Source: physics "Radar equation", d(sin e) telescoped
+/// over the pulse: (h / r + slope) / r of its length.
+double bright_echo_w(const ResolvedScene& s, double gamma, double range_m) {
+    constexpr double slope = 0.5;
+    const RadarParams& radar = s.scene.radar;
+    const double h = std::max(0.0, s.sensor_m - s.reference_m),
+                 depression = std::min(std::numbers::pi / 2, h / range_m + 0.5 * range_m * s.earth.inverse_radius());
+    double gain = 0;
+    constexpr int steps = 16;
+    for (int i = 0; i <= steps; ++i) gain = std::max(gain, elevation_pattern(radar.antenna, depression * i / steps));
+    return radar_constant(radar) * gamma * gain * gain * radar.antenna.beam.rad() * radar.pulse_extent_m() *
+           (h / range_m + slope) / (range_m * range_m * range_m);
+}
+
+/// Sampling::quiet_posts. What may hang on the angle is never quiet.
+std::array<double, 4> quiet_posts(const ResolvedScene& s, const DataBase& db, double post_m) {
+    std::array<double, 4> quiet = Sampling{}.quiet_posts;
+    const double gamma = most_gamma(s.scene, db), h = s.sensor_m - s.reference_m;
+    if (!(gamma < infinite)) return quiet;
+    for (double posts = 16; posts * post_m < *s.scene.range_m; posts *= 1.125) {
+        // As the same number on every machine, whatever its libm.
+        const double ratio =
+            rounded_significand(bright_echo_w(s, gamma, std::hypot(posts * post_m, h)) / s.noise_power_w, 30);
+        for (std::size_t i = 0; i < quiet.size(); ++i) {
+            if (ratio >= Sampling::quiet_above[i])
+                quiet[i] = infinite;
+            else if (quiet[i] == infinite)
+                quiet[i] = posts;
+        }
+    }
+    return quiet;
+}
+
+}  // namespace
+
 Sampling sampling_of(const ResolvedScene& scene, const DataBase& db) {
     const double post_m = std::max(std::abs(db.step_x), std::abs(db.step_y)) * db.metres_a_unit();
     // Where statistical walls raise the ground it steps from class to class.
     const bool steps = db.has_culture_height || (db.has_culture && !raises_m(scene.scene, db).empty());
     Sampling own = sampling(scene.scene, steps, (scene.sensor_m - scene.reference_m) / post_m);
     if (!scene.nadir_on_data) own.above_posts = 0;  // nobody knows above what
+    if (own.above_posts > 0)
+        own.quiet_posts =
+            quiet_posts(scene, db, std::min(std::abs(db.step_x), std::abs(db.step_y)) * db.metres_a_unit());
     return own;
 }
 

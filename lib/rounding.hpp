@@ -1,10 +1,13 @@
-// Rounding: to whole numbers, and of what libm, PROJ and GeographicLib return before it enters the sweep, so that a last bit that differs
+// Numbers: rounding to whole ones, and of what libm, PROJ and GeographicLib return before it enters the sweep, so that a last bit that differs
 // between two machines' libraries never reaches a result.
 #pragma once
 #include <cmath>
 #include <cstdint>
+#include <limits>
 
 namespace wedgescope {
+
+inline constexpr double infinite = std::numeric_limits<double>::infinity();
 
 /// The greatest whole number that is not above it.
 inline std::int64_t floor_of(double v) {

@@ -12,11 +12,21 @@ namespace wedgescope {
 
 namespace {
 
-/// What spokes_per_post is multiplied by on a line so many `posts` from the nadir; bins hold ten posts `to_wide_bins` from there.
-/// All of them, and the height above ground, of the line's level of detail. Never falls with `posts`.
-double counted_posts(double above_posts, double posts, double to_wide_bins) {
-    const double share = above_posts >= 250 ? 1.0 / 3 : above_posts >= 130 ? 0.5 : 1;
-    return std::max(share * posts, std::min(posts, to_wide_bins));
+/// What spokes_per_post is multiplied by on a line so many `posts` from the nadir, posts of a level of detail; bins hold ten of
+/// them `to_wide_bins` from there. Never falls with `posts`.
+double counted_posts(const Sampling& sampling, double post, double posts, double to_wide_bins) {
+    if (sampling.above_posts / post < 40) return posts;
+    double counted = std::min(posts, to_wide_bins), share = 1, from = 0;
+    const auto up_to = [&](double end) {
+        if (posts > from) counted = std::max(counted, share * std::min(posts, end));
+        from = end;
+    };
+    for (std::size_t i = 0; i < Sampling::quiet_shares.size(); ++i) {
+        up_to(sampling.quiet_posts[i] / post);
+        share = std::max(Sampling::quiet_shares[i], std::min(1.0, Sampling::least_per_post / sampling.spokes_per_post));
+    }
+    up_to(infinite);
+    return counted;
 }
 
 }  // namespace
@@ -138,8 +148,8 @@ double SpokeGrid::needed_spokes(Fan f, const Sampling& sampling, double least, s
         if (&band != &lines.bands.front() && distance(f, band.lines.begin) > dense_to) break;
         const double end = &band == &lines.bands.back() ? dense_to : distance(f, band.lines.end - 1),
                      post = static_cast<double>(std::int64_t{1} << band.level);
-        most = std::max(most, spokes_a_post * counted_posts(sampling.above_posts / post, std::min(dense_to, end) / post,
-                                                            lines.to_wide_bins));
+        most = std::max(
+            most, spokes_a_post * counted_posts(sampling, post, std::min(dense_to, end) / post, lines.to_wide_bins));
     }
     return most;
 }

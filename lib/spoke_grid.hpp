@@ -12,6 +12,7 @@
 // multiples of 2^L. A spoke on the common border of two fans is swept by both, as on a diagonal. Without levels a
 // quadrant is one fan of one band.
 #pragma once
+#include <array>
 #include <cstdint>
 #include <vector>
 
@@ -27,10 +28,15 @@ namespace wedgescope {
 struct Sampling {
     double spokes_per_post = 1;  ///< o: at least so many spokes a post on every line, but for above_posts
     double spokes_per_bin = 2;   ///< and so many an azimuth bin; 2 or more
-    /// The sensor's height over the ground below it, in posts: from 130 on half of spokes_per_post does where a bin holds 20
-    /// posts of a line, from 250 on a third where it holds 30, and up to there no more spokes than where it holds 10. What
-    /// single spokes miss is less there, and averages out. 0: spokes_per_post everywhere.
-    double above_posts = 0;
+    double above_posts = 0;      ///< the sensor's height over the ground below it, in posts
+    /// What single spokes miss averages out where bins are wide, and counts little beside noise: from 40 posts of height on
+    /// spokes grow with the lines up to where a bin holds 10 posts, and from there on only to these shares of
+    /// spokes_per_post, where even what shines stays below 100, 30, 10 and 1 times the noise; but to three spokes in ten
+    /// posts, for what is in shadow is told apart below the noise too.
+    static constexpr std::array<double, 4> quiet_above{100, 30, 10, 1},
+        quiet_shares{1.0 / 2, 1.0 / 3, 1.0 / 4, 1.0 / 6};
+    static constexpr double least_per_post = 0.3;
+    std::array<double, 4> quiet_posts{infinite, infinite, infinite, infinite};  ///< beyond these distances, in posts
     /// How many times a line's distance spokes are dense enough for. A spoke that a doubling puts between two starts from
     /// the mean of their horizons, which is wrong until ground of its own hides more.
     double lead = 1;

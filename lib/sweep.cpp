@@ -115,7 +115,40 @@ WEDGESCOPE_LANES_PART Rises any_step(StepTo target, std::size_t n, const StepSce
     return near_sensor ? step<StepTo::crossing, true>(n, scene, lanes) : step<StepTo::crossing, false>(n, scene, lanes);
 }
 
+WEDGESCOPE_LANES_PART int join(std::size_t n, const JoinLanes& lanes) noexcept {
+    const double *__restrict horizon = lanes.first.sine0, *__restrict rise0 = lanes.first.rise,
+                 *__restrict swing0 = lanes.first.swing;
+    double *__restrict code0 = lanes.first.code, *__restrict sine0 = lanes.second.sine0, *__restrict rise = lanes.second.rise,
+           *__restrict swing = lanes.second.swing;
+    const double* __restrict code1 = lanes.second.code, * __restrict range0 = lanes.range0, * __restrict x0 = lanes.x0, * __restrict range = lanes.range_m, * __restrict x = lanes.x, * __restrict range1 = lanes.range1, * __restrict sine1 = lanes.sine1, * __restrict x1 = lanes.x1;
+    double* __restrict start_range = lanes.start_range, * __restrict start_x = lanes.start_x;
+    int alone = 0;
+    WEDGESCOPE_INDEPENDENT
+    for (std::size_t i = 0; i < n; ++i) {
+        const auto truth = [](bool b) { return b ? 1.0 : 0.0; };
+        // In parts of what both rise and of the way that both go. The middle of a piece of bow b lies b/6 before its half-way
+        // point.
+        const double way = x1[i] - x0[i], first = (x[i] - x0[i]) / way, second = 1 - first,
+                     most = sine1[i] - horizon[i], upto = (sine0[i] - horizon[i]) / most, beyond = 1 - upto;
+        const double bow =
+            3 * (second - beyond) + upto * first * (swing0[i] / rise0[i]) + beyond * second * (swing[i] / rise[i]);
+        const double both = truth(code0[i] == 1) * truth(code1[i] == 1) * truth(first >= 0) * truth(first <= 1) *
+                            truth(bow >= -1) * truth(bow <= 1) * truth(range1[i] <= most_range_ratio * range0[i]) *
+                            truth(range0[i] <= most_range_ratio * range1[i]) * truth(most <= most_sine_step);
+        code0[i] = both > 0 ? 0.0 : code0[i];
+        sine0[i] = both > 0 ? horizon[i] : sine0[i];
+        rise[i] = both > 0 ? 1.0 : rise[i];
+        swing[i] = both > 0 ? bow : swing[i];
+        start_range[i] = both > 0 ? range0[i] : range[i];
+        start_x[i] = both > 0 ? x0[i] : x[i];
+    }
+    for (std::size_t i = 0; i < n; ++i) alone += code0[i] == 1 ? 1 : 0;
+    return alone;
+}
+
 }  // namespace
+
+int join_lanes(std::size_t n, const JoinLanes& lanes) noexcept { return on_target<join>(n, lanes); }
 
 Rises step_lanes(StepTo target, std::size_t n, const StepScene& scene, const StepLanes& lanes) noexcept {
     return on_target<any_step>(target, n, scene, lanes);

@@ -6,13 +6,10 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <limits>
 
 #include "lib/sample.hpp"
 
 namespace wedgescope {
-
-inline constexpr double infinite = std::numeric_limits<double>::infinity();
 
 /// A point in the sensor's vertical plane: `up_m` above and `out_m` along its local horizontal.
 ///   up  = (h - hs) - q (Re + h)    out = (Re + h) sin(theta)    theta = s / Re, q = 2 sin^2(theta / 2)
@@ -105,6 +102,22 @@ struct Rises {
     int plain = 0, changes = 0;  ///< how many have code 1, and 2
 };
 Rises step_lanes(StepTo target, std::size_t n, const StepScene& scene, const StepLanes& lanes) noexcept;
+
+/// Spokes' plain pieces (code 1) up to the other axis' lines, `first`, and from there to the line ahead, `second`. Where a spoke
+/// has both they become one, with the power of both and its middle where theirs is, if there is such a parabola: as `second`,
+/// with code 0 for the first.
+struct JoinLanes {
+    struct Part {
+        double *sine0, *rise, *swing, *code;  ///< as StepLanes
+    };
+    Part first, second;                 ///< in, out; of the first only code is written
+    const double *range0, *x0;          ///< in: where the first ones start
+    const double *range_m, *x;          ///< in: where they end and the second ones start
+    const double *range1, *sine1, *x1;  ///< in: where those end
+    double *start_range, *start_x;      ///< out: where the second ones, joined or not, start
+};
+/// How many of `first` stay alone.
+int join_lanes(std::size_t n, const JoinLanes& lanes) noexcept;
 
 /// Slant range at which the straight ray of elevation `sine` passes over arc s.
 double ray_range_m(double sensor_m, double arc_m, double sine, double inverse_radius);

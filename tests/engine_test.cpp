@@ -10,6 +10,7 @@
 #include "lib/front.hpp"
 #include "lib/material.hpp"
 #include "lib/plan.hpp"
+#include "lib/radar_equation.hpp"
 #include "lib/shade.hpp"
 #include "tests/bare_scene.hpp"
 #include "tests/terrain.hpp"
@@ -603,6 +604,52 @@ TEST_CASE("no wedge holds more than the plan grants it", "[engine][plan][long]")
         }
     }
     CHECK(fullest > 0.8);  // and the grant is no wild guess
+}
+
+TEST_CASE("ground is quiet from where the radar equation has it below the noise", "[engine][spoke_grid]") {
+    MemorySource source(400, 400, 30, test::rolling(300, 90, 5));
+    Scene s;
+    s.platform.xy = PointXY{30 * 200, -30 * 200};
+    s.platform.altitude_m = 3000;
+    s.range_m = 400000;
+    const auto quiet = [&] { return sampling_of(resolve(s, source), source.data_base()).quiet_posts; };
+    for (const double width_deg : {1.5, 6.0}) {
+        s.radar.antenna.beam = Angle::degrees(width_deg);
+        s.radar.transmit_power_w = 50e3;
+        const std::array<double, 4> posts = quiet();
+        for (std::size_t i = 0; i < posts.size(); ++i) {
+            REQUIRE(posts[i] < 400000 / 30.0);
+            // A slope of a half that faces a sensor almost on the horizon of it: its grazing angle and what the beam and pulse
+            // cut out of it.
+            const double range = 30 * posts[i];
+            const Angle grazing = Angle::radians(std::atan(0.5) + 3000 / range);
+            const double gamma = gamma_table(s.radar.frequency_hz, {})[source.data_base().default_class].ground,
+                         area = cell_area(s.radar.antenna.beam, Angle::degrees(90), s.radar.pulse_extent_m(), range,
+                                          grazing)
+                                    .pulse_m2,
+                         gain = elevation_pattern(s.radar.antenna, 3000 / range + range / (2 * 4.0 / 3 * 6371000)),
+                         power =
+                             received_power_w(s.radar, gain, gamma * std::sin(grazing.rad()) * area, range, Decibel(0));
+            INFO(width_deg << " degrees, " << posts[i] << " posts");
+            CHECK(power / s.radar.noise_power_w() < Sampling::quiet_above[i]);
+            CHECK(power / s.radar.noise_power_w() > 0.25 * Sampling::quiet_above[i]);
+        }
+        // Ten times the power: ten times the echo.
+        s.radar.transmit_power_w *= 10;
+        CHECK(quiet()[0] == posts[2]);
+        CHECK(quiet()[1] > posts[1]);
+    }
+    s.radar.transmit_power_w = 50e3;
+    // Nobody knows, of laws that hang on the angle; and classes may shine.
+    const std::array<double, 4> bare = quiet();
+    s.land = LandModel::ulaby_dobson;
+    CHECK(quiet() == Sampling{}.quiet_posts);
+    s.land = LandModel::constant_gamma;
+    source.set_classes([](double, double) { return 1; });
+    for (std::size_t i = 0; i < bare.size(); ++i) CHECK(quiet()[i] > bare[i]);
+    // From the ground up, and where a number of spokes is asked for, none of it counts.
+    s.spokes_per_post = 1;
+    CHECK(sampling_of(resolve(s, source), source.data_base()).above_posts == 0);
 }
 
 TEST_CASE("a run reads and holds what its plan says, if nothing is left out", "[engine][plan]") {

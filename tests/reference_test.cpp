@@ -26,6 +26,7 @@ struct Case {
     double range_m = 30000;
     bool above_ground = false;  ///< the altitude
     int azimuth_bins = 960;     ///< four a beam
+    double power_w = 50e3;      ///< transmitted
     double beam_deg() const { return 4 * 360.0 / azimuth_bins; }
 };
 
@@ -43,6 +44,7 @@ std::vector<Outcome> compare(const Case& c, const std::vector<Quality>& qualitie
     if (c.above_ground) s.platform.altitude_above = AltitudeAbove::ground;
     s.azimuth_bins = c.azimuth_bins;
     s.radar.antenna.beam = Angle::degrees(c.beam_deg());
+    s.radar.transmit_power_w = c.power_w;
     s.range_m = c.range_m;
     // From where the beam is two posts wide: what the promises are for.
     s.range_start_m = 2 * 30 / s.radar.antenna.beam.rad();
@@ -72,6 +74,7 @@ std::vector<Outcome> compare(const Case& c, const std::vector<Quality>& qualitie
     r.lon_deg = c.lon;
     r.azimuth_bins = c.azimuth_bins;
     r.beamwidth_deg = c.beam_deg();
+    r.transmit_power_w = c.power_w;
     r.rays_per_bin = 48 * 960 / c.azimuth_bins;
     r.first_azimuth_bin = c.first_bin;
     r.azimuth_count = c.bins;
@@ -150,8 +153,12 @@ TEST_CASE("inland_empire from 30 m above ground, beam of 6 degrees: tails of the
            240});
 }
 
-TEST_CASE("inland_empire from 8000 m above ground, beam of 12 degrees: a third of the spokes in wide bins",
-          "[reference]") {
+TEST_CASE("inland_empire from 1300 m above ground, a weak radar: fewer spokes in wide bins", "[reference]") {
+    check({"inland_empire 1300 m, 6 deg", "inland_empire_dem.tif", "", "", 1, 33.93, -117.33, 1300, 120, 60, 35000,
+           true, 240, 1e3});
+}
+
+TEST_CASE("inland_empire from 8000 m above ground, beam of 12 degrees", "[reference]") {
     check({"inland_empire 8000 m, 12 deg", "inland_empire_dem.tif", "inland_empire_culture.tif",
            "inland_empire_canopy.tif", 0.1, 33.93, -117.33, 8000, 60, 30, 35000, true, 120});
 }
