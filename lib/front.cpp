@@ -69,7 +69,7 @@ Front::Front(const SweepScene& scene, const SpokeRun& run, WedgeCells& cells)
       needs_facets_(!scene.laws->constant()), directional_(scene.laws->directional()),
       shore_(scene.shore && scene.shore->on() && scene.data_base->has_culture ? scene.shore : nullptr),
       at_once_(shore_ || scene.with_depression || scene.data_base->has_culture_height),
-      joins_(plain_ground_ && !at_once_ && !needs_facets_), quadrant_(run.quadrant), fan_(run.own_fan()),
+      may_join_(plain_ground_ && !at_once_ && !needs_facets_), quadrant_(run.quadrant), fan_(run.own_fan()),
       line_end_(scene.grid->line_count(fan_)), culture_(*scene.data_base, scene.source) {
     for (auto* samples : {&now_, &crossing_, &ahead_}) samples->resize(tile_lanes);
     for (auto* v : {&cell_, &bump_, &start_range_, &start_x_}) v->resize(tile_lanes);
@@ -388,6 +388,9 @@ void Front::advance_line(std::int64_t line, const Between& between, std::size_t 
     if (unseeing && passes_line(between, begin, end)) return;
     refresh(between, begin, end);
     if (scene_->sampling.cross_lines && between.adjacent) {
+        // Where a bin has many posts, and four of range (a pulse) two.
+        const double post_m = std::max(grid.map().metres_per_post(quadrant_, 0), minor_post_m_) * post_;
+        joins_ = may_join_ && grid.wide_bins(fan_, line) && 2 * scene_->range_bin_m >= post_m;
         for (;;) {
             cost_.clock.enter(StageClock::sample);
             const int crossed = cross_lanes(

@@ -328,8 +328,9 @@ private:
     bool needs_facets_;      // some law depends on the angle
     bool directional_;       // some class on the azimuth
     const FarShore* shore_;  // null: no bank is brightened
-    bool at_once_;  // pieces do not wait: what becomes of them hangs on their line, or on their order along a spoke
-    bool joins_;    // those on both sides of the other axis' lines may be one: nothing tells them apart but their way
+    bool at_once_;   // pieces do not wait: what becomes of them hangs on their line, or on their order along a spoke
+    bool may_join_;  // pieces on both sides of the other axis' lines: nothing tells them apart but their way
+    bool joins_ = false;       // and what becomes of their shapes averages out, up to the line ahead
     double minor_post_m_ = 1;  // metres of a post along the lines, at the sensor
     Quadrant quadrant_;
     Fan fan_;

@@ -69,7 +69,8 @@ void Front::keep_pieces(std::size_t n, std::size_t lane, const Between& between,
 }
 
 void Front::keep_crossed(std::size_t n, std::size_t lane, const Between& between) {
-    // now_ stands where they end, crossing_ where they start.
+    // now_ stands where they end, crossing_ where they start: nobody else asks for it while they wait.
+    assert(joins_);
     make_room(between);
     keep_pieces(n, lane, between, crossing_.lanes(0), now_.lanes(0), crossed_);
     waiting_ = 0;

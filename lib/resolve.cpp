@@ -284,30 +284,65 @@ double most_gamma(const Scene& scene, const DataBase& db) {
     return most;
 }
 
+/// Metres between neighbouring posts below the sensor, along rows or along columns, whichever are nearer.
+double least_post_m(const ResolvedScene& s, const DataBase& db) {
+    const double plain_m = std::min(std::abs(db.step_x), std::abs(db.step_y)) * db.metres_a_unit();
+    const auto here =
+        db.lat_lon && s.geometry == Geometry::geodesic ? db.lat_lon(s.nadir.column, s.nadir.row) : std::nullopt;
+    if (!here) return plain_m;
+    const auto to = [&](double columns, double rows) {
+        const auto there = db.lat_lon(s.nadir.column + columns, s.nadir.row + rows);
+        double metres = plain_m;
+        if (there)
+            GeographicLib::Geodesic::WGS84().Inverse(here->first, here->second, there->first, there->second, metres);
+        return metres;
+    };
+    return std::min(to(1, 0), to(0, 1));
+}
+
+/// A radar with the power and the gain of a scene, for which its bins would be chosen, but with at least the beam and the pulse of
+/// RadarParams, and with their receiver: nothing that may be set again over a stored echo.
+RadarParams like_bins_of(const ResolvedScene& s) {
+    const RadarParams usual;
+    RadarParams radar = s.scene.radar;
+    constexpr double bins = 4;  // a beam and a pulse
+    const double beam_rad = bins * 2 * std::numbers::pi / static_cast<double>(s.swept.circle_bins),
+                 pulses = bins * s.swept.range_bin_m / usual.pulse_extent_m();
+    radar.antenna.beam = Angle::radians(std::max(beam_rad, usual.antenna.beam.rad()));
+    radar.pulse_s = std::max(1.0, pulses) * usual.pulse_s;
+    radar.bandwidth_hz = usual.bandwidth_hz;
+    radar.noise_figure = usual.noise_figure;
+    return radar;
+}
+
 /// Power of a cell `range_m` off whose ground rises towards the sensor by half: of its gamma, with the antenna's most towards
-/// anything from the level of the ground below to that of the sensor. Source: physics "Radar equation", d(sin e) telescoped
-/// over the pulse: (h / r + slope) / r of its length.
-double bright_echo_w(const ResolvedScene& s, double gamma, double range_m) {
-    constexpr double slope = 0.5;
-    const RadarParams& radar = s.scene.radar;
-    const double h = std::max(0.0, s.sensor_m - s.reference_m),
-                 depression = std::min(std::numbers::pi / 2, h / range_m + 0.5 * range_m * s.earth.inverse_radius());
-    double gain = 0;
-    constexpr int steps = 16;
-    for (int i = 0; i <= steps; ++i) gain = std::max(gain, elevation_pattern(radar.antenna, depression * i / steps));
+/// anything from 1500 m below the ground under the sensor to 1500 m above. Source: physics "Radar equation", d(sin e)
+/// telescoped over the pulse: (h / r + slope) / r of its length.
+double bright_echo_w(const ResolvedScene& s, const RadarParams& radar, double gamma, double range_m) {
+    constexpr double slope = 0.5, relief_m = 1500;
+    const double h = std::max(0.0, s.sensor_m - s.reference_m), sunk = 0.5 * range_m * s.earth.inverse_radius();
+    const auto depression = [&](double below_m) {
+        return std::clamp(std::atan2(below_m, range_m) + sunk, -std::numbers::pi / 2, std::numbers::pi / 2);
+    };
+    const double least = depression(h - relief_m), most = depression(h + relief_m),
+                 peak = radar.antenna.tilt.rad() + radar.antenna.knee.rad();
+    double gain = elevation_pattern(radar.antenna, std::clamp(peak, least, most));
+    constexpr int steps = 64;
+    for (int i = 0; i <= steps; ++i)
+        gain = std::max(gain, elevation_pattern(radar.antenna, least + (most - least) * i / steps));
     return radar_constant(radar) * gamma * gain * gain * radar.antenna.beam.rad() * radar.pulse_extent_m() *
            (h / range_m + slope) / (range_m * range_m * range_m);
 }
 
-/// Sampling::quiet_posts. What may hang on the angle is never quiet.
-std::array<double, 4> quiet_posts(const ResolvedScene& s, const DataBase& db, double post_m) {
+/// Sampling::quiet_posts. What may hang on the angle or shine by way of water is never quiet.
+std::array<double, 4> quiet_posts(const ResolvedScene& s, const DataBase& db) {
     std::array<double, 4> quiet = Sampling{}.quiet_posts;
-    const double gamma = most_gamma(s.scene, db), h = s.sensor_m - s.reference_m;
-    if (!(gamma < infinite)) return quiet;
+    const double gamma = most_gamma(s.scene, db), post_m = least_post_m(s, db), h = s.sensor_m - s.reference_m;
+    if (!(gamma < infinite) || s.scene.far_shore || !(post_m > 0)) return quiet;
+    const RadarParams radar = like_bins_of(s);
     for (double posts = 16; posts * post_m < *s.scene.range_m; posts *= 1.125) {
-        // As the same number on every machine, whatever its libm.
-        const double ratio =
-            rounded_significand(bright_echo_w(s, gamma, std::hypot(posts * post_m, h)) / s.noise_power_w, 30);
+        const double echo_w = bright_echo_w(s, radar, gamma, std::hypot(posts * post_m, h)),
+                     ratio = rounded_significand(echo_w / radar.noise_power_w(), 30);
         for (std::size_t i = 0; i < quiet.size(); ++i) {
             if (ratio >= Sampling::quiet_above[i])
                 quiet[i] = infinite;
@@ -326,9 +361,7 @@ Sampling sampling_of(const ResolvedScene& scene, const DataBase& db) {
     const bool steps = db.has_culture_height || (db.has_culture && !raises_m(scene.scene, db).empty());
     Sampling own = sampling(scene.scene, steps, (scene.sensor_m - scene.reference_m) / post_m);
     if (!scene.nadir_on_data) own.above_posts = 0;  // nobody knows above what
-    if (own.above_posts > 0)
-        own.quiet_posts =
-            quiet_posts(scene, db, std::min(std::abs(db.step_x), std::abs(db.step_y)) * db.metres_a_unit());
+    if (own.above_posts > 0) own.quiet_posts = quiet_posts(scene, db);
     return own;
 }
 

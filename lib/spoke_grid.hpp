@@ -31,9 +31,9 @@ struct Sampling {
     double above_posts = 0;      ///< the sensor's height over the ground below it, in posts
     /// What single spokes miss averages out where bins are wide, and counts little beside noise: from 40 posts of height on
     /// spokes grow with the lines up to where a bin holds 10 posts, and from there on only to these shares of
-    /// spokes_per_post, where even what shines stays below 100, 30, 10 and 1 times the noise; but to three spokes in ten
+    /// spokes_per_post, where even what shines stays below 50, 15, 5 and half of the noise that a usual receiver has; but to three spokes in ten
     /// posts, for what is in shadow is told apart below the noise too.
-    static constexpr std::array<double, 4> quiet_above{100, 30, 10, 1},
+    static constexpr std::array<double, 4> quiet_above{50, 15, 5, 0.5},
         quiet_shares{1.0 / 2, 1.0 / 3, 1.0 / 4, 1.0 / 6};
     static constexpr double least_per_post = 0.3;
     std::array<double, 4> quiet_posts{infinite, infinite, infinite, infinite};  ///< beyond these distances, in posts
@@ -151,6 +151,10 @@ public:
     int level(Fan f, std::int64_t line) const { return band_of(f, line).level; }
     /// From the nadir to a line, posts of the raster; above 0.
     double distance(Fan f, std::int64_t line) const;
+    /// Does an azimuth bin hold ten posts or more there, of the line's level?
+    bool wide_bins(Fan f, std::int64_t line) const {
+        return distance(f, line) >= of(f).to_wide_bins * static_cast<double>(std::int64_t{1} << level(f, line));
+    }
     /// At least one ring, also where a fan has no line. One may have no lines: the number of spokes doubles at once again.
     const std::vector<Ring>& rings(Fan f) const { return of(f).rings; }
     const std::vector<Band>& bands(Fan f) const { return of(f).bands; }

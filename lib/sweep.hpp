@@ -104,7 +104,7 @@ struct Rises {
 Rises step_lanes(StepTo target, std::size_t n, const StepScene& scene, const StepLanes& lanes) noexcept;
 
 /// Spokes' plain pieces (code 1) up to the other axis' lines, `first`, and from there to the line ahead, `second`. Where a spoke
-/// has both they become one, with the power of both and its middle where theirs is, if there is such a parabola: as `second`,
+/// has both they become one, with what both rise and the middle of that where theirs is, if there is such a parabola: as `second`,
 /// with code 0 for the first.
 struct JoinLanes {
     struct Part {
