@@ -13,9 +13,9 @@ namespace {
 
 // Gauss-Legendre, 8 points: the positive abscissas on [-1, 1] and their weights (Abramowitz & Stegun, table 25.4).
 constexpr std::array<double, 4> gauss8_x{0.183434642495649805, 0.525532409916328986, 0.796666477413626740,
-                                           0.960289856497536232};
+                                         0.960289856497536232};
 constexpr std::array<double, 4> gauss8_w{0.362683783378361983, 0.313706645877887287, 0.222381034453374471,
-                                           0.101228536290376259};
+                                         0.101228536290376259};
 
 /// Sines of elevation, ascending, at which the elevation pattern changes its course: what a panel of the quadrature must not hide.
 struct PatternSines {
