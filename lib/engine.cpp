@@ -110,6 +110,7 @@ struct Setting {
     const DataBase& data_base;
     SpokeMap map;
     DetailLevels levels;
+    Sampling sampling;
     SpokeGrid grid;
     std::shared_ptr<const SceneTables> tables;
     Quanta cells;
@@ -132,13 +133,13 @@ struct Setting {
             const PathLossTable* loss = nullptr)
         : scene(s), data_base(source.data_base()), map(data_base, swept_map_params(s, data_base)),
           levels(choose_levels(s, source, map)),
-          grid(data_base, map, sampling_of(s, data_base), s.swept.circle_bins, levels),
+          sampling(sampling_of(s, data_base)), grid(data_base, map, sampling, s.swept.circle_bins, levels),
           tables(made ? std::move(made) : std::make_shared<const SceneTables>(s.scene)),
           cells(quanta(s.swept.range_bins, s.swept.range_bin_m, radar_constant(s.scene.radar), tables->pattern.most(),
                        grid.azimuth_step_rad(), tables->laws.most() * tables->shore.most())) {
         sweep.data_base = &data_base;
         sweep.grid = &grid;
-        sweep.sampling = sampling_of(s, data_base);
+        sweep.sampling = sampling;
         sweep.sensor_m = s.sensor_m;
         sweep.reference_m = s.reference_m;
         sweep.nadir_surface_m = s.nadir_on_data ? s.nadir_surface_m : std::numeric_limits<double>::quiet_NaN();

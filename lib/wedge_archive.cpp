@@ -33,7 +33,6 @@ std::vector<Fact> echo_facts(const ResolvedScene& s, const DataBase& db) {
     add("spokes-per-post", sampled.spokes_per_post);
     add("spokes-per-bin", sampled.spokes_per_bin);
     add("posts above", sampled.above_posts);
-    for (const double posts : sampled.quiet_posts) add("quiet from", posts);
     add("spoke-lead", sampled.lead);
     add("crossings", sampled.cross_lines);
     add("course", sampled.exact_course ? "curved" : "straight");

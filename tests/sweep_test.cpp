@@ -159,19 +159,20 @@ TEST_CASE("neighbouring spokes are as dense as a line so many times as far off n
                                       .quiet_posts = high.quiet_posts,
                                       .lead = lead},
                                      180);
-                // Where bins of two degrees are 10 posts wide. What any line up to there needs, a quarter of a post after the other.
+                // Where bins of two degrees are 10 posts wide.
                 const double wide = 10 / (std::numbers::pi / 90);
-                std::vector<double> needs{0};
-                for (double d = 0.25; d < 2500; d += 0.25) {
-                    double share = 1;
+                const auto share = [&](double posts) {
+                    double found = 1;
                     for (const auto& [from, of] : high.shares)
-                        if (d > from) share = std::max(of, std::min(1.0, 0.3 / spokes_per_post));
-                    needs.push_back(std::max(needs.back(), d <= wide ? d : share * d));
-                }
+                        if (posts > from) found = std::max(of, std::min(1.0, 0.3 / spokes_per_post));
+                    return found;
+                };
+                // What a line needs, and those before it, whose share is greater: most where it is about to fall.
                 const auto spokes_for = [&](double posts) {
-                    const double place = posts * 4, at = std::floor(place);
-                    const auto i = static_cast<std::size_t>(at);
-                    return spokes_per_post * (needs[i] + (place - at) * (needs[i + 1] - needs[i]));
+                    double most = std::max(std::min(posts, wide), share(posts) * posts);
+                    for (const auto& [from, of] : high.shares)
+                        if (from < posts) most = std::max(most, share(from) * from);
+                    return spokes_per_post * most;
                 };
                 for (const Quadrant q : all_quadrants) {
                     std::int64_t next = 0, before = 0;
@@ -186,7 +187,7 @@ TEST_CASE("neighbouring spokes are as dense as a line so many times as far off n
                         // One without lines: the number of spokes doubles at once again.
                         CHECK(ring.lines.begin <= ring.lines.end);
                         if (before > 0) CHECK(ring.spokes == 2 * before);
-                        CHECK(spokes >= needed(ring.lines.end - 1) * 0.999);
+                        CHECK(spokes >= needed(ring.lines.end - 1));
                         // No more than that: half of them would not do for the ring's first line.
                         if (before > 0) CHECK(spokes / 2 < needed(ring.lines.begin) * 1.001);
                         CHECK(ring.spokes > before);
