@@ -112,6 +112,18 @@ TEST_CASE("freed blocks stay up to what is kept, and go back to the system beyon
     CHECK(kept < before + 2 * block + (std::size_t{4} << 20));
     keep_large_blocks(0);
     CHECK(resident_bytes() < before + (std::size_t{4} << 20));
+    // More of them as long as no more is held than was before: all that hold_and_free() had at a time.
+    constexpr std::size_t peak = 5 * block;
+    keep_large_blocks(0, 4 * block);
+    hold_and_free();
+    CHECK(resident_bytes() > before + 3 * block);
+    CHECK(resident_bytes() < before + 4 * block + (std::size_t{4} << 20));
+    const Block large{static_cast<unsigned char*>(::operator new(3 * block)), 3 * block, 3};
+    fill(large);
+    CHECK(resident_bytes() < before + peak + (std::size_t{4} << 20));
+    ::operator delete(large.at);
+    keep_large_blocks(0);
+    CHECK(resident_bytes() < before + (std::size_t{4} << 20));
     keep_large_blocks(std::size_t{8} << 20);
 }
 

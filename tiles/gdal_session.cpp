@@ -148,7 +148,8 @@ GdalSession::GdalSession(std::size_t cache_bytes, const std::vector<std::pair<st
         static_cast<int>(std::clamp<std::size_t>(cache_bytes / 8, std::size_t{1} << 20, std::size_t{8} << 20));
     mallopt(M_MMAP_THRESHOLD, large);
     mallopt(M_TRIM_THRESHOLD, 2 * large);
-    keep_large_blocks(std::max(static_cast<std::size_t>(large), std::size_t{2} << 20));
+    keep_large_blocks(std::max(static_cast<std::size_t>(large), std::size_t{2} << 20),
+                      std::min(cache_bytes, std::size_t{64} << 20));
     for (const auto& [key, value] : config)
         if (key.empty()) throw InputError(text("config '=", value, "' has no name; accepted: --config NAME=VALUE"));
     {

@@ -4,13 +4,14 @@
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
 
 namespace wedgescope {
-void keep_large_blocks(std::size_t) {}
+void keep_large_blocks(std::size_t, std::size_t) {}
 }  // namespace wedgescope
 
 #else
 
 #include <sys/mman.h>
 
+#include <algorithm>
 #include <array>
 #include <bit>
 #include <cstdint>
@@ -72,6 +73,7 @@ public:
                 block.part = 0;
                 block.kept = true;
                 kept_bytes_ += block.pages * page;
+                used_bytes_ -= block.pages * page;
                 drop();
             }
             return true;
@@ -79,9 +81,10 @@ public:
         return false;
     }
 
-    void keep(std::size_t bytes) noexcept {
+    void keep(std::size_t bytes, std::size_t most) noexcept {
         const std::lock_guard lock(mutex_);
-        most_kept_ = bytes;
+        always_kept_ = bytes;
+        most_kept_ = most;
         drop();
     }
 
@@ -101,6 +104,7 @@ private:
             if (block.kept && block.pages == pages) {
                 block.kept = false;
                 kept_bytes_ -= pages * page;
+                use(pages);
                 return &block;
             }
             if (!block.at && !room) room = &block;
@@ -112,7 +116,14 @@ private:
         // was asked for.
         if (bytes >= page) ::madvise(at, bytes / page * page, MADV_HUGEPAGE);
         *room = {at, pages};
+        use(pages);
+        drop();
         return room;
+    }
+
+    void use(std::size_t pages) noexcept {
+        used_bytes_ += pages * page;
+        most_used_ = std::max(most_used_, used_bytes_);
     }
 
     static void* map(std::size_t pages) noexcept {
@@ -126,9 +137,13 @@ private:
         return begin + before;
     }
 
+    bool may_keep() const noexcept {
+        return kept_bytes_ <= always_kept_ || (kept_bytes_ <= most_kept_ && used_bytes_ + kept_bytes_ <= most_used_);
+    }
+
     void drop() noexcept {
         for (Block& block : blocks_) {
-            if (kept_bytes_ <= most_kept_) return;
+            if (may_keep()) return;
             if (!block.kept) continue;
             ::munmap(block.at, block.pages * page);
             kept_bytes_ -= block.pages * page;
@@ -138,7 +153,8 @@ private:
 
     std::mutex mutex_;
     std::array<Block, 256> blocks_{};
-    std::size_t kept_bytes_ = 0, most_kept_ = 4 * page;
+    std::size_t kept_bytes_ = 0, used_bytes_ = 0, most_used_ = 0;
+    std::size_t always_kept_ = 4 * page, most_kept_ = 0;
 };
 
 /// Never destroyed: blocks are freed up to the very end.
@@ -160,7 +176,7 @@ void release(void* block) noexcept {
 
 }  // namespace
 
-void keep_large_blocks(std::size_t bytes) { large_blocks().keep(bytes); }
+void keep_large_blocks(std::size_t bytes, std::size_t most) { large_blocks().keep(bytes, most); }
 
 }  // namespace wedgescope
 

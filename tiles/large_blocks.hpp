@@ -9,7 +9,8 @@
 
 namespace wedgescope {
 
-/// Freed blocks of so many bytes together, at most, stay with the program.
-void keep_large_blocks(std::size_t bytes);
+/// Freed blocks of so many bytes together, at most, stay with the program; and up to `most` bytes of them as long as
+/// those in use and those kept are together no more than were once in use at a time: the peak does not rise by these.
+void keep_large_blocks(std::size_t bytes, std::size_t most = 0);
 
 }  // namespace wedgescope

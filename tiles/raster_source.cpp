@@ -153,7 +153,7 @@ LoadCost RasterSource::cost(const ChunkRequest& request) const {
     const auto posts = static_cast<std::uint64_t>(request.window.posts());
     LoadCost cost{posts, posts * static_cast<std::uint64_t>(terrain_->facts().type_bytes), posts * sizeof(float), 0};
     const std::int64_t width = request.window.columns.size(), rows = request.window.rows.size();
-    const auto slab = static_cast<std::size_t>(width * std::min(rows, std::max<std::int64_t>(1, slab_posts / width)));
+    const auto slab = static_cast<std::size_t>(width * std::min(rows, slab_rows(width)));
     cost.beside_bytes = request.lines_are_columns ? slab * sizeof(float) : 0;
     if (request.level > 0) {
         cost.beside_bytes += terrain_->level_bytes();
@@ -342,10 +342,16 @@ std::vector<Run> RasterSource::terrain_runs(Interval columns) const {
     return runs(source, 1);
 }
 
-std::vector<Interval> RasterSource::slabs(Interval rows, std::int64_t width) const {
+std::int64_t RasterSource::slab_rows(std::int64_t width) const {
     const std::int64_t block = data_base_.block_rows;
-    std::int64_t high = std::max<std::int64_t>(1, slab_posts / width);
-    if (high >= block) high = high / block * block;
+    // What the near caches hold, but whole blocks.
+    constexpr std::int64_t near_posts = slab_posts / 4;
+    const std::int64_t high = near_posts / width;
+    return high >= block ? high / block * block : std::max<std::int64_t>(1, std::min(block, slab_posts / width));
+}
+
+std::vector<Interval> RasterSource::slabs(Interval rows, std::int64_t width) const {
+    const std::int64_t block = data_base_.block_rows, high = slab_rows(width);
     std::vector<Interval> found;
     for (std::int64_t r = rows.begin; r < rows.end;) {
         std::int64_t end = r + high;

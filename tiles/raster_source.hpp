@@ -78,6 +78,8 @@ protected:
     std::vector<Run> terrain_runs(Interval columns) const;
 
     /// Rows read at a time for a window so wide: whole rows of blocks where they fit.
+    /// Rows that are read, and turned where lines are columns, at a time.
+    std::int64_t slab_rows(std::int64_t width) const;
     std::vector<Interval> slabs(Interval rows, std::int64_t width) const;
 
     /// Row-major `from` (rows x width) into lines of columns of `minor` posts, from post `at` of each line on.
