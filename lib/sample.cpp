@@ -1,15 +1,11 @@
 #include "lib/sample.hpp"
 
 #include <algorithm>
-#include <cstring>
-#include <limits>
 
 #include "lib/lanes.hpp"
 
 namespace wedgescope {
 namespace {
-
-constexpr float missing = std::numeric_limits<float>::quiet_NaN();
 
 WEDGESCOPE_LANES_PART void place(const SpokeMap::LinePiece& piece, double nadir_minor, double distance,
                                  std::size_t n, const double* __restrict slopes,
@@ -75,52 +71,9 @@ WEDGESCOPE_LANES_PART int cross(std::size_t n, const Crossing& crossing) noexcep
     return count;
 }
 
-WEDGESCOPE_LANES_PART void cells(const LinePosts& behind, const LinePosts& ahead, std::size_t n,
-                                 const double* __restrict minor0, const double* __restrict minor1,
-                                 const CellLanes& out) noexcept {
-    constexpr std::size_t block = 64;
-    double* __restrict cell = out.cell;
-    // Both windows are cut from one raster, but not always to the same posts.
-    const std::int64_t begin = std::max(behind.begin, ahead.begin), end = std::min(behind.end, ahead.end);
-    const double first = static_cast<double>(begin);
-    const float *back = behind.posts + (begin - behind.begin), *front = ahead.posts + (begin - ahead.begin);
-    const auto count = static_cast<int>(end - begin);
-    int index[block];
-    for (std::size_t at = 0; at < n; at += block) {
-        const std::size_t m = std::min(block, n - at);
-        WEDGESCOPE_INDEPENDENT
-        for (std::size_t i = 0; i < m; ++i) {
-            const double y = 0.5 * (minor0[at + i] + minor1[at + i]);
-            const double t = static_cast<double>(static_cast<int>(y));
-            const double floor = t > y ? t - 1 : t;
-            cell[at + i] = floor;
-            index[i] = static_cast<int>(floor - first);
-        }
-        int least = index[0], most = index[0];
-        for (std::size_t i = 0; i < m; ++i) {
-            least = std::min(least, index[i]);
-            most = std::max(most, index[i]);
-        }
-        float* __restrict b = out.behind + 2 * at, * __restrict a = out.ahead + 2 * at;
-        if (least >= 0 && most + 1 < count) {
-            for (std::size_t i = 0; i < m; ++i) {
-                std::memcpy(b + 2 * i, back + index[i], 2 * sizeof(float));
-                std::memcpy(a + 2 * i, front + index[i], 2 * sizeof(float));
-            }
-        } else {
-            for (std::size_t i = 0; i < m; ++i)
-                for (const int side : {0, 1}) {
-                    const std::int64_t j = begin + index[i] + side;
-                    b[2 * i + static_cast<std::size_t>(side)] = behind.has(j) ? behind.at(j) : missing;
-                    a[2 * i + static_cast<std::size_t>(side)] = ahead.has(j) ? ahead.at(j) : missing;
-                }
-        }
-    }
-}
-
 }  // namespace
 
-LinePosts no_posts() { return {&missing, 0, 0}; }
+LinePosts no_posts() { return {&no_post, 0, 0}; }
 
 void place_lanes(const SpokeMap::LinePiece& piece, double nadir_minor, double distance, std::size_t n,
                  const double* slope, const double* metres_per_post, double* minor, double* arc_m) noexcept {
@@ -136,10 +89,5 @@ int count_beyond(std::size_t n, const double* arc_m, double most_m) noexcept {
 }
 
 int cross_lanes(std::size_t n, const Crossing& crossing) noexcept { return on_target<cross>(n, crossing); }
-
-void cell_lanes(const LinePosts& behind, const LinePosts& ahead, std::size_t n, const double* minor0,
-                const double* minor1, const CellLanes& out) noexcept {
-    on_target<cells>(behind, ahead, n, minor0, minor1, out);
-}
 
 }  // namespace wedgescope

@@ -3,6 +3,7 @@
 #pragma once
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 
 #include "lib/spoke_map.hpp"
 
@@ -18,6 +19,8 @@ struct LinePosts {
     float at(std::int64_t j) const { return posts[j - begin]; }
 };
 
+/// The height of what lies outside.
+inline constexpr float no_post = std::numeric_limits<float>::quiet_NaN();
 /// A line that holds none.
 LinePosts no_posts();
 
