@@ -27,7 +27,8 @@ struct Posts {
 
     Posts(const LinePosts& b, const LinePosts& a)
         : behind(b), ahead(a), begin(std::max(b.begin, a.begin)), end(std::min(b.end, a.end)),
-          back(b.posts + (begin - b.begin)), front(a.posts + (begin - a.begin)) {}
+          back(begin < end ? b.posts + (begin - b.begin) : b.posts),
+          front(begin < end ? a.posts + (begin - a.begin) : a.posts) {}
 };
 
 HWY_INLINE HWY_ATTR void take_one(const Posts& posts, std::size_t i, const CellLanes& out) {
@@ -45,8 +46,9 @@ HWY_INLINE HWY_ATTR void take_one(const Posts& posts, std::size_t i, const CellL
 }
 
 #if HWY_TARGET <= HWY_AVX3
-/// Of eight lanes whose cells, from `at` on, lie in a run of 32 posts that both lines hold; false: they do not.
-HWY_INLINE HWY_ATTR bool take_near(const Posts& posts, hn::Vec<Numbers> cells, std::size_t at, const CellLanes& out) {
+/// Eight lanes at once, from `at` on, if all their cells lie in a run of 32 posts that both lines hold; else false, and nothing is
+/// written. Spokes stand in order, so the run begins where one of the outer two does.
+HWY_INLINE HWY_ATTR bool take_all(const Posts& posts, hn::Vec<Numbers> cells, std::size_t at, const CellLanes& out) {
     const Numbers d;
     constexpr std::int64_t run = 32;
     if (posts.end - posts.begin < run) return false;
@@ -68,7 +70,18 @@ HWY_INLINE HWY_ATTR bool take_near(const Posts& posts, hn::Vec<Numbers> cells, s
     return true;
 }
 #else
-HWY_INLINE HWY_ATTR bool take_near(const Posts&, hn::Vec<Numbers>, std::size_t, const CellLanes&) { return false; }
+/// The lanes from `at` on, if both lines hold the posts of all of them; else false, and nothing is written.
+HWY_INLINE HWY_ATTR bool take_all(const Posts& posts, hn::Vec<Numbers> cells, std::size_t at, const CellLanes& out) {
+    const Numbers d;
+    const auto first = hn::Set(d, static_cast<double>(posts.begin)), last = hn::Set(d, static_cast<double>(posts.end) - 2);
+    if (!hn::AllTrue(d, hn::And(hn::Ge(cells, first), hn::Le(cells, last)))) return false;
+    for (std::size_t i = at; i < at + hn::Lanes(d); ++i) {
+        const std::int64_t place = static_cast<std::int64_t>(out.cell[i]) - posts.begin;
+        hwy::CopyBytes<2 * sizeof(float)>(posts.back + place, out.behind + 2 * i);
+        hwy::CopyBytes<2 * sizeof(float)>(posts.front + place, out.ahead + 2 * i);
+    }
+    return true;
+}
 #endif
 
 HWY_ATTR void cells(const LinePosts& behind, const LinePosts& ahead, std::size_t n, const double* minor0,
@@ -78,13 +91,13 @@ HWY_ATTR void cells(const LinePosts& behind, const LinePosts& ahead, std::size_t
     std::size_t i = 0;
     for (; i + hn::Lanes(d) <= n; i += hn::Lanes(d)) {
         const auto middle = hn::Mul(hn::Set(d, 0.5), hn::Add(hn::LoadU(d, minor0 + i), hn::LoadU(d, minor1 + i))),
-                   cell = hn::Floor(middle);
+                   cell = hn::Add(hn::Floor(middle), hn::Zero(d));  // no minus zero, on any target
         hn::StoreU(cell, d, out.cell + i);
-        if (take_near(posts, cell, i, out)) continue;
+        if (take_all(posts, cell, i, out)) continue;
         for (std::size_t k = 0; k < hn::Lanes(d); ++k) take_one(posts, i + k, out);
     }
     for (; i < n; ++i) {
-        out.cell[i] = std::floor(0.5 * (minor0[i] + minor1[i]));
+        out.cell[i] = std::floor(0.5 * (minor0[i] + minor1[i])) + 0.0;
         take_one(posts, i, out);
     }
 }

@@ -1,5 +1,6 @@
 // Sample: where the spokes of one tile cross a line, and the other axis' lines before it, and the posts round these
-// places. Leaves what is seen to sweep.hpp. Plain loops over contiguous arrays, compiled for several instruction sets.
+// places. Leaves what is seen to sweep.hpp. Plain loops over contiguous arrays, compiled for several instruction sets;
+// the posts (cells.cpp) in Highway's operations.
 #pragma once
 #include <cstddef>
 #include <cstdint>

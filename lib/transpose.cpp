@@ -59,6 +59,7 @@ void transpose_bytes(const std::array<const std::uint8_t*, 16>& from, std::size_
 void transpose_floats(const float* from, std::size_t from_stride, std::size_t rows, std::size_t columns, float* to,
                       std::size_t to_stride) noexcept {
     constexpr std::size_t edge = 16;  // floats that fill a line of the cache
+    // Each line of `to` is written from end to end: `from` lies in a near cache, `to` mostly does not.
     for (std::size_t c0 = 0; c0 < columns; c0 += edge)
         for (std::size_t r0 = 0; r0 < rows; r0 += edge) {
             const std::size_t r1 = std::min(r0 + edge, rows), c1 = std::min(c0 + edge, columns);

@@ -38,6 +38,46 @@ bool whole(const Block& b) {
 
 }  // namespace
 
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+// First: what was ever in use counts.
+TEST_CASE("freed blocks stay up to what is kept, and go back to the system beyond it", "[large_blocks][quick]") {
+    constexpr std::size_t block = std::size_t{32} << 20, small = std::size_t{128} << 10;
+    const auto hold_and_free = [&] {
+        std::vector<Block> held;
+        for (int i = 0; i < 4; ++i) held.push_back({static_cast<unsigned char*>(::operator new(block)), block, 1});
+        for (std::size_t i = 0; i < block / small; ++i)
+            held.push_back({static_cast<unsigned char*>(::operator new(small)), small, 2});
+        for (const Block& b : held) fill(b);
+        for (const Block& b : held) ::operator delete(b.at);
+    };
+    keep_large_blocks(0);
+    hold_and_free();
+    const std::size_t before = resident_bytes();
+    hold_and_free();
+    CHECK(resident_bytes() < before + (std::size_t{4} << 20));
+    keep_large_blocks(2 * block);
+    hold_and_free();
+    const std::size_t kept = resident_bytes();
+    CHECK(kept > before + block);
+    CHECK(kept < before + 2 * block + (std::size_t{4} << 20));
+    keep_large_blocks(0);
+    CHECK(resident_bytes() < before + (std::size_t{4} << 20));
+    // More of them as long as no more is held than was before: all that hold_and_free() had at a time.
+    constexpr std::size_t peak = 5 * block;
+    keep_large_blocks(0, 4 * block);
+    hold_and_free();
+    CHECK(resident_bytes() > before + 3 * block);
+    CHECK(resident_bytes() < before + 4 * block + (std::size_t{4} << 20));
+    const Block large{static_cast<unsigned char*>(::operator new(3 * block)), 3 * block, 3};
+    fill(large);
+    CHECK(resident_bytes() < before + peak + (std::size_t{4} << 20));
+    ::operator delete(large.at);
+    keep_large_blocks(0);
+    CHECK(resident_bytes() < before + (std::size_t{4} << 20));
+    keep_large_blocks(std::size_t{8} << 20);
+}
+#endif
+
 TEST_CASE("blocks of every size keep what is written to them, on several threads", "[large_blocks][quick]") {
     std::vector<std::thread> threads;
     std::vector<int> wrong(3);
@@ -90,43 +130,6 @@ TEST_CASE("blocks of every size keep what is written to them, on several threads
 }
 
 #if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
-TEST_CASE("freed blocks stay up to what is kept, and go back to the system beyond it", "[large_blocks][quick]") {
-    constexpr std::size_t block = std::size_t{32} << 20, small = std::size_t{128} << 10;
-    const auto hold_and_free = [&] {
-        std::vector<Block> held;
-        for (int i = 0; i < 4; ++i) held.push_back({static_cast<unsigned char*>(::operator new(block)), block, 1});
-        for (std::size_t i = 0; i < block / small; ++i)
-            held.push_back({static_cast<unsigned char*>(::operator new(small)), small, 2});
-        for (const Block& b : held) fill(b);
-        for (const Block& b : held) ::operator delete(b.at);
-    };
-    keep_large_blocks(0);
-    hold_and_free();
-    const std::size_t before = resident_bytes();
-    hold_and_free();
-    CHECK(resident_bytes() < before + (std::size_t{4} << 20));
-    keep_large_blocks(2 * block);
-    hold_and_free();
-    const std::size_t kept = resident_bytes();
-    CHECK(kept > before + block);
-    CHECK(kept < before + 2 * block + (std::size_t{4} << 20));
-    keep_large_blocks(0);
-    CHECK(resident_bytes() < before + (std::size_t{4} << 20));
-    // More of them as long as no more is held than was before: all that hold_and_free() had at a time.
-    constexpr std::size_t peak = 5 * block;
-    keep_large_blocks(0, 4 * block);
-    hold_and_free();
-    CHECK(resident_bytes() > before + 3 * block);
-    CHECK(resident_bytes() < before + 4 * block + (std::size_t{4} << 20));
-    const Block large{static_cast<unsigned char*>(::operator new(3 * block)), 3 * block, 3};
-    fill(large);
-    CHECK(resident_bytes() < before + peak + (std::size_t{4} << 20));
-    ::operator delete(large.at);
-    keep_large_blocks(0);
-    CHECK(resident_bytes() < before + (std::size_t{4} << 20));
-    keep_large_blocks(std::size_t{8} << 20);
-}
-
 TEST_CASE("a block that cannot be had is bad_alloc", "[large_blocks][quick]") {
     for (const std::size_t much : {std::size_t{1} << 60, SIZE_MAX - 4096, SIZE_MAX}) {
         volatile std::size_t bytes = much;

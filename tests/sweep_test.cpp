@@ -3,6 +3,8 @@
 
 #include <GeographicLib/Geodesic.hpp>
 
+#include <algorithm>
+#include <bit>
 #include <cmath>
 #include <iterator>
 #include <limits>
@@ -259,16 +261,16 @@ TEST_CASE("every azimuth bin has the spokes that it asks for, near the sensor to
         }
 }
 
-TEST_CASE("the posts round a piece are those of the cell that half of it lies in", "[sweep][sample]") {
+TEST_CASE("the posts round a piece are those of the cell that its middle lies in", "[sweep][sample]") {
     WEDGESCOPE_ON_EVERY_TARGET;
     std::mt19937 random(17);
     std::uniform_real_distribution<double> any(0, 1);
-    int near = 0, outside = 0;
+    int inside = 0, outside = 0;
     for (int turn = 0; turn < 4000; ++turn) {
         const std::size_t n = 1 + random() % 70;
         const auto line = [&](std::vector<float>& posts, std::int64_t begin) {
             posts.resize(random() % 5 == 0 ? 1 + random() % 40 : 40 + random() % 160);
-            for (float& z : posts) z = random() % 50 ? static_cast<float>(900 * any(random)) : std::nanf("");
+            for (float& z : posts) z = random() % 50 ? static_cast<float>(900 * any(random)) : std::nanf("7");
             return LinePosts{posts.data(), begin, begin + static_cast<std::int64_t>(posts.size())};
         };
         const std::int64_t begin = static_cast<std::int64_t>(random() % 3000) - 1500;
@@ -284,26 +286,26 @@ TEST_CASE("the posts round a piece are those of the cell that half of it lies in
             if (random() % 6 == 0) minor0[i] = std::floor(minor0[i]);
             minor1[i] = random() % 6 ? minor0[i] + turned : minor0[i];
         }
+        if (turn % 13 == 0) std::fill(minor0.begin(), minor0.end(), -0.0), minor1 = minor0;
         std::vector<float> b(2 * n), a(2 * n);
         cell_lanes(behind, ahead, n, minor0.data(), minor1.data(), {cell.data(), b.data(), a.data()});
         const auto same = [](float x, const LinePosts& posts, std::int64_t j) {
-            const float z = posts.has(j) ? posts.at(j) : std::nanf("");
-            return x == z || (std::isnan(x) && std::isnan(z));
+            return std::bit_cast<std::uint32_t>(x) == std::bit_cast<std::uint32_t>(posts.has(j) ? posts.at(j) : no_post);
         };
         bool right = true;
         for (std::size_t i = 0; i < n; ++i) {
-            right = right && cell[i] == std::floor(0.5 * (minor0[i] + minor1[i]));
+            right = right && cell[i] == std::floor(0.5 * (minor0[i] + minor1[i])) && !(cell[i] == 0 && std::signbit(cell[i]));
             const auto j = static_cast<std::int64_t>(cell[i]);
             for (const std::int64_t side : {0, 1}) {
                 const std::size_t at = 2 * i + static_cast<std::size_t>(side);
                 right = right && same(b[at], behind, j + side) && same(a[at], ahead, j + side);
             }
-            (behind.has(j) && ahead.has(j + 1) ? near : outside) += 1;
+            (behind.has(j) && ahead.has(j + 1) ? inside : outside) += 1;
         }
         INFO("turn " << turn << ", " << n << " spokes " << spacing << " posts apart");
         REQUIRE(right);
     }
-    CHECK(near > 20000);
+    CHECK(inside > 20000);
     CHECK(outside > 20000);
 }
 

@@ -71,7 +71,7 @@ public:
             if (block.part) block.used &= ~(1U << (offset / block.part));
             if (block.used == 0) {
                 block.part = 0;
-                block.kept = true;
+                block.kept = ++stamp_;
                 kept_bytes_ += block.pages * page;
                 used_bytes_ -= block.pages * page;
                 drop();
@@ -92,7 +92,8 @@ private:
     struct Block {
         void* at = nullptr;
         std::size_t pages = 0;
-        bool kept = false;
+        std::uint64_t kept = 0;  // when it was freed; 0: it is in use
+        std::size_t touched = 0;  // bytes of it that may be resident
         std::size_t part = 0;    // bytes of each part; 0: it is not shared out
         std::uint32_t used = 0;  // which parts
     };
@@ -102,23 +103,39 @@ private:
         Block* room = nullptr;
         for (Block& block : blocks_) {
             if (block.kept && block.pages == pages) {
-                block.kept = false;
+                block.kept = 0;
                 kept_bytes_ -= pages * page;
+                leave_rest(block, bytes);
                 use(pages);
                 return &block;
             }
             if (!block.at && !room) room = &block;
         }
+        if (!room) room = drop_oldest();
         if (!room) return nullptr;
-        void* const at = map(pages);
+        void* at = map(pages);
+        while (!at && drop_oldest()) at = map(pages);
         if (!at) return nullptr;
         // A wish: nothing depends on it. What is left at the end comes in small pages, so that no more is resident than
         // was asked for.
         if (bytes >= page) ::madvise(at, bytes / page * page, MADV_HUGEPAGE);
-        *room = {at, pages};
+        *room = {.at = at, .pages = pages, .touched = bytes};
         use(pages);
         drop();
         return room;
+    }
+
+    /// Of a block that now holds no more than `bytes`: what an earlier one had beyond that is not worth a system call unless
+    /// it is much.
+    static void leave_rest(Block& block, std::size_t bytes) noexcept {
+        constexpr std::size_t much = page / 2, small_page = 4096;
+        if (block.touched < bytes + much) {
+            block.touched = std::max(block.touched, bytes);
+            return;
+        }
+        const std::size_t from = (bytes + small_page - 1) / small_page * small_page;
+        ::madvise(static_cast<char*>(block.at) + from, block.pages * page - from, MADV_DONTNEED);
+        block.touched = bytes;
     }
 
     void use(std::size_t pages) noexcept {
@@ -142,19 +159,26 @@ private:
     }
 
     void drop() noexcept {
-        for (Block& block : blocks_) {
-            if (may_keep()) return;
-            if (!block.kept) continue;
-            ::munmap(block.at, block.pages * page);
-            kept_bytes_ -= block.pages * page;
-            block = {};
-        }
+        while (!may_keep()) drop_oldest();
+    }
+
+    /// Gives a kept block back to the system: the one freed first. Its room; null if none is kept.
+    Block* drop_oldest() noexcept {
+        Block* oldest = nullptr;
+        for (Block& block : blocks_)
+            if (block.kept && (!oldest || block.kept < oldest->kept)) oldest = &block;
+        if (!oldest) return nullptr;
+        ::munmap(oldest->at, oldest->pages * page);
+        kept_bytes_ -= oldest->pages * page;
+        *oldest = {};
+        return oldest;
     }
 
     std::mutex mutex_;
     std::array<Block, 256> blocks_{};
     std::size_t kept_bytes_ = 0, used_bytes_ = 0, most_used_ = 0;
     std::size_t always_kept_ = 4 * page, most_kept_ = 0;
+    std::uint64_t stamp_ = 0;
 };
 
 /// Never destroyed: blocks are freed up to the very end.

@@ -9,8 +9,10 @@
 
 namespace wedgescope {
 
-/// Freed blocks of so many bytes together, at most, stay with the program; and up to `most` bytes of them as long as
-/// those in use and those kept are together no more than were once in use at a time: the peak does not rise by these.
-void keep_large_blocks(std::size_t bytes, std::size_t most = 0);
+/// Freed blocks of `always` bytes together, at most, stay with the program; and of `most` bytes as long as the large blocks in
+/// use and those kept are together no more than were once in use at a time: what large blocks take does not rise by these.
+/// Beside the peak of other memory that comes later they may stand, so `most` belongs into what the program may take beyond
+/// its budget.
+void keep_large_blocks(std::size_t always, std::size_t most = 0);
 
 }  // namespace wedgescope

@@ -153,7 +153,9 @@ LoadCost RasterSource::cost(const ChunkRequest& request) const {
     const auto posts = static_cast<std::uint64_t>(request.window.posts());
     LoadCost cost{posts, posts * static_cast<std::uint64_t>(terrain_->facts().type_bytes), posts * sizeof(float), 0};
     const std::int64_t width = request.window.columns.size(), rows = request.window.rows.size();
-    const auto slab = static_cast<std::size_t>(width * std::min(rows, slab_rows(width)));
+    // The window may be cut to a narrower one, which has more rows in a slab.
+    const auto slab =
+        static_cast<std::size_t>(std::min(width * rows, std::max(near_posts, width * slab_rows(width))));
     cost.beside_bytes = request.lines_are_columns ? slab * sizeof(float) : 0;
     if (request.level > 0) {
         cost.beside_bytes += terrain_->level_bytes();
@@ -162,7 +164,7 @@ LoadCost RasterSource::cost(const ChunkRequest& request) const {
         cost.bytes += static_cast<std::uint64_t>(static_cast<double>(posts) * cells) *
                       static_cast<std::uint64_t>(height_->facts().type_bytes);
         cost.chunk_bytes *= 2;
-        cost.beside_bytes += 2 * slab * sizeof(float);
+        cost.beside_bytes += (slab + std::max(slab, static_cast<std::size_t>(near_posts))) * sizeof(float);
     }
     cost.beside_bytes += reader_bytes();
     return cost;
@@ -344,8 +346,6 @@ std::vector<Run> RasterSource::terrain_runs(Interval columns) const {
 
 std::int64_t RasterSource::slab_rows(std::int64_t width) const {
     const std::int64_t block = data_base_.block_rows;
-    // What the near caches hold, but whole blocks.
-    constexpr std::int64_t near_posts = slab_posts / 4;
     const std::int64_t high = near_posts / width;
     return high >= block ? high / block * block : std::max<std::int64_t>(1, std::min(block, slab_posts / width));
 }
@@ -407,8 +407,11 @@ void RasterSource::load_surface(Chunk& chunk, const NeededPosts& needed) {
     RegisteredLayer::Plan plan;
     if (height_) plan = height_->plan(columns);
     chunk.surface_m.resize(posts);
+    const auto most = static_cast<std::size_t>(width * std::min(rows.size(), slab_rows(width)));
     RawVector<float> slab;
+    if (chunk.lines_are_columns) slab.reserve(most);
     std::vector<float> culture, scratch;
+    if (height_) culture.reserve(most);
     for (const Interval part : slabs(rows, width)) {
         const auto n = static_cast<std::size_t>(part.size() * width);
         const std::int64_t first = part.begin - rows.begin;

@@ -77,9 +77,10 @@ protected:
     /// The terrain columns of a window, in runs that can be read.
     std::vector<Run> terrain_runs(Interval columns) const;
 
-    /// Rows read at a time for a window so wide: whole rows of blocks where they fit.
-    /// Rows that are read, and turned where lines are columns, at a time.
+    /// Rows of a window so wide that are read, and turned where lines are columns, at a time: whole rows of blocks where they
+    /// fit.
     std::int64_t slab_rows(std::int64_t width) const;
+    /// These, cut at the edges of blocks.
     std::vector<Interval> slabs(Interval rows, std::int64_t width) const;
 
     /// Row-major `from` (rows x width) into lines of columns of `minor` posts, from post `at` of each line on.

@@ -146,7 +146,7 @@ std::int64_t RegisteredLayer::read_heights(const Plan& plan, Interval rows, doub
     // As many rows at a time as fit; one terrain row needs one row of the layer, however fine it is.
     const double per_row = std::max(1.0, std::fabs(rows_.scale));
     const std::int64_t at_once =
-        std::max<std::int64_t>(1, static_cast<std::int64_t>(static_cast<double>(slab_posts / plan.widest) / per_row));
+        std::max<std::int64_t>(1, static_cast<std::int64_t>(static_cast<double>(near_posts / plan.widest) / per_row));
     std::int64_t read = 0;
     for (std::int64_t r0 = rows.begin; r0 < rows.end; r0 += at_once) {
         const Interval part{r0, std::min(r0 + at_once, rows.end)};

@@ -13,8 +13,9 @@
 
 namespace wedgescope {
 
-/// Posts read and turned at a time.
+/// Posts read at a time, at most; and of what is then turned or scaled, while the near caches hold it.
 inline constexpr std::int64_t slab_posts = std::int64_t{1} << 20;
+inline constexpr std::int64_t near_posts = slab_posts / 8;
 
 /// Part of a row of wanted columns that one window reads: `count` wanted from `at` on lie in source columns `source`.
 struct Run {
