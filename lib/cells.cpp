@@ -73,7 +73,8 @@ HWY_INLINE HWY_ATTR bool take_all(const Posts& posts, hn::Vec<Numbers> cells, st
 /// The lanes from `at` on, if both lines hold the posts of all of them; else false, and nothing is written.
 HWY_INLINE HWY_ATTR bool take_all(const Posts& posts, hn::Vec<Numbers> cells, std::size_t at, const CellLanes& out) {
     const Numbers d;
-    const auto first = hn::Set(d, static_cast<double>(posts.begin)), last = hn::Set(d, static_cast<double>(posts.end) - 2);
+    const auto first = hn::Set(d, static_cast<double>(posts.begin)),
+               last = hn::Set(d, static_cast<double>(posts.end) - 2);
     if (!hn::AllTrue(d, hn::And(hn::Ge(cells, first), hn::Le(cells, last)))) return false;
     for (std::size_t i = at; i < at + hn::Lanes(d); ++i) {
         const std::int64_t place = static_cast<std::int64_t>(out.cell[i]) - posts.begin;

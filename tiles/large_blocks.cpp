@@ -92,10 +92,10 @@ private:
     struct Block {
         void* at = nullptr;
         std::size_t pages = 0;
-        std::uint64_t kept = 0;  // when it was freed; 0: it is in use
+        std::uint64_t kept = 0;   // when it was freed; 0: it is in use
         std::size_t touched = 0;  // bytes of it that may be resident
-        std::size_t part = 0;    // bytes of each part; 0: it is not shared out
-        std::uint32_t used = 0;  // which parts
+        std::size_t part = 0;     // bytes of each part; 0: it is not shared out
+        std::uint32_t used = 0;   // which parts
     };
 
     Block* take(std::size_t bytes) noexcept {

@@ -154,8 +154,7 @@ LoadCost RasterSource::cost(const ChunkRequest& request) const {
     LoadCost cost{posts, posts * static_cast<std::uint64_t>(terrain_->facts().type_bytes), posts * sizeof(float), 0};
     const std::int64_t width = request.window.columns.size(), rows = request.window.rows.size();
     // The window may be cut to a narrower one, which has more rows in a slab.
-    const auto slab =
-        static_cast<std::size_t>(std::min(width * rows, std::max(near_posts, width * slab_rows(width))));
+    const auto slab = static_cast<std::size_t>(std::min(width * rows, std::max(near_posts, width * slab_rows(width))));
     cost.beside_bytes = request.lines_are_columns ? slab * sizeof(float) : 0;
     if (request.level > 0) {
         cost.beside_bytes += terrain_->level_bytes();
