@@ -154,7 +154,8 @@ LoadCost RasterSource::cost(const ChunkRequest& request) const {
     LoadCost cost{posts, posts * static_cast<std::uint64_t>(terrain_->facts().type_bytes), posts * sizeof(float), 0};
     const std::int64_t width = request.window.columns.size(), rows = request.window.rows.size();
     // The window may be cut to a narrower one, which has more rows in a slab.
-    const auto slab = static_cast<std::size_t>(std::min(width * rows, std::max(near_posts, width * slab_rows(width))));
+    const auto slab = static_cast<std::size_t>(
+        std::min(width * rows, std::max(near_posts, width * slab_rows(width, request.lines_are_columns))));
     cost.beside_bytes = request.lines_are_columns ? slab * sizeof(float) : 0;
     if (request.level > 0) {
         cost.beside_bytes += terrain_->level_bytes();
@@ -343,14 +344,13 @@ std::vector<Run> RasterSource::terrain_runs(Interval columns) const {
     return runs(source, 1);
 }
 
-std::int64_t RasterSource::slab_rows(std::int64_t width) const {
-    const std::int64_t block = data_base_.block_rows;
-    const std::int64_t high = near_posts / width;
+std::int64_t RasterSource::slab_rows(std::int64_t width, bool turned) const {
+    const std::int64_t block = data_base_.block_rows, high = (turned ? near_posts : slab_posts) / width;
     return high >= block ? high / block * block : std::max<std::int64_t>(1, std::min(block, slab_posts / width));
 }
 
-std::vector<Interval> RasterSource::slabs(Interval rows, std::int64_t width) const {
-    const std::int64_t block = data_base_.block_rows, high = slab_rows(width);
+std::vector<Interval> RasterSource::slabs(Interval rows, std::int64_t width, bool turned) const {
+    const std::int64_t block = data_base_.block_rows, high = slab_rows(width, turned);
     std::vector<Interval> found;
     for (std::int64_t r = rows.begin; r < rows.end;) {
         std::int64_t end = r + high;
@@ -374,7 +374,7 @@ void RasterSource::load_level(Chunk& chunk, const ChunkRequest& request) {
     const std::int64_t width = columns.size(), minor = chunk.minor_count();
     chunk.surface_m.resize(static_cast<std::size_t>(chunk.window.posts()));
     RawVector<float> slab;
-    for (const Interval part : slabs(rows, width)) {
+    for (const Interval part : slabs(rows, width, chunk.lines_are_columns)) {
         const std::int64_t first = part.begin - rows.begin;
         float* surface = chunk.surface_m.data() + first * width;
         if (chunk.lines_are_columns) {
@@ -406,12 +406,13 @@ void RasterSource::load_surface(Chunk& chunk, const NeededPosts& needed) {
     RegisteredLayer::Plan plan;
     if (height_) plan = height_->plan(columns);
     chunk.surface_m.resize(posts);
-    const auto most = static_cast<std::size_t>(width * std::min(rows.size(), slab_rows(width)));
+    const auto most =
+        static_cast<std::size_t>(width * std::min(rows.size(), slab_rows(width, chunk.lines_are_columns)));
     RawVector<float> slab;
     if (chunk.lines_are_columns) slab.reserve(most);
     std::vector<float> culture, scratch;
     if (height_) culture.reserve(most);
-    for (const Interval part : slabs(rows, width)) {
+    for (const Interval part : slabs(rows, width, chunk.lines_are_columns)) {
         const auto n = static_cast<std::size_t>(part.size() * width);
         const std::int64_t first = part.begin - rows.begin;
         float* surface = chunk.surface_m.data() + first * width;

@@ -77,11 +77,11 @@ protected:
     /// The terrain columns of a window, in runs that can be read.
     std::vector<Run> terrain_runs(Interval columns) const;
 
-    /// Rows of a window so wide that are read, and turned where lines are columns, at a time: whole rows of blocks where they
-    /// fit.
-    std::int64_t slab_rows(std::int64_t width) const;
+    /// Rows of a window so wide that are read at a time: whole rows of blocks where they fit. Fewer where they are then turned,
+    /// for lines are columns.
+    std::int64_t slab_rows(std::int64_t width, bool turned) const;
     /// These, cut at the edges of blocks.
-    std::vector<Interval> slabs(Interval rows, std::int64_t width) const;
+    std::vector<Interval> slabs(Interval rows, std::int64_t width, bool turned) const;
 
     /// Row-major `from` (rows x width) into lines of columns of `minor` posts, from post `at` of each line on.
     static void turn(const float* from, std::int64_t rows, std::int64_t width, float* to, std::int64_t minor,
