@@ -36,10 +36,12 @@ namespace {
 
 const std::string data = WEDGESCOPE_TEST_DATA;
 
+enum Cover { bare, classes, culture };  // culture: classes and canopy
+
 struct Place {
     const char* name;
     const char* stem;  // of the shipped files; or one of them
-    bool culture;      // with culture and canopy
+    Cover cover;
     double lat, lon, altitude_m;
     int first_deg;  // of 90 degrees
     double range_m, post_m;
@@ -52,68 +54,84 @@ struct Place {
 };
 constexpr AltitudeAbove low = AltitudeAbove::ground;
 const Place places[] = {
-    {"inland_empire 2134 m, culture", "inland_empire", true, 33.93, -117.33, 2134, 180, 30000, 30},
-    {"inland_empire 2134 m, bare", "inland_empire", false, 33.93, -117.33, 2134, 180, 30000, 30},
-    {"inland_empire 838 m, culture", "inland_empire", true, 33.93, -117.33, 838, 180, 30000, 30},
-    {"inland_empire 838 m, bare", "inland_empire", false, 33.93, -117.33, 838, 180, 30000, 30},
-    {"worcester 1400 m, culture", "worcester_vermont", true, 44.42, -72.56, 1400, 0, 11000, 30},
-    {"olympic_coast 1500 m", "olympic_coast", false, 48.2, -124.6, 1500, 90, 30000, 30},
-    {"olympic_coast 12000 m", "olympic_coast", false, 48.2, -124.6, 12000, 90, 40000, 30},
-    {"azores 3000 m", "azores", false, 38.5, -28.3, 3000, 90, 60000, 92},
-    {"inland_empire 400 m above ground, culture", "inland_empire", true, 33.93, -117.33, 400, 180, 20000, 30, low},
-    {"inland_empire 150 m above ground, bare", "inland_empire", false, 33.93, -117.33, 150, 180, 20000, 30, low},
-    {"worcester 50 m above ground, bare", "worcester_vermont", false, 44.42, -72.56, 50, 0, 11000, 30, low},
-    {"olympic_coast 400 m above ground", "olympic_coast", false, 48.2, -124.6, 400, 90, 20000, 30, low},
-    {"white_mountains 2500 m", "N44W072.hgt", false, 44.27, -71.3, 2500, 225, 46300, 92, AltitudeAbove::sea_level, 1.5,
+    {"inland_empire 2134 m, culture", "inland_empire", culture, 33.93, -117.33, 2134, 180, 30000, 30},
+    {"inland_empire 2134 m, bare", "inland_empire", bare, 33.93, -117.33, 2134, 180, 30000, 30},
+    {"inland_empire 838 m, culture", "inland_empire", culture, 33.93, -117.33, 838, 180, 30000, 30},
+    {"inland_empire 838 m, bare", "inland_empire", bare, 33.93, -117.33, 838, 180, 30000, 30},
+    {"worcester 1400 m, culture", "worcester_vermont", culture, 44.42, -72.56, 1400, 0, 11000, 30},
+    {"olympic_coast 1500 m", "olympic_coast", bare, 48.2, -124.6, 1500, 90, 30000, 30},
+    {"olympic_coast 12000 m", "olympic_coast", bare, 48.2, -124.6, 12000, 90, 40000, 30},
+    {"azores 3000 m", "azores", bare, 38.5, -28.3, 3000, 90, 60000, 92},
+    {"inland_empire 400 m above ground, culture", "inland_empire", culture, 33.93, -117.33, 400, 180, 20000, 30, low},
+    {"inland_empire 150 m above ground, bare", "inland_empire", bare, 33.93, -117.33, 150, 180, 20000, 30, low},
+    {"worcester 50 m above ground, bare", "worcester_vermont", bare, 44.42, -72.56, 50, 0, 11000, 30, low},
+    {"olympic_coast 400 m above ground", "olympic_coast", bare, 48.2, -124.6, 400, 90, 20000, 30, low},
+    {"white_mountains 2500 m", "N44W072.hgt", bare, 44.27, -71.3, 2500, 225, 46300, 92, AltitudeAbove::sea_level, 1.5,
      1.3},
-    {"white_mountains 2500 m, 3 deg", "N44W072.hgt", false, 44.27, -71.3, 2500, 225, 60000, 92,
-     AltitudeAbove::sea_level, 3, 2.6},
-    {"beam 0.75 deg, pulse 0.25 us", "inland_empire", false, 33.93, -117.33, 838, 180, 30000, 30,
+    {"white_mountains 2500 m, 3 deg", "N44W072.hgt", bare, 44.27, -71.3, 2500, 225, 60000, 92, AltitudeAbove::sea_level,
+     3, 2.6},
+    {"beam 0.75 deg, pulse 0.25 us", "inland_empire", bare, 33.93, -117.33, 838, 180, 30000, 30,
      AltitudeAbove::sea_level, 0.75, 0.25},
-    {"beam 3 deg, pulse 1 us", "inland_empire", false, 33.93, -117.33, 838, 180, 30000, 30, AltitudeAbove::sea_level, 3,
+    {"beam 3 deg, pulse 1 us", "inland_empire", bare, 33.93, -117.33, 838, 180, 30000, 30, AltitudeAbove::sea_level, 3,
      1},
-    {"beam 6 deg, 838 m, culture", "inland_empire", true, 33.93, -117.33, 838, 180, 30000, 30, AltitudeAbove::sea_level,
-     6, 2},
-    {"beam 6 deg, 400 m above ground, culture", "inland_empire", true, 33.93, -117.33, 400, 180, 25000, 30, low, 6, 1},
-    {"beam 6 deg, 150 m above ground, bare", "inland_empire", false, 33.93, -117.33, 150, 180, 25000, 30, low, 6, 1},
-    {"beam 6 deg, olympic_coast 1500 m", "olympic_coast", false, 48.2, -124.6, 1500, 90, 30000, 30,
+    {"beam 6 deg, 838 m, culture", "inland_empire", culture, 33.93, -117.33, 838, 180, 30000, 30,
+     AltitudeAbove::sea_level, 6, 2},
+    {"beam 6 deg, 400 m above ground, culture", "inland_empire", culture, 33.93, -117.33, 400, 180, 25000, 30, low, 6,
+     1},
+    {"beam 6 deg, 150 m above ground, bare", "inland_empire", bare, 33.93, -117.33, 150, 180, 25000, 30, low, 6, 1},
+    {"beam 6 deg, olympic_coast 1500 m", "olympic_coast", bare, 48.2, -124.6, 1500, 90, 30000, 30,
      AltitudeAbove::sea_level, 6, 1},
-    {"beam 6 deg, 30 m above ground, bare", "inland_empire", false, 33.93, -117.33, 30, 180, 20000, 30, low, 6, 1},
-    {"beam 6 deg, 60 m above ground, culture", "inland_empire", true, 33.93, -117.33, 60, 180, 20000, 30, low, 6, 1},
-    {"beam 6 deg, pulse 2 us", "inland_empire", false, 33.93, -117.33, 838, 180, 30000, 30, AltitudeAbove::sea_level, 6,
+    {"beam 6 deg, 30 m above ground, bare", "inland_empire", bare, 33.93, -117.33, 30, 180, 20000, 30, low, 6, 1},
+    {"beam 6 deg, 60 m above ground, culture", "inland_empire", culture, 33.93, -117.33, 60, 180, 20000, 30, low, 6, 1},
+    {"beam 6 deg, pulse 2 us", "inland_empire", bare, 33.93, -117.33, 838, 180, 30000, 30, AltitudeAbove::sea_level, 6,
      2},
     // So high that fewer spokes do, the weaker the radar.
-    {"beam 6 deg, 1300 m above ground, bare", "inland_empire", false, 33.93, -117.33, 1300, 180, 35000, 30, low, 6, 1},
-    {"the same, 2 kW", "inland_empire", false, 33.93, -117.33, 1300, 180, 35000, 30, low, 6, 1, 2e3},
-    {"the same, 200 W", "inland_empire", false, 33.93, -117.33, 1300, 180, 35000, 30, low, 6, 1, 200},
-    {"beam 6 deg, 1300 m above ground, culture, 200 W", "inland_empire", true, 33.93, -117.33, 1300, 180, 35000, 30,
+    {"beam 6 deg, 1300 m above ground, bare", "inland_empire", bare, 33.93, -117.33, 1300, 180, 35000, 30, low, 6, 1},
+    {"the same, 2 kW", "inland_empire", bare, 33.93, -117.33, 1300, 180, 35000, 30, low, 6, 1, 2e3},
+    {"the same, 200 W", "inland_empire", bare, 33.93, -117.33, 1300, 180, 35000, 30, low, 6, 1, 200},
+    {"beam 6 deg, 1300 m above ground, culture, 200 W", "inland_empire", culture, 33.93, -117.33, 1300, 180, 35000, 30,
      low, 6, 1, 200},
-    {"beam 6 deg, olympic_coast 1300 m above ground, 2 kW", "olympic_coast", false, 48.2, -124.6, 1300, 90, 45000, 30,
+    {"beam 6 deg, olympic_coast 1300 m above ground, 2 kW", "olympic_coast", bare, 48.2, -124.6, 1300, 90, 45000, 30,
      low, 6, 1, 2e3},
-    {"beam 12 deg, 2500 m above ground, bare, 1 kW", "inland_empire", false, 33.93, -117.33, 2500, 180, 35000, 30, low,
+    {"beam 12 deg, 2500 m above ground, bare, 1 kW", "inland_empire", bare, 33.93, -117.33, 2500, 180, 35000, 30, low,
      12, 1, 1e3},
-    {"beam 1.5 deg, 2500 m above ground, bare, 5 kW", "inland_empire", false, 33.93, -117.33, 2500, 180, 35000, 30, low,
+    {"beam 1.5 deg, 2500 m above ground, bare, 5 kW", "inland_empire", bare, 33.93, -117.33, 2500, 180, 35000, 30, low,
      1.5, 1, 5e3},
-    {"beam 12 deg, 8000 m above ground, bare, 1 kW", "inland_empire", false, 33.93, -117.33, 8000, 180, 35000, 30, low,
+    {"beam 12 deg, 8000 m above ground, bare, 1 kW", "inland_empire", bare, 33.93, -117.33, 8000, 180, 35000, 30, low,
      12, 1, 1e3},
-    {"beam 6 deg, 4000 m above ground, bare", "inland_empire", false, 33.93, -117.33, 4000, 180, 35000, 30, low, 6, 1},
-    {"beam 6 deg, 4000 m above ground, culture", "inland_empire", true, 33.93, -117.33, 4000, 180, 35000, 30, low, 6,
+    {"beam 6 deg, 4000 m above ground, bare", "inland_empire", bare, 33.93, -117.33, 4000, 180, 35000, 30, low, 6, 1},
+    {"beam 6 deg, 4000 m above ground, culture", "inland_empire", culture, 33.93, -117.33, 4000, 180, 35000, 30, low, 6,
      1},
-    {"beam 12 deg, 8000 m above ground, bare", "inland_empire", false, 33.93, -117.33, 8000, 180, 35000, 30, low, 12,
+    {"beam 12 deg, 8000 m above ground, bare", "inland_empire", bare, 33.93, -117.33, 8000, 180, 35000, 30, low, 12, 1},
+    {"beam 12 deg, 8000 m above ground, culture", "inland_empire", culture, 33.93, -117.33, 8000, 180, 35000, 30, low,
+     12, 1},
+    {"beam 6 deg, olympic_coast 8000 m above ground", "olympic_coast", bare, 48.2, -124.6, 8000, 90, 45000, 30, low, 6,
      1},
-    {"beam 12 deg, 8000 m above ground, culture", "inland_empire", true, 33.93, -117.33, 8000, 180, 35000, 30, low, 12,
+    // Classes side by side on bare ground: their borders are all there is between posts.
+    {"inland_empire 2134 m, classes", "inland_empire", classes, 33.93, -117.33, 2134, 180, 30000, 30},
+    {"inland_empire 838 m, classes", "inland_empire", classes, 33.93, -117.33, 838, 180, 30000, 30},
+    {"worcester 1400 m, classes", "worcester_vermont", classes, 44.42, -72.56, 1400, 0, 11000, 30},
+    {"inland_empire 150 m above ground, classes", "inland_empire", classes, 33.93, -117.33, 150, 180, 20000, 30, low},
+    {"beam 6 deg, 60 m above ground, classes", "inland_empire", classes, 33.93, -117.33, 60, 180, 20000, 30, low, 6, 1},
+    {"beam 6 deg, 838 m, classes", "inland_empire", classes, 33.93, -117.33, 838, 180, 30000, 30,
+     AltitudeAbove::sea_level, 6, 2},
+    {"beam 1.5 deg, 1300 m above ground, classes", "inland_empire", classes, 33.93, -117.33, 1300, 180, 35000, 30, low},
+    {"inland_empire 700 m above ground, classes", "inland_empire", classes, 33.93, -117.33, 700, 180, 30000, 30, low},
+    {"beam 6 deg, 1300 m above ground, classes", "inland_empire", classes, 33.93, -117.33, 1300, 180, 35000, 30, low, 6,
      1},
-    {"beam 6 deg, olympic_coast 8000 m above ground", "olympic_coast", false, 48.2, -124.6, 8000, 90, 45000, 30, low, 6,
-     1},
+    {"beam 12 deg, 8000 m above ground, classes", "inland_empire", classes, 33.93, -117.33, 8000, 180, 35000, 30, low,
+     12, 1},
 };
 
 DataBaseParams layers(const Place& p) {
     DataBaseParams db;
     const std::string stem = data + "/" + p.stem;
     db.dem = stem.ends_with(".hgt") ? stem : stem + "_dem.tif";
-    if (p.culture) {
+    if (p.cover != bare) {
         db.culture = data + "/" + p.stem + "_culture.tif";
         db.legend = Legend::built_in("fbfm40");
+    }
+    if (p.cover == culture) {
         db.culture_height = data + "/" + p.stem + "_canopy.tif";
         db.culture_height_scale = 0.1;
     }

@@ -573,6 +573,7 @@ void sweep(const ResolvedScene& scene, WedgeSource& source, const EngineParams& 
         check_only(params.only_wedges, wedges.wedges.size());
     }
     result.levels = setting.levels.any();
+    result.sampling = setting.sampling;
     result.report.survey_s = watch.wall_s();
     survey.end();
 

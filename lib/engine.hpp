@@ -112,6 +112,7 @@ struct RunResult {
     Picture scope;
     RunReport report;
     bool levels = false;  ///< some ground was swept at a level of detail
+    Sampling sampling;    ///< how densely
 
     // Written out in engine.cpp: where sources are compiled with -O1 the end of an image is a loop over all of its numbers.
     RunResult();

@@ -359,7 +359,8 @@ Sampling sampling_of(const ResolvedScene& scene, const DataBase& db) {
     const double post_m = std::max(std::abs(db.step_x), std::abs(db.step_y)) * db.metres_a_unit();
     // Where statistical walls raise the ground it steps from class to class.
     const bool steps = db.has_culture_height || (db.has_culture && !raises_m(scene.scene, db).empty());
-    Sampling own = sampling(scene.scene, steps, (scene.sensor_m - scene.reference_m) / post_m);
+    const GroundCover cover = steps ? GroundCover::heights : db.has_culture ? GroundCover::classes : GroundCover::bare;
+    Sampling own = sampling(scene.scene, cover, (scene.sensor_m - scene.reference_m) / post_m);
     if (!scene.nadir_on_data) own.above_posts = 0;  // nobody knows above what
     if (own.above_posts > 0) own.quiet_posts = quiet_posts(scene, db);
     return own;

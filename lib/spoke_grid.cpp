@@ -31,7 +31,8 @@ double counted_posts(const Sampling& sampling, double post, double posts, double
 
 }  // namespace
 
-Sampling sampling(Quality quality, bool culture_height, double above_posts) {
+Sampling sampling(Quality quality, GroundCover cover, double above_posts) {
+    const bool culture_height = cover == GroundCover::heights, classes = cover == GroundCover::classes;
     const bool low = above_posts < (culture_height ? 20 : 14), high = above_posts >= 40;
     double more = low ? 1 : high ? 0.25 : 0.5;
     for (double above = above_posts; more < 16 && above < (culture_height ? 10 : 4); above *= 2) more *= 2;
@@ -53,11 +54,14 @@ Sampling sampling(Quality quality, bool culture_height, double above_posts) {
                     .cross_lines = false,
                     .exact_course = false};
         case Quality::normal:
-            return culture_height ? dense(1.25, 12, 2) : dense(high ? 0.6 : 1, 6, 2);
+            if (culture_height || (classes && low)) return dense(1.25, 12, 2);
+            return classes ? dense(1, 8, 2) : dense(high ? 0.6 : 1, 6, 2);
         case Quality::fine:
-            return culture_height ? dense(2, 24, 2) : dense(1.25, 12, 4);
+            if (culture_height) return dense(2, 24, 2);
+            return classes ? dense(1.5, 14, 4) : dense(1.25, 12, 4);
         case Quality::exact:
-            return culture_height ? dense(4, 48, 2) : dense(low ? 2 : 1.5, 24, 2);
+            if (culture_height) return dense(4, 48, 2);
+            return classes ? dense(low ? 2.5 : 3, 32, 2) : dense(low ? 2 : 1.5, 24, 2);
     }
     return {};
 }
@@ -71,8 +75,8 @@ Sampling own_sampling(const Scene& scene, const Sampling& of_quality) {
             .exact_course = scene.curved_course.value_or(of_quality.exact_course)};
 }
 
-Sampling sampling(const Scene& scene, bool culture_height, double above_posts) {
-    Sampling own = own_sampling(scene, sampling(scene.quality, culture_height, above_posts));
+Sampling sampling(const Scene& scene, GroundCover cover, double above_posts) {
+    Sampling own = own_sampling(scene, sampling(scene.quality, cover, above_posts));
     own.spokes_per_bin = scene.spokes_per_bin.value_or(own.spokes_per_bin);
     return own;
 }

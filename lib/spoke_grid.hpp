@@ -24,6 +24,10 @@
 
 namespace wedgescope {
 
+/// What may change from post to post: the ground alone, classes of culture that lie on it, or culture that stands up from it
+/// (trees, buildings).
+enum class GroundCover { bare, classes, heights };
+
 /// What a quality means for the sweep.
 struct Sampling {
     double spokes_per_post = 1;  ///< o: at least so many spokes a post on every line, but for above_posts
@@ -44,16 +48,16 @@ struct Sampling {
     bool exact_course =
         false;  ///< the bilinear surface's course between two samples, not a straight line, decides what is seen
 };
-/// `culture_height`: single posts may stand up from the ground (trees, buildings), and spokes must meet each of them.
+/// Of culture heights single posts may stand up, and spokes must meet each of them; between classes the echo leaps.
 /// `above_posts`: the sensor's height over the ground below it, in posts. The lower it is, the longer are the shadows
 /// of single posts, and their edges must be met: from 14 posts on (20 with culture heights) half as many spokes a bin do,
 /// from 40 on a quarter, and below 4 posts (10) they double with each halving of the height, to 16 times or 192 at most.
 /// Source: docs/accuracy.md.
-Sampling sampling(Quality quality, bool culture_height, double above_posts);
+Sampling sampling(Quality quality, GroundCover cover, double above_posts);
 /// `of_quality` with what the scene itself says, but of its bins, which are an image's.
 Sampling own_sampling(const Scene& scene, const Sampling& of_quality);
 /// Of an image.
-Sampling sampling(const Scene& scene, bool culture_height, double above_posts);
+Sampling sampling(const Scene& scene, GroundCover cover, double above_posts);
 
 /// The spokes of a quadrant between two slopes: the whole quadrant where there are no levels of detail.
 struct Fan {

@@ -520,14 +520,14 @@ TEST_CASE("on a flat plain the mean depression of a cell is that of its range", 
     const ResolvedScene resolved = resolve(s, source);
     const DataBase& db = source.data_base();
     const SpokeMap map(db, {Geometry::grid, resolved.nadir, 0, 0, std::nullopt, 6000});
-    const SpokeGrid grid(db, map, sampling(Quality::exact, false, 50), 360);
+    const SpokeGrid grid(db, map, sampling(Quality::exact, GroundCover::bare, 50), 360);
     const PatternTable pattern(s.radar.antenna);
     const ClassLaws laws(std::vector<ClassGamma>(16, ClassGamma{1, 1}));
     const Quanta cells = quanta({0, 110}, 50, 1, 1, grid.azimuth_step_rad(), 1);
     SweepScene sweep;
     sweep.data_base = &db;
     sweep.grid = &grid;
-    sweep.sampling = sampling(Quality::exact, false, 50);
+    sweep.sampling = sampling(Quality::exact, GroundCover::bare, 50);
     sweep.sensor_m = 1500;
     sweep.nadir_patch = &resolved.nadir_patch;
     sweep.max_arc_m = 6000;

@@ -422,9 +422,10 @@ TEST_CASE("a radar sees burnt metal by its gamma, and nothing else changes", "[f
     };
     // North of the sensor at post (800, 800): 100 to 150 posts off, ten to either side.
     GeoJson().add_box(790, 650, 811, 700, {{"SMC", 1}}).write(folder / "metal.json");
+    GeoJson().add("Point", {{5.5, 5.5}}, {{"SMC", 1}}).write(folder / "away.json");  // classes take spokes of their own
     GeoJson().add("Point", {{800.5, 650.5}}, {{"SMC", 1}, {"HGT", 300}}).write(folder / "tower.json");
     GeoJson().add("Point", {{5.5, 5.5}}, {{"SMC", 1}, {"HGT", 300}}).write(folder / "far.json");
-    run({"tile", dem, folder / "plain", "-q"});
+    run({"tile", dem, folder / "plain", "--features", folder / "away.json", "-q"});
     run({"tile", dem, folder / "far", "--features", folder / "far.json", "-q"});
     run({"tile", dem, folder / "metal", "--features", folder / "metal.json", "-q"});
     run({"tile", dem, folder / "tower", "--features", folder / "tower.json", "-q"});

@@ -417,11 +417,11 @@ TEST_CASE("an error asked for chooses the quickest quality that promises it", "[
                       Catch::Contains("at most one of quality and max-error"));
     const Settings raw = simulated({"--dem", "a.tif", "--latlon", "1,2", "--altitude-msl", "1km", "--spokes-per-post",
                                     "2.5", "--spokes-per-bin", "7", "--crossings", "off", "--course", "straight"});
-    CHECK(sampling(raw.scene, false, 300).spokes_per_post == 2.5);
-    CHECK(sampling(raw.scene, false, 300).above_posts == 0);  // so many everywhere
-    CHECK(sampling(raw.scene, false, 100).spokes_per_bin == 7);
-    CHECK_FALSE(sampling(raw.scene, false, 100).cross_lines);
-    CHECK_FALSE(sampling(raw.scene, false, 100).exact_course);
+    CHECK(sampling(raw.scene, GroundCover::bare, 300).spokes_per_post == 2.5);
+    CHECK(sampling(raw.scene, GroundCover::bare, 300).above_posts == 0);  // so many everywhere
+    CHECK(sampling(raw.scene, GroundCover::bare, 100).spokes_per_bin == 7);
+    CHECK_FALSE(sampling(raw.scene, GroundCover::bare, 100).cross_lines);
+    CHECK_FALSE(sampling(raw.scene, GroundCover::bare, 100).exact_course);
 }
 
 TEST_CASE("a sector runs clockwise, through the back too, and the full circle is none", "[options]") {

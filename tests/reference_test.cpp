@@ -148,6 +148,11 @@ TEST_CASE("inland_empire from 2750 ft: long shadows", "[reference]") {
            33.93, -117.33, 838, 480});
 }
 
+TEST_CASE("inland_empire from 2134 m, classes that lie on bare ground", "[reference]") {
+    check({"inland_empire 2134 m, classes", "inland_empire_dem.tif", "inland_empire_culture.tif", "", 1, 33.93, -117.33,
+           2134, 480, 120});
+}
+
 TEST_CASE("inland_empire from 30 m above ground, beam of 6 degrees: tails of the pulse over shadows", "[reference]") {
     check({"inland_empire 30 m, 6 deg", "inland_empire_dem.tif", "", "", 1, 33.93, -117.33, 30, 120, 60, 20000, true,
            240});

@@ -290,11 +290,13 @@ TEST_CASE("the posts round a piece are those of the cell that its middle lies in
         std::vector<float> b(2 * n), a(2 * n);
         cell_lanes(behind, ahead, n, minor0.data(), minor1.data(), {cell.data(), b.data(), a.data()});
         const auto same = [](float x, const LinePosts& posts, std::int64_t j) {
-            return std::bit_cast<std::uint32_t>(x) == std::bit_cast<std::uint32_t>(posts.has(j) ? posts.at(j) : no_post);
+            return std::bit_cast<std::uint32_t>(x) ==
+                   std::bit_cast<std::uint32_t>(posts.has(j) ? posts.at(j) : no_post);
         };
         bool right = true;
         for (std::size_t i = 0; i < n; ++i) {
-            right = right && cell[i] == std::floor(0.5 * (minor0[i] + minor1[i])) && !(cell[i] == 0 && std::signbit(cell[i]));
+            right = right && cell[i] == std::floor(0.5 * (minor0[i] + minor1[i])) &&
+                    !(cell[i] == 0 && std::signbit(cell[i]));
             const auto j = static_cast<std::int64_t>(cell[i]);
             for (const std::int64_t side : {0, 1}) {
                 const std::size_t at = 2 * i + static_cast<std::size_t>(side);
@@ -540,28 +542,34 @@ TEST_CASE("what a parabola shows over a horizon is what walking along it shows",
 
 TEST_CASE("each quality samples as the table in docs/accuracy.md says", "[grid]") {
     // Posts above the ground below: lowest, low, mid, high; with culture heights the first two reach higher.
-    const std::vector<double> bare[] = {{1}, {4, 13.9}, {14, 39.9}, {40, 400}},
-                              culture[] = {{2.5}, {10, 19.9}, {20, 39.9}, {40, 400}};
+    const std::vector<double> ground[] = {{1}, {4, 13.9}, {14, 39.9}, {40, 400}},
+                              raised[] = {{2.5}, {10, 19.9}, {20, 39.9}, {40, 400}};
+    constexpr GroundCover bare = GroundCover::bare, classes = GroundCover::classes, heights = GroundCover::heights;
     struct Row {
         Quality quality;
-        bool culture;
+        GroundCover cover;
         std::array<double, 4> per_bin, per_post, lead;
     };
     const Row rows[] = {
-        {Quality::draft, false, {12, 3, 3, 3}, {0.6, 0.6, 1, 1}, {1, 1, 1, 1}},
-        {Quality::draft, true, {24, 6, 3, 3}, {0.6, 0.6, 1, 1}, {1, 1, 1, 1}},
-        {Quality::normal, false, {24, 6, 3, 3}, {1, 1, 1, 0.6}, {2, 2, 4, 4}},
-        {Quality::normal, true, {48, 12, 6, 3}, {1.25, 1.25, 1.25, 1.25}, {2, 2, 4, 4}},
-        {Quality::fine, false, {48, 12, 6, 3}, {1.25, 1.25, 1.25, 1.25}, {4, 4, 4, 4}},
-        {Quality::fine, true, {96, 24, 12, 6}, {2, 2, 2, 2}, {2, 2, 4, 4}},
-        {Quality::exact, false, {96, 24, 12, 6}, {2, 2, 1.5, 1.5}, {2, 2, 4, 4}},
-        {Quality::exact, true, {192, 48, 24, 12}, {4, 4, 4, 4}, {2, 2, 4, 4}},
+        {Quality::draft, bare, {12, 3, 3, 3}, {0.6, 0.6, 1, 1}, {1, 1, 1, 1}},
+        {Quality::draft, classes, {12, 3, 3, 3}, {0.6, 0.6, 1, 1}, {1, 1, 1, 1}},
+        {Quality::draft, heights, {24, 6, 3, 3}, {0.6, 0.6, 1, 1}, {1, 1, 1, 1}},
+        {Quality::normal, bare, {24, 6, 3, 3}, {1, 1, 1, 0.6}, {2, 2, 4, 4}},
+        {Quality::normal, classes, {48, 12, 4, 3}, {1.25, 1.25, 1, 1}, {2, 2, 4, 4}},
+        {Quality::normal, heights, {48, 12, 6, 3}, {1.25, 1.25, 1.25, 1.25}, {2, 2, 4, 4}},
+        {Quality::fine, bare, {48, 12, 6, 3}, {1.25, 1.25, 1.25, 1.25}, {4, 4, 4, 4}},
+        {Quality::fine, classes, {56, 14, 7, 3.5}, {1.5, 1.5, 1.5, 1.5}, {4, 4, 4, 4}},
+        {Quality::fine, heights, {96, 24, 12, 6}, {2, 2, 2, 2}, {2, 2, 4, 4}},
+        {Quality::exact, bare, {96, 24, 12, 6}, {2, 2, 1.5, 1.5}, {2, 2, 4, 4}},
+        {Quality::exact, classes, {128, 32, 16, 8}, {2.5, 2.5, 3, 3}, {2, 2, 4, 4}},
+        {Quality::exact, heights, {192, 48, 24, 12}, {4, 4, 4, 4}, {2, 2, 4, 4}},
     };
     for (const Row& row : rows)
         for (std::size_t i = 0; i < 4; ++i)
-            for (const double above : row.culture ? culture[i] : bare[i]) {
-                const Sampling s = sampling(row.quality, row.culture, above);
-                INFO(word(row.quality) << (row.culture ? " with culture, " : " bare, ") << above << " posts above");
+            for (const double above : row.cover == heights ? raised[i] : ground[i]) {
+                const Sampling s = sampling(row.quality, row.cover, above);
+                INFO(word(row.quality) << " over cover " << static_cast<int>(row.cover) << ", " << above
+                                       << " posts above");
                 CHECK(s.spokes_per_bin == row.per_bin[i]);
                 CHECK(s.spokes_per_post == row.per_post[i]);
                 CHECK(s.lead == row.lead[i]);
@@ -572,11 +580,11 @@ TEST_CASE("each quality samples as the table in docs/accuracy.md says", "[grid]"
             }
     // Nearer the ground never fewer a bin; a better quality never fewer of either, but for `draft` from high up, whose spokes
     // are sampled on one axis' lines only; within what the key takes.
-    for (const bool with_culture : {false, true})
+    for (const GroundCover cover : {bare, classes, heights})
         for (double above = 0.01; above < 400; above *= 1.1) {
             Sampling before{.spokes_per_post = 0, .spokes_per_bin = 0};
             for (const Quality q : {Quality::draft, Quality::normal, Quality::fine, Quality::exact}) {
-                const Sampling s = sampling(q, with_culture, above), higher = sampling(q, with_culture, above * 1.1);
+                const Sampling s = sampling(q, cover, above), higher = sampling(q, cover, above * 1.1);
                 INFO(word(q) << ", " << above << " posts above");
                 CHECK(s.spokes_per_bin >= higher.spokes_per_bin);
                 CHECK(s.spokes_per_bin >= before.spokes_per_bin);
@@ -747,18 +755,18 @@ TEST_CASE("deposits add up to what was put in, bin by bin, in any order and by l
                 const std::vector<double> numbers = column(of);
                 return std::vector<float>(numbers.begin(), numbers.end());
             };
-            const auto s0 = column([](const Put& p) { return p.target.share[0]; }),
-                       s1 = column([](const Put& p) { return p.target.share[1]; }),
-                       x0 = column([](const Put& p) { return p.portion.x0 / bins; }),
-                       x1 = column([](const Put& p) { return p.portion.x1 / bins; }),
-                       power = column([](const Put& p) { return p.portion.power; });
+            const auto s0 = column([](const Put&p) { return p.target.share[0]; }),
+                       s1 = column([](const Put&p) { return p.target.share[1]; }),
+                       x0 = column([](const Put&p) { return p.portion.x0 / bins; }),
+                       x1 = column([](const Put&p) { return p.portion.x1 / bins; }),
+                       power = column([](const Put&p) { return p.portion.power; });
             const auto gamma = [&](std::size_t k) {
                 return floats([k](const Put& p) { return static_cast<double>(p.stretches.gamma[k]); });
             };
-            const auto bow = floats([](const Put& p) { return p.portion.bow; }), gamma0 = gamma(0), gamma1 = gamma(1),
+            const auto bow = floats([](const Put&p) { return p.portion.bow; }), gamma0 = gamma(0), gamma1 = gamma(1),
                        gamma2 = gamma(2),
-                       second = floats([](const Put& p) { return static_cast<double>(p.stretches.second); }),
-                       third = floats([](const Put& p) { return static_cast<double>(p.stretches.third); });
+                       second = floats([](const Put&p) { return static_cast<double>(p.stretches.second); }),
+                       third = floats([](const Put&p) { return static_cast<double>(p.stretches.third); });
             std::vector<std::int64_t> row;
             std::vector<std::int32_t> straddlers;
             for (std::size_t i = 0; i < n; ++i) {

@@ -249,6 +249,10 @@ nlohmann::ordered_json report_json(const Settings& settings, const RunResult& ru
         if (posts > 0)
             out["levels"].push_back({{"level", level}, {"posts_read", posts}, {"stand_for", posts << (2 * level)}});
     }
+    const Sampling& sampling = run.sampling;
+    out["sampling"] = json{{"spokes_per_post", sampling.spokes_per_post},
+                           {"spokes_per_bin", sampling.spokes_per_bin},
+                           {"spoke_lead", sampling.lead}};
     out["stages_wall_s"] =
         json{{"survey", report.survey_s}, {"merge", report.merge_s},       {"keep", report.keep_s},
              {"beam", report.beam_s},     {"receiver", report.receiver_s}, {"display", report.display_s},
