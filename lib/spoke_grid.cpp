@@ -12,11 +12,11 @@ namespace wedgescope {
 
 namespace {
 
-/// What spokes_per_post is multiplied by on a line so many `posts` from the nadir, posts of a level of detail; bins hold ten of
-/// them `to_wide_bins` from there. Never falls with `posts`.
-double counted_posts(const Sampling& sampling, double post, double posts, double to_wide_bins) {
+/// What spokes_per_post is multiplied by on a line so many `posts` from the nadir, posts of a level of detail; bins hold
+/// Sampling::thin_from_posts of them `to_thin` from there. Never falls with `posts`.
+double counted_posts(const Sampling& sampling, double post, double posts, double to_thin) {
     if (sampling.above_posts / post < 40) return posts;
-    double counted = std::min(posts, to_wide_bins), share = 1, from = 0;
+    double counted = std::min(posts, to_thin), share = 1, from = 0;
     const auto up_to = [&](double end) {
         if (posts > from) counted = std::max(counted, share * std::min(posts, end));
         from = end;
@@ -122,7 +122,7 @@ SpokeGrid::SpokeGrid(const DataBase& data_base, const SpokeMap& map, const Sampl
 void SpokeGrid::set_bands(Fan f, std::int64_t first_line, std::int64_t line_count, const DetailLevels& levels) {
     FanLines& lines = lines_[place_of(f)];
     lines.clockwise = map_.azimuth_rad(f.quadrant, 1) > map_.azimuth_rad(f.quadrant, -1);
-    lines.to_wide_bins = 10 * map_.azimuth_per_slope(f.quadrant) / azimuth_step_;
+    lines.to_wide_bins = Sampling::wide_posts * map_.azimuth_per_slope(f.quadrant) / azimuth_step_;
     const std::int64_t out = outward(f.quadrant), last = first_line + out * (line_count - 1);
     lines.bands.push_back({0, {0, line_count}, first_line});
     if (levels.any() && line_count > 0)
@@ -146,14 +146,15 @@ double SpokeGrid::needed_spokes(Fan f, const Sampling& sampling, double least, s
     // Dense enough, on every line up to `lead` times as far, for the posts of its level.
     const double d = distance(f, line), last = distance(f, lines.line_count - 1),
                  dense_to = std::min(d * sampling.lead, std::max(d, last)),
-                 spokes_a_post = sampling.spokes_per_post * map_.spacing_slack();
+                 spokes_a_post = sampling.spokes_per_post * map_.spacing_slack(),
+                 to_thin = lines.to_wide_bins * Sampling::thin_from_posts / Sampling::wide_posts;
     double most = least;
     for (const Band& band : lines.bands) {
         if (&band != &lines.bands.front() && distance(f, band.lines.begin) > dense_to) break;
         const double end = &band == &lines.bands.back() ? dense_to : distance(f, band.lines.end - 1),
                      post = static_cast<double>(std::int64_t{1} << band.level);
-        most = std::max(
-            most, spokes_a_post * counted_posts(sampling, post, std::min(dense_to, end) / post, lines.to_wide_bins));
+        most =
+            std::max(most, spokes_a_post * counted_posts(sampling, post, std::min(dense_to, end) / post, to_thin));
     }
     return most;
 }

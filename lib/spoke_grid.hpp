@@ -34,12 +34,13 @@ struct Sampling {
     double spokes_per_bin = 2;   ///< and so many an azimuth bin; 2 or more
     double above_posts = 0;      ///< the sensor's height over the ground below it, in posts
     /// What single spokes miss averages out where bins are wide, and counts little beside noise: from 40 posts of height on
-    /// spokes grow with the lines up to where a bin holds 10 posts, and from there on only to these shares of
+    /// spokes grow with the lines up to where a bin holds 8 posts, and from there on only to these shares of
     /// spokes_per_post, where even what shines stays below 50, 15, 5 and half of the noise that a usual receiver has; but to three spokes in ten
     /// posts, for what is in shadow is told apart below the noise too.
     static constexpr std::array<double, 4> quiet_above{50, 15, 5, 0.5},
         quiet_shares{1.0 / 2, 1.0 / 3, 1.0 / 4, 1.0 / 6};
-    static constexpr double least_per_post = 0.3;
+    static constexpr double thin_from_posts = 8, least_per_post = 0.3;
+    static constexpr double wide_posts = 10;  ///< of a bin in which pieces on both sides of a line may be put down as one
     std::array<double, 4> quiet_posts{infinite, infinite, infinite, infinite};  ///< beyond these distances, in posts
     /// How many times a line's distance spokes are dense enough for. A spoke that a doubling puts between two starts from
     /// the mean of their horizons, which is wrong until ground of its own hides more.
@@ -155,7 +156,7 @@ public:
     int level(Fan f, std::int64_t line) const { return band_of(f, line).level; }
     /// From the nadir to a line, posts of the raster; above 0.
     double distance(Fan f, std::int64_t line) const;
-    /// Does an azimuth bin hold ten posts or more there, of the line's level?
+    /// Does an azimuth bin hold Sampling::wide_posts or more there, of the line's level?
     bool wide_bins(Fan f, std::int64_t line) const {
         return distance(f, line) >= of(f).to_wide_bins * static_cast<double>(std::int64_t{1} << level(f, line));
     }
@@ -186,7 +187,7 @@ private:
         std::vector<Band> bands;
         std::vector<Ring> rings;
         bool clockwise = true;    // azimuth grows with slope
-        double to_wide_bins = 0;  // posts from the nadir to where a bin holds ten of a line's
+        double to_wide_bins = 0;  // posts from the nadir to where a bin holds wide_posts of a line's
     };
     std::size_t place_of(Fan f) const {
         return static_cast<std::size_t>(static_cast<int>(f.quadrant) * fans_each_ + f.index);

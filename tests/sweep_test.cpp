@@ -161,8 +161,8 @@ TEST_CASE("neighbouring spokes are as dense as a line so many times as far off n
                                       .quiet_posts = high.quiet_posts,
                                       .lead = lead},
                                      180);
-                // Where bins of two degrees are 10 posts wide.
-                const double wide = 10 / (std::numbers::pi / 90);
+                // Where bins of two degrees are 8 posts wide.
+                const double wide = 8 / (std::numbers::pi / 90);
                 const auto share = [&](double posts) {
                     double found = 1;
                     for (const auto& [from, of] : high.shares)
