@@ -122,7 +122,7 @@ SpokeGrid::SpokeGrid(const DataBase& data_base, const SpokeMap& map, const Sampl
 void SpokeGrid::set_bands(Fan f, std::int64_t first_line, std::int64_t line_count, const DetailLevels& levels) {
     FanLines& lines = lines_[place_of(f)];
     lines.clockwise = map_.azimuth_rad(f.quadrant, 1) > map_.azimuth_rad(f.quadrant, -1);
-    lines.to_wide_bins = Sampling::wide_posts * map_.azimuth_per_slope(f.quadrant) / azimuth_step_;
+    lines.to_bin_of_post = map_.azimuth_per_slope(f.quadrant) / azimuth_step_;
     const std::int64_t out = outward(f.quadrant), last = first_line + out * (line_count - 1);
     lines.bands.push_back({0, {0, line_count}, first_line});
     if (levels.any() && line_count > 0)
@@ -147,14 +147,13 @@ double SpokeGrid::needed_spokes(Fan f, const Sampling& sampling, double least, s
     const double d = distance(f, line), last = distance(f, lines.line_count - 1),
                  dense_to = std::min(d * sampling.lead, std::max(d, last)),
                  spokes_a_post = sampling.spokes_per_post * map_.spacing_slack(),
-                 to_thin = lines.to_wide_bins * Sampling::thin_from_posts / Sampling::wide_posts;
+                 to_thin = Sampling::thin_from_posts * lines.to_bin_of_post;
     double most = least;
     for (const Band& band : lines.bands) {
         if (&band != &lines.bands.front() && distance(f, band.lines.begin) > dense_to) break;
         const double end = &band == &lines.bands.back() ? dense_to : distance(f, band.lines.end - 1),
                      post = static_cast<double>(std::int64_t{1} << band.level);
-        most =
-            std::max(most, spokes_a_post * counted_posts(sampling, post, std::min(dense_to, end) / post, to_thin));
+        most = std::max(most, spokes_a_post * counted_posts(sampling, post, std::min(dense_to, end) / post, to_thin));
     }
     return most;
 }

@@ -40,7 +40,6 @@ struct Sampling {
     static constexpr std::array<double, 4> quiet_above{50, 15, 5, 0.5},
         quiet_shares{1.0 / 2, 1.0 / 3, 1.0 / 4, 1.0 / 6};
     static constexpr double thin_from_posts = 8, least_per_post = 0.3;
-    static constexpr double wide_posts = 10;  ///< of a bin in which pieces on both sides of a line may be put down as one
     std::array<double, 4> quiet_posts{infinite, infinite, infinite, infinite};  ///< beyond these distances, in posts
     /// How many times a line's distance spokes are dense enough for. A spoke that a doubling puts between two starts from
     /// the mean of their horizons, which is wrong until ground of its own hides more.
@@ -131,6 +130,8 @@ public:
     static constexpr std::int64_t spoke_step = 16;
     static constexpr int slope_bits = 32;
     static constexpr std::int64_t most_rounded = std::int64_t{1} << 20;
+    /// In bins of so many posts, pieces on both sides of a line may be put down as one.
+    static constexpr double wide_posts = 10;
 
     SpokeGrid(const DataBase& data_base, const SpokeMap& map, const Sampling& sampling, std::int64_t circle_bins,
               const DetailLevels& levels = {});
@@ -156,9 +157,10 @@ public:
     int level(Fan f, std::int64_t line) const { return band_of(f, line).level; }
     /// From the nadir to a line, posts of the raster; above 0.
     double distance(Fan f, std::int64_t line) const;
-    /// Does an azimuth bin hold Sampling::wide_posts or more there, of the line's level?
+    /// Does an azimuth bin hold wide_posts or more there, of the line's level?
     bool wide_bins(Fan f, std::int64_t line) const {
-        return distance(f, line) >= of(f).to_wide_bins * static_cast<double>(std::int64_t{1} << level(f, line));
+        return distance(f, line) >=
+               wide_posts * of(f).to_bin_of_post * static_cast<double>(std::int64_t{1} << level(f, line));
     }
     /// At least one ring, also where a fan has no line. One may have no lines: the number of spokes doubles at once again.
     const std::vector<Ring>& rings(Fan f) const { return of(f).rings; }
@@ -186,8 +188,8 @@ private:
         std::int64_t line_count = 0;
         std::vector<Band> bands;
         std::vector<Ring> rings;
-        bool clockwise = true;    // azimuth grows with slope
-        double to_wide_bins = 0;  // posts from the nadir to where a bin holds wide_posts of a line's
+        bool clockwise = true;      // azimuth grows with slope
+        double to_bin_of_post = 0;  // posts from the nadir to where a bin is as wide as one of them
     };
     std::size_t place_of(Fan f) const {
         return static_cast<std::size_t>(static_cast<int>(f.quadrant) * fans_each_ + f.index);

@@ -40,6 +40,7 @@ RunResult drawn_run(std::size_t wedges) {
     }
     run.report.states = {1, 2, 3, 4, 5};
     run.report.threads = 2;
+    run.sampling = {.spokes_per_post = 1.25, .spokes_per_bin = 12, .lead = 4};
     return run;
 }
 
@@ -70,6 +71,8 @@ TEST_CASE("the report holds what the contract names", "[report]") {
           nlohmann::ordered_json::parse(R"({"no data":1,"shadow":2,"seen":3,"unknown":4,"outside":5})"));
     CHECK(out["reused"] == 0);
     CHECK(out["levels"].is_array());
+    CHECK(out["sampling"] ==
+          nlohmann::ordered_json::parse(R"({"spokes_per_post":1.25,"spokes_per_bin":12.0,"spoke_lead":4.0})"));
     CHECK(out["inputs"][0]["bytes"] == 42);
     CHECK(out["inputs"][1]["bytes"].is_null());
     CHECK(out["wall_s"] == 2.0);
