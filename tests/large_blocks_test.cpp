@@ -1,6 +1,7 @@
 // Blocks from operator new: theirs alone, whole, and given back; many sizes, on several threads.
 #include "tiles/large_blocks.hpp"
 
+#include <sys/mman.h>
 #include <unistd.h>
 
 #include <catch2/catch.hpp>
@@ -74,6 +75,30 @@ TEST_CASE("freed blocks stay up to what is kept, and go back to the system beyon
     ::operator delete(large.at);
     keep_large_blocks(0);
     CHECK(resident_bytes() < before + (std::size_t{4} << 20));
+    keep_large_blocks(std::size_t{8} << 20);
+}
+
+TEST_CASE("small pages at a block's end are there before they are written, and no others", "[large_blocks][quick]") {
+    constexpr std::size_t huge = std::size_t{2} << 20, tail = std::size_t{3} << 19, spare = std::size_t{1} << 18;
+    void* const probe = ::mmap(nullptr, 4096, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+    const bool can = ::madvise(probe, 4096, MADV_POPULATE_WRITE) == 0;  // Linux 5.14
+    ::munmap(probe, 4096);
+    if (!can) return;
+    keep_large_blocks(0);
+    const std::size_t before = resident_bytes();
+    // In blocks that are mapped for it, and in one that was kept for less.
+    for (const std::size_t first : {tail, tail - spare}) {
+        void* const small = ::operator new(huge + first);
+        CHECK(resident_bytes() > before + first - spare / 2);
+        keep_large_blocks(std::size_t{8} << 20);
+        ::operator delete(small);
+        void* const block = ::operator new(huge + tail);
+        CHECK(resident_bytes() > before + tail - spare / 2);
+        CHECK(resident_bytes() < before + tail + spare / 2);
+        ::operator delete(block);
+        keep_large_blocks(0);
+        CHECK(resident_bytes() < before + spare / 2);
+    }
     keep_large_blocks(std::size_t{8} << 20);
 }
 #endif

@@ -24,10 +24,21 @@ namespace {
 
 constexpr std::size_t page = std::size_t{2} << 20;
 
-/// Parts of a huge page: 64 KiB to 512 KiB.
-constexpr std::size_t least_part = page / 32, most_part = page / 4;
+/// Parts of a huge page: of exactly 64 KiB to 1 MiB.
+constexpr std::size_t least_part = page / 32, most_part = page / 2;
 constexpr bool is_part(std::size_t bytes) {
     return bytes >= least_part && bytes <= most_part && std::has_single_bit(bytes);
+}
+/// What a block gets: whole huge pages, or a whole part of one, where that is no more than a 32nd more.
+constexpr std::size_t rounded(std::size_t bytes) {
+    if (bytes < least_part || bytes > PTRDIFF_MAX) return bytes;
+    const std::size_t whole = bytes < page ? std::bit_ceil(bytes) : (bytes + page - 1) / page * page;
+    return whole - bytes <= bytes / 32 ? whole : bytes;
+}
+/// Bytes that small pages hold.
+constexpr std::size_t in_small_pages(std::size_t bytes) {
+    constexpr std::size_t small_page = 4096;
+    return (bytes + small_page - 1) / small_page * small_page;
 }
 
 /// All that are held or kept; what finds no place here comes from malloc.
@@ -72,8 +83,8 @@ public:
             if (block.used == 0) {
                 block.part = 0;
                 block.kept = ++stamp_;
-                kept_bytes_ += block.pages * page;
-                used_bytes_ -= block.pages * page;
+                kept_bytes_ += block.touched;
+                used_bytes_ -= block.touched;
                 drop();
             }
             return true;
@@ -93,7 +104,7 @@ private:
         void* at = nullptr;
         std::size_t pages = 0;
         std::uint64_t kept = 0;   // when it was freed; 0: it is in use
-        std::size_t touched = 0;  // bytes of it that may be resident
+        std::size_t touched = 0;  // bytes of it that may be resident, whole small pages
         std::size_t part = 0;     // bytes of each part; 0: it is not shared out
         std::uint32_t used = 0;   // which parts
     };
@@ -104,9 +115,9 @@ private:
         for (Block& block : blocks_) {
             if (block.kept && block.pages == pages) {
                 block.kept = 0;
-                kept_bytes_ -= pages * page;
-                leave_rest(block, bytes);
-                use(pages);
+                kept_bytes_ -= block.touched;
+                fit(block, bytes);
+                use(block);
                 return &block;
             }
             if (!block.at && !room) room = &block;
@@ -116,30 +127,40 @@ private:
         void* at = map(pages);
         while (!at && drop_oldest()) at = map(pages);
         if (!at) return nullptr;
-        // A wish: nothing depends on it. What is left at the end comes in small pages, so that no more is resident than
-        // was asked for.
-        if (bytes >= page) ::madvise(at, bytes / page * page, MADV_HUGEPAGE);
-        *room = {.at = at, .pages = pages, .touched = bytes};
-        use(pages);
+        // Wishes: nothing depends on them. What is left at the end comes in small pages, so that no more is resident than was
+        // asked for; all at once, for to fetch each when it is first written takes many times as long.
+        const std::size_t whole = bytes / page * page;
+        if (whole > 0) ::madvise(at, whole, MADV_HUGEPAGE);
+        if (whole < bytes) {
+            ::madvise(static_cast<char*>(at) + whole, pages * page - whole, MADV_NOHUGEPAGE);
+            fill(static_cast<char*>(at) + whole, bytes - whole);
+        }
+        *room = {.at = at, .pages = pages, .touched = in_small_pages(bytes)};
+        use(*room);
         drop();
         return room;
     }
 
-    /// Of a block that now holds no more than `bytes`: what an earlier one had beyond that is not worth a system call unless
-    /// it is much.
-    static void leave_rest(Block& block, std::size_t bytes) noexcept {
-        constexpr std::size_t much = page / 2, small_page = 4096;
-        if (block.touched < bytes + much) {
-            block.touched = std::max(block.touched, bytes);
+    /// A kept block shall hold `bytes`: what an earlier one had beyond that is not worth a system call unless it is much.
+    static void fit(Block& block, std::size_t bytes) noexcept {
+        constexpr std::size_t much = page / 4;
+        const std::size_t wanted = in_small_pages(bytes);
+        char* const at = static_cast<char*>(block.at);
+        if (wanted > block.touched)
+            fill(at + block.touched, wanted - block.touched);
+        else if (block.touched >= wanted + much)
+            ::madvise(at + wanted, block.touched - wanted, MADV_DONTNEED);
+        else
             return;
-        }
-        const std::size_t from = (bytes + small_page - 1) / small_page * small_page;
-        ::madvise(static_cast<char*>(block.at) + from, block.pages * page - from, MADV_DONTNEED);
-        block.touched = bytes;
+        block.touched = wanted;
     }
 
-    void use(std::size_t pages) noexcept {
-        used_bytes_ += pages * page;
+    static void fill(void* at, std::size_t bytes) noexcept {
+        ::madvise(at, bytes, MADV_POPULATE_WRITE);  // Linux 5.14 and later
+    }
+
+    void use(const Block& block) noexcept {
+        used_bytes_ += block.touched;
         most_used_ = std::max(most_used_, used_bytes_);
     }
 
@@ -169,7 +190,7 @@ private:
             if (block.kept && (!oldest || block.kept < oldest->kept)) oldest = &block;
         if (!oldest) return nullptr;
         ::munmap(oldest->at, oldest->pages * page);
-        kept_bytes_ -= oldest->pages * page;
+        kept_bytes_ -= oldest->touched;
         *oldest = {};
         return oldest;
     }
@@ -189,8 +210,9 @@ LargeBlocks& large_blocks() {
 }
 
 void* allocate(std::size_t bytes) {
-    if ((bytes >= page && bytes <= PTRDIFF_MAX) || is_part(bytes))
-        if (void* const block = large_blocks().allocate(bytes)) return block;
+    const std::size_t whole = rounded(bytes);
+    if ((whole >= page && whole <= PTRDIFF_MAX) || is_part(whole))
+        if (void* const block = large_blocks().allocate(whole)) return block;
     return std::malloc(bytes ? bytes : 1);
 }
 
