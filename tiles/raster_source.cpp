@@ -178,14 +178,7 @@ CultureCells RasterSource::load_classes(const Window& window) {
     bool any_unknown = false;
     const std::int64_t read =
         culture_->read_codes(window, [&](std::int64_t row, std::int64_t at, const std::int32_t* codes, std::int64_t n) {
-            ClassId* to = cells.classes.data() + row * window.columns.size() + at;
-            bool unknown = false;
-            for (std::int64_t i = 0; i < n; ++i) {
-                const ClassId id = class_of(codes[i]);
-                unknown |= id == unknown_class;
-                to[i] = id;
-            }
-            any_unknown |= unknown;
+            any_unknown |= find_classes(codes, n, cells.classes.data() + row * window.columns.size() + at);
         });
     cells.bytes_read = static_cast<std::uint64_t>(read * culture_->facts().type_bytes);
     if (!any_unknown) return cells;
@@ -523,6 +516,19 @@ void RasterSource::pass_layer(RegisteredLayer& layer, const Window& posts, const
         for (std::int64_t c = blocks.columns.begin; c < blocks.columns.end; ++c)
             pass({intersection(posts.columns, {c * block_posts, (c + 1) * block_posts}),
                   intersection(posts.rows, {r * block_posts, (r + 1) * block_posts})});
+}
+
+bool RasterSource::find_classes(const std::int32_t* __restrict codes, std::int64_t n,
+                                ClassId* __restrict classes) const {
+    const ClassId* __restrict const table = class_of_.data();  // bytes that are written could be anything else
+    bool unknown = false;
+    for (std::int64_t i = 0; i < n; ++i) {
+        const std::int64_t at = static_cast<std::int64_t>(codes[i]) - table_begin;
+        const ClassId id = at >= 0 && at < table_size ? table[at] : class_beyond_table(codes[i]);
+        unknown |= id == unknown_class;
+        classes[i] = id;
+    }
+    return unknown;
 }
 
 ClassId RasterSource::class_beyond_table(std::int32_t code) const {

@@ -105,10 +105,8 @@ protected:
     /// Notes why a layer under these posts may stay unread: for the ground's reason, or because nothing sees it.
     static void pass_layer(RegisteredLayer& layer, const Window& posts, const NeededPosts& needed);
 
-    ClassId class_of(std::int32_t code) const {
-        const std::int64_t at = static_cast<std::int64_t>(code) - table_begin;
-        return at >= 0 && at < table_size ? class_of_[static_cast<std::size_t>(at)] : class_beyond_table(code);
-    }
+    /// Of n codes; true if some have none.
+    bool find_classes(const std::int32_t* codes, std::int64_t n, ClassId* classes) const;
     ClassId class_beyond_table(std::int32_t code) const;
 
     Extremes find_extremes();
