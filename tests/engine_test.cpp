@@ -606,6 +606,43 @@ TEST_CASE("no wedge holds more than the plan grants it", "[engine][plan][long]")
     CHECK(fullest > 0.8);  // and the grant is no wild guess
 }
 
+TEST_CASE("with several threads the last wedges are narrower, and all together are the swept bins", "[engine]") {
+    MemorySource source(200, 200, 30, test::rolling(300, 90, 5));
+    Scene s;
+    s.platform.xy = PointXY{30 * 100, -30 * 100};
+    s.platform.altitude_m = 1500;
+    s.range_m = 5000;
+    s.display.size = 64;
+    const ResolvedScene resolved = resolve(s, source);
+    const Interval all = resolved.swept.azimuth_bins;
+    const auto sizes = [&](int threads, std::int64_t wedges) {
+        EngineParams params;
+        params.threads = threads;
+        params.wedges = wedges;
+        const RunResult r = run(resolved, source, params);
+        std::vector<std::int64_t> bins;
+        std::int64_t end = all.begin;
+        for (const WedgeReport& wedge : r.report.wedges) {
+            REQUIRE(wedge.azimuth_bins.begin == end);
+            end = wedge.azimuth_bins.end;
+            bins.push_back(wedge.azimuth_bins.size());
+        }
+        REQUIRE(end == all.end);
+        return bins;
+    };
+    REQUIRE(all.size() == 960);
+    using Sizes = std::vector<std::int64_t>;
+    CHECK(sizes(1, 0) == Sizes{240, 240, 240, 240});
+    Sizes two(14, 60);
+    for (const std::int64_t more : {30, 30, 15, 15, 15, 15}) two.push_back(more);
+    CHECK(sizes(2, 0) == two);
+    CHECK(sizes(2, 3) == Sizes{320, 320, 320});  // as asked for
+    // As narrow as there are bins.
+    const Sizes many = sizes(100, 0);
+    CHECK(std::count(many.begin(), many.end(), 0) == 0);
+    CHECK(many.back() == 1);
+}
+
 TEST_CASE("ground is quiet from where the radar equation has it below the noise", "[engine][spoke_grid]") {
     MemorySource source(400, 400, 30, test::rolling(300, 90, 5));
     Scene s;
