@@ -106,8 +106,8 @@ struct WedgeCells::Placing {
     Placing(std::int32_t bin_at, float begin_at, float way_to, float bow_of)
         : bin(bin_at), begin(begin_at), way(way_to), bow(bow_of) {}
     Placing(double x0, double x1, double bow_of)
-        : bin(bin_of(x0 < x1 ? x0 : x1)), begin(begin_in(bin, x0 < x1 ? x0 : x1)),
-          way(static_cast<float>(x1 - x0)), bow(static_cast<float>(bow_of)) {}
+        : bin(bin_of(x0 < x1 ? x0 : x1)), begin(begin_in(bin, x0 < x1 ? x0 : x1)), way(static_cast<float>(x1 - x0)),
+          bow(static_cast<float>(bow_of)) {}
     float length() const { return way < 0 ? -way : way; }
     template <class Real>
     FromNear<Real> from_near(const Stretches& s) const {
@@ -191,10 +191,18 @@ struct Placed {
     std::int32_t slow[block];
 };
 
-/// [begin, end): the range bins that all have the quantum 1 / inverse. `stretched`: there may be more than one backscatter.
+/// Two neighbouring runs of range bins, [begin, border) and [border, end), that have the quanta 1 / near and 1 / far.
+struct TwoRuns {
+    std::int32_t begin = 0, border = 0, end = 0;
+    double near = 0, far = 0;
+    WEDGESCOPE_LANES_PART double inverse(std::int32_t bin) const { return bin < border ? near : far; }
+};
+
+/// Of portions that lie in the bins of one of the runs. `stretched`: there may be more than one backscatter.
 template <bool stretched>
-WEDGESCOPE_LANES_PART void place_portions(std::size_t n, const WedgeCells::Portions& p, std::int32_t begin,
-                                          std::int32_t end, double inverse, Placed& out) noexcept {
+WEDGESCOPE_LANES_PART void place_portions(std::size_t n, const WedgeCells::Portions& p, const TwoRuns& runs,
+                                          Placed& out) noexcept {
+    const TwoRuns r = runs;
     double* __restrict scale = out.scale;
     float* __restrict begins = out.begin, * __restrict ways = out.way, * __restrict rough = out.rough_scale;
     std::int32_t* __restrict bin_of_near = out.bin;
@@ -208,7 +216,7 @@ WEDGESCOPE_LANES_PART void place_portions(std::size_t n, const WedgeCells::Porti
             bin_of_near[i] = bin;
             begins[i] = begin_in(bin, near);
             ways[i] = static_cast<float>(b - a);
-            const double whole = power[i] * inverse * share[i];
+            const double whole = power[i] * r.inverse(bin) * share[i];
             scale[i] = whole;
             rough[i] = static_cast<float>(whole);
         }
@@ -226,9 +234,9 @@ WEDGESCOPE_LANES_PART void place_portions(std::size_t n, const WedgeCells::Porti
             const bool outwards = way > 0;
             const float reach = far > 0 ? far : 0.0F;
             const auto bins = static_cast<std::int32_t>(reach < 3 ? reach : 3.0F);
-            const float wanted = truth(third_gamma[i] >= 0), fits = wanted * truth(begins[i] >= 0) *
-                                                                    truth(bin_of_near[i] >= begin) *
-                                                                    truth(bin_of_near[i] + bins < end);
+            const std::int32_t bin = bin_of_near[i], last = bin + bins;
+            const float wanted = truth(third_gamma[i] >= 0), in_one = truth(bin >= r.border) + truth(last < r.border),
+                        fits = wanted * in_one * truth(begins[i] >= 0) * truth(bin >= r.begin) * truth(last < r.end);
             const float width = inverse_of(length), u = (1 - begins[i]) * width, v = (2 - begins[i]) * width;
             float upto_one, upto_two, whole;
             if constexpr (stretched) {
@@ -248,7 +256,7 @@ WEDGESCOPE_LANES_PART void place_portions(std::size_t n, const WedgeCells::Porti
             one[i] = good > 0 ? a : 0.0F;
             two[i] = good > 0 ? b - a : 0.0F;  // 0 where there is no such bin
             three[i] = good > 0 ? whole - b : 0.0F;
-            first[i] = fits > 0 ? bin_of_near[i] : begin;
+            first[i] = fits > 0 ? bin : r.begin;
             slow[i] = wanted > good ? 1 : 0;
         }
     }
@@ -262,28 +270,39 @@ WEDGESCOPE_LANES_PART void place_portions(std::size_t n, const WedgeCells::Porti
     }
 }
 
+/// In which most of the portions lie; without bins if none does.
+TwoRuns runs_of(const Quanta& quanta, std::size_t n, const WedgeCells::Portions& p) {
+    const Interval all = quanta.range_bins;
+    const auto has_bin = [&](double x) {
+        return x >= static_cast<double>(all.begin) && x < static_cast<double>(all.end);
+    };
+    // Spokes stand in order: mostly one of the outer two has the least range of all.
+    double least = std::min(p.x0[0], p.x0[n - 1]) * p.bins;
+    for (std::size_t i = 0; i < n && !has_bin(least); ++i) least = p.x0[i] * p.bins;
+    if (!has_bin(least)) {
+        const auto none = static_cast<std::int32_t>(all.begin);
+        return {none, none, none, 0, 0};
+    }
+    const auto run = std::upper_bound(quanta.runs.begin(), quanta.runs.end(), static_cast<std::int64_t>(least),
+                                      [](std::int64_t b, const Interval& r) { return b < r.end; });
+    const auto next = std::next(run) < quanta.runs.end() ? std::next(run) : run;
+    const auto inverse = [&](const Interval& bins) {
+        return quanta.inverse[static_cast<std::size_t>(bins.begin) - static_cast<std::size_t>(all.begin)];
+    };
+    return {static_cast<std::int32_t>(run->begin), static_cast<std::int32_t>(run->end),
+            static_cast<std::int32_t>(next->end), inverse(*run), inverse(*next)};
+}
+
 }  // namespace
 
 // No pairs of cells in one register: the next spoke's cells overlap them, and a load across two stores waits for both.
 __attribute__((optimize("no-tree-slp-vectorize"))) void WedgeCells::add_lanes(std::size_t n, const Portions& p) {
-    // Bins with the quantum of the first portion: most blocks of lanes lie in them.
     Placed placed;
-    std::size_t some = 0;
-    const auto has_bin = [&](double x) { return x >= begin_ && x < end_; };
-    while (some < n && !has_bin(p.x0[some] * p.bins)) ++some;
-    Interval same{quanta_.range_bins.begin, quanta_.range_bins.begin};
-    double inverse = 0;
-    if (some < n) {
-        const auto bin = static_cast<std::int64_t>(p.x0[some] * p.bins);
-        same = *std::upper_bound(quanta_.runs.begin(), quanta_.runs.end(), bin,
-                                 [](std::int64_t b, const Interval& run) { return b < run.end; });
-        inverse = quanta_.inverse[static_cast<std::size_t>(bin) - first_bin_];
-    }
-    const auto begin = static_cast<std::int32_t>(same.begin), end = static_cast<std::int32_t>(same.end);
+    const TwoRuns runs = runs_of(quanta_, n, p);
     if (p.second)
-        on_target<place_portions<true>>(whole_registers(n), p, begin, end, inverse, placed);
+        on_target<place_portions<true>>(whole_registers(n), p, runs, placed);
     else
-        on_target<place_portions<false>>(whole_registers(n), p, begin, end, inverse, placed);
+        on_target<place_portions<false>>(whole_registers(n), p, runs, placed);
     std::int64_t* const sums = sums_.data();
     const auto put_one = [&](std::size_t i) {
         std::int64_t* cell = sums + (p.origin[i] + placed.first[i]);
@@ -303,7 +322,7 @@ __attribute__((optimize("no-tree-slp-vectorize"))) void WedgeCells::add_lanes(st
     for (i = 4 * quarter; i < n; ++i) put_one(i);
     for (const std::int32_t lane : p.straddlers) {
         i = static_cast<std::size_t>(lane);
-        const double scale = p.power[i] * inverse * p.share1[i];
+        const double scale = p.power[i] * runs.inverse(placed.bin[i]) * p.share1[i];
         std::int64_t* cell = sums + (p.origin[i] + placed.first[i]) + static_cast<std::ptrdiff_t>(columns_);
         for (std::size_t k = 0; k < 3; ++k) cell[k] += std::lrint(static_cast<double>(placed.shares[k][i]) * scale);
     }

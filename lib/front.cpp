@@ -14,11 +14,6 @@
 namespace wedgescope {
 namespace {
 
-/// A point of a piece.
-struct PieceEnd {
-    double part, range_m, sine, x;
-};
-
 /// Calls deposit(a, b) for the parts of a rising piece, halved until each lies at all but one range: under a low sensor
 /// a piece may be many times as long as its beginning is far, and its echo falls with the fourth power of the range.
 template <class Point, class Deposit>
@@ -69,7 +64,7 @@ Front::Front(const SweepScene& scene, const SpokeRun& run, WedgeCells& cells)
       needs_facets_(!scene.laws->constant()), directional_(scene.laws->directional()),
       shore_(scene.shore && scene.shore->on() && scene.data_base->has_culture ? scene.shore : nullptr),
       at_once_(shore_ || scene.with_depression || scene.data_base->has_culture_height),
-      may_join_(plain_ground_ && !at_once_ && !needs_facets_), quadrant_(run.quadrant), fan_(run.own_fan()),
+      keeps_all_(!at_once_ && !needs_facets_), may_join_(plain_ground_ && keeps_all_), quadrant_(run.quadrant), fan_(run.own_fan()),
       line_end_(scene.grid->line_count(fan_)), culture_(*scene.data_base, scene.source) {
     for (auto* samples : {&now_, &crossing_, &ahead_}) samples->resize(tile_lanes);
     for (auto* v : {&cell_, &bump_, &start_range_, &start_x_}) v->resize(tile_lanes);
@@ -468,7 +463,7 @@ void Front::take(const Between& between, std::size_t begin, std::size_t end, boo
         keep_joined(n, begin, between, from, to);
     else if (found.plain && !wait)
         keep_pieces(n, begin, between, from, to, plain_);
-    make_room(between);
+    if (at_once_) put_pieces(between);
     const std::uint64_t read = culture_.cost().ticks;
     for (std::uint64_t left = found.changes > 0 ? lanes_of_code(2, n, plain_.code.data()) : 0; left != 0;
          left &= left - 1) {
@@ -477,6 +472,7 @@ void Front::take(const Between& between, std::size_t begin, std::size_t end, boo
         if (shore_ && is(begin + i, mode_gap)) lanes_.shore[begin + i] = {};  // what is there, nobody knows
     }
     cost_.clock.leave_out(culture_.cost().ticks - read);
+    make_room(between);
     if (wait) {
         std::swap(plain_, crossed_);
         waiting_ = found.plain;
@@ -512,14 +508,16 @@ void Front::change(std::size_t lane, std::size_t i, const Between& between, Samp
         ++cost_.pieces;
         const bool own = lanes_.row[lane] >= 0;
         if (own || shore_) {
-            find_facet(i, lane, next);
+            const auto track = [&](const PieceEnd& a, const PieceEnd& b) {
+                return Track{between.major(at(*from.part, *to.part, a.part)), at(*from.minor, *to.minor, a.part),
+                             between.major(at(*from.part, *to.part, b.part)), at(*from.minor, *to.minor, b.part)};
+            };
             const auto deposit = [&](const PieceEnd& a, const PieceEnd& b, double bent) {
                 const double power = power_of(lane, a.sine, b.sine, a.range_m, b.range_m),
                              fall = echo_bow(a.sine, b.sine, a.range_m, b.range_m, *scene_->pattern);
                 put(lane,
                     {{a.x, b.x, power, std::clamp(bent + fall, -1.0, 1.0)},
-                     {between.major(at(*from.part, *to.part, a.part)), at(*from.minor, *to.minor, a.part),
-                      between.major(at(*from.part, *to.part, b.part)), at(*from.minor, *to.minor, b.part)},
+                     track(a, b),
                      a.sine,
                      b.sine,
                      facet_[0],
@@ -530,8 +528,12 @@ void Front::change(std::size_t lane, std::size_t i, const Between& between, Samp
                     between);
             };
             const PieceEnd first{begin, range0, horizon, x0}, last{end, range1, sine1, x1};
+            find_facet(i, lane, next);
             if (one_range(range0, range1, sine1 - horizon)) {
-                deposit(first, last, bow);
+                if (keeps_all_)
+                    keep_piece(lane, first, last, bow, track(first, last));
+                else
+                    deposit(first, last, bow);
             } else {
                 const double bump = bump_[i];
                 const auto point = [&](double u) {

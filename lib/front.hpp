@@ -64,6 +64,13 @@ struct SweepCost {
     std::uint64_t samples = 0, pieces = 0;
 };
 
+/// Where a piece of surface between two samples begins or ends.
+struct PieceEnd {
+    double part;  ///< of the way from the one sample to the other
+    double range_m, sine;
+    double x;  ///< as SampleLanes
+};
+
 class Front {
 public:
     Front(const SweepScene& scene, const SpokeRun& run, WedgeCells& cells);
@@ -243,6 +250,8 @@ private:
     /// Puts them, of lanes lane.., to the others that wait.
     void keep_pieces(std::size_t n, std::size_t lane, const Between& between, const SampleLanes& from,
                      const SampleLanes& to, const Plain& plain);
+    /// Puts a single one of a lane to the others that wait, from `first` to `last`, which run along `track`.
+    void keep_piece(std::size_t lane, const PieceEnd& first, const PieceEnd& last, double bow, const Track& track);
     /// Keeps those of plain_, from `from` to `to`, and those up to the other axis' lines, each two that can be as one.
     void keep_joined(std::size_t n, std::size_t lane, const Between& between, SampleLanes from, const SampleLanes& to);
     /// Keeps those up to the other axis' lines as they are.
@@ -329,6 +338,7 @@ private:
     bool directional_;       // some class on the azimuth
     const FarShore* shore_;  // null: no bank is brightened
     bool at_once_;   // pieces do not wait: what becomes of them hangs on their line, or on their order along a spoke
+    bool keeps_all_;  // pieces wait, those too that begin or end between samples: nothing needs their samples
     bool may_join_;  // pieces on both sides of the other axis' lines: nothing tells them apart but their way
     bool joins_ = false;       // and what becomes of their shapes averages out, up to the line ahead
     double minor_post_m_ = 1;  // metres of a post along the lines, at the sensor

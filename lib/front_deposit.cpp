@@ -68,6 +68,22 @@ void Front::keep_pieces(std::size_t n, std::size_t lane, const Between& between,
     pieces_.add(n, plain.code.data(), tile);
 }
 
+void Front::keep_piece(std::size_t lane, const PieceEnd& first, const PieceEnd& last, double bow, const Track& track) {
+    using P = VisiblePieces;
+    assert(keeps_all_);
+    const std::size_t i = pieces_.add_one();
+    const auto keep = [&](P::Column at, auto value) { pieces_.set(at, i, value); };
+    keep(P::lane, lanes_.number[lane]), keep(P::origin, lanes_.origin[lane]);
+    keep(P::share0, lanes_.share0[lane]), keep(P::share1, lanes_.share1[lane]);
+    keep(P::horizon, first.sine), keep(P::sine, last.sine);
+    keep(P::range0, first.range_m), keep(P::range1, last.range_m);
+    keep(P::rise, 1.0), keep(P::swing, bow);  // what counts is one over the other
+    if (scene_->range_is_ground) keep(P::x0, first.x), keep(P::x1, last.x);
+    if (plain_ground_) return;
+    keep(P::major0, track.major0), keep(P::minor0, track.minor0);
+    keep(P::major1, track.major1), keep(P::minor1, track.minor1);
+}
+
 void Front::keep_crossed(std::size_t n, std::size_t lane, const Between& between) {
     // now_ stands where they end, crossing_ where they start: nobody else asks for it while they wait.
     assert(joins_);

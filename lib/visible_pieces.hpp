@@ -4,8 +4,10 @@
 #pragma once
 #include <array>
 #include <bit>
+#include <cassert>
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 #include <vector>
 
 #include "lib/culture_lanes.hpp"
@@ -42,6 +44,15 @@ public:
     std::size_t size() const { return size_; }
     /// The pieces of the tile's n lanes whose code is 1, in order; with those there are, `most` at the most.
     void add(std::size_t n, const double* code, const Tile& tile) noexcept;
+    /// Room for one more, behind the others; all its columns that are looked at must be set.
+    std::size_t add_one() noexcept {
+        assert(size_ < most);
+        return size_++;
+    }
+    void set(Column column, std::size_t i, double number) { columns_[column][i] = number; }
+    void set(Column column, std::size_t i, std::int64_t integer) {
+        std::memcpy(columns_[column].data() + i, &integer, sizeof integer);
+    }
     void clear() { size_ = 0; }
 
     double* numbers(Column column) { return columns_[column].data(); }
