@@ -198,7 +198,7 @@ struct TwoRuns {
     WEDGESCOPE_LANES_PART double inverse(std::int32_t bin) const { return bin < border ? near : far; }
 };
 
-/// Of portions that lie in the bins of one of the runs. `stretched`: there may be more than one backscatter.
+/// Of portions that lie in the bins of one of the runs, what falls into each. `stretched`: there may be more than one backscatter.
 template <bool stretched>
 WEDGESCOPE_LANES_PART void place_portions(std::size_t n, const WedgeCells::Portions& p, const TwoRuns& runs,
                                           Placed& out) noexcept {
@@ -270,15 +270,16 @@ WEDGESCOPE_LANES_PART void place_portions(std::size_t n, const WedgeCells::Porti
     }
 }
 
-/// In which most of the portions lie; without bins if none does.
+/// From that of the nearer of the outer two portions on, or of the first that has a bin; without bins if none does. Portions are
+/// of neighbouring spokes and few lines: mostly no other run is met.
 TwoRuns runs_of(const Quanta& quanta, std::size_t n, const WedgeCells::Portions& p) {
     const Interval all = quanta.range_bins;
     const auto has_bin = [&](double x) {
         return x >= static_cast<double>(all.begin) && x < static_cast<double>(all.end);
     };
-    // Spokes stand in order: mostly one of the outer two has the least range of all.
-    double least = std::min(p.x0[0], p.x0[n - 1]) * p.bins;
-    for (std::size_t i = 0; i < n && !has_bin(least); ++i) least = p.x0[i] * p.bins;
+    const auto near = [&](std::size_t i) { return std::min(p.x0[i], p.x1[i]); };
+    double least = std::min(near(0), near(n - 1)) * p.bins;
+    for (std::size_t i = 0; i < n && !has_bin(least); ++i) least = near(i) * p.bins;
     if (!has_bin(least)) {
         const auto none = static_cast<std::int32_t>(all.begin);
         return {none, none, none, 0, 0};

@@ -64,10 +64,10 @@ Front::Front(const SweepScene& scene, const SpokeRun& run, WedgeCells& cells)
       needs_facets_(!scene.laws->constant()), directional_(scene.laws->directional()),
       shore_(scene.shore && scene.shore->on() && scene.data_base->has_culture ? scene.shore : nullptr),
       at_once_(shore_ || scene.with_depression || scene.data_base->has_culture_height),
-      keeps_all_(!at_once_ && !needs_facets_), may_join_(plain_ground_ && keeps_all_), quadrant_(run.quadrant), fan_(run.own_fan()),
-      line_end_(scene.grid->line_count(fan_)), culture_(*scene.data_base, scene.source) {
+      parts_wait_(!at_once_ && !needs_facets_), may_join_(plain_ground_ && parts_wait_), quadrant_(run.quadrant),
+      fan_(run.own_fan()), line_end_(scene.grid->line_count(fan_)), culture_(*scene.data_base, scene.source) {
     for (auto* samples : {&now_, &crossing_, &ahead_}) samples->resize(tile_lanes);
-    for (auto* v : {&cell_, &bump_, &start_range_, &start_x_}) v->resize(tile_lanes);
+    for (auto* v : {&cell_, &bump_, &start_range_, &start_x_, &waiting_range_, &waiting_x_}) v->resize(tile_lanes);
     for (Plain* plain : {&plain_, &crossed_})
         for (auto* v : {&plain->rise, &plain->swing, &plain->sine0, &plain->code}) v->resize(tile_lanes);
     constexpr std::size_t most_pieces = whole_registers(VisiblePieces::most);
@@ -393,7 +393,7 @@ void Front::advance_line(std::int64_t line, const Between& between, std::size_t 
                     crossing_.part.data(), crossing_.minor.data(), crossing_.arc.data()});
             if (crossed == 0) break;
             cost_.samples += static_cast<std::uint64_t>(crossed);
-            if (waiting_ > 0) keep_crossed(n, begin, between);
+            if (waiting_ > 0) keep_crossing_again(n, begin, between);
             take(between, begin, end, true, crossing_);
             if (grid.map().straight()) break;  // |slope| <= 1: one at the most
         }
@@ -442,6 +442,7 @@ bool Front::beyond(std::size_t lane, double minor, double arc, double distance) 
 
 void Front::take(const Between& between, std::size_t begin, std::size_t end, bool crossings, Samples& next) {
     const std::size_t n = end - begin;
+    assert(pieces_.size() + tile_lanes <= VisiblePieces::most);
     const SampleLanes from = now_.lanes(0), to = next.lanes(0);
     cost_.clock.enter(StageClock::sample);
     // The cell that the piece runs through; without the other axis' lines it may run through two: that of its end.
@@ -459,7 +460,7 @@ void Front::take(const Between& between, std::size_t begin, std::size_t end, boo
     cost_.pieces += static_cast<std::uint64_t>(found.plain);
     if (found.plain + found.changes > 0) cost_.clock.enter(StageClock::deposit);
     const bool wait = crossings && joins_;
-    if (waiting_ > 0)
+    if (!crossings && waiting_ > 0)
         keep_joined(n, begin, between, from, to);
     else if (found.plain && !wait)
         keep_pieces(n, begin, between, from, to, plain_);
@@ -473,10 +474,7 @@ void Front::take(const Between& between, std::size_t begin, std::size_t end, boo
     }
     cost_.clock.leave_out(culture_.cost().ticks - read);
     make_room(between);
-    if (wait) {
-        std::swap(plain_, crossed_);
-        waiting_ = found.plain;
-    }
+    if (wait) wait_for_line(n, found.plain, next);
     std::swap(now_, next);
 }
 
@@ -530,8 +528,8 @@ void Front::change(std::size_t lane, std::size_t i, const Between& between, Samp
             const PieceEnd first{begin, range0, horizon, x0}, last{end, range1, sine1, x1};
             find_facet(i, lane, next);
             if (one_range(range0, range1, sine1 - horizon)) {
-                if (keeps_all_)
-                    keep_piece(lane, first, last, bow, track(first, last));
+                if (parts_wait_)
+                    keep_piece(lane, first, last, bow, plain_ground_ ? Track{} : track(first, last));
                 else
                     deposit(first, last, bow);
             } else {

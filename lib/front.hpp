@@ -254,8 +254,13 @@ private:
     void keep_piece(std::size_t lane, const PieceEnd& first, const PieceEnd& last, double bow, const Track& track);
     /// Keeps those of plain_, from `from` to `to`, and those up to the other axis' lines, each two that can be as one.
     void keep_joined(std::size_t n, std::size_t lane, const Between& between, SampleLanes from, const SampleLanes& to);
-    /// Keeps those up to the other axis' lines as they are.
+    /// The pieces of a step up to the other axis' lines, which ends at `next`, wait for the way on to the line ahead.
+    void wait_for_line(std::size_t n, int pieces, const Samples& next);
+    /// Keeps those that wait as they are.
     void keep_crossed(std::size_t n, std::size_t lane, const Between& between);
+    /// Of those that wait the ones whose spokes come to one more line of the other axis, where crossing_ is: what becomes of a
+    /// piece must hang on its own spoke alone.
+    void keep_crossing_again(std::size_t n, std::size_t lane, const Between& between);
     void make_room(const Between& between) {
         if (at_once_ || pieces_.size() + tile_lanes > VisiblePieces::most) put_pieces(between);
     }
@@ -337,9 +342,9 @@ private:
     bool needs_facets_;      // some law depends on the angle
     bool directional_;       // some class on the azimuth
     const FarShore* shore_;  // null: no bank is brightened
-    bool at_once_;   // pieces do not wait: what becomes of them hangs on their line, or on their order along a spoke
-    bool keeps_all_;  // pieces wait, those too that begin or end between samples: nothing needs their samples
-    bool may_join_;  // pieces on both sides of the other axis' lines: nothing tells them apart but their way
+    bool at_once_;     // pieces do not wait: what becomes of them hangs on their line, or on their order along a spoke
+    bool parts_wait_;  // those of one range that begin or end between samples too: nothing needs the samples themselves
+    bool may_join_;    // pieces on both sides of the other axis' lines: nothing tells them apart but their way
     bool joins_ = false;       // and what becomes of their shapes averages out, up to the line ahead
     double minor_post_m_ = 1;  // metres of a post along the lines, at the sensor
     Quadrant quadrant_;
@@ -354,10 +359,11 @@ private:
     // Workspace of one tile: the last samples, those on the other axis' lines and those on the line ahead.
     Samples now_, crossing_, ahead_;
     LaneArray cell_, bump_, start_range_, start_x_;
-    Plain plain_, crossed_;    // of the step, and of the one to the other axis' lines while they wait for it
-    int waiting_ = 0;          // of crossed_
-    VisiblePieces pieces_;     // over lines of one tile, that wait to be shaded and deposited
-    LaneArray power_, facet_;  // of these
+    Plain plain_, crossed_;  // of the step, and of the one to the other axis' lines while they wait for it
+    int waiting_ = 0;        // of crossed_
+    LaneArray waiting_range_, waiting_x_;  // where these start
+    VisiblePieces pieces_;                 // over lines of one tile, that wait to be shaded and deposited
+    LaneArray power_, facet_;              // of these
     std::vector<float> bow_;
     LaneArray inverse_radius_, across_, slant_;                 // of their spokes
     std::array<std::int32_t, VisiblePieces::most> straddlers_;  // of these, those with a second row

@@ -70,7 +70,7 @@ void Front::keep_pieces(std::size_t n, std::size_t lane, const Between& between,
 
 void Front::keep_piece(std::size_t lane, const PieceEnd& first, const PieceEnd& last, double bow, const Track& track) {
     using P = VisiblePieces;
-    assert(keeps_all_);
+    assert(parts_wait_);
     const std::size_t i = pieces_.add_one();
     const auto keep = [&](P::Column at, auto value) { pieces_.set(at, i, value); };
     keep(P::lane, lanes_.number[lane]), keep(P::origin, lanes_.origin[lane]);
@@ -84,12 +84,48 @@ void Front::keep_piece(std::size_t lane, const PieceEnd& first, const PieceEnd& 
     keep(P::major1, track.major1), keep(P::minor1, track.minor1);
 }
 
+void Front::wait_for_line(std::size_t n, int pieces, const Samples& next) {
+    if (waiting_ == 0) {
+        std::swap(plain_, crossed_);
+        std::copy_n(now_.range.begin(), n, waiting_range_.begin());
+        std::copy_n(now_.x.begin(), n, waiting_x_.begin());
+        waiting_ = pieces;
+        return;
+    }
+    // The others go on waiting.
+    for (std::size_t i = 0; i < n; ++i) {
+        if (now_.arc[i] == next.arc[i]) continue;
+        for (auto column : {&Plain::rise, &Plain::swing, &Plain::sine0, &Plain::code})
+            (crossed_.*column)[i] = (plain_.*column)[i];
+        waiting_range_[i] = now_.range[i];
+        waiting_x_[i] = now_.x[i];
+    }
+    waiting_ += pieces;
+}
+
 void Front::keep_crossed(std::size_t n, std::size_t lane, const Between& between) {
-    // now_ stands where they end, crossing_ where they start: nobody else asks for it while they wait.
     assert(joins_);
     make_room(between);
-    keep_pieces(n, lane, between, crossing_.lanes(0), now_.lanes(0), crossed_);
+    SampleLanes from = crossing_.lanes(0);
+    from.range_m = waiting_range_.data();
+    from.x = waiting_x_.data();
+    keep_pieces(n, lane, between, from, now_.lanes(0), crossed_);
+    make_room(between);  // others may follow before the line ahead
     waiting_ = 0;
+}
+
+void Front::keep_crossing_again(std::size_t n, std::size_t lane, const Between& between) {
+    int others = 0;
+    LaneArray& kept = plain_.code;
+    for (std::size_t i = 0; i < n; ++i) {
+        const bool again = crossing_.arc[i] != now_.arc[i];
+        kept[i] = again ? 0 : crossed_.code[i];
+        crossed_.code[i] = again ? crossed_.code[i] : 0;
+        others += kept[i] == 1 ? 1 : 0;
+    }
+    if (others != waiting_) keep_crossed(n, lane, between);
+    std::swap(plain_.code, crossed_.code);
+    waiting_ = others;
 }
 
 void Front::keep_joined(std::size_t n, std::size_t lane, const Between& between, SampleLanes from,
@@ -97,7 +133,7 @@ void Front::keep_joined(std::size_t n, std::size_t lane, const Between& between,
     const auto part = [](Plain& plain) {
         return JoinLanes::Part{plain.sine0.data(), plain.rise.data(), plain.swing.data(), plain.code.data()};
     };
-    waiting_ = join_lanes(n, {part(crossed_), part(plain_), crossing_.range.data(), crossing_.x.data(), from.range_m,
+    waiting_ = join_lanes(n, {part(crossed_), part(plain_), waiting_range_.data(), waiting_x_.data(), from.range_m,
                               from.x, to.range_m, to.sine, to.x, start_range_.data(), start_x_.data()});
     if (waiting_ > 0) keep_crossed(n, lane, between);
     make_room(between);

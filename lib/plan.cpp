@@ -190,19 +190,6 @@ std::uint64_t cached_bytes(WedgeSource& source, const Plan& p) {
     return std::max(sum.bytes, static_cast<std::uint64_t>(each * p.in_flight));
 }
 
-/// Halves the last `some` of them that hold more than one bin: when there is no more to begin, a thread has but little to wait for
-/// the others.
-void halve_last(std::vector<Interval>& wedges, std::size_t some) {
-    const std::vector<Interval> last(wedges.end() - static_cast<std::ptrdiff_t>(std::min(some, wedges.size())),
-                                     wedges.end());
-    wedges.resize(wedges.size() - last.size());
-    for (const Interval& wedge : last) {
-        const std::int64_t middle = wedge.begin + wedge.size() / 2;
-        for (const Interval half : {Interval{wedge.begin, middle}, Interval{middle, wedge.end}})
-            if (!half.empty()) wedges.push_back(half);
-    }
-}
-
 }  // namespace
 
 std::size_t image_bytes(const ResolvedScene& scene) {
@@ -270,17 +257,35 @@ Plan plan(const ResolvedScene& scene, WedgeSource& source, const SpokeGrid& grid
         p.wedges.clear();
         p.forecast.clear();
         const Walk walk(scene, source, grid, p.strip_lines, guess && params.cull);
-        for (std::int64_t i = 0; i < n; ++i)
-            p.wedges.push_back(
-                {scene.swept.azimuth_bins.begin + bins * i / n, scene.swept.azimuth_bins.begin + bins * (i + 1) / n});
-        if (!recorded.empty())
-            p.wedges = recorded;
-        else if (params.wedges == 0 && threads > 1)
-            for (int round = 0; round < 2; ++round) halve_last(p.wedges, static_cast<std::size_t>(threads));
-        for (std::size_t i = 0; i < p.wedges.size(); ++i)
-            p.forecast.push_back(walk(grid.wedge(static_cast<std::int64_t>(i), p.wedges[i])));
+        for (std::int64_t i = 0; i < n; ++i) {
+            const Interval even{scene.swept.azimuth_bins.begin + bins * i / n,
+                                scene.swept.azimuth_bins.begin + bins * (i + 1) / n};
+            p.wedges.push_back(recorded.empty() ? even : recorded[static_cast<std::size_t>(i)]);
+            p.forecast.push_back(walk(grid.wedge(i, p.wedges.back())));
+        }
         p.wedge_bytes = 0;
         for (const WedgeForecast& f : p.forecast) p.wedge_bytes = std::max(p.wedge_bytes, f.peak_bytes);
+    };
+    // Of the last ones, as many as are in flight, halves those of more than one bin: when there is no more to begin, a thread has
+    // less to wait for the others.
+    const auto halve_last = [&](bool guess) {
+        const Walk walk(scene, source, grid, p.strip_lines, guess && params.cull);
+        const std::size_t kept = p.wedges.size() - std::min(p.wedges.size(), static_cast<std::size_t>(p.in_flight));
+        const std::vector<Interval> last(p.wedges.begin() + static_cast<std::ptrdiff_t>(kept), p.wedges.end());
+        p.wedges.resize(kept);
+        p.forecast.resize(kept);
+        for (const Interval& wedge : last) {
+            const std::int64_t middle = wedge.begin + wedge.size() / 2;
+            for (const Interval half : {Interval{wedge.begin, middle}, Interval{middle, wedge.end}}) {
+                if (half.empty()) continue;
+                p.forecast.push_back(walk(grid.wedge(static_cast<std::int64_t>(p.wedges.size()), half)));
+                p.wedges.push_back(half);
+            }
+        }
+    };
+    const auto narrow = [&](bool guess) {
+        if (params.wedges > 0 || !recorded.empty() || p.in_flight == 1) return;
+        for (int round = 0; round < 2; ++round) halve_last(guess);
     };
     const auto fits = [&](int in_flight) {
         return p.fixed_bytes + p.wedge_bytes * static_cast<std::size_t>(in_flight) <= params.memory_bytes;
@@ -315,6 +320,7 @@ Plan plan(const ResolvedScene& scene, WedgeSource& source, const SpokeGrid& grid
                  !recorded.empty() ? text(", in the ", count, " wedges of the work folder") : "", ")"));
     }
     if (look) split(count, true);
+    narrow(look);
     p.unfilled_bytes = source.cache_bytes() - source.filled_bytes(cached_bytes(source, p));
     return p;
 }

@@ -606,6 +606,44 @@ TEST_CASE("no wedge holds more than the plan grants it", "[engine][plan][long]")
     CHECK(fullest > 0.8);  // and the grant is no wild guess
 }
 
+TEST_CASE("wedges change no bit where spokes bend and some cross two columns between two rows", "[engine]") {
+    // Flat, with single bumps: of a tile all but a few spokes are plainly visible, and some of those wait that are not.
+    MemorySource source(1200, 1200, 30, [](double c, double r) {
+        const double x = std::fmod(c, 37.0) - 18, y = std::fmod(r, 41.0) - 20;
+        return 25 * std::max(0.0, 1 - 0.2 * (x * x + y * y));
+    });
+    DataBase& db = source.editable();
+    db.crs_in_metres = false;
+    db.has_crs = true;
+    db.step_x = 1.0 / 720;
+    db.step_y = -1.0 / 3600;
+    db.origin_x = 20;
+    db.origin_y = 78.85;
+    db.locate = [](double lat, double lon) { return IndexPosition{(lon - 20) * 720, (78.85 - lat) * 3600}; };
+    db.lat_lon = [](double c, double r) { return std::pair(78.85 - r / 3600, 20 + c / 720); };
+    Scene s;
+    s.platform.latlon = LatLon{78.69, 20.8};
+    s.platform.altitude_m = 4000;
+    s.range_m = 16000;
+    s.azimuth_bins = 160;
+    s.range_bin_m = 150;
+    s.display.size = 64;
+    s.detail = false;
+    for (const Quality quality : {Quality::normal, Quality::exact}) {
+        s.quality = quality;
+        const ResolvedScene resolved = resolve(s, source);
+        EngineParams params;
+        params.threads = 1;
+        params.wedges = 1;
+        const RunResult whole = run(resolved, source, params);
+        params.wedges = 7;
+        const RunResult parts = run(resolved, source, params);
+        CHECK((whole.echo_w.cells == parts.echo_w.cells));
+        CHECK((whole.echo_state.cells == parts.echo_state.cells));
+        CHECK(whole.report.wedges.front().visible_pieces > 1000000);
+    }
+}
+
 TEST_CASE("with several threads the last wedges are narrower, and all together are the swept bins", "[engine]") {
     MemorySource source(200, 200, 30, test::rolling(300, 90, 5));
     Scene s;

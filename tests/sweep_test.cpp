@@ -798,6 +798,74 @@ TEST_CASE("deposits add up to what was put in, bin by bin, in any order and by l
     }
 }
 
+TEST_CASE("lanes that lie on either side of a border between quanta, on it and over it deposit what they do one by one",
+          "[deposit]") {
+    WEDGESCOPE_ON_EVERY_TARGET;
+    constexpr std::size_t rows = 3, columns = 190;
+    const Quanta q = quanta({10, 10 + columns}, 25, 1e3, 1, 0.01, 2);
+    REQUIRE(q.runs.size() > 4);
+    const auto border = [&](std::size_t run) { return static_cast<double>(q.runs[run].begin); };
+    // Where portions of a block begin and end.
+    const auto block = [](const std::vector<std::pair<double, double>>& ways) {
+        std::vector<std::pair<double, double>> all;
+        while (all.size() < 100) all.insert(all.end(), ways.begin(), ways.end());
+        all.resize(100);
+        return all;
+    };
+    const double b = border(2), c = border(3), last = border(q.runs.size() - 1);
+    for (const auto& ways :
+         {block({{b - 1.5, b - 0.2}}),                                                // before it
+          block({{b + 0.5, b + 1.7}}),                                                // behind it
+          block({{b - 0.5, b + 0.7}}),                                                // over it
+          block({{b - 1, b}, {b, b + 1}, {b, b - 1}, {b, b}}),                        // on it
+          block({{b - 2, b - 1.1}, {b + 1.2, b}, {b - 0.1, b + 2.2}}),                // all of these
+          block({{c + 1, c + 2}, {b - 2, b - 1}, {b + 1, b + 2}}),                    // of three runs
+          block({{b + 1, b + 2}, {c + 1, c + 2}, {b - 2, b - 1}}),                    // the nearest last
+          block({{last + 1, last + 2.5}, {198.5, 199.7}, {199.5, 201}, {205, 206}}),  // of the last one
+          block({{4, 6}, {9.5, 10.5}, {b - 0.5, b + 0.5}, {4, 5}}),                   // from before the first bin on
+          block({{4, 6}, {300, 301}})}) {                                             // of none
+        const std::size_t n = ways.size(), whole = whole_registers(n);
+        std::mt19937 random(7);
+        std::uniform_real_distribution<double> any(0, 1);
+        std::vector<double> share0(whole), share1(whole), x0(whole), x1(whole), power(whole);
+        std::vector<float> bow(whole), gamma(whole);
+        std::vector<std::int64_t> origin(whole);
+        std::vector<std::int32_t> straddlers;
+        WedgeCells single(rows, q), lanes(rows, q);
+        for (std::size_t i = 0; i < n; ++i) {
+            const auto row = static_cast<std::int32_t>(random() % (rows - 1));
+            origin[i] = single.origin_of(row);
+            share0[i] = 0.01 * any(random);
+            share1[i] = i % 3 == 0 ? 0.01 * any(random) : 0;
+            if (share1[i] > 0) straddlers.push_back(static_cast<std::int32_t>(i));
+            x0[i] = ways[i].first;
+            x1[i] = ways[i].second;
+            power[i] = 1e-6 * any(random);
+            bow[i] = static_cast<float>(2 * any(random) - 1);
+            gamma[i] = static_cast<float>(any(random));
+            single.add({row, {share0[i], share1[i]}}, {x0[i], x1[i], power[i], static_cast<double>(bow[i])},
+                       WedgeCells::Stretches::one(static_cast<double>(gamma[i])));
+        }
+        lanes.add_lanes(n, {origin.data(),
+                            share0.data(),
+                            share1.data(),
+                            straddlers,
+                            x0.data(),
+                            x1.data(),
+                            1,
+                            power.data(),
+                            bow.data(),
+                            {nullptr, nullptr, gamma.data()}});
+        double sum = 0;
+        for (std::size_t row = 0; row < rows; ++row)
+            for (std::size_t j = 0; j < columns; ++j) {
+                REQUIRE(single.watts(row, j) == lanes.watts(row, j));
+                sum += single.watts(row, j);
+            }
+        CHECK((sum > 0) == (ways[1].first < 200));
+    }
+}
+
 TEST_CASE("a dim stretch behind a bright one, and one of many bins, have what is theirs in every bin", "[deposit]") {
     struct Row {
         std::int64_t bins;

@@ -14,6 +14,7 @@ void keep_large_blocks(std::size_t, std::size_t) {}
 #include <algorithm>
 #include <array>
 #include <bit>
+#include <cerrno>
 #include <cstdint>
 #include <cstdlib>
 #include <mutex>
@@ -29,11 +30,12 @@ constexpr std::size_t least_part = page / 32, most_part = page / 2;
 constexpr bool is_part(std::size_t bytes) {
     return bytes >= least_part && bytes <= most_part && std::has_single_bit(bytes);
 }
-/// What a block gets: whole huge pages, or a whole part of one, where that is no more than a 32nd more.
+/// What a block gets: whole huge pages, or a whole part of one, where it lacks but little of that. So much more is in no budget.
 constexpr std::size_t rounded(std::size_t bytes) {
+    constexpr std::size_t most_more = page / 16;
     if (bytes < least_part || bytes > PTRDIFF_MAX) return bytes;
     const std::size_t whole = bytes < page ? std::bit_ceil(bytes) : (bytes + page - 1) / page * page;
-    return whole - bytes <= bytes / 32 ? whole : bytes;
+    return whole - bytes <= std::min(bytes / 32, most_more) ? whole : bytes;
 }
 /// Bytes that small pages hold.
 constexpr std::size_t in_small_pages(std::size_t bytes) {
@@ -46,28 +48,10 @@ class LargeBlocks {
 public:
     /// Null: malloc shall do it.
     void* allocate(std::size_t bytes) noexcept {
-        const std::lock_guard lock(mutex_);
-        if (!is_part(bytes)) {
-            Block* const block = take(bytes);
-            return block ? block->at : nullptr;
-        }
-        const std::size_t parts = page / bytes;
-        const std::uint32_t all = parts == 32 ? ~0U : (1U << parts) - 1;
-        Block* shared = nullptr;
-        for (Block& block : blocks_)
-            if (block.part == bytes && !block.kept && block.used != all) {
-                shared = &block;
-                break;
-            }
-        if (!shared) {
-            shared = take(page);
-            if (!shared) return nullptr;
-            shared->part = bytes;
-            shared->used = 0;
-        }
-        const int first = std::countr_one(shared->used);
-        shared->used |= 1U << first;
-        return static_cast<char*>(shared->at) + static_cast<std::size_t>(first) * bytes;
+        const Taken taken = is_part(bytes) ? share(bytes) : own(bytes);
+        // The block is the caller's by now: nobody has to wait for this.
+        if (taken.missing > 0) fill(taken.end, taken.missing);
+        return taken.at;
     }
 
     /// False: it is none of these.
@@ -103,65 +87,104 @@ private:
     struct Block {
         void* at = nullptr;
         std::size_t pages = 0;
+        std::size_t huge = 0;     // of them; but for these small pages
         std::uint64_t kept = 0;   // when it was freed; 0: it is in use
         std::size_t touched = 0;  // bytes of it that may be resident, whole small pages
         std::size_t part = 0;     // bytes of each part; 0: it is not shared out
         std::uint32_t used = 0;   // which parts
     };
 
-    Block* take(std::size_t bytes) noexcept {
-        const std::size_t pages = (bytes + page - 1) / page;
-        Block* room = nullptr;
-        for (Block& block : blocks_) {
-            if (block.kept && block.pages == pages) {
-                block.kept = 0;
-                kept_bytes_ -= block.touched;
-                fit(block, bytes);
-                use(block);
-                return &block;
-            }
-            if (!block.at && !room) room = &block;
-        }
-        if (!room) room = drop_oldest();
-        if (!room) return nullptr;
-        void* at = map(pages);
-        while (!at && drop_oldest()) at = map(pages);
-        if (!at) return nullptr;
-        // Wishes: nothing depends on them. What is left at the end comes in small pages, so that no more is resident than was
-        // asked for; all at once, for to fetch each when it is first written takes many times as long.
-        const std::size_t whole = bytes / page * page;
-        if (whole > 0) ::madvise(at, whole, MADV_HUGEPAGE);
-        if (whole < bytes) {
-            ::madvise(static_cast<char*>(at) + whole, pages * page - whole, MADV_NOHUGEPAGE);
-            fill(static_cast<char*>(at) + whole, bytes - whole);
-        }
-        *room = {.at = at, .pages = pages, .touched = in_small_pages(bytes)};
-        use(*room);
-        drop();
-        return room;
+    /// A block, and small pages at its end that it has yet to get.
+    struct Taken {
+        void* at = nullptr;
+        char* end = nullptr;
+        std::size_t missing = 0;
+    };
+
+    Taken own(std::size_t bytes) noexcept {
+        const std::lock_guard lock(mutex_);
+        Taken taken;
+        take(bytes, taken);
+        return taken;
     }
 
-    /// A kept block shall hold `bytes`: what an earlier one had beyond that is not worth a system call unless it is much.
-    static void fit(Block& block, std::size_t bytes) noexcept {
+    Taken share(std::size_t bytes) noexcept {
+        const std::lock_guard lock(mutex_);
+        Taken taken;
+        const std::size_t parts = page / bytes;
+        const std::uint32_t all = parts == 32 ? ~0U : (1U << parts) - 1;
+        Block* shared = nullptr;
+        for (Block& block : blocks_)
+            if (block.part == bytes && !block.kept && block.used != all) {
+                shared = &block;
+                break;
+            }
+        if (!shared) {
+            shared = take(page, taken);
+            if (!shared) return {};
+            shared->part = bytes;
+            shared->used = 0;
+        }
+        const int first = std::countr_one(shared->used);
+        shared->used |= 1U << first;
+        taken.at = static_cast<char*>(shared->at) + static_cast<std::size_t>(first) * bytes;
+        return taken;
+    }
+
+    Block* take(std::size_t bytes, Taken& taken) noexcept {
+        const std::size_t pages = (bytes + page - 1) / page, huge = bytes / page, touched = in_small_pages(bytes);
+        Block* block = nullptr;
+        for (Block& other : blocks_) {
+            if (other.kept && other.pages == pages && other.huge == huge) {
+                block = &other;
+                break;
+            }
+            if (!other.at && !block) block = &other;
+        }
+        if (!block) block = drop_oldest();
+        if (!block) return nullptr;
+        if (block->kept) {
+            block->kept = 0;
+            kept_bytes_ -= block->touched;
+            leave_rest(*block, touched);
+        } else {
+            void* at = map(pages);
+            while (!at && drop_oldest()) at = map(pages);
+            if (!at) return nullptr;
+            *block = {.at = at, .pages = pages, .huge = huge, .touched = huge * page};
+            // Wishes: nothing depends on them. What is left at the end comes in small pages, so that no more is resident than
+            // was asked for; all at once, for to fetch each when it is first written takes many times as long.
+            if (huge > 0) ::madvise(at, huge * page, MADV_HUGEPAGE);
+            if (huge < pages) ::madvise(static_cast<char*>(at) + huge * page, page, MADV_NOHUGEPAGE);
+        }
+        taken.at = block->at;
+        if (touched > block->touched) {
+            taken.end = static_cast<char*>(block->at) + block->touched;
+            taken.missing = touched - block->touched;
+            block->touched = touched;
+        }
+        used_bytes_ += block->touched;
+        most_used_ = std::max(most_used_, used_bytes_);
+        drop();
+        return block;
+    }
+
+    /// What a kept block had beyond what it shall hold now is not worth a system call unless it is much.
+    static void leave_rest(Block& block, std::size_t touched) noexcept {
         constexpr std::size_t much = page / 4;
-        const std::size_t wanted = in_small_pages(bytes);
-        char* const at = static_cast<char*>(block.at);
-        if (wanted > block.touched)
-            fill(at + block.touched, wanted - block.touched);
-        else if (block.touched >= wanted + much)
-            ::madvise(at + wanted, block.touched - wanted, MADV_DONTNEED);
-        else
-            return;
-        block.touched = wanted;
+        if (block.touched < touched + much) return;
+        ::madvise(static_cast<char*>(block.at) + touched, block.touched - touched, MADV_DONTNEED);
+        block.touched = touched;
     }
 
     static void fill(void* at, std::size_t bytes) noexcept {
-        ::madvise(at, bytes, MADV_POPULATE_WRITE);  // Linux 5.14 and later
-    }
-
-    void use(const Block& block) noexcept {
-        used_bytes_ += block.touched;
-        most_used_ = std::max(most_used_, used_bytes_);
+#ifdef MADV_POPULATE_WRITE  // Linux 5.14
+        const int before = errno;
+        ::madvise(at, bytes, MADV_POPULATE_WRITE);
+        errno = before;
+#else
+        (void)at, (void)bytes;
+#endif
     }
 
     static void* map(std::size_t pages) noexcept {
