@@ -32,7 +32,6 @@ Quanta quanta(Interval range_bins, double range_bin_m, double radar_constant, do
 WedgeCells::WedgeCells(std::size_t rows, const Quanta& quanta, std::size_t channels)
     : quanta_(quanta), rows_(rows), columns_(static_cast<std::size_t>(quanta.range_bins.size())), channels_(channels),
       first_bin_(static_cast<std::size_t>(quanta.range_bins.begin)),
-      begin_(static_cast<double>(quanta.range_bins.begin)), end_(static_cast<double>(quanta.range_bins.end)),
       sums_(rows * columns_ * channels + 2), bits_(rows * columns_), marked_(rows * bit_count) {}
 
 void WedgeCells::put_quantities(const Target& target, std::size_t column, double whole, const double* quantities) {
@@ -106,8 +105,8 @@ struct WedgeCells::Placing {
     Placing(std::int32_t bin_at, float begin_at, float way_to, float bow_of)
         : bin(bin_at), begin(begin_at), way(way_to), bow(bow_of) {}
     Placing(double x0, double x1, double bow_of)
-        : bin(bin_of(x0 < x1 ? x0 : x1)), begin(begin_in(bin, x0 < x1 ? x0 : x1)), way(static_cast<float>(x1 - x0)),
-          bow(static_cast<float>(bow_of)) {}
+        : bin(bin_of(x0 < x1 ? x0 : x1)), begin(begin_in(bin, x0 < x1 ? x0 : x1)),
+          way(static_cast<float>(x1 - x0)), bow(static_cast<float>(bow_of)) {}
     float length() const { return way < 0 ? -way : way; }
     template <class Real>
     FromNear<Real> from_near(const Stretches& s) const {

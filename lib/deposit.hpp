@@ -131,7 +131,6 @@ private:
 
     const Quanta& quanta_;
     std::size_t rows_, columns_, channels_, first_bin_;
-    double begin_, end_;  // range bins, as coordinates
     std::vector<std::int64_t> sums_;
     std::vector<std::uint8_t> bits_;
     /// For each row and bit a stretch of columns that have it all: neighbouring spokes lie in the same shadow.

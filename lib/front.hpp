@@ -262,7 +262,7 @@ private:
     /// piece must hang on its own spoke alone.
     void keep_crossing_again(std::size_t n, std::size_t lane, const Between& between);
     void make_room(const Between& between) {
-        if (at_once_ || pieces_.size() + tile_lanes > VisiblePieces::most) put_pieces(between);
+        if (pieces_.size() + tile_lanes > VisiblePieces::most) put_pieces(between);
     }
     /// Shades and deposits all that wait. With `at_once_` they are of one line, which `between` tells.
     void put_pieces(const Between& between);

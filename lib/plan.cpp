@@ -190,6 +190,19 @@ std::uint64_t cached_bytes(WedgeSource& source, const Plan& p) {
     return std::max(sum.bytes, static_cast<std::uint64_t>(each * p.in_flight));
 }
 
+/// Of the last `some` wedges halves those of more than one bin: when there is no more to begin, a thread has less to wait for the
+/// others.
+void halve_last(std::vector<Interval>& wedges, std::size_t some) {
+    const std::size_t kept = wedges.size() - std::min(wedges.size(), some);
+    const std::vector<Interval> last(wedges.begin() + static_cast<std::ptrdiff_t>(kept), wedges.end());
+    wedges.resize(kept);
+    for (const Interval& wedge : last) {
+        const std::int64_t middle = wedge.begin + wedge.size() / 2;
+        for (const Interval half : {Interval{wedge.begin, middle}, Interval{middle, wedge.end}})
+            if (!half.empty()) wedges.push_back(half);
+    }
+}
+
 }  // namespace
 
 std::size_t image_bytes(const ResolvedScene& scene) {
@@ -266,26 +279,14 @@ Plan plan(const ResolvedScene& scene, WedgeSource& source, const SpokeGrid& grid
         p.wedge_bytes = 0;
         for (const WedgeForecast& f : p.forecast) p.wedge_bytes = std::max(p.wedge_bytes, f.peak_bytes);
     };
-    // Of the last ones, as many as are in flight, halves those of more than one bin: when there is no more to begin, a thread has
-    // less to wait for the others.
-    const auto halve_last = [&](bool guess) {
-        const Walk walk(scene, source, grid, p.strip_lines, guess && params.cull);
-        const std::size_t kept = p.wedges.size() - std::min(p.wedges.size(), static_cast<std::size_t>(p.in_flight));
-        const std::vector<Interval> last(p.wedges.begin() + static_cast<std::ptrdiff_t>(kept), p.wedges.end());
-        p.wedges.resize(kept);
-        p.forecast.resize(kept);
-        for (const Interval& wedge : last) {
-            const std::int64_t middle = wedge.begin + wedge.size() / 2;
-            for (const Interval half : {Interval{wedge.begin, middle}, Interval{middle, wedge.end}}) {
-                if (half.empty()) continue;
-                p.forecast.push_back(walk(grid.wedge(static_cast<std::int64_t>(p.wedges.size()), half)));
-                p.wedges.push_back(half);
-            }
-        }
-    };
     const auto narrow = [&](bool guess) {
         if (params.wedges > 0 || !recorded.empty() || p.in_flight == 1) return;
-        for (int round = 0; round < 2; ++round) halve_last(guess);
+        const auto last = static_cast<std::size_t>(p.in_flight);
+        p.forecast.resize(p.wedges.size() - std::min(p.wedges.size(), last));
+        for (int round = 0; round < 2; ++round) halve_last(p.wedges, last);
+        const Walk walk(scene, source, grid, p.strip_lines, guess && params.cull);
+        for (std::size_t i = p.forecast.size(); i < p.wedges.size(); ++i)
+            p.forecast.push_back(walk(grid.wedge(static_cast<std::int64_t>(i), p.wedges[i])));
     };
     const auto fits = [&](int in_flight) {
         return p.fixed_bytes + p.wedge_bytes * static_cast<std::size_t>(in_flight) <= params.memory_bytes;

@@ -159,17 +159,8 @@ TEST_CASE("on a raster of degrees far north a slope across is as steep as it is"
         MemorySource source(321, 321, 30, [&](double column, double row) {
             return 0.25 * (to_north ? (160 - row) * north_m : (column - 160) * east_m);
         });
-        DataBase& db = source.editable();
-        db.crs_in_metres = false;
-        db.has_crs = true;
-        db.step_x = step;
-        db.step_y = -step;
-        db.origin_x = lon0 - 160 * step;
-        db.origin_y = lat0 + 160 * step;
-        const double left = db.origin_x, top = db.origin_y;
-        db.locate = [=](double lat, double lon) { return IndexPosition{(lon - left) / step, (top - lat) / step}; };
-        db.lat_lon = [=](double c, double r) { return std::pair(top - r * step, left + c * step); };
-        db.default_class = id_of("grass");
+        source.set_degrees(lon0 - 160 * step, lat0 + 160 * step, step, step);
+        source.editable().default_class = id_of("grass");
         Scene s = bare_scene(0, 0, 1500, 4000);
         s.platform.xy.reset();
         s.platform.latlon = LatLon{lat0, lon0};

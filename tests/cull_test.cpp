@@ -192,20 +192,7 @@ TEST_CASE("leaving out what is hidden changes no bit", "[cull][engine]") {
         const double column = (1.3 * any(random) - 0.15) * static_cast<double>(columns),
                      row = (1.3 * any(random) - 0.15) * static_cast<double>(rows);
         if (antimeridian) {
-            DataBase& db = source.editable();
-            db.crs_in_metres = false;
-            db.has_crs = true;
-            db.step_x = 1.0 / 1200;
-            db.step_y = -1.0 / 1200;
-            db.origin_x = 179.9;
-            db.origin_y = 64;
-            db.locate = [](double lat, double lon) {
-                return IndexPosition{((lon < 0 ? lon + 360 : lon) - 179.9) * 1200, (64 - lat) * 1200};
-            };
-            db.lat_lon = [](double c, double r) {
-                const double lon = 179.9 + c / 1200;
-                return std::pair(64 - r / 1200, lon > 180 ? lon - 360 : lon);
-            };
+            source.set_degrees(179.9, 64, 1.0 / 1200, 1.0 / 1200);
             const double lon = 179.9 + column / 1200;
             s.platform.latlon = LatLon{64 - row / 1200, lon > 180 ? lon - 360 : lon};
         } else {
@@ -271,17 +258,7 @@ TEST_CASE("spokes that bend out of the raster between two blocks' borders are no
     const auto ground = [&](double c, double r) { return std::round(shape(c, r)) + (c > 70 && c < 73 ? 2500 : 0); };
     MemorySource open(300, 74, 30, ground), mapped(300, 74, 30, ground);
     mapped.set_block_map();
-    for (MemorySource* source : {&open, &mapped}) {
-        DataBase& db = source->editable();
-        db.crs_in_metres = false;
-        db.has_crs = true;
-        db.step_x = 0.15;
-        db.step_y = -0.05;
-        db.origin_x = 10;
-        db.origin_y = 72;
-        db.locate = [](double lat, double lon) { return IndexPosition{(lon - 10) / 0.15, (72 - lat) / 0.05}; };
-        db.lat_lon = [](double c, double r) { return std::pair(72 - 0.05 * r, 10 + 0.15 * c); };
-    }
+    for (MemorySource* source : {&open, &mapped}) source->set_degrees(10, 72, 0.15, 0.05);
     std::uint64_t samples_on = 0, samples_off = 0;
     for (const int row : {2, 4, 6, 8, 65, 68, 71}) {
         Scene s;

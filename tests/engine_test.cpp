@@ -568,15 +568,7 @@ TEST_CASE("no wedge holds more than the plan grants it", "[engine][plan][long]")
         const double column = (1.4 * any(random) - 0.2) * static_cast<double>(columns),
                      row = (1.4 * any(random) - 0.2) * static_cast<double>(rows);
         if (polar) {
-            DataBase& db = source.editable();
-            db.crs_in_metres = false;
-            db.has_crs = true;
-            db.step_x = 1.0 / 1200;
-            db.step_y = -1.0 / 1200;
-            db.origin_x = 20;
-            db.origin_y = 84;
-            db.locate = [](double lat, double lon) { return IndexPosition{(lon - 20) * 1200, (84 - lat) * 1200}; };
-            db.lat_lon = [](double c, double r) { return std::pair(84 - r / 1200, 20 + c / 1200); };
+            source.set_degrees(20, 84, 1.0 / 1200, 1.0 / 1200);
             s.platform.latlon = LatLon{84 - row / 1200, 20 + column / 1200};
         } else {
             s.platform.xy = PointXY{30 * column, -30 * row};
@@ -612,15 +604,7 @@ TEST_CASE("wedges change no bit where spokes bend and some cross two columns bet
         const double x = std::fmod(c, 37.0) - 18, y = std::fmod(r, 41.0) - 20;
         return 25 * std::max(0.0, 1 - 0.2 * (x * x + y * y));
     });
-    DataBase& db = source.editable();
-    db.crs_in_metres = false;
-    db.has_crs = true;
-    db.step_x = 1.0 / 720;
-    db.step_y = -1.0 / 3600;
-    db.origin_x = 20;
-    db.origin_y = 78.85;
-    db.locate = [](double lat, double lon) { return IndexPosition{(lon - 20) * 720, (78.85 - lat) * 3600}; };
-    db.lat_lon = [](double c, double r) { return std::pair(78.85 - r / 3600, 20 + c / 720); };
+    source.set_degrees(20, 78.85, 1.0 / 720, 1.0 / 3600);
     Scene s;
     s.platform.latlon = LatLon{78.69, 20.8};
     s.platform.altitude_m = 4000;

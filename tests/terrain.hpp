@@ -95,6 +95,22 @@ public:
                 classes_[index(c, r)] = static_cast<ClassId>(id(static_cast<double>(c), static_cast<double>(r)));
     }
     DataBase& editable() { return db_; }
+    /// Not on a plane but in degrees: post (0, 0) stands there, so many degrees from the next ones. Across the antimeridian too.
+    void set_degrees(double west, double north, double step_lon, double step_lat) {
+        db_.crs_in_metres = false;
+        db_.has_crs = true;
+        db_.step_x = step_lon;
+        db_.step_y = -step_lat;
+        db_.origin_x = west;
+        db_.origin_y = north;
+        db_.locate = [=](double lat, double lon) {
+            return IndexPosition{((lon < west - 180 ? lon + 360 : lon) - west) / step_lon, (north - lat) / step_lat};
+        };
+        db_.lat_lon = [=](double c, double r) {
+            const double lon = west + c * step_lon;
+            return std::pair(north - r * step_lat, lon > 180 ? lon - 360 : lon);
+        };
+    }
     /// From now on bounds are known, and what is not needed is not given.
     void set_block_map() {
         map_ = std::make_unique<DrawnMap>(db_.columns, db_.rows, false, [this](std::int64_t c, std::int64_t r) {

@@ -48,7 +48,11 @@ class LargeBlocks {
 public:
     /// Null: malloc shall do it.
     void* allocate(std::size_t bytes) noexcept {
-        const Taken taken = is_part(bytes) ? share(bytes) : own(bytes);
+        Taken taken;
+        {
+            const std::lock_guard lock(mutex_);
+            taken = is_part(bytes) ? share(bytes) : take(bytes);
+        }
         // The block is the caller's by now: nobody has to wait for this.
         if (taken.missing > 0) fill(taken.end, taken.missing);
         return taken.at;
@@ -94,44 +98,36 @@ private:
         std::uint32_t used = 0;   // which parts
     };
 
-    /// A block, and small pages at its end that it has yet to get.
+    /// A block or a part of one, and small pages at its end that it has yet to get.
     struct Taken {
+        Block* block = nullptr;
         void* at = nullptr;
         char* end = nullptr;
         std::size_t missing = 0;
     };
 
-    Taken own(std::size_t bytes) noexcept {
-        const std::lock_guard lock(mutex_);
-        Taken taken;
-        take(bytes, taken);
-        return taken;
-    }
-
     Taken share(std::size_t bytes) noexcept {
-        const std::lock_guard lock(mutex_);
-        Taken taken;
         const std::size_t parts = page / bytes;
         const std::uint32_t all = parts == 32 ? ~0U : (1U << parts) - 1;
-        Block* shared = nullptr;
+        Taken taken;
         for (Block& block : blocks_)
             if (block.part == bytes && !block.kept && block.used != all) {
-                shared = &block;
+                taken.block = &block;
                 break;
             }
-        if (!shared) {
-            shared = take(page, taken);
-            if (!shared) return {};
-            shared->part = bytes;
-            shared->used = 0;
+        if (!taken.block) {
+            taken = take(page);
+            if (!taken.block) return {};
+            taken.block->part = bytes;
+            taken.block->used = 0;
         }
-        const int first = std::countr_one(shared->used);
-        shared->used |= 1U << first;
-        taken.at = static_cast<char*>(shared->at) + static_cast<std::size_t>(first) * bytes;
+        const int first = std::countr_one(taken.block->used);
+        taken.block->used |= 1U << first;
+        taken.at = static_cast<char*>(taken.block->at) + static_cast<std::size_t>(first) * bytes;
         return taken;
     }
 
-    Block* take(std::size_t bytes, Taken& taken) noexcept {
+    Taken take(std::size_t bytes) noexcept {
         const std::size_t pages = (bytes + page - 1) / page, huge = bytes / page, touched = in_small_pages(bytes);
         Block* block = nullptr;
         for (Block& other : blocks_) {
@@ -142,7 +138,7 @@ private:
             if (!other.at && !block) block = &other;
         }
         if (!block) block = drop_oldest();
-        if (!block) return nullptr;
+        if (!block) return {};
         if (block->kept) {
             block->kept = 0;
             kept_bytes_ -= block->touched;
@@ -150,14 +146,14 @@ private:
         } else {
             void* at = map(pages);
             while (!at && drop_oldest()) at = map(pages);
-            if (!at) return nullptr;
+            if (!at) return {};
             *block = {.at = at, .pages = pages, .huge = huge, .touched = huge * page};
             // Wishes: nothing depends on them. What is left at the end comes in small pages, so that no more is resident than
             // was asked for; all at once, for to fetch each when it is first written takes many times as long.
             if (huge > 0) ::madvise(at, huge * page, MADV_HUGEPAGE);
             if (huge < pages) ::madvise(static_cast<char*>(at) + huge * page, page, MADV_NOHUGEPAGE);
         }
-        taken.at = block->at;
+        Taken taken{block, block->at, nullptr, 0};
         if (touched > block->touched) {
             taken.end = static_cast<char*>(block->at) + block->touched;
             taken.missing = touched - block->touched;
@@ -166,7 +162,7 @@ private:
         used_bytes_ += block->touched;
         most_used_ = std::max(most_used_, used_bytes_);
         drop();
-        return block;
+        return taken;
     }
 
     /// What a kept block had beyond what it shall hold now is not worth a system call unless it is much.

@@ -1,8 +1,8 @@
-// Large blocks: operator new of 2 MiB or more, and of 64, 128, 256, 512 KiB or 1 MiB (decoded tiles, small images, several to a
-// page), in huge pages where the system grants them on request (/sys/kernel/mm/transparent_hugepage/enabled: madvise or
-// always). What lacks no more than a 32nd of its own size, and 128 KiB, to that counts as such; what is left at the end of others comes in small pages,
-// all at once. Images, chunks and tiles are filled at once; without this thousands of faults of 4 KiB take a quarter to a
-// third of a run. Leaves other blocks to malloc.
+// Large blocks: operator new of 2 MiB or more, and of 64, 128, 256, 512 KiB or 1 MiB (decoded tiles, small images, several
+// to a page), in huge pages where the system grants them on request (/sys/kernel/mm/transparent_hugepage/enabled: madvise
+// or always). What lacks no more than a 32nd of its own size, and 128 KiB, to that counts as such; what is left at the end
+// of others comes in small pages, all at once. Images, chunks and tiles are filled at once; without this thousands of
+// faults of 4 KiB take a quarter to a third of a run. Leaves other blocks to malloc.
 //
 // Of those freed some are kept for the next ones of their size.
 #pragma once
