@@ -651,12 +651,14 @@ TEST_CASE("blocks that a request does not need are not read, and are counted by 
 }
 
 TEST_CASE("of a rectangle the parts are read that hold posts that are needed", "[spill]") {
+    // Along its longer side, or in runs of blocks.
+    const bool runs = GENERATE(false, true);
     std::mt19937 random(31);
     const auto upto = [&](std::int64_t most) {
         return static_cast<std::int64_t>(random() % static_cast<unsigned>(most));
     };
     constexpr std::int64_t margin = ChunkRequest::margin;
-    std::int64_t uncovered = 0, outside = 0, twice = 0, idle = 0, parts_of_some = 0, left_out = 0;
+    std::int64_t uncovered = 0, outside = 0, twice = 0, idle = 0, parts_of_some = 0, left_out = 0, beside = 0;
     for (int trial = 0; trial < 400; ++trial) {
         ChunkRequest request;
         const std::int64_t c0 = upto(100) - 50, r0 = upto(100);
@@ -680,7 +682,7 @@ TEST_CASE("of a rectangle the parts are read that hold posts that are needed", "
         const Window some{{c1, c1 + 1 + upto(all_columns.end - c1)}, {r1, r1 + 1 + upto(all_rows.end - r1)}};
         std::vector<int> read(static_cast<std::size_t>(some.posts()));
         int parts = 0;
-        NeededPosts(request).each_part(some, [&](const Window& part) {
+        const auto take = [&](const Window& part) {
             ++parts;
             const Window inside{intersection(part.columns, some.columns), intersection(part.rows, some.rows)};
             outside += part.posts() - inside.posts();
@@ -693,7 +695,11 @@ TEST_CASE("of a rectangle the parts are read that hold posts that are needed", "
                         for (const std::int64_t x : {c - margin, c, c + margin}) any = any || counts(x, y);
                 }
             idle += !any;
-        });
+        };
+        if (runs)
+            NeededPosts(request).each_run(some, take);
+        else
+            NeededPosts(request).each_part(some, take);
         parts_of_some += parts > 1;
         for (std::int64_t r = some.rows.begin; r < some.rows.end; ++r)
             for (std::int64_t c = some.columns.begin; c < some.columns.end; ++c) {
@@ -703,13 +709,15 @@ TEST_CASE("of a rectangle the parts are read that hold posts that are needed", "
                 const int n = read[static_cast<std::size_t>((r - some.rows.begin) * some.columns.size() + c -
                                                             some.columns.begin)];
                 uncovered += needed && n == 0;
-                twice += n > 1;
+                twice += n > (runs ? 4 : 1);  // within the margin of four runs
+                beside += !needed && n > 0;
                 left_out += n == 0;
             }
     }
     CHECK(uncovered == 0);
     CHECK(outside == 0);
     CHECK(twice == 0);
+    if (runs) CHECK(beside == 0);
     CHECK(idle == 0);
     CHECK(parts_of_some > 60);
     CHECK(left_out > 100000);

@@ -755,6 +755,65 @@ TEST_CASE("bounds of blocks are those of their posts at every level", "[store][t
     }
 }
 
+TEST_CASE("of a chunk what is not needed has its block's fill height, all else its own, rows as lines or columns",
+          "[tile_store]") {
+    const Folder folder;
+    draw(folder / "dem.tif", hills(700, 500));
+    auto params = into(folder / "store", {folder / "dem.tif"});
+    params.tile_posts = 128;
+    params.creation = {"COMPRESS=NONE"};
+    write_tile_store(params);
+    // A store's tiles are in memory; of the file no more pieces are read than need be.
+    const auto source = open_direct_source(base(folder / GENERATE(as<std::string>(), "store", "dem.tif")));
+    std::mt19937 random(8);
+    const auto upto = [&](std::int64_t most) {
+        return static_cast<std::int64_t>(random() % static_cast<unsigned>(most));
+    };
+    constexpr std::int64_t margin = ChunkRequest::margin;
+    std::int64_t wrong = 0, filled = 0, kept = 0;
+    for (int trial = 0; trial < 60; ++trial) {
+        ChunkRequest request;
+        const std::int64_t c0 = upto(500), r0 = upto(400);
+        request.window = {{c0, c0 + 1 + upto(700 - c0)}, {r0, r0 + 1 + upto(500 - r0)}};
+        request.blocks = blocks_of(request.window);
+        request.lines_are_columns = trial % 2 == 1;
+        const std::uint64_t rare = 1 + random() % 9;
+        for (std::int64_t i = 0; i < request.blocks.posts(); ++i) {
+            request.skip.push_back(random() % rare == 0 ? Skip::none : Skip::hidden);
+            request.fill_m.push_back(-1000.0F - static_cast<float>(i));
+        }
+        const Chunk all = source->load(request.window, request.lines_are_columns), some = source->load(request);
+        if (some.flat) {  // nothing is needed
+            CHECK(std::count(request.skip.begin(), request.skip.end(), Skip::none) == 0);
+            continue;
+        }
+        const auto block = [&](std::int64_t c, std::int64_t r) -> std::optional<std::size_t> {
+            const Window b = blocks_of({{c, c + 1}, {r, r + 1}});
+            if (!request.blocks.columns.contains(b.columns.begin) || !request.blocks.rows.contains(b.rows.begin))
+                return {};
+            return static_cast<std::size_t>((b.rows.begin - request.blocks.rows.begin) * request.blocks.columns.size() +
+                                            b.columns.begin - request.blocks.columns.begin);
+        };
+        const Window& w = request.window;
+        for (std::int64_t r = w.rows.begin; r < w.rows.end; ++r)
+            for (std::int64_t c = w.columns.begin; c < w.columns.end; ++c) {
+                bool needed = false;
+                for (const std::int64_t y : {r - margin, r, r + margin})
+                    for (const std::int64_t x : {c - margin, c, c + margin})
+                        if (const auto near = block(x, y)) needed = needed || request.skip[*near] == Skip::none;
+                const std::int64_t down = r - w.rows.begin, across = c - w.columns.begin;
+                const auto i = static_cast<std::size_t>(request.lines_are_columns ? across * w.rows.size() + down
+                                                                                  : down * w.columns.size() + across);
+                const float z = some.surface_m[i], want = needed ? all.surface_m[i] : request.fill_m[*block(c, r)];
+                wrong += !(z == want || (std::isnan(z) && std::isnan(want)));
+                ++(needed ? kept : filled);
+            }
+    }
+    CHECK(wrong == 0);
+    CHECK(filled > 500000);
+    CHECK(kept > 500000);
+}
+
 TEST_CASE("tiles that a request does not need are never read, and are counted", "[store]") {
     const Folder folder;
     const Drawing d = hills(640, 512);

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <stdexcept>
 #include <utility>
+#include <vector>
 
 #include "lib/spoke_grid.hpp"
 #include "lib/wedge_source.hpp"
@@ -75,16 +76,57 @@ public:
         take();
     }
 
-    /// Puts fill heights, and 0 for culture heights (if not null), where nothing needs be read. Row after row of
-    /// `posts`, a part of the request's window.
+    /// The same in rectangles that hold little else: of needed blocks side by side, and of rows of these that are alike. Two of them
+    /// may share posts within the margin.
+    template <class Read>
+    void each_run(const Window& posts, Read&& read) const {
+        if (all()) return read(posts);
+        const Window near = blocks_near(posts);
+        std::vector<Interval> runs, own;
+        Interval rows{};
+        const auto take = [&] {
+            for (const Interval& run : runs) read(Window{grown(run, posts.columns), grown(rows, posts.rows)});
+        };
+        for (std::int64_t r = near.rows.begin; r < near.rows.end; ++r) {
+            own.clear();
+            for (std::int64_t c = near.columns.begin; c < near.columns.end; ++c) {
+                if (at(c, r) != Skip::none) continue;
+                if (own.empty() || own.back().end < c) own.push_back({c, c});
+                own.back().end = c + 1;
+            }
+            if (own == runs && rows.end == r) {
+                rows.end = r + 1;
+                continue;
+            }
+            take();
+            runs.swap(own);
+            rows = {r, r + 1};
+        }
+        take();
+    }
+
+    /// Where posts lie in memory: that of a window's first column and row, and how far apart its lines are, which are rows or
+    /// columns.
+    struct Posts {
+        float* first;
+        std::int64_t stride;
+        bool lines_are_columns;
+    };
+
+    /// Puts fill heights where nothing needs be read of `posts`, a part of the request's window.
+    void fill(const Window& posts, const Posts& surface) const {
+        each_idle_block(posts, surface.lines_are_columns,
+                        [&](std::int64_t at, std::int64_t line, std::int64_t n, float height) {
+                            std::fill_n(surface.first + line * surface.stride + at, n, height);
+                        });
+    }
+    /// The same for both, row after row; culture heights become 0.
     void fill(const Window& posts, float* surface, float* culture) const {
-        if (all()) return;
-        const Window blocks = blocks_of(posts);
-        const Interval columns = intersection(blocks.columns, request_.blocks.columns),
-                       rows = intersection(blocks.rows, request_.blocks.rows);
-        for (std::int64_t r = rows.begin; r < rows.end; ++r)
-            for (std::int64_t c = columns.begin; c < columns.end; ++c)
-                if (at(c, r) != Skip::none) fill_block(posts, c, r, surface, culture);
+        const std::int64_t width = posts.columns.size();
+        each_idle_block(posts, false, [&](std::int64_t at, std::int64_t line, std::int64_t n, float height) {
+            std::fill_n(surface + line * width + at, n, height);
+            std::fill_n(culture + line * width + at, n, 0.0F);
+        });
     }
 
 private:
@@ -104,28 +146,54 @@ private:
         return request_.blocks.columns.contains(c) && request_.blocks.rows.contains(r) && at(c, r) == Skip::none;
     }
 
-    void fill_block(const Window& posts, std::int64_t c, std::int64_t r, float* surface, float* culture) const {
+    /// The posts in or within the margin of blocks.
+    static Interval grown(Interval blocks, Interval within) {
         constexpr std::int64_t margin = ChunkRequest::margin;
-        const float height = request_.fill_m[index(c, r)];
-        const Interval across = {c * block_posts, (c + 1) * block_posts},
-                       down = {r * block_posts, (r + 1) * block_posts};
-        const std::int64_t width = posts.columns.size();
-        // The posts that are in or near to the same rows of blocks: of these, columns beside and above.
-        for (const auto& [rows, near] : {std::pair{Interval{down.begin, down.begin + margin}, r - 1},
-                                         std::pair{Interval{down.begin + margin, down.end - margin}, r},
-                                         std::pair{Interval{down.end - margin, down.end}, r + 1}}) {
-            const Interval own = intersection(rows, posts.rows);
-            if (own.empty() || (near != r && needed(c, near))) continue;
-            const bool west = needed(c - 1, r) || (near != r && needed(c - 1, near)),
-                       east = needed(c + 1, r) || (near != r && needed(c + 1, near));
-            const std::int64_t from = std::max(across.begin + (west ? margin : 0), posts.columns.begin),
-                               to = std::min(across.end - (east ? margin : 0), posts.columns.end);
-            if (from >= to) continue;
-            for (std::int64_t y = own.begin; y < own.end; ++y) {
-                const std::int64_t first = (y - posts.rows.begin) * width + from - posts.columns.begin;
-                std::fill_n(surface + first, to - from, height);
-                if (culture) std::fill_n(culture + first, to - from, 0.0F);
+        return intersection({blocks.begin * block_posts - margin, blocks.end * block_posts + margin}, within);
+    }
+
+    /// Calls put(at, line, n, height) for the posts of blocks that need not be read: n of them from post `at` of a line on.
+    template <class Put>
+    void each_idle_block(const Window& posts, bool lines_are_columns, Put&& put) const {
+        if (all()) return;
+        const Window blocks = blocks_of(posts);
+        const Interval columns = intersection(blocks.columns, request_.blocks.columns),
+                       rows = intersection(blocks.rows, request_.blocks.rows);
+        for (std::int64_t r = rows.begin; r < rows.end; ++r)
+            for (std::int64_t c = columns.begin; c < columns.end; ++c) {
+                if (at(c, r) == Skip::none) continue;
+                const auto put_here = [&](std::int64_t from, std::int64_t line, std::int64_t n) {
+                    put(from, line, n, request_.fill_m[index(c, r)]);
+                };
+                if (lines_are_columns)
+                    idle_posts(
+                        posts.rows, posts.columns, r, c, [&](auto a, auto b) { return needed(b, a); }, put_here);
+                else
+                    idle_posts(
+                        posts.columns, posts.rows, c, r, [&](auto a, auto b) { return needed(a, b); }, put_here);
             }
+    }
+
+    /// Of the block at `a` along the lines of posts and `b` across; needed(a, b) tells of its neighbours.
+    template <class Needed, class Put>
+    static void idle_posts(Interval along, Interval across, std::int64_t a, std::int64_t b, Needed&& needed,
+                           Put&& put) {
+        constexpr std::int64_t margin = ChunkRequest::margin;
+        const Interval own_a = {a * block_posts, (a + 1) * block_posts},
+                       own_b = {b * block_posts, (b + 1) * block_posts};
+        // The lines that are in or near to the same blocks: of these, posts before and behind.
+        for (const auto& [lines, near] : {std::pair{Interval{own_b.begin, own_b.begin + margin}, b - 1},
+                                          std::pair{Interval{own_b.begin + margin, own_b.end - margin}, b},
+                                          std::pair{Interval{own_b.end - margin, own_b.end}, b + 1}}) {
+            const Interval own = intersection(lines, across);
+            if (own.empty() || (near != b && needed(a, near))) continue;
+            const bool before = needed(a - 1, b) || (near != b && needed(a - 1, near)),
+                       behind = needed(a + 1, b) || (near != b && needed(a + 1, near));
+            const std::int64_t from = std::max(own_a.begin + (before ? margin : 0), along.begin),
+                               to = std::min(own_a.end - (behind ? margin : 0), along.end);
+            if (from >= to) continue;
+            for (std::int64_t line = own.begin; line < own.end; ++line)
+                put(from - along.begin, line - across.begin, to - from);
         }
     }
 

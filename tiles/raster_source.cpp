@@ -355,10 +355,12 @@ std::vector<Interval> RasterSource::slabs(Interval rows, std::int64_t width, boo
     return found;
 }
 
-void RasterSource::turn(const float* from, std::int64_t rows, std::int64_t width, float* to, std::int64_t minor,
-                        std::int64_t at) {
-    const auto columns = static_cast<std::size_t>(width);
-    transpose_floats(from, columns, static_cast<std::size_t>(rows), columns, to + at, static_cast<std::size_t>(minor));
+void RasterSource::turn(const Window& all, const Window& some, const float* from, float* to, std::int64_t minor) {
+    const std::int64_t width = all.columns.size(), c = some.columns.begin - all.columns.begin,
+                       r = some.rows.begin - all.rows.begin;
+    transpose_floats(from + r * width + c, static_cast<std::size_t>(width), static_cast<std::size_t>(some.rows.size()),
+                     static_cast<std::size_t>(some.columns.size()), to + c * minor + r,
+                     static_cast<std::size_t>(minor));
 }
 
 void RasterSource::load_level(Chunk& chunk, const ChunkRequest& request) {
@@ -383,8 +385,9 @@ void RasterSource::load_level(Chunk& chunk, const ChunkRequest& request) {
                 chunk.posts_read += static_cast<std::uint64_t>(posts.posts());
             },
             [](const Window&, Skip) {});
-        needed.fill({columns, part}, surface, nullptr);
-        if (chunk.lines_are_columns) turn(slab.data(), part.size(), width, chunk.surface_m.data(), minor, first);
+        needed.fill({columns, part}, {surface, width, false});
+        if (chunk.lines_are_columns)
+            turn({columns, part}, {columns, part}, slab.data(), chunk.surface_m.data() + first, minor);
     }
     pass_surface(request, chunk.window);
     chunk.bytes_read += chunk.posts_read * static_cast<std::uint64_t>(terrain_->facts().type_bytes);
@@ -405,6 +408,7 @@ void RasterSource::load_surface(Chunk& chunk, const NeededPosts& needed) {
     if (chunk.lines_are_columns) slab.reserve(most);
     std::vector<float> culture, scratch;
     if (height_) culture.reserve(most);
+    std::vector<Window> read;
     for (const Interval part : slabs(rows, width, chunk.lines_are_columns)) {
         const auto n = static_cast<std::size_t>(part.size() * width);
         const std::int64_t first = part.begin - rows.begin;
@@ -413,35 +417,45 @@ void RasterSource::load_surface(Chunk& chunk, const NeededPosts& needed) {
             slab.resize(n);
             surface = slab.data();
         }
+        read.clear();
         for (const Run& run : terrain)
-            chunk.posts_read += read_terrain(run, columns.begin, part, needed, surface, width);
+            chunk.posts_read += read_terrain(run, columns.begin, part, needed, surface, width, read);
         if (culture_) pass_layer(*culture_, {columns, part}, needed);
         if (height_) {
             culture.resize(n);
-            const std::int64_t read =
+            const std::int64_t cells =
                 height_->read_heights(plan, part, params_.culture_height_scale, needed, culture.data(), scratch);
-            chunk.bytes_read += static_cast<std::size_t>(read * height_->facts().type_bytes);
+            chunk.bytes_read += static_cast<std::size_t>(cells * height_->facts().type_bytes);
             for (std::size_t i = 0; i < n; ++i) surface[i] += culture[i];
+            needed.fill({columns, part}, surface, culture.data());
+            read.assign(1, {columns, part});
+            if (std::any_of(culture.begin(), culture.end(), [](float h) { return h != 0; })) {
+                if (chunk.culture_height_m.empty()) chunk.culture_height_m.assign(posts, 0);
+                if (chunk.lines_are_columns)
+                    turn({columns, part}, {columns, part}, culture.data(), chunk.culture_height_m.data() + first,
+                         minor);
+                else
+                    std::copy(culture.begin(), culture.end(), chunk.culture_height_m.begin() + first * width);
+            }
         }
-        needed.fill({columns, part}, surface, height_ ? culture.data() : nullptr);
-        if (height_ && std::any_of(culture.begin(), culture.end(), [](float h) { return h != 0; })) {
-            if (chunk.culture_height_m.empty()) chunk.culture_height_m.assign(posts, 0);
-            if (chunk.lines_are_columns)
-                turn(culture.data(), part.size(), width, chunk.culture_height_m.data(), minor, first);
-            else
-                std::copy(culture.begin(), culture.end(), chunk.culture_height_m.begin() + first * width);
-        }
-        if (chunk.lines_are_columns) turn(slab.data(), part.size(), width, chunk.surface_m.data(), minor, first);
+        if (chunk.lines_are_columns)
+            for (const Window& window : read)
+                turn({columns, part}, window, slab.data(), chunk.surface_m.data() + first, minor);
+        if (!height_)
+            needed.fill({columns, part}, chunk.lines_are_columns
+                                             ? NeededPosts::Posts{chunk.surface_m.data() + first, minor, true}
+                                             : NeededPosts::Posts{surface, width, false});
     }
     chunk.bytes_read += chunk.posts_read * static_cast<std::uint64_t>(terrain_->facts().type_bytes);
 }
 
 std::uint64_t RasterSource::read_terrain(const Run& run, std::int64_t first, Interval rows, const NeededPosts& needed,
-                                         float* out, std::int64_t stride) {
+                                         float* out, std::int64_t stride, std::vector<Window>& posts_read) {
     const std::int64_t shift = first + run.at - run.source.begin;
     if (needed.all()) {
         ledger_->touch({run.source, rows});
         terrain_->read_heights({run.source, rows}, out + run.at, stride);
+        posts_read.push_back({{run.source.begin + shift, run.source.end + shift}, rows});
         return static_cast<std::uint64_t>(run.source.size() * rows.size());
     }
     std::uint64_t read = 0;
@@ -455,11 +469,17 @@ std::uint64_t RasterSource::read_terrain(const Run& run, std::int64_t first, Int
             const auto moved = [](const Window& w, std::int64_t by) {
                 return Window{{w.columns.begin + by, w.columns.end + by}, w.rows};
             };
-            needed.each_part(moved(cells, shift), [&](const Window& posts) {
+            const auto take = [&](const Window& posts) {
                 terrain_->read_heights(moved(posts, -shift),
                                        out + (posts.rows.begin - rows.begin) * stride + posts.columns.begin - first,
                                        stride);
-            });
+                posts_read.push_back(posts);
+            };
+            // From tiles in memory only what is needed; from a file not in many pieces.
+            if (terrain_->fills_tile_cache())
+                needed.each_run(moved(cells, shift), take);
+            else
+                needed.each_part(moved(cells, shift), take);
             read += static_cast<std::uint64_t>(cells.posts());
         },
         [&](const Window& cells, Skip why) { ledger_->pass(cells, why); });

@@ -83,18 +83,19 @@ protected:
     /// These, cut at the edges of blocks.
     std::vector<Interval> slabs(Interval rows, std::int64_t width, bool turned) const;
 
-    /// Row-major `from` (rows x width) into lines of columns of `minor` posts, from post `at` of each line on.
-    static void turn(const float* from, std::int64_t rows, std::int64_t width, float* to, std::int64_t minor,
-                     std::int64_t at);
+    /// Some of the posts of `all`, which lie row after row from `from` on, into lines of columns of `minor` posts, of which `to` has the
+    /// first of `all`.
+    static void turn(const Window& all, const Window& some, const float* from, float* to, std::int64_t minor);
 
     /// Posts of a level of detail: bare terrain, for levels are used where no culture height stands.
     void load_level(Chunk& chunk, const ChunkRequest& request);
 
     void load_surface(Chunk& chunk, const NeededPosts& needed);
 
-    /// What is needed of one run of the columns that begin at `first`; returns posts read.
+    /// What is needed of one run of the columns that begin at `first`; returns posts of tiles read, adds the rectangles of posts
+    /// that were filled.
     std::uint64_t read_terrain(const Run& run, std::int64_t first, Interval rows, const NeededPosts& needed, float* out,
-                               std::int64_t stride);
+                               std::int64_t stride, std::vector<Window>& posts_read);
 
     /// Notes why nothing of a request's posts is read.
     void pass_surface(const ChunkRequest& request, const Window& window);
