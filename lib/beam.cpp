@@ -271,45 +271,100 @@ std::int64_t strip_bins(const BeamSetting& setting, const PolarGrid& grid, std::
     return std::clamp<std::int64_t>(std::max(fits, lead_in_bins(setting, grid.range_bin_m)), 64, 4096);
 }
 
-PolarImage<float> power_image(const PolarImage<float>& echo, const PolarGrid& shown, const BeamSetting& setting,
-                              PolarImage<float>&& used, std::span<const float> everywhere_w) {
-    PolarImage<float> power(shown, std::move(used));
-    if (shown.cells() == 0) return power;
-    if (!everywhere_w.empty() && everywhere_w.size() != echo.grid.range_count())
-        throw Error("what is everywhere has other range bins than the echo image");
-    const FilledParts filled(echo);
-    const std::int64_t strip = strip_bins(setting, shown, 0, 0);
-    for (std::int64_t begin = shown.range_bins.begin; begin < shown.range_bins.end; begin += strip) {
-        const Resolution resolution(setting, shown.circle_bins, shown.range_bin_m,
-                                    {begin, std::min(begin + strip, shown.range_bins.end)}, Resolution::Of::power);
-        require_sources(echo.grid, shown, resolution);
-        const auto skip = static_cast<std::size_t>(resolution.sources().begin - echo.grid.range_bins.begin);
+namespace {
+
+/// The power image, a strip of ranges at a time.
+class Gathering {
+public:
+    Gathering(const PolarImage<float>& echo, const PolarGrid& shown, const BeamSetting& setting,
+              std::span<const float> everywhere_w)
+        : echo_(echo), shown_(shown), setting_(setting), everywhere_w_(everywhere_w), filled_(echo) {
+        if (!everywhere_w.empty() && everywhere_w.size() != echo.grid.range_count())
+            throw Error("what is everywhere has other range bins than the echo image");
+    }
+
+    /// first(i), and then to where to(i) says what the i-th azimuth shown gets in the range bins of `strip`.
+    template <class First, class To>
+    void gather(Interval strip, First&& first, To&& to) const {
+        const Resolution resolution(setting_, shown_.circle_bins, shown_.range_bin_m, strip, Resolution::Of::power);
+        require_sources(echo_.grid, shown_, resolution);
+        const auto skip = static_cast<std::size_t>(resolution.sources().begin - echo_.grid.range_bins.begin);
         const Resolution::SourceRow source = [&](std::int64_t azimuth_bin) {
-            return echo.row(echo.grid.row_of(azimuth_bin)) + skip;
+            return echo_.row(echo_.grid.row_of(azimuth_bin)) + skip;
         };
         // The same in all azimuths, so beam and pulse make one row of it.
-        std::vector<double> more(everywhere_w.empty() ? 0 : static_cast<std::size_t>(resolution.outputs().size()));
+        std::vector<double> more(everywhere_w_.empty() ? 0 : static_cast<std::size_t>(strip.size()));
         if (!more.empty()) {
             std::vector<double> scratch;
-            const float* const from = everywhere_w.data() + skip;
+            const float* const from = everywhere_w_.data() + skip;
             resolution.row(
                 0, [&](std::int64_t) { return from; }, scratch, more);
         }
-        oneapi::tbb::parallel_for(oneapi::tbb::blocked_range<std::size_t>(0, shown.azimuth_count(), 4),
+        oneapi::tbb::parallel_for(oneapi::tbb::blocked_range<std::size_t>(0, shown_.azimuth_count(), 4),
                                   [&](const auto& rows) {
                                       std::vector<double> scratch;
-                                      std::vector<double> sums(static_cast<std::size_t>(resolution.outputs().size()));
+                                      std::vector<double> sums(static_cast<std::size_t>(strip.size()));
                                       for (std::size_t i = rows.begin(); i < rows.end(); ++i) {
-                                          resolution.row(shown.azimuth_bins.begin + static_cast<std::int64_t>(i),
-                                                         source, scratch, sums, &filled);
-                                          float* const out = power.row(i) + (begin - shown.range_bins.begin);
+                                          first(i);
+                                          resolution.row(shown_.azimuth_bins.begin + static_cast<std::int64_t>(i),
+                                                         source, scratch, sums, &filled_);
+                                          float* const out = to(i);
                                           for (std::size_t j = 0; j < more.size(); ++j) sums[j] += more[j];
                                           for (std::size_t j = 0; j < sums.size(); ++j)
                                               out[j] = static_cast<float>(sums[j]);
                                       }
                                   });
     }
+
+private:
+    const PolarImage<float>& echo_;
+    const PolarGrid& shown_;
+    const BeamSetting& setting_;
+    std::span<const float> everywhere_w_;
+    FilledParts filled_;
+};
+
+}  // namespace
+
+PolarImage<float> power_image(const PolarImage<float>& echo, const PolarGrid& shown, const BeamSetting& setting,
+                              PolarImage<float>&& used, std::span<const float> everywhere_w) {
+    PolarImage<float> power(shown, std::move(used));
+    if (shown.cells() == 0) return power;
+    const Gathering gathering(echo, shown, setting, everywhere_w);
+    const std::int64_t strip = strip_bins(setting, shown, 0, 0);
+    for (std::int64_t begin = shown.range_bins.begin; begin < shown.range_bins.end; begin += strip)
+        gathering.gather(
+            {begin, std::min(begin + strip, shown.range_bins.end)}, [](std::size_t) {},
+            [&](std::size_t i) { return power.row(i) + (begin - shown.range_bins.begin); });
     return power;
+}
+
+PolarImage<float> power_in_place(PolarImage<float>&& echo, const BeamSetting& setting,
+                                 std::span<const float> everywhere_w) {
+    PolarImage<float> image = std::move(echo);
+    const PolarGrid grid = image.grid;
+    if (grid.cells() == 0) return image;
+    const Gathering gathering(image, grid, setting, everywhere_w);
+    // From far to near, for an echo reaches only farther bins: a strip is put where its echoes were while the next one, which
+    // needs none of these, is gathered beside it.
+    constexpr std::size_t bytes = std::size_t{1} << 20;
+    const auto fits = static_cast<std::int64_t>(bytes / sizeof(float) / grid.azimuth_count());
+    const std::int64_t strip = std::min(std::max<std::int64_t>(64, fits), grid.range_bins.size());
+    PolarGrid part = grid;
+    part.range_bins = {0, strip};
+    PolarImage<float> gathered(part, {}), waiting(part, {});
+    Interval last{grid.range_bins.end, grid.range_bins.end};
+    const auto put = [&](std::size_t i) {
+        std::copy_n(waiting.row(i), last.size(), image.row(i) + (last.begin - grid.range_bins.begin));
+    };
+    while (last.begin > grid.range_bins.begin) {
+        const Interval own{std::max(last.begin - strip, grid.range_bins.begin), last.begin};
+        gathering.gather(own, put, [&](std::size_t i) { return gathered.row(i); });
+        std::swap(gathered, waiting);
+        last = own;
+    }
+    for (std::size_t i = 0; i < grid.azimuth_count(); ++i) put(i);
+    return image;
 }
 
 void require_sources(const PolarGrid& echo, const PolarGrid& shown, const Resolution& resolution) {

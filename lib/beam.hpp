@@ -49,6 +49,10 @@ std::int64_t lead_in_bins(const BeamSetting& setting, double range_bin_m);
 PolarImage<float> power_image(const PolarImage<float>& echo, const PolarGrid& shown, const BeamSetting& setting,
                               PolarImage<float>&& used = {}, std::span<const float> everywhere_w = {});
 
+/// The same bits in the echo image's own memory, and a few MiB beside it; for an echo image of which all is shown.
+PolarImage<float> power_in_place(PolarImage<float>&& echo, const BeamSetting& setting,
+                                 std::span<const float> everywhere_w = {});
+
 /// cos d_j as the beam uses it: of the level surface at range `range_m` (arc where range bins are ground), at least
 /// 0.5.
 double level_cosine(const BeamSetting& setting, double range_m);

@@ -577,6 +577,10 @@ void sweep(const ResolvedScene& scene, WedgeSource& source, const EngineParams& 
     result.report.survey_s = watch.wall_s();
     survey.end();
 
+    // Where the last echoes were not kept, others are in their memory.
+    if (result.echo_w.cells.empty())
+        std::swap(result.echo_w, result.received_w.cells.empty() ? result.power_w : result.received_w);
+    if (result.echo_state.cells.empty()) std::swap(result.echo_state, result.state);
     result.echo_w = PolarImage<float>(scene.swept, std::move(result.echo_w));
     result.echo_state = PolarImage<std::uint8_t>(scene.swept, std::move(result.echo_state));
     Wedges(setting, source, wedges, params, threads, result).sweep_all(crew);
@@ -622,19 +626,25 @@ bool fewer_cells_than_looks(const ResolvedScene& scene) {
 void receive(const EngineParams& params, const WeatherHere& weather, bool keep, RunResult& result) {
     const ResolvedScene& scene = result.scene;
     const BeamSetting beam = beam_setting(scene);
+    const ReceiverParams& receiver = scene.scene.receiver;
+    const bool as_image = keep || receiver.fluctuates() || fewer_cells_than_looks(scene);
+    const bool echo_done = !params.keep_echo && !receiver.fluctuates();  // speckle asks for it again
     {
         const Span stage(params.timeline, "beam", "stage");
         const Stopwatch watch;
-        result.power_w = power_image(result.echo_w, scene.shown, beam, std::move(result.power_w), weather.rain_w);
+        if (echo_done && !as_image && scene.shown == scene.swept)
+            result.power_w = power_in_place(std::exchange(result.echo_w, {}), beam, weather.rain_w);
+        else
+            result.power_w = power_image(result.echo_w, scene.shown, beam, std::move(result.power_w), weather.rain_w);
         result.report.beam_s = watch.wall_s();
     }
-    const ReceiverParams& receiver = scene.scene.receiver;
-    if (!keep && !receiver.fluctuates() && !fewer_cells_than_looks(scene)) {
+    if (!as_image) {
         result.received_w = {};
         return;
     }
     const Span stage(params.timeline, "receiver", "stage");
     const Stopwatch watch;
+    if (echo_done) result.received_w = std::exchange(result.echo_w, {});
     const FluctuationSetting fluctuation{receiver.speckle_looks, receiver.noise, scene.noise_power_w, receiver.seed};
     result.received_w =
         received_power(result.echo_w, result.power_w, beam, fluctuation, std::move(result.received_w), weather.rain_w);
@@ -648,7 +658,10 @@ void draw(const EngineParams& params, const Receiver& receiver, RunResult& resul
     const ResolvedScene& scene = result.scene;
     const Span stage(params.timeline, "display", "stage");
     const Stopwatch watch;
-    result.state = part_of(result.echo_state, scene.shown, std::move(result.state));
+    if (!params.keep_echo && scene.shown == scene.swept)
+        result.state = std::exchange(result.echo_state, {});
+    else
+        result.state = part_of(result.echo_state, scene.shown, std::move(result.state));
     result.report.states = count_states(result.state);
     const ReceivedPower received = result.received_w.cells.empty() ? ReceivedPower(result.power_w, scene.noise_power_w,
                                                                                    blanked_bins(scene, scene.shown))
@@ -743,7 +756,8 @@ RunResult run(const ResolvedScene& scene, WedgeSource& source, const EngineParam
 }
 
 RunResult measure(const ResolvedScene& scene, WedgeSource& source, const EngineParams& given, RunResult&& used) {
-    const EngineParams params = with_tables(given, scene);
+    EngineParams params = with_tables(given, scene);
+    params.keep_echo = true;
     Threads crew(threads_of(params), !params.beside_others);
     RunResult result = sweep_and_receive(scene, source, params, true, crew, std::move(used));
     if (params.stop) params.stop->check();
@@ -798,6 +812,7 @@ RunResult run(const ResolvedScene& scene, const Scan& scan, WedgeSource& source,
     Threads crew(threads_of(params), !params.beside_others);
     SceneSource ground(source, scene.scene);
     EngineParams own = params;
+    own.keep_echo = true;
     const std::size_t images = image_bytes(scene);
     own.memory_bytes -= std::min(own.memory_bytes, images);
     own.progress = {};

@@ -98,12 +98,14 @@ struct EngineParams {
     /// One of several runs side by side: it takes `threads` threads of those that the caller lets all of them have together.
     bool beside_others = false;
     std::shared_ptr<const SceneTables> tables;  ///< of the scene; none: made for the run
+    /// The echo image and its states stay in the result. Else others may be made in their memory.
+    bool keep_echo = true;
 };
 
 struct RunResult {
     ResolvedScene scene;
-    PolarImage<float> echo_w;             ///< on scene.swept
-    PolarImage<std::uint8_t> echo_state;  ///< on scene.swept
+    PolarImage<float> echo_w;             ///< on scene.swept; empty where it need not be kept
+    PolarImage<std::uint8_t> echo_state;  ///< the same
     PolarImage<float> power_w;            ///< on scene.shown, without noise and speckle
     PolarImage<std::uint8_t> state;       ///< on scene.shown
     /// On scene.shown, what the picture was made from: of measure(), and of runs side by side that draw speckle or noise, scan, or
@@ -136,7 +138,7 @@ RunResult run(const ResolvedScene& scene, WedgeSource& source, const EngineParam
 /// The same in the memory of an earlier result.
 RunResult run(const ResolvedScene& scene, WedgeSource& source, const EngineParams& params, RunResult&& used);
 
-/// The same without state and picture; received_w stays. swept.range_bins and shown.range_bins of the scene may end before its
+/// The same without state and picture; echoes and received_w stay. swept.range_bins and shown.range_bins of the scene may end before its
 /// range: then nothing beyond is swept, and what is nearer has the same bits.
 RunResult measure(const ResolvedScene& scene, WedgeSource& source, const EngineParams& params, RunResult&& used);
 

@@ -239,6 +239,38 @@ TEST_CASE("long rows come out as short ones do, with any number of threads", "[b
     CHECK(same);
 }
 
+TEST_CASE("a power image in the echoes' own memory has the bits of one beside them", "[beam][threads]") {
+    // Strips of one and of several; a pulse longer than a strip; few and many azimuths; parts without any echo.
+    struct Case {
+        std::int64_t azimuths, ranges;
+        double pulse_m;
+        bool range_is_ground;
+    };
+    const Case c = GENERATE(Case{1, 300, 75, false}, Case{360, 2500, 200, false}, Case{960, 1700, 75, true},
+                            Case{5000, 300, 3000, false}, Case{8, 40, 1e5, false});
+    CAPTURE(c.azimuths, c.ranges, c.pulse_m);
+    BeamSetting setting = level(4, c.pulse_m);
+    setting.sensor_m = 3000;
+    setting.range_is_ground = c.range_is_ground;
+    const PolarGrid g = grid(c.azimuths, 10, {0, c.azimuths}, {0, c.ranges});
+    PolarImage<float> echo(g);
+    for (std::size_t k = 0; k < echo.cells.size(); ++k)
+        echo.cells[k] = k / 700 % 3 == 1 ? 0 : static_cast<float>((k * 2654435761u) % 1000) * 1e-15f;
+    std::vector<float> rain(g.range_count());
+    for (std::size_t j = 0; j < rain.size(); ++j) rain[j] = static_cast<float>(j % 7) * 1e-15f;
+    for (const std::span<const float> everywhere : {std::span<const float>(), std::span<const float>(rain)}) {
+        const PolarImage<float> beside = power_image(echo, g, setting, {}, everywhere);
+        PolarImage<float> own = echo;
+        const float* const memory = own.cells.data();
+        const PolarImage<float> in_place = power_in_place(std::move(own), setting, everywhere);
+        CHECK(in_place.grid == g);
+        CHECK(in_place.cells.data() == memory);
+        CHECK(in_place.cells == beside.cells);
+    }
+    PolarImage<float> part(grid(c.azimuths, 10, {0, c.azimuths}, {100, 300}));
+    CHECK_THROWS_AS(power_in_place(std::move(part), setting), InputError);
+}
+
 TEST_CASE("on ground range the pulse is longer the steeper it comes", "[beam]") {
     // Plane, 1000 m up: at arc 1000 m d = 45 degrees; at arc 20 km the pulse is c tau/2 long.
     BeamSetting setting = level(1.5, 60);

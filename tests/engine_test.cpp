@@ -232,6 +232,40 @@ TEST_CASE("without noise and speckle the picture is that of the received power, 
     CHECK(r.scope.lit == drawn.lit);
 }
 
+TEST_CASE("where echoes need not be kept their memory serves again, and no bit of the rest changes", "[engine]") {
+    const auto hills = test::rolling(300, 150, 3);
+    MemorySource source(301, 301, 30, [&](double c, double r) { return 300 + hills(c, r); });
+    Scene s = bare_scene(4500, -4500, 900, 4000);
+    s.radar.beam_width_error = s.radar.pulse_length_error = true;
+    s.display.size = GENERATE(600, 20);  // with an image of what is received, and without
+    s.weather.rain_mm_h = GENERATE(0.0, 10.0);
+    const int kind = GENERATE(0, 1, 2);
+    CAPTURE(s.display.size, s.weather.rain_mm_h, kind);
+    if (kind == 1) s.sector = Sector{Angle::degrees(20), Angle::degrees(90)};  // swept is wider than shown
+    if (kind == 2) s.receiver.speckle_looks = 1;
+    EngineParams params;
+    params.threads = 2;
+    params.beside_others = true;
+    const RunResult kept = run(resolve(s, source), source, params);
+    REQUIRE(kept.echo_w.cells.size() == kept.scene.swept.cells());
+    params.keep_echo = false;
+    RunResult again;
+    for (int frame = 0; frame < 3; ++frame) {
+        // Another place between two frames: nothing of it may stay in their memory.
+        Scene other = s;
+        if (frame == 1) other.platform.xy = PointXY{3000, -5500};
+        again = run(resolve(other, source), source, params, std::move(again));
+        if (frame == 1) continue;
+        CHECK(again.power_w.cells == kept.power_w.cells);
+        CHECK(again.received_w.cells == kept.received_w.cells);
+        CHECK(again.state.cells == kept.state.cells);
+        CHECK(again.scope.grey == kept.scope.grey);
+        CHECK(again.report.states == kept.report.states);
+    }
+    CHECK(again.echo_w.cells.empty() == (kind == 0 || (kind == 1 && s.display.size == 600)));
+    CHECK(measure(resolve(s, source), source, params, {}).echo_w.cells == kept.echo_w.cells);
+}
+
 TEST_CASE("the sum of E r^2 is gamma times the solid angle of the ground, whatever its slopes", "[engine][long]") {
     const auto hills = test::rolling(400, 200, 7);
     MemorySource source(601, 601, 30, [&](double c, double r) { return 500 + hills(c, r); });

@@ -88,6 +88,7 @@ EngineParams engine_params(const Settings& settings) {
     params.memory_bytes = static_cast<std::size_t>(settings.memory_bytes);
     params.cull = !settings.no_cull;
     params.only_wedges = settings.only_wedges;
+    params.keep_echo = !settings.echo.empty();
     return params;
 }
 
