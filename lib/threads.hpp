@@ -4,6 +4,7 @@
 #include <tbb/global_control.h>
 #include <tbb/task_arena.h>
 
+#include <algorithm>
 #include <cstddef>
 #include <optional>
 #include <utility>
@@ -19,6 +20,9 @@ public:
 private:
     tbb::global_control control_;
 };
+
+/// As many of these threads as oneTBB has at hand, where no Crew lets more of them work.
+inline int at_hand(int threads) { return std::clamp(tbb::this_task_arena::max_concurrency(), 1, std::max(1, threads)); }
 
 class Threads {
 public:

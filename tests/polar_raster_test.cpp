@@ -409,6 +409,46 @@ TEST_CASE("a PNG of GDAL's driver, as creation options ask for, has the same pix
     }
 }
 
+TEST_CASE("a PNG is packed in pieces, the same bytes for any number of threads, and every pixel comes back",
+          "[picture][threads]") {
+    const Folder folder;
+    RunResult run = drawn_scope(DisplayKind::gpi, true, 0);
+    // One pixel; a piece and a little more; more pieces than are packed at a time; a row that is longer than a piece.
+    const auto [columns, rows] =
+        GENERATE(std::pair{1, 1}, std::pair{500, 140}, std::pair{1500, 1201}, std::pair{70001, 3});
+    run.scope.frame.width = columns, run.scope.frame.height = rows;
+    const auto pixels = static_cast<std::size_t>(columns) * static_cast<std::size_t>(rows);
+    run.scope.grey.resize(pixels);
+    run.scope.state.assign(pixels, 2);
+    std::uint32_t noise = 1;
+    for (std::size_t i = 0; i < pixels; ++i) {
+        noise = noise * 1664525u + 1013904223u;
+        run.scope.grey[i] = static_cast<std::uint8_t>(i / 30000 % 2 ? noise >> 24 : i / 50);  // noise, and runs
+        run.scope.state[i] = noise >> 30 ? 2 : 0;
+    }
+    run.scene.scene.display.alpha = GENERATE(false, true);
+    const auto bytes = [&](int threads) {
+        run.report.threads = threads;
+        const std::string path =
+            write(folder, text("scope", threads, ".png"), [&](OutputFile& f) { write_scope(run, f, {}); });
+        const Read in(path);
+        const auto grey = in.band(1);
+        CHECK(std::equal(grey.begin(), grey.end(), run.scope.grey.begin(), run.scope.grey.end()));
+        if (run.scene.scene.display.alpha) {
+            const auto alpha = in.band(2);
+            std::size_t wrong = alpha.size() != pixels;
+            for (std::size_t i = 0; i < alpha.size(); ++i) wrong += alpha[i] != (run.scope.state[i] ? 255 : 0);
+            CHECK(wrong == 0);
+        }
+        std::ifstream file(path, std::ios::binary);
+        return std::string(std::istreambuf_iterator<char>(file), {});
+    };
+    const std::string one = bytes(1);
+    CHECK(one.size() < 2 * pixels + 1000);
+    CHECK(bytes(2) == one);
+    CHECK(bytes(5) == one);
+}
+
 TEST_CASE("a gpi scope without rings lies on the map where its pixels are", "[picture]") {
     const Folder folder;
     for (const char* name : {"scope.png", "scope.tif"})

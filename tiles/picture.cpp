@@ -68,6 +68,7 @@ void write_scope(const RunResult& run, OutputFile& file, const RasterFormat& for
     content.columns = frame.width;
     content.rows = frame.height;
     content.type = GDT_Byte;
+    content.threads = run.report.threads;
     content.bands.push_back({picture.grey.data(), "scope", "", {}, {}});
     std::vector<std::uint8_t> alpha;
     if (display.alpha) {

@@ -17,6 +17,7 @@
 #include <system_error>
 
 #include "lib/error.hpp"
+#include "lib/threads.hpp"
 #include "tiles/gdal_session.hpp"
 #include "tiles/png_file.hpp"
 #include "tiles/side_file.hpp"
@@ -211,7 +212,7 @@ void write_geolocation(const GeolocationGrid& grid, const std::string& path, con
     const std::int64_t margin = grid.closed ? 1 : 0, rows = grid.rows + 2 * margin;
     std::vector<double> x(static_cast<std::size_t>(grid.columns * rows), no_place), y = x;
     const auto columns = static_cast<std::size_t>(grid.columns);
-    tbb::task_arena(std::max(1, grid.threads)).execute([&] {
+    tbb::task_arena(at_hand(grid.threads)).execute([&] {
         tbb::parallel_for(tbb::blocked_range<std::int64_t>(0, grid.rows, 16), [&](const auto& some) {
             std::vector<Place> places(columns);
             for (std::int64_t j = some.begin(); j < some.end(); ++j) {
@@ -351,7 +352,7 @@ bool is_plain_png(const RasterContent& content, const OutputFile& file, const Ra
 void write_plain_png(const RasterContent& content, const Metadata& geolocation, const OutputFile& file) {
     std::vector<const std::uint8_t*> bands;
     for (const BandContent& band : content.bands) bands.push_back(static_cast<const std::uint8_t*>(band.cells));
-    write_png(file.temporary_path(), content.columns, content.rows, bands, file.final_path());
+    write_png(file.temporary_path(), content.columns, content.rows, bands, at_hand(content.threads), file.final_path());
     write_side_file(content, geolocation, file.temporary_path(), file.final_path());
 }
 

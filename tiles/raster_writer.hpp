@@ -57,6 +57,7 @@ struct RasterContent {
     std::optional<std::array<double, 6>> geotransform;
     std::string crs;  ///< anything GDAL understands; empty: none
     std::optional<GeolocationGrid> geolocation;
+    int threads = 1;  ///< that may pack it
 };
 
 /// Of such a file ("PNG", "GTiff") is nothing asked that GDAL's own driver would have to do?
