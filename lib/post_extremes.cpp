@@ -13,9 +13,10 @@ namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-HWY_ATTR PostExtremes extremes_any(const float* posts, std::size_t stride, std::size_t lines, std::size_t width) {
-    const hn::ScalableTag<float> d;
-    const hn::RebindToUnsigned<decltype(d)> du;
+template <class Floats>
+HWY_ATTR PostExtremes extremes_by(Floats d, const float* posts, std::size_t stride, std::size_t lines,
+                                  std::size_t width) {
+    const hn::RebindToUnsigned<Floats> du;
     const std::size_t step = hn::Lanes(d);
     const auto infinite = hn::Set(d, std::numeric_limits<float>::infinity()), lower = hn::Neg(infinite);
     auto low = infinite, high = lower;
@@ -47,6 +48,13 @@ HWY_ATTR PostExtremes extremes_any(const float* posts, std::size_t stride, std::
     found.lowest_m = hn::GetLane(hn::MinOfLanes(d, low)) + 0.0F;
     found.highest_m = hn::GetLane(hn::MaxOfLanes(d, high)) + 0.0F;
     return found;
+}
+
+HWY_ATTR PostExtremes extremes_any(const float* posts, std::size_t stride, std::size_t lines, std::size_t width) {
+    const hn::ScalableTag<float> widest;
+    // The 9 posts across a small block fill no wider register.
+    if (width < hn::Lanes(widest)) return extremes_by(hn::CappedTag<float, 8>(), posts, stride, lines, width);
+    return extremes_by(widest, posts, stride, lines, width);
 }
 
 }  // namespace
