@@ -283,9 +283,9 @@ public:
             throw Error("what is everywhere has other range bins than the echo image");
     }
 
-    /// first(i), and then to where to(i) says what the i-th azimuth shown gets in the range bins of `strip`.
-    template <class First, class To>
-    void gather(Interval strip, First&& first, To&& to) const {
+    /// Of the range bins of `strip`, the i-th azimuth shown to where to(i) says, called right before.
+    template <class To>
+    void gather(Interval strip, To&& to) const {
         const Resolution resolution(setting_, shown_.circle_bins, shown_.range_bin_m, strip, Resolution::Of::power);
         require_sources(echo_.grid, shown_, resolution);
         const auto skip = static_cast<std::size_t>(resolution.sources().begin - echo_.grid.range_bins.begin);
@@ -305,7 +305,6 @@ public:
                                       std::vector<double> scratch;
                                       std::vector<double> sums(static_cast<std::size_t>(strip.size()));
                                       for (std::size_t i = rows.begin(); i < rows.end(); ++i) {
-                                          first(i);
                                           resolution.row(shown_.azimuth_bins.begin + static_cast<std::int64_t>(i),
                                                          source, scratch, sums, &filled_);
                                           float* const out = to(i);
@@ -333,9 +332,8 @@ PolarImage<float> power_image(const PolarImage<float>& echo, const PolarGrid& sh
     const Gathering gathering(echo, shown, setting, everywhere_w);
     const std::int64_t strip = strip_bins(setting, shown, 0, 0);
     for (std::int64_t begin = shown.range_bins.begin; begin < shown.range_bins.end; begin += strip)
-        gathering.gather(
-            {begin, std::min(begin + strip, shown.range_bins.end)}, [](std::size_t) {},
-            [&](std::size_t i) { return power.row(i) + (begin - shown.range_bins.begin); });
+        gathering.gather({begin, std::min(begin + strip, shown.range_bins.end)},
+                         [&](std::size_t i) { return power.row(i) + (begin - shown.range_bins.begin); });
     return power;
 }
 
@@ -344,22 +342,27 @@ PolarImage<float> power_in_place(PolarImage<float>&& echo, const BeamSetting& se
     PolarImage<float> image = std::move(echo);
     const PolarGrid grid = image.grid;
     if (grid.cells() == 0) return image;
-    const Gathering gathering(image, grid, setting, everywhere_w);
-    // From far to near, for an echo reaches only farther bins: a strip is put where its echoes were while the next one, which
-    // needs none of these, is gathered beside it.
+    // Two strips stand beside it, as wide as the near caches like and no narrower than the lead-in, which each has to read again.
     constexpr std::size_t bytes = std::size_t{1} << 20;
     const auto fits = static_cast<std::int64_t>(bytes / sizeof(float) / grid.azimuth_count());
-    const std::int64_t strip = std::min(std::max<std::int64_t>(64, fits), grid.range_bins.size());
+    const std::int64_t strip = std::max({fits, lead_in_bins(setting, grid.range_bin_m), std::int64_t{64}});
+    if (4 * strip > grid.range_bins.size()) return power_image(image, grid, setting, {}, everywhere_w);
+    const Gathering gathering(image, grid, setting, everywhere_w);
     PolarGrid part = grid;
     part.range_bins = {0, strip};
     PolarImage<float> gathered(part, {}), waiting(part, {});
+    // From far to near, for an echo reaches only farther bins: a strip is put where its echoes were while the next one, which
+    // needs none of these, is gathered.
     Interval last{grid.range_bins.end, grid.range_bins.end};
     const auto put = [&](std::size_t i) {
         std::copy_n(waiting.row(i), last.size(), image.row(i) + (last.begin - grid.range_bins.begin));
     };
     while (last.begin > grid.range_bins.begin) {
         const Interval own{std::max(last.begin - strip, grid.range_bins.begin), last.begin};
-        gathering.gather(own, put, [&](std::size_t i) { return gathered.row(i); });
+        gathering.gather(own, [&](std::size_t i) {
+            put(i);
+            return gathered.row(i);
+        });
         std::swap(gathered, waiting);
         last = own;
     }

@@ -49,7 +49,8 @@ std::int64_t lead_in_bins(const BeamSetting& setting, double range_bin_m);
 PolarImage<float> power_image(const PolarImage<float>& echo, const PolarGrid& shown, const BeamSetting& setting,
                               PolarImage<float>&& used = {}, std::span<const float> everywhere_w = {});
 
-/// The same bits in the echo image's own memory, and a few MiB beside it; for an echo image of which all is shown.
+/// The same bits for an echo image of which all is shown; in its own memory, with less than half as much beside it, unless it has
+/// few range bins.
 PolarImage<float> power_in_place(PolarImage<float>&& echo, const BeamSetting& setting,
                                  std::span<const float> everywhere_w = {});
 

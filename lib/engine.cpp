@@ -132,8 +132,8 @@ struct Setting {
     Setting(const ResolvedScene& s, WedgeSource& source, std::shared_ptr<const SceneTables> made,
             const PathLossTable* loss = nullptr)
         : scene(s), data_base(source.data_base()), map(data_base, swept_map_params(s, data_base)),
-          levels(choose_levels(s, source, map)),
-          sampling(sampling_of(s, data_base)), grid(data_base, map, sampling, s.swept.circle_bins, levels),
+          levels(choose_levels(s, source, map)), sampling(sampling_of(s, data_base)),
+          grid(data_base, map, sampling, s.swept.circle_bins, levels),
           tables(made ? std::move(made) : std::make_shared<const SceneTables>(s.scene)),
           cells(quanta(s.swept.range_bins, s.swept.range_bin_m, radar_constant(s.scene.radar), tables->pattern.most(),
                        grid.azimuth_step_rad(), tables->laws.most() * tables->shore.most())) {
@@ -554,6 +554,13 @@ Plan plan(const ResolvedScene& scene, WedgeSource& given, const EngineParams& pa
 
 namespace {
 
+/// Where the last echoes were not kept, other images are in their memory.
+void take_memory_back(RunResult& result) {
+    if (result.echo_w.cells.empty())
+        std::swap(result.echo_w, result.received_w.cells.empty() ? result.power_w : result.received_w);
+    if (result.echo_state.cells.empty()) std::swap(result.echo_state, result.state);
+}
+
 /// Echo and states of what is swept, and what the wedges did; the images' memory is used again.
 void sweep(const ResolvedScene& scene, WedgeSource& source, const EngineParams& params, const WeatherHere& weather,
            Threads& crew, RunResult& result) {
@@ -577,10 +584,7 @@ void sweep(const ResolvedScene& scene, WedgeSource& source, const EngineParams& 
     result.report.survey_s = watch.wall_s();
     survey.end();
 
-    // Where the last echoes were not kept, others are in their memory.
-    if (result.echo_w.cells.empty())
-        std::swap(result.echo_w, result.received_w.cells.empty() ? result.power_w : result.received_w);
-    if (result.echo_state.cells.empty()) std::swap(result.echo_state, result.state);
+    take_memory_back(result);
     result.echo_w = PolarImage<float>(scene.swept, std::move(result.echo_w));
     result.echo_state = PolarImage<std::uint8_t>(scene.swept, std::move(result.echo_state));
     Wedges(setting, source, wedges, params, threads, result).sweep_all(crew);
@@ -622,13 +626,13 @@ bool fewer_cells_than_looks(const ResolvedScene& scene) {
 }
 
 /// What reaches the receiver from the echoes, and what it makes of that: as an image where something is drawn or that is quicker, or
-/// to `keep` it.
-void receive(const EngineParams& params, const WeatherHere& weather, bool keep, RunResult& result) {
+/// with `keep_received`.
+void receive(const EngineParams& params, const WeatherHere& weather, bool keep_received, RunResult& result) {
     const ResolvedScene& scene = result.scene;
     const BeamSetting beam = beam_setting(scene);
     const ReceiverParams& receiver = scene.scene.receiver;
-    const bool as_image = keep || receiver.fluctuates() || fewer_cells_than_looks(scene);
-    const bool echo_done = !params.keep_echo && !receiver.fluctuates();  // speckle asks for it again
+    const bool as_image = keep_received || receiver.fluctuates() || fewer_cells_than_looks(scene);
+    const bool echo_done = !params.keep_echo && receiver.speckle_looks == 0;  // speckle asks for it again
     {
         const Span stage(params.timeline, "beam", "stage");
         const Stopwatch watch;
@@ -699,7 +703,7 @@ void add(const RunReport& part, RunReport& whole) {
 }
 
 /// Rows of a group that are the whole's: its own azimuths and, of the first and the last group, those of the skirt outside.
-void take_rows(const RunResult& group, RunResult& whole) {
+void take_rows(const RunResult& group, bool keep_echo, RunResult& whole) {
     const PolarGrid &shown = whole.scene.shown, &part = group.scene.shown;
     const std::int64_t circle = shown.circle_bins, skirt = skirt_bins(beam_setting(whole.scene), circle);
     const std::int64_t begin = bins_after(part.azimuth_bins.begin, shown.azimuth_bins.begin, circle),
@@ -710,9 +714,9 @@ void take_rows(const RunResult& group, RunResult& whole) {
         const bool own = at < all ? at >= begin && at < end : circle - at <= skirt ? begin == 0 : end == all;
         if (!own) continue;
         const std::size_t from = static_cast<std::size_t>(bin - swept.azimuth_bins.begin),
-                          to = whole.echo_w.grid.row_of(bin);
-        if (to >= whole.echo_w.grid.azimuth_count()) continue;
-        std::copy_n(group.echo_w.row(from), swept.range_count(), whole.echo_w.row(to));
+                          to = whole.echo_state.grid.row_of(bin);
+        if (to >= whole.echo_state.grid.azimuth_count()) continue;
+        if (keep_echo) std::copy_n(group.echo_w.row(from), swept.range_count(), whole.echo_w.row(to));
         std::copy_n(group.echo_state.row(from), swept.range_count(), whole.echo_state.row(to));
     }
     for (std::int64_t i = begin; i < end; ++i) {
@@ -731,14 +735,14 @@ RunResult run(const ResolvedScene& scene, WedgeSource& source, const EngineParam
 
 namespace {
 
-/// The scene's own tables are in `params`. With only_wedges nothing is received; `keep`: as receive().
-RunResult sweep_and_receive(const ResolvedScene& scene, WedgeSource& source, const EngineParams& params, bool keep,
-                            Threads& crew, RunResult&& used) {
+/// The scene's own tables are in `params`. With only_wedges nothing is received; `keep_received`: as receive().
+RunResult sweep_and_receive(const ResolvedScene& scene, WedgeSource& source, const EngineParams& params,
+                            bool keep_received, Threads& crew, RunResult&& used) {
     SceneSource own(source, scene.scene);
     RunResult result = std::move(used);
     const WeatherHere weather(scene, params.tables->weather, params.tables->pattern);
     sweep(scene, *own, params, weather, crew, result);
-    if (!params.only_wedges) crew.execute([&] { receive(params, weather, keep, result); });
+    if (!params.only_wedges) crew.execute([&] { receive(params, weather, keep_received, result); });
     return result;
 }
 
@@ -804,7 +808,8 @@ RunResult run(const ResolvedScene& scene, const Scan& scan, WedgeSource& source,
     RunResult result = std::move(used);
     result.scene = scene;
     result.report = RunReport{};
-    result.echo_w = PolarImage<float>(scene.swept, std::move(result.echo_w));
+    if (result.echo_state.cells.empty()) std::swap(result.echo_state, result.state);
+    if (params.keep_echo) result.echo_w = PolarImage<float>(scene.swept, std::move(result.echo_w));
     result.echo_state = PolarImage<std::uint8_t>(scene.swept, std::move(result.echo_state));
     result.power_w = PolarImage<float>(scene.shown, std::move(result.power_w));
     result.received_w = PolarImage<float>(scene.shown, std::move(result.received_w));
@@ -827,7 +832,7 @@ RunResult run(const ResolvedScene& scene, const Scan& scan, WedgeSource& source,
         const WeatherHere weather(place, params.tables->weather, params.tables->pattern);
         sweep(place, *ground, own, weather, crew, group);
         crew.execute([&] { receive(own, weather, true, group); });
-        take_rows(group, result);
+        take_rows(group, params.keep_echo, result);
         add(group.report, result.report);
         if (params.stop) params.stop->check();
     }

@@ -98,13 +98,13 @@ struct EngineParams {
     /// One of several runs side by side: it takes `threads` threads of those that the caller lets all of them have together.
     bool beside_others = false;
     std::shared_ptr<const SceneTables> tables;  ///< of the scene; none: made for the run
-    /// The echo image and its states stay in the result. Else others may be made in their memory.
+    /// The echo image and its states stay in the result. Else other images may be made in their memory.
     bool keep_echo = true;
 };
 
 struct RunResult {
     ResolvedScene scene;
-    PolarImage<float> echo_w;             ///< on scene.swept; empty where it need not be kept
+    PolarImage<float> echo_w;             ///< on scene.swept; may be empty unless EngineParams::keep_echo
     PolarImage<std::uint8_t> echo_state;  ///< the same
     PolarImage<float> power_w;            ///< on scene.shown, without noise and speckle
     PolarImage<std::uint8_t> state;       ///< on scene.shown

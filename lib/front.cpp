@@ -367,9 +367,7 @@ void Front::advance_line(std::int64_t line, const Between& between, std::size_t 
     cost_.clock.enter(StageClock::sample);
     places(distance, level_, begin, end, ahead_.minor.data(), ahead_.arc.data(), line_pieces_);
     // Beyond the range, or gone from the raster for good.
-    const auto modes = lanes_.mode.begin() + static_cast<std::ptrdiff_t>(begin);
-    if (count_beyond(n, ahead_.arc.data(), scene_->max_arc_m) ||
-        std::find(modes, modes + static_cast<std::ptrdiff_t>(n), mode_gap) != modes + static_cast<std::ptrdiff_t>(n))
+    if (count_beyond_or_in(n, ahead_.arc.data(), scene_->max_arc_m, lanes_.mode.data() + begin, mode_gap))
         for (std::size_t i = 0; i < n; ++i) {
             const std::size_t lane = begin + i;
             if (!(ahead_.arc[i] > scene_->max_arc_m) && !is(lane, mode_gap)) continue;

@@ -40,9 +40,10 @@ WEDGESCOPE_LANES_PART void mix(std::size_t n, double from, double to, const doub
     for (std::size_t i = 0; i < n; ++i) out[i] = from + part[i] * (to - from);
 }
 
-WEDGESCOPE_LANES_PART int beyond(std::size_t n, const double* arc_m, double most_m) noexcept {
+WEDGESCOPE_LANES_PART int beyond_or_in(std::size_t n, const double* arc_m, double most_m, const double* mode,
+                                       double in) noexcept {
     int count = 0;
-    for (std::size_t i = 0; i < n; ++i) count += arc_m[i] > most_m ? 1 : 0;
+    for (std::size_t i = 0; i < n; ++i) count += (arc_m[i] > most_m) | (mode[i] == in) ? 1 : 0;
     return count;
 }
 
@@ -84,8 +85,8 @@ void between_lanes(std::size_t n, double from, double to, const double* part, do
     on_target<mix>(n, from, to, part, out);
 }
 
-int count_beyond(std::size_t n, const double* arc_m, double most_m) noexcept {
-    return on_target<beyond>(n, arc_m, most_m);
+int count_beyond_or_in(std::size_t n, const double* arc_m, double most_m, const double* mode, double in) noexcept {
+    return on_target<beyond_or_in>(n, arc_m, most_m, mode, in);
 }
 
 int cross_lanes(std::size_t n, const Crossing& crossing) noexcept { return on_target<cross>(n, crossing); }

@@ -34,8 +34,8 @@ void place_lanes(const SpokeMap::LinePiece& piece, double nadir_minor, double di
 /// out[n] = from + part[n] (to - from).
 void between_lanes(std::size_t n, double from, double to, const double* part, double* out) noexcept;
 
-/// How many of n arcs are beyond `most_m`.
-int count_beyond(std::size_t n, const double* arc_m, double most_m) noexcept;
+/// How many of n spokes stand at arcs beyond `most_m` or are in the mode `in`.
+int count_beyond_or_in(std::size_t n, const double* arc_m, double most_m, const double* mode, double in) noexcept;
 
 /// Places of the spokes' last samples, of where they cross the line ahead, and what comes out. `part`: of the way from
 /// the line behind (0) to the line ahead (1).

@@ -2,8 +2,10 @@
 #include <catch2/catch.hpp>
 
 #include <gdal_alg.h>
+#include <zlib.h>
 
 #include <GeographicLib/Geodesic.hpp>
+#include <array>
 #include <cmath>
 #include <fstream>
 #include <iterator>
@@ -16,6 +18,7 @@
 #include "tiles/gdal_session.hpp"
 #include "tiles/ground_places.hpp"
 #include "tiles/picture.hpp"
+#include "tiles/png_file.hpp"
 #include "tiles/polar_raster.hpp"
 
 using namespace wedgescope;
@@ -409,44 +412,78 @@ TEST_CASE("a PNG of GDAL's driver, as creation options ask for, has the same pix
     }
 }
 
+namespace {
+
+/// Grey and alpha, part noise, part runs.
+std::array<std::vector<std::uint8_t>, 2> some_pixels(std::size_t count) {
+    std::array<std::vector<std::uint8_t>, 2> bands;
+    std::uint32_t noise = 1;
+    for (std::size_t i = 0; i < count; ++i) {
+        noise = noise * 1664525u + 1013904223u;
+        bands[0].push_back(static_cast<std::uint8_t>(i / 30000 % 2 ? noise >> 24 : i / 50));
+        bands[1].push_back(noise >> 30 ? 255 : 0);
+    }
+    return bands;
+}
+
+/// The image data of a PNG, unpacked; nothing where that is not whole, its checksum included.
+std::vector<std::uint8_t> unpacked(const std::string& png, std::size_t bytes) {
+    const auto number = [&](std::size_t at) {
+        std::uint32_t n = 0;
+        for (std::size_t i = 0; i < 4; ++i) n = n << 8 | static_cast<std::uint8_t>(png.at(at + i));
+        return n;
+    };
+    std::string packed;
+    for (std::size_t at = 8; at + 12 <= png.size(); at += 12 + number(at))
+        if (png.compare(at + 4, 4, "IDAT") == 0) packed += png.substr(at + 8, number(at));
+    std::vector<std::uint8_t> rows(bytes + 1);
+    uLongf length = rows.size();
+    const int said = uncompress(rows.data(), &length, reinterpret_cast<const Bytef*>(packed.data()), packed.size());
+    if (said != Z_OK) return {};
+    rows.resize(length);
+    return rows;
+}
+
+}  // namespace
+
 TEST_CASE("a PNG is packed in pieces, the same bytes for any number of threads, and every pixel comes back",
           "[picture][threads]") {
     const Folder folder;
-    RunResult run = drawn_scope(DisplayKind::gpi, true, 0);
-    // One pixel; a piece and a little more; more pieces than are packed at a time; a row that is longer than a piece.
+    // One pixel; a piece and a little more; many pieces; a row that is longer than a piece.
     const auto [columns, rows] =
         GENERATE(std::pair{1, 1}, std::pair{500, 140}, std::pair{1500, 1201}, std::pair{70001, 3});
-    run.scope.frame.width = columns, run.scope.frame.height = rows;
+    const bool alpha = GENERATE(false, true);
+    CAPTURE(columns, rows, alpha);
     const auto pixels = static_cast<std::size_t>(columns) * static_cast<std::size_t>(rows);
-    run.scope.grey.resize(pixels);
-    run.scope.state.assign(pixels, 2);
-    std::uint32_t noise = 1;
-    for (std::size_t i = 0; i < pixels; ++i) {
-        noise = noise * 1664525u + 1013904223u;
-        run.scope.grey[i] = static_cast<std::uint8_t>(i / 30000 % 2 ? noise >> 24 : i / 50);  // noise, and runs
-        run.scope.state[i] = noise >> 30 ? 2 : 0;
-    }
-    run.scene.scene.display.alpha = GENERATE(false, true);
-    const auto bytes = [&](int threads) {
-        run.report.threads = threads;
-        const std::string path =
-            write(folder, text("scope", threads, ".png"), [&](OutputFile& f) { write_scope(run, f, {}); });
+    const auto bands = some_pixels(pixels);
+    std::vector<const std::uint8_t*> given{bands[0].data()};
+    if (alpha) given.push_back(bands[1].data());
+    std::string one;
+    for (const int threads : {1, 2, 5}) {
+        const std::string path = folder / text("scope", threads, ".png");
+        write_png(path, columns, rows, given, threads, path);
         const Read in(path);
-        const auto grey = in.band(1);
-        CHECK(std::equal(grey.begin(), grey.end(), run.scope.grey.begin(), run.scope.grey.end()));
-        if (run.scene.scene.display.alpha) {
-            const auto alpha = in.band(2);
-            std::size_t wrong = alpha.size() != pixels;
-            for (std::size_t i = 0; i < alpha.size(); ++i) wrong += alpha[i] != (run.scope.state[i] ? 255 : 0);
-            CHECK(wrong == 0);
+        for (std::size_t band = 0; band < given.size(); ++band) {
+            const auto values = in.band(static_cast<int>(band) + 1);
+            CHECK(std::equal(values.begin(), values.end(), bands[band].begin(), bands[band].end()));
         }
         std::ifstream file(path, std::ios::binary);
-        return std::string(std::istreambuf_iterator<char>(file), {});
-    };
-    const std::string one = bytes(1);
-    CHECK(one.size() < 2 * pixels + 1000);
-    CHECK(bytes(2) == one);
-    CHECK(bytes(5) == one);
+        const std::string bytes(std::istreambuf_iterator<char>(file), {});
+        if (threads == 1) one = bytes;
+        CHECK(bytes == one);
+    }
+    const std::size_t row = given.size() * static_cast<std::size_t>(columns) + 1;
+    CHECK(unpacked(one, row * static_cast<std::size_t>(rows)).size() == row * static_cast<std::size_t>(rows));
+}
+
+TEST_CASE("a PNG that cannot be written says why, whoever writes it", "[picture][threads]") {
+    const auto bands = some_pixels(std::size_t{1000} * 1000);
+    const std::vector<const std::uint8_t*> given{bands[0].data()};
+    // Found with the last bytes, and among the pixels.
+    for (const std::int64_t rows : {3, 1000})
+        for (const int threads : {1, 2})
+            CHECK_THAT(test::refusal<IoError>([&] { write_png("/dev/full", 1000, rows, given, threads, "scope.png"); }),
+                       Contains("output 'scope.png' cannot be written: No space left on device"));
 }
 
 TEST_CASE("a gpi scope without rings lies on the map where its pixels are", "[picture]") {

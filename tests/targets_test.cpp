@@ -124,9 +124,15 @@ Bytes sweep_of(unsigned seed) {
     const int crossed =
         cross_lanes(n, {now.part.data(), now.minor.data(), now.arc.data(), line.minor.data(), line.arc.data(),
                         crossing.part.data(), crossing.minor.data(), crossing.arc.data()});
-    const int beyond = count_beyond(n, line.arc.data(), line.arc[n / 2]);
     record.put(&crossed, 1);
-    record.put(&beyond, 1);
+    std::vector<double> modes(n);
+    for (double& m : modes) m = static_cast<double>(draw.below(4));
+    const double most_m = line.arc[n / 2];
+    const int odd = count_beyond_or_in(n, line.arc.data(), most_m, modes.data(), mode_gap);
+    int wanted = 0;
+    for (std::size_t i = 0; i < n; ++i) wanted += line.arc[i] > most_m || modes[i] == mode_gap;
+    CHECK(odd == wanted);
+    record.put(&odd, 1);
     const std::vector<float> behind = draw.heights(700), ahead = draw.heights(700);
     const std::int64_t begin = draw.below(3) ? -50 : 200, cut = draw.below(2) ? 1 : 0;
     const LinePosts back{behind.data(), begin, begin + 700}, front{ahead.data() + cut, begin + cut, begin + 690};

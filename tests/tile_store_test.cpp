@@ -756,15 +756,21 @@ TEST_CASE("bounds of blocks are those of their posts at every level", "[store][t
 }
 
 TEST_CASE("of a chunk what is not needed has its block's fill height, all else its own, rows as lines or columns",
-          "[tile_store]") {
+          "[store]") {
     const Folder folder;
-    draw(folder / "dem.tif", hills(700, 500));
+    Drawing d = hills(700, 500);
+    draw(folder / "dem.tif", d);
+    d.creation = {"TILED=YES", "BLOCKXSIZE=128", "BLOCKYSIZE=64", "COMPRESS=DEFLATE"};
+    draw(folder / "packed.tif", d);
     auto params = into(folder / "store", {folder / "dem.tif"});
     params.tile_posts = 128;
     params.creation = {"COMPRESS=NONE"};
     write_tile_store(params);
-    // A store's tiles are in memory; of the file no more pieces are read than need be.
-    const auto source = open_direct_source(base(folder / GENERATE(as<std::string>(), "store", "dem.tif")));
+    // Tiles of the first two stay unpacked; of the file no more pieces are read than need be; with so little memory of none.
+    auto from = base(folder / GENERATE(as<std::string>(), "store", "packed.tif", "dem.tif"));
+    if (GENERATE(false, true)) from.cache_bytes = std::size_t{1} << 16;
+    CAPTURE(from.dem, from.cache_bytes);
+    const auto source = open_direct_source(from);
     std::mt19937 random(8);
     const auto upto = [&](std::int64_t most) {
         return static_cast<std::int64_t>(random() % static_cast<unsigned>(most));

@@ -2,6 +2,7 @@
 // For the .cpp files of this folder only. Leaves reading to raster_source.cpp and registered_layer.hpp.
 #pragma once
 #include <algorithm>
+#include <optional>
 #include <stdexcept>
 #include <utility>
 #include <vector>
@@ -113,20 +114,25 @@ public:
         bool lines_are_columns;
     };
 
-    /// Puts fill heights where nothing needs be read of `posts`, a part of the request's window.
-    void fill(const Window& posts, const Posts& surface) const {
-        each_idle_block(posts, surface.lines_are_columns,
-                        [&](std::int64_t at, std::int64_t line, std::int64_t n, float height) {
-                            std::fill_n(surface.first + line * surface.stride + at, n, height);
-                        });
-    }
-    /// The same for both, row after row; culture heights become 0.
-    void fill(const Window& posts, float* surface, float* culture) const {
-        const std::int64_t width = posts.columns.size();
-        each_idle_block(posts, false, [&](std::int64_t at, std::int64_t line, std::int64_t n, float height) {
-            std::fill_n(surface + line * width + at, n, height);
-            std::fill_n(culture + line * width + at, n, 0.0F);
-        });
+    /// Fills what need not be read of `posts`, a part of the request's window: with its block's fill height, or with `height_m`.
+    void fill(const Window& posts, const Posts& to, std::optional<float> height_m = {}) const {
+        if (all()) return;
+        const Window blocks = blocks_of(posts);
+        const Interval columns = intersection(blocks.columns, request_.blocks.columns),
+                       rows = intersection(blocks.rows, request_.blocks.rows);
+        for (std::int64_t r = rows.begin; r < rows.end; ++r)
+            for (std::int64_t c = columns.begin; c < columns.end; ++c) {
+                if (at(c, r) == Skip::none) continue;
+                const auto put = [&](std::int64_t from, std::int64_t line, std::int64_t n) {
+                    std::fill_n(to.first + line * to.stride + from, n, height_m.value_or(request_.fill_m[index(c, r)]));
+                };
+                if (to.lines_are_columns)
+                    idle_posts(
+                        posts.rows, posts.columns, r, c, [&](auto a, auto b) { return needed(b, a); }, put);
+                else
+                    idle_posts(
+                        posts.columns, posts.rows, c, r, [&](auto a, auto b) { return needed(a, b); }, put);
+            }
     }
 
 private:
@@ -152,29 +158,8 @@ private:
         return intersection({blocks.begin * block_posts - margin, blocks.end * block_posts + margin}, within);
     }
 
-    /// Calls put(at, line, n, height) for the posts of blocks that need not be read: n of them from post `at` of a line on.
-    template <class Put>
-    void each_idle_block(const Window& posts, bool lines_are_columns, Put&& put) const {
-        if (all()) return;
-        const Window blocks = blocks_of(posts);
-        const Interval columns = intersection(blocks.columns, request_.blocks.columns),
-                       rows = intersection(blocks.rows, request_.blocks.rows);
-        for (std::int64_t r = rows.begin; r < rows.end; ++r)
-            for (std::int64_t c = columns.begin; c < columns.end; ++c) {
-                if (at(c, r) == Skip::none) continue;
-                const auto put_here = [&](std::int64_t from, std::int64_t line, std::int64_t n) {
-                    put(from, line, n, request_.fill_m[index(c, r)]);
-                };
-                if (lines_are_columns)
-                    idle_posts(
-                        posts.rows, posts.columns, r, c, [&](auto a, auto b) { return needed(b, a); }, put_here);
-                else
-                    idle_posts(
-                        posts.columns, posts.rows, c, r, [&](auto a, auto b) { return needed(a, b); }, put_here);
-            }
-    }
-
-    /// Of the block at `a` along the lines of posts and `b` across; needed(a, b) tells of its neighbours.
+    /// Calls put(from, line, n) for what need not be read of the block at `a` along the lines of posts and `b` across; needed(a, b) tells
+    /// of its neighbours.
     template <class Needed, class Put>
     static void idle_posts(Interval along, Interval across, std::int64_t a, std::int64_t b, Needed&& needed,
                            Put&& put) {
@@ -201,9 +186,10 @@ private:
 };
 
 /// Calls read(cells, needed) for the rectangles of a window's file tiles (at least as wide as a block each way):
-/// those that are needed in runs side by side, the others one by one. `reason(cells)`: Skip::none for what is needed.
+/// those that are needed in runs side by side, or one by one, the others one by one. `reason(cells)`: Skip::none for what is needed.
 template <class Reason, class Read, class Pass>
-void for_each_tile_run(const RasterFacts& facts, const Window& window, Reason&& reason, Read&& read, Pass&& pass) {
+void for_each_tile_run(const RasterFacts& facts, const Window& window, Reason&& reason, Read&& read, Pass&& pass,
+                       bool one_by_one = false) {
     const auto unit = [](std::int64_t tile) { return tile * ((block_posts + tile - 1) / tile); };
     const std::int64_t wide = unit(facts.block_columns), high = unit(facts.block_rows);
     for (std::int64_t r = window.rows.begin; r < window.rows.end;) {
@@ -219,7 +205,7 @@ void for_each_tile_run(const RasterFacts& facts, const Window& window, Reason&& 
                 pass(tile, why);
             }
             c = c_end;
-            if (!run.empty() && (why != Skip::none || c == window.columns.end)) {
+            if (!run.empty() && (why != Skip::none || c == window.columns.end || one_by_one)) {
                 read(Window{run, {r, r_end}});
                 run = {};
             }

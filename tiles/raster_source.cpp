@@ -385,9 +385,9 @@ void RasterSource::load_level(Chunk& chunk, const ChunkRequest& request) {
                 chunk.posts_read += static_cast<std::uint64_t>(posts.posts());
             },
             [](const Window&, Skip) {});
-        needed.fill({columns, part}, {surface, width, false});
-        if (chunk.lines_are_columns)
-            turn({columns, part}, {columns, part}, slab.data(), chunk.surface_m.data() + first, minor);
+        const Window whole{columns, part};
+        needed.fill(whole, {surface, width, false});
+        if (chunk.lines_are_columns) turn(whole, whole, slab.data(), chunk.surface_m.data() + first, minor);
     }
     pass_surface(request, chunk.window);
     chunk.bytes_read += chunk.posts_read * static_cast<std::uint64_t>(terrain_->facts().type_bytes);
@@ -408,7 +408,7 @@ void RasterSource::load_surface(Chunk& chunk, const NeededPosts& needed) {
     if (chunk.lines_are_columns) slab.reserve(most);
     std::vector<float> culture, scratch;
     if (height_) culture.reserve(most);
-    std::vector<Window> read;
+    std::vector<Window> filled;
     for (const Interval part : slabs(rows, width, chunk.lines_are_columns)) {
         const auto n = static_cast<std::size_t>(part.size() * width);
         const std::int64_t first = part.begin - rows.begin;
@@ -417,50 +417,57 @@ void RasterSource::load_surface(Chunk& chunk, const NeededPosts& needed) {
             slab.resize(n);
             surface = slab.data();
         }
-        read.clear();
+        const Window whole{columns, part};
+        filled.clear();
         for (const Run& run : terrain)
-            chunk.posts_read += read_terrain(run, columns.begin, part, needed, surface, width, read);
-        if (culture_) pass_layer(*culture_, {columns, part}, needed);
+            chunk.posts_read += read_terrain(run, columns.begin, part, needed, surface, width, filled);
+        if (culture_) pass_layer(*culture_, whole, needed);
         if (height_) {
             culture.resize(n);
             const std::int64_t cells =
                 height_->read_heights(plan, part, params_.culture_height_scale, needed, culture.data(), scratch);
             chunk.bytes_read += static_cast<std::size_t>(cells * height_->facts().type_bytes);
             for (std::size_t i = 0; i < n; ++i) surface[i] += culture[i];
-            needed.fill({columns, part}, surface, culture.data());
-            read.assign(1, {columns, part});
+            needed.fill(whole, {surface, width, false});
+            needed.fill(whole, {culture.data(), width, false}, 0.0F);
+            filled.assign(1, whole);
             if (std::any_of(culture.begin(), culture.end(), [](float h) { return h != 0; })) {
                 if (chunk.culture_height_m.empty()) chunk.culture_height_m.assign(posts, 0);
                 if (chunk.lines_are_columns)
-                    turn({columns, part}, {columns, part}, culture.data(), chunk.culture_height_m.data() + first,
-                         minor);
+                    turn(whole, whole, culture.data(), chunk.culture_height_m.data() + first, minor);
                 else
                     std::copy(culture.begin(), culture.end(), chunk.culture_height_m.begin() + first * width);
             }
         }
-        if (chunk.lines_are_columns)
-            for (const Window& window : read)
-                turn({columns, part}, window, slab.data(), chunk.surface_m.data() + first, minor);
-        if (!height_)
-            needed.fill({columns, part}, chunk.lines_are_columns
-                                             ? NeededPosts::Posts{chunk.surface_m.data() + first, minor, true}
-                                             : NeededPosts::Posts{surface, width, false});
+        if (chunk.lines_are_columns) {
+            float* const to = chunk.surface_m.data() + first;
+            for (const Window& window : filled) turn(whole, window, slab.data(), to, minor);
+            if (!height_) needed.fill(whole, {to, minor, true});
+        } else if (!height_) {
+            needed.fill(whole, {surface, width, false});
+        }
     }
     chunk.bytes_read += chunk.posts_read * static_cast<std::uint64_t>(terrain_->facts().type_bytes);
 }
 
 std::uint64_t RasterSource::read_terrain(const Run& run, std::int64_t first, Interval rows, const NeededPosts& needed,
-                                         float* out, std::int64_t stride, std::vector<Window>& posts_read) {
+                                         float* out, std::int64_t stride, std::vector<Window>& filled) {
     const std::int64_t shift = first + run.at - run.source.begin;
     if (needed.all()) {
         ledger_->touch({run.source, rows});
         terrain_->read_heights({run.source, rows}, out + run.at, stride);
-        posts_read.push_back({{run.source.begin + shift, run.source.end + shift}, rows});
+        filled.push_back({{run.source.begin + shift, run.source.end + shift}, rows});
         return static_cast<std::uint64_t>(run.source.size() * rows.size());
     }
+    // From tiles that stay unpacked only what is needed, one after the other; from others not in many pieces.
+    const RasterFacts& facts = terrain_->facts();
+    constexpr std::int64_t few = 16;
+    const bool unpacked =
+        terrain_->fills_tile_cache() && few * facts.block_columns * facts.block_rows * facts.type_bytes <=
+                                            static_cast<std::int64_t>(tiles_->most_bytes());
     std::uint64_t read = 0;
     for_each_tile_run(
-        terrain_->facts(), {run.source, rows},
+        facts, {run.source, rows},
         [&](const Window& cells) {
             return needed.reason({{cells.columns.begin + shift, cells.columns.end + shift}, cells.rows});
         },
@@ -473,16 +480,15 @@ std::uint64_t RasterSource::read_terrain(const Run& run, std::int64_t first, Int
                 terrain_->read_heights(moved(posts, -shift),
                                        out + (posts.rows.begin - rows.begin) * stride + posts.columns.begin - first,
                                        stride);
-                posts_read.push_back(posts);
+                filled.push_back(posts);
             };
-            // From tiles in memory only what is needed; from a file not in many pieces.
-            if (terrain_->fills_tile_cache())
+            if (unpacked)
                 needed.each_run(moved(cells, shift), take);
             else
                 needed.each_part(moved(cells, shift), take);
             read += static_cast<std::uint64_t>(cells.posts());
         },
-        [&](const Window& cells, Skip why) { ledger_->pass(cells, why); });
+        [&](const Window& cells, Skip why) { ledger_->pass(cells, why); }, unpacked);
     return read;
 }
 

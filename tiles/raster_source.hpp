@@ -95,7 +95,7 @@ protected:
     /// What is needed of one run of the columns that begin at `first`; returns posts of tiles read, adds the rectangles of posts
     /// that were filled.
     std::uint64_t read_terrain(const Run& run, std::int64_t first, Interval rows, const NeededPosts& needed, float* out,
-                               std::int64_t stride, std::vector<Window>& posts_read);
+                               std::int64_t stride, std::vector<Window>& filled);
 
     /// Notes why nothing of a request's posts is read.
     void pass_surface(const ChunkRequest& request, const Window& window);

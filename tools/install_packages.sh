@@ -6,7 +6,7 @@ set -euo pipefail
 packages=(
     g++ cmake ninja-build
     libgdal-dev libtbb-dev libgeographiclib-dev libboost-program-options-dev
-    libfmt-dev nlohmann-json3-dev libzstd-dev libxxhash-dev libhwy-dev libpng-dev libproj-dev
+    libfmt-dev nlohmann-json3-dev libzstd-dev libxxhash-dev libhwy-dev libpng-dev zlib1g-dev libproj-dev
     libtiff-dev
     libopenimageio-dev fonts-dejavu-core  # the picture helper and the letters of its legends
 )
