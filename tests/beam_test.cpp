@@ -239,17 +239,18 @@ TEST_CASE("long rows come out as short ones do, with any number of threads", "[b
     CHECK(same);
 }
 
-TEST_CASE("a power image in the echoes' own memory has the bits of one beside them", "[beam][threads]") {
+TEST_CASE("a power image in the echoes' own memory has the bits of one beside them", "[beam]") {
     // Strips from one to many, some by the pulse's length; few and many azimuths; parts without any echo.
     struct Case {
         std::int64_t azimuths, ranges;
-        double pulse_m;
+        double beam_deg, pulse_m;
         bool range_is_ground;
     };
-    const Case c = GENERATE(Case{1, 300, 75, false}, Case{360, 3100, 200, false}, Case{960, 1700, 75, true},
-                            Case{5000, 700, 1200, false}, Case{5000, 300, 75, false}, Case{8, 40, 1e5, false});
+    const Case c =
+        GENERATE(Case{1, 300, 4, 75, false}, Case{360, 3100, 4, 200, false}, Case{960, 1100, 1.5, 75, true},
+                 Case{2000, 700, 0.5, 1500, false}, Case{2000, 300, 0.5, 75, false}, Case{8, 40, 4, 1e4, false});
     CAPTURE(c.azimuths, c.ranges, c.pulse_m);
-    BeamSetting setting = level(4, c.pulse_m);
+    BeamSetting setting = level(c.beam_deg, c.pulse_m);
     setting.sensor_m = 3000;
     setting.range_is_ground = c.range_is_ground;
     const PolarGrid g = grid(c.azimuths, 10, {0, c.azimuths}, {0, c.ranges});
