@@ -554,11 +554,10 @@ Plan plan(const ResolvedScene& scene, WedgeSource& given, const EngineParams& pa
 
 namespace {
 
-/// Where the last echoes were not kept, other images are in their memory.
-void take_memory_back(RunResult& result) {
-    if (result.echo_w.cells.empty())
-        std::swap(result.echo_w, result.received_w.cells.empty() ? result.power_w : result.received_w);
-    if (result.echo_state.cells.empty()) std::swap(result.echo_state, result.state);
+/// Where the last echoes were not kept, another image has their memory.
+template <class T>
+void take_back(PolarImage<T>& image, PolarImage<T>& other) {
+    if (image.cells.empty()) std::swap(image, other);
 }
 
 /// Echo and states of what is swept, and what the wedges did; the images' memory is used again.
@@ -584,7 +583,8 @@ void sweep(const ResolvedScene& scene, WedgeSource& source, const EngineParams& 
     result.report.survey_s = watch.wall_s();
     survey.end();
 
-    take_memory_back(result);
+    take_back(result.echo_w, result.received_w.cells.empty() ? result.power_w : result.received_w);
+    take_back(result.echo_state, result.state);
     result.echo_w = PolarImage<float>(scene.swept, std::move(result.echo_w));
     result.echo_state = PolarImage<std::uint8_t>(scene.swept, std::move(result.echo_state));
     Wedges(setting, source, wedges, params, threads, result).sweep_all(crew);
@@ -808,7 +808,7 @@ RunResult run(const ResolvedScene& scene, const Scan& scan, WedgeSource& source,
     RunResult result = std::move(used);
     result.scene = scene;
     result.report = RunReport{};
-    if (result.echo_state.cells.empty()) std::swap(result.echo_state, result.state);
+    take_back(result.echo_state, result.state);
     if (params.keep_echo) result.echo_w = PolarImage<float>(scene.swept, std::move(result.echo_w));
     result.echo_state = PolarImage<std::uint8_t>(scene.swept, std::move(result.echo_state));
     result.power_w = PolarImage<float>(scene.shown, std::move(result.power_w));

@@ -461,10 +461,9 @@ std::uint64_t RasterSource::read_terrain(const Run& run, std::int64_t first, Int
     }
     // From tiles that stay unpacked only what is needed, one after the other; from others not in many pieces.
     const RasterFacts& facts = terrain_->facts();
-    constexpr std::int64_t few = 16;
     const bool unpacked =
-        terrain_->fills_tile_cache() && few * facts.block_columns * facts.block_rows * facts.type_bytes <=
-                                            static_cast<std::int64_t>(tiles_->most_bytes());
+        terrain_->fills_tile_cache() &&
+        tiles_->keeps(static_cast<std::size_t>(facts.block_columns * facts.block_rows * facts.type_bytes));
     std::uint64_t read = 0;
     for_each_tile_run(
         facts, {run.source, rows},

@@ -22,12 +22,11 @@ std::unique_ptr<TiffLayer> TiffLayer::of(const std::string& role, const std::str
     auto found = PlainTiff::of(role, path);
     if (!found) return nullptr;
     if (!cache) cache = std::make_shared<TileCache>(0);
-    const double room = static_cast<double>(cache->most_bytes());
     std::unique_ptr<TiffLayer> layer(new TiffLayer(std::move(*found), std::move(cache)));
-    // A tile that the cache does not take would be unpacked for each window of it; GDAL keeps the one in use, however large.
-    constexpr double few = 16;
-    const bool kept = few * static_cast<double>(layer->tile_bytes()) <= room;
-    return layer->fills_tile_cache() && room > 0 && !kept ? nullptr : std::move(layer);
+    // A tile that the cache does not keep would be unpacked for each window of it; GDAL keeps the one in use, however large.
+    const bool left =
+        layer->fills_tile_cache() && layer->cache_->most_bytes() > 0 && !layer->cache_->keeps(layer->tile_bytes());
+    return left ? nullptr : std::move(layer);
 }
 
 TiffLayer::TiffLayer(PlainTiff plain, std::shared_ptr<TileCache> cache)

@@ -36,6 +36,8 @@ public:
         const std::lock_guard lock(mutex_);
         return most_;
     }
+    /// Has it room for sixteen tiles of that size? Else one may have to be unpacked for each window of it.
+    bool keeps(std::size_t tile_bytes) { return tile_bytes <= most_bytes() / 16; }
     /// Held just now.
     std::size_t bytes() {
         const std::lock_guard lock(mutex_);
