@@ -80,8 +80,8 @@ TEST_CASE("blocks that grow, shrink and grow again take no more than once was in
     keep_large_blocks(0);
     CHECK(resident_bytes() < before + spare);
     // A little short of whole pages is whole pages; more than a little is not.
-    for (const auto& [bytes, wanted] : {std::pair{3 * page - 100 * kib, 3 * page},
-                                        {3 * page - 200 * kib, 3 * page - 200 * kib},
+    for (const auto& [bytes, wanted] : {std::pair{7 * page - 100 * kib, 7 * page},
+                                        {7 * page - 200 * kib, 7 * page - 200 * kib},
                                         {29 * page + 200 * kib, 29 * page + 200 * kib}}) {
         const std::vector<Block> one = held(1, bytes);
         CHECK(resident_bytes() > before + bytes - 256 * kib);
@@ -128,9 +128,53 @@ TEST_CASE("freed blocks stay up to what is kept, and go back to the system beyon
     keep_large_blocks(std::size_t{8} << 20);
 }
 
+TEST_CASE("blocks side by side take the pages that they fill, and leave room to others", "[large_blocks][quick]") {
+    constexpr std::size_t page = std::size_t{2} << 20, bytes = std::size_t{257} << 10, count = 160,
+                          granule = std::size_t{8} << 10, whole_block = (bytes + granule - 1) / granule * granule;
+    const auto hold = [](std::size_t n, std::size_t size) {
+        std::vector<Block> held;
+        for (std::size_t i = 0; i < n; ++i) {
+            held.push_back({static_cast<unsigned char*>(::operator new(size)), size, static_cast<unsigned char>(i)});
+            fill(held.back());
+        }
+        return held;
+    };
+    keep_large_blocks(0);
+    const std::size_t before = resident_bytes();
+    std::vector<Block> held = hold(count, bytes);
+    CHECK(resident_bytes() > before + count * bytes - 2 * page);
+    CHECK(resident_bytes() < before + count * whole_block + 3 * page);
+    // In the room of one, and of two neighbours: nothing more becomes resident.
+    const std::size_t most = resident_bytes();
+    for (const std::size_t size : {bytes, std::size_t{56} << 10, 2 * whole_block, 2 * bytes}) {
+        for (std::size_t i = 40; i < 42; ++i) ::operator delete(held[i].at);
+        std::vector<Block> others = hold(2 * whole_block / ((size + granule - 1) / granule * granule), size);
+        CHECK(resident_bytes() < most + page / 2);
+        for (const Block& b : others) {
+            CHECK(whole(b));
+            ::operator delete(b.at);
+        }
+        for (std::size_t i = 40; i < 42; ++i) {
+            held[i] = {static_cast<unsigned char*>(::operator new(bytes)), bytes, 7};
+            fill(held[i]);
+        }
+    }
+    // All but each sixteenth go; what is left holds what it held, and no more pages than it lies in.
+    for (std::size_t i = 0; i < count; ++i)
+        if (i % 16 != 0) ::operator delete(held[i].at);
+    CHECK(resident_bytes() < before + count / 16 * 2 * page);
+    CHECK(resident_bytes() < most - 8 * page);
+    for (std::size_t i = 0; i < count; i += 16) {
+        CHECK(whole(held[i]));
+        ::operator delete(held[i].at);
+    }
+    CHECK(resident_bytes() < before + 2 * page);
+    keep_large_blocks(std::size_t{8} << 20);
+}
+
 TEST_CASE("small pages at a block's end are there before they are written, and no others", "[large_blocks][quick]") {
 #ifdef MADV_POPULATE_WRITE
-    constexpr std::size_t huge = std::size_t{2} << 20, tail = std::size_t{3} << 19, spare = std::size_t{1} << 18;
+    constexpr std::size_t huge = std::size_t{8} << 20, tail = std::size_t{3} << 19, spare = std::size_t{1} << 18;
     void* const probe = ::mmap(nullptr, 4096, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
     const bool can = ::madvise(probe, 4096, MADV_POPULATE_WRITE) == 0;  // Linux 5.14
     ::munmap(probe, 4096);
@@ -141,7 +185,7 @@ TEST_CASE("small pages at a block's end are there before they are written, and n
     for (const std::size_t first : {tail, tail - spare}) {
         void* const small = ::operator new(huge + first);
         CHECK(resident_bytes() > before + first - spare / 2);
-        keep_large_blocks(std::size_t{8} << 20);
+        keep_large_blocks(2 * huge);
         ::operator delete(small);
         void* const block = ::operator new(huge + tail);
         CHECK(resident_bytes() > before + tail - spare / 2);
@@ -170,8 +214,8 @@ TEST_CASE("blocks of every size keep what is written to them, on several threads
                                          2040000, 2097152,
                                          2097153, 4100000,
                                          3000000, 4194304,
-                                         5000000, 131071,
-                                         131073,  std::size_t{7} << 20};
+                                         5000000, 8388607,
+                                         49152,   std::size_t{9} << 20};
             std::vector<Block> held;
             for (int turn = 0; turn < 600; ++turn) {
                 if (held.size() > 20 || (!held.empty() && random() % 3 == 0)) {

@@ -25,16 +25,14 @@ namespace {
 
 constexpr std::size_t page = std::size_t{2} << 20;
 
-/// Parts of a huge page: of exactly 64 KiB to 1 MiB.
-constexpr std::size_t least_part = page / 32, most_part = page / 2;
-constexpr bool is_part(std::size_t bytes) {
-    return bytes >= least_part && bytes <= most_part && std::has_single_bit(bytes);
-}
-/// What a block gets: whole huge pages, or a whole part of one, where it lacks but little of that. So much more is in no budget.
+/// Blocks of so many bytes and less than so many share huge pages.
+constexpr std::size_t least_shared = std::size_t{48} << 10, more_than_shared = 4 * page;
+
+/// What a block gets: whole huge pages where it lacks but little of them. So much more is in no budget.
 constexpr std::size_t rounded(std::size_t bytes) {
     constexpr std::size_t most_more = page / 16;
-    if (bytes < least_part || bytes > PTRDIFF_MAX) return bytes;
-    const std::size_t whole = bytes < page ? std::bit_ceil(bytes) : (bytes + page - 1) / page * page;
+    if (bytes > PTRDIFF_MAX) return bytes;
+    const std::size_t whole = (bytes + page - 1) / page * page;
     return whole - bytes <= std::min(bytes / 32, most_more) ? whole : bytes;
 }
 /// Bytes that small pages hold.
@@ -43,15 +41,161 @@ constexpr std::size_t in_small_pages(std::size_t bytes) {
     return (bytes + small_page - 1) / small_page * small_page;
 }
 
+/// Of 2 MiB-aligned memory that nobody has touched; null if there is none.
+void* map(std::size_t pages) noexcept {
+    const std::size_t bytes = pages * page;
+    void* const all = ::mmap(nullptr, bytes + page, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+    if (all == MAP_FAILED) return nullptr;
+    char* const begin = static_cast<char*>(all);
+    const std::size_t before = (page - reinterpret_cast<std::uintptr_t>(begin) % page) % page;
+    if (before > 0) ::munmap(begin, before);
+    if (before < page) ::munmap(begin + before + bytes, page - before);
+    return begin + before;
+}
+
+/// Some huge pages one after the other and the blocks that lie in them side by side, each where there was room first: so
+/// few pages are in use.
+class SharedPages {
+public:
+    static constexpr std::size_t pages = 16;
+    /// What blocks are made of.
+    static constexpr std::size_t granule = std::size_t{8} << 10;
+    static constexpr std::size_t granules(std::size_t bytes) { return (bytes + granule - 1) / granule; }
+
+    /// How many pages come into use with a block, and how many of them were kept.
+    struct Begun {
+        std::size_t pages = 0, kept = 0;
+    };
+
+    /// Null if there is no memory.
+    static SharedPages* make() noexcept {
+        void* const room = std::malloc(sizeof(SharedPages));
+        void* const at = room ? map(pages) : nullptr;
+        if (at) return ::new (room) SharedPages(static_cast<char*>(at));
+        std::free(room);
+        return nullptr;
+    }
+    bool hold(const void* at) const noexcept {
+        return reinterpret_cast<std::uintptr_t>(at) - reinterpret_cast<std::uintptr_t>(at_) < pages * page;
+    }
+
+    /// The first room of `count` granules; null if there is none.
+    void* allocate(std::size_t count, Begun& begun) noexcept {
+        if (count > longest_) return nullptr;
+        std::size_t room = 0;  // in front of where we are
+        longest_ = 0;
+        for (std::size_t word = 0; word < used_.size(); ++word)
+            for (std::size_t bit = 0; bit < bits;) {
+                const std::uint64_t rest = used_[word] >> bit;
+                const std::size_t clear = std::min<std::size_t>(std::countr_zero(rest), bits - bit);
+                if (room + clear >= count) {
+                    longest_ = all;  // who knows, behind it
+                    return take(word * bits + bit - room, count, begun);
+                }
+                room += clear;
+                bit += clear;
+                longest_ = std::max(longest_, room);
+                if (bit == bits) break;
+                room = 0;
+                bit += static_cast<std::size_t>(std::countr_one(rest >> clear));
+            }
+        return nullptr;
+    }
+
+    /// How many pages are kept now that were in use before.
+    std::size_t release(const void* at, std::uint64_t stamp) noexcept {
+        const std::size_t first = static_cast<std::size_t>(static_cast<const char*>(at) - at_) / granule,
+                          count = length_[first];
+        mark(first, count, false);
+        longest_ = all;
+        std::size_t left = 0;
+        for_pages(first, count, [&](std::size_t i) {
+            if (in_use(i)) return;
+            kept_[i] = stamp;
+            ++left;
+        });
+        return left;
+    }
+
+    /// The page that was left first: when; 0 if none is kept.
+    std::uint64_t oldest() const noexcept {
+        std::uint64_t least = 0;
+        for (const std::uint64_t stamp : kept_)
+            if (stamp > 0 && (least == 0 || stamp < least)) least = stamp;
+        return least;
+    }
+    /// Gives back to the system all pages that were left then. How many.
+    std::size_t drop(std::uint64_t stamp) noexcept {
+        std::size_t count = 0;
+        for (std::size_t i = 0; i < pages; ++i)
+            if (kept_[i] == stamp) {
+                ::madvise(at_ + i * page, page, MADV_DONTNEED);
+                kept_[i] = 0;
+                ++count;
+            }
+        return count;
+    }
+
+private:
+    explicit SharedPages(char* at) noexcept : at_(at) { ::madvise(at_, pages * page, MADV_HUGEPAGE); }
+
+    static constexpr std::size_t bits = 64, each = page / granule, all = pages * each;
+
+    void* take(std::size_t first, std::size_t count, Begun& begun) noexcept {
+        for_pages(first, count, [&](std::size_t i) {
+            if (in_use(i)) return;
+            ++begun.pages;
+            if (kept_[i] > 0) ++begun.kept;
+            kept_[i] = 0;
+        });
+        mark(first, count, true);
+        length_[first] = static_cast<std::uint16_t>(count);
+        return at_ + first * granule;
+    }
+
+    template <class Use>
+    static void for_pages(std::size_t first, std::size_t count, const Use& use) noexcept {
+        for (std::size_t i = first / each; i <= (first + count - 1) / each; ++i) use(i);
+    }
+
+    bool in_use(std::size_t i) const noexcept {
+        std::uint64_t any = 0;
+        for (std::size_t word = i * each / bits; word < (i + 1) * each / bits; ++word) any |= used_[word];
+        return any != 0;
+    }
+
+    void mark(std::size_t first, std::size_t count, bool use) noexcept {
+        for (const std::size_t end = first + count; first < end;) {
+            const std::size_t bit = first % bits, some = std::min(bits - bit, end - first);
+            const std::uint64_t these = (some == bits ? ~std::uint64_t{0} : (std::uint64_t{1} << some) - 1) << bit;
+            if (use)
+                used_[first / bits] |= these;
+            else
+                used_[first / bits] &= ~these;
+            first += some;
+        }
+    }
+
+    char* at_;
+    std::size_t longest_ = all;  // no room for more
+    std::array<std::uint64_t, all / bits> used_{};
+    std::array<std::uint64_t, pages> kept_{};  // when a page was left; 0: it is in use, or not resident
+    std::array<std::uint16_t, all> length_{};  // of the block that begins there
+};
+
 /// All that are held or kept; what finds no place here comes from malloc.
 class LargeBlocks {
 public:
     /// Null: malloc shall do it.
     void* allocate(std::size_t bytes) noexcept {
+        if (bytes < more_than_shared) {
+            const std::lock_guard lock(mutex_);
+            return share(SharedPages::granules(bytes));
+        }
         Taken taken;
         {
             const std::lock_guard lock(mutex_);
-            taken = is_part(bytes) ? share(bytes) : take(bytes);
+            taken = take(rounded(bytes));
         }
         // The block is the caller's by now: nobody has to wait for this.
         if (taken.missing > 0) fill(taken.end, taken.missing);
@@ -60,21 +204,23 @@ public:
 
     /// False: it is none of these.
     bool release(void* at) noexcept {
-        const auto address = reinterpret_cast<std::uintptr_t>(at);
-        if (address % least_part != 0) return false;
+        if (reinterpret_cast<std::uintptr_t>(at) % SharedPages::granule != 0) return false;
         const std::lock_guard lock(mutex_);
+        for (SharedPages* shared : shared_) {
+            if (!shared) break;
+            if (!shared->hold(at)) continue;
+            const std::size_t left = shared->release(at, ++stamp_) * page;
+            kept_bytes_ += left;
+            used_bytes_ -= left;
+            drop();
+            return true;
+        }
         for (Block& block : blocks_) {
-            if (!block.at || block.kept) continue;
-            const std::uintptr_t offset = address - reinterpret_cast<std::uintptr_t>(block.at);
-            if (offset >= (block.part ? page : 1)) continue;
-            if (block.part) block.used &= ~(1U << (offset / block.part));
-            if (block.used == 0) {
-                block.part = 0;
-                block.kept = ++stamp_;
-                kept_bytes_ += block.touched;
-                used_bytes_ -= block.touched;
-                drop();
-            }
+            if (block.at != at || block.kept) continue;
+            block.kept = ++stamp_;
+            kept_bytes_ += block.touched;
+            used_bytes_ -= block.touched;
+            drop();
             return true;
         }
         return false;
@@ -94,37 +240,33 @@ private:
         std::size_t huge = 0;     // of them; but for these small pages
         std::uint64_t kept = 0;   // when it was freed; 0: it is in use
         std::size_t touched = 0;  // bytes of it that may be resident, whole small pages
-        std::size_t part = 0;     // bytes of each part; 0: it is not shared out
-        std::uint32_t used = 0;   // which parts
     };
 
-    /// A block or a part of one, and small pages at its end that it has yet to get.
+    /// A block, and small pages at its end that it has yet to get.
     struct Taken {
-        Block* block = nullptr;
         void* at = nullptr;
         char* end = nullptr;
         std::size_t missing = 0;
     };
 
-    Taken share(std::size_t bytes) noexcept {
-        const std::size_t parts = page / bytes;
-        const std::uint32_t all = parts == 32 ? ~0U : (1U << parts) - 1;
-        Taken taken;
-        for (Block& block : blocks_)
-            if (block.part == bytes && !block.kept && block.used != all) {
-                taken.block = &block;
-                break;
-            }
-        if (!taken.block) {
-            taken = take(page);
-            if (!taken.block) return {};
-            taken.block->part = bytes;
-            taken.block->used = 0;
+    void* share(std::size_t granules) noexcept {
+        for (SharedPages*& shared : shared_) {
+            if (!shared) shared = SharedPages::make();
+            if (!shared) return nullptr;
+            SharedPages::Begun begun;
+            void* const at = shared->allocate(granules, begun);
+            if (!at) continue;
+            kept_bytes_ -= begun.kept * page;
+            use(begun.pages * page);
+            return at;
         }
-        const int first = std::countr_one(taken.block->used);
-        taken.block->used |= 1U << first;
-        taken.at = static_cast<char*>(taken.block->at) + static_cast<std::size_t>(first) * bytes;
-        return taken;
+        return nullptr;
+    }
+
+    void use(std::size_t bytes) noexcept {
+        used_bytes_ += bytes;
+        most_used_ = std::max(most_used_, used_bytes_);
+        drop();
     }
 
     Taken take(std::size_t bytes) noexcept {
@@ -137,8 +279,11 @@ private:
             }
             if (!other.at && !block) block = &other;
         }
-        if (!block) block = drop_oldest();
-        if (!block) return {};
+        if (!block) {
+            block = oldest_kept();
+            if (!block) return {};
+            give_back(*block);
+        }
         if (block->kept) {
             block->kept = 0;
             kept_bytes_ -= block->touched;
@@ -153,15 +298,13 @@ private:
             if (huge > 0) ::madvise(at, huge * page, MADV_HUGEPAGE);
             if (huge < pages) ::madvise(static_cast<char*>(at) + huge * page, page, MADV_NOHUGEPAGE);
         }
-        Taken taken{block, block->at, nullptr, 0};
+        Taken taken{block->at, nullptr, 0};
         if (touched > block->touched) {
             taken.end = static_cast<char*>(block->at) + block->touched;
             taken.missing = touched - block->touched;
             block->touched = touched;
         }
-        used_bytes_ += block->touched;
-        most_used_ = std::max(most_used_, used_bytes_);
-        drop();
+        use(block->touched);
         return taken;
     }
 
@@ -183,17 +326,6 @@ private:
 #endif
     }
 
-    static void* map(std::size_t pages) noexcept {
-        const std::size_t bytes = pages * page;
-        void* const all = ::mmap(nullptr, bytes + page, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
-        if (all == MAP_FAILED) return nullptr;
-        char* const begin = static_cast<char*>(all);
-        const std::size_t before = (page - reinterpret_cast<std::uintptr_t>(begin) % page) % page;
-        if (before > 0) ::munmap(begin, before);
-        if (before < page) ::munmap(begin + before + bytes, page - before);
-        return begin + before;
-    }
-
     bool may_keep() const noexcept {
         return kept_bytes_ <= always_kept_ || (kept_bytes_ <= most_kept_ && used_bytes_ + kept_bytes_ <= most_used_);
     }
@@ -202,20 +334,42 @@ private:
         while (!may_keep()) drop_oldest();
     }
 
-    /// Gives a kept block back to the system: the one freed first. Its room; null if none is kept.
-    Block* drop_oldest() noexcept {
+    /// Gives what was freed first of all that is kept back to the system; false if nothing is kept.
+    bool drop_oldest() noexcept {
+        Block* const oldest = oldest_kept();
+        SharedPages* left = nullptr;
+        std::uint64_t since = oldest ? oldest->kept : ~std::uint64_t{0};
+        for (SharedPages* shared : shared_) {
+            if (!shared) break;
+            if (const std::uint64_t stamp = shared->oldest(); stamp > 0 && stamp < since) {
+                since = stamp;
+                left = shared;
+            }
+        }
+        if (left)
+            kept_bytes_ -= left->drop(since) * page;
+        else if (oldest)
+            give_back(*oldest);
+        return left || oldest;
+    }
+
+    void give_back(Block& kept) noexcept {
+        ::munmap(kept.at, kept.pages * page);
+        kept_bytes_ -= kept.touched;
+        kept = {};
+    }
+
+    /// The one that was freed first; null if none is kept.
+    Block* oldest_kept() noexcept {
         Block* oldest = nullptr;
         for (Block& block : blocks_)
             if (block.kept && (!oldest || block.kept < oldest->kept)) oldest = &block;
-        if (!oldest) return nullptr;
-        ::munmap(oldest->at, oldest->pages * page);
-        kept_bytes_ -= oldest->touched;
-        *oldest = {};
         return oldest;
     }
 
     std::mutex mutex_;
     std::array<Block, 256> blocks_{};
+    std::array<SharedPages*, 256> shared_{};
     std::size_t kept_bytes_ = 0, used_bytes_ = 0, most_used_ = 0;
     std::size_t always_kept_ = 4 * page, most_kept_ = 0;
     std::uint64_t stamp_ = 0;
@@ -229,9 +383,8 @@ LargeBlocks& large_blocks() {
 }
 
 void* allocate(std::size_t bytes) {
-    const std::size_t whole = rounded(bytes);
-    if ((whole >= page && whole <= PTRDIFF_MAX) || is_part(whole))
-        if (void* const block = large_blocks().allocate(whole)) return block;
+    if (bytes >= least_shared && bytes <= PTRDIFF_MAX)
+        if (void* const block = large_blocks().allocate(bytes)) return block;
     return std::malloc(bytes ? bytes : 1);
 }
 

@@ -1,10 +1,11 @@
-// Large blocks: operator new of 2 MiB or more, and of 64, 128, 256, 512 KiB or 1 MiB (decoded tiles, small images, several
-// to a page), in huge pages where the system grants them on request (/sys/kernel/mm/transparent_hugepage/enabled: madvise
-// or always). What lacks no more than a 32nd of its own size, and 128 KiB, to that counts as such; what is left at the end
-// of others comes in small pages, all at once. Images, chunks and tiles are filled at once; without this thousands of
-// faults of 4 KiB take a quarter to a third of a run. Leaves other blocks to malloc.
+// Large blocks: operator new of 48 KiB or more, in huge pages where the system grants them on request
+// (/sys/kernel/mm/transparent_hugepage/enabled: madvise or always). Those of less than 8 MiB lie side by side in pages that
+// they share, each in the first room that is long enough; others have pages of their own, a huge one at the end too if they
+// lack no more than a 32nd of their size and 128 KiB to that, else small ones there, all at once. Images, chunks and tiles are
+// filled at once; without this thousands of faults of 4 KiB take a quarter to a third of a run. Leaves other blocks to malloc:
+// what lasts of smaller ones (a spill's packed blocks) would hold pages of which the most is free.
 //
-// Of those freed some are kept for the next ones of their size.
+// Of pages and blocks that are free some are kept for the next ones.
 #pragma once
 #include <cstddef>
 
