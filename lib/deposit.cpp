@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <cstring>
 
 #include "lib/lanes.hpp"
 
@@ -337,6 +338,28 @@ __attribute__((optimize("no-tree-slp-vectorize"))) void WedgeCells::add_lanes(st
                        nullptr);
 }
 
+namespace {
+
+/// Adds a bit to each of n bytes; to some of them twice, so that no rest is left to go through one by one.
+void add_bit(std::uint8_t* bytes, std::size_t n, std::uint8_t bit) {
+    const auto to = [&]<class Some>(std::size_t at, Some) {
+        Some some;
+        std::memcpy(&some, bytes + at, sizeof some);
+        some |= static_cast<Some>(static_cast<Some>(~Some{0}) / 255 * bit);
+        std::memcpy(bytes + at, &some, sizeof some);
+    };
+    const auto all = [&](auto some) {
+        const std::size_t last = n - sizeof some;
+        for (std::size_t at = 0; at < last; at += sizeof some) to(at, some);
+        to(last, some);
+    };
+    if (n >= sizeof(std::uint64_t)) return all(std::uint64_t{});
+    if (n >= sizeof(std::uint32_t)) return all(std::uint32_t{});
+    for (std::size_t at = 0; at < n; ++at) bytes[at] = static_cast<std::uint8_t>(bytes[at] | bit);
+}
+
+}  // namespace
+
 void WedgeCells::mark(const Target& target, double x0, double x1, std::uint8_t bit) {
     const double begin = static_cast<double>(quanta_.range_bins.begin),
                  end = static_cast<double>(quanta_.range_bins.end);
@@ -350,7 +373,7 @@ void WedgeCells::mark(const Target& target, double x0, double x1, std::uint8_t b
         const std::size_t row = static_cast<std::size_t>(target.row) + side;
         std::uint8_t* const bits = bits_.data() + row * columns_;
         const auto add = [bits, bit](std::size_t from, std::size_t to) {
-            for (std::size_t j = from; j < to; ++j) bits[j] = static_cast<std::uint8_t>(bits[j] | bit);
+            if (from < to) add_bit(bits + from, to - from, bit);
         };
         Marked& marked = marked_[row * bit_count + static_cast<std::size_t>(std::countr_zero(bit))];
         if (first > marked.end || last + 1 < marked.begin) {

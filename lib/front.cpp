@@ -86,6 +86,7 @@ Front::Front(const SweepScene& scene, const SpokeRun& run, WedgeCells& cells)
     const SpokeMap& map = scene.grid->map();
     const auto square = [&](double slope) { return std::pow(map.metres_per_post(quadrant_, slope), 2); };
     minor_post_m_ = std::sqrt(0.5 * (square(1) + square(-1)) - square(0));
+    long_post_m_ = std::max(map.metres_per_post(quadrant_, 0), minor_post_m_);
     posts_.resize(4 * tile_lanes);
     culture_posts_.resize(4 * VisiblePieces::most);
     culture_cell_.resize(VisiblePieces::most);
@@ -320,6 +321,7 @@ void Front::trim() {
 
 void Front::advance_tile(Interval lines, const Chunk* chunk, std::size_t begin, std::size_t end, Between& between) {
     const SpokeGrid& grid = *scene_->grid;
+    const double nadir_major = grid.map().nadir_major(quadrant_);
     std::size_t from = begin, to = end;
     const auto copy = [](std::size_t n, const Samples& source, std::size_t at, Samples& target, std::size_t into) {
         for (auto layer : {&Samples::part, &Samples::minor, &Samples::arc, &Samples::height, &Samples::up,
@@ -346,7 +348,9 @@ void Front::advance_tile(Interval lines, const Chunk* chunk, std::size_t begin, 
         between.ahead = chunk ? line_of(*chunk, chunk->surface_m, index) : no_posts();
         between.ahead_culture = chunk ? line_of(*chunk, chunk->culture_height_m, index) : no_posts();
         between.ahead_major = static_cast<double>(index);
-        if (from < to) advance_line(line, between, from, to, unseeing);
+        const double distance = std::abs(between.ahead_major * post_ - nadir_major);
+        assert(distance == grid.distance(fan_, line));
+        if (from < to) advance_line(distance, between, from, to, unseeing);
         between.behind = between.ahead;
         between.behind_culture = between.ahead_culture;
         between.behind_major = between.ahead_major;
@@ -359,9 +363,8 @@ void Front::advance_tile(Interval lines, const Chunk* chunk, std::size_t begin, 
     copy(to - from, now_, 0, lanes_.last, from);
 }
 
-void Front::advance_line(std::int64_t line, const Between& between, std::size_t begin, std::size_t end, bool unseeing) {
+void Front::advance_line(double distance, const Between& between, std::size_t begin, std::size_t end, bool unseeing) {
     const SpokeGrid& grid = *scene_->grid;
-    const double distance = grid.distance(fan_, line);
     const std::size_t n = end - begin;
 
     cost_.clock.enter(StageClock::sample);
@@ -382,8 +385,7 @@ void Front::advance_line(std::int64_t line, const Between& between, std::size_t 
     refresh(between, begin, end);
     if (scene_->sampling.cross_lines && between.adjacent) {
         // Where a bin has many posts, and four of range (a pulse) two.
-        const double post_m = std::max(grid.map().metres_per_post(quadrant_, 0), minor_post_m_) * post_;
-        joins_ = may_join_ && grid.wide_bins(fan_, line) && 2 * scene_->range_bin_m >= post_m;
+        joins_ = may_join_ && grid.wide_bins(fan_, distance, level_) && 2 * scene_->range_bin_m >= long_post_m_ * post_;
         for (;;) {
             cost_.clock.enter(StageClock::sample);
             const int crossed = cross_lanes(

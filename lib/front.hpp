@@ -228,8 +228,8 @@ private:
     /// void.
     float highest_in_chunk(const Chunk& chunk, ChunkBounds& bounds, std::int64_t major_block,
                            std::int64_t minor_block) const;
-    /// `unseeing`: none_sees() of its spokes.
-    void advance_line(std::int64_t line, const Between& between, std::size_t begin, std::size_t end, bool unseeing);
+    /// To the line `distance` posts of the raster from the nadir, the one that lies ahead. `unseeing`: none_sees() of its spokes.
+    void advance_line(double distance, const Between& between, std::size_t begin, std::size_t end, bool unseeing);
     /// Of a tile that sees nothing. To the line ahead in one step, if nothing before it can come over the horizon of any
     /// spoke.
     bool passes_line(const Between& between, std::size_t begin, std::size_t end);
@@ -347,6 +347,7 @@ private:
     bool may_join_;    // pieces on both sides of the other axis' lines: nothing tells them apart but their way
     bool joins_ = false;       // and what becomes of their shapes averages out, up to the line ahead
     double minor_post_m_ = 1;  // metres of a post along the lines, at the sensor
+    double long_post_m_ = 1;   // and of one the way that it is longer
     Quadrant quadrant_;
     Fan fan_;
     int level_ = 0;    // of detail; all indices along and across lines are in posts of this level

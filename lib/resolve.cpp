@@ -340,7 +340,7 @@ std::array<double, 4> quiet_posts(const ResolvedScene& s, const DataBase& db) {
     const double gamma = most_gamma(s.scene, db), post_m = least_post_m(s, db), h = s.sensor_m - s.reference_m;
     if (!(gamma < infinite) || s.scene.far_shore || !(post_m > 0)) return quiet;
     const RadarParams radar = like_bins_of(s);
-    for (double posts = 16; posts * post_m < *s.scene.range_m; posts *= 1.125) {
+    for (double posts = 16; posts * post_m < *s.scene.range_m; posts *= 1.02) {
         const double echo_w = bright_echo_w(s, radar, gamma, std::hypot(posts * post_m, h)),
                      ratio = rounded_significand(echo_w / radar.noise_power_w(), 30);
         for (std::size_t i = 0; i < quiet.size(); ++i) {

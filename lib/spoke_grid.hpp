@@ -157,10 +157,9 @@ public:
     int level(Fan f, std::int64_t line) const { return band_of(f, line).level; }
     /// From the nadir to a line, posts of the raster; above 0.
     double distance(Fan f, std::int64_t line) const;
-    /// Does an azimuth bin hold wide_posts or more there, of the line's level?
-    bool wide_bins(Fan f, std::int64_t line) const {
-        return distance(f, line) >=
-               wide_posts * of(f).to_bin_of_post * static_cast<double>(std::int64_t{1} << level(f, line));
+    /// Does an azimuth bin hold wide_posts or more of a level `distance` posts of the raster from the nadir?
+    bool wide_bins(Fan f, double distance, int level) const {
+        return distance >= wide_posts * of(f).to_bin_of_post * static_cast<double>(std::int64_t{1} << level);
     }
     /// At least one ring, also where a fan has no line. One may have no lines: the number of spokes doubles at once again.
     const std::vector<Ring>& rings(Fan f) const { return of(f).rings; }
