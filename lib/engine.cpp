@@ -21,6 +21,7 @@
 #include "lib/error.hpp"
 #include "lib/fluctuation.hpp"
 #include "lib/front.hpp"
+#include "lib/large_blocks.hpp"
 #include "lib/memory_budget.hpp"
 #include "lib/plan.hpp"
 #include "lib/rain_echo.hpp"
@@ -588,7 +589,10 @@ void sweep(const ResolvedScene& scene, WedgeSource& source, const EngineParams& 
     result.echo_w = PolarImage<float>(scene.swept, std::move(result.echo_w));
     result.echo_state = PolarImage<std::uint8_t>(scene.swept, std::move(result.echo_state));
     Wedges(setting, source, wedges, params, threads, result).sweep_all(crew);
-    if (!params.beside_others) ::malloc_trim(0);  // what the wedges held is the images' now
+    if (!params.beside_others) {  // what the wedges held is the images' now
+        trim_large_blocks();
+        ::malloc_trim(0);
+    }
     result.report.peak_held_bytes += source.held_bytes() - source.cache_bytes();
     {
         // Of the wedges that were left to do.

@@ -340,15 +340,29 @@ std::array<double, 4> quiet_posts(const ResolvedScene& s, const DataBase& db) {
     const double gamma = most_gamma(s.scene, db), post_m = least_post_m(s, db), h = s.sensor_m - s.reference_m;
     if (!(gamma < infinite) || s.scene.far_shore || !(post_m > 0)) return quiet;
     const RadarParams radar = like_bins_of(s);
-    for (double posts = 16; posts * post_m < *s.scene.range_m; posts *= 1.02) {
-        const double echo_w = bright_echo_w(s, radar, gamma, std::hypot(posts * post_m, h)),
-                     ratio = rounded_significand(echo_w / radar.noise_power_w(), 30);
+    const auto ratio_at = [&](double posts) {
+        const double echo_w = bright_echo_w(s, radar, gamma, std::hypot(posts * post_m, h));
+        return rounded_significand(echo_w / radar.noise_power_w(), 30);
+    };
+    const auto look = [&](double posts, double ratio) {
         for (std::size_t i = 0; i < quiet.size(); ++i) {
             if (ratio >= Sampling::quiet_above[i])
                 quiet[i] = infinite;
             else if (quiet[i] == infinite)
                 quiet[i] = posts;
         }
+    };
+    // To 2 %, where one of the borders lies between two places.
+    constexpr double first = 16, far = 1.125, near = 1.02;
+    double last = 0;
+    for (double posts = first; posts * post_m < *s.scene.range_m; posts *= far) {
+        const double ratio = ratio_at(posts);
+        const auto crossed = [&](double above) { return (last >= above) != (ratio >= above); };
+        if (posts > first && std::any_of(Sampling::quiet_above.begin(), Sampling::quiet_above.end(), crossed))
+            for (double between = posts / far * near; between < posts; between *= near)
+                look(between, ratio_at(between));
+        look(posts, ratio);
+        last = ratio;
     }
     return quiet;
 }

@@ -728,8 +728,15 @@ TEST_CASE("ground is quiet from where the radar equation has it below the noise"
             CHECK(power / s.radar.noise_power_w() < Sampling::quiet_above[i]);
             CHECK(power / s.radar.noise_power_w() > 0.2 * Sampling::quiet_above[i]);
         }
+        // A tenth more reaches 3 % farther.
+        s.radar.transmit_power_w *= 1.1;
+        const std::array<double, 4> farther = quiet();
+        for (std::size_t i = 0; i < posts.size(); ++i) {
+            CHECK(farther[i] > posts[i]);
+            CHECK(farther[i] < 1.08 * posts[i]);
+        }
         // Ten times the power: ten times the echo. What may be set again over a stored echo makes no difference.
-        s.radar.transmit_power_w *= 10;
+        s.radar.transmit_power_w = 500e3;
         CHECK(quiet()[0] == posts[2]);
         CHECK(quiet()[1] > posts[1]);
         const std::array<double, 4> stronger = quiet();

@@ -1,11 +1,15 @@
 // Blocks from operator new: theirs alone, whole, and given back; many sizes, on several threads.
-#include "tiles/large_blocks.hpp"
+#include "lib/large_blocks.hpp"
 
 #include <sys/mman.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include <catch2/catch.hpp>
+#include <csignal>
 #include <cstdint>
+#include <cstdio>
 #include <cstring>
 #include <fstream>
 #include <new>
@@ -43,6 +47,7 @@ bool whole(const Block& b) {
 // These two first, the one that holds less before the other: what was ever in use counts.
 TEST_CASE("blocks that grow, shrink and grow again take no more than once was in use", "[large_blocks][quick]") {
     constexpr std::size_t page = std::size_t{2} << 20, kib = std::size_t{1} << 10;
+    const std::size_t pages = GENERATE(1, 4);  // side by side, and in pages of their own
     const auto held = [](std::size_t count, std::size_t bytes) {
         std::vector<Block> blocks;
         for (std::size_t i = 0; i < count; ++i) {
@@ -56,23 +61,24 @@ TEST_CASE("blocks that grow, shrink and grow again take no more than once was in
     };
     keep_large_blocks(0);
     const std::size_t before = resident_bytes();
-    keep_large_blocks(page, 16 * page);
-    constexpr std::size_t spare = std::size_t{3} << 20, start = 32;
-    std::vector<Block> first = held(start, page + 8 * kib);
+    keep_large_blocks(page, 64 * page);
+    const std::size_t spare = pages == 1 ? std::size_t{3} << 20 : std::size_t{6} << 20, size = pages * page,
+                      start = pages == 1 ? 32 : 16, stay = start / 2 + 1;
+    std::vector<Block> first = held(start, size + 8 * kib);
     const std::size_t most = resident_bytes();
     for (int turn = 0; turn < 3; ++turn) {
-        std::vector<Block> gone(first.begin() + 17, first.end());
-        first.resize(17);
+        std::vector<Block> gone(first.begin() + static_cast<std::ptrdiff_t>(stay), first.end());
+        first.resize(stay);
         free(gone);
         // In their room, first longer, then shorter ones.
-        for (const std::size_t bytes : {2 * page - 256 * kib, page + 600 * kib}) {
-            const std::size_t count = (start - 17) * page / bytes;
+        for (const std::size_t bytes : {size + page - 256 * kib, size + 600 * kib}) {
+            const std::size_t count = (start - stay) * size / bytes;
             std::vector<Block> others = held(count, bytes);
             CHECK(resident_bytes() < most + spare);
             for (const Block& b : others) CHECK(whole(b));
             free(others);
         }
-        for (const Block& b : held(start - 17, page + 8 * kib)) first.push_back(b);
+        for (const Block& b : held(start - stay, size + 8 * kib)) first.push_back(b);
         CHECK(resident_bytes() < most + spare);
     }
     for (const Block& b : first) CHECK(whole(b));
@@ -159,17 +165,83 @@ TEST_CASE("blocks side by side take the pages that they fill, and leave room to 
             fill(held[i]);
         }
     }
-    // All but each sixteenth go; what is left holds what it held, and no more pages than it lies in.
+    // All but each sixteenth go; what is left holds what it held, and the pages that it lies in until they are trimmed.
     for (std::size_t i = 0; i < count; ++i)
         if (i % 16 != 0) ::operator delete(held[i].at);
     CHECK(resident_bytes() < before + count / 16 * 2 * page);
     CHECK(resident_bytes() < most - 8 * page);
+    trim_large_blocks();
+    CHECK(resident_bytes() < before + count / 16 * whole_block + page);
     for (std::size_t i = 0; i < count; i += 16) {
         CHECK(whole(held[i]));
         ::operator delete(held[i].at);
     }
     CHECK(resident_bytes() < before + 2 * page);
     keep_large_blocks(std::size_t{8} << 20);
+}
+
+TEST_CASE("huge pages are asked for", "[large_blocks][quick]") {
+    for (const std::size_t bytes : {std::size_t{100} << 10, std::size_t{5} << 20, std::size_t{20} << 20}) {
+        void* const block = ::operator new(bytes);
+        std::ifstream maps("/proc/self/smaps");
+        std::string line;
+        bool inside = false, advised = false;
+        while (std::getline(maps, line)) {
+            unsigned long long from = 0, to = 0;
+            if (std::sscanf(line.c_str(), "%llx-%llx ", &from, &to) == 2)
+                inside =
+                    from <= reinterpret_cast<std::uintptr_t>(block) && reinterpret_cast<std::uintptr_t>(block) < to;
+            else if (inside && line.rfind("VmFlags:", 0) == 0)
+                advised = line.find(" hg") != std::string::npos;
+        }
+        INFO(bytes << " bytes");
+        CHECK(advised);
+        ::operator delete(block);
+    }
+}
+
+TEST_CASE("where addresses are short, those of freed blocks serve others", "[large_blocks][quick]") {
+    const pid_t child = ::fork();
+    if (child == 0) {
+        std::size_t pages = 0;
+        std::ifstream("/proc/self/statm") >> pages;
+        const rlim_t most = pages * static_cast<std::size_t>(::sysconf(_SC_PAGESIZE)) + (std::size_t{600} << 20);
+        const rlimit limit{most, most};
+        ::setrlimit(RLIMIT_AS, &limit);
+        keep_large_blocks(std::size_t{1} << 30);
+        int wrong = 0;
+        for (int turn = 0; turn < 3; ++turn) {
+            std::vector<void*> blocks;
+            for (int i = 0; i < 64; ++i) blocks.push_back(::operator new (std::size_t{7} << 20));
+            for (void* block : blocks) ::operator delete(block);
+            ::operator delete(::operator new (std::size_t{400} << 20));
+        }
+        try {
+            ::operator delete(::operator new (std::size_t{700} << 20));
+            ++wrong;
+        } catch (const std::bad_alloc&) {
+        }
+        ::_exit(wrong);
+    }
+    int status = -1;
+    REQUIRE(::waitpid(child, &status, 0) == child);
+    CHECK(status == 0);
+}
+
+TEST_CASE("what is freed twice ends the program", "[large_blocks][quick]") {
+    const pid_t child = ::fork();
+    if (child == 0) {
+        const rlimit none{0, 0};
+        ::setrlimit(RLIMIT_CORE, &none);
+        ::signal(SIGABRT, SIG_DFL);
+        void* volatile block = ::operator new (std::size_t{100} << 10);
+        ::operator delete(block);
+        ::operator delete(block);
+        ::_exit(0);
+    }
+    int status = 0;
+    REQUIRE(::waitpid(child, &status, 0) == child);
+    CHECK(WIFSIGNALED(status));
 }
 
 TEST_CASE("small pages at a block's end are there before they are written, and no others", "[large_blocks][quick]") {
@@ -205,17 +277,11 @@ TEST_CASE("blocks of every size keep what is written to them, on several threads
     for (std::size_t t = 0; t < wrong.size(); ++t)
         threads.emplace_back([&wrong, t] {
             std::mt19937 random(static_cast<unsigned>(t));
-            const std::size_t sizes[] = {1,       4096,
-                                         65535,   65536,
-                                         65537,   131072,
-                                         262144,  524288,
-                                         1040000, 1048575,
-                                         1048576, 1500000,
-                                         2040000, 2097152,
-                                         2097153, 4100000,
-                                         3000000, 4194304,
-                                         5000000, 8388607,
-                                         49152,   std::size_t{9} << 20};
+            const std::size_t sizes[] = {1,       4096,    65535,    65536,   65537,
+                                         131072,  262144,  524288,   1040000, 1048575,
+                                         1048576, 1500000, 2040000,  2097152, 2097153,
+                                         4100000, 3000000, 4194304,  5000000, 8388607,
+                                         8388608, 49151,   10000000, 49152,   std::size_t{9} << 20};
             std::vector<Block> held;
             for (int turn = 0; turn < 600; ++turn) {
                 if (held.size() > 20 || (!held.empty() && random() % 3 == 0)) {

@@ -23,6 +23,7 @@ const std::string program = WEDGESCOPE_PROGRAM, data = WEDGESCOPE_DATA;
 
 struct Loaded {
     bool gdal, proj;
+    std::string words;  ///< of the loader
 };
 /// By a run that must succeed, by what the system's loader says of it.
 Loaded loaded_by(std::vector<std::string> arguments, const Folder& folder) {
@@ -34,7 +35,7 @@ Loaded loaded_by(std::vector<std::string> arguments, const Folder& folder) {
     REQUIRE(ended.code == 0);
     const auto names = [&](const char* library) { return ended.err.find(library) != std::string::npos; };
     REQUIRE(names("libstdc++"));  // the loader speaks, and of libraries
-    return {names("libgdal"), names("libproj")};
+    return {names("libgdal"), names("libproj"), ended.err};
 }
 bool loads_gdal(const std::vector<std::string>& arguments, const Folder& folder) {
     return loaded_by(arguments, folder).gdal;
@@ -118,6 +119,22 @@ TEST_CASE("what touches no raster of GDAL's does not load it", "[gdal]") {
     CHECK(loads_gdal({"--version"}, folder));
 }
 
+#ifdef WEDGESCOPE_LINKED_WITH_ARCHIVES
+TEST_CASE("what archives hold is not loaded", "[gdal]") {
+    const Folder folder;
+    for (const std::string& words :
+         {loaded_by({"help"}, folder).words,
+          loaded_by({"simulate", "--dem", store(folder), "--latlon", "33.93,-117.33", "--altitude-msl", "7000ft",
+                     "--range", "5km", "--quality", "draft", "-q", "-o", folder / "scope.png"},
+                    folder)
+              .words})
+        for (const char* name : {"libtiff", "libpng", "libwebp", "libjpeg", "libboost", "libGeographic", "libxxhash"}) {
+            INFO(name);
+            CHECK(words.find(name) == std::string::npos);
+        }
+}
+#endif
+
 TEST_CASE("a picture of a store is made without GDAL and is as with it", "[gdal]") {
     const Folder folder;
     const std::string ground = store(folder);
@@ -144,8 +161,9 @@ TEST_CASE("a picture of a store is made without GDAL and is as with it", "[gdal]
 TEST_CASE("plain tiled rasters need no GDAL and give what they give with it", "[gdal]") {
     const Folder folder;
     const auto run = [&](const std::string& command, const std::string& name, std::vector<std::string> more) {
-        std::vector<std::string> words{command, "--latlon", "33.93,-117.33", "--altitude-msl", "7000ft", "--range",
-                                       "12km", "--reproducible", "-q"};
+        std::vector<std::string> words{command,          "--latlon",       "33.93,-117.33",
+                                       "--altitude-msl", "7000ft",         "--range",
+                                       "12km",           "--reproducible", "-q"};
         const std::string dem = data + "/inland_empire_dem.tif";
         if (command == "simulate")
             words.insert(words.end(), {"--dem", dem, "--culture", data + "/inland_empire_culture.tif",
@@ -233,7 +251,9 @@ TEST_CASE("a mask over a store is made without GDAL and is as with it", "[gdal]"
     check_alike(folder / "without.tif", folder / "with.tif");
 }
 
-TEST_CASE("stores in WGS84 as degrees or UTM need neither PROJ nor its data base, those of other datums and projections do", "[gdal]") {
+TEST_CASE(
+    "stores in WGS84 as degrees or UTM need neither PROJ nor its data base, those of other datums and projections do",
+    "[gdal]") {
     const Folder folder;
     struct Case {
         std::string crs;
@@ -252,9 +272,15 @@ TEST_CASE("stores in WGS84 as degrees or UTM need neither PROJ nor its data base
     draw(folder / "dem.tif", d);
     CHECK(loads_gdal({"tile", folder / "dem.tif", folder / "a.store", "-q"}, folder));
     const auto mask = [&](const std::string& from, const std::string& to) {
-        return std::vector<std::string>{
-            "coverage",       folder / from, folder / to,      "--xy", std::to_string(c.x + 30 * c.step) + "," + std::to_string(c.y - 30 * c.step),
-            "--altitude-agl", "100m",        "--reproducible", "-q"};
+        return std::vector<std::string>{"coverage",
+                                        folder / from,
+                                        folder / to,
+                                        "--xy",
+                                        std::to_string(c.x + 30 * c.step) + "," + std::to_string(c.y - 30 * c.step),
+                                        "--altitude-agl",
+                                        "100m",
+                                        "--reproducible",
+                                        "-q"};
     };
     const Loaded loaded = loaded_by(mask("a.store", "store.tif"), folder);
     CHECK_FALSE(loaded.gdal);

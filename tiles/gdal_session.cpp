@@ -19,8 +19,8 @@
 #include <thread>
 
 #include "lib/error.hpp"
+#include "lib/large_blocks.hpp"
 #include "tiles/gdal_handle.hpp"
-#include "tiles/large_blocks.hpp"
 
 /// Of late_libraries.cpp; null where GDAL is linked as other libraries are.
 extern "C" __attribute__((weak)) bool wedgescope_late_gdal_loaded() noexcept;

@@ -17,6 +17,7 @@
 
 #include "lib/engine.hpp"
 #include "lib/error.hpp"
+#include "lib/large_blocks.hpp"
 #include "tiles/detail_map_file.hpp"
 #include "tiles/file_stamp.hpp"
 #include "tiles/partition.hpp"
@@ -305,7 +306,9 @@ private:
         data_base_.block_columns = data_base_.block_rows = terrain.edge;
         if (culture_) data_base_.culture_tile_columns = data_base_.culture_tile_rows = culture.edge;
         if (options.timeline) options.timeline->memory(cache_bytes());
-        ::malloc_trim(0);  // what the pass held is the engine's now
+        // What the pass held is the engine's now.
+        trim_large_blocks();
+        ::malloc_trim(0);
     }
 
     // A kept spill: the layers' blocks, the finest level of the block map as one more layer, and a description, line

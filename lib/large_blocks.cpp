@@ -1,10 +1,11 @@
-#include "tiles/large_blocks.hpp"
+#include "lib/large_blocks.hpp"
 
 // Sanitizers have an operator new of their own.
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
 
 namespace wedgescope {
 void keep_large_blocks(std::size_t, std::size_t) {}
+void trim_large_blocks() {}
 }  // namespace wedgescope
 
 #else
@@ -53,8 +54,8 @@ void* map(std::size_t pages) noexcept {
     return begin + before;
 }
 
-/// Some huge pages one after the other and the blocks that lie in them side by side, each where there was room first: so
-/// few pages are in use.
+/// Some huge pages one after the other and the blocks that lie in them side by side. Each lies in the first room that is long
+/// enough, so that the first pages fill and the last ones become empty.
 class SharedPages {
 public:
     static constexpr std::size_t pages = 16;
@@ -74,6 +75,11 @@ public:
         if (at) return ::new (room) SharedPages(static_cast<char*>(at));
         std::free(room);
         return nullptr;
+    }
+    /// Gives all of it back to the system. Nothing of it may be in use.
+    static void unmake(SharedPages* shared) noexcept {
+        ::munmap(shared->at_, pages * page);
+        std::free(shared);
     }
     bool hold(const void* at) const noexcept {
         return reinterpret_cast<std::uintptr_t>(at) - reinterpret_cast<std::uintptr_t>(at_) < pages * page;
@@ -106,6 +112,8 @@ public:
     std::size_t release(const void* at, std::uint64_t stamp) noexcept {
         const std::size_t first = static_cast<std::size_t>(static_cast<const char*>(at) - at_) / granule,
                           count = length_[first];
+        if (count == 0) std::abort();  // no block begins there, or it was freed before
+        length_[first] = 0;
         mark(first, count, false);
         longest_ = all;
         std::size_t left = 0;
@@ -115,6 +123,22 @@ public:
             ++left;
         });
         return left;
+    }
+
+    bool in_use() const noexcept {
+        return std::any_of(used_.begin(), used_.end(), [](std::uint64_t word) { return word != 0; });
+    }
+
+    /// Gives back to the system what is free of the pages in use.
+    void trim() noexcept {
+        for (std::size_t i = 0; i < pages; ++i)
+            if (in_use(i))
+                for (std::size_t from = i * granules_a_page, to = from, end = from + granules_a_page; from < end;
+                     from = to) {
+                    const bool used = is_used(from);
+                    while (to < end && is_used(to) == used) ++to;
+                    if (!used) ::madvise(at_ + from * granule, (to - from) * granule, MADV_DONTNEED);
+                }
     }
 
     /// The page that was left first: when; 0 if none is kept.
@@ -139,7 +163,7 @@ public:
 private:
     explicit SharedPages(char* at) noexcept : at_(at) { ::madvise(at_, pages * page, MADV_HUGEPAGE); }
 
-    static constexpr std::size_t bits = 64, each = page / granule, all = pages * each;
+    static constexpr std::size_t bits = 64, granules_a_page = page / granule, all = pages * granules_a_page;
 
     void* take(std::size_t first, std::size_t count, Begun& begun) noexcept {
         for_pages(first, count, [&](std::size_t i) {
@@ -155,14 +179,16 @@ private:
 
     template <class Use>
     static void for_pages(std::size_t first, std::size_t count, const Use& use) noexcept {
-        for (std::size_t i = first / each; i <= (first + count - 1) / each; ++i) use(i);
+        for (std::size_t i = first / granules_a_page; i <= (first + count - 1) / granules_a_page; ++i) use(i);
     }
 
     bool in_use(std::size_t i) const noexcept {
         std::uint64_t any = 0;
-        for (std::size_t word = i * each / bits; word < (i + 1) * each / bits; ++word) any |= used_[word];
+        for (std::size_t word = i * granules_a_page / bits; word < (i + 1) * granules_a_page / bits; ++word)
+            any |= used_[word];
         return any != 0;
     }
+    bool is_used(std::size_t at) const noexcept { return used_[at / bits] >> at % bits & 1; }
 
     void mark(std::size_t first, std::size_t count, bool use) noexcept {
         for (const std::size_t end = first + count; first < end;) {
@@ -233,6 +259,20 @@ public:
         drop();
     }
 
+    void trim() noexcept {
+        const std::lock_guard lock(mutex_);
+        for (SharedPages* shared : shared_) {
+            if (!shared) break;
+            shared->trim();
+        }
+    }
+
+    /// All that nobody uses, addresses too; false if there is no such thing.
+    bool give_all_back() noexcept {
+        const std::lock_guard lock(mutex_);
+        return give_back_unused();
+    }
+
 private:
     struct Block {
         void* at = nullptr;
@@ -252,7 +292,7 @@ private:
     void* share(std::size_t granules) noexcept {
         for (SharedPages*& shared : shared_) {
             if (!shared) shared = SharedPages::make();
-            if (!shared) return nullptr;
+            if (!shared) return nullptr;  // where regions can be unmapped for it, operator new does so
             SharedPages::Begun begun;
             void* const at = shared->allocate(granules, begun);
             if (!at) continue;
@@ -290,7 +330,7 @@ private:
             leave_rest(*block, touched);
         } else {
             void* at = map(pages);
-            while (!at && drop_oldest()) at = map(pages);
+            if (!at && give_back_unused()) at = map(pages);
             if (!at) return {};
             *block = {.at = at, .pages = pages, .huge = huge, .touched = huge * page};
             // Wishes: nothing depends on them. What is left at the end comes in small pages, so that no more is resident than
@@ -331,7 +371,26 @@ private:
     }
 
     void drop() noexcept {
-        while (!may_keep()) drop_oldest();
+        while (!may_keep() && drop_oldest()) {
+        }
+    }
+
+    bool give_back_unused() noexcept {
+        bool any = false;
+        while (drop_oldest()) any = true;
+        std::size_t left = 0;
+        for (SharedPages*& shared : shared_) {
+            SharedPages* const own = shared;
+            shared = nullptr;
+            if (!own) break;
+            if (own->in_use()) {
+                shared_[left++] = own;
+            } else {
+                SharedPages::unmake(own);
+                any = true;
+            }
+        }
+        return any;
     }
 
     /// Gives what was freed first of all that is kept back to the system; false if nothing is kept.
@@ -395,12 +454,14 @@ void release(void* block) noexcept {
 }  // namespace
 
 void keep_large_blocks(std::size_t bytes, std::size_t most) { large_blocks().keep(bytes, most); }
+void trim_large_blocks() { large_blocks().trim(); }
 
 }  // namespace wedgescope
 
 void* operator new(std::size_t bytes) {
     for (;;) {
         if (void* const block = wedgescope::allocate(bytes)) return block;
+        if (wedgescope::large_blocks().give_all_back()) continue;
         const std::new_handler handler = std::get_new_handler();
         if (!handler) throw std::bad_alloc();
         handler();
