@@ -48,10 +48,10 @@ function(find_archives)
   cmake_pop_check_state()
 endfunction()
 
-set(WEDGESCOPE_ARCHIVES_LINK OFF)
 if(WEDGESCOPE_ARCHIVES)
-  unset(WEDGESCOPE_ARCHIVES_LINK)
   find_archives()
+else()
+  set(WEDGESCOPE_ARCHIVES_LINK OFF)
 endif()
 
 # What stands in target_link_libraries for `linked` libraries (a list) of which these are the archives: those, for a target with that

@@ -6,8 +6,6 @@
 #include <tbb/parallel_reduce.h>
 #include <tbb/task_arena.h>
 
-#include <malloc.h>
-
 #include <algorithm>
 #include <atomic>
 #include <chrono>
@@ -589,10 +587,7 @@ void sweep(const ResolvedScene& scene, WedgeSource& source, const EngineParams& 
     result.echo_w = PolarImage<float>(scene.swept, std::move(result.echo_w));
     result.echo_state = PolarImage<std::uint8_t>(scene.swept, std::move(result.echo_state));
     Wedges(setting, source, wedges, params, threads, result).sweep_all(crew);
-    if (!params.beside_others) {  // what the wedges held is the images' now
-        trim_large_blocks();
-        ::malloc_trim(0);
-    }
+    if (!params.beside_others) trim_freed_memory();  // what the wedges held is the images' now
     result.report.peak_held_bytes += source.held_bytes() - source.cache_bytes();
     {
         // Of the wedges that were left to do.

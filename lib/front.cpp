@@ -321,7 +321,6 @@ void Front::trim() {
 
 void Front::advance_tile(Interval lines, const Chunk* chunk, std::size_t begin, std::size_t end, Between& between) {
     const SpokeGrid& grid = *scene_->grid;
-    const double nadir_major = grid.map().nadir_major(quadrant_);
     std::size_t from = begin, to = end;
     const auto copy = [](std::size_t n, const Samples& source, std::size_t at, Samples& target, std::size_t into) {
         for (auto layer : {&Samples::part, &Samples::minor, &Samples::arc, &Samples::height, &Samples::up,
@@ -348,9 +347,7 @@ void Front::advance_tile(Interval lines, const Chunk* chunk, std::size_t begin, 
         between.ahead = chunk ? line_of(*chunk, chunk->surface_m, index) : no_posts();
         between.ahead_culture = chunk ? line_of(*chunk, chunk->culture_height_m, index) : no_posts();
         between.ahead_major = static_cast<double>(index);
-        const double distance = std::abs(between.ahead_major * post_ - nadir_major);
-        assert(distance == grid.distance(fan_, line));
-        if (from < to) advance_line(distance, between, from, to, unseeing);
+        if (from < to) advance_line(grid.distance(fan_, line), between, from, to, unseeing);
         between.behind = between.ahead;
         between.behind_culture = between.ahead_culture;
         between.behind_major = between.ahead_major;

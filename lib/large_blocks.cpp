@@ -1,11 +1,13 @@
 #include "lib/large_blocks.hpp"
 
+#include <malloc.h>
+
 // Sanitizers have an operator new of their own.
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
 
 namespace wedgescope {
 void keep_large_blocks(std::size_t, std::size_t) {}
-void trim_large_blocks() {}
+void trim_freed_memory() { ::malloc_trim(0); }
 }  // namespace wedgescope
 
 #else
@@ -454,7 +456,10 @@ void release(void* block) noexcept {
 }  // namespace
 
 void keep_large_blocks(std::size_t bytes, std::size_t most) { large_blocks().keep(bytes, most); }
-void trim_large_blocks() { large_blocks().trim(); }
+void trim_freed_memory() {
+    large_blocks().trim();
+    ::malloc_trim(0);
+}
 
 }  // namespace wedgescope
 

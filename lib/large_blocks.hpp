@@ -5,7 +5,7 @@
 // filled at once; without this thousands of faults of 4 KiB take a quarter to a third of a run. Leaves other blocks to malloc:
 // what lasts of smaller ones (a spill's packed blocks) would hold pages of which the most is free.
 //
-// Of pages and blocks that are free some are kept for the next ones; what is free of a page in use stays until trim_large_blocks().
+// Of pages and blocks that are free some are kept for the next ones; what is free of a page in use stays until trim_freed_memory().
 // Where no memory is left all that is kept goes. Shared pages hold 8 GiB at the most; beyond that malloc serves.
 #pragma once
 #include <cstddef>
@@ -18,8 +18,8 @@ namespace wedgescope {
 /// its budget.
 void keep_large_blocks(std::size_t always, std::size_t most = 0);
 
-/// Gives back to the system what lies free between blocks in use. For once after much was freed: what comes to lie there gets small
-/// pages.
-void trim_large_blocks();
+/// Gives back to the system what lies free between blocks in use, malloc's too. For once after much was freed: what comes to lie there
+/// gets small pages.
+void trim_freed_memory();
 
 }  // namespace wedgescope

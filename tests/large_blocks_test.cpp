@@ -35,6 +35,29 @@ bool whole(const Block& b) {
     return b.at[b.bytes - 1] == b.mark;
 }
 
+/// So many of them, filled, each with a mark of its own.
+[[maybe_unused]] std::vector<Block> hold(std::size_t count, std::size_t bytes) {
+    std::vector<Block> blocks;
+    for (std::size_t i = 0; i < count; ++i) {
+        blocks.push_back({static_cast<unsigned char*>(::operator new(bytes)), bytes, static_cast<unsigned char>(i)});
+        fill(blocks.back());
+    }
+    return blocks;
+}
+[[maybe_unused]] void free(const std::vector<Block>& blocks) {
+    for (const Block& b : blocks) ::operator delete(b.at);
+}
+
+/// How a process of its own ends that runs this; what it returns is its code.
+template <class Run>
+[[maybe_unused]] int status_of(const Run& run) {
+    const pid_t child = ::fork();
+    if (child == 0) ::_exit(run());
+    int status = -1;
+    REQUIRE(::waitpid(child, &status, 0) == child);
+    return status;
+}
+
 [[maybe_unused]] std::size_t resident_bytes() {  // not under a sanitizer, which holds memory of its own
     std::size_t pages = 0, resident = 0;
     std::ifstream("/proc/self/statm") >> pages >> resident;
@@ -48,23 +71,12 @@ bool whole(const Block& b) {
 TEST_CASE("blocks that grow, shrink and grow again take no more than once was in use", "[large_blocks][quick]") {
     constexpr std::size_t page = std::size_t{2} << 20, kib = std::size_t{1} << 10;
     const std::size_t pages = GENERATE(1, 4);  // side by side, and in pages of their own
-    const auto held = [](std::size_t count, std::size_t bytes) {
-        std::vector<Block> blocks;
-        for (std::size_t i = 0; i < count; ++i) {
-            blocks.push_back({static_cast<unsigned char*>(::operator new(bytes)), bytes, 5});
-            fill(blocks.back());
-        }
-        return blocks;
-    };
-    const auto free = [](std::vector<Block> blocks) {
-        for (const Block& b : blocks) ::operator delete(b.at);
-    };
     keep_large_blocks(0);
     const std::size_t before = resident_bytes();
-    keep_large_blocks(page, 64 * page);
     const std::size_t spare = pages == 1 ? std::size_t{3} << 20 : std::size_t{6} << 20, size = pages * page,
                       start = pages == 1 ? 32 : 16, stay = start / 2 + 1;
-    std::vector<Block> first = held(start, size + 8 * kib);
+    keep_large_blocks(page, 16 * size);
+    std::vector<Block> first = hold(start, size + 8 * kib);
     const std::size_t most = resident_bytes();
     for (int turn = 0; turn < 3; ++turn) {
         std::vector<Block> gone(first.begin() + static_cast<std::ptrdiff_t>(stay), first.end());
@@ -73,12 +85,12 @@ TEST_CASE("blocks that grow, shrink and grow again take no more than once was in
         // In their room, first longer, then shorter ones.
         for (const std::size_t bytes : {size + page - 256 * kib, size + 600 * kib}) {
             const std::size_t count = (start - stay) * size / bytes;
-            std::vector<Block> others = held(count, bytes);
+            std::vector<Block> others = hold(count, bytes);
             CHECK(resident_bytes() < most + spare);
             for (const Block& b : others) CHECK(whole(b));
             free(others);
         }
-        for (const Block& b : held(start - stay, size + 8 * kib)) first.push_back(b);
+        for (const Block& b : hold(start - stay, size + 8 * kib)) first.push_back(b);
         CHECK(resident_bytes() < most + spare);
     }
     for (const Block& b : first) CHECK(whole(b));
@@ -89,7 +101,7 @@ TEST_CASE("blocks that grow, shrink and grow again take no more than once was in
     for (const auto& [bytes, wanted] : {std::pair{7 * page - 100 * kib, 7 * page},
                                         {7 * page - 200 * kib, 7 * page - 200 * kib},
                                         {29 * page + 200 * kib, 29 * page + 200 * kib}}) {
-        const std::vector<Block> one = held(1, bytes);
+        const std::vector<Block> one = hold(1, bytes);
         CHECK(resident_bytes() > before + bytes - 256 * kib);
         CHECK(resident_bytes() < before + wanted + 512 * kib);
         free(one);
@@ -137,14 +149,6 @@ TEST_CASE("freed blocks stay up to what is kept, and go back to the system beyon
 TEST_CASE("blocks side by side take the pages that they fill, and leave room to others", "[large_blocks][quick]") {
     constexpr std::size_t page = std::size_t{2} << 20, bytes = std::size_t{257} << 10, count = 160,
                           granule = std::size_t{8} << 10, whole_block = (bytes + granule - 1) / granule * granule;
-    const auto hold = [](std::size_t n, std::size_t size) {
-        std::vector<Block> held;
-        for (std::size_t i = 0; i < n; ++i) {
-            held.push_back({static_cast<unsigned char*>(::operator new(size)), size, static_cast<unsigned char>(i)});
-            fill(held.back());
-        }
-        return held;
-    };
     keep_large_blocks(0);
     const std::size_t before = resident_bytes();
     std::vector<Block> held = hold(count, bytes);
@@ -170,7 +174,7 @@ TEST_CASE("blocks side by side take the pages that they fill, and leave room to 
         if (i % 16 != 0) ::operator delete(held[i].at);
     CHECK(resident_bytes() < before + count / 16 * 2 * page);
     CHECK(resident_bytes() < most - 8 * page);
-    trim_large_blocks();
+    trim_freed_memory();
     CHECK(resident_bytes() < before + count / 16 * whole_block + page);
     for (std::size_t i = 0; i < count; i += 16) {
         CHECK(whole(held[i]));
@@ -201,8 +205,7 @@ TEST_CASE("huge pages are asked for", "[large_blocks][quick]") {
 }
 
 TEST_CASE("where addresses are short, those of freed blocks serve others", "[large_blocks][quick]") {
-    const pid_t child = ::fork();
-    if (child == 0) {
+    const int status = status_of([] {
         std::size_t pages = 0;
         std::ifstream("/proc/self/statm") >> pages;
         const rlim_t most = pages * static_cast<std::size_t>(::sysconf(_SC_PAGESIZE)) + (std::size_t{600} << 20);
@@ -221,26 +224,21 @@ TEST_CASE("where addresses are short, those of freed blocks serve others", "[lar
             ++wrong;
         } catch (const std::bad_alloc&) {
         }
-        ::_exit(wrong);
-    }
-    int status = -1;
-    REQUIRE(::waitpid(child, &status, 0) == child);
+        return wrong;
+    });
     CHECK(status == 0);
 }
 
 TEST_CASE("what is freed twice ends the program", "[large_blocks][quick]") {
-    const pid_t child = ::fork();
-    if (child == 0) {
+    const int status = status_of([] {
         const rlimit none{0, 0};
         ::setrlimit(RLIMIT_CORE, &none);
         ::signal(SIGABRT, SIG_DFL);
         void* volatile block = ::operator new (std::size_t{100} << 10);
         ::operator delete(block);
         ::operator delete(block);
-        ::_exit(0);
-    }
-    int status = 0;
-    REQUIRE(::waitpid(child, &status, 0) == child);
+        return 0;
+    });
     CHECK(WIFSIGNALED(status));
 }
 

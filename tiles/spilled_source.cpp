@@ -1,7 +1,6 @@
 #include "tiles/sources.hpp"
 
 #include <fmt/format.h>
-#include <malloc.h>
 
 #include <algorithm>
 #include <array>
@@ -306,9 +305,7 @@ private:
         data_base_.block_columns = data_base_.block_rows = terrain.edge;
         if (culture_) data_base_.culture_tile_columns = data_base_.culture_tile_rows = culture.edge;
         if (options.timeline) options.timeline->memory(cache_bytes());
-        // What the pass held is the engine's now.
-        trim_large_blocks();
-        ::malloc_trim(0);
+        trim_freed_memory();  // what the pass held is the engine's now
     }
 
     // A kept spill: the layers' blocks, the finest level of the block map as one more layer, and a description, line
