@@ -279,6 +279,15 @@ PixelScene pixel_scene(const DisplaySetting& setting, const Frame& f, const Grat
     return s;
 }
 
+/// Of a row whose pixels' middles lie `y_m` above the centre, those that lie within the radius, and few others.
+Interval columns_within(const Frame& f, double radius_m, double y_m) {
+    const double half = std::sqrt(std::max(0.0, radius_m * radius_m - y_m * y_m)) / f.metres_per_pixel + 1;
+    const auto column = [&](double at) {
+        return static_cast<std::int64_t>(std::clamp(at, 0.0, static_cast<double>(f.width)));
+    };
+    return {column(f.centre_column - half), column(f.centre_column + half + 1)};
+}
+
 /// Pixels without power that lie in the picture's range and sector, row after row.
 std::vector<std::uint32_t> holes(const std::vector<double>& painted_w, const Frame& f, const PixelScene& scene) {
     std::vector<std::uint8_t> hole(painted_w.size(), 0);
@@ -332,8 +341,10 @@ Picture picture(const ReceivedPower& received, const PolarImage<std::uint8_t>& s
         const std::uint8_t* const state_of = state.cells.data();
         std::uint64_t lit_here = 0;
         const double y = (f.centre_row - (static_cast<double>(row) + 0.5)) * f.metres_per_pixel;
-        for (std::int64_t column = 0; column < f.width; column += std::int64_t{pixel_lanes}) {
-            const auto n = static_cast<std::size_t>(std::min(f.width - column, std::int64_t{pixel_lanes}));
+        // A cell at the rim may fall on a pixel whose own middle lies outside.
+        const Interval columns = painted_w.empty() ? columns_within(f, scene.most_radius_m, y) : Interval{0, f.width};
+        for (std::int64_t column = columns.begin; column < columns.end; column += std::int64_t{pixel_lanes}) {
+            const auto n = static_cast<std::size_t>(std::min(columns.end - column, std::int64_t{pixel_lanes}));
             place_pixels(n, column, y, scene, pixels);
             std::uint8_t* const greys = result.grey.data() + row * f.width + column;
             std::uint8_t* const states = result.state.data() + row * f.width + column;
@@ -352,7 +363,6 @@ Picture picture(const ReceivedPower& received, const PolarImage<std::uint8_t>& s
             }
             for (std::size_t i = 0; i < n; ++i) {
                 const bool hole = painted && painted[i] < 0;
-                // A cell at the rim may fall on a pixel whose own middle lies outside.
                 if (!pixels.shown[i] && (!painted || hole)) continue;
                 const double power_w = painted ? painted[i] : watts[i];
                 const double slant_m =

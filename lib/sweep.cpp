@@ -26,15 +26,13 @@ WEDGESCOPE_LANES_PART Rises step(std::size_t n, const StepScene& scene, const St
                  quarter = scene.exact_course ? -0.25 : 0.0;
     WEDGESCOPE_INDEPENDENT
     for (std::size_t i = 0; i < n; ++i) {
-        // Truths as 0 and 1, so that every compiler makes lanes of them.
-        const auto truth = [](bool b) { return b ? 1.0 : 0.0; };
-        const double stands = truth(arc0[i] == arc1[i]);  // no sample here: whatever the spoke's neighbours do
+        const bool stands = arc0[i] == arc1[i];  // no sample here: whatever the spoke's neighbours do
         const double zb0 = static_cast<double>(behind[2 * i]), zb1 = static_cast<double>(behind[2 * i + 1]),
                      za0 = static_cast<double>(ahead[2 * i]), za1 = static_cast<double>(ahead[2 * i + 1]);
         const bool lower = minor1[i] == cell[i];
         const double there = target == StepTo::line ? linear(za0, za1, minor1[i] - cell[i])
                                                     : linear(lower ? zb0 : zb1, lower ? za0 : za1, part1[i]);
-        const double z = stands > 0 ? height0[i] : there;
+        const double z = stands ? height0[i] : there;
         const SightLine p = sight_line<near_sensor>(sensor_m, arc1[i], z, inverse_radius[i]);
         const double x = p.range_m * range_bins + arc1[i] * arc_bins, s = p.sine;
         height1[i] = z;
@@ -52,17 +50,15 @@ WEDGESCOPE_LANES_PART Rises step(std::size_t n, const StepScene& scene, const St
         swing[i] = swung;
 
         const double h = horizon[i], m = mode[i];
-        const double straight = truth((swung < 0 ? -swung : swung) <= risen);
-        const double rising = truth(m == mode_visible) * truth(s > h) * (1 - stands);
+        const bool straight = (swung < 0 ? -swung : swung) <= risen, visible = m == mode_visible, above = s > h;
         // one_range, but for what lies within a metre: that is left to Front.
-        const double together = truth(p.range_m <= most_range_ratio * range0[i]) *
-                                truth(range0[i] <= most_range_ratio * p.range_m) * truth(s - h <= most_sine_step);
-        const double plain = rising * straight * truth(h >= void_horizon[i]) * together;
+        const bool together = (p.range_m <= most_range_ratio * range0[i]) & (range0[i] <= most_range_ratio * p.range_m) &
+                              (s - h <= most_sine_step);
+        const bool plain = visible & above & !stands & straight & (h >= void_horizon[i]) & together;
         const double higher = s > last_sine[i] ? s : last_sine[i];
-        const double below = truth(s <= h) * truth(higher * range0[i] + bump * 1.02 <= h * range0[i]);
-        const double none = stands + truth(m == mode_done);
-        const double quiet = truth(m == mode_hidden) * below + none;
-        const double c = quiet > 0 ? 0.0 : plain > 0 ? 1.0 : 2.0;
+        const bool below = (s <= h) & (higher * range0[i] + bump * 1.02 <= h * range0[i]);
+        const bool quiet = ((m == mode_hidden) & below) | stands | (m == mode_done);
+        const double c = quiet ? 0.0 : plain ? 1.0 : 2.0;
         code[i] = c;
         sine0[i] = h;
         horizon[i] = c == 1 ? s : h;
@@ -125,22 +121,21 @@ WEDGESCOPE_LANES_PART int join(std::size_t n, const JoinLanes& lanes) noexcept {
     int alone = 0;
     WEDGESCOPE_INDEPENDENT
     for (std::size_t i = 0; i < n; ++i) {
-        const auto truth = [](bool b) { return b ? 1.0 : 0.0; };
         // In parts of what both rise and of the way that both go. The middle of a piece of bow b lies b/6 before its half-way
         // point.
         const double way = x1[i] - x0[i], first = (x[i] - x0[i]) / way, second = 1 - first,
                      most = sine1[i] - horizon[i], upto = (sine0[i] - horizon[i]) / most, beyond = 1 - upto;
         const double bow =
             3 * (second - beyond) + upto * first * (swing0[i] / rise0[i]) + beyond * second * (swing[i] / rise[i]);
-        const double both = truth(code0[i] == 1) * truth(code1[i] == 1) * truth(first >= 0) * truth(first <= 1) *
-                            truth(bow >= -1) * truth(bow <= 1) * truth(range1[i] <= most_range_ratio * range0[i]) *
-                            truth(range0[i] <= most_range_ratio * range1[i]) * truth(most <= most_sine_step);
-        code0[i] = both > 0 ? 0.0 : code0[i];
-        sine0[i] = both > 0 ? horizon[i] : sine0[i];
-        rise[i] = both > 0 ? 1.0 : rise[i];
-        swing[i] = both > 0 ? bow : swing[i];
-        start_range[i] = both > 0 ? range0[i] : range[i];
-        start_x[i] = both > 0 ? x0[i] : x[i];
+        const bool both = (code0[i] == 1) & (code1[i] == 1) & (first >= 0) & (first <= 1) & (bow >= -1) & (bow <= 1) &
+                          (range1[i] <= most_range_ratio * range0[i]) & (range0[i] <= most_range_ratio * range1[i]) &
+                          (most <= most_sine_step);
+        code0[i] = both ? 0.0 : code0[i];
+        sine0[i] = both ? horizon[i] : sine0[i];
+        rise[i] = both ? 1.0 : rise[i];
+        swing[i] = both ? bow : swing[i];
+        start_range[i] = both ? range0[i] : range[i];
+        start_x[i] = both ? x0[i] : x[i];
     }
     for (std::size_t i = 0; i < n; ++i) alone += code0[i] == 1 ? 1 : 0;
     return alone;
