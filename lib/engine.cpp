@@ -807,6 +807,7 @@ RunResult run(const ResolvedScene& scene, const Scan& scan, WedgeSource& source,
     RunResult result = std::move(used);
     result.scene = scene;
     result.report = RunReport{};
+    result.levels = false;
     take_back(result.echo_state, result.state);
     if (params.keep_echo) result.echo_w = PolarImage<float>(scene.swept, std::move(result.echo_w));
     result.echo_state = PolarImage<std::uint8_t>(scene.swept, std::move(result.echo_state));
@@ -833,6 +834,8 @@ RunResult run(const ResolvedScene& scene, const Scan& scan, WedgeSource& source,
         crew.execute([&] { receive(own, weather, true, group); });
         take_rows(group, params.keep_echo, result);
         add(group.report, result.report);
+        result.levels = result.levels || group.levels;
+        if (bins.begin == scene.shown.azimuth_bins.begin) result.sampling = group.sampling;
         if (params.stop) params.stop->check();
     }
     result.report.peak_budget_bytes += images;

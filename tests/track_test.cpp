@@ -275,6 +275,7 @@ TEST_CASE("a scan by a sensor that stands is the plain picture, bit for bit", "[
             CHECK(scanned.power_w.cells == plain.power_w.cells);
             CHECK(scanned.state.cells == plain.state.cells);
             CHECK(scanned.scope.grey == plain.scope.grey);
+            CHECK(scanned.sampling.spokes_per_bin == plain.sampling.spokes_per_bin);
         }
     }
 }
@@ -443,6 +444,13 @@ TEST_CASE("two frames far apart over fine ground have the levels of detail that 
     // A level was used at all.
     const auto levels = nlohmann::json::parse(content(folder / "alone.json")).at("levels");
     CHECK(levels.back().at("level").get<int>() > 0);
+    // A scan's echo says so too.
+    const Ended scan = run_program(joined(look, {"--track", folder / "two.csv", "--scan-step", "500", "--scan-period",
+                                                 "4s", "-o", folder / "scan.png", "--echo", folder / "scan.tif"}),
+                                   folder / "log");
+    INFO(scan.err);
+    REQUIRE(scan.code == 0);
+    CHECK(content(folder / "scan_0002.tif").find("levels&amp;quot;:true") != std::string::npos);
 }
 
 TEST_CASE("what a user may take for an error is said once a track, with how many frames it is about", "[track]") {
@@ -495,6 +503,11 @@ TEST_CASE("the report of a track tells of every frame", "[track]") {
     std::uint64_t cells = 0;
     for (const auto& [name, count] : second["states"].items()) cells += count.get<std::uint64_t>();
     CHECK(cells == 480 * 100);
+    const Ended alone = simulate(folder, {"--xy", rows[1].x + "," + rows[1].y, "--altitude-msl", rows[1].altitude + "m",
+                                          "--report", folder / "alone.json", "--overwrite"});
+    INFO(alone.err);
+    REQUIRE(alone.code == 0);
+    CHECK(second["sampling"] == nlohmann::json::parse(content(folder / "alone.json"))["sampling"]);
     CHECK(nlohmann::json::parse(content(folder / "t.json"))["traceEvents"].size() > 20);
 }
 

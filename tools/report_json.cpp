@@ -177,6 +177,12 @@ std::string usage_lines(const Usage& usage, int threads, std::size_t budget_byte
     return out;
 }
 
+nlohmann::ordered_json sampling_json(const Sampling& sampling) {
+    return {{"spokes_per_post", sampling.spokes_per_post},
+            {"spokes_per_bin", sampling.spokes_per_bin},
+            {"spoke_lead", sampling.lead}};
+}
+
 nlohmann::ordered_json report_json(const Settings& settings, const RunResult& run, const std::vector<InputFile>& inputs,
                                    double write_s, const Usage& usage) {
     using json = nlohmann::ordered_json;
@@ -249,10 +255,7 @@ nlohmann::ordered_json report_json(const Settings& settings, const RunResult& ru
         if (posts > 0)
             out["levels"].push_back({{"level", level}, {"posts_read", posts}, {"stand_for", posts << (2 * level)}});
     }
-    const Sampling& sampling = run.sampling;
-    out["sampling"] = json{{"spokes_per_post", sampling.spokes_per_post},
-                           {"spokes_per_bin", sampling.spokes_per_bin},
-                           {"spoke_lead", sampling.lead}};
+    out["sampling"] = sampling_json(run.sampling);
     out["stages_wall_s"] =
         json{{"survey", report.survey_s}, {"merge", report.merge_s},       {"keep", report.keep_s},
              {"beam", report.beam_s},     {"receiver", report.receiver_s}, {"display", report.display_s},

@@ -56,6 +56,7 @@ struct FrameReport {
     std::array<float, std::size(cpu_stages)> cpu_s{};
     std::array<std::uint64_t, state_count> states{};
     std::uint64_t samples = 0, pieces = 0, posts = 0, bytes = 0;
+    Sampling sampling;
 };
 
 /// A track's scenes, one for each row.
@@ -300,6 +301,7 @@ private:
             report.bytes += w.bytes_read;
         }
         report.states = r.states;
+        report.sampling = result.sampling;
     }
 
     void note_doubts(const RunResult& result, std::size_t frame) {
@@ -373,6 +375,7 @@ json frame_json(const Frames& frames, std::size_t frame, const FrameReport& r, d
     out["stages_wall_s"] = wall;
     out["cpu_s"] = cpu;
     out["states"] = states;
+    out["sampling"] = sampling_json(r.sampling);
     out["samples"] = r.samples;
     out["visible_pieces"] = r.pieces;
     out["posts"] = r.posts;
