@@ -6,10 +6,12 @@
 
 #include <GeographicLib/Geodesic.hpp>
 #include <array>
+#include <atomic>
 #include <cmath>
 #include <fstream>
 #include <iterator>
 #include <numbers>
+#include <thread>
 
 #include "lib/error.hpp"
 #include "tests/drawn_raster.hpp"
@@ -309,6 +311,40 @@ TEST_CASE("the same run gives the same bytes, without a word of where it was wri
     CHECK(here.names() == std::vector<std::string>{"power.tif", "power.tif.geoloc.tif", "states.tif",
                                                    "states.tif.aux.xml", "states.tif.geoloc.tif"});
     CHECK(bytes(here / "states.tif.aux.xml") == bytes(there / "states.tif.aux.xml"));
+}
+
+TEST_CASE("rasters written side by side in little cache are what each is alone", "[polar_raster]") {
+    const Folder folder;
+    const RunResult run = drawn_run(240, {0, 240}, {0, 270}, 100);
+    const auto power = [&](const std::string& name) {
+        return write(folder, name, [&](OutputFile& f) { write_power(run, PowerUnit::watt, f, plain_format()); });
+    };
+    const GIntBig before = GDALGetCacheMax64();
+    GDALSetCacheMax64(1 << 21);  // a few blocks
+    std::atomic<int> failed = 0;
+    std::vector<std::thread> writers;
+    constexpr int threads = 3, files = 40;
+    const auto name = [](int t, int i) { return std::to_string(t) + "_" + std::to_string(100 + i) + ".tif"; };
+    for (int t = 0; t < threads; ++t)
+        writers.emplace_back([&, t] {
+            try {
+                for (int i = 0; i < files; ++i) power(name(t, i));
+            } catch (const std::exception&) {
+                ++failed;
+            }
+        });
+    for (std::thread& writer : writers) writer.join();
+    GDALSetCacheMax64(before);
+    REQUIRE(failed == 0);
+    const std::string alone = bytes(power(name(0, 0))), places = bytes(folder / (name(0, 0) + ".geoloc.tif"));
+    int others = 0;
+    for (int t = 1; t < threads; ++t)
+        for (int i = 0; i < files; ++i) {
+            const std::string path = folder / name(t, i);
+            others += bytes(path + ".geoloc.tif") == places ? 0 : 1;
+            others += bytes(path).size() == alone.size() ? 0 : 1;  // it names its geolocation
+        }
+    CHECK(others == 0);
 }
 
 TEST_CASE("drivers and creation options are the user's choice, and bad ones are named", "[polar_raster]") {

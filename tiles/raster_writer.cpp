@@ -196,14 +196,41 @@ DatasetHandle in_memory(const RasterContent& content) {
     throw IoError(text("output '", final_path, "' cannot be written: ", errors.reason()));
 }
 
+/// While one stands no thread writes another thread's blocks: GDAL's cache is everybody's, and who needs room in it would
+/// write what another one's file still lacks, while that one closes it.
+class OwnBlocks {
+public:
+    OwnBlocks() { GDALRasterBlock::EnterDisableDirtyBlockFlush(); }
+    ~OwnBlocks() { GDALRasterBlock::LeaveDisableDirtyBlockFlush(); }
+    OwnBlocks(const OwnBlocks&) = delete;
+    OwnBlocks& operator=(const OwnBlocks&) = delete;
+};
+
+/// Block after block, each of them in the file before the next: none waits in the cache.
 void write_bands(GDALDataset& dataset, const RasterContent& content, const std::string& final_path,
                  const GdalErrors& errors) {
-    const int columns = static_cast<int>(content.columns), rows = static_cast<int>(content.rows);
-    for (std::size_t b = 0; b < content.bands.size(); ++b)
-        if (dataset.GetRasterBand(static_cast<int>(b) + 1)
-                ->RasterIO(GF_Write, 0, 0, columns, rows, const_cast<void*>(content.bands[b].cells), columns, rows,
-                           content.type, 0, 0, nullptr) != CE_None)
-            fail(final_path, errors);
+    int wide = 0, high = 0;
+    dataset.GetRasterBand(1)->GetBlockSize(&wide, &high);
+    const auto bytes = static_cast<std::int64_t>(GDALGetDataTypeSizeBytes(content.type));
+    const auto of_band = [&](std::size_t b) { return dataset.GetRasterBand(static_cast<int>(b) + 1); };
+    for (std::int64_t row = 0; row < content.rows; row += high)
+        for (std::int64_t column = 0; column < content.columns; column += wide) {
+            const int columns = static_cast<int>(std::min<std::int64_t>(wide, content.columns - column)),
+                      rows = static_cast<int>(std::min<std::int64_t>(high, content.rows - row));
+            const OwnBlocks own;
+            // All bands first: where a block of the file holds those of all.
+            for (std::size_t b = 0; b < content.bands.size(); ++b) {
+                const auto* cells = static_cast<const std::byte*>(content.bands[b].cells) +
+                                    (row * content.columns + column) * bytes;
+                if (of_band(b)->RasterIO(GF_Write, static_cast<int>(column), static_cast<int>(row), columns, rows,
+                                         const_cast<std::byte*>(cells), columns, rows, content.type, bytes,
+                                         content.columns * bytes, nullptr) != CE_None)
+                    fail(final_path, errors);
+            }
+            for (std::size_t b = 0; b < content.bands.size(); ++b)
+                if (of_band(b)->FlushBlock(static_cast<int>(column / wide), static_cast<int>(row / high)) != CE_None)
+                    fail(final_path, errors);
+        }
 }
 
 void write_geolocation(const GeolocationGrid& grid, const std::string& path, const std::string& final_path) {
@@ -382,6 +409,7 @@ void write_raster(const RasterContent& content, const OutputFile& file, const Ra
 
     GdalErrors errors;
     const char* path = file.temporary_path().c_str();
+    std::optional<OwnBlocks> own;
     DatasetHandle dataset;
     if (has(driver, GDAL_DCAP_CREATE)) {
         dataset.reset(driver.Create(path, static_cast<int>(content.columns), static_cast<int>(content.rows),
@@ -393,6 +421,9 @@ void write_raster(const RasterContent& content, const OutputFile& file, const Ra
     } else {
         const DatasetHandle memory = in_memory(content);
         describe(*memory, content, {});
+        const std::int64_t all_bytes = content.columns * content.rows * GDALGetDataTypeSizeBytes(content.type) *
+                                       static_cast<std::int64_t>(content.bands.size());
+        if (all_bytes <= GDALGetCacheMax64()) own.emplace();
         dataset.reset(
             driver.CreateCopy(path, memory.get(), FALSE, const_cast<char**>(options.List()), nullptr, nullptr));
         if (!dataset) fail(final_path, errors);
