@@ -45,6 +45,9 @@ struct ResolvedScene {
     PolarGrid swept;             ///< shown plus the beam's skirt and the pulse's lead-in: echo
     double noise_power_w = 0;
     double sweep_delay_m = 0;
+    /// How far the sensor stands above what is highest of the ground around it, but for a hundredth of it; may be below 0. Not of
+    /// coverage.
+    double clearance_m = infinite;
 };
 
 /// Finds position, height above sea level and every default. InputError, DataError.

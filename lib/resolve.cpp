@@ -19,6 +19,10 @@ namespace {
 
 constexpr double degree = std::numbers::pi / 180;
 
+double longer_post_m(const DataBase& db) {
+    return std::max(std::abs(db.step_x), std::abs(db.step_y)) * db.metres_a_unit();
+}
+
 }  // namespace
 
 GroundHeight ground_height(WedgeSource& source, IndexPosition p) {
@@ -370,11 +374,14 @@ std::array<double, 4> quiet_posts(const ResolvedScene& s, const DataBase& db) {
 }  // namespace
 
 Sampling sampling_of(const ResolvedScene& scene, const DataBase& db) {
-    const double post_m = std::max(std::abs(db.step_x), std::abs(db.step_y)) * db.metres_a_unit();
     // Where statistical walls raise the ground it steps from class to class.
     const bool steps = db.has_culture_height || (db.has_culture && !raises_m(scene.scene, db).empty());
     const GroundCover cover = steps ? GroundCover::heights : db.has_culture ? GroundCover::classes : GroundCover::bare;
-    Sampling own = sampling(scene.scene, cover, (scene.sensor_m - scene.reference_m) / post_m);
+    // Beside mountains the ground below says little; where they stand as high as the sensor, as if it were 2 posts up. A tenth
+    // more of clearance: ground that is about level stands above the nadir here and there.
+    const double above = (scene.sensor_m - scene.reference_m) / longer_post_m(db),
+                 over_most = std::max(2.0, 1.1 * scene.clearance_m / longer_post_m(db));
+    Sampling own = sampling(scene.scene, cover, std::min(above, over_most));
     if (!scene.nadir_on_data) own.above_posts = 0;  // nobody knows above what
     if (own.above_posts > 0) own.quiet_posts = quiet_posts(scene, db);
     return own;
@@ -435,12 +442,61 @@ void resolve_view(ResolvedScene& s, const Scene& scene) {
     require_rings(display_setting(s));
 }
 
+/// What a metre to the east and one to the north are on the grid, near the nadir; none if that cannot be said.
+std::optional<std::array<IndexPosition, 2>> metre_on_grid(const ResolvedScene& s, const DataBase& db) {
+    if (s.geometry == Geometry::grid)
+        return std::array<IndexPosition, 2>{{{1 / (db.step_x * db.metres_per_unit), 0},
+                                             {0, 1 / (db.step_y * db.metres_per_unit)}}};
+    std::array<IndexPosition, 2> metre;
+    constexpr double far_m = 1000;
+    for (const std::size_t north : {0, 1}) {
+        double lat = 0, lon = 0;
+        GeographicLib::Geodesic::WGS84().Direct(s.lat_deg, s.lon_deg, north ? 0 : 90, far_m, lat, lon);
+        const IndexPosition there = db.locate(lat, lon);
+        metre[north] = {(there.column - s.nadir.column) / far_m, (there.row - s.nadir.row) / far_m};
+        if (!std::isfinite(metre[north].column) || !std::isfinite(metre[north].row)) return std::nullopt;
+    }
+    return metre;
+}
+
+/// ResolvedScene::clearance_m, by a few hundred posts of the sector up to 640 posts away.
+double clearance_m(const ResolvedScene& s, WedgeSource& source) {
+    const DataBase& db = source.data_base();
+    const auto metre = metre_on_grid(s, db);
+    if (!metre) return infinite;
+    constexpr int rings = 12, rays = 32;
+    constexpr double most_posts = 640;
+    const double reach_m = std::min(*s.scene.range_m, most_posts * longer_post_m(db)), step = s.shown.azimuth_step_rad(),
+                 from = static_cast<double>(s.shown.azimuth_bins.begin) * step,
+                 width = static_cast<double>(s.shown.azimuth_bins.size()) * step;
+    std::vector<float> heights_m;
+    for (int ring = 0; ring < rings; ++ring)
+        for (int ray = 0; ray < rays; ++ray) {
+            const double distance = reach_m * std::sqrt((ring + 0.5) / rings),  // each stands for as much ground
+                azimuth = from + width * (ray + (ring % 2 ? 0.75 : 0.25)) / rays, east = distance * std::sin(azimuth),
+                         north = distance * std::cos(azimuth);
+            const auto post = [&](double nadir, double a, double b) {
+                return static_cast<std::int64_t>(std::floor(rounded(nadir + east * a + north * b, position_bits) + 0.5));
+            };
+            const std::int64_t column = post(s.nadir.column, (*metre)[0].column, (*metre)[1].column),
+                               row = post(s.nadir.row, (*metre)[0].row, (*metre)[1].row);
+            if (row < 0 || row >= db.rows || (!db.cyclic && (column < 0 || column >= db.columns))) continue;
+            const float height = source.bare_terrain_m(column, row);
+            if (height == height) heights_m.push_back(height);
+        }
+    if (heights_m.empty()) return infinite;
+    const auto highest = heights_m.end() - 1 - static_cast<std::ptrdiff_t>(heights_m.size() / 100);
+    std::nth_element(heights_m.begin(), highest, heights_m.end());
+    return s.sensor_m - static_cast<double>(*highest);
+}
+
 }  // namespace
 
 ResolvedScene resolve(const Scene& scene, WedgeSource& source) {
     ResolvedScene s = resolve_place(scene, source);
     if (!scene.range_m) s.scene.range_m = default_range(s, source);
     resolve_view(s, scene);
+    s.clearance_m = clearance_m(s, source);
     return s;
 }
 
