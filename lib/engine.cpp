@@ -103,14 +103,26 @@ struct WeatherHere {
     }
 };
 
-/// Everything the wedges of one run share, and never change.
-struct Setting {
-    const ResolvedScene& scene;
-    const DataBase& data_base;
+/// Where the spokes of a scene lie: all that a plan asks for. Nothing here grows with the number of range bins, so that a scene
+/// with too many of them is refused at once.
+struct SpokeSetting {
     SpokeMap map;
     DetailLevels levels;
     Sampling sampling;
     SpokeGrid grid;
+
+    SpokeSetting(const ResolvedScene& s, WedgeSource& source)
+        : map(source.data_base(), swept_map_params(s, source.data_base())), levels(choose_levels(s, source, map)),
+          sampling(sampling_of(s, source.data_base())),
+          grid(source.data_base(), map, sampling, s.swept.circle_bins, levels) {}
+    SpokeSetting(const SpokeSetting&) = delete;  // the grid looks at the map
+    SpokeSetting& operator=(const SpokeSetting&) = delete;
+};
+
+/// Everything the wedges of one run share, and never change.
+struct Setting : SpokeSetting {
+    const ResolvedScene& scene;
+    const DataBase& data_base;
     std::shared_ptr<const SceneTables> tables;
     Quanta cells;
     SweepScene sweep;
@@ -130,9 +142,7 @@ struct Setting {
 
     Setting(const ResolvedScene& s, WedgeSource& source, std::shared_ptr<const SceneTables> made,
             const PathLossTable* loss = nullptr)
-        : scene(s), data_base(source.data_base()), map(data_base, swept_map_params(s, data_base)),
-          levels(choose_levels(s, source, map)), sampling(sampling_of(s, data_base)),
-          grid(data_base, map, sampling, s.swept.circle_bins, levels),
+        : SpokeSetting(s, source), scene(s), data_base(source.data_base()),
           tables(made ? std::move(made) : std::make_shared<const SceneTables>(s.scene)),
           cells(quanta(s.swept.range_bins, s.swept.range_bin_m, radar_constant(s.scene.radar), tables->pattern.most(),
                        grid.azimuth_step_rad(), tables->laws.most() * tables->shore.most())) {
@@ -545,13 +555,21 @@ std::optional<PathLossTable> loss_table(const ResolvedScene& scene, const Weathe
 Plan plan(const ResolvedScene& scene, WedgeSource& given, const EngineParams& params) {
     SceneSource own(given, scene.scene);
     WedgeSource& source = *own;
-    const Setting setting(scene, source, params.tables);
-    Plan wedges = plan(scene, source, setting.grid, params, threads_of(params), true);
+    const SpokeSetting spokes(scene, source);
+    Plan wedges = plan(scene, source, spokes.grid, params, threads_of(params), true);
     if (params.archive) check_only(params.only_wedges, wedges.wedges.size());  // without one the split may be another
     return wedges;
 }
 
 namespace {
+
+/// TooLittleMemory, in the words of plan(), where the images alone leave no room. Asked before anything is made for each range bin:
+/// of a scene that is refused there may be any number.
+void require_room(const ResolvedScene& scene, WedgeSource& source, const EngineParams& params) {
+    if (image_bytes(scene) + source.cache_bytes() < params.memory_bytes) return;
+    const SpokeSetting spokes(scene, source);
+    plan(scene, source, spokes.grid, params, threads_of(params));
+}
 
 /// Where the last echoes were not kept, another image has their memory.
 template <class T>
@@ -738,6 +756,7 @@ namespace {
 RunResult sweep_and_receive(const ResolvedScene& scene, WedgeSource& source, const EngineParams& params,
                             bool keep_received, Threads& crew, RunResult&& used) {
     SceneSource own(source, scene.scene);
+    require_room(scene, *own, params);
     RunResult result = std::move(used);
     const WeatherHere weather(scene, params.tables->weather, params.tables->pattern);
     sweep(scene, *own, params, weather, crew, result);

@@ -339,6 +339,20 @@ TEST_CASE("the budget that a refusal names will do", "[memory]") {
                   log);
 }
 
+TEST_CASE("a scene is refused for its range bins before anything is made for each of them", "[memory]") {
+    const Folder folder;
+    const std::string hills = folder / "hills.tif";
+    draw_hills(hills, {});
+    const Budgeted run(16,
+                       {"simulate", "--dem", hills, "--xy", "405000,4495000", "--altitude-msl", "3km", "--range",
+                        "10km", "--range-bin", "0.001m", "--power", folder / "power.tif", "-q"},
+                       folder / "log");
+    INFO(run.ended.err);
+    CHECK(run.ended.code == 2);
+    CHECK_THAT(run.ended.err,
+               Catch::Contains("this scene needs at least") && Catch::Contains("(960 x 10000000 cells)"));
+}
+
 TEST_CASE("a track of frames side by side keeps to --memory too", "[memory]") {
     const Folder folder;
     const std::string hills = folder / "hills.tif", small = folder / "small.tif", log = folder / "log",

@@ -110,6 +110,7 @@ std::unique_ptr<WedgeSource> source_at(const DataBaseParams& layers, const Setti
 Attempt simulation(const Settings& settings, const ResolvedScene& scene, bool range_given, const Stop& stop,
                    WedgeArchive* archive) {
     return [&settings, &scene, range_given, &stop, archive](std::size_t memory) {
+        stop.check();  // a refusal makes some dozens of attempts
         const Settings granted = with_memory(settings, memory);
         const DataBaseParams layers = data_base_params(granted, cache_bytes(granted), stop);
         const SpillOptions options = spill_options(granted);
@@ -189,6 +190,7 @@ void check_coverage_budget(const Settings& settings, const CoverageParams& param
                                     any_ground_m(settings.scene), {});
     const ResolvedScene scene = resolve_coverage(settings.scene, unread ? *unread : direct);
     check_budget(settings, [&](std::size_t memory) {
+        stop.check();
         const Settings granted = with_memory(settings, memory);
         DataBaseParams own_layers = data_base_params(granted, cache_bytes(granted), stop);
         own_layers.by_strips = true;
