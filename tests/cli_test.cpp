@@ -1362,6 +1362,50 @@ TEST_CASE("a kept ground map is used as long as it fits, and changes no byte", "
     CHECK_THAT(folder.run(with(seen, {"last.tif"})).err, !Contains("not used"));
 }
 
+TEST_CASE("a ground map to be kept replaces one that is no good, but no other file", "[cli]") {
+    const Folder folder;
+    const std::string plain = float_raster(folder, "plain", 40, 40, std::vector<float>(1600, 7.0F)),
+                      map = folder.file(plain + ".ground");
+    const auto see = [&](const std::string& output, const Strings& more) {
+        Strings words{"coverage", plain, output, "--xy", "465500,3750000", "--altitude-msl", "1km", "-q"};
+        words.insert(words.end(), more.begin(), more.end());
+        return folder.run(words);
+    };
+    const auto write = [&](const std::string& bytes) { std::ofstream(map, std::ios::binary) << bytes; };
+    write("my notes\n");
+    const Outcome refused = see("a.tif", {"--keep-map"});
+    INFO(refused.err);
+    CHECK(refused.code == 2);
+    CHECK(refused.error_lines() == 1);
+    CHECK_THAT(refused.err,
+               Contains(plain + ".ground' is a file of 9 bytes that is no ground map; move it away, or add"));
+    CHECK(content(map) == "my notes\n");
+    CHECK(folder.names().count("a.tif") == 0);
+    // Nor is it read.
+    const Outcome unread = see("b.tif", {});
+    CHECK(unread.code == 0);
+    CHECK(see("a.tif", {"--keep-map", "--overwrite"}).code == 0);
+    const std::string good = content(map);
+    REQUIRE(good.size() > 1000);
+    for (const std::string& bytes : {std::string(), good.substr(0, 9), good.substr(0, 900)}) {
+        write(bytes);
+        CHECK(see("cut" + std::to_string(bytes.size()) + ".tif", {"--keep-map"}).code == 0);
+        CHECK((content(map) == good));
+    }
+    // A page of the map, behind both headers.
+    std::string damaged = good;
+    damaged[128 + 64 + 5] ^= 1;
+    write(damaged);
+    const Strings scene{"simulate",       "--dem", plain,     "--xy", "465500,3750000",
+                        "--altitude-msl", "1km",   "--range", "1km",  "-q"};
+    const Outcome met = folder.run(with(scene, {"-o", "c.png"}));
+    INFO(met.err);
+    CHECK(met.code == 1);
+    CHECK_THAT(met.err, Contains(".ground'") && Contains("is damaged; remove that file, or let keep-map make it anew"));
+    CHECK(folder.run(with(scene, {"-o", "c.png", "--keep-map"})).code == 0);
+    CHECK((content(map) == good));
+}
+
 TEST_CASE("a ground map that cannot be kept is an error in one line", "[cli]") {
     const Folder folder;
     fs::copy_file(dem, folder.file("dem.tif"));

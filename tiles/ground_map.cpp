@@ -10,6 +10,7 @@
 #include <filesystem>
 #include <limits>
 #include <mutex>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -33,6 +34,16 @@ namespace {
 
 constexpr char magic[] = "wedgescope-ground-2\n";
 constexpr std::uint64_t header_bytes = 128;
+
+/// True if a file was to be a ground map, of any version: it begins as one does, as far as it goes. An empty one does.
+bool begins_as_map(const PlainFile& file) {
+    constexpr std::string_view name = "wedgescope-ground-";
+    static_assert(std::string_view(magic).starts_with(name));
+    std::array<char, name.size()> found{};
+    const auto there = static_cast<std::size_t>(std::min<std::uint64_t>(file.bytes(), name.size()));
+    file.read(0, found.data(), there);
+    return std::string_view(found.data(), there) == name.substr(0, there);
+}
 
 struct Header {
     char magic[32];
@@ -280,6 +291,30 @@ std::shared_ptr<const GroundMap> GroundMap::make(const DataBaseParams& rasters, 
     return made;
 }
 
+void GroundMap::check_place(const DataBaseParams& rasters) {
+    const std::string path = kept_path(rasters);
+    OutputFile::check(path, true);
+    if (!std::filesystem::exists(path)) return;
+    const PlainFile file(path, PlainFile::Use::read);
+    if (!begins_as_map(file))
+        throw InputError(text("keep-map: '", path, "' is a file of ", file.bytes(),
+                              " bytes that is no ground map; move it away, or add --overwrite"));
+}
+
+bool GroundMap::whole(const Stop& stop) const {
+    const BlockMapShape shape{columns_, rows_};
+    FilePart after = *part_;
+    after.begin += shape.file_bytes();
+    PageBytes bytes;
+    for (const PagedFile& file : {PagedFile(*part_, shape.layout(), PagedFile::Use::read),
+                                  PagedFile(after, DetailMapShape{columns_, rows_}.layout(), PagedFile::Use::read)})
+        for (std::uint64_t page = 0; page < file.pages(); ++page) {
+            stop.check();
+            if (file.read(page, bytes) != PagedFile::State::whole) return false;
+        }
+    return true;
+}
+
 std::shared_ptr<const GroundMap> GroundMap::kept(const DataBaseParams& rasters, std::string* unfit) {
     const std::string path = kept_path(rasters);
     std::error_code ignored;
@@ -291,14 +326,20 @@ std::shared_ptr<const GroundMap> GroundMap::kept(const DataBaseParams& rasters, 
     try {
         auto file = std::make_shared<PlainFile>(path, PlainFile::Use::read);
         Header h{};
+        if (!begins_as_map(*file)) {
+            if (unfit) *unfit = text("'", path, "', which is no ground map");
+            return nullptr;
+        }
         if (file->bytes() < header_bytes) return refuse("is damaged");
         file->read(0, &h, sizeof h);
         if (std::memcmp(h.magic, magic, sizeof(magic) - 1) != 0 || h.sum != sum_of(h))
             return refuse("is damaged or of another version");
         if (h.terrain != stamp(rasters.dem) || h.culture_height != stamp(rasters.culture_height))
             return refuse("is of other rasters, or of these before they were changed");
-        std::shared_ptr<GroundMap> found(new GroundMap(
-            std::make_unique<FilePart>(FilePart{std::move(file), header_bytes, false}), h.columns, h.rows, false));
+        FilePart part{std::move(file), header_bytes, false};
+        part.remedy = "; remove that file, or let keep-map make it anew";
+        std::shared_ptr<GroundMap> found(
+            new GroundMap(std::make_unique<FilePart>(std::move(part)), h.columns, h.rows, false));
         found->extremes_ =
             Extremes{static_cast<float>(h.lowest_m), static_cast<float>(h.highest_m), h.void_posts, h.any_valid != 0};
         found->path_ = path;

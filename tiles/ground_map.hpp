@@ -53,6 +53,12 @@ public:
     static std::shared_ptr<const GroundMap> make(const DataBaseParams& rasters, const MakeParams& params);
     /// The kept one that fits these rasters; null: there is none. `unfit`: says why not where one lies there.
     static std::shared_ptr<const GroundMap> kept(const DataBaseParams& rasters, std::string* unfit = nullptr);
+    /// InputError if what lies where it would be kept is no ground map: not ours to replace. A map that is empty, cut, stale or
+    /// damaged behind its first bytes is. IoError.
+    static void check_place(const DataBaseParams& rasters);
+    /// Reads all pages: false if one is damaged. Of one that is kept: a hundredth of its raster.
+    /// Interrupted, IoError.
+    bool whole(const Stop& stop) const;
     /// Where it is kept.
     static std::string kept_path(const DataBaseParams& rasters);
 

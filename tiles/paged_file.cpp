@@ -89,7 +89,7 @@ std::shared_ptr<const PageBytes> PageCache::page(std::uint64_t number, bool spar
     auto bytes = std::make_shared<PageBytes>();
     const PagedFile::State state = file_.read(number, *bytes);
     if (state == PagedFile::State::never_written && sparse) return nullptr;
-    if (state != PagedFile::State::whole) throw DataError(name() + " is damaged");
+    if (state != PagedFile::State::whole) throw DataError(name() + " is damaged" + file_.remedy());
     const std::lock_guard lock(mutex_);
     recent_.emplace_front(number, bytes);
     if (recent_.size() > most_) recent_.pop_back();

@@ -26,6 +26,7 @@ struct FilePart {
     std::shared_ptr<PlainFile> file;
     std::uint64_t begin = 0;
     bool whole = true;  ///< nothing else is in the file
+    const char* remedy = "";  ///< for the end of a message on damage
 };
 /// A whole file of that name.
 FilePart whole_file(const std::string& path, PlainFile::Use use);
@@ -51,6 +52,7 @@ public:
     PagedFile(FilePart part, const PageLayout& layout, Use use);
 
     std::string named() const;  ///< "block map 'path'"
+    const char* remedy() const { return part_.remedy; }
     /// From several threads at once, each its own pages.
     void write(std::uint64_t page, const PageBytes& content);
     enum class State { whole, damaged, never_written };

@@ -40,11 +40,17 @@ bool stays(const Settings& settings, const DataBase& db) {
                static_cast<double>(settings.memory_bytes);
 }
 
+/// InputError where a file that is not ours stands in the way of the map to keep.
+void check_place(const Settings& settings, const DataBaseParams& layers) {
+    if (settings.keep_map && !settings.overwrite) GroundMap::check_place(layers);
+}
+
 }  // namespace
 
 bool expects_ground(const Settings& settings, GroundUse use, const Stop& stop) {
     if (knows_its_ground(settings)) return false;
     const DataBaseParams layers = data_base_params(settings, cache_bytes(settings), stop);
+    check_place(settings, layers);
     if (settings.keep_map || GroundMap::kept(layers)) return true;
     if (!use.levels) return false;
     constexpr float any_ground_m = 0;
@@ -57,7 +63,9 @@ std::string find_ground(Settings& settings, GroundUse use, const Stop& stop) {
     settings.ground = nullptr;
     if (knows_its_ground(settings)) return unfit;
     const DataBaseParams layers = data_base_params(settings, cache_bytes(settings), stop);
+    check_place(settings, layers);
     settings.ground = GroundMap::kept(layers, &unfit);
+    if (settings.keep_map && settings.ground && !settings.ground->whole(stop)) settings.ground = nullptr;
     if (settings.ground) return unfit;
     GroundMap::MakeParams params;
     bool only_for_speed = false;

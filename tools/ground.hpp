@@ -19,12 +19,13 @@ struct GroundUse {
 /// So many make a map of the whole raster pay.
 inline constexpr std::size_t many_scenes = 4;
 
-/// True if find_ground() would find or make one; reads nothing of the terrain.
+/// True if find_ground() would find or make one; reads nothing of the terrain. Errors as of GroundMap::check_place.
 bool expects_ground(const Settings& settings, GroundUse use, const Stop& stop);
 
 /// Sets settings.ground: null where a tile store knows its ground itself, or there is no need. `settings`: with the place
 /// of the scene, or of the first of many. Returns why a map that lies beside the raster is not used; mostly
-/// empty. Errors as of GroundMap::make.
+/// empty. A kept map that is damaged is made anew where `keep-map` asks for one; else it is read until the damage is met.
+/// Errors as of GroundMap::check_place and make.
 std::string find_ground(Settings& settings, GroundUse use, const Stop& stop);
 
 }  // namespace wedgescope
