@@ -1298,12 +1298,16 @@ TEST_CASE("coverage of nothing but voids says so", "[cli]") {
     const Folder folder;
     const std::string hole =
         float_raster(folder, "hole", 40, 40, std::vector<float>(1600, std::numeric_limits<float>::quiet_NaN()));
-    for (const Strings& more : {Strings{}, {"-q"}}) {
-        const Outcome outcome = folder.run(with(
-            {"coverage", hole, "seen.tif", "--xy", "465500,3750000", "--altitude-msl", "1km", "--overwrite"}, more));
-        INFO(outcome.err);
-        CHECK(outcome.code == 0);
-        CHECK_THAT(outcome.err, Contains("hole.dat': no post in view holds a height"));
+    std::ofstream(folder.file("places.csv")) << "x,y,altitude\n465500,3750000,1000\n";
+    for (const Strings& place :
+         {Strings{"--xy", "465500,3750000", "--altitude-msl", "1km"}, {"--observers", "places.csv"}}) {
+        const Strings words = with({"coverage", hole, "seen.tif", "--overwrite"}, place);
+        const Outcome said = folder.run(words), quiet = folder.run(with(words, {"-q"}));
+        INFO(said.err << quiet.err);
+        CHECK(said.code == 0);
+        CHECK_THAT(said.err, Contains("hole.dat': no post in view holds a height"));
+        CHECK(quiet.code == 0);
+        CHECK(quiet.err.empty());
     }
     // A place in the sea beside the data, and one of its posts.
     std::vector<float> posts(1600, std::numeric_limits<float>::quiet_NaN());

@@ -570,8 +570,8 @@ TEST_CASE("observers in whose view no post holds a height are told of", "[observ
     const Folder folder;
     draw_hills(folder / "dem.tif", 120, 100);
     std::ofstream(folder / "t.csv") << "x,y,altitude\n300000,3752000,900\n";
-    const Ended ended =
-        coverage(folder, {folder / "dem.tif", folder / "out.tif", "--observers", folder / "t.csv", "--range", "5km"});
+    const Words words = {folder / "dem.tif", folder / "out.tif", "--observers", folder / "t.csv", "--range", "5km"};
+    const Ended ended = run_program(joined({program, "coverage"}, words), folder / "log");
     CHECK(ended.code == 0);
     CHECK_THAT(ended.err, Contains("dem.tif': no post in view holds a height; all of '"));
 }

@@ -202,7 +202,7 @@ void coverage(const std::vector<std::string>& arguments, Stop& stop) {
            fmt::format("sensor: {:.1f} m above sea level; seen: {} posts, {:.2f} % of those in range with data",
                        scene.sensor_m, grouped(report.seen()),
                        judged > 0 ? 100 * static_cast<double>(report.seen()) / judged : 0.0));
-    if (judged == 0) fmt::print(stderr, "{}", nothing_judged_line(settings));
+    if (judged == 0) remark(settings.quiet, nothing_judged_line(settings));
     if (!by_tiles)
         remark(settings.quiet, text(settings.output, " is not cut into tiles of ", CoverageTile::edge, " x ",
                                     CoverageTile::edge, " posts, which takes longer to write"));

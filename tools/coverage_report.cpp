@@ -31,7 +31,7 @@ json quadrant_json(const QuadrantReport& q) {
 
 std::string nothing_judged_line(const Settings& settings) {
     return text(in_quotes(settings.dem), ": no post in view holds a height; all of ", in_quotes(settings.output),
-                " is no data or out of range\n");
+                " is no data or out of range");
 }
 
 RasterFormat coverage_format(const Settings& settings) {

@@ -429,7 +429,7 @@ void coverage_of_observers(const Settings& given, double start_s, Stop& stop) {
            fmt::format("{} observers; seen by at least {}: {} posts, {:.2f} % of those in range with data; most: {}",
                        observers->size(), settings.at_least.value_or(1), grouped(facts.posts.enough),
                        judged > 0 ? 100 * static_cast<double>(facts.posts.enough) / judged : 0.0, facts.posts.most));
-    if (judged == 0) fmt::print(stderr, "{}", nothing_judged_line(settings));
+    if (judged == 0) remark(settings.quiet, nothing_judged_line(settings));
     remark_unused(settings.quiet, unfit_map);
     remark(settings.quiet, text("written: ", settings.output,
                                 fmt::format(" ({:.1f} s, {:.1f} observers/s)", now_s() - start_s,
