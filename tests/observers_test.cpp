@@ -529,7 +529,7 @@ TEST_CASE("what is wrong with observers is said in one line, and nothing is left
     write_points(folder / "none.gpkg", "GPKG", "EPSG:32611", {});
     CHECK_THAT(refused(folder, {dem, out, "--observers", folder / "none.gpkg"}), Contains("holds no observer"));
     CHECK_THAT(refused(folder, {dem, out, "--observers", folder / "nowhere.gpkg"}, 1),
-               Contains("observers '") && Contains("nowhere.gpkg' cannot be opened"));
+               Contains("observers '") && Contains("nowhere.gpkg' cannot be opened: No such file or directory"));
     CHECK_THAT(refused(folder, {dem, out, "--observers", folder / "nowhere.csv"}, 1), Contains("cannot be opened"));
     CHECK_THAT(refused(folder, {dem, out, "--observers", dem}, 1),
                Contains("cannot be opened as points") && Contains("(accepted: a vector file that GDAL reads"));

@@ -2,8 +2,11 @@
 
 #include <cpl_string.h>
 #include <ogrsf_frmts.h>
+#include <sys/stat.h>
 
+#include <cerrno>
 #include <cmath>
+#include <cstring>
 
 #include "lib/error.hpp"
 #include "tiles/gdal_handle.hpp"
@@ -49,6 +52,10 @@ PointFile::PointFile(const PointFileParams& params, const DataBase& data_base) :
         register_all_drivers();
         GdalErrors errors;
         o.dataset = open_vector(o.path);
+        struct stat facts {};
+        // GDAL may say nothing at all of a path that is not there.
+        if (!o.dataset && !errors.failed() && !errors.warned() && ::stat(o.path.c_str(), &facts) != 0)
+            throw IoError(text(o.named(), " cannot be opened: ", std::strerror(errno)));
         if (!o.dataset)
             throw IoError(text(o.named(), " cannot be opened as points: ", errors.reason(),
                                " (accepted: a vector file that GDAL reads, as GeoPackage, GeoJSON or a shapefile, or a "
