@@ -5,6 +5,7 @@
 #include <sstream>
 
 #include "lib/target.hpp"
+#include "tools/coverage_report.hpp"
 #include "tools/options.hpp"
 #include "tools/report_json.hpp"
 #include "tools/terminal.hpp"
@@ -102,6 +103,24 @@ TEST_CASE("the report holds what the contract names", "[report]") {
     CHECK(out["scene"]["resolved"]["sensor_height_m"] == 2000.0);
     for (const Key& key : key_table()) {
         if ((key.commands & command_simulate) && key.in_scene_file) CHECK(out["scene"].contains(key.name));
+    }
+}
+
+TEST_CASE("the report says which quality max-error took", "[report]") {
+    const std::vector<std::string> asked = {"--latlon", "1,2", "--altitude-msl", "2km", "--max-error", "0.05dB"};
+    const auto with = [&](std::vector<std::string> words) {
+        words.insert(words.end(), asked.begin(), asked.end());
+        return words;
+    };
+    const Settings scene = parse_arguments(command_simulate, with({"--dem", "a.tif"})),
+                   cover = parse_arguments(command_coverage, with({"a.tif", "b.tif"}));
+    RunResult run = drawn_run(1);
+    run.scene.scene.quality = scene.scene.quality;
+    run.scene.scene.max_error_db = scene.scene.max_error_db;
+    for (const nlohmann::ordered_json& said :
+         {nlohmann::ordered_json(report_json(scene, run, {}, 0, {})["scene"]), coverage_scene(cover)}) {
+        CHECK(said["resolved"]["quality"] == "fine");
+        CHECK(said["max-error"] == "0.05dB");
     }
 }
 

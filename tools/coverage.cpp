@@ -39,7 +39,7 @@ json report_json(const Settings& settings, const CoverageReport& report, const D
     json out;
     out["format"] = "wedgescope-coverage-report-1";
     out["version"] = version();
-    out["scene"] = coverage_parameters(settings);
+    out["scene"] = coverage_scene(settings);
     out["inputs"] = inputs_json(input_files(settings, db));
     out["output"] = settings.output;
     out["columns"] = db.columns;

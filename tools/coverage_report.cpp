@@ -18,6 +18,12 @@ json coverage_parameters(const Settings& settings) {
     return out;
 }
 
+json coverage_scene(const Settings& settings) {
+    json out = coverage_parameters(settings);
+    out["resolved"] = {{"quality", word(settings.scene.quality)}};
+    return out;
+}
+
 json quadrant_json(const QuadrantReport& q) {
     return json{{"cpu_s", {{"load", q.load_s}, {"sweep", q.sweep_s}}},
                 {"cpu_total_s", q.load_s + q.sweep_s},

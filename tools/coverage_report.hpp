@@ -13,6 +13,8 @@ namespace wedgescope {
 nlohmann::ordered_json coverage_parameters(const Settings& settings);
 /// What a quadrant, or all of them, did and cost.
 nlohmann::ordered_json quadrant_json(const QuadrantReport& report);
+/// For a report: also, as `resolved`, the quality that max-error took.
+nlohmann::ordered_json coverage_scene(const Settings& settings);
 /// What a user may take for an error of the program: a line for an output that holds no judged post.
 std::string nothing_judged_line(const Settings& settings);
 /// The file's format, as --of, --co and --reproducible say; with `coverage_parameters` in it.

@@ -261,7 +261,7 @@ void write_observers_report(OutputFile& file, const Settings& settings, const Ob
     const auto n = static_cast<double>(observers.size());
     const json head{{"format", "wedgescope-observers-1"},
                     {"version", version()},
-                    {"scene", coverage_parameters(settings)},
+                    {"scene", coverage_scene(settings)},
                     {"inputs", inputs_json(input_files(settings, db))},
                     {"output", settings.output},
                     {"columns", db.columns},

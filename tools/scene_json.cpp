@@ -91,6 +91,7 @@ nlohmann::ordered_json resolved_json(const ResolvedScene& r) {
     out["sensor_height_m"] = r.sensor_m;
     out["reference_height_m"] = r.reference_m;
     out["earth_inverse_radius_per_m"] = r.earth.inverse_radius();
+    out["quality"] = word(r.scene.quality);
     out["range_m"] = r.scene.range_m.value_or(0);
     out["range_start_m"] = r.scene.range_start_m;
     out["sweep_delay_m"] = r.sweep_delay_m;
