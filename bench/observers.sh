@@ -70,7 +70,7 @@ for size in $sizes; do
         for case in many1 "many$all_threads" singles; do
             cat took."$case".* >"times.$case"
             # shellcheck disable=SC2046
-            row "$size" "$observers" "$range" "$(sed "s/many\(.*\)/one run, \1 threads/; s/singles/single runs, $all_threads threads/" <<<"$case")" \
+            row "$size" "$observers" "$range" "$(sed "s/many\(.*\)/one run, \1 threads/; s/singles/single runs, $all_threads threads/; s/ 1 threads/ 1 thread/" <<<"$case")" \
                 $(middle "times.$case")
         done
     done

@@ -18,6 +18,7 @@ bench_setup "--sizes 1000x2000 2000 10000 20000
 --memory 256MiB
 --grass 2000" "$@"
 
+threads_words() { if (($1 == 1)); then echo "1 thread"; else echo "$1 threads"; fi; }
 ours() {  # input, mask, threads, quality
     command=("$program" coverage --xy "$x,$y" --altitude-agl "${height}m" --geometry grid --memory "$memory" --overwrite --quiet
         --threads "$3" --quality "$4" "$1" "$2")
@@ -99,10 +100,10 @@ for size in $sizes; do
         run_all
         row viewshed viewshed.tif "gdal_viewshed, 1 thread"
         row normal1 "" "coverage normal, 1 thread"
-        row "normal$all_threads" normal.tif "coverage normal, $all_threads threads"
-        for quality in draft fine exact; do row "$quality" "$quality.tif" "coverage $quality, $all_threads threads"; done
+        row "normal$all_threads" normal.tif "coverage normal, $(threads_words "$all_threads")"
+        for quality in draft fine exact; do row "$quality" "$quality.tif" "coverage $quality, $(threads_words "$all_threads")"; done
         for quality in normal exact; do
-            for threads in 1 $all_threads; do row "scope.$quality$threads" "" "simulate $quality, $threads threads"; done
+            for threads in 1 $all_threads; do row "scope.$quality$threads" "" "simulate $quality, $(threads_words "$threads")"; done
         done
         row copy "" "gdal_translate of the store"
         if ((longer <= grass)) && command -v grass >/dev/null; then
@@ -136,8 +137,8 @@ EOF
         fi
         run_all
         row viewshed viewshed.tif "gdal_viewshed, $file.tif"
-        row plain plain.tif "coverage, $all_threads threads, $file.tif"
-        if [[ -d $file.store ]]; then row store normal.tif "coverage, $all_threads threads, $file.store"; fi
+        row plain plain.tif "coverage, $(threads_words "$all_threads"), $file.tif"
+        if [[ -d $file.store ]]; then row store normal.tif "coverage, $(threads_words "$all_threads"), $file.store"; fi
     done
     rm -rf ./*.tif ./*.store
     echo
