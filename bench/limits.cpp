@@ -14,8 +14,9 @@ int main(int argc, char** argv) {
     }
     try {
         for (const std::size_t mib : {8, 32, 256})
-            fmt::print("{:>4} MiB: {}", mib,
-                       wedgescope::limits_line(wedgescope::measure_limits(argc > 1 ? argv[1] : ".", mib << 20)));
+            fmt::print(
+                "{:>4} MiB: {}", mib,
+                wedgescope::limits_line(wedgescope::measure_limits(argc > 1 ? argv[1] : ".", mib << 20, "FOLDER")));
     } catch (const std::exception& e) {
         fmt::print(stderr, "limits: {}\n", e.what());
         return 1;

@@ -12,11 +12,12 @@
 
 namespace wedgescope {
 
-ScratchFile::ScratchFile(std::string folder, std::string what)
-    : folder_(folder.empty() ? temporary_folder() : std::move(folder)), what_(std::move(what)) {}
+ScratchFile::ScratchFile(std::string folder, std::string what, std::string given_as)
+    : folder_(folder.empty() ? temporary_folder() : std::move(folder)), what_(std::move(what)),
+      given_as_(std::move(given_as)) {}
 
 void ScratchFile::fail(const char* what, int reason) const {
-    throw IoError(text(what_, " in temp-dir '", folder_, "' cannot be ", what, ": ",
+    throw IoError(text(what_, " in ", given_as_, " '", folder_, "' cannot be ", what, ": ",
                        reason ? std::strerror(reason) : "the file ends early"));
 }
 

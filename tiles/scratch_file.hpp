@@ -12,8 +12,8 @@ namespace wedgescope {
 
 class ScratchFile {
 public:
-    /// `folder`: empty: temporary_folder(). `what`: for messages ("the counts of observers").
-    ScratchFile(std::string folder, std::string what);
+    /// `folder`: empty: temporary_folder(). For messages `what` ("the counts of observers"), and what the folder was given as.
+    ScratchFile(std::string folder, std::string what, std::string given_as = "temp-dir");
 
     /// From any thread. IoError naming the folder (disk full, a folder that cannot be written to, ...). The first write opens
     /// the file; so does open(), to find a bad folder before any work.
@@ -23,7 +23,7 @@ public:
 
 private:
     [[noreturn]] void fail(const char* what, int reason) const;
-    std::string folder_, what_;
+    std::string folder_, what_, given_as_;
     Descriptor file_;
 };
 

@@ -93,7 +93,7 @@ std::string rate(double bytes_s) { return fmt::format("{:.2f} GB/s", bytes_s * 1
 
 }  // namespace
 
-Limits measure_limits(const std::string& folder, std::size_t buffer_bytes) {
+Limits measure_limits(const std::string& folder, std::size_t buffer_bytes, const char* given_as) {
     Limits limits;
     std::vector<std::uint64_t> buffer(buffer_bytes / sizeof(std::uint64_t), 1);
     const std::size_t bytes = buffer.size() * sizeof(std::uint64_t);
@@ -101,7 +101,7 @@ Limits measure_limits(const std::string& folder, std::size_t buffer_bytes) {
     limits.memory = best_rate(amount, [&] { use(added(buffer)); });
     const std::span<std::byte> raw = std::as_writable_bytes(std::span(buffer));
     {
-        ScratchFile file(folder, "the file for measuring this machine");
+        ScratchFile file(folder, "the file for measuring this machine", given_as);
         limits.write = best_rate(amount, [&] { file.write(raw, 0); });
         // Into a part that stays in the cache, as a reader's buffer does.
         const std::size_t step = std::min<std::size_t>(bytes, 1 << 18);

@@ -16,8 +16,8 @@ struct Limits {
     double write = 0;   ///< writing a new file, not waited for
 };
 /// About a tenth of a second for 32 MiB. A file of that size stands in `folder` (empty: temporary_folder()) for as long
-/// as it takes; IoError.
-Limits measure_limits(const std::string& folder, std::size_t buffer_bytes);
+/// as it takes; IoError, which names the folder as what it was given as.
+Limits measure_limits(const std::string& folder, std::size_t buffer_bytes, const char* given_as = "temp-dir");
 
 /// What a stage did, and the least that it moves: its limit is the time that this takes at the machine's best.
 struct StageWork {
