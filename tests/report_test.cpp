@@ -52,8 +52,8 @@ TEST_CASE("the report holds what the contract names", "[report]") {
     Settings settings =
         parse_arguments(command_simulate, {"--dem", "a.tif", "--latlon", "1,2", "--altitude-msl", "2km"});
     const auto out =
-        report_json(settings, run, {{"dem", "a.tif", 42, "WGS 84"}, {"culture", "/vsicurl/x", std::nullopt, ""}}, 0.5,
-                    {2, 1.5, 0.25, 1 << 20, 3, 1000, 2000, {}, {}});
+        report_json(settings, run, {{"dem", "a.tif", 42, "WGS 84"}, {"culture", "/vsicurl/x", std::nullopt, ""}},
+                    {0.75, 0.5}, {2, 1.5, 0.25, 1 << 20, 3, 1000, 2000, {}, {}});
     CHECK(out["format"] == "wedgescope-report-1");
     CHECK(out["version"] == version());
     REQUIRE(out["wedges"].is_array());
@@ -92,6 +92,8 @@ TEST_CASE("the report holds what the contract names", "[report]") {
     CHECK(out["total"]["disk_wait_s"] == 0.375);
     CHECK(out["total"]["bytes_spilled"] == 12);
     CHECK(out["wedges"][1]["reused"] == false);
+    CHECK(out["stages_wall_s"]["open"] == 0.75);
+    CHECK(out["stages_wall_s"]["write"] == 0.5);
     CHECK(out["threads"] == 2);
     CHECK(out["instruction_set"] == name_of(target_in_use()));
     // Defaults are numbers, with their units.
@@ -118,7 +120,7 @@ TEST_CASE("the report says which quality max-error took", "[report]") {
     run.scene.scene.quality = scene.scene.quality;
     run.scene.scene.max_error_db = scene.scene.max_error_db;
     for (const nlohmann::ordered_json& said :
-         {nlohmann::ordered_json(report_json(scene, run, {}, 0, {})["scene"]), coverage_scene(cover)}) {
+         {nlohmann::ordered_json(report_json(scene, run, {}, {}, {})["scene"]), coverage_scene(cover)}) {
         CHECK(said["resolved"]["quality"] == "fine");
         CHECK(said["max-error"] == "0.05dB");
     }
@@ -131,13 +133,13 @@ TEST_CASE("the table has a row for each wedge, and for many one for the rest", "
         for (std::string line; std::getline(in, line);) all.push_back(line);
         return all;
     };
-    const auto few = lines(report_table(drawn_run(3).report, 0.1, {}));
+    const auto few = lines(report_table(drawn_run(3).report, {0.9, 0.1}, {}));
     CHECK(few.size() == 2 + 3 + 1 + 4);
     RunReport report = drawn_run(1000).report;
     report.wedges[500].sweep_s = 9999;
     report.wedges[400].sweep_s = 99;
     report.wedges[7].reused = true;
-    const auto many = lines(report_table(report, 0.1, {}, 40));
+    const auto many = lines(report_table(report, {0, 0.1}, {}, 40));
     CHECK(many.size() == 2 + 40 + 1 + 1 + 4);
     // Columns stand under one another, and the dearest wedges come first.
     for (const auto& page : {few, many})
@@ -151,8 +153,9 @@ TEST_CASE("the table has a row for each wedge, and for many one for the rest", "
     CHECK_THAT(many[3], Contains("400"));
     CHECK_THAT(many[41], Contains("960 wedges"));
     CHECK_THAT(many[43], Contains("reused 1 of 1000 wedges"));
+    CHECK_THAT(few[6], Contains("share ") && Contains(" open "));
     CHECK_THAT(few[7], Contains("seen 20.0 %"));
-    CHECK(lines(report_table(RunReport{}, 0, {})).size() == 2 + 1 + 4);
+    CHECK(lines(report_table(RunReport{}, {}, {})).size() == 2 + 1 + 4);
 }
 
 TEST_CASE("what the process used is counted", "[report]") {

@@ -184,7 +184,7 @@ nlohmann::ordered_json sampling_json(const Sampling& sampling) {
 }
 
 nlohmann::ordered_json report_json(const Settings& settings, const RunResult& run, const std::vector<InputFile>& inputs,
-                                   double write_s, const Usage& usage) {
+                                   const OuterStages& outer, const Usage& usage) {
     using json = nlohmann::ordered_json;
     const RunReport& report = run.report;
     json out;
@@ -257,9 +257,9 @@ nlohmann::ordered_json report_json(const Settings& settings, const RunResult& ru
     }
     out["sampling"] = sampling_json(run.sampling);
     out["stages_wall_s"] =
-        json{{"survey", report.survey_s}, {"merge", report.merge_s},       {"keep", report.keep_s},
-             {"beam", report.beam_s},     {"receiver", report.receiver_s}, {"display", report.display_s},
-             {"write", write_s}};
+        json{{"open", outer.open_s},        {"survey", report.survey_s}, {"merge", report.merge_s},
+             {"keep", report.keep_s},       {"beam", report.beam_s},     {"receiver", report.receiver_s},
+             {"display", report.display_s}, {"write", outer.write_s}};
     add_usage(out, usage);
     out["peak_budget_bytes"] = report.peak_budget_bytes;
     out["threads"] = report.threads;
@@ -267,7 +267,7 @@ nlohmann::ordered_json report_json(const Settings& settings, const RunResult& ru
     return out;
 }
 
-std::string report_table(const RunReport& report, double write_s, const Usage& usage, std::size_t most_rows) {
+std::string report_table(const RunReport& report, const OuterStages& outer, const Usage& usage, std::size_t most_rows) {
     const double mebibyte = 1048576;
     std::string out = fmt::format(
         "{:>6} {:>12} {:>7} {:>7} {:>7} {:>7} {:>7} {:>7} {:>8} {:>7} {:>7} {:>7} {:>7} {:>7} {:>7} {:>7} {:>7}\n", "",
@@ -313,18 +313,20 @@ std::string report_table(const RunReport& report, double write_s, const Usage& u
     // Shares: CPU seconds of the wedges' stages, wall seconds of what comes before and after them.
     std::vector<std::pair<std::string, double>> parts;
     for (const CpuStage& stage : cpu_stages) parts.emplace_back(stage.name, total.*stage.seconds);
-    for (const auto& [name, s] : {std::pair<const char*, double>{"survey", report.survey_s},
+    for (const auto& [name, s] : {std::pair<const char*, double>{"open", outer.open_s},
+                                  {"survey", report.survey_s},
                                   {"keep", report.keep_s},
                                   {"beam", report.beam_s},
                                   {"receiver", report.receiver_s},
                                   {"display", report.display_s},
-                                  {"write", write_s}}) {
+                                  {"write", outer.write_s}}) {
         parts.emplace_back(name, s);
     }
     double all = 0;
     for (const auto& part : parts) all += part.second;
     out += "share ";
-    for (const auto& [name, s] : parts) out += fmt::format(" {} {:.0f} %", name, all > 0 ? 100 * s / all : 0.0);
+    for (const auto& [name, s] : parts)
+        if (200 * s >= all && all > 0) out += fmt::format(" {} {:.0f} %", name, 100 * s / all);
     std::uint64_t cells = 0;
     for (const auto count : report.states) cells += count;
     out += "\nstates";

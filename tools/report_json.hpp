@@ -53,12 +53,19 @@ std::string source_line(const SourceReport& source);
 /// Wedges that an earlier run had done.
 std::size_t reused_count(const RunReport& report);
 
+/// Wall seconds of a run before its survey and after its picture.
+struct OuterStages {
+    double open_s = 0;   ///< rasters, and the passes over them: for a ground map, into wedges
+    double write_s = 0;  ///< all files but the report
+};
+
 nlohmann::ordered_json report_json(const Settings& settings, const RunResult& run, const std::vector<InputFile>& inputs,
-                                   double write_s, const Usage& usage);
+                                   const OuterStages& outer, const Usage& usage);
 
 /// A row for each wedge that was done, or for those that cost most CPU, at most `most_rows` with one for the rest; totals,
-/// share of time by stage. Lines of at most 140 characters.
-std::string report_table(const RunReport& report, double write_s, const Usage& usage, std::size_t most_rows = 24);
+/// share of time by stage, from half a per cent on. Lines of at most 140 characters.
+std::string report_table(const RunReport& report, const OuterStages& outer, const Usage& usage,
+                         std::size_t most_rows = 24);
 
 /// What the stages of a run moved, for limits_table(): posts and decoded bytes that were read; a post for each one swept
 /// (4 bytes), a cell (8 bytes, read and written) for each visible piece, cells of the image for what follows.

@@ -165,6 +165,8 @@ void simulate(const Settings& given, WorkDir* work, double start_s, Stop& stop) 
 
     std::unique_ptr<TimelineFile> timeline;
     if (outputs.timeline) timeline = std::make_unique<TimelineFile>(*outputs.timeline);
+    OuterStages outer;
+    const double open_start_s = now_s();
     Span opening(timeline.get(), "open", "stage");
     settings.expects_ground = expects_ground(settings, {.levels = true}, stop);
     Settings as_read = settings;
@@ -191,6 +193,7 @@ void simulate(const Settings& given, WorkDir* work, double start_s, Stop& stop) 
         source = open_source(choice, layers, settings.scene, options);
     }
     opening.end();
+    outer.open_s = now_s() - open_start_s;
     const std::uint64_t data = source->fingerprint({});
     Span resolving(timeline.get(), "resolve", "stage");
     const ResolvedScene scene = resolve(settings.scene, *source);
@@ -227,7 +230,7 @@ void simulate(const Settings& given, WorkDir* work, double start_s, Stop& stop) 
     Span writing(timeline.get(), "write", "stage");
     if (outputs.layers) outputs.layers->write(result, settings, source->data_base(), stop);
     if (ground) ground->write(settings.quiet, stop, timeline.get(), data);
-    const double write_s = now_s() - write_start_s;
+    outer.write_s = now_s() - write_start_s;
     writing.end();
     if (timeline) timeline->finish();
     const Usage usage = usage_since(start_s);
@@ -235,7 +238,7 @@ void simulate(const Settings& given, WorkDir* work, double start_s, Stop& stop) 
         write_report(*outputs.report, report_json(settings, result,
                                                   input_files(settings, source->data_base(),
                                                               settings.files.empty() ? "" : settings.files[0]),
-                                                  write_s, usage));
+                                                  outer, usage));
     }
     stop.check();
     std::string written;
@@ -251,8 +254,9 @@ void simulate(const Settings& given, WorkDir* work, double start_s, Stop& stop) 
     if (!settings.only_wedges)
         for (const std::string& line : doubts(result))
             if (!line.empty()) remark(settings.quiet, line);
-    if (settings.verbose || settings.profile) fmt::print(stderr, "{}", report_table(result.report, write_s, usage));
-    if (settings.profile) fmt::print(stderr, "{}", limits_words(settings, stage_work(result.report, write_s, usage)));
+    if (settings.verbose || settings.profile) fmt::print(stderr, "{}", report_table(result.report, outer, usage));
+    if (settings.profile)
+        fmt::print(stderr, "{}", limits_words(settings, stage_work(result.report, outer.write_s, usage)));
     if (settings.only_wedges) {
         written += text(written.empty() ? "" : ", ", work->kept(), " of ", work->recorded_split().size(), " wedges in ",
                         in_quotes(work->path()));
