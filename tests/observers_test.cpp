@@ -411,7 +411,7 @@ TEST_CASE("observers come in any vector file, in any CRS, or in a table", "[obse
     check(folder / "track.csv");
     std::ofstream(folder / "table.CSV")
         << "name,Longitude,LATITUDE,height,altitude\n\"Peak, the\",-117.352,33.905,100ft,\n"
-           "b,-117.33,33.88,,\n# none\nc,-117.31,33.9,60,\n";
+           "12\" mast,-117.33,33.88,,\n# none\nc,-117.31,33.9,60,\n";
     check(folder / "table.CSV", {"--altitude-agl", "60m"});
     // Another CRS, turned into latitude and longitude by PROJ; a layer of several.
     write_points(folder / "two.gpkg", "GPKG", "EPSG:4269",
@@ -500,6 +500,9 @@ TEST_CASE("what is wrong with observers is said in one line, and nothing is left
     CHECK_THAT(table("name,height\n"), Contains("line 1: no columns are lat, lon or x, y"));
     CHECK_THAT(table("x,y,heigth\n466000,3754000,30\n"), Contains("line 2 has no altitude; accepted: a field height"));
     CHECK_THAT(table("x,y,height,altitude\n466000,3754000,30,900\n"), Contains("line 2 has two of height, altitude"));
+    CHECK_THAT(
+        table("x,y,height,name\n466000,3754000,30,a\n466000,3754000,30,\"b\n"),
+        Contains("line 3: cell 4 begins with a double quote that nothing closes; a quoted cell must end on its"));
     CHECK_THAT(table("x,y,height\n466000,3754000,30\n466000,,30\n"), Contains("line 3, column y is ''"));
     CHECK_THAT(table("x,y,height\n466000,3754000,-3\n"),
                Contains("column height is '-3'; it must be from 0m to 1000km"));

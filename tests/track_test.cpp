@@ -220,6 +220,9 @@ TEST_CASE("a bad line of a track is named with what was found and what is accept
                Contains("column heading is '400'; it must be from -360deg to 360deg"));
     CHECK_THAT(refused(head + "0,33,-117,1000,nan\n"), Contains("column heading is 'nan'"));
     CHECK_THAT(refused(head + "0,33,-117,2000km,0\n"), Contains("from -10km to 1000km"));
+    CHECK(refused(head + "0,33,-117,1000,0\n1,33,-117,1000,\"0\n\"\n") ==
+          "track 't.csv', line 3: cell 5 begins with a double quote that nothing closes; a quoted cell must end on its "
+          "line");
     CHECK_THAT(refused(head + "0,33,-117,1000\n"), Contains("line 2 has 4 columns; accepted: 5"));
     CHECK_THAT(refused(head + "0,33,-117,1000,0\n\n# x\n0,33,-117,1000,0\n"),
                Contains("line 5, column time is 0 s; it must be more than the 0 s of the row before"));

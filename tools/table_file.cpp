@@ -9,19 +9,22 @@
 namespace wedgescope {
 namespace {
 
-/// The cells of a line, trimmed; a comma in double quotes is part of its cell.
-void split(std::string_view line, std::vector<std::string_view>& cells) {
+/// The cells of a line, trimmed; a comma in double quotes is part of its cell. False at a cell, the last then, that begins with a
+/// quote which nobody closes.
+bool split(std::string_view line, std::vector<std::string_view>& cells) {
     cells.clear();
     for (;;) {
         bool quoted = false;
         std::size_t comma = 0;
         while (comma < line.size() && (quoted || line[comma] != ',')) quoted ^= line[comma++] == '"';
-        if (quoted) comma = line.find(',');  // a quote that nobody closes is a character as any other
+        if (quoted) comma = line.find(',');  // within a cell (12" dish) such a quote is a character as any other
         std::string_view cell = trimmed(line.substr(0, comma));
+        const bool open = quoted && cell.starts_with('"');
         if (cell.size() >= 2 && cell.front() == '"' && cell.back() == '"')
             cell = trimmed(cell.substr(1, cell.size() - 2));
         cells.push_back(cell);
-        if (comma >= line.size()) return;
+        if (open) return false;
+        if (comma >= line.size()) return true;
         line.remove_prefix(comma + 1);
     }
 }
@@ -48,7 +51,10 @@ bool TableRows::next() {
         if (line_ == 1 && row_.starts_with("\xef\xbb\xbf")) row_.erase(0, 3);
         const std::string_view rest = trimmed(row_);
         if (rest.empty() || rest.front() == '#') continue;
-        split(row_, cells_);
+        if (!split(row_, cells_))
+            throw InputError(
+                text(subject_, ", line ", line_, ": cell ", cells_.size(),
+                     " begins with a double quote that nothing closes; a quoted cell must end on its line"));
         return true;
     }
     if (content_.bad()) throw IoError(text(subject_, " cannot be read"));

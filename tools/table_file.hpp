@@ -22,7 +22,7 @@ struct TableColumn {
 };
 
 /// The lines of a table that hold something, and their cells. Blank lines and those that begin with # are left out; a cell may
-/// stand in double quotes, and then hold commas.
+/// stand in double quotes, and then hold commas, but no line break.
 class TableRows {
 public:
     /// `subject`: for messages ("track 'x.csv'"). `content` must outlive it.
@@ -30,7 +30,7 @@ public:
     TableRows(const TableRows&) = delete;  // its cells are views into its row
     TableRows& operator=(const TableRows&) = delete;
 
-    /// The next line; false at the end. InputError for a line that is too long; IoError.
+    /// The next line; false at the end. InputError for a line that is too long or ends within quotes; IoError.
     bool next();
     std::int64_t line() const { return line_; }
     const std::string& subject() const { return subject_; }
