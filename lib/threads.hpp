@@ -24,22 +24,39 @@ private:
 /// As many of these threads as oneTBB has at hand, where no Crew lets more of them work.
 inline int at_hand(int threads) { return std::clamp(tbb::this_task_arena::max_concurrency(), 1, std::max(1, threads)); }
 
+/// Works in an arena that an earlier one has left, if one for so many threads is free. oneTBB frees an arena that has
+/// called for a worker only when a worker has come and found it empty. Where workers come late, or not at all, arenas
+/// made for one piece of work after the other would pile up, and each one more takes it longer the more there are.
 class Threads {
 public:
     /// `alone`: nothing else works for oneTBB; else a Crew lets so many work.
-    explicit Threads(int count, bool alone = true) : arena_(count) {
+    explicit Threads(int count, bool alone = true) : arena_(take(count)) {
         if (alone) crew_.emplace(count);
     }
+    ~Threads() { leave(arena_); }
+    Threads(const Threads&) = delete;
+    Threads& operator=(const Threads&) = delete;
 
     /// Runs `body` and all the tasks that it starts on them; returns when it does.
     template <class Body>
     void execute(Body&& body) {
-        arena_.execute(std::forward<Body>(body));
+        arena_.arena.execute(std::forward<Body>(body));
     }
 
 private:
+    struct Arena {
+        explicit Arena(int threads) : count(threads), arena(threads) {}
+        const int count;
+        bool in_use = true;
+        tbb::task_arena arena;
+    };
+    struct Arenas;
+    static Arenas& arenas();
+    static Arena& take(int count);
+    static void leave(Arena& arena);
+
+    Arena& arena_;
     std::optional<Crew> crew_;
-    tbb::task_arena arena_;
 };
 
 }  // namespace wedgescope

@@ -17,7 +17,10 @@
 #include <thread>
 #include <vector>
 
+#include "tests/resident_bytes.hpp"
+
 using namespace wedgescope;
+using namespace wedgescope::test;
 
 namespace {
 
@@ -56,12 +59,6 @@ template <class Run>
     int status = -1;
     REQUIRE(::waitpid(child, &status, 0) == child);
     return status;
-}
-
-[[maybe_unused]] std::size_t resident_bytes() {  // not under a sanitizer, which holds memory of its own
-    std::size_t pages = 0, resident = 0;
-    std::ifstream("/proc/self/statm") >> pages >> resident;
-    return resident * static_cast<std::size_t>(::sysconf(_SC_PAGESIZE));
 }
 
 }  // namespace

@@ -15,9 +15,11 @@
 
 #include "lib/coverage.hpp"
 #include "lib/seen_counts.hpp"
+#include "tests/busy_worker.hpp"
 #include "tests/drawn_raster.hpp"
 #include "tests/program.hpp"
 #include "tests/refusal.hpp"
+#include "tests/resident_bytes.hpp"
 #include "tests/small_disk.hpp"
 #include "tests/terrain.hpp"
 #include "tiles/count_store.hpp"
@@ -243,6 +245,30 @@ TEST_CASE("a coverage that hands out the tiles that spokes come by leaves out no
         CHECK(handed_out < whole * 3 / 4);
     }
 }
+
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)  // which hold memory of their own
+TEST_CASE("coverages on two threads, one after the other, leave nothing while the other thread is kept elsewhere",
+          "[observers]") {
+    const auto hills = rolling(300, 40, 11);
+    MemorySource source(24, 20, 30, [&](double c, double r) { return 200 + hills(c, r); });
+    Scene scene;
+    scene.platform.xy = PointXY{300, -270};
+    scene.platform.altitude_m = 900;
+    const ResolvedScene resolved = resolve_coverage(scene, source);
+    CoverageParams params;
+    params.mask = observer_codes;
+    params.reached_only = params.beside_others = true;
+    params.threads = 2;
+    const BusyWorker worker;
+    const auto cover_often = [&](int times) {
+        for (int i = 0; i < times; ++i) CHECK(cover(resolved, source, params, [](const CoverageTile&) {}).threads == 2);
+    };
+    cover_often(50);
+    const std::size_t before = resident_bytes();
+    cover_often(1000);
+    CHECK(resident_bytes() < before + (std::size_t{1} << 20));  // an arena left behind is 7 KB
+}
+#endif
 
 TEST_CASE("counts of tiles that go to a file and back are those of tiles that stay", "[observers][threads]") {
     const Folder folder;

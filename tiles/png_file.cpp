@@ -3,7 +3,6 @@
 #include <png.h>
 #include <tbb/enumerable_thread_specific.h>
 #include <tbb/parallel_pipeline.h>
-#include <tbb/task_arena.h>
 #include <zlib.h>
 
 #include <algorithm>
@@ -21,6 +20,7 @@
 #include "lib/error.hpp"
 #include "lib/interval.hpp"
 #include "lib/raw_vector.hpp"
+#include "lib/threads.hpp"
 
 namespace wedgescope {
 namespace {
@@ -170,7 +170,7 @@ bool encode(PngFrame& frame, std::int64_t columns, std::int64_t rows, std::span<
             const std::int64_t begin = std::exchange(next, std::min(next + high, rows));
             return {begin, next};
         };
-        tbb::task_arena(threads).execute([&] {
+        Threads(threads, false).execute([&] {
             constexpr std::size_t waiting = 2;  // pieces a thread
             tbb::parallel_pipeline(waiting * static_cast<std::size_t>(threads),
                                    tbb::make_filter<void, Interval>(tbb::filter_mode::serial_in_order, rows_of_next) &

@@ -4,7 +4,6 @@
 #include <fmt/format.h>
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
-#include <tbb/task_arena.h>
 
 #include <algorithm>
 #include <cctype>
@@ -239,7 +238,7 @@ void write_geolocation(const GeolocationGrid& grid, const std::string& path, con
     const std::int64_t margin = grid.closed ? 1 : 0, rows = grid.rows + 2 * margin;
     std::vector<double> x(static_cast<std::size_t>(grid.columns * rows), no_place), y = x;
     const auto columns = static_cast<std::size_t>(grid.columns);
-    tbb::task_arena(at_hand(grid.threads)).execute([&] {
+    Threads(at_hand(grid.threads), false).execute([&] {
         tbb::parallel_for(tbb::blocked_range<std::int64_t>(0, grid.rows, 16), [&](const auto& some) {
             std::vector<Place> places(columns);
             for (std::int64_t j = some.begin(); j < some.end(); ++j) {
