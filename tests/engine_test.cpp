@@ -700,6 +700,41 @@ TEST_CASE("with several threads the last wedges are narrower, and all together a
     CHECK(many.back() == 1);
 }
 
+TEST_CASE("spokes go by the height over what stands highest in the sector, but for a hundredth of it", "[engine][spoke_grid]") {
+    // A plain, mountains east of it, and one peak in the west.
+    const auto height = [](double c, double r) { return c > 300 ? 2800.0 : c == 100 && r == 200 ? 2900.0 : 300.0; };
+    MemorySource source(401, 401, 30, height);
+    Scene s;
+    s.platform.xy = PointXY{30 * 200, -30 * 200};
+    s.platform.altitude_m = 3000;
+    s.range_m = 12000;
+    const auto resolved = [&](double from_deg, double to_deg) {
+        s.sector = Sector{Angle::degrees(from_deg), Angle::degrees(to_deg)};
+        return resolve(s, source);
+    };
+    const auto per_bin = [&](const ResolvedScene& scene) {
+        return sampling_of(scene, source.data_base()).spokes_per_bin;
+    };
+    const auto rule = [](double posts) { return sampling(Scene{}.quality, GroundCover::bare, posts).spokes_per_bin; };
+    const ResolvedScene east = resolved(45, 135), west = resolved(225, 315), all = resolved(0, 360);
+    CHECK(east.clearance_m == 200);
+    CHECK(west.clearance_m == 2700);
+    CHECK(all.clearance_m == 200);
+    CHECK(per_bin(east) == rule(1.1 * 200 / 30));
+    CHECK(per_bin(west) == rule(2700.0 / 30));
+    CHECK(per_bin(east) > per_bin(west));
+    // Above the sensor: as from 2 posts up, no denser. Nearer the ground below: as that has it.
+    s.platform.altitude_m = 1000;
+    CHECK(resolved(45, 135).clearance_m == -1800);
+    CHECK(per_bin(resolved(45, 135)) == rule(2));
+    s.platform.altitude_m = 330;
+    CHECK(per_bin(resolved(45, 135)) == rule(1));
+    // Where no post is, nothing is known.
+    s.platform.altitude_m = 3000;
+    s.platform.xy = PointXY{-30 * 900, -30 * 200};
+    CHECK(resolved(225, 315).clearance_m == infinite);
+}
+
 TEST_CASE("ground is quiet from where the radar equation has it below the noise", "[engine][spoke_grid]") {
     MemorySource source(400, 400, 30, test::rolling(300, 90, 5));
     Scene s;

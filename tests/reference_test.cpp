@@ -163,6 +163,10 @@ TEST_CASE("inland_empire from 1300 m above ground, a weak radar: fewer spokes in
            true, 240, 1e3});
 }
 
+TEST_CASE("inland_empire from 1300 m above a valley, towards mountains as high as the sensor", "[reference]") {
+    check({"inland_empire, mountains", "inland_empire_dem.tif", "", "", 1, 33.8, -117.5, 1300, 500, 170, 20000, true});
+}
+
 TEST_CASE("inland_empire from 8000 m above ground, beam of 12 degrees", "[reference]") {
     check({"inland_empire 8000 m, 12 deg", "inland_empire_dem.tif", "inland_empire_culture.tif",
            "inland_empire_canopy.tif", 0.1, 33.93, -117.33, 8000, 60, 30, 35000, true, 120});
