@@ -107,6 +107,16 @@ const Place places[] = {
      12, 1},
     {"beam 6 deg, olympic_coast 8000 m above ground", "olympic_coast", bare, 48.2, -124.6, 8000, 90, 45000, 30, low, 6,
      1},
+    // Over a valley, towards mountains as high as the sensor; and other quadrants of the first place.
+    {"33.8,-117.5 to the west, 1300 m above ground", "inland_empire", bare, 33.8, -117.5, 1300, 180, 20000, 30, low},
+    {"33.8,-117.5 to the west, 1300 m, classes", "inland_empire", classes, 33.8, -117.5, 1300, 180, 20000, 30, low},
+    {"33.8,-117.5 to the west, beam 6 deg, 1300 m", "inland_empire", bare, 33.8, -117.5, 1300, 180, 20000, 30, low, 6},
+    {"33.8,-117.5 to the east, beam 6 deg, 200 m", "inland_empire", bare, 33.8, -117.5, 200, 0, 20000, 30, low, 6},
+    {"33.93,-117.33 to the east, 600 m above ground", "inland_empire", bare, 33.93, -117.33, 600, 0, 20000, 30, low},
+    {"33.93,-117.33 to the east, beam 6 deg, 1300 m", "inland_empire", bare, 33.93, -117.33, 1300, 0, 20000, 30, low,
+     6},
+    {"worcester 300 m above ground, to the west", "worcester_vermont", bare, 44.42, -72.56, 300, 180, 11000, 30, low,
+     3},
     // Classes side by side on bare ground: their borders are all there is between posts.
     {"inland_empire 2134 m, classes", "inland_empire", classes, 33.93, -117.33, 2134, 180, 30000, 30},
     {"inland_empire 838 m, classes", "inland_empire", classes, 33.93, -117.33, 838, 180, 30000, 30},
