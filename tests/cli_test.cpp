@@ -1015,14 +1015,16 @@ TEST_CASE("timeline and profile of a spilled run show its pass, its spill and it
         const auto report = nlohmann::json::parse(content(folder.work() / "report.json"));
         const auto trace = nlohmann::json::parse(content(folder.work() / "trace.json"));
 
-        // All that came back came back for a wedge or quadrant, but for the few blocks that place the sensor.
+        // All that came back came back for a wedge or quadrant, but for the few blocks that place the sensor, and those within 640
+        // posts that say what stands highest around it.
+        const std::uint64_t other_blocks = arguments[0] == "simulate" ? 16 + 11 * 11 : 16;
         std::uint64_t spilled = 0;
         for (const auto& wedge : report["wedges"]) spilled += wedge["bytes_spilled"].get<std::uint64_t>();
         const auto read_back = report["source"]["spill_read_bytes"].get<std::uint64_t>();
         CHECK(report["total"]["bytes_spilled"] == spilled);
         CHECK(spilled > std::uint64_t{1} << 20);
         CHECK(spilled <= read_back);
-        CHECK(read_back - spilled <= 16 * (std::uint64_t{2} * 128 * 128 + 25));
+        CHECK(read_back - spilled <= other_blocks * (std::uint64_t{2} * 128 * 128 + 25));
         CHECK_THAT(outcome.err, Contains("spilled"));
         CHECK_THAT(outcome.err, !Contains("spilled and read again 0"));
 

@@ -700,7 +700,8 @@ TEST_CASE("with several threads the last wedges are narrower, and all together a
     CHECK(many.back() == 1);
 }
 
-TEST_CASE("spokes go by the height over what stands highest in the sector, but for a hundredth of it", "[engine][spoke_grid]") {
+TEST_CASE("spokes go by the height over what stands highest in the sector, but for a hundredth of it",
+          "[engine][spoke_grid]") {
     // A plain, mountains east of it, and one peak in the west.
     const auto height = [](double c, double r) { return c > 300 ? 2800.0 : c == 100 && r == 200 ? 2900.0 : 300.0; };
     MemorySource source(401, 401, 30, height);
