@@ -295,8 +295,9 @@ std::vector<std::uint32_t> holes(const std::vector<double>& painted_w, const Fra
         const auto pixels = std::make_unique<PixelRow>();
         for (std::int64_t row = rows.begin(); row < rows.end(); ++row) {
             const double y = (f.centre_row - (static_cast<double>(row) + 0.5)) * f.metres_per_pixel;
-            for (std::int64_t column = 0; column < f.width; column += std::int64_t{pixel_lanes}) {
-                const auto n = static_cast<std::size_t>(std::min(f.width - column, std::int64_t{pixel_lanes}));
+            const Interval columns = columns_within(f, scene.most_radius_m, y);
+            for (std::int64_t column = columns.begin; column < columns.end; column += std::int64_t{pixel_lanes}) {
+                const auto n = static_cast<std::size_t>(std::min(columns.end - column, std::int64_t{pixel_lanes}));
                 place_pixels(n, column, y, scene, *pixels);
                 const auto first = static_cast<std::size_t>(row * f.width + column);
                 for (std::size_t i = 0; i < n; ++i) hole[first + i] = pixels->shown[i] && painted_w[first + i] < 0;
