@@ -32,7 +32,7 @@ enum class GroundCover { bare, classes, heights };
 struct Sampling {
     double spokes_per_post = 1;  ///< o: at least so many spokes a post on every line, but for above_posts
     double spokes_per_bin = 2;   ///< and so many an azimuth bin; 2 or more
-    double above_posts = 0;      ///< the sensor's height over the ground below it, in posts
+    double above_posts = 0;      ///< the sensor's height over the ground, in posts, as sampling_of() has it
     /// What single spokes miss averages out where bins are wide, and counts little beside noise: from 40 posts of height on
     /// spokes grow with the lines up to where a bin holds 8 posts, and from there on only to these shares of
     /// spokes_per_post, where even what shines stays below 50, 15, 5 and half of the noise that a usual receiver has; but to three spokes in ten
@@ -49,7 +49,7 @@ struct Sampling {
         false;  ///< the bilinear surface's course between two samples, not a straight line, decides what is seen
 };
 /// Of culture heights single posts may stand up, and spokes must meet each of them; between classes the echo leaps.
-/// `above_posts`: the sensor's height over the ground below it, in posts. The lower it is, the longer are the shadows
+/// `above_posts`: the sensor's height over the ground, in posts. The lower it is, the longer are the shadows
 /// of single posts, and their edges must be met: from 14 posts on (20 with culture heights) half as many spokes a bin do,
 /// from 40 on a quarter, and below 4 posts (10) they double with each halving of the height, to 16 times or 192 at most.
 /// Source: docs/accuracy.md.
