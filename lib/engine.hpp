@@ -48,6 +48,9 @@ struct ResolvedScene {
     /// How far the sensor stands above what is highest of the ground around it, but for a hundredth of it; may be below 0. Not of
     /// coverage.
     double clearance_m = infinite;
+    /// How much single posts of the ground around stand out: a quarter of the root mean square of z00 - z10 - z01 + z11 over the
+    /// posting. 0 on planes and on ridges along a line; not of coverage.
+    double roughness = 0;
 };
 
 /// Finds position, height above sea level and every default. InputError, DataError.
@@ -69,8 +72,8 @@ double minimum_range_m(const ResolvedScene& scene);
 /// Where the spokes of a resolved scene go.
 SpokeMapParams swept_map_params(const ResolvedScene& scene, const DataBase& data_base);
 /// How densely a scene's ground is sampled: its quality, its own keys, and what the ground and the sensor's height need.
-/// The height is that over the ground right below, or 1.1 times clearance_m if that is less, but then 2 posts at least.
-/// Source: docs/accuracy.md, "Beside mountains".
+/// The height is that over the ground right below, or 1.1 times clearance_m if that is less, but then 2 posts at least; less
+/// of it where single posts stand out. Source: docs/accuracy.md, "Beside mountains" and "Needles".
 Sampling sampling_of(const ResolvedScene& scene, const DataBase& data_base);
 /// Shows these azimuth bins instead, 0 <= begin < circle; sweeps them and the beam's skirt.
 void look_at(ResolvedScene& scene, Interval azimuth_bins);

@@ -32,7 +32,9 @@ public:
     BlockMap* block_map() override;
     DetailMap* detail_map() override { return nullptr; }  // it knows nothing of what is raised
     Skipped skipped() const override { return below_.skipped(); }
-    float bare_terrain_m(std::int64_t column, std::int64_t row) override { return below_.bare_terrain_m(column, row); }
+    void read_bare_terrain(const Window& posts, float* heights_m) override {
+        below_.read_bare_terrain(posts, heights_m);
+    }
     Extremes extremes() override { return below_.extremes(); }
     SourceReport report() const override { return below_.report(); }
     std::uint64_t fingerprint(const std::vector<Window>& posts) override { return below_.fingerprint(posts); }

@@ -371,6 +371,16 @@ std::array<double, 4> quiet_posts(const ResolvedScene& s, const DataBase& db) {
     return quiet;
 }
 
+/// What part of its height a sensor counts as high over ground of a roughness: single posts that stand out throw shadows as
+/// long as ground of usual relief does from lower down. 1 for relief as mountains have it at 30 m.
+double lower_for(double roughness) {
+    constexpr double usual = 0.1, needles = 0.16, at_needles = 0.085;
+    static const double power = std::log(at_needles) / std::log(usual / needles);
+    if (roughness <= usual) return 1;
+    return rounded_significand(
+        roughness < needles ? std::pow(usual / roughness, power) : at_needles * needles / roughness, 30);
+}
+
 }  // namespace
 
 Sampling sampling_of(const ResolvedScene& scene, const DataBase& db) {
@@ -381,7 +391,7 @@ Sampling sampling_of(const ResolvedScene& scene, const DataBase& db) {
     // more of clearance: ground that is about level stands above the nadir here and there.
     const double above = (scene.sensor_m - scene.reference_m) / longer_post_m(db),
                  over_most = std::max(2.0, 1.1 * scene.clearance_m / longer_post_m(db));
-    Sampling own = sampling(scene.scene, cover, std::min(above, over_most));
+    Sampling own = sampling(scene.scene, cover, std::min(above, over_most) * lower_for(scene.roughness));
     if (!scene.nadir_on_data) own.above_posts = 0;  // nobody knows above what
     if (own.above_posts > 0) own.quiet_posts = quiet_posts(scene, db);
     return own;
@@ -459,17 +469,51 @@ std::optional<std::array<IndexPosition, 2>> metre_on_grid(const ResolvedScene& s
     return metre;
 }
 
-/// ResolvedScene::clearance_m, by a few hundred posts of the sector up to 640 posts away.
-double clearance_m(const ResolvedScene& s, WedgeSource& source) {
+/// Sums of z00 - z10 - z01 + z11 over the cells of windows.
+class Saddles {
+public:
+    explicit Saddles(WedgeSource& source) : source_(source) {}
+
+    /// Takes in what lies round a post, as wide as reading it costs little: a few rows of a tile.
+    void add(std::int64_t column, std::int64_t row) {
+        const DataBase& db = source_.data_base();
+        Interval columns{column - width / 2, column + width / 2};
+        if (!db.cyclic) columns = intersection(columns, {0, db.columns});
+        const Interval rows = intersection({row - height / 2, row + height / 2}, {0, db.rows});
+        if (columns.size() < 2 || rows.size() < 2) return;
+        std::array<float, width * height> heights_m;
+        source_.read_bare_terrain({columns, rows}, heights_m.data());
+        for (std::int64_t j = 1; j < rows.size(); ++j)
+            for (std::int64_t i = 1; i < columns.size(); ++i) {
+                const float *here = heights_m.data() + j * columns.size() + i, *above = here - columns.size();
+                const double saddle = static_cast<double>(here[0]) - static_cast<double>(here[-1]) -
+                                      static_cast<double>(above[0]) + static_cast<double>(above[-1]);
+                if (!(std::abs(saddle) < infinite)) continue;  // of a void
+                sum_ += saddle * saddle;
+                ++cells_;
+            }
+    }
+    double rms_m() const { return cells_ > 0 ? std::sqrt(sum_ / static_cast<double>(cells_)) : 0; }
+
+private:
+    static constexpr std::int64_t width = 32, height = 4;
+    WedgeSource& source_;
+    double sum_ = 0;
+    std::int64_t cells_ = 0;
+};
+
+/// ResolvedScene::clearance_m and roughness, by a few hundred posts of the sector up to 640 posts away.
+void look_around(ResolvedScene& s, WedgeSource& source) {
     const DataBase& db = source.data_base();
     const auto metre = metre_on_grid(s, db);
-    if (!metre) return infinite;
+    if (!metre) return;
     constexpr int rings = 12, rays = 32;
     constexpr double most_posts = 640;
     const double reach_m = std::min(*s.scene.range_m, most_posts * longer_post_m(db)), step = s.shown.azimuth_step_rad(),
                  from = static_cast<double>(s.shown.azimuth_bins.begin) * step,
                  width = static_cast<double>(s.shown.azimuth_bins.size()) * step;
     std::vector<float> heights_m;
+    Saddles saddles(source);
     for (int ring = 0; ring < rings; ++ring)
         for (int ray = 0; ray < rays; ++ray) {
             const double distance = reach_m * std::sqrt((ring + 0.5) / rings),  // each stands for as much ground
@@ -483,11 +527,13 @@ double clearance_m(const ResolvedScene& s, WedgeSource& source) {
             if (row < 0 || row >= db.rows || (!db.cyclic && (column < 0 || column >= db.columns))) continue;
             const float height = source.bare_terrain_m(column, row);
             if (height == height) heights_m.push_back(height);
+            if ((ray + 3 * ring) % 8 == 0) saddles.add(column, row);  // of four rays a ring, others each time
         }
-    if (heights_m.empty()) return infinite;
+    s.roughness = saddles.rms_m() / (4 * longer_post_m(db));
+    if (heights_m.empty()) return;
     const auto highest = heights_m.end() - 1 - static_cast<std::ptrdiff_t>(heights_m.size() / 100);
     std::nth_element(heights_m.begin(), highest, heights_m.end());
-    return s.sensor_m - static_cast<double>(*highest);
+    s.clearance_m = s.sensor_m - static_cast<double>(*highest);
 }
 
 }  // namespace
@@ -496,7 +542,7 @@ ResolvedScene resolve(const Scene& scene, WedgeSource& source) {
     ResolvedScene s = resolve_place(scene, source);
     if (!scene.range_m) s.scene.range_m = default_range(s, source);
     resolve_view(s, scene);
-    s.clearance_m = clearance_m(s, source);
+    look_around(s, source);
     return s;
 }
 

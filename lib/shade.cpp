@@ -107,6 +107,16 @@ double radar_constant(const RadarParams& radar) {
 
 namespace {
 
+/// The mean of a pattern between two sines over its value in the middle, from how much of that it changes from there to
+/// either end: that of sine^-4, which it is where it is shaped to give all ground the same echo. With as much as a half of
+/// the sine between both ends, more than all but towers take up, it is off by 3 %.
+template <class Real>
+constexpr Real over_middle(Real swell) {
+    constexpr auto bend = static_cast<Real>(5.0 / 24);  // k (k + 1) / 24 / (k / 2)^2 for sine^-k
+    const Real square = swell * swell;
+    return 1 + bend * (square < 1 ? square : Real{1});
+}
+
 WEDGESCOPE_LANES_PART void powers(std::size_t n, const Shading& shading, const PatternTable& pattern,
                                   double constant) noexcept {
     const double *__restrict horizon = shading.horizon, *__restrict sine = shading.sine,
@@ -142,10 +152,11 @@ WEDGESCOPE_LANES_PART void powers(std::size_t n, const Shading& shading, const P
                        longer = static_cast<float>(range1[at + i] - range0[at + i]), risen = static_cast<float>(up),
                        over = static_cast<float>(rise[at + i]), swung = static_cast<float>(swing[at + i]);
             const float ga = pair[2 * i], gb = pair[2 * i + 1], gain = ga + part[i] * (gb - ga),
-                        inverse = 1 / (middle > 1 ? middle : 1.0F);
-            power[at + i] = constant * up * (static_cast<double>(gain) * static_cast<double>(inverse * inverse));
+                        inverse = 1 / (middle > 1 ? middle : 1.0F),
+                        swell = 0.5F * risen * ((gb - ga) * entries) / gain, mean = gain * over_middle(swell);
+            power[at + i] = constant * up * (static_cast<double>(mean) * static_cast<double>(inverse * inverse));
             // As echo_bow().
-            const float fall = 2 * longer * inverse, swell = 0.5F * risen * ((gb - ga) * entries) / gain,
+            const float fall = 2 * longer * inverse,
                         bent = swung / (over > 1e-30F ? over : 1e-30F) + fall - swell;
             bow[at + i] = bent < -1 ? -1.0F : bent > 1 ? 1.0F : bent;
         }
@@ -217,8 +228,9 @@ double echo_bow(double sine0, double sine1, double range0_m, double range1_m, co
 
 double piece_power(double sine0, double sine1, double range0_m, double range1_m, const PatternTable& pattern,
                    double constant) noexcept {
-    const double range = std::max(1.0, 0.5 * (range0_m + range1_m));
-    return constant * (sine1 - sine0) * pattern.at(0.5 * (sine0 + sine1)) / (range * range);
+    const double range = std::max(1.0, 0.5 * (range0_m + range1_m)), middle = 0.5 * (sine0 + sine1),
+                 gain = pattern.at(middle), swell = 0.5 * (sine1 - sine0) * pattern.slope(middle) / gain;
+    return constant * (sine1 - sine0) * gain * over_middle(swell) / (range * range);
 }
 
 }  // namespace wedgescope

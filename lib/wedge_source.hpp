@@ -204,8 +204,15 @@ public:
     /// Tiles of all layers, those that a load has touched so far under Skip::none; of several reasons given for another the
     /// highest of Skip stays (range: none was given), so that no order of threads or wedges shows.
     virtual Skipped skipped() const { return {}; }
-    /// Bare terrain at one post, NaN = void; outside the raster is an error of the caller's.
-    virtual float bare_terrain_m(std::int64_t column, std::int64_t row) = 0;
+    /// Bare terrain of `posts`, row after row, NaN = void; outside the raster is an error of the caller's. Columns of a cyclic
+    /// raster may go on over its seam.
+    virtual void read_bare_terrain(const Window& posts, float* heights_m) = 0;
+    /// The same at one post.
+    float bare_terrain_m(std::int64_t column, std::int64_t row) {
+        float height_m = 0;
+        read_bare_terrain({{column, column + 1}, {row, row + 1}}, &height_m);
+        return height_m;
+    }
     /// Over the whole raster (one pass the first time). For the default range.
     virtual Extremes extremes() = 0;
     virtual SourceReport report() const { return {}; }

@@ -268,6 +268,7 @@ TEST_CASE("spokes that bend out of the raster between two blocks' borders are no
         s.range_bin_m = 5550;
         s.display.size = 64;
         s.spoke_lead = 1;
+        s.spokes_per_bin = 24;
         INFO("row " << row);
         const RunResult all = run_with(open, s, false, 1), some = run_with(mapped, s, true, 4);
         CHECK(same_bits(all, run_with(open, s, true, 3)));

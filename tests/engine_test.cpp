@@ -236,6 +236,7 @@ TEST_CASE("where echoes need not be kept their memory serves again, and no bit o
     const auto hills = test::rolling(300, 150, 3);
     MemorySource source(301, 301, 30, [&](double c, double r) { return 300 + hills(c, r); });
     Scene s = bare_scene(4500, -4500, 900, 4000);
+    s.azimuth_bins = 150;
     s.radar.beam_width_error = s.radar.pulse_length_error = true;
     s.display.size = GENERATE(600, 20);  // with an image of what is received, and without
     s.weather.rain_mm_h = GENERATE(0.0, 10.0);
@@ -431,7 +432,7 @@ TEST_CASE("the same bits for any number of wedges and threads", "[engine][thread
     source.set_culture_height([](double c, double r) { return std::fmod(c * 7 + r * 3, 31) < 3 ? 15.0 : 0.0; });
     Scene s = bare_scene(4321.7, -3456.1, 1300, 8000);
     s.gamma.reset();
-    s.azimuth_bins = 500;
+    s.azimuth_bins = 160;
     s.radar = RadarParams{};
     const RunResult one = simulate(s, source, 1, 1);
     CHECK(test::sum_of(one.echo_w) > 0);
@@ -734,6 +735,39 @@ TEST_CASE("spokes go by the height over what stands highest in the sector, but f
     s.platform.altitude_m = 3000;
     s.platform.xy = PointXY{-30 * 900, -30 * 200};
     CHECK(resolved(225, 315).clearance_m == infinite);
+}
+
+TEST_CASE("single posts that stand out count as if the sensor were lower", "[engine][spoke_grid]") {
+    Scene s;
+    s.platform.xy = PointXY{4 * 400, -4 * 400};
+    s.platform.altitude_m = 400;
+    s.range_m = 1500;
+    const auto seen = [&](const std::function<double(double, double)>& height) {
+        MemorySource source(801, 801, 4, height);
+        const ResolvedScene resolved = resolve(s, source);
+        return std::pair(resolved.roughness, sampling_of(resolved, source.data_base()).above_posts);
+    };
+    // Planes and ridges along a line are no posts that stand out, however steep.
+    const auto plane = seen([](double c, double r) { return 0.25 * c - 0.125 * r; });
+    CHECK(plane.first == 0);
+    CHECK(plane.second == Approx((400 - 50) / 4.0));  // over the ground right below
+    CHECK(seen([](double c, double) { return std::fmod(c, 8) < 4 ? 20.0 : 0.0; }).first == 0);
+    // On a checkerboard of h metres each cell has a saddle of 2 h.
+    const auto board = [](double m) {
+        return [=](double c, double r) { return std::fmod(c + r, 2) < 1 ? m : 0.0; };
+    };
+    const auto low = seen(board(1.5)), high = seen(board(6));
+    CHECK(low.first == 0.5 * 1.5 / 4);
+    CHECK(low.second < 0.2 * 400 / 4);
+    CHECK(high.first == 0.5 * 6 / 4);
+    CHECK(high.second < 0.3 * low.second);
+    CHECK(seen(board(0.75)).second == (400 - 0.75) / 4);
+    // Needles on one post of a thousand: four cells of each.
+    const auto needles = seen([](double c, double r) { return std::fmod(c * 7919 + r * 104729, 1009) < 1 ? 40.0 : 0.0; });
+    CHECK(needles.first == Approx(std::sqrt(4.0 / 1009) * 40 / 4 / 4).epsilon(0.3));
+    CHECK(needles.second < 0.2 * 400 / 4);
+    // Cells of a void do not count.
+    CHECK(seen([](double c, double) { return std::fmod(c, 5) < 1 ? static_cast<double>(void_post) : 0.0; }).first == 0);
 }
 
 TEST_CASE("ground is quiet from where the radar equation has it below the noise", "[engine][spoke_grid]") {

@@ -166,7 +166,11 @@ public:
             }
         return out;
     }
-    float bare_terrain_m(std::int64_t column, std::int64_t row) override { return terrain_[index(column, row)]; }
+    void read_bare_terrain(const Window& posts, float* heights_m) override {
+        for (std::int64_t row = posts.rows.begin; row < posts.rows.end; ++row)
+            for (std::int64_t column = posts.columns.begin; column < posts.columns.end; ++column)
+                *heights_m++ = terrain_[index(column, row)];
+    }
     Extremes extremes() override {
         Extremes e;
         for (std::size_t i = 0; i < terrain_.size(); ++i) {

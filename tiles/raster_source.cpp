@@ -189,13 +189,12 @@ CultureCells RasterSource::load_classes(const Window& window) {
     return cells;
 }
 
-float RasterSource::bare_terrain_m(std::int64_t column, std::int64_t row) {
-    if (data_base_.cyclic) column = wrapped(column);
-    if (column < 0 || column >= data_base_.columns || row < 0 || row >= data_base_.rows)
-        throw std::out_of_range("bare_terrain_m: post outside the raster");
-    float z = 0;
-    terrain_->read_heights({{column, column + 1}, {row, row + 1}}, &z, 1);
-    return z;
+void RasterSource::read_bare_terrain(const Window& posts, float* heights_m) {
+    const auto beyond = [](Interval of, std::int64_t size) { return of.begin < 0 || of.end > size; };
+    if (beyond(posts.rows, data_base_.rows) || (!data_base_.cyclic && beyond(posts.columns, data_base_.columns)))
+        throw std::out_of_range("read_bare_terrain: post outside the raster");
+    for (const Run& run : terrain_runs(posts.columns))
+        terrain_->read_heights({run.source, posts.rows}, heights_m + run.at, posts.columns.size());
 }
 
 Extremes RasterSource::extremes() {

@@ -39,7 +39,7 @@ public:
 
     CultureCells load_classes(const Window& window) override;
 
-    float bare_terrain_m(std::int64_t column, std::int64_t row) override;
+    void read_bare_terrain(const Window& posts, float* heights_m) override;
 
     Extremes extremes() override;
 

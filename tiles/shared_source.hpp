@@ -30,8 +30,8 @@ public:
     BlockMap* block_map() override { return source_->block_map(); }
     DetailMap* detail_map() override { return source_->detail_map(); }
     Skipped skipped() const override { return source_->skipped(); }
-    float bare_terrain_m(std::int64_t column, std::int64_t row) override {
-        return source_->bare_terrain_m(column, row);
+    void read_bare_terrain(const Window& posts, float* heights_m) override {
+        source_->read_bare_terrain(posts, heights_m);
     }
     Extremes extremes() override { return source_->extremes(); }
     SourceReport report() const override { return source_->report(); }

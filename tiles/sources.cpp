@@ -21,7 +21,9 @@ public:
         chunk.surface_m.assign(static_cast<std::size_t>(request.window.posts()), ground_m_);
         return chunk;
     }
-    float bare_terrain_m(std::int64_t, std::int64_t) override { return ground_m_; }
+    void read_bare_terrain(const Window& posts, float* heights_m) override {
+        std::fill_n(heights_m, posts.posts(), ground_m_);
+    }
 
 private:
     float ground_m_;

@@ -103,11 +103,18 @@ public:
         return cells;
     }
 
-    float bare_terrain_m(std::int64_t column, std::int64_t row) override {
-        const std::int64_t at = data_base_.cyclic ? wrapped(column) : column;
-        return !terrain_blocks_ || terrain_blocks_->holds(at, row)
-                   ? RasterSource::bare_terrain_m(column, row)
-                   : ask_direct([&](WedgeSource& rasters) { return rasters.bare_terrain_m(column, row); });
+    void read_bare_terrain(const Window& posts, float* heights_m) override {
+        const auto held = [&] {
+            for (std::int64_t row = posts.rows.begin; row < posts.rows.end; ++row)
+                for (std::int64_t column = posts.columns.begin; column < posts.columns.end; ++column)
+                    if (!terrain_blocks_->holds(data_base_.cyclic ? wrapped(column) : column, row)) return false;
+            return true;
+        };
+        if (!terrain_blocks_ || held()) return RasterSource::read_bare_terrain(posts, heights_m);
+        ask_direct([&](WedgeSource& rasters) {
+            rasters.read_bare_terrain(posts, heights_m);
+            return true;
+        });
     }
 
     Extremes extremes() override {
