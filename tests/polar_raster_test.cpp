@@ -8,6 +8,7 @@
 #include <array>
 #include <atomic>
 #include <cmath>
+#include <cstring>
 #include <fstream>
 #include <iterator>
 #include <numbers>
@@ -22,6 +23,7 @@
 #include "tiles/picture.hpp"
 #include "tiles/png_file.hpp"
 #include "tiles/polar_raster.hpp"
+#include "tiles/power_stack.hpp"
 
 using namespace wedgescope;
 using Catch::Matchers::Contains;
@@ -405,6 +407,122 @@ RunResult drawn_scope(DisplayKind kind, bool rings, double up_rad) {
 }
 
 }  // namespace
+
+namespace {
+
+/// An image of a band: no two are alike in any cell.
+std::vector<float> band_image(const StackContent& content, std::size_t band) {
+    std::vector<float> cells(static_cast<std::size_t>(content.columns * content.rows));
+    for (std::size_t i = 0; i < cells.size(); ++i) cells[i] = 1e-12F * static_cast<float>(i * content.bands + band);
+    return cells;
+}
+
+/// Writes a stack with its bands in this order, in two threads.
+void write_stack(const std::string& path, const StackContent& content, const std::vector<std::size_t>& order) {
+    OutputFile file(path, false);
+    PowerStack stack(content, file);
+    const auto write = [&](std::size_t first) {
+        for (std::size_t i = first; i < order.size(); i += 2) stack.write(order[i], band_image(content, order[i]));
+    };
+    std::thread other([&] { write(1); });
+    write(0);
+    other.join();
+    for (std::size_t band = 0; band < content.bands; ++band)
+        stack.describe("frame " + std::to_string(band + 1), {{"TIME_S", std::to_string(10 * band)}});
+    stack.close();
+    file.commit();
+}
+
+std::string bytes_of(const std::string& path) {
+    std::ifstream in(path, std::ios::binary);
+    return {std::istreambuf_iterator<char>(in), {}};
+}
+
+}  // namespace
+
+TEST_CASE("a stack's bands are written in any order, in TIFFs of either width, and every cell comes back",
+          "[polar_raster][threads]") {
+    const Folder folder;
+    StackContent content;
+    content.columns = 700;
+    content.rows = 200;  // strips of 93 rows, and what is left
+    content.bands = 5;
+    content.metadata = {{"WORDS", "<a & \"b\">"}};
+    std::vector<std::string> files;
+    for (const bool big : {false, true}) {
+        if (big) content.most_classic_bytes = 0;
+        const std::string path = folder / (big ? "big.tif" : "classic.tif");
+        write_stack(path, content, {4, 0, 3, 1, 2});
+        write_stack(path + "f", content, {0, 1, 2, 3, 4});
+        const std::string bytes = bytes_of(path);
+        CHECK(bytes == bytes_of(path + "f"));
+        CHECK(bytes[2] == (big ? 43 : 42));
+
+        CPLErrorReset();
+        GDALDataset* in = static_cast<GDALDataset*>(GDALOpen(path.c_str(), GA_ReadOnly));
+        REQUIRE(in);
+        CHECK(CPLGetLastErrorType() == CE_None);
+        REQUIRE(in->GetRasterCount() == 5);
+        REQUIRE(in->GetRasterXSize() == 700);
+        REQUIRE(in->GetRasterYSize() == 200);
+        CHECK(in->GetMetadataItem("WORDS") == std::string("<a & \"b\">"));
+        CHECK(in->GetMetadataItem("INTERLEAVE", "IMAGE_STRUCTURE") == std::string("BAND"));
+        for (std::size_t band = 0; band < 5; ++band) {
+            GDALRasterBand& b = *in->GetRasterBand(static_cast<int>(band) + 1);
+            const std::vector<float> wanted = band_image(content, band);
+            std::vector<float> found(wanted.size(), -1);
+            REQUIRE(b.RasterIO(GF_Read, 0, 0, 700, 200, found.data(), 700, 200, GDT_Float32, 0, 0, nullptr) == CE_None);
+            CHECK(found == wanted);
+            CHECK(b.GetDescription() == "frame " + std::to_string(band + 1));
+            CHECK(b.GetMetadataItem("TIME_S") == std::to_string(10 * band));
+            CHECK(b.GetUnitType() == std::string("W"));
+        }
+        GDALClose(in);
+    }
+}
+
+TEST_CASE("a stack has as many bands as a TIFF can count", "[polar_raster]") {
+    const Folder folder;
+    StackContent content;
+    content.columns = 3;
+    content.rows = 2;
+    content.bands = PowerStack::most_bands;
+    const std::string path = folder / "many.tif";
+    OutputFile file(path, false);
+    PowerStack stack(content, file);
+    for (std::size_t band = 0; band < content.bands; ++band) {
+        stack.write(band, band_image(content, band));
+        stack.describe(std::to_string(band), {});
+    }
+    stack.close();
+    file.commit();
+    GDALDataset* in = static_cast<GDALDataset*>(GDALOpen(path.c_str(), GA_ReadOnly));
+    REQUIRE(in);
+    REQUIRE(in->GetRasterCount() == 65535);
+    for (const std::size_t band : {std::size_t{0}, std::size_t{40000}, content.bands - 1}) {
+        GDALRasterBand& b = *in->GetRasterBand(static_cast<int>(band) + 1);
+        std::vector<float> found(6);
+        REQUIRE(b.RasterIO(GF_Read, 0, 0, 3, 2, found.data(), 3, 2, GDT_Float32, 0, 0, nullptr) == CE_None);
+        CHECK(found == band_image(content, band));
+        CHECK(b.GetDescription() == std::to_string(band));
+    }
+    GDALClose(in);
+}
+
+TEST_CASE("a stack that does not fit on the disk is refused before its first band", "[polar_raster]") {
+    const Folder folder;
+    StackContent content;
+    content.columns = 700;
+    content.rows = 200;
+    content.bands = 5;
+    {
+        OutputFile file(folder / "s.tif", false);
+        const SmallDisk disk(2000000);
+        const std::string said = wedgescope::test::refusal<IoError>([&] { PowerStack(content, file); });
+        CHECK_THAT(said, Contains("s.tif' cannot be written: File too large (5 frames take 3 MiB)"));
+    }
+    CHECK(folder.names().empty());
+}
 
 TEST_CASE("a PNG that does not fit on the disk is an error, wherever that is found, and nothing is left", "[picture]") {
     const Folder folder;

@@ -10,7 +10,6 @@
 namespace wedgescope {
 namespace {
 
-constexpr float no_dbm = -9999;
 constexpr std::int64_t most_nodes = 200000;  ///< of a geolocation array: 3.2 MiB
 
 GeolocationGrid polar_geolocation(const RunResult& run, const PolarGrid& grid, const RasterFormat& format) {
@@ -47,16 +46,7 @@ RasterContent polar_content(const RunResult& run, const PolarGrid& grid, const R
     RasterContent content;
     content.columns = grid.range_bins.size();
     content.rows = grid.azimuth_bins.size();
-    const double circle = static_cast<double>(grid.circle_bins);
-    Metadata& items = content.metadata;
-    items = scene_metadata(run.scene, format);
-    items.emplace_back(
-        "AZIMUTH_START_DEG",
-        fifteen_digits(std::fmod(static_cast<double>(grid.azimuth_bins.begin % grid.circle_bins) * 360 / circle, 360)));
-    items.emplace_back("AZIMUTH_STEP_DEG", fifteen_digits(360 / circle));
-    items.emplace_back("RANGE_START_M", fifteen_digits(static_cast<double>(grid.range_bins.begin) * grid.range_bin_m));
-    items.emplace_back("RANGE_STEP_M", fifteen_digits(grid.range_bin_m));
-    items.emplace_back("RANGE_KIND", run.scene.scene.display.kind == DisplayKind::gpi_true ? "ground" : "slant");
+    content.metadata = polar_metadata(run.scene, grid, format);
     content.geolocation = polar_geolocation(run, grid, format);
     return content;
 }
@@ -74,6 +64,23 @@ std::string state_legend() {
 }
 
 }  // namespace
+
+float power_in_dbm(float watts) {
+    return watts > 0 ? static_cast<float>(rounded_dbm(static_cast<double>(watts))) : no_dbm;
+}
+
+Metadata polar_metadata(const ResolvedScene& scene, const PolarGrid& grid, const RasterFormat& format) {
+    const double circle = static_cast<double>(grid.circle_bins);
+    Metadata items = scene_metadata(scene, format);
+    items.emplace_back(
+        "AZIMUTH_START_DEG",
+        fifteen_digits(std::fmod(static_cast<double>(grid.azimuth_bins.begin % grid.circle_bins) * 360 / circle, 360)));
+    items.emplace_back("AZIMUTH_STEP_DEG", fifteen_digits(360 / circle));
+    items.emplace_back("RANGE_START_M", fifteen_digits(static_cast<double>(grid.range_bins.begin) * grid.range_bin_m));
+    items.emplace_back("RANGE_STEP_M", fifteen_digits(grid.range_bin_m));
+    items.emplace_back("RANGE_KIND", scene.scene.display.kind == DisplayKind::gpi_true ? "ground" : "slant");
+    return items;
+}
 
 void write_echo(const RunResult& run, OutputFile& file, const RasterFormat& format) {
     check(run.echo_w, "echo", file);
@@ -98,9 +105,7 @@ void write_power(const RunResult& run, PowerUnit unit, OutputFile& file, const R
         return;
     }
     std::vector<float> dbm(run.power_w.cells.size());
-    std::transform(run.power_w.cells.begin(), run.power_w.cells.end(), dbm.begin(), [](float watts) {
-        return watts > 0 ? static_cast<float>(rounded_dbm(static_cast<double>(watts))) : no_dbm;
-    });
+    std::transform(run.power_w.cells.begin(), run.power_w.cells.end(), dbm.begin(), power_in_dbm);
     content.bands.push_back({dbm.data(), "power", "dBm", static_cast<double>(no_dbm), {}});
     write_raster(content, file, format);
 }

@@ -14,6 +14,8 @@
 
 namespace wedgescope {
 
+using Metadata = std::vector<std::pair<std::string, std::string>>;
+
 struct RasterFormat {
     std::string driver;                 ///< empty: from the file name's extension
     std::vector<std::string> creation;  ///< K=V
@@ -33,6 +35,14 @@ void check_output(const OutputFile& file, OutputLayer layer, const RasterFormat&
 inline constexpr double place_error = 0.01;
 
 enum class PowerUnit { watt, dbm };
+inline constexpr float no_dbm = -9999;  ///< stands for 0 W
+/// Rounded to 0.001 dB.
+float power_in_dbm(float watts);
+
+/// At most 15 significant digits, as metadata have them.
+std::string fifteen_digits(double value);
+/// What a polar raster of these bins tells of itself and its scene.
+Metadata polar_metadata(const ResolvedScene& scene, const PolarGrid& grid, const RasterFormat& format);
 
 /// Band 1 echo (W), band 2 state (its codes), on scene.swept. Float32 both: a GeoTIFF has one type for all its bands.
 void write_echo(const RunResult& run, OutputFile& file, const RasterFormat& format);

@@ -25,8 +25,6 @@ struct BandContent {
     bool alpha = false;  ///< 0 transparent, 255 opaque
 };
 
-using Metadata = std::vector<std::pair<std::string, std::string>>;
-
 /// Node (i, j) of the array stands at the corner of cells at column `i * column_step`, row `j * row_step` of the
 /// raster: GDAL's default convention. Corners, not centres: so the array of a full circle closes.
 struct GeolocationGrid {
@@ -77,8 +75,5 @@ void close_raster(DatasetHandle dataset, const std::string& final_path);
 Metadata run_metadata(const RasterFormat& format);
 /// And of one sensor where it stands.
 Metadata scene_metadata(const ResolvedScene& scene, const RasterFormat& format);
-
-/// At most 15 significant digits.
-std::string fifteen_digits(double value);
 
 }  // namespace wedgescope
