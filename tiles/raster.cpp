@@ -47,6 +47,7 @@ RasterSummary summarise_raster(const std::string& path, bool count_codes, const 
     RasterSummary summary;
     summary.path = path;
     summary.driver = facts.driver;
+    summary.bands = facts.bands;
     summary.data_type = facts.signed_byte ? "Int8" : type_name(facts.type);
     summary.unit = facts.unit;
     summary.columns = facts.columns;

@@ -95,6 +95,7 @@ RasterFacts inspect(GDALDataset& dataset, RasterFacts facts) {
             text(facts.named(), " holds no band",
                  first ? text("; accepted: one of its subdatasets, such as '", first, "'") : std::string()));
     }
+    facts.bands = dataset.GetRasterCount();
     inspect_grid(dataset, facts);
     if (const OGRSpatialReference* crs = dataset.GetSpatialRef()) set_crs(facts, Crs::in_usual_words(from_gdal(*crs)));
     inspect_band(dataset, facts);

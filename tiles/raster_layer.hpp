@@ -37,6 +37,7 @@ struct RasterFacts {
     std::string role;  ///< for messages: "dem", "culture", "culture-height"
     std::string path;
     std::string driver;
+    int bands = 1;  ///< all but the first are left aside
     std::int64_t columns = 0, rows = 0, block_columns = 0, block_rows = 0;
     GDALDataType type = GDT_Unknown;
     int type_bytes = 0;

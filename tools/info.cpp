@@ -61,6 +61,7 @@ json to_json(const RasterFacts& facts) {
              {"kind", "raster"},
              {"driver", r.driver},
              {"data_type", r.data_type},
+             {"bands", r.bands},
              {"columns", r.columns},
              {"rows", r.rows},
              {"block_columns", r.block_columns},
@@ -104,6 +105,7 @@ std::string to_text(const RasterFacts& facts) {
     std::string out = r.path + "\n";
     out += row("format", text(r.driver, ", ", r.data_type, r.compression.empty() ? "" : ", ", r.compression,
                               ", blocks of ", r.block_columns, " x ", r.block_rows));
+    if (r.bands > 1) out += row("bands", text(r.bands, ", the first of which is read"));
     out += row("posts", text(grouped(static_cast<std::uint64_t>(r.columns)), " columns x ",
                              grouped(static_cast<std::uint64_t>(r.rows)), " rows = ", grouped(posts)));
     out += row("CRS",
