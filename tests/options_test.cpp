@@ -289,6 +289,7 @@ TEST_CASE("every key of the design exists, and those to come do not yet", "[opti
                              "output",
                              "echo",
                              "power",
+                             "power-stack",
                              "states",
                              "report",
                              "timeline",

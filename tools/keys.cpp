@@ -1324,6 +1324,10 @@ std::vector<Key> make_keys() {
     t.add("echo", path([](auto& s) -> auto& { return s.echo; }), "",
           "echo image, watts, and states, before beam and pulse");
     t.add("power", path([](auto& s) -> auto& { return s.power; }), "", "power image, after beam and pulse");
+    t.add(
+        "power-stack", path([](auto& s) -> auto& { return s.power_stack; }), "",
+        "of a track: the power images of all frames in one GeoTIFF, a band each, beside or instead of numbered files; "
+        "all must have as many bins");
     t.add("states", path([](auto& s) -> auto& { return s.states; }), "",
           "0 no data, 1 shadow, 2 seen, 3 unknown, 4 outside");
     t.add(

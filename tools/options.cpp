@@ -580,6 +580,9 @@ void check_complete(const Settings& settings) {
     if (settings.dem.empty()) throw InputError("dem is missing; the path of a terrain raster is needed");
     const bool moves = !settings.track.empty(), many = !settings.observers.empty();
     check_scan(settings);
+    if (!settings.power_stack.empty() && !moves)
+        throw InputError(
+            "power-stack is given without track; its bands are the frames of one (power is a single image's)");
     check_observers(settings);
     if (!moves && !many && !platform.latlon && !platform.xy)
         throw InputError("the sensor's position is missing; exactly one of latlon and xy is needed");

@@ -94,9 +94,9 @@ void check_run_names(const NamedPaths& outputs, const NamedPaths& inputs) {
 }
 
 void check_run_names(const Settings& s) {
-    const NamedPaths outputs{{"output", s.output}, {"echo", s.echo},     {"power", s.power},
-                             {"states", s.states}, {"ground", s.ground_file}, {"report", s.report},
-                             {"timeline", s.timeline}};
+    const NamedPaths outputs{{"output", s.output},           {"echo", s.echo},        {"power", s.power},
+                             {"power-stack", s.power_stack}, {"states", s.states},    {"ground", s.ground_file},
+                             {"report", s.report},           {"timeline", s.timeline}};
     s.only_wedges ? check_names(outputs, input_paths(s)) : check_run_names(outputs, input_paths(s));
 }
 

@@ -105,8 +105,6 @@ nlohmann::ordered_json resolved_json(const ResolvedScene& r) {
     return out;
 }
 
-namespace {
-
 nlohmann::ordered_json scene_object(const Settings& settings, const ResolvedScene& resolved) {
     nlohmann::ordered_json out;
     out["format"] = "wedgescope-scene-1";
@@ -116,14 +114,27 @@ nlohmann::ordered_json scene_object(const Settings& settings, const ResolvedScen
     return out;
 }
 
-std::string dumped(const nlohmann::ordered_json& object) {
+std::string json_line(const nlohmann::ordered_json& object) {
     return object.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
 }
 
-}  // namespace
+nlohmann::ordered_json scene_difference(const nlohmann::ordered_json& from, const nlohmann::ordered_json& to) {
+    nlohmann::ordered_json out = nlohmann::ordered_json::object();
+    for (const auto& [key, value] : to.items()) {
+        const auto before = from.find(key);
+        if (before == from.end()) {
+            out[key] = value;
+        } else if (*before != value) {
+            out[key] = before->is_object() && value.is_object() ? scene_difference(*before, value) : value;
+        }
+    }
+    for (const auto& [key, value] : from.items())
+        if (!to.contains(key)) out[key] = nullptr;
+    return out;
+}
 
 std::string scene_json(const Settings& settings, const ResolvedScene& resolved) {
-    return dumped(scene_object(settings, resolved));
+    return json_line(scene_object(settings, resolved));
 }
 
 bool takes_path(const Key& key) { return key.value.find("PATH") != std::string::npos; }
@@ -146,12 +157,12 @@ std::string echo_scene_json(const Settings& settings, const RunResult& run, cons
     nlohmann::ordered_json out = scene_object(settings, run.scene);
     out["echo"] = echo;
     out["echo"]["checksum"] = hex(echo_checksum(run.echo_w, run.echo_state, without_checksum(out)));
-    return dumped(out);
+    return json_line(out);
 }
 
 std::string without_checksum(nlohmann::ordered_json scene) {
     scene["echo"].erase("checksum");
-    return dumped(scene);
+    return json_line(scene);
 }
 
 WorkDir::Run work_run(const Settings& settings, const ResolvedScene& resolved, const DataBase& data_base) {

@@ -24,6 +24,12 @@ nlohmann::ordered_json resolved_json(const ResolvedScene& resolved);
 /// SCENE_JSON of the output rasters: the parameters with every fixed default but `auto` left as it was (so that what
 /// follows from another changes with it), and the numbers that `auto` became.
 std::string scene_json(const Settings& settings, const ResolvedScene& resolved);
+/// The same, not yet a text.
+nlohmann::ordered_json scene_object(const Settings& settings, const ResolvedScene& resolved);
+std::string json_line(const nlohmann::ordered_json& object);
+/// What turns `from` into `to` (objects) as a JSON merge patch (RFC 7396): of members that differ those of `to`, null for those that it
+/// lacks.
+nlohmann::ordered_json scene_difference(const nlohmann::ordered_json& from, const nlohmann::ordered_json& to);
 /// SCENE_JSON of an echo image: also what a picture of it takes from the data base, and what tells whether another scene would
 /// have the same echo (docs/formats.md).
 std::string echo_scene_json(const Settings& settings, const RunResult& run, const DataBase& data_base);

@@ -64,6 +64,7 @@ struct Settings {
 
     std::string output, echo, power, states, report, timeline;  ///< paths; empty: not written
     std::string ground_file;                                    ///< --ground, a raster of the response; the same
+    std::string power_stack;                                    ///< of a track; the same
     PowerUnit power_unit = PowerUnit::watt;
     std::string driver;                                       ///< --of
     std::vector<std::string> creation;                        ///< --co K=V

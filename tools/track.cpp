@@ -31,6 +31,7 @@
 #include "tools/terminal.hpp"
 #include "tools/timeline.hpp"
 #include "tools/track_file.hpp"
+#include "tools/track_stack.hpp"
 #include "tools/units.hpp"
 
 namespace wedgescope {
@@ -120,10 +121,15 @@ private:
 };
 
 /// "frames 1 to 12 of 20 are written", for the end of an error's line.
-std::string finished_words(std::size_t written, std::size_t all) {
-    if (written == 0) return text("; none of ", all, " frames is written");
-    if (written == 1) return text("; frame 1 of ", all, " is written");
-    return text("; frames 1 to ", written, " of ", all, " are written");
+std::string finished_words(const Settings& settings, std::size_t written, std::size_t all) {
+    const bool stack = !settings.power_stack.empty();
+    const NamedPaths layers = layer_paths(settings);
+    if (std::all_of(layers.begin(), layers.end(), [](const auto& layer) { return layer.second.empty(); }))
+        return text("; no power-stack is written, though ", written, " of ", all, " frames were made");
+    const char* also = stack ? " and no power-stack" : "";
+    if (written == 0) return text("; none of ", all, " frames is written", also);
+    if (written == 1) return text("; frame 1 of ", all, " is written", also);
+    return text("; frames 1 to ", written, " of ", all, " are written", also);
 }
 
 struct Lanes : LaneCount {
@@ -141,7 +147,7 @@ EngineParams lane_params(const Settings& settings, const Lanes& lanes, int lane,
 }
 
 /// As many lanes as there are threads, fewer where the memory does not grant each what any of the frames takes.
-/// TooLittleMemory if it does not even do for one.
+/// TooLittleMemory if it does not even do for one; InputError too for a row that cannot be, or whose frame no stack can hold.
 Lanes share_out(const Settings& settings, const Frames& frames, WedgeSource& source,
                 const std::shared_ptr<const SceneTables>& tables, const Stop& stop) {
     Lanes best;
@@ -149,7 +155,8 @@ Lanes share_out(const Settings& settings, const Frames& frames, WedgeSource& sou
     best.threads = threads;
     best.lanes = static_cast<int>(std::min<std::size_t>(static_cast<std::size_t>(threads), frames.size()));
     const std::size_t memory = memory_bytes(settings),
-                      held = frames.size() * sizeof(FrameReport) + frames.track().bytes();
+                      held = frames.size() * sizeof(FrameReport) + frames.track().bytes() +
+                             (settings.power_stack.empty() ? 0 : TrackStack::bytes(threads));
     const std::size_t shared = std::min(memory, source.cache_bytes() + held);
     const auto grant = [&](int lanes) {
         best.lanes = lanes;
@@ -157,6 +164,8 @@ Lanes share_out(const Settings& settings, const Frames& frames, WedgeSource& sou
     };
     grant(best.lanes);
     const std::size_t readers = (memory - shared) / (source.reader_bytes() + (std::size_t{1} << 20));
+    std::optional<ResolvedScene> first;
+    if (!settings.power_stack.empty()) first = with_context(frames.words(0), [&] { return frames.scene(0, source); });
     std::mutex mutex;
     side_by_side(static_cast<int>(std::clamp<std::size_t>(readers, 1, static_cast<std::size_t>(best.lanes))),
                  frames.size(), [&](int, std::size_t frame) {
@@ -164,6 +173,7 @@ Lanes share_out(const Settings& settings, const Frames& frames, WedgeSource& sou
                      const ResolvedScene whole = with_context(frames.words(frame), [&] {
                          ResolvedScene s = frames.scene(frame, source);
                          if (frames.scans()) frames.check_scan(frame, s, source);
+                         if (first) TrackStack::check_bins(*first, s);
                          return s;
                      });
                      const ResolvedScene part = frames.largest_part(whole);
@@ -190,8 +200,10 @@ Lanes share_out(const Settings& settings, const Frames& frames, WedgeSource& sou
 
 class Run {
 public:
-    Run(const Settings& settings, const Frames& frames, WedgeSource& source, Timeline* timeline, Stop& stop)
-        : settings_(settings), frames_(frames), source_(source), timeline_(timeline), stop_(stop),
+    /// `stack`: null where none is asked for.
+    Run(const Settings& settings, const Frames& frames, WedgeSource& source, TrackStack* stack, Timeline* timeline,
+        Stop& stop)
+        : settings_(settings), frames_(frames), source_(source), stack_(stack), timeline_(timeline), stop_(stop),
           tables_(std::make_shared<const SceneTables>(settings.scene)), reports_(frames.size()) {}
 
     void share_out() { lanes_ = wedgescope::share_out(settings_, frames_, source_, tables_, stop_); }
@@ -199,8 +211,13 @@ public:
     /// All frames are written unless it throws.
     void make_all(const std::function<void(double)>& progress) {
         start_s_ = now_s();
-        InOrder<LayerFiles> committer(
-            frames_.size(), [](LayerFiles& files) { OutputFile::commit(files.files()); },
+        if (stack_) stack_->begin(frames_.settings(0), frames_.scene(0, source_), frames_.size());
+        InOrder<Made> committer(
+            frames_.size(),
+            [this](Made& made) {
+                OutputFile::commit(made.files.files());
+                if (stack_) stack_->put(made.words);
+            },
             [&](std::size_t written) { progress(static_cast<double>(written) / static_cast<double>(frames_.size())); });
         std::vector<EngineParams> params;
         for (int lane = 0; lane < lanes_.lanes; ++lane) {
@@ -243,7 +260,12 @@ public:
     double start_s() const { return start_s_; }
 
 private:
-    void make(std::size_t frame, const EngineParams& params, RunResult& result, InOrder<LayerFiles>& committer) {
+    struct Made {
+        LayerFiles files;
+        TrackStack::Words words;
+    };
+
+    void make(std::size_t frame, const EngineParams& params, RunResult& result, InOrder<Made>& committer) {
         stop_.check();
         const Span span(timeline_, "frame", "stage", static_cast<std::int64_t>(frame));
         FrameReport& report = reports_[frame];
@@ -267,13 +289,14 @@ private:
         const Span write(timeline_, "write", "stage", static_cast<std::int64_t>(frame));
         // What these convert takes its room.
         if (!own.echo.empty() || own.power_unit == PowerUnit::dbm) result.received_w = {};
-        LayerFiles files(own);
-        files.write(result, own, source_.data_base(), stop_);
+        Made made{LayerFiles(own), {}};
+        made.files.write(result, own, source_.data_base(), stop_);
+        if (stack_) made.words = stack_->write(frame, frames_.track()[frame], own, result);
         lap(writing);
         report.end_s = now_s();
         note(result, report);
         note_doubts(result, frame);
-        committer.take(frame, std::move(files));
+        committer.take(frame, std::move(made));
     }
 
     static void note(const RunResult& result, FrameReport& report) {
@@ -317,7 +340,7 @@ private:
     }
 
     [[noreturn]] void end(const std::exception_ptr& error, std::size_t written) {
-        const std::string more = finished_words(written, frames_.size());
+        const std::string more = finished_words(settings_, written, frames_.size());
         try {
             std::rethrow_exception(error);
         } catch (const Interrupted& e) {
@@ -334,6 +357,7 @@ private:
     const Settings& settings_;
     const Frames& frames_;
     WedgeSource& source_;
+    TrackStack* stack_;
     Timeline* timeline_;
     Stop& stop_;
     std::shared_ptr<const SceneTables> tables_;
@@ -406,6 +430,7 @@ void write_track_report(OutputFile& file, const Settings& settings, const Frames
     json scene = parameters_json(settings, true);
     scene["threads"] = std::to_string(run.lanes().threads);
     head["scene"] = scene;
+    if (!settings.power_stack.empty()) head["power_stack"] = settings.power_stack;
     head["inputs"] =
         inputs_json(input_files(settings, source.data_base(), settings.files.empty() ? "" : settings.files[0]));
     json tail{{"frame_count", frames.size()},
@@ -463,9 +488,11 @@ std::vector<StageWork> track_work(const std::vector<FrameReport>& reports, const
 /// Everything that can go wrong with any frame's names is found before work begins.
 void check_outputs(const Settings& settings, const Frames& frames) {
     check_run_names(settings);
+    if (!settings.power_stack.empty()) TrackStack::check(settings, frames.size());
     namespace fs = std::filesystem;
-    const NamedPaths inputs = input_paths(settings),
-                     others{{"report", settings.report}, {"timeline", settings.timeline}};
+    const NamedPaths inputs = input_paths(settings), others{{"power-stack", settings.power_stack},
+                                                            {"report", settings.report},
+                                                            {"timeline", settings.timeline}};
     // Where nothing stands yet the name tells; the folders of all frames are the same few.
     std::set<std::string> taken;
     for (const NamedPaths* paths : {&inputs, &others})
@@ -496,6 +523,8 @@ void simulate_track(const Settings& given, double start_s, Stop& stop) {
     const GdalSession session(cache_bytes(settings), settings.config);
     check_outputs(settings, frames);
     std::optional<OutputFile> report, timeline_file;
+    std::optional<TrackStack> stack;
+    if (!settings.power_stack.empty()) stack.emplace(settings);
     if (!settings.report.empty()) report.emplace(settings.report, settings.overwrite);
     if (!settings.timeline.empty()) timeline_file.emplace(settings.timeline, settings.overwrite);
     std::unique_ptr<TimelineFile> timeline;
@@ -522,7 +551,7 @@ void simulate_track(const Settings& given, double start_s, Stop& stop) {
     try {
         source = open(settings);
         Threads(spill_options(settings).threads).execute([&] { source->read(&stop); });
-        run = std::make_unique<Run>(settings, frames, *source, timeline.get(), stop);
+        run = std::make_unique<Run>(settings, frames, *source, stack ? &*stack : nullptr, timeline.get(), stop);
         run->share_out();
     } catch (const TooLittleMemory& e) {
         run.reset();
@@ -539,6 +568,10 @@ void simulate_track(const Settings& given, double start_s, Stop& stop) {
     if (timeline) timeline->finish();
     const Usage usage = usage_since(start_s);
     std::vector<OutputFile*> files;
+    if (stack) {
+        stack->close();
+        files.push_back(&stack->file());
+    }
     if (report) {
         write_track_report(*report, settings, frames, *run, *source, open_s, usage);
         files.push_back(&*report);
