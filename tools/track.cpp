@@ -124,7 +124,7 @@ private:
 std::string finished_words(const Settings& settings, std::size_t written, std::size_t all) {
     const bool stack = !settings.power_stack.empty();
     const NamedPaths layers = layer_paths(settings);
-    if (std::all_of(layers.begin(), layers.end(), [](const auto& layer) { return layer.second.empty(); }))
+    if (stack && std::all_of(layers.begin(), layers.end(), [](const auto& layer) { return layer.second.empty(); }))
         return text("; no power-stack is written, though ", written, " of ", all, " frames were made");
     const char* also = stack ? " and no power-stack" : "";
     if (written == 0) return text("; none of ", all, " frames is written", also);
