@@ -132,7 +132,7 @@ void check(const Case& c, Quality finest = Quality::exact) {
                                            {Quality::exact, 0.06, 0.01}};
     std::vector<Quality> qualities;
     for (const Promise& p : promises)
-        if (p.quality >= finest)  // the finest comes first qualities.push_back(p.quality);
+        if (p.quality >= finest) qualities.push_back(p.quality);  // exact is the least
     const std::vector<Outcome> outcomes = compare(c, qualities);
     for (std::size_t i = 0; i < outcomes.size(); ++i) {
         const Promise& promise = promises[i];
