@@ -58,10 +58,10 @@ Sampling sampling(Quality quality, GroundCover cover, double above_posts) {
             return classes ? dense(1, 8, 2) : dense(high ? 0.6 : 1, 6, 2);
         case Quality::fine:
             if (culture_height) return dense(2, 24, 2);
-            return classes ? dense(1.5, 14, 4) : dense(1.25, 12, 4);
+            return classes ? dense(1.6, 14, 4) : dense(1.25, 12, 4);
         case Quality::exact:
             if (culture_height) return dense(4, 48, 2);
-            return classes ? dense(low ? 2.5 : 3, 32, 2) : dense(low ? 2 : 1.5, 24, 2);
+            return classes ? dense(low ? 2.5 : 3.4, 32, 2) : dense(low ? 2 : 1.5, 24, 2);
     }
     return {};
 }
