@@ -52,8 +52,9 @@ struct Shading {
     double* power;                      ///< out, as WedgeCells::Portion, without backscatter
     float* bow;                         ///< out, as there
 };
-/// power = K g_el^2(middle) / r_middle^2 (new horizon - old horizon), r at least 1 m, as the quantum takes it. It lies in
-/// range as the surface's rise over the rays does, a parabola, and as what falls on it and comes back: echo_bow().
+/// power = K mean g_el^2 / r_middle^2 (new horizon - old horizon), r at least 1 m, as the quantum takes it. The mean is that
+/// of a pattern going with sine^-4 which has the value and the slope of this one in the piece's middle. It lies in range as
+/// the surface's rise over the rays does, a parabola, and as what falls on it and comes back: echo_bow().
 void power_lanes(std::size_t n, const Shading& shading, const PatternTable& pattern, double constant) noexcept;
 
 /// The facets of neighbouring pieces, each taken straight from its start to its end and tilted across as the cell it runs
