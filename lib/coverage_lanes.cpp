@@ -24,6 +24,7 @@ using Holds = hn::Mask<Floats>;
 HWY_INLINE Lane all(float x) { return hn::Set(Floats(), x); }
 /// Where it holds a, else b.
 HWY_INLINE Lane pick(Holds holds, Lane a, Lane b) { return hn::IfThenElse(holds, a, b); }
+HWY_INLINE Holds pick(Holds holds, Holds a, Holds b) { return hn::Or(hn::And(holds, a), hn::AndNot(holds, b)); }
 /// b where one is no number: what x86's own instruction does (Highway's plain targets have their own Max).
 HWY_INLINE Lane greater(Lane a, Lane b) {
 #if HWY_TARGET <= HWY_SSE4 && HWY_ARCH_X86
@@ -187,11 +188,40 @@ HWY_INLINE HWY_ATTR void look_ahead(const RaiseLanes& lanes, std::size_t g, std:
     }
 }
 
-template <bool cross>
+/// A spoke on its way through the cell between two neighbouring columns of posts, from the line behind to the line.
+struct InsideCell {
+    Lane a, b, a_behind, b_behind;  ///< posts of the line, left and right, and of the one behind
+    Lane part;                      ///< posts from a to where the spoke crosses the line
+    Lane across;                    ///< and to there from where it crossed the one behind
+
+    /// The highest tangent between two places that many lines back, at a line `distance` posts off; no number where the
+    /// surface's course is no hill.
+    HWY_INLINE HWY_ATTR Lane highest(const Lift& lift, float distance, Lane lifts, Lane drops, Lane from,
+                                     Lane to) const {
+        constexpr float none = std::numeric_limits<float>::quiet_NaN(), out = 0x1p-10F;
+        const Lane zero = all(0), way = all(distance);
+        // Height over the sensor tau lines back: up + tau (step + tau bend).
+        const Lane ahead = b - a, twist = ahead - (b_behind - a_behind);
+        const Lane up = (a - all(lift.sensor_m)) + part * ahead, step = (a_behind - a) - part * twist - across * ahead,
+                   bend = across * twist;
+        // Over the distance it is most where that squared is d^2 + (d step + up) / bend.
+        const Lane more = (way * step + up) / bend, square = greater(way * way + more, zero);
+        const Lane top = zero - more / (way + hn::Sqrt(square)), tau = pick(top > from, pick(top < to, top, to), from);
+        const Lane there = up + tau * (step + tau * bend), nearer = all(1) - tau * all(1 / distance),
+                   place = part - tau * across;
+        const Holds counts = hn::And(bend < zero, hn::And(place > all(-out), place < all(1 + out)));
+        return lifted(lift, pick(counts, there, all(none))) * lifts / nearer - drops * nearer;
+    }
+};
+
+template <bool cross, bool course>
 HWY_ATTR void raise(const RaiseLanes& lanes, const Lift& lift) {
     const Floats d;
     constexpr float none = std::numeric_limits<float>::quiet_NaN();
     const float inverse_distance = 1 / lanes.distance, bow = lanes.bow;
+    // How far back it is looked at, lines: not as far as the sensor, where a tangent is as good as none.
+    const float most_back = lanes.distance * (1 - 0x1p-8F);
+    const Lane begins = all(most_back < 1 ? most_back : 1);
     SpokeGroups groups;
     for (std::size_t begin = 0; begin < lanes.groups; begin += together) {
         const std::size_t n = std::min(together, lanes.groups - begin);
@@ -227,7 +257,7 @@ HWY_ATTR void raise(const RaiseLanes& lanes, const Lift& lift) {
                     const Index c = down(high + all(32)) - hn::Set(Ints(), 32);
                     const Lane column = whole(c);
                     const Holds met = hn::And(column > low, column < high);
-                    if (!hn::AllFalse(d, met)) {
+                    if (course || !hn::AllFalse(d, met)) {
                         const auto highest = [&](float at_lane) HWY_ATTR {
                             const float here = part + at_lane * step, there = back + at_lane * back_step;
                             return static_cast<int>((there < here ? here : there) + 32) - 32;
@@ -235,13 +265,34 @@ HWY_ATTR void raise(const RaiseLanes& lanes, const Lift& lift) {
                         const int c_first = highest(first_lane(v)), c_last = highest(last_lane(v));
                         const Lane tau = (y - column) / pick(met, y - y0, all(1));  // lines back
                         const Stretch<2> crossed(c - hn::Set(Ints(), c_first), c_first, c_last - c_first);
-                        const Lane ahead = crossed.read(z),
-                                   there = (ahead - all(lift.sensor_m)) + tau * (crossed.read(zb) - ahead);
+                        const Lane ahead = crossed.read(z), behind = crossed.read(zb),
+                                   there = (ahead - all(lift.sensor_m)) + tau * (behind - ahead);
                         // lift and drop at a line tau nearer.
                         const Lane nearer = all(1) - tau * all(inverse_distance);
+                        const Holds counts = course ? hn::And(met, tau < begins) : met;
                         const Lane crossing =
-                            lifted(lift, pick(met, there, all(none))) * lifts / nearer - drops * nearer;
+                            lifted(lift, pick(counts, there, all(none))) * lifts / nearer - drops * nearer;
                         old = greater(crossing, old);
+                        if (course) {
+                            // The cells on both sides of the column: from one the spoke comes to the line, through the
+                            // other it came before.
+                            const Lane left = crossed.read(z - 1), right = crossed.read(z + 1),
+                                       left_behind = crossed.read(zb - 1), right_behind = crossed.read(zb + 1);
+                            const Holds leftwards = pick(met, y < y0, high == column);
+                            const Lane offset = y - column, across = y - y0, turn = pick(counts, tau, begins);
+                            const auto inside = [&](Holds on_left, Lane from, Lane to) HWY_ATTR {
+                                const InsideCell cell{pick(on_left, left, ahead),
+                                                      pick(on_left, ahead, right),
+                                                      pick(on_left, left_behind, behind),
+                                                      pick(on_left, behind, right_behind),
+                                                      pick(on_left, offset + all(1), offset),
+                                                      across};
+                                return cell.highest(lift, lanes.distance, lifts, drops, from, to);
+                            };
+                            old = greater(inside(leftwards, all(0), turn), old);
+                            if (!hn::AllFalse(d, counts))
+                                old = greater(pick(counts, inside(hn::Not(leftwards), turn, begins), all(none)), old);
+                        }
                     }
                 }
                 hn::StoreU(greater(tangent, old), d, horizon + l);
@@ -316,6 +367,11 @@ HWY_INLINE HWY_ATTR void test_groups(const TestLanes& lanes, const Lift& lift, s
     const float inverse_distance = slope_step;
     const float most_slack = lanes.most_relief_m * place_slack;  // a power of two: nothing is rounded
     const Holds nearest = hn::RebindMask(d, hn::Set(di, lanes.nearest ? 1 : 0) == hn::Set(di, 1));
+    // Where the way through the own cell begins: at the line behind, or above the sensor; and where what would lift a post out
+    // of it is asked, for where the sensor is no height does.
+    const float way_to = static_cast<float>(lanes.distance), least_way = 1 - way_to * (1 - 0x1p-8F);
+    const Lane begins = all(lanes.nearest ? 1 - way_to : 0), enters = all(least_way > 0 ? least_way : 0),
+               before = all(way_to - 1);
     const std::int64_t begins_at =
         lanes.first - lanes.origin + static_cast<std::int64_t>(begin) * static_cast<std::int64_t>(knot_step);
     for (std::size_t i = 0; i < n; ++i) {
@@ -390,23 +446,27 @@ HWY_INLINE HWY_ATTR void test_groups(const TestLanes& lanes, const Lift& lift, s
             const Lane stands = target * growth;
             const Lane cell_slack = (size_of(ray_w) + ray_rise + relief) * all(level_slack);
             const Lane steeper = climbs * growth - ray + cell_slack;  // at the post; below 0: a back slope
-            const Lane above0 = pick(nearest, one, stands - ray + to_entry * growth + cell_slack);
+            const Lane above0 = stands - ray + to_entry * growth + cell_slack;
+            const Holds enters_below = hn::AndNot(nearest, above0 < zero);
             const Lane b = stands - above0, bend = zero - steeper - b, tilt = b - bend;  // above0 + tilt u + bend u^2
             const Holds inside =
-                hn::AndNot(nearest, hn::And(hn::And(bend > zero, tilt < zero), tilt + two * bend > zero));
+                hn::And(hn::And(bend > zero, tilt + two * bend * begins < zero), tilt + two * bend > zero);
             if (raised)
-                hidden = hn::Or(hidden, hn::Or(above0 < zero, hn::And(inside, four * bend * above0 < tilt * tilt)));
+                hidden = hn::Or(hidden, hn::Or(enters_below, hn::And(inside, four * bend * above0 < tilt * tilt)));
             else
-                hidden = hn::Or(hidden, hn::Or(above0 < zero, steeper < zero));
+                hidden = hn::Or(hidden, hn::Or(enters_below, steeper < zero));
             put_states(hidden, is_void, lanes.state + at);
             if (wanted) {
                 // What would lift the post to its horizon, and its ray out of its own cell.
                 const Lane to_horizon = hn::IfThenElseZero(over < zero, (zero - over) / (lifts * growth));
-                const Lane u = hn::IfThenElseZero(inside, (zero - tilt) / (two * bend));
+                // That hidden by most, over how far it is: as in InsideCell.
+                const Lane more = (above0 - tilt * before) / bend,
+                           way = hn::Sqrt(greater(before * before + more, zero)),
+                           top = lanes.nearest ? way - before : more / (way + before),
+                           u = pick(hn::And(bend > zero, top > enters), pick(top < one, top, one), enters);
                 const Lane least = above0 + u * (tilt + u * bend);
                 const Lane moves = one - (one - u) * all(inverse_distance);  // of the ray there, when the post rises
-                const Lane out_of_cell = hn::IfThenElseZero(hn::AndNot(nearest, least < zero),
-                                                            (zero - least) / (greater(moves, all(0.125F)) * growth));
+                const Lane out_of_cell = hn::IfThenElseZero(least < zero, (zero - least) / (moves * growth));
                 const Lane most = greater(to_horizon, out_of_cell), some = greater(most, all(0.001F));
                 hn::StoreU(hn::IfThenElseZero(hidden, some), d, lanes.raise_m + at);
                 if (lanes.tangent) hn::StoreU(tangent, d, lanes.tangent + at);
@@ -425,8 +485,15 @@ HWY_ATTR void test(const TestLanes& lanes, const Lift& lift) {
     }
 }
 
-HWY_ATTR void raise_any(const RaiseLanes& lanes, const Lift& lift, bool cross) {
-    cross ? raise<true>(lanes, lift) : raise<false>(lanes, lift);
+HWY_ATTR void raise_any(const RaiseLanes& lanes, const Lift& lift, Between between) {
+    switch (between) {
+        case Between::nothing:
+            return raise<false, false>(lanes, lift);
+        case Between::crossings:
+            return raise<true, false>(lanes, lift);
+        case Between::course:
+            return raise<true, true>(lanes, lift);
+    }
 }
 
 HWY_ATTR void test_any(const TestLanes& lanes, const Lift& lift) {
@@ -483,8 +550,8 @@ constexpr auto test_any_copies = WEDGESCOPE_HIGHWAY_COPIES(test_any);
 constexpr auto count_any_copies = WEDGESCOPE_HIGHWAY_COPIES(count_any);
 constexpr auto least_any_copies = WEDGESCOPE_HIGHWAY_COPIES(least_any);
 
-void raise_lanes(const RaiseLanes& lanes, const Lift& lift, bool cross) noexcept {
-    raise_any_copies.in_use()(lanes, lift, cross);
+void raise_lanes(const RaiseLanes& lanes, const Lift& lift, Between between) noexcept {
+    raise_any_copies.in_use()(lanes, lift, between);
 }
 void test_lanes(const TestLanes& lanes, const Lift& lift) noexcept { test_any_copies.in_use()(lanes, lift); }
 

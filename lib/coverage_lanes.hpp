@@ -90,9 +90,12 @@ inline constexpr std::int64_t line_margin = 4 * static_cast<std::int64_t>(knot_s
 /// Readable beyond the last spoke of a horizon.
 inline constexpr std::size_t horizon_margin = 17;
 
-/// Groups of 16 spokes take a line: horizon = max(horizon, surface where they cross it). `cross`: and where they crossed
-/// the other axis' line between the line behind and this one.
-///   at, lift, drop  [groups + 1]  knots;  at_behind  positions on the line behind, `cross` only
+/// What spokes look at between the line behind and the one they take: nothing, where they crossed the other axis' line, or that
+/// and the surface's course in between, a parabola through each cell. On the first line the course begins at the sensor.
+enum class Between { nothing, crossings, course };
+
+/// Groups of 16 spokes take a line: horizon = max(horizon, surface where they cross it, what is looked at between).
+///   at, lift, drop  [groups + 1]  knots;  at_behind  positions on the line behind, but where nothing is between
 ///   horizon         [16 groups]
 /// Knots are finite, and far within 2^31 of the origin. A crossing between two posts is void if one of them is.
 struct RaiseLanes {
@@ -105,7 +108,7 @@ struct RaiseLanes {
     float bow;  ///< of drop, per spoke squared: bow_per_slope / K^2
     float* horizon;
 };
-void raise_lanes(const RaiseLanes& lanes, const Lift& lift, bool cross) noexcept;
+void raise_lanes(const RaiseLanes& lanes, const Lift& lift, Between between) noexcept;
 
 /// Posts test themselves, in groups of 16.
 struct TestLanes {
@@ -121,7 +124,7 @@ struct TestLanes {
     const float* horizon;  ///< [spokes], of spoke first_spoke on
     std::int64_t first_spoke;
     std::int32_t spokes;
-    bool nearest;  ///< the line behind is not between the sensor and this one
+    bool nearest;  ///< the sensor is between the line behind and this one
     /// At least what any post's cell counts as relief: |step to the line behind| + |slope| (|step on the line| + |step on the
     /// line behind|); infinite: nothing is known.
     float most_relief_m = std::numeric_limits<float>::infinity();

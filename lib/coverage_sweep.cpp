@@ -328,12 +328,13 @@ void Cover::sweep(Strip& strip, std::size_t run) {
                                                                              : has_before       ? before
                                                                                                 : no_line;
         while (ring + 1 < rings.size() && rings[ring + 1].lines.begin <= line) ++ring;
+        const double d = grid_.distance(q, line);
         const bool next_row = block_along(index) != row;
         if (next_row) {
             const std::int64_t row_behind = row;
             row = block_along(index);
             if (!blocks.empty()) {
-                const bool behind_counts = sampling_.cross_lines && index_behind != no_line;
+                const bool behind_counts = crosses(d) && index_behind != no_line;
                 if (mapped && line == lines.begin && behind_counts && row_behind == block_along(index_behind))
                     hide(side, row_lines(row_behind), row_behind, core, first && last, desk);
                 hide(side, intersection(row_lines(row), lines), row, core, first && last, desk);
@@ -349,7 +350,7 @@ void Cover::sweep(Strip& strip, std::size_t run) {
                     ChunkRequest request;
                     leave_out(columns, blocks, {block_along(of_lines.begin), block_along(of_lines.end - 1) + 1},
                               behind_counts ? std::nullopt : std::optional(row), request);
-                    if (narrows_) request.looked_at = rectangle(of_lines, looked_at_part(row, desk));
+                    if (narrows_ && !crosses(d)) request.looked_at = rectangle(of_lines, looked_at_part(row, desk));
                     load(of_lines, std::move(request));
                     // Of the last row's lines the buffers hold what was needed then.
                     in_line = in_behind = no_line;
@@ -366,10 +367,10 @@ void Cover::sweep(Strip& strip, std::size_t run) {
             doubled = true;
         }
         if (too_few) place_fan(side, desk);
-        const double d = grid_.distance(q, line);
         const LineForm here = form(side, d);
         // On the first line of a row of blocks cells of the last one lie behind.
-        const bool cross = sampling_.cross_lines && line > 0,
+        const Between between = looked_at_between(d);
+        const bool cross = between != Between::nothing && (line > 0 || between == Between::course),
                    everywhere = blocks.empty() || voids_ || (cross && next_row);
         desk.every_group = {{0, s.range.size() / knot}};
         const std::vector<Interval>& groups = everywhere ? desk.every_group : desk.groups;
@@ -379,6 +380,11 @@ void Cover::sweep(Strip& strip, std::size_t run) {
             std::swap(desk.at, desk.at_behind);
         }
         for (const Interval& part : groups) place_knots(side, here, part, desk);
+        if (line == 0 && cross) {
+            // The line behind lies behind the sensor.
+            desk.at_behind.resize(desk.at.size());
+            for (std::size_t i = 0; i < desk.at.size(); ++i) desk.at_behind[i] = desk.at[i] - desk.slope[i];
+        }
 
         const auto l = static_cast<std::size_t>(line - lines.begin);
         const Interval all = own[l];
@@ -445,7 +451,7 @@ void Cover::sweep(Strip& strip, std::size_t run) {
                 raise.lift = desk.lift.data() + g;
                 raise.drop = desk.drop.data() + g;
                 raise.horizon = s.horizon.data() + g * knot_step;
-                raise_lanes(raise, lift_, cross);
+                raise_lanes(raise, lift_, cross ? between : Between::nothing);
             }
         }
         // Where spokes leave the raster, the first one outside is a neighbour of the last posts inside: it follows.

@@ -37,6 +37,9 @@ inline constexpr std::int64_t tile_edge = CoverageTile::edge;
 inline constexpr std::int64_t knot = static_cast<std::int64_t>(knot_step);
 inline constexpr std::int64_t run_posts = 2048, run_spokes = 4096;  ///< of a run at the end of its strip, at the most
 inline constexpr std::size_t strips_ahead = 4;                      ///< at most that many on their way at a time
+/// As far as so many posts spokes follow the surface through each cell, whatever the quality: what stands between two samples
+/// hides the more of what is behind it the nearer it is, and few lines are so near.
+inline constexpr double course_posts = 64;
 inline constexpr float nan_f = std::numeric_limits<float>::quiet_NaN();
 
 inline std::int64_t floor_to(std::int64_t v, std::int64_t step) {
@@ -191,7 +194,13 @@ public:
           grid_(db_, map_, sampling_, 4), bytes_(is_bytes(params.layer)), voids_(params.layer == CoverageLayer::states),
           tiles_(db_.columns, db_.rows, bytes_, outside_byte(), params.reached_only) {
         lift_.sensor_m = static_cast<float>(scene.sensor_m);
+        // Upwards: the ground that a sensor stands on hides nothing by the sensor's being rounded into it.
+        if (static_cast<double>(lift_.sensor_m) < scene.sensor_m)
+            lift_.sensor_m = std::nextafter(lift_.sensor_m, std::numeric_limits<float>::infinity());
         lift_.inverse_radius = static_cast<float>(scene.earth.inverse_radius());
+        // Without crossings nobody asks for what is between them.
+        if (scene.scene.curved_course.value_or(scene.scene.crossings.value_or(true)))
+            course_within_ = scene.scene.curved_course ? std::numeric_limits<double>::infinity() : course_posts;
         with_range_ = scene.range_limited || scene.scene.range_start_m > 0 || scene.scene.ground_range_m;
         // A post that stands on the limit is in range, however its distance is rounded.
         if (scene.scene.ground_range_m) farthest_m_ = *scene.scene.ground_range_m * (1 + 0x1p-32);
@@ -289,6 +298,12 @@ private:
     void write_done();
     static void place_fan(const Side& side, Desk& desk);
     void place_knots(const Side& side, const LineForm& line, Interval groups, Desk& desk) const;
+    /// What spokes look at on the way to a line so many posts off.
+    Between looked_at_between(double distance) const {
+        if (distance <= course_within_) return Between::course;
+        return sampling_.cross_lines ? Between::crossings : Between::nothing;
+    }
+    bool crosses(double distance) const { return looked_at_between(distance) != Between::nothing; }
     void place_posts(const Side& side, const LineForm& line, std::int64_t k, Interval own, Interval posts, Desk& desk);
     double spoke_at(const Side& side, const LineForm& line, std::int64_t k, double minor) const;
     void ask_map(const Side& side, Interval major, Interval minor, Blocks& blocks);
@@ -365,6 +380,7 @@ private:
     double farthest_m_ = std::numeric_limits<double>::infinity();  ///< along the ground
     double least_tangent_ = 0, most_tangent_ = 0;
     Lift lift_;
+    double course_within_ = 0;  ///< posts
     std::array<Side, 4> sides_;
     std::vector<Interval> own_;  ///< by column of the raster: rows that belong to the quadrants east and west
     Window reached_;             ///< posts of the tiles that strips account for, in whole tiles

@@ -162,6 +162,49 @@ TEST_CASE("a ridge hides the ground behind it as far as its shadow reaches", "[c
     CHECK(raised.at(99, 20) == 0);
 }
 
+TEST_CASE("the ground between two opposite posts of a cell hides what is behind it", "[coverage][quick]") {
+    // Two posts of the sensor's cell stand 8 m high, so over the diagonal, from the corner, the ground is 16 t (1 - t) m
+    // high: from h m above the corner the highest tangent is 16 - 8 sqrt(h) m a diagonal, where t = sqrt(h) / 4. Nothing of
+    // it is on a line of posts. Behind the cell's far corner stands a post in a hollow.
+    for (const bool mirrored : {false, true}) {
+        const auto height = [&](double column, double row) {
+            const double c = mirrored ? 40 - column : column, r = row;
+            if ((c == 20 && r == 20) || (c == 21 && r == 21)) return 0.0;
+            if ((c == 21 && r == 20) || (c == 20 && r == 21)) return 8.0;
+            return c == 22 && r == 22 ? 3.0 : -300.0;
+        };
+        MemorySource source(41, 41, post_m, height);
+        for (const double h : {0.0, 0.25, 1.0, 2.25}) {
+            const double tangent = 16 - 8 * std::sqrt(h), level_m = h + 2 * tangent;
+            for (const Quality quality : {Quality::draft, Quality::normal, Quality::exact}) {
+                Scene scene = scene_at(20, 20, h);
+                scene.quality = quality;
+                INFO("from " << h << " m, " << word(quality) << (mirrored ? ", mirrored" : ""));
+                const std::int64_t c = mirrored ? 18 : 22;
+                CHECK(look(source, scene).at(c, 22) == 0);
+                CoverageParams raised;
+                raised.target_m = 0.99 * level_m - 3;
+                CHECK(look(source, scene, raised).at(c, 22) == 0);
+                raised.target_m = 1.01 * level_m - 3;
+                CHECK(look(source, scene, raised).at(c, 22) == 255);
+                CHECK(std::abs(look(source, scene, layer(CoverageLayer::height)).value(c, 22) - (level_m - 3)) <=
+                      0.01 * level_m);
+                // A thing that stands on the cell's far corner is behind the hump too: it shows from where 16 t (1 - t) is
+                // nowhere above the line to it.
+                const std::int64_t corner = mirrored ? 19 : 21;
+                raised.target_m = 0.99 * (h + tangent);
+                CHECK(look(source, scene, raised).at(corner, 21) == 0);
+                raised.target_m = 1.01 * (h + tangent);
+                CHECK(look(source, scene, raised).at(corner, 21) == 255);
+                CHECK(std::abs(look(source, scene, layer(CoverageLayer::height)).value(corner, 21) - (h + tangent)) <=
+                      0.01 * (h + tangent));
+                scene.curved_course = false;
+                CHECK(look(source, scene).at(c, 22) == 255);
+            }
+        }
+    }
+}
+
 TEST_CASE("the sea is seen as far as its horizon", "[coverage][quick]") {
     constexpr double k = 4.0 / 3, sensor = 40, radius = k * 6371008.7714;
     MemorySource source(1400, 9, post_m, [](double, double) { return 0; });

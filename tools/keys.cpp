@@ -867,7 +867,9 @@ std::vector<Key> make_keys() {
     t.add("course",
           choice<std::optional<bool>>(
               {{"curved", true}, {"straight", false}}, [](auto& s) -> auto& { return s.scene.curved_course; }, "auto"),
-          "auto", "how the surface runs between two samples in a cell; auto: as the quality says (coverage: straight)");
+          "auto",
+          "how the surface runs between two samples in a cell; auto: as the quality says (coverage: curved as far as "
+          "64 posts)");
     t.add("detail",
           choice<bool>(
               {{"auto", true}, {"off", false}}, [](auto& s) -> auto& { return s.scene.detail; }),
@@ -1419,6 +1421,7 @@ std::vector<Key> make_keys() {
                              "spokes-per-post",
                              "spoke-lead",
                              "crossings",
+                             "course",
                              "threads",
                              "memory",
                              "source",

@@ -12,8 +12,24 @@ namespace wedgescope::twin {
 
 inline float chosen(bool holds, float a, float b) { return holds ? a : b; }
 
-template <bool cross>
+/// How high a spoke's tangent rises inside a cell, between two places that many lines back; NaN where the surface's course is
+/// no hill. `z`, `zb`: its left posts on the line and on the one behind; `part`, `across`: posts from there to where the spoke
+/// crosses the line, and to there from where it crossed the one behind.
+inline float highest_inside(const float* z, const float* zb, float part, float across, float from, float to,
+                            float lifts, float drops, float distance, const Lift& lift) {
+    const float ahead = z[1] - z[0], twist = ahead - (zb[1] - zb[0]);
+    const float up = (z[0] - lift.sensor_m) + part * ahead, step = (zb[0] - z[0]) - part * twist - across * ahead,
+                bend = across * twist;
+    const float more = (distance * step + up) / bend, sum = distance * distance + more, square = sum > 0 ? sum : 0.0F;
+    const float top = 0 - more / (distance + std::sqrt(square)), tau = top > from ? (top < to ? top : to) : from;
+    const float there = up + tau * (step + tau * bend), nearer = 1 - tau * (1 / distance), place = part - tau * across;
+    if (!(bend < 0 && place > -0x1p-10F && place < 1 + 0x1p-10F)) return std::numeric_limits<float>::quiet_NaN();
+    return lift.w(there) * lifts / nearer - drops * nearer;
+}
+
+template <Between between_lines>
 inline void raise(const RaiseLanes& lanes, const Lift& lift) noexcept {
+    constexpr bool cross = between_lines != Between::nothing, course = between_lines == Between::course;
     const float* posts = lanes.posts;
     const float* behind = lanes.behind;
     float* horizon = lanes.horizon;
@@ -50,12 +66,26 @@ inline void raise(const RaiseLanes& lanes, const Lift& lift) noexcept {
                 const float column = static_cast<float>(c);
                 const bool met = (column > low) & (column < high);
                 const float tau = (y - column) / (chosen(met, y - y0, 1.0F));  // lines back
+                const float most_back = lanes.distance * (1 - 0x1p-8F), begins = most_back < 1 ? most_back : 1;
+                const bool counts = met & (!course | (tau < begins));
                 const int at_column = c & -static_cast<int>(met);
                 const float ahead = z[at_column], there = (ahead - lift.sensor_m) + tau * (zb[at_column] - ahead);
                 // lift and drop at a line tau nearer.
                 const float nearer = 1 - tau * inverse_distance;
-                const float crossing = lift.w(chosen(met, there, none)) * lifts / nearer - drops * nearer;
+                const float crossing = lift.w(chosen(counts, there, none)) * lifts / nearer - drops * nearer;
                 old = crossing > old ? crossing : old;
+                if (course) {
+                    const bool leftwards = met ? y < y0 : high == column;
+                    const auto take = [&](bool on_left, float from, float to) {
+                        const float offset = y - column;
+                        const float inside =
+                            highest_inside(z + c - on_left, zb + c - on_left, on_left ? offset + 1 : offset, y - y0,
+                                           from, to, lifts, drops, lanes.distance, lift);
+                        old = inside > old ? inside : old;
+                    };
+                    take(leftwards, 0, counts ? tau : begins);
+                    if (counts) take(!leftwards, tau, begins);
+                }
             }
             h[l] = tangent > old ? tangent : old;
         }
@@ -132,16 +162,19 @@ inline void test(const TestLanes& lanes, const Lift& how) noexcept {
             const float slack = ((high < 0 ? -high : high) + drops) * level_slack + relief * lifts * place_slack;
             const float over = tangent + slack - level;                // below 0: hidden
             const float steeper = climbs * growth - ray + cell_slack;  // at the post; below 0: a back slope
-            const float above0 = nearest ? 1.0F : stands - ray + to_entry * growth + cell_slack;
+            const float above0 = stands - ray + to_entry * growth + cell_slack;
+            // Where the way through the cell begins: at the line behind, or above the sensor.
+            const float starts = nearest ? 1 - static_cast<float>(lanes.distance) : 0.0F;
+            const bool enters_below = !nearest & (above0 < 0);
             const bool void_post = height != height;
             bool hidden = over < 0;
             if (raised) {
                 const float b = stands - above0, bend = -steeper - b, tilt = b - bend;  // above0 + tilt u + bend u^2
-                const bool dips =
-                    !nearest & (bend > 0) & (tilt < 0) & (tilt + 2 * bend > 0) & (4 * bend * above0 < tilt * tilt);
-                hidden = hidden | (above0 < 0) | dips;
+                const bool dips = (bend > 0) & (tilt + 2 * bend * starts < 0) & (tilt + 2 * bend > 0) &
+                                  (4 * bend * above0 < tilt * tilt);
+                hidden = hidden | enters_below | dips;
             } else {
-                hidden = hidden | (above0 < 0) | (steeper < 0);
+                hidden = hidden | enters_below | (steeper < 0);
             }
             const int seen = 2 - static_cast<int>(hidden), valid = -static_cast<int>(!void_post);
             state[l] = static_cast<std::uint8_t>(seen & valid);
@@ -149,12 +182,17 @@ inline void test(const TestLanes& lanes, const Lift& how) noexcept {
                 // What would lift the post to its horizon, and its ray out of its own cell.
                 const float to_horizon = over < 0 ? -over / (lifts * growth) : 0.0F;
                 const float b = stands - above0, bend = -steeper - b, tilt = b - bend;
-                const bool inside = !nearest & (bend > 0) & (tilt < 0) & (tilt + 2 * bend > 0);
-                const float u = inside ? -tilt / (2 * bend) : 0.0F;
+                // That hidden by most, over how far it is.
+                const float before = static_cast<float>(lanes.distance) - 1,
+                            least_way = 1 - static_cast<float>(lanes.distance) * (1 - 0x1p-8F),
+                            enters = least_way > 0 ? least_way : 0;
+                const float more = (above0 - tilt * before) / bend, square = before * before + more,
+                            way = std::sqrt(square > 0 ? square : 0.0F),
+                            top = nearest ? way - before : more / (way + before);
+                const float u = (bend > 0) & (top > enters) ? (top < 1 ? top : 1) : enters;
                 const float least = above0 + u * (tilt + u * bend);
                 const float moves = 1 - (1 - u) * inverse_distance;  // of the ray there, when the post rises
-                const float out_of_cell =
-                    !nearest & (least < 0) ? -least / ((moves > 0.125F ? moves : 0.125F) * growth) : 0.0F;
+                const float out_of_cell = least < 0 ? -least / (moves * growth) : 0.0F;
                 const float most = to_horizon > out_of_cell ? to_horizon : out_of_cell;
                 const float some = most > 0.001F ? most : 0.001F;
                 raise_m[l] = chosen(hidden, some, 0.0F);
