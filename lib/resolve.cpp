@@ -381,6 +381,17 @@ double lower_for(double roughness) {
         roughness < needles ? std::pow(usual / roughness, power) : at_needles * needles / roughness, 30);
 }
 
+/// Spokes a post, at least, where what stands around says more than the ground below.
+double least_beside_mountains(Quality quality) {
+    switch (quality) {
+        case Quality::draft: return 0.9;
+        case Quality::normal: return 1.2;
+        case Quality::fine: return 2;
+        case Quality::exact: return 2.75;
+    }
+    return 0;
+}
+
 }  // namespace
 
 Sampling sampling_of(const ResolvedScene& scene, const DataBase& db) {
@@ -392,7 +403,11 @@ Sampling sampling_of(const ResolvedScene& scene, const DataBase& db) {
     // and there.
     const double above = (scene.sensor_m - scene.reference_m) / longer_post_m(db),
                  over_most = std::max(steps ? 5.0 : 2.0, 1.1 * scene.clearance_m / longer_post_m(db));
-    Sampling own = sampling(scene.scene, cover, std::min(above, over_most) * lower_for(scene.roughness));
+    const double counted = std::min(above, over_most) * lower_for(scene.roughness);
+    Sampling own = sampling(scene.scene, cover, counted);
+    // There crests hide ground far off too, where bins are wide and only spokes a post count.
+    if (counted < std::min(above, 40.0) && !scene.scene.spokes_per_post)
+        own.spokes_per_post = std::max(own.spokes_per_post, least_beside_mountains(scene.scene.quality));
     if (!scene.nadir_on_data) own.above_posts = 0;  // nobody knows above what
     if (own.above_posts > 0) own.quiet_posts = quiet_posts(scene, db);
     return own;
