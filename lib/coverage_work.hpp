@@ -199,7 +199,7 @@ public:
             lift_.sensor_m = std::nextafter(lift_.sensor_m, std::numeric_limits<float>::infinity());
         lift_.inverse_radius = static_cast<float>(scene.earth.inverse_radius());
         // Without crossings nobody asks for what is between them.
-        if (scene.scene.curved_course.value_or(scene.scene.crossings.value_or(true)))
+        if (scene.scene.crossings.value_or(true) && scene.scene.curved_course.value_or(true))
             course_within_ = scene.scene.curved_course ? std::numeric_limits<double>::infinity() : course_posts;
         with_range_ = scene.range_limited || scene.scene.range_start_m > 0 || scene.scene.ground_range_m;
         // A post that stands on the limit is in range, however its distance is rounded.

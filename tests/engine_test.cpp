@@ -725,6 +725,21 @@ TEST_CASE("spokes go by the height over what stands highest in the sector, but f
     CHECK(per_bin(east) == rule(1.1 * 200 / 30));
     CHECK(per_bin(west) == rule(2700.0 / 30));
     CHECK(per_bin(east) > per_bin(west));
+    // Crests hide ground far off too: so many a post at least, but not where the scene says how many.
+    const auto per_post = [&](const ResolvedScene& scene) {
+        return sampling_of(scene, source.data_base()).spokes_per_post;
+    };
+    const std::pair<Quality, double> least[] = {
+        {Quality::draft, 0.9}, {Quality::normal, 1.2}, {Quality::fine, 2}, {Quality::exact, 2.75}};
+    for (const auto& [quality, posts] : least) {
+        s.quality = quality;
+        CHECK(per_post(resolved(45, 135)) == posts);
+        CHECK(per_post(resolved(225, 315)) == sampling(quality, GroundCover::bare, 90).spokes_per_post);
+    }
+    s.quality = Scene{}.quality;
+    s.spokes_per_post = 0.7;
+    CHECK(per_post(resolved(45, 135)) == 0.7);
+    s.spokes_per_post.reset();
     // Above the sensor: as from 2 posts up, no denser. Nearer the ground below: as that has it.
     s.platform.altitude_m = 1000;
     CHECK(resolved(45, 135).clearance_m == -1800);

@@ -126,13 +126,13 @@ struct Promise {
     double states;
 };
 void check(const Case& c, Quality finest = Quality::exact) {
-    const std::vector<Promise> promises = {{Quality::draft, 1.5, 0.03},
+    std::vector<Promise> promises = {{Quality::draft, 1.5, 0.03},
                                            {Quality::normal, 0.35, 0.01},
                                            {Quality::fine, 0.2, 0.01},
                                            {Quality::exact, 0.06, 0.01}};
     std::vector<Quality> qualities;
-    for (const Promise& p : promises)
-        if (p.quality >= finest) qualities.push_back(p.quality);  // exact is the least
+    std::erase_if(promises, [&](const Promise& p) { return p.quality < finest; });  // exact is the least
+    for (const Promise& p : promises) qualities.push_back(p.quality);
     const std::vector<Outcome> outcomes = compare(c, qualities);
     for (std::size_t i = 0; i < outcomes.size(); ++i) {
         const Promise& promise = promises[i];

@@ -558,10 +558,10 @@ TEST_CASE("each quality samples as the table in docs/accuracy.md says", "[grid]"
         {Quality::normal, classes, {48, 12, 4, 3}, {1.25, 1.25, 1, 1}, {2, 2, 4, 4}},
         {Quality::normal, heights, {48, 12, 6, 3}, {1.25, 1.25, 1.25, 1.25}, {2, 2, 4, 4}},
         {Quality::fine, bare, {48, 12, 6, 3}, {1.25, 1.25, 1.25, 1.25}, {4, 4, 4, 4}},
-        {Quality::fine, classes, {56, 14, 7, 3.5}, {1.5, 1.5, 1.5, 1.5}, {4, 4, 4, 4}},
+        {Quality::fine, classes, {56, 14, 7, 3.5}, {1.6, 1.6, 1.6, 1.6}, {4, 4, 4, 4}},
         {Quality::fine, heights, {96, 24, 12, 6}, {2, 2, 2, 2}, {2, 2, 4, 4}},
         {Quality::exact, bare, {96, 24, 12, 6}, {2, 2, 1.5, 1.5}, {2, 2, 4, 4}},
-        {Quality::exact, classes, {128, 32, 16, 8}, {2.5, 2.5, 3, 3}, {2, 2, 4, 4}},
+        {Quality::exact, classes, {128, 32, 16, 8}, {2.5, 2.5, 3.4, 3.4}, {2, 2, 4, 4}},
         {Quality::exact, heights, {192, 48, 24, 12}, {4, 4, 4, 4}, {2, 2, 4, 4}},
     };
     for (const Row& row : rows)

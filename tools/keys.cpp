@@ -863,7 +863,9 @@ std::vector<Key> make_keys() {
     t.add("crossings",
           choice<std::optional<bool>>(
               {{"on", true}, {"off", false}}, [](auto& s) -> auto& { return s.scene.crossings; }, "auto"),
-          "auto", "spokes are sampled where they cross the lines of the other axis too; auto: as the quality says");
+          "auto",
+          "spokes are sampled where they cross the lines of the other axis too; auto: as the quality says, in "
+          "coverage as far as 64 posts whatever the quality");
     t.add("course",
           choice<std::optional<bool>>(
               {{"curved", true}, {"straight", false}}, [](auto& s) -> auto& { return s.scene.curved_course; }, "auto"),

@@ -174,6 +174,7 @@ Lanes share_out(const Settings& settings, const Frames& frames, WedgeSource& sou
                          ResolvedScene s = frames.scene(frame, source);
                          if (frames.scans()) frames.check_scan(frame, s, source);
                          if (first) TrackStack::check_bins(*first, s);
+                         frame(display_setting(s));  // drawn in any case; refuses what it cannot show
                          return s;
                      });
                      const ResolvedScene part = frames.largest_part(whole);
@@ -569,7 +570,11 @@ void simulate_track(const Settings& given, double start_s, Stop& stop) {
     const Usage usage = usage_since(start_s);
     std::vector<OutputFile*> files;
     if (stack) {
-        stack->close();
+        try {
+            stack->close();
+        } catch (const IoError& e) {
+            throw IoError(e.what() + finished_words(settings, frames.size(), frames.size()));
+        }
         files.push_back(&stack->file());
     }
     if (report) {
