@@ -456,6 +456,34 @@ TEST_CASE("the class of a point is that of the culture cell that contains it, on
     CHECK_THAT(first, WithinAbs(std::hypot(5012, 500), 1.5));
 }
 
+TEST_CASE("an even grid over the ground returns what rays do, the nearer the finer it is", "[reference]") {
+    // A plain from high up, and rough ground, with shadows, from low down.
+    const bool rough = GENERATE(false, true);
+    std::mt19937 random(3);
+    Scene s = local_scene(write("plain", local, [&](double, double, int, int) { return rough ? random() % 20 : 0; }),
+                          rough ? 700 : 3000);
+    s.first_azimuth_bin = 100;
+    s.azimuth_count = 16;
+    s.range_bins = 460;
+    if (rough) s.rays_per_bin = 48, s.step_posts = 0.125;
+    const Result rays = simulate(s);
+    const auto off_db = [&](double posts) {
+        s.uniform_posts = posts;
+        const Result grid = simulate(s);
+        double squares = 0;
+        int count = 0;
+        for (int i = 0; i < s.azimuth_count; ++i)
+            for (int j = 250; j < 450; ++j, ++count)
+                squares += std::pow(db(grid.power_w[grid.index(i, j)], rays.power_w[rays.index(i, j)]), 2);
+        return std::sqrt(squares / count);
+    };
+    const double coarse = off_db(1), middle = off_db(0.5), fine = off_db(0.25);
+    INFO(coarse << ", " << middle << ", " << fine << " dB");
+    CHECK(fine < (rough ? 0.15 : 0.03));
+    CHECK(middle < coarse);
+    CHECK(fine < middle);
+}
+
 TEST_CASE("beam and pulse spread power and lose none", "[reference]") {
     std::mt19937 random(7);
     Scene s = local_scene(write("noise", local, [&](double, double, int, int) { return random() % 100; }), 800);

@@ -15,6 +15,7 @@
 #include <memory>
 #include <mutex>
 #include <numbers>
+#include <optional>
 #include <sstream>
 #include <stdexcept>
 #include <thread>
@@ -156,6 +157,7 @@ public:
     }
 
     const Raster& raster() const { return dem_; }
+    bool round_the_earth() const { return period_ > 0; }
 
     /// The cell of a position. The last column and row of posts belong to the last cells.
     Cell cell(double column, double row) const {
@@ -685,6 +687,150 @@ void march(const Scene& scene, const Ground& ground, const Earth& earth, const P
 }
 
 // ---------------------------------------------------------------------------------------------------------
+// Uniform sampling
+
+/// Metres east and north of the nadir, by ground arc and azimuth (the azimuthal equidistant map), of terrain positions:
+/// exact at every 32nd post, bilinear between them (off by a centimetre at most).
+class Chart {
+public:
+    Chart(const Scene& scene, const Nadir& nadir, const Raster& dem)
+        : columns_(dem.columns / spacing + 2), rows_(dem.rows / spacing + 2) {
+        const auto& g = dem.transform;
+        const bool geodesic = scene.geometry == Geometry::geodesic;
+        const Transformation to_wgs84 = geodesic ? make_transformation(dem.crs, wgs84()) : nullptr;
+        for (int row = 0; row < rows_ * spacing; row += spacing) {
+            for (int column = 0; column < columns_ * spacing; column += spacing) {
+                double x = g[0] + (column + 0.5) * g[1], y = g[3] + (row + 0.5) * g[5];
+                if (!geodesic) {
+                    node_.push_back({x - nadir.x, y - nadir.y});
+                } else if (to_wgs84 && !to_wgs84->Transform(1, &x, &y)) {
+                    node_.push_back({nan, nan});
+                } else {
+                    double arc = 0, azimuth = 0, unused = 0;
+                    GeographicLib::Geodesic::WGS84().Inverse(nadir.lat, nadir.lon, y, x, arc, azimuth, unused);
+                    node_.push_back({arc * std::sin(azimuth * deg), arc * std::cos(azimuth * deg)});
+                }
+            }
+        }
+    }
+
+    struct Place {
+        double arc, azimuth;  // azimuth: 0 .. 2 pi
+        double post_m2;       // of a square post there, on the chart
+    };
+    Place at(double column, double row) const {
+        const int c = static_cast<int>(column / spacing), r = static_cast<int>(row / spacing);
+        const double u = column / spacing - c, v = row / spacing - r;
+        std::array<double, 2> place{}, along_u{}, along_v{};  // east, north
+        for (std::size_t i = 0; i < 2; ++i) {
+            const double a = node(c, r)[i], b = node(c + 1, r)[i];
+            const double d = node(c, r + 1)[i], e = node(c + 1, r + 1)[i];
+            place[i] = (1 - v) * ((1 - u) * a + u * b) + v * ((1 - u) * d + u * e);
+            along_u[i] = (1 - v) * (b - a) + v * (e - d);
+            along_v[i] = (1 - u) * (d - a) + u * (e - b);
+        }
+        const double azimuth = std::atan2(place[0], place[1]);
+        return {std::hypot(place[0], place[1]), azimuth < 0 ? azimuth + 2 * pi : azimuth,
+                std::abs(along_u[0] * along_v[1] - along_u[1] * along_v[0]) / (spacing * spacing)};
+    }
+
+private:
+    static constexpr int spacing = 32;
+    int columns_, rows_;  // of nodes
+    std::vector<std::array<double, 2>> node_;
+
+    const std::array<double, 2>& node(int column, int row) const {
+        return node_[static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_) +
+                     static_cast<std::size_t>(column)];
+    }
+};
+
+/// A square of the even grid, by its middle: the sample.
+struct Square {
+    float column, row;
+};
+/// Those of each swept azimuth bin, within a ground arc.
+std::vector<std::vector<Square>> squares_of_bins(const Scene& scene, const Chart& chart, const Raster& dem,
+                                                 double length_m, const std::vector<int>& row_of_bin, int swept) {
+    const double d = *scene.uniform_posts;
+    std::vector<std::vector<Square>> squares(static_cast<std::size_t>(swept));
+    for (double row = d / 2; row < dem.rows - 1; row += d) {
+        for (double column = d / 2; column < dem.columns - 1; column += d) {
+            const Chart::Place place = chart.at(column, row);
+            if (!(place.arc > 0 && place.arc < length_m)) continue;
+            const int bin = static_cast<int>(place.azimuth / (2 * pi) * scene.azimuth_bins) % scene.azimuth_bins;
+            if (const int swept_row = row_of_bin[static_cast<std::size_t>(bin)]; swept_row >= 0)
+                squares[static_cast<std::size_t>(swept_row)].push_back(
+                    {static_cast<float>(column), static_cast<float>(row)});
+        }
+    }
+    return squares;
+}
+
+/// Adds echo (times `weight_w`, as of `march`) and state of one sample. Its sight line runs as `path` does, the ray
+/// through the middle of the azimuth bin, turned to end at the sample.
+void look(const Scene& scene, const Ground& ground, const Earth& earth, const Path& path, const Chart::Place& place,
+          const Square& square, double post_m, double reference_height, double weight_w, double* echo,
+          std::uint8_t* bits) {
+    const std::array<double, 2> end = path.at(place.arc);
+    const std::array<double, 2> turn = {(square.column - end[0]) / place.arc, (square.row - end[1]) / place.arc};
+    const auto at = [&](double s) {
+        const std::array<double, 2> on_path = path.at(s);
+        return std::array<double, 2>{on_path[0] + s * turn[0], on_path[1] + s * turn[1]};
+    };
+    const auto mark = [&](Bit bit, double range) {
+        if (range < scene.range_bin_m * scene.range_bins) bits[static_cast<int>(range / scene.range_bin_m)] |= bit;
+    };
+
+    // The ground of the sample's cell, half a sample before it and behind it.
+    const double half_m = 0.5 * *scene.uniform_posts * post_m;
+    const std::array<double, 2> before = at(place.arc - half_m), behind = at(place.arc + half_m);
+    const std::array<double, 2> across = {behind[0] - before[0], behind[1] - before[1]};
+    const Cell cell = ground.cell(square.column, square.row);
+    const double height = ground.surface(cell, square.column, square.row, across);
+    const double height_before = ground.surface(cell, before[0], before[1], across);
+    const double height_behind = ground.surface(cell, behind[0], behind[1], across);
+    if (std::isnan(height) || std::isnan(height_before) || std::isnan(height_behind)) {
+        mark(bit_no_data, earth.to(place.arc, reference_height).range);
+        return;
+    }
+    const Earth::Direction middle = earth.to(place.arc, height);
+    const double sin_before = earth.to(place.arc - half_m, height_before).sin_e;
+    const double sin_behind = earth.to(place.arc + half_m, height_behind).sin_e;
+
+    // The horizon: the edges of all cells on the way and the middles between them, on legs so short that they are straight.
+    double horizon = sin_before;
+    const double leg_m = 32 * post_m;
+    std::vector<double> shares;
+    for (double s = 0; s < place.arc; s += leg_m) {
+        const double length = std::min(leg_m, place.arc - s);
+        const std::array<double, 2> from = at(s), to = at(s + length), leg = {to[0] - from[0], to[1] - from[1]};
+        shares.clear();
+        ground.crossings(from, to, shares);
+        std::sort(shares.begin(), shares.end());
+        for (std::size_t i = shares.size(); i-- > 1;) shares.push_back(0.5 * (shares[i - 1] + shares[i]));
+        for (const double t : shares) {
+            const double column = from[0] + t * leg[0], row = from[1] + t * leg[1];
+            const double on_way = ground.surface(ground.cell(column, row), column, row, leg);
+            if (!std::isnan(on_way)) horizon = std::max(horizon, earth.to(s + t * length, on_way).sin_e);
+        }
+    }
+    if (middle.sin_e <= horizon) {
+        mark(bit_shadow, earth.range_on_ray(place.arc, horizon));
+        return;
+    }
+    mark(bit_seen, middle.range);
+    if (!(sin_behind > sin_before && middle.range < scene.range_bin_m * scene.range_bins)) return;
+
+    // The square's share of the circle times what it rises: the solid angle.
+    const double square_m2 = *scene.uniform_posts * *scene.uniform_posts * place.post_m2;
+    const double solid_angle = square_m2 / place.arc * (sin_behind - sin_before) / (2 * half_m);
+    const double g = elevation_gain(scene, -std::asin(middle.sin_e));
+    echo[static_cast<int>(middle.range / scene.range_bin_m)] +=
+        weight_w * g * g * ground.gamma(cell, square.column, square.row) * solid_angle / (middle.range * middle.range);
+}
+
+// ---------------------------------------------------------------------------------------------------------
 // Beam and pulse
 
 /// Integral of the unit hat.
@@ -776,6 +922,7 @@ void validate(const Scene& s) {
     positive(s.range_bin_m, "range_bin_m");
     positive(s.step_posts, "step_posts");
     positive(s.position_tolerance, "position_tolerance");
+    positive(s.uniform_posts.value_or(1), "uniform_posts");
     positive(s.azimuth_bins, "azimuth_bins");
     positive(s.azimuth_count, "azimuth_count");
     positive(s.range_bins, "range_bins");
@@ -851,6 +998,10 @@ Result simulate(const Scene& scene) {
         return Earth{scene.flat_earth ? 0 : 1 / (scene.earth_k * radius_m), scene.height_msl_m};
     };
     const Earth common = earth_of(geodesic ? std::sqrt(radii.meridian * radii.normal) : mean_radius_m);
+    const auto earth_along = [&](double azimuth) {
+        const double c = std::cos(azimuth), s = std::sin(azimuth);
+        return geodesic ? earth_of(1 / (c * c / radii.meridian + s * s / radii.normal)) : common;
+    };
 
     // A point, or a level surface, or a ray at its horizon is never nearer in slant range than about its arc.
     const double length_m = 1.002 * scene.range_bins * scene.range_bin_m + 10 * nadir.post_m;
@@ -870,6 +1021,15 @@ Result simulate(const Scene& scene) {
     std::vector<double> echo(static_cast<std::size_t>(swept) * n);
     std::vector<std::uint8_t> bits(echo.size());
 
+    if (scene.uniform_posts && ground.round_the_earth())
+        fail("uniform sampling of '", scene.dem, "', all round the earth");
+    std::optional<Chart> chart;
+    std::vector<std::vector<Square>> squares;
+    if (scene.uniform_posts) {
+        chart.emplace(scene, nadir, ground.raster());
+        squares = squares_of_bins(scene, *chart, ground.raster(), length_m, row_of_bin, swept);
+    }
+
     std::atomic<int> next_bin{0};
     std::mutex mutex;
     std::exception_ptr failure;
@@ -878,21 +1038,29 @@ Result simulate(const Scene& scene) {
         double position_error = 0;
         try {
             const Transformation to_dem = geodesic ? make_transformation(wgs84(), ground.raster().crs) : nullptr;
+            const auto path_along = [&](double azimuth) {
+                return geodesic ? Path::geodesic(nadir, ground.raster(), to_dem.get(), azimuth, length_m + step_m,
+                                                 scene.position_tolerance, position_error)
+                                : Path::grid(nadir, ground.raster(), azimuth, length_m + step_m);
+            };
             for (int bin = next_bin++; bin < scene.azimuth_bins; bin = next_bin++) {
                 const int row = row_of_bin[static_cast<std::size_t>(bin)];
                 if (row < 0) continue;
+                double* const echo_row = echo.data() + static_cast<std::size_t>(row) * n;
+                std::uint8_t* const bits_row = bits.data() + static_cast<std::size_t>(row) * n;
+                if (chart) {
+                    const Path path = path_along((bin + 0.5) * bin_rad);
+                    for (const Square& square : squares[static_cast<std::size_t>(row)]) {
+                        const Chart::Place place = chart->at(square.column, square.row);
+                        look(scene, ground, earth_along(place.azimuth), path, place, square, nadir.post_m,
+                             result.reference_height_m, radar_w, echo_row, bits_row);
+                    }
+                    continue;
+                }
                 for (int ray = 0; ray < scene.rays_per_bin; ++ray) {
                     const double azimuth = (bin + (ray + 0.5) / scene.rays_per_bin) * bin_rad;
-                    const double c = std::cos(azimuth), s = std::sin(azimuth);
-                    const Earth earth =
-                        geodesic ? earth_of(1 / (c * c / radii.meridian + s * s / radii.normal)) : common;
-                    const Path path = geodesic
-                                          ? Path::geodesic(nadir, ground.raster(), to_dem.get(), azimuth,
-                                                           length_m + step_m, scene.position_tolerance, position_error)
-                                          : Path::grid(nadir, ground.raster(), azimuth, length_m + step_m);
-                    march(scene, ground, earth, path, length_m, step_m, result.reference_height_m,
-                          radar_w * bin_rad / scene.rays_per_bin, echo.data() + static_cast<std::size_t>(row) * n,
-                          bits.data() + static_cast<std::size_t>(row) * n);
+                    march(scene, ground, earth_along(azimuth), path_along(azimuth), length_m, step_m,
+                          result.reference_height_m, radar_w * bin_rad / scene.rays_per_bin, echo_row, bits_row);
                 }
             }
         } catch (...) {

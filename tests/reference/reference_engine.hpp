@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <limits>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -75,7 +76,11 @@ struct Scene {
     double step_posts = 0.125;         ///< longest step along a ray, in posts (the smaller posting at the nadir)
     bool split_steps = true;           ///< end steps also at the edges of terrain cells and culture cells
     double position_tolerance = 1e-4;  ///< posts, of the interpolated positions
-    int threads = 2;                   ///< never changes a bit of the result
+    /// Instead of rays: so many posts between samples on an even grid over the ground. Each stands for the square around
+    /// it, by a sight line of its own, and falls whole into the bin of its middle. Sight lines look over voids. Not of
+    /// rasters that go round the earth.
+    std::optional<double> uniform_posts;
+    int threads = 2;  ///< never changes a bit of the result
 };
 
 enum State : std::uint8_t { no_data = 0, shadow = 1, seen = 2, unknown = 3, outside = 4 };
