@@ -1,8 +1,8 @@
 // accuracy OUT.tsv [--rays N] [--qualities] [--setting SPOKES,BIN,LEAD]... [SCENE...]: error against time. Runs scenes
 // of the shipped data at every quality and at raw settings of the sampling, compares power and states with the
 // independent reference of tests/reference (converged to 0.01 dB with 48 rays a bin of 3/8 degree), and
-// writes a row for each: what it cost and how far off it was. Beside them polar sampling, rays with even steps, by the
-// reference's own code at coarse steps.
+// writes a row for each: what it cost and how far off it was. Beside them, by the reference's own code, polar sampling
+// (rays with even, coarse steps) and uniform sampling (an even grid over the ground).
 //
 //   rms, p99   dB, of the power image over cells above the noise in either, noise added to both (design of the promises)
 //   near, middle, far   RMS in the nearest, middle and farthest third of the ranges
@@ -18,6 +18,7 @@
 #include <cstring>
 #include <exception>
 #include <memory>
+#include <numbers>
 #include <string>
 #include <vector>
 
@@ -377,6 +378,16 @@ void measure(const Place& place, int rays_per_bin, const std::vector<Setting>& w
         const double steps = r.range_bins * r.range_bin_m / (made.post_m * even.step_posts);
         table.row(place.name, fmt::format("polar, {} rays a bin, steps of {:.3g} posts", rays, even.step_posts),
                   made.cpu_s, made.cpu_s, static_cast<std::uint64_t>(steps * rays * place.bins()), 0,
+                  compare(cut(made, skip), truth, columns, noise_w, receiver));
+    }
+    for (const int samples : {1, 2}) {
+        reference::Scene even = r;
+        even.uniform_posts = 1.0 / samples;
+        const reference::Result made = reference::simulate(even);
+        const double samples_long = r.range_bins * r.range_bin_m * samples / made.post_m;
+        const double turn = static_cast<double>(place.bins()) / place.circle();
+        table.row(place.name, fmt::format("uniform, a sample each {}post", samples == 1 ? "" : "1/2 "), made.cpu_s,
+                  made.cpu_s, static_cast<std::uint64_t>(turn * std::numbers::pi * samples_long * samples_long), 0,
                   compare(cut(made, skip), truth, columns, noise_w, receiver));
     }
 }

@@ -9,14 +9,14 @@ set xlabel "CPU time, s (one thread)"
 set ylabel "RMS error of the power image, dB"
 set grid lc rgb "#dddddd"
 set key top right font ",8" samplen 1
-set xrange [0.02:10]
+set xrange [0.02:200]
 set yrange [0.002:3]
 set format y "%g"
 set format x "%g"
 
 rows(scene, what) = sprintf("< awk -F'\\t' '$1 == \"%s\" && (%s) {print $3 \"\\t\" $7 \"\\t\" $2}' '%s'", scene, what, table)
-# Sorted by time; kept where the error is the least so far. Polar sampling's time is another program's.
-front(scene) = sprintf("< awk -F'\\t' '$1 == \"%s\" && $2 !~ /polar/ {print $3 \"\\t\" $7}' '%s' | sort -g | \
+# Sorted by time; kept where the error is the least so far. Polar and uniform sampling's time is another program's.
+front(scene) = sprintf("< awk -F'\\t' '$1 == \"%s\" && $2 !~ /polar|uniform/ {print $3 \"\\t\" $7}' '%s' | sort -g | \
     awk -F'\\t' 'NR == 1 || $2 < best {best = $2; print}'", scene, table)
 
 scenes = "'inland_empire 2134 m, culture' 'inland_empire 2134 m, bare' 'inland_empire 838 m, culture' \
@@ -26,6 +26,7 @@ do for [i = 1:words(scenes)] {
     s = word(scenes, i)
     set title s noenhanced
     plot rows(s, "$2 ~ /polar/") using 1:2 with points pt 6 lc rgb "#999999" title "polar steps (the reference's code)", \
+         rows(s, "$2 ~ /uniform/") using 1:2 with points pt 12 lc rgb "#777700" title "uniform grid (the reference's code)", \
          rows(s, "$2 ~ /one axis/") using 1:2 with points pt 2 lc rgb "#cc7700" title "lines of one axis, 16 spokes a bin", \
          rows(s, "$2 ~ / 2 a bin, lead 4$/") using 1:2 with points pt 8 lc rgb "#0060ad" title "2 spokes a bin, lead 4", \
          rows(s, "$2 ~ / 4 a bin, lead 4$/") using 1:2 with points pt 4 lc rgb "#0060ad" title "4 spokes a bin, lead 4", \
