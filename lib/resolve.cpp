@@ -384,10 +384,14 @@ double lower_for(double roughness) {
 /// Spokes a post, at least, where what stands around says more than the ground below.
 double least_beside_mountains(Quality quality) {
     switch (quality) {
-        case Quality::draft: return 0.9;
-        case Quality::normal: return 1.2;
-        case Quality::fine: return 2;
-        case Quality::exact: return 2.75;
+        case Quality::draft:
+            return 0.9;
+        case Quality::normal:
+            return 1.2;
+        case Quality::fine:
+            return 2;
+        case Quality::exact:
+            return 2.75;
     }
     return 0;
 }

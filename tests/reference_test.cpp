@@ -127,9 +127,9 @@ struct Promise {
 };
 void check(const Case& c, Quality finest = Quality::exact) {
     std::vector<Promise> promises = {{Quality::draft, 1.5, 0.03},
-                                           {Quality::normal, 0.35, 0.01},
-                                           {Quality::fine, 0.2, 0.01},
-                                           {Quality::exact, 0.06, 0.01}};
+                                     {Quality::normal, 0.35, 0.01},
+                                     {Quality::fine, 0.2, 0.01},
+                                     {Quality::exact, 0.06, 0.01}};
     std::vector<Quality> qualities;
     std::erase_if(promises, [&](const Promise& p) { return p.quality < finest; });  // exact is the least
     for (const Promise& p : promises) qualities.push_back(p.quality);

@@ -174,7 +174,7 @@ Lanes share_out(const Settings& settings, const Frames& frames, WedgeSource& sou
                          ResolvedScene s = frames.scene(frame, source);
                          if (frames.scans()) frames.check_scan(frame, s, source);
                          if (first) TrackStack::check_bins(*first, s);
-                         frame(display_setting(s));  // drawn in any case; refuses what it cannot show
+                         wedgescope::frame(display_setting(s));  // drawn in any case; refuses what it cannot show
                          return s;
                      });
                      const ResolvedScene part = frames.largest_part(whole);
