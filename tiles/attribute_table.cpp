@@ -9,6 +9,7 @@
 #include <map>
 
 #include "lib/error.hpp"
+#include "lib/lower_case.hpp"
 #include "tiles/gdal_handle.hpp"
 
 namespace wedgescope {
@@ -22,12 +23,9 @@ std::string plain(const std::string& words) {
     return out;
 }
 
-std::string lower(std::string words) {
+std::string lower(const std::string& words) {
     const auto first = words.find_first_not_of(" \t"), last = words.find_last_not_of(" \t");
-    words = first == std::string::npos ? "" : words.substr(first, last - first + 1);
-    std::transform(words.begin(), words.end(), words.begin(),
-                   [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-    return words;
+    return first == std::string::npos ? "" : lower_case(words.substr(first, last - first + 1));
 }
 
 DatasetHandle open_raster(const std::string& path) {

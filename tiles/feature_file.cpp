@@ -12,6 +12,7 @@
 #include <optional>
 
 #include "lib/error.hpp"
+#include "lib/lower_case.hpp"
 #include "tiles/checksum.hpp"
 #include "tiles/raster_file.hpp"
 #include "tiles/sided_layer.hpp"
@@ -29,12 +30,6 @@ constexpr std::int64_t margin = 2;
 
 DatasetHandle open_vector(const std::string& path) {
     return DatasetHandle(GDALDataset::Open(path.c_str(), GDAL_OF_VECTOR | GDAL_OF_READONLY | GDAL_OF_VERBOSE_ERROR));
-}
-
-std::string lower(std::string words) {
-    std::transform(words.begin(), words.end(), words.begin(),
-                   [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-    return words;
 }
 
 /// Of a raster: x, y of its CRS to columns and rows of a window, as GDAL asks for it. Rounded to a 2^-20 of a cell before the
@@ -354,7 +349,7 @@ std::optional<ClassId> FeatureFile::material(const Handle& handle, std::size_t l
                         params_.materials.words()));
         }
         for (std::size_t id = 0; id < params_.materials.size(); ++id)
-            if (lower(params_.materials[id].name) == lower(found)) return static_cast<ClassId>(id);
+            if (lower_case(params_.materials[id].name) == lower_case(found)) return static_cast<ClassId>(id);
         refuse(handle, layer, feature, field, found,
                text("codes of the legend ", params_.legend.name(), ", or one of ", params_.materials.words()));
     }
@@ -401,7 +396,7 @@ std::optional<FeatureFile::Side> FeatureFile::side(const Handle& handle, std::si
     };
     const auto [field, found] = first(from.directivities);
     if (found.empty()) return std::nullopt;
-    std::string letters = lower(found);
+    std::string letters = lower_case(found);
     std::erase_if(letters, [](char c) { return c == '-' || c == ' '; });
     Side side{id, Directivity::omni, 0};
     if (letters == "uni" || letters == "unidirectional" || letters == "1")

@@ -15,6 +15,7 @@
 #include <string_view>
 #include <utility>
 
+#include "lib/lower_case.hpp"
 #include "tiles/crs_by_rule.hpp"
 #include "tiles/gdal_session.hpp"
 #include "tiles/tiff_handle.hpp"
@@ -117,12 +118,6 @@ const char* compression_name(std::uint16_t compression) {
     }
 }
 
-std::string lower(std::string name) {
-    std::transform(name.begin(), name.end(), name.begin(),
-                   [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-    return name;
-}
-
 /// Are there none of the files from which GDAL would read more: what it or others keep beside a raster, a mask? It lists the folder
 /// and takes any letters for small; where that is too large, it asks for names in small and in large ones.
 bool is_alone(const std::string& path) {
@@ -130,13 +125,13 @@ bool is_alone(const std::string& path) {
     std::error_code error;
     const std::filesystem::path file(path);
     if (!std::filesystem::is_regular_file(file, error)) return false;
-    const std::string name = lower(file.filename().string()), stem = lower(file.stem().string());
+    const std::string name = lower_case(file.filename().string()), stem = lower_case(file.stem().string());
     constexpr int most_listed = 1000;
     int listed = 0;
     const std::filesystem::path folder = file.parent_path().empty() ? "." : file.parent_path();
     std::filesystem::directory_iterator at(folder, error), end;
     for (; !error && at != end && listed < most_listed; at.increment(error), ++listed) {
-        const std::string other = lower(at->path().filename().string());
+        const std::string other = lower_case(at->path().filename().string());
         if (!other.starts_with(stem)) continue;
         for (const char* more : beside)
             if (other == name + more || other == stem + more) return false;
@@ -315,7 +310,8 @@ std::optional<PlainTiff> PlainTiff::of(const std::string& role, const std::strin
     const auto keys = keys_of(file, doubts);
     const char* const compression = compression_name(tag_value(file, TIFFTAG_COMPRESSION, COMPRESSION_NONE));
     // Items with a role are of the band: scale, offset, unit.
-    const std::string metadata = lower(words(file, gdal_metadata, doubts)), no_data = words(file, gdal_no_data, doubts);
+    const std::string metadata = lower_case(words(file, gdal_metadata, doubts)),
+                      no_data = words(file, gdal_no_data, doubts);
     if (facts.type == GDT_Unknown || !keys || !compression || metadata.find("role") != std::string::npos ||
         metadata.find("domain") != std::string::npos || !find_no_data(no_data, facts))
         return std::nullopt;

@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "lib/error.hpp"
+#include "lib/lower_case.hpp"
 #include "tiles/gdal_handle.hpp"
 
 namespace wedgescope {
@@ -105,8 +106,7 @@ void convert(const std::byte* from, GDALDataType from_type, std::byte* to, GDALD
 
 double unit_in_metres(std::string unit) {
     std::erase_if(unit, [](unsigned char c) { return !std::isalnum(c); });
-    std::transform(unit.begin(), unit.end(), unit.begin(),
-                   [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+    unit = lower_case(std::move(unit));
     for (const char* word : {"ft", "foot", "feet", "internationalfoot", "internationalfeet", "footinternational"})
         if (unit == word) return 0.3048;
     for (const char* word : {"usft", "ftus", "sft", "ussurveyfoot", "ussurveyfeet", "footus", "surveyfoot",

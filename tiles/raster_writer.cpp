@@ -6,7 +6,6 @@
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
-#include <cctype>
 #include <cerrno>
 #include <cmath>
 #include <cstdint>
@@ -16,6 +15,7 @@
 #include <system_error>
 
 #include "lib/error.hpp"
+#include "lib/lower_case.hpp"
 #include "lib/threads.hpp"
 #include "tiles/gdal_session.hpp"
 #include "tiles/png_file.hpp"
@@ -40,9 +40,7 @@ bool writes_rasters(GDALDriver& driver) {
 std::string ending(const std::string& path) {
     std::string found = std::filesystem::path(path).extension().string();
     if (!found.empty()) found.erase(0, 1);
-    std::transform(found.begin(), found.end(), found.begin(),
-                   [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-    return found;
+    return lower_case(std::move(found));
 }
 
 /// By the ending; null: one that is looked for among all drivers, or none.

@@ -1,6 +1,5 @@
 #include "tools/observer_file.hpp"
 
-#include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
@@ -9,6 +8,7 @@
 #include <system_error>
 
 #include "lib/error.hpp"
+#include "lib/lower_case.hpp"
 #include "lib/seen_counts.hpp"
 #include "tiles/point_file.hpp"
 #include "tools/table_file.hpp"
@@ -195,8 +195,7 @@ Scene Observers::scene(const Scene& base, std::size_t i) const {
 
 Observers read_observers(const std::string& path, const std::string& layer, bool altitude_given,
                          const DataBase& data_base) {
-    std::string ending = std::filesystem::path(path).extension().string();
-    std::transform(ending.begin(), ending.end(), ending.begin(), [](unsigned char c) { return std::tolower(c); });
+    const std::string ending = lower_case(std::filesystem::path(path).extension().string());
     std::error_code ignored;
     if (ending != ".csv" || !std::filesystem::is_regular_file(path, ignored))
         return read_points(path, layer, altitude_given, data_base);

@@ -2,11 +2,11 @@
 
 #include <algorithm>
 #include <array>
-#include <cctype>
 #include <filesystem>
 #include <string_view>
 
 #include "lib/error.hpp"
+#include "lib/lower_case.hpp"
 #include "tools/lanes.hpp"
 #include "tools/scene_json.hpp"
 #include "tools/units.hpp"
@@ -44,9 +44,7 @@ const char* altitude_name(AltitudeAbove above) {
 
 void TrackStack::check(const Settings& settings, std::size_t frames) {
     const std::string& path = settings.power_stack;
-    std::string ending = std::filesystem::path(path).extension().string();
-    std::transform(ending.begin(), ending.end(), ending.begin(),
-                   [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+    const std::string ending = lower_case(std::filesystem::path(path).extension().string());
     if (ending != ".tif" && ending != ".tiff")
         throw InputError(text("power-stack is ", in_quotes(path),
                               "; it is a GeoTIFF: accepted is a name that ends in .tif or .tiff"));
