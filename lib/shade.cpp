@@ -117,6 +117,17 @@ constexpr Real over_middle(Real swell) {
     return 1 + bend * (square < 1 ? square : Real{1});
 }
 
+/// A pattern in the middle of a piece, and how much of that it changes from there to either end.
+struct MiddleGain {
+    double gain, swell;
+};
+MiddleGain middle_gain(double sine0, double sine1, const PatternTable& pattern) {
+    const double middle = 0.5 * (sine0 + sine1), gain = pattern.at(middle);
+    return {gain, 0.5 * (sine1 - sine0) * pattern.slope(middle) / gain};
+}
+
+double middle_range_m(double range0_m, double range1_m) { return std::max(1.0, 0.5 * (range0_m + range1_m)); }
+
 WEDGESCOPE_LANES_PART void powers(std::size_t n, const Shading& shading, const PatternTable& pattern,
                                   double constant) noexcept {
     const double *__restrict horizon = shading.horizon, *__restrict sine = shading.sine,
@@ -222,15 +233,14 @@ void power_lanes(std::size_t n, const Shading& shading, const PatternTable& patt
 }
 
 double echo_bow(double sine0, double sine1, double range0_m, double range1_m, const PatternTable& pattern) noexcept {
-    const double range = std::max(1.0, 0.5 * (range0_m + range1_m)), middle = 0.5 * (sine0 + sine1);
-    return 2 * (range1_m - range0_m) / range - 0.5 * (sine1 - sine0) * pattern.slope(middle) / pattern.at(middle);
+    return 2 * (range1_m - range0_m) / middle_range_m(range0_m, range1_m) - middle_gain(sine0, sine1, pattern).swell;
 }
 
 double piece_power(double sine0, double sine1, double range0_m, double range1_m, const PatternTable& pattern,
                    double constant) noexcept {
-    const double range = std::max(1.0, 0.5 * (range0_m + range1_m)), middle = 0.5 * (sine0 + sine1),
-                 gain = pattern.at(middle), swell = 0.5 * (sine1 - sine0) * pattern.slope(middle) / gain;
-    return constant * (sine1 - sine0) * gain * over_middle(swell) / (range * range);
+    const double range = middle_range_m(range0_m, range1_m);
+    const MiddleGain middle = middle_gain(sine0, sine1, pattern);
+    return constant * (sine1 - sine0) * middle.gain * over_middle(middle.swell) / (range * range);
 }
 
 }  // namespace wedgescope
