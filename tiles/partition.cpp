@@ -693,9 +693,12 @@ void SpilledLayer::read_values(const Window&, void*, GDALDataType, std::int64_t)
     throw std::logic_error("SpilledLayer::read_values: a spill does not hold values as stored");
 }
 
-bool SpilledLayer::holds(std::int64_t column, std::int64_t row) const {
-    const std::int64_t edge = spill_->layer(layer_).edge;
-    return spill_->holds(layer_, down(column, edge), down(row, edge));
+bool SpilledLayer::holds(const Window& posts) const {
+    const Window blocks = in_blocks(posts, spill_->layer(layer_).edge);
+    for (std::int64_t row = blocks.rows.begin; row < blocks.rows.end; ++row)
+        for (std::int64_t column = blocks.columns.begin; column < blocks.columns.end; ++column)
+            if (!spill_->holds(layer_, column, row)) return false;
+    return true;
 }
 
 template <class Value, class Unpack>

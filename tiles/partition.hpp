@@ -159,7 +159,7 @@ public:
 
     std::uint64_t fingerprint(const std::vector<Window>&) override { return fingerprint_; }
 
-    bool holds(std::int64_t column, std::int64_t row) const;  ///< the block of a post
+    bool holds(const Window& posts) const;  ///< all of their blocks
 
 private:
     template <class Value, class Unpack>

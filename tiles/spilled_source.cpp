@@ -104,13 +104,11 @@ public:
     }
 
     void read_bare_terrain(const Window& posts, float* heights_m) override {
-        const auto held = [&] {
-            for (std::int64_t row = posts.rows.begin; row < posts.rows.end; ++row)
-                for (std::int64_t column = posts.columns.begin; column < posts.columns.end; ++column)
-                    if (!terrain_blocks_->holds(data_base_.cyclic ? wrapped(column) : column, row)) return false;
-            return true;
-        };
-        if (!terrain_blocks_ || held()) return RasterSource::read_bare_terrain(posts, heights_m);
+        const std::vector<Run> parts = terrain_runs(posts.columns);
+        if (!terrain_blocks_ || std::all_of(parts.begin(), parts.end(), [&](const Run& part) {
+                return terrain_blocks_->holds({part.source, posts.rows});
+            }))
+            return RasterSource::read_bare_terrain(posts, heights_m);
         ask_direct([&](WedgeSource& rasters) {
             rasters.read_bare_terrain(posts, heights_m);
             return true;
