@@ -127,6 +127,18 @@ Ended simulate(const Folder& folder, const std::vector<std::string>& arguments) 
     return run_program(joined({program, "simulate", folder / "scene.ini"}, arguments), folder / "log");
 }
 
+/// A track on two threads that is struck by a signal when its fifth picture is there.
+Ended struck(const Folder& folder, int signal, const std::vector<std::string>& more = {}) {
+    const pid_t child = start(joined({program, "simulate", folder / "scene.ini", "--track", folder / "track.csv", "-o",
+                                      folder / "s.png", "--threads", "2"},
+                                     more),
+                              folder / "log");
+    for (int i = 0; i < 3000 && !std::filesystem::exists(folder / "s_0005.png"); ++i)
+        std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    ::kill(child, signal);
+    return wait_for(child, folder / "log");
+}
+
 }  // namespace
 
 TEST_CASE("between two rows a sensor moves evenly along the geodesic, and past the last one the last leg goes on",
@@ -544,13 +556,7 @@ TEST_CASE("what ends a track leaves the frames before it whole and nothing else"
             all[i].x = std::to_string(468200 + i);
         }
         write_track(folder, all);
-        const pid_t child = start({program, "simulate", folder / "scene.ini", "--track", folder / "track.csv", "-o",
-                                   folder / "s.png", "--threads", "2"},
-                                  folder / "log");
-        for (int i = 0; i < 3000 && !std::filesystem::exists(folder / "s_0005.png"); ++i)
-            std::this_thread::sleep_for(std::chrono::milliseconds(10));
-        ::kill(child, SIGINT);
-        const Ended ended = wait_for(child, folder / "log");
+        const Ended ended = struck(folder, SIGINT);
         CHECK(ended.code == 130);
         const auto found = frames_of();
         REQUIRE(found.size() >= 5);
@@ -865,13 +871,7 @@ TEST_CASE("a power stack whose track does not end well leaves nothing", "[track]
         std::vector<Row> all(400, rows[0]);
         for (std::size_t i = 0; i < all.size(); ++i) all[i].time = std::to_string(i);
         write_track(folder, all);
-        const pid_t child = start({program, "simulate", folder / "scene.ini", "--track", folder / "track.csv", "-o",
-                                   folder / "s.png", "--power-stack", folder / "stack.tif", "--threads", "2"},
-                                  folder / "log");
-        for (int i = 0; i < 3000 && !std::filesystem::exists(folder / "s_0005.png"); ++i)
-            std::this_thread::sleep_for(std::chrono::milliseconds(10));
-        ::kill(child, SIGTERM);
-        const Ended ended = wait_for(child, folder / "log");
+        const Ended ended = struck(folder, SIGTERM, {"--power-stack", folder / "stack.tif"});
         CHECK(ended.code == 143);
         const std::size_t pictures = left();
         REQUIRE(pictures >= 5);
