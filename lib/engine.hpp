@@ -73,9 +73,9 @@ double minimum_range_m(const ResolvedScene& scene);
 SpokeMapParams swept_map_params(const ResolvedScene& scene, const DataBase& data_base);
 /// How densely a scene's ground is sampled: its quality, its own keys, and what the ground and the sensor's height need.
 /// The height is that over the ground right below, or 1.1 times clearance_m if that is less, but then 2 posts (with culture
-/// heights 5) at least; less of it where single posts stand out;
-/// where it counts for less than that over the ground below and 40 posts, at least 0.9, 1.2, 2 and 2.75 spokes a post (draft
-/// to exact). Source: docs/accuracy.md, "Beside mountains" and "Needles".
+/// heights 5) at least; less of it where single posts stand out. Where it so comes out below 40 posts and below that over the
+/// ground right below, a post has at least 0.9, 1.2, 2 and 2.75 spokes (draft to exact). Source: docs/accuracy.md, "Beside
+/// mountains" and "Needles".
 Sampling sampling_of(const ResolvedScene& scene, const DataBase& data_base);
 /// Shows these azimuth bins instead, 0 <= begin < circle; sweeps them and the beam's skirt.
 void look_at(ResolvedScene& scene, Interval azimuth_bins);

@@ -3,8 +3,8 @@
 //
 // Bands lie one after the other, as they are, not packed: where a cell stands in the file is known before any is there. So each
 // thread writes its image at once, in any order and past all others, and the file is the same; and the disk is asked for the room
-// of all of them before the first. GDAL writes none of it: its cache of blocks is the whole process's, and its metadata would be held for all
-// bands until the end. The file: header, directory and its lists, bands, metadata; a BigTIFF where that may pass 4 GiB.
+// of all of them before the first. GDAL writes none of it: its cache of blocks is the whole process's, and its metadata would
+// be held for all bands until the end. The file: header, directory and its lists, bands, metadata; a BigTIFF where that may pass 4 GiB.
 //
 // Memory: buffer_bytes a writing thread, and as much for metadata and directory.
 #pragma once
@@ -35,7 +35,8 @@ public:
     static constexpr std::size_t buffer_bytes = std::size_t{64} << 10;
     static constexpr std::size_t band_words = std::size_t{4} << 10;  ///< a band's metadata, about
 
-    /// To file.temporary_path(), with room on disk for all bands; the caller commits. IoError, here and below, names the final file.
+    /// To file.temporary_path(), with room on disk for all bands; the caller commits. IoError, here and below, names the
+    /// final file.
     PowerStack(const StackContent& content, const OutputFile& file);
     PowerStack(const PowerStack&) = delete;
     PowerStack& operator=(const PowerStack&) = delete;

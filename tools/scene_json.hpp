@@ -27,8 +27,8 @@ std::string scene_json(const Settings& settings, const ResolvedScene& resolved);
 /// The same, not yet a text.
 nlohmann::ordered_json scene_object(const Settings& settings, const ResolvedScene& resolved);
 std::string json_line(const nlohmann::ordered_json& object);
-/// What turns `from` into `to` (objects) as a JSON merge patch (RFC 7396): of members that differ those of `to`, null for those that it
-/// lacks.
+/// What turns `from` into `to` (objects) as a JSON merge patch (RFC 7396): of members that differ those of `to`, null for
+/// those that it lacks. So none of `to` may be null that is something else in `from`.
 nlohmann::ordered_json scene_difference(const nlohmann::ordered_json& from, const nlohmann::ordered_json& to);
 /// SCENE_JSON of an echo image: also what a picture of it takes from the data base, and what tells whether another scene would
 /// have the same echo (docs/formats.md).
