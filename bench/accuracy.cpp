@@ -1,8 +1,8 @@
-// accuracy OUT.tsv [--rays N] [--qualities] [--setting SPOKES,BIN,LEAD]... [SCENE...]: error against time. Runs scenes
-// of the shipped data at every quality and at raw settings of the sampling, compares power and states with the
-// independent reference of tests/reference (converged to 0.01 dB with 48 rays a bin of 3/8 degree), and
-// writes a row for each: what it cost and how far off it was. Beside them, by the reference's own code, polar sampling
-// (rays with even, coarse steps) and uniform sampling (an even grid over the ground).
+// accuracy OUT.tsv [--rays N] [--qualities] [--setting SPOKES,BIN,LEAD]... [--uniform] [SCENE...]: error against time.
+// Runs scenes of the shipped data at every quality and at raw settings of the sampling, compares power and states with
+// the independent reference of tests/reference (converged to 0.01 dB with 48 rays a bin of 3/8 degree), and writes a row
+// for each: what it cost and how far off it was. Beside them, by the reference's own code, polar sampling (rays with
+// even, coarse steps) and, with --uniform, for that takes an hour a scene, an even grid over the ground.
 //
 //   rms, p99   dB, of the power image over cells above the noise in either, noise added to both (design of the promises)
 //   near, middle, far   RMS in the nearest, middle and farthest third of the ranges
@@ -327,7 +327,8 @@ std::vector<Setting> settings() {
     return all;
 }
 
-void measure(const Place& place, int rays_per_bin, const std::vector<Setting>& wanted, bool polar, Table& table) {
+void measure(const Place& place, int rays_per_bin, const std::vector<Setting>& wanted, bool polar, bool uniform,
+             Table& table) {
     const DataBaseParams db = layers(place);
     const double noise_w = reference::noise_w(scene_of(place).radar.noise_bandwidth_hz(), 8);
     const Receiver receiver(scene_of(place).receiver, scene_of(place).radar);
@@ -368,8 +369,8 @@ void measure(const Place& place, int rays_per_bin, const std::vector<Setting>& w
         table.row(place.name, setting.name, cpu_s, wall_s, samples, bytes,
                   compare(test, truth, columns, noise_w, receiver));
     }
-    if (!polar) return;
     for (const int rays : {2, 4, 8, 16}) {
+        if (!polar) break;
         reference::Scene even = r;
         even.rays_per_bin = rays;
         even.step_posts = 4.0 / rays;
@@ -381,6 +382,7 @@ void measure(const Place& place, int rays_per_bin, const std::vector<Setting>& w
                   compare(cut(made, skip), truth, columns, noise_w, receiver));
     }
     for (const int samples : {1, 2}) {
+        if (!uniform) break;
         reference::Scene even = r;
         even.uniform_posts = 1.0 / samples;
         const reference::Result made = reference::simulate(even);
@@ -398,13 +400,14 @@ int main(int argc, char** argv) {
     if (argc < 2 || argv[1][0] == '-') {
         fmt::print(
             stderr,
-            "usage: accuracy OUT.tsv [--rays N] [--qualities] [--setting SPOKES,BIN,LEAD]... [SCENE...]   rays of the "
-            "reference; no raw settings but those given; scenes that begin so, all without\n");
+            "usage: accuracy OUT.tsv [--rays N] [--qualities] [--setting SPOKES,BIN,LEAD]... [--uniform] [SCENE...]   "
+            "rays of the reference; no raw settings but those given, nor polar sampling; uniform sampling too; scenes "
+            "that begin so, all without\n");
         return 2;
     }
     int rays = 48, scenes = 2;
     std::vector<Setting> wanted = settings();
-    bool polar = true;
+    bool polar = true, uniform = false;
     for (; scenes < argc; ++scenes) {
         double spokes = 0, per_bin = 0, lead = 0;
         if (std::strcmp(argv[scenes], "--rays") == 0 && scenes + 1 < argc) {
@@ -412,6 +415,8 @@ int main(int argc, char** argv) {
         } else if (std::strcmp(argv[scenes], "--qualities") == 0) {
             wanted = qualities();
             polar = false;
+        } else if (std::strcmp(argv[scenes], "--uniform") == 0) {
+            uniform = true;
         } else if (std::strcmp(argv[scenes], "--setting") == 0 && scenes + 1 < argc &&
                    std::sscanf(argv[scenes + 1], "%lf,%lf,%lf", &spokes, &per_bin, &lead) == 3) {
             wanted.push_back(raw(spokes, per_bin, lead));
@@ -438,7 +443,7 @@ int main(int argc, char** argv) {
             const bool chosen = argc <= scenes || std::any_of(argv + scenes, argv + argc, [&](const char* name) {
                                     return begins_with(place, name);
                                 });
-            if (chosen) measure(place, rays, wanted, polar, table);
+            if (chosen) measure(place, rays, wanted, polar, uniform, table);
         }
     } catch (const std::exception& e) {
         fmt::print(stderr, "accuracy: {}\n", e.what());

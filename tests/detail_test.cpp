@@ -416,7 +416,7 @@ TEST_CASE("low dikes across the view keep their shadows", "[detail][quick]") {
 
 TEST_CASE("levels do not depend on ground beyond the range", "[detail][threads]") {
     const Folder folder;
-    draw(folder / "long.tif", ground(rolling_ground, 6001, 801));
+    draw(folder / "long.tif", ground(rolling_ground, 3001, 801));
     draw(folder / "short.tif", ground(rolling_ground, 1601, 801));
     Scene s = looking_north_east(900);
     s.platform.xy = PointXY{500000 + 300.3 * post_m, 4100000 - 400.7 * post_m};

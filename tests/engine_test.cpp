@@ -152,6 +152,7 @@ TEST_CASE("a pattern of points lights the ground as the law that it was measured
 TEST_CASE("nearer than the minimum range nothing is received, and nothing else changes", "[engine]") {
     MemorySource source(401, 401, 30, [](double, double) { return 0.0; });
     Scene s = bare_scene(6000, -6000, 200, 5000);
+    s.azimuth_bins = 240;
     s.radar.pulse_s = 2e-6;  // 300 m
     s.receiver.noise = true;
     s.receiver.if_gain = Decibel(80);  // noise is white on the tube
@@ -634,7 +635,7 @@ TEST_CASE("no wedge holds more than the plan grants it", "[engine][plan][long]")
     CHECK(fullest > 0.8);  // and the grant is no wild guess
 }
 
-TEST_CASE("wedges change no bit where spokes bend and some cross two columns between two rows", "[engine]") {
+TEST_CASE("wedges change no bit where spokes bend and some cross two columns between two rows", "[engine][long]") {
     // Flat, with single bumps: of a tile all but a few spokes are plainly visible, and some of those wait that are not.
     MemorySource source(1200, 1200, 30, [](double c, double r) {
         const double x = std::fmod(c, 37.0) - 18, y = std::fmod(r, 41.0) - 20;

@@ -141,7 +141,7 @@ TEST_CASE("no way of running a scene changes a bit of it", "[matrix]") {
 
     std::optional<Bits> straight;
     std::optional<std::vector<std::uint8_t>> seen;
-    int runs = 0;
+    int runs = 0, ways = 0;
     // Of the lakes the ends will do.
     const std::vector<int> tiles = lakes ? std::vector{64, 512} : std::vector{64, 256, 512};
     const std::vector<std::size_t> memories =
@@ -220,6 +220,9 @@ TEST_CASE("no way of running a scene changes a bit of it", "[matrix]") {
                         for (const int threads : {1, 2})
                             for (const bool cull : {true, false})
                                 for (const bool resumed : {false, true}) {
+                                    // Every second one, the others with the next way: any two of these meet, and
+                                    // all four in half of the ways.
+                                    if ((threads + cull + resumed + ways) % 2) continue;
                                     const Bits got = run_with(wedges, threads, cull, resumed);
                                     ++runs;
                                     if (!straight) straight = got;
@@ -228,6 +231,7 @@ TEST_CASE("no way of running a scene changes a bit of it", "[matrix]") {
                                               << resumed);
                                     CHECK(got == *straight);
                                 }
+                    ++ways;
                     options.all_round = options.all_of_it = true;
                     const std::unique_ptr<WedgeSource> round = open();
                     for (const int threads : {1, 2})
@@ -240,7 +244,7 @@ TEST_CASE("no way of running a scene changes a bit of it", "[matrix]") {
                         }
                 }
         }
-    CHECK(runs == static_cast<int>(tiles.size() * 2 * memories.size() * 3 * 24));
+    CHECK(runs == static_cast<int>(tiles.size() * 2 * memories.size() * 3 * 12));
     std::size_t lit = 0;
     for (const float w : straight->echo_w) lit += w > 0;
     CHECK(lit > straight->echo_w.size() / 10);

@@ -378,6 +378,7 @@ TEST_CASE("a data base that stays in memory gives the bits of the source beneath
         return source;
     };
     Scene s = bare_scene(3600, -3100);
+    s.azimuth_bins = 240;
     s.gamma.reset();
     const auto plain = make();
     const RunResult truth = run(resolve(s, *plain), *plain, EngineParams{});
@@ -707,7 +708,7 @@ private:
 
 }  // namespace
 
-TEST_CASE("the bands of a power stack are the numbered files, every bit and every word", "[track]") {
+TEST_CASE("the bands of a power stack are the numbered files, every bit and every word", "[track][long]") {
     const Folder folder;
     draw_data(folder);
     write_track(folder);
