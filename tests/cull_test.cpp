@@ -202,6 +202,7 @@ TEST_CASE("leaving out what is hidden changes no bit", "[cull][engine]") {
         s.platform.altitude_m = std::max(0.0, std::isnan(shape(column, row)) ? 0 : shape(column, row)) + 60 +
                                 1500 * any(random) * any(random);
         s.range_m = 4000 + 14000 * any(random);
+        s.azimuth_bins = 360;
         s.display.size = 64;
         if (turn % 6 == 5) s.display.kind = DisplayKind::gpi_true;
         s.quality = std::array{Quality::exact, Quality::normal, Quality::draft, Quality::fine}[turn % 4U];

@@ -182,6 +182,8 @@ TEST_CASE("how culture is tiled changes no bit, whatever its cells' borders run 
                         Scene s =
                             test::bare_scene(30 * (on_post ? 60 : 60.37), -30 * (on_post ? 55 : 54.81), 150, 1500);
                         s.far_shore = far_shore;
+                        s.azimuth_bins = 240;
+                        s.quality = Quality::normal;
                         RunResult here = test::simulate(s, source);
                         if (!whole) {
                             whole = std::move(here);
@@ -219,6 +221,7 @@ TEST_CASE("a culture cell that seen ground only touches is not asked for its cla
                         test::bare_scene(30 * (by_columns ? near : 20.0), -30 * (by_columns ? 20.0 : near), 126, 700);
                     s.earth_k.reset();
                     s.far_shore = far_shore;
+                    s.azimuth_bins = 120;
                     if (seen)
                         CHECK_THROWS_WITH(test::simulate(s, source), Catch::Contains("is not in the legend"));
                     else
