@@ -2,7 +2,7 @@
 // Runs scenes of the shipped data at every quality and at raw settings of the sampling, compares power and states with
 // the independent reference of tests/reference (converged to 0.01 dB with 48 rays a bin of 3/8 degree), and writes a row
 // for each: what it cost and how far off it was. Beside them, by the reference's own code, polar sampling (rays with
-// even, coarse steps) and, with --uniform, for that takes an hour a scene, an even grid over the ground.
+// even, coarse steps) and, with --uniform, for that takes longest, an even grid over the ground.
 //
 //   rms, p99   dB, of the power image over cells above the noise in either, noise added to both (design of the promises)
 //   near, middle, far   RMS in the nearest, middle and farthest third of the ranges
