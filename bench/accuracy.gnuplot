@@ -8,8 +8,8 @@ set logscale xy
 set xlabel "CPU time, s (one thread)"
 set ylabel "RMS error of the power image, dB"
 set grid lc rgb "#dddddd"
-set key top right font ",8" samplen 1
-set xrange [0.02:200]
+set key bottom right font ",8" samplen 1
+set xrange [0.02:600]
 set yrange [0.002:3]
 set format y "%g"
 set format x "%g"
