@@ -369,8 +369,7 @@ void measure(const Place& place, int rays_per_bin, const std::vector<Setting>& w
         table.row(place.name, setting.name, cpu_s, wall_s, samples, bytes,
                   compare(test, truth, columns, noise_w, receiver));
     }
-    for (const int rays : {2, 4, 8, 16}) {
-        if (!polar) break;
+    for (const int rays : polar ? std::vector{2, 4, 8, 16} : std::vector<int>()) {
         reference::Scene even = r;
         even.rays_per_bin = rays;
         even.step_posts = 4.0 / rays;
@@ -381,8 +380,7 @@ void measure(const Place& place, int rays_per_bin, const std::vector<Setting>& w
                   made.cpu_s, made.cpu_s, static_cast<std::uint64_t>(steps * rays * place.bins()), 0,
                   compare(cut(made, skip), truth, columns, noise_w, receiver));
     }
-    for (const int samples : {1, 2}) {
-        if (!uniform) break;
+    for (const int samples : uniform ? std::vector{1, 2} : std::vector<int>()) {
         reference::Scene even = r;
         even.uniform_posts = 1.0 / samples;
         const reference::Result made = reference::simulate(even);
@@ -400,9 +398,12 @@ int main(int argc, char** argv) {
     if (argc < 2 || argv[1][0] == '-') {
         fmt::print(
             stderr,
-            "usage: accuracy OUT.tsv [--rays N] [--qualities] [--setting SPOKES,BIN,LEAD]... [--uniform] [SCENE...]   "
-            "rays of the reference; no raw settings but those given, nor polar sampling; uniform sampling too; scenes "
-            "that begin so, all without\n");
+            "usage: accuracy OUT.tsv [--rays N] [--qualities] [--setting SPOKES,BIN,LEAD]... [--uniform] [SCENE...]\n"
+            "  --rays N       of the reference in 3/8 of a degree, 48 without\n"
+            "  --qualities    no raw settings but those given after it, and no polar sampling\n"
+            "  --setting ...  a raw setting more: spokes a post, spokes a bin, lead\n"
+            "  --uniform      uniform sampling too, which takes longest\n"
+            "  SCENE          scenes whose names begin so; all without\n");
         return 2;
     }
     int rays = 48, scenes = 2;

@@ -159,13 +159,14 @@ std::uint64_t enough_after_refusal(std::uint64_t mib, const std::vector<std::str
     return std::stoull(least[1].str());
 }
 
-/// It is refused so; what the refusal names will do, and one MiB less is refused too.
-void check_refused(std::uint64_t mib, const std::vector<std::string>& words, const std::string& log) {
+/// It is refused so; what the refusal names, and is returned, will do, and one MiB less is refused too.
+std::uint64_t check_refused(std::uint64_t mib, const std::vector<std::string>& words, const std::string& log) {
     const std::uint64_t enough = enough_after_refusal(mib, words, log);
     check(enough, words, log);
     const Budgeted less(enough - 1, words, log);
     INFO(less.command << "\n" << less.ended.err);
     CHECK(less.ended.code == 2);
+    return enough;
 }
 
 std::vector<std::string> joined(std::vector<std::string> words, const std::vector<std::string>& more) {
@@ -336,8 +337,7 @@ TEST_CASE("the budget that a refusal names will do", "[memory]") {
          {std::vector<std::string>{"--range", "30km"},
           {"--range", "30km", "--sector", "0deg,60deg", "--ground", folder / "ground.tif"}}) {
         const auto words = joined(simulate(lines, "422000,4478000"), more);
-        check_refused(40, words, log);
-        CHECK(enough_after_refusal(2, words, log) == enough_after_refusal(40, words, log));
+        CHECK(enough_after_refusal(2, words, log) == check_refused(40, words, log));
     }
     check_refused(2,
                   {"coverage", lines, folder / "seen.tif", "--xy", "422000,4478000", "--altitude-agl", "900m", "-q",
