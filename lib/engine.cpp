@@ -597,6 +597,7 @@ void sweep(const ResolvedScene& scene, WedgeSource& source, const EngineParams& 
     }
     result.levels = setting.levels.any();
     result.sampling = setting.sampling;
+    result.promise = promise_of(scene, source.data_base());
     result.report.survey_s = watch.wall_s();
     survey.end();
 
@@ -854,7 +855,10 @@ RunResult run(const ResolvedScene& scene, const Scan& scan, WedgeSource& source,
         take_rows(group, params.keep_echo, result);
         add(group.report, result.report);
         result.levels = result.levels || group.levels;
-        if (bins.begin == scene.shown.azimuth_bins.begin) result.sampling = group.sampling;
+        if (bins.begin == scene.shown.azimuth_bins.begin) {
+            result.sampling = group.sampling;
+            result.promise = group.promise;
+        }
         if (params.stop) params.stop->check();
     }
     result.report.peak_budget_bytes += images;

@@ -11,6 +11,7 @@
 #include "lib/far_shore.hpp"
 #include "lib/path_loss.hpp"
 #include "lib/polar.hpp"
+#include "lib/promise.hpp"
 #include "lib/receiver.hpp"
 #include "lib/report.hpp"
 #include "lib/scene.hpp"
@@ -125,6 +126,7 @@ struct RunResult {
     RunReport report;
     bool levels = false;  ///< some ground was swept at a level of detail
     Sampling sampling;    ///< how densely
+    Promise promise;      ///< how far the power may be off; of show(), which sweeps nothing, none
 
     // Written out in engine.cpp: where sources are compiled with -O1 the end of an image is a loop over all of its numbers.
     RunResult();

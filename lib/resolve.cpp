@@ -19,10 +19,6 @@ namespace {
 
 constexpr double degree = std::numbers::pi / 180;
 
-double longer_post_m(const DataBase& db) {
-    return std::max(std::abs(db.step_x), std::abs(db.step_y)) * db.metres_a_unit();
-}
-
 }  // namespace
 
 GroundHeight ground_height(WedgeSource& source, IndexPosition p) {
@@ -405,8 +401,8 @@ Sampling sampling_of(const ResolvedScene& scene, const DataBase& db) {
     // Beside mountains the ground below says little; where they stand as high as the sensor, as if it were 2 posts up, or 5,
     // from where heights take as many spokes. A tenth more of clearance: ground that is about level stands above the nadir here
     // and there.
-    const double above = (scene.sensor_m - scene.reference_m) / longer_post_m(db),
-                 over_most = std::max(steps ? 5.0 : 2.0, 1.1 * scene.clearance_m / longer_post_m(db));
+    const double above = (scene.sensor_m - scene.reference_m) / db.longer_post_m(),
+                 over_most = std::max(steps ? 5.0 : 2.0, 1.1 * scene.clearance_m / db.longer_post_m());
     const double counted = std::min(above, over_most) * lower_for(scene.roughness);
     Sampling own = sampling(scene.scene, cover, counted);
     // There crests hide ground far off too, where bins are wide and only spokes a post count.
@@ -529,8 +525,8 @@ void look_around(ResolvedScene& s, WedgeSource& source) {
     if (!metre) return;
     constexpr int rings = 12, rays = 32;
     constexpr double most_posts = 640;
-    const double reach_m = std::min(*s.scene.range_m, most_posts * longer_post_m(db)), step = s.shown.azimuth_step_rad(),
-                 from = static_cast<double>(s.shown.azimuth_bins.begin) * step,
+    const double reach_m = std::min(*s.scene.range_m, most_posts * db.longer_post_m()),
+                 step = s.shown.azimuth_step_rad(), from = static_cast<double>(s.shown.azimuth_bins.begin) * step,
                  width = static_cast<double>(s.shown.azimuth_bins.size()) * step;
     std::vector<float> heights_m;
     Saddles saddles(source);
@@ -549,7 +545,7 @@ void look_around(ResolvedScene& s, WedgeSource& source) {
             if (height == height) heights_m.push_back(height);
             if ((ray + 3 * ring) % 8 == 0) saddles.add(column, row);  // of four rays a ring, others each time
         }
-    s.roughness = saddles.rms_m() / (4 * longer_post_m(db));
+    s.roughness = saddles.rms_m() / (4 * db.longer_post_m());
     if (heights_m.empty()) return;
     const auto highest = heights_m.end() - 1 - static_cast<std::ptrdiff_t>(heights_m.size() / 100);
     std::nth_element(heights_m.begin(), highest, heights_m.end());

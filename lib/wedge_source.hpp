@@ -1,7 +1,9 @@
 // WedgeSource: the one interface through which the engine reads terrain and culture, chunk by chunk.
 // Leaves files, tiles, spill and caches to whoever implements it.
 #pragma once
+#include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstdint>
 #include <functional>
 #include <limits>
@@ -37,6 +39,7 @@ struct DataBase {
     double metres_per_unit = 1;         ///< of x and y on a plane
     /// Metres in a unit of x and y: of a degree, those at the equator. For sizes that need not be exact.
     double metres_a_unit() const { return metres_per_unit * (crs_in_metres ? 1 : 111320); }
+    double longer_post_m() const { return std::max(std::abs(step_x), std::abs(step_y)) * metres_a_unit(); }
     bool cyclic = false;             ///< columns span the whole circle of longitude
     std::int64_t cycle_columns = 0;  ///< columns of the circle, if cyclic
 

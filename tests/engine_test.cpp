@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numbers>
 #include <random>
+#include <tuple>
 
 #include "lib/culture.hpp"
 #include "lib/engine.hpp"
@@ -751,6 +752,59 @@ TEST_CASE("spokes go by the height over what stands highest in the sector, but f
     s.platform.altitude_m = 3000;
     s.platform.xy = PointXY{-30 * 900, -30 * 200};
     CHECK(resolved(225, 315).clearance_m == infinite);
+}
+
+TEST_CASE("what a quality promises holds from where the beam is two posts wide, of scenes it is made for", "[engine]") {
+    MemorySource source(101, 81, 30, [](double, double) { return 100.0; });
+    Scene s;
+    s.platform.xy = PointXY{30 * 50, -30 * 40};
+    s.platform.altitude_m = 1000;
+    s.range_m = 1500;
+    const auto promised = [&] { return promise_of(resolve(s, source), source.data_base()); };
+    const std::tuple<Quality, double, double> all[] = {{Quality::draft, 0.4, 1.5},
+                                                       {Quality::normal, 0.1, 0.35},
+                                                       {Quality::fine, 0.05, 0.2},
+                                                       {Quality::exact, 0.02, 0.06}};
+    for (const auto& [quality, rms, p99] : all) {
+        s.quality = quality;
+        CHECK(promised().rms_db == rms);
+        CHECK(promised().p99_db == p99);
+        CHECK(promised().from_m == Approx(2 * 30 / (1.5 * std::numbers::pi / 180)));
+        CHECK(promised().lacks.empty());
+    }
+    const auto lacks = [&](const char* what) {
+        const std::vector<std::string> found = promised().lacks;
+        return found.size() == 1 && found[0].find(what) != std::string::npos;
+    };
+    const Scene good = s;
+    // The circle holds 18.46 quarters of it: 18 bins.
+    s.radar.antenna.beam = Angle::degrees(78);
+    CHECK(promised().lacks.empty());
+    s = good;
+    s.radar.pulse_s = 0.39e-6;
+    CHECK(lacks("58.46 m, 1.9 posts (2 or more)"));
+    s = good;
+    s.azimuth_bins = 959;
+    CHECK(lacks("azimuth bins lie in the beam (4 or more)"));
+    s = good;
+    s.range_bin_m = 40;
+    CHECK(lacks("1.87 range bins lie in c tau / 2"));
+    s = good;
+    s.radar.beam_width_error = false;
+    CHECK(lacks("bwe"));
+    s = good;
+    s.radar.pulse_length_error = false;
+    CHECK(lacks("ple"));
+    s = good;
+    s.spokes_per_post = 4;
+    CHECK(lacks("spokes-per-post"));
+    s.crossings = true;
+    CHECK(promised().lacks.size() == 2);
+    s = good;
+    s.detail = false;
+    CHECK(promised().lacks.empty());
+    // A run says the same.
+    CHECK(run(resolve(s, source), source, {}).promise.rms_db == 0.02);
 }
 
 TEST_CASE("single posts that stand out count as if the sensor were lower", "[engine][spoke_grid]") {

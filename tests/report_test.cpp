@@ -6,6 +6,7 @@
 
 #include "lib/target.hpp"
 #include "tools/coverage_report.hpp"
+#include "tools/doubts.hpp"
 #include "tools/options.hpp"
 #include "tools/report_json.hpp"
 #include "tools/terminal.hpp"
@@ -42,6 +43,7 @@ RunResult drawn_run(std::size_t wedges) {
     run.report.states = {1, 2, 3, 4, 5};
     run.report.threads = 2;
     run.sampling = {.spokes_per_post = 1.25, .spokes_per_bin = 12, .lead = 4};
+    run.promise = {0.05, 0.2, 3000, {}};
     return run;
 }
 
@@ -74,6 +76,8 @@ TEST_CASE("the report holds what the contract names", "[report]") {
     CHECK(out["levels"].is_array());
     CHECK(out["sampling"] ==
           nlohmann::ordered_json::parse(R"({"spokes_per_post":1.25,"spokes_per_bin":12.0,"spoke_lead":4.0})"));
+    CHECK(out["promise"] ==
+          nlohmann::ordered_json::parse(R"({"rms_db":0.05,"p99_db":0.2,"from_range_m":3000.0,"lacks":[]})"));
     CHECK(out["inputs"][0]["bytes"] == 42);
     CHECK(out["inputs"][1]["bytes"].is_null());
     CHECK(out["wall_s"] == 2.0);
@@ -124,6 +128,18 @@ TEST_CASE("the report says which quality max-error took", "[report]") {
         CHECK(said["resolved"]["quality"] == "fine");
         CHECK(said["max-error"] == "0.05dB");
     }
+}
+
+TEST_CASE("who asks for max-error is told where it does not hold", "[report]") {
+    RunResult run = drawn_run(1);
+    const auto remark = [&] { return doubts(run)[error_unkept]; };
+    CHECK(remark().empty());  // a quality was asked for
+    run.scene.scene.max_error_db = 0.05;
+    CHECK(remark() == "max-error is promised from 3 km on, where the beam is two posts wide");
+    run.scene.scene.range_start_m = 3000;
+    CHECK(remark().empty());
+    run.promise.lacks = {"bwe is off", "course is given"};
+    CHECK(remark() == "max-error is not promised here: bwe is off; course is given");
 }
 
 TEST_CASE("the table has a row for each wedge, and for many one for the rest", "[report]") {

@@ -29,6 +29,11 @@ std::array<std::string, doubt_count> doubts(const RunResult& r) {
             "azimuth bins of {:.4g} deg are wider than half the beam of {:.4g} deg: powers come out too "
             "high (azimuth-bins {:.0f} or more)",
             step_deg, beam_deg, std::ceil(720 / beam_deg));
+    if (r.scene.scene.max_error_db && !r.promise.lacks.empty())
+        lines[error_unkept] = fmt::format("max-error is not promised here: {}", fmt::join(r.promise.lacks, "; "));
+    else if (r.scene.scene.max_error_db && r.promise.from_m > r.scene.scene.range_start_m)
+        lines[error_unkept] = fmt::format("max-error is promised from {:.3g} km on, where the beam is two posts wide",
+                                          r.promise.from_m * 1e-3);
     return lines;
 }
 

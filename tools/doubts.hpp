@@ -12,7 +12,7 @@
 namespace wedgescope {
 
 /// Kinds of doubt, as they stand in doubts().
-enum Doubt : std::size_t { nothing_there, nothing_seen, nothing_lit, wide_bins, doubt_count };
+enum Doubt : std::size_t { nothing_there, nothing_seen, nothing_lit, wide_bins, error_unkept, doubt_count };
 
 /// A line for each kind of doubt that there is about a picture; empty: none.
 std::array<std::string, doubt_count> doubts(const RunResult& result);

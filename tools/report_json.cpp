@@ -183,6 +183,13 @@ nlohmann::ordered_json sampling_json(const Sampling& sampling) {
             {"spoke_lead", sampling.lead}};
 }
 
+nlohmann::ordered_json promise_json(const Promise& promise) {
+    return {{"rms_db", promise.rms_db},
+            {"p99_db", promise.p99_db},
+            {"from_range_m", promise.from_m},
+            {"lacks", promise.lacks}};
+}
+
 nlohmann::ordered_json report_json(const Settings& settings, const RunResult& run, const std::vector<InputFile>& inputs,
                                    const OuterStages& outer, const Usage& usage) {
     using json = nlohmann::ordered_json;
@@ -256,6 +263,7 @@ nlohmann::ordered_json report_json(const Settings& settings, const RunResult& ru
             out["levels"].push_back({{"level", level}, {"posts_read", posts}, {"stand_for", posts << (2 * level)}});
     }
     out["sampling"] = sampling_json(run.sampling);
+    out["promise"] = promise_json(run.promise);
     out["stages_wall_s"] =
         json{{"open", outer.open_s},        {"survey", report.survey_s}, {"merge", report.merge_s},
              {"keep", report.keep_s},       {"beam", report.beam_s},     {"receiver", report.receiver_s},

@@ -1,0 +1,54 @@
+#include "lib/promise.hpp"
+
+#include <fmt/format.h>
+
+#include "lib/engine.hpp"
+
+namespace wedgescope {
+namespace {
+
+double promised_p99_db(Quality quality) {
+    switch (quality) {
+        case Quality::exact:
+            return 0.06;
+        case Quality::fine:
+            return 0.2;
+        case Quality::normal:
+            return 0.35;
+        case Quality::draft:
+            return 1.5;
+    }
+    return 0;
+}
+
+}  // namespace
+
+Promise promise_of(const ResolvedScene& resolved, const DataBase& db) {
+    constexpr double posts = 2;
+    const Scene& scene = resolved.scene;
+    const RadarParams& radar = scene.radar;
+    const double post_m = db.longer_post_m(), pulse_m = radar.pulse_extent_m(), beam_deg = radar.antenna.beam.deg(),
+                 step_deg = Angle::radians(resolved.shown.azimuth_step_rad()).deg(), bin_m = resolved.shown.range_bin_m;
+    Promise promise{
+        promised_rms_db(scene.quality), promised_p99_db(scene.quality), posts * post_m / radar.antenna.beam.rad(), {}};
+    const auto lack = [&](bool lacks, std::string why) {
+        if (lacks) promise.lacks.push_back(std::move(why));
+    };
+    lack(pulse_m < posts * post_m,
+         fmt::format("c tau / 2 is {:.4g} m, {:.1f} posts (2 or more)", pulse_m, pulse_m / post_m));
+    // Not fewer than `auto` makes of them, whole ones.
+    lack(resolved.shown.circle_bins < default_azimuth_bins(radar),
+         fmt::format("{:.3g} azimuth bins lie in the beam (4 or more)", beam_deg / step_deg));
+    lack(bin_m > (1 + 1e-9) * default_range_bin_m(radar),
+         fmt::format("{:.3g} range bins lie in c tau / 2 (4 or more)", pulse_m / bin_m));
+    lack(!radar.beam_width_error, "bwe is off");
+    lack(!radar.pulse_length_error, "ple is off");
+    lack(scene.spokes_per_post.has_value(), "spokes-per-post is given");
+    lack(scene.spokes_per_bin.has_value(), "spokes-per-bin is given");
+    lack(scene.spoke_lead.has_value(), "spoke-lead is given");
+    lack(scene.crossings.has_value(), "crossings is given");
+    lack(scene.curved_course.has_value(), "course is given");
+    return promise;
+}
+
+}  // namespace wedgescope

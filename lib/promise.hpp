@@ -1,0 +1,25 @@
+// Promise: how far the power image of a scene may be off, by its quality, and where that holds.
+// Leaves how a quality keeps it to spoke_grid.hpp (sampling) and detail.hpp (levels of detail).
+#pragma once
+#include <string>
+#include <vector>
+
+#include "lib/scene.hpp"
+
+namespace wedgescope {
+
+struct DataBase;
+struct ResolvedScene;
+
+struct Promise {
+    // Of the power image against a converged one, dB, over the cells that reach the thermal noise in either, with it added to both.
+    double rms_db = 0, p99_db = 0;
+    double from_m = 0;               ///< range from which on the beam is two posts wide
+    std::vector<std::string> lacks;  ///< why nothing is promised of this scene; empty: it is
+};
+
+/// What the scene's quality promises where c tau / 2 and beam are two posts or more, four bins or more lie in each, both are
+/// drawn, and nothing replaces what the quality says of the sampling. Source: docs/accuracy.md.
+Promise promise_of(const ResolvedScene& scene, const DataBase& data_base);
+
+}  // namespace wedgescope
