@@ -2,6 +2,7 @@
 #include <catch2/catch.hpp>
 
 #include <fstream>
+#include <map>
 #include <sstream>
 
 #include "lib/target.hpp"
@@ -128,6 +129,26 @@ TEST_CASE("the report says which quality max-error took", "[report]") {
         CHECK(said["resolved"]["quality"] == "fine");
         CHECK(said["max-error"] == "0.05dB");
     }
+}
+
+TEST_CASE("each stage's work counts its seconds once", "[report]") {
+    RunReport report = drawn_run(2).report;
+    for (WedgeReport& wedge : report.wedges) wedge.merge_s = 0.25;
+    report.merge_s = 0.5;  // the same, seen from the run
+    report.beam_s = 1;
+    report.receiver_s = 2;
+    report.display_s = 4;
+    std::map<std::string, StageWork> stages;
+    for (const StageWork& stage : stage_work(report, 8, {})) stages.emplace(stage.name, stage);
+    const std::pair<const char*, double> seconds[] = {{"load", 1}, {"sweep", 0.5},  {"deposit", 0}, {"merge", 0.5},
+                                                      {"beam", 1}, {"receiver", 2}, {"display", 4}, {"write", 8}};
+    CHECK(stages.size() == std::size(seconds));
+    for (const auto& [name, s] : seconds) {
+        INFO(name);
+        REQUIRE(stages.count(name) == 1);
+        CHECK(stages.at(name).seconds == s);
+    }
+    CHECK(stages.at("display").bytes == 15 * 5);  // of 15 cells power and state
 }
 
 TEST_CASE("who asks for max-error is told where it does not hold", "[report]") {

@@ -362,9 +362,10 @@ std::vector<StageWork> stage_work(const RunReport& report, double write_s, const
     return {load_work(all.load_s, all.bytes_read, usage),
             {"sweep", all.sample_s + all.sweep_s, posts * post, StageWork::memory},
             {"deposit", all.shade_s + all.deposit_s, pieces * 2 * sum_cell, StageWork::memory},
-            {"merge", all.merge_s + report.merge_s, cells * (sum_cell + image_cell), StageWork::memory},
+            {"merge", all.merge_s, cells * (sum_cell + image_cell), StageWork::memory},
             {"beam", report.beam_s, cells * 2 * image_cell, StageWork::memory},
             {"receiver", report.receiver_s, cells * 2 * image_cell, StageWork::memory},
+            {"display", report.display_s, cells * (image_cell + sizeof(std::uint8_t)), StageWork::memory},
             {"write", write_s, static_cast<double>(usage.written_bytes.value_or(0)), StageWork::write}};
 }
 

@@ -68,7 +68,8 @@ std::string report_table(const RunReport& report, const OuterStages& outer, cons
                          std::size_t most_rows = 24);
 
 /// What the stages of a run moved, for limits_table(): posts and decoded bytes that were read; a post for each one swept
-/// (4 bytes), a cell (8 bytes, read and written) for each visible piece, cells of the image for what follows.
+/// (4 bytes), a cell (8 bytes, read and written) for each visible piece, cells of the image for what follows (the display reads
+/// power and state of each).
 std::vector<StageWork> stage_work(const RunReport& report, double write_s, const Usage& usage);
 /// Reading is measured by decoding where the files hold less than came out of them.
 StageWork load_work(double load_s, std::uint64_t decoded_bytes, const Usage& usage);

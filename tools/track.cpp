@@ -480,6 +480,7 @@ std::vector<StageWork> track_work(const std::vector<FrameReport>& reports, const
         wedges.visible_pieces += r.pieces;
         all.beam_s += static_cast<double>(r.wall_s[beaming]);
         all.receiver_s += static_cast<double>(r.wall_s[receiving]);
+        all.display_s += static_cast<double>(r.wall_s[displaying]);
         write_s += static_cast<double>(r.wall_s[writing]);
         for (std::size_t code = 0; code < all.states.size(); ++code) all.states[code] += r.states[code];
     }
