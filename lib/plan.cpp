@@ -266,18 +266,30 @@ Plan plan(const ResolvedScene& scene, WedgeSource& source, const SpokeGrid& grid
     // A split that stands is kept: its wedges may be done already.
     const std::vector<Interval> recorded = params.archive ? params.archive->recorded_split() : std::vector<Interval>{};
     if (!recorded.empty()) count = static_cast<std::int64_t>(recorded.size());
+    const auto even = [&](std::int64_t i, std::int64_t n) {
+        return Interval{scene.swept.azimuth_bins.begin + bins * i / n,
+                        scene.swept.azimuth_bins.begin + bins * (i + 1) / n};
+    };
     const auto split = [&](std::int64_t n, bool guess) {
         p.wedges.clear();
         p.forecast.clear();
         const Walk walk(scene, source, grid, p.strip_lines, guess && params.cull);
         for (std::int64_t i = 0; i < n; ++i) {
-            const Interval even{scene.swept.azimuth_bins.begin + bins * i / n,
-                                scene.swept.azimuth_bins.begin + bins * (i + 1) / n};
-            p.wedges.push_back(recorded.empty() ? even : recorded[static_cast<std::size_t>(i)]);
+            p.wedges.push_back(recorded.empty() ? even(i, n) : recorded[static_cast<std::size_t>(i)]);
             p.forecast.push_back(walk(grid.wedge(i, p.wedges.back())));
         }
         p.wedge_bytes = 0;
         for (const WedgeForecast& f : p.forecast) p.wedge_bytes = std::max(p.wedge_bytes, f.peak_bytes);
+    };
+    // Of n wedges some are asked how little they can take: if not even these fit, the others need not be.
+    const auto ask_some = [&](std::int64_t n) {
+        constexpr std::int64_t asked = 256;
+        const Walk walk(scene, source, grid, p.strip_lines, false);
+        p.wedges.clear();
+        p.forecast.clear();
+        p.wedge_bytes = 0;
+        for (std::int64_t i = 0; i < n; i += (n + asked - 1) / asked)
+            p.wedge_bytes = std::max(p.wedge_bytes, walk(grid.wedge(i, even(i, n))).peak_bytes);
     };
     const auto narrow = [&](bool guess) {
         if (params.wedges > 0 || !recorded.empty() || p.in_flight == 1) return;
@@ -293,22 +305,22 @@ Plan plan(const ResolvedScene& scene, WedgeSource& source, const SpokeGrid& grid
     };
     p.in_flight = threads;
     split(count, false);
-    // No number of wedges makes room for what stands beside them; how little each can take is asked of some.
+    // No number of wedges makes room for what stands beside them.
     const bool hopeless = recorded.empty() && p.fixed_bytes >= params.memory_bytes;
-    if (hopeless) {
-        constexpr std::int64_t asked = 256;
-        const Walk walk(scene, source, grid, p.strip_lines, false);
-        p.wedge_bytes = 0;
-        for (std::int64_t i = 0; i < bins; i += (bins + asked - 1) / asked) {
-            const std::int64_t bin = scene.swept.azimuth_bins.begin + i;
-            p.wedge_bytes = std::max(p.wedge_bytes, walk(grid.wedge(i, {bin, bin + 1})).peak_bytes);
-        }
-    }
+    if (hopeless) ask_some(bins);
     while (recorded.empty() && !hopeless && !fits(p.in_flight) && count < bins) {
         count = std::min(bins, count * 2);
-        split(count, false);
+        ask_some(count);
+        if (fits(p.in_flight)) split(count, false);
     }
-    while (p.in_flight > 1 && !fits(p.in_flight)) --p.in_flight;
+    const auto fewer_at_a_time = [&] {
+        while (p.in_flight > 1 && !fits(p.in_flight)) --p.in_flight;
+    };
+    fewer_at_a_time();
+    if (fits(1) && p.wedges.empty()) {
+        split(count, false);
+        fewer_at_a_time();
+    }
     if (!fits(1)) {
         // A guess: the source's cache grows with the budget.
         const double cache = static_cast<double>(source.cache_bytes()),
