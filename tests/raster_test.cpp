@@ -1,14 +1,19 @@
 // Opening and checking rasters, and counting what they hold.
 #include <catch2/catch.hpp>
 
+#include <cpl_conv.h>
+#include <cpl_vsi.h>
+
 #include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <iterator>
 #include <limits>
 
 #include "lib/error.hpp"
 #include "tests/drawn_raster.hpp"
 #include "tests/refusal.hpp"
+#include "tiles/file_stamp.hpp"
 #include "tiles/gdal_session.hpp"
 #include "tiles/raster.hpp"
 #include "tiles/sources.hpp"
@@ -43,6 +48,29 @@ std::string refusal(const std::string& dem) {
 }
 
 }  // namespace
+
+TEST_CASE("a gzipped raster is the same file after it was read through for the first time", "[raster]") {
+    const Folder folder;
+    Drawing d;
+    d.columns = d.rows = 300;
+    d.type = GDT_Int16;
+    d.value = [](int c, int r) { return c + r; };
+    draw(folder / "plain.tif", d);
+    const std::string packed = "/vsigzip/" + (folder / "packed.tif.gz");
+    {
+        std::ifstream in(folder / "plain.tif", std::ios::binary);
+        const std::string bytes(std::istreambuf_iterator<char>(in), {});
+        VSILFILE* out = VSIFOpenL(packed.c_str(), "wb");
+        REQUIRE(out);
+        CHECK(VSIFWriteL(bytes.data(), 1, bytes.size(), out) == bytes.size());
+        VSIFCloseL(out);
+    }
+    CPLSetConfigOption("CPL_VSIL_GZIP_WRITE_PROPERTIES", "YES");  // as it is of all but small files
+    const std::uint64_t before = files_fingerprint({packed});
+    CHECK(post(packed, 200, 100) == 300);
+    CHECK(files_fingerprint({packed}) == before);
+    CPLSetConfigOption("CPL_VSIL_GZIP_WRITE_PROPERTIES", nullptr);
+}
 
 TEST_CASE("real rasters hold what their producers say", "[raster]") {
     // Ranges and shares: tests/data/README.md, counted with gdalinfo.
@@ -111,11 +139,22 @@ TEST_CASE("scale, offset and feet are honoured", "[raster]") {
         draw(folder / "survey.tif", d);
         CHECK(post(folder / "survey.tif", 2, 1) == static_cast<float>(80.5 * 1200 / 3937));
     }
-    for (const char* unit : {"m", "metre", "furlong"}) {
+    for (const char* unit : {"m", "metre", "Meters above MSL"}) {
         d.unit = unit;
         draw(folder / "metres.tif", d);
         CHECK(post(folder / "metres.tif", 2, 1) == 80.5F);
     }
+    const std::pair<const char*, double> parts[] = {{"km", 1000}, {"dm", 0.1}, {"[cm]", 0.01}, {"millimetres", 1e-3}};
+    for (const auto& [unit, metres] : parts) {
+        d.unit = unit;
+        draw(folder / "parts.tif", d);
+        CHECK(post(folder / "parts.tif", 2, 1) == static_cast<float>(80.5 * metres));
+    }
+    d.unit = "dB";
+    draw(folder / "power.tif", d);
+    CHECK_THAT(refusal<DataError>(folder / "power.tif"),
+               Contains("power.tif' has heights in the unit 'dB'; accepted: m, ft"));
+    CHECK_FALSE(summarise_raster(folder / "power.tif", false).unit_m.has_value());
 }
 
 TEST_CASE("no-data, NaN and masks are voids", "[raster]") {

@@ -25,6 +25,7 @@
 #include "tiles/source_choice.hpp"
 #include "tiles/store_check.hpp"
 #include "tiles/tile_store.hpp"
+#include "tools/options.hpp"
 
 using namespace wedgescope;
 using Catch::Matchers::Contains;
@@ -753,6 +754,48 @@ TEST_CASE("bounds of blocks are those of their posts at every level", "[store][t
         CHECK(wrong_blocks(store, 1, extra == 0) == 0);
         CHECK(open_direct_source(base(store))->extremes().highest_m == 5099);
     }
+}
+
+TEST_CASE("a store keeps what one unit of its culture heights is; scenes over it take that unless they are told",
+          "[store]") {
+    const Folder folder;
+    draw(folder / "dem.tif", hills(300, 200));
+    Drawing h;
+    h.columns = 300;
+    h.rows = 200;
+    h.value = [](int c, int r) { return (c * r) % 170; };
+    draw(folder / "height.tif", h);
+    auto params = into(folder / "metres", {folder / "dem.tif"});
+    params.culture_height = folder / "height.tif";
+    write_tile_store(params);
+    CHECK_FALSE(store_height_scale(folder / "metres").has_value());
+    CHECK_FALSE(store_height_scale(folder / "dem.tif").has_value());
+    params.culture_height_scale = 0.1;
+    params.output = folder / "tenths";
+    write_tile_store(params);
+    CHECK(store_height_scale(folder / "tenths") == 0.1);
+    CHECK(describe_store(folder / "tenths").culture_height_scale == 0.1);
+    CHECK(verify_store(folder / "tenths", nullptr, {}).damage.empty());
+    // Values as they were, metres for others.
+    const Plain metres((folder / "metres") + "/culture_height.vrt"),
+        tenths((folder / "tenths") + "/culture_height.vrt");
+    CHECK(same(metres.values, tenths.values));
+    CHECK(metres.scale == 1);
+    CHECK(tenths.scale == 0.1);
+    // Not to be gone on with as if nothing was.
+    CHECK(contents(folder / "metres")["plan.json"] != contents(folder / "tenths")["plan.json"]);
+
+    const auto scale = [&](const std::string& dem, const std::vector<std::string>& more) {
+        std::vector<std::string> words{"--dem", dem, "--latlon", "1,2", "--altitude-msl", "2km"};
+        words.insert(words.end(), more.begin(), more.end());
+        return parse_arguments(command_simulate, words).culture_height_scale;
+    };
+    CHECK(scale(folder / "tenths", {}) == 0.1);
+    CHECK(scale(folder / "tenths", {"--culture-height-scale", "1"}) == 1);
+    CHECK(scale(folder / "tenths", {"--culture-height", folder / "height.tif"}) == 1);  // another's
+    CHECK(scale(folder / "metres", {}) == 1);
+    CHECK(parse_arguments(command_coverage, {folder / "tenths", folder / "mask.tif"}).culture_height_scale == 0.1);
+    CHECK(parse_arguments(command_tile, {"--around", "1,2", folder / "tenths"}).culture_height_scale == 0.1);
 }
 
 TEST_CASE("of a chunk what is not needed has its block's fill height, all else its own, rows as lines or columns",

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <filesystem>
 #include <optional>
+#include <string_view>
 #include <system_error>
 
 #include "tiles/checksum.hpp"
@@ -18,6 +19,12 @@ namespace {
 
 /// Nothing if there is no such file, in a folder or where else GDAL looks: /vsizip/ ...
 std::optional<FileStamp> stamp_of(const std::string& file) {
+    // Of the packed file: GDAL says another size of what is in it once it has read it through.
+    if (const std::string_view packed = "/vsigzip/"; file.starts_with(packed)) {
+        auto stamp = stamp_of(file.substr(packed.size()));
+        if (stamp) stamp->file = file;
+        return stamp;
+    }
     struct stat plain {};
     if (::stat(file.c_str(), &plain) == 0)
         return FileStamp{file, static_cast<std::uint64_t>(plain.st_size), plain.st_mtim.tv_sec, plain.st_mtim.tv_nsec};

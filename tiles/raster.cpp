@@ -50,6 +50,7 @@ RasterSummary summarise_raster(const std::string& path, bool count_codes, const 
     summary.bands = facts.bands;
     summary.data_type = facts.signed_byte ? "Int8" : type_name(facts.type);
     summary.unit = facts.unit;
+    summary.unit_m = unit_in_metres(facts.unit);
     summary.columns = facts.columns;
     summary.rows = facts.rows;
     summary.block_columns = facts.block_columns;

@@ -3,6 +3,7 @@
 #pragma once
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <string>
 
 #include "lib/stop.hpp"
@@ -12,7 +13,8 @@ namespace wedgescope {
 /// What `info` says of a raster. Counting reads it once, block by block.
 struct RasterSummary {
     std::string path, driver, data_type, crs_name, unit;
-    int bands = 1;  ///< of which the first is told of
+    std::optional<double> unit_m;  ///< metres of that unit; none: no unit of length that we know
+    int bands = 1;                 ///< of which the first is told of
     std::int64_t columns = 0, rows = 0, block_columns = 0, block_rows = 0;
     double origin_x = 0, origin_y = 0, step_x = 0, step_y = 0;  ///< of the first cell's outer corner; CRS units
     bool geographic = false, has_crs = false, has_no_data = false;

@@ -65,7 +65,11 @@ void inspect_band(GDALDataset& dataset, RasterFacts& facts) {
         throw DataError(text(facts.named(), " has band scale ", facts.scale, " and offset ", facts.offset,
                              "; accepted: finite numbers, a scale that is not 0"));
     if (const char* unit = band.GetUnitType()) facts.unit = unit;
-    facts.unit_m = unit_in_metres(facts.unit);
+    const std::optional<double> metres = unit_in_metres(facts.unit);
+    if (!metres && facts.role == "dem")
+        throw DataError(text(facts.named(), " has heights in the unit '", facts.unit,
+                             "'; accepted: m, ft, US survey ft, km, dm, cm, mm (gdal_edit.py -units m sets it)"));
+    facts.unit_m = metres.value_or(1);
 
     int has = 0;
     if (facts.type == GDT_Int64) {

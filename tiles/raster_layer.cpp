@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <tuple>
 
 #include "lib/error.hpp"
 #include "lib/lower_case.hpp"
@@ -104,15 +105,23 @@ void convert(const std::byte* from, GDALDataType from_type, std::byte* to, GDALD
     GDALCopyWords(from, from_type, type_bytes(from_type), to, to_type, type_bytes(to_type), static_cast<int>(count));
 }
 
-double unit_in_metres(std::string unit) {
+std::optional<double> unit_in_metres(std::string unit) {
     std::erase_if(unit, [](unsigned char c) { return !std::isalnum(c); });
     unit = lower_case(std::move(unit));
+    // "metres above mean sea level" too.
+    for (const char* word : {"", "m", "unknown", "unspecified", "none"})
+        if (unit == word) return 1;
+    if (unit.starts_with("metre") || unit.starts_with("meter")) return 1;
+    const std::tuple<const char*, const char*, double> parts[] = {
+        {"km", "kilo", 1e3}, {"dm", "deci", 1e-1}, {"cm", "centi", 1e-2}, {"mm", "milli", 1e-3}};
+    for (const auto& [brief, prefix, metres] : parts)
+        if (unit == brief || unit.starts_with(std::string(prefix) + "met")) return metres;
     for (const char* word : {"ft", "foot", "feet", "internationalfoot", "internationalfeet", "footinternational"})
         if (unit == word) return 0.3048;
     for (const char* word : {"usft", "ftus", "sft", "ussurveyfoot", "ussurveyfeet", "footus", "surveyfoot",
                              "surveyfeet", "footussurvey", "usfoot", "usfeet"})
         if (unit == word) return 1200.0 / 3937;
-    return 1;
+    return std::nullopt;
 }
 
 void set_grid(RasterFacts& facts, const std::array<double, 6>& g) {

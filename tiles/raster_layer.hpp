@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -71,8 +72,8 @@ struct RasterFacts {
 void set_grid(RasterFacts& facts, const std::array<double, 6>& geotransform);
 /// Takes CRS, kind of CRS and its units from `given`. DataError for a CRS that is none of ours.
 void set_crs(RasterFacts& facts, std::shared_ptr<const Crs> given);
-/// Metres of a height unit; 1 for what is not known.
-double unit_in_metres(std::string unit);
+/// Metres of a height unit, 1 of none; nothing for what is no unit of length that we know.
+std::optional<double> unit_in_metres(std::string unit);
 
 /// What a thread holds that reads from a layer, beside GDAL's cache: a file is decoded block by block.
 struct ReaderBytes {

@@ -175,6 +175,7 @@ StoreDescription describe_store(const std::string& path) {
     out.software = m.software;
     out.version = m.version;
     out.legend = m.legend_name;
+    out.culture_height_scale = m.height_scale;
     out.block_levels = m.map_shape().levels();
     out.block_map_bytes = m.map_shape().file_bytes();
     for (const StoreLayerEntry& entry : m.layers) {

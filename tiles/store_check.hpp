@@ -24,6 +24,7 @@ struct StoreDescription {
         std::vector<std::string> sources;
     };
     std::string path, software, legend;
+    std::optional<double> culture_height_scale;  ///< metres in one unit of culture height, where it was told
     std::int64_t version = 0;
     std::vector<Layer> layers;  ///< dem first
     int block_levels = 0;

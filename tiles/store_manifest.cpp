@@ -196,7 +196,7 @@ StoreLayerEntry layer_from(const json& j, const std::string& folder) {
     f.scale = j.at("scale").get<double>();
     f.offset = j.at("offset").get<double>();
     f.unit = j.at("unit").get<std::string>();
-    f.unit_m = unit_in_metres(f.unit);
+    f.unit_m = unit_in_metres(f.unit).value_or(1);  // of an older build
     if (const json& none = j.at("no_data"); !none.is_null()) {
         f.has_no_data = true;
         f.no_data = number(none);
@@ -255,6 +255,7 @@ std::string manifest_text(const StoreManifest& m) {
             json{{"format", detail_map_format}, {"file", m.detail_map}, {"checksum", hex(m.detail_map_checksum)}};
     out["plan"] = json{{"file", m.plan}, {"checksum", hex(m.plan_checksum)}};
     out["legend"] = m.legend_name.empty() ? json(nullptr) : json{{"name", m.legend_name}, {"csv", m.legend_csv}};
+    if (m.height_scale) out["culture_height_scale"] = *m.height_scale;
     if (m.class_table) out["class_table"] = store_classes_name;
     // Of all bytes, its own digits taken for zeros.
     out["checksum"] = std::string(sum_digits, '0');
@@ -298,6 +299,7 @@ StoreManifest read_manifest(const std::string& folder) {
             m.legend_name = legend.at("name").get<std::string>();
             m.legend_csv = legend.at("csv").get<std::string>();
         }
+        if (j.contains("culture_height_scale")) m.height_scale = j.at("culture_height_scale").get<double>();
         m.class_table = j.contains("class_table");
         return m;
     } catch (const json::exception& e) {

@@ -75,7 +75,8 @@ struct StoreManifest {
     std::string plan;  ///< the file that tells what the store was made of and with
     std::uint64_t plan_checksum = 0;
     std::string legend_name, legend_csv;
-    bool class_table = false;  ///< one in store_classes_name belongs to it, which may be edited
+    std::optional<double> height_scale;  ///< metres in one unit of culture height; none: nobody said
+    bool class_table = false;            ///< one in store_classes_name belongs to it, which may be edited
 
     const StoreLayerEntry* layer(StoreLayerKind kind) const;
     BlockMapShape map_shape() const { return {layers[0].facts.columns, layers[0].facts.rows}; }

@@ -6,7 +6,7 @@
 #include "tiles/side_file.hpp"
 
 namespace wedgescope {
-std::string vrt_text(const StoreLayerEntry& layer) {
+std::string vrt_text(const StoreLayerEntry& layer, double scale) {
     const RasterFacts& f = layer.facts;
     std::string out = text("<VRTDataset rasterXSize=\"", f.columns, "\" rasterYSize=\"", f.rows, "\">\n");
     if (f.crs) {
@@ -22,8 +22,8 @@ std::string vrt_text(const StoreLayerEntry& layer) {
     if (f.has_no_data)
         out += text("    <NoDataValue>", std::isnan(f.no_data) ? "nan" : text(f.no_data), "</NoDataValue>\n");
     if (!f.unit.empty()) out += text("    <UnitType>", xml_words(f.unit, true), "</UnitType>\n");
-    if (f.offset != 0) out += text("    <Offset>", f.offset, "</Offset>\n");
-    if (f.scale != 1) out += text("    <Scale>", f.scale, "</Scale>\n");
+    if (f.offset != 0) out += text("    <Offset>", f.offset * scale, "</Offset>\n");
+    if (f.scale * scale != 1) out += text("    <Scale>", f.scale * scale, "</Scale>\n");
     for (const StoreSheet& sheet : layer.sheets) {
         const Window posts = layer.posts(sheet.column, sheet.row);
         const std::string size = text("xSize=\"", posts.columns.size(), "\" ySize=\"", posts.rows.size(), "\"");

@@ -7,7 +7,7 @@
 
 namespace wedgescope {
 
-/// To be written beside the folder of the sheets.
-std::string vrt_text(const StoreLayerEntry& layer);
+/// To be written beside the folder of the sheets. `scale`: what others are to multiply values by too (culture-height-scale).
+std::string vrt_text(const StoreLayerEntry& layer, double scale = 1);
 
 }  // namespace wedgescope

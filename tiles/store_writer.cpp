@@ -322,6 +322,7 @@ std::string StoreWriter::plan() const {
         out["layers"].push_back(one);
     }
     out["legend"] = {{"name", params_.legend_name}, {"csv", params_.legend_csv}};
+    if (params_.culture_height_scale != 1) out["culture_height_scale"] = params_.culture_height_scale;
     if (params_.features)
         out["features"] = {{"path", params_.features->path},
                            {"layer", params_.features->layer},
@@ -634,7 +635,9 @@ void StoreWriter::finish() {
             entry.values.add(done.values);
             if (done.made) entry.sheets.push_back(done.sheet);
         }
-        const std::string vrt = vrt_text(entry);
+        const bool scaled = entry.kind == StoreLayerKind::culture_height && params_.culture_height_scale != 1;
+        if (scaled) manifest_.height_scale = params_.culture_height_scale;
+        const std::string vrt = vrt_text(entry, scaled ? params_.culture_height_scale : 1);
         replace_file(inside(entry.vrt), vrt);
         entry.vrt_checksum = checksum(vrt);
         // A raster that changed meanwhile is in the store partly old, partly new.

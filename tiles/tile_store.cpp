@@ -20,6 +20,10 @@ std::string store_classes(const std::string& store) {
     return is_tile_store(store) && std::filesystem::is_regular_file(path, ignored) ? path.string() : "";
 }
 
+std::optional<double> store_height_scale(const std::string& store) {
+    return is_tile_store(store) ? read_manifest(store).height_scale : std::nullopt;
+}
+
 TileStore::TileStore(std::string path, std::shared_ptr<TileCache> cache)
     : path_(std::move(path)), manifest_(std::make_unique<StoreManifest>(read_manifest(path_))),
       cache_(cache ? std::move(cache) : std::make_shared<TileCache>(0)) {}

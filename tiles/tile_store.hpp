@@ -34,6 +34,9 @@ bool is_tile_store(const std::string& path);
 inline constexpr const char* store_classes_name = "classes.csv";
 /// Its path; empty: no tile store, or one without.
 std::string store_classes(const std::string& store);
+/// Metres in one unit of its culture heights, where it was told when it was made; nothing for what is no tile store too. As
+/// TileStore's constructor.
+std::optional<double> store_height_scale(const std::string& store);
 
 class TileStore {
 public:
@@ -63,6 +66,7 @@ private:
 struct TileStoreParams {
     std::vector<std::string> dems;          ///< where several hold a post, the first with a value there wins
     std::string culture, culture_height;    ///< empty: none
+    double culture_height_scale = 1;        ///< metres in one unit of culture height; kept in the store
     std::string legend_name, legend_csv;    ///< kept in the store; csv empty for a built-in one
     std::optional<Legend> legend;           ///< the same, for naming codes that it does not know
     std::optional<FeatureParams> features;  ///< burnt over culture and culture height, or these are made of them alone

@@ -76,6 +76,7 @@ json to_json(const RasterFacts& facts) {
     if (r.has_crs) out["wgs84"] = json{{"west", r.west}, {"east", r.east}, {"south", r.south}, {"north", r.north}};
     out["no_data"] = r.has_no_data ? json(r.no_data) : json(nullptr);
     out["unit"] = r.unit;
+    out["unit_m"] = r.unit_m ? json(*r.unit_m) : json(nullptr);
     out["void_posts"] = r.void_posts;
     const std::uint64_t posts = static_cast<std::uint64_t>(r.columns) * static_cast<std::uint64_t>(r.rows);
     if (r.void_posts < posts) {
@@ -98,6 +99,13 @@ json to_json(const RasterFacts& facts) {
 
 std::string row(const char* label, const std::string& value) { return fmt::format("  {:<12}{}\n", label, value); }
 
+/// What values count: metres, where the file says what its own are.
+std::string words_of_unit(const RasterSummary& r) {
+    if (r.unit.empty()) return "";
+    if (!r.unit_m) return text(", in the file's unit '", r.unit, "', which is no length that is known");
+    return *r.unit_m == 1 ? ", unit " + r.unit : text(", in m (the file has ", r.unit, ")");
+}
+
 std::string to_text(const RasterFacts& facts) {
     const RasterSummary& r = facts.summary;
     const std::uint64_t posts = static_cast<std::uint64_t>(r.columns) * static_cast<std::uint64_t>(r.rows);
@@ -119,8 +127,8 @@ std::string to_text(const RasterFacts& facts) {
     out += row("voids", fmt::format("{} posts ({:.3g} %), {}", grouped(r.void_posts),
                                     all > 0 ? 100 * static_cast<double>(r.void_posts) / all : 0, voids));
     if (r.void_posts < posts) {
-        out += row("values", fmt::format("{:.10g} to {:.10g}, mean {:.4f}{}", r.lowest, r.highest, r.mean,
-                                         r.unit.empty() ? "" : ", unit " + r.unit));
+        out += row("values",
+                   fmt::format("{:.10g} to {:.10g}, mean {:.4f}{}", r.lowest, r.highest, r.mean, words_of_unit(r)));
     } else {
         out += row("values", "none: every post is void");
     }
@@ -150,6 +158,7 @@ json to_json(const StoreFacts& facts) {
     const StoreDescription& s = facts.store;
     json out{{"path", s.path}, {"kind", "tile store"}, {"version", s.version}, {"software", s.software}};
     out["legend"] = s.legend.empty() ? json(nullptr) : json(s.legend);
+    if (s.culture_height_scale) out["culture_height_scale"] = *s.culture_height_scale;
     out["layers"] = json::array();
     for (const auto& layer : s.layers) {
         json one{{"name", layer.name},     {"data_type", layer.type}, {"columns", layer.columns},
@@ -206,7 +215,10 @@ std::string to_text(const StoreFacts& facts) {
         out += row("  voids", fmt::format("{} posts ({:.3g} %)", grouped(layer.void_posts),
                                           100 * static_cast<double>(layer.void_posts) / static_cast<double>(posts)));
         if (layer.lowest <= layer.highest)
-            out += row("  values", fmt::format("{:.10g} to {:.10g}", layer.lowest, layer.highest));
+            out += row("  values", fmt::format("{:.10g} to {:.10g}", layer.lowest, layer.highest) +
+                                       (s.culture_height_scale && layer.name == name(StoreLayerKind::culture_height)
+                                            ? fmt::format(", times {:.10g} m", *s.culture_height_scale)
+                                            : ""));
         out += row("  from", text(layer.sources.empty() ? "" : layer.sources[0],
                                   layer.sources.size() > 1 ? text(" and ", layer.sources.size() - 1, " more") : ""));
     }

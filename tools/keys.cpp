@@ -741,8 +741,8 @@ std::vector<Key> make_keys() {
           number(
               at_least("0"), [](auto& s) -> auto& { return s.culture_height_scale; }),
           "1",
-          "metres in one unit of the culture-height raster (0.1 for tenths of a metre); tile: of the scenes that "
-          "around is for")
+          "metres in one unit of the culture-height raster (0.1 for tenths of a metre); tile keeps it in the store, "
+          "whose scenes take it unless they are given another")
         .commands |= command_tile;
     t.add("culture-legend", legend_choice(), "",
           "turns culture codes into materials: a built-in legend, rat for the raster's own attribute table, or a CSV "

@@ -431,20 +431,31 @@ bool asks_for_help(const std::vector<Given>& command_line) {
                        [](const Given& given) { return given.key == "help"; });
 }
 
-/// A tile store that holds the classes of its features brings its class table, unless another is given.
-void add_class_table(std::vector<Given>& given, std::vector<std::string> stores) {
+/// What a tile store brings unless it is given: the class table of its features' classes, and how many metres one unit of
+/// its culture heights is, unless these are given.
+void add_store_defaults(std::vector<Given>& given, std::vector<std::string> stores) {
+    bool wants_table = true, wants_scale = true;
     for (const Given& one : given) {
-        if (one.key == "class-table") return;
+        if (one.key == "class-table") wants_table = false;
+        if (one.key == "culture-height-scale" || one.key == "culture-height") wants_scale = false;
         if (one.key != "dem") continue;
         Settings where;
         find_key("dem")->set(where, one);
         stores.push_back(where.dem);
     }
-    for (const std::string& store : stores)
-        if (const std::string table = store_classes(store); !table.empty()) {
-            given.push_back({"class-table", table, text("class-table of tile store ", in_quotes(store)), ""});
-            return;
+    const auto of_store = [](const char* key, const std::string& store) {
+        return text(key, " of tile store ", in_quotes(store));
+    };
+    for (const std::string& store : stores) {
+        if (const std::string table = store_classes(store); wants_table && !table.empty()) {
+            given.push_back({"class-table", table, of_store("class-table", store), ""});
+            wants_table = false;
         }
+        if (const auto scale = wants_scale ? store_height_scale(store) : std::nullopt) {
+            given.push_back({"culture-height-scale", text(*scale), of_store("culture-height-scale", store), ""});
+            wants_scale = false;
+        }
+    }
 }
 
 Settings settings_of(const std::vector<Given>& merged_keys) {
@@ -519,8 +530,8 @@ Settings parse_arguments(Command command, const std::vector<std::string>& argume
     // Of tile's and coverage's paths the last is an output.
     const bool writes = command == command_coverage || (command == command_tile && files.size() > 1);
     std::vector<std::string> stores = files;
-    if (writes && !stores.empty()) stores.pop_back();
-    add_class_table(given, stores);
+    if (writes && stores.size() > 1) stores.pop_back();  // tile --around may be given a store alone
+    add_store_defaults(given, stores);
     Settings settings = settings_of(given);
     settings.files = files;
     return settings;
@@ -528,7 +539,7 @@ Settings parse_arguments(Command command, const std::vector<std::string>& argume
 
 Settings parse_scene_file(const std::string& path) {
     std::vector<Given> given = read_scene(path, file_content(path));
-    add_class_table(given, {});
+    add_store_defaults(given, {});
     return settings_of(given);
 }
 

@@ -92,6 +92,7 @@ TileStoreParams store_params(const Settings& settings, Stop& stop, std::size_t& 
     params.output = settings.files.back();
     params.culture = settings.culture;
     params.culture_height = settings.culture_height;
+    params.culture_height_scale = settings.culture_height_scale;
     params.legend = legend(settings);
     if (params.legend) {
         params.legend_name = settings.culture_legend;
