@@ -653,7 +653,7 @@ TEST_CASE("what is no echo image, or is no longer the one that was written, cost
     const auto tried = [&](const std::string& path, const Strings& words) {
         refuses(folder, {"scope", path, "-o", png}, 1, words);
     };
-    tried(folder / "nowhere.tif", {"nowhere.tif", "cannot be opened"});
+    tried(folder / "nowhere.tif", {"nowhere.tif", "cannot be opened: No such file"});
     tried(folder / "plain", {"plain", "cannot be opened"});
     tried(data + "/inland_empire_dem.tif", {"inland_empire_dem.tif", "holds no SCENE_JSON", "simulate --echo"});
     tried(folder / "plain/power.tif", {"power.tif", "'power'", "simulate --echo"});
@@ -661,7 +661,11 @@ TEST_CASE("what is no echo image, or is no longer the one that was written, cost
     folder.write("bad.tif", "not a raster");
     tried(bad, {"bad.tif", "cannot be opened"});
     folder.write("bad.tif", content(echo).substr(0, content(echo).size() / 2));
-    tried(bad, {"bad.tif"});
+    tried(bad, {"bad.tif", "cannot be read", "Read error", "cut short: simulate again"});
+    // Of a format that loses some of it nothing is made.
+    for (const char* lossy : {"echo.nc", "echo.xyz", "echo.asc"})
+        refuses(folder, with(with({"simulate"}, quick_riverside), {"--echo", folder / lossy}), 2,
+                {"echo is '", lossy, "does not give back", "accepted: .tif, .img"});
     {
         std::string bytes = content(echo);
         bytes[bytes.size() / 3] = static_cast<char>(bytes[bytes.size() / 3] ^ 16);

@@ -1,8 +1,11 @@
 #include "tiles/echo_file.hpp"
 
 #include <algorithm>
+#include <filesystem>
+#include <vector>
 
 #include "lib/error.hpp"
+#include "lib/lower_case.hpp"
 #include "tiles/checksum.hpp"
 #include "tiles/gdal_handle.hpp"
 
@@ -17,15 +20,17 @@ DatasetHandle opened(const std::string& path, int threads, GdalErrors& errors) {
     // Packed tiles are decoded side by side; drivers that cannot do so warn at the most.
     const std::string together = "NUM_THREADS=" + (threads > 0 ? std::to_string(threads) : "ALL_CPUS");
     const char* const options[] = {together.c_str(), nullptr};
-    const auto open = [&] {
+    const auto open = [&](unsigned more) {
         return DatasetHandle(GDALDataset::FromHandle(
-            GDALOpenEx(path.c_str(), GDAL_OF_RASTER | GDAL_OF_READONLY, nullptr, options, nullptr)));
+            GDALOpenEx(path.c_str(), GDAL_OF_RASTER | GDAL_OF_READONLY | more, nullptr, options, nullptr)));
     };
     register_usual_drivers();
-    if (DatasetHandle dataset = open()) return dataset;
+    if (DatasetHandle dataset = open(0)) return dataset;
     register_all_drivers();
-    if (DatasetHandle dataset = open()) return dataset;
-    throw IoError(text(named(path), " cannot be opened: ", errors.reason()));
+    if (DatasetHandle dataset = open(GDAL_OF_VERBOSE_ERROR)) return dataset;
+    std::string reason = errors.reason();
+    if (reason.starts_with(path + ": ")) reason.erase(0, path.size() + 2);
+    throw IoError(text(named(path), " cannot be opened: ", reason));
 }
 
 }  // namespace
@@ -63,6 +68,41 @@ EchoFile::EchoFile(const std::string& path, int threads) : path_(path) {
 
 EchoFile::~EchoFile() = default;
 
+void check_echo_format(const OutputFile& file, RasterFormat format) {
+    namespace fs = std::filesystem;
+    const fs::path path = file.final_path();
+    const std::string ending = lower_case(path.extension().string());
+    const bool tiff = format.driver.empty() ? ending == ".tif" || ending == ".tiff" : format.driver == "GTiff";
+    if (tiff) return;
+    RunResult run;
+    run.scene.swept = run.scene.shown = PolarGrid{8, 100, {0, 8}, {0, 4}};
+    run.scene.scene.geometry = Geometry::grid;
+    run.echo_w = PolarImage<float>(run.scene.swept);
+    run.echo_state = PolarImage<std::uint8_t>(run.scene.swept);
+    for (std::size_t i = 0; i < run.echo_w.cells.size(); ++i) run.echo_w.cells[i] = 1.1e-17F * static_cast<float>(i);
+    const std::string said = R"({"trial": "of a format, with 'quotes' = and; others"})";
+    const std::uint64_t sum = echo_checksum(run.echo_w, run.echo_state, said);
+    format.scene_json = said;
+    try {
+        OutputFile trial((path.parent_path() / ("trial_of_" + path.filename().string())).string(), true);
+        write_echo(run, trial, format);
+        const EchoFile back(trial.temporary_path(), 1);
+        if (back.scene_json() == said && back.columns() == 4 && back.rows() == 8) {
+            PolarImage<float> echo_w(run.scene.swept);
+            PolarImage<std::uint8_t> state(run.scene.swept);
+            back.read(echo_w, state, sum, said);
+            return;
+        }
+    } catch (const InputError&) {
+        throw;
+    } catch (const Error&) {  // nor can it be written
+    }
+    throw InputError(text("echo is '", file.final_path(), "', and a file of ",
+                          format.driver.empty() ? "that ending" : format.driver.c_str(),
+                          " does not give back what an echo image is; accepted: .tif, .img, .bil and others that keep "
+                          "two bands of 32-bit floats, their names and metadata"));
+}
+
 std::int64_t EchoFile::columns() const { return dataset_->handle->GetRasterXSize(); }
 std::int64_t EchoFile::rows() const { return dataset_->handle->GetRasterYSize(); }
 
@@ -72,12 +112,24 @@ void EchoFile::read(PolarImage<float>& echo_w, PolarImage<std::uint8_t>& state, 
         state.grid != echo_w.grid)
         throw Error(text(named(path_), ": has other cells than asked for"));
     const int wide = static_cast<int>(columns()), high = static_cast<int>(rows());
+    // What threads of GDAL's own met, they do not say.
+    const auto reason = [&](int number) {
+        GdalErrors errors;
+        const DatasetHandle alone = opened(path_, 1, errors);
+        std::vector<float> line(static_cast<std::size_t>(wide));
+        for (int row = 0; row < high; ++row)
+            if (alone->GetRasterBand(number)->RasterIO(GF_Read, 0, row, wide, 1, line.data(), wide, 1, GDT_Float32, 0,
+                                                       0, nullptr) != CE_None)
+                break;
+        return errors.reason();
+    };
     const auto band = [&](int number, GDALDataType type, void* cells) {
         GdalErrors errors;
         if (dataset_->handle->GetRasterBand(number)->RasterIO(GF_Read, 0, 0, wide, high, cells, wide, high, type, 0, 0,
                                                               nullptr) != CE_None ||
             errors.failed())
-            throw IoError(text(named(path_), " cannot be read: ", errors.reason()));
+            throw IoError(text(named(path_), " cannot be read: ", reason(number),
+                               "; it is damaged or cut short: simulate again"));
     };
     band(1, GDT_Float32, echo_w.cells.data());
     band(2, GDT_Byte, state.cells.data());

@@ -8,6 +8,7 @@
 #include <string_view>
 
 #include "lib/polar.hpp"
+#include "tiles/polar_raster.hpp"
 
 namespace wedgescope {
 
@@ -38,5 +39,9 @@ private:
     std::string path_, scene_json_;
     std::unique_ptr<Dataset> dataset_;
 };
+
+/// Before there is anything to write: tries whether a format, where it is not GeoTIFF, gives back what write_echo() puts into it.
+/// InputError where it does not.
+void check_echo_format(const OutputFile& file, RasterFormat format);
 
 }  // namespace wedgescope

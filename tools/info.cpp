@@ -452,9 +452,9 @@ std::string plan_text(const Settings& settings, const PlannedSource& planned, co
                                 ? std::string("none: all blocks stay in memory")
                                 : fmt::format("{} to a file in temp-dir at the most", bytes(r.planned_spilled_bytes)));
     }
-    out += row("memory",
-               fmt::format("{} at the peak of {} granted, {} of it the source's", bytes(peak_bytes(planned, plan)),
-                           bytes(settings.memory_bytes), bytes(planned.source->cache_bytes())));
+    out += row("memory", fmt::format("{} at the peak of {} granted; caches of the source may take {} of it",
+                                     bytes(peak_bytes(planned, plan)), bytes(settings.memory_bytes),
+                                     bytes(planned.source->cache_bytes())));
     out += row("time", fmt::format("about {:.1f} s of CPU for {} (within a factor of three)",
                                    likely_seconds(settings, planned, plan), pass ? "pass and wedges" : "the wedges"));
     return out;

@@ -1,5 +1,6 @@
 #include "tools/layers.hpp"
 
+#include "tiles/echo_file.hpp"
 #include "tiles/picture.hpp"
 #include "tools/legend.hpp"
 #include "tools/scene_json.hpp"
@@ -43,7 +44,10 @@ void LayerFiles::check(const Settings& settings) const {
     const RasterFormat chosen = chosen_format(settings), polar = scope_ ? plain_format(settings) : chosen;
     if (scope_)
         check_output(*scope_, settings.scene.display.alpha ? OutputLayer::masked_scope : OutputLayer::scope, chosen);
-    if (echo_) check_output(*echo_, OutputLayer::echo, polar);
+    if (echo_) {
+        check_output(*echo_, OutputLayer::echo, polar);
+        check_echo_format(*echo_, polar);
+    }
     if (power_) check_output(*power_, OutputLayer::power, polar);
     if (states_) check_output(*states_, OutputLayer::states, polar);
 }
