@@ -50,13 +50,19 @@ std::string quoted(const std::string& word) {
     return out + "'";
 }
 
+/// What lies over the terrain is wanted where that is; more terrain, which may lie beside it, where it is itself.
 std::string warp_line(const RasterFacts& terrain, const RasterFacts& layer) {
     const std::filesystem::path source(layer.path);
     const std::string warped = (source.parent_path() / (source.stem().string() + "_warped.tif")).string();
-    return text("gdalwarp -t_srs ", quoted(terrain.crs->definition()), " -r near -tr ", terrain.step_x, " ",
-                std::fabs(terrain.step_y), " -te ", std::min(terrain.corner_x, terrain.edge_x()), " ",
-                std::min(terrain.corner_y, terrain.edge_y()), " ", std::max(terrain.corner_x, terrain.edge_x()), " ",
-                std::max(terrain.corner_y, terrain.edge_y()), " ", quoted(layer.path), " ", quoted(warped));
+    const bool beside = layer.role == terrain.role;
+    const std::string where =
+        text(" -te ", std::min(terrain.corner_x, terrain.edge_x()), " ", std::min(terrain.corner_y, terrain.edge_y()),
+             " ", std::max(terrain.corner_x, terrain.edge_x()), " ", std::max(terrain.corner_y, terrain.edge_y()));
+    // Corners that the turned raster does not reach are no ground at 0 m.
+    const std::string nothing = beside && !layer.has_no_data ? " -dstnodata -32768" : "";
+    return text("gdalwarp -t_srs ", quoted(terrain.crs->definition()), beside ? " -r bilinear" : " -r near", nothing,
+                " -tr ", terrain.step_x, " ", std::fabs(terrain.step_y), beside ? "" : where, " ", quoted(layer.path),
+                " ", quoted(warped));
 }
 
 }  // namespace
