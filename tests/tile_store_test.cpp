@@ -156,6 +156,20 @@ std::string draw_dted(const Folder& folder, const std::string& name, int lon, in
     return folder / name;
 }
 
+/// `columns` x `rows` posts of a plane, the first `x`, `y` metres east and south of a corner, `dx`, `dy` apart.
+std::string draw_plane(const Folder& folder, const std::string& name, int columns, int rows, double x, double y,
+                       double dx, double dy) {
+    Drawing d;
+    d.columns = columns;
+    d.rows = rows;
+    d.geotransform = {{400000 + x - dx / 2, dx, 0, 4000000 - y + dy / 2, 0, -dy}};
+    d.value = [=](int c, int r) { return 500 + 0.25 * (x + c * dx) - 0.125 * (y + r * dy); };
+    draw(folder / name, d);
+    return folder / name;
+}
+
+std::uint64_t voids(const std::string& store) { return open_direct_source(base(store))->extremes().void_posts; }
+
 /// Bounds of a block straight from its definition.
 BlockBounds brute(std::span<const float> z, std::span<const float> h, std::int64_t columns, std::int64_t rows,
                   bool cyclic, int level, std::int64_t c, std::int64_t r) {
@@ -482,6 +496,112 @@ TEST_CASE("cells of unequal posting that disagree on their shared row are report
         CHECK(source->bare_terrain_m(13, 120) == (south_first ? 1790.0F : 1730.0F));
         CHECK(source->bare_terrain_m(20, 120) == (south_first ? 1760.0F : 1800.0F));
     }
+}
+
+TEST_CASE("no void lies between sheets of unequal posting whose pixels meet without a common post",
+          "[store][threads]") {
+    const Folder folder;
+    // As Copernicus cells north and south of 50 degrees: two of 10 m, two of 15 m along the rows; the seam between these
+    // is beyond the first sheet of the store.
+    constexpr int wide = 4098, high = 12;
+    std::vector<std::string> given;
+    for (const int cell : {0, 1}) {
+        const double x = 10.0 * wide * cell;
+        given.push_back(draw_plane(folder, text("north", cell), wide * 2 / 3, high, x, 0, 15, 10));
+        given.push_back(draw_plane(folder, text("south", cell), wide, high, x, 10.0 * high, 10, 10));
+    }
+    auto params = into(folder / "store", given);
+    const TileStoreSummary summary = write_tile_store(params);
+    CHECK(voids(folder / "store") == 0);
+    CHECK(summary.disagreements == 0);
+    CHECK(summary.note == "2 of 4 rasters resampled bilinearly to steps of 10, -10: stored as Float32 metres");
+    const Plain plain(folder / "store/dem.vrt");
+    REQUIRE(plain.columns == 2 * wide);
+    REQUIRE(plain.rows == 2 * high);
+    std::int64_t wrong = 0;
+    for (int r = 0; r < 2 * high; ++r)
+        for (int c = 0; c < 2 * wide; ++c) {
+            // Beyond the last northern post, half a column before, there is none to go to.
+            const double x = r < high && c == 2 * wide - 1 ? c - 0.5 : c;
+            wrong += !(std::fabs(plain.at(c, r) - (500 + 2.5 * x - 1.25 * r)) < 0.002);  // float at 20 km
+        }
+    CHECK(wrong == 0);
+    CHECK(wrong_blocks(folder / "store", 1, false) == 0);
+
+    const auto whole = contents(folder / "store");
+    params.output = folder / "part";
+    params.threads = 1;
+    Stop stop;
+    params.stop = &stop;
+    params.progress = [&](double fraction) {
+        if (fraction > 0.2) stop.request(SIGTERM);
+    };
+    CHECK_THROWS_AS(write_tile_store(params), Interrupted);
+    params.stop = nullptr;
+    params.progress = {};
+    params.resume = true;
+    CHECK(write_tile_store(params).layers[0].reused == 1);
+    CHECK(contents(folder / "part") == whole);
+}
+
+TEST_CASE("pixels of 15 m and 30 m that meet edge to edge leave no void, a gap between them does", "[store]") {
+    const Folder folder;
+    const std::string left = draw_plane(folder, "left.tif", 40, 20, 7.5, 7.5, 15, 15);
+    const auto right = [&](double gap_m) { return draw_plane(folder, "right.tif", 20, 10, 615 + gap_m, 15, 30, 30); };
+    const auto tiled = [&](const std::vector<std::string>& given) {
+        auto params = into(folder / "store", given);
+        params.overwrite = true;
+        return write_tile_store(params);
+    };
+    tiled({right(0), left});
+    const Plain turned(folder / "store/dem.vrt");
+    const TileStoreSummary whole = tiled({left, right(0)});
+    CHECK(voids(folder / "store") == 0);
+    CHECK(whole.note == "1 of 2 rasters resampled bilinearly to steps of 15, -15: stored as Float32 metres");
+    const Plain plain(folder / "store/dem.vrt");
+    CHECK(same(plain.values, turned.values));
+    REQUIRE((plain.columns == 79 && plain.rows == 20));
+    for (int r = 0; r < 20; ++r)
+        for (int c = 0; c < 79; ++c) {
+            // The first and last rows take the nearest row of 30 m, in the column at the joint by a third of a way.
+            const double y = r == 0 ? 15.0 : r == 19 ? 285.0 : 7.5 + 15 * r, own_y = 7.5 + 15 * r;
+            const double height_y = c < 40 ? own_y : c == 40 ? (2 * y + own_y) / 3 : y;
+            CAPTURE(c, r);
+            REQUIRE(plain.at(c, r) == Approx(500 + 0.25 * (7.5 + 15 * c) - 0.125 * height_y).margin(1e-4));
+        }
+
+    // The posts at 607.5 m; those at 607.5, 622.5 and 637.5 m.
+    const TileStoreSummary narrow = tiled({left, right(20)});
+    CHECK(voids(folder / "store") == 20);
+    CHECK_THAT(narrow.note, Contains("; rasters leave 1 gap narrower than two posts") && Contains("left.tif' and '"));
+    CHECK(tiled({left, right(40)}).note == whole.note);
+    CHECK(voids(folder / "store") == 3 * 20);
+}
+
+TEST_CASE("only pixels that are resampled and share no line reach beyond their posts", "[store]") {
+    const Folder folder;
+    const auto tiled = [&](const std::vector<std::string>& given) {
+        auto params = into(folder / "store", given);
+        params.overwrite = true;
+        return write_tile_store(params);
+    };
+    // Cells of 10 m and, north of them, of 30 m and a row in common: what lies east of that stays void.
+    const std::string west = draw_plane(folder, "west.tif", 31, 11, 0, 100, 10, 10),
+                      east = draw_plane(folder, "east.tif", 31, 11, 300, 100, 10, 10),
+                      north = draw_plane(folder, "north.tif", 11, 11, 0, 0, 30, 10);
+    tiled({west, east, north});
+    CHECK(voids(folder / "store") == 30 * 10);
+    // A column and a row of voids between pixels of one posting.
+    const std::string aside = draw_plane(folder, "aside.tif", 31, 11, 320, 100, 10, 10),
+                      below = draw_plane(folder, "below.tif", 31, 11, 0, 220, 10, 10);
+    const TileStoreSummary gaps = tiled({west, aside, below});
+    CHECK(voids(folder / "store") == 11 + 63 + 32 * 11);
+    CHECK_THAT(gaps.note, Contains("rasters leave 2 gaps narrower than two posts") && Contains("west.tif' and '") &&
+                              Contains("aside.tif'"));
+    CHECK(tiled({west, east}).note.empty());
+    // A raster of one posting over the gap.
+    const std::string over = draw_plane(folder, "over.tif", 5, 11, 290, 100, 10, 10);
+    CHECK(tiled({west, aside, over}).note.empty());
 }
 
 TEST_CASE("rasters that overlap at unlike posting or between each other's posts disagree as far as they can be told",

@@ -3,6 +3,7 @@
 #include <sys/stat.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstring>
 #include <limits>
@@ -23,6 +24,13 @@ constexpr float between_posts_m = 30;
 constexpr float nan_m = std::numeric_limits<float>::quiet_NaN();
 
 bool near(double a, double b, double tolerance) { return std::fabs(a - b) <= tolerance; }
+
+/// Posts of the grid up to `beyond` of a raster's own posts beyond its outermost; own post = own0 + own_step * grid post.
+Interval grid_posts(double own0, double own_step, std::int64_t posts, double beyond = 0) {
+    const double a = (-beyond - own0) / own_step, b = (static_cast<double>(posts - 1) + beyond - own0) / own_step;
+    return {static_cast<std::int64_t>(std::ceil(std::min(a, b) - on_a_post)),
+            static_cast<std::int64_t>(std::floor(std::max(a, b) + on_a_post)) + 1};
+}
 
 /// First posts of cells that may reach round the earth: moved by whole circles so that they lie side by side.
 std::vector<double> unrolled(const std::vector<double>& west, const std::vector<double>& width) {
@@ -70,6 +78,7 @@ Mosaic::Mosaic(const std::string& role, const std::vector<std::string>& paths) {
         pieces_[0].posts = {{0, facts_.columns}, {0, facts_.rows}};
     }
     choose_type();
+    find_edges();
     std::size_t packed = 1;
     for (const Piece& piece : pieces_) packed = std::max(packed, piece.raster->reader_bytes().packed);
     most_open_ = std::clamp<std::size_t>(open_bytes / packed, 1, most_open_);
@@ -135,10 +144,7 @@ void Mosaic::choose_grid(const std::string& role) {
             } else {
                 copied = false;
             }
-            const double last = static_cast<double>(posts - 1);
-            const double a = -own / step, b = (last - own) / step;
-            return Interval{static_cast<std::int64_t>(std::ceil(std::min(a, b) - on_a_post)),
-                            static_cast<std::int64_t>(std::floor(std::max(a, b) + on_a_post)) + 1};
+            return grid_posts(own, step, posts);
         };
         piece.posts.columns =
             place(x0, step_x, west[i], f.step_x, f.columns, piece.column, piece.column_step, piece.copied);
@@ -223,14 +229,110 @@ void Mosaic::choose_type() {
     note_ += ": stored as Float32 metres";
 }
 
+/// Which rasters reach beyond their outermost posts, and what gaps they leave.
+void Mosaic::find_edges() {
+    for (Piece& piece : pieces_) piece.area = piece.across = piece.posts;
+    if (single()) return;
+    // Along columns and rows, in posts of the grid: outermost posts and the raster's own posting.
+    struct Side {
+        double first, last, posting;
+        double beyond = 0.5;  ///< of its own posts
+        double begin() const { return first - beyond * posting; }
+        double end() const { return last + beyond * posting; }
+    };
+    using Place = std::array<Side, 2>;
+    std::vector<Place> places;
+    std::array<double, 2> coarsest{};
+    for (const Piece& piece : pieces_) {
+        const RasterFacts& f = piece.raster->facts();
+        const auto side = [](double own, double step, std::int64_t posts) {
+            const double a = -own / step, b = (static_cast<double>(posts - 1) - own) / step;
+            return Side{std::min(a, b), std::max(a, b), 1 / std::fabs(step)};
+        };
+        places.push_back({side(piece.column, piece.column_step, f.columns), side(piece.row, piece.row_step, f.rows)});
+        for (std::size_t axis : {0U, 1U}) coarsest[axis] = std::max(coarsest[axis], places.back()[axis].posting);
+    }
+    // Each raster with those that begin at most `apart` beyond its last post, side by side with it.
+    const auto each_pair = [&](const std::array<double, 2>& apart, const auto& found) {
+        std::vector<std::size_t> order(places.size());
+        for (std::size_t i = 0; i < order.size(); ++i) order[i] = i;
+        for (std::size_t axis : {0U, 1U}) {
+            const auto first = [&](std::size_t i) { return places[i][axis].first; };
+            std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return first(a) < first(b); });
+            for (std::size_t a = 0; a < places.size(); ++a) {
+                const double last = places[a][axis].last;
+                for (auto b = std::lower_bound(order.begin(), order.end(), last - on_a_post * coarsest[axis],
+                                               [&](std::size_t i, double at) { return first(i) < at; });
+                     b != order.end() && first(*b) <= last + apart[axis]; ++b) {
+                    const Side &u = places[a][1 - axis], &v = places[*b][1 - axis];
+                    const double tolerance = on_a_post * std::max(u.posting, v.posting);
+                    if (*b != a && std::max(u.first, v.first) <= std::min(u.last, v.last) + tolerance)
+                        found(axis, a, *b);
+                }
+            }
+        }
+    };
+    each_pair({on_a_post * coarsest[0], on_a_post * coarsest[1]}, [&](std::size_t axis, std::size_t a, std::size_t b) {
+        const Side &u = places[a][axis], &v = places[b][axis];
+        if (near(u.last, v.first, on_a_post * std::max(u.posting, v.posting)))
+            for (std::size_t one : {a, b})
+                for (Side& side : places[one]) side.beyond = 0;
+    });
+    for (std::size_t i = 0; i < pieces_.size(); ++i) {
+        Piece& piece = pieces_[i];
+        piece.reaches = !piece.copied && places[i][0].beyond > 0;
+        reaches_ |= piece.reaches;
+    }
+    for (std::size_t i = 0; i < pieces_.size() && reaches_; ++i) {
+        Piece& piece = pieces_[i];
+        const RasterFacts& f = piece.raster->facts();
+        const auto beyond = [](double own, double step, std::int64_t posts, double reach, std::int64_t most) {
+            return intersection(grid_posts(own, step, posts, reach), {0, most});
+        };
+        if (piece.reaches)
+            piece.area = {beyond(piece.column, piece.column_step, f.columns, 0.5, facts_.columns),
+                          beyond(piece.row, piece.row_step, f.rows, 0.5, facts_.rows)};
+        // Areas that meet: half a post of either from post to post.
+        const auto far = [&](std::size_t axis) { return 0.5 + 0.5 * coarsest[axis] / places[i][axis].posting; };
+        piece.across = {beyond(piece.column, piece.column_step, f.columns, far(0), facts_.columns),
+                        beyond(piece.row, piece.row_step, f.rows, far(1), facts_.rows)};
+    }
+
+    std::size_t gaps = 0, before = 0, behind = 0;
+    each_pair({coarsest[0] + 2, coarsest[1] + 2}, [&](std::size_t axis, std::size_t a, std::size_t b) {
+        const double begin = places[a][axis].end(), end = places[b][axis].begin();
+        const double post = std::floor(begin + on_a_post) + 1;  // the first of the gap
+        if (end - begin >= 2 || post >= end - on_a_post) return;
+        const Side &u = places[a][1 - axis], &v = places[b][1 - axis];
+        const double middle = (std::max(u.first, v.first) + std::min(u.last, v.last)) / 2;
+        const auto holds = [&](const Place& c) {
+            return c[axis].begin() <= post && post <= c[axis].end() && c[1 - axis].begin() <= middle &&
+                   middle <= c[1 - axis].end();
+        };
+        if (std::any_of(places.begin(), places.end(), holds)) return;
+        if (gaps++ > 0) return;
+        before = a;
+        behind = b;
+    });
+    if (gaps == 0) return;
+    if (!note_.empty()) note_ += "; ";
+    note_ += text("rasters leave ", gaps, gaps == 1 ? " gap" : " gaps",
+                  " narrower than two posts, void in the store, the first between '", path(before), "' and '",
+                  path(behind), "'");
+}
+
 std::vector<std::size_t> Mosaic::pieces_in(const Window& window) const {
+    const auto meets = [&](const Window& posts) {
+        return !Window{intersection(window.columns, posts.columns), intersection(window.rows, posts.rows)}.empty();
+    };
     std::vector<std::size_t> found;
-    for (std::size_t i = 0; i < pieces_.size(); ++i)
-        if (!Window{intersection(window.columns, pieces_[i].posts.columns),
-                    intersection(window.rows, pieces_[i].posts.rows)}
-                 .empty())
-            found.push_back(i);
-    return found;
+    bool any = false;
+    for (std::size_t i = 0; i < pieces_.size(); ++i) {
+        if (!meets(pieces_[i].across)) continue;
+        found.push_back(i);
+        any |= meets(pieces_[i].area);
+    }
+    return any ? found : std::vector<std::size_t>{};
 }
 
 void Mosaic::used(std::size_t piece) {
@@ -258,6 +360,7 @@ void Mosaic::read(const Window& window, const Window& counted, Kind kind, const 
         else
             add_resampled(index, window, overlap ? counted : Window{}, out);
     }
+    if (reaches_) close_seams(window, pieces, out);
     store_heights(window, out);
 }
 
@@ -333,11 +436,11 @@ void Mosaic::add_copied(std::size_t index, const Window& window, const Window& c
         }
 }
 
-void Mosaic::add_resampled(std::size_t index, const Window& window, const Window& counted, Posts& out) {
-    const Piece& piece = pieces_[index];
+/// Calls take(column, row, height_m, doubt_m) for the posts of the grid in `here` that are not void; no doubt on a post of
+/// its own. Beyond the outermost posts as on them.
+template <class Take>
+void Mosaic::interpolate(const Piece& piece, const Window& here, std::vector<float>& part, const Take& take) {
     const RasterFacts& f = piece.raster->facts();
-    const Window here{intersection(window.columns, piece.posts.columns), intersection(window.rows, piece.posts.rows)};
-    if (here.empty()) return;
     // Own post below, and the share of the one above.
     struct Between {
         std::int64_t post;
@@ -361,11 +464,11 @@ void Mosaic::add_resampled(std::size_t index, const Window& window, const Window
     std::vector<Between> columns, rows;
     const Window source{side(here.columns, piece.column, piece.column_step, f.columns, columns),
                         side(here.rows, piece.row, piece.row_step, f.rows, rows)};
-    out.part.resize(static_cast<std::size_t>(source.posts()));
-    piece.raster->read_heights(source, out.part.data(), source.columns.size());
+    part.resize(static_cast<std::size_t>(source.posts()));
+    piece.raster->read_heights(source, part.data(), source.columns.size());
     const auto own = [&](std::int64_t c, std::int64_t r) {
-        return static_cast<double>(out.part[static_cast<std::size_t>((r - source.rows.begin) * source.columns.size() +
-                                                                     c - source.columns.begin)]);
+        return static_cast<double>(
+            part[static_cast<std::size_t>((r - source.rows.begin) * source.columns.size() + c - source.columns.begin)]);
     };
     for (std::int64_t r = here.rows.begin; r < here.rows.end; ++r) {
         const Between& y = rows[static_cast<std::size_t>(r - here.rows.begin)];
@@ -382,10 +485,74 @@ void Mosaic::add_resampled(std::size_t index, const Window& window, const Window
             if (y.share > 0) z += (along(y.post + 1) - z) * y.share;
             if (std::isnan(z)) continue;
             const bool on_own_post = x.share == 0 && y.share == 0;
-            keep_or_compare(index, static_cast<float>(z),
-                            on_own_post ? 0.0F : static_cast<float>(highest - lowest) + between_posts_m, c, r, window,
-                            counted, out);
+            take(c, r, static_cast<float>(z),
+                 on_own_post ? 0.0F : static_cast<float>(highest - lowest) + between_posts_m);
         }
+    }
+}
+
+void Mosaic::add_resampled(std::size_t index, const Window& window, const Window& counted, Posts& out) {
+    const Piece& piece = pieces_[index];
+    const Window here{intersection(window.columns, piece.posts.columns), intersection(window.rows, piece.posts.rows)};
+    if (here.empty()) return;
+    interpolate(piece, here, out.part, [&](std::int64_t c, std::int64_t r, float height_m, float doubt_m) {
+        keep_or_compare(index, height_m, doubt_m, c, r, window, counted, out);
+    });
+}
+
+void Mosaic::close_seams(const Window& window, const std::vector<std::size_t>& pieces, Posts& out) {
+    const auto is_void = [](float z) { return std::isnan(z); };
+    for (const Seams seams : {Seams::between_columns, Seams::between_rows}) {
+        if (std::none_of(out.heights.begin(), out.heights.end(), is_void)) return;
+        out.doubts.assign(out.heights.size(), 0.0F);
+        for (const bool far_side : {false, true})
+            for (const std::size_t index : pieces) reach_out(index, seams, far_side, window, out);
+    }
+}
+
+/// Fills voids beyond a raster's outermost posts with these, and notes how far beyond it they lie, in posts of the grid,
+/// below 0 before its first. `far_side`: goes from what another raster filled to this one's outermost posts instead.
+void Mosaic::reach_out(std::size_t index, Seams seams, bool far_side, const Window& window, Posts& out) {
+    const Piece& piece = pieces_[index];
+    if (!far_side && !piece.reaches) return;
+    const bool columns = seams == Seams::between_columns;
+    const Window& reach = far_side ? piece.across : piece.area;
+    const Interval side = columns ? piece.posts.columns : piece.posts.rows;
+    const double own0 = columns ? piece.column : piece.row, step = columns ? piece.column_step : piece.row_step;
+    const RasterFacts& f = piece.raster->facts();
+    const auto last = static_cast<double>((columns ? f.columns : f.rows) - 1);
+    const auto index_of = [&](std::int64_t c, std::int64_t r) {
+        return static_cast<std::size_t>((r - window.rows.begin) * window.columns.size() + c - window.columns.begin);
+    };
+    for (const bool before : {true, false}) {
+        const auto outside = [&](Interval all) {
+            return before ? Interval{all.begin, side.begin} : Interval{side.end, all.end};
+        };
+        const Window strip{columns ? outside(reach.columns) : piece.area.columns,
+                           columns ? piece.area.rows : outside(reach.rows)};
+        const Window here{intersection(window.columns, strip.columns), intersection(window.rows, strip.rows)};
+        const auto wanted = [&](std::size_t at) {
+            return far_side ? (before ? out.doubts[at] > 0 : out.doubts[at] < 0) : std::isnan(out.heights[at]);
+        };
+        bool any = false;
+        for (std::int64_t r = here.rows.begin; r < here.rows.end && !any; ++r)
+            for (std::int64_t c = here.columns.begin; c < here.columns.end && !any; ++c) any = wanted(index_of(c, r));
+        if (!any) continue;
+        used(index);
+        interpolate(piece, here, out.part, [&](std::int64_t c, std::int64_t r, float height_m, float) {
+            const std::size_t at = index_of(c, r);
+            if (!wanted(at)) return;
+            const double own = own0 + step * static_cast<double>(columns ? c : r);
+            const auto beyond = static_cast<float>((own < 0 ? own : own - last) / step);
+            float &kept_m = out.heights[at], &from = out.doubts[at];
+            if (!far_side) {
+                kept_m = height_m;
+                from = beyond;
+            } else {
+                kept_m += (height_m - kept_m) * (from / (from - beyond));
+                from = 0;
+            }
+        });
     }
 }
 

@@ -11,7 +11,8 @@
 // posts it was interpolated from by more than `between_posts_m`: ground between posts is not known any better.
 //
 // Memory: one handle a reading thread for each of the `most_open_` rasters read last; a read takes its window in floats
-// once more, where rasters overlap once more for who holds a post, and once more for its doubt if any is resampled.
+// once more, where rasters overlap once more for who holds a post, and once more for its doubt, or how far it lies beyond
+// a raster, if any is resampled.
 #pragma once
 #include <algorithm>
 #include <list>
@@ -52,7 +53,7 @@ public:
         return most;
     }
 
-    /// Rasters that hold posts of the window.
+    /// Rasters that hold posts of the window or count in it; none if none holds one.
     std::vector<std::size_t> pieces_in(const Window& window) const;
 
     /// What a read gives, row after row of its window.
@@ -61,7 +62,7 @@ public:
         std::vector<float> heights;        ///< metres, NaN void
         std::vector<std::int32_t> codes;   ///< void_code where there is none
         std::vector<std::int32_t> owners;  ///< scratch: 1 + the piece kept, below 0 once it disagreed; 0: none
-        std::vector<float> doubts;         ///< scratch: of what is kept, metres; empty: 0
+        std::vector<float> doubts;         ///< scratch: of what is kept, metres; empty: 0; then the posts beyond
         std::vector<float> part;           ///< scratch
         Disagreement disagreement;         ///< added to
     };
@@ -77,13 +78,21 @@ private:
         double column = 0, row = 0;            ///< of the grid's post (0, 0) in the raster's own
         double column_step = 1, row_step = 1;  ///< from post to post of the grid
         Window posts;                          ///< of the grid that it holds
+        bool reaches = false;                  ///< half a post of its own beyond its outermost posts
+        Window area, across;  ///< with the posts it reaches; with those that rasters on the other side of a seam reach
     };
+    enum class Seams { between_columns, between_rows };
 
     void choose_grid(const std::string& role);
     void choose_type();
+    void find_edges();
     void used(std::size_t piece);
     void add_copied(std::size_t index, const Window& window, const Window& counted, Posts& out);
     void add_resampled(std::size_t index, const Window& window, const Window& counted, Posts& out);
+    template <class Take>
+    static void interpolate(const Piece& piece, const Window& here, std::vector<float>& part, const Take& take);
+    void close_seams(const Window& window, const std::vector<std::size_t>& pieces, Posts& out);
+    void reach_out(std::size_t index, Seams seams, bool far_side, const Window& window, Posts& out);
     static void keep_or_compare(std::size_t index, float height_m, float doubt_m, std::int64_t column, std::int64_t row,
                                 const Window& window, const Window& counted, Posts& out);
     void store_heights(const Window& window, Posts& out) const;
@@ -93,6 +102,7 @@ private:
     RasterFacts facts_;
     std::string note_;
     bool resampled_ = false;  ///< at least one of them
+    bool reaches_ = false;    ///< at least one of them
     bool as_stored_ = true;   ///< the rasters' own values are stored, not metres
     std::mutex mutex_;
     std::list<std::size_t> open_;  ///< the last used in front
