@@ -111,8 +111,6 @@ struct Strip {
     Strip(Side& of, std::int64_t at) : side(&of), tile(at) {}
 };
 
-inline std::int64_t block_along(std::int64_t post) { return floor_to(post, block_posts) / block_posts; }
-
 /// What is known of the posts of a run's window, by block: rows of blocks along the lines.
 struct Blocks {
     Interval majors, minors;

@@ -212,7 +212,7 @@ double pulse_m(const ResolvedScene& scene) {
 double beam_rad(const ResolvedScene& scene) {
     const RadarParams& radar = scene.scene.radar;
     return std::max(radar.beam_width_error ? radar.antenna.beam.rad() * std::min(1.0, radar.beam_width_scale) : 0.0,
-                    6.283185307179586 / static_cast<double>(scene.swept.circle_bins));
+                    2 * std::numbers::pi / static_cast<double>(scene.swept.circle_bins));
 }
 
 /// Posts outwards that a scene may reach, with a tenth to spare for what is not level or not square.

@@ -24,12 +24,11 @@ constexpr std::int64_t most_window_posts = std::int64_t{1} << 22;
 constexpr std::size_t bytes_a_post = 13;  ///< on its way: height, culture height, packed, mask
 
 std::int64_t up(std::int64_t v, std::int64_t unit) { return (v + unit - 1) / unit; }
-std::int64_t down(std::int64_t v, std::int64_t unit) { return (v >= 0 ? v : v - unit + 1) / unit; }
 
 /// Blocks that hold the posts of a window.
 Window in_blocks(const Window& posts, std::int64_t edge) {
-    return {{down(posts.columns.begin, edge), up(posts.columns.end, edge)},
-            {down(posts.rows.begin, edge), up(posts.rows.end, edge)}};
+    return {{block_along(posts.columns.begin, edge), up(posts.columns.end, edge)},
+            {block_along(posts.rows.begin, edge), up(posts.rows.end, edge)}};
 }
 
 /// Cuts the hull down to what is needed.
@@ -467,10 +466,10 @@ std::vector<Window> windows_of(const LayerPass& layer, std::int64_t most_posts) 
     // Edges at whole multiples, so that the file's blocks are cut by none.
     const std::int64_t wide_unit = wide >= along.size() ? 0 : wide;
     for (std::int64_t a = across.begin; a < across.end;) {
-        const std::int64_t a_end = std::min((down(a, high) + 1) * high, across.end);
+        const std::int64_t a_end = std::min((block_along(a, high) + 1) * high, across.end);
         for (std::int64_t b = along.begin; b < along.end;) {
             const std::int64_t b_end =
-                wide_unit ? std::min((down(b, wide_unit) + 1) * wide_unit, along.end) : along.end;
+                wide_unit ? std::min((block_along(b, wide_unit) + 1) * wide_unit, along.end) : along.end;
             Window w = by_columns ? Window{{a, a_end}, {b, b_end}} : Window{{b, b_end}, {a, a_end}};
             if (!layer.read_all) {
                 // Only the hull of the blocks needed here.
