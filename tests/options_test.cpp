@@ -20,6 +20,7 @@
 #include "tools/radar_set.hpp"
 #include "tools/scene_json.hpp"
 #include "tools/units.hpp"
+#include "tools/viewshed_options.hpp"
 
 using namespace wedgescope;
 using Catch::Matchers::Contains;
@@ -468,6 +469,46 @@ TEST_CASE("the command line refuses what it cannot mean", "[options]") {
     CHECK_THAT(refusal_of({"a.ini", "b.ini"}), Contains("two scene files") || Contains("cannot be opened"));
     CHECK_THAT(refusal([] { command_by_name("simulat"); }), Contains("did you mean simulate?"));
     CHECK_THAT(refusal([] { command_by_name("vieww"); }), Contains("unknown command 'vieww'"));
+}
+
+TEST_CASE("gdal_viewshed's options are refused under their own names", "[options]") {
+    const auto parsed_as = [](std::vector<std::string> words) {
+        words.insert(words.end(), {"in.tif", "out.tif"});
+        const ViewshedArguments translated = translate_viewshed(words);
+        return parse_arguments(command_coverage, translated.words, translated.given, translated.defaults);
+    };
+    const auto refused = [&](std::vector<std::string> words) {
+        words.insert(words.begin(), {"-ox", "1", "-oy", "2"});
+        return refusal([&] { parsed_as(words); });
+    };
+    CHECK(refused({"-oz", "-50"}) == "-oz is '-50'; it must be from 0m to 1000km");
+    CHECK(refused({"-tz", "-1"}) == "-tz is '-1'; it must be from 0m to 100km");
+    CHECK(refused({"-md", "-5"}) == "-md is '-5'; it must be above 0m up to 10000km");
+    CHECK(refused({"-cc", "-0.1"}) == "-cc is '-0.1'; it must be 0 (flat) or from 0.00001 to 10");
+    for (const char* value : {"-vv", "-iv", "-ov", "-a_nodata"})
+        CHECK(refused({value, "-9"}) == text(value, " is '-9'; a whole number from 0 to 255 is needed"));
+    CHECK_THAT(refused({"--xy", "1,2"}), StartsWith("--xy is given beside -ox and -oy; both say xy"));
+    CHECK_THAT(refused({"--latlon", "1,2"}), StartsWith("--latlon is given beside -ox and -oy; exactly one of"));
+    CHECK_THAT(refused({"--observers", "f.csv"}), StartsWith("--observers is given beside -ox and -oy; the file"));
+    CHECK_THAT(refused({"-oz", "5", "--altitude-msl", "5m"}), StartsWith("--altitude-msl is given beside -oz;"));
+    CHECK_THAT(refused({"-oz", "5", "--altitude-agl=5m"}), StartsWith("--altitude-agl is given beside -oz;"));
+    CHECK_THAT(refused({"-vv", "5", "-vv", "6"}), StartsWith("option -vv is given twice"));
+    CHECK_THAT(refused({"-oz", "5m"}), StartsWith("-oz is '5m'; a plain number"));
+    // Its defaults give way to what is given under any name.
+    const Settings plain = parsed_as({"-ox", "1", "-oy", "2"});
+    CHECK(plain.scene.platform.altitude_m == 2);
+    CHECK(plain.coverage.mask.outside == 0);
+    CHECK(plain.scene.geometry == Geometry::grid);
+    const Settings own = parsed_as({"-ox", "1", "-oy", "2", "-md", "0", "--altitude-msl=9m", "--earth", "flat",
+                                    "--outside-value", "7", "--geometry", "geodesic"});
+    CHECK(own.scene.platform.altitude_m == 9);
+    CHECK(own.scene.platform.altitude_above == AltitudeAbove::sea_level);
+    CHECK_FALSE(own.scene.earth_k);
+    CHECK(own.coverage.mask.outside == 7);
+    CHECK(own.scene.geometry == Geometry::geodesic);
+    CHECK_FALSE(own.scene.ground_range_m);
+    // Behind -- stand paths.
+    CHECK(parsed_as({"--", "-oz"}).files == std::vector<std::string>{"-oz", "in.tif", "out.tif"});
 }
 
 TEST_CASE("the sweep's delay is the sensor's height, a length, or a time there and back", "[options]") {

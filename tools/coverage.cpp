@@ -90,7 +90,7 @@ void check_response(const Settings& settings) {
     const Settings defaults;
     if (settings.coverage.layer == CoverageLayer::response) {
         if (settings.coverage.target_m > 0)
-            throw InputError(text("--target-height is ", settings.coverage.target_m,
+            throw InputError(text(settings.spelled("target-height"), " is ", settings.coverage.target_m,
                                   " m; the layer response is of the ground itself and takes 0 alone"));
         return;
     }
@@ -105,7 +105,7 @@ void check_response(const Settings& settings) {
 void coverage(const std::vector<std::string>& arguments, Stop& stop) {
     const double start_s = now_s();
     const ViewshedArguments translated = translate_viewshed(arguments);
-    Settings settings = parse_arguments(command_coverage, translated.words);
+    Settings settings = parse_arguments(command_coverage, translated.words, translated.given, translated.defaults);
     if (settings.help) return print(help_text(command_by_name("coverage")));
     if (settings.files.size() != 2)
         throw InputError(text("coverage takes two paths, the terrain raster and the output; found ",

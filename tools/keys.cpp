@@ -84,6 +84,11 @@ std::optional<double> load(const std::optional<Decibel>& field) {
 }
 std::optional<double> load(std::uint64_t field) { return static_cast<double>(field); }
 
+double parse_given(Dimension dimension, const Given& given) {
+    if (given.unit.empty()) return parse_quantity(dimension, given.origin, given.value);
+    return parse_quantity_or_number(dimension, given.origin, given.value, given.unit);
+}
+
 /// A dimensioned value; `absent` is the word for an empty optional (auto, off).
 template <class Field>
 Codec quantity(Dimension dimension, const Limits& limits, Field field, const std::string& absent = "") {
@@ -95,7 +100,7 @@ Codec quantity(Dimension dimension, const Limits& limits, Field field, const std
         if constexpr (requires { target.reset(); }) {
             if (!absent.empty() && trimmed(given.value) == absent) return target.reset();
         }
-        const double v = parse_quantity(dimension, given.origin, given.value);
+        const double v = parse_given(dimension, given);
         check_limits(limits, given, v,
                      [&](const std::string& t) { return parse_quantity(dimension, given.origin, t); });
         if (dimension == Dimension::bytes && v >= 0x1p63)
@@ -457,7 +462,7 @@ Codec altitude(AltitudeAbove above_what) {
     const Limits limits = between(above_what == AltitudeAbove::ground ? "0m" : "-10km", "1000km");
     Codec codec{value_word(Dimension::length), words(limits), {}, {}};
     codec.set = [=](Settings& s, const Given& given) {
-        const double v = parse_quantity(Dimension::length, given.origin, given.value);
+        const double v = parse_given(Dimension::length, given);
         check_limits(limits, given, v,
                      [&](const std::string& t) { return parse_quantity(Dimension::length, given.origin, t); });
         s.scene.platform.altitude_m = v;

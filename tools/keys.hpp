@@ -51,6 +51,7 @@ struct Given {
     std::string value;
     std::string origin;  ///< for messages: "--range", or "range (line 4 of 'x.ini')"
     std::string folder;  ///< that a relative path starts from; empty: the current one
+    std::string unit{};  ///< that a bare number has; empty: it needs its own
 };
 
 struct Key {

@@ -86,9 +86,15 @@ unsigned keys_taken(Command command, const std::vector<std::string>& arguments) 
     return plan ? command_info | command_simulate : static_cast<unsigned>(command);
 }
 
-/// Options and positional arguments of a command line.
+/// What a message calls it beside another: its key, or what another program calls that.
+std::string name_beside(const Given& given) {
+    const bool foreign = given.origin.starts_with('-') && !given.origin.starts_with("--");
+    return foreign ? given.origin : given.key;
+}
+
+/// Options and positional arguments of a command line. `given`: what else was on it.
 std::vector<Given> read_command_line(Command command, const std::vector<std::string>& arguments,
-                                     std::vector<std::string>& files) {
+                                     std::vector<std::string>& files, std::vector<Given> given = {}) {
     const unsigned taken = keys_taken(command, arguments);
     const CommandInfo& info = info_of(command);
     // An unknown option is refused here, in words of our own, so that a value that looks like one (-3dB) stays a value.
@@ -105,7 +111,6 @@ std::vector<Given> read_command_line(Command command, const std::vector<std::str
     po::positional_options_description positional;
     positional.add("argument", -1);
     const po::options_description known = descriptions(taken);
-    std::vector<Given> given;
     // A flag takes no value but behind '='; Boost knows flags only without, or with the next word too.
     std::vector<std::string> words;
     for (std::size_t i = 0; i < arguments.size(); ++i) {
@@ -165,9 +170,11 @@ std::vector<Given> read_command_line(Command command, const std::vector<std::str
     }
     for (std::size_t i = 0; i < given.size(); ++i) {
         for (std::size_t j = i + 1; j < given.size(); ++j) {
-            if (given[i].key == given[j].key && !find_key(given[i].key)->repeatable) {
-                throw InputError(text("option --", given[i].key, " is given twice"));
-            }
+            if (given[i].key != given[j].key || find_key(given[i].key)->repeatable) continue;
+            if (given[i].origin == given[j].origin)
+                throw InputError(text("option ", given[i].origin, " is given twice"));
+            throw InputError(text(given[j].origin, " is given beside ", given[i].origin, "; both say ", given[i].key,
+                                  ", and one of them alone may be given"));
         }
     }
     return given;
@@ -395,17 +402,15 @@ std::vector<Given> merged(const std::vector<Given>& scene_file, const std::vecto
             for (std::size_t j = i + 1; j < from.size(); ++j) {
                 const Key *a = find_key(from[i].key), *b = find_key(from[j].key);
                 if (a == b || !excludes(*a, *b)) continue;
+                const std::string both = text(from[j].origin, " is given beside ", name_beside(from[i]));
                 if (a->exclusive == Exclusive::track || b->exclusive == Exclusive::track)
-                    throw InputError(
-                        text(from[j].origin, " is given beside ", a->name, "; a track alone says where the sensor is"));
+                    throw InputError(text(both, "; a track alone says where the sensor is"));
                 if (a->exclusive == Exclusive::accuracy)
-                    throw InputError(text(from[j].origin, " is given beside ", a->name,
-                                          "; at most one of quality and max-error may be given"));
+                    throw InputError(text(both, "; at most one of quality and max-error may be given"));
                 if (a->name == "observers" || b->name == "observers")
-                    throw InputError(text(from[j].origin, " is given beside ", a->name,
-                                          "; the file of observers alone says where they stand"));
+                    throw InputError(text(both, "; the file of observers alone says where they stand"));
                 throw InputError(text(
-                    from[j].origin, " is given beside ", a->name, "; exactly one of ",
+                    both, "; exactly one of ",
                     a->exclusive == Exclusive::place ? "latlon and xy" : "altitude-msl, altitude-agl and altitude-hae",
                     " is needed"));
             }
@@ -463,7 +468,10 @@ Settings settings_of(const std::vector<Given>& merged_keys) {
     std::vector<Given> all = with_set(merged_keys);
     // It says which words others may be.
     std::stable_partition(all.begin(), all.end(), [](const Given& given) { return given.key == "class-table"; });
-    for (const Given& given : all) find_key(given.key)->set(settings, given);
+    for (const Given& given : all) {
+        find_key(given.key)->set(settings, given);
+        if (!given.origin.empty()) settings.given.emplace(given.key, given.origin);
+    }
     return settings;
 }
 
@@ -509,9 +517,10 @@ void name_place(const std::vector<Given>& scene_file, std::vector<Given>& comman
 
 }  // namespace
 
-Settings parse_arguments(Command command, const std::vector<std::string>& arguments) {
+Settings parse_arguments(Command command, const std::vector<std::string>& arguments, const std::vector<Given>& more,
+                         const std::vector<Given>& defaults) {
     std::vector<std::string> files;
-    std::vector<Given> command_line = read_command_line(command, arguments, files);
+    std::vector<Given> command_line = read_command_line(command, arguments, files, more);
     if (asks_for_help(command_line)) {
         Settings settings;
         settings.help = true;
@@ -526,6 +535,13 @@ Settings parse_arguments(Command command, const std::vector<std::string>& argume
         scene_file = read_scene(files[0], file_content(files[0]));
     }
     if (command == command_budget) name_place(scene_file, command_line);
+    const auto says = [](const Given& given, const Given& otherwise) {
+        return given.key == otherwise.key || excludes(*find_key(given.key), *find_key(otherwise.key));
+    };
+    for (const Given& one : defaults)
+        if (std::none_of(command_line.begin(), command_line.end(),
+                         [&](const Given& given) { return says(given, one); }))
+            command_line.push_back(one);
     std::vector<Given> given = merged(scene_file, command_line);
     // Of tile's and coverage's paths the last is an output.
     const bool writes = command == command_coverage || (command == command_tile && files.size() > 1);

@@ -23,8 +23,10 @@ const std::vector<CommandInfo>& command_table();
 const CommandInfo& command_by_name(std::string_view name);
 
 /// Command-line arguments behind the command's name -> settings, with the scene file for `simulate` read in.
-/// InputError, IoError.
-Settings parse_arguments(Command command, const std::vector<std::string>& arguments);
+/// InputError, IoError. `more`: was on the command line too, in words of another program; `defaults`: hold where nothing that is
+/// given says otherwise.
+Settings parse_arguments(Command command, const std::vector<std::string>& arguments,
+                         const std::vector<Given>& more = {}, const std::vector<Given>& defaults = {});
 /// A scene file alone, as `info` reads it.
 Settings parse_scene_file(const std::string& path);
 

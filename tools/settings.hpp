@@ -2,6 +2,7 @@
 // lib/scene.hpp. Leaves how it is spelled to options.hpp.
 #pragma once
 #include <cstdint>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -88,6 +89,13 @@ struct Settings {
     bool verify = false;  ///< info --verify
     bool verbose = false, profile = false, quiet = false, json = false, plan = false, help = false;
     std::vector<std::string> files;  ///< positional
+
+    std::map<std::string, std::string> given;  ///< no key: those that somebody gave, each as messages call it
+    /// What messages call a key: "--target-height", or what the user wrote for it.
+    std::string spelled(const std::string& key) const {
+        const auto at = given.find(key);
+        return at == given.end() ? "--" + key : at->second;
+    }
 };
 
 /// The word of `culture-legend` for the raster's own attribute table.

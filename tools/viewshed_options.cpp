@@ -1,7 +1,8 @@
 #include "tools/viewshed_options.hpp"
 
+#include <algorithm>
+#include <iterator>
 #include <map>
-#include <optional>
 
 #include "lib/earth.hpp"
 #include "lib/error.hpp"
@@ -10,9 +11,27 @@
 namespace wedgescope {
 namespace {
 
+/// Of gdal_viewshed's options, those that are a key of coverage under another name.
+struct Renamed {
+    const char* option;
+    const char* key;
+    const char* unit = "";  ///< of its bare number
+    bool number = true;
+};
+constexpr Renamed renamed[] = {{"-oz", "altitude-agl", "m"}, {"-tz", "target-height", "m"},
+                               {"-md", "ground-range", "m"}, {"-cc", "earth"},
+                               {"-ov", "outside-value"},     {"-vv", "seen-value"},
+                               {"-iv", "hidden-value"},      {"-a_nodata", "no-data-value"},
+                               {"-f", "of", "", false},      {"-co", "co", "", false}};
+constexpr const char* others[] = {"-ox", "-oy", "-b", "-om"};
+constexpr const char* place_options = "-ox and -oy";
+
 /// gdal_viewshed divides the square of the distance by the diameter of the CRS' ellipsoid: K R1 = a / cc.
-std::string earth_of(double curvature) {
+std::string earth_of(const std::string& option, const std::string& value) {
+    const double curvature = parse_number(option, value);
     if (curvature == 0) return "flat";
+    if (!(curvature >= 0.00001 && curvature <= 10))
+        throw InputError(text(option, " is ", in_quotes(value), "; it must be 0 (flat) or from 0.00001 to 10"));
     return text(wgs84_a_m / mean_radius_m / curvature);
 }
 
@@ -20,70 +39,47 @@ std::string earth_of(double curvature) {
 
 ViewshedArguments translate_viewshed(const std::vector<std::string>& arguments) {
     ViewshedArguments out;
-    std::optional<double> x, y;
-    std::map<std::string, std::string> given;  // of those with a default
-    const auto is_number = [&](const std::string& option, const std::string& value) {
-        return parse_number(option, value);
-    };
-    bool data = false;  // behind --
+    std::map<std::string, std::string> place;
     for (std::size_t i = 0; i < arguments.size(); ++i) {
         const std::string& word = arguments[i];
-        data = data || word == "--";
-        static const char* const known[] = {"-ox", "-oy", "-oz", "-tz", "-md", "-cc", "-ov",
-                                            "-vv", "-iv", "-b",  "-f",  "-co", "-om", "-a_nodata"};
-        bool ours = false;
-        for (const char* option : known) ours = ours || word == option;
-        if (!ours || data) {
+        if (word == "--") {  // data behind it
+            out.words.insert(out.words.end(), arguments.begin() + static_cast<std::ptrdiff_t>(i), arguments.end());
+            break;
+        }
+        const auto* const known = std::find_if(std::begin(renamed), std::end(renamed),
+                                               [&](const Renamed& one) { return word == one.option; });
+        const bool ours = known != std::end(renamed);
+        if (!ours && std::find(std::begin(others), std::end(others), word) == std::end(others)) {
             out.words.push_back(word);
             continue;
         }
         if (i + 1 == arguments.size()) throw InputError(text("option ", word, " needs a value"));
         const std::string& value = arguments[++i];
-        if (word != "-f" && word != "-co" && word != "-om") is_number(word, value);
-        if (word == "-f" || word == "-co") {
-            out.words.insert(out.words.end(), {word == "-f" ? "--of" : "--co", value});
+        if (ours) {
+            const double number = known->number ? parse_number(word, value) : 0;
+            if (word == "-md" && number == 0) continue;  // no limit
+            out.given.push_back({known->key, word == "-cc" ? earth_of(word, value) : value, word, "", known->unit});
         } else if (word == "-b") {
-            if (is_number(word, value) != 1) throw InputError(text("-b is ", in_quotes(value), "; it must be 1"));
+            if (parse_number(word, value) != 1) throw InputError(text("-b is ", in_quotes(value), "; it must be 1"));
         } else if (word == "-om") {
             if (value != "NORMAL")
                 throw InputError(text("-om is ", in_quotes(value),
                                       "; it must be NORMAL (--layer height gives the heights that are needed)"));
-        } else if (!given.emplace(word, value).second) {
-            throw InputError(text("option ", word, " is given twice"));
+        } else {
+            parse_number(word, value);
+            if (!place.emplace(word, value).second) throw InputError(text("option ", word, " is given twice"));
         }
     }
-    if (given.contains("-ox") != given.contains("-oy"))
+    if (place.size() == 1)
         throw InputError(
-            text("option ", given.contains("-ox") ? "-oy" : "-ox", " is missing; -ox and -oy go together"));
-    out.gdal_style = given.contains("-ox");
-    const auto add = [&](const char* key, const std::string& value) {
-        out.words.insert(out.words.begin(), {key, value});
-    };
-    const auto names = [&](const char* key) {
-        for (const std::string& word : arguments)
-            if (word == key || word.starts_with(std::string(key) + "=")) return true;
-        return false;
-    };
-    const auto value_or = [&](const char* option, const std::string& fallback) -> std::optional<std::string> {
-        if (const auto at = given.find(option); at != given.end()) return at->second;
-        if (!out.gdal_style || fallback.empty()) return std::nullopt;
-        return fallback;
-    };
-    if (out.gdal_style) {
-        add("--xy", given["-ox"] + "," + given["-oy"]);
-        if (!names("--geometry")) add("--geometry", "grid");
-    }
-    const bool altitude = names("--altitude-msl") || names("--altitude-agl") || names("--altitude-hae");
-    if (const auto h = value_or("-oz", altitude ? "" : "2")) add("--altitude-agl", *h + "m");
-    if (const auto h = value_or("-tz", "")) add("--target-height", *h + "m");
-    if (const auto d = value_or("-md", ""); d && is_number("-md", *d) != 0) add("--ground-range", *d + "m");
-    if (const auto c = value_or("-cc", names("--earth") ? "" : "0.85714"))
-        add("--earth", earth_of(is_number("-cc", *c)));
-    const auto outside = value_or("-ov", names("--outside-value") ? "" : "0");
-    if (outside) add("--outside-value", *outside);
-    if (const auto v = value_or("-vv", "")) add("--seen-value", *v);
-    if (const auto v = value_or("-iv", "")) add("--hidden-value", *v);
-    if (const auto v = value_or("-a_nodata", "")) add("--no-data-value", *v);
+            text("option ", place.contains("-ox") ? "-oy" : "-ox", " is missing; -ox and -oy go together"));
+    out.gdal_style = !place.empty();
+    if (!out.gdal_style) return out;
+    out.given.insert(out.given.begin(), {"xy", place["-ox"] + "," + place["-oy"], place_options, ""});
+    out.defaults = {{"geometry", "grid", "", ""},
+                    {"altitude-agl", "2m", "", ""},
+                    {"earth", earth_of("-cc", "0.85714"), "", ""},
+                    {"outside-value", "0", "", ""}};
     return out;
 }
 

@@ -1,13 +1,17 @@
-// gdal_viewshed's options, as whole words in GDAL's units, turned into those of `coverage`.
-// Leaves what they mean to keys.hpp.
+// gdal_viewshed's options, as whole words in GDAL's units, turned into keys of `coverage`; messages name what was written.
+// Leaves what keys mean and accept to keys.hpp.
 #pragma once
 #include <string>
 #include <vector>
 
+#include "tools/keys.hpp"
+
 namespace wedgescope {
 
 struct ViewshedArguments {
-    std::vector<std::string> words;  ///< in coverage's own options
+    std::vector<std::string> words;  ///< the others
+    std::vector<Given> given;        ///< each under its own name
+    std::vector<Given> defaults;     ///< gdal_viewshed's, where coverage's are others
     bool gdal_style = false;         ///< -ox and -oy were given: plane, posts and defaults as gdal_viewshed's
 };
 
