@@ -445,6 +445,10 @@ TEST_CASE("the command line refuses what it cannot mean", "[options]") {
     CHECK_THAT(refusal_of({"--snow", "1"}), Contains("unknown option '--snow'"));
     CHECK_THAT(refusal_of({"-x"}), Contains("unknown option '-x'"));
     CHECK_THAT(refusal_of({"-overwrite"}), Contains("--overwrite"));
+    CHECK(refusal_of({"-range", "5km"}) == "option '-range' has one dash; did you mean --range?");
+    CHECK(refusal([] {
+              parse_arguments(command_coverage, {"-layer=height", "a.tif", "b.tif"});
+          }) == "option '-layer' has one dash; did you mean --layer?");
     CHECK_THAT(refusal_of({"--range"}), Contains("--range needs a value"));
     CHECK_THAT(refusal_of({"--range="}), Contains("--range needs a value"));
     CHECK_THAT(refusal_of({"--range", "--overwrite"}), Contains("--range needs a value"));
@@ -507,6 +511,9 @@ TEST_CASE("gdal_viewshed's options are refused under their own names", "[options
     CHECK(own.coverage.mask.outside == 7);
     CHECK(own.scene.geometry == Geometry::geodesic);
     CHECK_FALSE(own.scene.ground_range_m);
+    CHECK(parsed_as({"-f", "HFA"}).driver == "HFA");
+    CHECK(parsed_as({"-of", "HFA"}).driver == "HFA");
+    CHECK_THAT(refused({"-f", "HFA", "-of", "HFA"}), StartsWith("-of is given beside -f;"));
     // Behind -- stand paths.
     CHECK(parsed_as({"--", "-oz"}).files == std::vector<std::string>{"-oz", "in.tif", "out.tif"});
 }

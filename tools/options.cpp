@@ -102,8 +102,11 @@ std::vector<Given> read_command_line(Command command, const std::vector<std::str
         std::string_view word = option;
         while (word.starts_with('-')) word.remove_prefix(1);
         word = word.substr(0, word.find('='));
+        const std::string_view written = option.substr(0, option.find('='));
+        if (const Key* key = find_key(word); key && (key->commands & taken) && !option.starts_with("--"))
+            throw InputError(text("option ", in_quotes(written), " has one dash; did you mean --", word, "?"));
         const std::string owners = whose(word);
-        throw InputError(text("unknown option ", in_quotes(option.substr(0, option.find('='))),
+        throw InputError(text("unknown option ", in_quotes(written),
                               owners.empty() ? suggestion(word, key_names(taken, false), "--") : owners,
                               " (wedgescope help ", info.name, " lists them all)"));
     };
@@ -207,7 +210,8 @@ const std::vector<CommandInfo>& command_table() {
          "terrain raster -> which of its posts are seen, how high, far and steep they lie, or what a radar gets of "
          "them",
          "OUT has IN's grid; the mask holds 255 where the ground is seen, 0 where it is not, 1 where there is no data "
-         "or out of range. gdal_viewshed's options -ox -oy -oz -tz -md -cc -ov -vv -iv -a_nodata -b -f -co -om -q are "
+         "or out of range. gdal_viewshed's options -ox -oy -oz -tz -md -cc -ov -vv -iv -a_nodata -b -f (or -of) -co "
+         "-om -q are "
          "understood too, in its units (-b 1 and -om NORMAL only: --layer height gives what -om DEM does); with -ox "
          "and -oy the ground is a plane, the sensor stands over the nearest post, and defaults are gdal_viewshed's. "
          "With --observers many sensors are looked from in one run. Radar, antenna, ground and weather count for "

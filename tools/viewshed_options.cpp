@@ -22,7 +22,8 @@ constexpr Renamed renamed[] = {{"-oz", "altitude-agl", "m"}, {"-tz", "target-hei
                                {"-md", "ground-range", "m"}, {"-cc", "earth"},
                                {"-ov", "outside-value"},     {"-vv", "seen-value"},
                                {"-iv", "hidden-value"},      {"-a_nodata", "no-data-value"},
-                               {"-f", "of", "", false},      {"-co", "co", "", false}};
+                               {"-f", "of", "", false},      {"-of", "of", "", false},
+                               {"-co", "co", "", false}};
 constexpr const char* others[] = {"-ox", "-oy", "-b", "-om"};
 constexpr const char* place_options = "-ox and -oy";
 
