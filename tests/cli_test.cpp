@@ -274,6 +274,19 @@ TEST_CASE("coverage writes a mask on the raster's own grid, and every layer", "[
     refuses(folder, with(response, {"--far-shore", "on"}), 2, {"--far-shore", "simulate's"});
     refuses(folder, with(start, {"--overwrite", "--wind-direction", "10deg"}), 2,
             {"--wind-direction is '10deg'", "--layer response alone"});
+    // A mask whose values cannot be told apart, and values of what is no mask.
+    const Strings anew = with(start, {"--overwrite"});
+    refuses(folder, with(anew, {"--no-data-value", "255"}), 2,
+            {"--no-data-value is 255, and so is --seen-value by default; accepted: three values"});
+    refuses(folder, with(anew, {"--seen-value", "0"}), 2, {"--seen-value is 0, and so is --hidden-value by default"});
+    refuses(folder, with(anew, {"--seen-value", "1"}), 2, {"--seen-value is 1, and so is --no-data-value by default"});
+    refuses(folder, with(anew, {"--no-data-value", "9", "--hidden-value", "9"}), 2,
+            {"--hidden-value is 9, and so is --no-data-value;"});
+    refuses(folder, with(anew, {"--outside-value", "255"}), 2, {"--outside-value is 255, and so is --seen-value"});
+    refuses(folder, with(anew, {"--layer", "states", "--seen-value", "255"}), 2,
+            {"--seen-value is given, and layer is states; of the layers the mask alone"});
+    refuses(folder, with(anew, {"--layer", "height", "-a_nodata", "7"}), 2,
+            {"-a_nodata is given, and layer is height"});
     refuses(folder, {"simulate", "--layer", "mask"}, 2, {"--layer"});
     refuses(folder, {"simulate", "--ground-range", "5km"}, 2, {"--ground-range", "coverage's"});
     const std::string scene = folder.write("scene.ini", "dem = x.tif\nground-range = 5km\n");

@@ -960,7 +960,10 @@ std::vector<Key> make_keys() {
         coverage_only(t.add("no-data-value",
                             count(
                                 0, 255, [](auto& s) -> auto& { return s.no_data_value; }, "auto"),
-                            "auto", "of the mask where the terrain is void, declared; auto: 1, declared if any is"));
+                            "auto",
+                            "of the mask where the terrain is void, declared; auto: 1, declared if any is; seen, "
+                            "hidden and no data are "
+                            "three values"));
     }
 
     t.group(KeyGroup::radar, false);

@@ -590,18 +590,44 @@ void check_observers(const Settings& settings) {
         throw InputError(
             "source is spilled, and observers is given; a spill is sorted round one place (accepted: auto, direct; "
             "tile turns rasters that windows read badly into a store)");
-    if (settings.at_least) return;
-    const MaskValues plain;
+}
+
+/// A mask is worth nothing where two of its values are one; what is no mask has none.
+void check_mask(const Settings& settings) {
     const MaskValues& mask = settings.coverage.mask;
-    const char* given = mask.seen != plain.seen         ? "seen-value"
-                        : mask.hidden != plain.hidden   ? "hidden-value"
-                        : mask.outside != plain.outside ? "outside-value"
-                        : settings.no_data_value        ? "no-data-value"
-                                                        : nullptr;
-    if (given)
-        throw InputError(text(given,
-                              " is given, and observers without at-least; counts have no such value (0 is seen by "
-                              "none, 65535 no data)"));
+    struct Value {
+        const char* key;
+        std::int64_t value;
+        bool given;
+    };
+    const auto of = [&](const char* key, std::int64_t value) {
+        return Value{key, value, settings.given.contains(key)};
+    };
+    const Value seen = of("seen-value", mask.seen), hidden = of("hidden-value", mask.hidden),
+                outside = of("outside-value", mask.outside),
+                no_data = of("no-data-value", settings.no_data_value.value_or(mask.no_data));
+    const bool counts = !settings.observers.empty() && !settings.at_least;
+    for (const Value& one : {seen, hidden, outside, no_data}) {
+        if (!one.given) continue;
+        if (counts)
+            throw InputError(text(settings.spelled(one.key),
+                                  " is given, and observers without at-least; counts have no such value (0 is seen by "
+                                  "none, 65535 no data)"));
+        if (settings.coverage.layer != CoverageLayer::mask)
+            throw InputError(text(settings.spelled(one.key), " is given, and layer is ",
+                                  *find_key("layer")->get(settings),
+                                  "; of the layers the mask alone has such a value"));
+    }
+    if (settings.snap_to_post) return;  // as gdal_viewshed, whose own defaults are alike
+    const std::pair<Value, Value> apart[] = {{seen, hidden}, {seen, no_data}, {hidden, no_data}, {seen, outside}};
+    for (const auto& [a, b] : apart) {
+        if (a.value != b.value || !(a.given || b.given)) continue;
+        const auto& [named, other] = a.given ? std::pair(a, b) : std::pair(b, a);
+        throw InputError(text(settings.spelled(named.key), " is ", named.value, ", and so is ",
+                              other.given ? settings.spelled(other.key) : text("--", other.key, " by default"),
+                              "; accepted: three values for what is seen, hidden and no data, and another than seen "
+                              "for what is outside"));
+    }
 }
 
 }  // namespace
@@ -615,6 +641,7 @@ void check_complete(const Settings& settings) {
         throw InputError(
             "power-stack is given without track; its bands are the frames of one (power is a single image's)");
     check_observers(settings);
+    check_mask(settings);
     if (!moves && !many && !platform.latlon && !platform.xy)
         throw InputError("the sensor's position is missing; exactly one of latlon and xy is needed");
     if (platform.latlon && platform.xy) throw InputError("latlon and xy are both given; exactly one of them is needed");
