@@ -91,8 +91,9 @@ void check_knots(const Cover& work, const WedgeSource& source) {
     const double off = work.map().unevenness(covering::knot);
     if (off <= most_off) return;
     const SpokeMapParams& at = work.map().params();
-    throw DataError(text(source.data_base().name, ": within ", std::llround(at.max_arc_m), " m of latitude ",
-                         at.lat_deg, ", longitude ", at.lon_deg,
+    throw DataError(text("dem ", in_quotes(source.data_base().name), ": within ",
+                         at.range_m ? text("a range of ", *at.range_m, " m") : "its reach", " of latitude ", at.lat_deg,
+                         ", longitude ", at.lon_deg,
                          " its posts are too coarse for coverage: geodesics would be off by ",
                          off < many ? text(std::ceil(off * 100) / 100) : text("more than ", many), " posts (at most ",
                          most_off, "); give a smaller range, or resample it to finer posts"));

@@ -266,8 +266,14 @@ private:
     }
     SpokeMapParams map_params() const {
         const double post = std::hypot(db_.step_x, db_.step_y) * db_.metres_a_unit();
-        return {scene_.geometry, scene_.nadir,         scene_.lat_deg,
-                scene_.lon_deg,  scene_.scene.earth_k, rounded(scene_.farthest_arc_m + 2 * post, 10)};
+        return {.geometry = scene_.geometry,
+                .nadir = scene_.nadir,
+                .lat_deg = scene_.lat_deg,
+                .lon_deg = scene_.lon_deg,
+                .earth_k = scene_.scene.earth_k,
+                .max_arc_m = rounded(scene_.farthest_arc_m + 2 * post, 10),
+                .margin_m = 2 * post,
+                .range_m = scene_.range_limited ? scene_.scene.range_m : scene_.scene.ground_range_m};
     }
 
     void set_up(Quadrant q);

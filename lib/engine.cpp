@@ -34,17 +34,26 @@ namespace wedgescope {
 
 namespace {
 
+/// More than rounding and the last posts take.
+double arc_margin_m(const DataBase& db) { return 2 * (std::hypot(db.step_x, db.step_y) * db.metres_a_unit()); }
+
 /// No arc of this slant range is longer, down to 2 km below sea level.
 double most_arc_m(const ResolvedScene& s, const DataBase& db, double range_m) {
-    const double theta = range_m * s.earth.inverse_radius(),
-                 post = std::hypot(db.step_x, db.step_y) * db.metres_a_unit();
-    return rounded(range_m * (1.0005 + theta * theta / 4) + 2 * post, 10);
+    const double theta = range_m * s.earth.inverse_radius();
+    return rounded(range_m * (1.0005 + theta * theta / 4) + arc_margin_m(db), 10);
 }
 
 }  // namespace
 
 SpokeMapParams swept_map_params(const ResolvedScene& s, const DataBase& db) {
-    return {s.geometry, s.nadir, s.lat_deg, s.lon_deg, s.scene.earth_k, most_arc_m(s, db, *s.scene.range_m)};
+    return {.geometry = s.geometry,
+            .nadir = s.nadir,
+            .lat_deg = s.lat_deg,
+            .lon_deg = s.lon_deg,
+            .earth_k = s.scene.earth_k,
+            .max_arc_m = most_arc_m(s, db, *s.scene.range_m),
+            .margin_m = arc_margin_m(db),
+            .range_m = s.scene.range_m};
 }
 
 double slant_range_m(const ResolvedScene& s, double range_m) {

@@ -79,6 +79,52 @@ private:
 }  // namespace
 
 SpokeMap::SpokeMap(const DataBase& data_base, const SpokeMapParams& params) : params_(params) {
+    try {
+        lay_out(data_base);
+    } catch (const TooBent&) {
+        throw DataError(refusal(data_base, params));
+    }
+}
+
+/// Says the largest range that does, or that none does.
+std::string SpokeMap::refusal(const DataBase& data_base, const SpokeMapParams& params) {
+    const auto does = [&](double range_m) {
+        SpokeMapParams nearer = params;
+        nearer.max_arc_m = 1.001 * range_m + params.margin_m;
+        SpokeMap map(nearer);
+        try {
+            map.lay_out(data_base);
+        } catch (const TooBent&) {
+            return false;
+        }
+        return true;
+    };
+    const std::string place = text("latitude ", params.lat_deg, ", longitude ", params.lon_deg);
+    const bool pole = !data_base.crs_in_metres && std::abs(params.lat_deg) > 45;
+    const std::string warp =
+        pole ? text("a raster in a projection such as UPS (gdalwarp -t_srs EPSG:", params.lat_deg > 0 ? 32661 : 32761,
+                    ")")
+             : "a raster in a projection made for the place";
+    if (!does(0))
+        return text("dem ", in_quotes(data_base.name), ": its grid bends too much near ", place,
+                    " to follow geodesics from post to post, whatever the range",
+                    pole ? ": the sensor is too near the pole for posts as far apart as these" : "",
+                    "; accepted: ", warp);
+    double yes = 0, no = params.max_arc_m - params.margin_m;
+    for (double m = no / 2; yes == 0 && m > 1; m /= 2) (does(m) ? yes : no) = m;
+    for (int i = 0; i < 3; ++i) {
+        const double m = (yes + no) / 2;
+        (does(m) ? yes : no) = m;
+    }
+    const double digit = std::pow(10, std::max(0.0, std::floor(std::log10(std::max(yes, 1.0))) - 1));
+    const double most = std::floor(yes / digit) * digit;
+    return text("dem ", in_quotes(data_base.name), ": within ",
+                params.range_m ? text("a range of ", *params.range_m, " m") : "its reach", " of ", place,
+                " its grid bends too much to follow geodesics line by line; accepted: a range up to ", most, " m, or ",
+                warp);
+}
+
+void SpokeMap::lay_out(const DataBase& data_base) {
     if (straight()) {
         east_per_column_ = data_base.step_x * data_base.metres_per_unit;
         north_per_row_ = data_base.step_y * data_base.metres_per_unit;
@@ -88,7 +134,7 @@ SpokeMap::SpokeMap(const DataBase& data_base, const SpokeMapParams& params) : pa
         const auto& geod = GeographicLib::Geodesic::WGS84();
         const auto offset = [&](double azimuth_deg) {
             double lat = 0, lon = 0;
-            geod.Direct(params.lat_deg, params.lon_deg, azimuth_deg, arm_m, lat, lon);
+            geod.Direct(params_.lat_deg, params_.lon_deg, azimuth_deg, arm_m, lat, lon);
             return data_base.locate(lat, lon);
         };
         const IndexPosition n = offset(0), s = offset(180), e = offset(90), w = offset(-90);
@@ -103,7 +149,8 @@ SpokeMap::SpokeMap(const DataBase& data_base, const SpokeMapParams& params) : pa
         const double row_per_north = (n.row - s.row) / (2 * arm_m);
         const double det = column_per_east * row_per_north - column_per_north * row_per_east;
         if (!(std::abs(det) > 0))
-            throw DataError(text(data_base.name, ": its CRS has no unique position near the sensor"));
+            throw DataError(
+                text("dem ", in_quotes(data_base.name), ": its CRS has no unique position near the sensor"));
         constexpr int bits = 30;
         east_per_column_ = rounded_significand(row_per_north / det, bits);
         east_per_row_ = rounded_significand(-column_per_north / det, bits);
@@ -122,7 +169,7 @@ SpokeMap::SpokeMap(const DataBase& data_base, const SpokeMapParams& params) : pa
         for (int i = -8; i <= 8; ++i) least_f = std::min(least_f, metres_per_post(q, i / 8.0));
         f.reach =
             std::min(data_base.cyclic && lines_are_columns(q) ? static_cast<double>(data_base.cycle_columns / 2) : edge,
-                     params.max_arc_m / least_f * 1.1 + 2);
+                     params_.max_arc_m / least_f * 1.1 + 2);
         if (!straight() && f.reach > 0) fit(data_base, q);
     }
 }
@@ -172,24 +219,17 @@ double SpokeMap::slope_per_azimuth(Quadrant q) const {
 
 void SpokeMap::fit(const DataBase& data_base, Quadrant q) {
     Fit& f = fits_[static_cast<std::size_t>(q)];
-    const auto fail = [&]() -> void {
-        throw DataError(
-            text(data_base.name, ": within ", std::llround(params_.max_arc_m), " m of latitude ", params_.lat_deg,
-                 ", longitude ", params_.lon_deg,
-                 " the raster's grid bends too much to follow geodesics line by line; give a smaller range, or "
-                 "warp the raster to a projection made for the place"));
-    };
     // bend and stretch at one slope and distance.
     const auto at = [&](const SpokeCourse& course, double slope, double distance) -> std::pair<double, double> {
         if (distance == 0) return {0.0, 0.0};
         const double per_post = metres_per_post(q, slope);
         const auto arc = course.arc_to(distance, distance * per_post, per_post);
-        if (!arc) fail();
+        if (!arc) throw TooBent();
         const double minor = course.at(*arc).second;
         return {rounded(minor - slope * distance, position_bits), rounded(*arc / (distance * per_post) - 1, 44)};
     };
     for (int pieces = 1;; pieces *= 2) {
-        if (pieces > 32) fail();
+        if (pieces > 32) throw TooBent();
         f.slope_pieces = f.distance_pieces = pieces;
         const auto n = static_cast<std::size_t>(pieces);
         f.bend.assign(n * n, Patch{});
@@ -247,7 +287,7 @@ void SpokeMap::fit(const DataBase& data_base, Quadrant q) {
                 worst = std::max({worst, minor_error, arc_error});
                 const double step = f.reach / 1024;
                 const double ahead = place(q, slope, distance + step).minor;
-                if (distance * per_post <= params_.max_arc_m && std::abs((ahead - p.minor) / step) > 2) fail();
+                if (distance * per_post <= params_.max_arc_m && std::abs((ahead - p.minor) / step) > 2) throw TooBent();
                 const double aside = place(q, slope + 1.0 / 1024, distance).minor;
                 slack = std::max(slack, (aside - p.minor) * 1024 / distance);
             }

@@ -13,6 +13,7 @@
 #include <array>
 #include <cstdint>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "lib/scene.hpp"
@@ -35,6 +36,8 @@ struct SpokeMapParams {
     double lat_deg = 0, lon_deg = 0;  ///< geodesic only
     std::optional<double> earth_k;    ///< none: flat
     double max_arc_m = 0;             ///< no spoke is followed farther
+    double margin_m = 0;              ///< of that, what was added to the range
+    std::optional<double> range_m{};  ///< for messages; none: all of the raster
 };
 
 class SpokeMap {
@@ -110,6 +113,12 @@ private:
         double most_bend = 0, most_curve = 0;  // posts; posts a post squared
     };
 
+    struct TooBent {};
+    explicit SpokeMap(const SpokeMapParams& params) : params_(params) {}  // empty
+    /// TooBent; DataError where places are none.
+    void lay_out(const DataBase& data_base);
+    static std::string refusal(const DataBase& data_base, const SpokeMapParams& params);
+    /// TooBent.
     void fit(const DataBase& data_base, Quadrant q);
     /// Second derivative, by the place on a line, of where spokes of evenly spaced slopes cross it and of how far off that is: posts
     /// (the longer way) a post squared; +inf where spokes turn round.

@@ -104,8 +104,35 @@ TEST_CASE("the seam of a raster round the whole earth is no seam", "[spoke_map]"
 
 TEST_CASE("a grid that bends too much within range is refused, not swept wrongly", "[spoke_map]") {
     const DataBase db = degrees(0, 90, 1.0 / 120, 7200, 240);
-    CHECK_THROWS_WITH(SpokeMap(db, {Geometry::geodesic, db.locate(89.5, 30), 89.5, 30, 4.0 / 3, 100000}),
-                      Catch::Contains("bends too much"));
+    const auto refusal = [&](double lat, double range_m, double margin_m) -> std::string {
+        try {
+            const SpokeMap map(db, {.geometry = Geometry::geodesic,
+                                    .nadir = db.locate(lat, 30),
+                                    .lat_deg = lat,
+                                    .lon_deg = 30,
+                                    .earth_k = 4.0 / 3,
+                                    .max_arc_m = range_m + margin_m,
+                                    .margin_m = margin_m,
+                                    .range_m = range_m});
+        } catch (const DataError& e) {
+            return e.what();
+        }
+        return "";
+    };
+    const std::string far = refusal(89.5, 100000, 100);
+    INFO(far);
+    REQUIRE_THAT(far, Catch::StartsWith("dem 'degrees': within a range of 100000 m of latitude 89.5, longitude 30 its "
+                                        "grid bends too much") &&
+                          Catch::EndsWith("m, or a raster in a projection such as UPS (gdalwarp -t_srs EPSG:32661)"));
+    // What it accepts is accepted, and much more is not.
+    const double most = std::stod(far.substr(far.find("up to ") + 6));
+    CHECK(most >= 100);  // posts are 8 m wide and 930 m high
+    CHECK(refusal(89.5, most, 100).empty());
+    CHECK_FALSE(refusal(89.5, 1.5 * most, 100).empty());
+    // Where what is added to any range is too much already, no smaller one is asked for.
+    CHECK_THAT(refusal(89.95, 100, 7400), Catch::Contains("bends too much near latitude 89.95, longitude 30") &&
+                                              Catch::Contains("whatever the range: the sensor is too near the pole") &&
+                                              !Catch::Contains("up to"));
 }
 
 TEST_CASE("the spokes' cells share out the circle without gap or overlap, whatever the wedges", "[spoke_grid]") {
