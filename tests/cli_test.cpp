@@ -1135,6 +1135,8 @@ TEST_CASE("tile refuses wrong options and rasters in one line, and leaves nothin
     refuses(folder, {"tile", a, "store", "--culture-legend", "nlcd"}, 2, {"culture-legend", "no culture"});
     refuses(folder, {"tile", a, "store", "--range", "3km"}, 2, {"range"});
     refuses(folder, {"tile", "none.tif", "store"}, 1, {"none.tif"});
+    const std::string row = grid(folder, "row", "5", true, 10, 1);
+    refuses(folder, {"tile", row, "store"}, 1, {"dem '" + row + "' has 10 x 1 posts; accepted: at least 2 x 2"});
     fs::create_directory(folder.work() / "mine");
     folder.write("mine/letter.txt", "dear");
     refuses(folder, {"tile", a, "mine"}, 2, {"'mine'", "exists", "--overwrite"});
@@ -1159,7 +1161,7 @@ TEST_CASE("a stopped tile keeps its finished sheets and says how to go on", "[cl
     const Outcome resumed = folder.run({"tile", hills, "store", "--threads", "1", "--resume"});
     INFO(resumed.err);
     CHECK(resumed.code == 0);
-    CHECK_THAT(resumed.err, Contains("sheets stood already") && !Contains("resumed: 0 sheets"));
+    CHECK_THAT(resumed.err, Contains(" stood already") && !Contains("resumed: 0 sheets"));
     CHECK(folder.names().count("store") == 1);
     CHECK(folder.names().count("store.part") == 0);
 }

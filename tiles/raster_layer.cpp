@@ -161,6 +161,12 @@ void set_crs(RasterFacts& facts, std::shared_ptr<const Crs> given) {
     facts.crs = std::move(given);
 }
 
+void check_terrain_size(const RasterFacts& facts) {
+    if (facts.columns < 2 || facts.rows < 2)
+        throw DataError(
+            text(facts.named(), " has ", facts.columns, " x ", facts.rows, " posts; accepted: at least 2 x 2"));
+}
+
 std::int64_t RasterFacts::cycle_columns() const {
     if (!crs || !geographic) return 0;
     // A thousandth of a post: steps written with ten digits still close the circle.

@@ -68,6 +68,9 @@ struct RasterFacts {
     std::int64_t own_columns() const;
 };
 
+/// DataError for fewer posts than a terrain must have.
+void check_terrain_size(const RasterFacts& facts);
+
 /// Takes corner and steps from a geotransform in GDAL's order. DataError for one that is none of ours.
 void set_grid(RasterFacts& facts, const std::array<double, 6>& geotransform);
 /// Takes CRS, kind of CRS and its units from `given`. DataError for a CRS that is none of ours.

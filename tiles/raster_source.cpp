@@ -99,9 +99,7 @@ RasterSource::RasterSource(const DataBaseParams& params) : params_(params) {
     }
 
     const RasterFacts& facts = terrain_->facts();
-    if (facts.columns < 2 || facts.rows < 2)
-        throw DataError(
-            text(facts.named(), " has ", facts.columns, " x ", facts.rows, " posts; accepted: at least 2 x 2"));
+    check_terrain_size(facts);
     data_base_ = describe(facts);
     data_base_.default_class = params_.default_class;
     ledger_ = std::make_unique<TileLedger>(facts);

@@ -175,6 +175,7 @@ void StoreWriter::open_layers() {
     if (params_.dems.empty()) throw InputError("tile needs at least one terrain raster and the folder to write");
     layers_.push_back(std::make_unique<Layer>(StoreLayerKind::dem, "dem", params_.dems));
     const RasterFacts& terrain = layers_[0]->facts();
+    check_terrain_size(terrain);
     if (params_.features) features_ = std::make_shared<FeatureFile>(*params_.features, terrain);
     const auto add = [&](StoreLayerKind kind, const char* role, const std::string& path) {
         if (!is_burnt(kind)) {
