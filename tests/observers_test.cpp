@@ -523,6 +523,9 @@ TEST_CASE("what is wrong with observers is said in one line, and nothing is left
     };
     CHECK_THAT(table(""), Contains("t.csv' is empty; accepted: a line that names the columns lat and lon or x and y"));
     CHECK_THAT(table("x,y,height\n"), Contains("t.csv' holds no observer; at least one is needed"));
+    CHECK_THAT(table("x;y;height\n466000;3754000;5\n"),
+               Contains("line 1: names of columns are separated by ';'; accepted: ','"));
+    CHECK_THAT(table("x\ty\n"), Contains("separated by a tab; accepted: ','"));
     CHECK_THAT(table("name,height\n"), Contains("line 1: no columns are lat, lon or x, y"));
     CHECK_THAT(table("x,y,heigth\n466000,3754000,30\n"), Contains("line 2 has no altitude; accepted: a field height"));
     CHECK_THAT(table("x,y,height,altitude\n466000,3754000,30,900\n"), Contains("line 2 has two of height, altitude"));

@@ -81,6 +81,11 @@ void TableReader::read_header() {
     if (!rows_.next())
         throw InputError(text(rows_.subject(), " is empty; accepted: a line that names the columns ", accepted_));
     header_line_ = rows_.line();
+    if (rows_.cells().size() == 1)
+        if (const auto at = rows_.cells()[0].find_first_of(";\t|"); at != std::string_view::npos)
+            throw InputError(text(rows_.subject(), ", line ", header_line_, ": names of columns are separated by ",
+                                  rows_.cells()[0][at] == '\t' ? "a tab" : text("'", rows_.cells()[0][at], "'"),
+                                  "; accepted: ','"));
     for (const std::string_view cell : rows_.cells()) {
         const auto open = cell.find('[');
         const std::string_view name = trimmed(cell.substr(0, open));
