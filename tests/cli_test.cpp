@@ -1302,9 +1302,11 @@ TEST_CASE("tile works from inside a store", "[cli]") {
     for (const auto& entry : fs::directory_iterator(folder.work() / "st"))
         fs::rename(entry, folder.work() / entry.path().filename());
     REQUIRE(folder.names().contains("manifest.json"));
-    const Outcome outcome = folder.run({"tile", ground, "new", "-q"});
+    const Outcome outcome = folder.run({"tile", ground, "new"});
     INFO(outcome.err);
     CHECK(outcome.code == 0);
+    CHECK_THAT(outcome.err, Contains(" in 1 sheet, "));
+    CHECK_THAT(folder.run({"info", "new"}).out, Contains(" 1 tile of ") && Contains(" in 1 sheet, "));
     CHECK(folder.names().contains("new"));
     // The store that the current folder is has a name, too.
     refuses(folder, {"tile", ".", "other"}, 2, {"'.' is a tile store"});

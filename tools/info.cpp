@@ -124,7 +124,7 @@ std::string to_text(const RasterFacts& facts) {
         out += row("WGS84", fmt::format("latitude {:.5f} to {:.5f}, longitude {:.5f} to {:.5f}", r.south, r.north,
                                         r.west, r.east));
     std::string voids = r.has_no_data ? fmt::format("no-data {:g}", r.no_data) : "no no-data value";
-    out += row("voids", fmt::format("{} posts ({:.3g} %), {}", grouped(r.void_posts),
+    out += row("voids", fmt::format("{} ({:.3g} %), {}", counted(r.void_posts, "post"),
                                     all > 0 ? 100 * static_cast<double>(r.void_posts) / all : 0, voids));
     if (r.void_posts < posts) {
         out += row("values",
@@ -143,7 +143,8 @@ std::string to_text(const RasterFacts& facts) {
     }
     const auto unknown =
         std::count_if(facts.codes.begin(), facts.codes.end(), [](const CodeCount& c) { return c.material.empty(); });
-    out += row("unknown", unknown == 0 ? "none" : text(unknown, " codes, ", grouped(unknown_cells(facts)), " cells"));
+    out += row("unknown",
+               unknown == 0 ? "none" : text(counted(unknown, "code"), ", ", counted(unknown_cells(facts), "cell")));
     return out;
 }
 
@@ -205,14 +206,15 @@ std::string to_text(const StoreFacts& facts) {
         out += fmt::format("  {}\n", layer.name);
         out += row("  posts", text(grouped(static_cast<std::uint64_t>(layer.columns)), " columns x ",
                                    grouped(static_cast<std::uint64_t>(layer.rows)), " rows = ", grouped(posts)));
-        out += row("  format", fmt::format("{}, {}, {} tiles of {} x {} in {} sheets, {}", layer.type,
-                                           layer.compression, grouped(layer.tiles), layer.tile, layer.tile,
-                                           grouped(layer.sheets), readable_bytes(static_cast<double>(layer.bytes))));
+        out += row("  format",
+                   fmt::format("{}, {}, {} of {} x {} in {}, {}", layer.type, layer.compression,
+                               counted(layer.tiles, "tile"), layer.tile, layer.tile, counted(layer.sheets, "sheet"),
+                               readable_bytes(static_cast<double>(layer.bytes))));
         out += row("  CRS", layer.has_crs ? layer.crs_name + (layer.geographic ? " (latitude, longitude)" : "")
                                           : "none (geometry grid only)");
         out += row("  corner", fmt::format("{:.10g}, {:.10g}", layer.origin_x, layer.origin_y));
         out += row("  step", fmt::format("{:.10g}, {:.10g}", layer.step_x, layer.step_y));
-        out += row("  voids", fmt::format("{} posts ({:.3g} %)", grouped(layer.void_posts),
+        out += row("  voids", fmt::format("{} ({:.3g} %)", counted(layer.void_posts, "post"),
                                           100 * static_cast<double>(layer.void_posts) / static_cast<double>(posts)));
         if (layer.lowest <= layer.highest)
             out += row("  values", fmt::format("{:.10g} to {:.10g}", layer.lowest, layer.highest) +

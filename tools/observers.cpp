@@ -426,8 +426,9 @@ void coverage_of_observers(const Settings& given, double start_s, Stop& stop) {
     OutputFile::commit(files);
     const double judged = static_cast<double>(facts.posts.seen + facts.posts.unseen);
     remark(settings.quiet,
-           fmt::format("{} observers; seen by at least {}: {} posts, {:.2f} % of those in range with data; most: {}",
-                       observers->size(), settings.at_least.value_or(1), grouped(facts.posts.enough),
+           fmt::format("{}; seen by at least {}: {}, {:.2f} % of those in range with data; most: {}",
+                       counted(observers->size(), "observer"), settings.at_least.value_or(1),
+                       counted(facts.posts.enough, "post"),
                        judged > 0 ? 100 * static_cast<double>(facts.posts.enough) / judged : 0.0, facts.posts.most));
     if (judged == 0) remark(settings.quiet, nothing_judged_line(settings));
     remark_unused(settings.quiet, unfit_map);

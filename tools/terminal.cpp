@@ -86,4 +86,8 @@ std::string grouped(std::uint64_t number) {
     return digits;
 }
 
+std::string counted(std::uint64_t number, std::string_view noun) {
+    return text(grouped(number), " ", noun, number == 1 ? "" : "s");
+}
+
 }  // namespace wedgescope

@@ -41,5 +41,7 @@ void print(std::string_view result);
 std::string readable_bytes(double bytes);
 /// 1234567 -> "1 234 567".
 std::string grouped(std::uint64_t number);
+/// "1 sheet", "1 234 sheets".
+std::string counted(std::uint64_t number, std::string_view noun);
 
 }  // namespace wedgescope

@@ -152,7 +152,8 @@ void tell(const Settings& settings, const TileStoreSummary& summary, double seco
     if (!summary.note.empty()) say(summary.note);
     if (summary.disagreements > 0)
         say(fmt::format(
-            "{} posts that rasters share disagree{}, by {:.6g} m at the most, {}", grouped(summary.disagreements),
+            "{} that rasters share disagree{}{}, by {:.6g} m at the most, {}", counted(summary.disagreements, "post"),
+            summary.disagreements == 1 ? "s" : "",
             summary.interpolated > 0 ? text(", ", grouped(summary.interpolated), " of them interpolated") : "",
             summary.largest_m, summary.largest_where));
     if (!summary.unknown_codes.empty()) {
@@ -162,22 +163,23 @@ void tell(const Settings& settings, const TileStoreSummary& summary, double seco
         for (std::size_t i = 0; i < summary.unknown_codes.size(); ++i) {
             const auto& [code, count] = summary.unknown_codes[i];
             cells += count;
-            if (i < named) codes += fmt::format("{}{} ({} cells)", i ? ", " : "", code, grouped(count));
+            if (i < named) codes += fmt::format("{}{} ({})", i ? ", " : "", code, counted(count, "cell"));
         }
         if (summary.unknown_codes.size() > named) codes += ", ...";
-        say(fmt::format("culture: {} codes in {} cells are not in the legend {}: {}", summary.unknown_codes.size(),
-                        grouped(cells), in_quotes(settings.culture_legend), codes));
+        say(fmt::format("culture: {} in {} {} not in the legend {}: {}", counted(summary.unknown_codes.size(), "code"),
+                        counted(cells, "cell"), summary.unknown_codes.size() == 1 ? "is" : "are",
+                        in_quotes(settings.culture_legend), codes));
     }
     if (summary.features_lie_elsewhere)
         say(text("features ", in_quotes(settings.features),
                  ": none lies on a cell of the terrain (is their CRS what the file says, longitude before latitude?)"));
     std::uint64_t reused = 0;
     for (const auto& layer : summary.layers) {
-        say(fmt::format("{}: {} x {} {} in {} sheets, {}", layer.name, layer.columns, layer.rows, layer.type,
-                        layer.sheets, readable_bytes(static_cast<double>(layer.bytes))));
+        say(fmt::format("{}: {} x {} {} in {}, {}", layer.name, layer.columns, layer.rows, layer.type,
+                        counted(layer.sheets, "sheet"), readable_bytes(static_cast<double>(layer.bytes))));
         reused += layer.reused;
     }
-    if (settings.resume) say(fmt::format("resumed: {} sheets stood already", reused));
+    if (settings.resume) say(text("resumed: ", counted(reused, "sheet"), " stood already"));
     say(fmt::format("written: {}{} ({:.1f} s)", settings.files.back(),
                     settings.around ? ", " + kept_file(settings) : "", seconds));
 }
