@@ -30,7 +30,7 @@ check_sum() {
             print "<PixelFunctionType>sum</PixelFunctionType>" }'
         while IFS=, read -r x y height; do
             "$program" coverage --xy "$x,$y" --altitude-agl "${height}m" "${limits[@]}" \
-                --seen-value 1 --hidden-value 0 --outside-value 0 --no-data-value 255 ridged.tif "mask$((++n)).tif" >&2
+                --seen-value 1 --hidden-value 0 --outside-value 0 ridged.tif "mask$((++n)).tif" >&2
             echo "<SimpleSource><SourceFilename relativeToVRT=\"1\">mask$n.tif</SourceFilename></SimpleSource>"
         done < <(tail -n +2 places.csv)
         echo "</VRTRasterBand></VRTDataset>"

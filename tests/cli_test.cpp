@@ -279,7 +279,8 @@ TEST_CASE("coverage writes a mask on the raster's own grid, and every layer", "[
     refuses(folder, with(anew, {"--no-data-value", "255"}), 2,
             {"--no-data-value is 255, and so is --seen-value by default; accepted: three values"});
     refuses(folder, with(anew, {"--seen-value", "0"}), 2, {"--seen-value is 0, and so is --hidden-value by default"});
-    refuses(folder, with(anew, {"--seen-value", "1"}), 2, {"--seen-value is 1, and so is --no-data-value by default"});
+    refuses(folder, with(anew, {"--seen-value", "1", "--no-data-value", "1"}), 2,
+            {"--seen-value is 1, and so is --no-data-value;"});
     refuses(folder, with(anew, {"--no-data-value", "9", "--hidden-value", "9"}), 2,
             {"--hidden-value is 9, and so is --no-data-value;"});
     refuses(folder, with(anew, {"--outside-value", "255"}), 2, {"--outside-value is 255, and so is --seen-value"});

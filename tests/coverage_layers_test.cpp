@@ -222,6 +222,7 @@ TEST_CASE("tiles that nothing of is seen hold the value of hidden ground, whatev
             {here, "mask.img", if_any},
             {from_here({"--no-data-value", "0", "--hidden-value", "7"}), "seven.tif", 0.0, 255, 7, 0},
             {from_here({"--no-data-value", "9"}), "nine.tif", 9.0, 255, 0, 9},
+            {from_here({"--seen-value", "1"}), "ones.tif", voids ? std::optional<double>(2) : std::nullopt, 1, 0, 2},
             {{"--observers", folder / "one.csv"}, "count.tif", no_count, 1, 0, 65535},
         };
         for (const Case& c : cases) {

@@ -100,6 +100,14 @@ void check_response(const Settings& settings) {
                                   "; of coverage it is for --layer response alone"));
 }
 
+/// No data and outside are 1 where nobody says otherwise, or what is left where seen or hidden is that: a mask of 1 and 0, say.
+void keep_apart(MaskValues& mask, const std::map<std::string, std::string>& given) {
+    std::uint8_t left = 1;
+    while (left == mask.seen || left == mask.hidden) ++left;
+    if (!given.contains("no-data-value")) mask.no_data = left;
+    if (!given.contains("outside-value")) mask.outside = left;
+}
+
 }  // namespace
 
 void coverage(const std::vector<std::string>& arguments, Stop& stop) {
@@ -113,6 +121,7 @@ void coverage(const std::vector<std::string>& arguments, Stop& stop) {
     settings.dem = settings.files[0];
     settings.output = settings.files[1];
     settings.snap_to_post = translated.gdal_style;
+    if (!settings.snap_to_post) keep_apart(settings.coverage.mask, settings.given);
     check_complete(settings);
     check_response(settings);
     check_names({{"output", settings.output}, {"report", settings.report}, {"timeline", settings.timeline}},

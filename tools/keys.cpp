@@ -961,9 +961,8 @@ std::vector<Key> make_keys() {
                             count(
                                 0, 255, [](auto& s) -> auto& { return s.no_data_value; }, "auto"),
                             "auto",
-                            "of the mask where the terrain is void, declared; auto: 1, declared if any is; seen, "
-                            "hidden and no data are "
-                            "three values"));
+                            "of the mask where the terrain is void, declared; auto: 1 (2 where seen or hidden is "
+                            "1), declared if any is"));
     }
 
     t.group(KeyGroup::radar, false);
