@@ -349,7 +349,9 @@ private:
         place.beam_m = arc * beam_rad(scene_);
         place.along_m = map_.metres_per_post(q, 0);
         place.across_m = map_.metres_per_post(lines_are_columns(q) ? Quadrant::south : Quadrant::east, 0);
-        place.steepness = std::sqrt(g.relief_squared / g.blocks) / (place.along_m * detail_posts);
+        // Mountains are about so long from foot to crest: a larger block holds several, and is no flatter for that.
+        constexpr double slope_m = 1000;
+        place.steepness = std::sqrt(g.relief_squared / g.blocks) / std::min(place.along_m * detail_posts, slope_m);
         // Far cells may be off by more than near ones: these cover most of the ground, and no more of the image.
         const double share = std::min(1.0, place.range_m / *scene_.scene.range_m),
                      allowed = detail_rms_db(scene_.scene.quality) * std::sqrt(2 * share);
