@@ -265,14 +265,13 @@ private:
         return bytes;
     }
     SpokeMapParams map_params() const {
-        const double post = std::hypot(db_.step_x, db_.step_y) * db_.metres_a_unit();
         return {.geometry = scene_.geometry,
                 .nadir = scene_.nadir,
                 .lat_deg = scene_.lat_deg,
                 .lon_deg = scene_.lon_deg,
                 .earth_k = scene_.scene.earth_k,
-                .max_arc_m = rounded(scene_.farthest_arc_m + 2 * post, 10),
-                .margin_m = 2 * post,
+                .max_arc_m = rounded(scene_.farthest_arc_m + arc_margin_m(db_), 10),
+                .margin_m = arc_margin_m(db_),
                 .range_m = scene_.range_limited ? scene_.scene.range_m : scene_.scene.ground_range_m};
     }
 

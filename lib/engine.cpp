@@ -34,9 +34,6 @@ namespace wedgescope {
 
 namespace {
 
-/// More than rounding and the last posts take.
-double arc_margin_m(const DataBase& db) { return 2 * (std::hypot(db.step_x, db.step_y) * db.metres_a_unit()); }
-
 /// No arc of this slant range is longer, down to 2 km below sea level.
 double most_arc_m(const ResolvedScene& s, const DataBase& db, double range_m) {
     const double theta = range_m * s.earth.inverse_radius();

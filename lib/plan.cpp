@@ -281,9 +281,11 @@ Plan plan(const ResolvedScene& scene, WedgeSource& source, const SpokeGrid& grid
         p.wedge_bytes = 0;
         for (const WedgeForecast& f : p.forecast) p.wedge_bytes = std::max(p.wedge_bytes, f.peak_bytes);
     };
-    // Of n wedges some are asked how little they can take: if not even these fit, the others need not be.
+    // Of more wedges than `asked` some are asked how little they can take, and no split is made: if not even these fit, the
+    // others need not be.
     const auto ask_some = [&](std::int64_t n) {
         constexpr std::int64_t asked = 256;
+        if (n <= asked) return split(n, false);
         const Walk walk(scene, source, grid, p.strip_lines, false);
         p.wedges.clear();
         p.forecast.clear();
@@ -311,7 +313,7 @@ Plan plan(const ResolvedScene& scene, WedgeSource& source, const SpokeGrid& grid
     while (recorded.empty() && !hopeless && !fits(p.in_flight) && count < bins) {
         count = std::min(bins, count * 2);
         ask_some(count);
-        if (fits(p.in_flight)) split(count, false);
+        if (p.wedges.empty() && fits(p.in_flight)) split(count, false);
     }
     const auto fewer_at_a_time = [&] {
         while (p.in_flight > 1 && !fits(p.in_flight)) --p.in_flight;

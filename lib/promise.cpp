@@ -5,32 +5,13 @@
 #include "lib/engine.hpp"
 
 namespace wedgescope {
-namespace {
-
-double promised_p99_db(Quality quality) {
-    switch (quality) {
-        case Quality::exact:
-            return 0.06;
-        case Quality::fine:
-            return 0.2;
-        case Quality::normal:
-            return 0.35;
-        case Quality::draft:
-            return 1.5;
-    }
-    return 0;
-}
-
-}  // namespace
-
 Promise promise_of(const ResolvedScene& resolved, const DataBase& db) {
     constexpr double posts = 2;
     const Scene& scene = resolved.scene;
     const RadarParams& radar = scene.radar;
     const double post_m = db.longer_post_m(), pulse_m = radar.pulse_extent_m(), beam_deg = radar.antenna.beam.deg(),
                  step_deg = Angle::radians(resolved.shown.azimuth_step_rad()).deg(), bin_m = resolved.shown.range_bin_m;
-    Promise promise{
-        promised_rms_db(scene.quality), promised_p99_db(scene.quality), posts * post_m / radar.antenna.beam.rad(), {}};
+    Promise promise{promised_error(scene.quality), posts * post_m / radar.antenna.beam.rad(), {}};
     const auto lack = [&](bool lacks, std::string why) {
         if (lacks) promise.lacks.push_back(std::move(why));
     };

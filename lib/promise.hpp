@@ -12,8 +12,7 @@ struct DataBase;
 struct ResolvedScene;
 
 struct Promise {
-    // Of the power image against a converged one, dB, over the cells that reach the thermal noise in either, with it added to both.
-    double rms_db = 0, p99_db = 0;
+    PowerError error;
     double from_m = 0;               ///< range from which on the beam is two posts wide
     std::vector<std::string> lacks;  ///< why nothing is promised of this scene; empty: it is
 };

@@ -140,23 +140,23 @@ WeatherParams weather_of(const Scene& scene) {
     return weather;
 }
 
-double promised_rms_db(Quality quality) {
+PowerError promised_error(Quality quality) {
     switch (quality) {
         case Quality::exact:
-            return 0.02;
+            return {0.02, 0.06};
         case Quality::fine:
-            return 0.05;
+            return {0.05, 0.2};
         case Quality::normal:
-            return 0.1;
+            return {0.1, 0.35};
         case Quality::draft:
-            return 0.4;
+            return {0.4, 1.5};
     }
-    return 0;
+    return {};
 }
 
 std::optional<Quality> quality_within(double rms_db) {
     for (const Quality quality : {Quality::draft, Quality::normal, Quality::fine, Quality::exact})
-        if (promised_rms_db(quality) <= rms_db) return quality;
+        if (promised_error(quality).rms_db <= rms_db) return quality;
     return std::nullopt;
 }
 

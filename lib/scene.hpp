@@ -109,10 +109,14 @@ WeatherParams weather_of(const Scene& scene);
 /// By class, what statistical walls raise its ground by, metres; empty: none is raised.
 std::vector<float> raises_m(const Scene& scene);
 
-/// RMS of the power image that a quality promises, dB, where c tau / 2 and beam are two posts or more and a beam has four
-/// azimuth bins or more, as `auto` makes them.
-double promised_rms_db(Quality);
-/// The quickest quality that promises at most so much; nothing where none does.
+/// Of the power image against a converged one, dB, over the cells that reach the thermal noise in either, with it added to both.
+struct PowerError {
+    double rms_db = 0, p99_db = 0;
+};
+/// What a quality promises at the most where c tau / 2 and beam are two posts or more and a beam has four azimuth bins or more,
+/// as `auto` makes them.
+PowerError promised_error(Quality);
+/// The quickest quality that promises at most so much RMS; nothing where none does.
 std::optional<Quality> quality_within(double rms_db);
 
 /// Checks all that can be checked without the data base; InputError naming the key.

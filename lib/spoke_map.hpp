@@ -11,6 +11,7 @@
 // within `tolerance_posts`.
 #pragma once
 #include <array>
+#include <cmath>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -29,6 +30,9 @@ inline constexpr std::array<Quadrant, 4> all_quadrants = {Quadrant::east, Quadra
 constexpr bool lines_are_columns(Quadrant q) { return q == Quadrant::east || q == Quadrant::west; }
 /// +1 where raster indices of the lines grow outwards.
 constexpr int outward(Quadrant q) { return q == Quadrant::east || q == Quadrant::south ? 1 : -1; }
+
+/// What a range is to be longer by for rounding and the last posts: two of their diagonals.
+inline double arc_margin_m(const DataBase& db) { return 2 * (std::hypot(db.step_x, db.step_y) * db.metres_a_unit()); }
 
 struct SpokeMapParams {
     Geometry geometry = Geometry::grid;

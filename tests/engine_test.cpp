@@ -767,8 +767,8 @@ TEST_CASE("what a quality promises holds from where the beam is two posts wide, 
                                                        {Quality::exact, 0.02, 0.06}};
     for (const auto& [quality, rms, p99] : all) {
         s.quality = quality;
-        CHECK(promised().rms_db == rms);
-        CHECK(promised().p99_db == p99);
+        CHECK(promised().error.rms_db == rms);
+        CHECK(promised().error.p99_db == p99);
         CHECK(promised().from_m == Approx(2 * 30 / (1.5 * std::numbers::pi / 180)));
         CHECK(promised().lacks.empty());
     }
@@ -804,7 +804,7 @@ TEST_CASE("what a quality promises holds from where the beam is two posts wide, 
     s.detail = false;
     CHECK(promised().lacks.empty());
     // A run says the same.
-    CHECK(run(resolve(s, source), source, {}).promise.rms_db == 0.02);
+    CHECK(run(resolve(s, source), source, {}).promise.error.rms_db == 0.02);
 }
 
 TEST_CASE("single posts that stand out count as if the sensor were lower", "[engine][spoke_grid]") {

@@ -111,7 +111,8 @@ TileStoreParams into(const std::string& output, const std::string& features, con
     params.cache_bytes = std::size_t{16} << 20;
     params.threads = 2;
     params.software = "test";
-    params.features = FeatureParams{features, "", touch, *Legend::built_in("smc"), {}, unit_m};
+    params.features = FeatureParams{features, "", touch, *Legend::built_in("smc"), {}};
+    params.culture_height_scale = unit_m;
     if (!culture.empty()) params.legend = Legend::built_in("fbfm40");
     params.legend = with_features(params.legend, {});
     params.legend_name = params.legend->name();
@@ -495,7 +496,7 @@ TEST_CASE("a feature with a side of its own becomes a class of its own", "[featu
     file.add_box(180, 100, 190, 110, {{"height", 5}, {"directivity", "uni"}, {"axis", 10}});  // no material
     file.add_box(200, 100, 210, 110, {{"SMC", 3}, {"directivity", "1"}, {"axis", 359.7}});
     file.write(folder / "f.json");
-    const FeatureParams plain{folder / "f.json", "", false, *Legend::built_in("smc"), {}, 1};
+    const FeatureParams plain{folder / "f.json", "", false, *Legend::built_in("smc"), {}};
     const SidedClasses classes = sided_classes({}, plain, std::nullopt);
     FeatureParams params = plain;
     params.materials = classes.materials;
@@ -544,7 +545,7 @@ TEST_CASE("a feature with a side of its own becomes a class of its own", "[featu
     GeoJson()
         .add("Point", {{5.5, 5.5}}, {{"material", "water"}, {"directivity", "uni"}, {"axis", 3}})
         .write(folder / "w.json");
-    CHECK(sided_classes({}, FeatureParams{folder / "w.json", "", false, *Legend::built_in("smc"), {}, 1}, std::nullopt)
+    CHECK(sided_classes({}, FeatureParams{folder / "w.json", "", false, *Legend::built_in("smc"), {}}, std::nullopt)
               .sides == 0);
     // A name that grows too long is refused before anything is written.
     FeatureParams wordy = plain;
@@ -557,8 +558,7 @@ TEST_CASE("a feature with a side of its own becomes a class of its own", "[featu
     CHECK_THROWS_WITH(sided_classes(wordy.materials, wordy, std::nullopt), Contains("at most 48 characters"));
     // Without any directivity there is nothing to add.
     GeoJson().add("Point", {{5.5, 5.5}}, {{"SMC", 1}, {"axis", 3}}).write(folder / "plain.json");
-    CHECK(sided_classes({}, FeatureParams{folder / "plain.json", "", false, *Legend::built_in("smc"), {}, 1},
-                        std::nullopt)
+    CHECK(sided_classes({}, FeatureParams{folder / "plain.json", "", false, *Legend::built_in("smc"), {}}, std::nullopt)
               .axis_step_deg == 0);
 }
 
@@ -568,7 +568,7 @@ TEST_CASE("axes of more classes than there is room for are rounded", "[features]
     for (int i = 0; i < 360; ++i)
         file.add("Point", {{i + 0.5, 5.5}}, {{"SMC", 1 + i % 2}, {"directivity", i % 3 ? "uni" : "bi"}, {"axis", i}});
     file.write(folder / "f.json");
-    FeatureParams params{folder / "f.json", "", false, *Legend::built_in("smc"), {}, 1};
+    FeatureParams params{folder / "f.json", "", false, *Legend::built_in("smc"), {}};
     const SidedClasses classes = sided_classes({}, params, std::nullopt);
     params.materials = classes.materials;
     params.axis_step_deg = classes.axis_step_deg;

@@ -138,7 +138,7 @@ void check(const Case& c, Quality finest = Quality::exact) {
         const Promise& promise = promises[i];
         INFO(word(promise.quality));
         CHECK(outcomes[i].power.count > outcomes[i].cells / 8);
-        CHECK(outcomes[i].power.rms_db < promised_rms_db(promise.quality));
+        CHECK(outcomes[i].power.rms_db < promised_error(promise.quality).rms_db);
         CHECK(outcomes[i].power.p99_db < promise.p99_db);
         if (promise.quality != Quality::draft) CHECK(std::abs(outcomes[i].power.median_db) < 0.01);
         CHECK(outcomes[i].states < promise.states);

@@ -44,7 +44,7 @@ RunResult drawn_run(std::size_t wedges) {
     run.report.states = {1, 2, 3, 4, 5};
     run.report.threads = 2;
     run.sampling = {.spokes_per_post = 1.25, .spokes_per_bin = 12, .lead = 4};
-    run.promise = {0.05, 0.2, 3000, {}};
+    run.promise = {{0.05, 0.2}, 3000, {}};
     return run;
 }
 

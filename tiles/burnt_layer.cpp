@@ -27,8 +27,9 @@ Legend with_features(const std::optional<Legend>& legend, const Materials& mater
 }
 
 BurntLayer::BurntLayer(StoreLayerKind kind, std::unique_ptr<RasterLayer> below, const RasterFacts& grid,
-                       std::shared_ptr<FeatureFile> features)
-    : codes_(kind == StoreLayerKind::culture), below_(std::move(below)), features_(std::move(features)) {
+                       std::shared_ptr<FeatureFile> features, double unit_m)
+    : codes_(kind == StoreLayerKind::culture), unit_m_(unit_m), below_(std::move(below)),
+      features_(std::move(features)) {
     facts_ = below_ ? below_->facts() : grid;
     facts_.role = codes_ ? "culture" : "culture-height";
     if (!below_) facts_.path = features_->params().path;
@@ -61,10 +62,9 @@ void BurntLayer::read_heights(const Window& window, float* out, std::int64_t str
         below_->read_heights(window, out, stride);
     else
         for (std::int64_t r = 0; r < window.rows.size(); ++r) std::fill_n(out + r * stride, wide, 0.0F);
-    const double unit_m = features_->params().height_unit_m;
     features_->burn(facts_, window, FeatureFile::What::height, [&](std::size_t at, double height_m) {
         const auto place = static_cast<std::int64_t>(at);
-        out[place / wide * stride + place % wide] = static_cast<float>(height_m / unit_m);
+        out[place / wide * stride + place % wide] = static_cast<float>(height_m / unit_m_);
     });
 }
 

@@ -16,9 +16,10 @@ namespace wedgescope {
 
 class BurntLayer final : public RasterLayer {
 public:
-    /// `below`: null: none, and `grid` is that of the terrain. `features`: null: none, over a SidedLayer.
+    /// `below`: null: none, and `grid` is that of the terrain. `features`: null: none, over a SidedLayer. `unit_m`: metres in one
+    /// unit of the heights, culture-height-scale.
     BurntLayer(StoreLayerKind kind, std::unique_ptr<RasterLayer> below, const RasterFacts& grid,
-               std::shared_ptr<FeatureFile> features);
+               std::shared_ptr<FeatureFile> features, double unit_m);
 
     void read_heights(const Window& window, float* out, std::int64_t stride) override;
     void read_codes(const Window& window, std::int32_t* out) override;
@@ -34,6 +35,7 @@ public:
 
 private:
     bool codes_;
+    double unit_m_;
     std::unique_ptr<RasterLayer> below_;
     std::shared_ptr<FeatureFile> features_;
 };

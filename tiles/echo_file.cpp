@@ -5,7 +5,6 @@
 #include <vector>
 
 #include "lib/error.hpp"
-#include "lib/lower_case.hpp"
 #include "tiles/checksum.hpp"
 #include "tiles/gdal_handle.hpp"
 
@@ -28,9 +27,7 @@ DatasetHandle opened(const std::string& path, int threads, GdalErrors& errors) {
     if (DatasetHandle dataset = open(0)) return dataset;
     register_all_drivers();
     if (DatasetHandle dataset = open(GDAL_OF_VERBOSE_ERROR)) return dataset;
-    std::string reason = errors.reason();
-    if (reason.starts_with(path + ": ")) reason.erase(0, path.size() + 2);
-    throw IoError(text(named(path), " cannot be opened: ", reason));
+    throw IoError(text(named(path), " cannot be opened: ", errors.reason_beside(path)));
 }
 
 }  // namespace
@@ -71,9 +68,7 @@ EchoFile::~EchoFile() = default;
 void check_echo_format(const OutputFile& file, RasterFormat format) {
     namespace fs = std::filesystem;
     const fs::path path = file.final_path();
-    const std::string ending = lower_case(path.extension().string());
-    const bool tiff = format.driver.empty() ? ending == ".tif" || ending == ".tiff" : format.driver == "GTiff";
-    if (tiff) return;
+    if (is_geotiff(file.final_path(), format)) return;
     RunResult run;
     run.scene.swept = run.scene.shown = PolarGrid{8, 100, {0, 8}, {0, 4}};
     run.scene.scene.geometry = Geometry::grid;

@@ -18,8 +18,7 @@ struct FeatureParams {
         false;  ///< every cell that a line or area touches; else lines one cell wide, and cells whose centre lies in an area
     Legend legend;  ///< of whole numbers in a field of material
     Materials materials;
-    double height_unit_m = 1;  ///< metres in one unit of the culture height: culture-height-scale
-    int axis_step_deg = 0;     ///< degrees that axes are rounded to; 0: features' directivities are not looked at
+    int axis_step_deg = 0;  ///< degrees that axes are rounded to; 0: features' directivities are not looked at
 };
 
 /// A raster over the culture raster, on its grid, that says which side of each cell reflects: 0 to 359: uni, the azimuth of its

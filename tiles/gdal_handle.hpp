@@ -37,6 +37,8 @@ public:
     bool warned() const { return !warning_.empty(); }
     /// The first failures (or else the first warning) in one line; "GDAL gives no reason" if there was none.
     std::string reason() const;
+    /// The same without the path that GDAL may begin with.
+    std::string reason_beside(const std::string& path) const;
 
 private:
     static void CPL_STDCALL hear(CPLErr level, CPLErrorNum number, const char* message);

@@ -108,6 +108,12 @@ std::string GdalErrors::reason() const {
     return failure_ + "; " + last_;
 }
 
+std::string GdalErrors::reason_beside(const std::string& path) const {
+    std::string said = reason();
+    if (said.starts_with(path + ": ")) said.erase(0, path.size() + 2);
+    return said;
+}
+
 OGRSpatialReference in_gdal(const Crs& crs) {
     OGRSpatialReference out;
     GdalErrors quiet;

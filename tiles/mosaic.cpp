@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <numeric>
 
 #include "lib/error.hpp"
 #include "tiles/registered_layer.hpp"
@@ -255,7 +256,7 @@ void Mosaic::find_edges() {
     // Each raster with those that begin at most `apart` beyond its last post, side by side with it.
     const auto each_pair = [&](const std::array<double, 2>& apart, const auto& found) {
         std::vector<std::size_t> order(places.size());
-        for (std::size_t i = 0; i < order.size(); ++i) order[i] = i;
+        std::iota(order.begin(), order.end(), std::size_t{0});
         for (std::size_t axis : {0U, 1U}) {
             const auto first = [&](std::size_t i) { return places[i][axis].first; };
             std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return first(a) < first(b); });

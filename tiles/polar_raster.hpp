@@ -31,6 +31,9 @@ enum class OutputLayer { scope, masked_scope, echo, power, states };
 /// (of a masked scope).
 void check_output(const OutputFile& file, OutputLayer layer, const RasterFormat& format);
 
+/// True where a file of that name would be one, whatever else may be wrong with it.
+bool is_geotiff(const std::string& path, const RasterFormat& format);
+
 /// How far the places of a geolocation array may be off for want of a geodesic each, in range bins or pixels.
 inline constexpr double place_error = 0.01;
 

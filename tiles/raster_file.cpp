@@ -28,11 +28,7 @@ DatasetHandle open(const RasterFacts& facts) {
         register_all_drivers();
     GdalErrors errors;
     if (!dataset) dataset.reset(GDALDataset::Open(facts.path.c_str(), how | GDAL_OF_VERBOSE_ERROR));
-    if (!dataset) {
-        std::string reason = errors.reason();
-        if (reason.starts_with(facts.path + ": ")) reason = reason.substr(facts.path.size() + 2);
-        throw IoError(text(facts.named(), " cannot be opened: ", reason));
-    }
+    if (!dataset) throw IoError(text(facts.named(), " cannot be opened: ", errors.reason_beside(facts.path)));
     return dataset;
 }
 

@@ -52,6 +52,12 @@ const char* usual_driver(const std::string& path) {
     return found == usual.end() ? nullptr : found->second;
 }
 
+/// Is it that driver's, by what is said or by the ending?
+bool is_of(const char* driver, const std::string& path, const RasterFormat& format) {
+    const char* const wanted = format.driver.empty() ? usual_driver(path) : format.driver.c_str();
+    return wanted && EQUAL(wanted, driver);
+}
+
 GDALDriver& find_driver(const std::string& path, const RasterFormat& format) {
     GDALDriverManager& drivers = *GetGDALDriverManager();
     if (!format.driver.empty()) {
@@ -349,9 +355,10 @@ void check_alpha(GDALDriver& driver, const CPLStringList& options, const std::st
 
 bool needs_no_driver(const char* driver, const std::string& final_path, const RasterFormat& format) {
     if (!format.creation.empty() || GdalSession::configured()) return false;
-    const char* const wanted = format.driver.empty() ? usual_driver(final_path) : format.driver.c_str();
-    return wanted && EQUAL(wanted, driver);
+    return is_of(driver, final_path, format);
 }
+
+bool is_geotiff(const std::string& path, const RasterFormat& format) { return is_of("GTiff", path, format); }
 
 void check_output(const OutputFile& file, OutputLayer layer, const RasterFormat& format) {
     const bool bytes =

@@ -236,7 +236,8 @@ std::unique_ptr<BurntLayer> StoreWriter::burnt(StoreLayerKind kind) const {
     std::unique_ptr<RasterLayer> below;
     if (!path.empty()) below = std::make_unique<RasterFile>(codes ? "culture" : "culture-height", path);
     if (codes && params_.sides) below = std::make_unique<SidedLayer>(std::move(below), *params_.sides);
-    return std::make_unique<BurntLayer>(kind, std::move(below), layers_[0]->facts(), features_);
+    return std::make_unique<BurntLayer>(kind, std::move(below), layers_[0]->facts(), features_,
+                                        params_.culture_height_scale);
 }
 
 void StoreWriter::choose_creation(Layer& layer) const {
@@ -329,7 +330,7 @@ std::string StoreWriter::plan() const {
                            {"layer", params_.features->layer},
                            {"touch", params_.features->touch},
                            {"legend", params_.features->legend.csv(params_.features->materials)},
-                           {"height_unit_m", params_.features->height_unit_m},
+                           {"height_unit_m", params_.culture_height_scale},
                            {"class_table", params_.features->materials.own()},
                            {"axis_step_deg", params_.features->axis_step_deg},
                            {"fingerprint", hex(features_->fingerprint())}};
@@ -636,9 +637,9 @@ void StoreWriter::finish() {
             entry.values.add(done.values);
             if (done.made) entry.sheets.push_back(done.sheet);
         }
-        const bool scaled = entry.kind == StoreLayerKind::culture_height && params_.culture_height_scale != 1;
-        if (scaled) manifest_.height_scale = params_.culture_height_scale;
-        const std::string vrt = vrt_text(entry, scaled ? params_.culture_height_scale : 1);
+        const double scale = entry.kind == StoreLayerKind::culture_height ? params_.culture_height_scale : 1;
+        if (scale != 1) manifest_.height_scale = scale;
+        const std::string vrt = vrt_text(entry, scale);
         replace_file(inside(entry.vrt), vrt);
         entry.vrt_checksum = checksum(vrt);
         // A raster that changed meanwhile is in the store partly old, partly new.

@@ -184,8 +184,8 @@ nlohmann::ordered_json sampling_json(const Sampling& sampling) {
 }
 
 nlohmann::ordered_json promise_json(const Promise& promise) {
-    return {{"rms_db", promise.rms_db},
-            {"p99_db", promise.p99_db},
+    return {{"rms_db", promise.error.rms_db},
+            {"p99_db", promise.error.p99_db},
             {"from_range_m", promise.from_m},
             {"lacks", promise.lacks}};
 }

@@ -100,12 +100,8 @@ TileStoreParams store_params(const Settings& settings, Stop& stop, std::size_t& 
     }
     const Materials& materials = settings.scene.materials;
     if (!settings.features.empty()) {
-        params.features = FeatureParams{settings.features,
-                                        settings.features_layer,
-                                        settings.features_touch,
-                                        legend("features-legend", settings.features_legend, materials),
-                                        materials,
-                                        settings.culture_height_scale};
+        params.features = FeatureParams{settings.features, settings.features_layer, settings.features_touch,
+                                        legend("features-legend", settings.features_legend, materials), materials};
         if (!(settings.culture_height_scale > 0))
             throw InputError("culture-height-scale is 0, and features is given; it must be above 0");
     }
