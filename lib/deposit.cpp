@@ -30,14 +30,14 @@ Quanta quanta(Interval range_bins, double range_bin_m, double radar_constant, do
     return q;
 }
 
-WedgeCells::WedgeCells(std::size_t rows, const Quanta& quanta, std::size_t channels)
+WedgeCells::WedgeCells(std::size_t rows, const Quanta& quanta, std::size_t channels, Halves halves)
     : quanta_(quanta), rows_(rows), columns_(static_cast<std::size_t>(quanta.range_bins.size())), channels_(channels),
-      first_bin_(static_cast<std::size_t>(quanta.range_bins.begin)),
-      sums_(rows * columns_ * channels + 2), bits_(rows * columns_), marked_(rows * bit_count) {}
+      first_bin_(static_cast<std::size_t>(quanta.range_bins.begin)), halves_(halves),
+      sums_(all_rows() * columns_ * channels + 2), bits_(rows * columns_), marked_(rows * bit_count) {}
 
 void WedgeCells::put_quantities(const Target& target, std::size_t column, double whole, const double* quantities) {
     for (std::size_t c = 1; c < channels_; ++c) {
-        std::int64_t* cell = sums_.data() + (c * rows_ + static_cast<std::size_t>(target.row)) * columns_ + column;
+        std::int64_t* cell = sums_.data() + (c * all_rows() + static_cast<std::size_t>(target.row)) * columns_ + column;
         *cell += std::lrint(whole * target.share[0] * quantities[c - 1]);
         if (target.share[1] > 0) cell[columns_] += std::lrint(whole * target.share[1] * quantities[c - 1]);
     }
@@ -331,7 +331,7 @@ __attribute__((optimize("no-tree-slp-vectorize"))) void WedgeCells::add_lanes(st
     for (i = 0; i < n; ++i) slow += placed.slow[i];
     for (i = 0; slow && i < n; ++i)
         if (placed.slow[i] && p.share0[i] > 0)
-            add_placed({row_of(p.origin[i]), {p.share0[i], p.share1[i]}},
+            add_placed({row_of_origin(p.origin[i]), {p.share0[i], p.share1[i]}},
                        {placed.bin[i], placed.begin[i], placed.way[i], p.bow[i]}, p.power[i],
                        p.second ? Stretches{{p.gamma[0][i], p.gamma[1][i], p.gamma[2][i]}, p.second[i], p.third[i]}
                                 : Stretches::one(static_cast<double>(p.gamma[2][i])),
@@ -370,7 +370,7 @@ void WedgeCells::mark(const Target& target, double x0, double x1, std::uint8_t b
     const auto first = static_cast<std::size_t>(near - begin), last = static_cast<std::size_t>(far - begin);
     for (std::size_t side = 0; side < 2; ++side) {
         if (!(target.share[side] > 0)) continue;
-        const std::size_t row = static_cast<std::size_t>(target.row) + side;
+        const std::size_t row = static_cast<std::size_t>(target.row) % rows_ + side;
         std::uint8_t* const bits = bits_.data() + row * columns_;
         const auto add = [bits, bit](std::size_t from, std::size_t to) {
             if (from < to) add_bit(bits + from, to - from, bit);
@@ -394,6 +394,13 @@ WEDGESCOPE_LANES_PART void whole_watts(std::size_t n, const std::int64_t* __rest
     for (std::size_t j = 0; j < n; ++j) watts[j] = static_cast<float>(static_cast<double>(sums[j]) * quantum[j]);
 }
 
+WEDGESCOPE_LANES_PART void whole_watts_of_halves(std::size_t n, const std::int64_t* __restrict even,
+                                                 const std::int64_t* __restrict odd, const double* __restrict quantum,
+                                                 float* __restrict watts) noexcept {
+    for (std::size_t j = 0; j < n; ++j)
+        watts[j] = static_cast<float>(static_cast<double>(even[j] + odd[j]) * quantum[j]);
+}
+
 WEDGESCOPE_LANES_PART void most_telling_states(std::size_t n, const std::uint8_t* __restrict bits,
                                                std::uint8_t* __restrict states) noexcept {
     for (std::size_t j = 0; j < n; ++j) {
@@ -407,8 +414,26 @@ WEDGESCOPE_LANES_PART void most_telling_states(std::size_t n, const std::uint8_t
 }  // namespace
 
 void WedgeCells::finish(std::size_t row, float* watts, std::uint8_t* states) const {
-    on_target<whole_watts>(columns_, sums_.data() + row * columns_, quanta_.watts.data(), watts);
+    const std::int64_t* const sums = sums_.data() + row * columns_;
+    if (apart())
+        on_target<whole_watts_of_halves>(columns_, sums, sums + rows_ * columns_, quanta_.watts.data(), watts);
+    else
+        on_target<whole_watts>(columns_, sums, quanta_.watts.data(), watts);
     on_target<most_telling_states>(columns_, bits_.data() + row * columns_, states);
+}
+
+void WedgeCells::halves(std::size_t row, float* even, float* odd) const {
+    const std::int64_t* const sums = sums_.data() + row * columns_;
+    on_target<whole_watts>(columns_, sums, quanta_.watts.data(), even);
+    on_target<whole_watts>(columns_, sums + (all_rows() - rows_) * columns_, quanta_.watts.data(), odd);
+}
+
+void WedgeCells::clear(Interval rows) {
+    const auto first = static_cast<std::size_t>(rows.begin), count = static_cast<std::size_t>(rows.size());
+    for (std::size_t half = 0; half < all_rows() * channels_; half += rows_)
+        std::fill_n(sums_.begin() + static_cast<std::ptrdiff_t>((half + first) * columns_), count * columns_, 0);
+    std::fill_n(bits_.begin() + static_cast<std::ptrdiff_t>(first * columns_), count * columns_, std::uint8_t{0});
+    std::fill_n(marked_.begin() + static_cast<std::ptrdiff_t>(first * bit_count), count * bit_count, Marked{});
 }
 
 }  // namespace wedgescope

@@ -29,23 +29,34 @@ Quanta quanta(Interval range_bins, double range_bin_m, double radar_constant, do
               double azimuth_step_rad, double most_gamma);
 
 /// Cells of one wedge: `rows` azimuth bins x range bins. Further channels (sum of power times a quantity in 0..1) lie
-/// behind one another, each a full set of cells with the same quanta.
+/// behind one another, each a full set of cells with the same quanta. In halves, every other spoke adds to rows of its own:
+/// what each half alone makes of a cell tells how well it was sampled.
 class WedgeCells {
 public:
-    WedgeCells(std::size_t rows, const Quanta& quanta, std::size_t channels = 1);
+    enum class Halves : std::size_t { together = 1, apart = 2 };
+    WedgeCells(std::size_t rows, const Quanta& quanta, std::size_t channels = 1, Halves halves = Halves::together);
 
     std::size_t rows() const { return rows_; }
     std::size_t columns() const { return columns_; }
-    std::size_t bytes() const { return bytes_of(rows_, columns_, channels_); }
-    static std::size_t bytes_of(std::size_t rows, std::size_t columns, std::size_t channels = 1) {
-        return rows * columns * (channels * sizeof(std::int64_t) + 1) + rows * bit_count * sizeof(Marked);
+    std::size_t bytes() const { return bytes_of(rows_, columns_, channels_, halves_); }
+    static std::size_t bytes_of(std::size_t rows, std::size_t columns, std::size_t channels = 1,
+                                Halves halves = Halves::together) {
+        const std::size_t sums = channels * static_cast<std::size_t>(halves);
+        return rows * columns * (sums * sizeof(std::int64_t) + 1) + rows * bit_count * sizeof(Marked);
     }
 
     /// An azimuth share of a spoke: rows `row` and `row + 1` take `share[0]` and `share[1]` (radians; 0: not this one).
+    /// `row` is row_of(azimuth bin, spoke).
     struct Target {
         std::int32_t row = 0;
         double share[2] = {0, 0};
     };
+
+    /// Where spoke number k puts what falls into an azimuth bin.
+    std::int32_t row_of(std::int64_t bin, std::int64_t k) const {
+        return static_cast<std::int32_t>(bin +
+                                         (halves_ == Halves::apart && (k & 1) ? static_cast<std::int64_t>(rows_) : 0));
+    }
 
     /// Power of one visible piece and how it lies in range.
     struct Portion {
@@ -99,14 +110,22 @@ public:
     void mark(const Target& target, double x0, double x1, std::uint8_t bit);
 
     double watts(std::size_t row, std::size_t column, std::size_t channel = 0) const {
-        return static_cast<double>(sums_[(channel * rows_ + row) * columns_ + column]) * quanta_.watts[column];
+        const std::int64_t* const cell = sums_.data() + (channel * all_rows() + row) * columns_ + column;
+        return static_cast<double>(cell[0] + (halves_ == Halves::apart ? cell[rows_ * columns_] : 0)) *
+               quanta_.watts[column];
     }
+    bool apart() const { return halves_ == Halves::apart; }
+    /// Watts of the first channel that each half put into a row.
+    void halves(std::size_t row, float* even, float* odd) const;
+    /// As if nothing had been added to these rows.
+    void clear(Interval rows);
     /// All of a row: watts of the first channel, and states (codes of State), the most telling of those met: seen, unknown,
     /// shadow, no data; outside where nothing fell.
     void finish(std::size_t row, float* watts, std::uint8_t* states) const;
 
 private:
-    std::int32_t row_of(std::int64_t origin) const {
+    std::size_t all_rows() const { return rows_ * static_cast<std::size_t>(halves_); }
+    std::int32_t row_of_origin(std::int64_t origin) const {
         return static_cast<std::int32_t>((origin + static_cast<std::int64_t>(first_bin_)) /
                                          static_cast<std::int64_t>(columns_));
     }
@@ -131,6 +150,7 @@ private:
 
     const Quanta& quanta_;
     std::size_t rows_, columns_, channels_, first_bin_;
+    Halves halves_;
     std::vector<std::int64_t> sums_;
     std::vector<std::uint8_t> bits_;
     /// For each row and bit a stretch of columns that have it all: neighbouring spokes lie in the same shadow.

@@ -25,6 +25,7 @@
 #include "lib/rain_echo.hpp"
 #include "lib/raised_source.hpp"
 #include "lib/receiver.hpp"
+#include "lib/refine.hpp"
 #include "lib/rounding.hpp"
 #include "lib/spoke_map.hpp"
 #include "lib/stopwatch.hpp"
@@ -131,7 +132,10 @@ struct Setting : SpokeSetting {
     const DataBase& data_base;
     std::shared_ptr<const SceneTables> tables;
     Quanta cells;
+    Refinement refinement;
     SweepScene sweep;
+    std::vector<std::unique_ptr<const SpokeGrid>> finer_grids;
+    std::vector<SweepScene> finer_sweeps;
 
     /// Sine of the elevation of the horizon of a smooth earth at the data base's lowest height.
     double smooth_horizon(BlockMap& bounds) const {
@@ -151,7 +155,8 @@ struct Setting : SpokeSetting {
         : SpokeSetting(s, source), scene(s), data_base(source.data_base()),
           tables(made ? std::move(made) : std::make_shared<const SceneTables>(s.scene)),
           cells(quanta(s.swept.range_bins, s.swept.range_bin_m, radar_constant(s.scene.radar), tables->pattern.most(),
-                       grid.azimuth_step_rad(), tables->laws.most() * tables->shore.most())) {
+                       grid.azimuth_step_rad(), tables->laws.most() * tables->shore.most())),
+          refinement(refinement_of(s)) {
         sweep.data_base = &data_base;
         sweep.grid = &grid;
         sweep.sampling = sampling;
@@ -173,7 +178,20 @@ struct Setting : SpokeSetting {
         sweep.loss = loss;
         sweep.source = &source;
         if (BlockMap* bounds = source.block_map()) sweep.smooth_sine = smooth_horizon(*bounds);
+        for (int round = 1; refinement.on() && round <= Refinement::most_rounds; ++round) {
+            Sampling finer = sampling;
+            finer.times = 1 << round;
+            finer_grids.push_back(std::make_unique<SpokeGrid>(data_base, map, finer, s.swept.circle_bins, levels));
+            finer_sweeps.push_back(sweep);
+            finer_sweeps.back().sampling = finer;
+            finer_sweeps.back().grid = finer_grids.back().get();
+        }
     }
+    /// Of the first sweep of a wedge, round 0, and of what is swept again.
+    const SweepScene& sweep_of(int round) const {
+        return round == 0 ? sweep : finer_sweeps[static_cast<std::size_t>(round - 1)];
+    }
+    const SpokeGrid& grid_of(int round) const { return *sweep_of(round).grid; }
 };
 
 /// One wedge on its way through the graph: run after run, strip after strip.
@@ -182,6 +200,8 @@ struct WedgeTask {
     std::unique_ptr<WedgeCells> cells;
     std::unique_ptr<Front> front;
     std::size_t run = 0;
+    int round = 0;                  // how often its bins in doubt were swept again
+    std::vector<Interval> doubted;  // rows that this round sweeps; the first: all
     Interval lines;  // of the chunk that was loaded last
     Chunk chunk;
     bool has_chunk = false;
@@ -209,6 +229,8 @@ private:
     Task enter(std::size_t index);
     void load(WedgeTask& task);
     bool sweep(WedgeTask& task);  // true: another chunk is wanted
+    /// Its runs are swept. True if some bins are to be swept again.
+    bool refine(WedgeTask& task);
     void merge(WedgeTask& task);
     /// The wedge holds so much from now on.
     void hold(WedgeTask& task, std::size_t bytes);
@@ -260,7 +282,10 @@ Task Wedges::enter(std::size_t index) {
     note_memory();
     if (params_.archive && find(*task)) return task;
     task->report.memory_wait_s = memory_wait;
-    task->cells = std::make_unique<WedgeCells>(static_cast<std::size_t>(plan_.wedges[index].size()), setting_.cells);
+    const bool refines = setting_.refinement.on();
+    task->cells = std::make_unique<WedgeCells>(static_cast<std::size_t>(plan_.wedges[index].size()), setting_.cells, 1,
+                                               refines ? WedgeCells::Halves::apart : WedgeCells::Halves::together);
+    task->doubted = {{0, plan_.wedges[index].size()}};
     return task;
 }
 
@@ -358,9 +383,10 @@ void Wedges::load(WedgeTask& task) {
     task.has_chunk = false;
     while (task.run < task.wedge.runs.size()) {
         const SpokeRun& run = task.wedge.runs[task.run];
-        if (!task.front) task.front = std::make_unique<Front>(setting_.sweep, run, *task.cells);
+        if (!task.front) task.front = std::make_unique<Front>(setting_.sweep_of(task.round), run, *task.cells);
         if (task.front->finished()) break;  // sweep() closes it
-        task.lines = setting_.grid.strip_lines(run.own_fan(), task.front->next_line(), plan_.strip_lines);
+        task.lines =
+            setting_.grid_of(task.round).strip_lines(run.own_fan(), task.front->next_line(), plan_.strip_lines);
         const ChunkRequest request = task.front->request(task.lines, params_.cull ? source_.block_map() : nullptr);
         if (!request.window.empty()) {
             count_skipped(request, task.report);
@@ -385,7 +411,7 @@ void Wedges::load(WedgeTask& task) {
 }
 
 bool Wedges::sweep(WedgeTask& task) {
-    if (task.run >= task.wedge.runs.size()) return false;
+    if (task.run >= task.wedge.runs.size()) return refine(task);
     if (params_.stop) params_.stop->check();
     const Span span(params_.timeline, "sweep", "cpu", task.report.index);
     const Stopwatch watch;
@@ -416,7 +442,34 @@ bool Wedges::sweep(WedgeTask& task) {
     }
     task.chunk = Chunk{};
     task.report.wall_s += watch.cpu_s();  // CPU of this node, until merge() puts wall time here
-    return task.run < task.wedge.runs.size();
+    return task.run < task.wedge.runs.size() || refine(task);
+}
+
+bool Wedges::refine(WedgeTask& task) {
+    if (task.report.reused || !setting_.refinement.on() || task.round == Refinement::most_rounds) return false;
+    const Stopwatch watch;
+    task.doubted = rows_in_doubt(*task.cells, task.doubted, setting_.refinement);
+    ++task.round;
+    task.run = 0;
+    task.wedge.runs.clear();
+    const Interval bins = task.report.azimuth_bins;
+    // So many spokes at a time as the wedge had, or those of one bin.
+    const std::int64_t most = std::max<std::int64_t>(1, bins.size() >> task.round);
+    for (const Interval rows : task.doubted) {
+        task.cells->clear(rows);
+        if (task.round == 1) task.report.refined_bins += static_cast<std::uint64_t>(rows.size());
+        for (std::int64_t row = rows.begin; row < rows.end; row += most) {
+            const Interval some{row, std::min(rows.end, row + most)};
+            Wedge part =
+                setting_.grid_of(task.round).wedge(task.wedge.index, {bins.begin + some.begin, bins.begin + some.end});
+            for (SpokeRun& run : part.runs) {
+                run.first_row += row;
+                task.wedge.runs.push_back(std::move(run));
+            }
+        }
+    }
+    task.report.wall_s += watch.cpu_s();
+    return !task.wedge.runs.empty();
 }
 
 void Wedges::merge(WedgeTask& task) {

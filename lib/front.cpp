@@ -142,7 +142,7 @@ void Front::set_up_ring(std::size_t ring, Lanes& lanes) const {
                 if (!run_->bins.contains(bin) || !(share.radians[side] > 0)) continue;
                 target.share[1] = target.share[0];  // of the bin after this one
                 target.share[0] = share.radians[side];
-                target.row = static_cast<std::int32_t>(bin - run_->bins.begin + run_->first_row);
+                target.row = cells_->row_of(bin - run_->bins.begin + run_->first_row, k);
             }
         }
         lanes.row[lane] = target.row;

@@ -9,6 +9,7 @@
 #include "lib/cull.hpp"
 #include "lib/error.hpp"
 #include "lib/front.hpp"
+#include "lib/refine.hpp"
 
 namespace wedgescope {
 namespace {
@@ -86,12 +87,13 @@ public:
     Walk(const ResolvedScene& scene, WedgeSource& source, const SpokeGrid& grid, std::int64_t strip, bool look)
         : scene_(scene), source_(source), db_(source.data_base()), grid_(grid), strip_(strip), look_(look),
           facets_(may_need_facets(laws_of(scene.scene))), directional_(may_be_directional(laws_of(scene.scene))),
-          shore_(scene.scene.far_shore && source.data_base().has_culture) {}
+          shore_(scene.scene.far_shore && source.data_base().has_culture), refines_(refinement_of(scene).on()) {}
 
     WedgeForecast operator()(const Wedge& wedge) const {
         WedgeForecast f;
-        const std::size_t cells = WedgeCells::bytes_of(static_cast<std::size_t>(wedge.bins.size()),
-                                                       static_cast<std::size_t>(scene_.swept.range_bins.size()));
+        const std::size_t cells = WedgeCells::bytes_of(
+            static_cast<std::size_t>(wedge.bins.size()), static_cast<std::size_t>(scene_.swept.range_bins.size()), 1,
+            refines_ ? WedgeCells::Halves::apart : WedgeCells::Halves::together);
         std::size_t most = 0;
         for (const SpokeRun& run : wedge.runs) most = std::max(most, walk(run, f));
         f.peak_bytes = cells + most + allocations;
@@ -123,7 +125,8 @@ private:
             // The ring that the strip ends in has the most spokes.
             std::size_t last_ring = ring;
             while (last_ring + 1 < rings.size() && rings[last_ring].lines.end <= lines.end) ++last_ring;
-            const std::size_t lanes = static_cast<std::size_t>(run.spokes[last_ring].size() + run.spokes[ring].size());
+            auto lanes = static_cast<std::size_t>(run.spokes[last_ring].size() + run.spokes[ring].size());
+            if (refines_) lanes = lanes_refined(lanes, static_cast<std::size_t>(run.bins.size()));
             const ChunkRequest request{
                 grid_.window(fan, spokes, live, lines), lines_are_columns(q), {}, {}, {}, grid_.level(fan, line), {}};
             const Window posts = raster_posts(request.window, request.level);
@@ -164,13 +167,19 @@ private:
         return most;
     }
 
+    /// What the bins of a run, in pieces of fewer the more spokes they have, take at the most.
+    static std::size_t lanes_refined(std::size_t lanes, std::size_t bins) {
+        constexpr std::size_t times = std::size_t{1} << Refinement::most_rounds, parents = 16;
+        return std::max(lanes, times * lanes / std::max(bins, std::size_t{1}) + parents);
+    }
+
     static constexpr std::size_t allocations = 256 * 1024;  // what the heap takes for many small pieces
     const ResolvedScene& scene_;
     WedgeSource& source_;
     const DataBase& db_;
     const SpokeGrid& grid_;
     std::int64_t strip_;
-    bool look_, facets_, directional_, shore_;
+    bool look_, facets_, directional_, shore_, refines_;
 };
 
 /// Decoded bytes that go through the source's cache. Of a raster without a map, thus read by GDAL, whose blocks are wider

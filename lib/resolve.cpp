@@ -11,6 +11,7 @@
 #include "lib/engine.hpp"
 #include "lib/error.hpp"
 #include "lib/raised_source.hpp"
+#include "lib/refine.hpp"
 #include "lib/rounding.hpp"
 #include "lib/shade.hpp"
 
@@ -366,6 +367,25 @@ std::array<double, 4> quiet_posts(const ResolvedScene& s, const DataBase& db) {
     }
     return quiet;
 }
+
+}  // namespace
+
+Refinement refinement_of(const ResolvedScene& s) {
+    Refinement refinement;
+    if (s.scene.spokes_per_post || s.scene.spokes_per_bin) return refinement;
+    const RadarParams radar = like_bins_of(s);
+    // Halves differ by two to nine times as much as the whole is off; glimpses, which no rule foresees, by much more than all
+    // else. Source: docs/accuracy.md "Bins in doubt".
+    const double promised_db = promised_error(s.scene.quality).rms_db;
+    refinement.least_db = std::min(4 * promised_db, 0.8);
+    refinement.cell_db = std::min(15 * promised_db, 2.0);
+    refinement.noise_w = radar.noise_power_w();
+    refinement.pulse_bins =
+        static_cast<std::size_t>(std::clamp(std::round(radar.pulse_extent_m() / s.swept.range_bin_m), 1.0, 64.0));
+    return refinement;
+}
+
+namespace {
 
 /// What part of its height a sensor counts as high over ground of a roughness: single posts that stand out throw shadows as
 /// long as ground of usual relief does from lower down. 1 for relief as mountains have it at 30 m.

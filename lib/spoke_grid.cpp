@@ -55,7 +55,8 @@ Sampling sampling(Quality quality, GroundCover cover, double above_posts) {
                     .exact_course = false};
         case Quality::normal:
             if (culture_height || (classes && low)) return dense(1.25, 12, 2);
-            return classes ? dense(1, 8, 2) : dense(high ? 0.6 : 1, 6, 2);
+            if (classes) return dense(1, 8, 2);
+            return dense(high ? 0.6 : 1, above_posts >= 4 ? 8 : 6, 2);
         case Quality::fine:
             if (culture_height) return dense(2, 24, 2);
             return classes ? dense(1.6, 14, 4) : dense(1.25, 12, 4);
@@ -155,7 +156,7 @@ double SpokeGrid::needed_spokes(Fan f, const Sampling& sampling, double least, s
                      post = static_cast<double>(std::int64_t{1} << band.level);
         most = std::max(most, spokes_a_post * counted_posts(sampling, post, std::min(dense_to, end) / post, to_thin));
     }
-    return most;
+    return sampling.times * most;
 }
 
 std::vector<Ring> SpokeGrid::rings_from(Fan f, const Sampling& sampling, double least, std::int64_t spokes) const {
@@ -186,7 +187,8 @@ void SpokeGrid::set_rings(Fan f, const Sampling& sampling, double least) {
     const auto whole_steps = [](double spokes) {
         return static_cast<std::int64_t>(std::ceil(spokes / static_cast<double>(spoke_step))) * spoke_step;
     };
-    const std::int64_t first = whole_steps(lines.line_count ? needed_spokes(f, sampling, least, 0) : least);
+    const std::int64_t first =
+        whole_steps(lines.line_count ? needed_spokes(f, sampling, least, 0) : sampling.times * least);
     lines.rings = rings_from(f, sampling, least, first);
     if (!lines.line_count) return;
     // Or so many that the farthest lines, which have most of the samples, get no more than they need. The farther a line the

@@ -44,6 +44,7 @@ struct Sampling {
     /// How many times a line's distance spokes are dense enough for. A spoke that a doubling puts between two starts from
     /// the mean of their horizons, which is wrong until ground of its own hides more.
     double lead = 1;
+    int times = 1;            ///< so many times as many of all that
     bool cross_lines = true;  ///< sampled where spokes cross the other axis' lines too
     bool exact_course =
         false;  ///< the bilinear surface's course between two samples, not a straight line, decides what is seen

@@ -2,6 +2,7 @@
 
 #include "lib/engine.hpp"
 #include "lib/error.hpp"
+#include "lib/refine.hpp"
 
 namespace wedgescope {
 
@@ -33,6 +34,7 @@ std::vector<Fact> echo_facts(const ResolvedScene& s, const DataBase& db) {
     add("spokes-per-post", sampled.spokes_per_post);
     add("spokes-per-bin", sampled.spokes_per_bin);
     add("posts above", sampled.above_posts);
+    add("refined from", refinement_of(s).least_db);
     add("spoke-lead", sampled.lead);
     add("crossings", sampled.cross_lines);
     add("course", sampled.exact_course ? "curved" : "straight");

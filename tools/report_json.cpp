@@ -40,6 +40,7 @@ WedgeReport sum(Iterator begin, Iterator end) {
         total.chunks += w->chunks;
         total.samples += w->samples;
         total.visible_pieces += w->visible_pieces;
+        total.refined_bins += w->refined_bins;
         total.peak_bytes = std::max(total.peak_bytes, w->peak_bytes);
     }
     return total;
@@ -221,6 +222,7 @@ nlohmann::ordered_json report_json(const Settings& settings, const RunResult& ru
         entry["bytes_skipped"] = wedge.bytes_skipped;
         entry["samples"] = wedge.samples;
         entry["visible_pieces"] = wedge.visible_pieces;
+        entry["refined_azimuth_bins"] = wedge.refined_bins;
         entry["peak_bytes"] = wedge.peak_bytes;
         return entry;
     };

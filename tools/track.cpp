@@ -56,7 +56,7 @@ struct FrameReport {
     std::array<float, stage_count> wall_s{};
     std::array<float, std::size(cpu_stages)> cpu_s{};
     std::array<std::uint64_t, state_count> states{};
-    std::uint64_t samples = 0, pieces = 0, posts = 0, bytes = 0;
+    std::uint64_t samples = 0, pieces = 0, refined_bins = 0, posts = 0, bytes = 0;
     Sampling sampling;
 };
 
@@ -321,6 +321,7 @@ private:
                 report.cpu_s[i] += static_cast<float>(w.*cpu_stages[i].seconds);
             report.samples += w.samples;
             report.pieces += w.visible_pieces;
+            report.refined_bins += w.refined_bins;
             report.posts += w.posts_read;
             report.bytes += w.bytes_read;
         }
@@ -403,6 +404,7 @@ json frame_json(const Frames& frames, std::size_t frame, const FrameReport& r, d
     out["sampling"] = sampling_json(r.sampling);
     out["samples"] = r.samples;
     out["visible_pieces"] = r.pieces;
+    out["refined_azimuth_bins"] = r.refined_bins;
     out["posts"] = r.posts;
     out["bytes_read"] = r.bytes;
     return out;

@@ -1,0 +1,38 @@
+// Refine: which azimuth bins of a wedge were sampled too coarsely, by what each half of their spokes alone makes of them.
+// Leaves how densely a sweep begins to spoke_grid.hpp (sampling), and sweeping to the engine.
+//
+// A bin whose only echo at some range is a glimpse of a crest, narrower than a few spokes are apart, may be off by many dB,
+// and a picture of few bright cells by more than its quality promises; how many spokes the worst of them need nobody knows
+// beforehand. But halves that disagree tell it. Bins in doubt are swept again with twice the spokes, up to three times.
+// What a bin shows so hangs on its own echoes alone, never on a wedge, a budget or a thread.
+#pragma once
+#include <cstddef>
+#include <limits>
+#include <vector>
+
+#include "lib/deposit.hpp"
+#include "lib/interval.hpp"
+
+namespace wedgescope {
+
+struct ResolvedScene;
+
+struct Refinement {
+    static constexpr int most_rounds = 3;
+    /// A bin is in doubt where half the difference of its halves, of cells that it is more than cell_db in, makes an RMS of
+    /// more than least_db over the bright cells. Infinite: none ever is.
+    double least_db = std::numeric_limits<double>::infinity();
+    double cell_db = 0;
+    double noise_w = 0;          ///< what a cell's echo counts beside
+    std::size_t pulse_bins = 1;  ///< range bins whose echoes arrive together
+    bool on() const { return least_db < std::numeric_limits<double>::infinity(); }
+};
+
+/// Off where the scene says how many spokes there are.
+Refinement refinement_of(const ResolvedScene& scene);
+
+/// Of these rows of cells whose halves are apart those in doubt, in order, neighbouring ones together.
+std::vector<Interval> rows_in_doubt(const WedgeCells& cells, const std::vector<Interval>& among,
+                                    const Refinement& refinement);
+
+}  // namespace wedgescope
