@@ -86,6 +86,12 @@ void locate(ResolvedScene& s, const DataBase& db) {
     s.y = db.origin_y + s.nadir.row * db.step_y;
 }
 
+/// In the outer half of an outermost cell, where no four posts stand round a place.
+bool beyond_posts(const DataBase& db, IndexPosition p) {
+    const auto within = [](double at, std::int64_t posts) { return at >= 0 && at <= static_cast<double>(posts - 1); };
+    return !(within(p.row, db.rows) && (db.cyclic || within(p.column, db.columns)));
+}
+
 void stand(ResolvedScene& s, WedgeSource& source) {
     const DataBase& db = source.data_base();
     const PlatformParams& p = s.scene.platform;
@@ -108,7 +114,10 @@ void stand(ResolvedScene& s, WedgeSource& source) {
                 throw InputError(fmt::format(
                     "altitude-agl needs terrain below the sensor; column {:.1f}, row {:.1f} of '{}' is {} (give "
                     "altitude-msl)",
-                    s.nadir.column, s.nadir.row, db.name, s.nadir_in_raster ? "void" : "outside the raster"));
+                    s.nadir.column, s.nadir.row, db.name,
+                    !s.nadir_in_raster          ? "outside the raster"
+                    : beyond_posts(db, s.nadir) ? "beyond its outermost posts"
+                                                : "void"));
             s.sensor_m = ground + p.altitude_m;
             break;
     }

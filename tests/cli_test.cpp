@@ -483,6 +483,26 @@ TEST_CASE("the sensor stands above ground, wherever it is", "[cli]") {
     CHECK(outside.code == 0);
     CHECK_THAT(outside.err, Contains("outside the terrain raster"));
     CHECK(folder.names().contains("scope.png"));
+    // The raster's edge lies half a cell beyond the outermost posts, where there is no terrain: not a void.
+    refuses(folder, {"coverage", "--xy", "453732.926,3764090", "--altitude-agl", "30m", dem, "seen.tif"}, 2,
+            {"altitude-agl", "row -0.4", "beyond its outermost posts"});
+}
+
+TEST_CASE("a sensor a hair inside the outermost posts sees what one upon them sees", "[cli]") {
+    const Folder folder;
+    std::vector<std::string> seen;
+    // Upon the outermost row; 7e-7 and 2e-4 of a post inside.
+    for (const char* y : {"3764078.07702085", "3764078.0770", "3764078.071"}) {
+        INFO(y);
+        const Outcome done = folder.run({"coverage", "--xy", std::string("453732.926,") + y, "--altitude-agl", "30m",
+                                         "--range", "5km", dem, std::string(y) + ".tif"});
+        INFO(done.err);
+        REQUIRE(done.code == 0);
+        seen.push_back(done.err.substr(0, done.err.find('\n')));
+        CHECK_THAT(seen.back(), Contains("seen: "));
+    }
+    CHECK(seen[1] == seen[0]);
+    CHECK(seen[2] == seen[0]);
 }
 
 TEST_CASE("outputs are checked before any work, and nothing half-written stays", "[cli]") {
