@@ -150,6 +150,22 @@ TEST_CASE("scale, offset and feet are honoured", "[raster]") {
         draw(folder / "parts.tif", d);
         CHECK(post(folder / "parts.tif", 2, 1) == static_cast<float>(80.5 * metres));
     }
+    // What the CRS says where the band says nothing, as in the mosaics of gdalbuildvrt.
+    const auto with_crs = [&](const std::string& crs, const std::string& unit) {
+        const std::string path = folder / "mosaic.vrt";
+        std::ofstream(path) << "<VRTDataset rasterXSize=\"4\" rasterYSize=\"3\"><SRS>" << crs
+                            << "</SRS><GeoTransform>1000,10,0,2000,0,-10</GeoTransform><VRTRasterBand "
+                               "dataType=\"Int16\" band=\"1\">"
+                            << unit
+                            << "<SimpleSource><SourceFilename relativeToVRT=\"1\">plain.tif</SourceFilename>"
+                               "</SimpleSource></VRTRasterBand></VRTDataset>";
+        return post(path, 2, 1);
+    };
+    CHECK(with_crs("EPSG:32611", "") == 201);
+    CHECK(with_crs("EPSG:32611+5703", "") == 201);
+    CHECK(with_crs("EPSG:32611+6360", "") == static_cast<float>(201.0 * 1200 / 3937));
+    CHECK(with_crs("EPSG:32611+8228", "") == static_cast<float>(201 * 0.3048));
+    CHECK(with_crs("EPSG:32611+6360", "<UnitType>m</UnitType>") == 201);
     d.unit = "dB";
     draw(folder / "power.tif", d);
     CHECK_THAT(refusal<DataError>(folder / "power.tif"),

@@ -42,6 +42,15 @@ void inspect_grid(GDALDataset& dataset, RasterFacts& facts) {
     facts.corner_y = static_cast<double>(facts.rows) - 0.5;
 }
 
+/// Of heights, as the CRS of a raster says it whose band says nothing: a mosaic that gdalbuildvrt made, NetCDF, ENVI. Empty for
+/// metres, and where the CRS has no heights.
+std::string vertical_unit(const OGRSpatialReference* crs) {
+    if (!crs || !crs->IsVertical()) return {};
+    const char* name = nullptr;
+    const double metres = crs->GetTargetLinearUnits("VERT_CS", &name);
+    return std::fabs(metres - 1) < 1e-12 || !name ? std::string() : name;
+}
+
 void inspect_band(GDALDataset& dataset, RasterFacts& facts) {
     GDALRasterBand& band = *dataset.GetRasterBand(1);
     facts.type = band.GetRasterDataType();
@@ -61,6 +70,7 @@ void inspect_band(GDALDataset& dataset, RasterFacts& facts) {
         throw DataError(text(facts.named(), " has band scale ", facts.scale, " and offset ", facts.offset,
                              "; accepted: finite numbers, a scale that is not 0"));
     if (const char* unit = band.GetUnitType()) facts.unit = unit;
+    if (facts.unit.empty()) facts.unit = vertical_unit(dataset.GetSpatialRef());
     const std::optional<double> metres = unit_in_metres(facts.unit);
     if (!metres && facts.role == "dem")
         throw DataError(text(facts.named(), " has heights in the unit '", facts.unit,
