@@ -531,6 +531,25 @@ TEST_CASE("outputs are checked before any work, and nothing half-written stays",
     CHECK(content(folder.file("run.notes")) == "mine");
     refuses(folder, with(good, {"--power", "p.img", "--states", "p.dat", "--of", "ENVI"}), 2,
             {"p.img", "p.dat", "p.hdr"});
+    // Nor are the parts of a mosaic, of mosaics of mosaics neither.
+    const std::string part = grid(folder, "part & more", "5");
+    const std::string inner = folder.write(
+        "inner.vrt",
+        R"(<VRTDataset rasterXSize="10" rasterYSize="8"><GeoTransform>465000,30,0,3750240,0,-30</GeoTransform>)"
+        R"(<VRTRasterBand dataType="Int16" band="1"><SimpleSource>)"
+        R"(<SourceFilename relativeToVRT="1">part &amp; more.asc</SourceFilename></SimpleSource></VRTRasterBand></VRTDataset>)");
+    const std::string outer = folder.write(
+        "outer.vrt",
+        R"(<VRTDataset rasterXSize="10" rasterYSize="8"><GeoTransform>465000,30,0,3750240,0,-30</GeoTransform>)"
+        R"(<VRTRasterBand dataType="Int16" band="1"><SimpleSource><SourceFilename relativeToVRT="0">)" +
+            inner + R"(</SourceFilename></SimpleSource></VRTRasterBand></VRTDataset>)");
+    const std::string before = content(part);
+    for (const std::string& mosaic : {inner, outer})
+        refuses(folder,
+                {"coverage", "--xy", "465100,3750100", "--altitude-msl", "500m", mosaic, "part & more.asc", "--of",
+                 "GTiff", "--overwrite"},
+                2, {"part & more.asc", "of which dem", "is made", "may not replace an input"});
+    CHECK(content(part) == before);
     // A run that fails late leaves the old output alone.
     folder.write("scope.png", "mine");
     refuses(folder, with(with(good, out), {"--overwrite", "--memory", "64KiB"}), 2, {"memory"});

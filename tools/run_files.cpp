@@ -5,7 +5,10 @@
 #include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <iterator>
 #include <optional>
+#include <set>
+#include <string_view>
 #include <system_error>
 
 #include "lib/error.hpp"
@@ -23,6 +26,46 @@ bool same_file(const std::string& a, const std::string& b) {
     if (fs::equivalent(a, b, error) && !error) return true;
     const std::string canonical = canonical_path(a);
     return !canonical.empty() && canonical == canonical_path(b);
+}
+
+/// A value of XML without its entities.
+std::string plain_words(std::string words) {
+    const std::pair<const char*, const char*> entities[] = {
+        {"&lt;", "<"}, {"&gt;", ">"}, {"&quot;", "\""}, {"&apos;", "'"}, {"&amp;", "&"}};
+    for (const auto& [entity, sign] : entities)
+        for (std::size_t at = 0; (at = words.find(entity, at)) != std::string::npos; at += std::strlen(sign))
+            words.replace(at, std::strlen(entity), sign);
+    return words;
+}
+
+/// Files that a VRT is made of, by its own words, which take no GDAL; none of what is no VRT.
+std::vector<std::string> vrt_parts(const std::string& path) {
+    std::ifstream in(path, std::ios::binary);
+    std::string words(1024, '\0');
+    in.read(words.data(), static_cast<std::streamsize>(words.size()));
+    words.resize(static_cast<std::size_t>(in.gcount()));
+    if (words.find("<VRTDataset") == std::string::npos) return {};
+    words.append(std::istreambuf_iterator<char>(in), {});
+    std::vector<std::string> parts;
+    for (const std::string_view tag : {"<SourceFilename", "<SourceDataset"})
+        for (std::size_t at = 0; (at = words.find(tag, at)) != std::string::npos; at += tag.size()) {
+            const std::size_t begin = words.find('>', at), end = words.find('<', begin);
+            if (end == std::string::npos) break;
+            const bool beside = words.substr(at, begin - at).find("relativeToVRT=\"1\"") != std::string::npos;
+            const fs::path part = plain_words(words.substr(begin + 1, end - begin - 1));
+            parts.push_back(beside ? fs::path(path).parent_path() / part : part);
+        }
+    return parts;
+}
+
+/// Of a VRT, and of those that it is made of.
+bool is_part(const std::string& path, const std::string& mosaic, std::set<std::string>& looked_into) {
+    std::error_code error;
+    if (!fs::is_regular_file(mosaic, error) || !looked_into.insert(canonical_path(mosaic)).second) return false;
+    const auto parts = vrt_parts(mosaic);
+    return std::any_of(parts.begin(), parts.end(), [&](const std::string& part) {
+        return same_file(path, part) || is_part(path, part, looked_into);
+    });
 }
 
 /// At any depth; what is no folder holds nothing.
@@ -55,6 +98,10 @@ void check_names(const NamedPaths& outputs, const NamedPaths& inputs) {
             if (same_file(path, input))
                 throw InputError(text(key, " is ", in_quotes(path), ", which is ", input_key,
                                       " too; an output may not replace an input"));
+            std::set<std::string> looked_into;
+            if (std::error_code error; fs::exists(path, error) && is_part(path, input, looked_into))
+                throw InputError(text(key, " is ", in_quotes(path), ", of which ", input_key, " ", in_quotes(input),
+                                      " is made; an output may not replace an input"));
             if (lies_in(path, input))
                 throw InputError(text(key, " is ", in_quotes(path), ", which lies in ", input_key, " ",
                                       in_quotes(input), "; an output may not lie in an input"));

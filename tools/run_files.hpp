@@ -18,7 +18,8 @@ namespace wedgescope {
 /// Keys and the paths that they name; empty paths name nothing.
 using NamedPaths = std::vector<std::pair<const char*, std::string>>;
 
-/// InputError where an output is an input too or lies in one that is a folder, or two outputs are one file.
+/// InputError where an output is an input too, a part of one that is a VRT, or lies in one that is a folder, or two outputs are
+/// one file.
 void check_names(const NamedPaths& outputs, const NamedPaths& inputs);
 
 /// The one name of a path, however it is written, also where nothing stands there yet; empty if the system does not tell.
