@@ -281,6 +281,24 @@ TEST_CASE("a file cut short is an error that names where, not a plain at sea lev
     CHECK_THAT(refusal<IoError>(path), Contains("short.tif"));
 }
 
+TEST_CASE("a text cut short is an error that names where, however far down it is asked for", "[raster]") {
+    const Folder folder;
+    const auto write = [&](const std::string& name, int lines) {
+        std::ofstream out(folder / name);
+        out << "ncols 4\nnrows 400\nxllcorner 0\nyllcorner 0\ncellsize 30\n";
+        for (int r = 0; r < lines; ++r) out << r << " 1 2 3\n";
+    };
+    write("whole.asc", 400);
+    CHECK(post(folder / "whole.asc", 0, 399) == 399);
+    write("cut.asc", 60);
+    DataBaseParams params;
+    params.dem = folder / "cut.asc";
+    const auto source = open_direct_source(params);
+    CHECK_THAT(test::refusal<IoError>([&] { source->bare_terrain_m(0, 380); }),
+               Contains("cut.asc': row 60 cannot be read"));
+    CHECK(source->bare_terrain_m(0, 40) == 40);
+}
+
 TEST_CASE("codes are whole numbers", "[raster]") {
     const Folder folder;
     Drawing d;

@@ -307,9 +307,21 @@ void RasterFile::close_idle() {
     closed.swap(free_);
 }
 
+/// Where a line of a text begins is known when all before it are read. GDAL looks for each line anew where one of these fails, which
+/// in a file cut short takes for ever.
+void RasterFile::find_lines(Reader& reader, std::int64_t line) const {
+    if (facts_.driver != "AAIGrid" && facts_.driver != "GRASSASCIIGrid" && facts_.driver != "ISG") return;
+    std::vector<std::byte> values(static_cast<std::size_t>(facts_.block_columns * facts_.type_bytes));
+    for (; reader.lines_found < line; ++reader.lines_found)
+        if (GdalErrors errors;
+            reader.band->ReadBlock(0, static_cast<int>(reader.lines_found), values.data()) != CE_None)
+            throw IoError(text(facts_.named(), ": row ", reader.lines_found, " cannot be read: ", errors.reason()));
+}
+
 void RasterFile::read_values(const Window& window, void* out, GDALDataType type, std::int64_t line_bytes) {
     if (window.empty()) return;
     const Lease lease(*this);
+    find_lines(*lease, window.rows.begin);
     GdalErrors errors;
     const int columns = static_cast<int>(window.columns.size()), rows = static_cast<int>(window.rows.size());
     // A VRT computes in the type that is asked for: fractions of scaled or interpolated sources are none of its band's type.

@@ -34,7 +34,9 @@ private:
     struct Reader {
         DatasetHandle dataset;
         GDALRasterBand* band = nullptr;
+        std::int64_t lines_found = 0;  ///< of a text: so many from the top have been read
     };
+    void find_lines(Reader& reader, std::int64_t line) const;
     class Lease;
 
     std::mutex mutex_;
