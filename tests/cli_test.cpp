@@ -580,11 +580,14 @@ TEST_CASE("what may look like an error of the program is explained", "[cli][long
     const Strings place{"--latlon", "33.8,-117.4", "--altitude-msl", "3km", "--range", "6km"};
     says(with(place, {"--wind-direction", "30deg"}), "wind-direction has no effect: it is that of waves");
     says(with(place, {"--far-shore", "on"}), "far-shore has no effect: water is told from land by culture");
+    says(with(place, {"--sea-state", "3", "--wind-direction", "30deg"}),
+         "sea-state and wind-direction have no effect: no ground is of a class of water, by culture or material");
+    says(with(place, {"--water", "calm"}), "water has no effect: no ground is of a class of water");
     says(with(place, {"--walls", "statistical"}), "walls statistical has no effect: no class of the ground");
     says(with(place, {"--sea-state", "4", "--backscatter", "oh", "--gamma", "-15dB"}),
          "backscatter and sea-state have no effect: gamma is one for everything");
     says(with(place, {"--class-table", "name,gamma10_db;tress,-14"}), "class-table adds tress, which neither");
-    for (const Strings& more : {Strings{"--wind-direction", "30deg", "--sea-state", "2"},
+    for (const Strings& more : {Strings{"--wind-direction", "30deg", "--sea-state", "2", "--material", "water"},
                                 Strings{"--walls", "statistical", "--material", "suburban"},
                                 Strings{"--class-table", "name,gamma10_db;Soil,-14"},
                                 Strings{"--class-table", "name,gamma10_db;corn,-14", "--material", "corn"}})
@@ -592,6 +595,9 @@ TEST_CASE("what may look like an error of the program is explained", "[cli][long
     const Outcome usual =
         folder.run(with(scene, {"--latlon", "33.8,-117.4", "--altitude-msl", "3km", "--range", "20km"}));
     CHECK(usual.error_lines() == 2);  // the sensor's place, and what was written
+    // The tube is no matter of a run that draws none.
+    const Strings layer{"simulate", "--dem", dem, "--power", "p.tif", "--overwrite", "--if-gain", "-100dB"};
+    CHECK(folder.run(with(layer, place)).error_lines() == 2);
 }
 
 TEST_CASE("all outputs of one run appear, and the report describes them", "[cli]") {

@@ -153,7 +153,7 @@ TEST_CASE("each stage's work counts its seconds once", "[report]") {
 
 TEST_CASE("who asks for max-error is told where it does not hold", "[report]") {
     RunResult run = drawn_run(1);
-    const auto remark = [&] { return doubts(run)[error_unkept]; };
+    const auto remark = [&] { return doubts(run, true)[error_unkept]; };
     CHECK(remark().empty());  // a quality was asked for
     run.scene.scene.max_error_db = 0.05;
     CHECK(remark() == "max-error is promised from 3 km on, where the beam is two posts wide");

@@ -8,8 +8,20 @@
 #include "lib/raised_source.hpp"
 
 namespace wedgescope {
+namespace {
 
-std::array<std::string, doubt_count> doubts(const RunResult& r) {
+/// Of culture whose legend is not known it may.
+bool may_hold_water(const Scene& scene, const DataBase& db, const std::optional<Legend>& legend) {
+    const std::vector<Material>& classes = scene.materials.rows();
+    if (is_of_water(classes[db.default_class])) return true;
+    if (!db.has_culture) return false;
+    return !legend || std::any_of(legend->classes().begin(), legend->classes().end(),
+                                  [&](const auto& code) { return is_of_water(classes[code.second]); });
+}
+
+}  // namespace
+
+std::array<std::string, doubt_count> doubts(const RunResult& r, bool pictured) {
     std::array<std::string, doubt_count> lines;
     const auto count = [&](State s) { return r.report.states[static_cast<std::size_t>(s)]; };
     const double range_km = r.scene.scene.range_m.value_or(0) * 1e-3;
@@ -18,7 +30,7 @@ std::array<std::string, doubt_count> doubts(const RunResult& r) {
             fmt::format("nothing of the terrain lies within the range of {:.4g} km and the sector", range_km);
     else if (count(State::seen) + count(State::unknown) == 0)
         lines[nothing_seen] = "no ground is seen: all within range and sector is hidden or void";
-    else if (r.scope.lit == 0)
+    else if (pictured && r.scope.lit == 0)
         lines[nothing_lit] = r.scene.scene.receiver.minimum_range_m.value_or(0) * 1e-3 >= range_km
                                  ? "minimum-range is beyond the range: nothing is received"
                                  : "every echo stays below the tube's black level (a higher if-gain shows more)";
@@ -50,6 +62,15 @@ std::vector<std::string> idle_effects(const Scene& scene, const DataBase& db, co
     }
     if (scene.wind_from && !may_be_windy(laws_of(scene)))
         lines.push_back("wind-direction has no effect: it is that of waves, and there are none");
+    if (!scene.gamma && !may_hold_water(scene, db, legend)) {
+        std::vector<const char*> idle;
+        if (scene.water != WaterModel::nrl) idle.push_back("water");
+        if (scene.sea_state > 0) idle.push_back("sea-state");
+        if (scene.wind_from && may_be_windy(laws_of(scene))) idle.push_back("wind-direction");
+        if (!idle.empty())
+            lines.push_back(fmt::format("{} {} no effect: no ground is of a class of water, by culture or material",
+                                        fmt::join(idle, " and "), idle.size() > 1 ? "have" : "has"));
+    }
     if (scene.far_shore && !db.has_culture)
         lines.push_back("far-shore has no effect: water is told from land by culture, and there is none");
     if (scene.walls == Walls::statistical && raises_m(scene, db).empty())

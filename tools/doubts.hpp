@@ -1,4 +1,4 @@
-// Doubts: what a user may take for an error of the program in a picture that is right, for a remark.
+// Doubts: what a user may take for an error of the program in a picture or layers that are right, for a remark.
 // And what of a scene has no effect. Leaves saying it to the commands.
 #pragma once
 #include <array>
@@ -14,8 +14,8 @@ namespace wedgescope {
 /// Kinds of doubt, as they stand in doubts().
 enum Doubt : std::size_t { nothing_there, nothing_seen, nothing_lit, wide_bins, error_unkept, doubt_count };
 
-/// A line for each kind of doubt that there is about a picture; empty: none.
-std::array<std::string, doubt_count> doubts(const RunResult& result);
+/// A line for each kind of doubt that there is about a run; empty: none. `pictured`: is there a picture of it to be seen?
+std::array<std::string, doubt_count> doubts(const RunResult& result, bool pictured);
 /// A line for each effect that a scene asks for and that changes nothing over a data base. `legend`: of its culture; none: not
 /// known.
 std::vector<std::string> idle_effects(const Scene& scene, const DataBase& data_base,

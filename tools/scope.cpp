@@ -113,7 +113,7 @@ void scope(const std::vector<std::string>& arguments, Stop& stop) {
     std::string written;
     for (const OutputFile* output : files) written += (written.empty() ? "" : ", ") + output->final_path();
     OutputFile::commit(files);
-    for (const std::string& line : doubts(result))
+    for (const std::string& line : doubts(result, !settings.output.empty()))
         if (!line.empty()) remark(settings.quiet, line);
     remark(settings.quiet, text("written: ", written, fmt::format(" ({:.2f} s)", now_s() - start_s)));
 }

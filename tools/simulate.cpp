@@ -252,7 +252,7 @@ void simulate(const Settings& given, WorkDir* work, double start_s, Stop& stop) 
     for (const std::string& line : idle_effects(settings.scene, source->data_base(), layers.legend))
         remark(settings.quiet, line);
     if (!settings.only_wedges)
-        for (const std::string& line : doubts(result))
+        for (const std::string& line : doubts(result, !settings.output.empty()))
             if (!line.empty()) remark(settings.quiet, line);
     if (settings.verbose || settings.profile) fmt::print(stderr, "{}", report_table(result.report, outer, usage));
     if (settings.profile)

@@ -330,7 +330,7 @@ private:
     }
 
     void note_doubts(const RunResult& result, std::size_t frame) {
-        const auto lines = wedgescope::doubts(result);
+        const auto lines = wedgescope::doubts(result, !settings_.output.empty());
         const std::lock_guard lock(doubts_mutex_);
         for (std::size_t kind = 0; kind < lines.size(); ++kind) {
             DoubtCount& d = doubts_[kind];
