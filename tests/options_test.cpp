@@ -616,6 +616,20 @@ TEST_CASE("a path that is no plain file stays as it is", "[options]") {
     CHECK(settings_from(read_scene("scene.ini", "dem = a.tif"), {}).dem == "a.tif");
 }
 
+TEST_CASE("a value in double quotes may hold what begins a comment", "[options]") {
+    const auto dem = [](const std::string& value) {
+        return settings_from(read_scene("/f/scene.ini", "range = 30nmi # far\ndem = " + value + "\n"), {}).dem;
+    };
+    CHECK(dem("a#b.tif # terrain") == "/f/a#b.tif");
+    CHECK(dem("\"cell #1.tif\"") == "/f/cell #1.tif");
+    CHECK(dem("\"cell #1.tif\"\t# the first = one") == "/f/cell #1.tif");
+    CHECK(dem("NETCDF:\"a.nc\":v") == "NETCDF:\"a.nc\":v");
+    const auto wrong = [&](const std::string& value) { return refusal([&] { dem(value); }); };
+    CHECK_THAT(wrong("\"cell #1.tif"), Contains("line 2: dem begins with a double quote that nothing closes"));
+    CHECK_THAT(wrong("\"cell 1.tif\" x"), Contains("line 2: dem goes on behind the double quote that closes it"));
+    CHECK_THAT(wrong("\"\""), Contains("line 2: dem has no value"));
+}
+
 TEST_CASE("a scene file is refused with the line that is wrong", "[options]") {
     const auto wrong = [](const std::string& content) {
         return refusal([&] { settings_from(read_scene("s.ini", content), {}); });

@@ -194,7 +194,8 @@ const std::vector<CommandInfo>& command_table() {
     static const std::vector<CommandInfo> table = {
         {command_simulate, "simulate", "wedgescope simulate [options] [scene.ini]",
          "data base + scene -> scope picture, echo, power and state layers, response of the ground, report",
-         "Every option below is also a key of the scene file (lines 'key = value', # begins a comment). The command "
+         "Every option below is also a key of the scene file (lines 'key = value'; # behind a blank begins a comment, "
+         "but not within double quotes round the value). The command "
          "line wins; relative "
          "paths in the file start from its folder. Outputs appear under their names only when they are whole.",
          "wedgescope simulate --dem terrain.tif --latlon 33.9,-117.3 --altitude-msl 7000ft --range 30nmi -o scope.png"},
@@ -288,6 +289,13 @@ std::optional<std::string> nearest(std::string_view word, const std::vector<std:
 
 namespace {
 
+/// A comment begins at the start or behind a blank: a path may hold a #. Trimmed.
+std::string_view without_comment(std::string_view line) {
+    for (std::size_t i = 0; i < line.size(); ++i)
+        if (line[i] == '#' && (i == 0 || line[i - 1] == ' ' || line[i - 1] == '\t')) return trimmed(line.substr(0, i));
+    return trimmed(line);
+}
+
 /// `key = value` lines. `subject`: for messages; `folder`: that relative paths start from; `refuse` throws for the name of a key
 /// that does not belong there, beginning with the place it is handed.
 template <class Refuse>
@@ -301,23 +309,27 @@ std::vector<Given> read_keys(const std::string& subject, const std::string& fold
         std::string_view rest = content.substr(0, end);
         content.remove_prefix(end == std::string_view::npos ? content.size() : end + 1);
         const std::string_view whole = trimmed(rest);
-        // A comment begins at the line's start or behind a blank: a path may hold a #.
-        for (std::size_t i = 0; i < rest.size(); ++i) {
-            if (rest[i] == '#' && (i == 0 || rest[i - 1] == ' ' || rest[i - 1] == '\t')) {
-                rest = rest.substr(0, i);
-                break;
-            }
-        }
-        rest = trimmed(rest);
+        rest = without_comment(whole);
         if (rest.empty()) continue;
         const auto equals = rest.find('=');
         const std::string place = text(subject, ", line ", line, ": ");
         if (equals == std::string_view::npos)
             throw InputError(text(place, in_quotes(whole.substr(0, 60)), " is not 'key = value'"));
         const std::string name(trimmed(rest.substr(0, equals)));
-        const std::string value(trimmed(rest.substr(equals + 1)));
+        std::string value(trimmed(rest.substr(equals + 1)));
         refuse(place, name);
         if (value.empty()) throw InputError(text(place, name, " has no value"));
+        if (const std::string_view all = trimmed(whole.substr(equals + 1)); all.front() == '"') {
+            const auto close = all.find('"', 1);
+            if (close == std::string_view::npos)
+                throw InputError(text(place, name, " begins with a double quote that nothing closes"));
+            if (!without_comment(all.substr(close + 1)).empty())
+                throw InputError(text(place, name,
+                                      " goes on behind the double quote that closes it; accepted there: a "
+                                      "comment"));
+            value = all.substr(1, close - 1);
+            if (value.empty()) throw InputError(text(place, name, " has no value"));
+        }
         if (const auto [at, fresh] = first_line.try_emplace(name, line); !fresh && !find_key(name)->repeatable)
             throw InputError(text(place, name, " stands in line ", at->second, " already"));
         given.push_back({name, value, place + name, folder.empty() ? "." : folder});
