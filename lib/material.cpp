@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "lib/error.hpp"
+#include "lib/lower_case.hpp"
 
 namespace wedgescope {
 
@@ -96,10 +97,7 @@ std::string column_names() {
 /// In any case, as value attribute tables have them.
 std::optional<ClassId> row_named(const std::vector<Material>& rows, std::string_view name) {
     for (std::size_t id = 0; id < rows.size(); ++id)
-        if (std::equal(name.begin(), name.end(), rows[id].name.begin(), rows[id].name.end(), [](char a, char b) {
-                return std::tolower(static_cast<unsigned char>(a)) == std::tolower(static_cast<unsigned char>(b));
-            }))
-            return static_cast<ClassId>(id);
+        if (same_letters(name, rows[id].name)) return static_cast<ClassId>(id);
     return std::nullopt;
 }
 
@@ -312,10 +310,11 @@ std::size_t add_rows(std::vector<Material>& rows, const std::string& source, std
         const std::string where = text(source, one_line ? ", row " : ", line ", line_number);
         const auto fail = [&](const auto&... what) { throw InputError(text(where, ": ", what...)); };
         const std::vector<std::string_view> cells = cells_of(line);
-        if (std::exchange(first_line, false) && cells.front() == columns[name]) {
+        if (std::exchange(first_line, false) && same_letters(cells.front(), columns[name])) {
             order.clear();
             for (const std::string_view cell : cells) {
-                const auto at = std::find(columns.begin(), columns.end(), cell);
+                const auto at = std::find_if(columns.begin(), columns.end(),
+                                             [&](const char* column) { return same_letters(cell, column); });
                 if (at == columns.end())
                     fail("column ", order.size() + 1, " is '", cell, "'; accepted: ", column_names());
                 const auto column = static_cast<Column>(at - columns.begin());

@@ -164,6 +164,13 @@ TEST_CASE("a table's own rows in one line read back as the same table", "[materi
     CHECK(Materials::from_csv("my.csv", "soil,-17,-8\nwater").own().empty());
 }
 
+TEST_CASE("columns of a class table are named in any case of letters", "[material]") {
+    const Materials table = Materials::from_csv("my.csv", "Name,GAMMA10_dB,Ulaby_Dobson\nCorn,-14,short\n");
+    const Material& corn = table.rows().at(table.find("corn").value());
+    CHECK(corn.gamma10_db == -14);
+    CHECK(corn.ulaby_dobson == UlabyDobsonClass::short_vegetation);
+}
+
 TEST_CASE("a wrong row of a class table is named", "[material]") {
     const auto says = [](const std::string& content, const Strings& words) {
         INFO(content);

@@ -819,7 +819,7 @@ TEST_CASE("what is no radar set is refused by name, with the line and what is ac
 TEST_CASE("an antenna's file is read into points that need no file any more", "[options]") {
     const SceneFile file("antenna = dish.csv\n");
     file.write("dish.csv",
-               "\xef\xbb\xbf# measured\r\n\r\ndepression_deg,gain_db\r\n-12.3,-31.07\r\n 0 , 0 "
+               "\xef\xbb\xbf# measured\r\n\r\nDepression_deg,gain_dB\r\n-12.3,-31.07\r\n 0 , 0 "
                "\r\n0.1rad,-1e1dB\r\n33.333,-12\n");
     const Settings s = simulated({file.path()});
     const AntennaParams& antenna = s.scene.radar.antenna;

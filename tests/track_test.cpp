@@ -37,7 +37,7 @@ const std::string program = WEDGESCOPE_PROGRAM;
 
 Track read(const std::string& content) {
     std::istringstream in(content);
-    return track_from("t.csv", in, Angle::degrees(7));
+    return track_from("t.csv", in, {Angle::degrees(7)});
 }
 
 std::string refused(const std::string& content) {
@@ -206,6 +206,12 @@ TEST_CASE("a table of a track names its columns and units in its first line", "[
     CHECK(track.at({}, 1).altitude_above == AltitudeAbove::sea_level);
     CHECK(read("time,x,y,altitude-agl\n0,1,2,3\n")[0].heading.deg() == Angle::degrees(7).deg());
     CHECK(read("\xef\xbb\xbftime,x,y,altitude-agl\r\n0,1,2,3\r\n").size() == 1);
+    // Names in any case of letters, and those of a table of observers.
+    const Track other = read("Time,Latitude,LONGITUDE,Altitude_MSL [ft],Heading\n0,33.5,-117,1000,90\n");
+    CHECK(other[0].first == 33.5);
+    CHECK(other[0].second == -117);
+    CHECK_THAT(other[0].altitude_m, WithinAbs(304.8, 1e-9));
+    CHECK(other[0].heading.deg() == 90);
 }
 
 TEST_CASE("a bad line of a track is named with what was found and what is accepted", "[track]") {
@@ -261,7 +267,7 @@ TEST_CASE("of a file without line ends no more is read than a line may have", "[
         }
     } endless;
     std::istream in(&endless);
-    CHECK_THAT(refusal<InputError>([&] { track_from("t.csv", in, Angle{}); }), Contains("line 1 has more than 4096"));
+    CHECK_THAT(refusal<InputError>([&] { track_from("t.csv", in, {}); }), Contains("line 1 has more than 4096"));
     CHECK(endless.given < 6000);
 }
 
@@ -987,6 +993,8 @@ TEST_CASE("names of all frames are looked at before work begins", "[track]") {
     CHECK_THAT(says(joined(again, {"--only-wedge", "0"})), Contains("only-wedge is given without work-dir"));
     CHECK_THAT(says(joined(again, {"--source", "spilled"})), Contains("source is spilled, and track is given"));
     CHECK_THAT(says(joined(again, {"--xy", "1,2"})), Contains("--track") || Contains("track alone says"));
+    CHECK_THAT(says(joined(again, {"--heading", "7deg"})),
+               Contains("--heading is given beside track '") && Contains("whose column heading says it row by row"));
     CHECK_THAT(says(joined(again, {"--scan-step", "4"})), Contains("scan-step is given without scan-period"));
     CHECK_THAT(says(joined(again, {"--scan-period", "4s"})), Contains("scan-period is given without scan-step"));
     CHECK_THAT(says(joined(again, {"--report", folder / "track.csv"})),

@@ -3,6 +3,7 @@
 #include <filesystem>
 #include <sstream>
 
+#include "lib/lower_case.hpp"
 #include "tools/options.hpp"
 #include "tools/table_file.hpp"
 #include "tools/text_file.hpp"
@@ -46,7 +47,7 @@ std::vector<PatternPoint> read_antenna_file(const std::string& origin, const std
         if (cells.size() != 2)
             throw InputError(text(place, "found ", cells.size(), cells.size() == 1 ? " cell" : " cells",
                                   "; accepted: two, ", columns));
-        if (first && cells[0] == "depression_deg" && cells[1] == "gain_db") continue;
+        if (first && same_letters(cells[0], "depression_deg") && same_letters(cells[1], "gain_db")) continue;
         // Any other header may mean another angle, or the other sign.
         if (first && !cells[0].empty() && std::isalpha(static_cast<unsigned char>(cells[0][0])))
             throw InputError(text(place, "the columns are ", in_quotes(rows.row()), "; accepted: ", columns));

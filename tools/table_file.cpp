@@ -5,6 +5,7 @@
 #include <cctype>
 
 #include "lib/error.hpp"
+#include "lib/lower_case.hpp"
 
 namespace wedgescope {
 namespace {
@@ -27,11 +28,6 @@ bool split(std::string_view line, std::vector<std::string_view>& cells) {
         if (comma >= line.size()) return true;
         line.remove_prefix(comma + 1);
     }
-}
-
-bool same_letters(std::string_view a, std::string_view b) {
-    return std::equal(a.begin(), a.end(), b.begin(), b.end(),
-                      [](unsigned char x, unsigned char y) { return std::tolower(x) == std::tolower(y); });
 }
 
 }  // namespace
@@ -91,7 +87,7 @@ void TableReader::read_header() {
         const std::string_view name = trimmed(cell.substr(0, open));
         const TableColumn* found = nullptr;
         for (const TableColumn& column : known_)
-            if (others_ ? same_letters(name, column.name) : name == column.name) found = &column;
+            if (same_letters(name, column.name)) found = &column;
         const std::string at = text(rows_.subject(), ", line ", rows_.line(), ": column ", columns_.size() + 1);
         if (!found && !others_) throw InputError(text(at, " is ", in_quotes(cell), "; accepted: ", accepted_));
         if (!found) {

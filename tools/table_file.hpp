@@ -50,7 +50,7 @@ private:
 class TableReader {
 public:
     /// `subject`: for messages ("track 'x.csv'"); `accepted`: all columns in words; `others`: columns of other names are left
-    /// out, and names are taken in any case of letters; else refused. All must outlive it.
+    /// out; else refused. Names are taken in any case of letters. All must outlive it.
     TableReader(std::string subject, std::istream& content, std::span<const TableColumn> known, std::string accepted,
                 bool others)
         : rows_(std::move(subject), content), known_(known), accepted_(std::move(accepted)), others_(others) {}

@@ -520,9 +520,20 @@ void check_outputs(const Settings& settings, const Frames& frames) {
 
 }  // namespace
 
+namespace {
+
+/// Where a heading is given that is not one of a scene file which the track on the command line stands over; else empty.
+std::string heading_beside(const Settings& settings) {
+    const auto on_command_line = [&](const char* key) { return settings.spelled(key).starts_with("--"); };
+    const bool beside = settings.given.contains("heading") && (on_command_line("heading") || !on_command_line("track"));
+    return beside ? settings.spelled("heading") : "";
+}
+
+}  // namespace
+
 void simulate_track(const Settings& given, double start_s, Stop& stop) {
     Settings settings = given;
-    const Track track = read_track(settings.track, settings.scene.platform.heading);
+    const Track track = read_track(settings.track, {settings.scene.platform.heading, heading_beside(settings)});
     const Frames frames(settings, track);
     const GdalSession session(cache_bytes(settings), settings.config);
     check_outputs(settings, frames);

@@ -20,12 +20,17 @@ enum Field { time_field, lat, lon, x, y, altitude_msl, altitude_agl, altitude_ha
 
 constexpr TableColumn columns[] = {{time_field, "time", "s", Dimension::time},
                                    {lat, "lat", "", Dimension::angle, true},
+                                   {lat, "latitude", "", Dimension::angle, true},
                                    {lon, "lon", "", Dimension::angle, true},
+                                   {lon, "longitude", "", Dimension::angle, true},
                                    {x, "x"},
                                    {y, "y"},
                                    {altitude_msl, "altitude-msl", "m"},
+                                   {altitude_msl, "altitude_msl", "m"},
                                    {altitude_agl, "altitude-agl", "m"},
+                                   {altitude_agl, "altitude_agl", "m"},
                                    {altitude_hae, "altitude-hae", "m"},
+                                   {altitude_hae, "altitude_hae", "m"},
                                    {heading_field, "heading", "deg", Dimension::angle}};
 constexpr const char* accepted_columns =
     "time, lat and lon or x and y, one of altitude-msl, altitude-agl and altitude-hae, and heading, with a unit in "
@@ -65,17 +70,20 @@ TrackPoint point(const TableReader& table, Angle heading) {
 
 }  // namespace
 
-Track track_from(const std::string& path, std::istream& content, Angle heading) {
+Track track_from(const std::string& path, std::istream& content, const ScenesHeading& heading) {
     const std::string subject = text("track ", in_quotes(path));
     TableReader table(subject, content, columns, accepted_columns, false);
     table.read_header();
     check_columns(table);
+    if (!heading.beside.empty() && table.has(heading_field))
+        throw InputError(text(heading.beside, " is given beside ", subject,
+                              ", whose column heading says it row by row; one of the two is accepted"));
     std::vector<TrackPoint> points;
     while (table.next_row()) {
         if (points.size() == most_track_rows)
             throw InputError(text(subject, ", line ", table.line(), ": there are more than ", most_track_rows,
                                   " rows; split the file"));
-        points.push_back(point(table, heading));
+        points.push_back(point(table, heading.angle));
         if (points.size() > 1 && !(points.back().time_s > points[points.size() - 2].time_s))
             table.refuse(time_field, fmt::format("{} s", points.back().time_s),
                          text("more than the ", points[points.size() - 2].time_s, " s of the row before"));
@@ -89,7 +97,7 @@ Track track_from(const std::string& path, std::istream& content, Angle heading) 
     return Track(table.has(lat), altitude, std::move(points));
 }
 
-Track read_track(const std::string& path, Angle heading) {
+Track read_track(const std::string& path, const ScenesHeading& heading) {
     std::error_code ignored;
     if (std::filesystem::is_directory(path, ignored)) throw IoError(text("track ", in_quotes(path), " is a folder"));
     errno = 0;
