@@ -1358,6 +1358,16 @@ TEST_CASE("tile works from inside a store", "[cli]") {
     refuses(folder, {"tile", ".", "other"}, 2, {"'.' is a tile store"});
 }
 
+TEST_CASE("a mask is packed without loss, or not at all", "[cli]") {
+    const Folder folder;
+    const Strings mask{"coverage", "--latlon", "33.8,-117.4", "--altitude-msl", "1km", dem, "m.tif", "--overwrite"};
+    refuses(folder, with(mask, {"--co", "COMPRESS=JPEG"}), 2,
+            {"m.tif' holds codes", "GTiff with these creation options"});
+    refuses(folder, with(mask, {"--co", "NBITS=1"}), 2, {"m.tif' holds codes"});
+    CHECK(folder.run(with(mask, {"--co", "COMPRESS=DEFLATE"})).code == 0);
+    CHECK(folder.run(with(mask, {"--co", "NBITS=2", "--seen-value", "3"})).code == 0);
+}
+
 TEST_CASE("coverage of nothing but voids says so", "[cli]") {
     const Folder folder;
     const std::string hole =

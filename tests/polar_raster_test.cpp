@@ -741,6 +741,32 @@ TEST_CASE("with alpha a scope is transparent where the data base has no data", "
             Contains("alpha is on") && Contains(name));
 }
 
+TEST_CASE("states are written where every code is kept, and a picture where grey is taken, or refused at once",
+          "[polar_raster]") {
+    const Folder folder;
+    const auto check = [&](const char* name, OutputLayer layer, const std::vector<std::string>& creation = {}) {
+        RasterFormat format = plain_format();
+        format.creation = creation;
+        const OutputFile file(folder / name, true);
+        check_output(file, layer, format);
+    };
+    for (const char* name : {"s.tif", "s.png", "s.img", "s.bmp", "s.asc"}) {
+        INFO(name);
+        CHECK_NOTHROW(check(name, OutputLayer::states));
+    }
+    CHECK_NOTHROW(check("s.tif", OutputLayer::states, {"COMPRESS=LZW", "NBITS=4"}));
+    CHECK_THROWS_WITH(check("s.jpg", OutputLayer::states),
+                      Contains("s.jpg' holds codes, and driver JPEG") && Contains("does not keep them"));
+    CHECK_THROWS_AS(check("s.tif", OutputLayer::states, {"COMPRESS=JPEG"}), InputError);
+    CHECK_NOTHROW(check("s.jpg", OutputLayer::scope));
+    if (GDALGetDriverByName("WEBP"))  // colours alone
+        CHECK_THROWS_WITH(check("s.webp", OutputLayer::scope), Contains("WEBP") && Contains("takes no grey picture"));
+    if (GDALGetDriverByName("JP2OpenJPEG")) {
+        CHECK_THROWS_AS(check("s.jp2", OutputLayer::states), InputError);
+        CHECK_NOTHROW(check("s.jp2", OutputLayer::states, {"REVERSIBLE=YES", "QUALITY=100"}));
+    }
+}
+
 TEST_CASE("a ppi scope is no map and tells where its pixels are by a geolocation array", "[picture]") {
     const Folder folder;
     for (const DisplayKind kind : {DisplayKind::ppi, DisplayKind::tdppi})

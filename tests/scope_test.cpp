@@ -666,6 +666,11 @@ TEST_CASE("what is no echo image, or is no longer the one that was written, cost
     for (const char* lossy : {"echo.nc", "echo.xyz", "echo.asc"})
         refuses(folder, with(with({"simulate"}, quick_riverside), {"--echo", folder / lossy}), 2,
                 {"echo is '", lossy, "does not give back", "accepted: .tif, .img"});
+    // Nor a GeoTIFF packed with loss.
+    refuses(folder,
+            with(with({"simulate"}, quick_riverside),
+                 {"--echo", folder / "lossy.tif", "--co", "COMPRESS=LERC", "--co", "MAX_Z_ERROR=1"}),
+            2, {"echo is '", "lossy.tif", "does not give back"});
     {
         std::string bytes = content(echo);
         bytes[bytes.size() / 3] = static_cast<char>(bytes[bytes.size() / 3] ^ 16);

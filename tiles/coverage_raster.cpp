@@ -205,6 +205,9 @@ void CoverageFile::create(const DataBase& db, const OutputFile& file, const Rast
     content.rows = db.rows;
     content.type = layer_.counts ? GDT_UInt16 : is_bytes(layer_.kind) ? GDT_Byte : GDT_Float32;
     content.patches = layer_.counts || is_bytes(layer_.kind);
+    if (!layer_.counts && layer_.kind == CoverageLayer::states) content.codes = every_state();
+    if (!layer_.counts && layer_.kind == CoverageLayer::mask)
+        content.codes = {layer_.mask.seen, layer_.mask.hidden, layer_.mask.no_data, layer_.mask.outside};
     content.bands.resize(1);
     content.bands[0].description = description;
     content.bands[0].unit = layer_.counts ? "" : words(layer_.kind).unit;

@@ -68,7 +68,7 @@ EchoFile::~EchoFile() = default;
 void check_echo_format(const OutputFile& file, RasterFormat format) {
     namespace fs = std::filesystem;
     const fs::path path = file.final_path();
-    if (is_geotiff(file.final_path(), format)) return;
+    if (is_geotiff(file.final_path(), format) && format.creation.empty()) return;
     RunResult run;
     run.scene.swept = run.scene.shown = PolarGrid{8, 100, {0, 8}, {0, 4}};
     run.scene.scene.geometry = Geometry::grid;

@@ -27,8 +27,8 @@ struct RasterFormat {
 };
 
 enum class OutputLayer { scope, masked_scope, echo, power, states };
-/// InputError where a layer could not be written so: driver, extension, type of values, creation option, or an alpha channel
-/// (of a masked scope).
+/// InputError where a layer could not be written so: driver, extension, type of values, creation option, a picture in grey, with an
+/// alpha channel if it is a masked scope, or codes (states) that a driver with loss would change.
 void check_output(const OutputFile& file, OutputLayer layer, const RasterFormat& format);
 
 /// True where a file of that name would be one, whatever else may be wrong with it.

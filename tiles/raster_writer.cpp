@@ -12,6 +12,7 @@
 #include <filesystem>
 #include <limits>
 #include <map>
+#include <numeric>
 #include <system_error>
 
 #include "lib/error.hpp"
@@ -320,35 +321,92 @@ GeolocationGrid geolocation_grid(std::int64_t columns, std::int64_t rows, std::i
 
 namespace {
 
-/// No driver says beforehand whether it takes grey and alpha: a small picture of them tells.
-void check_alpha(GDALDriver& driver, const CPLStringList& options, const std::string& final_path) {
-    if (!has(driver, GDAL_DCAP_VIRTUALIO)) return;
-    constexpr std::int64_t side = 16;
-    const std::vector<std::uint8_t> cells(static_cast<std::size_t>(side * side), 255);
-    RasterContent content;
-    content.columns = content.rows = side;
-    content.type = GDT_Byte;
-    content.bands = {{cells.data(), "", "", {}, {}}, {cells.data(), "", "", {}, {}, true}};
-    const std::string path = text("/vsimem/wedgescope_alpha_", reinterpret_cast<std::uintptr_t>(&content));
+/// No driver says beforehand what it takes and keeps: a small raster of bytes tells, which it writes in memory. What comes back of
+/// it goes to `good`; true too where a driver cannot write there.
+template <class Good>
+bool passes_trial(GDALDriver& driver, const CPLStringList& options, const RasterContent& content, Good&& good) {
+    if (!has(driver, GDAL_DCAP_VIRTUALIO)) return true;
+    const std::string path = text("/vsimem/wedgescope_trial_", reinterpret_cast<std::uintptr_t>(&content));
     GdalErrors errors;
-    DatasetHandle written;
-    if (has(driver, GDAL_DCAP_CREATE)) {
-        written.reset(driver.Create(path.c_str(), side, side, 2, GDT_Byte, const_cast<char**>(options.List())));
-        if (written) describe(*written, content, {});
-    } else {
-        const DatasetHandle memory = in_memory(content);
-        describe(*memory, content, {});
-        written.reset(
-            driver.CreateCopy(path.c_str(), memory.get(), FALSE, const_cast<char**>(options.List()), nullptr, nullptr));
+    const auto create = [&] {
+        if (!has(driver, GDAL_DCAP_CREATE)) {
+            const DatasetHandle memory = in_memory(content);
+            describe(*memory, content, {});
+            return DatasetHandle(driver.CreateCopy(path.c_str(), memory.get(), FALSE,
+                                                   const_cast<char**>(options.List()), nullptr, nullptr));
+        }
+        DatasetHandle made(driver.Create(path.c_str(), static_cast<int>(content.columns),
+                                         static_cast<int>(content.rows), static_cast<int>(content.bands.size()),
+                                         GDT_Byte, const_cast<char**>(options.List())));
+        if (made) describe(*made, content, {});
+        if (made) write_bands(*made, content, path, errors);
+        return made;
+    };
+    bool passed = false;
+    try {
+        DatasetHandle written = create();
+        passed = written && good(*written);
+        if (written) written->FlushCache(true);
+    } catch (const IoError&) {  // nor can it be written
     }
-    const bool good = written && written->GetRasterCount() == 2 &&
-                      written->GetRasterBand(2)->GetColorInterpretation() == GCI_AlphaBand;
-    written.reset();
+    if (passed) {
+        const DatasetHandle back(GDALDataset::Open(path.c_str(), GDAL_OF_RASTER));
+        passed = back && good(*back);
+    }
     driver.QuietDelete(path.c_str());
-    if (!good)
-        throw InputError(
-            text("alpha is on, and driver ", driver.GetDescription(), " of output '", final_path,
-                 "' takes no grey picture with an alpha channel; accepted: .png, .tif, ..., or alpha off"));
+    return passed;
+}
+
+/// A trial's bytes: these values by lot, neighbours as unlike as they may be.
+struct TrialCells {
+    static constexpr int side = 64;
+    std::vector<std::uint8_t> cells;
+    explicit TrialCells(const std::vector<std::uint8_t>& values) : cells(static_cast<std::size_t>(side * side)) {
+        std::uint32_t random = 1;
+        for (std::uint8_t& cell : cells)
+            cell = values[((random = random * 1664525 + 1013904223) >> 16) % values.size()];
+    }
+    RasterContent content() const {
+        RasterContent out;
+        out.columns = out.rows = side;
+        out.type = GDT_Byte;
+        out.bands = {{cells.data(), "", "", {}, {}}};
+        return out;
+    }
+    bool are_in(GDALDataset& dataset) const {
+        std::vector<std::uint8_t> back(cells.size());
+        return dataset.GetRasterXSize() == side && dataset.GetRasterYSize() == side &&
+               dataset.GetRasterBand(1)->RasterIO(GF_Read, 0, 0, side, side, back.data(), side, side, GDT_Byte, 0, 0,
+                                                  nullptr) == CE_None &&
+               back == cells;
+    }
+};
+
+void check_picture(GDALDriver& driver, const CPLStringList& options, bool alpha, const std::string& final_path) {
+    const TrialCells trial({0, 255});
+    RasterContent content = trial.content();
+    if (alpha) content.bands.push_back({trial.cells.data(), "", "", {}, {}, true});
+    const bool good = passes_trial(driver, options, content, [&](GDALDataset& written) {
+        return written.GetRasterCount() == (alpha ? 2 : 1) &&
+               (!alpha || written.GetRasterBand(2)->GetColorInterpretation() == GCI_AlphaBand);
+    });
+    if (good) return;
+    if (!alpha)
+        throw InputError(text("driver ", driver.GetDescription(), " of output '", final_path,
+                              "' takes no grey picture; accepted: .png, .tif, .jpg, ..."));
+    throw InputError(text("alpha is on, and driver ", driver.GetDescription(), " of output '", final_path,
+                          "' takes no grey picture with an alpha channel; accepted: .png, .tif, ..., or alpha off"));
+}
+
+/// Of codes one that is a little off is another.
+void check_codes(GDALDriver& driver, const CPLStringList& options, const RasterFormat& format,
+                 const std::vector<std::uint8_t>& codes, const std::string& final_path) {
+    const TrialCells trial(codes);
+    if (passes_trial(driver, options, trial.content(), [&](GDALDataset& written) { return trial.are_in(written); }))
+        return;
+    throw InputError(text("output '", final_path, "' holds codes, and driver ", driver.GetDescription(),
+                          format.creation.empty() ? "" : " with these creation options",
+                          " does not keep them as they are; accepted: .tif, .png and others without loss"));
 }
 
 }  // namespace
@@ -367,7 +425,12 @@ void check_output(const OutputFile& file, OutputLayer layer, const RasterFormat&
     if (bytes && layer != OutputLayer::states && needs_no_driver("PNG", file.final_path(), format)) return;
     GDALDriver& driver = driver_for(file.final_path(), type, format);
     const CPLStringList options = creation_options(driver, type, {}, format);
-    if (layer == OutputLayer::masked_scope) check_alpha(driver, options, file.final_path());
+    const bool known = is_geotiff(file.final_path(), format) && format.creation.empty();
+    if (layer == OutputLayer::states) {
+        if (!known) check_codes(driver, options, format, every_state(), file.final_path());
+    } else if (bytes && (!known || layer == OutputLayer::masked_scope)) {
+        check_picture(driver, options, layer == OutputLayer::masked_scope, file.final_path());
+    }
 }
 
 namespace {
@@ -447,6 +510,8 @@ DatasetHandle create_raster(const RasterContent& content, const OutputFile& file
     if (!has(driver, GDAL_DCAP_CREATE))
         throw InputError(text("output '", final_path, "': driver ", driver.GetDescription(),
                               " writes whole rasters only; accepted: one that writes tile by tile, such as GTiff"));
+    if (!content.codes.empty() && !format.creation.empty())
+        check_codes(driver, options, format, content.codes, final_path);
     GdalErrors errors;
     DatasetHandle dataset(driver.Create(file.temporary_path().c_str(), static_cast<int>(content.columns),
                                         static_cast<int>(content.rows), static_cast<int>(content.bands.size()),
@@ -474,6 +539,12 @@ void close_raster(DatasetHandle dataset, const std::string& final_path) {
         throw IoError(text("output '", final_path,
                            "' cannot be written: ", std::error_code(why, std::generic_category()).message()));
     fail(final_path, errors);
+}
+
+std::vector<std::uint8_t> every_state() {
+    std::vector<std::uint8_t> codes(state_count);
+    std::iota(codes.begin(), codes.end(), std::uint8_t{0});
+    return codes;
 }
 
 Metadata run_metadata(const RasterFormat& format) {

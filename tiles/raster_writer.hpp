@@ -50,6 +50,7 @@ struct RasterContent {
     /// Floats without the prediction of neighbours, which takes as long to undo as all other unpacking: for what is read again and
     /// again and mostly empty, so that it hardly takes more room.
     bool quick_to_read = false;
+    std::vector<std::uint8_t> codes;  ///< all values of a band of codes, which nothing may change; else empty
     std::vector<BandContent> bands;
     Metadata metadata;
     std::optional<std::array<double, 6>> geotransform;
@@ -70,6 +71,9 @@ void write_raster(const RasterContent& content, const OutputFile& file, const Ra
 DatasetHandle create_raster(const RasterContent& content, const OutputFile& file, const RasterFormat& format);
 /// IoError naming the final file if anything was not written.
 void close_raster(DatasetHandle dataset, const std::string& final_path);
+
+/// The codes of all states.
+std::vector<std::uint8_t> every_state();
 
 /// Version and scene: what every output tells.
 Metadata run_metadata(const RasterFormat& format);
