@@ -600,6 +600,35 @@ TEST_CASE("what may look like an error of the program is explained", "[cli][long
     CHECK(folder.run(with(layer, place)).error_lines() == 2);
 }
 
+TEST_CASE("a legend is as wide as its text, however small the picture", "[cli]") {
+    const Folder folder;
+    const Strings scene{
+        "simulate", "--dem",  dem,  "--latlon", "33.93,-117.33", "--altitude-msl", "7000ft", "--range",
+        "5km",      "--size", "64", "-o",       "s.pgm",         "--of",           "PNM",    "--overwrite",
+        "-q"};
+    const auto drawn = [&](const Strings& more) {
+        const Outcome outcome = folder.run(with(scene, more));
+        REQUIRE(outcome.code == 0);
+        std::istringstream in(content(folder.file("s.pgm")));
+        std::string magic;
+        std::size_t width = 0, height = 0, most = 0;
+        in >> magic >> width >> height >> most;
+        in.get();
+        std::string pixels(width * height, '\0');
+        in.read(pixels.data(), static_cast<std::streamsize>(pixels.size()));
+        REQUIRE(in.gcount() == static_cast<std::streamsize>(pixels.size()));
+        return std::tuple(width, height, pixels);
+    };
+    const auto [width, height, picture] = drawn({});
+    const auto [legend_width, legend_height, both] = drawn({"--legend", "on"});
+    REQUIRE(legend_width > 150);
+    REQUIRE(legend_height > height);
+    for (std::size_t row = 0; row < height; ++row) {
+        CHECK(both.substr(row * legend_width, width) == picture.substr(row * width, width));
+        CHECK(both.substr(row * legend_width + width, legend_width - width) == std::string(legend_width - width, '\0'));
+    }
+}
+
 TEST_CASE("all outputs of one run appear, and the report describes them", "[cli]") {
     const Folder folder;
     const Outcome outcome = folder.run(

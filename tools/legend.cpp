@@ -288,9 +288,16 @@ void add_legend(const std::string& helper, const Settings& settings, const Resol
     const Panel panel = read_panel(helper, pgm);
     Frame& frame = picture.frame;
     const bool right = panel.height == frame.height;
-    if (!right && panel.width != frame.width)
+    if (!right && panel.width < frame.width)
         throw IoError(text("legend: ", in_quotes(helper), " gave a panel of another size back"));
     const auto outside = static_cast<std::uint8_t>(State::outside);
+    if (!right && panel.width > frame.width) {  // narrower than the text
+        constexpr std::uint8_t black = 0;
+        const Panel more{panel.width - frame.width, frame.height, {}};
+        append(picture.grey, frame.width, frame.height, true, more, &black);
+        append(picture.state, frame.width, frame.height, true, more, &outside);
+        frame.width = panel.width;
+    }
     append(picture.grey, frame.width, frame.height, right, panel, nullptr);
     append(picture.state, frame.width, frame.height, right, panel, &outside);
     (right ? frame.width : frame.height) += right ? panel.width : panel.height;

@@ -1,7 +1,7 @@
 // wedgescope_picture: the helper program that links OpenImageIO, so that the main program need not.
 //   wedgescope_picture legend < legend.json > panel.pgm
 // draws a dark panel with text that fits beside a scope picture of the size that the JSON names: as high as it (to
-// stand to its right), or as wide (to stand below it) where the picture is wide and low.
+// stand to its right), or as wide (to stand below it) where the picture is wide and low, or wider where the text is.
 #include <OpenImageIO/imagebuf.h>
 #include <OpenImageIO/imagebufalgo.h>
 #include <unistd.h>
@@ -182,9 +182,10 @@ Canvas draw_right(const Legend& legend, const Type& type, const Fonts& fonts) {
 
 /// Sections in as many columns as fit, each put into the shortest one so far, in their order.
 Canvas draw_below(const Legend& legend, const Type& type, const Fonts& fonts) {
-    const int space = legend.width - 2 * type.margin();
+    const int least = column_width(legend, type, fonts);
+    const int whole = std::max(legend.width, least + 2 * type.margin());
+    const int space = whole - 2 * type.margin();
     const int between = 2 * type.margin();
-    const int least = std::min(space, column_width(legend, type, fonts));
     const int columns = std::clamp((space + between) / (least + between), 1, 4);
     const int width = (space - (columns - 1) * between) / columns;
     std::vector<int> bottom(static_cast<std::size_t>(columns), 0);
@@ -202,8 +203,8 @@ Canvas draw_below(const Legend& legend, const Type& type, const Fonts& fonts) {
     place(type.scale());
     int height = *std::max_element(bottom.begin(), bottom.end()) + 2 * type.margin();
     if (height == legend.height) ++height;  // the height tells the main program where the panel goes
-    Canvas canvas(legend.width, height);
-    canvas.fill(0, 0, legend.width, 1, rule_grey);
+    Canvas canvas(whole, height);
+    canvas.fill(0, 0, whole, 1, rule_grey);
     const auto x = [&](std::size_t i) { return type.margin() + places[i].column * (width + between); };
     draw_head(canvas, legend, type, fonts, x(0), type.margin() + places[0].y);
     for (std::size_t i = 0; i < legend.sections.size(); ++i) {
@@ -223,12 +224,12 @@ Canvas draw(const Legend& legend) {
         for (const Section& section : legend.sections) height += type.section(section);
         if (height <= legend.height) return draw_right(legend, type, fonts);
     }
-    // Or below it, as large as the width allows.
-    for (int letter = std::clamp(legend.width / 48, 10, 20); letter > 7; --letter) {
+    // Or below it, as large as the width allows; smaller ones nobody reads.
+    for (int letter = std::clamp(legend.width / 48, 10, 20); letter > 10; --letter) {
         if (column_width(legend, Type{letter}, fonts) + 2 * Type{letter}.margin() <= legend.width)
             return draw_below(legend, Type{letter}, fonts);
     }
-    return draw_below(legend, Type{7}, fonts);
+    return draw_below(legend, Type{10}, fonts);
 }
 
 }  // namespace
