@@ -400,15 +400,17 @@ TEST_CASE("a data base that stays in memory gives the bits of the source beneath
     }
 }
 
-TEST_CASE("each frame of a track is the picture that its row's numbers give alone, byte for byte", "[track]") {
+TEST_CASE("each frame of a track is the picture that its row's numbers and a seed of its own give alone, byte for byte",
+          "[track]") {
     const Folder folder;
     draw_data(folder);
     write_track(folder);
     for (const char* name : {"alone", "track"}) std::filesystem::create_directory(folder / name);
     const std::vector<std::string> look = {"--sector", "-100deg,120deg", "--orientation", "heading"};
     for (std::size_t i = 0; i < rows.size(); ++i) {
-        std::vector<std::string> single = joined(look, {"--xy", rows[i].x + "," + rows[i].y, "--altitude-msl",
-                                                        rows[i].altitude + "m", "--heading", rows[i].heading + "deg"});
+        std::vector<std::string> single =
+            joined(look, {"--xy", rows[i].x + "," + rows[i].y, "--altitude-msl", rows[i].altitude + "m", "--heading",
+                          rows[i].heading + "deg", "--seed", std::to_string(i + 1)});
         for (std::string word : layers(folder / "alone")) {
             const auto dot = word.rfind('.');
             if (dot != std::string::npos && word.find('/') != std::string::npos)
@@ -439,6 +441,25 @@ TEST_CASE("each frame of a track is the picture that its row's numbers give alon
             CHECK(made.at(name) == bytes);
         }
     }
+}
+
+TEST_CASE("noise and speckle are another draw in each frame of a track, and without them nothing is", "[track]") {
+    const Folder folder;
+    draw_data(folder);
+    std::vector<Row> stands(2, rows[0]);
+    stands[1].time = "1";
+    write_track(folder, stands);
+    const auto alike = [&](const std::vector<std::string>& more) {
+        const Ended ended = simulate(folder, joined({"--track", folder / "track.csv", "-o", folder / "s.png",
+                                                     "--overwrite", "--if-gain", "64dB"},
+                                                    more));
+        INFO(ended.err);
+        REQUIRE(ended.code == 0);
+        return content(folder / "s_0001.png") == content(folder / "s_0002.png");
+    };
+    CHECK(!alike({"--speckle", "0"}));
+    CHECK(!alike({"--noise", "off"}));
+    CHECK(alike({"--noise", "off", "--speckle", "0"}));
 }
 
 TEST_CASE("two frames far apart over fine ground have the levels of detail that each has alone", "[track][long]") {
@@ -574,8 +595,9 @@ TEST_CASE("what ends a track leaves the frames before it whole and nothing else"
         for (const std::size_t frame : {std::size_t{1}, found.size()}) {
             char name[32];
             std::snprintf(name, sizeof name, "s_%04zu.png", frame);
-            const Ended alone = simulate(folder, {"--xy", all[frame - 1].x + "," + all[0].y, "--altitude-msl", "900m",
-                                                  "-o", folder / "alone" + ("/" + std::string(name))});
+            const Ended alone =
+                simulate(folder, {"--xy", all[frame - 1].x + "," + all[0].y, "--altitude-msl", "900m", "--seed",
+                                  std::to_string(frame), "-o", folder / "alone" + ("/" + std::string(name))});
             INFO(alone.err);
             CHECK(alone.code == 0);
             CHECK(content(folder / name) == content(folder / "alone" + ("/" + std::string(name))));

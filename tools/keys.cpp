@@ -1177,7 +1177,7 @@ std::vector<Key> make_keys() {
           "0",
           "fluctuation of the ground's echo, averaged over so many looks, of which each costs a pass "
           "over the picture's cells; 0: none");
-    t.add("seed", seed(), "1", "of noise and speckle");
+    t.add("seed", seed(), "1", "of noise and speckle; each frame of a track takes one more than the one before");
 
     t.group(KeyGroup::display, true);
     t.add("display",

@@ -75,18 +75,14 @@ public:
     Settings settings(std::size_t frame) const {
         Settings own = settings_;
         own.track.clear();
-        own.scene.platform = track_.at(settings_.scene.platform, frame);
+        own.scene = scene(frame);
         own.altitude_given = true;
         for (std::string* path : {&own.output, &own.echo, &own.power, &own.states})
             if (!path->empty()) *path = numbered(*path, frame + 1, digits_);
         return own;
     }
 
-    ResolvedScene scene(std::size_t frame, WedgeSource& source) const {
-        Scene own = settings_.scene;
-        own.platform = track_.at(settings_.scene.platform, frame);
-        return resolve(own, source);
-    }
+    ResolvedScene scene(std::size_t frame, WedgeSource& source) const { return resolve(scene(frame), source); }
 
     /// The groups of azimuths of a frame.
     Scan scan(std::size_t frame, const ResolvedScene& whole, WedgeSource& source) const {
@@ -115,6 +111,14 @@ public:
     }
 
 private:
+    Scene scene(std::size_t frame) const {
+        Scene own = settings_.scene;
+        own.platform = track_.at(settings_.scene.platform, frame);
+        // What fluctuates is another draw in each frame.
+        if (own.receiver.noise || own.receiver.speckle_looks > 0) own.receiver.seed += frame;
+        return own;
+    }
+
     const Settings& settings_;
     const Track& track_;
     int digits_ = 4;
