@@ -1397,10 +1397,15 @@ TEST_CASE("a mask is packed without loss, or not at all", "[cli]") {
     CHECK(folder.run(with(mask, {"--co", "NBITS=2", "--seen-value", "3"})).code == 0);
 }
 
-TEST_CASE("coverage of nothing but voids says so", "[cli]") {
+TEST_CASE("coverage of nothing but voids says so, and so does a picture", "[cli]") {
     const Folder folder;
     const std::string hole =
         float_raster(folder, "hole", 40, 40, std::vector<float>(1600, std::numeric_limits<float>::quiet_NaN()));
+    CHECK_THAT(folder
+                   .run({"simulate", "--dem", hole, "--xy", "465500,3750000", "--altitude-msl", "1km", "--range", "2km",
+                         "--size", "64", "-o", "s.png"})
+                   .err,
+               Contains("nothing of the terrain lies within the range of 2 km and the sector, or all of it is void"));
     std::ofstream(folder.file("places.csv")) << "x,y,altitude\n465500,3750000,1000\n";
     for (const Strings& place :
          {Strings{"--xy", "465500,3750000", "--altitude-msl", "1km"}, {"--observers", "places.csv"}}) {

@@ -1078,6 +1078,11 @@ TEST_CASE("the program scans along a track", "[track]") {
         return values;
     };
     CHECK(cells(folder / "plain/p_0001.tif") == cells(folder / "scan/p_0001.tif"));
+    write_track(folder, {rows[0]});
+    const Ended stands = simulate(folder, joined(track, {"--power", folder / "scan/q.tif", "--scan-step", "16",
+                                                         "--scan-period", "4s", "--quiet=off"}));
+    CHECK(stands.code == 0);
+    CHECK_THAT(stands.err, Contains("scan-step has no effect: a track of one row"));
     const auto still = cells(folder / "plain/p_0002.tif"), moved = cells(folder / "scan/p_0002.tif");
     REQUIRE(still.size() == moved.size());
     CHECK(std::equal(still.begin(), still.begin() + 100, moved.begin()));  // the first azimuth, before it has moved

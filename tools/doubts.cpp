@@ -26,8 +26,8 @@ std::array<std::string, doubt_count> doubts(const RunResult& r, bool pictured) {
     const auto count = [&](State s) { return r.report.states[static_cast<std::size_t>(s)]; };
     const double range_km = r.scene.scene.range_m.value_or(0) * 1e-3;
     if (count(State::seen) + count(State::unknown) == 0 && count(State::shadow) == 0)
-        lines[nothing_there] =
-            fmt::format("nothing of the terrain lies within the range of {:.4g} km and the sector", range_km);
+        lines[nothing_there] = fmt::format(
+            "nothing of the terrain lies within the range of {:.4g} km and the sector, or all of it is void", range_km);
     else if (count(State::seen) + count(State::unknown) == 0)
         lines[nothing_seen] = "no ground is seen: all within range and sector is hidden or void";
     else if (pictured && r.scope.lit == 0)

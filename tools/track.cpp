@@ -604,6 +604,8 @@ void simulate_track(const Settings& given, double start_s, Stop& stop) {
 
     for (const std::string& line : idle_effects(settings.scene, source->data_base())) remark(settings.quiet, line);
     for (const std::string& line : run->doubts()) remark(settings.quiet, line);
+    if (frames.scans() && frames.size() == 1)
+        remark(settings.quiet, "scan-step has no effect: a track of one row says of no way, and its sensor stands");
     if (settings.verbose || settings.profile) fmt::print(stderr, "{}", track_table(*run, usage));
     if (settings.profile) fmt::print(stderr, "{}", limits_words(settings, track_work(run->reports(), usage)));
     std::string written;
