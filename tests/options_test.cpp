@@ -130,9 +130,9 @@ TEST_CASE("plain numbers and counts must be whole tokens", "[units]") {
     CHECK(parse_unsigned("k", "18446744073709551615") == 18446744073709551615u);
     for (const char* token : {"18446744073709551616", "-1", "1.5", ""})
         CHECK_THROWS_AS(parse_unsigned("k", token), InputError);
-    for (const char* token : {"on", "true"}) CHECK(parse_switch("k", token));
+    for (const char* token : {"on", "On", "true"}) CHECK(parse_switch("k", token));
     for (const char* token : {"off", "false"}) CHECK_FALSE(parse_switch("k", token));
-    for (const char* token : {"", "On", "1", "yes", "onn"}) CHECK_THROWS_AS(parse_switch("k", token), InputError);
+    for (const char* token : {"", "1", "yes", "onn"}) CHECK_THROWS_AS(parse_switch("k", token), InputError);
 }
 
 TEST_CASE("a value written as text reads back as the same double", "[units]") {
@@ -614,6 +614,19 @@ TEST_CASE("a path that is no plain file stays as it is", "[options]") {
     }
     CHECK(settings_from(read_scene("/folder/scene.ini", "dem = ../a.tif"), {}).dem == "/a.tif");
     CHECK(settings_from(read_scene("scene.ini", "dem = a.tif"), {}).dem == "a.tif");
+}
+
+TEST_CASE("words are taken in any case of letters, units as they are", "[options]") {
+    const Settings s =
+        simulated({"--polarisation", "VV", "--display", "PPI", "--rain", "Heavy", "--sector", "FULL", "--noise", "On",
+                   "--earth", "Flat", "--range", "AUTO", "--gases", "None", "--centre", "Auto"});
+    CHECK(s.scene.radar.polarisation == Polarisation::vv);
+    CHECK(s.scene.display.kind == DisplayKind::ppi);
+    CHECK(s.scene.receiver.noise);
+    CHECK(!s.scene.earth_k);
+    CHECK(*find_key("rain")->get(s) == "heavy");
+    CHECK(*find_key("polarisation")->get(s) == "vv");
+    CHECK_THAT(refusal_of({"--transmit-power", "1mw"}), Contains("unknown unit 'mw'"));
 }
 
 TEST_CASE("a value in double quotes may hold what begins a comment", "[options]") {

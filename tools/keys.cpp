@@ -9,6 +9,7 @@
 #include <numbers>
 
 #include "lib/atmosphere.hpp"
+#include "lib/lower_case.hpp"
 #include "lib/seen_counts.hpp"
 #include "tools/antenna_file.hpp"
 #include "tools/radar_set.hpp"
@@ -98,7 +99,7 @@ Codec quantity(Dimension dimension, const Limits& limits, Field field, const std
     codec.set = [=](Settings& s, const Given& given) {
         auto& target = field(s);
         if constexpr (requires { target.reset(); }) {
-            if (!absent.empty() && trimmed(given.value) == absent) return target.reset();
+            if (!absent.empty() && same_letters(trimmed(given.value), absent)) return target.reset();
         }
         const double v = parse_given(dimension, given);
         check_limits(limits, given, v,
@@ -125,7 +126,7 @@ Codec named(Dimension dimension, const Limits& limits, std::vector<std::pair<std
     codec.value += plain.value;
     codec.set = [=](Settings& s, const Given& given) {
         for (const auto& [word, value] : words_of)
-            if (trimmed(given.value) == word) return store(field(s), value);
+            if (same_letters(trimmed(given.value), word)) return store(field(s), value);
         plain.set(s, given);
     };
     codec.get = [=](const Settings& s) -> std::optional<std::string> {
@@ -142,7 +143,7 @@ Codec number(const Limits& limits, Field field, const std::string& absent = "") 
     Codec codec{absent.empty() ? "NUMBER" : "NUMBER|" + absent, words(limits), {}, {}};
     codec.set = [=](Settings& s, const Given& given) {
         if constexpr (requires { field(s).reset(); })
-            if (!absent.empty() && trimmed(given.value) == absent) return field(s).reset();
+            if (!absent.empty() && same_letters(trimmed(given.value), absent)) return field(s).reset();
         const double v = parse_number(given.origin, given.value);
         check_limits(limits, given, v, [&](const std::string& t) { return parse_number(given.origin, t); });
         store(field(s), v);
@@ -163,7 +164,7 @@ Codec count(std::int64_t low, std::int64_t high, Field field, const std::string&
     Codec codec{absent.empty() ? "COUNT" : "COUNT|" + absent, text("from ", low, " to ", high), {}, {}};
     codec.set = [=](Settings& s, const Given& given) {
         auto& target = field(s);
-        if (!absent.empty() && trimmed(given.value) == absent) {
+        if (!absent.empty() && same_letters(trimmed(given.value), absent)) {
             target = {};
             return;
         }
@@ -205,13 +206,13 @@ Codec choice(std::vector<std::pair<std::string, Enum>> list, Field field, const 
     codec.set = [=, all = codec.value](Settings& s, const Given& given) {
         auto& target = field(s);
         const std::string_view word = trimmed(given.value);
-        if (!absent.empty() && word == absent) {
+        if (!absent.empty() && same_letters(word, absent)) {
             target = {};
             return;
         }
         std::vector<std::string> names;
         for (const auto& [name, value] : list) {
-            if (name == word) {
+            if (same_letters(word, name)) {
                 target = value;
                 return;
             }
@@ -480,7 +481,7 @@ Codec sector() {
     Codec codec{"FROM,TO|full", "each from -360deg to 360deg, wider than 0deg", {}, {}};
     codec.set = [](Settings& s, const Given& given) {
         constexpr double circle = 2 * std::numbers::pi;
-        if (trimmed(given.value) == "full") return s.scene.sector.reset();
+        if (same_letters(trimmed(given.value), "full")) return s.scene.sector.reset();
         const auto [first, second] = two(given, "FROM,TO, two angles clockwise such as -45deg,45deg, or full");
         const double from = parse_quantity(Dimension::angle, given.origin, first);
         double to = parse_quantity(Dimension::angle, given.origin, second);
@@ -517,7 +518,7 @@ Codec earth() {
     Codec codec{"K|flat", "from 0.1 to 1000000", {}, {}};
     codec.set = [](Settings& s, const Given& given) {
         const std::string_view word = trimmed(given.value);
-        if (word == "flat") return s.scene.earth_k.reset();
+        if (same_letters(word, "flat")) return s.scene.earth_k.reset();
         if (word == "4/3") {
             s.scene.earth_k = 4.0 / 3;
             return;
@@ -544,7 +545,7 @@ Codec pitch() {
     Codec codec{"FROM,TO|full", "each from -90deg to 90deg, positive up", {}, {}};
     codec.set = [](Settings& s, const Given& given) {
         constexpr double right = std::numbers::pi / 2;
-        if (trimmed(given.value) == "full") return s.coverage.elevation.reset();
+        if (same_letters(trimmed(given.value), "full")) return s.coverage.elevation.reset();
         const auto [first, second] = two(given, "FROM,TO, two angles such as -30deg,5deg, or full");
         const double from = parse_quantity(Dimension::angle, given.origin, first);
         const double to = parse_quantity(Dimension::angle, given.origin, second);
@@ -616,7 +617,7 @@ Codec sweep_delay() {
     codec.set = [=](Settings& s, const Given& given) {
         std::optional<double>& delay_m = s.scene.display.sweep_delay_m;
         const std::string_view word = trimmed(given.value);
-        if (word == "altitude" || word == "auto") return delay_m.reset();
+        if (same_letters(word, "altitude") || same_letters(word, "auto")) return delay_m.reset();
         std::optional<double> metres = read_quantity(Dimension::length, word, "");
         if (!metres)
             if (const auto delay_s = read_quantity(Dimension::time, word, ""))
@@ -634,7 +635,7 @@ Codec sweep_delay() {
 Codec tube_centre() {
     Codec codec{"X,Y|auto", "each from -1 to 1", {}, {}};
     codec.set = [](Settings& s, const Given& given) {
-        if (trimmed(given.value) == "auto") return s.scene.display.centre.reset();
+        if (same_letters(trimmed(given.value), "auto")) return s.scene.display.centre.reset();
         const auto [x, y] = two(given, "X,Y, each from -1 to 1 (to the right, up), or auto");
         const TubePlace place{parse_number(given.origin, x), parse_number(given.origin, y)};
         if (!(std::abs(place.x) <= 1 && std::abs(place.y) <= 1))

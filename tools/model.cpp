@@ -4,6 +4,8 @@
 #include <cmath>
 #include <utility>
 
+#include "lib/lower_case.hpp"
+
 namespace wedgescope {
 namespace {
 
@@ -114,7 +116,8 @@ bool has_unit(const ModelInput& input, std::string_view unit) {
 }
 
 std::optional<ModelValue> read_value(const ModelInput& input, std::string_view token, std::string_view column_unit) {
-    const auto word = std::find(input.words.begin(), input.words.end(), trimmed(token));
+    const auto word = std::find_if(input.words.begin(), input.words.end(),
+                                   [&](const std::string& known) { return same_letters(trimmed(token), known); });
     if (word != input.words.end()) return ModelValue{no_value, static_cast<int>(word - input.words.begin())};
     if (!input.numeric) return std::nullopt;
     const auto value = number_of(input, token, column_unit);

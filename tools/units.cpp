@@ -9,6 +9,8 @@
 #include <span>
 #include <system_error>
 
+#include "lib/lower_case.hpp"
+
 namespace wedgescope {
 namespace {
 
@@ -329,8 +331,8 @@ std::uint64_t parse_unsigned(std::string_view key, std::string_view token) {
 
 bool parse_switch(std::string_view key, std::string_view token) {
     const std::string_view word = trimmed(token);
-    if (word == "on" || word == "true") return true;
-    if (word == "off" || word == "false") return false;
+    if (same_letters(word, "on") || same_letters(word, "true")) return true;
+    if (same_letters(word, "off") || same_letters(word, "false")) return false;
     refuse(key, token, "it must be on or off");
 }
 
