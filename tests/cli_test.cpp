@@ -627,6 +627,14 @@ TEST_CASE("a legend is as wide as its text, however small the picture", "[cli]")
         CHECK(both.substr(row * legend_width, width) == picture.substr(row * width, width));
         CHECK(both.substr(row * legend_width + width, legend_width - width) == std::string(legend_width - width, '\0'));
     }
+    // It tells of the weather, where there is any.
+    const auto height_with = [&](const Strings& weather) {
+        return std::get<1>(drawn(with({"--legend", "on"}, weather)));
+    };
+    CHECK(height_with({"--rain", "clear"}) == legend_height);
+    const std::size_t rain = height_with({"--rain", "heavy"});
+    CHECK(rain > legend_height);
+    CHECK(height_with({"--rain", "heavy", "--gases", "normal", "--cloud", "fog"}) > rain);
 }
 
 TEST_CASE("all outputs of one run appear, and the report describes them", "[cli]") {

@@ -198,6 +198,20 @@ nlohmann::ordered_json legend_text(const Settings& settings, const ResolvedScene
     line("Beam", degrees(radar.antenna.beam) + drawn(radar.beam_width_error, radar.beam_width_scale));
     line("Elevation", std::string(word(radar.antenna.elevation)) + "  tilt " + degrees(radar.antenna.tilt));
 
+    const WeatherParams& weather = s.weather;
+    if (weather.rain_mm_h > 0 || weather.vapour_g_m3 || weather.liquid_water_g_m3 > 0 || s.sea_state > 0) {
+        section("WEATHER");
+        if (weather.rain_mm_h > 0)
+            line("Rain",
+                 text(trimmed_number(weather.rain_mm_h, 2), " mm/h  to ", trimmed_number(weather.rain_top_m, 0), " m"));
+        if (weather.vapour_g_m3) line("Gases", trimmed_number(*weather.vapour_g_m3, 2) + " g/m3");
+        if (weather.liquid_water_g_m3 > 0)
+            line("Cloud",
+                 text(trimmed_number(weather.liquid_water_g_m3, 3), " g/m3  ", trimmed_number(weather.cloud_base_m, 0),
+                      " to ", trimmed_number(weather.cloud_top_m, 0), " m"));
+        if (s.sea_state > 0) line("Sea state", trimmed_number(s.sea_state, 1));
+    }
+
     section("RECEIVER");
     line("IF gain", trimmed_number(receiver.if_gain.db(), 1) + " dB");
     line("Video gain", trimmed_number(receiver.video_gain.db(), 1) + " dB");
