@@ -134,8 +134,6 @@ struct Setting : SpokeSetting {
     Quanta cells;
     Refinement refinement;
     SweepScene sweep;
-    std::vector<std::unique_ptr<const SpokeGrid>> finer_grids;
-    std::vector<SweepScene> finer_sweeps;
 
     /// Sine of the elevation of the horizon of a smooth earth at the data base's lowest height.
     double smooth_horizon(BlockMap& bounds) const {
@@ -156,7 +154,7 @@ struct Setting : SpokeSetting {
           tables(made ? std::move(made) : std::make_shared<const SceneTables>(s.scene)),
           cells(quanta(s.swept.range_bins, s.swept.range_bin_m, radar_constant(s.scene.radar), tables->pattern.most(),
                        grid.azimuth_step_rad(), tables->laws.most() * tables->shore.most())),
-          refinement(refinement_of(s)) {
+          refinement(refinement_of(s, sampling)) {
         sweep.data_base = &data_base;
         sweep.grid = &grid;
         sweep.sampling = sampling;
@@ -178,20 +176,27 @@ struct Setting : SpokeSetting {
         sweep.loss = loss;
         sweep.source = &source;
         if (BlockMap* bounds = source.block_map()) sweep.smooth_sine = smooth_horizon(*bounds);
-        for (int round = 1; refinement.on() && round <= Refinement::most_rounds; ++round) {
-            Sampling finer = sampling;
-            finer.times = 1 << round;
-            finer_grids.push_back(std::make_unique<SpokeGrid>(data_base, map, finer, s.swept.circle_bins, levels));
-            finer_sweeps.push_back(sweep);
-            finer_sweeps.back().sampling = finer;
-            finer_sweeps.back().grid = finer_grids.back().get();
-        }
     }
-    /// Of the first sweep of a wedge, round 0, and of what is swept again.
+    /// Of the first sweep of a wedge, round 0, and of what is swept again: made when it is first asked for.
     const SweepScene& sweep_of(int round) const {
-        return round == 0 ? sweep : finer_sweeps[static_cast<std::size_t>(round - 1)];
+        if (round == 0) return sweep;
+        Finer& finer = finer_[static_cast<std::size_t>(round - 1)];
+        std::call_once(finer.made, [&] {
+            finer.grid.emplace(grid.finer(1 << round));
+            finer.sweep = sweep;
+            finer.sweep.grid = &*finer.grid;
+        });
+        return finer.sweep;
     }
     const SpokeGrid& grid_of(int round) const { return *sweep_of(round).grid; }
+
+private:
+    struct Finer {
+        std::once_flag made;
+        std::optional<SpokeGrid> grid;
+        SweepScene sweep;
+    };
+    mutable std::array<Finer, Refinement::most_rounds> finer_;
 };
 
 /// One wedge on its way through the graph: run after run, strip after strip.
@@ -200,8 +205,10 @@ struct WedgeTask {
     std::unique_ptr<WedgeCells> cells;
     std::unique_ptr<Front> front;
     std::size_t run = 0;
-    int round = 0;                  // how often its bins in doubt were swept again
-    std::vector<Interval> doubted;  // rows that this round sweeps; the first: all
+    int round = 0;                  // 0: the first sweep of all its bins; then of those in doubt
+    std::vector<Interval> doubted;  // rows that this round sweeps
+    std::size_t next_doubted = 0;   // of these the first that waits, from a row on
+    std::int64_t next_row = 0;
     Interval lines;  // of the chunk that was loaded last
     Chunk chunk;
     bool has_chunk = false;
@@ -229,8 +236,10 @@ private:
     Task enter(std::size_t index);
     void load(WedgeTask& task);
     bool sweep(WedgeTask& task);  // true: another chunk is wanted
-    /// Its runs are swept. True if some bins are to be swept again.
+    /// Its runs are swept. True if there are others: of bins to be swept again.
     bool refine(WedgeTask& task);
+    /// Runs of the first of the rows that wait, as many as the front has room for.
+    void take_doubted(WedgeTask& task);
     void merge(WedgeTask& task);
     /// The wedge holds so much from now on.
     void hold(WedgeTask& task, std::size_t bytes);
@@ -389,17 +398,22 @@ void Wedges::load(WedgeTask& task) {
             setting_.grid_of(task.round).strip_lines(run.own_fan(), task.front->next_line(), plan_.strip_lines);
         const ChunkRequest request = task.front->request(task.lines, params_.cull ? source_.block_map() : nullptr);
         if (!request.window.empty()) {
-            count_skipped(request, task.report);
             task.chunk = source_.load(request);
             task.beside_bytes = source_.cost(request).beside_bytes;
             task.has_chunk = true;
+            span.add_bytes(task.chunk.bytes_read);
+            if (task.round > 0) {
+                task.report.bytes_again += task.chunk.bytes_read;
+                task.report.bytes_spilled += task.chunk.bytes_spilled;
+                break;
+            }
+            count_skipped(request, task.report);
             task.report.level_posts[static_cast<std::size_t>(request.level)] += task.chunk.posts_read;
             task.report.posts_skipped[static_cast<std::size_t>(Skip::detail)] +=
                 (task.chunk.posts_read << (2 * request.level)) - task.chunk.posts_read;
             task.report.posts_read += task.chunk.posts_read;
             task.report.bytes_read += task.chunk.bytes_read;
             task.report.bytes_spilled += task.chunk.bytes_spilled;
-            span.add_bytes(task.chunk.bytes_read);
             ++task.report.chunks;
         }
         break;
@@ -425,7 +439,7 @@ bool Wedges::sweep(WedgeTask& task) {
         const SweepCost& cost = front.cost();
         task.report.samples += cost.samples;
         task.report.visible_pieces += cost.pieces;
-        task.report.bytes_read += front.culture_bytes_read();
+        (task.round > 0 ? task.report.bytes_again : task.report.bytes_read) += front.culture_bytes_read();
         task.report.bytes_spilled += front.culture_bytes_spilled();
         task.report.load_s += front.culture_cost().cpu_s;
         task.report.wall_s -= front.culture_cost().cpu_s;
@@ -446,30 +460,51 @@ bool Wedges::sweep(WedgeTask& task) {
 }
 
 bool Wedges::refine(WedgeTask& task) {
-    if (task.report.reused || !setting_.refinement.on() || task.round == Refinement::most_rounds) return false;
+    if (task.report.reused || !setting_.refinement.on() || task.round > Refinement::most_rounds) return false;
     const Stopwatch watch;
-    task.doubted = rows_in_doubt(*task.cells, task.doubted, setting_.refinement);
-    ++task.round;
-    task.run = 0;
-    task.wedge.runs.clear();
-    const Interval bins = task.report.azimuth_bins;
-    // So many spokes at a time as the wedge had, or those of one bin.
-    const std::int64_t most = std::max<std::int64_t>(1, bins.size() >> task.round);
-    for (const Interval rows : task.doubted) {
-        task.cells->clear(rows);
-        if (task.round == 1) task.report.refined_bins += static_cast<std::uint64_t>(rows.size());
-        for (std::int64_t row = rows.begin; row < rows.end; row += most) {
-            const Interval some{row, std::min(rows.end, row + most)};
-            Wedge part =
-                setting_.grid_of(task.round).wedge(task.wedge.index, {bins.begin + some.begin, bins.begin + some.end});
-            for (SpokeRun& run : part.runs) {
-                run.first_row += row;
-                task.wedge.runs.push_back(std::move(run));
-            }
+    if (task.round == 0 || task.next_doubted == task.doubted.size()) {
+        task.doubted = rows_in_doubt(*task.cells, task.doubted, setting_.refinement);
+        std::uint64_t bins = 0;
+        for (const Interval rows : task.doubted) bins += static_cast<std::uint64_t>(rows.size());
+        if (++task.round == 1) task.report.refined_bins = bins;
+        if (task.round > Refinement::most_rounds) {
+            task.report.doubtful_bins = bins;
+            task.doubted.clear();
         }
+        for (const Interval rows : task.doubted) task.cells->clear(rows);
+        task.next_doubted = 0;
+        if (!task.doubted.empty()) task.next_row = task.doubted.front().begin;
     }
+    const bool more = task.next_doubted < task.doubted.size();
+    if (more) take_doubted(task);
     task.report.wall_s += watch.cpu_s();
-    return !task.wedge.runs.empty();
+    return more;
+}
+
+void Wedges::take_doubted(WedgeTask& task) {
+    const SpokeGrid& grid = setting_.grid_of(task.round);
+    const std::int64_t first = task.report.azimuth_bins.begin;
+    const std::size_t room = plan_.forecast[static_cast<std::size_t>(task.report.index)].lanes;
+    const std::int64_t end = task.doubted[task.next_doubted].end;
+    Interval some{task.next_row, end};
+    const auto lanes = [](const Wedge& part) {
+        std::int64_t most = 0;
+        for (const SpokeRun& run : part.runs)
+            for (std::size_t ring = 0; ring < run.spokes.size(); ++ring)
+                most = std::max(most, run.spokes[ring].size() + run.spokes[ring > 0 ? ring - 1 : 0].size());
+        return static_cast<std::size_t>(most);
+    };
+    Wedge part = grid.wedge(task.wedge.index, {first + some.begin, first + some.end});
+    while (some.size() > 1 && lanes(part) > room) {
+        some.end = some.begin + some.size() / 2;
+        part = grid.wedge(task.wedge.index, {first + some.begin, first + some.end});
+    }
+    for (SpokeRun& run : part.runs) run.first_row += some.begin;
+    task.wedge.runs = std::move(part.runs);
+    task.run = 0;
+    task.next_row = some.end;
+    if (some.end == end && ++task.next_doubted < task.doubted.size())
+        task.next_row = task.doubted[task.next_doubted].begin;
 }
 
 void Wedges::merge(WedgeTask& task) {

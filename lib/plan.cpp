@@ -87,7 +87,8 @@ public:
     Walk(const ResolvedScene& scene, WedgeSource& source, const SpokeGrid& grid, std::int64_t strip, bool look)
         : scene_(scene), source_(source), db_(source.data_base()), grid_(grid), strip_(strip), look_(look),
           facets_(may_need_facets(laws_of(scene.scene))), directional_(may_be_directional(laws_of(scene.scene))),
-          shore_(scene.scene.far_shore && source.data_base().has_culture), refines_(refinement_of(scene).on()) {}
+          shore_(scene.scene.far_shore && source.data_base().has_culture),
+          refines_(refinement_of(scene, sampling_of(scene, source.data_base())).on()) {}
 
     WedgeForecast operator()(const Wedge& wedge) const {
         WedgeForecast f;
@@ -125,8 +126,10 @@ private:
             // The ring that the strip ends in has the most spokes.
             std::size_t last_ring = ring;
             while (last_ring + 1 < rings.size() && rings[last_ring].lines.end <= lines.end) ++last_ring;
-            auto lanes = static_cast<std::size_t>(run.spokes[last_ring].size() + run.spokes[ring].size());
-            if (refines_) lanes = lanes_refined(lanes, static_cast<std::size_t>(run.bins.size()));
+            const std::size_t lanes =
+                std::max(static_cast<std::size_t>(run.spokes[last_ring].size() + run.spokes[ring].size()),
+                         refines_ ? lanes_of_bin(run, last_ring) : 0);
+            f.lanes = std::max(f.lanes, lanes);
             const ChunkRequest request{
                 grid_.window(fan, spokes, live, lines), lines_are_columns(q), {}, {}, {}, grid_.level(fan, line), {}};
             const Window posts = raster_posts(request.window, request.level);
@@ -167,10 +170,13 @@ private:
         return most;
     }
 
-    /// What the bins of a run, in pieces of fewer the more spokes they have, take at the most.
-    static std::size_t lanes_refined(std::size_t lanes, std::size_t bins) {
-        constexpr std::size_t times = std::size_t{1} << Refinement::most_rounds, parents = 16;
-        return std::max(lanes, times * lanes / std::max(bins, std::size_t{1}) + parents);
+    /// Of one bin that is swept with the most spokes, at least: those of a ring and the parents'. Near a diagonal a bin has pi / 2 times
+    /// as many as the mean.
+    static std::size_t lanes_of_bin(const SpokeRun& run, std::size_t ring) {
+        constexpr std::size_t times = std::size_t{1} << Refinement::most_rounds, few = 16;
+        return times * static_cast<std::size_t>(run.touching[ring].size()) * 5 / 2 /
+                   static_cast<std::size_t>(std::max<std::int64_t>(1, run.bins.size())) +
+               few;
     }
 
     static constexpr std::size_t allocations = 256 * 1024;  // what the heap takes for many small pieces

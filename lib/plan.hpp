@@ -15,6 +15,7 @@ struct WedgeForecast {
     std::uint64_t steps = 0;                         ///< of spokes from line to line
     double likely_posts = 0, likely_bytes = 0;       ///< without what coarse bounds of the terrain hide
     std::size_t peak_bytes = 0;                      ///< cells, front, chunk and what reading it takes
+    std::size_t lanes = 0;                           ///< spokes of two rings that the front has room for
     Window reach;                                    ///< that holds all that is read
 };
 

@@ -26,6 +26,7 @@ Promise promise_of(const ResolvedScene& resolved, const DataBase& db) {
     lack(!radar.pulse_length_error, "ple is off");
     lack(scene.spokes_per_post.has_value(), "spokes-per-post is given");
     lack(scene.spokes_per_bin.has_value(), "spokes-per-bin is given");
+    lack(!scene.refine, "refine is off");
     lack(scene.spoke_lead.has_value(), "spoke-lead is given");
     lack(scene.crossings.has_value(), "crossings is given");
     lack(scene.curved_course.has_value(), "course is given");

@@ -7,18 +7,17 @@
 namespace wedgescope {
 namespace {
 
-/// What the middle of the beam keeps of an echo of one bin, a quarter of it: beside others of the same power.
-constexpr float in_beam = 0.37F;
 /// Bins of fewer bright cells count as if they had so many: a few say little about a picture.
 constexpr double least_cells = 16;
 
-/// Of both halves' watts: squares of half their difference in dB where this is above `least`, and 1 where their mean is above the noise; `sum_*`: n
-/// floats each. Of echoes that arrive together, from the bin itself on. Half of 10 lg (a / b) is (10 / ln 10) artanh((a - b) /
-/// (a + b)), here by its Pade approximant (1 % up to 7 dB, at most 8 dB): the same bits everywhere.
-WEDGESCOPE_LANES_PART void differences(std::size_t n, std::size_t together, float noise, float least,
+/// Of the watts of both halves of a row's cells, n and `together` more: the square of half their difference in dB where this is
+/// above `least`, else 0; and 1 where the mean of what both say of the whole is above the floor, else 0. Of echoes that arrive
+/// together, from each cell on, their mean. Half of 10 lg (a / b) is (10 / ln 10) artanh((a - b) / (a + b)), here by its Pade
+/// approximant (to 1 % up to 7 dB, 8 dB at the most): the same bits everywhere.
+WEDGESCOPE_LANES_PART void differences(std::size_t n, std::size_t together, float floor, float least,
                                        const float* __restrict even, const float* __restrict odd,
                                        float* __restrict square, float* __restrict bright) noexcept {
-    const float scale = 2 * in_beam / static_cast<float>(together);
+    const float scale = 2 / static_cast<float>(together);
     for (std::size_t j = 0; j < n; ++j) {
         float a = 0, b = 0;
         for (std::size_t k = 0; k < together; ++k) {
@@ -27,10 +26,10 @@ WEDGESCOPE_LANES_PART void differences(std::size_t n, std::size_t together, floa
         }
         a *= scale;
         b *= scale;
-        const float y = (a - b) / (a + b + 2 * noise), y2 = y * y;
+        const float y = (a - b) / (a + b + 2 * floor), y2 = y * y;
         const float db = 4.342945F * y * (15 - 4 * y2) / (15 - 9 * y2);
         square[j] = db * db > least * least ? db * db : 0.0F;
-        bright[j] = a + b > 2 * noise ? 1.0F : 0.0F;
+        bright[j] = a + b > 2 * floor ? 1.0F : 0.0F;
     }
 }
 
@@ -44,7 +43,7 @@ std::vector<Interval> rows_in_doubt(const WedgeCells& cells, const std::vector<I
     for (const Interval rows : among)
         for (std::int64_t row = rows.begin; row < rows.end; ++row) {
             cells.halves(static_cast<std::size_t>(row), even.data(), odd.data());
-            on_target<differences>(n, together, static_cast<float>(refinement.noise_w),
+            on_target<differences>(n, together, static_cast<float>(refinement.floor_w),
                                    static_cast<float>(refinement.cell_db), even.data(), odd.data(), square.data(),
                                    bright.data());
             double sum = 0, count = 0;

@@ -16,20 +16,21 @@
 namespace wedgescope {
 
 struct ResolvedScene;
+struct Sampling;
 
 struct Refinement {
     static constexpr int most_rounds = 3;
-    /// A bin is in doubt where half the difference of its halves, of cells that it is more than cell_db in, makes an RMS of
-    /// more than least_db over the bright cells. Infinite: none ever is.
+    /// A bin is in doubt where the RMS, over its bright cells (16 at least), of half the difference in dB of its halves is above
+    /// this; cells where it is not above cell_db count 0. Infinite: no bin ever is.
     double least_db = std::numeric_limits<double>::infinity();
     double cell_db = 0;
-    double noise_w = 0;          ///< what a cell's echo counts beside
+    double floor_w = 0;          ///< added to both halves; bright is what stands above it
     std::size_t pulse_bins = 1;  ///< range bins whose echoes arrive together
     bool on() const { return least_db < std::numeric_limits<double>::infinity(); }
 };
 
-/// Off where the scene says how many spokes there are.
-Refinement refinement_of(const ResolvedScene& scene);
+/// Off where the scene says so, or how many spokes there are. `sampling`: its own.
+Refinement refinement_of(const ResolvedScene& scene, const Sampling& sampling);
 
 /// Of these rows of cells whose halves are apart those in doubt, in order, neighbouring ones together.
 std::vector<Interval> rows_in_doubt(const WedgeCells& cells, const std::vector<Interval>& among,

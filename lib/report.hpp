@@ -29,7 +29,9 @@ struct WedgeReport {
     std::array<std::uint64_t, skip_count> posts_skipped{};  ///< of its chunks, by Skip; not read for this wedge
     std::uint64_t samples = 0;                              ///< samples of spokes taken
     std::uint64_t visible_pieces = 0;
-    std::uint64_t refined_bins = 0;  ///< azimuth bins that were swept again, more densely
+    std::uint64_t refined_bins = 0;   ///< azimuth bins that were swept again, more densely
+    std::uint64_t doubtful_bins = 0;  ///< of these, those still in doubt with the most spokes
+    std::uint64_t bytes_again = 0;    ///< read for these, decoded; not in bytes_read
     std::size_t peak_bytes = 0;  ///< held by this wedge
     bool reused = false;         ///< found in the archive; all else is from the run that made it
 };
@@ -55,6 +57,8 @@ inline constexpr WedgeFigure<std::uint64_t> wedge_counts[] = {{"posts_read", &We
                                                               {"samples", &WedgeReport::samples},
                                                               {"visible_pieces", &WedgeReport::visible_pieces},
                                                               {"refined_bins", &WedgeReport::refined_bins},
+                                                              {"doubtful_bins", &WedgeReport::doubtful_bins},
+                                                              {"bytes_again", &WedgeReport::bytes_again},
                                                               {"peak_bytes", &WedgeReport::peak_bytes}};
 
 struct RunReport {

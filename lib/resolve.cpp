@@ -379,18 +379,21 @@ std::array<double, 4> quiet_posts(const ResolvedScene& s, const DataBase& db) {
 
 }  // namespace
 
-Refinement refinement_of(const ResolvedScene& s) {
+Refinement refinement_of(const ResolvedScene& s, const Sampling& sampling) {
     Refinement refinement;
-    if (s.scene.spokes_per_post || s.scene.spokes_per_bin) return refinement;
-    const RadarParams radar = like_bins_of(s);
-    // Halves differ by two to nine times as much as the whole is off; glimpses, which no rule foresees, by much more than all
-    // else. Source: docs/accuracy.md "Bins in doubt".
-    const double promised_db = promised_error(s.scene.quality).rms_db;
+    if (!s.scene.refine || s.scene.spokes_per_post || s.scene.spokes_per_bin) return refinement;
+    // What all of a bin's spokes make of it is off by half to a ninth of half the difference of its halves. The thresholds: docs/accuracy.md,
+    // "Bins in doubt". Of n spokes one half may have one more than the other.
+    const double promised_db = promised_error(s.scene.quality).rms_db, n = std::max(2.0, sampling.spokes_per_bin),
+                 uneven = rounded_significand((n + 1) / (n - 1), 20);
     refinement.least_db = std::min(4 * promised_db, 0.8);
-    refinement.cell_db = std::min(15 * promised_db, 2.0);
-    refinement.noise_w = radar.noise_power_w();
-    refinement.pulse_bins =
-        static_cast<std::size_t>(std::clamp(std::round(radar.pulse_extent_m() / s.swept.range_bin_m), 1.0, 64.0));
+    refinement.cell_db = std::max(std::min(15 * promised_db, 2.0), rounded_significand(5 * std::log10(uneven), 20));
+    // Four bins a pulse, whose echoes add up in the middle of the beam: this floor under their mean is 10 dB over the noise.
+    constexpr double bins = 4, over_noise = 10;
+    RadarParams radar = like_bins_of(s);
+    radar.pulse_s = bins * s.swept.range_bin_m / RadarParams{}.pulse_extent_m() * RadarParams{}.pulse_s;
+    refinement.floor_w = rounded_significand(over_noise / bins * radar.noise_power_w(), 24);
+    refinement.pulse_bins = static_cast<std::size_t>(bins);
     return refinement;
 }
 

@@ -100,6 +100,7 @@ struct Scene {
     std::optional<double> spokes_per_bin;  ///< of azimuth
     std::optional<double> spoke_lead;   ///< how many times their distance ahead spokes double
     std::optional<bool> crossings;      ///< sampled where spokes cross the other axis' lines too
+    bool refine = true;                 ///< bins in doubt are swept again (refine.hpp)
     std::optional<bool> curved_course;  ///< the surface's course inside a cell, not a straight line
 };
 

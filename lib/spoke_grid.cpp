@@ -120,6 +120,13 @@ SpokeGrid::SpokeGrid(const DataBase& data_base, const SpokeMap& map, const Sampl
     }
 }
 
+SpokeGrid SpokeGrid::finer(int times) const {
+    SpokeGrid grid = *this;
+    for (FanLines& lines : grid.lines_)
+        for (Ring& ring : lines.rings) ring.spokes *= times;
+    return grid;
+}
+
 void SpokeGrid::set_bands(Fan f, std::int64_t first_line, std::int64_t line_count, const DetailLevels& levels) {
     FanLines& lines = lines_[place_of(f)];
     lines.clockwise = map_.azimuth_rad(f.quadrant, 1) > map_.azimuth_rad(f.quadrant, -1);
@@ -156,7 +163,7 @@ double SpokeGrid::needed_spokes(Fan f, const Sampling& sampling, double least, s
                      post = static_cast<double>(std::int64_t{1} << band.level);
         most = std::max(most, spokes_a_post * counted_posts(sampling, post, std::min(dense_to, end) / post, to_thin));
     }
-    return sampling.times * most;
+    return most;
 }
 
 std::vector<Ring> SpokeGrid::rings_from(Fan f, const Sampling& sampling, double least, std::int64_t spokes) const {
@@ -187,8 +194,7 @@ void SpokeGrid::set_rings(Fan f, const Sampling& sampling, double least) {
     const auto whole_steps = [](double spokes) {
         return static_cast<std::int64_t>(std::ceil(spokes / static_cast<double>(spoke_step))) * spoke_step;
     };
-    const std::int64_t first =
-        whole_steps(lines.line_count ? needed_spokes(f, sampling, least, 0) : sampling.times * least);
+    const std::int64_t first = whole_steps(lines.line_count ? needed_spokes(f, sampling, least, 0) : least);
     lines.rings = rings_from(f, sampling, least, first);
     if (!lines.line_count) return;
     // Or so many that the farthest lines, which have most of the samples, get no more than they need. The farther a line the

@@ -44,7 +44,6 @@ struct Sampling {
     /// How many times a line's distance spokes are dense enough for. A spoke that a doubling puts between two starts from
     /// the mean of their horizons, which is wrong until ground of its own hides more.
     double lead = 1;
-    int times = 1;            ///< so many times as many of all that
     bool cross_lines = true;  ///< sampled where spokes cross the other axis' lines too
     bool exact_course =
         false;  ///< the bilinear surface's course between two samples, not a straight line, decides what is seen
@@ -136,6 +135,9 @@ public:
 
     SpokeGrid(const DataBase& data_base, const SpokeMap& map, const Sampling& sampling, std::int64_t circle_bins,
               const DetailLevels& levels = {});
+
+    /// The same lines and rings with so many times the spokes (a power of two).
+    SpokeGrid finer(int times) const;
 
     /// Of spoke k of K: k / K, rounded where K is at most 2^20, so that a place that has few binary digits, as on a
     /// post, crosses lines at places with few digits too: the same bits wherever in a raster that is.

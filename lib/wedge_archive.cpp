@@ -34,7 +34,8 @@ std::vector<Fact> echo_facts(const ResolvedScene& s, const DataBase& db) {
     add("spokes-per-post", sampled.spokes_per_post);
     add("spokes-per-bin", sampled.spokes_per_bin);
     add("posts above", sampled.above_posts);
-    add("refined from", refinement_of(s).least_db);
+    const Refinement refinement = refinement_of(s, sampled);
+    add("refined from", refinement.least_db, " ", refinement.cell_db, " ", refinement.floor_w);
     add("spoke-lead", sampled.lead);
     add("crossings", sampled.cross_lines);
     add("course", sampled.exact_course ? "curved" : "straight");

@@ -438,6 +438,8 @@ TEST_CASE("a radar sees burnt metal by its gamma, and nothing else changes", "[f
                           "453732.925899,3740078.07702",
                           "--altitude-agl",
                           "1500m",
+                          "--refine",
+                          "off",
                           "--geometry",
                           "grid",
                           "--range",

@@ -4,10 +4,13 @@
 #include <catch2/catch.hpp>
 
 #include <cmath>
+#include <optional>
 #include <random>
 #include <string>
+#include <tuple>
 
 #include "lib/engine.hpp"
+#include "lib/plan.hpp"
 #include "tests/every_target.hpp"
 #include "tiles/gdal_session.hpp"
 #include "tiles/sources.hpp"
@@ -92,20 +95,20 @@ TEST_CASE("halves of cells add up to the whole, and a cleared row is as new", "[
     check();
 }
 
-TEST_CASE("a row is in doubt by what its halves differ in, beside the noise and its bright cells", "[refine]") {
+TEST_CASE("a row is in doubt by what its halves differ in, over a floor and among its bright cells", "[refine]") {
     WEDGESCOPE_ON_EVERY_TARGET;
-    constexpr double noise_w = 1e-9, in_beam = 0.37;
-    const Refinement rule{0.08, 0.3, noise_w, 1};
+    constexpr double floor_w = 1e-9;
+    const Refinement rule{0.08, 0.3, floor_w, 1};
     // Half the difference in dB that a cell of these halves makes.
     const auto difference_db = [&](double even_w, double odd_w) {
-        return 5 * std::abs(std::log10((2 * in_beam * even_w + noise_w) / (2 * in_beam * odd_w + noise_w)));
+        return 5 * std::abs(std::log10((2 * even_w + floor_w) / (2 * odd_w + floor_w)));
     };
     const auto doubted = [&](double even_w, double odd_w, std::size_t others, const Refinement& by) {
         WedgeCells cells(3, bins, 1, Halves::apart);
         add(cells, 1, 0, 99, even_w);
         add(cells, 1, 1, 99, odd_w);
         for (std::size_t j = 0; j < others; ++j)
-            for (const std::int64_t spoke : {2, 3}) add(cells, 1, spoke, j, 100 * noise_w);
+            for (const std::int64_t spoke : {2, 3}) add(cells, 1, spoke, j, 100 * floor_w);
         return !rows_in_doubt(cells, {{0, 3}}, by).empty();
     };
     for (const double even_w : {2e-9, 1e-8, 1e-7})
@@ -118,7 +121,7 @@ TEST_CASE("a row is in doubt by what its halves differ in, beside the noise and 
                 if (db > 5) continue;  // counts as less
                 CHECK(doubted(even_w, odd_w, others, rule) == (db > 0.3 && rms_db > 0.08));
             }
-    // A single spoke is what all of it is about; below the noise it does not matter, nor with a rule that is off.
+    // A single spoke is what all of it is about; below the floor it does not matter, nor with a rule that is off.
     CHECK(doubted(1e-8, 0, 99, rule));
     CHECK_FALSE(doubted(1e-11, 0, 99, rule));
     CHECK_FALSE(doubted(1e-8, 0, 99, Refinement{}));
@@ -126,7 +129,7 @@ TEST_CASE("a row is in doubt by what its halves differ in, beside the noise and 
     WedgeCells cells(1, bins, 1, Halves::apart);
     for (std::size_t j = 0; j < 100; ++j) add(cells, 0, static_cast<std::int64_t>(j % 2), j, 1e-8);
     CHECK(rows_in_doubt(cells, {{0, 1}}, rule).size() == 1);
-    CHECK(rows_in_doubt(cells, {{0, 1}}, {2, 0.3, noise_w, 2}).empty());
+    CHECK(rows_in_doubt(cells, {{0, 1}}, {2, 0.3, floor_w, 2}).empty());
 }
 
 TEST_CASE("rows in doubt come in order, neighbours together, of those asked for", "[refine]") {
@@ -175,4 +178,48 @@ TEST_CASE("bins in doubt are swept again, the same in every split", "[refine]") 
     // Who says how many spokes there are gets them.
     scene.spokes_per_bin = 8;
     CHECK(refined(simulate(scene, 1, 1, true)) == 0);
+}
+
+TEST_CASE("bins in doubt all round, over classes, canopy, water and voids, are the same in every split", "[refine]") {
+    const GdalSession session(32 << 20, {});
+    DataBaseParams db;
+    const std::string data = WEDGESCOPE_TEST_DATA;
+    db.dem = data + "/worcester_vermont_dem.tif";
+    db.culture = data + "/worcester_vermont_culture.tif";
+    db.legend = Legend::built_in("fbfm40");
+    db.culture_height = data + "/worcester_vermont_canopy.tif";
+    db.culture_height_scale = 0.1;
+    const auto source = open_direct_source(db);
+    Scene s;
+    s.platform.latlon = LatLon{44.42, -72.56};
+    s.platform.altitude_above = AltitudeAbove::ground;
+    s.platform.altitude_m = 150;
+    s.range_m = 7000;
+    s.radar.antenna.beam = Angle::degrees(6);
+    s.display.size = 64;
+    s.quality = Quality::draft;
+    for (const bool shore : {false, true}) {
+        s.far_shore = shore;
+        const ResolvedScene scene = resolve(s, *source);
+        std::optional<RunResult> first;
+        for (const auto& [wedges, threads, cull] :
+             {std::tuple{1, 1, true}, std::tuple{7, 2, true}, std::tuple{1, 1, false}, std::tuple{240, 2, true}}) {
+            EngineParams params;
+            params.wedges = wedges;
+            params.threads = threads;
+            params.cull = cull;
+            const std::size_t granted = plan(scene, *source, params).wedge_bytes;
+            RunResult other = run(scene, *source, params);
+            CAPTURE(shore, wedges, threads, cull);
+            for (const WedgeReport& wedge : other.report.wedges) CHECK(wedge.peak_bytes <= granted);
+            CHECK(refined(other) > 0);
+            if (first) {
+                CHECK(other.echo_w.cells == first->echo_w.cells);
+                CHECK(other.echo_state.cells == first->echo_state.cells);
+                CHECK(refined(other) == refined(*first));
+            } else {
+                first.emplace(std::move(other));
+            }
+        }
+    }
 }

@@ -859,7 +859,9 @@ std::vector<Key> make_keys() {
     t.add("spokes-per-bin",
           number(
               between("2", "256"), [](auto& s) -> auto& { return s.scene.spokes_per_bin; }, "auto"),
-          "auto", "least spokes for each azimuth bin, near and far; auto: as the quality says");
+          "auto",
+          "least spokes for each azimuth bin, near and far; auto: as the quality says, and more where refine finds "
+          "that it takes them");
     t.add("spoke-lead",
           number(
               between("1", "64"), [](auto& s) -> auto& { return s.scene.spoke_lead; }, "auto"),
@@ -878,6 +880,13 @@ std::vector<Key> make_keys() {
           "auto",
           "how the surface runs between two samples in a cell; auto: as the quality says (coverage: curved as far as "
           "64 posts)");
+    t.add(
+        "refine",
+        choice<bool>(
+            {{"on", true}, {"off", false}}, [](auto& s) -> auto& { return s.scene.refine; }),
+        "on",
+        "azimuth bins that every other spoke alone would draw differently are swept again with twice the spokes, up to "
+        "three times: glimpses of crests out of shadows; not with spokes-per-bin or spokes-per-post");
     t.add("detail",
           choice<bool>(
               {{"auto", true}, {"off", false}}, [](auto& s) -> auto& { return s.scene.detail; }),

@@ -41,6 +41,8 @@ WedgeReport sum(Iterator begin, Iterator end) {
         total.samples += w->samples;
         total.visible_pieces += w->visible_pieces;
         total.refined_bins += w->refined_bins;
+        total.doubtful_bins += w->doubtful_bins;
+        total.bytes_again += w->bytes_again;
         total.peak_bytes = std::max(total.peak_bytes, w->peak_bytes);
     }
     return total;
@@ -223,6 +225,8 @@ nlohmann::ordered_json report_json(const Settings& settings, const RunResult& ru
         entry["samples"] = wedge.samples;
         entry["visible_pieces"] = wedge.visible_pieces;
         entry["refined_azimuth_bins"] = wedge.refined_bins;
+        entry["doubtful_azimuth_bins"] = wedge.doubtful_bins;
+        entry["bytes_read_again"] = wedge.bytes_again;
         entry["peak_bytes"] = wedge.peak_bytes;
         return entry;
     };
