@@ -477,7 +477,7 @@ TEST_CASE("on hard ground levels add no more error than they are allowed", "[.][
 }
 
 TEST_CASE("levels keep the promise over a steep coast, whose blocks hold sea and several crests", "[detail]") {
-    // Long pulses over posts of 30 m. Known to miss a little still: docs/accuracy.md, "Sectors drawn by lot".
+    // Long pulses over posts of 30 m. Known to miss a little still: docs/accuracy.md, "Levels of detail over a steep coast".
     struct Place {
         double lat, lon, height_m, range_m, beam_deg, from_deg, pulse_s;
     };

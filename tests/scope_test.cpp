@@ -413,7 +413,7 @@ TEST_CASE("every setting that needs a new sweep is refused, by name and with the
                                                        {"geometry", "grid"},        {"earth", "1.3"},
                                                        {"quality", "fine"},         {"max-error", "0.1dB"},
                                                        {"spokes-per-post", "2"},    {"spoke-lead", "3"},
-                                                       {"spokes-per-bin", "7"},
+                                                       {"spokes-per-bin", "7"},     {"refine", "off"},
                                                        {"crossings", "off"},        {"course", "straight"},
                                                        {"detail", "off"},           {"frequency", "16.6GHz"},
                                                        {"transmit-power", "100kW"}, {"gain", "35dB"},

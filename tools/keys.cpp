@@ -1512,9 +1512,9 @@ std::vector<Key> make_keys() {
     because({"geometry", "earth"}, "it decides what the spokes meet and what hides it");
     because({"range"}, "how densely the ground is sampled follows from it");
     because({"range-start"}, "ground that its near edge cuts is added up in other pieces");
-    because(
-        {"quality", "max-error", "spokes-per-post", "spokes-per-bin", "spoke-lead", "crossings", "course", "detail"},
-        "it decides how the ground is sampled");
+    because({"quality", "max-error", "spokes-per-post", "spokes-per-bin", "spoke-lead", "crossings", "course", "refine",
+             "detail"},
+            "it decides how the ground is sampled");
     because({"frequency", "transmit-power", "gain", "losses"},
             "the echo's watts hold it, and would be rounded otherwise (if-gain brightens the picture as well)");
     because({"gamma"}, "it is what every piece of ground returns");
