@@ -15,6 +15,7 @@ inline Scene bare_scene(double x, double y, double altitude_m, double range_m) {
     s.azimuth_bins = 360;
     s.range_bin_m = 50;
     s.quality = Quality::exact;
+    s.refine = false;  // sums over all cells do not need it
     s.radar.antenna.elevation = ElevationPattern::gaussian;
     s.radar.antenna.floor = Decibel(0);
     s.radar.beam_width_error = s.radar.pulse_length_error = false;

@@ -41,7 +41,7 @@ Scene mountains() {
     s.range_start_m = 60 / Angle::degrees(3).rad();
     s.sector = Sector{Angle::degrees(234), Angle::degrees(279)};
     s.display.size = 64;
-    s.quality = Quality::exact;
+    s.quality = Quality::normal;
     return s;
 }
 
@@ -158,7 +158,7 @@ TEST_CASE("bins in doubt are swept again, the same in every split", "[refine]") 
     CHECK(refined(whole) > 0);
     CHECK(refined(whole) < swept);
     for (const auto& [wedges, threads, cull] :
-         {std::tuple{5, 2, true}, std::tuple{1, 1, false}, std::tuple{static_cast<int>(swept), 2, true}}) {
+         {std::tuple{5, 2, true}, std::tuple{1, 1, false}, std::tuple{static_cast<int>(swept), 1, true}}) {
         const RunResult other = simulate(scene, wedges, threads, cull);
         CAPTURE(wedges, threads, cull);
         CHECK(other.echo_w.cells == whole.echo_w.cells);
@@ -194,32 +194,30 @@ TEST_CASE("bins in doubt all round, over classes, canopy, water and voids, are t
     s.platform.latlon = LatLon{44.42, -72.56};
     s.platform.altitude_above = AltitudeAbove::ground;
     s.platform.altitude_m = 150;
-    s.range_m = 7000;
+    s.range_m = 4000;
     s.radar.antenna.beam = Angle::degrees(6);
     s.display.size = 64;
     s.quality = Quality::draft;
-    for (const bool shore : {false, true}) {
-        s.far_shore = shore;
-        const ResolvedScene scene = resolve(s, *source);
-        std::optional<RunResult> first;
-        for (const auto& [wedges, threads, cull] :
-             {std::tuple{1, 1, true}, std::tuple{7, 2, true}, std::tuple{1, 1, false}, std::tuple{240, 2, true}}) {
-            EngineParams params;
-            params.wedges = wedges;
-            params.threads = threads;
-            params.cull = cull;
-            const std::size_t granted = plan(scene, *source, params).wedge_bytes;
-            RunResult other = run(scene, *source, params);
-            CAPTURE(shore, wedges, threads, cull);
-            for (const WedgeReport& wedge : other.report.wedges) CHECK(wedge.peak_bytes <= granted);
-            CHECK(refined(other) > 0);
-            if (first) {
-                CHECK(other.echo_w.cells == first->echo_w.cells);
-                CHECK(other.echo_state.cells == first->echo_state.cells);
-                CHECK(refined(other) == refined(*first));
-            } else {
-                first.emplace(std::move(other));
-            }
+    s.far_shore = true;
+    const ResolvedScene scene = resolve(s, *source);
+    std::optional<RunResult> first;
+    for (const auto& [wedges, threads, cull] :
+         {std::tuple{1, 1, true}, std::tuple{7, 2, true}, std::tuple{240, 1, false}}) {
+        EngineParams params;
+        params.wedges = wedges;
+        params.threads = threads;
+        params.cull = cull;
+        const std::size_t granted = plan(scene, *source, params).wedge_bytes;
+        RunResult other = run(scene, *source, params);
+        CAPTURE(wedges, threads, cull);
+        for (const WedgeReport& wedge : other.report.wedges) CHECK(wedge.peak_bytes <= granted);
+        CHECK(refined(other) > 0);
+        if (first) {
+            CHECK(other.echo_w.cells == first->echo_w.cells);
+            CHECK(other.echo_state.cells == first->echo_state.cells);
+            CHECK(refined(other) == refined(*first));
+        } else {
+            first.emplace(std::move(other));
         }
     }
 }

@@ -401,7 +401,7 @@ TEST_CASE("a data base that stays in memory gives the bits of the source beneath
 }
 
 TEST_CASE("each frame of a track is the picture that its row's numbers and a seed of its own give alone, byte for byte",
-          "[track]") {
+          "[track][long]") {
     const Folder folder;
     draw_data(folder);
     write_track(folder);
