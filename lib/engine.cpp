@@ -291,9 +291,8 @@ Task Wedges::enter(std::size_t index) {
     note_memory();
     if (params_.archive && find(*task)) return task;
     task->report.memory_wait_s = memory_wait;
-    const bool refines = setting_.refinement.on();
     task->cells = std::make_unique<WedgeCells>(static_cast<std::size_t>(plan_.wedges[index].size()), setting_.cells, 1,
-                                               refines ? WedgeCells::Halves::apart : WedgeCells::Halves::together);
+                                               halves_of(setting_.scene.scene));
     task->doubted = {{0, plan_.wedges[index].size()}};
     return task;
 }

@@ -87,14 +87,13 @@ public:
     Walk(const ResolvedScene& scene, WedgeSource& source, const SpokeGrid& grid, std::int64_t strip, bool look)
         : scene_(scene), source_(source), db_(source.data_base()), grid_(grid), strip_(strip), look_(look),
           facets_(may_need_facets(laws_of(scene.scene))), directional_(may_be_directional(laws_of(scene.scene))),
-          shore_(scene.scene.far_shore && source.data_base().has_culture),
-          refines_(refinement_of(scene, sampling_of(scene, source.data_base())).on()) {}
+          shore_(scene.scene.far_shore && source.data_base().has_culture), refines_(refines(scene.scene)) {}
 
     WedgeForecast operator()(const Wedge& wedge) const {
         WedgeForecast f;
-        const std::size_t cells = WedgeCells::bytes_of(
-            static_cast<std::size_t>(wedge.bins.size()), static_cast<std::size_t>(scene_.swept.range_bins.size()), 1,
-            refines_ ? WedgeCells::Halves::apart : WedgeCells::Halves::together);
+        const std::size_t cells =
+            WedgeCells::bytes_of(static_cast<std::size_t>(wedge.bins.size()),
+                                 static_cast<std::size_t>(scene_.swept.range_bins.size()), 1, halves_of(scene_.scene));
         std::size_t most = 0;
         for (const SpokeRun& run : wedge.runs) most = std::max(most, walk(run, f));
         f.peak_bytes = cells + most + allocations;

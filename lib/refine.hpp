@@ -16,6 +16,7 @@
 namespace wedgescope {
 
 struct ResolvedScene;
+struct Scene;
 struct Sampling;
 
 struct Refinement {
@@ -29,7 +30,13 @@ struct Refinement {
     bool on() const { return least_db < std::numeric_limits<double>::infinity(); }
 };
 
-/// Off where the scene says so, or how many spokes there are. `sampling`: its own.
+/// False where the scene says so, or how many spokes there are.
+bool refines(const Scene& scene);
+/// How its cells take what falls into them.
+inline WedgeCells::Halves halves_of(const Scene& scene) {
+    return refines(scene) ? WedgeCells::Halves::apart : WedgeCells::Halves::together;
+}
+/// Off unless it refines. `sampling`: its own.
 Refinement refinement_of(const ResolvedScene& scene, const Sampling& sampling);
 
 /// Of these rows of cells whose halves are apart those in doubt, in order, neighbouring ones together.

@@ -379,9 +379,11 @@ std::array<double, 4> quiet_posts(const ResolvedScene& s, const DataBase& db) {
 
 }  // namespace
 
+bool refines(const Scene& scene) { return scene.refine && !scene.spokes_per_post && !scene.spokes_per_bin; }
+
 Refinement refinement_of(const ResolvedScene& s, const Sampling& sampling) {
     Refinement refinement;
-    if (!s.scene.refine || s.scene.spokes_per_post || s.scene.spokes_per_bin) return refinement;
+    if (!refines(s.scene)) return refinement;
     // What all of a bin's spokes make of it is off by half to a ninth of half the difference of its halves. The thresholds: docs/accuracy.md,
     // "Bins in doubt". Of n spokes one half may have one more than the other.
     const double promised_db = promised_error(s.scene.quality).rms_db, n = std::max(2.0, sampling.spokes_per_bin),

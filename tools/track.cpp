@@ -522,10 +522,6 @@ void check_outputs(const Settings& settings, const Frames& frames) {
     LayerFiles(frames.settings(0)).check(settings);
 }
 
-}  // namespace
-
-namespace {
-
 /// Where a heading is given that is not one of a scene file which the track on the command line stands over; else empty.
 std::string heading_beside(const Settings& settings) {
     const auto on_command_line = [&](const char* key) { return settings.spelled(key).starts_with("--"); };
