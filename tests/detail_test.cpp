@@ -480,12 +480,13 @@ TEST_CASE("levels keep the promise over a steep coast, whose blocks hold sea and
     // Long pulses over posts of 30 m. Known to miss a little still: docs/accuracy.md, "Levels of detail over a steep coast".
     struct Place {
         double lat, lon, height_m, range_m, beam_deg, from_deg, pulse_s;
+        double p99_db = 0.35;  ///< as promised
     };
     const DataBaseParams rasters = mapped(WEDGESCOPE_TEST_DATA + std::string("/olympic_coast_dem.tif"));
     std::size_t of_levels = 0;
-    for (const Place& place :
-         {Place{48.1772, -124.4626, 1500, 21550, 3, 276, 4e-6}, Place{48.3177, -124.5039, 1753, 11571, 6, 191, 4e-6},
-          Place{48.1671, -124.5358, 861, 8441, 6, 73, 2e-6}}) {
+    for (const Place& place : {Place{48.1772, -124.4626, 1500, 21550, 3, 276, 4e-6},
+                               Place{48.3177, -124.5039, 1753, 11571, 6, 191, 4e-6, 0.36},
+                               Place{48.1671, -124.5358, 861, 8441, 6, 73, 2e-6}}) {
         Scene s;
         s.platform.latlon = LatLon{place.lat, place.lon};
         s.platform.altitude_above = AltitudeAbove::ground;
@@ -506,7 +507,7 @@ TEST_CASE("levels keep the promise over a steep coast, whose blocks hold sea and
         INFO(place.lat << ": " << error.rms_db << ", " << error.p99_db << " dB");
         of_levels += posts_of_level(on, true) > 0;
         CHECK(error.rms_db < 0.1);
-        CHECK(error.p99_db < 0.36);  // 0.35 is promised
+        CHECK(error.p99_db < place.p99_db);
     }
     CHECK(of_levels >= 2);
 }
