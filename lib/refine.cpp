@@ -10,46 +10,56 @@ namespace {
 /// Bins of fewer bright cells count as if they had so many: a few say little about a picture.
 constexpr double least_cells = 16;
 
-/// Of the watts of both halves of a row's cells, n and `together` more: the square of half their difference in dB where this is
-/// above `least`, else 0; and 1 where the mean of what both say of the whole is above the floor, else 0. Of echoes that arrive
+constexpr std::size_t together = Refinement::pulse_bins, lanes = 2 * lane_step;
+
+/// Of a row's cells: squares of differences in dB, and how many are bright; each lane's apart, so that every target adds in
+/// one order.
+struct Doubt {
+    float square[lanes] = {}, bright[lanes] = {};
+};
+
+/// Adds, of the watts of both halves of n cells (whole registers, and `together` more): the square of half their difference in
+/// dB where this is above `least`, and 1 where the mean of what both say of the whole is above the floor. Of echoes that arrive
 /// together, from each cell on, their mean. Half of 10 lg (a / b) is (10 / ln 10) artanh((a - b) / (a + b)), here by its Pade
 /// approximant (to 1 % up to 7 dB, 8 dB at the most): the same bits everywhere.
-WEDGESCOPE_LANES_PART void differences(std::size_t n, std::size_t together, float floor, float least,
-                                       const float* __restrict even, const float* __restrict odd,
-                                       float* __restrict square, float* __restrict bright) noexcept {
-    const float scale = 2 / static_cast<float>(together);
-    for (std::size_t j = 0; j < n; ++j) {
-        float a = 0, b = 0;
-        for (std::size_t k = 0; k < together; ++k) {
-            a += even[j + k];
-            b += odd[j + k];
+WEDGESCOPE_LANES_PART void differences(std::size_t n, float floor, float least, const float* __restrict even,
+                                       const float* __restrict odd, Doubt& doubt) noexcept {
+    constexpr float scale = 2 / static_cast<float>(together);
+    Doubt sums = doubt;
+    for (std::size_t j = 0; j < n; j += lanes)
+        for (std::size_t i = 0; i < lanes; ++i) {
+            float a = 0, b = 0;
+            for (std::size_t k = 0; k < together; ++k) {
+                a += even[j + i + k];
+                b += odd[j + i + k];
+            }
+            a *= scale;
+            b *= scale;
+            const float y = (a - b) / (a + b + 2 * floor), y2 = y * y;
+            const float db = 4.342945F * y * (15 - 4 * y2) / (15 - 9 * y2);
+            sums.square[i] += db * db > least * least ? db * db : 0.0F;
+            sums.bright[i] += a + b > 2 * floor ? 1.0F : 0.0F;
         }
-        a *= scale;
-        b *= scale;
-        const float y = (a - b) / (a + b + 2 * floor), y2 = y * y;
-        const float db = 4.342945F * y * (15 - 4 * y2) / (15 - 9 * y2);
-        square[j] = db * db > least * least ? db * db : 0.0F;
-        bright[j] = a + b > 2 * floor ? 1.0F : 0.0F;
-    }
+    doubt = sums;
 }
 
 }  // namespace
 
 std::vector<Interval> rows_in_doubt(const WedgeCells& cells, const std::vector<Interval>& among,
                                     const Refinement& refinement) {
-    const std::size_t n = cells.columns(), together = refinement.pulse_bins;
-    std::vector<float> even(n + together), odd(n + together), square(n), bright(n);
+    const std::size_t n = whole_registers(cells.columns());
+    std::vector<float> even(n + together), odd(n + together);
     std::vector<Interval> found;
     for (const Interval rows : among)
         for (std::int64_t row = rows.begin; row < rows.end; ++row) {
             cells.halves(static_cast<std::size_t>(row), even.data(), odd.data());
-            on_target<differences>(n, together, static_cast<float>(refinement.floor_w),
-                                   static_cast<float>(refinement.cell_db), even.data(), odd.data(), square.data(),
-                                   bright.data());
+            Doubt doubt;
+            on_target<differences>(n, static_cast<float>(refinement.floor_w), static_cast<float>(refinement.cell_db),
+                                   even.data(), odd.data(), doubt);
             double sum = 0, count = 0;
-            for (std::size_t j = 0; j < n; ++j) {
-                sum += static_cast<double>(square[j]);
-                count += static_cast<double>(bright[j]);
+            for (std::size_t i = 0; i < lanes; ++i) {
+                sum += static_cast<double>(doubt.square[i]);
+                count += static_cast<double>(doubt.bright[i]);
             }
             if (!(sum > refinement.least_db * refinement.least_db * std::max(count, least_cells))) continue;
             if (found.empty() || found.back().end != row) found.push_back({row, row});

@@ -21,12 +21,12 @@ struct Sampling;
 
 struct Refinement {
     static constexpr int most_rounds = 3;
+    static constexpr std::size_t pulse_bins = 4;  ///< range bins whose echoes arrive together
     /// A bin is in doubt where the RMS, over its bright cells (16 at least), of half the difference in dB of its halves is above
     /// this; cells where it is not above cell_db count 0. Infinite: no bin ever is.
     double least_db = std::numeric_limits<double>::infinity();
     double cell_db = 0;
-    double floor_w = 0;          ///< added to both halves; bright is what stands above it
-    std::size_t pulse_bins = 1;  ///< range bins whose echoes arrive together
+    double floor_w = 0;  ///< added to both halves; bright is what stands above it
     bool on() const { return least_db < std::numeric_limits<double>::infinity(); }
 };
 

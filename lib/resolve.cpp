@@ -390,12 +390,11 @@ Refinement refinement_of(const ResolvedScene& s, const Sampling& sampling) {
                  uneven = rounded_significand((n + 1) / (n - 1), 20);
     refinement.least_db = std::min(4 * promised_db, 0.8);
     refinement.cell_db = std::max(std::min(15 * promised_db, 2.0), rounded_significand(5 * std::log10(uneven), 20));
-    // Four bins a pulse, whose echoes add up in the middle of the beam: this floor under their mean is 10 dB over the noise.
-    constexpr double bins = 4, over_noise = 10;
+    // Bins of a pulse, whose echoes add up in the middle of the beam: this floor under their mean is 10 dB over the noise.
+    constexpr double bins = static_cast<double>(Refinement::pulse_bins), over_noise = 10;
     RadarParams radar = like_bins_of(s);
     radar.pulse_s = bins * s.swept.range_bin_m / RadarParams{}.pulse_extent_m() * RadarParams{}.pulse_s;
     refinement.floor_w = rounded_significand(over_noise / bins * radar.noise_power_w(), 24);
-    refinement.pulse_bins = static_cast<std::size_t>(bins);
     return refinement;
 }
 

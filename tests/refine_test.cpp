@@ -98,44 +98,49 @@ TEST_CASE("halves of cells add up to the whole, and a cleared row is as new", "[
 TEST_CASE("a row is in doubt by what its halves differ in, over a floor and among its bright cells", "[refine]") {
     WEDGESCOPE_ON_EVERY_TARGET;
     constexpr double floor_w = 1e-9;
-    const Refinement rule{0.08, 0.3, floor_w, 1};
-    // Half the difference in dB that a cell of these halves makes.
-    const auto difference_db = [&](double even_w, double odd_w) {
-        return 5 * std::abs(std::log10((2 * even_w + floor_w) / (2 * odd_w + floor_w)));
-    };
+    const Refinement rule{0.08, 0.3, floor_w};
+    constexpr std::size_t together = Refinement::pulse_bins;
+    // Of cells with bins in front of them and none in doubt behind: the first one, which no other counts with.
+    constexpr std::size_t others_from = 10;
+    const auto mean = [](double w) { return 2 * w / static_cast<double>(together); };
     const auto doubted = [&](double even_w, double odd_w, std::size_t others, const Refinement& by) {
         WedgeCells cells(3, bins, 1, Halves::apart);
-        add(cells, 1, 0, 99, even_w);
-        add(cells, 1, 1, 99, odd_w);
+        add(cells, 1, 0, 0, even_w);
+        add(cells, 1, 1, 0, odd_w);
         for (std::size_t j = 0; j < others; ++j)
-            for (const std::int64_t spoke : {2, 3}) add(cells, 1, spoke, j, 100 * floor_w);
+            for (const std::int64_t spoke : {2, 3}) add(cells, 1, spoke, others_from + j, 100 * floor_w);
         return !rows_in_doubt(cells, {{0, 3}}, by).empty();
     };
-    for (const double even_w : {2e-9, 1e-8, 1e-7})
-        for (const double odd_w : {1.4e-9, 9e-9, 8e-8})
-            for (const std::size_t others : {std::size_t{0}, std::size_t{40}, std::size_t{99}}) {
-                const double db = difference_db(even_w, odd_w);
-                const double rms_db = db / std::sqrt(std::max(16.0, static_cast<double>(others + 1)));
+    for (const double even_w : {8e-9, 4e-8, 4e-7})
+        for (const double odd_w : {5.6e-9, 3.6e-8, 3.2e-7})
+            for (const std::size_t others : {std::size_t{0}, std::size_t{40}, std::size_t{80}}) {
+                const double a = mean(even_w) + floor_w, b = mean(odd_w) + floor_w,
+                             db = 5 * std::abs(std::log10(a / b));
+                const std::size_t bright = (others ? others + together - 1 : 0) + (a + b > 4 * floor_w ? 1 : 0);
+                const double rms_db = db / std::sqrt(std::max(16.0, static_cast<double>(bright)));
                 CAPTURE(even_w, odd_w, others, db, rms_db);
                 if (std::abs(db / 0.3 - 1) < 0.03 || std::abs(rms_db / 0.08 - 1) < 0.03) continue;
                 if (db > 5) continue;  // counts as less
                 CHECK(doubted(even_w, odd_w, others, rule) == (db > 0.3 && rms_db > 0.08));
             }
     // A single spoke is what all of it is about; below the floor it does not matter, nor with a rule that is off.
-    CHECK(doubted(1e-8, 0, 99, rule));
-    CHECK_FALSE(doubted(1e-11, 0, 99, rule));
-    CHECK_FALSE(doubted(1e-8, 0, 99, Refinement{}));
-    // Echoes that arrive together count together: here the same from both halves, in neighbouring bins.
-    WedgeCells cells(1, bins, 1, Halves::apart);
-    for (std::size_t j = 0; j < 100; ++j) add(cells, 0, static_cast<std::int64_t>(j % 2), j, 1e-8);
-    CHECK(rows_in_doubt(cells, {{0, 1}}, rule).size() == 1);
-    CHECK(rows_in_doubt(cells, {{0, 1}}, {2, 0.3, floor_w, 2}).empty());
+    CHECK(doubted(4e-8, 0, 80, rule));
+    CHECK_FALSE(doubted(4e-11, 0, 80, rule));
+    CHECK_FALSE(doubted(4e-8, 0, 80, Refinement{}));
+    // Echoes that arrive together count together: here as much from both halves, in bins that take turns.
+    const auto in_turns_of = [&](std::size_t turn) {
+        WedgeCells cells(1, bins, 1, Halves::apart);
+        for (std::size_t j = 0; j < 100; ++j) add(cells, 0, static_cast<std::int64_t>(j / turn % 2), j, 1e-8);
+        return !rows_in_doubt(cells, {{0, 1}}, {2, 0.3, floor_w}).empty();
+    };
+    CHECK_FALSE(in_turns_of(1));
+    CHECK(in_turns_of(together));
 }
 
 TEST_CASE("rows in doubt come in order, neighbours together, of those asked for", "[refine]") {
     WedgeCells cells(9, bins, 1, Halves::apart);
     for (const std::int64_t row : {0, 1, 4, 5, 6, 8}) add(cells, row, 0, 50, 1e-6);
-    const Refinement rule{0.08, 0.3, 1e-9, 4};
+    const Refinement rule{0.08, 0.3, 1e-9};
     CHECK(rows_in_doubt(cells, {{0, 9}}, rule) == std::vector<Interval>{{0, 2}, {4, 7}, {8, 9}});
     CHECK(rows_in_doubt(cells, {{1, 5}, {5, 6}}, rule) == std::vector<Interval>{{1, 2}, {4, 6}});
 }
