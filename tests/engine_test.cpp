@@ -153,6 +153,7 @@ TEST_CASE("a pattern of points lights the ground as the law that it was measured
 TEST_CASE("nearer than the minimum range nothing is received, and nothing else changes", "[engine]") {
     MemorySource source(401, 401, 30, [](double, double) { return 0.0; });
     Scene s = bare_scene(6000, -6000, 200, 5000);
+    s.quality = Quality::draft;  // only bits are compared
     s.azimuth_bins = 240;
     s.radar.pulse_s = 2e-6;  // 300 m
     s.receiver.noise = true;
@@ -194,6 +195,7 @@ TEST_CASE("a sector that all but closes the circle has the power of the full cir
     const auto hills = test::rolling(300, 150, 9);
     MemorySource source(301, 301, 30, [&](double c, double r) { return 300 + hills(c, r); });
     Scene s = bare_scene(4500, -4500, 700, 4000);
+    s.quality = Quality::draft;  // only bits are compared
     s.radar.antenna.beam = Angle::degrees(4);
     s.azimuth_bins = 360;
     const RunResult whole = run(resolve(s, source), source, {});
@@ -214,6 +216,7 @@ TEST_CASE("without noise and speckle the picture is that of the received power, 
     const auto hills = test::rolling(300, 150, 3);
     MemorySource source(301, 301, 30, [&](double c, double r) { return 300 + hills(c, r); });
     Scene s = bare_scene(4500, -4500, 900, 4000);
+    s.quality = Quality::draft;  // only bits are compared
     s.receiver.if_gain = Decibel(70);
     s.receiver.minimum_range_m = 1000.0;
     s.display.kind = GENERATE(DisplayKind::ppi, DisplayKind::gpi);
@@ -238,6 +241,7 @@ TEST_CASE("where echoes need not be kept their memory serves again, and no bit o
     const auto hills = test::rolling(300, 150, 3);
     MemorySource source(301, 301, 30, [&](double c, double r) { return 300 + hills(c, r); });
     Scene s = bare_scene(4500, -4500, 900, 4000);
+    s.quality = Quality::draft;  // only bits are compared
     s.azimuth_bins = 150;
     s.radar.beam_width_error = s.radar.pulse_length_error = true;
     s.display.size = GENERATE(600, 20);  // with an image of what is received, and without
