@@ -1,0 +1,245 @@
+// What the built program reads, wherever it lies: scene files, radar sets, an antenna's points, kept ground maps, the
+// folder of a store; and what info counts in a raster.
+#include <catch2/catch.hpp>
+
+#include <algorithm>
+#include <chrono>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "tests/cli.hpp"
+
+using namespace wedgescope::test;
+using namespace wedgescope::test::cli;
+using Catch::Matchers::Contains;
+
+TEST_CASE("a scene file works from any folder", "[cli]") {
+    const Folder folder;
+    fs::create_directories(folder.work() / "scenes");
+    fs::copy_file(data + "/lake_sunapee_dem.tif", folder.file("scenes/lake.tif"));
+    folder.write("scenes/lake.ini",
+                 "dem = lake.tif\nlatlon = 43.38,-72.05\naltitude-agl = 1000m\nsize = 200\noutput = lake.png\n");
+    const Outcome outcome = folder.run({"simulate", "scenes/lake.ini"});
+    INFO(outcome.err);
+    CHECK(outcome.code == 0);
+    CHECK(fs::exists(folder.file("scenes/lake.png")));
+    const Outcome info = folder.run({"info", "scenes/lake.ini", "--json"});
+    REQUIRE(info.code == 0);
+    const auto json = nlohmann::json::parse(info.out);
+    CHECK(json["files"][0]["kind"] == "scene");
+    CHECK(json["files"][0]["scene"]["resolved"]["nadir_on_data"] == true);
+    CHECK_THAT(folder.run({"info", "scenes/lake.ini"}).out, Contains("1000.0 m above the terrain"));
+}
+
+TEST_CASE("a radar set comes with the program, wherever that lies, and makes what its values make", "[cli][long]") {
+    const Folder folder;
+    for (const char* page : {"simulate", "scope"})
+        CHECK_THAT(folder.run({"help", page}).out,
+                   Contains("--set NAME|PATH") && Contains("f111a, ku-mapping, x-navigation"));
+    CHECK_THAT(folder.run({"help"}).out, Contains("help sets"));
+    const Outcome list = folder.run({"help", "sets"}), one = folder.run({"help", "sets", "f111a"});
+    CHECK(list.code == 0);
+    CHECK_THAT(list.out, Contains("  f111a ") && Contains("  x-navigation ") && Contains("  ku-mapping "));
+    CHECK(one.code == 0);
+    CHECK_THAT(one.out, Contains("frequency = 16.5GHz") && Contains("[U/P]"));
+    refuses(folder, {"help", "sets", "f111"}, 2,
+            {"set is 'f111'", "f111a, ku-mapping, x-navigation", "did you mean f111a?"});
+    refuses(folder, {"help", "sets", "f111a", "x"}, 2, {"one set at most"});
+    refuses(folder, with(with(good, {"--set", "f11a"}), out), 2, {"--set is 'f11a'", "did you mean f111a?"});
+
+    // What help prints is a set of one's own.
+    folder.write("mine.ini", one.out);
+    const auto scene = [&](const std::string& set, const std::string& name) {
+        const Outcome outcome = folder.run(
+            with(good, {"--set", set, "-o", name + ".png", "--report", name + ".json", "--reproducible", "-q"}));
+        INFO(outcome.err);
+        CHECK(outcome.code == 0);
+        return content(folder.file(name + ".png"));
+    };
+    const std::string shipped = scene("f111a", "a");
+    CHECK(shipped.size() > 1000);
+    CHECK((scene("mine.ini", "a2") == shipped));
+    CHECK((scene("x-navigation", "x") != shipped));
+    CHECK((scene("ku-mapping", "k") != shipped));
+    const auto report = [&](const char* name) { return nlohmann::json::parse(content(folder.file(name))); };
+    CHECK(report("a.json")["scene"]["set"] == "f111a");
+    CHECK(report("a.json")["scene"]["antenna-knee"] == "3deg");
+    CHECK(report("a.json")["scene"]["pulse"] == "1.2us");
+    const nlohmann::json inputs = report("a2.json")["inputs"];
+    CHECK(std::any_of(inputs.begin(), inputs.end(), [](const auto& input) { return input["key"] == "set"; }));
+    folder.write("scene.ini", "set = x-navigation\ndem = " + dem + "\nlatlon = 33.93,-117.33\naltitude-msl = 7000ft\n");
+    CHECK_THAT(folder.run({"info", "scene.ini"}).out, Contains("x-navigation"));
+
+    // Elsewhere, alone.
+    fs::copy_file(WEDGESCOPE_PROGRAM, folder.file("moved"));
+    CHECK(folder.finish(folder.start({"help", "sets", "f111a"}, folder.file("moved"))).out == one.out);
+}
+
+TEST_CASE("an antenna's file is an input as any other, and its points belong to kept wedges", "[cli]") {
+    const Folder folder;
+    folder.write("dish.csv", "-10,-40\n-3,-3\n3,0\n70,-32.5\n");
+    const Strings scene = with(good, {"--antenna", "dish.csv", "-q"});
+    refuses(folder, with(scene, {"-o", "dish.csv", "--overwrite"}), 2, {"output", "antenna", "may not replace"});
+    const Strings written = {"--work-dir", "work", "--power", "a.tif", "--report", "a.json", "--reproducible"};
+    const Outcome first = folder.run(with(scene, written));
+    INFO(first.err);
+    REQUIRE(first.code == 0);
+    const std::string power = content(folder.file("a.tif"));
+    const auto report = nlohmann::json::parse(content(folder.file("a.json")));
+    CHECK(report["scene"]["antenna"] == "points:-10,-40;-3,-3;3,0;70,-32.5");
+    CHECK(std::any_of(report["inputs"].begin(), report["inputs"].end(),
+                      [](const auto& input) { return input["key"] == "antenna"; }));
+    // The same points elsewhere serve; others do not.
+    folder.write("same.csv", "depression_deg,gain_db\n-10,-40\n-3,-3\n3,0\n70,-32.5\n");
+    const Outcome again =
+        folder.run(with(with(good, {"--antenna", "same.csv", "--resume", "--overwrite", "-q"}), written));
+    INFO(again.err);
+    CHECK(again.code == 0);
+    CHECK((content(folder.file("a.tif")) == power));
+    CHECK(nlohmann::json::parse(content(folder.file("a.json")))["reused"] == report["wedges"].size());
+    folder.write("dish.csv", "-10,-40\n-3,-3\n3,0\n70,-32.4\n");
+    refuses(folder, with(scene, {"--work-dir", "work", "--resume", "--power", "c.tif"}), 2,
+            {"work-dir 'work' holds another scene", "antenna", "points of checksum"});
+}
+
+TEST_CASE("info counts voids and codes", "[cli]") {
+    const Folder folder;
+    const Outcome terrain = folder.run({"info", "--json", data + "/worcester_vermont_dem.tif"});
+    REQUIRE(terrain.code == 0);
+    const auto facts = nlohmann::json::parse(terrain.out)["files"][0];
+    CHECK(facts["columns"] == 549);
+    CHECK(facts["rows"] == 613);
+    CHECK(facts["lowest"] == 201);
+    CHECK(facts["highest"] == 1101);
+    CHECK(facts["void_posts"].get<double>() / (549 * 613) == Approx(0.32).margin(0.005));
+    const Outcome culture =
+        folder.run({"info", "--json", "--culture-legend", "nlcd", data + "/lake_sunapee_culture.tif"});
+    REQUIRE(culture.code == 0);
+    CHECK(nlohmann::json::parse(culture.out)["files"][0]["unknown_cells"] == 0);
+    const Outcome wrong = folder.run({"info", "--culture-legend", "fbfm40", data + "/lake_sunapee_culture.tif"});
+    CHECK(wrong.code == 0);
+    CHECK_THAT(wrong.out, Contains("15 codes, 107 858 cells"));
+    const Outcome single = folder.run({"info", grid(folder, "single.asc", "5", true, 1, 1)});
+    CHECK(single.code == 0);
+    CHECK_THAT(single.out, Contains("no terrain for simulate"));
+}
+
+TEST_CASE("tile works from inside a store", "[cli]") {
+    const Folder folder;
+    const std::string ground = grid(folder, "ground", "5");
+    REQUIRE(folder.run({"tile", ground, "st", "-q"}).code == 0);
+    for (const auto& entry : fs::directory_iterator(folder.work() / "st"))
+        fs::rename(entry, folder.work() / entry.path().filename());
+    REQUIRE(folder.names().contains("manifest.json"));
+    const Outcome outcome = folder.run({"tile", ground, "new"});
+    INFO(outcome.err);
+    CHECK(outcome.code == 0);
+    CHECK_THAT(outcome.err, Contains(" in 1 sheet, "));
+    CHECK_THAT(folder.run({"info", "new"}).out, Contains(" 1 tile of ") && Contains(" in 1 sheet, "));
+    CHECK(folder.names().contains("new"));
+    // The store that the current folder is has a name, too.
+    refuses(folder, {"tile", ".", "other"}, 2, {"'.' is a tile store"});
+}
+
+TEST_CASE("a kept ground map is used as long as it fits, and changes no byte", "[cli][long]") {
+    const Folder folder;
+    fs::copy_file(dem, folder.file("dem.tif"));
+    const Strings seen{"coverage", "dem.tif", "--altitude-agl", "300m", "--latlon", "33.95,-117.35", "--reproducible"};
+    const Strings scene{"simulate",      "--dem",   "dem.tif", "--altitude-agl", "300m", "--latlon",
+                        "33.95,-117.35", "--range", "9km",     "--material",     "soil", "--reproducible"};
+    REQUIRE(folder.run(with(seen, {"plain.tif"})).code == 0);
+    REQUIRE(folder.run(with(scene, {"-o", "p_plain.png"})).code == 0);
+    CHECK(folder.names().count("dem.tif.ground") == 0);
+    const Outcome kept = folder.run(with(seen, {"kept.tif", "--keep-map"}));
+    INFO(kept.err);
+    REQUIRE(kept.code == 0);
+    CHECK(folder.names() == std::set<std::string>{"dem.tif", "dem.tif.ground", "plain.tif", "kept.tif", "p_plain.png",
+                                                  "p_plain.png.aux.xml"});
+    REQUIRE(folder.run(with(seen, {"again.tif", "--report", "again.json"})).code == 0);
+    CHECK(content(folder.file("plain.tif")) == content(folder.file("kept.tif")));
+    CHECK(content(folder.file("plain.tif")) == content(folder.file("again.tif")));
+    // What stays hidden is known without reading it.
+    const auto report = nlohmann::json::parse(content(folder.file("again.json")));
+    CHECK(report.at("skipped").at("hidden").at("tiles").get<int>() > 0);
+    REQUIRE(folder.run(with(scene, {"-o", "p_kept.png"})).code == 0);
+    CHECK(content(folder.file("p_plain.png")) == content(folder.file("p_kept.png")));
+
+    SECTION("of a raster that has changed") {
+        fs::last_write_time(folder.file("dem.tif"), fs::file_time_type::clock::now() + std::chrono::hours(1));
+    }
+    SECTION("damaged") {
+        std::fstream file(folder.file("dem.tif.ground"), std::ios::binary | std::ios::in | std::ios::out);
+        file.seekp(40);
+        file.put('x');
+    }
+    SECTION("cut") { fs::resize_file(folder.file("dem.tif.ground"), 5000); }
+    const Outcome other = folder.run(with(seen, {"other.tif"}));
+    INFO(other.err);
+    CHECK(other.code == 0);
+    CHECK(content(folder.file("plain.tif")) == content(folder.file("other.tif")));
+    CHECK_THAT(other.err, Contains("not used: the ground map 'dem.tif.ground'"));
+    const Outcome anew = folder.run(with(seen, {"anew.tif", "--keep-map"}));
+    CHECK(anew.code == 0);
+    CHECK_THAT(anew.err, !Contains("not used"));
+    CHECK_THAT(folder.run(with(seen, {"last.tif"})).err, !Contains("not used"));
+}
+
+TEST_CASE("a ground map to be kept replaces one that is no good, but no other file", "[cli]") {
+    const Folder folder;
+    const std::string plain = float_raster(folder, "plain", 40, 40, std::vector<float>(1600, 7.0F)),
+                      map = folder.file(plain + ".ground");
+    const auto see = [&](const std::string& output, const Strings& more) {
+        return folder.run(
+            with({"coverage", plain, output, "--xy", "465500,3750000", "--altitude-msl", "1km", "-q"}, more));
+    };
+    const auto write = [&](const std::string& bytes) { std::ofstream(map, std::ios::binary) << bytes; };
+    write("my notes\n");
+    const Outcome refused = see("a.tif", {"--keep-map"});
+    INFO(refused.err);
+    CHECK(refused.code == 2);
+    CHECK(refused.error_lines() == 1);
+    CHECK_THAT(refused.err,
+               Contains(plain + ".ground' is a file of 9 bytes that is no ground map; move it away, or add"));
+    CHECK(content(map) == "my notes\n");
+    CHECK(folder.names().count("a.tif") == 0);
+    // Nor is it read.
+    const Outcome unread = see("b.tif", {});
+    CHECK(unread.code == 0);
+    CHECK(see("a.tif", {"--keep-map", "--overwrite"}).code == 0);
+    const std::string good = content(map);
+    REQUIRE(good.size() > 1000);
+    for (const std::string& bytes : {std::string(), good.substr(0, 9), good.substr(0, 900)}) {
+        write(bytes);
+        CHECK(see("cut" + std::to_string(bytes.size()) + ".tif", {"--keep-map"}).code == 0);
+        CHECK((content(map) == good));
+    }
+    // A page of the map, behind both headers.
+    std::string damaged = good;
+    damaged[128 + 64 + 5] ^= 1;
+    write(damaged);
+    const Strings scene{"simulate",       "--dem", plain,     "--xy", "465500,3750000",
+                        "--altitude-msl", "1km",   "--range", "1km",  "-q"};
+    const Outcome met = folder.run(with(scene, {"-o", "c.png"}));
+    INFO(met.err);
+    CHECK(met.code == 1);
+    CHECK_THAT(met.err, Contains(".ground'") && Contains("is damaged; remove that file, or let keep-map make it anew"));
+    CHECK(folder.run(with(scene, {"-o", "c.png", "--keep-map"})).code == 0);
+    CHECK((content(map) == good));
+}
+
+TEST_CASE("a ground map that cannot be kept is an error in one line", "[cli]") {
+    const Folder folder;
+    fs::copy_file(dem, folder.file("dem.tif"));
+    fs::create_directory(folder.file("dem.tif.ground"));
+    const Outcome o = folder.run(
+        {"coverage", "dem.tif", "out.tif", "--altitude-agl", "300m", "--latlon", "33.95,-117.35", "--keep-map"});
+    INFO(o.err);
+    CHECK(o.code != 0);
+    CHECK(o.error_lines() == 1);
+    CHECK_THAT(o.err, Contains("dem.tif.ground"));
+    CHECK(folder.names() == std::set<std::string>{"dem.tif", "dem.tif.ground"});
+}

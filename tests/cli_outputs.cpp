@@ -1,0 +1,363 @@
+// What the built program writes: files that appear whole or not at all, hold the same bytes however they were made, and
+// fit their report.
+#include <catch2/catch.hpp>
+
+#include <cstdint>
+#include <fstream>
+#include <limits>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <sstream>
+#include <string>
+#include <tuple>
+#include <utility>
+#include <vector>
+
+#include "tests/cli.hpp"
+
+using namespace wedgescope::test;
+using namespace wedgescope::test::cli;
+using Catch::Matchers::Contains;
+
+TEST_CASE("coverage writes a mask on the raster's own grid, and every layer", "[cli]") {
+    const Folder folder;
+    const Strings start = {"coverage", dem, "seen.tif", "--latlon", "33.93,-117.33", "--altitude-agl", "300m"};
+    const Outcome outcome =
+        folder.run(with(start, {"--report", "seen.json", "--timeline", "time.json", "--profile", "--reproducible",
+                                "--threads", "5"}));  // more than the machine may have
+    INFO(outcome.err);
+    REQUIRE(outcome.code == 0);
+    CHECK(outcome.out.empty());
+    CHECK_THAT(outcome.err,
+               Contains("Mposts/s") && Contains("% of those in range") && Contains("quadrant") && !Contains("TBB"));
+    const auto report = nlohmann::json::parse(content(folder.file("seen.json")));
+    std::uint64_t posts = 0;
+    for (const auto& [name, count] : report["states"].items()) posts += count.get<std::uint64_t>();
+    CHECK(posts == 1600 * 1600);
+    CHECK(report["scene"]["altitude-agl"] == "300m");
+    CHECK(report["threads"] == 5);
+    REQUIRE(report["wedges"].size() == 4);
+    std::uint64_t read = 0, passed = 0;
+    for (const auto& wedge : report["wedges"]) {
+        read += wedge["posts_read"].get<std::uint64_t>();
+        passed += wedge["posts_passed"].get<std::uint64_t>();
+        CHECK(wedge["cpu_total_s"].get<double>() > 0);
+    }
+    CHECK(report["total"]["posts_read"] == read);
+    CHECK(read + passed >= 1600 * 1600);
+    std::map<std::string, std::uint64_t> spans;
+    const auto timeline = nlohmann::json::parse(content(folder.file("time.json")));
+    for (const auto& event : timeline["traceEvents"])
+        if (event["ph"] == "X") ++spans[event["name"]];
+    CHECK(spans["run"] == report["total"]["runs"]);
+    CHECK(spans["load"] <= spans["run"]);
+    CHECK(spans["write"] > 0);
+    // The same bytes by one thread and in little memory.
+    REQUIRE(folder
+                .run({"coverage", dem, "again.tif", "--latlon", "33.93,-117.33", "--altitude-agl", "300m",
+                      "--reproducible", "--threads", "1", "--memory", "64MiB", "-q"})
+                .code == 0);
+    CHECK((content(folder.file("again.tif")) == content(folder.file("seen.tif"))));
+    for (const char* layer : {"states", "height", "range", "grazing", "depression"}) {
+        const Outcome one = folder.run({"coverage", dem, std::string(layer) + ".tif", "--layer", layer, "--xy",
+                                        "453717,3740093", "--altitude-msl", "2km", "--range", "8km", "-q"});
+        INFO(layer << ": " << one.err);
+        CHECK(one.code == 0);
+        CHECK(one.err.empty());
+        CHECK(folder.names().contains(std::string(layer) + ".tif"));
+    }
+    refuses(folder, start, 2, {"seen.tif", "--overwrite"});
+    refuses(folder, with(start, {"--overwrite", "--report", "seen.tif"}), 2, {"report", "output", "seen.tif"});
+    refuses(folder, {"coverage", dem, "x.tif", "--latlon", "33.93,-117.33"}, 2, {"altitude"});
+    refuses(folder, {"coverage", dem, "x.png", "--latlon", "33.93,-117.33", "--altitude-agl", "1km"}, 2,
+            {"x.png", "whole rasters"});
+    refuses(folder, {"coverage", dem, dem, "--latlon", "33.93,-117.33", "--altitude-agl", "1km", "--overwrite"}, 2,
+            {"input"});
+    refuses(folder,
+            {"coverage", dem, "x.tif", "--latlon", "33.93,-117.33", "--altitude-agl", "1km", "--pitch", "5deg,1deg"}, 2,
+            {"--pitch", "first one below"});
+    refuses(folder,
+            {"coverage", dem, "x.tif", "--latlon", "33.93,-117.33", "--altitude-agl", "1km", "--memory", "2MiB"}, 2,
+            {"memory is 2 MiB", "at least"});
+    const Strings response = {"coverage",       dem,   "x.tif",   "--latlon", "33.93,-117.33",
+                              "--altitude-agl", "1km", "--layer", "response"};
+    refuses(folder, with(response, {"--target-height", "10m"}), 2, {"--target-height is 10 m", "layer response"});
+    refuses(folder, with(response, {"--far-shore", "on"}), 2, {"--far-shore", "simulate's"});
+    refuses(folder, with(start, {"--overwrite", "--wind-direction", "10deg"}), 2,
+            {"--wind-direction is '10deg'", "--layer response alone"});
+    // A mask whose values cannot be told apart, and values of what is no mask.
+    const Strings anew = with(start, {"--overwrite"});
+    refuses(folder, with(anew, {"--no-data-value", "255"}), 2,
+            {"--no-data-value is 255, and so is --seen-value by default; accepted: three values"});
+    refuses(folder, with(anew, {"--seen-value", "0"}), 2, {"--seen-value is 0, and so is --hidden-value by default"});
+    refuses(folder, with(anew, {"--seen-value", "1", "--no-data-value", "1"}), 2,
+            {"--seen-value is 1, and so is --no-data-value;"});
+    refuses(folder, with(anew, {"--no-data-value", "9", "--hidden-value", "9"}), 2,
+            {"--hidden-value is 9, and so is --no-data-value;"});
+    refuses(folder, with(anew, {"--outside-value", "255"}), 2, {"--outside-value is 255, and so is --seen-value"});
+    refuses(folder, with(anew, {"--layer", "states", "--seen-value", "255"}), 2,
+            {"--seen-value is given, and layer is states; of the layers the mask alone"});
+    refuses(folder, with(anew, {"--layer", "height", "-a_nodata", "7"}), 2,
+            {"-a_nodata is given, and layer is height"});
+    refuses(folder, {"simulate", "--layer", "mask"}, 2, {"--layer"});
+    refuses(folder, {"simulate", "--ground-range", "5km"}, 2, {"--ground-range", "coverage's"});
+    const std::string scene = folder.write("scene.ini", "dem = x.tif\nground-range = 5km\n");
+    refuses(folder, {"simulate", scene, "-o", "scope.png"}, 2, {"line 2", "ground-range", "coverage's"});
+}
+
+TEST_CASE("ground is the response of coverage, from any source, and refused by name", "[cli]") {
+    const Folder folder;
+    const Strings place = {"--latlon", "33.93,-117.33", "--altitude-msl", "7000ft", "--range", "5km"};
+    const Strings radar = {"--rain", "light", "--backscatter", "ulaby-dobson", "--reproducible"};
+    const Strings scene = with(with(good, radar), {"--report", "report.json", "--overwrite"});
+    const auto same = [&](const char* a, const char* b) { return content(folder.file(a)) == content(folder.file(b)); };
+    REQUIRE(folder.run(with(scene, {"-o", "direct.png", "--ground", "direct.tif"})).code == 0);
+    const Outcome spilled =
+        folder.run(with(scene, {"-o", "spilled.png", "--ground", "spilled.tif", "--source", "spilled"}));
+    INFO(spilled.err);
+    REQUIRE(spilled.code == 0);
+    CHECK(nlohmann::json::parse(content(folder.file("report.json")))["source"]["kind"] == "spilled");
+    REQUIRE(
+        folder.run(with(with(with({"coverage", dem, "alone.tif", "--layer", "response"}, place), radar), {})).code ==
+        0);
+    CHECK(same("direct.png", "spilled.png"));
+    CHECK(same("direct.tif", "spilled.tif"));
+    CHECK(same("direct.tif", "alone.tif"));
+    // Without a range the pass finds it, and keeps what the posts need in all directions.
+    const Strings wide = {"simulate", "--dem",         dem,           "--latlon", "33.93,-117.33", "--altitude-msl",
+                          "7000ft",   "--sector",      "30deg,80deg", "--size",   "200",           "--quality",
+                          "draft",    "--reproducible"};
+    REQUIRE(folder.run(with(wide, {"--ground", "wide.tif"})).code == 0);
+    REQUIRE(folder.run(with(wide, {"--ground", "wide_spilled.tif", "--source", "spilled"})).code == 0);
+    CHECK(same("wide.tif", "wide_spilled.tif"));
+
+    folder.write("own.tif", content(dem));
+    folder.write("track.csv",
+                 "time,lat,lon,altitude-msl [ft],heading\n0,33.93,-117.33,7000,0\n1,33.94,-117.33,7000,0\n");
+    const Strings own = with({"simulate", "--dem", "own.tif"}, place);
+    refuses(folder, with(own, {"--ground", "own.tif", "--overwrite"}), 2, {"ground", "own.tif", "dem"});
+    refuses(folder, with(own, {"-o", "one.tif", "--ground", "./one.tif"}), 2, {"ground", "output", "one.tif"});
+    refuses(folder, with(own, {"--ground", "direct.tif"}), 2, {"direct.tif", "--overwrite"});
+    refuses(folder, with(own, {"--ground", "nowhere/ground.tif"}), 1, {"nowhere"});
+    refuses(folder, with(own, {"--ground", ""}), 2, {"ground", "empty"});
+    refuses(folder, with(own, {"--ground", "ground.xyzzy"}), 2, {"ground.xyzzy", "no raster format"});
+    refuses(folder, with(own, {"--ground", "ground.png"}), 2, {"ground.png", "Float32"});
+    refuses(folder, with(own, {"--ground", "ground.xyz"}), 2, {"ground.xyz", "tile by tile"});
+    refuses(folder, with(own, {"--ground", "ground.tif", "--only-wedge", "0", "--work-dir", "work"}), 2,
+            {"ground", "only-wedge", "whole scene"});
+    const Strings flight = {"simulate",  "--dem", "own.tif",   "--range",  "5km",       "--track",
+                            "track.csv", "-o",    "frame.png", "--ground", "ground.tif"};
+    refuses(folder, flight, 2, {"ground", "track", "one place"});
+    refuses(folder, with(flight, {"--scan-step", "10", "--scan-period", "5s"}), 2, {"ground", "track", "one place"});
+    refuses(folder,
+            {"coverage", dem, "seen.tif", "--latlon", "33.93,-117.33", "--altitude-msl", "7000ft", "--ground", "g.tif"},
+            2, {"ground"});
+    // In too little memory, naming what would do.
+    refuses(folder, with(own, {"--ground", "ground.tif", "--memory", "2MiB"}), 2, {"memory", "needs at least"});
+}
+
+TEST_CASE("a sensor a hair inside the outermost posts sees what one upon them sees", "[cli]") {
+    const Folder folder;
+    std::vector<std::string> seen;
+    // Upon the outermost row; 7e-7 and 2e-4 of a post inside.
+    for (const char* y : {"3764078.07702085", "3764078.0770", "3764078.071"}) {
+        INFO(y);
+        const Outcome done = folder.run({"coverage", "--xy", std::string("453732.926,") + y, "--altitude-agl", "30m",
+                                         "--range", "5km", dem, std::string(y) + ".tif"});
+        INFO(done.err);
+        REQUIRE(done.code == 0);
+        seen.push_back(done.err.substr(0, done.err.find('\n')));
+        CHECK_THAT(seen.back(), Contains("seen: "));
+    }
+    CHECK(seen[1] == seen[0]);
+    CHECK(seen[2] == seen[0]);
+}
+
+TEST_CASE("outputs are checked before any work, and nothing half-written stays", "[cli]") {
+    const Folder folder;
+    refuses(folder, with(good, {"-o", "nowhere/scope.png"}), 1, {"nowhere/scope.png"});
+    refuses(folder, with(good, {"-o", "/proc/scope.png"}), 1, {"/proc/scope.png"});
+    refuses(folder, with(good, {"-o", "scope.png", "--echo", "./scope.png"}), 2, {"output", "echo", "own file"});
+    refuses(folder, with(good, {"-o", folder.work().string()}), 2, {"folder"});
+    refuses(folder, with(good, {"-o", "scope.nonsense"}), 2, {"scope.nonsense"});
+    refuses(folder, with(good, {"-o", dem, "--overwrite"}), 2, {"dem"});
+    folder.write("scope.png", "mine");
+    refuses(folder, with(good, out), 2, {"scope.png", "--overwrite"});
+    refuses(folder, with(good, {"-o", "other.png", "--report", "scope.png"}), 2, {"scope.png", "--overwrite"});
+    CHECK(content(folder.file("scope.png")) == "mine");
+    CHECK(folder.run(with(with(good, out), {"--overwrite"})).code == 0);
+    CHECK(content(folder.file("scope.png")).substr(1, 3) == "PNG");
+    // Values that a format cannot hold: found before the terrain is even opened.
+    refuses(folder, {"simulate", "--dem", "nowhere.tif", "--xy", "1,2", "--altitude-msl", "1km", "--echo", "e.png"}, 2,
+            {"e.png", "Float32", "PNG"});
+    // A folder's other files are nobody's to touch, whatever an output is called.
+    folder.write("run", "mine");
+    folder.write("run.notes", "mine");
+    refuses(folder, with(good, {"-o", "run", "--overwrite"}), 2, {"run", "ending"});
+    CHECK(folder.run(with(good, {"--report", "run", "--overwrite"})).code == 0);
+    CHECK(content(folder.file("run")).front() == '{');
+    CHECK(content(folder.file("run.notes")) == "mine");
+    refuses(folder, with(good, {"--power", "p.img", "--states", "p.dat", "--of", "ENVI"}), 2,
+            {"p.img", "p.dat", "p.hdr"});
+    // Nor are the parts of a mosaic, of mosaics of mosaics neither.
+    const std::string part = grid(folder, "part & more", "5");
+    const std::string inner = folder.write(
+        "inner.vrt",
+        R"(<VRTDataset rasterXSize="10" rasterYSize="8"><GeoTransform>465000,30,0,3750240,0,-30</GeoTransform>)"
+        R"(<VRTRasterBand dataType="Int16" band="1"><SimpleSource>)"
+        R"(<SourceFilename relativeToVRT="1">part &amp; more.asc</SourceFilename></SimpleSource></VRTRasterBand></VRTDataset>)");
+    const std::string outer = folder.write(
+        "outer.vrt",
+        R"(<VRTDataset rasterXSize="10" rasterYSize="8"><GeoTransform>465000,30,0,3750240,0,-30</GeoTransform>)"
+        R"(<VRTRasterBand dataType="Int16" band="1"><SimpleSource><SourceFilename relativeToVRT="0">)" +
+            inner + R"(</SourceFilename></SimpleSource></VRTRasterBand></VRTDataset>)");
+    const std::string before = content(part);
+    for (const std::string& mosaic : {inner, outer})
+        refuses(folder,
+                {"coverage", "--xy", "465100,3750100", "--altitude-msl", "500m", mosaic, "part & more.asc", "--of",
+                 "GTiff", "--overwrite"},
+                2, {"part & more.asc", "of which dem", "is made", "may not replace an input"});
+    CHECK(content(part) == before);
+    // A run that fails late leaves the old output alone.
+    folder.write("scope.png", "mine");
+    refuses(folder, with(with(good, out), {"--overwrite", "--memory", "64KiB"}), 2, {"memory"});
+    // The least that is named does.
+    const std::string refused = folder.run(with(with(good, out), {"--overwrite", "--memory", "1MiB"})).err;
+    const auto least = refused.find("at least ") + 9;
+    REQUIRE(least > 9);
+    const std::string mebibytes = refused.substr(least, refused.find(' ', least) - least);
+    refuses(folder,
+            with(with(good, out), {"--overwrite", "--memory", std::to_string(std::stoi(mebibytes) - 1) + "MiB"}), 2,
+            {"memory", mebibytes});
+    CHECK(folder.run(with(with(good, {"-o", "least.png"}), {"--memory", mebibytes + "MiB"})).code == 0);
+    CHECK(content(folder.file("scope.png")) == "mine");
+}
+
+TEST_CASE("a legend is as wide as its text, however small the picture", "[cli]") {
+    const Folder folder;
+    const Strings scene{
+        "simulate", "--dem",  dem,  "--latlon", "33.93,-117.33", "--altitude-msl", "7000ft", "--range",
+        "5km",      "--size", "64", "-o",       "s.pgm",         "--of",           "PNM",    "--overwrite",
+        "-q"};
+    const auto drawn = [&](const Strings& more) {
+        const Outcome outcome = folder.run(with(scene, more));
+        REQUIRE(outcome.code == 0);
+        std::istringstream in(content(folder.file("s.pgm")));
+        std::string magic;
+        std::size_t width = 0, height = 0, most = 0;
+        in >> magic >> width >> height >> most;
+        in.get();
+        std::string pixels(width * height, '\0');
+        in.read(pixels.data(), static_cast<std::streamsize>(pixels.size()));
+        REQUIRE(in.gcount() == static_cast<std::streamsize>(pixels.size()));
+        return std::tuple(width, height, pixels);
+    };
+    const auto [width, height, picture] = drawn({});
+    const auto [legend_width, legend_height, both] = drawn({"--legend", "on"});
+    REQUIRE(legend_width > 150);
+    REQUIRE(legend_height > height);
+    for (std::size_t row = 0; row < height; ++row) {
+        CHECK(both.substr(row * legend_width, width) == picture.substr(row * width, width));
+        CHECK(both.substr(row * legend_width + width, legend_width - width) == std::string(legend_width - width, '\0'));
+    }
+    // It tells of the weather, where there is any.
+    const auto height_with = [&](const Strings& weather) {
+        return std::get<1>(drawn(with({"--legend", "on"}, weather)));
+    };
+    CHECK(height_with({"--rain", "clear"}) == legend_height);
+    const std::size_t rain = height_with({"--rain", "heavy"});
+    CHECK(rain > legend_height);
+    CHECK(height_with({"--rain", "heavy", "--gases", "normal", "--cloud", "fog"}) > rain);
+}
+
+TEST_CASE("all outputs of one run appear, and the report describes them", "[cli]") {
+    const Folder folder;
+    const Outcome outcome = folder.run(
+        with(good, {"-o", "scope.png", "--echo", "echo.tif", "--power", "power.tif", "--states", "states.tif",
+                    "--report", "report.json", "--threads", "2", "--wedges", "3", "--legend", "on", "-q"}));
+    INFO(outcome.err);
+    REQUIRE(outcome.code == 0);
+    CHECK(outcome.err.empty());
+    CHECK(outcome.out.empty());
+    for (const char* name : {"scope.png", "echo.tif", "power.tif", "states.tif", "report.json"})
+        CHECK(folder.names().contains(name));
+    for (const auto& name : folder.names()) CHECK_THAT(name, !Contains("tmp"));
+    const auto report = nlohmann::json::parse(content(folder.file("report.json")));
+    CHECK(report["format"] == "wedgescope-report-1");
+    CHECK(report["wedges"].size() >= 3);
+    CHECK(report["threads"] == 2);
+    CHECK(report["inputs"][0]["path"] == dem);
+    CHECK(report["scene"]["range"] == "5km");
+    CHECK(report["peak_rss_bytes"] > 1000000);
+    // The states add up to the cells shown.
+    std::uint64_t cells = 0;
+    for (const auto& [name, count] : report["states"].items()) cells += count.get<std::uint64_t>();
+    const auto& shown = report["scene"]["resolved"]["shown"];
+    CHECK(cells == (shown["azimuth_bin_end"].get<std::uint64_t>() - shown["azimuth_bin_begin"].get<std::uint64_t>()) *
+                       (shown["range_bin_end"].get<std::uint64_t>() - shown["range_bin_begin"].get<std::uint64_t>()));
+    // Azimuth bins are covered once each.
+    std::int64_t bins = 0;
+    for (const auto& wedge : report["wedges"])
+        bins += wedge["azimuth_bin_end"].get<std::int64_t>() - wedge["azimuth_bin_begin"].get<std::int64_t>();
+    const auto& swept = report["scene"]["resolved"]["swept"];
+    CHECK(bins == swept["azimuth_bin_end"].get<std::int64_t>() - swept["azimuth_bin_begin"].get<std::int64_t>());
+}
+
+TEST_CASE("reproducible outputs do not depend on wedges and threads", "[cli][threads][long]") {
+    const Folder folder;
+    std::string first[3];
+    for (const auto& [wedges, threads] : {std::pair{"1", "1"}, {"1", "2"}, {"7", "2"}, {"64", "1"}}) {
+        const Outcome outcome =
+            folder.run(with(good, {"-o", "scope.png", "--echo", "echo.tif", "--states", "states.tif", "--reproducible",
+                                   "--overwrite", "--wedges", wedges, "--threads", threads}));
+        INFO(outcome.err);
+        REQUIRE(outcome.code == 0);
+        const std::string files[3] = {content(folder.file("scope.png")), content(folder.file("echo.tif")),
+                                      content(folder.file("states.tif"))};
+        for (int i = 0; i < 3; ++i) {
+            if (first[i].empty()) first[i] = files[i];
+            INFO("file " << i << ", wedges " << wedges << ", threads " << threads);
+            CHECK((files[i] == first[i]));
+        }
+    }
+}
+
+TEST_CASE("a mask is packed without loss, or not at all", "[cli]") {
+    const Folder folder;
+    const Strings mask{"coverage", "--latlon", "33.8,-117.4", "--altitude-msl", "1km", dem, "m.tif", "--overwrite"};
+    refuses(folder, with(mask, {"--co", "COMPRESS=JPEG"}), 2,
+            {"m.tif' holds codes", "GTiff with these creation options"});
+    refuses(folder, with(mask, {"--co", "NBITS=1"}), 2, {"m.tif' holds codes"});
+    CHECK(folder.run(with(mask, {"--co", "COMPRESS=DEFLATE"})).code == 0);
+    CHECK(folder.run(with(mask, {"--co", "NBITS=2", "--seen-value", "3"})).code == 0);
+}
+
+TEST_CASE("coverage of nothing but voids says so, and so does a picture", "[cli]") {
+    const Folder folder;
+    const std::string hole =
+        float_raster(folder, "hole", 40, 40, std::vector<float>(1600, std::numeric_limits<float>::quiet_NaN()));
+    CHECK_THAT(folder
+                   .run({"simulate", "--dem", hole, "--xy", "465500,3750000", "--altitude-msl", "1km", "--range", "2km",
+                         "--size", "64", "-o", "s.png"})
+                   .err,
+               Contains("nothing of the terrain lies within the range of 2 km and the sector, or all of it is void"));
+    std::ofstream(folder.file("places.csv")) << "x,y,altitude\n465500,3750000,1000\n";
+    for (const Strings& place :
+         {Strings{"--xy", "465500,3750000", "--altitude-msl", "1km"}, {"--observers", "places.csv"}}) {
+        const Strings words = with({"coverage", hole, "seen.tif", "--overwrite"}, place);
+        const Outcome said = folder.run(words), quiet = folder.run(with(words, {"-q"}));
+        INFO(said.err << quiet.err);
+        CHECK(said.code == 0);
+        CHECK_THAT(said.err, Contains("hole.dat': no post in view holds a height"));
+        CHECK(quiet.code == 0);
+        CHECK(quiet.err.empty());
+    }
+    // A place in the sea beside the data, and one of its posts.
+    std::vector<float> posts(1600, std::numeric_limits<float>::quiet_NaN());
+    posts[820] = 7;
+    const std::string rock = float_raster(folder, "rock", 40, 40, posts);
+    const Outcome outcome =
+        folder.run({"coverage", rock, "rock.tif", "--xy", "465500,3750000", "--altitude-msl", "1km", "-q"});
+    CHECK(outcome.code == 0);
+    CHECK(outcome.err.empty());
+}
