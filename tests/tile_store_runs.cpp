@@ -1,0 +1,242 @@
+// The run that makes a tile store: interrupted or killed it goes on to the same bytes; what it refuses and a full disk
+// leave nothing behind; it stays within its memory.
+#include <catch2/catch.hpp>
+
+#include <fcntl.h>
+#include <signal.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstdint>
+#include <filesystem>
+#include <fstream>
+#include <limits>
+#include <random>
+#include <sstream>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "lib/error.hpp"
+#include "lib/stop.hpp"
+#include "tests/refusal.hpp"
+#include "tests/tile_stores.hpp"
+
+using namespace wedgescope;
+using namespace wedgescope::test;
+using Catch::Matchers::Contains;
+
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Outcome {
+    int code = 0;
+    std::size_t peak_bytes = 0;
+    std::string err;
+};
+
+/// Runs the program; `kill_after_us` > 0: kill -9 then.
+/// `most_bytes` > 0: no file may grow beyond.
+Outcome run_program(const std::vector<std::string>& arguments, const std::string& log, int kill_after_us = 0,
+                    std::uint64_t most_bytes = 0) {
+    std::string program = WEDGESCOPE_PROGRAM;
+    std::vector<std::string> copy = arguments;
+    std::vector<char*> list{program.data()};
+    for (auto& a : copy) list.push_back(a.data());
+    list.push_back(nullptr);
+    const pid_t child = ::fork();
+    if (child == 0) {
+        const int e = ::open(log.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0600);
+        if (e < 0 || ::dup2(e, 2) < 0 || ::dup2(e, 1) < 0) ::_exit(99);
+        if (const rlimit limit{most_bytes, most_bytes}; most_bytes > 0) ::setrlimit(RLIMIT_FSIZE, &limit);
+        ::execv(program.c_str(), list.data());
+        ::_exit(98);
+    }
+    if (kill_after_us > 0) {
+        std::this_thread::sleep_for(std::chrono::microseconds(kill_after_us));
+        ::kill(child, SIGKILL);
+    }
+    int status = 0;
+    rusage usage{};
+    ::wait4(child, &status, 0, &usage);
+    Outcome out;
+    out.code = WIFEXITED(status) ? WEXITSTATUS(status) : 1000 + WTERMSIG(status);
+    out.peak_bytes = static_cast<std::size_t>(usage.ru_maxrss) * 1024;
+    std::ifstream in(log);
+    std::ostringstream words;
+    words << in.rdbuf();
+    out.err = words.str();
+    return out;
+}
+
+}  // namespace
+
+TEST_CASE("an interrupted run goes on to the same bytes, and redoes no finished sheet", "[store]") {
+    const Folder folder;
+    draw(folder / "dem.tif", hills(4096 * 3 + 10, 70));
+    auto params = into(folder / "whole", {folder / "dem.tif"});
+    params.threads = 1;
+    write_tile_store(params);
+    const auto whole = contents(folder / "whole");
+    for (const double until : {0.2, 0.5, 0.9}) {
+        const std::string output = folder / ("part" + std::to_string(until));
+        params.output = output;
+        Stop stop;
+        params.stop = &stop;
+        params.resume = false;
+        params.progress = [&](double fraction) {
+            if (fraction > until) stop.request(SIGTERM);
+        };
+        CHECK_THROWS_AS(write_tile_store(params), Interrupted);
+        CHECK_FALSE(fs::exists(output));
+        REQUIRE(fs::exists(output + ".part"));
+        for (const auto& [name, bytes] : contents(output + ".part")) CHECK_FALSE(name.ends_with(".tmp"));
+        params.stop = nullptr;
+        params.progress = {};
+        CHECK_THAT(refusal([&] { write_tile_store(params); }), Contains("--resume"));
+        params.resume = true;
+        auto other = params;
+        other.tile_posts = 128;
+        CHECK_THAT(refusal([&] { write_tile_store(other); }), Contains("other rasters or options"));
+        const TileStoreSummary summary = write_tile_store(params);
+        CHECK(summary.layers[0].reused == (until < 0.5 ? 1 : until < 0.9 ? 2 : 3));
+        CHECK(contents(output) == whole);
+        CHECK_FALSE(fs::exists(output + ".part"));
+    }
+    CHECK_THAT(refusal([&] { write_tile_store(params); }), Contains("exists; add --overwrite"));
+    params.overwrite = true;
+    params.resume = false;
+    CHECK_NOTHROW(write_tile_store(params));
+    CHECK(contents(params.output) == whole);
+    fs::create_directory(folder / "mine");
+    std::ofstream(folder / "mine/letter.txt") << "dear";
+    params.output = folder / "mine";
+    CHECK_THAT(refusal([&] { write_tile_store(params); }), Contains("no tile store"));
+    CHECK(fs::exists(folder / "mine/letter.txt"));
+}
+
+TEST_CASE("killed at any moment, a run is resumed to the same bytes", "[store]") {
+    const Folder folder;
+    draw(folder / "dem.tif", hills(4096 * 3 + 10, 100));
+    const std::vector<std::string> tail = {"-q", "--threads", "1"};
+    const auto tile = [&](const std::string& out, std::vector<std::string> more, int kill_us) {
+        std::vector<std::string> arguments{"tile", folder / "dem.tif", out};
+        arguments.insert(arguments.end(), tail.begin(), tail.end());
+        arguments.insert(arguments.end(), more.begin(), more.end());
+        return run_program(arguments, folder / "log", kill_us);
+    };
+    const auto start = std::chrono::steady_clock::now();
+    REQUIRE(tile(folder / "whole", {}, 0).code == 0);
+    const double took_us = std::chrono::duration<double, std::micro>(std::chrono::steady_clock::now() - start).count();
+    const auto whole = contents(folder / "whole");
+    const unsigned seed = std::random_device{}();
+    INFO("seed " << seed);
+    std::mt19937 random(seed);
+    for (int trial = 0; trial < 6; ++trial) {
+        const std::string out = folder / ("killed" + std::to_string(trial));
+        tile(out, {}, static_cast<int>(took_us * (0.1 + 0.9 * static_cast<double>(random() % 1000) / 1000)) + 1);
+        if (!fs::exists(out)) {
+            const Outcome again = tile(out, {"--resume"}, 0);
+            INFO(again.err);
+            REQUIRE(again.code == 0);
+        }
+        CHECK(contents(out) == whole);
+        CHECK_FALSE(fs::exists(out + ".part"));
+    }
+}
+
+TEST_CASE("killed just before it is put in place, or just begun, a run goes on", "[store]") {
+    const Folder folder;
+    draw(folder / "dem.tif", hills(900, 700));
+    auto params = into(folder / "whole", {folder / "dem.tif"});
+    write_tile_store(params);
+    const auto whole = contents(folder / "whole");
+    params.output = folder / "store";
+    params.resume = true;
+    SECTION("all but the name is there") {
+        fs::copy(folder / "whole", folder / "store.part", fs::copy_options::recursive);
+    }
+    SECTION("no manifest yet") {
+        fs::copy(folder / "whole", folder / "store.part", fs::copy_options::recursive);
+        fs::remove(folder / "store.part/manifest.json");
+    }
+    SECTION("only the folder") { fs::create_directory(folder / "store.part"); }
+    SECTION("the plan is empty") {
+        fs::create_directory(folder / "store.part");
+        std::ofstream(folder / "store.part/plan.json").flush();
+    }
+    write_tile_store(params);
+    CHECK(contents(folder / "store") == whole);
+    CHECK_FALSE(fs::exists(folder / "store.part"));
+}
+
+TEST_CASE("bad posts and truncated rasters are named, and leave nothing behind", "[store]") {
+    const Folder folder;
+    Drawing d;
+    d.columns = 300;
+    d.rows = 200;
+    d.value = [](int c, int r) { return c == 271 && r == 133 ? std::numeric_limits<double>::infinity() : 10; };
+    draw(folder / "wild.tif", d);
+    CHECK_THAT(refusal([&] { write_tile_store(into(folder / "store", {folder / "wild.tif"})); }),
+               Contains("wild.tif") && Contains("column 271, row 133"));
+    d.value = [](int, int) { return 10.0; };
+    draw(folder / "short.tif", d);
+    fs::resize_file(folder / "short.tif", fs::file_size(folder / "short.tif") / 2);
+    CHECK_THAT(refusal([&] { write_tile_store(into(folder / "store", {folder / "short.tif"})); }),
+               Contains("short.tif"));
+    auto params = into(folder / "store", {folder / "wild.tif"});
+    params.tile_posts = 100;
+    CHECK_THAT(refusal([&] { write_tile_store(params); }), Contains("tile-size is 100"));
+    params.tile_posts = 256;
+    params.creation = {"COMPRESS=NONSENSE"};
+    CHECK_THAT(refusal([&] { write_tile_store(params); }), Contains("NONSENSE"));
+    params.creation = {"BLOCKXSIZE=128"};
+    CHECK_THAT(refusal([&] { write_tile_store(params); }), Contains("tile-size is"));
+    params.creation = {};
+    params.memory_bytes = std::size_t{4} << 20;
+    params.cache_bytes = std::size_t{1} << 19;
+    CHECK_THAT(refusal([&] { write_tile_store(params); }), Contains("memory is 4 MiB; tiling dem"));
+    CHECK(folder.names() == std::vector<std::string>{"short.tif", "wild.tif"});
+}
+
+TEST_CASE("a disk that is full is an error with the sheet's name, and what was written goes", "[store]") {
+    const Folder folder;
+    draw(folder / "dem.tif", hills(600, 400));
+    const Outcome outcome = run_program({"tile", folder / "dem.tif", folder / "store", "-q", "--co", "COMPRESS=NONE"},
+                                        folder / "log", 0, 200000);
+    CHECK(outcome.code == 1);
+    CHECK_THAT(outcome.err, Contains("c0_r0.tif") && Contains("cannot be written") && Contains("large"));
+    CHECK(std::count(outcome.err.begin(), outcome.err.end(), '\n') == 1);
+    CHECK(folder.names() == std::vector<std::string>{"dem.tif", "log"});
+    REQUIRE(run_program({"tile", folder / "dem.tif", folder / "store", "-q"}, folder / "log").code == 0);
+    CHECK(run_program({"tile", folder / "dem.tif", folder / "store", "-q"}, folder / "log").code == 2);
+    std::fstream file(folder / "store/dem/c0_r0.sum", std::ios::in | std::ios::out | std::ios::binary);
+    file.seekp(50);
+    file.put('\0');
+    file.close();
+    const Outcome damaged = run_program({"info", "--verify", folder / "store"}, folder / "log");
+    CHECK(damaged.code == 1);
+    CHECK_THAT(damaged.err, Contains("c0_r0.sum") && Contains("1 damage was found"));
+}
+
+TEST_CASE("tiling stays within its memory", "[store]") {
+    const Folder folder;
+    // 144 MB of floats in lines, as plain files have them.
+    Drawing d;
+    d.columns = d.rows = 6000;
+    d.value = [](int c, int r) { return (c ^ r) & 255; };
+    draw(folder / "dem.tif", d);
+    const Outcome outcome =
+        run_program({"tile", folder / "dem.tif", folder / "store", "--memory", "64MiB", "-q"}, folder / "log");
+    INFO(outcome.err);
+    REQUIRE(outcome.code == 0);
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+    CHECK(outcome.peak_bytes <= std::size_t{128} << 20);
+#endif
+    INFO("peak " << outcome.peak_bytes / 1048576 << " MiB");
+    CHECK(run_program({"info", "--verify", folder / "store", "-q"}, folder / "log").code == 0);
+}
