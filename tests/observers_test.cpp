@@ -450,15 +450,18 @@ TEST_CASE("observers come in any vector file, in any CRS, or in a table", "[obse
                Contains("has 2 layers (other, places); give observers-layer"));
     CHECK_THAT(refused(folder, {dem, out, "--observers", folder / "two.gpkg", "--observers-layer", "x"}),
                Contains("observers-layer is 'x'; '") && Contains("has other, places"));
-    // A shapefile without a CRS: the raster's own coordinates.
-    write_points(folder / "plain.shp", "ESRI Shapefile", "",
-                 {{"POINT (467000 3752000)", {{"height", "40"}}}, {"POINT (470500 3751000)", {{"height", "80"}}}},
-                 {"plain"}, wkbPoint);
+    // Without a CRS (a GeoPackage then says that it is undefined): the raster's own coordinates.
     const Sum two = sum_of(
         folder, dem,
         {{"--xy", "467000,3752000", "--altitude-agl", "40m"}, {"--xy", "470500,3751000", "--altitude-agl", "80m"}});
-    coverage_does(folder, {dem, out, "--observers", folder / "plain.shp"});
-    check_counts(two, RasterBand(out));
+    for (const auto& [file, driver] : {std::pair{"plain.shp", "ESRI Shapefile"}, {"plain.gpkg", "GPKG"}}) {
+        INFO(file);
+        write_points(folder / file, driver, "",
+                     {{"POINT (467000 3752000)", {{"height", "40"}}}, {"POINT (470500 3751000)", {{"height", "80"}}}},
+                     {"plain"}, wkbPoint);
+        coverage_does(folder, {dem, out, "--observers", folder / file});
+        check_counts(two, RasterBand(out));
+    }
 }
 
 TEST_CASE("observers round the antimeridian are counted on both of its sides", "[observers]") {

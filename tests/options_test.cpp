@@ -449,6 +449,13 @@ TEST_CASE("the command line refuses what it cannot mean", "[options]") {
     CHECK(refusal([] {
               parse_arguments(command_coverage, {"-layer=height", "a.tif", "b.tif"});
           }) == "option '-layer' has one dash; did you mean --layer?");
+    for (const char* option : {"--dem", "--output=b.tif", "-o"})
+        CHECK_THAT(refusal([&] {
+                       parse_arguments(command_coverage, {"a.tif", option, "b.tif"});
+                   }),
+                   Contains("files are named without one: wedgescope coverage [options] IN OUT"));
+    CHECK(refusal_of({"--latlon", "40.5", "-117.8"}) ==
+          "'-117.8' is no option; two numbers are one word, as in --latlon 40.5,-117.8");
     CHECK_THAT(refusal_of({"--range"}), Contains("--range needs a value"));
     CHECK_THAT(refusal_of({"--range="}), Contains("--range needs a value"));
     CHECK_THAT(refusal_of({"--range", "--overwrite"}), Contains("--range needs a value"));

@@ -21,7 +21,7 @@ void register_usual_drivers();
 /// Registers all of GDAL's drivers; once. They take 7 MiB: only for files that the usual ones do not know.
 void register_all_drivers();
 
-/// A CRS for GDAL, x (longitude) first, and from GDAL: null where that is empty; DataError where PROJ cannot write it.
+/// A CRS for GDAL, x (longitude) first, and from GDAL: null where that is empty or says that it is undefined; DataError where PROJ cannot write it.
 OGRSpatialReference in_gdal(const Crs& crs);
 std::shared_ptr<const Crs> from_gdal(const OGRSpatialReference& crs);
 

@@ -123,7 +123,12 @@ OGRSpatialReference in_gdal(const Crs& crs) {
 }
 
 std::shared_ptr<const Crs> from_gdal(const OGRSpatialReference& crs) {
-    if (crs.IsEmpty()) return nullptr;
+    const char* const name = crs.GetName();
+    const std::string_view named = name ? name : "";
+    // What a GeoPackage holds where no CRS was given.
+    const bool undefined =
+        named.starts_with("Undefined geographic SRS") || named.starts_with("Undefined Cartesian SRS");
+    if (crs.IsEmpty() || undefined) return nullptr;
     GdalErrors quiet;
     char* words = nullptr;
     const char* const options[] = {"FORMAT=WKT2_2019", nullptr};
@@ -132,8 +137,7 @@ std::shared_ptr<const Crs> from_gdal(const OGRSpatialReference& crs) {
     CPLFree(words);
     std::string reason;
     if (auto own = Crs::read(wkt, reason)) return own;
-    const char* name = crs.GetName();
-    throw DataError(text("the CRS '", name ? name : "", "' is none that PROJ can write and read again: ", reason));
+    throw DataError(text("the CRS '", named, "' is none that PROJ can write and read again: ", reason));
 }
 
 void register_usual_drivers() {

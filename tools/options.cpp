@@ -105,9 +105,16 @@ std::vector<Given> read_command_line(Command command, const std::vector<std::str
         const std::string_view written = option.substr(0, option.find('='));
         if (const Key* key = find_key(word); key && (key->commands & taken) && !option.starts_with("--"))
             throw InputError(text("option ", in_quotes(written), " has one dash; did you mean --", word, "?"));
+        if (word.find_first_not_of("0123456789.,") == std::string_view::npos && !word.empty())
+            throw InputError(
+                text(in_quotes(option), " is no option; two numbers are one word, as in --latlon 40.5,-117.8"));
         const std::string owners = whose(word);
+        const bool a_file =
+            (word == "dem" || word == "output" || word == "o") && (taken & (command_coverage | command_tile));
         throw InputError(text("unknown option ", in_quotes(written),
-                              owners.empty() ? suggestion(word, key_names(taken, false), "--") : owners,
+                              a_file           ? text("; files are named without one: ", info.usage)
+                              : owners.empty() ? suggestion(word, key_names(taken, false), "--")
+                                               : owners,
                               " (wedgescope help ", info.name, " lists them all)"));
     };
     using namespace po::command_line_style;
@@ -185,7 +192,9 @@ std::vector<Given> read_command_line(Command command, const std::vector<std::str
 
 /// `kind`: of file, for messages.
 std::string file_content(const std::string& path, const char* kind = "scene file") {
-    return text_of_file(text(kind, " ", in_quotes(path)), path, text("a ", kind, " holds lines key = value"));
+    return text_of_file(text(kind, " ", in_quotes(path)), path,
+                        text("a ", kind, " holds lines key = value",
+                             std::string_view(kind) == "set" ? "" : " (a raster is given with --dem)"));
 }
 
 }  // namespace
