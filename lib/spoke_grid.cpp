@@ -37,28 +37,26 @@ Sampling sampling(Quality quality, GroundCover cover, double above_posts) {
     const bool low = above_posts < (culture_height ? 20 : 14), high = above_posts >= 40;
     double more = low ? 1 : !high ? 0.5 : cover == GroundCover::bare ? 0.375 : 0.25;
     for (double above = above_posts; more < 16 && above < lowest_posts; above *= 2) more *= 2;
-    const auto dense = [&](double per_post, double per_bin, double lead, double least_per_bin = 3) {
+    const double least = cover == GroundCover::bare && quality != Quality::draft ? 4 : 3;
+    const auto dense = [&](double per_post, double per_bin, double low_lead, double lead = 4) {
         return Sampling{.spokes_per_post = per_post,
-                        .spokes_per_bin = std::clamp(more * per_bin, least_per_bin, 192.0),
+                        .spokes_per_bin = std::clamp(more * per_bin, least, 192.0),
                         .above_posts = above_posts,
-                        .lead = low || quality == Quality::draft ? lead : 4,
-                        .cross_lines = true,
-                        .exact_course = true};
+                        .lead = low ? low_lead : lead};
     };
-    const auto bare = [&](double per_post, double per_bin, double lead) { return dense(per_post, per_bin, lead, 4); };
     switch (quality) {
         case Quality::draft:
-            return dense(0.6, culture_height ? 6 : 3, 1);
+            return dense(0.6, culture_height ? 6 : 3, 1, 1);
         case Quality::normal:
             if (culture_height || (classes && low)) return dense(1.25, 12, 2);
             if (classes) return dense(1, 8, 2);
-            return bare(high ? 0.6 : 1, above_posts < lowest_posts ? 6 : 8, 2);
+            return dense(high ? 0.6 : 1, above_posts < lowest_posts ? 6 : 8, 2);
         case Quality::fine:
             if (culture_height) return dense(2, 24, 2);
-            return classes ? dense(1.6, 14, 4) : bare(1.25, 12, 4);
+            return classes ? dense(1.6, 14, 4) : dense(1.25, 12, 4);
         case Quality::exact:
             if (culture_height) return dense(4, 48, 2);
-            return classes ? dense(low ? 2.5 : 3.4, 32, 2) : bare(low ? 2 : 1.5, 24, 2);
+            return classes ? dense(low ? 2.5 : 3.4, 32, 2) : dense(low ? 2 : 1.5, 24, 2);
     }
     return {};
 }

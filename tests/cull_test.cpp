@@ -206,6 +206,7 @@ TEST_CASE("leaving out what is hidden changes no bit", "[cull][engine]") {
         s.display.size = 64;
         if (turn % 6 == 5) s.display.kind = DisplayKind::gpi_true;
         s.quality = std::array{Quality::exact, Quality::normal, Quality::draft, Quality::fine}[turn % 4U];
+        if (turn % 4 == 2) s.crossings = s.curved_course = false;
         if (turn % 6 != 0) s.spokes_per_bin = 2;  // mostly a few: what is compared here are bits
         const RunResult all = run_with(source, s, false, 1);
         const RunResult leapt = run_with(source, s, true, 3);

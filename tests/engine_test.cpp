@@ -453,21 +453,26 @@ TEST_CASE("the same bits for any number of wedges and threads", "[engine][thread
 }
 
 TEST_CASE("the same bits for any number of wedges where spokes double often", "[engine][threads][long]") {
-    // Rough ground far out, few azimuth bins, the sensor on a corner of posts, every quality.
+    // Rough ground far out, few azimuth bins, the sensor on a corner of posts, every quality, and lines of one axis alone.
     std::mt19937 random(9);
     std::vector<float> noise(std::size_t{801} * 601);
     for (float& z : noise) z = static_cast<float>(random() % 300);
     MemorySource source(801, 601, 30, [&](double c, double r) {
         return static_cast<double>(noise[static_cast<std::size_t>(r * 801 + c)]) + 0.5 * c;
     });
-    for (const Quality quality : {Quality::draft, Quality::normal, Quality::fine, Quality::exact})
+    for (const auto& [quality, one_axis] : {std::pair{Quality::draft, true},
+                                            {Quality::draft, false},
+                                            {Quality::normal, false},
+                                            {Quality::fine, false},
+                                            {Quality::exact, false}})
         for (const std::int64_t bins : {5, 360}) {
             Scene s = bare_scene(9000, -15000, 2500, 30000);
             s.azimuth_bins = bins;
             s.quality = quality;
+            if (one_axis) s.crossings = s.curved_course = false;
             const RunResult one = simulate(s, source, 1, 1);
             for (const std::int64_t wedges : {7, 360}) {
-                INFO(word(quality) << ", " << bins << " bins, " << wedges << " wedges");
+                INFO(word(quality) << (one_axis ? ", one axis, " : ", ") << bins << " bins, " << wedges << " wedges");
                 const RunResult other = simulate(s, source, wedges, 2);
                 CHECK(other.echo_w.cells == one.echo_w.cells);
                 CHECK(other.echo_state.cells == one.echo_state.cells);

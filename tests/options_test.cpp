@@ -449,11 +449,22 @@ TEST_CASE("the command line refuses what it cannot mean", "[options]") {
     CHECK(refusal([] {
               parse_arguments(command_coverage, {"-layer=height", "a.tif", "b.tif"});
           }) == "option '-layer' has one dash; did you mean --layer?");
-    for (const char* option : {"--dem", "--output=b.tif", "-o"})
+    for (const char* option : {"--dem", "--output=b.tif", "-o", "-ob.tif"}) {
         CHECK_THAT(refusal([&] {
                        parse_arguments(command_coverage, {"a.tif", option, "b.tif"});
                    }),
-                   Contains("files are named without one: wedgescope coverage [options] IN OUT"));
+                   Contains("files are named without an option: wedgescope coverage [options] IN OUT"));
+        CHECK_THAT(refusal([&] {
+                       parse_arguments(command_tile, {"a.tif", option, "b"});
+                   }),
+                   Contains("files are named without an option: wedgescope tile [options] RASTER... FOLDER"));
+    }
+    CHECK_THAT(refusal([] {
+                   parse_arguments(command_info, {"--dem", "a.tif"});
+               }),
+               Contains("files are named without an option: wedgescope info [options] FILE..."));
+    CHECK(refusal_of({"--sector", "0deg", "-60deg"}) ==
+          "'-60deg' is no option; two numbers are one word, as in --latlon 40.5,-117.8");
     CHECK(refusal_of({"--latlon", "40.5", "-117.8"}) ==
           "'-117.8' is no option; two numbers are one word, as in --latlon 40.5,-117.8");
     CHECK_THAT(refusal_of({"--range"}), Contains("--range needs a value"));

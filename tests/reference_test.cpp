@@ -236,6 +236,25 @@ TEST_CASE("inland_empire from 965 m, glimpses of crests out of shadows: bins in 
     check(c);
 }
 
+TEST_CASE("worcester_vermont from 530 m, steep slopes: lines of both axes, from `draft` on", "[reference]") {
+    Case c{"worcester 530 m, steep",
+           "worcester_vermont_dem.tif",
+           "",
+           "",
+           1,
+           44.42327,
+           -72.59412,
+           530,
+           795,
+           120,
+           12600,
+           true};
+    c.pulse_s = 1e-6;
+    c.rays_per_bin = 96;
+    c.bright = 1.0 / 16;
+    check(c);
+}
+
 TEST_CASE("every shipped terrain from 50 m to 12 km above ground, near and far", "[reference]") {
     struct Place {
         const char *name, *dem;

@@ -614,7 +614,7 @@ TEST_CASE("each quality samples as the table in docs/accuracy.md says", "[grid]"
                 CHECK(s.spokes_per_bin >= higher.spokes_per_bin);
                 CHECK(s.spokes_per_bin >= before.spokes_per_bin);
                 CHECK(s.spokes_per_post >= before.spokes_per_post);
-                CHECK(s.spokes_per_bin >= 3);
+                CHECK(s.spokes_per_bin >= (cover == bare && q != Quality::draft ? 4 : 3));
                 CHECK(s.spokes_per_bin <= 192);
                 before = s;
             }

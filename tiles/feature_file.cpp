@@ -226,7 +226,7 @@ std::unique_ptr<FeatureFile::Handle> FeatureFile::open() {
         facts.role = "features";
         facts.path = params_.path;
         facts.has_geotransform = true;
-        if (const OGRSpatialReference* given = layer->GetSpatialRef()) set_crs(facts, from_gdal(*given));
+        set_crs(facts, crs_of(*layer));
         one.geographic = facts.crs && facts.geographic;
         if (facts.crs && !crs_)
             throw DataError(

@@ -21,9 +21,11 @@ void register_usual_drivers();
 /// Registers all of GDAL's drivers; once. They take 7 MiB: only for files that the usual ones do not know.
 void register_all_drivers();
 
-/// A CRS for GDAL, x (longitude) first, and from GDAL: null where that is empty or says that it is undefined; DataError where PROJ cannot write it.
+/// A CRS for GDAL, x (longitude) first, and from GDAL: null where that is empty; DataError where PROJ cannot write it.
 OGRSpatialReference in_gdal(const Crs& crs);
 std::shared_ptr<const Crs> from_gdal(const OGRSpatialReference& crs);
+/// Of places: null too where the layer says that it is undefined.
+std::shared_ptr<const Crs> crs_of(OGRLayer& layer);
 
 /// Keeps what GDAL says on this thread while it lives, instead of letting it be printed.
 class GdalErrors {

@@ -4,6 +4,7 @@
 #include <gdal_frmts.h>
 #include <malloc.h>
 #include <ogr_srs_api.h>
+#include <ogrsf_frmts.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -123,12 +124,7 @@ OGRSpatialReference in_gdal(const Crs& crs) {
 }
 
 std::shared_ptr<const Crs> from_gdal(const OGRSpatialReference& crs) {
-    const char* const name = crs.GetName();
-    const std::string_view named = name ? name : "";
-    // What a GeoPackage holds where no CRS was given.
-    const bool undefined =
-        named.starts_with("Undefined geographic SRS") || named.starts_with("Undefined Cartesian SRS");
-    if (crs.IsEmpty() || undefined) return nullptr;
+    if (crs.IsEmpty()) return nullptr;
     GdalErrors quiet;
     char* words = nullptr;
     const char* const options[] = {"FORMAT=WKT2_2019", nullptr};
@@ -137,7 +133,16 @@ std::shared_ptr<const Crs> from_gdal(const OGRSpatialReference& crs) {
     CPLFree(words);
     std::string reason;
     if (auto own = Crs::read(wkt, reason)) return own;
-    throw DataError(text("the CRS '", named, "' is none that PROJ can write and read again: ", reason));
+    const char* name = crs.GetName();
+    throw DataError(text("the CRS '", name ? name : "", "' is none that PROJ can write and read again: ", reason));
+}
+
+std::shared_ptr<const Crs> crs_of(OGRLayer& layer) {
+    const OGRSpatialReference* given = layer.GetSpatialRef();
+    const char* name = given ? given->GetName() : nullptr;
+    // GDAL's word for a GeoPackage's layer that was given none.
+    if (!given || (name && std::string_view(name).starts_with("Undefined geographic SRS"))) return nullptr;
+    return from_gdal(*given);
 }
 
 void register_usual_drivers() {

@@ -83,12 +83,11 @@ PointFile::PointFile(const PointFileParams& params, const DataBase& data_base) :
             text(o.named(), " has no geometry; accepted: points (or a table of places: a file that ends in .csv)"));
     for (const std::string& name : params.fields) o.fields.push_back(definition.GetFieldIndex(name.c_str()));
 
-    const OGRSpatialReference* given = o.layer->GetSpatialRef();
     RasterFacts facts;
     facts.role = o.role;
     facts.path = o.path;
     facts.has_geotransform = true;
-    if (given) set_crs(facts, from_gdal(*given));
+    set_crs(facts, crs_of(*o.layer));
     if (!facts.crs) return;
     if (!data_base.has_crs)
         throw DataError(text(o.named(), " is in CRS ", in_quotes(facts.crs->definition()), ", and '", data_base.name,

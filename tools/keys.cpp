@@ -179,18 +179,17 @@ std::vector<Key> make_keys() {
           "auto",
           "spokes double where a line this many times as far off needs it: few then share a parent's horizon; auto: "
           "as the quality says");
-    t.add("crossings",
-          choice<std::optional<bool>>(
-              {{"on", true}, {"off", false}}, [](auto& s) -> auto& { return s.scene.crossings; }, "auto"),
-          "auto",
-          "spokes are sampled where they cross the lines of the other axis too; auto: as the quality says, in "
-          "coverage as far as 64 posts whatever the quality");
+    t.add(
+        "crossings",
+        choice<std::optional<bool>>(
+            {{"on", true}, {"off", false}}, [](auto& s) -> auto& { return s.scene.crossings; }, "auto"),
+        "auto",
+        "spokes are sampled where they cross the lines of the other axis too; auto: on (coverage: as far as 64 posts, "
+        "beyond as the quality says)");
     t.add("course",
           choice<std::optional<bool>>(
               {{"curved", true}, {"straight", false}}, [](auto& s) -> auto& { return s.scene.curved_course; }, "auto"),
-          "auto",
-          "how the surface runs between two samples in a cell; auto: as the quality says (coverage: curved as far as "
-          "64 posts)");
+          "auto", "how the surface runs between two samples in a cell; auto: curved (coverage: as far as 64 posts)");
     t.add(
         "refine",
         choice<bool>(

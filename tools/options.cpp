@@ -105,14 +105,17 @@ std::vector<Given> read_command_line(Command command, const std::vector<std::str
         const std::string_view written = option.substr(0, option.find('='));
         if (const Key* key = find_key(word); key && (key->commands & taken) && !option.starts_with("--"))
             throw InputError(text("option ", in_quotes(written), " has one dash; did you mean --", word, "?"));
-        if (word.find_first_not_of("0123456789.,") == std::string_view::npos && !word.empty())
+        const std::string_view digits = word.substr(word.starts_with('.') ? 1 : 0);
+        if (!digits.empty() && digits.front() >= '0' && digits.front() <= '9')
             throw InputError(
                 text(in_quotes(option), " is no option; two numbers are one word, as in --latlon 40.5,-117.8"));
         const std::string owners = whose(word);
-        const bool a_file =
-            (word == "dem" || word == "output" || word == "o") && (taken & (command_coverage | command_tile));
+        const bool short_output = !option.starts_with("--") && word.starts_with('o') &&
+                                  (word.size() == 1 || word.find('.') != std::string_view::npos),
+                   a_file = (taken & (command_coverage | command_tile | command_info)) &&
+                            (word == "dem" || word == "output" || short_output);
         throw InputError(text("unknown option ", in_quotes(written),
-                              a_file           ? text("; files are named without one: ", info.usage)
+                              a_file           ? text("; files are named without an option: ", info.usage)
                               : owners.empty() ? suggestion(word, key_names(taken, false), "--")
                                                : owners,
                               " (wedgescope help ", info.name, " lists them all)"));
@@ -190,11 +193,12 @@ std::vector<Given> read_command_line(Command command, const std::vector<std::str
     return given;
 }
 
-/// `kind`: of file, for messages.
-std::string file_content(const std::string& path, const char* kind = "scene file") {
-    return text_of_file(text(kind, " ", in_quotes(path)), path,
-                        text("a ", kind, " holds lines key = value",
-                             std::string_view(kind) == "set" ? "" : " (a raster is given with --dem)"));
+/// `kind`: of file, for messages, and what else may have been meant.
+std::string file_content(const std::string& path, const char* kind = "scene file", const char* hint = "") {
+    return text_of_file(text(kind, " ", in_quotes(path)), path, text("a ", kind, " holds lines key = value", hint));
+}
+std::string scene_file_content(const std::string& path) {
+    return file_content(path, "scene file", " (a raster is given with --dem)");
 }
 
 }  // namespace
@@ -557,7 +561,7 @@ Settings parse_arguments(Command command, const std::vector<std::string>& argume
             throw InputError(text("there are two scene files, ", in_quotes(files[0]), " and ", in_quotes(files[1]),
                                   "; one at most is taken"));
         }
-        scene_file = read_scene(files[0], file_content(files[0]));
+        scene_file = read_scene(files[0], scene_file_content(files[0]));
     }
     if (command == command_budget) name_place(scene_file, command_line);
     const auto says = [](const Given& given, const Given& otherwise) {
@@ -579,7 +583,7 @@ Settings parse_arguments(Command command, const std::vector<std::string>& argume
 }
 
 Settings parse_scene_file(const std::string& path) {
-    std::vector<Given> given = read_scene(path, file_content(path));
+    std::vector<Given> given = read_scene(path, scene_file_content(path));
     add_store_defaults(given, {});
     return settings_of(given);
 }
