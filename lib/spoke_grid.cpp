@@ -37,10 +37,9 @@ Sampling sampling(Quality quality, GroundCover cover, double above_posts) {
     const bool low = above_posts < (culture_height ? 20 : 14), high = above_posts >= 40;
     double more = low ? 1 : !high ? 0.5 : cover == GroundCover::bare ? 0.375 : 0.25;
     for (double above = above_posts; more < 16 && above < lowest_posts; above *= 2) more *= 2;
-    const double least = cover == GroundCover::bare && quality != Quality::draft ? 4 : 3;
     const auto dense = [&](double per_post, double per_bin, double low_lead, double lead = 4) {
         return Sampling{.spokes_per_post = per_post,
-                        .spokes_per_bin = std::clamp(more * per_bin, least, 192.0),
+                        .spokes_per_bin = std::clamp(more * per_bin, 3.0, 192.0),
                         .above_posts = above_posts,
                         .lead = low ? low_lead : lead};
     };

@@ -51,8 +51,8 @@ struct Sampling {
 /// Of culture heights single posts may stand up, and spokes must meet each of them; between classes the echo leaps.
 /// `above_posts`: the sensor's height over the ground, in posts. The lower it is, the longer are the shadows
 /// of single posts, and their edges must be met: from 14 posts on (20 with culture heights) half as many spokes a bin do,
-/// from 40 on a quarter, over bare ground three eighths, but never fewer than 3, there 4 (`draft` 3); and below 4 posts (10)
-/// they double with each halving of the height, to 16 times or 192 at most. Source: docs/accuracy.md.
+/// from 40 on a quarter, over bare ground three eighths, but never fewer than 3; and below 4 posts (10) they double with each
+/// halving of the height, to 16 times or 192 at most. Source: docs/accuracy.md.
 Sampling sampling(Quality quality, GroundCover cover, double above_posts);
 /// `of_quality` with what the scene itself says, but of its bins, which are an image's.
 Sampling own_sampling(const Scene& scene, const Sampling& of_quality);
