@@ -18,14 +18,14 @@ struct Doubt {
     float square[lanes] = {}, bright[lanes] = {};
 };
 
-/// Adds, of the watts of both halves of n cells (whole registers, and `together` more): the square of half their difference in
+/// Of the watts of both halves of n cells (whole registers, and `together` more): the square of half their difference in
 /// dB where this is above `least`, and 1 where the mean of what both say of the whole is above the floor. Of echoes that arrive
 /// together, from each cell on, their mean. Half of 10 lg (a / b) is (10 / ln 10) artanh((a - b) / (a + b)), here by its Pade
 /// approximant (to 1 % up to 7 dB, 8 dB at the most): the same bits everywhere.
-WEDGESCOPE_LANES_PART void differences(std::size_t n, float floor, float least, const float* __restrict even,
-                                       const float* __restrict odd, Doubt& doubt) noexcept {
+WEDGESCOPE_LANES_PART Doubt differences(std::size_t n, float floor, float least, const float* __restrict even,
+                                        const float* __restrict odd) noexcept {
     constexpr float scale = 2 / static_cast<float>(together);
-    Doubt sums = doubt;
+    Doubt sums;
     for (std::size_t j = 0; j < n; j += lanes)
         for (std::size_t i = 0; i < lanes; ++i) {
             float a = 0, b = 0;
@@ -40,7 +40,7 @@ WEDGESCOPE_LANES_PART void differences(std::size_t n, float floor, float least, 
             sums.square[i] += db * db > least * least ? db * db : 0.0F;
             sums.bright[i] += a + b > 2 * floor ? 1.0F : 0.0F;
         }
-    doubt = sums;
+    return sums;
 }
 
 }  // namespace
@@ -53,9 +53,8 @@ std::vector<Interval> rows_in_doubt(const WedgeCells& cells, const std::vector<I
     for (const Interval rows : among)
         for (std::int64_t row = rows.begin; row < rows.end; ++row) {
             cells.halves(static_cast<std::size_t>(row), even.data(), odd.data());
-            Doubt doubt;
-            on_target<differences>(n, static_cast<float>(refinement.floor_w), static_cast<float>(refinement.cell_db),
-                                   even.data(), odd.data(), doubt);
+            const Doubt doubt = on_target<differences>(n, static_cast<float>(refinement.floor_w),
+                                                       static_cast<float>(refinement.cell_db), even.data(), odd.data());
             double sum = 0, count = 0;
             for (std::size_t i = 0; i < lanes; ++i) {
                 sum += static_cast<double>(doubt.square[i]);

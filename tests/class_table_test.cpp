@@ -9,11 +9,12 @@
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
-#include <sstream>
 
 #include "lib/material.hpp"
 #include "tests/drawn_raster.hpp"
+#include "tests/file_content.hpp"
 #include "tests/program.hpp"
+#include "tests/words.hpp"
 
 using namespace wedgescope;
 using Catch::Matchers::Contains;
@@ -25,6 +26,9 @@ using wedgescope::test::Folder;
 using Strings = std::vector<std::string>;
 
 namespace {
+
+using wedgescope::test::content;
+using wedgescope::test::with;
 
 const std::string data = WEDGESCOPE_DATA;
 const Strings scene = {"simulate",
@@ -39,16 +43,6 @@ const Strings scene = {"simulate",
                        "--size",
                        "64",
                        "-q"};
-
-Strings with(Strings base, const Strings& more) {
-    base.insert(base.end(), more.begin(), more.end());
-    return base;
-}
-
-std::string content(const std::string& path) {
-    std::ifstream in(path, std::ios::binary);
-    return {std::istreambuf_iterator<char>(in), {}};
-}
 
 struct Program {
     Folder folder;

@@ -10,9 +10,12 @@
 #include <regex>
 #include <set>
 
+#include "tests/file_content.hpp"
 #include "tests/in_process.hpp"
 
 namespace {
+
+using wedgescope::test::content;
 
 namespace fs = std::filesystem;
 using Catch::Matchers::Contains;
@@ -25,12 +28,6 @@ struct Outcome {
     std::string out, err;
     std::uint64_t peak_rss_bytes = 0;
 };
-
-std::string content(const fs::path& path) {
-    std::ostringstream all;
-    all << std::ifstream(path, std::ios::binary).rdbuf();
-    return all.str();
-}
 
 /// A folder of its own for each test, gone with it.
 class Folder {

@@ -8,10 +8,13 @@
 
 #include "tests/drawn_raster.hpp"
 #include "tests/program.hpp"
+#include "tests/words.hpp"
 
 using namespace wedgescope::test;
 
 namespace {
+
+using wedgescope::test::with;
 
 const std::string program = WEDGESCOPE_PROGRAM;
 constexpr std::uint64_t mebibyte = std::uint64_t{1} << 20;
@@ -169,11 +172,6 @@ std::uint64_t check_refused(std::uint64_t mib, const std::vector<std::string>& w
     return enough;
 }
 
-std::vector<std::string> joined(std::vector<std::string> words, const std::vector<std::string>& more) {
-    words.insert(words.end(), more.begin(), more.end());
-    return words;
-}
-
 std::string text_of(const std::string& path) {
     std::ostringstream all;
     all << std::ifstream(path).rdbuf();
@@ -197,28 +195,28 @@ TEST_CASE("no command holds more than --memory and 64 MiB, on a raster ten times
     const std::string log = folder / "log";
     const std::vector<std::string> place = {"--xy", "492000,4408000", "--altitude-agl", "900m", "--overwrite", "-q"};
     const std::vector<std::string> simulate =
-        joined({"simulate", "--dem", hills, "--azimuth-bins", "480", "--range-bin", "150m", "-o", folder / "scope.png"},
-               place);
-    const std::vector<std::string> far = joined(simulate, {"--range", "45km"}),
-                                   near = joined(simulate, {"--range", "25km"});
-    for (const char* threads : {"1", "2"}) check(64, joined(far, {"--threads", threads, "--size", "512"}), log);
-    check(128, joined(far, {"--no-cull", "--wedges", "3", "--size", "512"}), log);
+        with({"simulate", "--dem", hills, "--azimuth-bins", "480", "--range-bin", "150m", "-o", folder / "scope.png"},
+             place);
+    const std::vector<std::string> far = with(simulate, {"--range", "45km"}),
+                                   near = with(simulate, {"--range", "25km"});
+    for (const char* threads : {"1", "2"}) check(64, with(far, {"--threads", threads, "--size", "512"}), log);
+    check(128, with(far, {"--no-cull", "--wedges", "3", "--size", "512"}), log);
     check(96,
-          joined(far, {"--echo", folder / "echo.tif", "--power", folder / "power.tif", "--states",
-                       folder / "states.tif", "--size", "2500", "--noise", "on", "--speckle", "3"}),
+          with(far, {"--echo", folder / "echo.tif", "--power", folder / "power.tif", "--states", folder / "states.tif",
+                     "--size", "2500", "--noise", "on", "--speckle", "3"}),
           log);
     check(64,
-          joined(near, {"--source", "spilled", "--work-dir", folder / "work", "--temp-dir", folder / ".", "--report",
-                        folder / "report.json"}),
+          with(near, {"--source", "spilled", "--work-dir", folder / "work", "--temp-dir", folder / ".", "--report",
+                      folder / "report.json"}),
           log);
     CHECK(number_in(folder / "report.json", "spilled_bytes") > 16 * mebibyte);
-    std::vector<std::string> plan = joined({"info", "--plan", "--dem", hills, "--range", "45km"}, place);
+    std::vector<std::string> plan = with({"info", "--plan", "--dem", hills, "--range", "45km"}, place);
     std::erase(plan, "--overwrite");
     check(64, plan, log);
     check(64, {"info", hills}, log);
     for (const std::uint64_t memory : {64, 256})
-        check(memory, joined({"coverage", hills, folder / "seen.tif", "--threads", "2"}, place), log);
-    check(128, joined({"coverage", hills, folder / "seen.tif", "--layer", "height", "--range", "12km"}, place), log);
+        check(memory, with({"coverage", hills, folder / "seen.tif", "--threads", "2"}, place), log);
+    check(128, with({"coverage", hills, folder / "seen.tif", "--layer", "height", "--range", "12km"}, place), log);
 }
 
 TEST_CASE("rasters of large blocks keep to --memory too", "[memory]") {
@@ -226,12 +224,12 @@ TEST_CASE("rasters of large blocks keep to --memory too", "[memory]") {
     const std::string log = folder / "log";
     const std::vector<std::string> place = {"--xy", "424000,4476000", "--altitude-agl", "2km", "--overwrite", "-q"};
     const auto coverage = [&](const std::string& raster) {
-        return joined({"coverage", raster, folder / "seen.tif", "--threads", "2"}, place);
+        return with({"coverage", raster, folder / "seen.tif", "--threads", "2"}, place);
     };
     const auto simulate = [&](const std::string& raster, const std::string& source) {
-        return joined({"simulate", "--dem", raster, "--source", source, "--range", "12km", "--range-bin", "100m", "-o",
-                       folder / "scope.png", "--threads", "2"},
-                      place);
+        return with({"simulate", "--dem", raster, "--source", source, "--range", "12km", "--range-bin", "100m", "-o",
+                     folder / "scope.png", "--threads", "2"},
+                    place);
     };
     const std::string tiles = folder / "tiles.tif", strips = folder / "strips.tif", strip = folder / "strip.tif",
                       store = folder / "store";
@@ -267,12 +265,12 @@ TEST_CASE("a kept spill, a mosaic and interleaved bands keep to --memory too", "
     const std::vector<std::string> place = {
         "--latlon", "40.322,-117.756", "--altitude-agl", "2km", "--threads", "2", "--overwrite", "-q"};
     const auto coverage = [&](const std::string& raster) {
-        return joined({"coverage", raster, folder / "seen.tif"}, place);
+        return with({"coverage", raster, folder / "seen.tif"}, place);
     };
     const auto simulate = [&](const std::string& raster, const std::string& range = "20km") {
-        return joined({"simulate", "--dem", raster, "--range", range, "--range-bin", "100m", "--size", "512",
-                       "--report", report, "-o", folder / "scope.png"},
-                      place);
+        return with({"simulate", "--dem", raster, "--range", range, "--range-bin", "100m", "--size", "512", "--report",
+                     report, "-o", folder / "scope.png"},
+                    place);
     };
     // Four files of 3600 x 3600 posts, 99 MiB in all, side by side.
     std::string mosaic =
@@ -315,7 +313,7 @@ TEST_CASE("a kept spill, a mosaic and interleaved bands keep to --memory too", "
                {.posts = 4096, .type = GDT_Float32, .columns = 512, .rows = 512, .compression = "ZSTD", .bands = 4});
     check(64, coverage(bands), log);
     check(64, simulate(bands), log);
-    check(64, joined(simulate(bands, "12km"), {"--source", "direct"}), log);
+    check(64, with(simulate(bands, "12km"), {"--source", "direct"}), log);
     check(64, {"info", bands}, log);
     check(64, {"tile", bands, store, "--co", "COMPRESS=ZSTD", "--overwrite", "-q", "--threads", "2"}, log);
 }
@@ -336,7 +334,7 @@ TEST_CASE("the budget that a refusal names will do", "[memory]") {
     for (const std::vector<std::string>& more :
          {std::vector<std::string>{"--range", "30km"},
           {"--range", "30km", "--sector", "0deg,60deg", "--ground", folder / "ground.tif"}}) {
-        const auto words = joined(simulate(lines, "422000,4478000"), more);
+        const auto words = with(simulate(lines, "422000,4478000"), more);
         CHECK(enough_after_refusal(2, words, log) == check_refused(40, words, log));
     }
     check_refused(2,
@@ -377,20 +375,20 @@ TEST_CASE("a track of frames side by side keeps to --memory too", "[memory]") {
     };
     rows(440000, 4460000, 500, 3);
     const std::vector<std::string> far =
-        joined(simulate(hills), {"--range", "20km", "--range-bin", "75m", "--size", "400"});
-    check(64, joined(far, {"--threads", "2"}), log);
+        with(simulate(hills), {"--range", "20km", "--range-bin", "75m", "--size", "400"});
+    check(64, with(far, {"--threads", "2"}), log);
     CHECK(number_in(report, "frame_count") == 3);
-    check(64, joined(far, {"--threads", "1", "--echo", folder / "e.tif", "--power", folder / "p.tif"}), log);
-    check(96, joined(far, {"--threads", "3", "--scan-step", "320", "--scan-period", "2s"}), log);
+    check(64, with(far, {"--threads", "1", "--echo", folder / "e.tif", "--power", folder / "p.tif"}), log);
+    check(96, with(far, {"--threads", "3", "--scan-step", "320", "--scan-period", "2s"}), log);
     // Small enough to stay in memory; then so many frames at a time as fit.
     rows(404000, 4496000, 10, 5);
-    check(256, joined(simulate(small), {"--threads", "4", "--size", "400"}), log);
+    check(256, with(simulate(small), {"--threads", "4", "--size", "400"}), log);
     CHECK(number_in(report, "lanes") == 4);
-    check(64, joined(simulate(small), {"--threads", "4", "--size", "2500"}), log);
+    check(64, with(simulate(small), {"--threads", "4", "--size", "2500"}), log);
     CHECK(number_in(report, "lanes") < 4);
-    check_refused(8, joined(simulate(small), {"--threads", "2", "--size", "400"}), log);
+    check_refused(8, with(simulate(small), {"--threads", "2", "--size", "400"}), log);
     check_refused(
-        8, joined(simulate(small), {"--threads", "2", "--size", "400", "--scan-step", "100", "--scan-period", "2s"}),
+        8, with(simulate(small), {"--threads", "2", "--size", "400", "--scan-step", "100", "--scan-period", "2s"}),
         log);
 }
 
@@ -411,17 +409,17 @@ TEST_CASE("counts of many observers keep to --memory too, in a file where they d
                                         "-q"};
     };
     observers(3, 40000, "900");
-    check(64, joined(coverage(hills), {"--threads", "2"}), log);
+    check(64, with(coverage(hills), {"--threads", "2"}), log);
     CHECK(number_in(report, "scratch_written_bytes") > 64 * mebibyte);
-    check(256, joined(coverage(hills), {"--threads", "3", "--at-least", "2"}), log);
+    check(256, with(coverage(hills), {"--threads", "3", "--at-least", "2"}), log);
     CHECK(number_in(report, "lanes") == 3);
     // So many that counts take 16 bits; each sees little.
     observers(400, 230, "20");
-    check(64, joined(coverage(hills), {"--range", "1km", "--threads", "2"}), log);
+    check(64, with(coverage(hills), {"--range", "1km", "--threads", "2"}), log);
     CHECK(number_in(report, "observer_count") == 400);
     observers(5, 500, "20");
-    check(48, joined(coverage(small), {"--threads", "2"}), log);
-    check_refused(8, joined(coverage(small), {"--threads", "2"}), log);
+    check(48, with(coverage(small), {"--threads", "2"}), log);
+    check_refused(8, with(coverage(small), {"--threads", "2"}), log);
     for (const std::string& name : folder.names()) CHECK(name.find("wedgescope") == std::string::npos);
 }
 
@@ -432,8 +430,8 @@ TEST_CASE("a VRT of a hundred rasters keeps to --memory, however many of them ar
     const std::vector<std::string> simulate = {"simulate",          "--dem", mosaic,        "--xy",  "425005,4474995",
                                                "--altitude-agl",    "500m",  "--range-bin", "6.25m", "--echo",
                                                folder / "echo.tif", "-q",    "--overwrite"};
-    for (const char* threads : {"1", "2"}) check(100, joined(simulate, {"--threads", threads}), log);
-    check(128, joined(simulate, {"--source", "spilled"}), log);
+    for (const char* threads : {"1", "2"}) check(100, with(simulate, {"--threads", threads}), log);
+    check(128, with(simulate, {"--source", "spilled"}), log);
     check(64,
           {"coverage", mosaic, folder / "seen.tif", "--xy", "425005,4474995", "--altitude-agl", "500m", "-q",
            "--overwrite"},

@@ -10,18 +10,19 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <random>
-#include <sstream>
 #include <thread>
 
 #include "lib/coverage.hpp"
 #include "lib/seen_counts.hpp"
 #include "tests/busy_worker.hpp"
 #include "tests/drawn_raster.hpp"
+#include "tests/file_content.hpp"
 #include "tests/program.hpp"
 #include "tests/refusal.hpp"
 #include "tests/resident_bytes.hpp"
 #include "tests/small_disk.hpp"
 #include "tests/terrain.hpp"
+#include "tests/words.hpp"
 #include "tiles/count_store.hpp"
 
 using namespace wedgescope;
@@ -30,13 +31,11 @@ using Catch::Matchers::Contains;
 
 namespace {
 
+using wedgescope::test::content;
+using wedgescope::test::with;
+
 const std::string program = WEDGESCOPE_PROGRAM;
 using Words = std::vector<std::string>;
-
-Words joined(Words a, const Words& b) {
-    a.insert(a.end(), b.begin(), b.end());
-    return a;
-}
 
 /// A band as whole numbers, and its no-data value.
 struct RasterBand {
@@ -65,14 +64,8 @@ struct RasterBand {
     }
 };
 
-std::string content(const std::string& path) {
-    std::ostringstream all;
-    all << std::ifstream(path, std::ios::binary).rdbuf();
-    return all.str();
-}
-
 Ended coverage(const Folder& folder, const Words& words) {
-    return run_program(joined({program, "coverage", "-q", "--overwrite", "--reproducible"}, words), folder / "log");
+    return run_program(with({program, "coverage", "-q", "--overwrite", "--reproducible"}, words), folder / "log");
 }
 void coverage_does(const Folder& folder, const Words& words) {
     const Ended ended = coverage(folder, words);
@@ -155,8 +148,7 @@ Sum sum_of(const Folder& folder, const std::string& dem, const std::vector<Words
     Sum sum;
     for (const Words& single : singles) {
         coverage_does(
-            folder,
-            joined(joined({dem, folder / "one.tif", "--no-data-value", "1", "--outside-value", "2"}, all), single));
+            folder, with(with({dem, folder / "one.tif", "--no-data-value", "1", "--outside-value", "2"}, all), single));
         const RasterBand one(folder / "one.tif");
         sum.seen.resize(one.posts.size());
         sum.no_data.resize(one.posts.size());
@@ -349,9 +341,9 @@ TEST_CASE("the counts of many observers are the sum of their single masks, post 
     write_points(points, "GPKG", "EPSG:32611", unlike);
     const Words all = {"--sector", "-100deg,95deg", "--target-height", "3m"};
     const Sum sum = sum_of(folder, dem, as_singles, all);
-    const Words common = joined(all, {"--altitude-agl", "75m", "--range", "7km"});
-    const Words many = joined({dem, out, "--observers", points}, common);
-    coverage_does(folder, joined(many, {"--report", folder / "r.json"}));
+    const Words common = with(all, {"--altitude-agl", "75m", "--range", "7km"});
+    const Words many = with({dem, out, "--observers", points}, common);
+    coverage_does(folder, with(many, {"--report", folder / "r.json"}));
     const RasterBand counts(out);
     check_counts(sum, counts);
     CHECK(counts.observers == "7");
@@ -376,8 +368,8 @@ TEST_CASE("the counts of many observers are the sum of their single masks, post 
 
     // The mask of what at least so many see has the codes of a plain mask.
     for (const int enough : {1, 3}) {
-        coverage_does(folder, joined(many, {"--at-least", std::to_string(enough), "--no-data-value", "1",
-                                            "--outside-value", "2"}));
+        coverage_does(
+            folder, with(many, {"--at-least", std::to_string(enough), "--no-data-value", "1", "--outside-value", "2"}));
         const RasterBand mask(out);
         CHECK(mask.type == GDT_Byte);
         std::size_t wrong = 0;
@@ -393,19 +385,19 @@ TEST_CASE("the counts of many observers are the sum of their single masks, post 
     }();
     for (const Words& more : {Words{"--threads", "1"}, Words{"--threads", "5"}, Words{"--memory", "34MiB"},
                               Words{"--no-cull", "--source", "direct"}, Words{"--timeline", folder / "t.json"}}) {
-        coverage_does(folder, joined(many, more));
+        coverage_does(folder, with(many, more));
         INFO(more[0]);
         CHECK(content(out) == plain);
     }
     std::vector<Point> backwards(unlike.rbegin(), unlike.rend());
     write_points(folder / "backwards.gpkg", "GPKG", "EPSG:32611", backwards);
     const std::string other = folder / "backwards.gpkg";
-    coverage_does(folder, joined({dem, out, "--observers", other}, common));
+    coverage_does(folder, with({dem, out, "--observers", other}, common));
     CHECK(content(out) == plain);
     draw_hills(folder / "strips.tif", 700, 610, {"COMPRESS=DEFLATE"});
     REQUIRE(run_program({program, "tile", "-q", dem, folder / "store"}, folder / "log").code == 0);
     for (const char* name : {"strips.tif", "store"}) {
-        coverage_does(folder, joined({folder / name, out, "--observers", points}, common));
+        coverage_does(folder, with({folder / name, out, "--observers", points}, common));
         CHECK(RasterBand(out).posts == counts.posts);
     }
 }
@@ -427,7 +419,7 @@ TEST_CASE("observers come in any vector file, in any CRS, or in a table", "[obse
     const Sum sum = sum_of(folder, dem, singles);
     const auto check = [&](const std::string& file, const Words& more = {}) {
         INFO(file);
-        coverage_does(folder, joined({dem, out, "--observers", file}, more));
+        coverage_does(folder, with({dem, out, "--observers", file}, more));
         check_counts(sum, RasterBand(out));
     };
     check(folder / "p.geojson");
@@ -522,7 +514,7 @@ TEST_CASE("what is wrong with observers is said in one line, and nothing is left
     std::ofstream(good) << "x,y,height\n466000,3754000,30\n";
     const auto table = [&](const std::string& rows, const Words& more = {}, int code = 2) {
         std::ofstream(folder / "t.csv") << rows;
-        return refused(folder, joined({dem, out, "--observers", folder / "t.csv"}, more), code);
+        return refused(folder, with({dem, out, "--observers", folder / "t.csv"}, more), code);
     };
     CHECK_THAT(table(""), Contains("t.csv' is empty; accepted: a line that names the columns lat and lon or x and y"));
     CHECK_THAT(table("x,y,height\n"), Contains("t.csv' holds no observer; at least one is needed"));
@@ -569,8 +561,8 @@ TEST_CASE("what is wrong with observers is said in one line, and nothing is left
     CHECK_THAT(refused(folder, {dem, out, "--observers", dem}, 1),
                Contains("cannot be opened as points") && Contains("(accepted: a vector file that GDAL reads"));
 
-    const Words with = {dem, out, "--observers", good};
-    const auto says = [&](const Words& more) { return refused(folder, joined(with, more)); };
+    const Words counted = {dem, out, "--observers", good};
+    const auto says = [&](const Words& more) { return refused(folder, with(counted, more)); };
     CHECK_THAT(says({"--xy", "1,2"}), Contains("the file of observers alone says where they stand"));
     CHECK_THAT(says({"--layer", "height"}), Contains("layer is height, and observers is given; accepted: mask"));
     CHECK_THAT(says({"--source", "spilled"}), Contains("source is spilled, and observers is given"));
@@ -606,7 +598,7 @@ TEST_CASE("observers in whose view no post holds a height are told of", "[observ
     draw_hills(folder / "dem.tif", 120, 100);
     std::ofstream(folder / "t.csv") << "x,y,altitude\n300000,3752000,900\n";
     const Words words = {folder / "dem.tif", folder / "out.tif", "--observers", folder / "t.csv", "--range", "5km"};
-    const Ended ended = run_program(joined({program, "coverage"}, words), folder / "log");
+    const Ended ended = run_program(with({program, "coverage"}, words), folder / "log");
     CHECK(ended.code == 0);
     CHECK_THAT(ended.err, Contains("dem.tif': no post in view holds a height; all of '"));
 }

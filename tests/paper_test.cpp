@@ -16,18 +16,16 @@
 #include <numbers>
 
 #include "tests/program.hpp"
+#include "tests/words.hpp"
 
 namespace {
+
+using wedgescope::test::with;
 
 namespace fs = std::filesystem;
 using Strings = std::vector<std::string>;
 
 const std::string data = WEDGESCOPE_DATA;
-
-Strings with(Strings base, const Strings& more) {
-    base.insert(base.end(), more.begin(), more.end());
-    return base;
-}
 
 class Folder {
 public:

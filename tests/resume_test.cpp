@@ -12,7 +12,6 @@
 #include <csignal>
 #include <cstring>
 #include <fstream>
-#include <iterator>
 #include <nlohmann/json.hpp>
 #include <random>
 #include <set>
@@ -21,6 +20,7 @@
 #include "lib/engine.hpp"
 #include "lib/error.hpp"
 #include "tests/drawn_raster.hpp"
+#include "tests/file_content.hpp"
 #include "tests/small_disk.hpp"
 #include "tests/terrain.hpp"
 #include "tiles/checksum.hpp"
@@ -36,10 +36,7 @@ namespace fs = std::filesystem;
 
 namespace {
 
-std::string content(const std::string& path) {
-    std::ifstream in(path, std::ios::binary);
-    return {std::istreambuf_iterator<char>(in), {}};
-}
+using wedgescope::test::content;
 
 void put(const std::string& path, const std::string& bytes) { std::ofstream(path, std::ios::binary) << bytes; }
 

@@ -8,27 +8,23 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <optional>
-#include <sstream>
 #include <string>
 #include <vector>
 
 #include "lib/target.hpp"
 #include "tests/drawn_raster.hpp"
+#include "tests/file_content.hpp"
 #include "tests/program.hpp"
 #include "tests/terrain.hpp"
 #include "tests/variable.hpp"
 
 using namespace wedgescope;
-using test::Folder;
-using test::Variable;
+using wedgescope::test::Folder;
+using wedgescope::test::Variable;
 
 namespace {
 
-std::string content(const std::string& path) {
-    std::ostringstream all;
-    all << std::ifstream(path, std::ios::binary).rdbuf();
-    return all.str();
-}
+using wedgescope::test::content;
 
 const std::vector<std::string> ends{"scene.png",        "scene_echo.tif",    "scene_power.tif",
                                     "scene_states.tif", "scene_mask.tif",    "scene_height.tif",

@@ -10,8 +10,8 @@
 #include <map>
 #include <nlohmann/json.hpp>
 #include <set>
-#include <sstream>
 
+#include "tests/file_content.hpp"
 #include "tests/in_process.hpp"
 #include "tools/keys.hpp"
 
@@ -19,17 +19,11 @@ namespace {
 
 namespace fs = std::filesystem;
 using Catch::Matchers::Contains;
+using wedgescope::test::content;
 using Strings = std::vector<std::string>;
 using wedgescope::test::Ended;
 
 const std::string data = WEDGESCOPE_DATA;
-
-std::string content(const fs::path& path) {
-    std::ifstream in(path, std::ios::binary);
-    std::ostringstream all;
-    all << in.rdbuf();
-    return all.str();
-}
 
 Strings with(Strings base, const Strings& more) {
     base.insert(base.end(), more.begin(), more.end());

@@ -3,6 +3,7 @@
 // who works on which frame to track_lanes.cpp.
 #include <catch2/catch.hpp>
 
+#include <algorithm>
 #include <cmath>
 #include <istream>
 #include <iterator>
