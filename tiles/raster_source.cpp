@@ -316,8 +316,7 @@ void RasterSource::open_culture(std::unique_ptr<RasterLayer> raster) {
     data_base_.culture_tile_rows = std::clamp<std::int64_t>(facts.block_rows, 64, 512);
     class_of_.resize(table_size, unknown_class);
     for (const auto& [code, id] : params_.legend->classes())
-        if (code >= table_begin && code < table_begin + table_size)
-            class_of_[static_cast<std::size_t>(code - table_begin)] = id;
+        if (place_in_table(code) < table_size) class_of_[place_in_table(code)] = id;
 }
 
 std::int64_t RasterSource::wrapped(std::int64_t column) const {
@@ -543,14 +542,19 @@ void RasterSource::pass_layer(RegisteredLayer& layer, const Window& posts, const
 bool RasterSource::find_classes(const std::int32_t* __restrict codes, std::int64_t n,
                                 ClassId* __restrict classes) const {
     const ClassId* __restrict const table = class_of_.data();  // bytes that are written could be anything else
-    bool unknown = false;
-    for (std::int64_t i = 0; i < n; ++i) {
-        const std::int64_t at = static_cast<std::int64_t>(codes[i]) - table_begin;
-        const ClassId id = at >= 0 && at < table_size ? table[at] : class_beyond_table(codes[i]);
-        unknown |= id == unknown_class;
-        classes[i] = id;
+    std::uint32_t beyond = 0;
+    for (std::int64_t i = 0; i < n; ++i) beyond |= place_in_table(codes[i]) < table_size ? 0U : 1U;
+    if (beyond) {
+        for (std::int64_t i = 0; i < n; ++i) {
+            const std::uint32_t at = place_in_table(codes[i]);
+            classes[i] = at < table_size ? table[at] : class_beyond_table(codes[i]);
+        }
+    } else {
+        for (std::int64_t i = 0; i < n; ++i) classes[i] = table[place_in_table(codes[i])];
     }
-    return unknown;
+    std::uint8_t unknown = 0;
+    for (std::int64_t i = 0; i < n; ++i) unknown |= classes[i] == unknown_class ? 1 : 0;
+    return unknown != 0;
 }
 
 ClassId RasterSource::class_beyond_table(std::int32_t code) const {

@@ -121,7 +121,12 @@ protected:
     /// From what is known beforehand; with culture height a few blocks are read, the most promising first.
     Extremes known_extremes(Extremes out);
 
-    static constexpr std::int32_t table_begin = -32768, table_size = 32768 + 65536;
+    static constexpr std::int32_t table_begin = -32768;
+    static constexpr std::uint32_t table_size = 32768 + 65536;
+    /// Of a code; table_size or more: it has none.
+    static std::uint32_t place_in_table(std::int32_t code) {
+        return static_cast<std::uint32_t>(code) - static_cast<std::uint32_t>(table_begin);
+    }
 
     DataBaseParams params_;
     std::shared_ptr<TileCache> tiles_;
