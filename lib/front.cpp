@@ -329,7 +329,9 @@ void Front::advance_tile(Interval lines, const Chunk* chunk, std::size_t begin, 
                         (target.*layer).begin() + static_cast<std::ptrdiff_t>(into));
     };
     copy(end - begin, lanes_.last, begin, now_, 0);
+    std::uint32_t turn = 0;
     for (std::int64_t line = lines.begin; line < lines.end; ++line) {
+        cost_.clock.watch(turn++ % StageClock::turns_a_watch == 0);
         // Spokes that are done at either end are left behind; what they were is not looked at again.
         const std::size_t skip = first_live(from, to) - from;
         from += skip;
@@ -353,6 +355,7 @@ void Front::advance_tile(Interval lines, const Chunk* chunk, std::size_t begin, 
         between.behind_major = between.ahead_major;
         between.adjacent = true;
     }
+    cost_.clock.watch(true);
     put_pieces(between);
     // The spokes' last line, whether they leapt there or not.
     stand_on(grid.line_index(fan_, lines.end - 1), chunk, between);
@@ -472,7 +475,7 @@ void Front::take(const Between& between, std::size_t begin, std::size_t end, boo
     cost_.clock.leave_out(culture_.cost().ticks - read);
     make_room(between);
     if (wait) wait_for_line(n, found.plain, next);
-    std::swap(now_, next);
+    swap(now_, next);
 }
 
 void Front::find_facet(std::size_t i, std::size_t lane, Samples& next) {

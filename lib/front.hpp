@@ -112,6 +112,11 @@ private:
         LaneArray part, minor, arc, height, up, out, range, sine, x;
         void resize(std::size_t n);
         SampleLanes lanes(std::size_t at);
+        friend void swap(Samples& a, Samples& b) noexcept {
+            for (auto array : {&Samples::part, &Samples::minor, &Samples::arc, &Samples::height, &Samples::up,
+                               &Samples::out, &Samples::range, &Samples::sine, &Samples::x})
+                (a.*array).swap(b.*array);
+        }
     };
     struct Lanes {
         LaneArray slope, metres_per_post, inverse_radius;

@@ -160,7 +160,7 @@ std::int64_t Front::leap_block(std::int64_t line, std::int64_t last, const Chunk
         return line - 1;
     stand_on(to, &chunk, between);
     sample_line(between.behind, begin, end, 0, ahead_);
-    std::swap(now_, ahead_);
+    swap(now_, ahead_);
     stale_ = false;
     cost_.samples += n;
     return target;

@@ -15,21 +15,32 @@ public:
 
     /// What comes belongs to `stage`, what was since the last call to that one's.
     void enter(Stage stage) {
-        if (stage == stage_) return;  // a look takes as long as a lane or two
-        const std::uint64_t now = ticks();
-        spent_[stage_] += now - last_;
-        last_ = now;
+        if (watching_ && stage != stage_) look();
         stage_ = stage;
     }
+    /// What comes is shared out, or is not, until the next call. A look takes as long as a lane or two: of many turns that are
+    /// alike one in so many says how the time of all is shared.
+    void watch(bool on) {
+        if (on != watching_) look();
+        watching_ = on;
+    }
+    static constexpr std::uint32_t turns_a_watch = 7;  ///< in step with no block
     /// So much of the time since the last look was something else.
     void leave_out(std::uint64_t ticks) { last_ += ticks; }
-    /// Ticks.
+    /// Ticks, of what was watched.
     std::uint64_t spent(Stage stage) const { return spent_[stage]; }
 
 private:
+    void look() {
+        const std::uint64_t now = ticks();
+        if (watching_) spent_[stage_] += now - last_;
+        last_ = now;
+    }
+
     std::array<std::uint64_t, stages> spent_{};
     std::uint64_t last_ = ticks();
     Stage stage_ = other;
+    bool watching_ = true;
 };
 
 }  // namespace wedgescope
