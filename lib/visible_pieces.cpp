@@ -72,6 +72,11 @@ HWY_ATTR std::size_t close_up(std::size_t n, const double* code, const std::uint
         const auto wanted = hn::LoadU(d, code + i) == hn::Set(d, 1);
         const std::size_t found = hn::CountTrue(d, wanted);
         if (found == 0) continue;
+        if (found == hn::Lanes(d)) {
+            for (std::size_t c = 0; c < count; ++c) hn::StoreU(hn::LoadU(bits, from[c] + i), bits, to[c] + at);
+            at += found;
+            continue;
+        }
         const CloseUp close(wanted);
         for (std::size_t c = 0; c < count; ++c) hn::StoreU(close.of(hn::LoadU(bits, from[c] + i)), bits, to[c] + at);
         at += found;

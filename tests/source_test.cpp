@@ -464,6 +464,59 @@ TEST_CASE("outside the culture raster stands the default class, and unknown code
     CHECK(source->load_classes({{9, 15}, {-6, 15}}).codes.empty());
 }
 
+TEST_CASE("classes of whole culture tiles are the same when they are asked for again", "[source]") {
+    const Folder folder;
+    Drawing d;
+    d.columns = 600;
+    d.rows = 150;
+    draw(folder / "dem.tif", d);
+    Drawing k = d;
+    k.type = GDT_Int16;
+    k.no_data = -1;
+    const auto code_of = [](std::int64_t c, std::int64_t r) {
+        return c == 100 && r == 70 ? 777 : c % 31 == 5 ? -1 : static_cast<int>(40 + (c / 3 + 2 * r) % 4);
+    };
+    k.value = [&](int c, int r) { return code_of(c, r); };
+    draw(folder / "codes.tif", k);
+    DataBaseParams params = only(folder / "dem.tif");
+    params.culture = folder / "codes.tif";
+    params.default_class = 9;
+    params.legend = Legend("drawn", {{40, 0}, {41, 1}, {42, 2}, {43, 3}});
+    params.cache_bytes = GENERATE(std::size_t{0}, std::size_t{20000}, std::size_t{1} << 22);
+    CAPTURE(params.cache_bytes);
+    const auto source = open_direct_source(params);
+    const DataBase& db = source->data_base();
+    const std::int64_t wide = db.culture_tile_columns, high = db.culture_tile_rows;
+    REQUIRE((wide < k.columns && high < k.rows));
+    std::vector<CultureCells> first;
+    for (int time = 0; time < 3; ++time) {
+        std::size_t at = 0;
+        std::int64_t wrong = 0;
+        // Beyond the raster's edges too; and between two tiles.
+        for (std::int64_t row = -1; row <= k.rows / high + 1; ++row)
+            for (std::int64_t column = -1; column <= k.columns / wide + 1; ++column, ++at) {
+                const Window tile{{column * wide, (column + 1) * wide}, {row * high, (row + 1) * high}};
+                const CultureCells cells = source->load_classes(tile);
+                REQUIRE(cells.window == tile);
+                for (std::int64_t r = tile.rows.begin; r < tile.rows.end; ++r)
+                    for (std::int64_t c = tile.columns.begin; c < tile.columns.end; ++c) {
+                        const bool in = c >= 0 && r >= 0 && c < k.columns && r < k.rows;
+                        const int code = in ? code_of(c, r) : -1;
+                        wrong += class_at(cells, c, r) != (code == -1    ? ClassId{9}
+                                                           : code == 777 ? unknown_class
+                                                                         : static_cast<ClassId>(code - 40));
+                    }
+                CHECK(cells.codes.empty() == !(tile.columns.contains(100) && tile.rows.contains(70)));
+                if (time == 0) first.push_back(cells);
+                CHECK(cells.bytes_read == first[at].bytes_read);
+            }
+        CHECK(wrong == 0);
+        CHECK(class_at(source->load_classes({{wide - 3, wide + 3}, {4, 8}}), wide, 5) == (wide / 3 + 10) % 4);
+        const std::uint64_t touched = source->skipped()[static_cast<std::size_t>(Skip::none)].posts;
+        CHECK(touched == static_cast<std::uint64_t>(k.columns * k.rows));
+    }
+}
+
 TEST_CASE("culture in another CRS is refused with the gdalwarp line that mends it", "[source]") {
     const Folder folder;
     Drawing d;  // near 33.8 N, 117.5 W

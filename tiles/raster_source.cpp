@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cmath>
+#include <cstring>
 #include <limits>
 #include <numeric>
 #include <queue>
@@ -75,6 +76,7 @@ RasterSource::RasterSource(const DataBaseParams& params) : params_(params) {
     std::unique_ptr<RasterLayer> culture, height;
     const std::size_t share = tile_cache_share(params_.cache_bytes);
     tiles_ = std::make_shared<TileCache>(share);
+    class_layer_ = tiles_->new_layer();
     if (is_tile_store(params_.dem)) {
         store_ = std::make_unique<TileStore>(params_.dem, tiles_);
         terrain_ = store_->layer(StoreLayerKind::dem);
@@ -107,9 +109,14 @@ RasterSource::RasterSource(const DataBaseParams& params) : params_(params) {
     if (height) open_height(std::move(height));
     bool any_tiles = false;
     for (const RasterLayer* layer : readers()) any_tiles |= layer->fills_tile_cache();
-    if (!any_tiles) return;
-    GdalSession::set_cache_bytes(params_.cache_bytes - share);
-    if (params_.by_strips) limit_tiles();
+    if (any_tiles) {
+        GdalSession::set_cache_bytes(params_.cache_bytes - share);
+        if (params_.by_strips) limit_tiles();
+    } else if (culture_) {  // classes alone: what they leave is GDAL's
+        const double classes = class_bytes_of_strips();
+        tiles_->limit(static_cast<std::size_t>(std::min(classes, static_cast<double>(share))));
+        GdalSession::set_cache_bytes(params_.cache_bytes - tiles_->most_bytes());
+    }
 }
 
 void RasterSource::open_height(std::unique_ptr<RasterLayer> raster) {
@@ -172,19 +179,43 @@ CultureCells RasterSource::load_classes(const Window& window) {
     if (!culture_) throw std::out_of_range("load_classes: there is no culture");
     CultureCells cells;
     cells.window = window;
+    const auto type_bytes = static_cast<std::uint64_t>(culture_->facts().type_bytes);
+    const std::optional<TileCache::Key> key = class_tile(window);
+    if (const TileCache::Tile kept = key ? tiles_->find(*key) : nullptr) {
+        static_assert(sizeof(ClassId) == 1);
+        const auto* const classes = reinterpret_cast<const ClassId*>(kept->data());
+        cells.classes.assign(classes, classes + kept->size());
+        cells.bytes_read = static_cast<std::uint64_t>(culture_->touch_codes(window)) * type_bytes;
+        return cells;
+    }
     cells.classes.assign(static_cast<std::size_t>(window.posts()), params_.default_class);
     bool any_unknown = false;
     const std::int64_t read =
         culture_->read_codes(window, [&](std::int64_t row, std::int64_t at, const std::int32_t* codes, std::int64_t n) {
             any_unknown |= find_classes(codes, n, cells.classes.data() + row * window.columns.size() + at);
         });
-    cells.bytes_read = static_cast<std::uint64_t>(read * culture_->facts().type_bytes);
-    if (!any_unknown) return cells;
-    cells.codes.assign(cells.classes.size(), void_code);
-    culture_->read_codes(window, [&](std::int64_t row, std::int64_t at, const std::int32_t* codes, std::int64_t n) {
-        std::copy_n(codes, n, cells.codes.data() + row * window.columns.size() + at);
-    });
+    cells.bytes_read = static_cast<std::uint64_t>(read) * type_bytes;
+    if (any_unknown) {
+        cells.codes.assign(cells.classes.size(), void_code);
+        culture_->read_codes(window, [&](std::int64_t row, std::int64_t at, const std::int32_t* codes, std::int64_t n) {
+            std::copy_n(codes, n, cells.codes.data() + row * window.columns.size() + at);
+        });
+    } else if (key && cells.classes.size() <= tiles_->most_bytes()) {
+        auto kept = std::make_shared<RawVector<std::byte>>(cells.classes.size());
+        std::memcpy(kept->data(), cells.classes.data(), cells.classes.size());
+        tiles_->add(*key, std::move(kept));
+    }
     return cells;
+}
+
+std::optional<TileCache::Key> RasterSource::class_tile(const Window& window) const {
+    const std::int64_t wide = data_base_.culture_tile_columns, high = data_base_.culture_tile_rows,
+                       column = window.columns.begin / wide, row = window.rows.begin / high;
+    if (column < 0 || row < 0 || window != Window{{column * wide, (column + 1) * wide}, {row * high, (row + 1) * high}})
+        return std::nullopt;
+    const std::int64_t across = (data_base_.culture_columns + wide - 1) / wide;
+    if (column >= across) return std::nullopt;
+    return TileCache::Key{class_layer_, static_cast<std::uint64_t>(row * across + column)};
 }
 
 void RasterSource::read_bare_terrain(const Window& posts, float* heights_m) {
@@ -257,21 +288,32 @@ std::size_t RasterSource::reader_bytes() const {
     return all.decoded + all.packed;
 }
 
-void RasterSource::limit_tiles() {
+double RasterSource::strip_bytes(const RasterFacts& facts, double columns_a_post, double rows_a_post,
+                                 std::size_t value_bytes) {
     constexpr double strip = 256, sides = 2, spare = 1.25;  // posts; two strips each way
-    double bytes = 0;
+    const double wide = std::max(static_cast<double>(facts.block_columns), strip * std::fabs(columns_a_post)),
+                 high = std::max(static_cast<double>(facts.block_rows), strip * std::fabs(rows_a_post));
+    const auto value = static_cast<double>(value_bytes);
+    const double tile = static_cast<double>(facts.block_columns * facts.block_rows) * value;
+    return sides * spare * value * (1 + TileCache::entry_bytes / tile) *
+           (static_cast<double>(facts.columns) * high + static_cast<double>(facts.rows) * wide);
+}
+
+double RasterSource::class_bytes_of_strips() const {
+    return culture_ ? strip_bytes(culture_->facts(), culture_->columns().scale, culture_->rows().scale, sizeof(ClassId))
+                    : 0;
+}
+
+void RasterSource::limit_tiles() {
+    double bytes = class_bytes_of_strips();
     const auto add = [&](const RasterLayer& layer, double columns_a_post, double rows_a_post) {
-        if (!layer.fills_tile_cache()) return;
         const RasterFacts& f = layer.facts();
-        const double wide = std::max(static_cast<double>(f.block_columns), strip * columns_a_post),
-                     high = std::max(static_cast<double>(f.block_rows), strip * rows_a_post);
-        const double tile = static_cast<double>(f.block_columns * f.block_rows * f.type_bytes);
-        bytes += sides * spare * static_cast<double>(f.type_bytes) * (1 + TileCache::entry_bytes / tile) *
-                 (static_cast<double>(f.columns) * high + static_cast<double>(f.rows) * wide);
+        if (layer.fills_tile_cache())
+            bytes += strip_bytes(f, columns_a_post, rows_a_post, static_cast<std::size_t>(f.type_bytes));
     };
     add(*terrain_, 1, 1);
     for (auto* layer : {culture_.get(), height_.get()})
-        if (layer) add(layer->raster(), std::fabs(layer->columns().scale), std::fabs(layer->rows().scale));
+        if (layer) add(layer->raster(), layer->columns().scale, layer->rows().scale);
     const std::size_t share = tiles_->most_bytes();
     if (bytes >= static_cast<double>(share)) return;
     tiles_->limit(static_cast<std::size_t>(bytes));

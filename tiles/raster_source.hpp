@@ -64,6 +64,12 @@ public:
 protected:
     /// Of the tiles that are kept those under one strip in each of the four quadrants, and a quarter more.
     void limit_tiles();
+    /// What these are of one layer, and of classes.
+    static double strip_bytes(const RasterFacts& facts, double columns_a_post, double rows_a_post,
+                              std::size_t value_bytes);
+    double class_bytes_of_strips() const;
+    /// Classes of a whole tile of culture, as fronts ask for them, are kept: by which number. None for other windows.
+    std::optional<TileCache::Key> class_tile(const Window& window) const;
 
     std::vector<RasterLayer*> readers() const;
 
@@ -130,6 +136,7 @@ protected:
 
     DataBaseParams params_;
     std::shared_ptr<TileCache> tiles_;
+    int class_layer_ = 0;               ///< in these
     std::unique_ptr<TileStore> store_;  ///< null: plain rasters
     std::unique_ptr<BlockMap> map_;
     bool has_detail_ = false, of_ground_ = false;  ///< it is there; of params_.ground

@@ -76,36 +76,47 @@ public:
     /// Calls body(row, at, codes, n) for every run of cells in the window that the raster holds; returns cells read.
     template <class Body>
     std::int64_t read_codes(const Window& window, Body&& body) {
-        std::vector<std::int64_t> cells(static_cast<std::size_t>(window.columns.size()));
-        for (std::size_t i = 0; i < cells.size(); ++i)
-            cells[i] = columns_.inside(window.columns.begin + static_cast<std::int64_t>(i));
-        const std::vector<Run> found = runs(cells, 1);
-        const Interval inside = intersection(window.rows, {0, rows_.cells});
         std::vector<std::int32_t> codes;
-        std::int64_t read = 0;
-        const std::int64_t block = facts().block_rows;
-        for (const Run& run : found)
-            for (std::int64_t r = inside.begin; r < inside.end;) {
-                std::int64_t end = r + std::max<std::int64_t>(1, slab_posts / run.source.size());
-                if (end - r >= block) end -= end % block;
-                end = std::min(end, inside.end);
-                const Window part{run.source, {r, end}};
-                codes.resize(static_cast<std::size_t>(part.posts()));
-                ledger_->touch(part);
-                raster_->read_codes(part, codes.data());
-                read += part.posts();
-                for (std::int64_t y = r; y < end; ++y)
-                    body(y - window.rows.begin, run.at, codes.data() + (y - r) * part.columns.size(),
-                         part.columns.size());
-                r = end;
-            }
-        return read;
+        return for_each_slab(window, [&](const Window& part, std::int64_t at) {
+            codes.resize(static_cast<std::size_t>(part.posts()));
+            raster_->read_codes(part, codes.data());
+            for (std::int64_t y = 0; y < part.rows.size(); ++y)
+                body(part.rows.begin + y - window.rows.begin, at, codes.data() + y * part.columns.size(),
+                     part.columns.size());
+        });
+    }
+    /// As if their codes had been read; returns how many there are.
+    std::int64_t touch_codes(const Window& window) {
+        return for_each_slab(window, [](const Window&, std::int64_t) {});
     }
 
     /// Notes in the ledger that the cells under these posts were passed by.
     void pass(const Window& posts, Skip reason);
 
 private:
+    /// Notes in the ledger what of a window the raster holds and calls slab(part, its first column in the window's count) for
+    /// each part that is read at a time; returns cells.
+    template <class Slab>
+    std::int64_t for_each_slab(const Window& window, Slab&& slab) {
+        std::vector<std::int64_t> cells(static_cast<std::size_t>(window.columns.size()));
+        for (std::size_t i = 0; i < cells.size(); ++i)
+            cells[i] = columns_.inside(window.columns.begin + static_cast<std::int64_t>(i));
+        const Interval inside = intersection(window.rows, {0, rows_.cells});
+        const std::int64_t block = facts().block_rows;
+        std::int64_t all = 0;
+        for (const Run& run : runs(cells, 1))
+            for (std::int64_t r = inside.begin; r < inside.end;) {
+                std::int64_t end = r + std::max<std::int64_t>(1, slab_posts / run.source.size());
+                if (end - r >= block) end -= end % block;
+                end = std::min(end, inside.end);
+                const Window part{run.source, {r, end}};
+                ledger_->touch(part);
+                slab(part, run.at);
+                all += part.posts();
+                r = end;
+            }
+        return all;
+    }
     void refuse_negative(const Window& window, const float* values, std::int64_t stride) const;
 
     std::unique_ptr<RasterLayer> raster_;
