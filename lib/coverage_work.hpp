@@ -83,6 +83,10 @@ struct Spokes {
 
 inline bool has(float horizon) { return horizon > 0.5F * no_horizon_f; }
 
+inline PieceForm piece_form(const SpokeMap::LinePiece& piece) {
+    return {piece.middle, piece.scale, piece.bend, piece.stretch};
+}
+
 /// One quadrant: its lines, its fan of spokes, and how far it has come.
 struct Side {
     Quadrant quadrant = Quadrant::east;
@@ -296,6 +300,7 @@ private:
     void queue(Job job, bool first = false);
     void begin(Strip& strip);
     void prepare(Strip& strip);
+    class Run;
     void sweep(Strip& strip, std::size_t run);
     void end(Strip& strip);
     void write_done();
