@@ -3,6 +3,8 @@
 #include <catch2/catch.hpp>
 
 #include <signal.h>
+#include <sys/stat.h>
+#include <sys/wait.h>
 
 #include <chrono>
 #include <cstdint>
@@ -48,6 +50,51 @@ TEST_CASE("a signal ends the run with 128 + its number and leaves nothing", "[cl
         CHECK(outcome.error_lines() == 1);
         CHECK(folder.names().empty());
     }
+}
+
+TEST_CASE("a signal that comes twice at once, as timeout sends it, is one", "[cli]") {
+    const Folder folder;
+    for (const int signal : {SIGINT, SIGTERM, SIGHUP}) {
+        const pid_t child =
+            folder.start(with(good, {"-o", "scope.png", "--report", "run.json", "--quality", "exact", "--azimuth-bins",
+                                     "8000", "--range-bin", "10m", "--threads", "1"}));
+        wait_until(5ms, [&] { return folder.names().size() >= 2; });
+        for (int i = 0; i < 20; ++i) {
+            REQUIRE(::kill(child, signal) == 0);
+            std::this_thread::sleep_for(100us);
+        }
+        const Outcome outcome = folder.finish(child);
+        INFO(outcome.err);
+        CHECK(outcome.code == 128 + signal);
+        CHECK(outcome.error_lines() == 1);
+        CHECK(folder.names().empty());
+    }
+}
+
+TEST_CASE("a second signal, some time after the first, ends a program that hangs", "[cli]") {
+    const Folder folder;
+    const std::string pipe = folder.file("pipe");
+    REQUIRE(::mkfifo(pipe.c_str(), 0600) == 0);
+    const pid_t child = folder.start({"evaluate", "horizon", "--in", "pipe"});  // waits for who writes it
+    const auto catches = [&] {  // the program, no longer the fork of this test, which may catch it too
+        const std::string process = "/proc/" + std::to_string(child);
+        if (fs::read_symlink(process + "/exe") != fs::canonical(WEDGESCOPE_PROGRAM)) return false;
+        std::istringstream status(content(process + "/status"));
+        std::string word;
+        while (status >> word && word != "SigCgt:") {
+        }
+        status >> word;
+        return ((std::stoull(word, nullptr, 16) >> (SIGTERM - 1)) & 1) != 0;
+    };
+    wait_until(2ms, catches);
+    for (int i = 0; i < 2; ++i) {
+        REQUIRE(::kill(child, SIGTERM) == 0);
+        std::this_thread::sleep_for(50ms);
+    }
+    std::this_thread::sleep_for(600ms);
+    CHECK(::waitpid(child, nullptr, WNOHANG) == 0);
+    REQUIRE(::kill(child, SIGTERM) == 0);
+    CHECK(folder.finish(child).code == 1000 + SIGTERM);
 }
 
 TEST_CASE("what a killed run leaves is gone after the next one", "[cli]") {
