@@ -1,7 +1,14 @@
 // `wedgescope evaluate` from outside: the models' values against those that their sources print, tables, units, refusals.
 #include <catch2/catch.hpp>
 
+#include <fcntl.h>
+#include <signal.h>
+#include <sys/stat.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <filesystem>
 #include <map>
@@ -9,6 +16,7 @@
 #include <numbers>
 #include <regex>
 #include <set>
+#include <thread>
 
 #include "tests/file_content.hpp"
 #include "tests/in_process.hpp"
@@ -665,6 +673,33 @@ TEST_CASE("tables go through pipes, and one model's output is the next one's inp
     CHECK(rows.at(0).back() == "A [m^2]");
     CHECK_THAT(std::stod(rows.at(1).back()),
                WithinRel(value("cell-area", "r=20191.962666m psi=7.760145deg", "A"), 1e-8));
+}
+
+TEST_CASE("a signal ends the wait for a table that nobody writes", "[evaluate]") {
+    const Folder folder;
+    const std::string pipe = folder.file("pipe"), err = folder.file("err");
+    REQUIRE(::mkfifo(pipe.c_str(), 0600) == 0);
+    // Of both kinds: neither end waits for the other, and no end of file comes.
+    const int end = ::open(pipe.c_str(), O_RDWR);
+    REQUIRE(end >= 0);
+    const std::string header = "h [m]\n";
+    REQUIRE(::write(end, header.data(), header.size()) == static_cast<ssize_t>(header.size()));
+    const pid_t child = wedgescope::test::start(
+        {WEDGESCOPE_PROGRAM, "evaluate", "horizon", "--in", "-", "-o", folder.file("out.csv")}, err, "/dev/null", pipe);
+    for (int i = 0; i < 2000 && folder.files() < 3; ++i)  // until the output's temporary folder stands
+        std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    REQUIRE(::kill(child, SIGINT) == 0);
+    int status = 0;
+    pid_t ended = 0;
+    for (int i = 0; i < 1000 && (ended = ::waitpid(child, &status, WNOHANG)) == 0; ++i)
+        std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    if (ended == 0) ::kill(child, SIGKILL), ::waitpid(child, &status, 0);
+    ::close(end);
+    CHECK(WIFEXITED(status));
+    CHECK(WEXITSTATUS(status) == 130);
+    CHECK(content(err) == "wedgescope: stopped by signal 2\n");
+    CHECK(folder.files() == 2);
 }
 
 TEST_CASE("words are values, and an empty cell takes the default", "[evaluate][quick]") {

@@ -1,16 +1,19 @@
 // evaluate: any model of the library over a CSV table, row by row, or for values on the command line.
 #include <fmt/format.h>
+#include <poll.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
 #include <cmath>
 #include <cstdio>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
-#include <iostream>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <streambuf>
 
 #include "tiles/output_file.hpp"
 #include "tools/antenna_file.hpp"
@@ -416,10 +419,40 @@ private:
     std::string first_lacking_;
 };
 
+/// Standard input. A pipe or a terminal may keep it waiting; a request to stop ends the wait. Streams over it throw what it
+/// throws only with badbit among their exceptions. Interrupted, IoError.
+class StandardInput : public std::streambuf {
+public:
+    StandardInput(std::string subject, const Stop& stop) : subject_(std::move(subject)), stop_(stop) {}
+
+private:
+    int_type underflow() override {
+        constexpr int look_ms = 100;  // a signal ends poll, but not one just before it
+        for (;;) {
+            stop_.check();
+            pollfd input{STDIN_FILENO, POLLIN, 0};
+            const int ready = ::poll(&input, 1, look_ms);
+            if (ready == 0 || (ready < 0 && errno == EINTR)) continue;
+            const ssize_t got = ::read(STDIN_FILENO, buffer_.data(), buffer_.size());
+            if (got < 0 && (errno == EINTR || errno == EAGAIN)) continue;
+            if (got < 0) throw IoError(text(subject_, " cannot be read: ", std::strerror(errno)));
+            setg(buffer_.data(), buffer_.data(), buffer_.data() + got);
+            return got == 0 ? traits_type::eof() : traits_type::to_int_type(buffer_[0]);
+        }
+    }
+
+    std::string subject_;
+    const Stop& stop_;
+    std::array<char, 65536> buffer_{};
+};
+
 void evaluate_table(const Model& model, const Fixed& fixed, const Settings& settings, const Stop& stop) {
     const std::string& path = settings.table;
     const bool standard_input = path == "-";
     const std::string subject = standard_input ? "table on standard input" : text("table ", in_quotes(path));
+    StandardInput waiting(subject, stop);
+    std::istream piped(&waiting);
+    piped.exceptions(std::ios::badbit);
     std::ifstream file;
     if (!standard_input) {
         check_names({{"output", settings.output}}, {{"in", path}});
@@ -428,10 +461,8 @@ void evaluate_table(const Model& model, const Fixed& fixed, const Settings& sett
         errno = 0;
         file.open(path, std::ios::binary);
         if (!file) throw IoError(text(subject, " cannot be opened: ", std::strerror(errno)));
-    } else {
-        std::ios::sync_with_stdio(false);
     }
-    TableEvaluation evaluation(model, fixed, subject, standard_input ? std::cin : file);
+    TableEvaluation evaluation(model, fixed, subject, standard_input ? piped : file);
     Sink sink(settings.output, settings.overwrite);
     evaluation.run(sink, settings.digits, stop);
     sink.finish();
