@@ -145,6 +145,14 @@ TEST_CASE("tile works from inside a store", "[cli]") {
     refuses(folder, {"tile", ".", "other"}, 2, {"'.' is a tile store"});
 }
 
+TEST_CASE("a folder that is no store is refused as one", "[cli]") {
+    const Folder folder;
+    fs::create_directory(folder.work() / "lost");
+    const Strings words{"'lost' is a folder without manifest.json", "no tile store", "a folder that tile made"};
+    refuses(folder, {"info", "lost"}, 1, words);
+    refuses(folder, {"coverage", "lost", "seen.tif", "--xy", "1,1", "--altitude-agl", "9m"}, 1, words);
+}
+
 TEST_CASE("a kept ground map is used as long as it fits, and changes no byte", "[cli][long]") {
     const Folder folder;
     fs::copy_file(dem, folder.file("dem.tif"));

@@ -5,12 +5,15 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <filesystem>
 #include <map>
 #include <optional>
+#include <system_error>
 
 #include "lib/error.hpp"
 #include "tiles/file_stamp.hpp"
 #include "tiles/gdal_session.hpp"
+#include "tiles/store_manifest.hpp"
 
 namespace wedgescope {
 namespace {
@@ -28,6 +31,10 @@ DatasetHandle open(const RasterFacts& facts) {
         register_all_drivers();
     GdalErrors errors;
     if (!dataset) dataset.reset(GDALDataset::Open(facts.path.c_str(), how | GDAL_OF_VERBOSE_ERROR));
+    if (std::error_code ignored; !dataset && std::filesystem::is_directory(facts.path, ignored))
+        throw IoError(
+            text(facts.named(), " is a folder without ", manifest_name,
+                 ", so no tile store, and no raster that GDAL knows; accepted: a raster, or a folder that tile made"));
     if (!dataset) throw IoError(text(facts.named(), " cannot be opened: ", errors.reason_beside(facts.path)));
     return dataset;
 }
