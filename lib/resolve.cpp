@@ -245,7 +245,8 @@ ResolvedScene resolve_place(const Scene& scene, WedgeSource& given) {
                               "' is in degrees, and grid geometry needs metres (give geometry geodesic)"));
     locate(s, db);
     if (s.geometry == Geometry::geodesic && 90 - std::abs(s.lat_deg) < 1.0 / 111000)
-        throw InputError("the sensor is within 1 m of a pole; geodesic geometry has no azimuth there");
+        throw InputError(text("the sensor is within 1 m of a pole; geodesic geometry has no azimuth there (",
+                              db.crs_in_metres ? "give geometry grid, or " : "give ", "a place farther off)"));
     stand(s, source);
     choose_earth(s);
     s.scene.geometry = s.geometry;

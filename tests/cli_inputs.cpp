@@ -153,6 +153,23 @@ TEST_CASE("a folder that is no store is refused as one", "[cli]") {
     refuses(folder, {"coverage", "lost", "seen.tif", "--xy", "1,1", "--altitude-agl", "9m"}, 1, words);
 }
 
+TEST_CASE("a sensor at a pole is told what would do", "[cli]") {
+    const Folder folder;
+    const auto raster = [&](const std::string& name, const std::string& crs, const std::string& grid) {
+        return folder.write(name, R"(<VRTDataset rasterXSize="20" rasterYSize="20"><SRS>)" + crs +
+                                      "</SRS><GeoTransform>" + grid +
+                                      R"(</GeoTransform><VRTRasterBand dataType="Byte" band="1"/></VRTDataset>)");
+    };
+    raster("plane.vrt", "EPSG:3413", "-300,30,0,300,0,-30");
+    raster("degrees.vrt", "EPSG:4326", "0,0.1,0,90,0,-0.1");
+    const auto seen_over = [](const char* terrain) {
+        return Strings{"coverage", terrain, "seen.tif", "--latlon", "90,0", "--altitude-msl", "100m"};
+    };
+    refuses(folder, seen_over("plane.vrt"), 2, {"within 1 m of a pole", "give geometry grid, or a place farther off"});
+    refuses(folder, seen_over("degrees.vrt"), 2, {"within 1 m of a pole", "(give a place farther off)"});
+    CHECK(folder.run(with(seen_over("plane.vrt"), {"--geometry", "grid"})).code == 0);
+}
+
 TEST_CASE("a kept ground map is used as long as it fits, and changes no byte", "[cli][long]") {
     const Folder folder;
     fs::copy_file(dem, folder.file("dem.tif"));
