@@ -19,6 +19,21 @@ using namespace wedgescope::test;
 using namespace wedgescope::test::cli;
 using Catch::Matchers::Contains;
 
+TEST_CASE("coverage says how the sensor stands to the terrain, as simulate does", "[cli]") {
+    const Folder folder;
+    grid(folder, "flat", "100");  // 465000 to 465300, 3750000 to 3750240
+    grid(folder, "void", "-9999");
+    const auto line = [&](const std::string& terrain, const std::string& xy) {
+        const Outcome outcome =
+            folder.run({"coverage", terrain + ".asc", "seen.tif", "--xy", xy, "--altitude-msl", "150m", "--overwrite"});
+        CHECK(outcome.code == 0);
+        return outcome.err.substr(0, outcome.err.find(';'));
+    };
+    CHECK(line("flat", "465150,3750120") == "sensor: 150.0 m above sea level, 50.0 m above the terrain");
+    CHECK(line("flat", "464000,3750120") == "sensor: 150.0 m above sea level, outside the terrain raster");
+    CHECK(line("void", "465150,3750120") == "sensor: 150.0 m above sea level, over a void of the terrain");
+}
+
 TEST_CASE("coverage writes a mask on the raster's own grid, and every layer", "[cli]") {
     const Folder folder;
     const Strings start = {"coverage", dem, "seen.tif", "--latlon", "33.93,-117.33", "--altitude-agl", "300m"};

@@ -208,8 +208,8 @@ void coverage(const std::vector<std::string>& arguments, Stop& stop) {
     const double all = static_cast<double>(db.columns) * static_cast<double>(db.rows), wall = now_s() - start_s,
                  judged = static_cast<double>(report.seen() + posts_in(State::shadow));
     remark(settings.quiet,
-           fmt::format("sensor: {:.1f} m above sea level; seen: {}, {:.2f} % of those in range with data",
-                       scene.sensor_m, counted(report.seen(), "post"),
+           fmt::format("sensor: {:.1f} m above sea level{}; seen: {}, {:.2f} % of those in range with data",
+                       scene.sensor_m, above_terrain(scene), counted(report.seen(), "post"),
                        judged > 0 ? 100 * static_cast<double>(report.seen()) / judged : 0.0));
     if (judged == 0) remark(settings.quiet, nothing_judged_line(settings));
     if (!by_tiles)

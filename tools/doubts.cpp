@@ -49,6 +49,11 @@ std::array<std::string, doubt_count> doubts(const RunResult& r, bool pictured) {
     return lines;
 }
 
+std::string above_terrain(const ResolvedScene& scene) {
+    if (scene.nadir_on_data) return fmt::format(", {:.1f} m above the terrain", scene.sensor_m - scene.reference_m);
+    return scene.nadir_in_raster ? ", over a void of the terrain" : ", outside the terrain raster";
+}
+
 std::vector<std::string> idle_effects(const Scene& scene, const DataBase& db, const std::optional<Legend>& legend) {
     std::vector<std::string> lines;
     if (scene.gamma) {

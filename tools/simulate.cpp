@@ -66,15 +66,9 @@ std::vector<OutputFile*> Outputs::files() {
 }
 
 std::string place(const ResolvedScene& r) {
-    std::string out = r.has_lat_lon ? fmt::format("latitude {:.5f}, longitude {:.5f}", r.lat_deg, r.lon_deg)
-                                    : fmt::format("x {:.1f}, y {:.1f}", r.x, r.y);
-    out += fmt::format(", {:.1f} m above sea level", r.sensor_m);
-    if (r.nadir_on_data) {
-        out += fmt::format(", {:.1f} m above the terrain", r.sensor_m - r.reference_m);
-    } else {
-        out += r.nadir_in_raster ? ", over a void of the terrain" : ", outside the terrain raster";
-    }
-    return out;
+    const std::string where = r.has_lat_lon ? fmt::format("latitude {:.5f}, longitude {:.5f}", r.lat_deg, r.lon_deg)
+                                            : fmt::format("x {:.1f}, y {:.1f}", r.x, r.y);
+    return text(where, fmt::format(", {:.1f} m above sea level", r.sensor_m), above_terrain(r));
 }
 
 /// The work folder, opened before any work.
