@@ -24,6 +24,7 @@
 
 using namespace wedgescope;
 using Catch::Matchers::Contains;
+using Catch::Matchers::EndsWith;
 using Catch::Matchers::StartsWith;
 using wedgescope::test::refusal;
 
@@ -474,6 +475,18 @@ TEST_CASE("the command line refuses what it cannot mean", "[options]") {
     CHECK_THAT(refusal_of({"--range", "-5km"}), Contains("above 0m"));
     CHECK_THAT(refusal_of({"--range", "30"}), Contains("bare number"));
     CHECK_THAT(refusal_of({"--range", "1km", "--range", "2km"}), Contains("given twice"));
+    // A word that is none of those accepted is told them, a number only what numbers are.
+    CHECK(refusal_of({"--range", "atuo"}) ==
+          "--range is 'atuo'; a length with its unit is needed (m, km, ft, kft, nmi, mi, yd), or auto");
+    CHECK(refusal_of({"--rain", "hevy"}) ==
+          "--rain is 'hevy'; a rain rate with its unit is needed (mm/h, in/h), or "
+          "clear, drizzle, light, moderate, heavy, excessive");
+    CHECK_THAT(refusal_of({"--gases", "hi"}), EndsWith("(g/m3, g/m^3, kg/m3), or normal, high, none"));
+    CHECK_THAT(refusal_of({"--threads", "many"}), EndsWith("a whole number from 1 to 4096 is needed, or all"));
+    CHECK_THAT(refusal_of({"--spokes-per-bin", "few"}), EndsWith("a plain number is needed, or auto"));
+    CHECK_THAT(refusal_of({"--range", "5"}), EndsWith("(m, km, ft, kft, nmi, mi, yd)"));
+    CHECK_THAT(refusal_of({"--threads", "0"}), EndsWith("a whole number from 1 to 4096 is needed"));
+    CHECK_THAT(refusal_of({"--frequency", "auto"}), EndsWith("(Hz, kHz, MHz, GHz)"));
     CHECK_THAT(refusal_of({"--display", "radar"}), Contains("gpi, gpi-true, ppi, tdppi"));
     CHECK_THAT(refusal_of({"--latlon", "91,0"}), Contains("latitude from -90 to 90"));
     CHECK_THAT(refusal_of({"--latlon", "33.9"}), Contains("LAT,LON"));

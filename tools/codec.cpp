@@ -11,6 +11,10 @@ std::string words(const Limits& limits) {
     return out;
 }
 
+bool begins_with_letter(std::string_view text) {
+    return !text.empty() && ((text[0] >= 'a' && text[0] <= 'z') || (text[0] >= 'A' && text[0] <= 'Z'));
+}
+
 double parse_given(Dimension dimension, const Given& given) {
     if (given.unit.empty()) return parse_quantity(dimension, given.origin, given.value);
     return parse_quantity_or_number(dimension, given.origin, given.value, given.unit);

@@ -78,12 +78,27 @@ inline std::optional<double> load(const std::optional<Decibel>& field) {
 }
 inline std::optional<double> load(std::uint64_t field) { return static_cast<double>(field); }
 
+bool begins_with_letter(std::string_view text);
+
 /// In SI units.
 double parse_given(Dimension dimension, const Given& given);
 
-/// A dimensioned value; `absent` is the word for an empty optional (auto, off).
+/// What `parse` makes of the value. Where a word was given, the refusal ends with `others`, the words that would do.
+template <class Parse>
+auto parse_or_name(const Given& given, const std::string& others, Parse&& parse) {
+    try {
+        return parse();
+    } catch (const InputError& e) {
+        if (others.empty() || !begins_with_letter(trimmed(given.value))) throw;
+        throw InputError(text(e.what(), ", or ", others));
+    }
+}
+
+/// A dimensioned value; `absent` is the word for an empty optional (auto, off), `others` further words, for refusals.
 template <class Field>
-Codec quantity(Dimension dimension, const Limits& limits, Field field, const std::string& absent = "") {
+Codec quantity(Dimension dimension, const Limits& limits, Field field, const std::string& absent = "",
+               std::string others = "") {
+    others += (others.empty() || absent.empty() ? "" : ", ") + absent;
     Codec codec;
     codec.value = value_word(dimension) + (absent.empty() ? "" : "|" + absent);
     codec.accepted = words(limits);
@@ -92,7 +107,7 @@ Codec quantity(Dimension dimension, const Limits& limits, Field field, const std
         if constexpr (requires { target.reset(); }) {
             if (!absent.empty() && same_letters(trimmed(given.value), absent)) return target.reset();
         }
-        const double v = parse_given(dimension, given);
+        const double v = parse_or_name(given, others, [&] { return parse_given(dimension, given); });
         check_limits(limits, given, v,
                      [&](const std::string& t) { return parse_quantity(dimension, given.origin, t); });
         if (dimension == Dimension::bytes && v >= 0x1p63)
@@ -111,10 +126,13 @@ Codec quantity(Dimension dimension, const Limits& limits, Field field, const std
 template <class Field>
 Codec named(Dimension dimension, const Limits& limits, std::vector<std::pair<std::string, double>> words_of,
             Field field, const std::string& absent = "") {
-    Codec plain = quantity(dimension, limits, field, absent), codec = plain;
-    codec.value.clear();
-    for (const auto& [word, value] : words_of) codec.value += word + "|";
-    codec.value += plain.value;
+    std::string form, others;
+    for (const auto& [word, value] : words_of) {
+        form += word + "|";
+        others += (others.empty() ? "" : ", ") + word;
+    }
+    Codec plain = quantity(dimension, limits, field, absent, others), codec = plain;
+    codec.value = form + plain.value;
     codec.set = [=](Settings& s, const Given& given) {
         for (const auto& [word, value] : words_of)
             if (same_letters(trimmed(given.value), word)) return store(field(s), value);
@@ -135,7 +153,7 @@ Codec number(const Limits& limits, Field field, const std::string& absent = "") 
     codec.set = [=](Settings& s, const Given& given) {
         if constexpr (requires { field(s).reset(); })
             if (!absent.empty() && same_letters(trimmed(given.value), absent)) return field(s).reset();
-        const double v = parse_number(given.origin, given.value);
+        const double v = parse_or_name(given, absent, [&] { return parse_number(given.origin, given.value); });
         check_limits(limits, given, v, [&](const std::string& t) { return parse_number(given.origin, t); });
         store(field(s), v);
     };
@@ -159,7 +177,7 @@ Codec count(std::int64_t low, std::int64_t high, Field field, const std::string&
             target = {};
             return;
         }
-        store(target, parse_count(given.origin, given.value, low, high));
+        store(target, parse_or_name(given, absent, [&] { return parse_count(given.origin, given.value, low, high); }));
     };
     codec.get = [=](const Settings& s) -> std::optional<std::string> {
         const auto& target = field(s);
