@@ -145,6 +145,17 @@ TEST_CASE("tile works from inside a store", "[cli]") {
     refuses(folder, {"tile", ".", "other"}, 2, {"'.' is a tile store"});
 }
 
+TEST_CASE("a store made without a legend leaves it to its scenes, as help says", "[cli]") {
+    const Folder folder;
+    CHECK_THAT(folder.run({"help", "tile"}).out, Contains("needs culture-legend (tile may leave"));
+    const std::string lake = data + "/lake_sunapee_";
+    REQUIRE(folder.run({"tile", lake + "dem.tif", "--culture", lake + "culture.tif", "lake"}).code == 0);
+    const Strings scene{"simulate",       "--dem", "lake", "--latlon", "43.38,-72.05",
+                        "--altitude-agl", "900m",  "-o",   "scope.png"};
+    refuses(folder, scene, 2, {"culture needs culture-legend", "nlcd"});
+    CHECK(folder.run(with(scene, {"--culture-legend", "nlcd"})).code == 0);
+}
+
 TEST_CASE("a folder that is no store is refused as one", "[cli]") {
     const Folder folder;
     fs::create_directory(folder.work() / "lost");

@@ -49,7 +49,7 @@ std::vector<Key> make_keys() {
     t.add("dem", path([](auto& s) -> auto& { return s.dem; }), "",
           "terrain heights: any raster GDAL opens, or a tile store; needed");
     t.add("culture", path([](auto& s) -> auto& { return s.culture; }), "",
-          "raster of culture codes; needs culture-legend")
+          "raster of culture codes; needs culture-legend (tile may leave that to its scenes)")
         .commands |= command_tile;
     t.add("culture-height", path([](auto& s) -> auto& { return s.culture_height; }), "",
           "raster of the heights of what stands on the terrain")
