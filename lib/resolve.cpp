@@ -181,7 +181,8 @@ double farthest_edge_m(const ResolvedScene& s, const DataBase& db) {
 /// The nearer of the farthest edge post (at the highest terrain) and what the horizon allows.
 double default_range(const ResolvedScene& s, WedgeSource& source) {
     const Extremes e = source.extremes();
-    if (!e.any_valid) throw DataError(text("'", source.data_base().name, "' holds no valid post"));
+    if (!e.any_valid)
+        throw DataError(text("range is auto, and '", source.data_base().name, "' holds no valid post; give a range"));
     const double highest = static_cast<double>(e.highest_m);
     const double farthest = farthest_edge_m(s, source.data_base());
     // Horizons over the lowest ground, should it lie below sea level.

@@ -164,6 +164,16 @@ TEST_CASE("a folder that is no store is refused as one", "[cli]") {
     refuses(folder, {"coverage", "lost", "seen.tif", "--xy", "1,1", "--altitude-agl", "9m"}, 1, words);
 }
 
+TEST_CASE("over nothing but voids no range follows from the terrain, and one that is given does", "[cli]") {
+    const Folder folder;
+    const Strings scene{"simulate",       "--dem", grid(folder, "void", "-9999"), "--xy", "465150,3750120",
+                        "--altitude-msl", "150m"};
+    refuses(folder, with(scene, out), 1, {"range is auto, and '", "void.asc' holds no valid post; give a range"});
+    const Outcome given = folder.run(with(with(scene, out), {"--range", "2km"}));
+    CHECK(given.code == 0);
+    CHECK_THAT(given.err, Contains("or all of it is void"));
+}
+
 TEST_CASE("a sensor at a pole is told what would do", "[cli]") {
     const Folder folder;
     const auto raster = [&](const std::string& name, const std::string& crs, const std::string& grid) {
