@@ -256,7 +256,7 @@ TEST_CASE("what is no raster of heights is refused in one line that says why", "
     d = {};
     d.geotransform = {{1000, -10, 0, 2000, 0, -10}};
     draw(folder / "mirrored.tif", d);
-    CHECK_THAT(refusal<DataError>(folder / "mirrored.tif"), Contains("-10"));
+    CHECK_THAT(refusal<DataError>(folder / "mirrored.tif"), Contains("-10") && Contains("gdalwarp"));
 }
 
 TEST_CASE("a file cut short is an error that names where, not a plain at sea level", "[raster]") {

@@ -135,7 +135,8 @@ void set_grid(RasterFacts& facts, const std::array<double, 6>& g) {
                              "); accepted: rows that run east; gdalwarp makes such a raster of it"));
     if (!(g[1] > 0) || g[5] == 0)
         throw DataError(text(facts.named(), " has cells of ", g[1], " x ", g[5],
-                             "; accepted: a width above 0 and a height that is not 0"));
+                             "; accepted: a width above 0 and a height that is not 0",
+                             g[1] < 0 && g[5] != 0 ? "; gdalwarp makes such a raster of it" : ""));
     facts.has_geotransform = true;
     facts.corner_x = g[0];
     facts.step_x = g[1];
