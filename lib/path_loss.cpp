@@ -94,7 +94,7 @@ void validate(const WeatherParams& weather, double frequency_hz) {
         require_within("cloud-base", weather.cloud_base_m, lowest_air_m, 20e3, "m");
         if (!(weather.cloud_top_m > weather.cloud_base_m && weather.cloud_top_m <= 20e3))
             throw InputError(text("cloud-top is ", weather.cloud_top_m, " m; it must be above cloud-base, which is ",
-                                  weather.cloud_base_m, " m, and at most 20000"));
+                                  weather.cloud_base_m, " m, and at most 20000 m"));
         require_within("frequency with cloud", frequency_hz * 1e-9, 1, 200, "GHz");
     }
 }

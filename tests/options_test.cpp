@@ -493,6 +493,9 @@ TEST_CASE("the command line refuses what it cannot mean", "[options]") {
     CHECK_THAT(refusal_of({"--latlon", "nan,0"}), Contains("LAT,LON"));
     CHECK_THAT(refusal_of({"--latlon", "33,9,-117,3"}), Contains("LAT,LON"));
     CHECK_THAT(refusal_of({"--latlon", "0,0", "--xy", "1,2"}), Contains("exactly one of latlon and xy"));
+    for (const std::string half : {"453717,", ",4484800", " , ", "453717"})
+        CHECK(refusal_of({"--xy", half}) ==
+              "--xy is '" + half + "'; it must be X,Y in the terrain raster's own coordinates");
     CHECK_THAT(refusal_of({"--altitude-msl", "1km", "--altitude-agl", "1km"}),
                Contains("altitude-msl, altitude-agl and altitude-hae"));
     CHECK_THAT(refusal_of({"--dem", ""}), Contains("--dem is empty"));

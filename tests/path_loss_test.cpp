@@ -429,7 +429,8 @@ TEST_CASE("weather and ways that make no sense are refused by name", "[path-loss
     CHECK(refused(rain(-0.5)) == "rain is -0.5 mm/h; it must be at least 0 and at most 500");
     CHECK(refused(rain(4, 30e3)) == "rain-top is 30000 m; it must be at least -1000 and at most 20000");
     CHECK(refused(cloud(11, 0, 100)) == "liquid-water is 11 g/m^3; it must be at least 0 and at most 10");
-    CHECK(refused(cloud(0.1, 200, 200)) == "cloud-top is 200 m; it must be above cloud-base, which is 200 m, and at most 20000");
+    CHECK(refused(cloud(0.1, 200, 200)) ==
+          "cloud-top is 200 m; it must be above cloud-base, which is 200 m, and at most 20000 m");
     CHECK(refused(gases(7.5), 0.5e9) == "frequency with gases is 0.5 GHz; it must be at least 1 and at most 1000");
     CHECK(refused(rain(4), 0.5e9) == "frequency with rain is 0.5 GHz; it must be at least 1 and at most 1000");
     CHECK(refused(cloud(0.1, 0, 100), 300e9) ==

@@ -253,7 +253,7 @@ TEST_CASE("weather outside what its formulas take is refused by key", "[weather]
     s.weather.liquid_water_g_m3 = 0.1;
     s.weather.cloud_base_m = 900;
     s.weather.cloud_top_m = 800;
-    CHECK(refused() == "cloud-top is 800 m; it must be above cloud-base, which is 900 m, and at most 20000");
+    CHECK(refused() == "cloud-top is 800 m; it must be above cloud-base, which is 900 m, and at most 20000 m");
     s.weather = {};
     s.weather.vapour_g_m3 = 7.5;
     s.radar.frequency_hz = 0.5e9;

@@ -222,7 +222,7 @@ void coverage(const std::vector<std::string>& arguments, Stop& stop) {
     if (settings.coverage.layer == CoverageLayer::response)
         for (const std::string& line : idle_effects(settings.scene, db)) remark(settings.quiet, line);
     remark(settings.quiet,
-           text("written: ", settings.output, fmt::format(" ({:.1f} s, {:.0f} Mposts/s)", wall, all / wall * 1e-6)));
+           text("written: ", settings.output, fmt::format(" ({:.1f} s, {:.3g} Mposts/s)", wall, all / wall * 1e-6)));
     if (settings.profile || settings.verbose) fmt::print(stderr, "{}", report_table(report, usage));
     if (settings.profile) {
         const QuadrantReport total = report.total();

@@ -19,10 +19,11 @@ const char* const built_in_legends[] = {"fbfm40", "nlcd", "worldcover", "smc", o
 /// Two values with one comma between them.
 std::pair<std::string, std::string> two(const Given& given, const char* form) {
     const auto comma = given.value.find(',');
-    if (comma == std::string::npos || given.value.find(',', comma + 1) != std::string::npos) {
-        throw InputError(text(given.origin, " is ", in_quotes(given.value), "; it must be ", form));
+    if (comma != std::string::npos && given.value.find(',', comma + 1) == std::string::npos) {
+        const std::string first = given.value.substr(0, comma), second = given.value.substr(comma + 1);
+        if (!trimmed(first).empty() && !trimmed(second).empty()) return {first, second};
     }
-    return {given.value.substr(0, comma), given.value.substr(comma + 1)};
+    throw InputError(text(given.origin, " is ", in_quotes(given.value), "; it must be ", form));
 }
 
 /// Degrees with or without the unit.

@@ -39,12 +39,12 @@ private:
     bool changes_result_ = false, after_echo_ = false;
 };
 
-std::vector<Key> make_keys() {
-    using namespace codecs;
-    using enum Dimension;
-    constexpr std::int64_t many = std::int64_t{1} << 20;
-    Table t;
+using namespace codecs;
+using enum Dimension;
 
+constexpr std::int64_t many = std::int64_t{1} << 20;
+
+void add_data_base(Table& t) {
     t.group(KeyGroup::data_base, false);
     t.add("dem", path([](auto& s) -> auto& { return s.dem; }), "",
           "terrain heights: any raster GDAL opens, or a tile store; needed");
@@ -73,7 +73,9 @@ std::vector<Key> make_keys() {
         table.changes_result = true;
     }
     t.add("material", material_choice(), "soil", "the ground where there is no culture, or where it has no data");
+}
 
+void add_position(Table& t) {
     t.group(KeyGroup::position, true);
     t.add("latlon", latlon(), "", "sensor position, WGS84 degrees; exactly one of latlon and xy").exclusive =
         Exclusive::place;
@@ -114,7 +116,9 @@ std::vector<Key> make_keys() {
           quantity(
               time, above_to("0s", "100000s"), [](auto& s) -> auto& { return s.scan_period_s; }, "none"),
           "none", "time of a full turn of the antenna, for scan-step; a row's time is that of the first azimuth");
+}
 
+void add_look(Table& t) {
     t.group(KeyGroup::look, true);
     t.add("sector", sector(), "full", "azimuths swept, relative to heading, clockwise");
     t.add(
@@ -221,7 +225,9 @@ std::vector<Key> make_keys() {
         };
         budget_only(place);
     }
+}
 
+void add_coverage(Table& t) {
     t.group(KeyGroup::coverage, true);
     {
         const auto coverage_only = [&](Key& key) {
@@ -284,7 +290,9 @@ std::vector<Key> make_keys() {
                             "of the mask where the terrain is void, declared; auto: 1 (2 where seen or hidden is "
                             "1), declared if any is"));
     }
+}
 
+void add_radar(Table& t) {
     t.group(KeyGroup::radar, false);
     t.add("set", set_choice(), "",
           "a radar set: values for the keys of radar, antenna, receiver and errors that are given nowhere else (help "
@@ -324,7 +332,9 @@ std::vector<Key> make_keys() {
               {{"hh", Polarisation::hh}, {"vv", Polarisation::vv}, {"circular", Polarisation::circular}},
               [](auto& s) -> auto& { return s.scene.radar.polarisation; }),
           "hh", "sent and received; circular: of one sense both ways, which rain hardly answers to");
+}
 
+void add_antenna(Table& t) {
     t.group(KeyGroup::antenna, true);
     t.add("beam",
           quantity(
@@ -359,7 +369,9 @@ std::vector<Key> make_keys() {
           quantity(
               angle, between("-90deg", "90deg"), [](auto& s) -> auto& { return s.scene.radar.antenna.tilt; }),
           "0deg", "of the antenna, positive down; the nose is at knee + tilt");
+}
 
+void add_ground(Table& t) {
     t.group(KeyGroup::ground, true);
     t.add("backscatter",
           choice<LandModel>(
@@ -398,7 +410,9 @@ std::vector<Key> make_keys() {
           quantity(
               decibel, between("-100dB", "100dB"), [](auto& s) -> auto& { return s.scene.gamma; }, "off"),
           "off", "one constant gamma at 10 GHz for everything, walls and water included (studies); off: by material");
+}
 
+void add_weather(Table& t) {
     t.group(KeyGroup::weather, true);
     t.add("gases",
           named(
@@ -435,7 +449,9 @@ std::vector<Key> make_keys() {
           quantity(
               length, between("-1km", "20km"), [](auto& s) -> auto& { return s.scene.weather.cloud_top_m; }),
           "1km", "above sea level; above cloud-base");
+}
 
+void add_receiver(Table& t) {
     t.group(KeyGroup::receiver, true, true);
     t.add("if-gain",
           quantity(
@@ -474,7 +490,9 @@ std::vector<Key> make_keys() {
           number(
               between("0.1", "10"), [](auto& s) -> auto& { return s.scene.receiver.display_gamma; }),
           "1", "exponent 1/gamma of the grey scale");
+}
 
+void add_errors(Table& t) {
     t.group(KeyGroup::errors, true);
     t.add("bwe", on_off([](auto& s) -> auto& { return s.scene.radar.beam_width_error; }), "on",
           "beam-width error: echoes as wide as the beam");
@@ -498,7 +516,9 @@ std::vector<Key> make_keys() {
           "fluctuation of the ground's echo, averaged over so many looks, of which each costs a pass "
           "over the picture's cells; 0: none");
     t.add("seed", seed(), "1", "of noise and speckle; each frame of a track takes one more than the one before");
+}
 
+void add_display(Table& t) {
     t.group(KeyGroup::display, true);
     t.add("display",
           choice<DisplayKind>(
@@ -551,7 +571,9 @@ std::vector<Key> make_keys() {
           "an alpha channel, transparent where the data base has no data");
     t.add("legend", on_off([](auto& s) -> auto& { return s.scene.display.legend; }), "off",
           "a panel with text beside the picture (needs the program wedgescope_picture)");
+}
 
+void add_run(Table& t) {
     t.group(KeyGroup::run, false);
     t.add("wedges",
           count(
@@ -630,7 +652,9 @@ std::vector<Key> make_keys() {
         "runs read less; changes no bit of the result");
     t.add("no-cull", flag([](auto& s) -> auto& { return s.no_cull; }), "off",
           "read and sweep also what is known to stay hidden; changes no bit of the result");
+}
 
+void add_output(Table& t) {
     t.group(KeyGroup::output, false);
     {
         Key& o = t.add("output", path([](auto& s) -> auto& { return s.output; }), "",
@@ -684,7 +708,9 @@ std::vector<Key> make_keys() {
         .commands |= command_tile | command_evaluate;
     t.add("reproducible", flag([](auto& s) -> auto& { return s.reproducible; }), "off",
           "rasters and pictures are the same bytes every time (a report holds times)");
+}
 
+void add_talk(Table& t) {
     t.group(KeyGroup::talk, false);
     {
         Key& c = t.add("config", config(), "", "GDAL configuration option; may be repeated");
@@ -730,6 +756,24 @@ std::vector<Key> make_keys() {
         h.commands = command_simulate | command_info | command_help | command_tile | command_evaluate;
         h.in_scene_file = false;
     }
+}
+
+std::vector<Key> make_keys() {
+    Table t;
+    add_data_base(t);
+    add_position(t);
+    add_look(t);
+    add_coverage(t);
+    add_radar(t);
+    add_antenna(t);
+    add_ground(t);
+    add_weather(t);
+    add_receiver(t);
+    add_errors(t);
+    add_display(t);
+    add_run(t);
+    add_output(t);
+    add_talk(t);
     std::vector<Key> keys = t.take();
     add_commands(keys);
     return keys;
