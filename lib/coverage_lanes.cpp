@@ -207,8 +207,10 @@ struct InsideCell {
         // Over the distance it is most where that squared is d^2 + (d step + up) / bend.
         const Lane more = (way * step + up) / bend, square = greater(way * way + more, zero);
         const Lane top = zero - more / (way + hn::Sqrt(square)), tau = pick(top > from, pick(top < to, top, to), from);
-        const Lane there = up + tau * (step + tau * bend), nearer = all(1) - tau * all(1 / distance),
-                   place = part - tau * across;
+        // Of a cell no part is higher than its posts: what rounding adds must not hide what is level with these.
+        const Lane posts = greater(greater(a, b), greater(a_behind, b_behind)) - all(lift.sensor_m);
+        const Lane found = up + tau * (step + tau * bend), there = pick(found < posts, found, posts),
+                   nearer = all(1) - tau * all(1 / distance), place = part - tau * across;
         const Holds counts = hn::And(bend < zero, hn::And(place > all(-out), place < all(1 + out)));
         return lifted(lift, pick(counts, there, all(none))) * lifts / nearer - drops * nearer;
     }

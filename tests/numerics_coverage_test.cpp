@@ -275,6 +275,36 @@ TEST_CASE("what is exactly level with its horizon is seen, on plateaus and on ti
     for (std::int64_t c = 42; c < 300; ++c) CHECK(below[static_cast<std::size_t>(100 * 300 + c)] == 0);
 }
 
+TEST_CASE("no pit hides what is level with the sensor, the highest there is", "[numerics][coverage]") {
+    // Pits of whole metres in two of three posts. No ray to a post at the top comes below anything, whatever lies between.
+    const auto height = [](double c, double r) {
+        const auto drawn = static_cast<std::uint32_t>(c * 7919 + r * 104729 + 17) * 2654435761U >> 16;
+        return drawn % 3 == 0 ? 100.0 : 100.0 - static_cast<double>(1 + drawn % 39);
+    };
+    MemorySource source(180, 170, 30, height);
+    for (const Place& place : {Place{90, 80, 0}, {89.5, 79.5, 0}, {46.123, 13.77, 0}, {-20.3, 40.9, 0}})
+        for (const std::optional<bool> curved : {std::optional<bool>(), std::optional(true), std::optional(false)}) {
+            Scene scene = scene_at(source.data_base(), place, std::nullopt);
+            scene.platform.altitude_above = AltitudeAbove::sea_level;
+            scene.platform.altitude_m = 100;
+            scene.curved_course = curved;
+            const std::vector<std::uint8_t> mask = mask_of(source, scene);
+            int top = 0, hidden = 0;
+            for (int r = 0; r < 170; ++r)
+                for (int c = 0; c < 180; ++c) {
+                    if (height(c, r) < 100) continue;
+                    ++top;
+                    hidden += mask[static_cast<std::size_t>(r * 180 + c)] != 255;
+                }
+            INFO("from " << place.column << ", " << place.row << ", course "
+                         << (!curved   ? "auto"
+                             : *curved ? "curved"
+                                       : "straight"));
+            CHECK(top > 9000);
+            CHECK(hidden == 0);
+        }
+}
+
 TEST_CASE("a cliff of 8000 m hides and shows what it must", "[numerics][coverage]") {
     for (const double post_m : {0.3, 1000.0}) {
         const auto height = [](double c, double r) { return (c < 100 ? -50 : 7950) + 0.25 * std::sin(c + 2 * r); };

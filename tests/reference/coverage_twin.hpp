@@ -22,7 +22,10 @@ inline float highest_inside(const float* z, const float* zb, float part, float a
                 bend = across * twist;
     const float more = (distance * step + up) / bend, sum = distance * distance + more, square = sum > 0 ? sum : 0.0F;
     const float top = 0 - more / (distance + std::sqrt(square)), tau = top > from ? (top < to ? top : to) : from;
-    const float there = up + tau * (step + tau * bend), nearer = 1 - tau * (1 / distance), place = part - tau * across;
+    const auto higher = [](float a, float b) { return a > b ? a : b; };
+    const float posts = higher(higher(z[0], z[1]), higher(zb[0], zb[1])) - lift.sensor_m;
+    const float found = up + tau * (step + tau * bend), there = found < posts ? found : posts;
+    const float nearer = 1 - tau * (1 / distance), place = part - tau * across;
     if (!(bend < 0 && place > -0x1p-10F && place < 1 + 0x1p-10F)) return std::numeric_limits<float>::quiet_NaN();
     return lift.w(there) * lifts / nearer - drops * nearer;
 }
