@@ -436,11 +436,17 @@ void Cover::Run::follow_edges(const LineForm& here) {
     }
 }
 
+/// The last two spokes inside, straight on where horizons fall outwards; and like all it never sinks.
 void Cover::Run::follow(std::int64_t outside, std::int64_t inside) {
     const Interval& range = spokes_.range;
-    if (range.contains(outside) && range.contains(inside))
-        spokes_.horizon[static_cast<std::size_t>(outside - range.begin)] =
-            spokes_.horizon[static_cast<std::size_t>(inside - range.begin)];
+    if (!range.contains(outside) || !range.contains(inside)) return;
+    const auto horizon = [&](std::int64_t k) -> float& {
+        return spokes_.horizon[static_cast<std::size_t>(k - range.begin)];
+    };
+    const std::int64_t deeper = 2 * inside - outside;
+    const float beside = horizon(inside), beyond = range.contains(deeper) ? horizon(deeper) : beside;
+    const float falls = has(beside) && has(beyond) ? std::max(beyond - beside, 0.0F) : 0.0F;
+    horizon(outside) = std::max(horizon(outside), beside - falls);
 }
 
 /// What reading classes took since it was counted last.

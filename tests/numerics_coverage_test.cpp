@@ -305,6 +305,27 @@ TEST_CASE("no pit hides what is level with the sensor, the highest there is", "[
         }
 }
 
+TEST_CASE("of a slope nothing is hidden from above it, to the raster's last posts", "[numerics][coverage]") {
+    struct Slope {
+        double x, y;
+    };
+    // It rises towards an edge, falls or runs aslant; a ray to a post of a plane below the sensor meets nothing.
+    for (const Slope& rise : {Slope{1, 0}, {-1, 0}, {0, 1}, {0, -1}, {0.5, -0.3}})
+        for (const Place& place : {Place{76.6, 33.2, 0}, {3.3, 140.7, 0}, {150.2, 296.4, 0}})
+            for (const Quality quality : {Quality::draft, Quality::normal, Quality::exact}) {
+                const auto height = [&](double c, double r) {
+                    return 10000 + 30 * (rise.x * (c - place.column) + rise.y * (r - place.row));
+                };
+                MemorySource source(300, 300, 30, height);
+                Scene scene = scene_at(source.data_base(), {place.column, place.row, 30}, std::nullopt);
+                scene.quality = quality;
+                const std::vector<std::uint8_t> mask = mask_of(source, scene);
+                INFO("slope " << rise.x << ", " << rise.y << ", from " << place.column << ", " << place.row
+                              << ", quality " << static_cast<int>(quality));
+                CHECK(std::count(mask.begin(), mask.end(), 255) == 300 * 300);
+            }
+}
+
 TEST_CASE("a cliff of 8000 m hides and shows what it must", "[numerics][coverage]") {
     for (const double post_m : {0.3, 1000.0}) {
         const auto height = [](double c, double r) { return (c < 100 ? -50 : 7950) + 0.25 * std::sin(c + 2 * r); };
