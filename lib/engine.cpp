@@ -659,7 +659,7 @@ namespace {
 /// TooLittleMemory, in the words of plan(), where the images alone leave no room. Asked before anything is made for each range bin:
 /// of a scene that is refused there may be any number.
 void require_room(const ResolvedScene& scene, WedgeSource& source, const EngineParams& params) {
-    if (image_bytes(scene) + source.cache_bytes() < params.memory_bytes) return;
+    if (image_bytes(scene, params.draw) + source.cache_bytes() < params.memory_bytes) return;
     const SpokeSetting spokes(scene, source);
     plan(scene, source, spokes.grid, params, threads_of(params));
 }
@@ -742,8 +742,9 @@ void receive(const EngineParams& params, const WeatherHere& weather, bool keep_r
     const ResolvedScene& scene = result.scene;
     const BeamSetting beam = beam_setting(scene);
     const ReceiverParams& receiver = scene.scene.receiver;
-    const bool as_image = keep_received || receiver.fluctuates() || fewer_cells_than_looks(scene);
-    const bool echo_done = !params.keep_echo && receiver.speckle_looks == 0;  // speckle asks for it again
+    const bool as_image = keep_received || (params.draw && (receiver.fluctuates() || fewer_cells_than_looks(scene)));
+    const bool echo_done =
+        !params.keep_echo && (!as_image || receiver.speckle_looks == 0);  // speckle asks for it again
     {
         const Span stage(params.timeline, "beam", "stage");
         const Stopwatch watch;
@@ -778,6 +779,10 @@ void draw(const EngineParams& params, const Receiver& receiver, RunResult& resul
     else
         result.state = part_of(result.echo_state, scene.shown, std::move(result.state));
     result.report.states = count_states(result.state);
+    if (!params.draw) {
+        result.scope = {};
+        return;
+    }
     const ReceivedPower received = result.received_w.cells.empty() ? ReceivedPower(result.power_w, scene.noise_power_w,
                                                                                    blanked_bins(scene, scene.shown))
                                                                    : ReceivedPower(result.received_w);
@@ -833,7 +838,8 @@ void take_rows(const RunResult& group, bool keep_echo, RunResult& whole) {
     for (std::int64_t i = begin; i < end; ++i) {
         const auto from = static_cast<std::size_t>(i - begin), to = static_cast<std::size_t>(i);
         std::copy_n(group.power_w.row(from), shown.range_count(), whole.power_w.row(to));
-        std::copy_n(group.received_w.row(from), shown.range_count(), whole.received_w.row(to));
+        if (!group.received_w.cells.empty())
+            std::copy_n(group.received_w.row(from), shown.range_count(), whole.received_w.row(to));
     }
 }
 
@@ -873,7 +879,7 @@ RunResult run(const ResolvedScene& scene, WedgeSource& source, const EngineParam
 
 RunResult measure(const ResolvedScene& scene, WedgeSource& source, const EngineParams& given, RunResult&& used) {
     EngineParams params = with_tables(given, scene);
-    params.keep_echo = true;
+    params.keep_echo = params.draw = true;
     Threads crew(threads_of(params), !params.beside_others);
     RunResult result = sweep_and_receive(scene, source, params, true, crew, std::move(used));
     if (params.stop) params.stop->check();
@@ -925,13 +931,13 @@ RunResult run(const ResolvedScene& scene, const Scan& scan, WedgeSource& source,
     if (params.keep_echo) result.echo_w = PolarImage<float>(scene.swept, std::move(result.echo_w));
     result.echo_state = PolarImage<std::uint8_t>(scene.swept, std::move(result.echo_state));
     result.power_w = PolarImage<float>(scene.shown, std::move(result.power_w));
-    result.received_w = PolarImage<float>(scene.shown, std::move(result.received_w));
+    if (params.draw) result.received_w = PolarImage<float>(scene.shown, std::move(result.received_w));
 
     Threads crew(threads_of(params), !params.beside_others);
     SceneSource ground(source, scene.scene);
     EngineParams own = params;
     own.keep_echo = true;
-    const std::size_t images = image_bytes(scene);
+    const std::size_t images = image_bytes(scene, params.draw);
     own.memory_bytes -= std::min(own.memory_bytes, images);
     own.progress = {};
     auto held = std::make_unique<RunResult>();
@@ -944,7 +950,7 @@ RunResult run(const ResolvedScene& scene, const Scan& scan, WedgeSource& source,
             throw Error("a scan's groups have other range bins than the whole");
         const WeatherHere weather(place, params.tables->weather, params.tables->pattern);
         sweep(place, *ground, own, weather, crew, group);
-        crew.execute([&] { receive(own, weather, true, group); });
+        crew.execute([&] { receive(own, weather, params.draw, group); });
         take_rows(group, params.keep_echo, result);
         add(group.report, result.report);
         result.levels = result.levels || group.levels;

@@ -111,6 +111,8 @@ struct EngineParams {
     std::shared_ptr<const SceneTables> tables;  ///< of the scene; none: made for the run
     /// The echo image and its states stay in the result. Else other images may be made in their memory.
     bool keep_echo = true;
+    /// The picture is drawn. Else the scope stays empty, and so does received_w, for nobody asks for speckle and noise.
+    bool draw = true;
 };
 
 struct RunResult {

@@ -219,15 +219,14 @@ void halve_last(std::vector<Interval>& wedges, std::size_t some) {
 
 }  // namespace
 
-std::size_t image_bytes(const ResolvedScene& scene) {
+std::size_t image_bytes(const ResolvedScene& scene, bool draw) {
     // Power, received power and states: a run that makes no image of received power turns echo states and dBm into floats in that
     // room when they are written.
-    const auto size = static_cast<double>(scene.scene.display.size);
-    auto bytes = static_cast<std::size_t>(static_cast<double>(scene.swept.cells()) * 5 +
-                                          static_cast<double>(scene.shown.cells()) * (4 + 4 + 1) +
-                                          static_cast<double>(bytes_a_pixel(scene.scene.display)) * size * size);
-    if (scene.scene.receiver.fluctuates()) bytes += scene.swept.cells() * 24;
-    return bytes;
+    const std::size_t bytes = scene.swept.cells() * 5 + scene.shown.cells() * (4 + 4 + 1);
+    if (!draw) return bytes;
+    const auto size = static_cast<std::size_t>(scene.scene.display.size);
+    return bytes + bytes_a_pixel(scene.scene.display) * size * size +
+           (scene.scene.receiver.fluctuates() ? scene.swept.cells() * 24 : 0);
 }
 
 std::size_t Plan::peak_bytes(const std::vector<bool>& done) const {
@@ -272,7 +271,7 @@ Plan plan(const ResolvedScene& scene, WedgeSource& source, const SpokeGrid& grid
     Plan p;
     const std::int64_t block = std::min(db.block_columns, db.block_rows);
     p.strip_lines = block < 32 ? 64 : std::min<std::int64_t>(block, 256);
-    p.fixed_bytes = image_bytes(scene) + source.cache_bytes();
+    p.fixed_bytes = image_bytes(scene, params.draw) + source.cache_bytes();
 
     const std::int64_t bins = scene.swept.azimuth_bins.size();
     std::int64_t count = std::clamp<std::int64_t>(std::max<std::int64_t>(params.wedges, 1), 1, bins);

@@ -19,8 +19,8 @@ struct WedgeForecast {
     Window reach;                                    ///< that holds all that is read
 };
 
-/// What a run holds in images, from the echo to the picture.
-std::size_t image_bytes(const ResolvedScene& scene);
+/// What a run holds in images, from the echo to the power, and to the picture where one is drawn.
+std::size_t image_bytes(const ResolvedScene& scene, bool draw = true);
 
 struct Plan {
     std::vector<Interval> wedges;         ///< azimuth bins of each, in order; together the swept ones

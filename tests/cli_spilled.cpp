@@ -151,9 +151,9 @@ TEST_CASE("a run whose blocks pack smaller than foretold is split as it was fore
         const auto plan = nlohmann::json::parse(planned.out);
         CHECK(plan["bytes_spilled"] > 1 << 20);
         CHECK(plan["wedges"] > 1);
-        const Outcome outcome =
-            folder.run(with({"simulate", "--echo", "echo.tif", "--report", "run.json", "--overwrite"},
-                            scene(memory, range_bin, wedges)));
+        const Outcome outcome = folder.run(
+            with({"simulate", "--echo", "echo.tif", "-o", "scope.png", "--report", "run.json", "--overwrite"},
+                 scene(memory, range_bin, wedges)));
         INFO(outcome.err);
         REQUIRE(outcome.code == 0);
         const auto report = nlohmann::json::parse(content(folder.work() / "run.json"));

@@ -272,6 +272,29 @@ TEST_CASE("where echoes need not be kept their memory serves again, and no bit o
     }
     CHECK(again.echo_w.cells.empty() == (kind == 0 || kind == 3 || (kind == 1 && s.display.size == 600)));
     CHECK(measure(resolve(s, source), source, params, {}).echo_w.cells == kept.echo_w.cells);
+    // Nor where no picture is drawn, from what an earlier one left too.
+    params.draw = false;
+    for (int frame = 0; frame < 2; ++frame) {
+        again = run(resolve(s, source), source, params, std::move(again));
+        CHECK(again.power_w.cells == kept.power_w.cells);
+        CHECK(again.state.cells == kept.state.cells);
+        CHECK(again.report.states == kept.report.states);
+        CHECK(again.received_w.cells.empty());
+        CHECK(again.scope.grey.empty());
+    }
+}
+
+TEST_CASE("without a picture no pixel counts in what a run holds", "[engine][plan]") {
+    MemorySource source(101, 101, 30, [](double, double) { return 100.0; });
+    Scene s = bare_scene(1500, -1500, 900, 1200);
+    s.receiver.noise = true;
+    s.display.size = 8192;
+    const ResolvedScene scene = resolve(s, source);
+    EngineParams params;
+    params.memory_bytes = std::size_t{64} << 20;  // that many pixels alone
+    CHECK_THROWS_AS(run(scene, source, params), TooLittleMemory);
+    params.draw = false;
+    CHECK(run(scene, source, params).power_w.grid == scene.shown);
 }
 
 TEST_CASE("the sum of E r^2 is gamma times the solid angle of the ground, whatever its slopes", "[engine][long]") {

@@ -73,8 +73,8 @@ TEST_CASE("the bands of a power stack are the numbered files, every bit and ever
             CHECK(content(folder / "again.tif") == truth);
         }
         // What it holds is counted: numbered files alone come out of 3 MiB.
-        const Ended less = simulate(
-            folder, with(track, {"--threads", "2", "--memory", "3MiB", "--power-stack", folder / "again.tif"}));
+        const Ended less = simulate(folder, with(track, {"--threads", "2", "--memory", "3MiB", "-o",
+                                                         folder / "again.png", "--power-stack", folder / "again.tif"}));
         CHECK(less.code == 2);
         CHECK_THAT(less.err, Contains("memory is 3 MiB; this scene needs at least 4 MiB"));
     }

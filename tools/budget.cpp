@@ -130,7 +130,7 @@ GroundWork ground_work(const Settings& settings, const ResolvedScene& scene, Wed
     params.layer = CoverageLayer::response;
     params.cull = !settings.no_cull;
     params.threads = settings.threads;
-    const std::size_t images = image_bytes(scene), all = memory_bytes(settings);
+    const std::size_t images = image_bytes(scene, draws(settings)), all = memory_bytes(settings);
     params.memory_bytes = all - std::min(all, images);
     const std::size_t least =
         images + coverage_bytes(ground.scene, source, params) + source.cache_bytes() + source.reader_bytes();

@@ -73,6 +73,7 @@ void scope(const std::vector<std::string>& arguments, Stop& stop) {
 
     Settings settings = settings_from(echo.given, request.given);
     settings.files = request.settings.files;
+    settings.echo.clear();  // of a scene file that simulate takes
     const ResolvedScene scene = scene_from_echo(echo, request.given, settings);
     if (settings.scene.display.legend && settings.dem.empty())
         throw InputError(
@@ -80,13 +81,12 @@ void scope(const std::vector<std::string>& arguments, Stop& stop) {
             "what dem is (dem = PATH), or legend off");
     // What is read whole becomes the scene's own image, or a part of it does and the whole is gone before more is made.
     const std::size_t cells = scene.swept == echo.scene.swept ? 0 : echo.scene.swept.cells() + scene.swept.cells(),
-                      needed = std::max(image_bytes(scene), cells * 5) + cache_bytes(settings);
+                      needed = std::max(image_bytes(scene, draws(settings)), cells * 5) + cache_bytes(settings);
     if (needed > settings.memory_bytes)
         throw TooLittleMemory(static_cast<std::size_t>(settings.memory_bytes), needed, "this picture");
 
     std::optional<OutputFile> report;
     if (!settings.report.empty()) report.emplace(settings.report, settings.overwrite);
-    settings.echo.clear();  // of a scene file that simulate takes
     LayerFiles layers(settings);
     layers.check(settings);
 

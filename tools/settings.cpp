@@ -81,6 +81,11 @@ SpillOptions spill_options(const Settings& settings) {
     return options;
 }
 
+bool draws(const Settings& s) {
+    return !s.output.empty() ||
+           (s.echo.empty() && s.power.empty() && s.states.empty() && s.power_stack.empty() && s.ground_file.empty());
+}
+
 EngineParams engine_params(const Settings& settings) {
     EngineParams params;
     params.threads = settings.threads;
@@ -89,6 +94,7 @@ EngineParams engine_params(const Settings& settings) {
     params.cull = !settings.no_cull;
     params.only_wedges = settings.only_wedges;
     params.keep_echo = !settings.echo.empty();
+    params.draw = draws(settings);
     return params;
 }
 

@@ -122,6 +122,8 @@ std::size_t cache_bytes(const Settings& settings);
 /// Where a spilled source keeps what; `stop` and `progress` are the caller's to add.
 SpillOptions spill_options(const Settings& settings);
 
+/// Whether a picture is made: one is asked for, or nothing else is that a run would do.
+bool draws(const Settings& settings);
 EngineParams engine_params(const Settings& settings);
 
 }  // namespace wedgescope

@@ -178,7 +178,7 @@ Lanes share_out(const Settings& settings, const Frames& frames, WedgeSource& sou
                          ResolvedScene s = frames.scene(frame, source);
                          if (frames.scans()) frames.check_scan(frame, s, source);
                          if (first) TrackStack::check_bins(*first, s);
-                         wedgescope::frame(display_setting(s));  // drawn in any case; refuses what it cannot show
+                         if (draws(settings)) wedgescope::frame(display_setting(s));  // refuses what it cannot show
                          return s;
                      });
                      const ResolvedScene part = frames.largest_part(whole);
@@ -188,7 +188,7 @@ Lanes share_out(const Settings& settings, const Frames& frames, WedgeSource& sou
                              return best;
                          }();
                          EngineParams params = lane_params(settings, now, 0, tables);
-                         const std::size_t images = frames.scans() ? image_bytes(whole) : 0;
+                         const std::size_t images = frames.scans() ? image_bytes(whole, params.draw) : 0;
                          params.memory_bytes -= std::min(params.memory_bytes, images);
                          try {
                              plan(part, source, params);
