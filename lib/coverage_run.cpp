@@ -166,8 +166,8 @@ void Cover::Run::find_window() {
     }
     const std::int64_t sag = ceil_i(cover_.map_.sag(quadrant_, static_cast<double>(lines_.size())));
     window_ = intersection({floor_i(lo) - 4 - sag, ceil_i(hi) + 5 + sag}, side_.minor);
-    for (const Interval& own : strip_.own)
-        if (first_ && last_) window_ = hull(window_, own);
+    if (first_ && last_)
+        for (const Interval& own : strip_.own) window_ = hull(window_, own);
     // The line behind the strip too, if the raster has it.
     const DataBase& db = cover_.db_;
     const std::int64_t before = grid.line_index(quadrant_, lines_.begin) - outward(quadrant_);
@@ -436,7 +436,8 @@ void Cover::Run::follow_edges(const LineForm& here) {
     }
 }
 
-/// The last two spokes inside, straight on where horizons fall outwards; and like all it never sinks.
+/// It goes straight on from the last two spokes inside where their horizons fall outwards, else it has the last one's; as of all
+/// spokes its horizon never sinks.
 void Cover::Run::follow(std::int64_t outside, std::int64_t inside) {
     const Interval& range = spokes_.range;
     if (!range.contains(outside) || !range.contains(inside)) return;
@@ -444,8 +445,8 @@ void Cover::Run::follow(std::int64_t outside, std::int64_t inside) {
         return spokes_.horizon[static_cast<std::size_t>(k - range.begin)];
     };
     const std::int64_t deeper = 2 * inside - outside;
-    const float beside = horizon(inside), beyond = range.contains(deeper) ? horizon(deeper) : beside;
-    const float falls = has(beside) && has(beyond) ? std::max(beyond - beside, 0.0F) : 0.0F;
+    const float beside = horizon(inside), farther_in = range.contains(deeper) ? horizon(deeper) : beside;
+    const float falls = has(beside) && has(farther_in) ? std::max(farther_in - beside, 0.0F) : 0.0F;
     horizon(outside) = std::max(horizon(outside), beside - falls);
 }
 

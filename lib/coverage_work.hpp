@@ -1,6 +1,6 @@
 // Cover: one coverage under way. What it is made of, for lib/coverage*.cpp alone: strips and whose posts they are
-// (coverage_strips), the sweep of one run (coverage_sweep), what of it is hidden beforehand (coverage_hide), and what a
-// layer says of a post (coverage_posts).
+// (coverage_strips), one run (coverage_run), where its spokes and posts stand on a line, how posts are tested and go into tiles
+// (coverage_sweep), what of it is hidden beforehand (coverage_hide), and what a layer says of a post (coverage_posts).
 // Leaves what it is asked and answers to coverage.hpp, the hot loops to coverage_lanes.hpp.
 #pragma once
 #include <tbb/enumerable_thread_specific.h>

@@ -779,15 +779,16 @@ void draw(const EngineParams& params, const Receiver& receiver, RunResult& resul
     else
         result.state = part_of(result.echo_state, scene.shown, std::move(result.state));
     result.report.states = count_states(result.state);
+    const auto done = [&] { result.report.display_s = watch.wall_s(); };
     if (!params.draw) {
         result.scope = {};
-        return;
+        return done();
     }
     const ReceivedPower received = result.received_w.cells.empty() ? ReceivedPower(result.power_w, scene.noise_power_w,
                                                                                    blanked_bins(scene, scene.shown))
                                                                    : ReceivedPower(result.received_w);
     result.scope = picture(received, result.state, display_setting(scene), receiver, std::move(result.scope));
-    result.report.display_s = watch.wall_s();
+    done();
 }
 
 EngineParams with_tables(const EngineParams& params, const ResolvedScene& scene) {
@@ -931,7 +932,8 @@ RunResult run(const ResolvedScene& scene, const Scan& scan, WedgeSource& source,
     if (params.keep_echo) result.echo_w = PolarImage<float>(scene.swept, std::move(result.echo_w));
     result.echo_state = PolarImage<std::uint8_t>(scene.swept, std::move(result.echo_state));
     result.power_w = PolarImage<float>(scene.shown, std::move(result.power_w));
-    if (params.draw) result.received_w = PolarImage<float>(scene.shown, std::move(result.received_w));
+    result.received_w =
+        params.draw ? PolarImage<float>(scene.shown, std::move(result.received_w)) : PolarImage<float>();
 
     Threads crew(threads_of(params), !params.beside_others);
     SceneSource ground(source, scene.scene);

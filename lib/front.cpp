@@ -329,9 +329,8 @@ void Front::advance_tile(Interval lines, const Chunk* chunk, std::size_t begin, 
                         (target.*layer).begin() + static_cast<std::ptrdiff_t>(into));
     };
     copy(end - begin, lanes_.last, begin, now_, 0);
-    std::uint32_t turn = 0;
     for (std::int64_t line = lines.begin; line < lines.end; ++line) {
-        cost_.clock.watch(turn++ % StageClock::turns_a_watch == 0);
+        cost_.clock.next_turn();
         // Spokes that are done at either end are left behind; what they were is not looked at again.
         const std::size_t skip = first_live(from, to) - from;
         from += skip;
@@ -355,7 +354,7 @@ void Front::advance_tile(Interval lines, const Chunk* chunk, std::size_t begin, 
         between.behind_major = between.ahead_major;
         between.adjacent = true;
     }
-    cost_.clock.watch(true);
+    cost_.clock.next_turn();
     put_pieces(between);
     // The spokes' last line, whether they leapt there or not.
     stand_on(grid.line_index(fan_, lines.end - 1), chunk, between);

@@ -344,8 +344,8 @@ Plan plan(const ResolvedScene& scene, WedgeSource& source, const SpokeGrid& grid
         const auto least = static_cast<std::size_t>(std::max(rest / (1 - std::min(share, 0.9)), rest + cache));
         throw TooLittleMemory(
             params.memory_bytes, least, "this scene",
-            text(" (", scene.swept.azimuth_bins.size(), " x ", scene.swept.range_bins.size(), " cells, a picture of ",
-                 scene.scene.display.size, " pixels a side",
+            text(" (", scene.swept.azimuth_bins.size(), " x ", scene.swept.range_bins.size(), " cells",
+                 params.draw ? text(", a picture of ", scene.scene.display.size, " pixels a side") : "",
                  !recorded.empty() ? text(", in the ", count, " wedges of the work folder") : "", ")"));
     }
     if (look) split(count, true);

@@ -266,7 +266,8 @@ ResolvedScene resolve_coverage(const Scene& scene, WedgeSource& source) {
         s.scene.range_m = 1.01 * farthest + std::abs(s.sensor_m) + highest_m;
         if (s.earth.inverse_radius() * farthest > 0.29)
             throw InputError(fmt::format(
-                "the raster reaches {:.0f} m from the sensor; give a range of at most {:.0f} m on this earth", farthest,
+                "the raster reaches {:.0f} m from the sensor{}; give a range of at most {:.0f} m on this earth",
+                farthest, s.nadir_in_raster ? "" : ", which lies outside of it (is its position right?)",
                 0.29 / s.earth.inverse_radius()));
         s.farthest_arc_m = 1.01 * farthest;
     } else {

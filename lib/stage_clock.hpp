@@ -18,11 +18,13 @@ public:
         if (watching_ && stage != stage_) look();
         stage_ = stage;
     }
-    /// What comes is shared out, or is not, until the next call. A look takes as long as a lane or two: of many turns that are
-    /// alike one in so many says how the time of all is shared.
-    void watch(bool on) {
-        if (on != watching_) look();
-        watching_ = on;
+    /// What comes is another turn. A look takes as long as a lane or two: one turn in so many says how the time of all is shared,
+    /// whatever they do.
+    void next_turn() {
+        const bool watched = turn_ == 0;
+        if (watched != watching_) look();
+        watching_ = watched;
+        turn_ = turn_ + 1 < turns_a_watch ? turn_ + 1 : 0;
     }
     static constexpr std::uint32_t turns_a_watch = 7;  ///< in step with no block
     /// So much of the time since the last look was something else.
@@ -41,6 +43,7 @@ private:
     std::uint64_t last_ = ticks();
     Stage stage_ = other;
     bool watching_ = true;
+    std::uint32_t turn_ = 0;
 };
 
 }  // namespace wedgescope

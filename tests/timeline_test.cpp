@@ -1,6 +1,7 @@
 // The profile: what a run says of its threads, waits and memory, against what a drawn source made it wait for.
 #include <catch2/catch.hpp>
 
+#include <cmath>
 #include <fstream>
 #include <iterator>
 #include <map>
@@ -11,6 +12,7 @@
 #include "lib/engine.hpp"
 #include "lib/error.hpp"
 #include "lib/plan.hpp"
+#include "lib/stage_clock.hpp"
 #include "lib/stopwatch.hpp"
 #include "tests/drawn_raster.hpp"
 #include "tests/refusal.hpp"
@@ -114,6 +116,37 @@ RunResult simulate(WedgeSource& source, Timeline* timeline, std::size_t memory_b
 }
 
 }  // namespace
+
+TEST_CASE("one turn in seven says how all of them share the time, though the first of each chunk is dear",
+          "[profile]") {
+    const auto spin = [](std::uint64_t count) {
+        for (const std::uint64_t from = ticks(); ticks() - from < count;) {
+        }
+    };
+    // Ten turns a chunk; the sweep takes 30 of the first and nothing of the others, deposits take 5 of each.
+    const auto share_of_sweep = [&] {
+        StageClock clock;
+        for (int chunk = 0; chunk < 140; ++chunk)
+            for (int turn = 0; turn < 10; ++turn) {
+                clock.next_turn();
+                clock.enter(StageClock::sweep);
+                if (turn == 0) spin(30000);
+                clock.enter(StageClock::deposit);
+                spin(5000);
+                clock.leave_out(0);
+            }
+        const auto sweep = static_cast<double>(clock.spent(StageClock::sweep)),
+                   deposit = static_cast<double>(clock.spent(StageClock::deposit));
+        return sweep / (sweep + deposit);
+    };
+    // Whoever else has the processor may take some of it now and then.
+    double nearest = 2;
+    for (int time = 0; time < 20 && std::abs(nearest - 0.375) > 0.06; ++time) {
+        const double share = share_of_sweep();
+        if (std::abs(share - 0.375) < std::abs(nearest - 0.375)) nearest = share;
+    }
+    CHECK(nearest == Approx(0.375).margin(0.06));
+}
 
 TEST_CASE("a timeline's spans nest on each thread and last as long as the report says", "[timeline]") {
     const Folder folder;

@@ -31,6 +31,12 @@ DatasetHandle open(const RasterFacts& facts) {
         register_all_drivers();
     GdalErrors errors;
     if (!dataset) dataset.reset(GDALDataset::Open(facts.path.c_str(), how | GDAL_OF_VERBOSE_ERROR));
+    if (!dataset && is_tile_store(facts.path)) {
+        std::string layer = facts.role;
+        std::replace(layer.begin(), layer.end(), '-', '_');
+        throw IoError(text(facts.named(), " is a tile store; accepted: a raster, such as ",
+                           in_quotes((std::filesystem::path(facts.path) / (layer + ".vrt")).string())));
+    }
     if (std::error_code ignored; !dataset && std::filesystem::is_directory(facts.path, ignored))
         throw IoError(
             text(facts.named(), " is a folder without ", manifest_name,

@@ -112,9 +112,14 @@ RasterSource::RasterSource(const DataBaseParams& params) : params_(params) {
     if (any_tiles) {
         GdalSession::set_cache_bytes(params_.cache_bytes - share);
         if (params_.by_strips) limit_tiles();
-    } else if (culture_) {  // classes alone: what they leave is GDAL's
-        const double classes = class_bytes_of_strips();
-        tiles_->limit(static_cast<std::size_t>(std::min(classes, static_cast<double>(share))));
+    } else if (culture_) {                     // classes alone, in what GDAL leaves with all of its layers decoded
+        constexpr double beside_blocks = 1.1;  // what GDAL notes of each; strips may be short
+        double left = static_cast<double>(params_.cache_bytes);
+        for (const RasterLayer* layer : readers()) {
+            const RasterFacts& f = layer->facts();
+            left -= beside_blocks * static_cast<double>(f.columns) * static_cast<double>(f.rows) * f.type_bytes;
+        }
+        tiles_->limit(static_cast<std::size_t>(std::clamp(left, 0.0, class_bytes_of_strips())));
         GdalSession::set_cache_bytes(params_.cache_bytes - tiles_->most_bytes());
     }
 }
@@ -213,8 +218,9 @@ std::optional<TileCache::Key> RasterSource::class_tile(const Window& window) con
                        column = window.columns.begin / wide, row = window.rows.begin / high;
     if (column < 0 || row < 0 || window != Window{{column * wide, (column + 1) * wide}, {row * high, (row + 1) * high}})
         return std::nullopt;
-    const std::int64_t across = (data_base_.culture_columns + wide - 1) / wide;
-    if (column >= across) return std::nullopt;
+    const std::int64_t across = (data_base_.culture_columns + wide - 1) / wide,
+                       down = (data_base_.culture_rows + high - 1) / high;
+    if (column >= across || row >= down) return std::nullopt;
     return TileCache::Key{class_layer_, static_cast<std::uint64_t>(row * across + column)};
 }
 
@@ -288,20 +294,24 @@ std::size_t RasterSource::reader_bytes() const {
     return all.decoded + all.packed;
 }
 
-double RasterSource::strip_bytes(const RasterFacts& facts, double columns_a_post, double rows_a_post,
-                                 std::size_t value_bytes) {
+double RasterSource::strip_bytes(const Tiling& tiling, double columns_a_post, double rows_a_post) {
     constexpr double strip = 256, sides = 2, spare = 1.25;  // posts; two strips each way
-    const double wide = std::max(static_cast<double>(facts.block_columns), strip * std::fabs(columns_a_post)),
-                 high = std::max(static_cast<double>(facts.block_rows), strip * std::fabs(rows_a_post));
-    const auto value = static_cast<double>(value_bytes);
-    const double tile = static_cast<double>(facts.block_columns * facts.block_rows) * value;
-    return sides * spare * value * (1 + TileCache::entry_bytes / tile) *
-           (static_cast<double>(facts.columns) * high + static_cast<double>(facts.rows) * wide);
+    const double wide = std::max(tiling.wide, strip * std::fabs(columns_a_post)),
+                 high = std::max(tiling.high, strip * std::fabs(rows_a_post)),
+                 tile = tiling.wide * tiling.high * tiling.value_bytes;
+    return sides * spare * tiling.value_bytes * (1 + TileCache::entry_bytes / tile) *
+           (tiling.columns * high + tiling.rows * wide);
 }
 
 double RasterSource::class_bytes_of_strips() const {
-    return culture_ ? strip_bytes(culture_->facts(), culture_->columns().scale, culture_->rows().scale, sizeof(ClassId))
-                    : 0;
+    if (!culture_) return 0;
+    const DataBase& d = data_base_;
+    const Tiling tiling{static_cast<double>(d.culture_columns), static_cast<double>(d.culture_rows),
+                        static_cast<double>(d.culture_tile_columns), static_cast<double>(d.culture_tile_rows),
+                        sizeof(ClassId)};
+    const double tile = tiling.wide * tiling.high * tiling.value_bytes + TileCache::entry_bytes,
+                 all = tile * std::ceil(tiling.columns / tiling.wide) * std::ceil(tiling.rows / tiling.high);
+    return std::min(all, strip_bytes(tiling, culture_->columns().scale, culture_->rows().scale));
 }
 
 void RasterSource::limit_tiles() {
@@ -309,7 +319,10 @@ void RasterSource::limit_tiles() {
     const auto add = [&](const RasterLayer& layer, double columns_a_post, double rows_a_post) {
         const RasterFacts& f = layer.facts();
         if (layer.fills_tile_cache())
-            bytes += strip_bytes(f, columns_a_post, rows_a_post, static_cast<std::size_t>(f.type_bytes));
+            bytes += strip_bytes(
+                {static_cast<double>(f.columns), static_cast<double>(f.rows), static_cast<double>(f.block_columns),
+                 static_cast<double>(f.block_rows), static_cast<double>(f.type_bytes)},
+                columns_a_post, rows_a_post);
     };
     add(*terrain_, 1, 1);
     for (auto* layer : {culture_.get(), height_.get()})

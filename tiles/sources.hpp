@@ -6,7 +6,8 @@
 // Memory: a direct source holds GDAL's own block cache, whose size the session sets, and for each reading thread and layer
 // one GDAL handle: the block that it decodes, which the cache keeps even where it is larger than all of the cache, and
 // that block as the file holds it (reader_bytes). Where layers' tiles are decoded without GDAL (stores, plain packed GeoTIFFs)
-// three quarters of the cache are theirs. Chunks belong to whoever asked for them. While it reads, load() takes
+// three quarters of the cache are theirs. Classes of culture tiles are kept in these too, or in what GDAL's cache need not
+// hold of layers that it reads. Chunks belong to whoever asked for them. While it reads, load() takes
 // up to 16 MiB beside its chunk.
 // A spilled source holds at most a quarter of the memory in blocks, an eighth in its index and a sixteenth in its block
 // map (without which it does when that would be larger); during the pass another quarter for the windows in flight, GDAL's

@@ -1,4 +1,5 @@
-// TileCache: tiles that were decoded here, shared by all layers of a source that read their tiles without GDAL.
+// TileCache: tiles that were decoded here, shared by all layers of a source that read their tiles without GDAL, and classes of
+// whole tiles of its culture, whoever read that.
 // For the .cpp files of this folder only. Leaves decoding to tile_decoder.hpp, and files that GDAL decodes to its own cache.
 #pragma once
 #include <atomic>

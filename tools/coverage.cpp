@@ -221,8 +221,9 @@ void coverage(const std::vector<std::string>& arguments, Stop& stop) {
     for (const std::string& unfit : {choice.unfit, unfit_map}) remark_unused(settings.quiet, unfit);
     if (settings.coverage.layer == CoverageLayer::response)
         for (const std::string& line : idle_effects(settings.scene, db)) remark(settings.quiet, line);
-    remark(settings.quiet,
-           text("written: ", settings.output, fmt::format(" ({:.1f} s, {:.3g} Mposts/s)", wall, all / wall * 1e-6)));
+    const double rate = all / wall * 1e-6;
+    remark(settings.quiet, text("written: ", settings.output,
+                                fmt::format(" ({:.1f} s, {:.{}f} Mposts/s)", wall, rate, rate < 10 ? 2 : 0)));
     if (settings.profile || settings.verbose) fmt::print(stderr, "{}", report_table(report, usage));
     if (settings.profile) {
         const QuadrantReport total = report.total();

@@ -306,11 +306,7 @@ SceneFacts scene_facts(const std::string& path, const Stop& stop) {
     facts.rows = source->data_base().rows;
     facts.resolved = resolve(facts.settings.scene, *source);
     facts.frame = frame(display_setting(facts.resolved));
-    // Echo and its states; power, received power and states; picture and its states.
-    facts.image_bytes = facts.resolved.swept.cells() * (sizeof(float) + 1) +
-                        facts.resolved.shown.cells() * (2 * sizeof(float) + 1) +
-                        static_cast<std::uint64_t>(facts.frame.width * facts.frame.height) *
-                            bytes_a_pixel(facts.resolved.scene.display);
+    facts.image_bytes = image_bytes(facts.resolved, draws(facts.settings));
     return facts;
 }
 

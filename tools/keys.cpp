@@ -39,12 +39,9 @@ private:
     bool changes_result_ = false, after_echo_ = false;
 };
 
-using namespace codecs;
-using enum Dimension;
-
-constexpr std::int64_t many = std::int64_t{1} << 20;
-
 void add_data_base(Table& t) {
+    using namespace codecs;
+    using enum Dimension;
     t.group(KeyGroup::data_base, false);
     t.add("dem", path([](auto& s) -> auto& { return s.dem; }), "",
           "terrain heights: any raster GDAL opens, or a tile store; needed");
@@ -76,6 +73,8 @@ void add_data_base(Table& t) {
 }
 
 void add_position(Table& t) {
+    using namespace codecs;
+    using enum Dimension;
     t.group(KeyGroup::position, true);
     t.add("latlon", latlon(), "", "sensor position, WGS84 degrees; exactly one of latlon and xy").exclusive =
         Exclusive::place;
@@ -119,6 +118,8 @@ void add_position(Table& t) {
 }
 
 void add_look(Table& t) {
+    using namespace codecs;
+    using enum Dimension;
     t.group(KeyGroup::look, true);
     t.add("sector", sector(), "full", "azimuths swept, relative to heading, clockwise");
     t.add(
@@ -228,6 +229,8 @@ void add_look(Table& t) {
 }
 
 void add_coverage(Table& t) {
+    using namespace codecs;
+    using enum Dimension;
     t.group(KeyGroup::coverage, true);
     {
         const auto coverage_only = [&](Key& key) {
@@ -293,6 +296,8 @@ void add_coverage(Table& t) {
 }
 
 void add_radar(Table& t) {
+    using namespace codecs;
+    using enum Dimension;
     t.group(KeyGroup::radar, false);
     t.add("set", set_choice(), "",
           "a radar set: values for the keys of radar, antenna, receiver and errors that are given nowhere else (help "
@@ -335,6 +340,8 @@ void add_radar(Table& t) {
 }
 
 void add_antenna(Table& t) {
+    using namespace codecs;
+    using enum Dimension;
     t.group(KeyGroup::antenna, true);
     t.add("beam",
           quantity(
@@ -372,6 +379,8 @@ void add_antenna(Table& t) {
 }
 
 void add_ground(Table& t) {
+    using namespace codecs;
+    using enum Dimension;
     t.group(KeyGroup::ground, true);
     t.add("backscatter",
           choice<LandModel>(
@@ -413,6 +422,8 @@ void add_ground(Table& t) {
 }
 
 void add_weather(Table& t) {
+    using namespace codecs;
+    using enum Dimension;
     t.group(KeyGroup::weather, true);
     t.add("gases",
           named(
@@ -452,6 +463,8 @@ void add_weather(Table& t) {
 }
 
 void add_receiver(Table& t) {
+    using namespace codecs;
+    using enum Dimension;
     t.group(KeyGroup::receiver, true, true);
     t.add("if-gain",
           quantity(
@@ -493,6 +506,8 @@ void add_receiver(Table& t) {
 }
 
 void add_errors(Table& t) {
+    using namespace codecs;
+    using enum Dimension;
     t.group(KeyGroup::errors, true);
     t.add("bwe", on_off([](auto& s) -> auto& { return s.scene.radar.beam_width_error; }), "on",
           "beam-width error: echoes as wide as the beam");
@@ -519,6 +534,8 @@ void add_errors(Table& t) {
 }
 
 void add_display(Table& t) {
+    using namespace codecs;
+    using enum Dimension;
     t.group(KeyGroup::display, true);
     t.add("display",
           choice<DisplayKind>(
@@ -574,6 +591,9 @@ void add_display(Table& t) {
 }
 
 void add_run(Table& t) {
+    using namespace codecs;
+    using enum Dimension;
+    constexpr std::int64_t many = std::int64_t{1} << 20;
     t.group(KeyGroup::run, false);
     t.add("wedges",
           count(
@@ -655,6 +675,8 @@ void add_run(Table& t) {
 }
 
 void add_output(Table& t) {
+    using namespace codecs;
+    using enum Dimension;
     t.group(KeyGroup::output, false);
     {
         Key& o = t.add("output", path([](auto& s) -> auto& { return s.output; }), "",
@@ -711,6 +733,8 @@ void add_output(Table& t) {
 }
 
 void add_talk(Table& t) {
+    using namespace codecs;
+    using enum Dimension;
     t.group(KeyGroup::talk, false);
     {
         Key& c = t.add("config", config(), "", "GDAL configuration option; may be repeated");
