@@ -354,7 +354,7 @@ TEST_CASE("a scene is refused for its range bins before anything is made for eac
     INFO(run.ended.err);
     CHECK(run.ended.code == 2);
     CHECK_THAT(run.ended.err,
-               Catch::Contains("this scene needs at least") && Catch::Contains("(960 x 10000000 cells, a picture of"));
+               Catch::Contains("this scene needs at least") && Catch::Contains("(960 x 10000000 cells)"));
 }
 
 TEST_CASE("a track of frames side by side keeps to --memory too", "[memory]") {
