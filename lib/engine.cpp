@@ -779,16 +779,16 @@ void draw(const EngineParams& params, const Receiver& receiver, RunResult& resul
     else
         result.state = part_of(result.echo_state, scene.shown, std::move(result.state));
     result.report.states = count_states(result.state);
-    const auto done = [&] { result.report.display_s = watch.wall_s(); };
-    if (!params.draw) {
+    if (params.draw) {
+        const ReceivedPower received =
+            result.received_w.cells.empty()
+                ? ReceivedPower(result.power_w, scene.noise_power_w, blanked_bins(scene, scene.shown))
+                : ReceivedPower(result.received_w);
+        result.scope = picture(received, result.state, display_setting(scene), receiver, std::move(result.scope));
+    } else {
         result.scope = {};
-        return done();
     }
-    const ReceivedPower received = result.received_w.cells.empty() ? ReceivedPower(result.power_w, scene.noise_power_w,
-                                                                                   blanked_bins(scene, scene.shown))
-                                                                   : ReceivedPower(result.received_w);
-    result.scope = picture(received, result.state, display_setting(scene), receiver, std::move(result.scope));
-    done();
+    result.report.display_s = watch.wall_s();
 }
 
 EngineParams with_tables(const EngineParams& params, const ResolvedScene& scene) {

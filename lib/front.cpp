@@ -38,7 +38,7 @@ void halve(PieceEnd a, const PieceEnd& b, const Point& point, const Deposit& dep
 }  // namespace
 
 void Front::Samples::resize(std::size_t n) {
-    for (auto* v : {&part, &minor, &arc, &height, &up, &out, &range, &sine, &x}) v->resize(n);
+    for (auto array : arrays()) (this->*array).resize(n);
 }
 
 SampleLanes Front::Samples::lanes(std::size_t at) {
@@ -323,10 +323,9 @@ void Front::advance_tile(Interval lines, const Chunk* chunk, std::size_t begin, 
     const SpokeGrid& grid = *scene_->grid;
     std::size_t from = begin, to = end;
     const auto copy = [](std::size_t n, const Samples& source, std::size_t at, Samples& target, std::size_t into) {
-        for (auto layer : {&Samples::part, &Samples::minor, &Samples::arc, &Samples::height, &Samples::up,
-                           &Samples::out, &Samples::range, &Samples::sine, &Samples::x})
-            std::copy_n((source.*layer).begin() + static_cast<std::ptrdiff_t>(at), n,
-                        (target.*layer).begin() + static_cast<std::ptrdiff_t>(into));
+        for (auto array : Samples::arrays())
+            std::copy_n((source.*array).begin() + static_cast<std::ptrdiff_t>(at), n,
+                        (target.*array).begin() + static_cast<std::ptrdiff_t>(into));
     };
     copy(end - begin, lanes_.last, begin, now_, 0);
     for (std::int64_t line = lines.begin; line < lines.end; ++line) {
@@ -682,9 +681,7 @@ void Front::double_spokes() {
         lanes_.seen_least[lane] = infinite;
         lanes_.seen_most[lane] = -infinite;
         if (a == b) {
-            for (auto layer : {&Samples::part, &Samples::minor, &Samples::arc, &Samples::height, &Samples::up,
-                               &Samples::out, &Samples::range, &Samples::sine, &Samples::x})
-                (last.*layer)[lane] = (parents.last.*layer)[a];
+            for (auto array : Samples::arrays()) (last.*array)[lane] = (parents.last.*array)[a];
             lanes_.mode[lane] = parents.mode[a];
             lanes_.horizon[lane] = parents.horizon[a];
             lanes_.gap_from[lane] = parents.gap_from[a];

@@ -110,12 +110,14 @@ private:
     /// Nine arrays of doubles, one sample a spoke.
     struct Samples {
         LaneArray part, minor, arc, height, up, out, range, sine, x;
+        static constexpr std::array<LaneArray Samples::*, 9> arrays() {
+            return {&Samples::part, &Samples::minor, &Samples::arc,  &Samples::height, &Samples::up,
+                    &Samples::out,  &Samples::range, &Samples::sine, &Samples::x};
+        }
         void resize(std::size_t n);
         SampleLanes lanes(std::size_t at);
         friend void swap(Samples& a, Samples& b) noexcept {
-            for (auto array : {&Samples::part, &Samples::minor, &Samples::arc, &Samples::height, &Samples::up,
-                               &Samples::out, &Samples::range, &Samples::sine, &Samples::x})
-                (a.*array).swap(b.*array);
+            for (auto array : arrays()) (a.*array).swap(b.*array);
         }
     };
     struct Lanes {

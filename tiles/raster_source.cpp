@@ -9,6 +9,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "lib/culture.hpp"
 #include "lib/error.hpp"
 #include "lib/transpose.hpp"
 #include "tiles/checksum.hpp"
@@ -216,8 +217,7 @@ CultureCells RasterSource::load_classes(const Window& window) {
 std::optional<TileCache::Key> RasterSource::class_tile(const Window& window) const {
     const std::int64_t wide = data_base_.culture_tile_columns, high = data_base_.culture_tile_rows,
                        column = window.columns.begin / wide, row = window.rows.begin / high;
-    if (column < 0 || row < 0 || window != Window{{column * wide, (column + 1) * wide}, {row * high, (row + 1) * high}})
-        return std::nullopt;
+    if (column < 0 || row < 0 || window != Culture::cells_of_tile(data_base_, column, row)) return std::nullopt;
     const std::int64_t across = (data_base_.culture_columns + wide - 1) / wide,
                        down = (data_base_.culture_rows + high - 1) / high;
     if (column >= across || row >= down) return std::nullopt;
