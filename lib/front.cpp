@@ -25,7 +25,7 @@ void halve(PieceEnd a, const PieceEnd& b, const Point& point, const Deposit& dep
     while (n > 0) {
         const PieceEnd next = ends[n - 1];
         const bool known = next.sine == next.sine;  // else halves are no better
-        if (!known || one_range(a.range_m, next.range_m, next.sine - a.sine, leaf) || n == ends.size()) {
+        if (!known || one_range(a.range_m, next.range_m, next.sine - a.sine, next.sine, leaf) || n == ends.size()) {
             if (next.sine > a.sine) deposit(a, next);
             a = {next.part, next.range_m, std::max(a.sine, next.sine), next.x};
             --n;
@@ -489,68 +489,69 @@ double Front::power_of(std::size_t lane, double sine0, double sine1, double rang
            scene_->loss->factor(0.5 * (range0_m + range1_m), 0.5 * (sine0 + sine1), lanes_.inverse_radius[lane]);
 }
 
+PieceEnd Front::point_of_piece(std::size_t i, Samples& next, double u) {
+    const SampleLanes from = now_.lanes(i), to = next.lanes(i);
+    const auto at = [u](const double* a, const double* b) { return *a + u * (*b - *a); };
+    const double up = at(from.up_m, to.up_m) + bump_[i] * 4 * u * (1 - u), out = at(from.out_m, to.out_m),
+                 range = std::sqrt(up * up + out * out);
+    return {u, range, up / range, scene_->range_is_ground ? at(from.x, to.x) : range * bins_per_metre_};
+}
+
+void Front::rise(std::size_t lane, std::size_t i, const Between& between, Samples& next, double begin,
+                 const PieceEnd& last, double bow) {
+    const SampleLanes from = now_.lanes(i), to = next.lanes(i);
+    double& horizon = lanes_.horizon[lane];
+    PieceEnd first = begin > 0 ? point_of_piece(i, next, begin) : PieceEnd{0, *from.range_m, horizon, *from.x};
+    first.sine = horizon;
+    ++cost_.pieces;
+    const bool own = lanes_.row[lane] >= 0;
+    if (own || shore_) {
+        const auto track = [&](const PieceEnd& a, const PieceEnd& b) {
+            const auto at = [](const double* zero, const double* one, double u) { return *zero + u * (*one - *zero); };
+            return Track{between.major(at(from.part, to.part, a.part)), at(from.minor, to.minor, a.part),
+                         between.major(at(from.part, to.part, b.part)), at(from.minor, to.minor, b.part)};
+        };
+        const auto deposit = [&](const PieceEnd& a, const PieceEnd& b, double bent) {
+            const double power = power_of(lane, a.sine, b.sine, a.range_m, b.range_m),
+                         fall = echo_bow(a.sine, b.sine, a.range_m, b.range_m, *scene_->pattern);
+            put(lane,
+                {{a.x, b.x, power, std::clamp(bent + fall, -1.0, 1.0)},
+                 track(a, b),
+                 a.sine,
+                 b.sine,
+                 facet_[0],
+                 &from,
+                 &to,
+                 a.part,
+                 b.part},
+                between);
+        };
+        find_facet(i, lane, next);
+        if (!one_range(first.range_m, last.range_m, last.sine - horizon, last.sine))
+            halve(
+                first, last, [&](double u) { return point_of_piece(i, next, u); },
+                [&](const PieceEnd& a, const PieceEnd& b) { deposit(a, b, 0); });
+        else if (parts_wait_)
+            keep_piece(lane, first, last, bow, plain_ground_ ? Track{} : track(first, last));
+        else
+            deposit(first, last, bow);
+    }
+    if (own) {
+        if (last.sine > lanes_.void_horizon[lane]) {
+            lanes_.seen_least[lane] = std::min({lanes_.seen_least[lane], first.x, last.x});
+            lanes_.seen_most[lane] = std::max({lanes_.seen_most[lane], first.x, last.x});
+        } else {
+            cells_->mark(lanes_.target(lane), first.x, last.x, bit_unknown);
+        }
+    }
+    horizon = last.sine;
+}
+
 void Front::change(std::size_t lane, std::size_t i, const Between& between, Samples& next) {
     const SampleLanes from = now_.lanes(i), to = next.lanes(i);
     const double sine = *to.sine, arc = *to.arc_m;
     double& horizon = lanes_.horizon[lane];
     const bool valid = sine == sine;
-    // The visible part of the piece, from `begin` to `end` of the way, up to elevation sine1.
-    const auto rise = [&](double begin, double end, double range1, double sine1, double bow) {
-        const auto at = [](double a, double b, double part) { return a + part * (b - a); };
-        const double part = end > 0 ? begin / end : 0;
-        const double range0 = at(*from.range_m, range1, part);
-        const double x1 = scene_->range_is_ground ? at(*from.x, *to.x, end) : range1 * bins_per_metre_,
-                     x0 = at(*from.x, x1, part);
-        ++cost_.pieces;
-        const bool own = lanes_.row[lane] >= 0;
-        if (own || shore_) {
-            const auto track = [&](const PieceEnd& a, const PieceEnd& b) {
-                return Track{between.major(at(*from.part, *to.part, a.part)), at(*from.minor, *to.minor, a.part),
-                             between.major(at(*from.part, *to.part, b.part)), at(*from.minor, *to.minor, b.part)};
-            };
-            const auto deposit = [&](const PieceEnd& a, const PieceEnd& b, double bent) {
-                const double power = power_of(lane, a.sine, b.sine, a.range_m, b.range_m),
-                             fall = echo_bow(a.sine, b.sine, a.range_m, b.range_m, *scene_->pattern);
-                put(lane,
-                    {{a.x, b.x, power, std::clamp(bent + fall, -1.0, 1.0)},
-                     track(a, b),
-                     a.sine,
-                     b.sine,
-                     facet_[0],
-                     &from,
-                     &to,
-                     a.part,
-                     b.part},
-                    between);
-            };
-            const PieceEnd first{begin, range0, horizon, x0}, last{end, range1, sine1, x1};
-            find_facet(i, lane, next);
-            if (one_range(range0, range1, sine1 - horizon)) {
-                if (parts_wait_)
-                    keep_piece(lane, first, last, bow, plain_ground_ ? Track{} : track(first, last));
-                else
-                    deposit(first, last, bow);
-            } else {
-                const double bump = bump_[i];
-                const auto point = [&](double u) {
-                    const double up = at(*from.up_m, *to.up_m, u) + bump * 4 * u * (1 - u),
-                                 out = at(*from.out_m, *to.out_m, u), range = std::sqrt(up * up + out * out);
-                    return PieceEnd{u, range, up / range,
-                                    scene_->range_is_ground ? at(*from.x, *to.x, u) : range * bins_per_metre_};
-                };
-                halve(first, last, point, [&](const PieceEnd& a, const PieceEnd& b) { deposit(a, b, 0); });
-            }
-        }
-        if (own) {
-            if (sine1 > lanes_.void_horizon[lane]) {
-                lanes_.seen_least[lane] = std::min({lanes_.seen_least[lane], x0, x1});
-                lanes_.seen_most[lane] = std::max({lanes_.seen_most[lane], x0, x1});
-            } else {
-                cells_->mark(lanes_.target(lane), x0, x1, bit_unknown);
-            }
-        }
-        horizon = sine1;
-    };
     if (!valid) {
         if (!is(lane, mode_gap)) {
             mark_seen(lane);
@@ -583,15 +584,13 @@ void Front::change(std::size_t lane, std::size_t i, const Between& between, Samp
         }
         if (c.hides) {
             // Its highest point in view lies inside the piece.
-            const double up = *from.up_m + c.end * (*to.up_m - *from.up_m) + bump * 4 * c.end * (1 - c.end);
-            const double out = *from.out_m + c.end * (*to.out_m - *from.out_m);
-            const double range = std::sqrt(up * up + out * out);
-            if (up / range > horizon) rise(c.begin, c.end, range, up / range, c.bow);
+            const PieceEnd top = point_of_piece(i, next, c.end);
+            if (top.sine > horizon) rise(lane, i, between, next, c.begin, top, c.bow);
             mark_seen(lane);
             lanes_.mark_from[lane] = *from.arc_m + c.end * step;
             lanes_.mode[lane] = mode_hidden;
         } else {
-            if (sine > horizon) rise(c.begin, 1, *to.range_m, sine, c.bow);
+            if (sine > horizon) rise(lane, i, between, next, c.begin, {1, *to.range_m, sine, *to.x}, c.bow);
             lanes_.mode[lane] = mode_visible;
         }
     }

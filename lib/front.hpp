@@ -244,6 +244,11 @@ private:
     void refresh(const Between& between, std::size_t begin, std::size_t end);
     void take(const Between& between, std::size_t begin, std::size_t end, bool crossings, Samples& next);
     void change(std::size_t lane, std::size_t i, const Between& between, Samples& next);
+    /// Part u of the way from now to next.
+    PieceEnd point_of_piece(std::size_t i, Samples& next, double u);
+    /// What becomes of the visible part of that way, from `begin` of it up to `last`, which is the horizon then.
+    void rise(std::size_t lane, std::size_t i, const Between& between, Samples& next, double begin,
+              const PieceEnd& last, double bow);
     bool beyond(std::size_t lane, double minor, double arc, double distance) const;
 
     /// law_variable() of the facet of sample i's piece, of a lane, into facet_[0]; only where laws need it.

@@ -52,8 +52,8 @@ WEDGESCOPE_LANES_PART Rises step(std::size_t n, const StepScene& scene, const St
         const double h = horizon[i], m = mode[i];
         const bool straight = (swung < 0 ? -swung : swung) <= risen, visible = m == mode_visible, above = s > h;
         // one_range, but for what lies within a metre: that is left to Front.
-        const bool together = (p.range_m <= most_range_ratio * range0[i]) & (range0[i] <= most_range_ratio * p.range_m) &
-                              (s - h <= most_sine_step);
+        const bool together = (p.range_m <= most_range_ratio * range0[i]) &
+                              (range0[i] <= most_range_ratio * p.range_m) & short_rise(s - h, s);
         const bool plain = visible & above & !stands & straight & (h >= void_horizon[i]) & together;
         const double higher = s > last_sine[i] ? s : last_sine[i];
         const bool below = (s <= h) & (higher * range0[i] + bump * 1.02 <= h * range0[i]);
@@ -129,7 +129,7 @@ WEDGESCOPE_LANES_PART int join(std::size_t n, const JoinLanes& lanes) noexcept {
             3 * (second - beyond) + upto * first * (swing0[i] / rise0[i]) + beyond * second * (swing[i] / rise[i]);
         const bool both = (code0[i] == 1) & (code1[i] == 1) & (first >= 0) & (first <= 1) & (bow >= -1) & (bow <= 1) &
                           (range1[i] <= most_range_ratio * range0[i]) & (range0[i] <= most_range_ratio * range1[i]) &
-                          (most <= most_sine_step);
+                          short_rise(most, sine1[i]);
         code0[i] = both ? 0.0 : code0[i];
         sine0[i] = both ? horizon[i] : sine0[i];
         rise[i] = both ? 1.0 : rise[i];

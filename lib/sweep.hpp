@@ -51,12 +51,20 @@ struct SampleLanes {
     double* x;  ///< range coordinate: slant range (arc for gpi-true) in bins
 };
 
-/// Whether a piece's power may be taken at the mean of its ends' ranges: these differ by at most the factor `most`, and it
-/// does not pass the sensor by in between, as a cliff does. Ranges below a metre count as a metre.
-inline constexpr double most_range_ratio = 1.125, most_sine_step = 0.25;
-inline bool one_range(double range0_m, double range1_m, double sine_step, double most = most_range_ratio) {
+/// Whether the sine of a piece's elevation rises so little, up to `sine`, that the antenna's pattern is all but straight over it:
+/// a tenth of the sine itself, towards the horizon of 0.05 more. A pattern that goes with sine^-4 is then a fifth off its middle
+/// at either end. A tower's front rises more, seen from a few times its height; a cliff may pass the sensor by.
+inline constexpr double most_sine_part = 0.1, most_sine_offset = 0.05;
+inline bool short_rise(double sine_step, double sine) {
+    return sine_step <= most_sine_part * ((sine < 0 ? -sine : sine) + most_sine_offset);
+}
+
+/// Whether a piece that rises to `sine` may be taken at its middle, and what it returns laid out in range to first order: the ranges
+/// of its ends differ by at most the factor `most`, and it is a short_rise(). Ranges below a metre count as a metre.
+inline constexpr double most_range_ratio = 1.125;
+inline bool one_range(double range0_m, double range1_m, double sine_step, double sine, double most = most_range_ratio) {
     const double a = range0_m > 1 ? range0_m : 1, b = range1_m > 1 ? range1_m : 1;
-    return (a < b ? b : a) <= most * (a < b ? a : b) && sine_step <= most_sine_step;
+    return (a < b ? b : a) <= most * (a < b ? a : b) && short_rise(sine_step, sine);
 }
 
 /// What the steps of a scene share.

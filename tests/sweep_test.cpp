@@ -681,7 +681,7 @@ TEST_CASE("two pieces that become one keep their power and its middle", "[sweep]
             const double most = middle(x0[i], x1[i], -1), least = middle(x0[i], x1[i], 1);
             const bool within = std::min(least, most) <= wanted && wanted <= std::max(least, most);
             const bool onwards = (x[i] - x0[i]) * (x1[i] - x[i]) >= 0;
-            const bool one = one_range(range0[i], range1[i], sine1[i] - horizon[i]);
+            const bool one = one_range(range0[i], range1[i], sine1[i] - horizon[i], sine1[i]);
             const double edge = std::min(std::abs(wanted - most), std::abs(wanted - least));
             if (old_code0[i] == 1 && code0[i] == 0) {
                 ++joined;
