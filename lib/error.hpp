@@ -64,8 +64,8 @@ public:
 class TooLittleMemory : public InputError {
 public:
     TooLittleMemory(std::size_t budget, std::size_t least, const std::string& subject, const std::string& about = "")
-        : InputError(text("memory is ", budget >> 20, " MiB; ", subject, " needs at least ",
-                          (least + (std::size_t{1} << 20) - 1) >> 20, " MiB", about)),
+        : InputError(text("memory is ", budget >> 20 > 0 ? text(budget >> 20, " MiB") : text(budget, " bytes"), "; ",
+                          subject, " needs at least ", (least + (std::size_t{1} << 20) - 1) >> 20, " MiB", about)),
           subject_(subject), about_(about) {}
     /// The same with another smallest budget.
     TooLittleMemory with(std::size_t budget, std::size_t least) const { return {budget, least, subject_, about_}; }

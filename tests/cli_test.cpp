@@ -222,6 +222,7 @@ TEST_CASE("what may look like an error of the program is explained", "[cli][long
          "wider than half the beam");
     const Strings place{"--latlon", "33.8,-117.4", "--altitude-msl", "3km", "--range", "6km"};
     says(with(place, {"--wind-direction", "30deg"}), "wind-direction has no effect: it is that of waves");
+    says(with(place, {"--geoid-offset", "-30m"}), "geoid-offset has no effect: it brings altitude-hae to sea level");
     says(with(place, {"--far-shore", "on"}), "far-shore has no effect: water is told from land by culture");
     says(with(place, {"--sea-state", "3", "--wind-direction", "30deg"}),
          "sea-state and wind-direction have no effect: no ground is of a class of water, by culture or material");
@@ -250,6 +251,9 @@ TEST_CASE("tile refuses wrong options and rasters in one line, and leaves nothin
     refuses(folder, {"tile", a}, 2, {"at least one terrain raster", "1 path"});
     refuses(folder, {"tile", a, "store", "--tile-size", "100"}, 2, {"tile-size", "100", "64, 128, 256"});
     refuses(folder, {"tile", a, "store", "--memory", "1MiB"}, 2, {"memory", "1"});
+    refuses(folder, {"tile", a, "store", "--memory", "1kB"}, 2, {"memory is 1000 bytes"});
+    refuses(folder, {"tile", "none.store", "--around", "33.8,-117.4"}, 2,
+            {"'none.store' is no tile store", "or terrain"});
     refuses(folder, {"tile", a, "store", "--co", "TILED=NO"}, 2, {"TILED=NO", "tile-size"});
     refuses(folder, {"tile", a, "store", "--around", "91,0"}, 2, {"around", "LAT,LON", "-90 to 90"});
     refuses(folder, {"tile", a, "store", "--around", "here"}, 2, {"around", "here"});

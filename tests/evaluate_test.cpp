@@ -665,8 +665,10 @@ TEST_CASE("tables go through pipes, and one model's output is the next one's inp
     const Folder folder;
     const std::string in = folder.write("t.csv", "hs [m],h [m],s [km]\n3000,250,20\n");
     REQUIRE(folder.run({"sight", "--in", in, "-o", folder.file("sight.csv")}).code == 0);
-    const Outcome piped = folder.start({"cell-area", "--in", "-", "-q"}, "", folder.file("sight.csv"));
+    const Outcome piped = folder.start({"cell-area", "--in", "-", "-q"}, "", folder.file("sight.csv")),
+                  named = folder.start({"cell-area", "--in", "/dev/stdin", "-q"}, "", folder.file("sight.csv"));
     INFO(piped.err);
+    CHECK(named.out == piped.out);
     REQUIRE(piped.code == 0);
     const auto rows = table(piped.out);
     CHECK(rows.at(0).at(3) == "r [m]");
@@ -676,6 +678,8 @@ TEST_CASE("tables go through pipes, and one model's output is the next one's inp
 }
 
 TEST_CASE("a signal ends the wait for a table that nobody writes", "[evaluate]") {
+    const bool by_name = GENERATE(false, true);
+    CAPTURE(by_name);
     const Folder folder;
     const std::string pipe = folder.file("pipe"), err = folder.file("err");
     REQUIRE(::mkfifo(pipe.c_str(), 0600) == 0);
@@ -685,7 +689,8 @@ TEST_CASE("a signal ends the wait for a table that nobody writes", "[evaluate]")
     const std::string header = "h [m]\n";
     REQUIRE(::write(end, header.data(), header.size()) == static_cast<ssize_t>(header.size()));
     const pid_t child = wedgescope::test::start(
-        {WEDGESCOPE_PROGRAM, "evaluate", "horizon", "--in", "-", "-o", folder.file("out.csv")}, err, "/dev/null", pipe);
+        {WEDGESCOPE_PROGRAM, "evaluate", "horizon", "--in", by_name ? pipe : "-", "-o", folder.file("out.csv")}, err,
+        "/dev/null", by_name ? "/dev/null" : pipe);
     for (int i = 0; i < 2000 && folder.files() < 3; ++i)  // until the output's temporary folder stands
         std::this_thread::sleep_for(std::chrono::milliseconds(5));
     std::this_thread::sleep_for(std::chrono::milliseconds(50));

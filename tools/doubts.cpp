@@ -56,6 +56,8 @@ std::string above_terrain(const ResolvedScene& scene) {
 
 std::vector<std::string> idle_effects(const Scene& scene, const DataBase& db, const std::optional<Legend>& legend) {
     std::vector<std::string> lines;
+    if (scene.platform.geoid_offset_m && scene.platform.altitude_above != AltitudeAbove::ellipsoid)
+        lines.push_back("geoid-offset has no effect: it brings altitude-hae to sea level");
     if (scene.gamma) {
         std::vector<const char*> idle;
         if (scene.land != LandModel::constant_gamma) idle.push_back("backscatter");

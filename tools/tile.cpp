@@ -59,6 +59,10 @@ double keep_around(const Settings& settings, const Materials& materials, Stop& s
 
 /// `sides`: out, classes with a side of their own.
 TileStoreParams store_params(const Settings& settings, Stop& stop, std::size_t& sides) {
+    if (settings.around && settings.files.size() == 1)
+        throw InputError(text("tile --around: ", in_quotes(settings.files[0]),
+                              " is no tile store; accepted: a store that stands, or terrain rasters and, last, the "
+                              "folder to write"));
     if (settings.files.size() < 2)
         throw InputError(text("tile needs at least one terrain raster and, last, the folder to write; found ",
                               settings.files.size(), settings.files.size() == 1 ? " path" : " paths"));
