@@ -214,8 +214,8 @@ TEST_CASE("what towers on single posts near the sensor hide and show is told, fr
         double wrong_percent;
     };
     // With 64 spokes a unit of slope, as it was, some 3, 1.6, 1.6 and 0.5 % were wrong.
-    for (const Bound& bound : {Bound{Quality::draft, 0.8}, Bound{Quality::normal, 0.25}, Bound{Quality::fine, 0.08},
-                               Bound{Quality::exact, 0.03}}) {
+    for (const Bound& bound : {Bound{Quality::draft, 1.6}, Bound{Quality::normal, 0.6}, Bound{Quality::fine, 0.2},
+                               Bound{Quality::exact, 0.04}}) {
         Judged all;
         for (const double tower_m : {15, 30, 60}) {
             std::mt19937 random(7);
