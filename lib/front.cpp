@@ -476,9 +476,25 @@ void Front::take(const Between& between, std::size_t begin, std::size_t end, boo
     swap(now_, next);
 }
 
-void Front::find_facet(std::size_t i, std::size_t lane, Samples& next) {
+void Front::find_facet(std::size_t i, std::size_t lane, Samples& next, double begin, double end) {
     if (!needs_facets_) return;
-    facet_lanes(1, {now_.lanes(i), next.lanes(i), posts_.data() + 2 * i, posts_.data() + 2 * tile_lanes + 2 * i,
+    const SampleLanes from = now_.lanes(i), to = next.lanes(i);
+    struct End {
+        double part, minor, arc, height, up, out;
+        SampleLanes lanes() { return {&part, &minor, &arc, &height, &up, &out, nullptr, nullptr, nullptr}; }
+    };
+    const auto end_at = [&](double u) {
+        const auto at = [u](const double* a, const double* b) { return *a + u * (*b - *a); };
+        const double raised = bump_[i] * 4 * u * (1 - u);
+        return End{at(from.part, to.part),
+                   at(from.minor, to.minor),
+                   at(from.arc_m, to.arc_m),
+                   at(from.height_m, to.height_m) + raised,
+                   at(from.up_m, to.up_m) + raised,
+                   at(from.out_m, to.out_m)};
+    };
+    End first = end_at(begin), last = end_at(end);
+    facet_lanes(1, {first.lanes(), last.lanes(), posts_.data() + 2 * i, posts_.data() + 2 * tile_lanes + 2 * i,
                     lanes_.across.data() + lane, lanes_.slant.data() + lane, minor_post_m_ * post_, facet_.data()});
 }
 
@@ -512,6 +528,7 @@ void Front::rise(std::size_t lane, std::size_t i, const Between& between, Sample
                          between.major(at(from.part, to.part, b.part)), at(from.minor, to.minor, b.part)};
         };
         const auto deposit = [&](const PieceEnd& a, const PieceEnd& b, double bent) {
+            find_facet(i, lane, next, a.part, b.part);
             const double power = power_of(lane, a.sine, b.sine, a.range_m, b.range_m),
                          fall = echo_bow(a.sine, b.sine, a.range_m, b.range_m, *scene_->pattern);
             put(lane,
@@ -526,7 +543,6 @@ void Front::rise(std::size_t lane, std::size_t i, const Between& between, Sample
                  b.part},
                 between);
         };
-        find_facet(i, lane, next);
         if (!one_range(first.range_m, last.range_m, last.sine - horizon, last.sine))
             halve(
                 first, last, [&](double u) { return point_of_piece(i, next, u); },

@@ -251,8 +251,9 @@ private:
               const PieceEnd& last, double bow);
     bool beyond(std::size_t lane, double minor, double arc, double distance) const;
 
-    /// law_variable() of the facet of sample i's piece, of a lane, into facet_[0]; only where laws need it.
-    void find_facet(std::size_t i, std::size_t lane, Samples& next);
+    /// law_variable() of the facet of sample i's piece from `begin` to `end` of the way, of a lane, into facet_[0]; only where
+    /// laws need it.
+    void find_facet(std::size_t i, std::size_t lane, Samples& next, double begin, double end);
     /// W per radian of azimuth of a piece with backscatter 1, as it arrives.
     double power_of(std::size_t lane, double sine0, double sine1, double range0_m, double range1_m) const;
     /// Plain pieces of a tile's samples, where `code` is 1.
