@@ -657,6 +657,11 @@ void Front::grow_gap(std::size_t lane, std::size_t i, const Between& between) {
     };
     if (between.adjacent) raise(between.behind, now_.minor[i]);
     raise(between.ahead, ahead_.minor[i]);
+    // And what stands on corners of the piece's own cell, which the spoke may leave by a side before the line ahead.
+    for (const std::size_t line : {std::size_t{0}, 2 * tile_lanes})
+        for (std::size_t k = line + 2 * i; k < line + 2 * i + 2; ++k)
+            if (posts_[k] == posts_[k])
+                lanes_.gap_top[lane] = std::max(lanes_.gap_top[lane], static_cast<double>(posts_[k]));
 }
 
 void Front::end_gap(std::size_t lane, double arc_m) {

@@ -424,6 +424,30 @@ TEST_CASE("ground that a void may hide is unknown and keeps its echo", "[engine]
     CHECK(static_cast<State>(r.state.row(0)[cell(5200)]) == State::seen);
 }
 
+TEST_CASE("a tower within a void may hide what lies behind all four cells round it", "[engine]") {
+    // A post of 400 m, all round it void; a spoke from the south-west may leave a cell of it by a side, before the line ahead.
+    MemorySource source(201, 201, 30, [](double c, double r) {
+        if (c == 75 && r == 125) return 400.0;
+        return c > 70 && c < 80 && r > 120 && r < 130 ? static_cast<double>(void_post) : 0.0;
+    });
+    Scene s = bare_scene(30 * 60.3, -30 * 140.7, 300, 2500);
+    s.earth_k.reset();
+    const RunResult r = simulate(s, source);
+    // Bins that cross one of the four cells round the tower from side to side.
+    const double east = 75 - 60.3, north = 140.7 - 125;
+    const auto azimuth = [](double x, double y) { return std::atan2(x, y) * 180 / std::numbers::pi; };
+    const double first = azimuth(east - 1, north + 1), last = azimuth(east + 1, north - 1);
+    std::size_t rows = 0;
+    for (std::size_t row = 0; row < 90; ++row) {
+        if (static_cast<double>(row) < first || static_cast<double>(row) + 1 > last) continue;
+        ++rows;
+        INFO("row " << row);
+        CHECK(static_cast<State>(r.state.row(row)[static_cast<std::size_t>(std::hypot(1500, 300) / 50)]) ==
+              State::unknown);
+    }
+    CHECK(rows >= 4);
+}
+
 TEST_CASE("a wall returns gamma_w of its class over its own solid angle, the ground its own", "[engine]") {
     // A wall of metal, 40 m high, two posts thick, 3 km north on a plain of soil.
     MemorySource source(201, 201, 30, [](double, double) { return 0.0; });
