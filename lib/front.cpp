@@ -16,8 +16,8 @@ namespace {
 
 /// Calls deposit(a, b) for the parts of a rising piece, halved until each lies at all but one range: under a low sensor
 /// a piece may be many times as long as its beginning is far, and its echo falls with the fourth power of the range.
-template <class Point, class Deposit>
-void halve(PieceEnd a, const PieceEnd& b, const Point& point, const Deposit& deposit) {
+template <class Together, class Point, class Deposit>
+void halve(PieceEnd a, const PieceEnd& b, const Together& together, const Point& point, const Deposit& deposit) {
     constexpr double leaf = 1.03;   // of ranges: over that the echo falls by a ninth, all but in a straight line
     std::array<PieceEnd, 40> ends;  // still to come, the nearest last
     std::size_t n = 0;
@@ -25,7 +25,7 @@ void halve(PieceEnd a, const PieceEnd& b, const Point& point, const Deposit& dep
     while (n > 0) {
         const PieceEnd next = ends[n - 1];
         const bool known = next.sine == next.sine;  // else halves are no better
-        if (!known || one_range(a.range_m, next.range_m, next.sine - a.sine, next.sine, leaf) || n == ends.size()) {
+        if (!known || together(a, next, leaf) || n == ends.size()) {
             if (next.sine > a.sine) deposit(a, next);
             a = {next.part, next.range_m, std::max(a.sine, next.sine), next.x};
             --n;
@@ -486,12 +486,9 @@ void Front::find_facet(std::size_t i, std::size_t lane, Samples& next, double be
     const auto end_at = [&](double u) {
         const auto at = [u](const double* a, const double* b) { return *a + u * (*b - *a); };
         const double raised = bump_[i] * 4 * u * (1 - u);
-        return End{at(from.part, to.part),
-                   at(from.minor, to.minor),
-                   at(from.arc_m, to.arc_m),
-                   at(from.height_m, to.height_m) + raised,
-                   at(from.up_m, to.up_m) + raised,
-                   at(from.out_m, to.out_m)};
+        return End{at(from.part, to.part),          at(from.minor, to.minor),
+                   at(from.arc_m, to.arc_m),        at(from.height_m, to.height_m) + raised,
+                   at(from.up_m, to.up_m) + raised, at(from.out_m, to.out_m)};
     };
     End first = end_at(begin), last = end_at(end);
     facet_lanes(1, {first.lanes(), last.lanes(), posts_.data() + 2 * i, posts_.data() + 2 * tile_lanes + 2 * i,
@@ -543,9 +540,14 @@ void Front::rise(std::size_t lane, std::size_t i, const Between& between, Sample
                  b.part},
                 between);
         };
-        if (!one_range(first.range_m, last.range_m, last.sine - horizon, last.sine))
+        const auto together = [&](const PieceEnd& a, const PieceEnd& b, double most) {
+            const double part = b.part - a.part;
+            return one_range(a.range_m, b.range_m, b.sine - a.sine, b.sine, most) &&
+                   straight_range(bump_[i] * part * part, b.sine, scene_->range_is_ground ? 0 : bins_per_metre_);
+        };
+        if (!together(first, last, most_range_ratio))
             halve(
-                first, last, [&](double u) { return point_of_piece(i, next, u); },
+                first, last, together, [&](double u) { return point_of_piece(i, next, u); },
                 [&](const PieceEnd& a, const PieceEnd& b) { deposit(a, b, 0); });
         else if (parts_wait_)
             keep_piece(lane, first, last, bow, plain_ground_ ? Track{} : track(first, last));

@@ -53,7 +53,8 @@ WEDGESCOPE_LANES_PART Rises step(std::size_t n, const StepScene& scene, const St
         const bool straight = (swung < 0 ? -swung : swung) <= risen, visible = m == mode_visible, above = s > h;
         // one_range, but for what lies within a metre: that is left to Front.
         const bool together = (p.range_m <= most_range_ratio * range0[i]) &
-                              (range0[i] <= most_range_ratio * p.range_m) & short_rise(s - h, s);
+                              (range0[i] <= most_range_ratio * p.range_m) & short_rise(s - h, s) &
+                              straight_range(bump, s, range_bins);
         const bool plain = visible & above & !stands & straight & (h >= void_horizon[i]) & together;
         const double higher = s > last_sine[i] ? s : last_sine[i];
         const bool below = (s <= h) & (higher * range0[i] + bump * 1.02 <= h * range0[i]);

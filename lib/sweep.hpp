@@ -67,6 +67,14 @@ inline bool one_range(double range0_m, double range1_m, double sine_step, double
     return (a < b ? b : a) <= most * (a < b ? a : b) && short_rise(sine_step, sine);
 }
 
+/// Whether a piece's bump moves its middle in range by a tenth of a bin at the most from half-way between its ends, as it
+/// does to a tower's flank seen from above.
+inline constexpr double most_range_bump = 0.1;
+inline bool straight_range(double bump_m, double sine, double bins_per_metre) {
+    const double moved = bump_m * sine * bins_per_metre;
+    return (moved < 0 ? -moved : moved) <= most_range_bump;
+}
+
 /// What the steps of a scene share.
 struct StepScene {
     double sensor_m = 0;
@@ -104,8 +112,8 @@ struct StepLanes {
 };
 /// code: 0 nothing (stays hidden, or no sample here), 1 it raises the horizon of a visible spoke (done here: horizon,
 /// seen_least, seen_most), 2 something changes: see Front. A visible piece is plain (1) if its course rises all the way
-/// (|4 bump| at most what it rises over the ray of the horizon) and it lies at one_range; a hidden one stays hidden if not even its bump can
-/// reach the horizon.
+/// (|4 bump| at most what it rises over the ray of the horizon), lies at one_range and runs in a straight_range; a hidden one
+/// stays hidden if not even its bump can reach the horizon.
 struct Rises {
     int plain = 0, changes = 0;  ///< how many have code 1, and 2
 };

@@ -172,8 +172,8 @@ TEST_CASE("a law that hangs on the angle follows it from below a low sensor outw
             }
             return all;
         });
-        INFO("sensor " << up_m << " m up: total " << e.total_db << " dB, RMS " << e.rms_db << " dB, worst " << e.worst_db
-                       << " dB");
+        INFO("sensor " << up_m << " m up: total " << e.total_db << " dB, RMS " << e.rms_db << " dB, worst "
+                       << e.worst_db << " dB");
         CHECK(std::abs(e.total_db) < 0.2);
         CHECK(e.rms_db < 0.05);
         CHECK(e.worst_db < 0.4);
@@ -324,6 +324,44 @@ TEST_CASE("a cliff of 8000 m is right from its foot, from afar and from above", 
                 CHECK(std::abs(e.total_db) < 0.05);
                 CHECK(e.rms_db < 0.5);
             }
+}
+
+TEST_CASE("a tower's flanks seen from above lie in range where they stand", "[numerics]") {
+    // A ray past the tip climbs a flank and comes down again within a cell, towards the sensor and away from it.
+    for (const double up_m : {160.0, 300.0}) {
+        const auto height = [](double c, double r) { return c == 24 && r == 20 ? 200.0 : 100.0; };
+        MemorySource source(41, 41, 30, height);
+        constexpr double bin_m = 5, step = 2 * std::numbers::pi / 3600;
+        Scene s = bare_scene(source, 20, 20, 480, bin_m);
+        s.platform.altitude_m = up_m;
+        s.azimuth_bins = 3600;
+        s.sector = Sector{Angle::degrees(92), Angle::degrees(100)};
+        const RunResult r = simulate(s, source);
+        reference::LongPlane plane;
+        plane.columns = plane.rows = 41;
+        plane.height_m = [&](std::int64_t c, std::int64_t q) {
+            return height(static_cast<double>(c), static_cast<double>(q));
+        };
+        plane.column_m = 30;
+        plane.row_m = -30;
+        plane.sensor_column = r.scene.nadir.column;
+        plane.sensor_row = r.scene.nadir.row;
+        plane.sensor_m = r.scene.sensor_m;
+        plane.radius_m = round_m;
+        const reference::LongWalk walk(plane);
+        double astray = 0, all = 0;
+        for (std::size_t row = 2; row < 80; row += 5) {
+            const std::vector<Real> truth =
+                walk.returns((920.5L + static_cast<Real>(row)) * step, bin_m, r.echo_w.grid.range_count());
+            for (std::size_t j = 0; j < truth.size(); ++j) {
+                const double wanted = static_cast<double>(truth[j]) * unit_w(s, 3600);
+                astray += 0.5 * std::abs(static_cast<double>(r.echo_w.row(row)[j]) - wanted);
+                all += wanted;
+            }
+        }
+        INFO("sensor " << up_m << " m up: " << 100 * astray / all << " % in another bin");
+        CHECK(astray < 0.01 * all);
+    }
 }
 
 TEST_CASE("a thousand million echoes add up to within half a quantum each", "[numerics]") {
