@@ -3,19 +3,31 @@
 
 #include <catch2/catch.hpp>
 
+#include <algorithm>
+#include <array>
 #include <cmath>
+#include <filesystem>
 #include <optional>
 #include <random>
 #include <string>
 #include <tuple>
+#include <utility>
+#include <vector>
 
 #include "lib/engine.hpp"
 #include "lib/plan.hpp"
+#include "lib/track.hpp"
+#include "tests/drawn_raster.hpp"
 #include "tests/every_target.hpp"
+#include "tests/terrain.hpp"
 #include "tiles/gdal_session.hpp"
+#include "tiles/shared_source.hpp"
 #include "tiles/sources.hpp"
+#include "tiles/work_dir.hpp"
 
 using namespace wedgescope;
+using test::Drawing;
+using test::Folder;
 
 namespace {
 
@@ -49,6 +61,79 @@ std::uint64_t refined(const RunResult& run) {
     std::uint64_t bins_refined = 0;
     for (const WedgeReport& wedge : run.report.wedges) bins_refined += wedge.refined_bins;
     return bins_refined;
+}
+
+/// The data base is a raster of that many posts: ridges, and thickets of single posts, up to so high, that stand out of them.
+DataBaseParams draw_thickets(const std::string& path, Drawing d, double most_m) {
+    const auto ridges = test::rolling(700, 70, 3);
+    std::mt19937 random(4);
+    std::vector<double> towers(static_cast<std::size_t>(d.columns * d.rows));
+    for (double& z : towers) z = static_cast<double>(random() % 1024) / 1024;
+    d.value = [&](int c, int r) {
+        const auto tower = [&](int column, int row) {
+            return towers[static_cast<std::size_t>(row * d.columns + column)];
+        };
+        return 600 + std::abs(ridges(c, r)) + (tower(c / 9, r / 9) > 0.6 ? most_m * tower(c, r) : 0);
+    };
+    draw(path, d);
+    DataBaseParams params;
+    params.dem = path;
+    return params;
+}
+
+/// 420 x 420 posts, 30 m apart.
+DataBaseParams draw_thickets(const Folder& folder) {
+    Drawing d;
+    d.columns = d.rows = 420;
+    d.geotransform = {{465000, 30, 0, 3755000, 0, -30}};
+    return draw_thickets(folder / "thickets.tif", d, 120);
+}
+
+/// Low over the middle of it, all round, no nearer than 2 km.
+Scene thickets() {
+    Scene s;
+    s.platform.xy = PointXY{471300, 3748700};
+    s.platform.altitude_above = AltitudeAbove::ground;
+    s.platform.altitude_m = 200;
+    s.range_m = 6000;
+    s.range_start_m = 2000;
+    s.radar.antenna.beam = Angle::degrees(3);
+    s.radar.pulse_s = 1e-6;
+    s.display.size = 64;
+    s.quality = Quality::draft;
+    return s;
+}
+
+struct Way {
+    std::int64_t wedges = 1;
+    int threads = 1;
+    bool cull = true;
+};
+
+RunResult simulate(const Scene& scene, WedgeSource& source, const Way& way = {}, EngineParams params = {}) {
+    params.wedges = way.wedges;
+    params.threads = way.threads;
+    params.cull = way.cull;
+    return run(resolve(scene, source), source, params);
+}
+
+void check_same(const RunResult& other, const RunResult& whole) {
+    CHECK(other.echo_w.cells == whole.echo_w.cells);
+    CHECK(other.echo_state.cells == whole.echo_state.cells);
+    CHECK(other.power_w.cells == whole.power_w.cells);
+    CHECK(other.state.cells == whole.state.cells);
+    CHECK(refined(other) == refined(whole));
+}
+
+/// By the row of its bin: was it swept again?
+std::vector<bool> refined_rows(const Scene& scene, WedgeSource& source) {
+    const std::int64_t count = resolve(scene, source).swept.azimuth_bins.size();
+    std::vector<bool> rows;
+    for (const WedgeReport& wedge : simulate(scene, source, {count}).report.wedges) {
+        REQUIRE(wedge.azimuth_bins.size() == 1);
+        rows.push_back(wedge.refined_bins > 0);
+    }
+    return rows;
 }
 
 }  // namespace
@@ -224,5 +309,206 @@ TEST_CASE("bins in doubt all round, over classes, canopy, water and voids, are t
         } else {
             first.emplace(std::move(other));
         }
+    }
+}
+
+TEST_CASE("bins in doubt are the same after a stop, in parts, and of wedges that were kept", "[refine]") {
+    const GdalSession session(32 << 20, {});
+    const Folder folder;
+    const auto source = open_direct_source(draw_thickets(folder));
+    const Scene scene = thickets();
+    const RunResult whole = simulate(scene, *source);
+    REQUIRE(refined(whole) > 4);
+    const auto in = [&](const std::string& name, std::optional<Interval> only, Stop* stop) {
+        WorkDir work(folder / name, WorkDir::Start::join);
+        const ResolvedScene resolved = resolve(scene, *source);
+        work.bind({"test", {}, echo_facts(resolved, source->data_base())});
+        EngineParams params;
+        params.archive = &work;
+        params.only_wedges = only;
+        params.stop = stop;
+        if (stop)
+            params.progress = [stop](double done) {
+                if (done > 0.5) stop->request(15);
+            };
+        return simulate(scene, *source, {24, 2}, params);
+    };
+    const auto taken_up = [](const RunResult& run) {
+        std::uint64_t bins = 0;
+        for (const WedgeReport& wedge : run.report.wedges) bins += wedge.reused ? wedge.refined_bins : 0;
+        return bins;
+    };
+    Stop stop;
+    CHECK_THROWS_AS(in("stopped", {}, &stop), Interrupted);
+    const RunResult resumed = in("stopped", {}, nullptr);
+    check_same(resumed, whole);
+    CHECK(taken_up(resumed) > 0);
+    CHECK(taken_up(resumed) < refined(whole));
+
+    for (const Interval only : {Interval{11, 17}, Interval{2, 7}}) CHECK(refined(in("parts", only, nullptr)) > 0);
+    const RunResult merged = in("parts", {}, nullptr);
+    check_same(merged, whole);
+    CHECK(taken_up(merged) > 0);
+    CHECK(taken_up(merged) < refined(whole));
+    const RunResult again = in("parts", {}, nullptr);
+    check_same(again, whole);
+    CHECK(taken_up(again) == refined(whole));
+}
+
+TEST_CASE("bins in doubt are the same from blocks on disk, and of a part of the wedges alone", "[refine]") {
+    const GdalSession session(4 << 20, {});
+    const Folder folder;
+    const DataBaseParams db = draw_thickets(folder);
+    const auto direct = open_direct_source(db);
+    const Scene scene = thickets();
+    const RunResult whole = simulate(scene, *direct);
+    REQUIRE(refined(whole) > 4);
+    const std::string temporary = folder / "temporary";
+    std::filesystem::create_directory(temporary);
+    SpillOptions options;
+    options.temp_folder = temporary;
+    options.memory_bytes = std::size_t{1} << 20;
+    const auto spilled = open_spilled_source(db, scene, options);
+    CHECK(spilled->report().spilled_bytes > 0);
+    for (const Way& way : {Way{}, Way{7, 2}, Way{60, 1, false}}) {
+        CAPTURE(way.wedges, way.threads, way.cull);
+        const RunResult other = simulate(scene, *spilled, way);
+        check_same(other, whole);
+        std::uint64_t again = 0;
+        for (const WedgeReport& wedge : other.report.wedges) again += wedge.bytes_again;
+        CHECK(again > 0);
+    }
+    // Sorted for a few bins alone, a spill holds what these and their finer spokes ask for.
+    const std::vector<bool> rows = refined_rows(scene, *direct);
+    const PolarGrid& swept = whole.scene.swept;
+    std::size_t checked = 0;
+    for (std::size_t row = 1; row + 1 < rows.size() && checked < 4; ++row) {
+        if (!rows[row]) continue;
+        ++checked;
+        options.only = Arc{static_cast<double>(row) * swept.azimuth_step_rad(), swept.azimuth_step_rad()};
+        const auto alone = open_spilled_source(db, scene, options);
+        const ResolvedScene resolved = resolve(scene, *alone);
+        WorkDir work(folder / "one", WorkDir::Start::over);
+        work.bind({"test", {}, {}});
+        EngineParams params;
+        params.archive = &work;
+        params.wedges = static_cast<std::int64_t>(rows.size());
+        params.only_wedges = Interval{static_cast<std::int64_t>(row), static_cast<std::int64_t>(row) + 1};
+        const RunResult one = run(resolved, *alone, params);
+        CHECK(refined(one) == 1);
+        const std::size_t n = swept.range_count();
+        CHECK(std::equal(one.echo_w.row(row), one.echo_w.row(row) + n, whole.echo_w.row(row)));
+        CHECK(std::equal(one.echo_state.row(row), one.echo_state.row(row) + n, whole.echo_state.row(row)));
+    }
+    CHECK(checked == 4);
+}
+
+TEST_CASE("bins in doubt of ground range are the same in every split", "[refine]") {
+    const GdalSession session(32 << 20, {});
+    const Folder folder;
+    const auto source = open_direct_source(draw_thickets(folder));
+    Scene scene = thickets();
+    scene.display.kind = DisplayKind::gpi_true;
+    const RunResult whole = simulate(scene, *source);
+    CHECK(refined(whole) > 4);
+    for (const Way& way : {Way{7, 2}, Way{1, 1, false}, Way{480, 2}}) {
+        CAPTURE(way.wedges, way.threads, way.cull);
+        check_same(simulate(scene, *source, way), whole);
+    }
+}
+
+TEST_CASE("a sector that begins or ends between two bins in doubt sweeps the same", "[refine]") {
+    const GdalSession session(32 << 20, {});
+    DataBaseParams db;
+    db.dem = WEDGESCOPE_TEST_DATA + std::string("/inland_empire_dem.tif");
+    const auto source = open_direct_source(db);
+    Scene scene = mountains();
+    scene.radar.beam_width_error = false;  // no skirt: what is swept is what is shown
+    const RunResult whole = simulate(scene, *source);
+    const Interval all = whole.scene.swept.azimuth_bins;
+    REQUIRE(whole.scene.shown.azimuth_bins == all);
+    const std::vector<bool> rows = refined_rows(scene, *source);
+    const auto azimuth = [&](std::size_t row) {
+        return Angle::radians((static_cast<double>(all.begin) + static_cast<double>(row)) *
+                              whole.scene.swept.azimuth_step_rad());
+    };
+    constexpr std::size_t wide = 8;
+    std::size_t parts = 0;
+    for (std::size_t row = wide; row + wide < rows.size(); ++row) {
+        if (!rows[row] || !rows[row - 1] || rows[row - 2]) continue;
+        ++parts;
+        for (const std::size_t from : {row, row - wide}) {
+            scene.sector = Sector{azimuth(from), azimuth(from + wide)};
+            const RunResult part = simulate(scene, *source, {3});
+            const PolarGrid& swept = part.scene.swept;
+            CAPTURE(row, from);
+            REQUIRE(swept.row_of(all.begin + static_cast<std::int64_t>(from)) == 0);
+            REQUIRE(swept.azimuth_count() == wide);
+            std::uint64_t in_doubt = 0;
+            for (std::size_t i = 0; i < wide; ++i) {
+                in_doubt += rows[from + i] ? 1U : 0U;
+                const auto same = [&](const auto& mine, const auto& theirs) {
+                    return std::equal(mine.row(i), mine.row(i) + swept.range_count(), theirs.row(from + i));
+                };
+                CHECK(same(part.echo_w, whole.echo_w));
+                CHECK(same(part.echo_state, whole.echo_state));
+            }
+            CHECK(refined(part) == in_doubt);
+        }
+    }
+    CHECK(parts > 1);
+}
+
+TEST_CASE("bins in doubt look past the seam of a raster round the whole earth", "[refine]") {
+    const GdalSession session(32 << 20, {});
+    const Folder folder;
+    Drawing d;
+    d.columns = 1440;
+    d.rows = 160;
+    d.crs = "EPSG:4326";
+    d.geotransform = {{-180, 0.25, 0, 20, 0, -0.25}};
+    const auto source = open_direct_source(draw_thickets(folder / "earth.tif", d, 9000));
+    REQUIRE(source->data_base().cyclic);
+    Scene scene = thickets();
+    scene.platform.xy.reset();
+    scene.platform.latlon = LatLon{1, 179.7};
+    scene.platform.altitude_m = 100;
+    scene.range_m = 1200e3;
+    scene.range_start_m = 100e3;
+    scene.range_bin_m = 2000;
+    scene.radar.transmit_power_w = 1e9;
+    const RunResult whole = simulate(scene, *source);
+    CHECK(refined(whole) > 0);
+    for (const Way& way : {Way{7, 2}, Way{1, 1, false}, Way{480, 2}}) {
+        CAPTURE(way.wedges, way.threads, way.cull);
+        check_same(simulate(scene, *source, way), whole);
+    }
+}
+
+TEST_CASE("bins in doubt of a scan, and of a frame beside others, are those of the plain picture", "[refine]") {
+    const GdalSession session(32 << 20, {});
+    const Folder folder;
+    SharedSource source(open_direct_source(draw_thickets(folder)), std::size_t{1} << 30);
+    source.read(nullptr);
+    const Scene scene = thickets();
+    const ResolvedScene resolved = resolve(scene, source);
+    const RunResult whole = simulate(scene, *open_direct_source(draw_thickets(folder)));
+    REQUIRE(refined(whole) > 4);
+    EngineParams params;
+    params.beside_others = true;
+    params.threads = 2;
+    check_same(run(resolved, source, params), whole);
+    const TrackPoint here{0, scene.platform.xy->x, scene.platform.xy->y, scene.platform.altitude_m, {}, 1};
+    TrackPoint later = here;
+    later.time_s = 1;
+    const Track track(false, AltitudeAbove::ground, {here, later});
+    for (const std::int64_t step : {60, 1000}) {
+        CAPTURE(step);
+        params.wedges = step == 60 ? 5 : 1;
+        const RunResult scanned = run(resolved, scan_along(track, 0, step, 4, resolved, source), source, params, {});
+        CHECK(scanned.echo_w.cells == whole.echo_w.cells);
+        CHECK(scanned.echo_state.cells == whole.echo_state.cells);
+        CHECK(scanned.power_w.cells == whole.power_w.cells);
+        CHECK(refined(scanned) >= refined(whole));  // bins of a skirt belong to two groups
     }
 }
