@@ -164,6 +164,23 @@ TEST_CASE("a folder that is no store is refused as one", "[cli]") {
     refuses(folder, {"coverage", "lost", "seen.tif", "--xy", "1,1", "--altitude-agl", "9m"}, 1, words);
 }
 
+TEST_CASE("a pipe is refused where a raster is needed, and not waited for", "[cli]") {
+    const Folder folder;
+    const auto piped = [&](const std::string& words) {
+        const std::string line = "cat '" + dem + "' | '" WEDGESCOPE_PROGRAM "' " + words;
+        const Outcome outcome = folder.finish(folder.start({"-c", line}, "/bin/sh"));
+        CHECK(outcome.code == 1);
+        CHECK(outcome.error_lines() == 1);
+        CHECK(folder.names().empty());
+        return outcome.err;
+    };
+    CHECK_THAT(piped("simulate --dem /dev/stdin --xy 1,1 --altitude-msl 9km -o s.png"),
+               Contains("dem '/dev/stdin' is a pipe; accepted: a file"));
+    CHECK_THAT(piped("coverage /dev/stdin c.tif --xy 1,1 --altitude-msl 9km"), Contains("is a pipe; accepted: a file"));
+    CHECK_THAT(piped("info /dev/stdin"), Contains("is a pipe; accepted: a file"));
+    CHECK_THAT(piped("scope /dev/stdin -o s.png"), Contains("echo image '/dev/stdin' is a pipe; a file that"));
+}
+
 TEST_CASE("over nothing but voids no range follows from the terrain, and one that is given does", "[cli]") {
     const Folder folder;
     const Strings scene{"simulate",       "--dem", grid(folder, "void", "-9999"), "--xy", "465150,3750120",

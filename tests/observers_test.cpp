@@ -431,6 +431,15 @@ TEST_CASE("observers come in any vector file, in any CRS, or in a table", "[obse
         << "name,Longitude,LATITUDE,height,altitude\n\"Peak, the\",-117.352,33.905,100ft,\n"
            "12\" mast,-117.33,33.88,,\n# none\nc,-117.31,33.9,60,\n";
     check(folder / "table.CSV", {"--altitude-agl", "60m"});
+    // A pipe is a table whatever its name: it can be read but once.
+    const Ended piped =
+        run_program({"/bin/sh", "-c",
+                     "cat '" + (folder / "track.csv") + "' | '" + program + "' coverage -q --overwrite '" + dem +
+                         "' '" + out + "' --observers /dev/stdin"},
+                    folder / "log");
+    INFO(piped.err);
+    CHECK(piped.code == 0);
+    check_counts(sum, RasterBand(out));
     // Another CRS, turned into latitude and longitude by PROJ; a layer of several.
     write_points(folder / "two.gpkg", "GPKG", "EPSG:4269",
                  {{"POINT (-117.352 33.905)", {{"height", "30.48"}}},

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <system_error>
 #include <vector>
 
 #include "lib/error.hpp"
@@ -16,6 +17,8 @@ std::string named(const std::string& path) { return text("echo image '", path, "
 constexpr const char* wanted = "; a file that simulate --echo has written is needed";
 
 DatasetHandle opened(const std::string& path, int threads, GdalErrors& errors) {
+    if (std::error_code ignored; std::filesystem::is_fifo(path, ignored))  // opened again it would be waited for
+        throw IoError(text(named(path), " is a pipe", wanted));
     // Packed tiles are decoded side by side; drivers that cannot do so warn at the most.
     const std::string together = "NUM_THREADS=" + (threads > 0 ? std::to_string(threads) : "ALL_CPUS");
     const char* const options[] = {together.c_str(), nullptr};

@@ -20,6 +20,9 @@ namespace {
 
 DatasetHandle open(const RasterFacts& facts) {
     constexpr unsigned how = GDAL_OF_RASTER | GDAL_OF_READONLY;
+    // Opened a second time, as GDAL does, it would be waited for without end.
+    if (std::error_code ignored; std::filesystem::is_fifo(facts.path, ignored))
+        throw IoError(text(facts.named(), " is a pipe; accepted: a file, for a raster is not read from front to end"));
     register_usual_drivers();
     DatasetHandle dataset;
     {

@@ -168,6 +168,11 @@ Observers read_points(const std::string& path, const std::string& layer, bool al
     return finish(path, subject, false, file.lat_lon(), std::move(all));
 }
 
+/// Can be read once, from front to end; a terminal too.
+bool is_pipe(const std::filesystem::file_status& file) {
+    return std::filesystem::is_fifo(file) || std::filesystem::is_character_file(file);
+}
+
 }  // namespace
 
 std::string Observers::words(std::size_t i) const {
@@ -197,8 +202,10 @@ Observers read_observers(const std::string& path, const std::string& layer, bool
                          const DataBase& data_base) {
     const std::string ending = lower_case(std::filesystem::path(path).extension().string());
     std::error_code ignored;
-    if (ending != ".csv" || !std::filesystem::is_regular_file(path, ignored))
-        return read_points(path, layer, altitude_given, data_base);
+    const std::filesystem::file_status file = std::filesystem::status(path, ignored);
+    // A pipe has no name that says what it holds, and GDAL, which opens files more than once, would wait for it for ever.
+    const bool is_table = is_pipe(file) || (ending == ".csv" && std::filesystem::is_regular_file(file));
+    if (!is_table) return read_points(path, layer, altitude_given, data_base);
     if (!layer.empty())
         throw InputError(text("observers-layer is ", in_quotes(layer), ", and observers ", in_quotes(path),
                               " is a table, which has none"));
