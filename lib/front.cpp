@@ -540,6 +540,16 @@ void Front::rise(std::size_t lane, std::size_t i, const Between& between, Sample
                  b.part},
                 between);
         };
+        // Near the vertical the sine grows as the square of the way, and range so on a plain alone: what lies before the middle
+        // is looked at, with it the fall by range that echo_bow() expects of a sine that goes with the height over the ray.
+        const bool from_below = *from.arc_m == 0;
+        const auto bend = [&](const PieceEnd& a, const PieceEnd& b, double bent) {
+            if (!from_below) return bent;
+            const PieceEnd middle = point_of_piece(i, next, 0.5 * (a.part + b.part));
+            const double power = (middle.sine - a.sine) / (b.sine - a.sine), way = (middle.x - a.x) / (b.x - a.x);
+            if (!(way > 0.1 && way < 0.9)) return bent;
+            return (power - way) / (way * (1 - way)) - 2 * (b.range_m - a.range_m) / (a.range_m + b.range_m);
+        };
         const auto together = [&](const PieceEnd& a, const PieceEnd& b, double most) {
             const double part = b.part - a.part;
             return one_range(a.range_m, b.range_m, b.sine - a.sine, b.sine, most) &&
@@ -548,11 +558,11 @@ void Front::rise(std::size_t lane, std::size_t i, const Between& between, Sample
         if (!together(first, last, most_range_ratio))
             halve(
                 first, last, together, [&](double u) { return point_of_piece(i, next, u); },
-                [&](const PieceEnd& a, const PieceEnd& b) { deposit(a, b, 0); });
+                [&](const PieceEnd& a, const PieceEnd& b) { deposit(a, b, bend(a, b, 0)); });
         else if (parts_wait_)
-            keep_piece(lane, first, last, bow, plain_ground_ ? Track{} : track(first, last));
+            keep_piece(lane, first, last, bend(first, last, bow), plain_ground_ ? Track{} : track(first, last));
         else
-            deposit(first, last, bow);
+            deposit(first, last, bend(first, last, bow));
     }
     if (own) {
         if (last.sine > lanes_.void_horizon[lane]) {

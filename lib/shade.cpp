@@ -35,7 +35,7 @@ double elevation_pattern(const AntennaParams& antenna, double depression_rad) {
     } else {
         const double p = antenna.elevation == ElevationPattern::csc2 ? 0 : antenna.exponent;
         const double ratio = std::sin(knee) / std::sin(beta);
-        if (std::sin(beta) > 0 && (p == 0 || std::cos(beta) > 0))
+        if (std::sin(beta) > 0 && std::cos(beta) > 0)
             g = ratio * ratio * (p == 0 ? 1 : std::pow(std::cos(beta) / std::cos(knee), p));
     }
     return std::max(g, floor);
@@ -57,6 +57,9 @@ PatternTable::PatternTable(const AntennaParams& antenna) {
             const bool end = &point == &antenna.points.front() || &point == &antenna.points.back();
             (end && point.gain.db() > antenna.floor.db() ? drops : bends).push_back(-std::sin(depression));
         }
+    // csc2 of an antenna that looks up drops to the floor 90 degrees below its axis.
+    if (antenna.elevation == ElevationPattern::csc2 && antenna.tilt.rad() < 0)
+        drops.push_back(-std::cos(antenna.tilt.rad()));
     // A sharp bend between two steep slopes takes finer entries than the shaped patterns do.
     const int most_intervals = of_points ? 1 << 20 : 1 << 17;
     for (intervals_ = 4096;; intervals_ *= 2) {

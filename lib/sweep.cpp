@@ -55,7 +55,8 @@ WEDGESCOPE_LANES_PART Rises step(std::size_t n, const StepScene& scene, const St
         const bool together = (p.range_m <= most_range_ratio * range0[i]) &
                               (range0[i] <= most_range_ratio * p.range_m) & short_rise(s - h, s) &
                               straight_range(bump, s, range_bins);
-        const bool plain = visible & above & !stands & straight & (h >= void_horizon[i]) & together;
+        // The way out from below the sensor is left to Front too.
+        const bool plain = visible & above & !stands & (arc0[i] > 0) & straight & (h >= void_horizon[i]) & together;
         const double higher = s > last_sine[i] ? s : last_sine[i];
         const bool below = (s <= h) & (higher * range0[i] + bump * 1.02 <= h * range0[i]);
         const bool quiet = ((m == mode_hidden) & below) | stands | (m == mode_done);

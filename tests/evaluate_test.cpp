@@ -399,6 +399,11 @@ TEST_CASE("antenna patterns fall to half where they should, and follow their law
     CHECK_THAT(value("antenna-elevation", "delta=30deg tilt=3deg antenna=cos-csc2 p=1", "g_el_dB"),
                WithinRel(10 * std::log10(csc2 * std::cos(rad(27)) / std::cos(rad(5))), 1e-12));
     CHECK(value("antenna-elevation", "delta=-90deg", "g_el_dB") == -60);
+    // More than 90 degrees below the axis.
+    for (const std::string antenna : {"csc2", "cos-csc2"}) {
+        CHECK(value("antenna-elevation", "delta=20deg tilt=-75deg antenna=" + antenna, "g_el_dB") == -60);
+        CHECK(value("antenna-elevation", "delta=10deg tilt=-75deg antenna=" + antenna, "g_el_dB") > -55);
+    }
     CHECK(value("antenna-elevation", "delta=30deg tilt=3deg", "beta") == Approx(27).epsilon(1e-15));
 }
 
