@@ -180,6 +180,37 @@ TEST_CASE("a law that hangs on the angle follows it from below a low sensor outw
     }
 }
 
+TEST_CASE("a slope below the sensor begins to return where it is nearest, and as little as it does there",
+          "[numerics]") {
+    // It falls by 30 % in the direction looked in: range grows with the way at once, the sine with its square.
+    constexpr double fall = 0.3, up_m = 899, bin_m = 20;
+    MemorySource source(161, 161, 30, [](double c, double) { return 3000 - 30 * fall * c; });
+    Scene s = bare_scene(source, 80.3, 80.2, 60 * bin_m, bin_m);
+    s.platform.altitude_m = up_m;
+    s.earth_k.reset();
+    const RunResult r = simulate(s, source);
+    constexpr std::size_t bins = 60, first = 44;  // [880 m, 900 m): the last metre of it holds ground
+    std::vector<Real> wanted(bins);
+    Real last_sine = -1, last_range = up_m;
+    for (int i = 1; i <= 200000; ++i) {
+        const Real way = i * 0.005L, up = up_m + fall * way, range = std::hypot(way, up), sine = -up / range,
+                   middle = (range + last_range) / 2;
+        const auto bin = static_cast<std::size_t>(middle / bin_m);
+        if (bin < bins) wanted[bin] += (sine - last_sine) / (middle * middle);
+        last_sine = sine, last_range = range;
+    }
+    for (Real& w : wanted) w *= unit_w(s, 360);
+    REQUIRE(r.echo_w.grid.range_count() == bins);
+    const float* const got = r.echo_w.row(90);
+    for (std::size_t j = 0; j < first; ++j) CHECK(got[j] == 0);
+    // As far as a parabola goes; laid out straight it was six times as much.
+    CHECK(std::abs(decibels(static_cast<double>(got[first]), wanted[first])) < 2);
+    for (std::size_t j = first + 1; j < bins; ++j) {
+        CAPTURE(j);
+        CHECK(std::abs(decibels(static_cast<double>(got[j]), wanted[j])) < (j < first + 3 ? 0.3 : 0.05));
+    }
+}
+
 TEST_CASE("a plain is right to the last kilometre at grazing angles down to a millionth", "[numerics]") {
     // Flat earth, 1-km posts: the sensor's height over the range is the grazing angle.
     constexpr double post_m = 1000, reach_m = 800e3, bin_m = 4000;
