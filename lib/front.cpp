@@ -518,6 +518,8 @@ void Front::rise(std::size_t lane, std::size_t i, const Between& between, Sample
     first.sine = horizon;
     ++cost_.pieces;
     const bool own = lanes_.row[lane] >= 0;
+    // Where it lies: what is cut in halves may be nearer than both its ends.
+    double near = std::min(first.x, last.x), far = std::max(first.x, last.x);
     if (own || shore_) {
         const auto track = [&](const PieceEnd& a, const PieceEnd& b) {
             const auto at = [](const double* zero, const double* one, double u) { return *zero + u * (*one - *zero); };
@@ -543,11 +545,11 @@ void Front::rise(std::size_t lane, std::size_t i, const Between& between, Sample
         // Near the vertical the sine grows as the square of the way, and range so on a plain alone: what lies before the middle
         // is looked at, with it the fall by range that echo_bow() expects of a sine that goes with the height over the ray.
         const bool from_below = *from.arc_m == 0;
-        const auto bend = [&](const PieceEnd& a, const PieceEnd& b, double bent) {
-            if (!from_below) return bent;
+        const auto bend = [&](const PieceEnd& a, const PieceEnd& b, double otherwise) {
+            if (!from_below) return otherwise;
             const PieceEnd middle = point_of_piece(i, next, 0.5 * (a.part + b.part));
             const double power = (middle.sine - a.sine) / (b.sine - a.sine), way = (middle.x - a.x) / (b.x - a.x);
-            if (!(way > 0.1 && way < 0.9)) return bent;
+            if (!(way > 0.1 && way < 0.9)) return otherwise;
             return (power - way) / (way * (1 - way)) - 2 * (b.range_m - a.range_m) / (a.range_m + b.range_m);
         };
         const auto together = [&](const PieceEnd& a, const PieceEnd& b, double most) {
@@ -558,7 +560,11 @@ void Front::rise(std::size_t lane, std::size_t i, const Between& between, Sample
         if (!together(first, last, most_range_ratio))
             halve(
                 first, last, together, [&](double u) { return point_of_piece(i, next, u); },
-                [&](const PieceEnd& a, const PieceEnd& b) { deposit(a, b, bend(a, b, 0)); });
+                [&](const PieceEnd& a, const PieceEnd& b) {
+                    deposit(a, b, bend(a, b, 0));
+                    near = std::min({near, a.x, b.x});
+                    far = std::max({far, a.x, b.x});
+                });
         else if (parts_wait_)
             keep_piece(lane, first, last, bend(first, last, bow), plain_ground_ ? Track{} : track(first, last));
         else
@@ -566,10 +572,10 @@ void Front::rise(std::size_t lane, std::size_t i, const Between& between, Sample
     }
     if (own) {
         if (last.sine > lanes_.void_horizon[lane]) {
-            lanes_.seen_least[lane] = std::min({lanes_.seen_least[lane], first.x, last.x});
-            lanes_.seen_most[lane] = std::max({lanes_.seen_most[lane], first.x, last.x});
+            lanes_.seen_least[lane] = std::min(lanes_.seen_least[lane], near);
+            lanes_.seen_most[lane] = std::max(lanes_.seen_most[lane], far);
         } else {
-            cells_->mark(lanes_.target(lane), first.x, last.x, bit_unknown);
+            cells_->mark(lanes_.target(lane), near, far, bit_unknown);
         }
     }
     horizon = last.sine;

@@ -57,9 +57,9 @@ PatternTable::PatternTable(const AntennaParams& antenna) {
             const bool end = &point == &antenna.points.front() || &point == &antenna.points.back();
             (end && point.gain.db() > antenna.floor.db() ? drops : bends).push_back(-std::sin(depression));
         }
-    // csc2 of an antenna that looks up drops to the floor 90 degrees below its axis.
-    if (antenna.elevation == ElevationPattern::csc2 && antenna.tilt.rad() < 0)
-        drops.push_back(-std::cos(antenna.tilt.rad()));
+    // A shaped pattern of an antenna that looks up drops to the floor 90 degrees below its axis, or bends there all but upright.
+    const bool shaped = antenna.elevation == ElevationPattern::csc2 || antenna.elevation == ElevationPattern::cos_csc2;
+    if (shaped && antenna.tilt.rad() < 0) drops.push_back(-std::cos(antenna.tilt.rad()));
     // A sharp bend between two steep slopes takes finer entries than the shaped patterns do.
     const int most_intervals = of_points ? 1 << 20 : 1 << 17;
     for (intervals_ = 4096;; intervals_ *= 2) {

@@ -52,8 +52,8 @@ struct SampleLanes {
 };
 
 /// Whether the sine of a piece's elevation rises so little, up to `sine`, that the antenna's pattern is all but straight over it:
-/// a tenth of the sine itself, towards the horizon of 0.05 more. A pattern that goes with sine^-4 is then a fifth off its middle
-/// at either end. A tower's front rises more, seen from a few times its height; a cliff may pass the sensor by.
+/// by a tenth of the sum of its size and 0.05. A pattern that goes with sine^-4 is then a fifth off its middle at either end, more towards the
+/// horizon. A tower's front rises more, seen from a few times its height; a cliff may pass the sensor by.
 inline constexpr double most_sine_part = 0.1, most_sine_offset = 0.05;
 inline bool short_rise(double sine_step, double sine) {
     return sine_step <= most_sine_part * ((sine < 0 ? -sine : sine) + most_sine_offset);

@@ -52,6 +52,22 @@ TEST_CASE("a signal ends the run with 128 + its number and leaves nothing", "[cl
     }
 }
 
+TEST_CASE("the first signal ends the wait for a table from a pipe that nobody writes to", "[cli]") {
+    const Folder folder;
+    REQUIRE(::mkfifo((folder.work() / "pipe").c_str(), 0600) == 0);
+    for (const Strings& arguments :
+         {Strings{"coverage", dem, "c.tif", "--observers", "pipe"},
+          Strings{"simulate", "--dem", dem, "--range", "5km", "--track", "pipe", "-o", "s.png"}}) {
+        const pid_t child = folder.start(arguments);
+        std::this_thread::sleep_for(500ms);
+        REQUIRE(::kill(child, SIGTERM) == 0);
+        const Outcome outcome = folder.finish(child);
+        CHECK(outcome.code == 143);
+        CHECK_THAT(outcome.err, Contains("stopped by signal 15"));
+        CHECK(folder.names() == std::set<std::string>{"pipe"});
+    }
+}
+
 TEST_CASE("a signal that comes twice at once, as timeout sends it, is one", "[cli]") {
     const Folder folder;
     for (const int signal : {SIGINT, SIGTERM, SIGHUP}) {

@@ -395,6 +395,27 @@ TEST_CASE("a tower's flanks seen from above lie in range where they stand", "[nu
     }
 }
 
+TEST_CASE("what a tower that stands beside the sensor returns lies in cells that are seen", "[numerics]") {
+    // Its front is nearest half-way up: nearer than where it begins and where it ends.
+    MemorySource source(41, 41, 4, [](double c, double r) { return c == 35 && r == 20 ? 200.0 : 100.0; });
+    Scene s = bare_scene(source, 20, 20, 120, 1);
+    s.platform.altitude_m = 50;
+    s.azimuth_bins = 720;
+    s.sector = Sector{Angle::degrees(80), Angle::degrees(100)};
+    s.quality = Quality::exact;
+    const RunResult r = simulate(s, source);
+    double astray = 0, all = 0;
+    for (std::size_t row = 0; row < r.echo_w.grid.azimuth_count(); ++row)
+        for (std::size_t j = 0; j < r.echo_w.grid.range_count(); ++j) {
+            const auto got = static_cast<double>(r.echo_w.row(row)[j]);
+            all += got;
+            if (r.echo_state.row(row)[j] != static_cast<std::uint8_t>(State::seen)) astray += got;
+        }
+    INFO(100 * astray / all << " % in cells that are not seen");
+    CHECK(all > 0);
+    CHECK(astray < 1e-6 * all);
+}
+
 TEST_CASE("a thousand million echoes add up to within half a quantum each", "[numerics]") {
     constexpr std::size_t lanes = WedgeCells::Portions::most;
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)

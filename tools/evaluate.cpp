@@ -1,8 +1,5 @@
 // evaluate: any model of the library over a CSV table, row by row, or for values on the command line.
-#include <fcntl.h>
 #include <fmt/format.h>
-#include <poll.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <array>
@@ -14,7 +11,6 @@
 #include <istream>
 #include <memory>
 #include <nlohmann/json.hpp>
-#include <streambuf>
 
 #include "tiles/output_file.hpp"
 #include "tools/antenna_file.hpp"
@@ -24,6 +20,7 @@
 #include "tools/options.hpp"
 #include "tools/run_files.hpp"
 #include "tools/table_file.hpp"
+#include "tools/table_stream.hpp"
 #include "tools/terminal.hpp"
 
 namespace wedgescope {
@@ -420,54 +417,11 @@ private:
     std::string first_lacking_;
 };
 
-/// A table's bytes. A pipe or a terminal may keep them waiting; a request to stop ends the wait. Streams over it throw what it
-/// throws only with badbit among their exceptions. Interrupted, IoError.
-class TableBytes : public std::streambuf {
-public:
-    /// Of standard input where the path is "-".
-    TableBytes(const std::string& path, std::string subject, const Stop& stop)
-        : subject_(std::move(subject)), stop_(stop) {
-        if (path == "-") return;
-        std::error_code ignored;
-        if (std::filesystem::is_directory(path, ignored)) throw IoError(text(subject_, " is a folder"));
-        own_ = in_ = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);  // a pipe needs no writer yet
-        if (own_ < 0) throw IoError(text(subject_, " cannot be opened: ", std::strerror(errno)));
-    }
-    ~TableBytes() override {
-        if (own_ >= 0) ::close(own_);
-    }
-    TableBytes(const TableBytes&) = delete;
-    TableBytes& operator=(const TableBytes&) = delete;
-
-private:
-    int_type underflow() override {
-        constexpr int look_ms = 100;  // a signal ends poll, but not one just before it
-        for (;;) {
-            stop_.check();
-            pollfd input{in_, POLLIN, 0};
-            const int ready = ::poll(&input, 1, look_ms);
-            if (ready == 0 || (ready < 0 && errno == EINTR)) continue;
-            const ssize_t got = ::read(in_, buffer_.data(), buffer_.size());
-            if (got < 0 && (errno == EINTR || errno == EAGAIN)) continue;
-            if (got < 0) throw IoError(text(subject_, " cannot be read: ", std::strerror(errno)));
-            setg(buffer_.data(), buffer_.data(), buffer_.data() + got);
-            return got == 0 ? traits_type::eof() : traits_type::to_int_type(buffer_[0]);
-        }
-    }
-
-    std::string subject_;
-    const Stop& stop_;
-    int in_ = STDIN_FILENO, own_ = -1;
-    std::array<char, 65536> buffer_{};
-};
-
 void evaluate_table(const Model& model, const Fixed& fixed, const Settings& settings, const Stop& stop) {
     const std::string& path = settings.table;
     const std::string subject = path == "-" ? "table on standard input" : text("table ", in_quotes(path));
     if (path != "-") check_names({{"output", settings.output}}, {{"in", path}});
-    TableBytes bytes(path, subject, stop);
-    std::istream table(&bytes);
-    table.exceptions(std::ios::badbit);
+    TableStream table(path, subject, stop);
     TableEvaluation evaluation(model, fixed, subject, table);
     Sink sink(settings.output, settings.overwrite);
     evaluation.run(sink, settings.digits, stop);

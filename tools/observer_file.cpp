@@ -1,9 +1,6 @@
 #include "tools/observer_file.hpp"
 
-#include <cerrno>
-#include <cstring>
 #include <filesystem>
-#include <fstream>
 #include <numbers>
 #include <system_error>
 
@@ -12,6 +9,7 @@
 #include "lib/seen_counts.hpp"
 #include "tiles/point_file.hpp"
 #include "tools/table_file.hpp"
+#include "tools/table_stream.hpp"
 
 namespace wedgescope {
 namespace {
@@ -95,11 +93,9 @@ Observers finish(const std::string& path, const std::string& subject, bool is_ta
     return Observers(path, is_table, lat_lon, std::move(all));
 }
 
-Observers read_table(const std::string& path, bool altitude_given) {
+Observers read_table(const std::string& path, bool altitude_given, const Stop& stop) {
     const std::string subject = text("observers ", in_quotes(path));
-    errno = 0;
-    std::ifstream file(path, std::ios::binary);
-    if (!file) throw IoError(text(subject, " cannot be opened: ", std::strerror(errno)));
+    TableStream file(path, subject, stop);
     TableReader table(subject, file, names, accepted_columns, true);
     table.read_header();
     const bool lat_lon = has_lat_lon(table, lat, lon, x, y);
@@ -199,7 +195,7 @@ Scene Observers::scene(const Scene& base, std::size_t i) const {
 }
 
 Observers read_observers(const std::string& path, const std::string& layer, bool altitude_given,
-                         const DataBase& data_base) {
+                         const DataBase& data_base, const Stop& stop) {
     const std::string ending = lower_case(std::filesystem::path(path).extension().string());
     std::error_code ignored;
     const std::filesystem::file_status file = std::filesystem::status(path, ignored);
@@ -209,7 +205,7 @@ Observers read_observers(const std::string& path, const std::string& layer, bool
     if (!layer.empty())
         throw InputError(text("observers-layer is ", in_quotes(layer), ", and observers ", in_quotes(path),
                               " is a table, which has none"));
-    return read_table(path, altitude_given);
+    return read_table(path, altitude_given, stop);
 }
 
 }  // namespace wedgescope

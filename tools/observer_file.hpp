@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "lib/scene.hpp"
+#include "lib/stop.hpp"
 #include "lib/wedge_source.hpp"
 
 namespace wedgescope {
@@ -43,10 +44,10 @@ private:
     std::vector<Observer> all_;
 };
 
-/// A path that ends in .csv is a table; all else is GDAL's. `layer`: of a vector file; empty: the only one. `altitude_given`:
+/// A path that ends in .csv is a table, and so is a pipe; all else is GDAL's. `layer`: of a vector file; empty: the only one. `altitude_given`:
 /// the scene has an altitude for those that the file gives none. InputError, DataError, IoError naming file and line or
 /// feature.
 Observers read_observers(const std::string& path, const std::string& layer, bool altitude_given,
-                         const DataBase& data_base);
+                         const DataBase& data_base, const Stop& stop);
 
 }  // namespace wedgescope

@@ -356,7 +356,8 @@ void coverage_of_observers(const Settings& given, double start_s, Stop& stop) {
     std::optional<Observers> observers;
     std::optional<std::size_t> largest;
     const auto read = [&](const DataBase& data_base) {
-        observers = read_observers(settings.observers, settings.observers_layer, settings.altitude_given, data_base);
+        observers =
+            read_observers(settings.observers, settings.observers_layer, settings.altitude_given, data_base, stop);
         if (settings.at_least && *settings.at_least > static_cast<std::int64_t>(observers->size()))
             throw InputError(text("at-least is ", *settings.at_least, ", and observers ", in_quotes(settings.observers),
                                   " holds ", observers->size(), "; accepted: at most so many"));

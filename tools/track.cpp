@@ -533,7 +533,7 @@ std::string heading_beside(const Settings& settings) {
 
 void simulate_track(const Settings& given, double start_s, Stop& stop) {
     Settings settings = given;
-    const Track track = read_track(settings.track, {settings.scene.platform.heading, heading_beside(settings)});
+    const Track track = read_track(settings.track, {settings.scene.platform.heading, heading_beside(settings)}, stop);
     const Frames frames(settings, track);
     const GdalSession session(cache_bytes(settings), settings.config);
     check_outputs(settings, frames);

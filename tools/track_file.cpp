@@ -2,16 +2,12 @@
 
 #include <fmt/format.h>
 
-#include <cerrno>
-#include <cstring>
-#include <filesystem>
-#include <fstream>
 #include <numbers>
-#include <system_error>
 #include <vector>
 
 #include "lib/error.hpp"
 #include "tools/table_file.hpp"
+#include "tools/table_stream.hpp"
 
 namespace wedgescope {
 namespace {
@@ -97,12 +93,8 @@ Track track_from(const std::string& path, std::istream& content, const ScenesHea
     return Track(table.has(lat), altitude, std::move(points));
 }
 
-Track read_track(const std::string& path, const ScenesHeading& heading) {
-    std::error_code ignored;
-    if (std::filesystem::is_directory(path, ignored)) throw IoError(text("track ", in_quotes(path), " is a folder"));
-    errno = 0;
-    std::ifstream file(path, std::ios::binary);
-    if (!file) throw IoError(text("track ", in_quotes(path), " cannot be opened: ", std::strerror(errno)));
+Track read_track(const std::string& path, const ScenesHeading& heading, const Stop& stop) {
+    TableStream file(path, text("track ", in_quotes(path)), stop);
     return track_from(path, file, heading);
 }
 

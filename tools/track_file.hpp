@@ -3,6 +3,7 @@
 #pragma once
 #include <string>
 
+#include "lib/stop.hpp"
 #include "lib/track.hpp"
 
 namespace wedgescope {
@@ -18,7 +19,7 @@ struct ScenesHeading {
 };
 
 /// InputError naming file, line, column, what was found and what is accepted; IoError.
-Track read_track(const std::string& path, const ScenesHeading& heading);
+Track read_track(const std::string& path, const ScenesHeading& heading, const Stop& stop);
 /// The same of its content.
 Track track_from(const std::string& path, std::istream& content, const ScenesHeading& heading);
 
