@@ -103,13 +103,20 @@ void Cover::pass_voids(Desk& desk, Interval window, bool behind) {
         const float lift = desk.lift[g] + static_cast<float>(part) * (desk.lift[g + 1] - desk.lift[g]),
                     drop = desk.drop[g] + static_cast<float>(part) * (desk.drop[g + 1] - desk.drop[g]);
         if (!open) s.voids.lift[i] = lift, s.voids.drop[i] = drop;
-        for (std::int64_t j : {c, next})
-            if (!is_void(line[j])) top = std::max(top, line[j]);
+        // The corners of the cells on the way from the line behind: of one that it leaves by a side those too between which it
+        // passes neither line.
+        std::int64_t first = c, last = next;
         if (behind) {
             const double y0 = desk.at_behind[g] + part * (desk.at_behind[g + 1] - desk.at_behind[g]);
             const std::int64_t b = floor_i(y0);
-            for (std::int64_t j : {b, y0 > static_cast<double>(b) ? b + 1 : b})
-                if (inside(j) && !is_void(before[j])) top = std::max(top, before[j]);
+            first = std::min(first, b);
+            last = std::max(last, y0 > static_cast<double>(b) ? b + 1 : b);
+        }
+        first = std::max(first, window.begin);
+        last = std::min(last, window.end - 1);
+        for (std::int64_t j = first; j <= last; ++j) {
+            if (!is_void(line[j])) top = std::max(top, line[j]);
+            if (behind && !is_void(before[j])) top = std::max(top, before[j]);
         }
         if (top > -std::numeric_limits<float>::infinity()) {
             const float w = lift_.w(top - lift_.sensor_m);

@@ -381,6 +381,33 @@ TEST_CASE("seams at diagonals and axes do not show", "[coverage][seam][quick]") 
     CHECK(bad <= posts / 400);
 }
 
+TEST_CASE("a tower within a void may hide posts behind all four cells round it", "[coverage][quick]") {
+    // A post of 400 m, all round it void; a ray from the south-west may leave a cell of it by a side, between two lines.
+    MemorySource source(201, 201, post_m, [](double c, double r) {
+        if (c == 75 && r == 125) return 400.0;
+        return c > 70 && c < 80 && r > 120 && r < 130 ? std::numeric_limits<double>::quiet_NaN() : 0.0;
+    });
+    Scene scene = scene_at(60.3, 140.7, 300);
+    const auto azimuth = [](double c, double r) { return std::atan2(c - 60.3, 140.7 - r); };
+    const double first = azimuth(74, 124), last = azimuth(76, 126);
+    for (const Quality quality : {Quality::draft, Quality::exact}) {
+        scene.quality = quality;
+        const Result states = look(source, scene, layer(CoverageLayer::states));
+        int behind = 0, beside = 0, wrong = 0;
+        for (std::int64_t r = 0; r < 120; ++r)
+            for (std::int64_t c = 81; c < 201; ++c) {
+                const double at = azimuth(static_cast<double>(c), static_cast<double>(r));
+                const bool hidden = at > first && at < last;
+                ++(hidden ? behind : beside);
+                wrong += states.at(c, r) != (hidden ? 3 : 2);
+            }
+        INFO(word(quality) << ": " << wrong << " wrong of " << behind << " behind it and " << beside << " beside");
+        CHECK(behind > 500);
+        CHECK(beside > 5000);
+        CHECK(wrong <= behind / 25);
+    }
+}
+
 TEST_CASE("voids are no data, hide nothing, and what they may hide is unknown", "[coverage][quick]") {
     // A hill of 60 m stands round a void on the way east.
     const auto ground = [](double c, double r) -> double {
