@@ -57,7 +57,7 @@ PatternTable::PatternTable(const AntennaParams& antenna) {
             const bool end = &point == &antenna.points.front() || &point == &antenna.points.back();
             (end && point.gain.db() > antenna.floor.db() ? drops : bends).push_back(-std::sin(depression));
         }
-    // A shaped pattern of an antenna that looks up drops to the floor 90 degrees below its axis, or bends there all but upright.
+    // A shaped pattern of an antenna that looks up drops to the floor 90 degrees below its axis, or goes there all but upright.
     const bool shaped = antenna.elevation == ElevationPattern::csc2 || antenna.elevation == ElevationPattern::cos_csc2;
     if (shaped && antenna.tilt.rad() < 0) drops.push_back(-std::cos(antenna.tilt.rad()));
     // A sharp bend between two steep slopes takes finer entries than the shaped patterns do.

@@ -91,7 +91,8 @@ TEST_CASE("a second signal, some time after the first, ends a program that hangs
     const Folder folder;
     const std::string pipe = folder.file("pipe");
     REQUIRE(::mkfifo(pipe.c_str(), 0600) == 0);
-    const pid_t child = folder.start({"evaluate", "horizon", "--in", "pipe"});  // waits for who writes it
+    // Waits for who writes it.
+    const pid_t child = folder.start({"evaluate", "antenna-elevation", "delta=1deg", "antenna=pipe"});
     const auto catches = [&] {  // the program, no longer the fork of this test, which may catch it too
         const std::string process = "/proc/" + std::to_string(child);
         if (fs::read_symlink(process + "/exe") != fs::canonical(WEDGESCOPE_PROGRAM)) return false;
