@@ -484,11 +484,10 @@ void Front::find_facet(std::size_t i, std::size_t lane, Samples& next, double be
         SampleLanes lanes() { return {&part, &minor, &arc, &height, &up, &out, nullptr, nullptr, nullptr}; }
     };
     const auto end_at = [&](double u) {
-        const auto at = [u](const double* a, const double* b) { return *a + u * (*b - *a); };
         const double raised = bump_[i] * 4 * u * (1 - u);
-        return End{at(from.part, to.part),          at(from.minor, to.minor),
-                   at(from.arc_m, to.arc_m),        at(from.height_m, to.height_m) + raised,
-                   at(from.up_m, to.up_m) + raised, at(from.out_m, to.out_m)};
+        return End{linear(*from.part, *to.part, u),          linear(*from.minor, *to.minor, u),
+                   linear(*from.arc_m, *to.arc_m, u),        linear(*from.height_m, *to.height_m, u) + raised,
+                   linear(*from.up_m, *to.up_m, u) + raised, linear(*from.out_m, *to.out_m, u)};
     };
     End first = end_at(begin), last = end_at(end);
     facet_lanes(1, {first.lanes(), last.lanes(), posts_.data() + 2 * i, posts_.data() + 2 * tile_lanes + 2 * i,
@@ -504,10 +503,9 @@ double Front::power_of(std::size_t lane, double sine0, double sine1, double rang
 
 PieceEnd Front::point_of_piece(std::size_t i, Samples& next, double u) {
     const SampleLanes from = now_.lanes(i), to = next.lanes(i);
-    const auto at = [u](const double* a, const double* b) { return *a + u * (*b - *a); };
-    const double up = at(from.up_m, to.up_m) + bump_[i] * 4 * u * (1 - u), out = at(from.out_m, to.out_m),
-                 range = std::sqrt(up * up + out * out);
-    return {u, range, up / range, scene_->range_is_ground ? at(from.x, to.x) : range * bins_per_metre_};
+    const double up = linear(*from.up_m, *to.up_m, u) + bump_[i] * 4 * u * (1 - u),
+                 out = linear(*from.out_m, *to.out_m, u), range = std::sqrt(up * up + out * out);
+    return {u, range, up / range, scene_->range_is_ground ? linear(*from.x, *to.x, u) : range * bins_per_metre_};
 }
 
 void Front::rise(std::size_t lane, std::size_t i, const Between& between, Samples& next, double begin,
@@ -522,9 +520,8 @@ void Front::rise(std::size_t lane, std::size_t i, const Between& between, Sample
     double near = std::min(first.x, last.x), far = std::max(first.x, last.x);
     if (own || shore_) {
         const auto track = [&](const PieceEnd& a, const PieceEnd& b) {
-            const auto at = [](const double* zero, const double* one, double u) { return *zero + u * (*one - *zero); };
-            return Track{between.major(at(from.part, to.part, a.part)), at(from.minor, to.minor, a.part),
-                         between.major(at(from.part, to.part, b.part)), at(from.minor, to.minor, b.part)};
+            return Track{between.major(linear(*from.part, *to.part, a.part)), linear(*from.minor, *to.minor, a.part),
+                         between.major(linear(*from.part, *to.part, b.part)), linear(*from.minor, *to.minor, b.part)};
         };
         const auto deposit = [&](const PieceEnd& a, const PieceEnd& b, double bent) {
             find_facet(i, lane, next, a.part, b.part);

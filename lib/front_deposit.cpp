@@ -382,9 +382,8 @@ ShorePoint Front::shore_point(std::size_t lane, const SampleLanes& from, const S
     const double inverse = lanes_.inverse_radius[lane];
     if (u == 0) return {*from.sine, *from.up_m, *from.out_m, *from.height_m, *from.arc_m * inverse};
     if (u == 1) return {*to.sine, *to.up_m, *to.out_m, *to.height_m, *to.arc_m * inverse};
-    const auto at = [u](const double* a, const double* b) { return *a + u * (*b - *a); };
-    return {at(from.sine, to.sine), at(from.up_m, to.up_m), at(from.out_m, to.out_m), at(from.height_m, to.height_m),
-            at(from.arc_m, to.arc_m) * inverse};
+    return {linear(*from.sine, *to.sine, u), linear(*from.up_m, *to.up_m, u), linear(*from.out_m, *to.out_m, u),
+            linear(*from.height_m, *to.height_m, u), linear(*from.arc_m, *to.arc_m, u) * inverse};
 }
 
 Front::Found Front::find_cells(std::size_t i, const CulturePieces& pieces, CultureScene& scene) {
