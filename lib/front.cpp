@@ -526,7 +526,8 @@ void Front::rise(std::size_t lane, std::size_t i, const Between& between, Sample
         const auto deposit = [&](const PieceEnd& a, const PieceEnd& b, double bent) {
             find_facet(i, lane, next, a.part, b.part);
             const double power = power_of(lane, a.sine, b.sine, a.range_m, b.range_m),
-                         fall = echo_bow(a.sine, b.sine, a.range_m, b.range_m, *scene_->pattern);
+                         fall =
+                             echo_bow(a.sine, b.sine, a.range_m, b.range_m, *scene_->pattern, scene_->range_is_ground);
             put(lane,
                 {{a.x, b.x, power, std::clamp(bent + fall, -1.0, 1.0)},
                  track(a, b),
@@ -547,7 +548,8 @@ void Front::rise(std::size_t lane, std::size_t i, const Between& between, Sample
             const PieceEnd middle = point_of_piece(i, next, 0.5 * (a.part + b.part));
             const double power = (middle.sine - a.sine) / (b.sine - a.sine), way = (middle.x - a.x) / (b.x - a.x);
             if (!(way > 0.1 && way < 0.9)) return otherwise;
-            return (power - way) / (way * (1 - way)) - 2 * (b.range_m - a.range_m) / (a.range_m + b.range_m);
+            return (power - way) / (way * (1 - way)) - 2 * (b.range_m - a.range_m) / (a.range_m + b.range_m) +
+                   (scene_->range_is_ground ? cosine_growth(a.sine, b.sine) : 0);
         };
         const auto together = [&](const PieceEnd& a, const PieceEnd& b, double most) {
             const double part = b.part - a.part;

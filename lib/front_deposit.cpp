@@ -170,8 +170,9 @@ void Front::put_pieces(const Between& between) {
         straddlers_[straddling_] = static_cast<std::int32_t>(i);
         straddling_ += second[i] > 0 ? 1 : 0;
     }
-    const Shading shading{column(P::horizon), column(P::sine),  column(P::range0), column(P::range1),
-                          column(P::rise),    column(P::swing), power_.data(),     bow_.data()};
+    const Shading shading{column(P::horizon),      column(P::sine), column(P::range0),
+                          column(P::range1),       column(P::rise), column(P::swing),
+                          scene_->range_is_ground, power_.data(),   bow_.data()};
     power_lanes(whole_registers(n), shading, *scene_->pattern, scene_->constant);
     const auto of_spokes = [&](const LaneArray& from, LaneArray& to) {
         for (std::size_t i = 0; i < n; ++i) to[i] = from[lane_of_piece(i)];

@@ -129,6 +129,14 @@ MiddleGain middle_gain(double sine0, double sine1, const PatternTable& pattern) 
     return {gain, 0.5 * (sine1 - sine0) * pattern.slope(middle) / gain};
 }
 
+/// cosine_growth(), also in lanes.
+WEDGESCOPE_LANES_PART double growth_of_cosine(double sine0, double sine1) {
+    const double square0 = 1 - sine0 * sine0, square1 = 1 - sine1 * sine1,
+                 cosine0 = std::sqrt(square0 > 0 ? square0 : 0.0), cosine1 = std::sqrt(square1 > 0 ? square1 : 0.0),
+                 both = cosine0 + cosine1;
+    return (cosine1 - cosine0) / (both > 1e-30 ? both : 1e-30);
+}
+
 double middle_range_m(double range0_m, double range1_m) { return std::max(1.0, 0.5 * (range0_m + range1_m)); }
 
 WEDGESCOPE_LANES_PART void powers(std::size_t n, const Shading& shading, const PatternTable& pattern,
@@ -143,11 +151,16 @@ WEDGESCOPE_LANES_PART void powers(std::size_t n, const Shading& shading, const P
     const auto entries = static_cast<float>(half);
     const int last = pattern.intervals() - 1;
     constexpr std::size_t block = 64;
-    float part[block];
+    float part[block], lean[block] = {};
     int index[block];
     float pair[2 * block];
     for (std::size_t at = 0; at < n; at += block) {
         const std::size_t m = std::min(block, n - at);
+        if (shading.range_is_ground) {
+            WEDGESCOPE_INDEPENDENT
+            for (std::size_t i = 0; i < m; ++i)
+                lean[i] = static_cast<float>(growth_of_cosine(horizon[at + i], sine[at + i]));
+        }
         WEDGESCOPE_INDEPENDENT
         for (std::size_t i = 0; i < m; ++i) {
             const double place = (0.5 * (horizon[at + i] + sine[at + i]) + 1) * half;
@@ -171,7 +184,7 @@ WEDGESCOPE_LANES_PART void powers(std::size_t n, const Shading& shading, const P
             power[at + i] = constant * up * (static_cast<double>(mean) * static_cast<double>(inverse * inverse));
             // As echo_bow().
             const float fall = 2 * longer * inverse,
-                        bent = swung / (over > 1e-30F ? over : 1e-30F) + fall - swell;
+                        bent = swung / (over > 1e-30F ? over : 1e-30F) + fall - swell - lean[i];
             bow[at + i] = bent < -1 ? -1.0F : bent > 1 ? 1.0F : bent;
         }
     }
@@ -235,8 +248,12 @@ void power_lanes(std::size_t n, const Shading& shading, const PatternTable& patt
     on_target<powers>(n, shading, pattern, constant);
 }
 
-double echo_bow(double sine0, double sine1, double range0_m, double range1_m, const PatternTable& pattern) noexcept {
-    return 2 * (range1_m - range0_m) / middle_range_m(range0_m, range1_m) - middle_gain(sine0, sine1, pattern).swell;
+double cosine_growth(double sine0, double sine1) noexcept { return growth_of_cosine(sine0, sine1); }
+
+double echo_bow(double sine0, double sine1, double range0_m, double range1_m, const PatternTable& pattern,
+                bool range_is_ground) noexcept {
+    return 2 * (range1_m - range0_m) / middle_range_m(range0_m, range1_m) - middle_gain(sine0, sine1, pattern).swell -
+           (range_is_ground ? cosine_growth(sine0, sine1) : 0);
 }
 
 double piece_power(double sine0, double sine1, double range0_m, double range1_m, const PatternTable& pattern,

@@ -49,6 +49,7 @@ struct Shading {
     const double *horizon, *sine;       ///< in: elevation of start and end: the old horizon and the new one
     const double *range0_m, *range1_m;  ///< in: of start and end
     const double *rise, *swing;         ///< in: as StepLanes
+    bool range_is_ground;               ///< in: bins count ground range
     double* power;                      ///< out, as WedgeCells::Portion, without backscatter
     float* bow;                         ///< out, as there
 };
@@ -77,10 +78,15 @@ void facet_lanes(std::size_t n, const FacetLanes& facets) noexcept;
 void weaken_lanes(std::size_t n, const Shading& shading, const double* inverse_radius,
                   const PathLossTable& loss) noexcept;
 
+/// How much the cosine of the elevation grows from a piece's middle to either end, over its value there; 0 of a piece that
+/// stands upright below the sensor.
+double cosine_growth(double sine0, double sine1) noexcept;
+
 /// The bow of a portion by range and pattern alone: g_el^2 / r^4 over its value at the middle is 1 + bow (1 - 2 u) at part
-/// u of the way, to first order. Left out: what weather takes on the way, and that in bins of ground range (gpi-true) the
-/// echo also falls towards the nadir, as the cosine of the depression does.
-double echo_bow(double sine0, double sine1, double range0_m, double range1_m, const PatternTable& pattern) noexcept;
+/// u of the way, to first order. In bins of ground range (gpi-true) the echo also falls towards the nadir, as the cosine of the
+/// elevation does: a step of ground is seen under d(sin e) = cos e (z_s out - up) / r^2. Left out: what weather takes on the way.
+double echo_bow(double sine0, double sine1, double range0_m, double range1_m, const PatternTable& pattern,
+                bool range_is_ground) noexcept;
 
 /// The same power of one piece.
 double piece_power(double sine0, double sine1, double range0_m, double range1_m, const PatternTable& pattern,

@@ -356,7 +356,7 @@ TEST_CASE("bins in doubt are the same after a stop, in parts, and of wedges that
     CHECK(taken_up(again) == refined(whole));
 }
 
-TEST_CASE("bins in doubt are the same from blocks on disk, and of a part of the wedges alone", "[refine]") {
+TEST_CASE("bins in doubt are the same from blocks on disk, and of a part of the wedges alone", "[refine][long]") {
     const GdalSession session(4 << 20, {});
     const Folder folder;
     const DataBaseParams db = draw_thickets(folder);
@@ -404,7 +404,7 @@ TEST_CASE("bins in doubt are the same from blocks on disk, and of a part of the 
     CHECK(checked == 4);
 }
 
-TEST_CASE("bins in doubt of ground range are the same in every split", "[refine]") {
+TEST_CASE("bins in doubt of ground range are the same in every split", "[refine][long]") {
     const GdalSession session(32 << 20, {});
     const Folder folder;
     const auto source = open_direct_source(draw_thickets(folder));
@@ -460,7 +460,7 @@ TEST_CASE("a sector that begins or ends between two bins in doubt sweeps the sam
     CHECK(parts > 1);
 }
 
-TEST_CASE("bins in doubt look past the seam of a raster round the whole earth", "[refine]") {
+TEST_CASE("bins in doubt look past the seam of a raster round the whole earth", "[refine][long]") {
     const GdalSession session(32 << 20, {});
     const Folder folder;
     Drawing d;
@@ -486,7 +486,7 @@ TEST_CASE("bins in doubt look past the seam of a raster round the whole earth", 
     }
 }
 
-TEST_CASE("bins in doubt of a scan, and of a frame beside others, are those of the plain picture", "[refine]") {
+TEST_CASE("bins in doubt of a scan, and of a frame beside others, are those of the plain picture", "[refine][long]") {
     const GdalSession session(32 << 20, {});
     const Folder folder;
     SharedSource source(open_direct_source(draw_thickets(folder)), std::size_t{1} << 30);

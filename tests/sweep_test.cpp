@@ -494,8 +494,8 @@ TEST_CASE("inside a piece the echo lies in range as rise and range say", "[sweep
             sine1[i] = up1[i] / range1[i];
         }
         power_lanes(n,
-                    {sine0.data(), sine1.data(), range0.data(), range1.data(), rise.data(), swing.data(), power.data(),
-                     bow.data()},
+                    {sine0.data(), sine1.data(), range0.data(), range1.data(), rise.data(), swing.data(), false,
+                     power.data(), bow.data()},
                     pattern, 1);
         for (std::size_t i = 0; i < n; ++i) {
             // In small steps, what each adds, and where its middle lies.
@@ -517,13 +517,38 @@ TEST_CASE("inside a piece the echo lies in range as rise and range say", "[sweep
             worst = std::max(worst, std::abs(moment / sum - (0.5 - static_cast<double>(bow[i]) / 6)));
             without_fall = std::max(without_fall, std::abs(moment / sum - plain_moment / plain));
             worst_power = std::max(worst_power, std::abs(power[i] / sum - 1));
-            const double fall = echo_bow(sine0[i], sine1[i], range0[i], range1[i], pattern);
+            const double fall = echo_bow(sine0[i], sine1[i], range0[i], range1[i], pattern, false);
             CHECK(std::abs(plain_moment / plain - fall / 6 - moment / sum) < 0.006);
         }
     }
     CHECK(worst < 0.005);
     CHECK(worst_power < 0.03);
     CHECK(without_fall > 0.03);
+}
+
+TEST_CASE("on ground range a piece below the sensor returns the more the farther it is from the nadir", "[sweep]") {
+    AntennaParams antenna;
+    antenna.elevation = ElevationPattern::points;  // the same gain everywhere
+    antenna.points = {{Angle::degrees(-180), Decibel(0)}, {Angle::degrees(180), Decibel(0)}};
+    const PatternTable pattern(antenna);
+    for (const double out0 : {0.0, 1.0, 30.0, 60.0, 300.0, 3000.0})
+        for (const double up : {-1000.0, -5000.0}) {
+            CAPTURE(out0, up);
+            const double out1 = out0 + 30, range0 = std::hypot(up, out0), range1 = std::hypot(up, out1),
+                         sine0 = up / range0, sine1 = up / range1, rise = up * (out0 - out1), swing = 0;
+            // A level plain: K d(sin e) / r^2 upto a part u of the way is -K up / 3 (r0^-3 - r(u)^-3).
+            const auto upto = [&](double u) {
+                const double out = out0 + 30 * u, more = 30 * u * (out0 + out);  // of the square of range
+                return -std::expm1(-1.5 * std::log1p(more / (range0 * range0)));
+            };
+            double power = 0;
+            float bow = 0;
+            power_lanes(1, {&sine0, &sine1, &range0, &range1, &rise, &swing, true, &power, &bow}, pattern, 1);
+            const double alone = echo_bow(sine0, sine1, range0, range1, pattern, true);
+            CHECK(std::abs(alone - static_cast<double>(bow)) < 1e-5);
+            for (const double u : {0.1, 0.25, 0.5, 0.75, 0.9})
+                CHECK(std::abs(u + alone * u * (1 - u) - upto(u) / upto(1)) < 2e-4);
+        }
 }
 
 TEST_CASE("what a parabola shows over a horizon is what walking along it shows", "[sweep]") {

@@ -165,7 +165,7 @@ Bytes sweep_of(unsigned seed) {
         record.put(ahead_posts);
         power_lanes(n,
                     {sine0.data(), to.sine.data(), from.range.data(), to.range.data(), rise.data(), swing.data(),
-                     power.data(), bow.data()},
+                     n % 2 == 0, power.data(), bow.data()},
                     pattern, 1e-3);
         for (const auto* out : {&cell, &to.part, &to.minor, &to.arc, &to.height, &to.up, &to.out, &to.range, &to.sine,
                                 &to.x, &horizon, &least, &most, &bump, &rise, &swing, &sine0, &code, &power})
