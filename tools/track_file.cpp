@@ -43,7 +43,7 @@ void check_columns(const TableReader& table) {
 TrackPoint point(const TableReader& table, Angle heading) {
     TrackPoint p;
     p.line = table.line();
-    p.time_s = table.value(time_field);
+    p.time_s = table.value_within(time_field, -1e15, 1e15, "from -1e15 to 1e15 seconds");
     if (table.has(lat)) {
         p.first = table.value_within(lat, -90, 90, "from -90 to 90 degrees");
         p.second = table.value_within(lon, -360, 360, "from -360 to 360 degrees");
