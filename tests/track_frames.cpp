@@ -129,6 +129,25 @@ TEST_CASE("noise and speckle are another draw in each frame of a track, and with
     CHECK(alike({"--noise", "off", "--speckle", "0"}));
 }
 
+TEST_CASE("a track comes through standard input too", "[track]") {
+    const Folder folder;
+    draw_data(folder);
+    write_track(folder);
+    REQUIRE(simulate(folder, {"--track", folder / "track.csv", "-o", folder / "named.png"}).code == 0);
+    const auto piped = [&](const std::string& table) {
+        return wait_for(start({program, "simulate", folder / "scene.ini", "--track", "-", "-o", folder / "piped.png"},
+                              folder / "log", "/dev/null", table),
+                        folder / "log");
+    };
+    REQUIRE(piped(folder / "track.csv").code == 0);
+    for (std::size_t i = 1; i <= rows.size(); ++i) {
+        const std::string frame = "_000" + std::to_string(i) + ".png";
+        CHECK(content(folder / ("piped" + frame)) == content(folder / ("named" + frame)));
+    }
+    std::ofstream(folder / "bad.csv") << "time,x,y\n";
+    CHECK_THAT(piped(folder / "bad.csv").err, Contains("wedgescope: track on standard input"));
+}
+
 TEST_CASE("two frames far apart over fine ground have the levels of detail that each has alone", "[track][long]") {
     const Folder folder;
     Drawing d;

@@ -125,6 +125,8 @@ TEST_CASE("a bad line of a track is named with what was found and what is accept
     CHECK_THAT(refused(head + "0,33,-117,1000,400\n"),
                Contains("column heading is '400'; it must be from -360deg to 360deg"));
     CHECK_THAT(refused(head + "0,33,-117,1000,nan\n"), Contains("column heading is 'nan'"));
+    CHECK_THAT(refused(head + "-1e308,33,-117,1000,0\n1e308,33,-117,1000,0\n"),
+               Contains("column time is '-1e308'; it must be from -1e15 to 1e15 seconds"));
     CHECK_THAT(refused(head + "0,33,-117,2000km,0\n"), Contains("from -10km to 1000km"));
     CHECK(refused(head + "0,33,-117,1000,0\n1,33,-117,1000,\"0\n\"\n") ==
           "track 't.csv', line 3: cell 5 begins with a double quote that nothing closes; a quoted cell must end on its "

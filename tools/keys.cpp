@@ -101,7 +101,7 @@ void add_position(Table& t) {
         Key& track =
             t.add("track", path([](auto& s) -> auto& { return s.track; }), "",
                   "CSV table of times, positions, altitudes and headings, instead of one of each: a picture a row, "
-                  "numbered scope_0001.png and so on");
+                  "numbered scope_0001.png and so on; - is standard input");
         track.exclusive = Exclusive::track;
         track.changes_result = false;
     }

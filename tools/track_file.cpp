@@ -64,10 +64,14 @@ TrackPoint point(const TableReader& table, Angle heading) {
     return p;
 }
 
+std::string subject_of(const std::string& path) {
+    return path == "-" ? "track on standard input" : text("track ", in_quotes(path));
+}
+
 }  // namespace
 
 Track track_from(const std::string& path, std::istream& content, const ScenesHeading& heading) {
-    const std::string subject = text("track ", in_quotes(path));
+    const std::string subject = subject_of(path);
     TableReader table(subject, content, columns, accepted_columns, false);
     table.read_header();
     check_columns(table);
@@ -94,7 +98,7 @@ Track track_from(const std::string& path, std::istream& content, const ScenesHea
 }
 
 Track read_track(const std::string& path, const ScenesHeading& heading, const Stop& stop) {
-    TableStream file(path, text("track ", in_quotes(path)), stop);
+    TableStream file(path, subject_of(path), stop);
     return track_from(path, file, heading);
 }
 
