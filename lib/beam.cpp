@@ -118,7 +118,7 @@ Resolution::Resolution(const BeamSetting& setting, std::int64_t circle_bins, dou
     : circle_bins_(circle_bins),
       outputs_(outputs), sources_{std::max<std::int64_t>(0, outputs.begin - lead_in_bins(setting, range_bin_m)),
                                   outputs.end},
-      skirt_(skirt_bins(setting, circle_bins)), pulse_per_bin_(setting.range_is_ground && setting.pulse_length_error) {
+      skirt_(skirt_bins(setting, circle_bins)), pulse_per_bin_(setting.range_is_ground) {
     const double step_rad = 2 * std::numbers::pi / static_cast<double>(circle_bins);
     const std::int64_t neighbours = neighbour_bins(setting.antenna, 1, circle_bins);
     const auto n = static_cast<std::size_t>(sources_.size());
@@ -159,12 +159,12 @@ Resolution::Resolution(const BeamSetting& setting, std::int64_t circle_bins, dou
     const std::int64_t kinds = pulse_per_bin_ ? outputs_.size() : 1;
     for (std::int64_t k = 0; k < kinds; ++k) {
         const double range_m = middle_m(outputs_.begin + k, range_bin_m);
-        const double width = pulse_width_bins(setting, setting.pulse_length_scale, range_bin_m, range_m);
-        std::vector<double> weights = pulse_weights(width);
-        if (setting.pulse_length_scale != 1)
-            for (double& weight : weights) weight *= pulse_width_bins(setting, 1, range_bin_m, range_m) / width;
+        const double width = pulse_width_bins(setting, setting.pulse_length_scale, range_bin_m, range_m),
+                     total = pulse_width_bins(setting, 1, range_bin_m, range_m);
         // Without the pulse's length the same total falls into the own bin (weights of any width add up to it).
-        if (!setting.pulse_length_error) weights = {setting.pulse_extent_m / range_bin_m};
+        std::vector<double> weights = setting.pulse_length_error ? pulse_weights(width) : std::vector{total};
+        if (setting.pulse_length_error && setting.pulse_length_scale != 1)
+            for (double& weight : weights) weight *= total / width;
         for (double& weight : weights) weight = root(weight);
         pulse_.push_back(std::move(weights));
     }

@@ -10,11 +10,13 @@
 namespace wedgescope {
 
 Quanta quanta(Interval range_bins, double range_bin_m, double radar_constant, double most_pattern2,
-              double azimuth_step_rad, double most_gamma) {
+              double azimuth_step_rad, double most_gamma, const NearestGround& below) {
     Quanta q;
     q.range_bins = range_bins;
     for (std::int64_t j = range_bins.begin; j < range_bins.end; ++j) {
-        const double near_m = std::max(1.0, static_cast<double>(j) * range_bin_m);
+        const double edge_m = static_cast<double>(j) * range_bin_m,
+                     least_m = edge_m + range_bin_m <= below.reach_m ? below.range_m : 1,
+                     near_m = std::max(least_m, edge_m);
         const double most = radar_constant * most_pattern2 * 2 * azimuth_step_rad * most_gamma / (near_m * near_m);
         int exponent = 0;  // nothing returns anything
         if (most > 0) {

@@ -18,15 +18,20 @@ enum StateBit : std::uint8_t { bit_no_data = 1, bit_shadow = 2, bit_unknown = 4,
 
 /// What turns a deposit into a whole number: for each range bin, quantum = the least power of two >= B 2^-61, B the
 /// most that a cell of the bin can hold: constant * most_pattern2 * 2 * azimuth_step * most_gamma / r^2, r the bin's
-/// near edge, at least 1 m.
+/// near edge, at least 1 m; in bins of ground range (gpi-true) that lie below the sensor, where all ground is farther than that,
+/// how far it is at the least.
 struct Quanta {
     Interval range_bins;
     std::vector<double> watts;    ///< of one quantum
     std::vector<double> inverse;  ///< exactly 1 / watts
     std::vector<Interval> runs;   ///< of range bins with one quantum, in order
 };
+/// Bins that end within a reach of the nadir hold nothing that is nearer.
+struct NearestGround {
+    double reach_m = 0, range_m = 1;
+};
 Quanta quanta(Interval range_bins, double range_bin_m, double radar_constant, double most_pattern2,
-              double azimuth_step_rad, double most_gamma);
+              double azimuth_step_rad, double most_gamma, const NearestGround& below = {});
 
 /// Cells of one wedge: `rows` azimuth bins x range bins. Further channels (sum of power times a quantity in 0..1) lie
 /// behind one another, each a full set of cells with the same quanta. In halves, every other spoke adds to rows of its own:

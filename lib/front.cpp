@@ -86,6 +86,16 @@ Front::Front(const SweepScene& scene, const SpokeRun& run, WedgeCells& cells)
     const SpokeMap& map = scene.grid->map();
     const auto square = [&](double slope) { return std::pow(map.metres_per_post(quadrant_, slope), 2); };
     minor_post_m_ = std::sqrt(0.5 * (square(1) + square(-1)) - square(0));
+    if (needs_facets_) {
+        // Ground as steep below as short_turn() looks at, with half as much again where it falls away. From so far up that a post
+        // turns by little none has to be cut.
+        const double below_m =
+                         scene.nadir_surface_m == scene.nadir_surface_m ? scene.nadir_surface_m : scene.reference_m,
+                     height_m = 1.5 * std::max(1.0, scene.sensor_m - below_m),
+                     post_m = std::max(minor_post_m_, scene.grid->map().metres_per_post(quadrant_, 0));
+        if (2 * post_m > most_turn * height_m)
+            turning_posts_ = height_m / std::min(minor_post_m_, scene.grid->map().metres_per_post(quadrant_, 0)) + 1;
+    }
     long_post_m_ = std::max(map.metres_per_post(quadrant_, 0), minor_post_m_);
     posts_.resize(4 * tile_lanes);
     culture_posts_.resize(4 * VisiblePieces::most);
@@ -449,7 +459,8 @@ void Front::take(const Between& between, std::size_t begin, std::size_t end, boo
     cell_lanes(between.adjacent ? between.behind : between.ahead, between.ahead, n, one_cell ? from.minor : to.minor,
                to.minor, posts);
     cost_.clock.enter(StageClock::sweep);
-    const StepScene step = step_scene(scene_->sampling.exact_course && one_cell);
+    StepScene step = step_scene(scene_->sampling.exact_course && one_cell);
+    if (may_turn(between.ahead_major)) step.most_rise = 0;
     const Rises found = step_lanes(crossings ? StepTo::crossing : StepTo::line, n, step,
                                    {from, to, posts, lanes_.mode.data() + begin, lanes_.inverse_radius.data() + begin,
                                     lanes_.void_horizon.data() + begin, lanes_.horizon.data() + begin,
@@ -474,6 +485,11 @@ void Front::take(const Between& between, std::size_t begin, std::size_t end, boo
     make_room(between);
     if (wait) wait_for_line(n, found.plain, next);
     swap(now_, next);
+}
+
+bool Front::may_turn(double major) const {
+    if (turning_posts_ == 0) return false;
+    return std::abs(major - scene_->grid->map().nadir_major(quadrant_)) < turning_posts_;
 }
 
 void Front::find_facet(std::size_t i, std::size_t lane, Samples& next, double begin, double end) {
@@ -554,7 +570,8 @@ void Front::rise(std::size_t lane, std::size_t i, const Between& between, Sample
         const auto together = [&](const PieceEnd& a, const PieceEnd& b, double most) {
             const double part = b.part - a.part;
             return one_range(a.range_m, b.range_m, b.sine - a.sine, b.sine, most) &&
-                   straight_range(bump_[i] * part * part, b.sine, scene_->range_is_ground ? 0 : bins_per_metre_);
+                   straight_range(bump_[i] * part * part, b.sine, scene_->range_is_ground ? 0 : bins_per_metre_) &&
+                   (turning_posts_ == 0 || short_turn(a.sine, b.sine));
         };
         if (!together(first, last, most_range_ratio))
             halve(

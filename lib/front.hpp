@@ -197,6 +197,8 @@ private:
     StepScene step_scene(bool exact_course) const {
         return {scene_->sensor_m, bins_per_metre_, scene_->range_is_ground, exact_course, scene_->most_theta};
     }
+    /// Whether pieces up to a line, raster index, may lie below the sensor and be so long that laws turn over them: short_turn().
+    bool may_turn(double major) const;
     bool is(std::size_t lane, SpokeMode mode) const { return lanes_.mode[lane] == mode; }
     void set_up_ring(std::size_t ring, Lanes& lanes) const;
     void start();
@@ -356,6 +358,7 @@ private:
     bool directional_;       // some class on the azimuth
     const FarShore* shore_;  // null: no bank is brightened
     bool at_once_;     // pieces do not wait: what becomes of them hangs on their line, or on their order along a spoke
+    double turning_posts_ = 0;  // lines no farther from the nadir may_turn()
     bool parts_wait_;  // those of one range that begin or end between samples too: nothing needs the samples themselves
     bool may_join_;    // pieces on both sides of the other axis' lines: nothing tells them apart but their way
     bool joins_ = false;       // and what becomes of their shapes averages out, up to the line ahead

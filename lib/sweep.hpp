@@ -55,8 +55,19 @@ struct SampleLanes {
 /// by a tenth of the sum of its size and 0.05. A pattern that goes with sine^-4 is then a fifth off its middle at either end, more towards the
 /// horizon. A tower's front rises more, seen from a few times its height; a cliff may pass the sensor by.
 inline constexpr double most_sine_part = 0.1, most_sine_offset = 0.05;
-inline bool short_rise(double sine_step, double sine) {
-    return sine_step <= most_sine_part * ((sine < 0 ? -sine : sine) + most_sine_offset);
+inline bool short_rise(double sine_step, double sine, double part = most_sine_part) {
+    return sine_step <= part * ((sine < 0 ? -sine : sine) + most_sine_offset);
+}
+
+/// Whether the angle of incidence changes so little between two sines of elevation, or is so far from the vertical, that a law
+/// with a lobe round it may be taken at one angle. The cosine of the elevation is the sine of the incidence on level ground: calm
+/// water mirrors within one of 0.03 (docs/physics.md, 4.7), most_turn is two thirds of that.
+inline constexpr double upright_sine = -0.7, most_turn = 0.02;
+inline bool short_turn(double sine0, double sine1) {
+    if (sine0 > upright_sine) return true;
+    const double square0 = 1 - sine0 * sine0, square1 = 1 - sine1 * sine1,
+                 turned = std::sqrt(square1 > 0 ? square1 : 0.0) - std::sqrt(square0 > 0 ? square0 : 0.0);
+    return (turned < 0 ? -turned : turned) <= most_turn;
 }
 
 /// Whether a piece that rises to `sine` may be taken at its middle, and what it returns laid out in range to first order: the ranges
@@ -82,6 +93,7 @@ struct StepScene {
     bool range_is_ground = false;
     bool exact_course = false;  ///< else pieces are straight
     double most_theta = 0;      ///< no spoke is followed farther
+    double most_rise = most_sine_part;  ///< of a short_rise(); 0: none is, each piece that rises is a change
 };
 /// Samples on one line, where their minor and arc_m say: height_m and what follows from it, exactly as a step there has it.
 ///   cell[n]            in: raster index along the line of the post at or before each

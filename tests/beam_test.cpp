@@ -286,14 +286,15 @@ TEST_CASE("on ground range the pulse is longer the steeper it comes", "[beam]") 
     const PolarImage<float> with = power_image(echo, g, setting);
     setting.pulse_extent_m = 10;
     setting.pulse_length_error = false;
-    const PolarImage<float> without = power_image(echo, g, setting);  // one bin of pulse: the beam's sum alone
+    const PolarImage<float> without =
+        power_image(echo, g, setting);  // a pulse of one bin on the horizon, all in its own bin
     CHECK(lead_in_bins(level(1.5, 60), 10) == 6);
     for (const std::int64_t j : {100, 2000}) {
         const double arc = (static_cast<double>(j) + 0.5) * 10;
         const auto secant = [](double s) { return std::hypot(1.0, 1000 / s); };
         const double bins = 6 * secant(arc);
         // The beam takes in sec d; over the pulse's length its mean is nearly that of the middle (1e-3).
-        const double expected = bins * secant(arc - bins * 10 / 2) / secant(arc);
+        const double expected = bins * secant(arc - bins * 10 / 2) / secant(arc) / secant(arc);
         CHECK_THAT(static_cast<double>(at(with, 5, j)) / static_cast<double>(at(without, 5, j)),
                    WithinRel(expected, 1e-3));
     }

@@ -309,6 +309,9 @@ TEST_CASE("the self-check values of air, rain and cloud come out", "[evaluate][q
     CHECK_THAT(echo.at("eta").number, WithinRel(1.401514e-7, 5e-7));
     CHECK(echo.at("ICR").number == 18);
     CHECK(value("rain-echo", "R=16mm/h f=9GHz", "ICR") == Approx(15).epsilon(1e-12));
+    CHECK(value("cloud", "f=30GHz T=280K M=0.0005kg/m3", "gamma_c") ==
+          value("cloud", "f=30GHz T=280K M=0.5g/m^3", "gamma_c"));
+    CHECK(value("rain", "f=10GHz R=1in/h", "gamma_R") == value("rain", "f=10GHz R=25.4mm/h", "gamma_R"));
     const auto cloud = values("cloud", "f=30GHz T=280K M=0.5g/m^3");
     CHECK_THAT(cloud.at("K_l").number, WithinAbs(0.6419384, 5e-8));
     CHECK_THAT(cloud.at("gamma_c").number, WithinRel(0.5 * cloud.at("K_l").number, 1e-15));

@@ -122,13 +122,13 @@ void add_look(Table& t) {
     using enum Dimension;
     t.group(KeyGroup::look, true);
     t.add("sector", sector(), "full", "azimuths swept, relative to heading, clockwise");
-    t.add(
-        "range",
-        quantity(
-            length, above_to("0m", "10000km"), [](auto& s) -> auto& { return s.scene.range_m; }, "auto"),
-        "auto",
-        "largest slant range; auto: the nearer of the farthest edge of the terrain and the radar horizon (coverage: no "
-        "limit)");
+    t.add("range",
+          quantity(
+              length, above_to("0m", "10000km"), [](auto& s) -> auto& { return s.scene.range_m; }, "auto"),
+          "auto",
+          "largest slant range (display gpi-true: ground range); auto: the nearer of the farthest edge of the terrain "
+          "and the radar horizon (coverage: no "
+          "limit)");
     t.add("range-start",
           quantity(
               length, between("0m", "10000km"), [](auto& s) -> auto& { return s.scene.range_start_m; }),

@@ -30,7 +30,7 @@ struct ModelInput {
     bool antenna_file = false;  ///< beside words: NAME=FILE, which holds for all rows
     std::string fallback;       ///< what is taken where nothing is given, as a user would write it; empty: it is needed
 
-    std::optional<Dimension> dimension;  ///< none: a plain number, or a unit that no other stands in for (hPa, mm/h)
+    std::optional<Dimension> dimension;  ///< none: a plain number, or a unit that no other stands in for (hPa, degC)
     double low_si = 0, high_si = 0;
 
     ModelInput or_word(std::string word) &&;

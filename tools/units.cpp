@@ -213,8 +213,9 @@ std::optional<double> read_quantity(Dimension dimension, std::string_view token,
 }
 
 std::optional<Dimension> dimension_of(std::string_view unit) {
-    for (const Dimension dimension : {Dimension::length, Dimension::time, Dimension::frequency, Dimension::level,
-                                      Dimension::power, Dimension::angle, Dimension::decibel, Dimension::bytes})
+    for (const Dimension dimension :
+         {Dimension::length, Dimension::time, Dimension::frequency, Dimension::level, Dimension::power,
+          Dimension::angle, Dimension::decibel, Dimension::bytes, Dimension::rain_rate, Dimension::density})
         if (has_unit(dimension, unit)) return dimension;
     return std::nullopt;
 }
