@@ -208,6 +208,10 @@ TEST_CASE("a lake below the sensor mirrors what its law has from angle to angle"
                     const Real from = std::max(static_cast<Real>(j) * bin_m, static_cast<Real>(up_m)),
                                to = static_cast<Real>(j + 1) * bin_m;
                     if (!(to > from)) continue;
+                    if (to > std::hypot(static_cast<Real>(2350), static_cast<Real>(up_m))) {  // beside the raster
+                        all[j] = -1;
+                        continue;
+                    }
                     const Real first = std::sqrt(1 - up_m * up_m / (from * from)),
                                last = std::sqrt(1 - up_m * up_m / (to * to));
                     for (int i = 0; i < parts; ++i) {
