@@ -117,6 +117,27 @@ ClassLaws::ClassLaws(const ClassLawParams& params)
     keep(tables, water);
 }
 
+namespace {
+
+double turn_of(const BackscatterTable& table) {
+    // Where it returns at least 1/e of its most, from the vertical to 45 degrees. A Gaussian lobe is steepest at its width: there by 2 widths a width.
+    constexpr double step = 0.005, to = 0.7, least = 0.37, part_of_gaussian = 0.8, widest = 0.25;
+    const auto factor = [&](double sine_of_incidence) {
+        return table.at(std::sqrt(1 - sine_of_incidence * sine_of_incidence));
+    };
+    double most = 0, steepest = 0;
+    for (double s = 0; s < to; s += step) most = std::max(most, factor(s));
+    if (!(most > 0)) return infinite;
+    for (double s = 0; s + step < to; s += step) {
+        const double a = factor(s), b = factor(s + step);
+        if (a >= least * most && b >= least * most) steepest = std::max(steepest, std::abs(std::log(b / a)) / step);
+    }
+    const double turn = part_of_gaussian / steepest;
+    return turn < widest ? rounded_significand(turn, 8) : infinite;
+}
+
+}  // namespace
+
 void ClassLaws::keep(const std::vector<BackscatterTable>& tables, const std::vector<bool>& water) {
     bool all_constant = true;
     for (std::size_t id = 0; id < tables.size(); ++id) {
@@ -124,6 +145,7 @@ void ClassLaws::keep(const std::vector<BackscatterTable>& tables, const std::vec
         all_constant = all_constant && tables[id].constant();
         most_ = std::max(most_, tables[id].most() * (water[id] ? wind_.most() : 1));
         error_db_ = std::max(error_db_, tables[id].error_db());
+        if (!tables[id].constant()) most_turn_ = std::min(most_turn_, turn_of(tables[id]));
     }
     if (all_constant) return;
     for (const BackscatterTable& table : tables) {

@@ -8,6 +8,7 @@
 #include "lib/decibel.hpp"
 #include "lib/material.hpp"
 #include "lib/polarisation.hpp"
+#include "lib/rounding.hpp"
 #include "lib/sea.hpp"
 
 namespace wedgescope {
@@ -66,6 +67,9 @@ public:
     const std::vector<ClassGamma>& gamma() const { return gamma_; }
     double most() const { return most_; }          ///< largest factor of ground and walls
     double error_db() const { return error_db_; }  ///< of the tables, see BackscatterTable
+    /// By how much the sine of the incidence may change over ground that is taken at one angle: four tenths of the width of the
+    /// narrowest lobe that a law has round the vertical; infinite where none falls to 1/e within a quarter.
+    double most_turn() const { return most_turn_; }
 
     double ground(ClassId id, double variable) const noexcept {
         if (entries_.empty()) return gamma_[id].ground;
@@ -122,7 +126,7 @@ private:
     bool windy_ = false;
     WindTable wind_;
     double upwind_east_ = 0, upwind_north_ = 0;
-    double most_ = 0, error_db_ = 0;
+    double most_ = 0, error_db_ = 0, most_turn_ = infinite;
 };
 
 }  // namespace wedgescope

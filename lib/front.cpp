@@ -86,15 +86,19 @@ Front::Front(const SweepScene& scene, const SpokeRun& run, WedgeCells& cells)
     const SpokeMap& map = scene.grid->map();
     const auto square = [&](double slope) { return std::pow(map.metres_per_post(quadrant_, slope), 2); };
     minor_post_m_ = std::sqrt(0.5 * (square(1) + square(-1)) - square(0));
-    if (needs_facets_) {
-        // Ground as steep below as short_turn() looks at, with half as much again where it falls away. From so far up that a post
-        // turns by little none has to be cut.
+    if (scene.laws->most_turn() < infinite) {
         const double below_m =
                          scene.nadir_surface_m == scene.nadir_surface_m ? scene.nadir_surface_m : scene.reference_m,
-                     height_m = 1.5 * std::max(1.0, scene.sensor_m - below_m),
-                     post_m = std::max(minor_post_m_, scene.grid->map().metres_per_post(quadrant_, 0));
-        if (2 * post_m > most_turn * height_m)
-            turning_posts_ = height_m / std::min(minor_post_m_, scene.grid->map().metres_per_post(quadrant_, 0)) + 1;
+                     height_m = std::max(1.0, scene.sensor_m - below_m),
+                     along_m = scene.grid->map().metres_per_post(quadrant_, 0),
+                     post_m = std::max(minor_post_m_, along_m);
+        // On level ground D away a post turns by post h^2 / (h^2 + D^2)^(3/2); where the ground rises by more, so up to twice that.
+        // Half as far again where it falls away; no farther than upright_sine.
+        const double slant_m = std::cbrt(2 * post_m * height_m * height_m / scene.laws->most_turn());
+        if (slant_m > height_m)
+            turning_posts_ = std::ceil(1.5 * std::min(height_m, std::sqrt(slant_m * slant_m - height_m * height_m)) /
+                                       std::min(minor_post_m_, along_m)) +
+                             1;
     }
     long_post_m_ = std::max(map.metres_per_post(quadrant_, 0), minor_post_m_);
     posts_.resize(4 * tile_lanes);
@@ -571,7 +575,7 @@ void Front::rise(std::size_t lane, std::size_t i, const Between& between, Sample
             const double part = b.part - a.part;
             return one_range(a.range_m, b.range_m, b.sine - a.sine, b.sine, most) &&
                    straight_range(bump_[i] * part * part, b.sine, scene_->range_is_ground ? 0 : bins_per_metre_) &&
-                   (turning_posts_ == 0 || short_turn(a.sine, b.sine));
+                   (turning_posts_ == 0 || short_turn(a.sine, b.sine, scene_->laws->most_turn()));
         };
         if (!together(first, last, most_range_ratio))
             halve(

@@ -59,15 +59,14 @@ inline bool short_rise(double sine_step, double sine, double part = most_sine_pa
     return sine_step <= part * ((sine < 0 ? -sine : sine) + most_sine_offset);
 }
 
-/// Whether the angle of incidence changes so little between two sines of elevation, or is so far from the vertical, that a law
-/// with a lobe round it may be taken at one angle. The cosine of the elevation is the sine of the incidence on level ground: calm
-/// water mirrors within one of 0.03 (docs/physics.md, 4.7), most_turn is two thirds of that.
-inline constexpr double upright_sine = -0.7, most_turn = 0.02;
-inline bool short_turn(double sine0, double sine1) {
+/// Whether the sine of the incidence on level ground, which is the cosine of the elevation, changes by at most `most` between two
+/// sines of elevation, or they are so far from the vertical that no lobe of a law lies there.
+inline constexpr double upright_sine = -0.7;
+inline bool short_turn(double sine0, double sine1, double most) {
     if (sine0 > upright_sine) return true;
     const double square0 = 1 - sine0 * sine0, square1 = 1 - sine1 * sine1,
                  turned = std::sqrt(square1 > 0 ? square1 : 0.0) - std::sqrt(square0 > 0 ? square0 : 0.0);
-    return (turned < 0 ? -turned : turned) <= most_turn;
+    return (turned < 0 ? -turned : turned) <= most;
 }
 
 /// Whether a piece that rises to `sine` may be taken at its middle, and what it returns laid out in range to first order: the ranges
