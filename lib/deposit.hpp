@@ -18,15 +18,14 @@ enum StateBit : std::uint8_t { bit_no_data = 1, bit_shadow = 2, bit_unknown = 4,
 
 /// What turns a deposit into a whole number: for each range bin, quantum = the least power of two >= B 2^-61, B the
 /// most that a cell of the bin can hold: constant * most_pattern2 * 2 * azimuth_step * most_gamma / r^2, r the bin's
-/// near edge, at least 1 m; in bins of ground range (gpi-true) that lie below the sensor, where all ground is farther than that,
-/// how far it is at the least.
+/// near edge, at least 1 m; in bins of ground range (gpi-true), round the nadir, how far all ground is known to be at the least.
 struct Quanta {
     Interval range_bins;
     std::vector<double> watts;    ///< of one quantum
     std::vector<double> inverse;  ///< exactly 1 / watts
     std::vector<Interval> runs;   ///< of range bins with one quantum, in order
 };
-/// Bins that end within a reach of the nadir hold nothing that is nearer.
+/// No ground within a reach of the nadir, along the ground, is nearer.
 struct NearestGround {
     double reach_m = 0, range_m = 1;
 };

@@ -493,7 +493,7 @@ void Front::take(const Between& between, std::size_t begin, std::size_t end, boo
 
 bool Front::may_turn(double major) const {
     if (turning_posts_ == 0) return false;
-    return std::abs(major - scene_->grid->map().nadir_major(quadrant_)) < turning_posts_;
+    return std::abs(major * post_ - scene_->grid->map().nadir_major(quadrant_)) < turning_posts_;
 }
 
 void Front::find_facet(std::size_t i, std::size_t lane, Samples& next, double begin, double end) {

@@ -197,7 +197,7 @@ private:
     StepScene step_scene(bool exact_course) const {
         return {scene_->sensor_m, bins_per_metre_, scene_->range_is_ground, exact_course, scene_->most_theta};
     }
-    /// Whether pieces up to a line, raster index, may lie below the sensor and be so long that laws turn over them: short_turn().
+    /// Whether pieces up to a line, index of this level, may lie below the sensor and be so long that laws turn over them: short_turn().
     bool may_turn(double major) const;
     bool is(std::size_t lane, SpokeMode mode) const { return lanes_.mode[lane] == mode; }
     void set_up_ring(std::size_t ring, Lanes& lanes) const;

@@ -32,19 +32,20 @@ double smooth_horizon(const ResolvedScene& scene, const DataBase& data_base, Blo
 
 /// For bins of ground range: those over the posts round the nadir hold nothing nearer than the highest of these. Half of that, for
 /// what stands on them is as sure as a shape of metres is.
-NearestGround nearest_ground(const ResolvedScene& s, const DataBase& db) {
+NearestGround nearest_ground(const ResolvedScene& s, const SpokeMap& map) {
     const Chunk& patch = s.nadir_patch;
-    if (s.scene.display.kind != DisplayKind::gpi_true || patch.window.empty() || patch.surface_m.empty()) return {};
+    if (s.scene.display.kind != DisplayKind::gpi_true || patch.window.empty()) return {};
     double highest_m = -infinite;
     for (const float z : patch.surface_m)
         if (z == z) highest_m = std::max(highest_m, static_cast<double>(z));
     const Window& w = patch.window;
-    const double posts = std::min(
-        {s.nadir.column - static_cast<double>(w.columns.begin), static_cast<double>(w.columns.end - 1) - s.nadir.column,
-         s.nadir.row - static_cast<double>(w.rows.begin), static_cast<double>(w.rows.end - 1) - s.nadir.row});
-    const double shorter_m = std::min(std::abs(db.step_x), std::abs(db.step_y)) * db.metres_a_unit();
-    return {0.5 * posts * shorter_m * (db.crs_in_metres ? 1 : std::cos(Angle::degrees(s.lat_deg).rad())),
-            std::max(1.0, 0.5 * (s.sensor_m - highest_m))};
+    const double posts = std::min({s.nadir.column - static_cast<double>(w.columns.begin),
+                                   static_cast<double>(w.columns.end - 1) - s.nadir.column,
+                                   s.nadir.row - static_cast<double>(w.rows.begin),
+                                   static_cast<double>(w.rows.end - 1) - s.nadir.row}),
+                 post_m = std::min(map.metres_per_post(Quadrant::south, 0), map.metres_per_post(Quadrant::east, 0));
+    if (highest_m == -infinite || !(posts > 0)) return {};
+    return {0.9 * posts * post_m, std::max(1.0, 0.5 * (s.sensor_m - highest_m))};
 }
 
 }  // namespace
@@ -70,7 +71,7 @@ RunSetting::RunSetting(const ResolvedScene& s, WedgeSource& source, std::shared_
     : SpokeSetting(s, source), scene(s), data_base(source.data_base()),
       tables(made ? std::move(made) : std::make_shared<const SceneTables>(s.scene)),
       cells(quanta(s.swept.range_bins, s.swept.range_bin_m, radar_constant(s.scene.radar), tables->pattern.most(),
-                   grid.azimuth_step_rad(), tables->laws.most() * tables->shore.most(), nearest_ground(s, data_base))),
+                   grid.azimuth_step_rad(), tables->laws.most() * tables->shore.most(), nearest_ground(s, map))),
       refinement(refinement_of(s, sampling)) {
     sweep.data_base = &data_base;
     sweep.grid = &grid;

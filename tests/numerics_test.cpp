@@ -139,6 +139,28 @@ TEST_CASE("the ground below a sensor returns its power however long the posts an
             }
 }
 
+TEST_CASE("the first bin of ground range holds what a far sensor gets of it, however many posts it is wide",
+          "[numerics]") {
+    // Its quantum was that of ground a metre away: from 10 km up nothing was left.
+    struct Case {
+        double post_m, bin_m, up_m;
+    };
+    for (const Case& c : {Case{5, 15, 3000}, Case{5, 15, 10000}, Case{30, 75, 10000}, Case{30, 19, 1000}}) {
+        CAPTURE(c.post_m, c.bin_m, c.up_m);
+        MemorySource source(161, 161, c.post_m, [](double, double) { return 100; });
+        Scene s = bare_scene(source, 80.3, 80.2, 8 * c.bin_m, c.bin_m);
+        s.platform.altitude_m = c.up_m;
+        s.earth_k.reset();
+        s.display.kind = DisplayKind::gpi_true;
+        const RunResult r = simulate(s, source);
+        for (std::size_t row = 0; row < r.echo_w.grid.azimuth_count(); row += 7) {
+            const float* const echo = r.echo_w.row(row);
+            // Rings of one width far below hold 1, 3, 5 parts.
+            CHECK(std::abs(decibels(3 * static_cast<double>(echo[0]), static_cast<Real>(echo[1]))) < 0.1);
+        }
+    }
+}
+
 TEST_CASE("a law that hangs on the angle follows it from below a low sensor outwards", "[numerics]") {
     // Of the first post alone angles go from the vertical to 4 degrees of grazing.
     for (const double up_m : {2.0, 8.0, 30.0}) {
