@@ -34,7 +34,7 @@ TEST_CASE("coverage says how the sensor stands to the terrain, as simulate does"
     CHECK(line("void", "465150,3750120") == "sensor: 150.0 m above sea level, over a void of the terrain");
 }
 
-TEST_CASE("coverage writes a mask on the raster's own grid, and every layer", "[cli]") {
+TEST_CASE("coverage writes a mask on the raster's own grid, and every layer", "[cli][long]") {
     const Folder folder;
     const Strings start = {"coverage", dem, "seen.tif", "--latlon", "33.93,-117.33", "--altitude-agl", "300m"};
     const Outcome outcome =
@@ -120,7 +120,7 @@ TEST_CASE("coverage writes a mask on the raster's own grid, and every layer", "[
     refuses(folder, {"simulate", scene, "-o", "scope.png"}, 2, {"line 2", "ground-range", "coverage's"});
 }
 
-TEST_CASE("ground is the response of coverage, from any source, and refused by name", "[cli]") {
+TEST_CASE("ground is the response of coverage, from any source, and refused by name", "[cli][long]") {
     const Folder folder;
     const Strings place = {"--latlon", "33.93,-117.33", "--altitude-msl", "7000ft", "--range", "5km"};
     const Strings radar = {"--rain", "light", "--backscatter", "ulaby-dobson", "--reproducible"};
@@ -248,7 +248,7 @@ TEST_CASE("outputs are checked before any work, and nothing half-written stays",
     CHECK(content(folder.file("scope.png")) == "mine");
 }
 
-TEST_CASE("a legend is as wide as its text, however small the picture", "[cli]") {
+TEST_CASE("a legend is as wide as its text, however small the picture", "[cli][long]") {
     const Folder folder;
     const Strings scene{
         "simulate", "--dem",  dem,  "--latlon", "33.93,-117.33", "--altitude-msl", "7000ft", "--range",
