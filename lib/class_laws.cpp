@@ -120,7 +120,8 @@ ClassLaws::ClassLaws(const ClassLawParams& params)
 namespace {
 
 double turn_of(const BackscatterTable& table) {
-    // Where it returns at least 1/e of its most, from the vertical to 45 degrees. A Gaussian lobe is steepest at its width: there by 2 widths a width.
+    // Where it returns at least 1/e of its most, from the vertical to 45 degrees. A Gaussian lobe exp(-(s / w)^2) is steepest at
+    // its width w, by 2 / w.
     constexpr double step = 0.005, to = 0.7, least = 0.37, part_of_gaussian = 0.8, widest = 0.25;
     const auto factor = [&](double sine_of_incidence) {
         return table.at(std::sqrt(1 - sine_of_incidence * sine_of_incidence));

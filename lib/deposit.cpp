@@ -13,9 +13,9 @@ Quanta quanta(Interval range_bins, double range_bin_m, double radar_constant, do
               double azimuth_step_rad, double most_gamma, const NearestGround& below) {
     Quanta q;
     q.range_bins = range_bins;
+    const double beyond_m = std::clamp(below.reach_m, 1.0, below.range_m);
     for (std::int64_t j = range_bins.begin; j < range_bins.end; ++j) {
         const double edge_m = static_cast<double>(j) * range_bin_m,
-                     beyond_m = std::clamp(below.reach_m, 1.0, below.range_m),
                      near_m = std::max(edge_m, edge_m + range_bin_m <= below.reach_m ? below.range_m : beyond_m);
         const double most = radar_constant * most_pattern2 * 2 * azimuth_step_rad * most_gamma / (near_m * near_m);
         int exponent = 0;  // nothing returns anything

@@ -86,21 +86,19 @@ Front::Front(const SweepScene& scene, const SpokeRun& run, WedgeCells& cells)
     const SpokeMap& map = scene.grid->map();
     const auto square = [&](double slope) { return std::pow(map.metres_per_post(quadrant_, slope), 2); };
     minor_post_m_ = std::sqrt(0.5 * (square(1) + square(-1)) - square(0));
+    long_post_m_ = std::max(map.metres_per_post(quadrant_, 0), minor_post_m_);
     if (scene.laws->most_turn() < infinite) {
         const double below_m =
                          scene.nadir_surface_m == scene.nadir_surface_m ? scene.nadir_surface_m : scene.reference_m,
-                     height_m = std::max(1.0, scene.sensor_m - below_m),
-                     along_m = scene.grid->map().metres_per_post(quadrant_, 0),
-                     post_m = std::max(minor_post_m_, along_m);
+                     height_m = std::max(1.0, scene.sensor_m - below_m);
         // On level ground D away a post turns by post h^2 / (h^2 + D^2)^(3/2); where the ground rises by more, so up to twice that.
         // Half as far again where it falls away; no farther than upright_sine.
-        const double slant_m = std::cbrt(2 * post_m * height_m * height_m / scene.laws->most_turn());
+        const double slant_m = std::cbrt(2 * long_post_m_ * height_m * height_m / scene.laws->most_turn());
         if (slant_m > height_m)
             turning_posts_ = std::ceil(1.5 * std::min(height_m, std::sqrt(slant_m * slant_m - height_m * height_m)) /
-                                       std::min(minor_post_m_, along_m)) +
+                                       std::min(minor_post_m_, map.metres_per_post(quadrant_, 0))) +
                              1;
     }
-    long_post_m_ = std::max(map.metres_per_post(quadrant_, 0), minor_post_m_);
     posts_.resize(4 * tile_lanes);
     culture_posts_.resize(4 * VisiblePieces::most);
     culture_cell_.resize(VisiblePieces::most);
