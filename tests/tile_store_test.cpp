@@ -345,6 +345,32 @@ TEST_CASE("layers are kept as they are up to a size, and packed beyond it or whe
     }
 }
 
+TEST_CASE("a scene keeps the decoded tiles of a few strips, of tiles that are not packed sixteen or 4 MiB", "[store]") {
+    const Folder folder;
+    draw(folder / "dem.tif", hills(3000, 2000));
+    auto params = into(folder / "store", {folder / "dem.tif"});
+    constexpr std::size_t mebibyte = std::size_t{1} << 20;
+    DataBaseParams scene;
+    scene.dem = folder / "store";
+    scene.cache_bytes = 64 * mebibyte;
+    const auto held = [&](bool by_strips) {
+        scene.by_strips = by_strips;
+        return open_direct_source(scene)->cache_bytes();
+    };
+    // Three quarters of the cache are for decoded tiles.
+    params.creation = {"COMPRESS=NONE"};
+    write_tile_store(params);
+    CHECK(held(false) - held(true) == 44 * mebibyte);
+    params.tile_posts = 512;
+    params.overwrite = true;
+    write_tile_store(params);
+    CHECK(held(false) - held(true) == 48 * mebibyte - 16 * (512 * 512 * 2 + 256));
+    params.creation = {"COMPRESS=ZSTD"};
+    write_tile_store(params);
+    const double strips = 2 * 1.25 * 2 * 512 * (3000 + 2000);  // posts of two bytes, strips as high as a tile
+    CHECK(static_cast<double>(48 * mebibyte - (held(false) - held(true))) == Approx(strips).epsilon(0.01));
+}
+
 TEST_CASE("codes that the legend does not know are counted", "[store]") {
     const Folder folder;
     draw(folder / "dem.tif", hills(100, 80));

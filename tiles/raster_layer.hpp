@@ -56,8 +56,9 @@ struct RasterFacts {
     bool has_no_data = false;
     double no_data = 0;
     bool has_mask = false;  ///< a mask or alpha band that must be read beside the values
-    std::string compression;
+    std::string compression;  ///< empty or "NONE": none
 
+    bool packed() const { return !compression.empty() && !EQUAL(compression.c_str(), "NONE"); }
     double edge_x() const { return corner_x + static_cast<double>(columns) * step_x; }
     double edge_y() const { return corner_y + static_cast<double>(rows) * step_y; }
     std::string named() const { return role + " '" + path + "'"; }

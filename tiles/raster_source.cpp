@@ -317,12 +317,16 @@ double RasterSource::class_bytes_of_strips() const {
 void RasterSource::limit_tiles() {
     double bytes = class_bytes_of_strips();
     const auto add = [&](const RasterLayer& layer, double columns_a_post, double rows_a_post) {
+        if (!layer.fills_tile_cache()) return;
         const RasterFacts& f = layer.facts();
-        if (layer.fills_tile_cache())
-            bytes += strip_bytes(
-                {static_cast<double>(f.columns), static_cast<double>(f.rows), static_cast<double>(f.block_columns),
-                 static_cast<double>(f.block_rows), static_cast<double>(f.type_bytes)},
-                columns_a_post, rows_a_post);
+        const Tiling tiling{static_cast<double>(f.columns), static_cast<double>(f.rows),
+                            static_cast<double>(f.block_columns), static_cast<double>(f.block_rows),
+                            static_cast<double>(f.type_bytes)};
+        const double strips = strip_bytes(tiling, columns_a_post, rows_a_post);
+        // The system has tiles that are not packed at hand; a copy's fresh pages cost more than a tile that is read again.
+        constexpr double few = 16, least = 4 << 20;
+        const double some = few * (tiling.wide * tiling.high * tiling.value_bytes + TileCache::entry_bytes);
+        bytes += f.packed() ? strips : std::min(strips, std::max(least, some));
     };
     add(*terrain_, 1, 1);
     for (auto* layer : {culture_.get(), height_.get()})

@@ -62,7 +62,8 @@ public:
     std::size_t reader_bytes() const override;
 
 protected:
-    /// Of the tiles that are kept those under one strip in each of the four quadrants, and a quarter more.
+    /// Of the tiles that are kept those under one strip in each of the four quadrants, and a quarter more; of tiles that are
+    /// not packed a few.
     void limit_tiles();
     /// A raster and its tiles: cells each way, and bytes a cell.
     struct Tiling {

@@ -40,8 +40,8 @@ struct DataBaseParams {
     std::size_t cache_bytes = 0;   ///< what the session grants for decoded blocks, GDAL's and our own
     /// What is known of the ground of plain rasters; null: nothing. A tile store has its own.
     std::shared_ptr<const GroundMap> ground;
-    /// Posts will be asked for once each, strip by strip outward from one point (coverage): decoded tiles beyond a few
-    /// strips would only fill pages with what nobody asks for again.
+    /// Posts will be asked for about once each, strip by strip outward from one point: decoded tiles beyond a few strips
+    /// would only fill pages with what nobody asks for again.
     bool by_strips = false;
     bool expects_ground = false;  ///< one will be given when posts are read: to be counted among what is held
     const Stop* stop = nullptr;   ///< looked at while all posts are read for their extremes

@@ -192,11 +192,10 @@ void check_coverage_budget(const Settings& settings, const CoverageParams& param
     check_budget(settings, [&](std::size_t memory) {
         stop.check();
         const Settings granted = with_memory(settings, memory);
-        DataBaseParams own_layers = data_base_params(granted, cache_bytes(granted), stop);
-        own_layers.by_strips = true;
+        const DataBaseParams layers = data_base_params(granted, cache_bytes(granted), stop);
         SpillOptions options = spill_options(granted);
         options.all_round = options.all_of_it = true;
-        const auto source = source_at(own_layers, granted, scene, granted.scene.range_m.has_value(), options);
+        const auto source = source_at(layers, granted, scene, granted.scene.range_m.has_value(), options);
         CoverageParams own = params;
         own.memory_bytes = memory;
         check_coverage(scene, *source, own);

@@ -141,8 +141,7 @@ void coverage(const std::vector<std::string>& arguments, Stop& stop) {
     Span opening(timeline.get(), "open", "stage");
     const GdalSession session(cache_bytes(settings), settings.config);
     const std::string unfit_map = find_ground(settings, {}, stop);
-    DataBaseParams layers = data_base_params(settings, cache_bytes(settings), stop);
-    layers.by_strips = true;
+    const DataBaseParams layers = data_base_params(settings, cache_bytes(settings), stop);
     std::unique_ptr<WedgeSource> source = open_direct_source(layers);
     if (settings.snap_to_post && settings.scene.platform.xy) {
         // gdal_viewshed's observer stands in the middle of the cell that the place lies in.

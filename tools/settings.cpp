@@ -61,6 +61,7 @@ DataBaseParams data_base_params(const Settings& settings, std::size_t cache, con
     params.default_class = params.materials.by_name("material", settings.material);
     params.cache_bytes = cache;
     params.ground = settings.ground;
+    params.by_strips = settings.track.empty() && settings.observers.empty();
     params.expects_ground = settings.expects_ground;
     params.stop = &stop;
     return params;
