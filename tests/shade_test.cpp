@@ -1,0 +1,112 @@
+// The antenna's pattern in elevation, and its table.
+#include <catch2/catch.hpp>
+
+#include <cmath>
+#include <numbers>
+#include <utility>
+#include <vector>
+
+#include "lib/shade.hpp"
+
+using namespace wedgescope;
+
+TEST_CASE("the antenna table is the pattern within its stated error", "[shade]") {
+    AntennaParams antenna;
+    for (const auto& [kind, exponent] : {std::pair{ElevationPattern::csc2, 0.5},
+                                         {ElevationPattern::cos_csc2, 0.5},
+                                         {ElevationPattern::cos_csc2, 0.0},
+                                         {ElevationPattern::gaussian, 0.5}})
+        for (const double tilt : {-40.0, -4.0, 0.0, 10.0}) {
+            antenna.elevation = kind;
+            antenna.exponent = exponent;
+            antenna.tilt = Angle::degrees(tilt);
+            const PatternTable table(antenna);
+            CHECK(table.error() < 0.002);  // 0.01 dB
+            for (double depression = -5; depression < 80; depression += 0.0371) {
+                if (std::abs(depression - 90 - tilt) < 0.05) continue;  // a shaped one drops to the floor there
+                const double g = elevation_pattern(antenna, depression * std::numbers::pi / 180);
+                if (g < 1e-5) continue;
+                CHECK(table.at(-std::sin(depression * std::numbers::pi / 180)) ==
+                      Approx(g * g).epsilon(1.01 * table.error() + 1e-6));
+            }
+        }
+}
+
+namespace {
+
+AntennaParams antenna_of(const std::vector<std::pair<double, double>>& points) {
+    AntennaParams antenna;
+    antenna.elevation = ElevationPattern::points;
+    for (const auto& [depression_deg, gain_db] : points)
+        antenna.points.push_back({Angle::degrees(depression_deg), Decibel(gain_db)});
+    return antenna;
+}
+
+}  // namespace
+
+TEST_CASE("a pattern of points is a straight line in decibels between them, tilted as a whole, and the floor beyond",
+          "[shade]") {
+    AntennaParams antenna = antenna_of({{-20, -40}, {-2, -1}, {0, 0}, {30, -12}});
+    antenna.tilt = Angle::degrees(4);
+    antenna.floor = Decibel(-50);
+    const auto db_at = [&](double depression_deg) {
+        return 10 * std::log10(elevation_pattern(antenna, depression_deg * std::numbers::pi / 180));
+    };
+    CHECK(db_at(4) == Approx(0).margin(1e-9));
+    CHECK(db_at(19) == Approx(-6));
+    CHECK(db_at(3) == Approx(-0.5));
+    CHECK(db_at(-7) == Approx(-1 - 39.0 / 2));  // half-way between -2 and -20 in the antenna's frame
+    CHECK(db_at(33.9999) == Approx(-12).margin(1e-3));
+    CHECK(db_at(34.0001) == Approx(-50));
+    CHECK(db_at(-15.9999) == Approx(-40).margin(1e-3));
+    CHECK(db_at(-16.0001) == Approx(-50));
+    CHECK(db_at(90) == Approx(-50));
+    antenna.points[0].gain = Decibel(-70);  // the floor cuts the points too
+    CHECK(db_at(-15.9999) == Approx(-50));
+}
+
+TEST_CASE("the table of a pattern of points is right to its error where the pattern bends, and far from it",
+          "[shade]") {
+    // Bends between slopes of 6 dB a degree; a lobe with a sharp null; a drop at one end.
+    std::vector<std::pair<double, double>> lobes;
+    for (int i = 0; i <= 24; ++i) lobes.push_back({-12.37 + i, i % 2 ? -30.0 : -6.0 - 0.5 * i});
+    const std::vector<std::vector<std::pair<double, double>>> patterns = {
+        {{-15, -45}, {-7.77, -1.5}, {-6.123, 0}, {3.3, -9}, {3.9, -5.4}, {60, -30}},
+        lobes,
+        {{-90, -20}, {0, 0}, {90, -20}},
+        {{4.9, -50}, {5.001, 0}, {5.1, -50}}};
+    for (const auto& points : patterns)
+        for (const double tilt : {0.0, 3.21}) {
+            AntennaParams antenna = antenna_of(points);
+            antenna.tilt = Angle::degrees(tilt);
+            const PatternTable table(antenna);
+            INFO(points.size() << " points, tilt " << tilt << ", " << table.intervals() << " intervals");
+            // Bends of up to 50 dB a degree take 0.0005; a needle of 500 dB a degree is steeper than any table.
+            CHECK(table.error() < (points.size() == 3 && tilt >= 0 && points[0].second < -45 ? 0.02 : 0.001));
+            CHECK(table.most() <= 1);
+            const double drop = 2.0 / table.intervals();
+            const auto right_at = [&](double depression_deg) {
+                if (std::abs(depression_deg) > 86.9) return;
+                const double sine = -std::sin(depression_deg * std::numbers::pi / 180),
+                             g = elevation_pattern(antenna, -std::asin(sine));
+                for (const double end : {points.front().first, points.back().first})
+                    if (std::abs(sine + std::sin((end + tilt) * std::numbers::pi / 180)) < drop) return;
+                if (g < 1e-5) return;
+                CHECK(table.at(sine) == Approx(g * g).epsilon(1.05 * table.error() + 1e-6));
+            };
+            for (const auto& [depression_deg, gain] : points) right_at(depression_deg + tilt);
+            for (double depression = -86; depression < 86; depression += 0.0371) right_at(depression);
+            for (double depression = -13; depression < 13; depression += 0.00137) right_at(depression);
+        }
+}
+
+TEST_CASE("points that follow a law give what the law gives", "[shade]") {
+    AntennaParams law;
+    law.knee = Angle::degrees(4);
+    std::vector<std::pair<double, double>> points;
+    for (double beta = -20; beta <= 80; beta += 0.05)
+        points.push_back({beta, 10 * std::log10(elevation_pattern(law, beta * std::numbers::pi / 180))});
+    const PatternTable exact(law), measured(antenna_of(points));
+    for (double sine = -0.98; sine < 0.34; sine += 0.00071)
+        CHECK(measured.at(sine) == Approx(exact.at(sine)).epsilon(0.002));  // 0.01 dB
+}
