@@ -569,11 +569,15 @@ void Front::rise(std::size_t lane, std::size_t i, const Between& between, Sample
             return (power - way) / (way * (1 - way)) - 2 * (b.range_m - a.range_m) / (a.range_m + b.range_m) +
                    (scene_->range_is_ground ? cosine_growth(a.sine, b.sine) : 0);
         };
+        const PatternTable& pattern = *scene_->pattern;
+        const bool drops = pattern.meets_drop(first.sine, last.sine);
+        constexpr double least_cut = 0x1p-16;  // of a piece: what a drop of the pattern is smeared over
         const auto together = [&](const PieceEnd& a, const PieceEnd& b, double most) {
             const double part = b.part - a.part;
             return one_range(a.range_m, b.range_m, b.sine - a.sine, b.sine, most) &&
                    straight_range(bump_[i] * part * part, b.sine, scene_->range_is_ground ? 0 : bins_per_metre_) &&
-                   (turning_posts_ == 0 || short_turn(a.sine, b.sine, scene_->laws->most_turn()));
+                   (turning_posts_ == 0 || short_turn(a.sine, b.sine, scene_->laws->most_turn())) &&
+                   (!drops || part <= least_cut || !pattern.passes_drop(a.sine, b.sine));
         };
         if (!together(first, last, most_range_ratio))
             halve(
@@ -583,7 +587,7 @@ void Front::rise(std::size_t lane, std::size_t i, const Between& between, Sample
                     near = std::min({near, a.x, b.x});
                     far = std::max({far, a.x, b.x});
                 });
-        else if (parts_wait_)
+        else if (parts_wait_ && !drops)  // lanes interpolate between the entries on either side
             keep_piece(lane, first, last, bend(first, last, bow), plain_ground_ ? Track{} : track(first, last));
         else
             deposit(first, last, bend(first, last, bow));

@@ -48,18 +48,22 @@ PatternTable::PatternTable(const AntennaParams& antenna) {
     };
     const double least = 100 * std::pow(antenna.floor.ratio(), 2);
     // Where a pattern of points bends, and where it drops to the floor.
-    std::vector<double> bends, drops;
+    std::vector<double> bends;
+    std::size_t drops = 0;
     const bool of_points = antenna.elevation == ElevationPattern::points;
     if (of_points)
         for (const PatternPoint& point : antenna.points) {
             const double depression = point.depression.rad() + antenna.tilt.rad();
             if (std::abs(depression) > std::numbers::pi / 2) continue;
             const bool end = &point == &antenna.points.front() || &point == &antenna.points.back();
-            (end && point.gain.db() > antenna.floor.db() ? drops : bends).push_back(-std::sin(depression));
+            if (end && point.gain.db() > antenna.floor.db() && drops < drops_.size())
+                drops_[drops++].sine = -std::sin(depression);
+            else
+                bends.push_back(-std::sin(depression));
         }
     // A shaped pattern of an antenna that looks up drops to the floor 90 degrees below its axis, or goes there all but upright.
     const bool shaped = antenna.elevation == ElevationPattern::csc2 || antenna.elevation == ElevationPattern::cos_csc2;
-    if (shaped && antenna.tilt.rad() < 0) drops.push_back(-std::cos(antenna.tilt.rad()));
+    if (shaped && antenna.tilt.rad() < 0) drops_[0].sine = -std::cos(antenna.tilt.rad());
     // A sharp bend between two steep slopes takes finer entries than the shaped patterns do.
     const int most_intervals = of_points ? 1 << 20 : 1 << 17;
     for (intervals_ = 4096;; intervals_ *= 2) {
@@ -74,18 +78,38 @@ PatternTable::PatternTable(const AntennaParams& antenna) {
         }
         error_ = 0;
         const auto look_at = [&](double t) {
-            for (const double drop : drops)
-                if (std::abs(t - drop) < 2.0 / intervals_) return;
+            for (const PatternDrop& drop : drops_)
+                if (std::abs(t - drop.sine) < 2.0 / intervals_) return;
             const double truth = exact(t);
             if (truth > least && std::abs(t) < 0.9986) error_ = std::max(error_, std::abs(at(t) / truth - 1));
         };
         for (int i = 0; i < intervals_; ++i) look_at(-1 + (2 * i + 1.0) / intervals_);
         for (const double t : bends) look_at(t);
-        if (error_ <= 0.0005 || intervals_ >= most_intervals) return;
+        if (error_ <= 0.0005 || intervals_ >= most_intervals) break;
     }
+    for (PatternDrop& drop : drops_)
+        if (drop.sine < 1) {
+            // An entry as good as at the drop is on neither side of it.
+            const double x = (drop.sine + 1) * (0.5 * intervals_), slack = 1e-6;
+            drop.low = std::max(-1.0, -1 + 2 * std::floor(x - slack) / intervals_);
+            drop.high = std::min(1.0, -1 + 2 * std::ceil(x + slack) / intervals_);
+        }
+}
+
+bool PatternTable::passes_drop(double sine0, double sine1) const {
+    return std::any_of(drops_.begin(), drops_.end(),
+                       [&](const PatternDrop& drop) { return sine0 < drop.sine && sine1 > drop.sine; });
+}
+
+bool PatternTable::meets_drop(double sine0, double sine1) const {
+    return std::any_of(drops_.begin(), drops_.end(), [&](const PatternDrop& drop) {
+        return wedgescope::meets_drop(sine0, sine1, drop.low, drop.high);
+    });
 }
 
 PatternTable::Entries PatternTable::beside(double sine) const {
+    for (const PatternDrop& drop : drops_)
+        if (sine > drop.low && sine < drop.high) sine = sine < drop.sine ? drop.low : drop.high;
     const double x = (sine + 1) * (0.5 * intervals_);
     const int i = std::clamp(static_cast<int>(x), 0, intervals_ - 1);
     return {static_cast<double>(values_[static_cast<std::size_t>(i)]),

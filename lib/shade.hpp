@@ -1,6 +1,7 @@
 // Shade: what is seen -> returned power: antenna pattern, spreading, backscatter of the class.
 // Leaves what is seen to front.hpp and cells to deposit.hpp.
 #pragma once
+#include <array>
 #include <cstdint>
 #include <vector>
 
@@ -19,7 +20,7 @@ double elevation_pattern(const AntennaParams& antenna, double depression_rad);
 
 /// g_el^2 (two-way) over the sine of the elevation, in [-1, 1], linear between entries. `error` bounds |table - exact|
 /// / exact above the floor and more than 3 degrees from the vertical, found when it is built (0.0005 wanted). A pattern of points
-/// is looked at where it bends too; only the two entries beside an end of it that stands above the floor, where it drops, do not count.
+/// is looked at where it bends too; only the two entries beside a drop do not count: an end that stands above the floor, or where a shaped one stops.
 class PatternTable {
 public:
     explicit PatternTable(const AntennaParams& antenna);
@@ -27,6 +28,10 @@ public:
     int intervals() const { return intervals_; }
     double most() const { return most_; }    ///< largest entry
     double error() const { return error_; }  ///< relative
+    const std::array<PatternDrop, 2>& drops() const { return drops_; }
+    /// Whether a drop lies between two sines, and whether they have to do with the entries beside one.
+    bool passes_drop(double sine0, double sine1) const;
+    bool meets_drop(double sine0, double sine1) const;
     double at(double sine) const;
     /// How it changes there with the sine.
     double slope(double sine) const;
@@ -39,6 +44,7 @@ private:
     int intervals_ = 0;
     std::vector<float> values_;
     double most_ = 0, error_ = 0;
+    std::array<PatternDrop, 2> drops_;
 };
 
 /// K of the radar equation: P_t G_0^2 lambda^2 / ((4 pi)^3 L_s); echo = K g^2 sigma / r^4.

@@ -23,7 +23,8 @@ WEDGESCOPE_LANES_PART Rises step(std::size_t n, const StepScene& scene, const St
            *__restrict swing = lanes.swing, *__restrict sine0 = lanes.sine0, *__restrict code = lanes.code;
     const double sensor_m = scene.sensor_m, arc_bins = scene.range_is_ground ? scene.bins_per_metre : 0,
                  range_bins = scene.range_is_ground ? 0 : scene.bins_per_metre,
-                 quarter = scene.exact_course ? -0.25 : 0.0, most_rise = scene.most_rise;
+                 quarter = scene.exact_course ? -0.25 : 0.0, most_rise = scene.most_rise, low0 = scene.drop0.low,
+                 high0 = scene.drop0.high, low1 = scene.drop1.low, high1 = scene.drop1.high;
     WEDGESCOPE_INDEPENDENT
     for (std::size_t i = 0; i < n; ++i) {
         const bool stands = arc0[i] == arc1[i];  // no sample here: whatever the spoke's neighbours do
@@ -54,7 +55,8 @@ WEDGESCOPE_LANES_PART Rises step(std::size_t n, const StepScene& scene, const St
         // one_range, but for what lies within a metre: that is left to Front.
         const bool together = (p.range_m <= most_range_ratio * range0[i]) &
                               (range0[i] <= most_range_ratio * p.range_m) & short_rise(s - h, s, most_rise) &
-                              straight_range(bump, s, range_bins);
+                              straight_range(bump, s, range_bins) & !meets_drop(h, s, low0, high0) &
+                              !meets_drop(h, s, low1, high1);
         // The way out from below the sensor is left to Front too.
         const bool plain = visible & above & !stands & (arc0[i] > 0) & straight & (h >= void_horizon[i]) & together;
         const double higher = s > last_sine[i] ? s : last_sine[i];

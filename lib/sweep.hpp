@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 
 #include "lib/sample.hpp"
 
@@ -69,6 +70,14 @@ inline bool short_turn(double sine0, double sine1, double most) {
     return (turned < 0 ? -turned : turned) <= most;
 }
 
+/// Where the antenna's pattern drops at once, as a sine of elevation, and the entries of its table on either side: between them
+/// that is not to be had by interpolation. Infinite: nowhere.
+struct PatternDrop {
+    double sine = std::numeric_limits<double>::infinity(), low = sine, high = sine;
+};
+/// Whether a piece between two sines of elevation lies between the entries in part.
+inline bool meets_drop(double sine0, double sine1, double low, double high) { return (sine0 < high) & (sine1 > low); }
+
 /// Whether a piece that rises to `sine` may be taken at its middle, and what it returns laid out in range to first order: the ranges
 /// of its ends differ by at most the factor `most`, and it is a short_rise(). Ranges below a metre count as a metre.
 inline constexpr double most_range_ratio = 1.125;
@@ -93,6 +102,7 @@ struct StepScene {
     bool exact_course = false;  ///< else pieces are straight
     double most_theta = 0;      ///< no spoke is followed farther
     double most_rise = most_sine_part;  ///< of a short_rise(); 0: none is, each piece that rises is a change
+    PatternDrop drop0{}, drop1{};       ///< a piece that has to do with one is a change
 };
 /// Samples on one line, where their minor and arc_m say: height_m and what follows from it, exactly as a step there has it.
 ///   cell[n]            in: raster index along the line of the post at or before each
@@ -123,8 +133,8 @@ struct StepLanes {
 };
 /// code: 0 nothing (stays hidden, or no sample here), 1 it raises the horizon of a visible spoke (done here: horizon,
 /// seen_least, seen_most), 2 something changes: see Front. A visible piece is plain (1) if its course rises all the way
-/// (|4 bump| at most what it rises over the ray of the horizon), lies at one_range, runs in a straight_range and does not
-/// begin below the sensor; a hidden one stays hidden if not even its bump can reach the horizon.
+/// (|4 bump| at most what it rises over the ray of the horizon), lies at one_range, runs in a straight_range, meets no drop of the
+/// pattern and does not begin below the sensor; a hidden one stays hidden if not even its bump can reach the horizon.
 struct Rises {
     int plain = 0, changes = 0;  ///< how many have code 1, and 2
 };

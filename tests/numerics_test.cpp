@@ -256,6 +256,65 @@ TEST_CASE("a lake below the sensor mirrors what its law has from angle to angle"
         }
 }
 
+TEST_CASE("a pattern that ends above its floor ends there, not with the post", "[numerics]") {
+    // Lit from 10 degrees of depression at 0 dB to 30 or more at -6 dB, or down to where csc2 looking up stops; posts are two to
+    // twelve bins long. The sine of 30 degrees is an entry of the pattern's table.
+    for (const auto& [up_m, bin_m, lowest] :
+         {std::tuple{1000.0, 2.5, 40.0}, {1000.0, 15.0, 30.0}, {300.0, 7.0, 30.0}, {4000.0, 10.0, 52.0}})
+        for (const bool of_points : {true, false}) {
+            MemorySource source(401, 401, 30, [](double, double) { return 100; });
+            Scene s = bare_scene(source, 200.3, 200.2, std::min(6.5 * up_m, 5900.0), bin_m);
+            s.platform.altitude_m = up_m;
+            s.earth_k.reset();
+            AntennaParams& antenna = s.radar.antenna;
+            antenna.floor = Decibel(-30);
+            double first = 10, last = lowest;  // of its depressions, degrees
+            if (of_points) {
+                antenna.elevation = ElevationPattern::points;
+                antenna.points = {{Angle::degrees(first), Decibel(0)}, {Angle::degrees(last), Decibel(-6)}};
+            } else {
+                antenna.elevation = ElevationPattern::csc2;
+                antenna.tilt = Angle::degrees(lowest - 90);
+                first = -90;
+            }
+            const RunResult r = simulate(s, source);
+            const auto edge = [&](double depression) {
+                return depression > 0 ? up_m / std::sin(Angle::degrees(depression).rad()) : 1e9;
+            };
+            const double near_edge = edge(last), far_edge = edge(first);
+            const Errors e = errors(r, {0, 44, 135, 200, 301}, [&](std::size_t) {
+                std::vector<Real> all(r.echo_w.grid.range_count());
+                for (std::size_t j = 0; j < all.size(); ++j) {
+                    const Real from = std::max(static_cast<Real>(j) * bin_m, static_cast<Real>(up_m)),
+                               to = static_cast<Real>(j + 1) * bin_m;
+                    if (to <= up_m) continue;
+                    if (to > 1.5 * near_edge && !(to > 0.9 * far_edge && to < 1.1 * far_edge)) {
+                        all[j] = -1;
+                        continue;
+                    }
+                    constexpr int parts = 2000;
+                    for (int i = 0; i < parts; ++i) {
+                        const Real range = from + (to - from) * (i + 0.5L) / parts, sine = up_m / range;
+                        const double depression = Angle::radians(std::asin(static_cast<double>(sine))).deg();
+                        Real gain = std::pow(10.0L, -0.6L * static_cast<Real>((depression - first) / (last - first)));
+                        if (!of_points)
+                            gain = static_cast<Real>(elevation_pattern(antenna, Angle::degrees(depression).rad()));
+                        if (depression < first || depression > last) gain = 1e-3L;
+                        all[j] += gain * gain * up_m / (range * range * range * range) * (to - from) / parts;
+                    }
+                    all[j] *= unit_w(s, 360);
+                }
+                return all;
+            });
+            INFO((of_points ? "points, " : "csc2, ")
+                 << up_m << " m up, bins of " << bin_m << " m: total " << e.total_db << " dB, RMS " << e.rms_db
+                 << " dB, worst " << e.worst_db << " dB, " << e.cells << " cells");
+            CHECK(std::abs(e.total_db) < 0.02);
+            CHECK(e.rms_db < 0.05);
+            CHECK(e.worst_db < 0.3);
+        }
+}
+
 TEST_CASE("a slope below the sensor begins to return where it is nearest, and as little as it does there",
           "[numerics]") {
     // It falls by 30 % in the direction looked in: range grows with the way at once, the sine with its square.

@@ -10,6 +10,7 @@
 #include <filesystem>
 #include <functional>
 #include <map>
+#include <numbers>
 #include <string>
 #include <vector>
 
@@ -451,6 +452,83 @@ TEST_CASE("HGT cells and a GeoTIFF across the antimeridian lie side by side", "[
             wrong += r > 1000 && c < 100 ? !std::isnan(h) : h != static_cast<float>(height(179 + c * s, 1 - r * s));
         }
     CHECK(wrong == 0);
+}
+
+TEST_CASE("rasters that go round the earth together become one circle, whatever lies over its seam", "[store]") {
+    const Folder folder;
+    struct Ground {
+        double west, north, step;
+        int columns, rows;
+        double height_m;
+    };
+    const auto height = [](double lon, double lat, double base_m) {
+        return base_m + 400 * std::sin(lon * std::numbers::pi / 180) + 3 * lat;
+    };
+    const auto make = [&](const std::string& name, const Ground& g) {
+        Drawing d;
+        d.columns = g.columns;
+        d.rows = g.rows;
+        d.type = GDT_Float32;
+        d.crs = "EPSG:4326";
+        d.geotransform = {{g.west, g.step, 0, g.north, 0, -g.step}};
+        d.value = [&](int c, int r) {
+            return height(g.west + (c + 0.5) * g.step, g.north - (r + 0.5) * g.step, g.height_m);
+        };
+        draw(folder / name, d);
+        return folder / name;
+    };
+    struct Case {
+        std::vector<Ground> grounds;
+        double west, step;                           // of the store's first column, and of all
+        double inset_west, inset_east, tolerance_m;  // where the first or the last stands above the others
+        bool inset_wins;
+        std::size_t disagreements;
+    };
+    const Ground world{-180, 20, 0.5, 720, 60, 0}, from_greenwich{0, 20, 0.5, 720, 60, 0},
+        closed{-180.25, 20, 0.5, 721, 60, 0}, over_date_line{175, 10, 0.5, 20, 20, 1000},
+        over_greenwich{-5, 10, 0.5, 20, 20, 1000};
+    const std::vector<Case> cases{
+        {{over_date_line, world}, -180, 0.5, 175, 185, 0, true, 400},
+        {{world, over_date_line}, -180, 0.5, 175, 185, 0, false, 400},
+        {{over_greenwich, from_greenwich}, 0, 0.5, -5, 5, 0, true, 400},
+        // Its last column repeats its first.
+        {{{-5.25, 10, 0.5, 20, 20, 1000}, closed}, -180.25, 0.5, -5.25, 4.75, 0, true, 400},
+        // Resampled: of a sine with posts half a degree apart the chord lies below it by 4 mm; of the rows half a post is added.
+        {{{10, 10, 0.25, 40, 40, 0}, world}, -180, 0.25, 0, 0, 0.9, true, 0},
+        {{{-180, 20, 0.25, 720, 120, 0}, {0, 20, 0.5, 360, 60, 0}}, -180, 0.25, 0, 0, 0.9, true, 0},
+        {{{0, 20, 0.5, 360, 60, 0}, {-180, 20, 0.25, 720, 120, 0}}, -180, 0.25, 0, 0, 0.9, true, 0},
+    };
+    for (std::size_t k = 0; k < cases.size(); ++k) {
+        const Case& one = cases[k];
+        CAPTURE(k);
+        std::vector<std::string> paths;
+        for (std::size_t i = 0; i < one.grounds.size(); ++i)
+            paths.push_back(make(std::to_string(k) + "_" + std::to_string(i) + ".tif", one.grounds[i]));
+        const std::string store = folder / ("store" + std::to_string(k));
+        const TileStoreSummary summary = write_tile_store(into(store, paths));
+        CHECK(static_cast<std::size_t>(summary.disagreements) == one.disagreements);
+        const auto source = open_direct_source(base(store));
+        const DataBase& db = source->data_base();
+        REQUIRE(db.columns == std::lround(360 / one.step));
+        CHECK(db.cyclic);
+        CHECK(db.locate(0.0, one.west + one.step / 2).column == Approx(0).margin(1e-6));
+        const RawVector<float> z = heights(*source);
+        std::int64_t wrong = 0, insets = 0;
+        for (std::int64_t r = 0; r < db.rows; ++r)
+            for (std::int64_t c = 0; c < db.columns; ++c) {
+                const auto place = db.lat_lon(static_cast<double>(c), static_cast<double>(r));
+                REQUIRE(place);
+                const auto [lat, lon] = *place;
+                const double on = lon < one.inset_west - 180 ? lon + 360 : lon;
+                const bool inset = one.inset_wins && on > one.inset_west && on < one.inset_east && lat > 0 && lat < 10;
+                insets += inset;
+                const double truth = height(lon, lat, inset ? 1000 : 0);
+                wrong += !(std::abs(static_cast<double>(z[static_cast<std::size_t>(r * db.columns + c)]) - truth) <=
+                           std::max(one.tolerance_m, 1e-3));
+            }
+        CHECK(wrong == 0);
+        CHECK(insets == (one.inset_wins && one.inset_east > one.inset_west ? 400 : 0));
+    }
 }
 
 TEST_CASE("rasters in different CRS are refused with the way out", "[store]") {

@@ -66,29 +66,30 @@ std::vector<double> unrolled(const std::vector<double>& west, const std::vector<
 
 Mosaic::Mosaic(const std::string& role, const std::vector<std::string>& paths) {
     for (const std::string& path : paths) {
-        Piece piece;
-        piece.raster = std::make_unique<RasterFile>(role, path);
-        if (paths.size() > 1) piece.raster->close_idle();
-        pieces_.push_back(std::move(piece));
+        rasters_.push_back(std::make_unique<RasterFile>(role, path));
+        if (paths.size() > 1) rasters_.back()->close_idle();
     }
-    facts_ = pieces_[0].raster->facts();
+    facts_ = rasters_[0]->facts();
     if (!single()) {
         choose_grid(role);
-        facts_.path = text(pieces_.size(), " rasters");
+        facts_.path = text(rasters_.size(), " rasters");
     } else {
-        pieces_[0].posts = {{0, facts_.columns}, {0, facts_.rows}};
+        Piece all{};
+        all.raster = rasters_[0].get();
+        all.posts = {{0, facts_.columns}, {0, facts_.rows}};
+        pieces_.push_back(all);
     }
     choose_type();
     find_edges();
     std::size_t packed = 1;
-    for (const Piece& piece : pieces_) packed = std::max(packed, piece.raster->reader_bytes().packed);
+    for (const auto& raster : rasters_) packed = std::max(packed, raster->reader_bytes().packed);
     most_open_ = std::clamp<std::size_t>(open_bytes / packed, 1, most_open_);
 }
 
 std::vector<StoreSource> Mosaic::sources() const {
     std::vector<StoreSource> out;
-    for (const Piece& piece : pieces_) {
-        StoreSource source{piece.raster->facts().path, 0, 0};
+    for (const auto& raster : rasters_) {
+        StoreSource source{raster->facts().path, 0, 0};
         struct stat facts {};
         if (::stat(source.path.c_str(), &facts) == 0 && S_ISREG(facts.st_mode)) {
             source.bytes = static_cast<std::uint64_t>(facts.st_size);
@@ -101,16 +102,41 @@ std::vector<StoreSource> Mosaic::sources() const {
 
 std::vector<std::uint64_t> Mosaic::fingerprints() const {
     std::vector<std::uint64_t> out;
-    for (const Piece& piece : pieces_) out.push_back(piece.raster->fingerprint({}));
+    for (const auto& raster : rasters_) out.push_back(raster->fingerprint({}));
     return out;
 }
 
+Mosaic::Piece Mosaic::piece_at(std::size_t file, double west, double x0, double y0, double step_x,
+                               double step_y) const {
+    Piece piece{};
+    piece.raster = rasters_[file].get();
+    piece.file = file;
+    const RasterFacts& f = piece.raster->facts();
+    // Own post = own0 + own_step * grid post.
+    const auto place = [&](double grid_at, double grid_step, double own_corner, double own_step, std::int64_t posts,
+                           double& own, double& step) {
+        step = grid_step / own_step;
+        own = (grid_at - own_corner) / own_step - 0.5;
+        if (near(step, 1, on_a_post / static_cast<double>(posts)) && near(own, std::round(own), on_a_post)) {
+            step = 1;
+            own = std::round(own);
+        } else {
+            piece.copied = false;
+        }
+        return grid_posts(own, step, posts);
+    };
+    piece.posts.columns = place(x0, step_x, west, f.step_x, f.columns, piece.column, piece.column_step);
+    piece.posts.rows = place(y0, step_y, f.corner_y, f.step_y, f.rows, piece.row, piece.row_step);
+    return piece;
+}
+
 void Mosaic::choose_grid(const std::string& role) {
-    const RasterFacts first = pieces_[0].raster->facts();
+    const RasterFacts first = rasters_[0]->facts();
     std::vector<double> west, width;
     std::size_t finest_x = 0, finest_y = 0;
-    for (std::size_t i = 0; i < pieces_.size(); ++i) {
-        const RasterFacts& f = pieces_[i].raster->facts();
+    bool eastwards = first.geographic;
+    for (std::size_t i = 0; i < rasters_.size(); ++i) {
+        const RasterFacts& f = rasters_[i]->facts();
         if (!f.has_geotransform)
             throw DataError(text(
                 f.named(), " has no geotransform; accepted where there are several: rasters that know their place"));
@@ -120,43 +146,54 @@ void Mosaic::choose_grid(const std::string& role) {
         refuse_other_crs(f, first, text("'", first.path, "'"));
         west.push_back(f.corner_x);
         width.push_back(static_cast<double>(f.columns) * f.step_x);
+        eastwards = eastwards && f.step_x > 0;
         const auto finer = [](double a, double b) { return std::fabs(a) < std::fabs(b) * (1 - 1e-7); };
-        if (finer(f.step_x, pieces_[finest_x].raster->facts().step_x)) finest_x = i;
-        if (finer(f.step_y, pieces_[finest_y].raster->facts().step_y)) finest_y = i;
+        if (finer(f.step_x, rasters_[finest_x]->facts().step_x)) finest_x = i;
+        if (finer(f.step_y, rasters_[finest_y]->facts().step_y)) finest_y = i;
     }
     if (first.geographic) west = unrolled(west, width);
 
-    const RasterFacts& fx = pieces_[finest_x].raster->facts();
-    const RasterFacts& fy = pieces_[finest_y].raster->facts();
+    const RasterFacts& fx = rasters_[finest_x]->facts();
+    const RasterFacts& fy = rasters_[finest_y]->facts();
     const double step_x = fx.step_x, step_y = fy.step_y;
     const double x0 = west[finest_x] + 0.5 * step_x, y0 = fy.corner_y + 0.5 * step_y;  // of a post of the grid
     Window all;
-    for (std::size_t i = 0; i < pieces_.size(); ++i) {
-        Piece& piece = pieces_[i];
-        const RasterFacts& f = piece.raster->facts();
-        // Own post = own0 + own_step * grid post.
-        const auto place = [](double grid_at, double grid_step, double own_corner, double own_step, std::int64_t posts,
-                              double& own, double& step, bool& copied) {
-            step = grid_step / own_step;
-            own = (grid_at - own_corner) / own_step - 0.5;
-            if (near(step, 1, on_a_post / static_cast<double>(posts)) && near(own, std::round(own), on_a_post)) {
-                step = 1;
-                own = std::round(own);
-            } else {
-                copied = false;
+    for (std::size_t i = 0; i < rasters_.size(); ++i) {
+        pieces_.push_back(piece_at(i, west[i], x0, y0, step_x, step_y));
+        all = {hull(all.columns, pieces_.back().posts.columns), hull(all.rows, pieces_.back().posts.rows)};
+    }
+    // Rasters that leave no gap on the circle: one circle of posts, from the edge of one that goes round alone or from where they
+    // begin, and each raster wherever it lies on that, so also on the other side of the seam.
+    const double circle = 360 - on_a_post * std::fabs(step_x);
+    std::vector<double> east;
+    for (std::size_t i = 0; i < rasters_.size(); ++i) east.push_back(west[i] + width[i]);
+    auto begins = std::find_if(width.begin(), width.end(), [&](double wide) { return wide >= circle; }) - width.begin();
+    const bool alone = begins < std::ssize(width);
+    if (!alone) begins = std::min_element(west.begin(), west.end()) - west.begin();
+    const auto seam = static_cast<std::size_t>(begins);
+    double whole_turns = 0;
+    if (eastwards && (alone || *std::max_element(east.begin(), east.end()) - west[seam] >= circle)) {
+        const auto post = static_cast<std::int64_t>(std::ceil((west[seam] - (x0 - 0.5 * step_x)) / step_x - on_a_post));
+        all.columns = {post, post + static_cast<std::int64_t>(std::floor(360 / step_x + on_a_post))};
+        whole_turns = rasters_[seam]->facts().corner_x - west[seam];
+        pieces_.clear();
+        for (std::size_t i = 0; i < rasters_.size(); ++i)
+            for (const double turn : {0.0, -360.0, 360.0}) {
+                Piece piece = piece_at(i, west[i] + turn, x0, y0, step_x, step_y);
+                // With what it may reach beyond its outermost posts.
+                const double posting = 1 / std::fabs(piece.column_step);
+                const auto reach = static_cast<std::int64_t>(std::ceil(posting)) + 1;
+                if (!intersection({piece.posts.columns.begin - reach, piece.posts.columns.end + reach}, all.columns)
+                         .empty())
+                    pieces_.push_back(piece);
             }
-            return grid_posts(own, step, posts);
-        };
-        piece.posts.columns =
-            place(x0, step_x, west[i], f.step_x, f.columns, piece.column, piece.column_step, piece.copied);
-        piece.posts.rows = place(y0, step_y, f.corner_y, f.step_y, f.rows, piece.row, piece.row_step, piece.copied);
-        resampled_ |= !piece.copied;
-        all = {hull(all.columns, piece.posts.columns), hull(all.rows, piece.posts.rows)};
     }
     if (all.columns.size() > INT32_MAX || all.rows.size() > INT32_MAX)
         throw DataError(text("the rasters together span ", all.columns.size(), " x ", all.rows.size(),
                              " posts; accepted: at most ", INT32_MAX, " a side"));
+    std::vector<bool> resampled(rasters_.size());
     for (Piece& piece : pieces_) {
+        resampled[piece.file] = resampled[piece.file] || !piece.copied;
         piece.column += piece.column_step * static_cast<double>(all.columns.begin);
         piece.row += piece.row_step * static_cast<double>(all.rows.begin);
         for (auto [side, begin] :
@@ -168,19 +205,20 @@ void Mosaic::choose_grid(const std::string& role) {
     facts_.role = role;
     facts_.columns = all.columns.size();
     facts_.rows = all.rows.size();
-    facts_.corner_x = west[finest_x] + static_cast<double>(all.columns.begin) * step_x;
+    facts_.corner_x = west[finest_x] + whole_turns + static_cast<double>(all.columns.begin) * step_x;
     facts_.corner_y = fy.corner_y + static_cast<double>(all.rows.begin) * step_y;
     facts_.step_x = step_x;
     facts_.step_y = step_y;
+    const auto count = std::count(resampled.begin(), resampled.end(), true);
+    resampled_ = count > 0;
     as_stored_ = !resampled_;
-    if (resampled_) {
-        const auto count = std::count_if(pieces_.begin(), pieces_.end(), [](const Piece& p) { return !p.copied; });
-        note_ = text(count, " of ", pieces_.size(), " rasters resampled bilinearly to steps of ", step_x, ", ", step_y);
-    }
+    if (resampled_)
+        note_ =
+            text(count, " of ", rasters_.size(), " rasters resampled bilinearly to steps of ", step_x, ", ", step_y);
 }
 
 void Mosaic::choose_type() {
-    const RasterFacts own = pieces_[0].raster->facts();
+    const RasterFacts own = rasters_[0]->facts();
     const auto become = [&](GDALDataType type, double no_data) {
         facts_.type = type;
         facts_.type_bytes = type_bytes(type);
@@ -206,8 +244,8 @@ void Mosaic::choose_type() {
         return;
     }
     bool alike = as_stored_, one_no_data = true;
-    for (const Piece& piece : pieces_) {
-        const RasterFacts& f = piece.raster->facts();
+    for (const auto& raster : rasters_) {
+        const RasterFacts& f = raster->facts();
         alike = alike && f.type == own.type && f.scale == own.scale && f.offset == own.offset &&
                 f.unit_m == own.unit_m && !f.signed_byte;
         one_no_data = one_no_data && f.has_no_data && f.no_data == own.no_data;
@@ -318,8 +356,8 @@ void Mosaic::find_edges() {
     if (gaps == 0) return;
     if (!note_.empty()) note_ += "; ";
     note_ += text("rasters leave ", gaps, gaps == 1 ? " gap" : " gaps",
-                  " narrower than two posts, void in the store, the first between '", path(before), "' and '",
-                  path(behind), "'");
+                  " narrower than two posts, void in the store, the first between '", path(pieces_[before].file),
+                  "' and '", path(pieces_[behind].file), "'");
 }
 
 std::vector<std::size_t> Mosaic::pieces_in(const Window& window) const {
@@ -336,13 +374,13 @@ std::vector<std::size_t> Mosaic::pieces_in(const Window& window) const {
     return any ? found : std::vector<std::size_t>{};
 }
 
-void Mosaic::used(std::size_t piece) {
+void Mosaic::used(std::size_t file) {
     if (single()) return;
     const std::lock_guard lock(mutex_);
-    open_.remove(piece);
-    open_.push_front(piece);
+    open_.remove(file);
+    open_.push_front(file);
     if (open_.size() <= most_open_) return;
-    pieces_[open_.back()].raster->close_idle();
+    rasters_[open_.back()]->close_idle();
     open_.pop_back();
 }
 
@@ -355,7 +393,7 @@ void Mosaic::read(const Window& window, const Window& counted, Kind kind, const 
     if (overlap) out.owners.assign(n, 0);
     if (overlap && resampled_) out.doubts.assign(n, 0.0F);
     for (const std::size_t index : pieces) {
-        used(index);
+        used(pieces_[index].file);
         if (pieces_[index].copied)
             add_copied(index, window, overlap ? counted : Window{}, out);
         else
@@ -367,7 +405,7 @@ void Mosaic::read(const Window& window, const Window& counted, Kind kind, const 
 
 /// What a raster has at a post of the grid: kept if nothing is, else compared with what is. `doubt_m`: 0 for a post of
 /// its own.
-inline void Mosaic::keep_or_compare(std::size_t index, float height_m, float doubt_m, std::int64_t column,
+inline void Mosaic::keep_or_compare(std::size_t file, float height_m, float doubt_m, std::int64_t column,
                                     std::int64_t row, const Window& window, const Window& counted, Posts& out) {
     const auto at =
         static_cast<std::size_t>((row - window.rows.begin) * window.columns.size() + column - window.columns.begin);
@@ -375,7 +413,7 @@ inline void Mosaic::keep_or_compare(std::size_t index, float height_m, float dou
     if (std::isnan(kept_m)) {
         kept_m = height_m;
         if (counted.empty()) return;
-        out.owners[at] = static_cast<std::int32_t>(index) + 1;
+        out.owners[at] = static_cast<std::int32_t>(file) + 1;
         if (doubt_m > 0) out.doubts[at] = doubt_m;
         return;
     }
@@ -384,14 +422,15 @@ inline void Mosaic::keep_or_compare(std::size_t index, float height_m, float dou
     const float both_m = doubt_m + (out.doubts.empty() ? 0.0F : out.doubts[at]);
     if (!(apart_m > both_m)) return;
     std::int32_t& owner = out.owners[at];
+    if (std::abs(owner) == static_cast<std::int32_t>(file) + 1) return;  // its last column repeats its first
     const bool first = owner > 0;
-    out.disagreement.add({first ? 1U : 0U, apart_m, column, row, std::abs(owner) - 1, static_cast<std::int64_t>(index),
+    out.disagreement.add({first ? 1U : 0U, apart_m, column, row, std::abs(owner) - 1, static_cast<std::int64_t>(file),
                           first && both_m > 0 ? 1U : 0U});
     owner = -std::abs(owner);
 }
 
 void Mosaic::read_single(const Window& window, Kind kind, Posts& out) {
-    RasterFile& raster = *pieces_[0].raster;
+    RasterFile& raster = *rasters_[0];
     const RasterFacts& own = raster.facts();
     const auto n = static_cast<std::size_t>(window.posts());
     const std::int64_t width = window.columns.size();
@@ -433,7 +472,7 @@ void Mosaic::add_copied(std::size_t index, const Window& window, const Window& c
     for (std::int64_t r = here.rows.begin; r < here.rows.end; ++r)
         for (std::int64_t c = here.columns.begin; c < here.columns.end; ++c) {
             const float z = out.part[static_cast<std::size_t>((r - here.rows.begin) * width + c - here.columns.begin)];
-            if (!std::isnan(z)) keep_or_compare(index, z, 0, c, r, window, counted, out);
+            if (!std::isnan(z)) keep_or_compare(piece.file, z, 0, c, r, window, counted, out);
         }
 }
 
@@ -497,7 +536,7 @@ void Mosaic::add_resampled(std::size_t index, const Window& window, const Window
     const Window here{intersection(window.columns, piece.posts.columns), intersection(window.rows, piece.posts.rows)};
     if (here.empty()) return;
     interpolate(piece, here, out.part, [&](std::int64_t c, std::int64_t r, float height_m, float doubt_m) {
-        keep_or_compare(index, height_m, doubt_m, c, r, window, counted, out);
+        keep_or_compare(piece.file, height_m, doubt_m, c, r, window, counted, out);
     });
 }
 
@@ -539,7 +578,7 @@ void Mosaic::reach_out(std::size_t index, Seams seams, bool far_side, const Wind
         for (std::int64_t r = here.rows.begin; r < here.rows.end && !any; ++r)
             for (std::int64_t c = here.columns.begin; c < here.columns.end && !any; ++c) any = wanted(index_of(c, r));
         if (!any) continue;
-        used(index);
+        used(pieces_[index].file);
         interpolate(piece, here, out.part, [&](std::int64_t c, std::int64_t r, float height_m, float) {
             const std::size_t at = index_of(c, r);
             if (!wanted(at)) return;

@@ -35,25 +35,25 @@ public:
     const RasterFacts& facts() const { return facts_; }
     /// What was done to unlike rasters, in a sentence; empty: nothing.
     const std::string& note() const { return note_; }
-    const std::string& path(std::size_t file) const { return pieces_[file].raster->facts().path; }
+    const std::string& path(std::size_t file) const { return rasters_[file]->facts().path; }
     std::vector<StoreSource> sources() const;
     /// Of each raster's files, in the order of the rasters: sizes and times of change.
     std::vector<std::uint64_t> fingerprints() const;
-    bool single() const { return pieces_.size() == 1; }
+    bool single() const { return rasters_.size() == 1; }
     bool resampled() const { return resampled_; }
 
     /// Of a reading thread, over all its handles.
     ReaderBytes reader_bytes() const {
         ReaderBytes most;
-        for (const Piece& piece : pieces_) {
-            const ReaderBytes own = piece.raster->reader_bytes();
+        for (const auto& raster : rasters_) {
+            const ReaderBytes own = raster->reader_bytes();
             most = {std::max(most.decoded, own.decoded), std::max(most.packed, own.packed)};
         }
-        most.packed *= std::min(pieces_.size(), most_open_);
+        most.packed *= std::min(rasters_.size(), most_open_);
         return most;
     }
 
-    /// Rasters that hold posts of the window or count in it; none if none holds one.
+    /// Pieces that hold posts of the window or count in it; none if none holds one.
     std::vector<std::size_t> pieces_in(const Window& window) const;
 
     /// What a read gives, row after row of its window.
@@ -61,7 +61,7 @@ public:
         std::vector<std::byte> stored;     ///< in facts().type
         std::vector<float> heights;        ///< metres, NaN void
         std::vector<std::int32_t> codes;   ///< void_code where there is none
-        std::vector<std::int32_t> owners;  ///< scratch: 1 + the piece kept, below 0 once it disagreed; 0: none
+        std::vector<std::int32_t> owners;  ///< scratch: 1 + the raster kept, below 0 once it disagreed; 0: none
         std::vector<float> doubts;         ///< scratch: of what is kept, metres; empty: 0; then the posts beyond
         std::vector<float> part;           ///< scratch
         Disagreement disagreement;         ///< added to
@@ -72,12 +72,14 @@ public:
               Posts& out);
 
 private:
+    /// A raster as it lies on the grid. Where the rasters go round the earth one may lie there twice, a circle apart.
     struct Piece {
-        std::unique_ptr<RasterFile> raster;
+        RasterFile* raster;
+        std::size_t file;                      ///< its number
         bool copied = true;                    ///< else resampled
         double column = 0, row = 0;            ///< of the grid's post (0, 0) in the raster's own
         double column_step = 1, row_step = 1;  ///< from post to post of the grid
-        Window posts;                          ///< of the grid that it holds
+        Window posts;  ///< of the grid that it holds; also beyond it, if that goes round the earth
         bool reaches = false;                  ///< half a post of its own beyond its outermost posts
         Window area, across;  ///< with the posts it reaches; with those that rasters on the other side of a seam reach
     };
@@ -86,19 +88,23 @@ private:
     void choose_grid(const std::string& role);
     void choose_type();
     void find_edges();
-    void used(std::size_t piece);
+    void used(std::size_t file);
     void add_copied(std::size_t index, const Window& window, const Window& counted, Posts& out);
     void add_resampled(std::size_t index, const Window& window, const Window& counted, Posts& out);
     template <class Take>
     static void interpolate(const Piece& piece, const Window& here, std::vector<float>& part, const Take& take);
     void close_seams(const Window& window, const std::vector<std::size_t>& pieces, Posts& out);
     void reach_out(std::size_t index, Seams seams, bool far_side, const Window& window, Posts& out);
-    static void keep_or_compare(std::size_t index, float height_m, float doubt_m, std::int64_t column, std::int64_t row,
+    static void keep_or_compare(std::size_t file, float height_m, float doubt_m, std::int64_t column, std::int64_t row,
                                 const Window& window, const Window& counted, Posts& out);
     void store_heights(const Window& window, Posts& out) const;
     void read_single(const Window& window, Kind kind, Posts& out);
 
-    std::vector<Piece> pieces_;
+    /// At a grid's post (0, 0) with these steps.
+    Piece piece_at(std::size_t file, double west, double x0, double y0, double step_x, double step_y) const;
+
+    std::vector<std::unique_ptr<RasterFile>> rasters_;
+    std::vector<Piece> pieces_;  ///< in the order of the rasters
     RasterFacts facts_;
     std::string note_;
     bool resampled_ = false;  ///< at least one of them
