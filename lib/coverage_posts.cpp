@@ -106,6 +106,73 @@ float Cover::response(const Side& side, double slope, std::int64_t index, std::i
     return static_cast<float>(rounded(10 * std::log10(power) + 30, 20));
 }
 
+/// What of a line's posts lies within range and sector: of groups of posts that is mostly known without any of them.
+class Cover::View {
+public:
+    View(const Cover& cover, const Side& side, const Desk& desk, const float* heights, Interval posts)
+        : cover_(cover), side_(side), desk_(desk), limits_(cover.with_range_ && !cover.params_.elevation) {
+        if (!limits_) return;
+        float lowest = static_cast<float>(cover.scene_.reference_m), highest = lowest;
+        const float target = static_cast<float>(cover.params_.target_m);
+        for (std::int64_t j = posts.begin; j < posts.end; ++j) {
+            const float z = heights[j] + target;
+            lowest = z < lowest ? z : lowest;
+            highest = z > highest ? z : highest;
+        }
+        double farthest = 0, most_bent = 0;
+        for (std::size_t g = 0; g <= desk.post_groups; ++g) {
+            farthest = std::max(farthest, arc(g));
+            const double m = desk.post_slope[g];
+            most_bent = std::max(most_bent, std::abs(quadratic(side.curvature, m) / quadratic(side.square, m)));
+        }
+        // Between two knots: the way from one to the next at the most, and the bend of the line of posts.
+        between_m_ = 1.25 * static_cast<double>(knot) * std::sqrt(side.square[2]);
+        farthest += between_m_;
+        most_bent *= 1.25;
+        // Bounds of out / arc, and of what stands above or below the sensor's level.
+        const double low = static_cast<double>(lowest) - 1, high = static_cast<double>(highest) + 1,
+                     theta = farthest * most_bent, drop = 0.6 * farthest * theta * (1 + std::abs(high) * most_bent);
+        least_out_ = (1 - theta * theta) * (1 - std::abs(low) * most_bent);
+        most_out_ = 1 + std::abs(high) * most_bent;
+        most_up_ = std::max(std::abs(low - cover.scene_.sensor_m), std::abs(high - cover.scene_.sensor_m)) + drop;
+    }
+
+    enum class Part { all, none, some };
+    /// Of the posts between two knots.
+    Part part(std::size_t g) const {
+        const Scene& scene = cover_.scene_.scene;
+        if (cover_.params_.elevation) return Part::some;
+        bool all = true;
+        if (scene.sector) {
+            const auto [least, most] = std::minmax(desk_.post_slope[g], desk_.post_slope[g + 1]);
+            bool in = false, touched = false;
+            for (const auto& [lo, hi] : side_.sector) {
+                in = in || (least >= lo && most <= hi);
+                touched = touched || (most >= lo && least <= hi);
+            }
+            if (!touched) return Part::none;
+            all = in;
+        }
+        if (!limits_) return all ? Part::all : Part::some;
+        const double a = arc(g), b = arc(g + 1), nearest = std::max(0.0, std::max(a, b) - between_m_),
+                     farthest = std::min(a, b) + between_m_, out = farthest * most_out_;
+        const double least = nearest * least_out_, most = std::sqrt(out * out + most_up_ * most_up_) + 1;
+        if (least > *scene.range_m || nearest > cover_.farthest_m_ || most < scene.range_start_m) return Part::none;
+        all = all && most <= *scene.range_m && farthest <= cover_.farthest_m_ && least >= scene.range_start_m;
+        return all ? Part::all : Part::some;
+    }
+
+private:
+    double arc(std::size_t g) const {
+        return desk_.post_along[g] * std::sqrt(quadratic(side_.square, desk_.post_slope[g]));
+    }
+    const Cover& cover_;
+    const Side& side_;
+    const Desk& desk_;
+    bool limits_;
+    double between_m_ = 0, least_out_ = 0, most_out_ = 0, most_up_ = 0;
+};
+
 void Cover::finish_line(const Side& side, const LineForm& line, std::int64_t index, Interval posts, Interval window,
                         Desk& desk, std::size_t out) {
     const std::int64_t first = floor_to(posts.begin, knot);
@@ -122,7 +189,19 @@ void Cover::finish_line(const Side& side, const LineForm& line, std::int64_t ind
         for (std::int64_t j = posts.begin; j < posts.end; ++j)
             values[j - posts.begin] = state[j] == no_data ? nan_f : raise[j];
     } else if (with_posts_ || voids_) {
+        const bool by_groups = bytes_ && limited_;
+        const View view(*this, side, desk, height, by_groups ? posts : Interval{});
+        View::Part part_in = View::Part::some;
         for (std::int64_t j = posts.begin; j < posts.end; ++j) {
+            if (by_groups && (j == posts.begin || (j - first) % knot == 0)) {
+                const std::int64_t group = (j - first) / knot, end = std::min(posts.end, first + (group + 1) * knot);
+                part_in = view.part(static_cast<std::size_t>(group));
+                if (part_in == View::Part::none) std::fill(state + j, state + end, outside);
+                if (part_in == View::Part::none || (part_in == View::Part::all && !voids_)) {
+                    j = end - 1;
+                    continue;
+                }
+            }
             const auto g = static_cast<std::size_t>((j - first) / knot);
             const double width = desk.from[g + 1] - desk.from[g],
                          part = width > 0 ? (static_cast<double>(j) - desk.from[g]) / width : 0;
@@ -139,7 +218,7 @@ void Cover::finish_line(const Side& side, const LineForm& line, std::int64_t ind
                 const float bar = has(a) && has(b) ? a + f * (b - a) : std::max(a, b);
                 if (tangent[j] < bar) s = static_cast<std::uint8_t>(State::unknown);
             }
-            if (!with_posts_) continue;
+            if (!with_posts_ || part_in == View::Part::all) continue;
             const double m = between(desk.post_slope);
             if (scene_.scene.sector) {
                 bool in = false;

@@ -323,6 +323,7 @@ private:
     static void part_row(std::int64_t row, Desk& desk);
     static void part_line(Interval posts, Desk& desk);
     void pass_voids(Desk& desk, Interval window, bool behind);
+    class View;
     void finish_line(const Side& side, const LineForm& line, std::int64_t index, Interval posts, Interval window,
                      Desk& desk, std::size_t out);
     /// Facet of a post's own cell: the sine of the local grazing angle, and how much larger than its plan it is.

@@ -223,6 +223,8 @@ TEST_CASE("what may look like an error of the program is explained", "[cli][long
     const Strings place{"--latlon", "33.8,-117.4", "--altitude-msl", "3km", "--range", "6km"};
     says(with(place, {"--wind-direction", "30deg"}), "wind-direction has no effect: it is that of waves");
     says(with(place, {"--geoid-offset", "-30m"}), "geoid-offset has no effect: it brings altitude-hae to sea level");
+    says(with(place, {"--rain", "light", "--frequency", "95GHz"}),
+         "rain: its own echo is Rayleigh's, good to Ku band and fair to 35 GHz; at 95 GHz it is too strong");
     says(with(place, {"--far-shore", "on"}), "far-shore has no effect: water is told from land by culture");
     says(with(place, {"--sea-state", "3", "--wind-direction", "30deg"}),
          "sea-state and wind-direction have no effect: no ground is of a class of water, by culture or material");
