@@ -119,14 +119,16 @@ public:
             lowest = z < lowest ? z : lowest;
             highest = z > highest ? z : highest;
         }
-        double farthest = 0, most_bent = 0;
+        double farthest = 0, most_bent = 0, apart = 0;
         for (std::size_t g = 0; g <= desk.post_groups; ++g) {
             farthest = std::max(farthest, arc(g));
+            if (g > 0) apart = std::max(apart, std::abs(arc(g) - arc(g - 1)));
             const double m = desk.post_slope[g];
             most_bent = std::max(most_bent, std::abs(quadratic(side.curvature, m) / quadratic(side.square, m)));
         }
-        // Between two knots: the way from one to the next at the most, and the bend of the line of posts.
-        between_m_ = 1.25 * static_cast<double>(knot) * std::sqrt(side.square[2]);
+        // Between two knots: twice the way from one to the next, by the metric at the sensor and, as near a pole posts stand farther
+        // apart elsewhere, by what these knots have.
+        between_m_ = 2 * std::max(1.25 * static_cast<double>(knot) * std::sqrt(side.square[2]), 2 * apart);
         farthest += between_m_;
         most_bent *= 1.25;
         // Bounds of out / arc, and of what stands above or below the sensor's level.
