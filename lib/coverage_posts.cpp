@@ -109,8 +109,10 @@ float Cover::response(const Side& side, double slope, std::int64_t index, std::i
 /// What of a line's posts lies within range and sector: of groups of posts that is mostly known without any of them.
 class Cover::View {
 public:
+    /// `posts`: empty if no part is asked for.
     View(const Cover& cover, const Side& side, const Desk& desk, const float* heights, Interval posts)
-        : cover_(cover), side_(side), desk_(desk), limits_(cover.with_range_ && !cover.params_.elevation) {
+        : cover_(cover), side_(side), desk_(desk),
+          limits_(cover.with_range_ && !cover.params_.elevation && !posts.empty()) {
         if (!limits_) return;
         float lowest = static_cast<float>(cover.scene_.reference_m), highest = lowest;
         const float target = static_cast<float>(cover.params_.target_m);
@@ -146,11 +148,13 @@ public:
         if (cover_.params_.elevation) return Part::some;
         bool all = true;
         if (scene.sector) {
-            const auto [least, most] = std::minmax(desk_.post_slope[g], desk_.post_slope[g + 1]);
+            constexpr double rounding = 1e-12;  // of slopes between the knots'
+            const double least = std::min(desk_.post_slope[g], desk_.post_slope[g + 1]),
+                         most = std::max(desk_.post_slope[g], desk_.post_slope[g + 1]);
             bool in = false, touched = false;
             for (const auto& [lo, hi] : side_.sector) {
-                in = in || (least >= lo && most <= hi);
-                touched = touched || (most >= lo && least <= hi);
+                in = in || (least >= lo + rounding && most <= hi - rounding);
+                touched = touched || (most >= lo - rounding && least <= hi + rounding);
             }
             if (!touched) return Part::none;
             all = in;
@@ -193,13 +197,13 @@ void Cover::finish_line(const Side& side, const LineForm& line, std::int64_t ind
     } else if (with_posts_ || voids_) {
         const bool by_groups = bytes_ && limited_;
         const View view(*this, side, desk, height, by_groups ? posts : Interval{});
-        View::Part part_in = View::Part::some;
+        View::Part in_view = View::Part::some;
         for (std::int64_t j = posts.begin; j < posts.end; ++j) {
             if (by_groups && (j == posts.begin || (j - first) % knot == 0)) {
                 const std::int64_t group = (j - first) / knot, end = std::min(posts.end, first + (group + 1) * knot);
-                part_in = view.part(static_cast<std::size_t>(group));
-                if (part_in == View::Part::none) std::fill(state + j, state + end, outside);
-                if (part_in == View::Part::none || (part_in == View::Part::all && !voids_)) {
+                in_view = view.part(static_cast<std::size_t>(group));
+                if (in_view == View::Part::none) std::fill(state + j, state + end, outside);
+                if (in_view == View::Part::none || (in_view == View::Part::all && !voids_)) {
                     j = end - 1;
                     continue;
                 }
@@ -220,7 +224,7 @@ void Cover::finish_line(const Side& side, const LineForm& line, std::int64_t ind
                 const float bar = has(a) && has(b) ? a + f * (b - a) : std::max(a, b);
                 if (tangent[j] < bar) s = static_cast<std::uint8_t>(State::unknown);
             }
-            if (!with_posts_ || part_in == View::Part::all) continue;
+            if (!with_posts_ || in_view == View::Part::all) continue;
             const double m = between(desk.post_slope);
             if (scene_.scene.sector) {
                 bool in = false;

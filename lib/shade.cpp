@@ -108,10 +108,16 @@ bool PatternTable::meets_drop(double sine0, double sine1) const {
 }
 
 PatternTable::Entries PatternTable::beside(double sine) const {
+    // Between the entries on either side of a drop the pattern is that of the nearer one, with the slope beyond it.
+    bool below = false;
     for (const PatternDrop& drop : drops_)
-        if (sine > drop.low && sine < drop.high) sine = sine < drop.sine ? drop.low : drop.high;
+        if (sine > drop.low && sine < drop.high) {
+            below = sine < drop.sine;
+            sine = below ? drop.low : drop.high;
+            break;
+        }
     const double x = (sine + 1) * (0.5 * intervals_);
-    const int i = std::clamp(static_cast<int>(x), 0, intervals_ - 1);
+    const int i = std::clamp(static_cast<int>(x) - (below ? 1 : 0), 0, intervals_ - 1);
     return {static_cast<double>(values_[static_cast<std::size_t>(i)]),
             static_cast<double>(values_[static_cast<std::size_t>(i) + 1]), x - i};
 }

@@ -100,6 +100,30 @@ TEST_CASE("the table of a pattern of points is right to its error where the patt
         }
 }
 
+TEST_CASE("beside a drop a pattern has the value and the slope of its own side", "[shade]") {
+    // 0 dB at 10 degrees of depression, 6 dB less each 20 degrees, an end at 30: its sine is an entry of the table.
+    const PatternTable table(antenna_of({{10, 0}, {30, -6}}));
+    const auto exact = [](double sine) {
+        const double depression = Angle::radians(-std::asin(sine)).deg();
+        return std::pow(10, -0.06 * (depression - 10));
+    };
+    for (const auto& [drop, lit_below] : {std::pair{table.drops()[0], true}, {table.drops()[1], false}}) {
+        CAPTURE(drop.sine, drop.low, drop.high);
+        CHECK(drop.low < drop.sine);
+        CHECK(drop.sine < drop.high);
+        CHECK(drop.high - drop.low < 5.0 / table.intervals());
+        for (const double part : {0.05, 0.5, 0.95}) {
+            const double below = drop.low + part * (drop.sine - drop.low),
+                         above = drop.sine + part * (drop.high - drop.sine), lit = lit_below ? below : above,
+                         dark = lit_below ? above : below, hair = 1e-5;
+            CHECK(table.at(lit) == Approx(exact(lit)).epsilon(0.005));
+            CHECK(table.slope(lit) == Approx((exact(lit + hair) - exact(lit - hair)) / (2 * hair)).epsilon(0.02));
+            CHECK(table.at(dark) < 1e-6);
+            CHECK(std::abs(table.slope(dark)) < 1e-6);
+        }
+    }
+}
+
 TEST_CASE("points that follow a law give what the law gives", "[shade]") {
     AntennaParams law;
     law.knee = Angle::degrees(4);

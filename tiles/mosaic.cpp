@@ -162,8 +162,8 @@ void Mosaic::choose_grid(const std::string& role) {
         pieces_.push_back(piece_at(i, west[i], x0, y0, step_x, step_y));
         all = {hull(all.columns, pieces_.back().posts.columns), hull(all.rows, pieces_.back().posts.rows)};
     }
-    // Rasters that leave no gap on the circle: one circle of posts, from the edge of one that goes round alone or from where they
-    // begin, and each raster wherever it lies on that, so also on the other side of the seam.
+    // Rasters that reach round the circle, and steps that close it: one circle of posts, from the edge of one that goes round alone or
+    // from where they begin, and each raster wherever it lies on that, so also on the other side of the seam.
     const double circle = 360 - on_a_post * std::fabs(step_x);
     std::vector<double> east;
     for (std::size_t i = 0; i < rasters_.size(); ++i) east.push_back(west[i] + width[i]);
@@ -172,17 +172,18 @@ void Mosaic::choose_grid(const std::string& role) {
     if (!alone) begins = std::min_element(west.begin(), west.end()) - west.begin();
     const auto seam = static_cast<std::size_t>(begins);
     double whole_turns = 0;
-    if (eastwards && (alone || *std::max_element(east.begin(), east.end()) - west[seam] >= circle)) {
+    const bool closes = near(360 / step_x, std::round(360 / step_x), 1e-3);  // as RasterFacts::cycle_columns() asks
+    if (eastwards && closes && (alone || *std::max_element(east.begin(), east.end()) - west[seam] >= circle)) {
         const auto post = static_cast<std::int64_t>(std::ceil((west[seam] - (x0 - 0.5 * step_x)) / step_x - on_a_post));
-        all.columns = {post, post + static_cast<std::int64_t>(std::floor(360 / step_x + on_a_post))};
+        all.columns = {post, post + std::llround(360 / step_x)};
         whole_turns = rasters_[seam]->facts().corner_x - west[seam];
+        double coarsest = 1;  // posting
+        for (const Piece& piece : pieces_) coarsest = std::max(coarsest, 1 / std::fabs(piece.column_step));
+        const auto reach = static_cast<std::int64_t>(std::ceil(coarsest)) + 1;  // beyond outermost posts, at the most
         pieces_.clear();
         for (std::size_t i = 0; i < rasters_.size(); ++i)
             for (const double turn : {0.0, -360.0, 360.0}) {
-                Piece piece = piece_at(i, west[i] + turn, x0, y0, step_x, step_y);
-                // With what it may reach beyond its outermost posts.
-                const double posting = 1 / std::fabs(piece.column_step);
-                const auto reach = static_cast<std::int64_t>(std::ceil(posting)) + 1;
+                const Piece piece = piece_at(i, west[i] + turn, x0, y0, step_x, step_y);
                 if (!intersection({piece.posts.columns.begin - reach, piece.posts.columns.end + reach}, all.columns)
                          .empty())
                     pieces_.push_back(piece);
@@ -342,6 +343,7 @@ void Mosaic::find_edges() {
         const double begin = places[a][axis].end(), end = places[b][axis].begin();
         const double post = std::floor(begin + on_a_post) + 1;  // the first of the gap
         if (end - begin >= 2 || post >= end - on_a_post) return;
+        if (axis == 0 && (post < 0 || post >= static_cast<double>(facts_.columns))) return;  // a circle apart
         const Side &u = places[a][1 - axis], &v = places[b][1 - axis];
         const double middle = (std::max(u.first, v.first) + std::min(u.last, v.last)) / 2;
         const auto holds = [&](const Place& c) {
@@ -422,7 +424,7 @@ inline void Mosaic::keep_or_compare(std::size_t file, float height_m, float doub
     const float both_m = doubt_m + (out.doubts.empty() ? 0.0F : out.doubts[at]);
     if (!(apart_m > both_m)) return;
     std::int32_t& owner = out.owners[at];
-    if (std::abs(owner) == static_cast<std::int32_t>(file) + 1) return;  // its last column repeats its first
+    if (std::abs(owner) == static_cast<std::int32_t>(file) + 1) return;  // itself, a circle apart
     const bool first = owner > 0;
     out.disagreement.add({first ? 1U : 0U, apart_m, column, row, std::abs(owner) - 1, static_cast<std::int64_t>(file),
                           first && both_m > 0 ? 1U : 0U});

@@ -72,7 +72,7 @@ public:
               Posts& out);
 
 private:
-    /// A raster as it lies on the grid. Where the rasters go round the earth one may lie there twice, a circle apart.
+    /// A raster as it lies on the grid. Where the rasters go round the earth one may lie there more than once, circles apart.
     struct Piece {
         RasterFile* raster;
         std::size_t file;                      ///< its number

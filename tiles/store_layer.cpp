@@ -96,7 +96,8 @@ RawVector<std::byte> SheetReader::tile(int level, std::int64_t column, std::int6
         if (level > 0) band = band->GetOverview(level - 1);
         int block_wide = 0, block_high = 0;
         if (band) band->GetBlockSize(&block_wide, &block_high);
-        if (!band || block_wide != edge || block_high != edge)
+        // An overview has a directory of its own, which damage may give another type: its blocks would not fit in here.
+        if (!band || block_wide != edge || block_high != edge || band->GetRasterDataType() != facts_.type)
             throw DataError(named("cannot be read: " + errors.reason()));
         if (band->ReadBlock(static_cast<int>(column), static_cast<int>(row), values.data()) != CE_None)
             throw DataError(named("cannot be read: " + errors.reason()));

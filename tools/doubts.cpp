@@ -41,6 +41,12 @@ std::array<std::string, doubt_count> doubts(const RunResult& r, bool pictured) {
             "azimuth bins of {:.4g} deg are wider than half the beam of {:.4g} deg: powers come out too "
             "high (azimuth-bins {:.0f} or more)",
             step_deg, beam_deg, std::ceil(720 / beam_deg));
+    constexpr double most_rayleigh_hz = 40e9;  // physics 6.4
+    if (const double hz = r.scene.scene.radar.frequency_hz;
+        r.scene.scene.weather.rain_mm_h > 0 && hz >= most_rayleigh_hz)
+        lines[strong_rain] = fmt::format(
+            "rain: its own echo is Rayleigh's, good to Ku band and fair to 35 GHz; at {:.3g} GHz it is too strong",
+            hz * 1e-9);
     if (r.scene.scene.max_error_db && !r.promise.lacks.empty())
         lines[error_unkept] = fmt::format("max-error is not promised here: {}", fmt::join(r.promise.lacks, "; "));
     else if (r.scene.scene.max_error_db && r.promise.from_m > r.scene.scene.range_start_m)
@@ -80,11 +86,6 @@ std::vector<std::string> idle_effects(const Scene& scene, const DataBase& db, co
     }
     if (scene.far_shore && !db.has_culture)
         lines.push_back("far-shore has no effect: water is told from land by culture, and there is none");
-    constexpr double most_rayleigh_hz = 40e9;  // rain-echo: physics 6.4
-    if (scene.weather.rain_mm_h > 0 && scene.radar.frequency_hz > most_rayleigh_hz)
-        lines.push_back(fmt::format(
-            "rain: its own echo is Rayleigh's, good to Ku band and fair to 35 GHz; at {:.3g} GHz it is too strong",
-            scene.radar.frequency_hz * 1e-9));
     if (scene.walls == Walls::statistical && raises_m(scene, db).empty())
         lines.push_back("walls statistical has no effect: no class of the ground has structures");
     // A class that a table adds, or a name it misspells.

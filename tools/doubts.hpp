@@ -12,7 +12,15 @@
 namespace wedgescope {
 
 /// Kinds of doubt, as they stand in doubts().
-enum Doubt : std::size_t { nothing_there, nothing_seen, nothing_lit, wide_bins, error_unkept, doubt_count };
+enum Doubt : std::size_t {
+    nothing_there,
+    nothing_seen,
+    nothing_lit,
+    wide_bins,
+    strong_rain,
+    error_unkept,
+    doubt_count
+};
 
 /// A line for each kind of doubt that there is about a run; empty: none. `pictured`: is there a picture of it to be seen?
 std::array<std::string, doubt_count> doubts(const RunResult& result, bool pictured);
