@@ -12,7 +12,9 @@
 #include "tests/drawn_raster.hpp"
 #include "tests/refusal.hpp"
 #include "tiles/gdal_session.hpp"
+#include "tiles/source_choice.hpp"
 #include "tiles/sources.hpp"
+#include "tiles/tile_cache.hpp"
 
 using namespace wedgescope;
 using Catch::Matchers::Contains;
@@ -466,9 +468,12 @@ TEST_CASE("outside the culture raster stands the default class, and unknown code
 
 TEST_CASE("classes of whole culture tiles are the same when they are asked for again", "[source]") {
     const Folder folder;
+    // In strips that are not packed, and as GDAL reads them (in NAD83).
+    const bool by_gdal = GENERATE(false, true);
     Drawing d;
     d.columns = 600;
-    d.rows = 150;
+    d.rows = 300;
+    if (by_gdal) d.crs = "EPSG:26911";
     draw(folder / "dem.tif", d);
     Drawing k = d;
     k.type = GDT_Int16;
@@ -482,15 +487,15 @@ TEST_CASE("classes of whole culture tiles are the same when they are asked for a
     params.culture = folder / "codes.tif";
     params.default_class = 9;
     params.legend = Legend("drawn", {{40, 0}, {41, 1}, {42, 2}, {43, 3}});
-    params.cache_bytes = GENERATE(std::size_t{0}, std::size_t{20000}, std::size_t{620000}, std::size_t{1} << 22);
-    CAPTURE(params.cache_bytes);
+    params.cache_bytes = GENERATE(std::size_t{0}, std::size_t{20000}, std::size_t{1240000}, std::size_t{1} << 22);
+    CAPTURE(params.cache_bytes, by_gdal);
     const auto source = open_direct_source(params);
     const DataBase& db = source->data_base();
     const std::int64_t wide = db.culture_tile_columns, high = db.culture_tile_rows;
     REQUIRE((wide < k.columns && high < k.rows));
     // Layers that GDAL reads stay in its cache where they fit, whatever is kept of classes.
     const auto layers = static_cast<GIntBig>(2 * k.columns * k.rows) + static_cast<GIntBig>(4 * d.columns * d.rows);
-    if (static_cast<GIntBig>(params.cache_bytes) >= layers) CHECK(GDALGetCacheMax64() >= layers);
+    if (by_gdal && static_cast<GIntBig>(params.cache_bytes) >= layers) CHECK(GDALGetCacheMax64() >= layers);
     std::vector<CultureCells> first;
     for (int time = 0; time < 3; ++time) {
         std::size_t at = 0;
@@ -517,6 +522,67 @@ TEST_CASE("classes of whole culture tiles are the same when they are asked for a
         CHECK(class_at(source->load_classes({{wide - 3, wide + 3}, {4, 8}}), wide, 5) == (wide / 3 + 10) % 4);
         const std::uint64_t touched = source->skipped()[static_cast<std::size_t>(Skip::none)].posts;
         CHECK(touched == static_cast<std::uint64_t>(k.columns * k.rows));
+    }
+}
+
+TEST_CASE("rasters whose windows decode many posts are read directly where all of them stay decoded", "[source]") {
+    const Folder folder;
+    Drawing d;
+    d.columns = 6000;
+    d.rows = 500;
+    d.creation = {"COMPRESS=DEFLATE"};
+    Scene scene;
+    scene.platform.xy = PointXY{1000, 1000};
+    const auto chosen = [&](const DataBaseParams& params) {
+        return choose_source(params, SourceKind::automatic, scene, std::size_t{1} << 30);
+    };
+    const std::size_t all = std::size_t{6000} * 500 * 4 + 500 * TileCache::entry_bytes;
+    SECTION("strips that are unpacked here, each once for all threads") {
+        draw(folder / "dem.tif", d);
+        DataBaseParams params = only(folder / "dem.tif");
+        params.threads = 8;
+        params.cache_bytes = all / 3 * 4 - 100;
+        CHECK(chosen(params).spilled);
+        CHECK_THAT(chosen(params).why, Contains("a window would decode 6 times the posts"));
+        params.cache_bytes = all / 3 * 4 + 100;
+        CHECK_FALSE(chosen(params).spilled);
+        params.cache_bytes = all / 2;
+        CHECK(chosen(params).spilled);
+        params.more_cache_bytes = all;
+        CHECK_FALSE(chosen(params).spilled);
+        CHECK_THAT(chosen(params).why, Contains("rows of 6000 x ") && Contains("all 12 MiB fit into the cache"));
+        const auto source = open_direct_source(params);
+        CHECK(source->cache_bytes() >= all);
+        CHECK(source->cache_bytes() <= all + all / 6);
+        // All posts in windows that cut every strip: what is held are all strips, once.
+        Chunk chunk;
+        for (std::int64_t c = 0; c < 6000; c += 500) chunk = source->load({{c, c + 500}, {0, 500}}, false);
+        CHECK(source->held_bytes() >= all);
+        params.by_strips = true;
+        CHECK(open_direct_source(params)->cache_bytes() >= all);
+    }
+    SECTION("what GDAL decodes, for each thread") {
+        d.crs = "EPSG:26911";
+        draw(folder / "dem.tif", d);
+        DataBaseParams params = only(folder / "dem.tif");
+        params.cache_bytes = 3 * all;
+        params.more_cache_bytes = 8 * all;
+        for (const int threads : {1, 2, 3, 4, 8}) {
+            params.threads = threads;
+            CHECK(chosen(params).spilled == (threads > 3));
+        }
+    }
+    SECTION("large tiles count whole") {
+        d.columns = 1100;
+        d.rows = 1100;
+        d.crs = "EPSG:26911";
+        d.creation = {"TILED=YES", "BLOCKXSIZE=1024", "BLOCKYSIZE=1024", "COMPRESS=DEFLATE"};
+        draw(folder / "dem.tif", d);
+        DataBaseParams params = only(folder / "dem.tif");
+        params.cache_bytes = std::size_t{2048} * 2048 * 4;
+        CHECK_THAT(chosen(params).why, Contains("all 16 MiB fit"));
+        params.cache_bytes -= 1;
+        CHECK_THAT(chosen(params).why, !Contains("fit"));
     }
 }
 

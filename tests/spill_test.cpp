@@ -738,19 +738,19 @@ TEST_CASE("a raster that changes under the pass is an error that names it", "[sp
 TEST_CASE("what the spill does not hold is not taken from a raster that changed after the pass", "[spill]") {
     const Folder folder;
     const Folder temporary;
-    draw(folder / "dem.tif", hills(600, 400, GDT_Int16));
+    draw(folder / "dem.tif", hills(1200, 800, GDT_Int16));
     const DataBaseParams params = only(folder / "dem.tif");
     Scene near = above(params);
     near.range_m = 500;
     const auto source = open_spilled_source(params, near, in(temporary, little));
     const Extremes before = source->extremes();
     CHECK(before.highest_m > before.lowest_m);
-    const float inside = source->bare_terrain_m(300, 200);
+    const float inside = source->bare_terrain_m(600, 400);
     using std::filesystem::last_write_time;
     last_write_time(folder / "dem.tif", last_write_time(folder / "dem.tif") + std::chrono::milliseconds(1));
     CHECK_THROWS_WITH(source->extremes(), Contains("dem.tif") && Contains("changed while it was read"));
     CHECK_THROWS_AS(source->bare_terrain_m(0, 0), DataError);
-    CHECK(source->bare_terrain_m(300, 200) == inside);
+    CHECK(source->bare_terrain_m(600, 400) == inside);
 }
 
 TEST_CASE("a stop is heard during the pass", "[spill][threads]") {

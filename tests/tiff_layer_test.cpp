@@ -48,6 +48,13 @@ Drawing tiled(GDALDataType type, std::vector<std::string> creation = {}) {
     return d;
 }
 
+/// The same in strips: by default 27 rows each, 26 in the last.
+Drawing striped(GDALDataType type, std::vector<std::string> creation = {}) {
+    Drawing d = tiled(type);
+    d.creation = std::move(creation);
+    return d;
+}
+
 using Doubles = std::vector<double>;
 bool same_number(double a, double b) { return a == b || (std::isnan(a) && std::isnan(b)); }
 
@@ -186,7 +193,7 @@ private:
 
 }  // namespace
 
-TEST_CASE("a plain tiled GeoTIFF is read as GDAL reads it, whatever its type and packing", "[tiff_layer]") {
+TEST_CASE("a plain GeoTIFF is read as GDAL reads it, whatever its type and packing", "[tiff_layer]") {
     const Folder folder;
     const std::string path = folder / "dem.tif";
     for (const GDALDataType type : {GDT_Byte, GDT_UInt16, GDT_Int16, GDT_UInt32, GDT_Int32, GDT_Float32})
@@ -200,7 +207,55 @@ TEST_CASE("a plain tiled GeoTIFF is read as GDAL reads it, whatever its type and
                     if (predicts) creation.push_back("PREDICTOR=" + predictor);
                     draw(path, tiled(type, creation));
                     check_alike(path);
+                    draw(path, striped(type, creation));
+                    check_alike(path);
                 }
+}
+
+TEST_CASE("strips are read as GDAL reads them, whatever their rows", "[tiff_layer]") {
+    const Folder folder;
+    const std::string path = folder / "dem.tif";
+    for (const int columns : {2, 257, 1111})
+        for (const int strip : {1, 2, 16, 300, 5000})
+            for (const std::string packing : {"NONE", "DEFLATE", "ZSTD"}) {
+                INFO(columns << " columns, strips of " << strip << " rows, " << packing);
+                Drawing d = striped(GDT_Int16, {"BLOCKYSIZE=" + std::to_string(strip), "COMPRESS=" + packing});
+                d.columns = columns;
+                d.rows = 300;
+                d.value = [](int c, int r) { return (c * 7919 + r * 104729) % 30011 - 15000; };
+                draw(path, d);
+                if (packing != "NONE" && columns * std::min(strip, 300) * 2 > 8 << 16)
+                    continue;  // the cache would not keep them
+                check_alike(path);
+            }
+}
+
+TEST_CASE("of strips as they are only what is asked for is read, of packed ones each once", "[tiff_layer]") {
+    const Folder folder;
+    const std::string path = folder / "dem.tif";
+    Drawing d = striped(GDT_Int16);
+    d.columns = d.rows = 2000;
+    d.value = [](int c, int r) { return (c * 7919 + r * 104729) % 30011; };
+    draw(path, d);
+    const auto as_is = TiffLayer::of("dem", path, cache());
+    REQUIRE(as_is);
+    CHECK(as_is->facts().block_columns == 2000);
+    CHECK(as_is->facts().unit_columns() == 256);
+    CHECK(as_is->facts().unit_rows() == 256);
+    CHECK(as_is->decoded_a_post() < 2);
+    CHECK_FALSE(as_is->fills_gdal_cache());
+    d.creation = {"COMPRESS=DEFLATE", "BLOCKYSIZE=1"};
+    draw(path, d);
+    const auto held = std::make_shared<TileCache>(std::size_t{16} << 20);
+    const auto packed = TiffLayer::of("dem", path, held);
+    REQUIRE(packed);
+    CHECK(packed->decoded_a_post() == Approx(2000.0 / 1024).epsilon(1e-3));
+    std::vector<float> out(100 * 100);
+    packed->read_heights({{300, 400}, {500, 600}}, out.data(), 100);
+    const std::size_t first = held->bytes();
+    CHECK(first == 100 * (4000 + TileCache::entry_bytes));
+    packed->read_heights({{1300, 1400}, {500, 600}}, out.data(), 100);
+    CHECK(held->bytes() == first);
 }
 
 TEST_CASE("values that are no heights are those that GDAL finds", "[tiff_layer]") {
@@ -387,8 +442,12 @@ TEST_CASE("tiles that a file leaves out take no memory", "[tiff_layer]") {
     Drawing d = tiled(GDT_Int16);
     d.columns = d.rows = 2000;
     d.value = [](int c, int r) { return c == 1999 && r == 1999 ? 1 : 0; };
-    for (const std::string packing : {"NONE", "ZSTD"}) {
-        d.creation = {"TILED=YES", "BLOCKXSIZE=512", "BLOCKYSIZE=512", "SPARSE_OK=YES", "COMPRESS=" + packing};
+    const std::string packing = GENERATE("NONE", "ZSTD");
+    const bool strips = GENERATE(false, true);
+    CAPTURE(packing, strips);
+    {
+        d.creation = {"SPARSE_OK=YES", "COMPRESS=" + packing};
+        if (!strips) d.creation.insert(d.creation.end(), {"TILED=YES", "BLOCKXSIZE=512", "BLOCKYSIZE=512"});
         draw(path, d);
         const auto held = cache();
         const auto own = TiffLayer::of("dem", path, held);
@@ -430,7 +489,6 @@ TEST_CASE("a file of which GDAL may know more is left to GDAL", "[tiff_layer]") 
         change(d);
         return d;
     };
-    drawn("strips", with([](Drawing& d) { d.creation.clear(); }));
     drawn("two bands", with([](Drawing& d) { d.bands = 2; }));
     drawn("scale", with([](Drawing& d) { d.scale = 0.1; }));
     drawn("offset", with([](Drawing& d) { d.offset = 10; }));
@@ -483,18 +541,23 @@ TEST_CASE("a file of which GDAL may know more is left to GDAL", "[tiff_layer]") 
     draw(path, large);
     CHECK_FALSE(TiffLayer::of("dem", path, cache()));
     CHECK(TiffLayer::of("dem", path, std::make_shared<TileCache>(std::size_t{33} << 20)));
+    large.creation = {"COMPRESS=DEFLATE", "BLOCKYSIZE=1030"};
+    draw(path, large);
+    CHECK_FALSE(TiffLayer::of("dem", path, cache()));
 }
 
 TEST_CASE("a damaged tile is named by the posts that it holds", "[tiff_layer]") {
     const Folder folder;
     const std::string path = folder / "dem.tif";
     const std::string packing = GENERATE("NONE", "ZSTD", "DEFLATE");
-    CAPTURE(packing);
-    Drawing d = tiled(GDT_Int16, {"COMPRESS=" + packing});
+    const bool strips = GENERATE(false, true);
+    CAPTURE(packing, strips);
+    Drawing d = strips ? striped(GDT_Int16, {"BLOCKYSIZE=64", "COMPRESS=" + packing})
+                       : tiled(GDT_Int16, {"COMPRESS=" + packing});
     d.value = [](int c, int r) { return (c * 7919 + r * 104729) % 30011; };  // hardly shrinks
     draw(path, d);
-    // The last tile is at the end of the file; of its rows the last 21 are nobody's.
-    std::filesystem::resize_file(path, std::filesystem::file_size(path) - (packing == "NONE" ? 3500 : 100));
+    // The last tile is at the end of the file; of its rows the last 21 are nobody's. A strip has none such.
+    std::filesystem::resize_file(path, std::filesystem::file_size(path) - (packing == "NONE" && !strips ? 3500 : 100));
     const auto own = TiffLayer::of("dem", path, cache());
     REQUIRE(own);
     std::vector<float> out(150 * 107);
@@ -505,7 +568,8 @@ TEST_CASE("a damaged tile is named by the posts that it holds", "[tiff_layer]") 
             FAIL("it is read");
         } catch (const IoError& e) {
             INFO(e.what());
-            CHECK_THAT(e.what(), Catch::Contains("dem '" + path + "': columns 128 to 149, rows 64 to 106 cannot be read: "));
+            CHECK_THAT(e.what(), Catch::Contains("dem '" + path + "': columns " + (strips ? "0" : "128") +
+                                                 " to 149, rows 64 to 106 cannot be read: "));
             CHECK(std::string(e.what()).find('\n') == std::string::npos);
         }
 }
@@ -522,9 +586,11 @@ TEST_CASE("a file that is cut short in its directory is GDAL's to refuse", "[tif
 TEST_CASE("threads read the posts that one reads", "[tiff_layer][threads]") {
     const Folder folder;
     const std::string path = folder / "dem.tif";
-    for (const std::string packing : {"NONE", "ZSTD", "LZW"}) {
-        INFO(packing);
-        Drawing d = tiled(GDT_Int16, {"COMPRESS=" + packing});
+    const std::string packing = GENERATE("NONE", "ZSTD", "LZW");
+    const bool strips = GENERATE(false, true);
+    CAPTURE(packing, strips);
+    {
+        Drawing d = strips ? striped(GDT_Int16, {"COMPRESS=" + packing}) : tiled(GDT_Int16, {"COMPRESS=" + packing});
         d.columns = d.rows = 400;
         draw(path, d);
         const auto few = std::make_shared<TileCache>(std::size_t{16} * 64 * 64 * 2);  // of 49 tiles

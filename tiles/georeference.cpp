@@ -187,8 +187,8 @@ DataBase describe(const RasterFacts& facts) {
     d.name = facts.path;
     d.columns = facts.columns;
     d.rows = facts.rows;
-    d.block_columns = facts.block_columns;
-    d.block_rows = facts.block_rows;
+    d.block_columns = facts.unit_columns();
+    d.block_rows = facts.unit_rows();
     d.post_bytes = facts.type_bytes;
     d.origin_x = facts.corner_x + 0.5 * facts.step_x;
     d.origin_y = facts.corner_y + 0.5 * facts.step_y;

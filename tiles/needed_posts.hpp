@@ -191,7 +191,7 @@ template <class Reason, class Read, class Pass>
 void for_each_tile_run(const RasterFacts& facts, const Window& window, Reason&& reason, Read&& read, Pass&& pass,
                        bool one_by_one = false) {
     const auto unit = [](std::int64_t tile) { return tile * ((block_posts + tile - 1) / tile); };
-    const std::int64_t wide = unit(facts.block_columns), high = unit(facts.block_rows);
+    const std::int64_t wide = unit(facts.unit_columns()), high = unit(facts.unit_rows());
     for (std::int64_t r = window.rows.begin; r < window.rows.end;) {
         const std::int64_t r_end = std::min(window.rows.end, (r / high + 1) * high);
         Interval run{0, 0};

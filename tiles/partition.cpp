@@ -160,9 +160,9 @@ BlockSet blocks_in_scope(const DataBase& db, const PartitionScope& scope, std::i
 }
 
 std::int64_t block_edge(const RasterFacts& facts, std::size_t memory_bytes) {
-    const bool by_columns = facts.block_columns < facts.block_rows;
+    const bool by_columns = facts.unit_columns() < facts.unit_rows();
     const std::int64_t along = by_columns ? facts.rows : facts.columns;
-    const std::int64_t file_along = by_columns ? facts.block_rows : facts.block_columns;
+    const std::int64_t file_along = by_columns ? facts.unit_rows() : facts.unit_columns();
     if (2 * file_along <= along) return spill_edge;  // the file itself is cut that way
     std::int64_t edge = spill_edge;
     while (edge > block_posts && static_cast<std::size_t>(edge * along) * bytes_a_post > memory_bytes) edge /= 2;
@@ -442,10 +442,10 @@ std::vector<Window> windows_of(const LayerPass& layer, std::int64_t most_posts) 
     std::vector<Window> windows;
     if (hull.empty()) return windows;
     // Across: from window row to window row; along: what one row of file blocks runs over.
-    const bool by_columns = f.block_columns < f.block_rows;
+    const bool by_columns = f.unit_columns() < f.unit_rows();
     const Interval across = by_columns ? hull.columns : hull.rows, along = by_columns ? hull.rows : hull.columns;
-    const std::int64_t file_across = by_columns ? f.block_columns : f.block_rows;
-    const std::int64_t file_along = by_columns ? f.block_rows : f.block_columns;
+    const std::int64_t file_across = by_columns ? f.unit_columns() : f.unit_rows();
+    const std::int64_t file_along = by_columns ? f.unit_rows() : f.unit_columns();
     constexpr std::int64_t most_unit = 1024;
     const auto unit = [&](std::int64_t file) { return file <= most_unit ? up(file, edge) * edge : edge; };
     std::int64_t high = unit(file_across), wide = along.size();
@@ -492,7 +492,7 @@ std::vector<Window> windows_of(const LayerPass& layer, std::int64_t most_posts) 
 }
 
 /// File blocks so high that each window decodes one anew unless it is still there: one reader only.
-bool one_by_one(const RasterFacts& f) { return std::min(f.block_rows, f.block_columns) > 1024; }
+bool one_by_one(const RasterFacts& f) { return std::min(f.unit_rows(), f.unit_columns()) > 1024; }
 
 std::size_t tokens_of(const RasterFacts& f, const PassParams& params) {
     return one_by_one(f) ? 1 : static_cast<std::size_t>(std::max(1, params.threads)) + (params.threads > 1 ? 1 : 0);
@@ -685,6 +685,7 @@ SpilledLayer::SpilledLayer(const RasterFacts& facts, std::uint64_t fingerprint, 
       layer_(layer) {
     facts_ = facts;
     facts_.block_columns = facts_.block_rows = spill_->layer(layer).edge;
+    facts_.rows_in_parts = false;
     prepare();
 }
 

@@ -236,12 +236,13 @@ std::optional<double> number(std::string_view words) {
     return value;
 }
 
-constexpr std::size_t most_tiles = std::size_t{1} << 18;
+constexpr std::uint32_t most_tiles = std::uint32_t{1} << 18;
 
 /// Does the band hold what its posts are, and nothing beside?
 bool is_plain(TIFF* file, Doubts& doubts) {
     const std::uint16_t photometric = tag_value(file, TIFFTAG_PHOTOMETRIC, PHOTOMETRIC_MINISBLACK);
-    return TIFFIsTiled(file) && TIFFNumberOfTiles(file) <= most_tiles && tag_value(file, TIFFTAG_SAMPLESPERPIXEL, 1) == 1 &&
+    return (TIFFIsTiled(file) ? TIFFNumberOfTiles(file) : TIFFNumberOfStrips(file)) <= most_tiles &&
+           tag_value(file, TIFFTAG_SAMPLESPERPIXEL, 1) == 1 &&
            (photometric == PHOTOMETRIC_MINISBLACK || photometric == PHOTOMETRIC_PALETTE) &&
            tag_value(file, TIFFTAG_FILLORDER, FILLORDER_MSB2LSB) == FILLORDER_MSB2LSB &&
            tag_value(file, TIFFTAG_ORIENTATION, ORIENTATION_TOPLEFT) == ORIENTATION_TOPLEFT &&

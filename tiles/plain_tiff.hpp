@@ -15,7 +15,7 @@ struct PlainTiff {
     TiffIndex::Level tiles;
     bool swapped = false;  ///< its numbers have the other order of bytes
 
-    /// Nothing if `path` is anything but a TIFF that says what GDAL would say of it: one band of usual numbers in tiles, packed as
+    /// Nothing if `path` is anything but a TIFF that says what GDAL would say of it: one band of usual numbers in tiles or strips, packed as
     /// libtiff unpacks them; its corner and cells by one tie point and a scale; in WGS84, as degrees or UTM, by EPSG's code; without
     /// mask, scale, offset or unit; no file beside it that would tell GDAL more, no configuration of GDAL's, and nothing that
     /// libtiff complains of.

@@ -314,6 +314,23 @@ void RasterLayer::read_codes(const Window& window, std::int32_t* out) {
         for (std::size_t i = 0; i < n; ++i) out[i] = masks[i] == 0 ? void_code : out[i];
 }
 
+double RasterLayer::decoded_a_post(std::int64_t block_columns, std::int64_t block_rows) const {
+    // Blocks that a run of n posts touches on average, and what they hold.
+    const auto ratio = [](std::int64_t block, std::int64_t posts) {
+        constexpr std::int64_t window = 1024;
+        const auto n = static_cast<double>(std::min(window, posts)), b = static_cast<double>(block);
+        return std::min((1 + (n - 1) / b) * b, static_cast<double>(posts)) / n;
+    };
+    return ratio(block_columns, facts_.columns) * ratio(block_rows, facts_.rows);
+}
+
+double RasterLayer::all_bytes() const {
+    const auto whole = [](std::int64_t posts, std::int64_t block) {
+        return static_cast<double>((posts + block - 1) / block * block);
+    };
+    return whole(facts_.columns, facts_.unit_columns()) * whole(facts_.rows, facts_.unit_rows()) * facts_.type_bytes;
+}
+
 void fill_no_data(const RasterFacts& facts, std::byte* out, std::size_t count) {
     const double value = facts.has_no_data ? facts.no_data : 0;
     constexpr std::size_t most = std::size_t{1} << 24;  // GDAL counts in ints
@@ -325,8 +342,8 @@ void fill_no_data(const RasterFacts& facts, std::byte* out, std::size_t count) {
 void for_each_window(const RasterFacts& facts, std::int64_t columns, std::int64_t most_posts,
                      const std::function<void(const Window&)>& body) {
     // As many whole blocks side by side as fit; then as many rows of blocks; cut blocks only if one alone is too large.
-    const std::int64_t block_rows = std::min(facts.block_rows, facts.rows);
-    const std::int64_t block_columns = std::min(facts.block_columns, columns);
+    const std::int64_t block_rows = std::min(facts.unit_rows(), facts.rows);
+    const std::int64_t block_columns = std::min(facts.unit_columns(), columns);
     std::int64_t wide = std::clamp(most_posts / block_rows / block_columns * block_columns, block_columns, columns);
     if (wide > most_posts) wide = most_posts;
     std::int64_t high = most_posts / wide;

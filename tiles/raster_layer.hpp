@@ -58,6 +58,14 @@ struct RasterFacts {
     bool has_mask = false;  ///< a mask or alpha band that must be read beside the values
     std::string compression;  ///< empty or "NONE": none
 
+    /// Strips as they are: of a row any part is read alone, so nothing speaks for whole ones.
+    bool rows_in_parts = false;
+
+    /// What is best read together: blocks, or squares of what need not be read by blocks.
+    std::int64_t unit_columns() const { return rows_in_parts ? std::min(columns, part_posts) : block_columns; }
+    std::int64_t unit_rows() const { return rows_in_parts ? std::min(rows, part_posts) : block_rows; }
+    static constexpr std::int64_t part_posts = 256;
+
     bool packed() const { return !compression.empty() && !EQUAL(compression.c_str(), "NONE"); }
     double edge_x() const { return corner_x + static_cast<double>(columns) * step_x; }
     double edge_y() const { return corner_y + static_cast<double>(rows) * step_y; }
@@ -95,8 +103,17 @@ public:
 
     /// Rows that are decoded for one that is asked for.
     virtual std::int64_t rows_decoded_together() const { return facts_.block_rows; }
+    /// Posts that windows decode for each that they ask for, if none stays decoded.
+    double decoded_a_post() const { return decoded_a_post(facts_.unit_columns(), rows_decoded_together()); }
+    /// The same, if the file were cut into such blocks.
+    double decoded_a_post(std::int64_t block_columns, std::int64_t block_rows) const;
+    /// Beyond this a pass through all of the file costs less.
+    static constexpr double most_decoded_a_post = 4;
+    /// In whole blocks.
+    double all_bytes() const;
     /// Are its tiles kept in a TileCache of its source's? Else in GDAL's cache.
     virtual bool fills_tile_cache() const { return false; }
+    virtual bool fills_gdal_cache() const { return !fills_tile_cache(); }
 
     /// Heights in metres, row after row, NaN = void; `window` inside the raster. Rows lie `stride` floats apart.
     /// IoError if it cannot be read; DataError naming the post if one is infinite or above highest_height_m.

@@ -12,6 +12,7 @@
 #include "lib/culture.hpp"
 #include "lib/error.hpp"
 #include "lib/transpose.hpp"
+#include "tiles/cache_need.hpp"
 #include "tiles/checksum.hpp"
 #include "tiles/detail_map_file.hpp"
 #include "tiles/gdal_session.hpp"
@@ -75,8 +76,7 @@ std::vector<Window> cells_under(const Axis& columns, const Axis& rows, const std
 
 RasterSource::RasterSource(const DataBaseParams& params) : params_(params) {
     std::unique_ptr<RasterLayer> culture, height;
-    const std::size_t share = tile_cache_share(params_.cache_bytes);
-    tiles_ = std::make_shared<TileCache>(share);
+    tiles_ = std::make_shared<TileCache>(tile_cache_share(params_.cache_bytes));
     class_layer_ = tiles_->new_layer();
     if (is_tile_store(params_.dem)) {
         store_ = std::make_unique<TileStore>(params_.dem, tiles_);
@@ -111,14 +111,20 @@ RasterSource::RasterSource(const DataBaseParams& params) : params_(params) {
     bool any_tiles = false;
     for (const RasterLayer* layer : readers()) any_tiles |= layer->fills_tile_cache();
     if (any_tiles) {
+        const auto all = readers();
+        const std::size_t share = tiles_->most_bytes(),
+                          needed = cache_need({all.begin(), all.end()}, params_).tile_bytes;
         GdalSession::set_cache_bytes(params_.cache_bytes - share);
+        tiles_->limit(needed);
+        params_.cache_bytes += needed - share;
         if (params_.by_strips) limit_tiles();
     } else if (culture_) {                     // classes alone, in what GDAL leaves with all of its layers decoded
         constexpr double beside_blocks = 1.1;  // what GDAL notes of each; strips may be short
         double left = static_cast<double>(params_.cache_bytes);
         for (const RasterLayer* layer : readers()) {
             const RasterFacts& f = layer->facts();
-            left -= beside_blocks * static_cast<double>(f.columns) * static_cast<double>(f.rows) * f.type_bytes;
+            left -= beside_blocks * static_cast<double>(f.columns) * static_cast<double>(f.rows) * f.type_bytes *
+                    params_.threads;
         }
         tiles_->limit(static_cast<std::size_t>(std::clamp(left, 0.0, class_bytes_of_strips())));
         GdalSession::set_cache_bytes(params_.cache_bytes - tiles_->most_bytes());
@@ -371,8 +377,8 @@ void RasterSource::open_culture(std::unique_ptr<RasterLayer> raster) {
     data_base_.culture_row_scale = culture_->rows().scale;
     data_base_.culture_columns = facts.columns;
     data_base_.culture_rows = facts.rows;
-    data_base_.culture_tile_columns = std::clamp<std::int64_t>(facts.block_columns, 64, 512);
-    data_base_.culture_tile_rows = std::clamp<std::int64_t>(facts.block_rows, 64, 512);
+    data_base_.culture_tile_columns = std::clamp<std::int64_t>(facts.unit_columns(), 64, 512);
+    data_base_.culture_tile_rows = std::clamp<std::int64_t>(facts.unit_rows(), 64, 512);
     class_of_.resize(table_size, unknown_class);
     for (const auto& [code, id] : params_.legend->classes())
         if (place_in_table(code) < table_size) class_of_[place_in_table(code)] = id;
@@ -569,7 +575,7 @@ void RasterSource::pass_level(int level, const Window& window, const NeededPosts
     };
     // In pieces that lie in one tile of the file.
     const auto unit = [&](std::int64_t tile) { return std::max<std::int64_t>(1, tile >> level); };
-    const std::int64_t wide = unit(terrain_->facts().block_columns), high = unit(terrain_->facts().block_rows);
+    const std::int64_t wide = unit(terrain_->facts().unit_columns()), high = unit(terrain_->facts().unit_rows());
     for (std::int64_t r = window.rows.begin; r < window.rows.end;) {
         const std::int64_t r_end = std::min(window.rows.end, (r / high + 1) * high);
         for (std::int64_t c = window.columns.begin; c < window.columns.end;) {

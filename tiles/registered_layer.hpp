@@ -102,7 +102,7 @@ private:
         for (std::size_t i = 0; i < cells.size(); ++i)
             cells[i] = columns_.inside(window.columns.begin + static_cast<std::int64_t>(i));
         const Interval inside = intersection(window.rows, {0, rows_.cells});
-        const std::int64_t block = facts().block_rows;
+        const std::int64_t block = facts().unit_rows();
         std::int64_t all = 0;
         for (const Run& run : runs(cells, 1))
             for (std::int64_t r = inside.begin; r < inside.end;) {

@@ -7,6 +7,7 @@
 #include <filesystem>
 
 #include "lib/error.hpp"
+#include "tiles/cache_need.hpp"
 #include "tiles/gdal_handle.hpp"
 #include "tiles/gdal_session.hpp"
 #include "tiles/tiff_layer.hpp"
@@ -15,7 +16,7 @@
 namespace wedgescope {
 namespace {
 
-/// How a raster is cut, and how many posts a window of 1024 x 1024 would decode for each one asked for.
+/// How a raster is cut, and how many posts its windows would decode for each one asked for.
 struct Cut {
     std::int64_t columns = 0, rows = 0;
     std::string compression;
@@ -23,71 +24,63 @@ struct Cut {
 };
 Cut cut_of(const RasterLayer& raster) {
     const RasterFacts& f = raster.facts();
-    Cut cut{f.block_columns, f.block_rows, f.compression, 1};
-    std::int64_t rows_together = raster.rows_decoded_together();
-    if (f.driver == "VRT") {
-        // The first raster it is made of tells more than the blocks it shows.
-        GdalErrors quiet;
-        const DatasetHandle vrt(GDALDataset::Open(f.path.c_str(), GDAL_OF_RASTER | GDAL_OF_READONLY));
-        char** list = vrt ? vrt->GetFileList() : nullptr;
-        for (char** file = list; file && *file; ++file) {
-            const DatasetHandle part(GDALDataset::Open(*file, GDAL_OF_RASTER | GDAL_OF_READONLY));
-            if (!part || part->GetRasterCount() < 1 || EQUAL(part->GetDriver()->GetDescription(), "VRT")) continue;
-            int columns = 0, rows = 0;
-            part->GetRasterBand(1)->GetBlockSize(&columns, &rows);
-            cut.columns = columns;
-            cut.rows = rows_together = rows;
-            if (const char* c = part->GetMetadataItem("COMPRESSION", "IMAGE_STRUCTURE")) cut.compression = c;
-            break;
-        }
-        CSLDestroy(list);
+    Cut cut{f.block_columns, f.block_rows, f.compression, raster.decoded_a_post()};
+    if (f.driver != "VRT") return cut;
+    // The first raster it is made of tells more than the blocks it shows.
+    GdalErrors quiet;
+    const DatasetHandle vrt(GDALDataset::Open(f.path.c_str(), GDAL_OF_RASTER | GDAL_OF_READONLY));
+    char** list = vrt ? vrt->GetFileList() : nullptr;
+    for (char** file = list; file && *file; ++file) {
+        const DatasetHandle part(GDALDataset::Open(*file, GDAL_OF_RASTER | GDAL_OF_READONLY));
+        if (!part || part->GetRasterCount() < 1 || EQUAL(part->GetDriver()->GetDescription(), "VRT")) continue;
+        int columns = 0, rows = 0;
+        part->GetRasterBand(1)->GetBlockSize(&columns, &rows);
+        cut.columns = columns;
+        cut.rows = rows;
+        if (const char* c = part->GetMetadataItem("COMPRESSION", "IMAGE_STRUCTURE")) cut.compression = c;
+        cut.decoded = raster.decoded_a_post(columns, rows);
+        break;
     }
-    // Blocks that a run of n posts touches on average, and what they hold.
-    const auto ratio = [](std::int64_t block, std::int64_t posts) {
-        const auto n = static_cast<double>(std::min<std::int64_t>(1024, posts)), b = static_cast<double>(block);
-        return std::min((1 + (n - 1) / b) * b, static_cast<double>(posts)) / n;
-    };
-    cut.decoded = ratio(cut.columns, f.columns) * ratio(rows_together, f.rows);
+    CSLDestroy(list);
     return cut;
 }
 
 /// By the rasters alone.
 SourceChoice choose_by_shape(const DataBaseParams& params, SourceKind asked, std::size_t memory_bytes) {
-    constexpr double most_decoded = 4;
-    Cut worst;
-    double bytes = 0;
-    bool any_tiles = false;
-    ReaderBytes reader;
     const bool store = is_tile_store(params.dem);
     const auto tiles = std::make_shared<TileCache>(tile_cache_share(params.cache_bytes));
-    const auto look = [&](const char* role, const std::string& path) {
-        if (path.empty()) return;
-        const auto raster = open_raster(role, path, tiles);
-        const RasterFacts& f = raster->facts();
-        bytes += static_cast<double>(f.columns) * static_cast<double>(f.rows) * f.type_bytes;
-        any_tiles |= raster->fills_tile_cache();
-        const ReaderBytes own = raster->reader_bytes();
-        reader = {std::max(reader.decoded, own.decoded), reader.packed + own.packed};
-        const Cut cut = cut_of(*raster);
-        if (worst.columns == 0 || cut.decoded > worst.decoded) worst = cut;
+    std::vector<std::unique_ptr<RasterLayer>> opened;
+    const auto open = [&](const char* role, const std::string& path) {
+        if (!path.empty()) opened.push_back(open_raster(role, path, tiles));
     };
-    if (!store) look("dem", params.dem);
-    look("culture", params.culture);
-    look("culture-height", params.culture_height);
-    if (worst.columns == 0) return {asked == SourceKind::spilled, false, store ? "a tile store" : "no raster", ""};
+    if (!store) open("dem", params.dem);
+    open("culture", params.culture);
+    open("culture-height", params.culture_height);
+    if (opened.empty()) return {asked == SourceKind::spilled, false, store ? "a tile store" : "no raster", ""};
+    Cut worst;
+    ReaderBytes reader;
+    std::vector<const RasterLayer*> layers;
+    for (const auto& layer : opened) {
+        layers.push_back(layer.get());
+        const ReaderBytes own = layer->reader_bytes();
+        reader = {std::max(reader.decoded, own.decoded), reader.packed + own.packed};
+        Cut cut = cut_of(*layer);
+        if (worst.columns == 0 || cut.decoded > worst.decoded) worst = std::move(cut);
+    }
     const std::string shape = text(worst.columns == 1 ? "columns"
                                    : worst.rows <= 16 ? "rows"
                                                       : "tiles",
                                    " of ", worst.columns, " x ", worst.rows,
                                    worst.compression.empty() ? std::string() : ", " + worst.compression);
     if (asked != SourceKind::automatic) return {asked == SourceKind::spilled, false, "as asked for; " + shape, ""};
-    const std::size_t cache = any_tiles ? tiles->most_bytes() : params.cache_bytes;
-    if (bytes <= static_cast<double>(cache))
-        return {
-            false, false,
-            text(shape, "; all ", static_cast<std::uint64_t>(std::ceil(bytes / 1048576)), " MiB fit into the cache"),
-            ""};
+    const CacheNeed need = cache_need(layers, params);
+    if (need.fits)
+        return {false, false,
+                text(shape, "; all ", static_cast<std::uint64_t>(std::ceil(need.bytes / 1048576)),
+                     " MiB fit into the cache"),
+                ""};
     // Beside images and chunks there must be room for a block, every time that something is read.
+    constexpr double most_decoded = RasterLayer::most_decoded_a_post;
     if (worst.decoded <= most_decoded && reader.decoded + reader.packed > memory_bytes / 4)
         return {
             true, false,

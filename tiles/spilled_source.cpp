@@ -55,13 +55,19 @@ PartitionScope scope_of_pass(const ResolvedScene& scene, bool range_given, const
     return scope;
 }
 
+/// The pass goes through files in their order.
+DataBaseParams read_once(DataBaseParams params) {
+    params.more_cache_bytes = 0;
+    return params;
+}
+
 class PartitionedSource final : public RasterSource {
 public:
     /// `extremes`: take them on the way, over the whole raster.
     /// `keep`: the path of a spill that stays; empty: none does. `about`: lines for the start of its description.
     PartitionedSource(const DataBaseParams& params, const PartitionScope& scope, bool extremes,
                       const SpillOptions& options, const std::string& keep, const std::string& about = "")
-        : RasterSource(params) {
+        : RasterSource(read_once(params)) {
         const auto start = std::chrono::steady_clock::now();
         partition(scope, extremes, options, keep, about);
         seconds_ = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
@@ -69,14 +75,14 @@ public:
     /// From a spill that was kept.
     PartitionedSource(const DataBaseParams& params, const std::string& path, const IndexPosition& nadir,
                       const SpillOptions& options)
-        : RasterSource(params) {
+        : RasterSource(read_once(params)) {
         reopen(path, nadir, options);
         kept_ = path;
     }
     /// A forecast of the first.
     PartitionedSource(const DataBaseParams& params, const PartitionScope& scope, bool extremes,
                       const SpillOptions& options)
-        : RasterSource(params) {
+        : RasterSource(read_once(params)) {
         Passes made;
         lay_out(made, scope, extremes, options, "");
         data_base_.block_columns = data_base_.block_rows = made.terrain.edge;

@@ -32,13 +32,21 @@ std::unique_ptr<TiffLayer> TiffLayer::of(const std::string& role, const std::str
 TiffLayer::TiffLayer(PlainTiff plain, std::shared_ptr<TileCache> cache)
     : cache_(std::move(cache)), cached_as_(cache_->new_layer()), index_(std::move(plain.tiles)) {
     facts_ = std::move(plain.facts);
-    const auto whole = [&](std::uint64_t bytes) { return bytes == 0 || bytes == tile_bytes(); };
+    const std::int64_t across = (facts_.columns - 1) / facts_.block_columns + 1;
+    const auto whole = [&] {
+        for (std::size_t i = 0; i < index_.byte_counts.size(); ++i) {
+            const std::uint64_t bytes = index_.byte_counts[i];
+            const auto rows = static_cast<std::size_t>(rows_in(static_cast<std::int64_t>(i) / across));
+            if (bytes != 0 && bytes != rows * row_bytes()) return false;
+        }
+        return true;
+    };
     if (plain.swapped) {
         // libtiff turns them
-    } else if (facts_.compression.empty() &&
-               std::all_of(index_.byte_counts.begin(), index_.byte_counts.end(), whole)) {
+    } else if (facts_.compression.empty() && whole()) {
         file_ = std::make_unique<PlainFile>(facts_.path, PlainFile::Use::read);
-    } else {
+        facts_.rows_in_parts = index_.strips;
+    } else if (!index_.strips) {
         decoder_ = TileDecoder::of(facts_.path, TiffIndex{{index_}}, static_cast<std::size_t>(facts_.type_bytes));
     }
     prepare();
@@ -96,8 +104,14 @@ void TiffLayer::unpack(std::int64_t column, std::int64_t row, RawVector<std::byt
     TIFF* const file = reader->file.get();
     const std::int64_t rows = std::min(facts_.block_rows, facts_.rows - row * facts_.block_rows);
     const auto bytes = static_cast<tmsize_t>(static_cast<std::size_t>(rows) * row_bytes());
-    if (!file || TIFFTileSize(file) != static_cast<tmsize_t>(values.size()) ||
-        TIFFReadEncodedTile(file, TIFFComputeTile(file, x, y, 0, 0), values.data(), bytes) != bytes) {
+    const auto all_read = [&] {
+        if (index_.strips)
+            return !TIFFIsTiled(file) && TIFFStripSize(file) == static_cast<tmsize_t>(values.size()) &&
+                   TIFFReadEncodedStrip(file, static_cast<std::uint32_t>(row), values.data(), bytes) == bytes;
+        return TIFFTileSize(file) == static_cast<tmsize_t>(values.size()) &&
+               TIFFReadEncodedTile(file, TIFFComputeTile(file, x, y, 0, 0), values.data(), bytes) == bytes;
+    };
+    if (!file || !all_read()) {
         const std::size_t number = tile_number(column, row);
         std::error_code error;
         const std::uintmax_t end = std::filesystem::file_size(facts_.path, error);
@@ -127,6 +141,20 @@ void TiffLayer::fail(std::int64_t column, std::int64_t row, const std::string& r
                        " cannot be read: ", reason));
 }
 
+/// One row's part, or whole rows.
+void TiffLayer::read_as_is(std::int64_t column, std::int64_t row, const Window& part, RawVector<std::byte>& values) {
+    values.resize(static_cast<std::size_t>(part.posts() * facts_.type_bytes));
+    const auto skipped = static_cast<std::uint64_t>((part.rows.begin - row * facts_.block_rows) * facts_.block_columns +
+                                                    part.columns.begin - column * facts_.block_columns);
+    const std::uint64_t at =
+        index_.offsets[tile_number(column, row)] + skipped * static_cast<std::uint64_t>(facts_.type_bytes);
+    try {
+        file_->read(at, values.data(), values.size());
+    } catch (const IoError& e) {
+        fail(column, row, at + values.size() > file_->bytes() ? ends_early : e.what());
+    }
+}
+
 void TiffLayer::read_values(const Window& window, void* out, GDALDataType type, std::int64_t line_bytes) {
     if (window.empty()) return;
     const std::int64_t wide = facts_.block_columns, high = facts_.block_rows, size = wedgescope::type_bytes(type),
@@ -136,8 +164,9 @@ void TiffLayer::read_values(const Window& window, void* out, GDALDataType type, 
         for (std::int64_t tc = window.columns.begin / wide; tc <= (window.columns.end - 1) / wide; ++tc) {
             const Interval columns = intersection(window.columns, {tc * wide, (tc + 1) * wide}),
                            rows = intersection(window.rows, {tr * high, (tr + 1) * high});
-            const auto take = [&](const std::byte* row, std::int64_t r) {
-                convert(row + (columns.begin - tc * wide) * bytes, facts_.type,
+            const std::int64_t left_out = (columns.begin - tc * wide) * bytes;
+            const auto take = [&](const std::byte* values, std::int64_t r) {
+                convert(values, facts_.type,
                         static_cast<std::byte*>(out) + (r - window.rows.begin) * line_bytes +
                             (columns.begin - window.columns.begin) * size,
                         type, columns.size());
@@ -145,27 +174,28 @@ void TiffLayer::read_values(const Window& window, void* out, GDALDataType type, 
             if (is_blank(tc, tr)) {
                 some.resize(row_bytes());
                 fill_no_data(facts_, some.data(), static_cast<std::size_t>(wide));
-                for (std::int64_t r = rows.begin; r < rows.end; ++r) take(some.data(), r);
+                for (std::int64_t r = rows.begin; r < rows.end; ++r) take(some.data() + left_out, r);
                 continue;
             }
             if (!file_) {
                 const TileCache::Tile values = tile(tc, tr);
                 for (std::int64_t r = rows.begin; r < rows.end; ++r)
-                    take(values->data() + (r - tr * high) * wide * bytes, r);
+                    take(values->data() + (r - tr * high) * wide * bytes + left_out, r);
+                continue;
+            }
+            if (facts_.rows_in_parts) {
+                for (std::int64_t r = rows.begin; r < rows.end; ++r) {
+                    read_as_is(tc, tr, {columns, {r, r + 1}}, some);
+                    take(some.data(), r);
+                }
                 continue;
             }
             const auto most = static_cast<std::int64_t>(rows_at_a_time());
             for (std::int64_t r = rows.begin; r < rows.end;) {
                 const Interval part{r, std::min(rows.end, r + most)};
-                some.resize(static_cast<std::size_t>(part.size()) * row_bytes());
-                const std::uint64_t at =
-                    index_.offsets[tile_number(tc, tr)] + static_cast<std::uint64_t>(r - tr * high) * row_bytes();
-                try {
-                    file_->read(at, some.data(), some.size());
-                } catch (const IoError& e) {
-                    fail(tc, tr, at + some.size() > file_->bytes() ? ends_early : e.what());
-                }
-                for (; r < part.end; ++r) take(some.data() + static_cast<std::size_t>(r - part.begin) * row_bytes(), r);
+                read_as_is(tc, tr, {{tc * wide, (tc + 1) * wide}, part}, some);
+                for (; r < part.end; ++r)
+                    take(some.data() + static_cast<std::size_t>(r - part.begin) * row_bytes() + left_out, r);
             }
         }
 }

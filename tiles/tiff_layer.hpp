@@ -1,10 +1,11 @@
-// TiffLayer: a plain tiled GeoTIFF as a layer, read without GDAL, which takes longer to be loaded than such a run takes
+// TiffLayer: a plain GeoTIFF as a layer, read without GDAL, which takes longer to be loaded than such a run takes
 // over the posts. For the .cpp files of this folder only. Leaves what the file says to plain_tiff.hpp, and every other file to
 // raster_file.hpp.
 //
 // Memory: where each tile lies (idle_bytes). Of packed tiles a TileCache that others may share, and for each thread that reads one
-// tile and what unpacks it (reader_bytes). Of whole tiles as they are only rows that are asked for, a few at a time: the system's own
-// cache has them already, and to fill another takes longer than to read them again.
+// tile and what unpacks it (reader_bytes). Of whole tiles as they are only rows that are asked for, a few at a time, of strips what is
+// asked for of each row: the system's own cache has them already, and to fill another takes longer than to read them again. Below, a
+// strip is a tile as wide as the raster.
 #pragma once
 #include <algorithm>
 #include <cstddef>
@@ -36,6 +37,7 @@ public:
     std::size_t idle_bytes() const override { return (decoder_ ? 2 : 1) * index_bytes(); }
     std::int64_t rows_decoded_together() const override { return file_ ? 1 : facts_.block_rows; }
     bool fills_tile_cache() const override { return !file_; }
+    bool fills_gdal_cache() const override { return false; }
     /// As RasterFile's.
     std::uint64_t fingerprint(const std::vector<Window>& cells) override;
 
@@ -50,6 +52,11 @@ private:
     }
     [[noreturn]] void fail(std::int64_t column, std::int64_t row, const std::string& reason) const;
     std::size_t tile_bytes() const;
+    /// That the file holds of a row of tiles.
+    std::int64_t rows_in(std::int64_t row) const {
+        return index_.strips ? std::min(facts_.block_rows, facts_.rows - row * facts_.block_rows) : facts_.block_rows;
+    }
+    void read_as_is(std::int64_t column, std::int64_t row, const Window& part, RawVector<std::byte>& values);
     std::size_t row_bytes() const { return static_cast<std::size_t>(facts_.block_columns * facts_.type_bytes); }
     /// Of tiles as they are, so that they stay in a core's own cache.
     std::size_t rows_at_a_time() const {

@@ -15,7 +15,7 @@ namespace wedgescope {
 class TileLedger {
 public:
     explicit TileLedger(const RasterFacts& facts)
-        : wide_(facts.block_columns), high_(facts.block_rows), columns_(facts.columns), rows_(facts.rows),
+        : wide_(facts.unit_columns()), high_(facts.unit_rows()), columns_(facts.columns), rows_(facts.rows),
           across_((columns_ + wide_ - 1) / wide_), type_bytes_(static_cast<std::uint64_t>(facts.type_bytes)),
           tiles_(static_cast<std::size_t>(across_ * ((rows_ + high_ - 1) / high_))) {}
 

@@ -50,6 +50,14 @@ std::string legend_csv(const Settings& settings) {
     return name == own_legend ? legend(settings)->csv(settings.scene.materials) : csv_of("culture-legend", name);
 }
 
+namespace {
+
+int thread_count(const Settings& settings) {
+    return settings.threads > 0 ? settings.threads : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+}
+
+}  // namespace
+
 DataBaseParams data_base_params(const Settings& settings, std::size_t cache, const Stop& stop) {
     DataBaseParams params;
     params.dem = settings.dem;
@@ -60,6 +68,8 @@ DataBaseParams data_base_params(const Settings& settings, std::size_t cache, con
     params.materials = settings.scene.materials;
     params.default_class = params.materials.by_name("material", settings.material);
     params.cache_bytes = cache;
+    params.more_cache_bytes = static_cast<std::size_t>(settings.memory_bytes / 8);
+    params.threads = thread_count(settings);
     params.ground = settings.ground;
     params.by_strips = settings.track.empty() && settings.observers.empty();
     params.expects_ground = settings.expects_ground;
@@ -76,8 +86,7 @@ SpillOptions spill_options(const Settings& settings) {
     SpillOptions options;
     options.temp_folder = settings.temp_dir;
     options.memory_bytes = static_cast<std::size_t>(settings.memory_bytes);
-    options.threads =
-        settings.threads > 0 ? settings.threads : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+    options.threads = thread_count(settings);
     options.all_round = !settings.ground_file.empty();
     return options;
 }
