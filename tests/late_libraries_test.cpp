@@ -192,7 +192,9 @@ TEST_CASE("stores of usual types need no GDAL", "[gdal]") {
     {
         const Dataset all = open(data + "/inland_empire_dem.tif");
         GDALDriver* driver = GetGDALDriverManager()->GetDriverByName("GTiff");
-        const Dataset part(driver->Create((folder / "dem.tif").c_str(), 300, 300, 1, type, nullptr));
+        char lzma[] = "COMPRESS=LZMA";  // GDAL's to unpack
+        char* options[] = {lzma, nullptr};
+        const Dataset part(driver->Create((folder / "dem.tif").c_str(), 300, 300, 1, type, options));
         REQUIRE(part);
         std::vector<float> posts(300 * 300);
         REQUIRE(all->GetRasterBand(1)->RasterIO(GF_Read, 0, 0, 300, 300, posts.data(), 300, 300, GDT_Float32, 0, 0,
@@ -269,6 +271,7 @@ TEST_CASE(
     d.columns = d.rows = 64;
     d.geotransform = {{c.x, c.step, 0, c.y, 0, -c.step}};
     d.crs = c.crs;
+    d.creation = {"COMPRESS=LZMA"};  // GDAL's to unpack
     draw(folder / "dem.tif", d);
     CHECK(loads_gdal({"tile", folder / "dem.tif", folder / "a.store", "-q"}, folder));
     const auto mask = [&](const std::string& from, const std::string& to) {

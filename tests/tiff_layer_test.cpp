@@ -91,6 +91,20 @@ void check_facts(const RasterFacts& own, const RasterFacts& gdal) {
     CHECK(own.compression == gdal.compression);
 }
 
+/// What is left to GDAL and what libtiff says again.
+void check_told(const RasterFacts& own, const RasterFacts& gdal) {
+    CHECK(own.columns == gdal.columns);
+    CHECK(own.rows == gdal.rows);
+    CHECK(own.block_columns == gdal.block_columns);
+    CHECK(own.block_rows == gdal.block_rows);
+    CHECK(own.type == gdal.type);
+    CHECK(own.type_bytes == gdal.type_bytes);
+    CHECK(own.compression == gdal.compression);
+    CHECK((own.crs ? own.crs->wkt() : "") == (gdal.crs ? gdal.crs->wkt() : ""));
+    CHECK(Doubles{own.corner_x, own.corner_y, own.step_x, own.step_y, own.scale, own.offset, own.unit_m} ==
+          Doubles{gdal.corner_x, gdal.corner_y, gdal.step_x, gdal.step_y, gdal.scale, gdal.offset, gdal.unit_m});
+}
+
 void check_posts(RasterLayer& own, RasterLayer& gdal) {
     const std::int64_t columns = gdal.facts().columns, rows = gdal.facts().rows;
     const std::vector<Window> windows{{{0, columns}, {0, rows}},
@@ -108,7 +122,7 @@ void check_posts(RasterLayer& own, RasterLayer& gdal) {
         own.read_heights(window, a.data(), stride);
         gdal.read_heights(window, b.data(), stride);
         CHECK(std::memcmp(a.data(), b.data(), room * sizeof(float)) == 0);
-        if (gdal.facts().type == GDT_Float32) continue;
+        if (gdal.facts().type == GDT_Float32 || gdal.facts().type == GDT_Float64) continue;
         std::vector<std::int32_t> codes(n), others(n);
         own.read_codes(window, codes.data());
         gdal.read_codes(window, others.data());
@@ -196,12 +210,14 @@ private:
 TEST_CASE("a plain GeoTIFF is read as GDAL reads it, whatever its type and packing", "[tiff_layer]") {
     const Folder folder;
     const std::string path = folder / "dem.tif";
-    for (const GDALDataType type : {GDT_Byte, GDT_UInt16, GDT_Int16, GDT_UInt32, GDT_Int32, GDT_Float32})
+    for (const GDALDataType type : {GDT_Byte, GDT_UInt16, GDT_Int16, GDT_UInt32, GDT_Int32, GDT_Float32, GDT_Float64})
         for (const std::string compression : {"NONE", "ZSTD", "DEFLATE", "LZW", "PACKBITS"})
             for (const std::string predictor : {"1", "2", "3"})
                 for (const std::string order : {"LITTLE", "BIG"}) {
                     const bool predicts = compression != "NONE" && compression != "PACKBITS";
-                    if ((predictor != "1" && !predicts) || (predictor == "3" && type != GDT_Float32)) continue;
+                    if ((predictor != "1" && !predicts) ||
+                        (predictor == "3" && type != GDT_Float32 && type != GDT_Float64))
+                        continue;
                     INFO(GDALGetDataTypeName(type) << ' ' << compression << ' ' << predictor << ' ' << order);
                     std::vector<std::string> creation{"COMPRESS=" + compression, "ENDIANNESS=" + order};
                     if (predicts) creation.push_back("PREDICTOR=" + predictor);
@@ -462,7 +478,9 @@ TEST_CASE("tiles that a file leaves out take no memory", "[tiff_layer]") {
 TEST_CASE("a file of which GDAL may know more is left to GDAL", "[tiff_layer]") {
     const Folder folder;
     const std::string path = folder / "dem.tif";
-    const auto left = [&](const std::string& why) {
+    // Its facts; its posts too where they are not plain, or masked.
+    enum class Posts { here, by_gdal };
+    const auto left = [&](const std::string& why, Posts posts = Posts::here) {
         INFO(why);
         {
             const Untold untold;
@@ -470,12 +488,17 @@ TEST_CASE("a file of which GDAL may know more is left to GDAL", "[tiff_layer]") 
         }
         CHECK_FALSE(TiffLayer::of("dem", path, cache()));
         CHECK_FALSE(reads_without_gdal(path));
-        CHECK(dynamic_cast<RasterFile*>(open_raster("dem", path, cache()).get()));
+        const auto opened = open_raster("dem", path, cache());
+        CHECK((dynamic_cast<RasterFile*>(opened.get()) != nullptr) == (posts == Posts::by_gdal));
+        RasterFile gdal("dem", path);
+        check_told(opened->facts(), gdal.facts());
+        check_posts(*opened, gdal);
+        CHECK(opened->fingerprint({}) == gdal.fingerprint({}));
     };
-    const auto drawn = [&](const std::string& why, Drawing d) {
+    const auto drawn = [&](const std::string& why, Drawing d, Posts posts = Posts::here) {
         std::filesystem::remove(path + ".aux.xml");
         draw(path, d);
-        left(why);
+        left(why, posts);
     };
     const auto changed = [&](const std::string& why, const Change& change) {
         std::filesystem::remove(path + ".aux.xml");
@@ -489,11 +512,11 @@ TEST_CASE("a file of which GDAL may know more is left to GDAL", "[tiff_layer]") 
         change(d);
         return d;
     };
-    drawn("two bands", with([](Drawing& d) { d.bands = 2; }));
+    drawn("two bands", with([](Drawing& d) { d.bands = 2; }), Posts::by_gdal);
     drawn("scale", with([](Drawing& d) { d.scale = 0.1; }));
     drawn("offset", with([](Drawing& d) { d.offset = 10; }));
     drawn("unit", with([](Drawing& d) { d.unit = "ft"; }));
-    drawn("mask", with([](Drawing& d) { d.masked = [](int c, int) { return c == 3; }; }));
+    drawn("mask", with([](Drawing& d) { d.masked = [](int c, int) { return c == 3; }; }), Posts::by_gdal);
     drawn("no CRS", with([](Drawing& d) { d.crs.clear(); }));
     drawn("no grid", with([](Drawing& d) { d.geotransform.reset(); }));
     drawn("rows that grow north", with([](Drawing& d) { (*d.geotransform)[5] = 10; }));
@@ -501,12 +524,13 @@ TEST_CASE("a file of which GDAL may know more is left to GDAL", "[tiff_layer]") 
     for (const char* crs : {"EPSG:4269", "EPSG:26911", "EPSG:3857", "EPSG:32661", "EPSG:2231", "EPSG:32611+5703",
                             "+proj=utm +zone=11 +datum=WGS84 +units=us-ft", "+proj=aeqd +lat_0=34 +lon_0=-117"})
         drawn(crs, with([&](Drawing& d) { d.crs = crs; }));
-    drawn("half of a byte", with([](Drawing& d) { d.creation.push_back("NBITS=4"); }, GDT_Byte));
-    drawn("12 bits", with([](Drawing& d) { d.creation.push_back("NBITS=12"); }, GDT_UInt16));
-    drawn("signed bytes", with([](Drawing& d) { d.creation.push_back("PIXELTYPE=SIGNEDBYTE"); }, GDT_Byte));
-    drawn("white is 0", with([](Drawing& d) { d.creation.push_back("PHOTOMETRIC=MINISWHITE"); }, GDT_Byte));
-    drawn("double", with([](Drawing&) {}, GDT_Float64));
-    drawn("another packing", with([](Drawing& d) { d.creation.push_back("COMPRESS=LZMA"); }));
+    drawn("half of a byte", with([](Drawing& d) { d.creation.push_back("NBITS=4"); }, GDT_Byte), Posts::by_gdal);
+    drawn("12 bits", with([](Drawing& d) { d.creation.push_back("NBITS=12"); }, GDT_UInt16), Posts::by_gdal);
+    drawn("signed bytes", with([](Drawing& d) { d.creation.push_back("PIXELTYPE=SIGNEDBYTE"); }, GDT_Byte),
+          Posts::by_gdal);
+    drawn("white is 0", with([](Drawing& d) { d.creation.push_back("PHOTOMETRIC=MINISWHITE"); }, GDT_Byte),
+          Posts::by_gdal);
+    drawn("another packing", with([](Drawing& d) { d.creation.push_back("COMPRESS=LZMA"); }), Posts::by_gdal);
     changed("a scale, later", [](GDALDataset& file) { file.GetRasterBand(1)->SetScale(2); });
     changed("a description", [](GDALDataset& file) { file.GetRasterBand(1)->SetDescription("heights"); });
     changed("a domain of metadata", [](GDALDataset& file) { file.SetMetadataItem("A", "B", "C"); });

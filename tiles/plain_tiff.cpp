@@ -1,5 +1,7 @@
 #include "tiles/plain_tiff.hpp"
 
+#include <cpl_conv.h>
+#include <cpl_string.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -93,7 +95,7 @@ GDALDataType type_of(TIFF* file) {
         case SAMPLEFORMAT_INT:  // signed bytes GDAL tells from others by a word beside them
             return bits == 16 ? GDT_Int16 : bits == 32 ? GDT_Int32 : GDT_Unknown;
         case SAMPLEFORMAT_IEEEFP:
-            return bits == 32 ? GDT_Float32 : GDT_Unknown;
+            return bits == 32 ? GDT_Float32 : bits == 64 ? GDT_Float64 : GDT_Unknown;
         default:
             return GDT_Unknown;
     }
@@ -239,15 +241,44 @@ std::optional<double> number(std::string_view words) {
 constexpr std::uint32_t most_tiles = std::uint32_t{1} << 18;
 
 /// Does the band hold what its posts are, and nothing beside?
-bool is_plain(TIFF* file, Doubts& doubts) {
+bool is_plain(TIFF* file) {
     const std::uint16_t photometric = tag_value(file, TIFFTAG_PHOTOMETRIC, PHOTOMETRIC_MINISBLACK);
     return (TIFFIsTiled(file) ? TIFFNumberOfTiles(file) : TIFFNumberOfStrips(file)) <= most_tiles &&
            tag_value(file, TIFFTAG_SAMPLESPERPIXEL, 1) == 1 &&
            (photometric == PHOTOMETRIC_MINISBLACK || photometric == PHOTOMETRIC_PALETTE) &&
            tag_value(file, TIFFTAG_FILLORDER, FILLORDER_MSB2LSB) == FILLORDER_MSB2LSB &&
-           tag_value(file, TIFFTAG_ORIENTATION, ORIENTATION_TOPLEFT) == ORIENTATION_TOPLEFT &&
-           !values<double>(file, transformation, TIFF_DOUBLE, doubts) &&
-           !values<double>(file, rational_coefficients, TIFF_DOUBLE, doubts);
+           tag_value(file, TIFFTAG_ORIENTATION, ORIENTATION_TOPLEFT) == ORIENTATION_TOPLEFT;
+}
+
+/// Where the posts lie and how they are packed, of the type that the facts have; false where libtiff alone cannot tell.
+bool find_tiles(TIFF* file, PlainTiff& found) {
+    RasterFacts& facts = found.facts;
+    const char* const compression = compression_name(tag_value(file, TIFFTAG_COMPRESSION, COMPRESSION_NONE));
+    auto tiles = TiffIndex::level_of(file);
+    if (facts.type == GDT_Unknown || !compression || !tiles) return false;
+    facts.type_bytes = type_bytes(facts.type);
+    facts.compression = compression;
+    constexpr std::int64_t most = std::numeric_limits<std::int32_t>::max();
+    const std::int64_t wide = tiles->tile_columns, high = tiles->tile_rows;
+    if (tiles->columns < 1 || tiles->columns > most || tiles->rows < 1 || tiles->rows > most || wide < 1 ||
+        wide > most || high < 1 || high > most / wide / facts.type_bytes)
+        return false;
+    facts.columns = tiles->columns;
+    facts.rows = tiles->rows;
+    facts.block_columns = wide;
+    facts.block_rows = high;
+    for (std::size_t i = 0; i < tiles->offsets.size(); ++i) {
+        constexpr auto end = static_cast<std::uint64_t>(std::numeric_limits<std::int64_t>::max());
+        if (tiles->offsets[i] > end || tiles->byte_counts[i] > end - tiles->offsets[i]) return false;
+    }
+    const int predictor = tiles->predictor;
+    const bool floats = facts.type == GDT_Float32 || facts.type == GDT_Float64;
+    if (predictor != PREDICTOR_NONE && predictor != PREDICTOR_HORIZONTAL &&
+        !(predictor == PREDICTOR_FLOATINGPOINT && floats))
+        return false;
+    found.swapped = TIFFIsByteSwapped(file) != 0;
+    found.tiles = std::move(*tiles);
+    return true;
 }
 
 /// False where it is not by a scale and one tie point alone.
@@ -301,7 +332,9 @@ std::optional<PlainTiff> PlainTiff::of(const std::string& role, const std::strin
     Doubts doubts;
     const TiffReader opened = read_tiff(path, Doubts::hear_error, Doubts::hear_warning, &doubts);
     TIFF* const file = opened.get();
-    if (!file || !is_plain(file, doubts)) return std::nullopt;
+    if (!file || !is_plain(file) || values<double>(file, transformation, TIFF_DOUBLE, doubts) ||
+        values<double>(file, rational_coefficients, TIFF_DOUBLE, doubts))
+        return std::nullopt;
     PlainTiff found;
     RasterFacts& facts = found.facts;
     facts.role = role;
@@ -309,40 +342,33 @@ std::optional<PlainTiff> PlainTiff::of(const std::string& role, const std::strin
     facts.driver = "GTiff";
     facts.type = type_of(file);
     const auto keys = keys_of(file, doubts);
-    const char* const compression = compression_name(tag_value(file, TIFFTAG_COMPRESSION, COMPRESSION_NONE));
     // Items with a role are of the band: scale, offset, unit.
     const std::string metadata = lower_case(words(file, gdal_metadata, doubts)),
                       no_data = words(file, gdal_no_data, doubts);
-    if (facts.type == GDT_Unknown || !keys || !compression || metadata.find("role") != std::string::npos ||
-        metadata.find("domain") != std::string::npos || !find_no_data(no_data, facts))
+    if (!keys || metadata.find("role") != std::string::npos || metadata.find("domain") != std::string::npos ||
+        !find_no_data(no_data, facts) || !find_tiles(file, found))
         return std::nullopt;
-    facts.type_bytes = type_bytes(facts.type);
-    facts.compression = compression;
     const auto crs = Crs::by_rule(keys->epsg);
-    auto tiles = TiffIndex::level_of(file);
-    if (!crs || !tiles) return std::nullopt;
-    constexpr std::int64_t most = std::numeric_limits<std::int32_t>::max();
-    const std::int64_t wide = tiles->tile_columns, high = tiles->tile_rows;
-    if (tiles->columns < 1 || tiles->columns > most || tiles->rows < 1 || tiles->rows > most || wide < 1 || wide > most ||
-        high < 1 || high > most / wide / facts.type_bytes)
-        return std::nullopt;
-    facts.columns = tiles->columns;
-    facts.rows = tiles->rows;
-    facts.block_columns = wide;
-    facts.block_rows = high;
-    for (std::size_t i = 0; i < tiles->offsets.size(); ++i) {
-        constexpr auto end = static_cast<std::uint64_t>(std::numeric_limits<std::int64_t>::max());
-        if (tiles->offsets[i] > end || tiles->byte_counts[i] > end - tiles->offsets[i]) return std::nullopt;
-    }
-    const int predictor = tiles->predictor;
-    if (predictor != PREDICTOR_NONE && predictor != PREDICTOR_HORIZONTAL &&
-        !(predictor == PREDICTOR_FLOATINGPOINT && facts.type == GDT_Float32))
-        return std::nullopt;
-    if (!find_grid(file, keys->posts, facts, doubts)) return std::nullopt;
+    if (!crs || !find_grid(file, keys->posts, facts, doubts)) return std::nullopt;
     set_crs(facts, crs);
-    found.swapped = TIFFIsByteSwapped(file) != 0;
-    found.tiles = std::move(*tiles);
     if (has_mask(file, doubts) || doubts.any) return std::nullopt;
+    return found;
+}
+
+std::optional<PlainTiff> PlainTiff::as_told(const RasterFacts& told) {
+    std::error_code error;
+    if (told.driver != "GTiff" || told.has_mask || told.signed_byte ||
+        CPLTestBool(CPLGetConfigOption("GTIFF_IGNORE_READ_ERRORS", "NO")) ||
+        !std::filesystem::is_regular_file(told.path, error))
+        return std::nullopt;
+    Doubts doubts;
+    const TiffReader opened = read_tiff(told.path, Doubts::hear_error, Doubts::hear_warning, &doubts);
+    TIFF* const file = opened.get();
+    if (!file || !is_plain(file) || type_of(file) != told.type) return std::nullopt;
+    PlainTiff found;
+    found.facts = told;
+    if (!find_tiles(file, found) || found.facts.columns != told.columns || found.facts.rows != told.rows || doubts.any)
+        return std::nullopt;
     return found;
 }
 

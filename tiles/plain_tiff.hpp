@@ -20,6 +20,9 @@ struct PlainTiff {
     /// mask, scale, offset or unit; no file beside it that would tell GDAL more, no configuration of GDAL's, and nothing that
     /// libtiff complains of.
     static std::optional<PlainTiff> of(const std::string& role, const std::string& path);
+    /// What GDAL told of a raster, and where libtiff finds its posts; nothing where they are not one band of usual numbers in tiles
+    /// or strips of a file, without a mask, packed as libtiff unpacks them, or libtiff complains.
+    static std::optional<PlainTiff> as_told(const RasterFacts& told);
     /// What such a raster is made of: itself, and overviews if they lie beside it.
     static std::vector<std::string> files(const std::string& path);
 };

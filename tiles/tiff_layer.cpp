@@ -19,7 +19,19 @@ constexpr const char* ends_early = "the file ends before it does";
 
 std::unique_ptr<TiffLayer> TiffLayer::of(const std::string& role, const std::string& path,
                                          std::shared_ptr<TileCache> cache) {
-    auto found = PlainTiff::of(role, path);
+    return of(PlainTiff::of(role, path), std::move(cache));
+}
+
+std::unique_ptr<TiffLayer> TiffLayer::of(std::unique_ptr<RasterFile>& told, std::shared_ptr<TileCache> cache) {
+    auto layer = of(PlainTiff::as_told(told->facts()), std::move(cache));
+    if (layer) {
+        told->close_idle();
+        layer->told_by_ = std::move(told);
+    }
+    return layer;
+}
+
+std::unique_ptr<TiffLayer> TiffLayer::of(std::optional<PlainTiff> found, std::shared_ptr<TileCache> cache) {
     if (!found) return nullptr;
     if (!cache) cache = std::make_shared<TileCache>(0);
     std::unique_ptr<TiffLayer> layer(new TiffLayer(std::move(*found), std::move(cache)));
@@ -67,7 +79,9 @@ ReaderBytes TiffLayer::reader_bytes() const {
     return {tile, packed + codec + 2 * index_bytes()};
 }
 
-std::uint64_t TiffLayer::fingerprint(const std::vector<Window>&) { return files_fingerprint(PlainTiff::files(facts_.path)); }
+std::uint64_t TiffLayer::fingerprint(const std::vector<Window>& cells) {
+    return told_by_ ? told_by_->fingerprint(cells) : files_fingerprint(PlainTiff::files(facts_.path));
+}
 
 /// libtiff's handle, for one thread at a time.
 struct TiffLayer::Reader {
@@ -202,8 +216,10 @@ void TiffLayer::read_values(const Window& window, void* out, GDALDataType type, 
 
 std::unique_ptr<RasterLayer> open_raster(const std::string& role, const std::string& path,
                                          std::shared_ptr<TileCache> cache) {
-    if (auto plain = TiffLayer::of(role, path, std::move(cache))) return plain;
-    return std::make_unique<RasterFile>(role, path);
+    if (auto plain = TiffLayer::of(role, path, cache)) return plain;
+    auto by_gdal = std::make_unique<RasterFile>(role, path);
+    if (auto posts = TiffLayer::of(by_gdal, std::move(cache))) return posts;
+    return by_gdal;
 }
 
 }  // namespace wedgescope

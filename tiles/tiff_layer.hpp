@@ -18,6 +18,7 @@
 
 #include "tiles/plain_file.hpp"
 #include "tiles/plain_tiff.hpp"
+#include "tiles/raster_file.hpp"
 #include "tiles/raster_layer.hpp"
 #include "tiles/tile_cache.hpp"
 #include "tiles/tile_decoder.hpp"
@@ -30,6 +31,8 @@ public:
     /// kept.
     static std::unique_ptr<TiffLayer> of(const std::string& role, const std::string& path,
                                          std::shared_ptr<TileCache> cache = nullptr);
+    /// The posts of a raster of which GDAL told the rest, which it goes on to watch (fingerprint()). Null as above; then it is left alone.
+    static std::unique_ptr<TiffLayer> of(std::unique_ptr<RasterFile>& told, std::shared_ptr<TileCache> cache = nullptr);
 
     ~TiffLayer() override;
     void read_values(const Window& window, void* out, GDALDataType type, std::int64_t line_bytes) override;
@@ -44,6 +47,7 @@ public:
 private:
     struct Reader;
     TiffLayer(PlainTiff plain, std::shared_ptr<TileCache> cache);
+    static std::unique_ptr<TiffLayer> of(std::optional<PlainTiff> found, std::shared_ptr<TileCache> cache);
 
     std::size_t index_bytes() const { return 2 * sizeof(std::uint64_t) * index_.offsets.size(); }
     bool is_blank(std::int64_t column, std::int64_t row) const { return index_.byte_counts[tile_number(column, row)] == 0; }
@@ -67,6 +71,7 @@ private:
     std::unique_ptr<Reader> lend();
     void unpack(std::int64_t column, std::int64_t row, RawVector<std::byte>& values);
 
+    std::unique_ptr<RasterFile> told_by_;  ///< null: libtiff told all
     std::shared_ptr<TileCache> cache_;
     int cached_as_;
     TiffIndex::Level index_;
@@ -76,7 +81,7 @@ private:
     std::vector<std::unique_ptr<Reader>> free_;
 };
 
-/// A raster, opened and checked: without GDAL where that will do. IoError, DataError.
+/// A raster, opened and checked: without GDAL where that will do; else its posts where these are plain. IoError, DataError.
 std::unique_ptr<RasterLayer> open_raster(const std::string& role, const std::string& path,
                                          std::shared_ptr<TileCache> cache = nullptr);
 
