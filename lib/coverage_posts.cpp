@@ -106,76 +106,96 @@ float Cover::response(const Side& side, double slope, std::int64_t index, std::i
     return static_cast<float>(rounded(10 * std::log10(power) + 30, 20));
 }
 
-/// What of a line's posts lies within range and sector: of groups of posts that is mostly known without any of them.
+/// What of a line's posts lies within range and sector: of all of them, or of groups, that is mostly known without any of them.
 class Cover::View {
 public:
     /// `posts`: empty if no part is asked for.
-    View(const Cover& cover, const Side& side, const Desk& desk, const float* heights, Interval posts)
-        : cover_(cover), side_(side), desk_(desk),
-          limits_(cover.with_range_ && !cover.params_.elevation && !posts.empty()) {
+    View(const Cover& cover, const Side& side, Desk& desk, const float* heights, Interval posts)
+        : cover_(cover), side_(side), desk_(desk), limits_(cover.with_range_ && !posts.empty()) {
+        if (posts.empty()) return;
+        const auto [least, most] = std::minmax_element(desk.post_slope.begin(), desk.post_slope.begin() + knots());
+        all_.slopes = {*least, *most};
         if (!limits_) return;
-        float lowest = static_cast<float>(cover.scene_.reference_m), highest = lowest;
-        const float target = static_cast<float>(cover.params_.target_m);
-        for (std::int64_t j = posts.begin; j < posts.end; ++j) {
-            const float z = heights[j] + target;
-            lowest = z < lowest ? z : lowest;
-            highest = z > highest ? z : highest;
+        double lowest = cover.scene_.reference_m, highest = lowest;
+        const double target = cover.params_.target_m;
+        if (const Blocks& blocks = desk.blocks; !blocks.empty()) {
+            lowest = std::min(lowest, blocks.lowest_m + target);
+            highest = std::max(highest, blocks.highest_m + target);
+        } else {
+            for (std::int64_t j = posts.begin; j < posts.end; ++j) {
+                const double z = static_cast<double>(heights[j]) + target;
+                lowest = z < lowest ? z : lowest;
+                highest = z > highest ? z : highest;
+            }
         }
-        double farthest = 0, most_bent = 0, apart = 0;
-        for (std::size_t g = 0; g <= desk.post_groups; ++g) {
-            farthest = std::max(farthest, arc(g));
-            if (g > 0) apart = std::max(apart, std::abs(arc(g) - arc(g - 1)));
-            const double m = desk.post_slope[g];
-            most_bent = std::max(most_bent, std::abs(quadratic(side.curvature, m) / quadratic(side.square, m)));
-        }
+        desk.post_arc.resize(desk.post_groups + 1);
+        for (std::size_t g = 0; g <= desk.post_groups; ++g)
+            desk.post_arc[g] = desk.post_along[g] * std::sqrt(quadratic(side.square, desk.post_slope[g]));
+        double apart = 0;
+        for (std::size_t g = 0; g < desk.post_groups; ++g)
+            apart = std::max(apart, std::abs(desk.post_arc[g + 1] - desk.post_arc[g]));
+        const auto [nearest, farthest] = std::minmax_element(desk.post_arc.begin(), desk.post_arc.end());
         // Between two knots: twice the way from one to the next, by the metric at the sensor and, as near a pole posts stand farther
         // apart elsewhere, by what these knots have.
         between_m_ = 2 * std::max(1.25 * static_cast<double>(knot) * std::sqrt(side.square[2]), 2 * apart);
-        farthest += between_m_;
-        most_bent *= 1.25;
+        all_.arcs = {std::max(0.0, *nearest - between_m_), *farthest + between_m_};
         // Bounds of out / arc, and of what stands above or below the sensor's level.
-        const double low = static_cast<double>(lowest) - 1, high = static_cast<double>(highest) + 1,
-                     theta = farthest * most_bent, drop = 0.6 * farthest * theta * (1 + std::abs(high) * most_bent);
-        least_out_ = (1 - theta * theta) * (1 - std::abs(low) * most_bent);
-        most_out_ = 1 + std::abs(high) * most_bent;
+        const double low = lowest - 1, high = highest + 1, theta = all_.arcs.most * side.most_bent,
+                     drop = 0.6 * all_.arcs.most * theta * (1 + std::abs(high) * side.most_bent);
+        least_out_ = (1 - theta * theta) * (1 - std::abs(low) * side.most_bent);
+        most_out_ = 1 + std::abs(high) * side.most_bent;
         most_up_ = std::max(std::abs(low - cover.scene_.sensor_m), std::abs(high - cover.scene_.sensor_m)) + drop;
     }
 
     enum class Part { all, none, some };
+    Part whole() const { return judge(all_); }
     /// Of the posts between two knots.
     Part part(std::size_t g) const {
+        const auto [least, most] = std::minmax(desk_.post_slope[g], desk_.post_slope[g + 1]);
+        Bounds bounds{{least, most}, {}};
+        if (limits_) {
+            const auto [nearer, farther] = std::minmax(desk_.post_arc[g], desk_.post_arc[g + 1]);
+            bounds.arcs = {std::max(0.0, farther - between_m_), nearer + between_m_};
+        }
+        return judge(bounds);
+    }
+
+private:
+    struct Between {
+        double least = 0, most = 0;
+    };
+    struct Bounds {
+        Between slopes, arcs;
+    };
+    std::ptrdiff_t knots() const { return static_cast<std::ptrdiff_t>(desk_.post_groups) + 1; }
+    Part judge(const Bounds& of) const {
         const Scene& scene = cover_.scene_.scene;
-        if (cover_.params_.elevation) return Part::some;
         bool all = true;
         if (scene.sector) {
             constexpr double rounding = 1e-12;  // of slopes between the knots'
-            const double least = std::min(desk_.post_slope[g], desk_.post_slope[g + 1]),
-                         most = std::max(desk_.post_slope[g], desk_.post_slope[g + 1]);
             bool in = false, touched = false;
             for (const auto& [lo, hi] : side_.sector) {
-                in = in || (least >= lo + rounding && most <= hi - rounding);
-                touched = touched || (most >= lo - rounding && least <= hi + rounding);
+                in = in || (of.slopes.least >= lo + rounding && of.slopes.most <= hi - rounding);
+                touched = touched || (of.slopes.most >= lo - rounding && of.slopes.least <= hi + rounding);
             }
             if (!touched) return Part::none;
             all = in;
         }
-        if (!limits_) return all ? Part::all : Part::some;
-        const double a = arc(g), b = arc(g + 1), nearest = std::max(0.0, std::max(a, b) - between_m_),
-                     farthest = std::min(a, b) + between_m_, out = farthest * most_out_;
-        const double least = nearest * least_out_, most = std::sqrt(out * out + most_up_ * most_up_) + 1;
-        if (least > *scene.range_m || nearest > cover_.farthest_m_ || most < scene.range_start_m) return Part::none;
-        all = all && most <= *scene.range_m && farthest <= cover_.farthest_m_ && least >= scene.range_start_m;
+        if (limits_) {
+            const double out = of.arcs.most * most_out_, least = of.arcs.least * least_out_,
+                         most = std::sqrt(out * out + most_up_ * most_up_) + 1;
+            if (least > *scene.range_m || of.arcs.least > cover_.farthest_m_ || most < scene.range_start_m)
+                return Part::none;
+            all = all && most <= *scene.range_m && of.arcs.most <= cover_.farthest_m_ && least >= scene.range_start_m;
+        }
         return all ? Part::all : Part::some;
     }
 
-private:
-    double arc(std::size_t g) const {
-        return desk_.post_along[g] * std::sqrt(quadratic(side_.square, desk_.post_slope[g]));
-    }
     const Cover& cover_;
     const Side& side_;
     const Desk& desk_;
     bool limits_;
+    Bounds all_;
     double between_m_ = 0, least_out_ = 0, most_out_ = 0, most_up_ = 0;
 };
 
@@ -195,10 +215,13 @@ void Cover::finish_line(const Side& side, const LineForm& line, std::int64_t ind
         for (std::int64_t j = posts.begin; j < posts.end; ++j)
             values[j - posts.begin] = state[j] == no_data ? nan_f : raise[j];
     } else if (with_posts_ || voids_) {
-        const bool by_groups = bytes_ && limited_;
+        const bool by_groups = bytes_ && limited_ && !params_.elevation;
         const View view(*this, side, desk, height, by_groups ? posts : Interval{});
-        View::Part in_view = View::Part::some;
-        for (std::int64_t j = posts.begin; j < posts.end; ++j) {
+        const View::Part whole = by_groups ? view.whole() : View::Part::some;
+        if (whole == View::Part::none) std::fill(state + posts.begin, state + posts.end, outside);
+        const bool known = whole == View::Part::none || (whole == View::Part::all && !voids_);
+        View::Part in_view = whole;
+        for (std::int64_t j = known ? posts.end : posts.begin; j < posts.end; ++j) {
             if (by_groups && (j == posts.begin || (j - first) % knot == 0)) {
                 const std::int64_t group = (j - first) / knot, end = std::min(posts.end, first + (group + 1) * knot);
                 in_view = view.part(static_cast<std::size_t>(group));

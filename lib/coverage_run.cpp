@@ -76,6 +76,8 @@ private:
         return line > lines_.begin || has_before_ ? index - outward(quadrant_) : no_line;
     }
 
+    bool is_out_of_view() const;
+    void pass_by();
     void take_spokes();
     void find_window();
     Interval row_lines(std::int64_t row) const;
@@ -134,6 +136,11 @@ void Cover::Run::sweep() {
     if (desk_.culture) desk_.culture->forget();  // what is read shall not hang on who sweeps which run
     const Span span(cover_.params_.timeline, "run", "wedge", static_cast<std::int64_t>(quadrant_));
     const Stopwatch all_of_it;
+    if (is_out_of_view()) {
+        pass_by();
+        did_.sweep_s += all_of_it.cpu_s();
+        return;
+    }
     take_spokes();
     find_window();
     look_at_blocks();
@@ -148,6 +155,31 @@ void Cover::Run::sweep() {
     if (desk_.culture) count_culture();
     did_.load_s += load_s_;
     did_.sweep_s += all_of_it.cpu_s() - load_s_;
+}
+
+/// Is the sector so far off that nothing its posts are judged by comes from these spokes? A post is judged by the two beside it, a
+/// spoke takes from its neighbours when there are twice as many and at the raster's edge: less than a group away.
+bool Cover::Run::is_out_of_view() const {
+    if (!cover_.scene_.scene.sector) return false;
+    const auto k = static_cast<double>(side_.spokes.of);
+    const double lo = static_cast<double>(core_.begin - 2 * knot) / k,
+                 hi = static_cast<double>(core_.end + 2 * knot) / k;
+    return std::none_of(side_.sector.begin(), side_.sector.end(),
+                        [&](const auto& part) { return part.first <= hi && part.second >= lo; });
+}
+
+/// All its posts are outside, as tiles begin.
+void Cover::Run::pass_by() {
+    const auto& rings = cover_.grid_.rings(quadrant_);
+    spokes_.of = side_.spokes.of;
+    std::uint64_t posts = 0;
+    for (std::int64_t line = lines_.begin; line < lines_.end; ++line) {
+        while (ring_ + 1 < rings.size() && rings[ring_ + 1].lines.begin <= line) ++ring_;
+        for (; spokes_.of < rings[ring_].spokes; spokes_.of *= 2) core_ = {2 * core_.begin, 2 * core_.end};
+        const LineForm here = cover_.form(side_, cover_.grid_.distance(quadrant_, line));
+        posts += static_cast<std::uint64_t>(own_posts(line, here).size());
+    }
+    desk_.states[static_cast<std::size_t>(State::outside)] += posts;
 }
 
 void Cover::Run::take_spokes() {

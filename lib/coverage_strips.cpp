@@ -35,6 +35,8 @@ void Cover::set_up(Quadrant q) {
     const auto curvature = [&](double m) { return square(m) * map_.inverse_radius(q, m); };
     side.square = quadratic(square(-1), square(0), square(1));
     side.curvature = quadratic(curvature(-1), curvature(0), curvature(1));
+    for (int i = -32; i <= 32; ++i)
+        side.most_bent = std::max(side.most_bent, 1.25 * std::abs(map_.inverse_radius(q, i / 32.0)));
     if (scene_.scene.sector) {
         const double from = scene_.scene.platform.heading.rad() + scene_.scene.sector->from.rad();
         const double width = scene_.scene.sector->to.rad() - scene_.scene.sector->from.rad();

@@ -94,6 +94,7 @@ struct Side {
     Interval minor;                     ///< posts along a line
     double slope_lo = 0, slope_hi = 0;  ///< spokes that meet the raster at all
     std::array<double, 3> square{}, curvature{};
+    double most_bent = 0;                           ///< of the earth's curvature along the line, and a quarter more
     std::vector<std::pair<double, double>> sector;  ///< slopes in the sector; only where there is one
     Spokes spokes;                                  ///< before the next strip
     std::int64_t tile = 0, tile_end = 0;            ///< first strip, and the one past the last; in steps outward
@@ -120,7 +121,8 @@ struct Blocks {
     Interval majors, minors;
     std::vector<BlockBounds> bounds;  ///< empty: nothing is known, all is swept
     std::vector<Skip> skip;           ///< none: something of it may be seen; range: no spoke comes by
-    double relief_m = 0, most_m = 0;  ///< from the lowest to the highest surface; and farthest from sea level
+    double lowest_m = 0, highest_m = -1;  ///< surface of all; highest below lowest: nothing but voids
+    double relief_m = 0, most_m = 0;      ///< from the lowest to the highest surface; and farthest from sea level
     bool empty() const { return bounds.empty(); }
     /// More than the relief that a post counts in its cell: a step along the ray and two across, times its slope, which is
     /// below 2 (SpokeMap refuses rays that bend farther).
@@ -128,14 +130,14 @@ struct Blocks {
     /// What follows from the bounds alone.
     void measure() {
         skip.assign(bounds.size(), Skip::none);
-        double lowest = std::numeric_limits<double>::infinity(), highest = -lowest;
+        lowest_m = std::numeric_limits<double>::infinity(), highest_m = -lowest_m;
         for (const BlockBounds& b : bounds)
             if (b.voids != Voids::all) {
-                lowest = std::min(lowest, static_cast<double>(b.lowest_m));
-                highest = std::max(highest, static_cast<double>(b.highest_m) + static_cast<double>(b.culture_m));
+                lowest_m = std::min(lowest_m, static_cast<double>(b.lowest_m));
+                highest_m = std::max(highest_m, static_cast<double>(b.highest_m) + static_cast<double>(b.culture_m));
             }
-        relief_m = lowest <= highest ? highest - lowest : 0;
-        most_m = lowest <= highest ? std::max(std::abs(lowest), std::abs(highest)) : 0;
+        relief_m = lowest_m <= highest_m ? highest_m - lowest_m : 0;
+        most_m = lowest_m <= highest_m ? std::max(std::abs(lowest_m), std::abs(highest_m)) : 0;
     }
     std::size_t at(std::int64_t major, std::int64_t minor) const {
         return static_cast<std::size_t>((major - majors.begin) * minors.size() + minor - minors.begin);
@@ -162,6 +164,7 @@ struct Desk {
     std::vector<float> line, behind;
     std::vector<double> slope, turn, curvature;  ///< of the groups of `spokes`: FanLanes
     std::vector<double> at, at_behind, from, post_at, post_slope, post_along;
+    std::vector<double> post_arc;  ///< along the ground to these, where range limits the view
     std::size_t post_groups = 0;  ///< of the part of a line whose knots stand in post_*, which may be longer
     std::vector<double> far_at;
     std::vector<float> far_lift;

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <numbers>
 #include <random>
@@ -279,6 +280,59 @@ TEST_CASE("range, sector and pitch limit what is in view", "[coverage][quick]") 
     CHECK(wrong_posts == 0);
     CHECK(inside > 1000);
     CHECK(seen.report.states[static_cast<std::size_t>(State::seen)] >= inside);
+}
+
+TEST_CASE("a limited view holds what the whole one holds there, and looks at little beside it", "[coverage][quick]") {
+    const auto ground = [](double c, double r) {
+        const double pit = std::hypot(c - 500, r - 100);
+        return pit < 9 ? std::numeric_limits<double>::quiet_NaN()
+                       : 90 * std::sin(c / 17) * std::cos(r / 23) + 300 * std::exp(-std::pow((c - r) / 60, 2));
+    };
+    MemorySource source(700, 640, post_m, ground);
+    std::mt19937 random(20261128);
+    const auto drawn = [&](double from, double to) { return std::uniform_real_distribution<double>(from, to)(random); };
+    std::size_t in_view = 0, passed = 0;
+    for (int i = 0; i < 40; ++i) {
+        const double column = i % 4 == 0 ? 350 : drawn(-30, 720), row = i % 4 == 0 ? 320 : drawn(1, 638);
+        Scene scene = scene_at(column, row, drawn(350, 2500), 4.0 / 3);
+        const Result all = look(source, scene, layer(CoverageLayer::states)),
+                     range = look(source, scene, layer(CoverageLayer::range));
+        constexpr std::array widths{0.002, 0.5, 4.0, 30.0, 90.0, 200.0, 345.0};
+        const double width = widths[static_cast<std::size_t>(i) % widths.size()],
+                     from = i % 5 == 0 ? 45 : drawn(-360, 0);
+        scene.sector = Sector{Angle::degrees(from), Angle::degrees(from + width)};
+        if (i % 2 == 0) scene.platform.heading = Angle::degrees(drawn(0, 360));
+        if (i % 3 == 0) scene.range_m = drawn(1000, 15000);
+        if (i % 6 == 0) scene.range_start_m = drawn(0, 900);
+        const double begin = scene.platform.heading.rad() + scene.sector->from.rad();
+        const Result part = look(source, scene, layer(CoverageLayer::states));
+        std::size_t wrong = 0, inside = 0;
+        for (std::int64_t r = 0; r < 640; ++r)
+            for (std::int64_t c = 0; c < 700; ++c) {
+                const double x = static_cast<double>(c) - column, y = row - static_cast<double>(r),
+                             m = static_cast<double>(range.value(c, r));
+                if (std::hypot(x, y) < 1e-9) continue;  // in every sector
+                constexpr double circle = 2 * std::numbers::pi, rounding = 1e-9;
+                double beyond = std::fmod(std::atan2(x, y) - begin, circle);
+                if (beyond < 0) beyond += circle;
+                const double edge = width * std::numbers::pi / 180;
+                if (std::min({beyond, std::abs(beyond - edge), circle - beyond}) < rounding) continue;
+                bool in = beyond < edge;
+                if (scene.range_m) {
+                    if (in && std::isnan(m)) continue;  // a void's place is that of the level surface
+                    if (std::abs(m - *scene.range_m) < 0.01 || std::abs(m - scene.range_start_m) < 0.01) continue;
+                    in = in && m <= *scene.range_m && m >= scene.range_start_m;
+                }
+                inside += in;
+                wrong += part.at(c, r) != (in ? all.at(c, r) : static_cast<int>(State::outside));
+            }
+        INFO("sensor at " << column << ", " << row << ", sector of " << width << " degrees from " << from);
+        CHECK(wrong == 0);
+        in_view += inside;
+        if (width < 5) passed += part.report.total().posts_read < all.report.total().posts_read * 3 / 5;
+    }
+    CHECK(in_view > 1000000);
+    CHECK(passed > 12);
 }
 
 TEST_CASE("a distance along the ground limits the view whatever the heights", "[coverage][quick]") {
