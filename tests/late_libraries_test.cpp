@@ -158,7 +158,7 @@ TEST_CASE("a picture of a store is made without GDAL and is as with it", "[gdal]
     check_alike(folder / "without.png", folder / "with.png");
 }
 
-TEST_CASE("plain tiled rasters need no GDAL and give what they give with it", "[gdal]") {
+TEST_CASE("plain GeoTIFFs need no GDAL and give what they give with it", "[gdal]") {
     const Folder folder;
     const auto run = [&](const std::string& command, const std::string& name, std::vector<std::string> more) {
         std::vector<std::string> words{command,          "--latlon",       "33.93,-117.33",

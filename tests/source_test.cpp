@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdlib>
 #include <fstream>
+#include <limits>
 #include <random>
 #include <thread>
 
@@ -523,6 +524,61 @@ TEST_CASE("classes of whole culture tiles are the same when they are asked for a
         const std::uint64_t touched = source->skipped()[static_cast<std::size_t>(Skip::none)].posts;
         CHECK(touched == static_cast<std::uint64_t>(k.columns * k.rows));
     }
+}
+
+TEST_CASE("extremes are those of all posts, however many threads look for them", "[source][threads]") {
+    const Folder folder;
+    Drawing d;
+    d.columns = 1500;
+    d.rows = 1100;
+    d.type = GDT_Int16;
+    d.no_data = -7;
+    d.creation = GENERATE(values<std::vector<std::string>>({{}, {"COMPRESS=DEFLATE"}, {"TILED=YES", "COMPRESS=LZMA"}}));
+    d.value = [](int c, int r) {
+        return c == 1499 && r == 1099 ? -300
+               : c == 700 && r == 3   ? 4000
+               : (c + r) % 50 == 0    ? -7
+                                      : (c * 31 + r * 17) % 900;
+    };
+    draw(folder / "dem.tif", d);
+    Drawing h = d;
+    h.no_data = std::nullopt;
+    h.value = [](int c, int r) { return c == 12 && r == 900 ? 5000 : (c + r) % 3; };
+    draw(folder / "height.tif", h);
+    std::uint64_t voids = 0;
+    float highest = 0;
+    for (int r = 0; r < d.rows; ++r)
+        for (int c = 0; c < d.columns; ++c) {
+            if (d.value(c, r) == -7)
+                ++voids;
+            else
+                highest = std::max(highest, static_cast<float>(d.value(c, r) + h.value(c, r)));
+        }
+    for (const int threads : {1, 2, 7}) {
+        CAPTURE(threads);
+        DataBaseParams params = only(folder / "dem.tif");
+        params.threads = threads;
+        params.cache_bytes = std::size_t{64} << 20;
+        const Extremes bare = open_direct_source(params)->extremes();
+        CHECK(bare.any_valid);
+        CHECK(bare.lowest_m == -300);
+        CHECK(bare.highest_m == 4000);
+        CHECK(bare.void_posts == voids);
+        params.culture_height = folder / "height.tif";
+        const Extremes high = open_direct_source(params)->extremes();
+        CHECK(high.lowest_m == -300);
+        CHECK(high.highest_m == highest);
+        CHECK(high.void_posts == voids);
+    }
+    // What is no height is refused by whichever thread meets it.
+    d.type = GDT_Float32;
+    d.value = [](int c, int r) { return c == 1400 && r == 1000 ? std::numeric_limits<double>::infinity() : 1; };
+    draw(folder / "dem.tif", d);
+    DataBaseParams params = only(folder / "dem.tif");
+    params.threads = 4;
+    params.cache_bytes = std::size_t{64} << 20;
+    CHECK_THAT(test::refusal<DataError>([&] { open_direct_source(params)->extremes(); }),
+               Contains("column 1400, row 1000"));
 }
 
 TEST_CASE("rasters whose windows decode many posts are read directly where all of them stay decoded", "[source]") {

@@ -1,5 +1,8 @@
 #include "tiles/raster_source.hpp"
 
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
 #include <array>
 #include <cmath>
 #include <cstring>
@@ -11,6 +14,7 @@
 
 #include "lib/culture.hpp"
 #include "lib/error.hpp"
+#include "lib/threads.hpp"
 #include "lib/transpose.hpp"
 #include "tiles/cache_need.hpp"
 #include "tiles/checksum.hpp"
@@ -43,6 +47,12 @@ public:
             high_[0] = z > high_[0] ? z : high_[0];
         }
         return std::accumulate(std::begin(none), std::end(none), std::uint64_t{0});
+    }
+    void add(const Range& other) {
+        for (std::size_t k = 0; k < lanes; ++k) {
+            low_[k] = std::min(low_[k], other.low_[k]);
+            high_[k] = std::max(high_[k], other.high_[k]);
+        }
     }
     float lowest() const { return *std::min_element(low_.begin(), low_.end()); }
     float highest() const { return *std::max_element(high_.begin(), high_.end()); }
@@ -629,30 +639,62 @@ ClassId RasterSource::class_beyond_table(std::int32_t code) const {
 
 Extremes RasterSource::find_extremes() {
     if (const auto known = bare_extremes(); known && (!height_ || map_)) return known_extremes(*known);
-    Extremes out;
-    Range bare, surface;
-    std::vector<float> terrain, culture, scratch;
+    const RasterFacts& facts = terrain_->facts();
+    // Together the threads hold what one would; each whole blocks where these are no larger than that.
+    const int threads = std::min(at_hand(params_.threads), extremes_threads());
+    const std::int64_t block = facts.unit_columns() * facts.unit_rows(),
+                       posts = std::max(slab_posts / threads, std::min(block, slab_posts));
+    std::vector<Window> windows;
+    for_each_window(facts, facts.own_columns(), posts, [&](const Window& window) { windows.push_back(window); });
     const ChunkRequest everything;
     const NeededPosts all(everything);
-    for_each_window(terrain_->facts(), terrain_->facts().own_columns(), slab_posts, [&](const Window& window) {
+    Extremes out;
+    Range bare, surface;
+    std::mutex mutex;  // of these
+    const auto look = [&](const Window& window) {
         if (params_.stop) params_.stop->check();
         const auto n = static_cast<std::size_t>(window.posts());
-        terrain.resize(n);
+        std::vector<float> terrain(n), culture, scratch;
+        Range own, own_surface;
         terrain_->read_heights(window, terrain.data(), window.columns.size());
-        out.void_posts += bare.add(terrain);
-        if (!height_) return;
-        culture.resize(n);
-        height_->read_heights(height_->plan(window.columns), window.rows, params_.culture_height_scale, all,
-                              culture.data(), scratch);
-        for (std::size_t i = 0; i < n; ++i) terrain[i] += culture[i];
-        surface.add(terrain);
-    });
+        const std::uint64_t voids = own.add(terrain);
+        if (height_) {
+            culture.resize(n);
+            height_->read_heights(height_->plan(window.columns), window.rows, params_.culture_height_scale, all,
+                                  culture.data(), scratch);
+            for (std::size_t i = 0; i < n; ++i) terrain[i] += culture[i];
+            own_surface.add(terrain);
+        }
+        const std::lock_guard lock(mutex);
+        out.void_posts += voids;
+        bare.add(own);
+        surface.add(own_surface);
+    };
+    if (threads == 1) {
+        for (const Window& window : windows) look(window);
+    } else {
+        Threads(threads, false).execute([&] {
+            tbb::parallel_for(
+                tbb::blocked_range<std::size_t>(0, windows.size(), 1),
+                [&](const auto& part) {
+                    for (std::size_t i = part.begin(); i < part.end(); ++i) look(windows[i]);
+                },
+                tbb::simple_partitioner());
+        });
+    }
     out.any_valid = bare.lowest() <= bare.highest();
     if (out.any_valid) {
         out.lowest_m = bare.lowest();
         out.highest_m = height_ ? surface.highest() : bare.highest();
     }
     return out;
+}
+
+/// As many as may read, but no more than hold what their readers do within what the cache was granted.
+int RasterSource::extremes_threads() const {
+    const std::size_t each = std::max<std::size_t>(1, reader_bytes());
+    return std::clamp(static_cast<int>(std::min<std::size_t>(params_.cache_bytes / each, 64)), 1,
+                      std::max(1, params_.threads));
 }
 
 Extremes RasterSource::known_extremes(Extremes out) {

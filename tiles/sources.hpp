@@ -38,7 +38,7 @@ struct DataBaseParams {
     Materials materials;           ///< that the legend of a store names
     ClassId default_class = 4;     ///< no culture, or its no-data
     std::size_t cache_bytes = 0;   ///< what the session grants for decoded blocks, GDAL's and our own
-    /// Up to so much more for decoded tiles where that holds all of them and each window would else decode many again: strips.
+    /// Up to so much more for decoded strips where that holds all of them: each window along a column asks for them anew.
     std::size_t more_cache_bytes = 0;
     int threads = 1;  ///< that may read at a time: what GDAL decodes each decodes for itself
     /// What is known of the ground of plain rasters; null: nothing. A tile store has its own.

@@ -19,27 +19,31 @@ T field(TIFF* file, std::uint32_t tag) {
 
 std::optional<TiffIndex::Level> TiffIndex::level_of(TIFF* file) {
     TiffIndex::Level level;
-    level.strips = !TIFFIsTiled(file);
     level.columns = field<std::uint32_t>(file, TIFFTAG_IMAGEWIDTH);
     level.rows = field<std::uint32_t>(file, TIFFTAG_IMAGELENGTH);
-    level.tile_columns =
-        level.strips ? field<std::uint32_t>(file, TIFFTAG_IMAGEWIDTH) : field<std::uint32_t>(file, TIFFTAG_TILEWIDTH);
-    level.tile_rows = level.strips ? std::min(field<std::uint32_t>(file, TIFFTAG_ROWSPERSTRIP),
-                                              field<std::uint32_t>(file, TIFFTAG_IMAGELENGTH))
-                                   : field<std::uint32_t>(file, TIFFTAG_TILELENGTH);
+    level.strips = !TIFFIsTiled(file);
+    if (level.strips) {
+        level.tile_columns = static_cast<std::uint32_t>(level.columns);
+        level.tile_rows =
+            std::min(field<std::uint32_t>(file, TIFFTAG_ROWSPERSTRIP), static_cast<std::uint32_t>(level.rows));
+    } else {
+        level.tile_columns = field<std::uint32_t>(file, TIFFTAG_TILEWIDTH);
+        level.tile_rows = field<std::uint32_t>(file, TIFFTAG_TILELENGTH);
+    }
     level.bands = field<std::uint16_t>(file, TIFFTAG_SAMPLESPERPIXEL);
     level.bits = field<std::uint16_t>(file, TIFFTAG_BITSPERSAMPLE);
     level.compression = field<std::uint16_t>(file, TIFFTAG_COMPRESSION);
     // Of packings that know none libtiff gives no value.
     if (std::uint16_t predictor = 0; TIFFGetField(file, TIFFTAG_PREDICTOR, &predictor)) level.predictor = predictor;
-    const std::uint32_t tiles = level.strips ? TIFFNumberOfStrips(file) : TIFFNumberOfTiles(file);
-    const std::uint64_t *offsets = nullptr, *byte_counts = nullptr;
-    if (!TIFFGetField(file, level.strips ? TIFFTAG_STRIPOFFSETS : TIFFTAG_TILEOFFSETS, &offsets) || !offsets ||
-        !TIFFGetField(file, level.strips ? TIFFTAG_STRIPBYTECOUNTS : TIFFTAG_TILEBYTECOUNTS, &byte_counts) ||
-        !byte_counts)
+    const auto numbers = [&](std::uint32_t of_tiles, std::uint32_t of_strips, std::vector<std::uint64_t>& to) {
+        const std::uint64_t* found = nullptr;
+        if (!TIFFGetField(file, level.strips ? of_strips : of_tiles, &found) || !found) return false;
+        to.assign(found, found + (level.strips ? TIFFNumberOfStrips(file) : TIFFNumberOfTiles(file)));
+        return true;
+    };
+    if (!numbers(TIFFTAG_TILEOFFSETS, TIFFTAG_STRIPOFFSETS, level.offsets) ||
+        !numbers(TIFFTAG_TILEBYTECOUNTS, TIFFTAG_STRIPBYTECOUNTS, level.byte_counts))
         return std::nullopt;
-    level.offsets.assign(offsets, offsets + tiles);
-    level.byte_counts.assign(byte_counts, byte_counts + tiles);
     return level;
 }
 

@@ -22,7 +22,7 @@ struct TiffIndex {
     };
     std::vector<Level> levels;  ///< the raster, then its overviews as the file holds them
 
-    /// Nothing if the file is no TIFF of tiles that libtiff can read, or one of strips.
+    /// Nothing if libtiff cannot read the file, or a level of it is in strips.
     static std::optional<TiffIndex> of(const std::string& path);
     /// The tiles, or strips, of the directory at which a file is open; nothing if it says not where they are.
     static std::optional<Level> level_of(tiff* file);

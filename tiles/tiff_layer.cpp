@@ -48,8 +48,9 @@ TiffLayer::TiffLayer(PlainTiff plain, std::shared_ptr<TileCache> cache)
     const auto whole = [&] {
         for (std::size_t i = 0; i < index_.byte_counts.size(); ++i) {
             const std::uint64_t bytes = index_.byte_counts[i];
-            const auto rows = static_cast<std::size_t>(rows_in(static_cast<std::int64_t>(i) / across));
-            if (bytes != 0 && bytes != rows * row_bytes()) return false;
+            const std::int64_t rows =
+                index_.strips ? rows_in(static_cast<std::int64_t>(i) / across) : facts_.block_rows;
+            if (bytes != 0 && bytes != static_cast<std::size_t>(rows) * row_bytes()) return false;
         }
         return true;
     };
@@ -116,8 +117,7 @@ void TiffLayer::unpack(std::int64_t column, std::int64_t row, RawVector<std::byt
     const auto x = static_cast<std::uint32_t>(column * facts_.block_columns),
                y = static_cast<std::uint32_t>(row * facts_.block_rows);
     TIFF* const file = reader->file.get();
-    const std::int64_t rows = std::min(facts_.block_rows, facts_.rows - row * facts_.block_rows);
-    const auto bytes = static_cast<tmsize_t>(static_cast<std::size_t>(rows) * row_bytes());
+    const auto bytes = static_cast<tmsize_t>(static_cast<std::size_t>(rows_in(row)) * row_bytes());
     const auto all_read = [&] {
         if (index_.strips)
             return !TIFFIsTiled(file) && TIFFStripSize(file) == static_cast<tmsize_t>(values.size()) &&
@@ -197,7 +197,7 @@ void TiffLayer::read_values(const Window& window, void* out, GDALDataType type, 
                     take(values->data() + (r - tr * high) * wide * bytes + left_out, r);
                 continue;
             }
-            if (facts_.rows_in_parts) {
+            if (facts_.rows_in_parts && columns.size() < wide) {
                 for (std::int64_t r = rows.begin; r < rows.end; ++r) {
                     read_as_is(tc, tr, {columns, {r, r + 1}}, some);
                     take(some.data(), r);

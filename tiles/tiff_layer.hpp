@@ -56,9 +56,9 @@ private:
     }
     [[noreturn]] void fail(std::int64_t column, std::int64_t row, const std::string& reason) const;
     std::size_t tile_bytes() const;
-    /// That the file holds of a row of tiles.
+    /// Of the raster in a row of tiles; of the last one fewer, and a strip holds no others.
     std::int64_t rows_in(std::int64_t row) const {
-        return index_.strips ? std::min(facts_.block_rows, facts_.rows - row * facts_.block_rows) : facts_.block_rows;
+        return std::min(facts_.block_rows, facts_.rows - row * facts_.block_rows);
     }
     void read_as_is(std::int64_t column, std::int64_t row, const Window& part, RawVector<std::byte>& values);
     std::size_t row_bytes() const { return static_cast<std::size_t>(facts_.block_columns * facts_.type_bytes); }
