@@ -106,7 +106,8 @@ float Cover::response(const Side& side, double slope, std::int64_t index, std::i
     return static_cast<float>(rounded(10 * std::log10(power) + 30, 20));
 }
 
-/// What of a line's posts lies within range and sector: of all of them, or of groups, that is mostly known without any of them.
+/// What lies within range and sector of those posts of a line whose knots stand on the desk: of all of them, or of groups, that is mostly
+/// known without any post.
 class Cover::View {
 public:
     /// `posts`: empty if no part is asked for.

@@ -157,8 +157,9 @@ void Cover::Run::sweep() {
     did_.sweep_s += all_of_it.cpu_s() - load_s_;
 }
 
-/// Is the sector so far off that nothing its posts are judged by comes from these spokes? A post is judged by the two beside it, a
-/// spoke takes from its neighbours when there are twice as many and at the raster's edge: less than a group away.
+/// Is the sector so far off that nothing its posts are judged by comes from these spokes? A post is judged by the two spokes beside it.
+/// What is left behind here begins two groups beyond the sector; where spokes double it spreads by less than one of the coarser ring,
+/// however often they do, and two more at the raster's edge (follow()). Its horizons are too low, so that no block is hidden by them.
 bool Cover::Run::is_out_of_view() const {
     if (!cover_.scene_.scene.sector) return false;
     const auto k = static_cast<double>(side_.spokes.of);

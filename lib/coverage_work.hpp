@@ -94,7 +94,7 @@ struct Side {
     Interval minor;                     ///< posts along a line
     double slope_lo = 0, slope_hi = 0;  ///< spokes that meet the raster at all
     std::array<double, 3> square{}, curvature{};
-    double most_bent = 0;                           ///< of the earth's curvature along the line, and a quarter more
+    double most_bent = 0;  ///< greatest curvature of the earth along its rays, and a quarter more
     std::vector<std::pair<double, double>> sector;  ///< slopes in the sector; only where there is one
     Spokes spokes;                                  ///< before the next strip
     std::int64_t tile = 0, tile_end = 0;            ///< first strip, and the one past the last; in steps outward

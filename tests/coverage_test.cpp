@@ -288,15 +288,24 @@ TEST_CASE("a limited view holds what the whole one holds there, and looks at lit
         return pit < 9 ? std::numeric_limits<double>::quiet_NaN()
                        : 90 * std::sin(c / 17) * std::cos(r / 23) + 300 * std::exp(-std::pow((c - r) / 60, 2));
     };
-    MemorySource source(700, 640, post_m, ground);
+    MemorySource bare(700, 640, post_m, ground), wooded(700, 640, post_m, ground);
+    wooded.set_culture_height([](double c, double r) { return std::fmod(c + r, 40) < 20 ? 18 : 0; });
     std::mt19937 random(20261128);
     const auto drawn = [&](double from, double to) { return std::uniform_real_distribution<double>(from, to)(random); };
     std::size_t in_view = 0, passed = 0;
     for (int i = 0; i < 40; ++i) {
         const double column = i % 4 == 0 ? 350 : drawn(-30, 720), row = i % 4 == 0 ? 320 : drawn(1, 638);
         Scene scene = scene_at(column, row, drawn(350, 2500), 4.0 / 3);
-        const Result all = look(source, scene, layer(CoverageLayer::states)),
-                     range = look(source, scene, layer(CoverageLayer::range));
+        MemorySource& source = i % 3 == 1 ? wooded : bare;
+        const double target_m = i % 4 == 2 ? 25 : 0;
+        const auto seen = [&](CoverageLayer kind) {
+            CoverageParams params = layer(kind);
+            params.target_m = target_m;
+            params.mask.outside = 7;
+            return look(source, scene, params);
+        };
+        const Result all = seen(CoverageLayer::states), range = seen(CoverageLayer::range),
+                     raise = seen(CoverageLayer::height);
         constexpr std::array widths{0.002, 0.5, 4.0, 30.0, 90.0, 200.0, 345.0};
         const double width = widths[static_cast<std::size_t>(i) % widths.size()],
                      from = i % 5 == 0 ? 45 : drawn(-360, 0);
@@ -305,7 +314,8 @@ TEST_CASE("a limited view holds what the whole one holds there, and looks at lit
         if (i % 3 == 0) scene.range_m = drawn(1000, 15000);
         if (i % 6 == 0) scene.range_start_m = drawn(0, 900);
         const double begin = scene.platform.heading.rad() + scene.sector->from.rad();
-        const Result part = look(source, scene, layer(CoverageLayer::states));
+        const Result part = seen(CoverageLayer::states), mask = seen(CoverageLayer::mask),
+                     part_raise = seen(CoverageLayer::height);
         std::size_t wrong = 0, inside = 0;
         for (std::int64_t r = 0; r < 640; ++r)
             for (std::int64_t c = 0; c < 700; ++c) {
@@ -324,7 +334,13 @@ TEST_CASE("a limited view holds what the whole one holds there, and looks at lit
                     in = in && m <= *scene.range_m && m >= scene.range_start_m;
                 }
                 inside += in;
-                wrong += part.at(c, r) != (in ? all.at(c, r) : static_cast<int>(State::outside));
+                const int state = in ? all.at(c, r) : static_cast<int>(State::outside);
+                wrong += part.at(c, r) != state;
+                constexpr std::array in_mask{1, 0, 255, 255, 7};  // by state
+                wrong += mask.at(c, r) != in_mask[static_cast<std::size_t>(state)];
+                const float a = part_raise.value(c, r),
+                            b = in ? raise.value(c, r) : std::numeric_limits<float>::quiet_NaN();
+                wrong += !(a == b || (std::isnan(a) && std::isnan(b)));
             }
         INFO("sensor at " << column << ", " << row << ", sector of " << width << " degrees from " << from);
         CHECK(wrong == 0);

@@ -10,6 +10,7 @@
 #include <thread>
 
 #include "lib/error.hpp"
+#include "lib/threads.hpp"
 #include "tests/drawn_raster.hpp"
 #include "tests/refusal.hpp"
 #include "tiles/gdal_session.hpp"
@@ -559,26 +560,35 @@ TEST_CASE("extremes are those of all posts, however many threads look for them",
         DataBaseParams params = only(folder / "dem.tif");
         params.threads = threads;
         params.cache_bytes = std::size_t{64} << 20;
-        const Extremes bare = open_direct_source(params)->extremes();
+        const auto found = [&] {
+            Extremes e;
+            Threads(threads).execute([&] { e = open_direct_source(params)->extremes(); });
+            return e;
+        };
+        const Extremes bare = found();
         CHECK(bare.any_valid);
         CHECK(bare.lowest_m == -300);
         CHECK(bare.highest_m == 4000);
         CHECK(bare.void_posts == voids);
         params.culture_height = folder / "height.tif";
-        const Extremes high = open_direct_source(params)->extremes();
+        const Extremes high = found();
         CHECK(high.lowest_m == -300);
         CHECK(high.highest_m == highest);
         CHECK(high.void_posts == voids);
     }
-    // What is no height is refused by whichever thread meets it.
+    // Of several posts that are no heights the first in the file's order is named.
     d.type = GDT_Float32;
-    d.value = [](int c, int r) { return c == 1400 && r == 1000 ? std::numeric_limits<double>::infinity() : 1; };
+    d.value = [](int c, int r) {
+        return (c == 1400 && r == 300) || (c == 3 && r == 1000) ? std::numeric_limits<double>::infinity() : 1;
+    };
     draw(folder / "dem.tif", d);
     DataBaseParams params = only(folder / "dem.tif");
     params.threads = 4;
     params.cache_bytes = std::size_t{64} << 20;
-    CHECK_THAT(test::refusal<DataError>([&] { open_direct_source(params)->extremes(); }),
-               Contains("column 1400, row 1000"));
+    Threads(params.threads).execute([&] {
+        CHECK_THAT(test::refusal<DataError>([&] { open_direct_source(params)->extremes(); }),
+                   Contains("column 1400, row 300"));
+    });
 }
 
 TEST_CASE("rasters whose windows decode many posts are read directly where all of them stay decoded", "[source]") {
@@ -616,6 +626,25 @@ TEST_CASE("rasters whose windows decode many posts are read directly where all o
         CHECK(source->held_bytes() >= all);
         params.by_strips = true;
         CHECK(open_direct_source(params)->cache_bytes() >= all);
+        // Those that are turned are unpacked too.
+        d.creation = {"ENDIANNESS=BIG"};
+        draw(folder / "dem.tif", d);
+        CHECK_FALSE(chosen(params).spilled);
+        CHECK(open_direct_source(params)->cache_bytes() >= all);
+    }
+    SECTION("what is read as it is takes no room, but for wide tiles") {
+        DataBaseParams params = only(folder / "dem.tif");
+        params.cache_bytes = all / 2;
+        d.creation = {};
+        draw(folder / "dem.tif", d);
+        CHECK_FALSE(chosen(params).spilled);
+        CHECK_THAT(chosen(params).why, Contains("rows of 6000 x 1") && !Contains("fit into"));
+        d.creation = {"TILED=YES", "BLOCKXSIZE=8192", "BLOCKYSIZE=16"};
+        draw(folder / "dem.tif", d);
+        CHECK(chosen(params).spilled);
+        params.cache_bytes = 2 * all;
+        CHECK_FALSE(chosen(params).spilled);
+        CHECK_THAT(chosen(params).why, !Contains("fit into"));
     }
     SECTION("what GDAL decodes, for each thread") {
         d.creation = {"COMPRESS=LZMA"};

@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <cstring>
+#include <exception>
 #include <limits>
 #include <numeric>
 #include <queue>
@@ -123,7 +124,7 @@ RasterSource::RasterSource(const DataBaseParams& params) : params_(params) {
     if (any_tiles) {
         const auto all = readers();
         const std::size_t share = tiles_->most_bytes(),
-                          needed = cache_need({all.begin(), all.end()}, params_).tile_bytes;
+                          needed = cache_need({all.begin(), all.end()}, params_, class_bytes_of_strips()).tile_bytes;
         GdalSession::set_cache_bytes(params_.cache_bytes - share);
         tiles_->limit(needed);
         params_.cache_bytes += needed - share;
@@ -342,7 +343,9 @@ void RasterSource::limit_tiles() {
         // The system has tiles that are not packed at hand; a copy's fresh pages cost more than a tile that is read again.
         constexpr double few = 16, least = 4 << 20;
         const double some = few * (tiling.wide * tiling.high * tiling.value_bytes + TileCache::entry_bytes);
-        bytes += f.packed() ? strips : std::min(strips, std::max(least, some));
+        // What spans the raster is asked for again along each column.
+        const bool kept = f.packed() || f.block_columns >= f.columns;
+        bytes += kept ? strips : std::min(strips, std::max(least, some));
     };
     add(*terrain_, 1, 1);
     for (auto* layer : {culture_.get(), height_.get()})
@@ -640,10 +643,19 @@ ClassId RasterSource::class_beyond_table(std::int32_t code) const {
 Extremes RasterSource::find_extremes() {
     if (const auto known = bare_extremes(); known && (!height_ || map_)) return known_extremes(*known);
     const RasterFacts& facts = terrain_->facts();
-    // Together the threads hold what one would; each whole blocks where these are no larger than that.
-    const int threads = std::min(at_hand(params_.threads), extremes_threads());
-    const std::int64_t block = facts.unit_columns() * facts.unit_rows(),
-                       posts = std::max(slab_posts / threads, std::min(block, slab_posts));
+    // Each thread looks at its share of what one would, or at a whole block; beside what is decoded they hold no more than is granted
+    // for that.
+    constexpr std::int64_t least = slab_posts / 8;
+    const std::int64_t block = std::clamp(
+        facts.unit_columns() * std::min(facts.unit_rows(), terrain_->rows_decoded_together()), least, slab_posts);
+    const auto posts_each = [&](int threads) { return std::max(slab_posts / threads, block); };
+    const auto held_bytes = [&](int threads) {
+        const std::size_t buffers = 3 * sizeof(float) * static_cast<std::size_t>(posts_each(threads));
+        return static_cast<std::size_t>(threads) * (reader_bytes() + buffers);
+    };
+    int threads = at_hand(params_.threads);
+    while (threads > 1 && held_bytes(threads) > params_.cache_bytes) --threads;
+    const std::int64_t posts = posts_each(threads);
     std::vector<Window> windows;
     for_each_window(facts, facts.own_columns(), posts, [&](const Window& window) { windows.push_back(window); });
     const ChunkRequest everything;
@@ -651,6 +663,8 @@ Extremes RasterSource::find_extremes() {
     Extremes out;
     Range bare, surface;
     std::mutex mutex;  // of these
+    std::exception_ptr error;
+    std::size_t failed = windows.size();  // the first in the file's order, so that no order of threads shows
     const auto look = [&](const Window& window) {
         if (params_.stop) params_.stop->check();
         const auto n = static_cast<std::size_t>(window.posts());
@@ -670,31 +684,37 @@ Extremes RasterSource::find_extremes() {
         bare.add(own);
         surface.add(own_surface);
     };
+    const auto look_at = [&](std::size_t i) {
+        try {
+            {
+                const std::lock_guard lock(mutex);
+                if (i > failed) return;
+            }
+            look(windows[i]);
+        } catch (...) {
+            const std::lock_guard lock(mutex);
+            if (i < failed) failed = i, error = std::current_exception();
+        }
+    };
     if (threads == 1) {
-        for (const Window& window : windows) look(window);
+        for (std::size_t i = 0; i < failed; ++i) look_at(i);
     } else {
         Threads(threads, false).execute([&] {
             tbb::parallel_for(
                 tbb::blocked_range<std::size_t>(0, windows.size(), 1),
                 [&](const auto& part) {
-                    for (std::size_t i = part.begin(); i < part.end(); ++i) look(windows[i]);
+                    for (std::size_t i = part.begin(); i < part.end(); ++i) look_at(i);
                 },
                 tbb::simple_partitioner());
         });
     }
+    if (error) std::rethrow_exception(error);
     out.any_valid = bare.lowest() <= bare.highest();
     if (out.any_valid) {
         out.lowest_m = bare.lowest();
         out.highest_m = height_ ? surface.highest() : bare.highest();
     }
     return out;
-}
-
-/// As many as may read, but no more than hold what their readers do within what the cache was granted.
-int RasterSource::extremes_threads() const {
-    const std::size_t each = std::max<std::size_t>(1, reader_bytes());
-    return std::clamp(static_cast<int>(std::min<std::size_t>(params_.cache_bytes / each, 64)), 1,
-                      std::max(1, params_.threads));
 }
 
 Extremes RasterSource::known_extremes(Extremes out) {

@@ -121,7 +121,6 @@ protected:
     ClassId class_beyond_table(std::int32_t code) const;
 
     Extremes find_extremes();
-    int extremes_threads() const;
 
     /// Of the bare terrain, where a store or a map knows them.
     std::optional<Extremes> bare_extremes() const {

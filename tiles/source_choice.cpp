@@ -74,11 +74,10 @@ SourceChoice choose_by_shape(const DataBaseParams& params, SourceKind asked, std
                                    worst.compression.empty() ? std::string() : ", " + worst.compression);
     if (asked != SourceKind::automatic) return {asked == SourceKind::spilled, false, "as asked for; " + shape, ""};
     const CacheNeed need = cache_need(layers, params);
-    if (need.fits)
-        return {false, false,
-                text(shape, "; all ", static_cast<std::uint64_t>(std::ceil(need.bytes / 1048576)),
-                     " MiB fit into the cache"),
-                ""};
+    if (need.fits) {
+        const auto mib = static_cast<std::uint64_t>(std::ceil(need.bytes / 1048576));
+        return {false, false, mib == 0 ? shape : text(shape, "; all ", mib, " MiB fit into the cache"), ""};
+    }
     // Beside images and chunks there must be room for a block, every time that something is read.
     constexpr double most_decoded = RasterLayer::most_decoded_a_post;
     if (worst.decoded <= most_decoded && reader.decoded + reader.packed > memory_bytes / 4)
