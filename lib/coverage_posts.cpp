@@ -218,16 +218,17 @@ void Cover::finish_line(const Side& side, const LineForm& line, std::int64_t ind
     } else if (with_posts_ || voids_) {
         const bool by_groups = bytes_ && limited_ && !params_.elevation;
         const View view(*this, side, desk, height, by_groups ? posts : Interval{});
-        const View::Part whole = by_groups ? view.whole() : View::Part::some;
-        if (whole == View::Part::none) std::fill(state + posts.begin, state + posts.end, outside);
-        const bool known = whole == View::Part::none || (whole == View::Part::all && !voids_);
-        View::Part in_view = whole;
-        for (std::int64_t j = known ? posts.end : posts.begin; j < posts.end; ++j) {
+        // Need no post of these be looked at?
+        const auto settled = [&](View::Part part, std::int64_t begin, std::int64_t end) {
+            if (part == View::Part::none) std::fill(state + begin, state + end, outside);
+            return part == View::Part::none || (part == View::Part::all && !voids_);
+        };
+        View::Part in_view = by_groups ? view.whole() : View::Part::some;
+        for (std::int64_t j = settled(in_view, posts.begin, posts.end) ? posts.end : posts.begin; j < posts.end; ++j) {
             if (by_groups && (j == posts.begin || (j - first) % knot == 0)) {
                 const std::int64_t group = (j - first) / knot, end = std::min(posts.end, first + (group + 1) * knot);
                 in_view = view.part(static_cast<std::size_t>(group));
-                if (in_view == View::Part::none) std::fill(state + j, state + end, outside);
-                if (in_view == View::Part::none || (in_view == View::Part::all && !voids_)) {
+                if (settled(in_view, j, end)) {
                     j = end - 1;
                     continue;
                 }

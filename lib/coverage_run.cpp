@@ -76,6 +76,12 @@ private:
         return line > lines_.begin || has_before_ ? index - outward(quadrant_) : no_line;
     }
 
+    /// The ring that a line lies in; lines come outward.
+    void enter_ring(std::int64_t line) {
+        const auto& rings = cover_.grid_.rings(quadrant_);
+        while (ring_ + 1 < rings.size() && rings[ring_ + 1].lines.begin <= line) ++ring_;
+    }
+    std::int64_t spokes_wanted() const { return cover_.grid_.rings(quadrant_)[ring_].spokes; }
     bool is_out_of_view() const;
     void pass_by();
     void take_spokes();
@@ -145,8 +151,7 @@ void Cover::Run::sweep() {
     find_window();
     look_at_blocks();
     make_room();
-    const auto& rings = cover_.grid_.rings(quadrant_);
-    while (ring_ + 1 < rings.size() && rings[ring_ + 1].lines.begin <= lines_.begin) ++ring_;
+    enter_ring(lines_.begin);
     row_ = block_along(cover_.grid_.line_index(quadrant_, lines_.begin)) - outward(quadrant_);
     for (std::int64_t line = lines_.begin; line < lines_.end; ++line) advance(line);
     // The run's own spokes go on to the next strip.
@@ -171,12 +176,11 @@ bool Cover::Run::is_out_of_view() const {
 
 /// All its posts are outside, as tiles begin.
 void Cover::Run::pass_by() {
-    const auto& rings = cover_.grid_.rings(quadrant_);
     spokes_.of = side_.spokes.of;
     std::uint64_t posts = 0;
     for (std::int64_t line = lines_.begin; line < lines_.end; ++line) {
-        while (ring_ + 1 < rings.size() && rings[ring_ + 1].lines.begin <= line) ++ring_;
-        for (; spokes_.of < rings[ring_].spokes; spokes_.of *= 2) core_ = {2 * core_.begin, 2 * core_.end};
+        enter_ring(line);
+        for (; spokes_.of < spokes_wanted(); spokes_.of *= 2) core_ = {2 * core_.begin, 2 * core_.end};
         const LineForm here = cover_.form(side_, cover_.grid_.distance(quadrant_, line));
         posts += static_cast<std::uint64_t>(own_posts(line, here).size());
     }
@@ -286,8 +290,7 @@ void Cover::Run::hold(std::int64_t index, std::vector<float>& buffer, std::int64
 // ---- one line ----
 
 void Cover::Run::advance(std::int64_t line) {
-    const auto& rings = cover_.grid_.rings(quadrant_);
-    while (ring_ + 1 < rings.size() && rings[ring_ + 1].lines.begin <= line) ++ring_;
+    enter_ring(line);
     const std::int64_t index = cover_.grid_.line_index(quadrant_, line), behind = index_behind(line);
     const double d = cover_.grid_.distance(quadrant_, line);
     const bool next_row = block_along(index) != row_;
@@ -367,7 +370,7 @@ void Cover::Run::read_row(std::int64_t line, double distance) {
 
 /// As many as the line's ring has. True if the line behind has none of them yet.
 bool Cover::Run::add_spokes(std::int64_t line) {
-    const std::int64_t wanted = cover_.grid_.rings(quadrant_)[ring_].spokes;
+    const std::int64_t wanted = spokes_wanted();
     if (spokes_.of >= wanted) return line == lines_.begin;
     while (spokes_.of < wanted) {
         double_spokes(spokes_, desk_.scratch);
