@@ -11,6 +11,7 @@
 #include <functional>
 #include <map>
 #include <numbers>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -117,6 +118,77 @@ TEST_CASE("DTED cells of unequal posting become one grid of the finest, and edge
     write_tile_store(into(folder / "other", {b, a, c}));
     const auto other = open_direct_source(base(folder / "other"));
     CHECK(other->bare_terrain_m(120, 124) == source->bare_terrain_m(120, 124) + 7);
+}
+
+TEST_CASE("several rasters of one type keep their values, in the narrowest type that has one for no data", "[store]") {
+    struct Kind {
+        GDALDataType type;
+        std::vector<std::string> creation;
+        std::optional<double> no_data;  ///< of both
+        double scale;
+        std::string stored, note;
+    };
+    const std::vector<Kind> kinds = {
+        {GDT_Byte, {}, {}, 1, "Int16", ""},
+        {GDT_Byte, {"PIXELTYPE=SIGNEDBYTE"}, {}, 1, "Int16", ""},
+        {GDT_Byte, {}, 255, 1, "Byte", ""},
+        {GDT_Byte, {}, {}, 0.5, "Int16", ""},
+        {GDT_Int16, {}, {}, 1, "Int16", ""},
+        {GDT_UInt16, {}, {}, 1, "Int32", ""},
+        {GDT_UInt16, {}, 65535, 1, "UInt16", ""},
+        {GDT_Int32, {}, {}, 1, "Int32", ""},
+        {GDT_UInt32, {}, {}, 1, "Float32", "rasters of UInt32: stored as Float32 metres"},
+        {GDT_Float32, {}, -9999, 1, "Float32", ""},
+        {GDT_Float32,
+         {},
+         {},
+         0.5,
+         "Float32",
+         "rasters of Float32 with a scale, an offset or a unit of their own: stored as Float32 metres"},
+        {GDT_Float64, {}, {}, 1, "Float32", "rasters of Float64: stored as Float32 metres"},
+    };
+    for (const Kind& kind : kinds) {
+        CAPTURE(GDALGetDataTypeName(kind.type), kind.creation.size(), kind.no_data.value_or(-1), kind.scale);
+        const Folder folder;
+        const bool below_zero = !kind.creation.empty();
+        const auto value = [&](int c, int r) { return 3.0 * c + 10 * r + (below_zero ? -100 : 5); };
+        // The second lies two rows lower: voids above it and below the first.
+        std::vector<std::string> given;
+        for (const int which : {0, 1}) {
+            Drawing d;
+            d.columns = d.rows = 6;
+            d.type = kind.type;
+            d.creation = kind.creation;
+            d.no_data = kind.no_data;
+            d.scale = kind.scale;
+            d.geotransform = {{400000.0 + 60 * which, 10, 0, 4000000.0 - 20 * which, 0, -10}};
+            d.value = [&value, which](int c, int r) {
+                const double z = value(c + 6 * which, r + 2 * which);
+                return z < 0 ? z + 256 : z;  // GDAL writes a signed byte's bits
+            };
+            given.push_back(folder / text("part", which, ".tif"));
+            draw(given.back(), d);
+        }
+        const TileStoreSummary summary = tile_anew(folder, given);
+        CHECK(summary.note == kind.note);
+        const Plain plain(folder / "store/dem.vrt");
+        CHECK(plain.type == kind.stored);
+        REQUIRE((plain.columns == 12 && plain.rows == 8));
+        const bool metres = kind.stored == "Float32";
+        int wrong = 0;
+        for (int r = 0; r < 8; ++r)
+            for (int c = 0; c < 12; ++c) {
+                const double z = plain.at(c, r);
+                if (c < 6 ? r >= 6 : r < 2)
+                    wrong += !same(z, plain.no_data);
+                else
+                    wrong += z != value(c, r) * (metres ? kind.scale : 1);
+            }
+        CHECK(wrong == 0);
+        CHECK(voids(folder / "store") == 24);
+        CHECK(open_direct_source(base(folder / "store"))->bare_terrain_m(7, 4) ==
+              static_cast<float>(value(7, 4) * kind.scale));
+    }
 }
 
 TEST_CASE("cells of unequal posting that disagree on their shared row are reported", "[store]") {

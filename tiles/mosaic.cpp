@@ -62,6 +62,9 @@ std::vector<double> unrolled(const std::vector<double>& west, const std::vector<
     return out;
 }
 
+/// Whole numbers that a float holds each of.
+bool is_small_whole(GDALDataType type) { return type == GDT_Byte || type == GDT_Int16 || type == GDT_UInt16; }
+
 }  // namespace
 
 Mosaic::Mosaic(const std::string& role, const std::vector<std::string>& paths) {
@@ -248,25 +251,31 @@ void Mosaic::choose_type() {
     for (const auto& raster : rasters_) {
         const RasterFacts& f = raster->facts();
         alike = alike && f.type == own.type && f.scale == own.scale && f.offset == own.offset &&
-                f.unit_m == own.unit_m && !f.signed_byte;
+                f.unit_m == own.unit_m && f.signed_byte == own.signed_byte;
         one_no_data = one_no_data && f.has_no_data && f.no_data == own.no_data;
     }
     const bool metres = own.scale == 1 && own.offset == 0 && own.unit_m == 1;
-    if (alike && (own.type == GDT_Int16 || own.type == GDT_Int32 || (own.type == GDT_Float32 && metres))) {
-        if (one_no_data) return;
-        return become(own.type, own.type == GDT_Int16   ? INT16_MIN
-                                : own.type == GDT_Int32 ? INT32_MIN
-                                                        : std::numeric_limits<double>::quiet_NaN());
+    const double none = std::numeric_limits<double>::quiet_NaN();
+    if (alike && one_no_data && !own.signed_byte && (is_small_whole(own.type) || own.type == GDT_Int32)) return;
+    if (alike && own.type == GDT_Float32 && metres) {
+        if (!one_no_data) become(GDT_Float32, none);
+        return;
     }
+    // A no-data value that no raster's post can have.
+    if (alike && (own.type == GDT_Byte || own.type == GDT_Int16)) return become(GDT_Int16, INT16_MIN);
+    if (alike && (own.type == GDT_UInt16 || own.type == GDT_Int32)) return become(GDT_Int32, INT32_MIN);
     // Metres, whatever the rasters hold.
+    if (!resampled_)
+        note_ = alike ? text("rasters of ", own.signed_byte ? "Int8" : type_name(own.type),
+                             metres ? "" : " with a scale, an offset or a unit of their own")
+                      : "rasters of unlike types, scales or units";
+    note_ += ": stored as Float32 metres";
     as_stored_ = false;
     facts_.scale = 1;
     facts_.offset = 0;
     facts_.unit.assign(1, 'm');
     facts_.unit_m = 1;
-    become(GDT_Float32, std::numeric_limits<double>::quiet_NaN());
-    if (note_.empty()) note_ = "rasters of unlike types, scales or units";
-    note_ += ": stored as Float32 metres";
+    become(GDT_Float32, none);
 }
 
 /// Which rasters reach beyond their outermost posts, and what gaps they leave.
