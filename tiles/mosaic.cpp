@@ -8,6 +8,7 @@
 #include <cstring>
 #include <limits>
 #include <numeric>
+#include <optional>
 
 #include "lib/error.hpp"
 #include "tiles/registered_layer.hpp"
@@ -31,6 +32,24 @@ Interval grid_posts(double own0, double own_step, std::int64_t posts, double bey
     const double a = (-beyond - own0) / own_step, b = (static_cast<double>(posts - 1) + beyond - own0) / own_step;
     return {static_cast<std::int64_t>(std::ceil(std::min(a, b) - on_a_post)),
             static_cast<std::int64_t>(std::floor(std::max(a, b) + on_a_post)) + 1};
+}
+
+/// A raster's posts along one axis of the grid: own post = own + step * grid post.
+struct AlongGrid {
+    double own, step;
+    bool on_posts;   ///< each stands on a post of the grid, and the other way round
+    Interval posts;  ///< of the grid
+};
+
+AlongGrid along_grid(double grid0, double grid_step, double own_corner, double own_step, std::int64_t posts) {
+    AlongGrid axis{(grid0 - own_corner) / own_step - 0.5, grid_step / own_step, false, {}};
+    if (near(axis.step, 1, on_a_post / static_cast<double>(posts)) && near(axis.own, std::round(axis.own), on_a_post)) {
+        axis.step = 1;
+        axis.own = std::round(axis.own);
+        axis.on_posts = true;
+    }
+    axis.posts = grid_posts(axis.own, axis.step, posts);
+    return axis;
 }
 
 /// First posts of cells that may reach round the earth: moved by whole circles so that they lie side by side.
@@ -60,6 +79,17 @@ std::vector<double> unrolled(const std::vector<double>& west, const std::vector<
         out[i] = (x < first - 1e-9 ? x + 360 : x) + turn;
     }
     return out;
+}
+
+/// Of rasters that reach round a circle of `circle` degrees: the one at whose western edge it begins, one that goes round
+/// alone or else that which lies furthest west. None: they do not.
+std::optional<std::size_t> seam_of(const std::vector<double>& west, const std::vector<double>& width, double circle) {
+    for (std::size_t i = 0; i < west.size(); ++i)
+        if (width[i] >= circle) return i;
+    const auto first = static_cast<std::size_t>(std::min_element(west.begin(), west.end()) - west.begin());
+    double east = west[first];
+    for (std::size_t i = 0; i < west.size(); ++i) east = std::max(east, west[i] + width[i]);
+    return east - west[first] >= circle ? std::optional(first) : std::nullopt;
 }
 
 /// Whole numbers that a float holds each of.
@@ -109,27 +139,19 @@ std::vector<std::uint64_t> Mosaic::fingerprints() const {
     return out;
 }
 
-Mosaic::Piece Mosaic::piece_at(std::size_t file, double west, double x0, double y0, double step_x,
-                               double step_y) const {
+Mosaic::Piece Mosaic::piece_at(std::size_t file, double west, const Grid& grid) const {
     Piece piece{};
     piece.raster = rasters_[file].get();
     piece.file = file;
     const RasterFacts& f = piece.raster->facts();
-    // Own post = own0 + own_step * grid post.
-    const auto place = [&](double grid_at, double grid_step, double own_corner, double own_step, std::int64_t posts,
-                           double& own, double& step) {
-        step = grid_step / own_step;
-        own = (grid_at - own_corner) / own_step - 0.5;
-        if (near(step, 1, on_a_post / static_cast<double>(posts)) && near(own, std::round(own), on_a_post)) {
-            step = 1;
-            own = std::round(own);
-        } else {
-            piece.copied = false;
-        }
-        return grid_posts(own, step, posts);
-    };
-    piece.posts.columns = place(x0, step_x, west, f.step_x, f.columns, piece.column, piece.column_step);
-    piece.posts.rows = place(y0, step_y, f.corner_y, f.step_y, f.rows, piece.row, piece.row_step);
+    const auto columns = along_grid(grid.x0, grid.step_x, west, f.step_x, f.columns);
+    const auto rows = along_grid(grid.y0, grid.step_y, f.corner_y, f.step_y, f.rows);
+    piece.copied = columns.on_posts && rows.on_posts;
+    piece.column = columns.own;
+    piece.column_step = columns.step;
+    piece.row = rows.own;
+    piece.row_step = rows.step;
+    piece.posts = {columns.posts, rows.posts};
     return piece;
 }
 
@@ -159,38 +181,20 @@ void Mosaic::choose_grid(const std::string& role) {
     const RasterFacts& fx = rasters_[finest_x]->facts();
     const RasterFacts& fy = rasters_[finest_y]->facts();
     const double step_x = fx.step_x, step_y = fy.step_y;
-    const double x0 = west[finest_x] + 0.5 * step_x, y0 = fy.corner_y + 0.5 * step_y;  // of a post of the grid
+    const Grid grid{west[finest_x] + 0.5 * step_x, fy.corner_y + 0.5 * step_y, step_x, step_y};
     Window all;
     for (std::size_t i = 0; i < rasters_.size(); ++i) {
-        pieces_.push_back(piece_at(i, west[i], x0, y0, step_x, step_y));
+        pieces_.push_back(piece_at(i, west[i], grid));
         all = {hull(all.columns, pieces_.back().posts.columns), hull(all.rows, pieces_.back().posts.rows)};
     }
-    // Rasters that reach round the circle, and steps that close it: one circle of posts, from the edge of one that goes round alone or
-    // from where they begin, and each raster wherever it lies on that, so also on the other side of the seam.
-    const double circle = 360 - on_a_post * std::fabs(step_x);
-    std::vector<double> east;
-    for (std::size_t i = 0; i < rasters_.size(); ++i) east.push_back(west[i] + width[i]);
-    auto begins = std::find_if(width.begin(), width.end(), [&](double wide) { return wide >= circle; }) - width.begin();
-    const bool alone = begins < std::ssize(width);
-    if (!alone) begins = std::min_element(west.begin(), west.end()) - west.begin();
-    const auto seam = static_cast<std::size_t>(begins);
     double whole_turns = 0;
     const bool closes = near(360 / step_x, std::round(360 / step_x), 1e-3);  // as RasterFacts::cycle_columns() asks
-    if (eastwards && closes && (alone || *std::max_element(east.begin(), east.end()) - west[seam] >= circle)) {
-        const auto post = static_cast<std::int64_t>(std::ceil((west[seam] - (x0 - 0.5 * step_x)) / step_x - on_a_post));
+    const auto seam = eastwards && closes ? seam_of(west, width, 360 - on_a_post * step_x) : std::nullopt;
+    if (seam) {
+        const auto post = static_cast<std::int64_t>(std::ceil((west[*seam] - west[finest_x]) / step_x - on_a_post));
         all.columns = {post, post + std::llround(360 / step_x)};
-        whole_turns = rasters_[seam]->facts().corner_x - west[seam];
-        double coarsest = 1;  // posting
-        for (const Piece& piece : pieces_) coarsest = std::max(coarsest, 1 / std::fabs(piece.column_step));
-        const auto reach = static_cast<std::int64_t>(std::ceil(coarsest)) + 1;  // beyond outermost posts, at the most
-        pieces_.clear();
-        for (std::size_t i = 0; i < rasters_.size(); ++i)
-            for (const double turn : {0.0, -360.0, 360.0}) {
-                const Piece piece = piece_at(i, west[i] + turn, x0, y0, step_x, step_y);
-                if (!intersection({piece.posts.columns.begin - reach, piece.posts.columns.end + reach}, all.columns)
-                         .empty())
-                    pieces_.push_back(piece);
-            }
+        whole_turns = rasters_[*seam]->facts().corner_x - west[*seam];
+        lay_on_circle(west, grid, all.columns);
     }
     if (all.columns.size() > INT32_MAX || all.rows.size() > INT32_MAX)
         throw DataError(text("the rasters together span ", all.columns.size(), " x ", all.rows.size(),
@@ -219,6 +223,20 @@ void Mosaic::choose_grid(const std::string& role) {
     if (resampled_)
         note_ =
             text(count, " of ", rasters_.size(), " rasters resampled bilinearly to steps of ", step_x, ", ", step_y);
+}
+
+/// Puts each raster wherever it lies on one circle of posts, so also on the other side of the seam.
+void Mosaic::lay_on_circle(const std::vector<double>& west, const Grid& grid, Interval columns) {
+    double coarsest = 1;  // posting
+    for (const Piece& piece : pieces_) coarsest = std::max(coarsest, 1 / std::fabs(piece.column_step));
+    const auto reach = static_cast<std::int64_t>(std::ceil(coarsest)) + 1;  // beyond outermost posts, at the most
+    const Interval within{columns.begin - reach, columns.end + reach};
+    pieces_.clear();
+    for (std::size_t i = 0; i < rasters_.size(); ++i)
+        for (const double turn : {0.0, -360.0, 360.0}) {
+            const Piece piece = piece_at(i, west[i] + turn, grid);
+            if (!intersection(piece.posts.columns, within).empty()) pieces_.push_back(piece);
+        }
 }
 
 void Mosaic::choose_type() {

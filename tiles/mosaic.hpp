@@ -83,9 +83,13 @@ private:
         bool reaches = false;                  ///< half a post of its own beyond its outermost posts
         Window area, across;  ///< with the posts it reaches; with those that rasters on the other side of a seam reach
     };
+    struct Grid {
+        double x0, y0, step_x, step_y;  ///< of its post (0, 0)
+    };
     enum class Seams { between_columns, between_rows };
 
     void choose_grid(const std::string& role);
+    void lay_on_circle(const std::vector<double>& west, const Grid& grid, Interval columns);
     void choose_type();
     void find_edges();
     void used(std::size_t file);
@@ -100,8 +104,8 @@ private:
     void store_heights(const Window& window, Posts& out) const;
     void read_single(const Window& window, Kind kind, Posts& out);
 
-    /// At a grid's post (0, 0) with these steps.
-    Piece piece_at(std::size_t file, double west, double x0, double y0, double step_x, double step_y) const;
+    /// A raster as it lies on the grid where its western edge is at `west`.
+    Piece piece_at(std::size_t file, double west, const Grid& grid) const;
 
     std::vector<std::unique_ptr<RasterFile>> rasters_;
     std::vector<Piece> pieces_;  ///< in the order of the rasters
