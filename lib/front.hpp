@@ -195,15 +195,12 @@ private:
     void stand_on(std::int64_t index, const Chunk* chunk, Between& between) const;
 
     StepScene step_scene(bool exact_course) const {
-        const auto& drops = scene_->pattern->drops();
-        return {scene_->sensor_m,
-                bins_per_metre_,
-                scene_->range_is_ground,
-                exact_course,
-                scene_->most_theta,
-                most_sine_part,
-                drops[0],
-                drops[1]};
+        return {.sensor_m = scene_->sensor_m,
+                .bins_per_metre = bins_per_metre_,
+                .range_is_ground = scene_->range_is_ground,
+                .exact_course = exact_course,
+                .most_theta = scene_->most_theta,
+                .drops = scene_->pattern->drops()};
     }
     /// Whether pieces up to a line, index of this level, may lie below the sensor and be so long that laws turn over them: short_turn().
     bool may_turn(double major) const;

@@ -23,8 +23,8 @@ WEDGESCOPE_LANES_PART Rises step(std::size_t n, const StepScene& scene, const St
            *__restrict swing = lanes.swing, *__restrict sine0 = lanes.sine0, *__restrict code = lanes.code;
     const double sensor_m = scene.sensor_m, arc_bins = scene.range_is_ground ? scene.bins_per_metre : 0,
                  range_bins = scene.range_is_ground ? 0 : scene.bins_per_metre,
-                 quarter = scene.exact_course ? -0.25 : 0.0, most_rise = scene.most_rise, low0 = scene.drop0.low,
-                 high0 = scene.drop0.high, low1 = scene.drop1.low, high1 = scene.drop1.high;
+                 quarter = scene.exact_course ? -0.25 : 0.0, most_rise = scene.most_rise, low0 = scene.drops[0].low,
+                 high0 = scene.drops[0].high, low1 = scene.drops[1].low, high1 = scene.drops[1].high;
     WEDGESCOPE_INDEPENDENT
     for (std::size_t i = 0; i < n; ++i) {
         const bool stands = arc0[i] == arc1[i];  // no sample here: whatever the spoke's neighbours do

@@ -3,6 +3,7 @@
 //
 // Elevations are kept as their sine: monotone in the tangent, finite at the nadir, and what the deposit telescopes.
 #pragma once
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -102,7 +103,7 @@ struct StepScene {
     bool exact_course = false;  ///< else pieces are straight
     double most_theta = 0;      ///< no spoke is followed farther
     double most_rise = most_sine_part;  ///< of a short_rise(); 0: none is, each piece that rises is a change
-    PatternDrop drop0{}, drop1{};       ///< a piece that has to do with one is a change
+    std::array<PatternDrop, 2> drops{};  ///< a piece that has to do with one is a change
 };
 /// Samples on one line, where their minor and arc_m say: height_m and what follows from it, exactly as a step there has it.
 ///   cell[n]            in: raster index along the line of the post at or before each

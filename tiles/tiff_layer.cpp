@@ -197,19 +197,14 @@ void TiffLayer::read_values(const Window& window, void* out, GDALDataType type, 
                     take(values->data() + (r - tr * high) * wide * bytes + left_out, r);
                 continue;
             }
-            if (facts_.rows_in_parts && columns.size() < wide) {
-                for (std::int64_t r = rows.begin; r < rows.end; ++r) {
-                    read_as_is(tc, tr, {columns, {r, r + 1}}, some);
-                    take(some.data(), r);
-                }
-                continue;
-            }
-            const auto most = static_cast<std::int64_t>(rows_at_a_time());
+            const bool in_parts = facts_.rows_in_parts && columns.size() < wide;
+            const Interval across = in_parts ? columns : Interval{tc * wide, (tc + 1) * wide};
+            const std::int64_t most = in_parts ? 1 : static_cast<std::int64_t>(rows_at_a_time());
             for (std::int64_t r = rows.begin; r < rows.end;) {
                 const Interval part{r, std::min(rows.end, r + most)};
-                read_as_is(tc, tr, {{tc * wide, (tc + 1) * wide}, part}, some);
+                read_as_is(tc, tr, {across, part}, some);
                 for (; r < part.end; ++r)
-                    take(some.data() + static_cast<std::size_t>(r - part.begin) * row_bytes() + left_out, r);
+                    take(some.data() + ((r - part.begin) * across.size() + columns.begin - across.begin) * bytes, r);
             }
         }
 }

@@ -1,0 +1,255 @@
+// What goes spoke by spoke: pieces where one emerges, hides or meets a void, those that are cut in halves, and the marks of
+// what is seen, hidden or void.
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "lib/front.hpp"
+#include "lib/lanes.hpp"
+
+namespace wedgescope {
+namespace {
+
+/// Calls deposit(a, b) for the parts of a rising piece, halved until each lies at all but one range: under a low sensor
+/// a piece may be many times as long as its beginning is far, and its echo falls with the fourth power of the range.
+template <class Together, class Point, class Deposit>
+void halve(PieceEnd a, const PieceEnd& b, const Together& together, const Point& point, const Deposit& deposit) {
+    constexpr double leaf = 1.03;   // of ranges: over that the echo falls by a ninth, all but in a straight line
+    std::array<PieceEnd, 40> ends;  // still to come, the nearest last
+    std::size_t n = 0;
+    ends[n++] = b;
+    while (n > 0) {
+        const PieceEnd next = ends[n - 1];
+        const bool known = next.sine == next.sine;  // else halves are no better
+        if (!known || together(a, next, leaf) || n == ends.size()) {
+            if (next.sine > a.sine) deposit(a, next);
+            a = {next.part, next.range_m, std::max(a.sine, next.sine), next.x};
+            --n;
+        } else {
+            ends[n++] = point(0.5 * (a.part + next.part));
+        }
+    }
+}
+
+}  // namespace
+
+void Front::find_facet(std::size_t i, std::size_t lane, Samples& next, double begin, double end) {
+    if (!needs_facets_) return;
+    const SampleLanes from = now_.lanes(i), to = next.lanes(i);
+    struct End {
+        double part, minor, arc, height, up, out;
+        SampleLanes lanes() { return {&part, &minor, &arc, &height, &up, &out, nullptr, nullptr, nullptr}; }
+    };
+    const auto end_at = [&](double u) {
+        const double raised = bump_[i] * 4 * u * (1 - u);
+        return End{linear(*from.part, *to.part, u),          linear(*from.minor, *to.minor, u),
+                   linear(*from.arc_m, *to.arc_m, u),        linear(*from.height_m, *to.height_m, u) + raised,
+                   linear(*from.up_m, *to.up_m, u) + raised, linear(*from.out_m, *to.out_m, u)};
+    };
+    End first = end_at(begin), last = end_at(end);
+    facet_lanes(1, {first.lanes(), last.lanes(), posts_.data() + 2 * i, posts_.data() + 2 * tile_lanes + 2 * i,
+                    lanes_.across.data() + lane, lanes_.slant.data() + lane, minor_post_m_ * post_, facet_.data()});
+}
+
+double Front::power_of(std::size_t lane, double sine0, double sine1, double range0_m, double range1_m) const {
+    const double power = piece_power(sine0, sine1, range0_m, range1_m, *scene_->pattern, scene_->constant);
+    if (!scene_->loss) return power;
+    return power *
+           scene_->loss->factor(0.5 * (range0_m + range1_m), 0.5 * (sine0 + sine1), lanes_.inverse_radius[lane]);
+}
+
+PieceEnd Front::point_of_piece(std::size_t i, Samples& next, double u) {
+    const SampleLanes from = now_.lanes(i), to = next.lanes(i);
+    const double up = linear(*from.up_m, *to.up_m, u) + bump_[i] * 4 * u * (1 - u),
+                 out = linear(*from.out_m, *to.out_m, u), range = std::sqrt(up * up + out * out);
+    return {u, range, up / range, scene_->range_is_ground ? linear(*from.x, *to.x, u) : range * bins_per_metre_};
+}
+
+void Front::rise(std::size_t lane, std::size_t i, const Between& between, Samples& next, double begin,
+                 const PieceEnd& last, double bow) {
+    const SampleLanes from = now_.lanes(i), to = next.lanes(i);
+    double& horizon = lanes_.horizon[lane];
+    PieceEnd first = begin > 0 ? point_of_piece(i, next, begin) : PieceEnd{0, *from.range_m, horizon, *from.x};
+    first.sine = horizon;
+    ++cost_.pieces;
+    const bool own = lanes_.row[lane] >= 0;
+    // Where it lies: what is cut in halves may be nearer than both its ends.
+    double near = std::min(first.x, last.x), far = std::max(first.x, last.x);
+    if (own || shore_) {
+        const auto track = [&](const PieceEnd& a, const PieceEnd& b) {
+            return Track{between.major(linear(*from.part, *to.part, a.part)), linear(*from.minor, *to.minor, a.part),
+                         between.major(linear(*from.part, *to.part, b.part)), linear(*from.minor, *to.minor, b.part)};
+        };
+        const auto deposit = [&](const PieceEnd& a, const PieceEnd& b, double bent) {
+            find_facet(i, lane, next, a.part, b.part);
+            const double power = power_of(lane, a.sine, b.sine, a.range_m, b.range_m),
+                         fall =
+                             echo_bow(a.sine, b.sine, a.range_m, b.range_m, *scene_->pattern, scene_->range_is_ground);
+            put(lane,
+                {{a.x, b.x, power, std::clamp(bent + fall, -1.0, 1.0)},
+                 track(a, b),
+                 a.sine,
+                 b.sine,
+                 facet_[0],
+                 &from,
+                 &to,
+                 a.part,
+                 b.part},
+                between);
+        };
+        // Near the vertical the sine grows as the square of the way, and range so on a plain alone: what lies before the middle
+        // is looked at, with it the fall by range that echo_bow() expects of a sine that goes with the height over the ray.
+        const bool from_below = *from.arc_m == 0;
+        const auto bend = [&](const PieceEnd& a, const PieceEnd& b, double otherwise) {
+            if (!from_below) return otherwise;
+            const PieceEnd middle = point_of_piece(i, next, 0.5 * (a.part + b.part));
+            const double power = (middle.sine - a.sine) / (b.sine - a.sine), way = (middle.x - a.x) / (b.x - a.x);
+            if (!(way > 0.1 && way < 0.9)) return otherwise;
+            return (power - way) / (way * (1 - way)) - 2 * (b.range_m - a.range_m) / (a.range_m + b.range_m) +
+                   (scene_->range_is_ground ? cosine_growth(a.sine, b.sine) : 0);
+        };
+        const PatternTable& pattern = *scene_->pattern;
+        const bool drops = pattern.meets_drop(first.sine, last.sine);
+        constexpr double least_cut = 0x1p-16;  // of a piece: what a drop of the pattern is smeared over
+        const auto together = [&](const PieceEnd& a, const PieceEnd& b, double most) {
+            const double part = b.part - a.part;
+            return one_range(a.range_m, b.range_m, b.sine - a.sine, b.sine, most) &&
+                   straight_range(bump_[i] * part * part, b.sine, scene_->range_is_ground ? 0 : bins_per_metre_) &&
+                   (turning_posts_ == 0 || short_turn(a.sine, b.sine, scene_->laws->most_turn())) &&
+                   (!drops || part <= least_cut || !pattern.passes_drop(a.sine, b.sine));
+        };
+        if (!together(first, last, most_range_ratio))
+            halve(
+                first, last, together, [&](double u) { return point_of_piece(i, next, u); },
+                [&](const PieceEnd& a, const PieceEnd& b) {
+                    deposit(a, b, bend(a, b, 0));
+                    near = std::min({near, a.x, b.x});
+                    far = std::max({far, a.x, b.x});
+                });
+        else if (parts_wait_ && !drops)  // lanes interpolate between the entries on either side
+            keep_piece(lane, first, last, bend(first, last, bow), plain_ground_ ? Track{} : track(first, last));
+        else
+            deposit(first, last, bend(first, last, bow));
+    }
+    if (own) {
+        if (last.sine > lanes_.void_horizon[lane]) {
+            lanes_.seen_least[lane] = std::min(lanes_.seen_least[lane], near);
+            lanes_.seen_most[lane] = std::max(lanes_.seen_most[lane], far);
+        } else {
+            cells_->mark(lanes_.target(lane), near, far, bit_unknown);
+        }
+    }
+    horizon = last.sine;
+}
+
+void Front::change(std::size_t lane, std::size_t i, const Between& between, Samples& next) {
+    const SampleLanes from = now_.lanes(i), to = next.lanes(i);
+    const double sine = *to.sine, arc = *to.arc_m;
+    double& horizon = lanes_.horizon[lane];
+    const bool valid = sine == sine;
+    if (!valid) {
+        if (!is(lane, mode_gap)) {
+            mark_seen(lane);
+            if (is(lane, mode_hidden)) mark_shadow(lane, *from.arc_m);
+            lanes_.mode[lane] = mode_gap;
+            lanes_.gap_from[lane] = lanes_.mark_from[lane] = *from.arc_m;
+            lanes_.gap_top[lane] = -infinite;
+        }
+        grow_gap(lane, i, between);
+    } else if (is(lane, mode_gap)) {
+        grow_gap(lane, i, between);
+        end_gap(lane, arc);
+        horizon = std::max(horizon, sine);
+        lanes_.mode[lane] = sine >= horizon ? mode_visible : mode_hidden;
+        lanes_.mark_from[lane] = arc;
+    } else {
+        const double bump = bump_[i];
+        const bool was_visible = is(lane, mode_visible);
+        const Course c = course(horizon, *from.up_m, *from.out_m, *to.up_m, *to.out_m, bump, was_visible);
+        const double step = arc - *from.arc_m;
+        if (!c.seen || c.begin > 0) {
+            // Behind the horizon from the start, or soon.
+            if (was_visible) {
+                mark_seen(lane);
+                lanes_.mark_from[lane] = *from.arc_m;
+                lanes_.mode[lane] = mode_hidden;
+            }
+            if (!c.seen) return;
+            mark_shadow(lane, *from.arc_m + c.begin * step);
+        }
+        if (c.hides) {
+            // Its highest point in view lies inside the piece.
+            const PieceEnd top = point_of_piece(i, next, c.end);
+            if (top.sine > horizon) rise(lane, i, between, next, c.begin, top, c.bow);
+            mark_seen(lane);
+            lanes_.mark_from[lane] = *from.arc_m + c.end * step;
+            lanes_.mode[lane] = mode_hidden;
+        } else {
+            if (sine > horizon) rise(lane, i, between, next, c.begin, {1, *to.range_m, sine, *to.x}, c.bow);
+            lanes_.mode[lane] = mode_visible;
+        }
+    }
+}
+
+// ---- marks ----
+
+double Front::level_coordinate(std::size_t lane, double arc_m) const {
+    if (scene_->range_is_ground) return arc_m * bins_per_metre_;
+    return sight_line(scene_->sensor_m, arc_m, scene_->reference_m, lanes_.inverse_radius[lane]).range_m *
+           bins_per_metre_;
+}
+
+double Front::ray_coordinate(std::size_t lane, double arc_m) const {
+    if (scene_->range_is_ground) return arc_m * bins_per_metre_;
+    return ray_range_m(scene_->sensor_m, arc_m, lanes_.horizon[lane], lanes_.inverse_radius[lane]) * bins_per_metre_;
+}
+
+void Front::mark_seen(std::size_t lane) {
+    if (lanes_.row[lane] >= 0 && lanes_.seen_most[lane] >= lanes_.seen_least[lane])
+        cells_->mark(lanes_.target(lane), lanes_.seen_least[lane], lanes_.seen_most[lane], bit_seen);
+    lanes_.seen_least[lane] = infinite;
+    lanes_.seen_most[lane] = -infinite;
+}
+
+void Front::mark_shadow(std::size_t lane, double to_arc_m) {
+    if (lanes_.row[lane] < 0) return;
+    cells_->mark(lanes_.target(lane), ray_coordinate(lane, lanes_.mark_from[lane]), ray_coordinate(lane, to_arc_m),
+                 bit_shadow);
+}
+
+void Front::mark_gap(std::size_t lane, double to_arc_m) {
+    if (lanes_.row[lane] < 0) return;
+    cells_->mark(lanes_.target(lane), level_coordinate(lane, lanes_.mark_from[lane]), level_coordinate(lane, to_arc_m),
+                 bit_no_data);
+}
+
+void Front::mark_rest(std::size_t lane, double from_arc_m) {
+    if (lanes_.row[lane] < 0) return;
+    cells_->mark(lanes_.target(lane), level_coordinate(lane, from_arc_m), infinite, bit_no_data);
+}
+
+void Front::grow_gap(std::size_t lane, std::size_t i, const Between& between) {
+    const auto raise = [&](const LinePosts& line, double minor) {
+        for (std::int64_t j = floor_of(minor); j <= floor_of(minor) + 1; ++j)
+            if (line.has(j) && line.at(j) == line.at(j))
+                lanes_.gap_top[lane] = std::max(lanes_.gap_top[lane], static_cast<double>(line.at(j)));
+    };
+    if (between.adjacent) raise(between.behind, now_.minor[i]);
+    raise(between.ahead, ahead_.minor[i]);
+    // And what stands on corners of the piece's own cell, which the spoke may leave by a side before the line ahead.
+    for (const std::size_t line : {std::size_t{0}, 2 * tile_lanes})
+        for (std::size_t k = line + 2 * i; k < line + 2 * i + 2; ++k)
+            if (posts_[k] == posts_[k])
+                lanes_.gap_top[lane] = std::max(lanes_.gap_top[lane], static_cast<double>(posts_[k]));
+}
+
+void Front::end_gap(std::size_t lane, double arc_m) {
+    mark_gap(lane, arc_m);
+    const double top = lanes_.gap_top[lane];
+    if (!(top > -infinite)) return;
+    for (const double arc : {std::max(lanes_.gap_from[lane], 1e-3), arc_m})
+        lanes_.void_horizon[lane] = std::max(lanes_.void_horizon[lane],
+                                             sight_line(scene_->sensor_m, arc, top, lanes_.inverse_radius[lane]).sine);
+}
+
+}  // namespace wedgescope
