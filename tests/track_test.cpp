@@ -92,6 +92,8 @@ TEST_CASE("a table of a track names its columns and units in its first line", "[
     CHECK(track[1].second == -117.25);
     CHECK(track.at({}, 1).altitude_above == AltitudeAbove::sea_level);
     CHECK(read("time,x,y,altitude-agl\n0,1,2,3\n")[0].heading.deg() == Angle::degrees(7).deg());
+    CHECK(read("time,x,y,height\n0,1,2,3\n").at({}, 0).altitude_above == AltitudeAbove::ground);
+    CHECK(read("time,x,y,Altitude [ft]\n0,1,2,1000\n").at({}, 0).altitude_above == AltitudeAbove::sea_level);
     CHECK(read("\xef\xbb\xbftime,x,y,altitude-agl\r\n0,1,2,3\r\n").size() == 1);
     // Names in any case of letters, and those of a table of observers.
     const Track other = read("Time,Latitude,LONGITUDE,Altitude_MSL [ft],Heading\n0,33.5,-117,1000,90\n");
@@ -105,8 +107,8 @@ TEST_CASE("a bad line of a track is named with what was found and what is accept
     const std::string head = "time,lat,lon,altitude-msl,heading\n";
     CHECK(refused("") ==
           "track 't.csv' is empty; accepted: a line that names the columns time, lat and lon or x and y, one of "
-          "altitude-msl, altitude-agl and altitude-hae, and heading, with a unit in brackets where it is not s, "
-          "m or deg");
+          "altitude-msl (or altitude), altitude-agl (or height) and altitude-hae, and heading, with a unit in brackets "
+          "where it is not s, m or deg");
     CHECK_THAT(refused(head), Contains("has no rows"));
     CHECK_THAT(refused("time,lat,lon,alt\n"), Contains("line 1: column 4 is 'alt'; accepted: time, lat and lon"));
     CHECK_THAT(refused("time,lat,lon\n"), Contains("line 1: no column is an altitude"));

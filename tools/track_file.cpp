@@ -23,13 +23,16 @@ constexpr TableColumn columns[] = {{time_field, "time", "s", Dimension::time},
                                    {y, "y"},
                                    {altitude_msl, "altitude-msl", "m"},
                                    {altitude_msl, "altitude_msl", "m"},
+                                   {altitude_msl, "altitude", "m"},
                                    {altitude_agl, "altitude-agl", "m"},
                                    {altitude_agl, "altitude_agl", "m"},
+                                   {altitude_agl, "height", "m"},
                                    {altitude_hae, "altitude-hae", "m"},
                                    {altitude_hae, "altitude_hae", "m"},
                                    {heading_field, "heading", "deg", Dimension::angle}};
 constexpr const char* accepted_columns =
-    "time, lat and lon or x and y, one of altitude-msl, altitude-agl and altitude-hae, and heading, with a unit in "
+    "time, lat and lon or x and y, one of altitude-msl (or altitude), altitude-agl (or height) and altitude-hae, and "
+    "heading, with a unit in "
     "brackets where it is not s, m or deg";
 
 void check_columns(const TableReader& table) {
