@@ -125,7 +125,7 @@ void coverage(const std::vector<std::string>& arguments, Stop& stop) {
     check_complete(settings);
     check_response(settings);
     check_names({{"output", settings.output}, {"report", settings.report}, {"timeline", settings.timeline}},
-                data_paths(settings));
+                data_paths(settings), settings.driver);
     if (settings.no_data_value)
         settings.coverage.mask.no_data = static_cast<std::uint8_t>(*settings.no_data_value);
     else if (translated.gdal_style)

@@ -12,6 +12,8 @@
 #include <system_error>
 
 #include "lib/error.hpp"
+#include "lib/lower_case.hpp"
+#include "tiles/companion_files.hpp"
 #include "tools/radar_set.hpp"
 #include "tools/terminal.hpp"
 #include "tools/units.hpp"
@@ -68,6 +70,24 @@ bool is_part(const std::string& path, const std::string& mosaic, std::set<std::s
     });
 }
 
+/// Of the files that a raster or vector file is made of, the one that a path is; empty: none.
+std::string part_that_is(const std::string& path, const std::string& input, InputParts& parts) {
+    std::error_code error;
+    if (!fs::exists(path, error)) return {};
+    for (const std::string& part : parts.of(input))
+        if (same_file(path, part)) return part;
+    return {};
+}
+
+/// All else is text, of which a file is the whole.
+bool may_have_parts(std::string_view key, const std::string& path) {
+    constexpr std::string_view keys[] = {"dem", "culture", "culture-height", "observers", "the echo image"};
+    return std::find(std::begin(keys), std::end(keys), key) != std::end(keys) &&
+           !(key == "observers" && lower_case(fs::path(path).extension().string()) == ".csv");
+}
+
+bool is_raster(std::string_view output) { return output != "report" && output != "timeline"; }
+
 /// At any depth; what is no folder holds nothing.
 bool lies_in(const std::string& path, const std::string& folder) {
     std::error_code error;
@@ -85,7 +105,18 @@ std::string canonical_path(const std::string& path) {
     return error ? std::string() : canonical.string();
 }
 
-void check_names(const NamedPaths& outputs, const NamedPaths& inputs) {
+const std::vector<std::string>& InputParts::of(const std::string& path) {
+    const auto [found, fresh] = parts_.try_emplace(path);
+    if (fresh) found->second = files_of_input(path);
+    return found->second;
+}
+
+void check_names(const NamedPaths& outputs, const NamedPaths& inputs, const std::string& driver) {
+    InputParts parts;
+    check_names(outputs, inputs, driver, parts);
+}
+
+void check_names(const NamedPaths& outputs, const NamedPaths& inputs, const std::string& driver, InputParts& parts) {
     for (std::size_t i = 0; i < outputs.size(); ++i) {
         const auto& [key, path] = outputs[i];
         if (path.empty()) continue;
@@ -105,6 +136,16 @@ void check_names(const NamedPaths& outputs, const NamedPaths& inputs) {
             if (lies_in(path, input))
                 throw InputError(text(key, " is ", in_quotes(path), ", which lies in ", input_key, " ",
                                       in_quotes(input), "; an output may not lie in an input"));
+            if (!may_have_parts(input_key, input)) continue;
+            if (!part_that_is(path, input, parts).empty())
+                throw InputError(text(key, " is ", in_quotes(path), ", of which ", input_key, " ", in_quotes(input),
+                                      " is made; an output may not replace an input"));
+            if (!is_raster(key)) continue;
+            for (const std::string& beside : names_beside_raster(path, driver))
+                if (same_file(beside, input) || !part_that_is(beside, input, parts).empty())
+                    throw InputError(text(key, " is ", in_quotes(path), ", beside which ", in_quotes(beside),
+                                          " is written, of which ", input_key, " ", in_quotes(input),
+                                          " is made; an output may not replace an input"));
         }
     }
 }
@@ -131,8 +172,8 @@ NamedPaths input_paths(const Settings& s) {
     return paths;
 }
 
-void check_run_names(const NamedPaths& outputs, const NamedPaths& inputs) {
-    check_names(outputs, inputs);
+void check_run_names(const NamedPaths& outputs, const NamedPaths& inputs, const std::string& driver) {
+    check_names(outputs, inputs, driver);
     if (std::any_of(outputs.begin(), outputs.end(), [](const auto& out) { return !out.second.empty(); })) return;
     std::string keys;
     for (const auto& [key, path] : outputs)
@@ -144,7 +185,7 @@ void check_run_names(const Settings& s) {
     const NamedPaths outputs{{"output", s.output},           {"echo", s.echo},        {"power", s.power},
                              {"power-stack", s.power_stack}, {"states", s.states},    {"ground", s.ground_file},
                              {"report", s.report},           {"timeline", s.timeline}};
-    s.only_wedges ? check_names(outputs, input_paths(s)) : check_run_names(outputs, input_paths(s));
+    s.only_wedges ? check_names(outputs, input_paths(s), s.driver) : check_run_names(outputs, input_paths(s), s.driver);
 }
 
 InputFile input_file(const std::string& key, const std::string& path, const std::string& crs) {

@@ -2,6 +2,7 @@
 // Leaves what is written to the commands.
 #pragma once
 #include <functional>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <utility>
@@ -18,9 +19,19 @@ namespace wedgescope {
 /// Keys and the paths that they name; empty paths name nothing.
 using NamedPaths = std::vector<std::pair<const char*, std::string>>;
 
-/// InputError where an output is an input too, a part of one that is a VRT, or lies in one that is a folder, or two outputs are
-/// one file.
-void check_names(const NamedPaths& outputs, const NamedPaths& inputs);
+/// Files that inputs are made of, each looked up when it is first asked for.
+class InputParts {
+public:
+    const std::vector<std::string>& of(const std::string& path);
+
+private:
+    std::map<std::string, std::vector<std::string>> parts_;
+};
+
+/// InputError where an output, or a file that its driver writes beside it, is an input too or a part of one, or lies in one that
+/// is a folder, or two outputs are one file. `driver`: of rasters, where it is not told by their endings.
+void check_names(const NamedPaths& outputs, const NamedPaths& inputs, const std::string& driver, InputParts& parts);
+void check_names(const NamedPaths& outputs, const NamedPaths& inputs, const std::string& driver = {});
 
 /// The one name of a path, however it is written, also where nothing stands there yet; empty if the system does not tell.
 std::string canonical_path(const std::string& path);
@@ -34,7 +45,7 @@ NamedPaths data_paths(const Settings& settings);
 NamedPaths input_paths(const Settings& settings);
 
 /// check_names() of a run; InputError too where no output is asked for, naming all of them.
-void check_run_names(const NamedPaths& outputs, const NamedPaths& inputs);
+void check_run_names(const NamedPaths& outputs, const NamedPaths& inputs, const std::string& driver);
 /// The same of all of a simulation's outputs and inputs; with only-wedge it needs none.
 void check_run_names(const Settings& settings);
 

@@ -24,10 +24,12 @@ namespace {
 
 void check_scope_names(const Settings& s) {
     const NamedPaths outputs{{"output", s.output}, {"power", s.power}, {"states", s.states}, {"report", s.report}};
-    check_run_names(outputs, {{"the echo image", s.files[0]},
-                              {"the scene file", s.files.size() > 1 ? s.files[1] : ""},
-                              {"set", set_file(s)},
-                              {"antenna", s.antenna_file}});
+    check_run_names(outputs,
+                    {{"the echo image", s.files[0]},
+                     {"the scene file", s.files.size() > 1 ? s.files[1] : ""},
+                     {"set", set_file(s)},
+                     {"antenna", s.antenna_file}},
+                    s.driver);
 }
 
 nlohmann::ordered_json report_of(const StoredEcho& echo, const Settings& settings, const RunResult& result,

@@ -507,6 +507,7 @@ void check_outputs(const Settings& settings, const Frames& frames) {
         for (const auto& [key, path] : *paths)
             if (!path.empty()) taken.insert(canonical_path(path));
     std::map<std::string, fs::path> folders;
+    InputParts parts;
     for (std::size_t frame = 0; frame < frames.size(); ++frame)
         for (const auto& [key, path] : layer_paths(frames.settings(frame))) {
             if (path.empty()) continue;
@@ -517,7 +518,7 @@ void check_outputs(const Settings& settings, const Frames& frames) {
             if (frame > 0 && !taken.count(name) && !(settings.overwrite && fs::exists(path))) continue;
             NamedPaths outputs = others;
             outputs.emplace_back(key, path);
-            check_names(outputs, inputs);
+            check_names(outputs, inputs, settings.driver, parts);
         }
     LayerFiles(frames.settings(0)).check(settings);
 }

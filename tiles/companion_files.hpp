@@ -1,0 +1,17 @@
+// Companion files: what a raster or a vector file is made of beside the name by which it is given, and what drivers write beside
+// a raster. Leaves what may replace what to tools/run_files.hpp.
+#pragma once
+#include <string>
+#include <vector>
+
+namespace wedgescope {
+
+/// Files on disk that an input is made of: the archive behind a /vsi path, the file behind a subdataset's name, and what its
+/// driver lists (a shapefile's .dbf, a .hdr, a .tfw, overviews). GDAL is not asked about a GeoTIFF that is read without it,
+/// nor about a folder or a pipe. Of what cannot be opened, those that its name tells.
+std::vector<std::string> files_of_input(const std::string& path);
+
+/// Names that a raster's driver may write to beside it, whether they stand or not. `driver`: GDAL's name; empty: by the ending.
+std::vector<std::string> names_beside_raster(const std::string& path, const std::string& driver);
+
+}  // namespace wedgescope
