@@ -66,6 +66,13 @@ public:
 
 namespace {
 
+/// A value that the mask does not have.
+std::uint8_t unused(const MaskValues& mask) {
+    std::uint8_t value = 0;
+    while (value == mask.seen || value == mask.hidden || value == mask.no_data || value == mask.outside) ++value;
+    return value;
+}
+
 std::int64_t tiles(std::int64_t posts) { return (posts - 1) / CoverageTile::edge + 1; }
 
 }  // namespace
@@ -205,9 +212,20 @@ void CoverageFile::create(const DataBase& db, const OutputFile& file, const Rast
     content.rows = db.rows;
     content.type = layer_.counts ? GDT_UInt16 : is_bytes(layer_.kind) ? GDT_Byte : GDT_Float32;
     content.patches = layer_.counts || is_bytes(layer_.kind);
-    if (!layer_.counts && layer_.kind == CoverageLayer::states) content.codes = every_state();
-    if (!layer_.counts && layer_.kind == CoverageLayer::mask)
-        content.codes = {layer_.mask.seen, layer_.mask.hidden, layer_.mask.no_data, layer_.mask.outside};
+    if (layer_.counts) {
+        content.means_something = [](double value) { return value != no_count; };
+        content.means_nothing = no_count;
+    } else if (layer_.kind == CoverageLayer::states) {
+        set_states(content);
+    } else if (layer_.kind == CoverageLayer::mask) {
+        const MaskValues& mask = layer_.mask;
+        content.codes = {mask.seen, mask.hidden, mask.no_data, mask.outside};
+        const std::optional<double> ours = declared(1);
+        content.means_something = [mask, ours](double value) {
+            return value != ours && (value == mask.seen || value == mask.hidden);
+        };
+        content.means_nothing = ours ? *ours : unused(mask);
+    }
     content.bands.resize(1);
     content.bands[0].description = description;
     content.bands[0].unit = layer_.counts ? "" : words(layer_.kind).unit;

@@ -114,6 +114,7 @@ void write_states(const RunResult& run, OutputFile& file, const RasterFormat& fo
     check(run.state, "states", file);
     RasterContent content = polar_content(run, run.state.grid, format);
     content.type = GDT_Byte;
+    set_states(content);
     content.metadata.emplace_back("STATE_CODES", state_legend());
     content.bands.push_back(
         {run.state.cells.data(), "state", "", {}, {std::begin(state_names), std::end(state_names)}});

@@ -6,6 +6,7 @@
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
+#include <cctype>
 #include <cerrno>
 #include <cmath>
 #include <cstdint>
@@ -196,8 +197,59 @@ DatasetHandle in_memory(const RasterContent& content) {
     return dataset;
 }
 
-[[noreturn]] void fail(const std::string& final_path, const GdalErrors& errors) {
-    throw IoError(text("output '", final_path, "' cannot be written: ", errors.reason()));
+/// What GDAL says of a file that is written under another name, without that name and libtiff's functions.
+std::string cause(const GdalErrors& errors, const std::string& written_path) {
+    std::string said = errors.reason();
+    const auto erase = [&](std::size_t at, std::size_t end) {
+        while (end < said.size() && (said[end] == ':' || said[end] == ' ')) ++end;
+        said.erase(at, end - at);
+    };
+    for (std::size_t at = 0; (at = said.find(written_path, at)) != std::string::npos;)
+        erase(at, at + written_path.size());
+    for (std::size_t at = 0; (at = said.find("TIFF", at)) != std::string::npos;) {
+        const auto in_name = [&](std::size_t i) {
+            return i < said.size() && (std::isalnum(static_cast<unsigned char>(said[i])) || said[i] == '_');
+        };
+        std::size_t begin = at, end = at;
+        while (begin > 0 && in_name(begin - 1)) --begin;
+        while (in_name(end)) ++end;
+        at = end;
+        if (end < said.size() && said[end] == ':') erase(at = begin, end);
+    }
+    return said;
+}
+
+[[noreturn]] void fail(const std::string& final_path, const std::string& written_path, const GdalErrors& errors) {
+    throw IoError(text("output '", final_path, "' cannot be written: ", cause(errors, written_path)));
+}
+
+bool declares_meaning_void(GDALRasterBand& band, const RasterContent& content) {
+    int declared = 0;
+    const double value = band.GetNoDataValue(&declared);
+    return declared && content.means_something && content.means_something(value);
+}
+bool declares_meaning_void(GDALDataset& dataset, const RasterContent& content) {
+    for (int b = 1; b <= dataset.GetRasterCount(); ++b)
+        if (declares_meaning_void(*dataset.GetRasterBand(b), content)) return true;
+    return false;
+}
+
+/// Drivers with a no-data value of their own: where that is one of the values that mean something, the file is to declare none, or
+/// one of no meaning. False: the driver keeps to its own.
+bool set_no_data_apart(GDALDataset& dataset, const RasterContent& content) {
+    GdalErrors quiet;
+    for (int b = 1; b <= dataset.GetRasterCount(); ++b) {
+        GDALRasterBand& band = *dataset.GetRasterBand(b);
+        if (declares_meaning_void(band, content)) band.DeleteNoDataValue();
+        if (declares_meaning_void(band, content)) band.SetNoDataValue(content.means_nothing);
+    }
+    return !declares_meaning_void(dataset, content);
+}
+
+[[noreturn]] void refuse_no_data(GDALDriver& driver, const std::string& final_path) {
+    throw InputError(text("output '", final_path, "': driver ", driver.GetDescription(),
+                          " declares one of the values in it as no data and cannot be told otherwise; accepted: "
+                          ".tif, .img and others that declare none by themselves"));
 }
 
 /// While one stands no thread writes another thread's blocks: GDAL's cache is everybody's, and who needs room in it would
@@ -212,7 +264,7 @@ public:
 
 /// Block after block, each of them in the file before the next: none waits in the cache.
 void write_bands(GDALDataset& dataset, const RasterContent& content, const std::string& final_path,
-                 const GdalErrors& errors) {
+                 const std::string& written_path, const GdalErrors& errors) {
     int wide = 0, high = 0;
     dataset.GetRasterBand(1)->GetBlockSize(&wide, &high);
     const auto bytes = static_cast<std::int64_t>(GDALGetDataTypeSizeBytes(content.type));
@@ -229,11 +281,11 @@ void write_bands(GDALDataset& dataset, const RasterContent& content, const std::
                 if (of_band(b)->RasterIO(GF_Write, static_cast<int>(column), static_cast<int>(row), columns, rows,
                                          const_cast<std::byte*>(cells), columns, rows, content.type, bytes,
                                          content.columns * bytes, nullptr) != CE_None)
-                    fail(final_path, errors);
+                    fail(final_path, written_path, errors);
             }
             for (std::size_t b = 0; b < content.bands.size(); ++b)
                 if (of_band(b)->FlushBlock(static_cast<int>(column / wide), static_cast<int>(row / high)) != CE_None)
-                    fail(final_path, errors);
+                    fail(final_path, written_path, errors);
         }
 }
 
@@ -273,11 +325,11 @@ void write_geolocation(const GeolocationGrid& grid, const std::string& path, con
     GdalErrors errors;
     DatasetHandle dataset(driver.Create(path.c_str(), static_cast<int>(content.columns), static_cast<int>(content.rows),
                                         2, GDT_Float64, options.List()));
-    if (!dataset) fail(final_path, errors);
+    if (!dataset) fail(final_path, path, errors);
     describe(*dataset, content, {});
-    write_bands(*dataset, content, final_path, errors);
+    write_bands(*dataset, content, final_path, path, errors);
     dataset.reset();
-    if (errors.failed()) fail(final_path, errors);
+    if (errors.failed()) fail(final_path, path, errors);
 }
 
 Metadata geolocation_metadata(const GeolocationGrid& grid, const std::string& final_path) {
@@ -321,12 +373,24 @@ GeolocationGrid geolocation_grid(std::int64_t columns, std::int64_t rows, std::i
 
 namespace {
 
-/// No driver says beforehand what it takes and keeps: a small raster of bytes tells, which it writes in memory. What comes back of
-/// it goes to `good`; true too where a driver cannot write there.
+/// What a driver did with a small raster.
+struct Trial {
+    bool kept = false;
+    std::string refused;      ///< why it was not made, in GDAL's words; empty: it was
+    bool meant_void = false;  ///< what means something is declared as no data
+};
+
+/// No driver says beforehand what it takes and keeps: a small raster tells, which it writes in memory. What comes back of
+/// it goes to `good`; kept too where a driver cannot write there.
 template <class Good>
-bool passes_trial(GDALDriver& driver, const CPLStringList& options, const RasterContent& content, Good&& good) {
-    if (!has(driver, GDAL_DCAP_VIRTUALIO)) return true;
-    const std::string path = text("/vsimem/wedgescope_trial_", reinterpret_cast<std::uintptr_t>(&content));
+Trial try_driver(GDALDriver& driver, const CPLStringList& options, const RasterContent& content,
+                 const std::string& final_path, Good&& good) {
+    Trial trial;
+    trial.kept = !has(driver, GDAL_DCAP_VIRTUALIO);
+    if (trial.kept) return trial;
+    // Some drivers know their files by the ending.
+    const std::string path = text("/vsimem/wedgescope_trial_", reinterpret_cast<std::uintptr_t>(&content),
+                                  std::filesystem::path(final_path).extension().string());
     GdalErrors errors;
     const auto create = [&] {
         if (!has(driver, GDAL_DCAP_CREATE)) {
@@ -337,24 +401,34 @@ bool passes_trial(GDALDriver& driver, const CPLStringList& options, const Raster
         }
         DatasetHandle made(driver.Create(path.c_str(), static_cast<int>(content.columns),
                                          static_cast<int>(content.rows), static_cast<int>(content.bands.size()),
-                                         GDT_Byte, const_cast<char**>(options.List())));
-        if (made) describe(*made, content, {});
-        if (made) write_bands(*made, content, path, errors);
+                                         content.type, const_cast<char**>(options.List())));
+        if (!made) return made;
+        describe(*made, content, {});
+        trial.meant_void = !set_no_data_apart(*made, content);
+        write_bands(*made, content, path, path, errors);
         return made;
     };
-    bool passed = false;
     try {
         DatasetHandle written = create();
-        passed = written && good(*written);
+        if (!written && errors.failed()) trial.refused = cause(errors, path);
+        trial.kept = written && good(*written);
         if (written) written->FlushCache(true);
     } catch (const IoError&) {  // nor can it be written
     }
-    if (passed) {
+    if (trial.kept) {
         const DatasetHandle back(GDALDataset::Open(path.c_str(), GDAL_OF_RASTER));
-        passed = back && good(*back);
+        trial.kept = back && good(*back);
+        if (back && !trial.meant_void) trial.meant_void = declares_meaning_void(*back, content);
     }
     driver.QuietDelete(path.c_str());
-    return passed;
+    return trial;
+}
+
+/// Creation options may be at fault.
+void check_made(const Trial& trial, GDALDriver& driver, const RasterFormat& format, const std::string& final_path) {
+    if (trial.refused.empty() || format.creation.empty()) return;
+    throw InputError(text("output '", final_path, "' cannot be made by driver ", driver.GetDescription(),
+                          " with these creation options: ", trial.refused));
 }
 
 /// A trial's bytes: these values by lot, neighbours as unlike as they may be.
@@ -382,15 +456,17 @@ struct TrialCells {
     }
 };
 
-void check_picture(GDALDriver& driver, const CPLStringList& options, bool alpha, const std::string& final_path) {
+void check_picture(GDALDriver& driver, const CPLStringList& options, const RasterFormat& format, bool alpha,
+                   const std::string& final_path) {
     const TrialCells trial({0, 255});
     RasterContent content = trial.content();
     if (alpha) content.bands.push_back({trial.cells.data(), "", "", {}, {}, true});
-    const bool good = passes_trial(driver, options, content, [&](GDALDataset& written) {
+    const Trial tried = try_driver(driver, options, content, final_path, [&](GDALDataset& written) {
         return written.GetRasterCount() == (alpha ? 2 : 1) &&
                (!alpha || written.GetRasterBand(2)->GetColorInterpretation() == GCI_AlphaBand);
     });
-    if (good) return;
+    if (tried.kept) return;
+    check_made(tried, driver, format, final_path);
     if (!alpha)
         throw InputError(text("driver ", driver.GetDescription(), " of output '", final_path,
                               "' takes no grey picture; accepted: .png, .tif, .jpg, ..."));
@@ -400,13 +476,34 @@ void check_picture(GDALDriver& driver, const CPLStringList& options, bool alpha,
 
 /// Of codes one that is a little off is another.
 void check_codes(GDALDriver& driver, const CPLStringList& options, const RasterFormat& format,
-                 const std::vector<std::uint8_t>& codes, const std::string& final_path) {
-    const TrialCells trial(codes);
-    if (passes_trial(driver, options, trial.content(), [&](GDALDataset& written) { return trial.are_in(written); }))
-        return;
+                 const RasterContent& wanted, const std::string& final_path) {
+    const TrialCells trial(wanted.codes);
+    RasterContent content = trial.content();
+    content.means_something = wanted.means_something;
+    content.means_nothing = wanted.means_nothing;
+    const Trial tried =
+        try_driver(driver, options, content, final_path, [&](GDALDataset& written) { return trial.are_in(written); });
+    if (tried.meant_void) refuse_no_data(driver, final_path);
+    if (tried.kept) return;
+    check_made(tried, driver, format, final_path);
     throw InputError(text("output '", final_path, "' holds codes, and driver ", driver.GetDescription(),
                           format.creation.empty() ? "" : " with these creation options",
                           " does not keep them as they are; accepted: .tif, .png and others without loss"));
+}
+
+/// Of counts, which any driver keeps, 0 means something too.
+void check_no_data(GDALDriver& driver, const CPLStringList& options, const RasterContent& wanted,
+                   const std::string& final_path) {
+    constexpr std::int64_t side = 64;
+    const std::vector<double> zeros(side * side);  // of the widest type
+    RasterContent content;
+    content.columns = content.rows = side;
+    content.type = wanted.type;
+    content.bands = {{zeros.data(), "", "", {}, {}}};
+    content.means_something = wanted.means_something;
+    content.means_nothing = wanted.means_nothing;
+    if (try_driver(driver, options, content, final_path, [](GDALDataset&) { return true; }).meant_void)
+        refuse_no_data(driver, final_path);
 }
 
 }  // namespace
@@ -427,9 +524,11 @@ void check_output(const OutputFile& file, OutputLayer layer, const RasterFormat&
     const CPLStringList options = creation_options(driver, type, {}, format);
     const bool known = is_geotiff(file.final_path(), format) && format.creation.empty();
     if (layer == OutputLayer::states) {
-        if (!known) check_codes(driver, options, format, every_state(), file.final_path());
+        RasterContent states;
+        set_states(states);
+        if (!known) check_codes(driver, options, format, states, file.final_path());
     } else if (bytes && (!known || layer == OutputLayer::masked_scope)) {
-        check_picture(driver, options, layer == OutputLayer::masked_scope, file.final_path());
+        check_picture(driver, options, format, layer == OutputLayer::masked_scope, file.final_path());
     }
 }
 
@@ -475,16 +574,17 @@ void write_raster(const RasterContent& content, const OutputFile& file, const Ra
     for (const auto& [key, value] : geolocation_items) geolocation.SetNameValue(key.c_str(), value.c_str());
 
     GdalErrors errors;
-    const char* path = file.temporary_path().c_str();
+    const std::string& path = file.temporary_path();
     std::optional<OwnBlocks> own;
     DatasetHandle dataset;
     if (has(driver, GDAL_DCAP_CREATE)) {
-        dataset.reset(driver.Create(path, static_cast<int>(content.columns), static_cast<int>(content.rows),
+        dataset.reset(driver.Create(path.c_str(), static_cast<int>(content.columns), static_cast<int>(content.rows),
                                     static_cast<int>(content.bands.size()), content.type,
                                     const_cast<char**>(options.List())));
-        if (!dataset) fail(final_path, errors);
+        if (!dataset) fail(final_path, path, errors);
         describe(*dataset, content, geolocation);
-        write_bands(*dataset, content, final_path, errors);
+        if (!set_no_data_apart(*dataset, content)) refuse_no_data(driver, final_path);
+        write_bands(*dataset, content, final_path, path, errors);
     } else {
         const DatasetHandle memory = in_memory(content);
         describe(*memory, content, {});
@@ -492,14 +592,14 @@ void write_raster(const RasterContent& content, const OutputFile& file, const Ra
                                        static_cast<std::int64_t>(content.bands.size());
         if (all_bytes <= GDALGetCacheMax64()) own.emplace();
         dataset.reset(
-            driver.CreateCopy(path, memory.get(), FALSE, const_cast<char**>(options.List()), nullptr, nullptr));
-        if (!dataset) fail(final_path, errors);
+            driver.CreateCopy(path.c_str(), memory.get(), FALSE, const_cast<char**>(options.List()), nullptr, nullptr));
+        if (!dataset) fail(final_path, path, errors);
         GdalErrors quiet;
         if (geolocation.Count() > 0) dataset->SetMetadata(const_cast<char**>(geolocation.List()), "GEOLOCATION");
     }
     dataset->FlushCache(true);
     dataset.reset();
-    if (errors.failed()) fail(final_path, errors);
+    if (errors.failed()) fail(final_path, path, errors);
 }
 
 DatasetHandle create_raster(const RasterContent& content, const OutputFile& file, const RasterFormat& format) {
@@ -510,14 +610,17 @@ DatasetHandle create_raster(const RasterContent& content, const OutputFile& file
     if (!has(driver, GDAL_DCAP_CREATE))
         throw InputError(text("output '", final_path, "': driver ", driver.GetDescription(),
                               " writes whole rasters only; accepted: one that writes tile by tile, such as GTiff"));
-    if (!content.codes.empty() && !format.creation.empty())
-        check_codes(driver, options, format, content.codes, final_path);
+    if (!content.codes.empty() && !(is_geotiff(final_path, format) && format.creation.empty()))
+        check_codes(driver, options, format, content, final_path);
+    if (content.codes.empty() && content.means_something && !is_geotiff(final_path, format))
+        check_no_data(driver, options, content, final_path);
     GdalErrors errors;
     DatasetHandle dataset(driver.Create(file.temporary_path().c_str(), static_cast<int>(content.columns),
                                         static_cast<int>(content.rows), static_cast<int>(content.bands.size()),
                                         content.type, const_cast<char**>(options.List())));
-    if (!dataset) fail(final_path, errors);
+    if (!dataset) fail(final_path, file.temporary_path(), errors);
     describe(*dataset, content, {});
+    if (!set_no_data_apart(*dataset, content)) refuse_no_data(driver, final_path);
     return dataset;
 }
 
@@ -528,6 +631,7 @@ void close_raster(DatasetHandle dataset, const std::string& final_path) {
         if (errno == ENOSPC || errno == EFBIG || errno == EDQUOT || errno == EIO) why = errno;
         errno = 0;
     };
+    const std::string written_path = dataset->GetDescription();
     GdalErrors errors;
     errno = 0;
     dataset->FlushCache(true);
@@ -538,13 +642,14 @@ void close_raster(DatasetHandle dataset, const std::string& final_path) {
     if (why != 0)
         throw IoError(text("output '", final_path,
                            "' cannot be written: ", std::error_code(why, std::generic_category()).message()));
-    fail(final_path, errors);
+    fail(final_path, written_path, errors);
 }
 
-std::vector<std::uint8_t> every_state() {
-    std::vector<std::uint8_t> codes(state_count);
-    std::iota(codes.begin(), codes.end(), std::uint8_t{0});
-    return codes;
+void set_states(RasterContent& content) {
+    content.codes.resize(state_count);
+    std::iota(content.codes.begin(), content.codes.end(), std::uint8_t{0});
+    content.means_something = [](double value) { return value >= 0 && value < state_count; };
+    content.means_nothing = 255;
 }
 
 Metadata run_metadata(const RasterFormat& format) {

@@ -51,6 +51,9 @@ struct RasterContent {
     /// again and mostly empty, so that it hardly takes more room.
     bool quick_to_read = false;
     std::vector<std::uint8_t> codes;  ///< all values of a band of codes, which nothing may change; else empty
+    /// Is it a value of the bands that says something, and so may not be declared as no data, as some drivers do by themselves?
+    std::function<bool(double value)> means_something;  ///< none: floats, which drivers leave alone
+    double means_nothing = 0;                           ///< one that does not; with means_something
     std::vector<BandContent> bands;
     Metadata metadata;
     std::optional<std::array<double, 6>> geotransform;
@@ -72,8 +75,8 @@ DatasetHandle create_raster(const RasterContent& content, const OutputFile& file
 /// IoError naming the final file if anything was not written.
 void close_raster(DatasetHandle dataset, const std::string& final_path);
 
-/// The codes of all states.
-std::vector<std::uint8_t> every_state();
+/// That a band holds the codes of states.
+void set_states(RasterContent& content);
 
 /// Version and scene: what every output tells.
 Metadata run_metadata(const RasterFormat& format);

@@ -1,0 +1,125 @@
+// Rasters by GDAL's many drivers: what they declare by themselves, and what they refuse.
+#include <catch2/catch.hpp>
+
+#include <gdal_priv.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <memory>
+
+#include "tests/drawn_raster.hpp"
+#include "tests/program.hpp"
+#include "tests/words.hpp"
+
+using namespace wedgescope::test;
+using Catch::Matchers::Contains;
+
+namespace {
+
+const std::string program = WEDGESCOPE_PROGRAM;
+using Words = std::vector<std::string>;
+
+struct CloseIt {
+    void operator()(GDALDataset* dataset) const { GDALClose(dataset); }
+};
+
+Ended run(const Folder& folder, const Words& words) {
+    return run_program(with({program}, with(words, {"-q", "--overwrite"})), folder / "log");
+}
+
+void draw_ridge(const std::string& path) {
+    Drawing d;
+    d.columns = d.rows = 64;
+    d.value = [](int column, int) { return column == 40 ? 50.0 : 0.0; };
+    d.geotransform = {{465000, 30, 0, 3755000, 0, -30}};
+    draw(path, d);
+}
+
+Words coverage_of(const Folder& folder, const std::string& output, const Words& more = {}) {
+    return with({"coverage", folder / "dem.tif", folder / output, "--xy", "465960,3754040", "--altitude-agl", "20m"},
+                more);
+}
+Words simulation_of(const Folder& folder, const Words& more) {
+    return with({"simulate", "--dem", folder / "dem.tif", "--xy", "465960,3754040", "--altitude-agl", "20m", "--range",
+                 "800m", "--size", "64"},
+                more);
+}
+
+/// Values of the file that its own no-data value hides.
+int hidden_values(const std::string& path) {
+    GDALAllRegister();
+    const std::unique_ptr<GDALDataset, CloseIt> in(GDALDataset::Open(path.c_str()));
+    REQUIRE(in);
+    GDALRasterBand& band = *in->GetRasterBand(1);
+    const int columns = in->GetRasterXSize(), rows = in->GetRasterYSize();
+    std::vector<double> cells(static_cast<std::size_t>(columns * rows));
+    REQUIRE(band.RasterIO(GF_Read, 0, 0, columns, rows, cells.data(), columns, rows, GDT_Float64, 0, 0, nullptr) ==
+            CE_None);
+    int declared = 0;
+    const double value = band.GetNoDataValue(&declared);
+    return declared ? static_cast<int>(std::count(cells.begin(), cells.end(), value)) : 0;
+}
+
+}  // namespace
+
+TEST_CASE("no driver's own no-data value hides what is seen, hidden or a state", "[output_formats]") {
+    const Folder folder;
+    draw_ridge(folder / "dem.tif");
+    for (const auto& [driver, ending] : {std::pair{"SAGA", ".sdat"},
+                                         {"RMF", ".rsw"},
+                                         {"ISIS2", ".cub"},
+                                         {"ISIS3", ".cub"},
+                                         {"ENVI", ".dat"},
+                                         {"HFA", ".img"}})
+        for (const char* what : {"mask", "states", "polar", "counts"}) {
+            const std::string path = std::string(what) + "_" + driver + ending;
+            INFO(path);
+            Words words = coverage_of(folder, path, {"--of", driver});
+            if (what == std::string("states")) words = with(words, {"--layer", "states"});
+            if (what == std::string("polar"))
+                words = simulation_of(folder, {"--states", folder / path, "--of", driver});
+            if (what == std::string("counts")) {
+                std::ofstream(folder / "o.csv") << "x,y\n465960,3754040\n";
+                words = {"coverage",
+                         folder / "dem.tif",
+                         folder / path,
+                         "--observers",
+                         folder / "o.csv",
+                         "--altitude-agl",
+                         "20m",
+                         "--of",
+                         driver};
+            }
+            const Ended ended = run(folder, words);
+            INFO(ended.err);
+            if (ended.code == 0) {
+                CHECK(hidden_values(folder / path) == 0);
+            } else {
+                CHECK(ended.code == 2);
+                CHECK(std::count(ended.err.begin(), ended.err.end(), '\n') == 1);
+                CHECK_THAT(ended.err, Contains(std::string("driver ") + driver) && Contains("accepted: "));
+                CHECK_FALSE(std::filesystem::exists(folder / path));
+            }
+            if (driver == std::string("SAGA") || driver == std::string("ENVI") || driver == std::string("HFA"))
+                CHECK(ended.code == 0);
+        }
+}
+
+TEST_CASE("creation options that GDAL refuses are refused for GDAL's reason", "[output_formats]") {
+    const Folder folder;
+    draw_ridge(folder / "dem.tif");
+    const Words options{"--co", "TILED=YES", "--co", "BLOCKXSIZE=17"};
+    for (const Words& words :
+         {simulation_of(folder, with({"-o", folder / "y.tif"}, options)),
+          simulation_of(folder, with({"--power", folder / "y.tif"}, options)),
+          simulation_of(folder, with({"--states", folder / "y.tif"}, options)), coverage_of(folder, "y.tif", options),
+          coverage_of(folder, "y.tif", with(options, {"--layer", "height"}))}) {
+        const Ended ended = run(folder, words);
+        INFO(ended.err);
+        CHECK(ended.code != 0);
+        CHECK(std::count(ended.err.begin(), ended.err.end(), '\n') == 1);
+        CHECK_THAT(ended.err, Contains("y.tif' cannot be ") && Contains("17") && !Contains("TIFFVSetField") &&
+                                  !Contains(".tmp-") && !Contains("/vsimem") && !Contains("grey") &&
+                                  !Contains("does not keep"));
+    }
+}
