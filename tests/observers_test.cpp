@@ -465,6 +465,57 @@ TEST_CASE("observers come in any vector file, in any CRS, or in a table", "[obse
     }
 }
 
+TEST_CASE("heights under other usual names are taken, and what a file of observers holds besides is named once",
+          "[observers]") {
+    const Folder folder;
+    const std::string dem = folder / "dem.tif", out = folder / "counts.tif";
+    draw_hills(dem, 120, 100);
+    const auto words_on = [&](const std::string& file, const Words& more = {}) {
+        const Ended ended = run_program(
+            with({program, "coverage", "--overwrite", dem, out, "--observers", folder / file}, more), folder / "log");
+        INFO(file << "\n" << ended.err);
+        CHECK(ended.code == 0);
+        const auto at = ended.err.find("observers '");
+        return at == std::string::npos ? "" : ended.err.substr(at, ended.err.find('\n', at) - at);
+    };
+    const auto table = [&](const std::string& header, const std::string& row, const Words& more = {}) {
+        std::ofstream(folder / "t.csv") << header << "\n" << row << "\n";
+        return words_on("t.csv", more);
+    };
+    CHECK(table("x,y,height", "466000,3754000,90").empty());
+    const std::vector<int> high = RasterBand(out).posts;
+    CHECK(table("x,y", "466000,3754000", {"--altitude-agl", "10m"}).empty());
+    const std::vector<int> low = RasterBand(out).posts;
+    REQUIRE(high != low);
+    for (const char* name : {"height (m)", "height_m", "HGT", "hgt [m]", "height_m (m)", "Predominant_Height"}) {
+        INFO(name);
+        CHECK(table(std::string("x,y,") + name, "466000,3754000,90", {"--altitude-agl", "10m"}).empty());
+        CHECK(RasterBand(out).posts == high);
+    }
+    CHECK(table("x,y,height (ft)", "466000,3754000,295.27559", {"--altitude-agl", "10m"}).empty());
+    CHECK(RasterBand(out).posts == high);
+    // What is no name of ours, or has no unit in its brackets.
+    CHECK_THAT(table("x,y,OBS_HGT,height (old)", "466000,3754000,90,90", {"--altitude-agl", "10m"}),
+               Contains("t.csv': columns that are left out: 'OBS_HGT', 'height (old)'"));
+    CHECK(RasterBand(out).posts == low);
+    // Next to a sure name the others may be of anything.
+    CHECK_THAT(table("x,y,hgt,height,height_m", "466000,3754000,90,10,90"), Contains("left out: 'hgt', 'height_m'"));
+    CHECK(RasterBand(out).posts == low);
+
+    for (const char* name : {"height_m", "hgt", "height (m)"}) {
+        INFO(name);
+        std::filesystem::remove(folder / "p.gpkg");
+        write_points(folder / "p.gpkg", "GPKG", "EPSG:32611", {{"POINT (466000 3754000)", {{name, "90"}}}});
+        CHECK(words_on("p.gpkg", {"--altitude-agl", "10m"}).empty());
+        CHECK(RasterBand(out).posts == high);
+    }
+    std::filesystem::remove(folder / "p.gpkg");
+    write_points(folder / "p.gpkg", "GPKG", "EPSG:32611",
+                 {{"POINT (466000 3754000)", {{"name", "a"}, {"OBS_HGT", "90"}, {"hgt", "90"}, {"height", "10"}}}});
+    CHECK_THAT(words_on("p.gpkg"), Contains("p.gpkg': fields that are left out: 'name', 'OBS_HGT', 'hgt'"));
+    CHECK(RasterBand(out).posts == low);
+}
+
 TEST_CASE("observers round the antimeridian are counted on both of its sides", "[observers]") {
     const Folder folder;
     const std::string dem = folder / "earth.tif", out = folder / "counts.tif";

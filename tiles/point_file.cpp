@@ -21,7 +21,7 @@ DatasetHandle open_vector(const std::string& path) {
 
 /// A field's value as text from which numbers read back as they are.
 std::optional<std::string> value_of(const OGRFeature& feature, int field) {
-    if (field < 0 || !feature.IsFieldSetAndNotNull(field)) return std::nullopt;
+    if (!feature.IsFieldSetAndNotNull(field)) return std::nullopt;
     const OGRFieldType type = const_cast<OGRFeature&>(feature).GetFieldDefnRef(field)->GetType();
     if (type == OFTReal) return text(feature.GetFieldAsDouble(field));
     const std::string words = const_cast<OGRFeature&>(feature).GetFieldAsString(field);
@@ -34,7 +34,7 @@ struct PointFile::Open {
     std::string role, path;
     DatasetHandle dataset;
     OGRLayer* layer = nullptr;
-    std::vector<int> fields;  ///< by their place in the layer; -1: not there
+    std::vector<int> fields;  ///< by their place in the layer
     bool lat_lon = false;
     std::unique_ptr<OGRCoordinateTransformation> to_wgs84;  ///< none: as they are
     std::string named() const { return text(role, " ", in_quotes(path)); }
@@ -81,7 +81,6 @@ PointFile::PointFile(const PointFileParams& params, const DataBase& data_base) :
     if (definition.GetGeomFieldCount() == 0)
         throw InputError(
             text(o.named(), " has no geometry; accepted: points (or a table of places: a file that ends in .csv)"));
-    for (const std::string& name : params.fields) o.fields.push_back(definition.GetFieldIndex(name.c_str()));
 
     RasterFacts facts;
     facts.role = o.role;
@@ -110,6 +109,15 @@ PointFile::PointFile(const PointFileParams& params, const DataBase& data_base) :
 PointFile::~PointFile() = default;
 
 bool PointFile::lat_lon() const { return open_->lat_lon; }
+
+std::vector<std::string> PointFile::field_names() const {
+    std::vector<std::string> names;
+    const OGRFeatureDefn& fields = *open_->layer->GetLayerDefn();
+    for (int i = 0; i < fields.GetFieldCount(); ++i) names.emplace_back(fields.GetFieldDefn(i)->GetNameRef());
+    return names;
+}
+
+void PointFile::choose(std::vector<int> fields) { open_->fields = std::move(fields); }
 
 void PointFile::read(const std::function<void(const PointRow&)>& body) {
     Open& o = *open_;

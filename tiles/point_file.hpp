@@ -15,13 +15,12 @@ namespace wedgescope {
 struct PointRow {
     std::int64_t feature = 0;                        ///< number in the file
     double first = 0, second = 0;                    ///< latitude and longitude, degrees, or x and y
-    std::vector<std::optional<std::string>> values;  ///< of the fields asked for; none: no such field, or nothing in it
+    std::vector<std::optional<std::string>> values;  ///< of the fields chosen; none: nothing in it
 };
 
 struct PointFileParams {
-    std::string role, path;           ///< role: for messages ("observers")
-    std::string layer;                ///< empty: the only one
-    std::vector<std::string> fields;  ///< whose values are wanted, by name, in any case of letters
+    std::string role, path;  ///< role: for messages ("observers")
+    std::string layer;       ///< empty: the only one
 };
 
 class PointFile {
@@ -35,6 +34,9 @@ public:
 
     /// WGS84 latitude and longitude; else the raster's x and y: points in its CRS, or without one.
     bool lat_lon() const;
+    std::vector<std::string> field_names() const;
+    /// The fields whose values are wanted, by their places among the names; before read().
+    void choose(std::vector<int> fields);
     /// Calls `body` for each point in the file's order; each part of a multipoint is one. DataError naming the feature for
     /// any other geometry or none, and for a place that PROJ cannot transform.
     void read(const std::function<void(const PointRow&)>& body);

@@ -1,7 +1,10 @@
 #include "tools/observer_file.hpp"
 
+#include <algorithm>
 #include <filesystem>
+#include <iterator>
 #include <numbers>
+#include <span>
 #include <system_error>
 
 #include "lib/error.hpp"
@@ -16,10 +19,15 @@ namespace {
 
 enum Field { agl, msl, hae, range, heading, lat, lon, x, y };
 
+constexpr unsigned altitudes = 1U << agl | 1U << msl | 1U << hae;
+
 /// Names of fields and of columns; the first one of each field is the one that documents and messages use.
 constexpr TableColumn names[] = {{agl, "height", "m"},
                                  {agl, "altitude-agl", "m"},
                                  {agl, "altitude_agl", "m"},
+                                 {agl, "height_m", "m", Dimension::length, false, altitudes},
+                                 {agl, "hgt", "m", Dimension::length, false, altitudes},
+                                 {agl, "predominant_height", "m", Dimension::length, false, altitudes},
                                  {msl, "altitude", "m"},
                                  {msl, "altitude-msl", "m"},
                                  {msl, "altitude_msl", "m"},
@@ -87,10 +95,14 @@ void check_count(const std::string& subject, std::size_t count) {
 }
 
 Observers finish(const std::string& path, const std::string& subject, bool is_table, bool lat_lon,
-                 std::vector<Observer> all) {
+                 std::vector<Observer> all, const std::vector<std::string>& left_out) {
     if (all.empty()) throw InputError(text(subject, " holds no observer; at least one is needed"));
     all.shrink_to_fit();
-    return Observers(path, is_table, lat_lon, std::move(all));
+    std::string note;
+    for (const std::string& name : left_out)
+        note += text(note.empty() ? text(subject, ": ", is_table ? "columns" : "fields", " that are left out: ") : ", ",
+                     name);
+    return Observers(path, is_table, lat_lon, std::move(all), std::move(note));
 }
 
 Observers read_table(const std::string& path, bool altitude_given, const Stop& stop) {
@@ -115,20 +127,33 @@ Observers read_table(const std::string& path, bool altitude_given, const Stop& s
             value);
         all.push_back(o);
     }
-    return finish(path, subject, true, lat_lon, std::move(all));
+    return finish(path, subject, true, lat_lon, std::move(all), table.left_out());
 }
 
 Observers read_points(const std::string& path, const std::string& layer, bool altitude_given,
                       const DataBase& data_base) {
     const std::string subject = text("observers ", in_quotes(path));
-    PointFileParams params{"observers", path, layer, {}};
-    std::vector<const TableColumn*> columns;
-    for (const TableColumn& column : names)
-        if (column.field <= heading) {
-            columns.push_back(&column);
-            params.fields.emplace_back(column.name);
+    PointFile file({"observers", path, layer}, data_base);
+    // Places are the points' own.
+    const auto of_points = std::span(names).first(static_cast<std::size_t>(std::count_if(
+        std::begin(names), std::end(names), [](const TableColumn& column) { return column.field <= heading; })));
+    std::vector<NamedColumn> fields;
+    for (const std::string& name : file.field_names()) fields.push_back(named_column(name, of_points));
+    for (NamedColumn& field : fields)
+        if (!field.whole) field.known = nullptr;
+    let_stand_back(fields);
+    std::vector<NamedColumn> columns;
+    std::vector<int> places;
+    std::vector<std::string> left_out;
+    for (std::size_t i = 0; i < fields.size(); ++i) {
+        if (!fields[i].known) {
+            left_out.push_back(in_quotes(fields[i].name));
+            continue;
         }
-    PointFile file(params, data_base);
+        columns.push_back(fields[i]);
+        places.push_back(static_cast<int>(i));
+    }
+    file.choose(places);
     std::vector<Observer> all;
     file.read([&](const PointRow& row) {
         check_count(subject, all.size());
@@ -136,21 +161,23 @@ Observers read_points(const std::string& path, const std::string& layer, bool al
         const auto place = [&](int field) {
             std::size_t found = columns.size();
             for (std::size_t i = columns.size(); i-- > 0;)
-                if (columns[i]->field == field && row.values[i]) found = i;
+                if (columns[i].known->field == field && row.values[i] &&
+                    (found == columns.size() || columns[i].known <= columns[found].known))
+                    found = i;
             return found;
         };
         const auto value = [&](int field) {
             const std::size_t i = place(field);
             const Bounds b = bounds(field);
-            const TableColumn& column = *columns[i];
+            const TableColumn& column = *columns[i].known;
             double v = b.low - 1;
             try {
-                v = parse_quantity_or_number(column.dimension, column.name, *row.values[i], column.unit);
+                v = parse_quantity_or_number(column.dimension, column.name, *row.values[i], columns[i].unit);
             } catch (const InputError&) {
             }
             if (!(v >= b.low && v <= b.high))
                 throw InputError(text(where, ", field ", column.name, " is ", in_quotes(*row.values[i]),
-                                      "; it must be a number (", column.unit, ") or one with a unit, ", b.words));
+                                      "; it must be a number (", columns[i].unit, ") or one with a unit, ", b.words));
             return v;
         };
         Observer o;
@@ -161,7 +188,7 @@ Observers read_points(const std::string& path, const std::string& layer, bool al
             o, where, altitude_given, [&](int field) { return place(field) < columns.size(); }, value);
         all.push_back(o);
     });
-    return finish(path, subject, false, file.lat_lon(), std::move(all));
+    return finish(path, subject, false, file.lat_lon(), std::move(all), left_out);
 }
 
 /// Can be read once, from front to end; a terminal too.

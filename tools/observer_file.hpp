@@ -25,8 +25,9 @@ struct Observer {
 
 class Observers {
 public:
-    Observers(std::string path, bool is_table, bool lat_lon, std::vector<Observer> all)
-        : path_(std::move(path)), is_table_(is_table), lat_lon_(lat_lon), all_(std::move(all)) {}
+    Observers(std::string path, bool is_table, bool lat_lon, std::vector<Observer> all, std::string note)
+        : path_(std::move(path)), note_(std::move(note)), is_table_(is_table), lat_lon_(lat_lon), all_(std::move(all)) {
+    }
 
     std::size_t size() const { return all_.size(); }
     const Observer& operator[](std::size_t i) const { return all_[i]; }
@@ -35,11 +36,14 @@ public:
     std::string words(std::size_t i) const;
     const char* number_name() const { return is_table_ ? "line" : "feature"; }
 
+    /// For a remark: what of the file is left out; empty: nothing.
+    const std::string& note() const { return note_; }
+
     /// The scene of one: `base` with what the file says.
     Scene scene(const Scene& base, std::size_t i) const;
 
 private:
-    std::string path_;
+    std::string path_, note_;
     bool is_table_, lat_lon_;
     std::vector<Observer> all_;
 };

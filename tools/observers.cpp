@@ -433,6 +433,7 @@ void coverage_of_observers(const Settings& given, double start_s, Stop& stop) {
                        judged > 0 ? 100 * static_cast<double>(facts.posts.enough) / judged : 0.0, facts.posts.most));
     if (judged == 0) remark(settings.quiet, nothing_judged_line(settings));
     remark_unused(settings.quiet, unfit_map);
+    if (!observers->note().empty()) remark(settings.quiet, observers->note());
     remark(settings.quiet, text("written: ", settings.output,
                                 fmt::format(" ({:.1f} s, {:.1f} observers/s)", now_s() - start_s,
                                             static_cast<double>(observers->size()) / run->sweep_s())));

@@ -32,6 +32,49 @@ bool split(std::string_view line, std::vector<std::string_view>& cells) {
 
 }  // namespace
 
+NamedColumn named_column(std::string_view header, std::span<const TableColumn> known) {
+    NamedColumn column;
+    column.name = header;
+    const bool round = header.ends_with(')') && header.find('[') == std::string_view::npos;
+    const auto open = round ? header.rfind('(') : header.find('[');
+    const std::string_view name = trimmed(header.substr(0, open));
+    for (const TableColumn& one : known)
+        if (same_letters(name, one.name)) column.known = &one;
+    if (!column.known) return column;
+    column.unit = column.known->unit;
+    if (open == std::string_view::npos) return column;
+    const auto close = round ? header.size() - 1 : header.find(']', open);
+    column.whole = close == header.size() - 1;
+    column.unit =
+        std::string(trimmed(header.substr(open + 1, column.whole ? close - open - 1 : std::string_view::npos)));
+    if (*column.known->unit == 0) {
+        column.whole &= column.unit == (column.known->degrees ? "deg" : "");
+        column.unit.clear();
+    } else if (column.whole) {
+        try {
+            parse_quantity(column.known->dimension, "", "1" + column.unit);
+        } catch (const InputError&) {
+            column.whole = false;
+        }
+    }
+    if (round && !column.whole) column = {nullptr, column.name, "", true};
+    return column;
+}
+
+void let_stand_back(std::vector<NamedColumn>& columns) {
+    for (NamedColumn& column : columns) {
+        if (!column.known || column.known->unless == 0) continue;
+        for (const NamedColumn& other : columns) {
+            const bool first = &other < &column;
+            if (other.known && &other != &column && (other.known->unless == 0 || first) &&
+                (column.known->unless >> other.known->field & 1U)) {
+                column.known = nullptr;
+                break;
+            }
+        }
+    }
+}
+
 bool TableRows::next() {
     // No more of a line is read than may be, or a file without line ends would be held whole.
     constexpr std::size_t longest = 4096;
@@ -83,41 +126,29 @@ void TableReader::read_header() {
                                   rows_.cells()[0][at] == '\t' ? "a tab" : text("'", rows_.cells()[0][at], "'"),
                                   "; accepted: ','"));
     for (const std::string_view cell : rows_.cells()) {
-        const auto open = cell.find('[');
-        const std::string_view name = trimmed(cell.substr(0, open));
-        const TableColumn* found = nullptr;
-        for (const TableColumn& column : known_)
-            if (same_letters(name, column.name)) found = &column;
+        NamedColumn column = named_column(cell, known_);
         const std::string at = text(rows_.subject(), ", line ", rows_.line(), ": column ", columns_.size() + 1);
+        const TableColumn* const found = column.known;
         if (!found && !others_) throw InputError(text(at, " is ", in_quotes(cell), "; accepted: ", accepted_));
-        if (!found) {
-            columns_.push_back({nullptr, ""});
-            continue;
-        }
-        if (column_of(found->field)) throw InputError(text(at, " is ", in_quotes(cell), ", and so is one before"));
-        std::string unit = found->unit;
-        if (open != std::string_view::npos) {
-            const auto close = cell.find(']', open);
-            const bool whole = close == cell.size() - 1;
-            unit = std::string(trimmed(cell.substr(open + 1, whole ? close - open - 1 : std::string_view::npos)));
-            if (*found->unit == 0) {
-                if (!whole || unit != (found->degrees ? "deg" : ""))
-                    throw InputError(text(at, " is ", in_quotes(cell), "; accepted: ", found->name,
-                                          found->degrees ? ", in degrees" : ", in the raster's own units"));
-                unit.clear();
-            } else {
-                try {
-                    if (!whole) throw InputError("");
-                    parse_quantity(found->dimension, "", "1" + unit);
-                } catch (const InputError&) {
-                    throw InputError(text(at, " is ", in_quotes(cell),
-                                          "; accepted units: ", unit_list(found->dimension), ", as in ", found->name,
-                                          " [", found->unit, "]"));
-                }
-            }
-        }
-        columns_.push_back({found, unit});
+        if (!column.whole && *found->unit == 0)
+            throw InputError(text(at, " is ", in_quotes(cell), "; accepted: ", found->name,
+                                  found->degrees ? ", in degrees" : ", in the raster's own units"));
+        if (!column.whole)
+            throw InputError(text(at, " is ", in_quotes(cell), "; accepted units: ", unit_list(found->dimension),
+                                  ", as in ", found->name, " [", found->unit, "]"));
+        if (found && found->unless == 0)
+            if (const auto before = column_of(found->field); before && columns_[*before].known->unless == 0)
+                throw InputError(text(at, " is ", in_quotes(cell), ", and so is one before"));
+        columns_.push_back(std::move(column));
     }
+    let_stand_back(columns_);
+}
+
+std::vector<std::string> TableReader::left_out() const {
+    std::vector<std::string> names;
+    for (const NamedColumn& column : columns_)
+        if (!column.known) names.push_back(in_quotes(column.name));
+    return names;
 }
 
 bool TableReader::next_row() {
@@ -135,7 +166,7 @@ bool TableReader::given(int field) const {
 
 double TableReader::value(int field) const {
     const std::size_t at = *column_of(field);
-    const Column& column = columns_[at];
+    const NamedColumn& column = columns_[at];
     const std::string_view cell = rows_.cells()[at];
     const bool plain = column.unit.empty();
     try {

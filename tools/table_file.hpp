@@ -19,7 +19,19 @@ struct TableColumn {
     const char* unit = "";  ///< of a bare number; empty: a plain number
     Dimension dimension = Dimension::length;
     bool degrees = false;  ///< a plain number that is one of degrees
+    unsigned unless =
+        0;  ///< fields, as bits: a name that may mean something else and stands back where one of them is named
 };
+
+/// A column as its header names it, the unit in brackets behind, square ones or round.
+struct NamedColumn {
+    const TableColumn* known = nullptr;  ///< none: of another name, or with round brackets that hold no unit
+    std::string name, unit;              ///< the name as it stands there
+    bool whole = true;                   ///< false: what is in the square brackets is no unit of that column's
+};
+NamedColumn named_column(std::string_view header, std::span<const TableColumn> known);
+/// Makes columns of no known name of those that stand back for others, and of all but the first of one such field.
+void let_stand_back(std::vector<NamedColumn>& columns);
 
 /// The lines of a table that hold something, and their cells. Blank lines and those that begin with # are left out; a cell may
 /// stand in double quotes, and then hold commas, but no line break.
@@ -60,6 +72,8 @@ public:
     /// The line that names the columns; before the first row.
     void read_header();
     bool has(int field) const { return column_of(field).has_value(); }
+    /// Columns of other names, in quotes.
+    std::vector<std::string> left_out() const;
     /// The next row; false at the end.
     bool next_row();
     std::int64_t line() const { return rows_.line(); }
@@ -74,10 +88,6 @@ public:
     [[noreturn]] void refuse_header(const char* what) const;
 
 private:
-    struct Column {
-        const TableColumn* known;  ///< none: of another name
-        std::string unit;
-    };
     std::optional<std::size_t> column_of(int field) const;
 
     TableRows rows_;
@@ -85,7 +95,7 @@ private:
     std::string accepted_;
     bool others_;
     std::int64_t header_line_ = 0;
-    std::vector<Column> columns_;
+    std::vector<NamedColumn> columns_;
 };
 
 /// How a table gives places, by the fields of the columns for it: true: lat and lon; false: x and y. InputError where it gives
