@@ -34,6 +34,48 @@ TEST_CASE("coverage says how the sensor stands to the terrain, as simulate does"
     CHECK(line("void", "465150,3750120") == "sensor: 150.0 m above sea level, over a void of the terrain");
 }
 
+TEST_CASE("a lowest height that is a usual no-data value is remarked on", "[cli]") {
+    const Folder folder;
+    const auto terrain = [&](const std::string& name, const std::string& lowest, const std::string& no_data) {
+        std::string text =
+            "ncols 40\nnrows 40\nxllcorner 465000\nyllcorner 3750000\ncellsize 30\nNODATA_value " + no_data + "\n";
+        for (int post = 0; post < 1600; ++post) text += (post < 5 ? lowest : "100.5") + " ";
+        return folder.write(name, text);
+    };
+    const auto said = [&](const Strings& words) {
+        const Outcome outcome = folder.run(words);
+        INFO(outcome.err);
+        CHECK(outcome.code == 0);
+        return outcome.err;
+    };
+    const auto coverage_of = [](const std::string& path) {
+        return Strings{"coverage", path, "seen.tif", "--xy", "465600,3750600", "--altitude-agl", "30m", "--overwrite"};
+    };
+    for (const std::string lowest : {"-9999", "-32768", "-32767"}) {
+        INFO(lowest);
+        terrain("dem.asc", lowest, "-1");
+        const auto remarked = [&](const Strings& words, const std::string& where) {
+            CHECK_THAT(said(words), Contains(" is " + lowest + " m, a usual no-data value that it does not declare") &&
+                                        Contains("gdal_edit.py -a_nodata " + lowest + " " + where));
+        };
+        remarked({"info", "dem.asc"}, "'dem.asc'");
+        remarked({"tile", "dem.asc", "dem.store", "--overwrite"}, "'dem.asc'");
+        remarked({"info", "dem.store"}, "RASTER, of what the store was made from, and tile that again");
+        remarked(coverage_of("dem.store"), "RASTER");
+        remarked({"simulate", "--dem", "dem.store", "-o", "scope.png", "--geometry", "grid", "--xy", "465600,3750600",
+                  "--altitude-agl", "30m", "--range", "300m", "--size", "64", "--overwrite"},
+                 "RASTER");
+    }
+    const auto silent = [&](const Strings& words) { CHECK_THAT(said(words), !Contains("a usual no-data value")); };
+    terrain("dem.asc", "-9999", "-9999");
+    terrain("deep.asc", "-9998", "-1");
+    for (const std::string dem : {"dem.asc", "deep.asc"}) {
+        silent({"info", dem});
+        silent({"tile", dem, "dem.store", "--overwrite"});
+        silent(coverage_of("dem.store"));
+    }
+}
+
 TEST_CASE("coverage writes a mask on the raster's own grid, and every layer", "[cli][long]") {
     const Folder folder;
     const Strings start = {"coverage", dem, "seen.tif", "--latlon", "33.93,-117.33", "--altitude-agl", "300m"};

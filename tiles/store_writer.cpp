@@ -686,11 +686,12 @@ TileStoreSummary StoreWriter::summary() const {
     std::map<std::int32_t, std::uint64_t> codes;
     for (std::size_t i = 0; i < layers_.size(); ++i) {
         const RasterFacts& f = layers_[i]->entry.facts;
-        TileStoreSummary::Layer layer{name(layers_[i]->kind), type_name(f.type), f.columns, f.rows, 0, 0, 0};
+        TileStoreSummary::Layer layer{name(layers_[i]->kind), type_name(f.type), f.columns, f.rows};
         for (const Done& done : done_[i]) {
             layer.sheets += done.made;
             layer.reused += done.reused;
             layer.bytes += done.sheet.bytes;
+            layer.lowest = std::min(layer.lowest, done.values.lowest);
             all.add(done.disagreement);
             for (const auto& [code, cells] : done.codes) codes[code] += cells;
         }

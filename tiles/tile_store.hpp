@@ -8,6 +8,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <string>
@@ -93,6 +94,7 @@ struct TileStoreSummary {
         std::string name, type;
         std::int64_t columns = 0, rows = 0;
         std::uint64_t sheets = 0, reused = 0, bytes = 0;
+        float lowest = std::numeric_limits<float>::infinity();  ///< metres, of culture its codes; +inf: all is void
     };
     std::vector<Layer> layers;
     std::string note;                 ///< what was done to unlike rasters; empty: nothing

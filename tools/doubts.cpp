@@ -4,8 +4,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
+#include <limits>
 
+#include "lib/block_map.hpp"
+#include "lib/error.hpp"
 #include "lib/raised_source.hpp"
+#include "tiles/tile_store.hpp"
+#include "tools/units.hpp"
 
 namespace wedgescope {
 namespace {
@@ -102,6 +108,31 @@ std::vector<std::string> idle_effects(const Scene& scene, const DataBase& db, co
         lines.push_back(
             fmt::format("class-table adds {}, which neither material nor a code of the culture names", unnamed));
     return lines;
+}
+
+std::string undeclared_void(const std::string& terrain, double lowest_m) {
+    constexpr double usual[] = {-9999, -32767, -32768};
+    if (std::find(std::begin(usual), std::end(usual), lowest_m) == std::end(usual)) return {};
+    return fmt::format(
+        "the lowest height of {} is {:g} m, a usual no-data value that it does not declare; if it is one: "
+        "gdal_edit.py -a_nodata {:g} {}",
+        in_quotes(terrain), lowest_m, lowest_m,
+        is_tile_store(terrain) ? "RASTER, of what the store was made from, and tile that again" : in_quotes(terrain));
+}
+
+std::string undeclared_void(const std::string& terrain, WedgeSource& source) {
+    BlockMap* const map = source.block_map();
+    if (!map) return {};
+    const DataBase& db = source.data_base();
+    const int level = map->levels() - 1;
+    double lowest_m = std::numeric_limits<double>::infinity();
+    try {
+        for (const BlockBounds& b : map->read(level, blocks_of({{0, db.columns}, {0, db.rows}}, level)).bounds)
+            lowest_m = std::min(lowest_m, static_cast<double>(b.lowest_m));
+    } catch (const IoError&) {  // a remark is not worth a run
+    } catch (const DataError&) {
+    }
+    return undeclared_void(terrain, lowest_m);
 }
 
 }  // namespace wedgescope

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "lib/engine.hpp"
+#include "lib/wedge_source.hpp"
 
 namespace wedgescope {
 
@@ -31,5 +32,11 @@ std::string above_terrain(const ResolvedScene& scene);
 /// known.
 std::vector<std::string> idle_effects(const Scene& scene, const DataBase& data_base,
                                       const std::optional<Legend>& legend = {});
+
+/// Why the lowest height of a terrain looks like the no-data value that it does not declare, and how to declare it; empty: it does
+/// not. `terrain`: its path.
+std::string undeclared_void(const std::string& terrain, double lowest_m);
+/// The same of what is known without reading posts.
+std::string undeclared_void(const std::string& terrain, WedgeSource& source);
 
 }  // namespace wedgescope

@@ -1,6 +1,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include "lib/material.hpp"
 #include "lib/plan.hpp"
@@ -10,6 +13,7 @@
 #include "tiles/tile_store.hpp"
 #include "tools/budget.hpp"
 #include "tools/commands.hpp"
+#include "tools/doubts.hpp"
 #include "tools/ground.hpp"
 #include "tools/help.hpp"
 #include "tools/options.hpp"
@@ -493,6 +497,10 @@ void info(const std::vector<std::string>& arguments, Stop& stop) {
     json all{{"format", "wedgescope-info-1"}, {"version", version()}, {"files", json::array()}};
     std::string page;
     std::size_t damage = 0;
+    std::vector<std::string> remarks;
+    const auto look_at = [&](const std::string& path, double lowest_m) {
+        if (std::string line = undeclared_void(path, lowest_m); !line.empty()) remarks.push_back(std::move(line));
+    };
     for (const std::string& path : settings.files) {
         stop.check();
         const auto add = [&](const auto& facts) {
@@ -506,15 +514,21 @@ void info(const std::vector<std::string>& arguments, Stop& stop) {
         if (path.ends_with(".ini")) {
             add(scene_facts(path, stop));
         } else if (is_tile_store(path)) {
-            add(store_facts(settings, path, stop, damage));
+            const StoreFacts facts = store_facts(settings, path, stop, damage);
+            add(facts);
+            look_at(path, facts.store.layers.at(0).lowest);
         } else if (settings.verify) {
             throw InputError(text("verify is for tile stores; ", in_quotes(path), " is none"));
         } else {
             check_summary(settings, path);
-            add(raster_facts(path, own ? legend(settings, path) : codes, settings.scene.materials, stop));
+            const RasterFacts facts =
+                raster_facts(path, own ? legend(settings, path) : codes, settings.scene.materials, stop);
+            add(facts);
+            look_at(path, facts.summary.lowest);
         }
     }
     print(settings.json ? all.dump(2, ' ', false, json::error_handler_t::replace) + "\n" : page);
+    for (const std::string& line : remarks) remark(settings.quiet, line);
     if (damage > 0) throw DataError(text(damage, damage == 1 ? " damage was" : " damages were", " found"));
 }
 

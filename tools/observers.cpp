@@ -21,6 +21,7 @@
 #include "tiles/shared_source.hpp"
 #include "tools/budget.hpp"
 #include "tools/coverage_report.hpp"
+#include "tools/doubts.hpp"
 #include "tools/ground.hpp"
 #include "tools/lanes.hpp"
 #include "tools/observer_file.hpp"
@@ -433,6 +434,7 @@ void coverage_of_observers(const Settings& given, double start_s, Stop& stop) {
                        judged > 0 ? 100 * static_cast<double>(facts.posts.enough) / judged : 0.0, facts.posts.most));
     if (judged == 0) remark(settings.quiet, nothing_judged_line(settings));
     remark_unused(settings.quiet, unfit_map);
+    if (const std::string line = undeclared_void(settings.dem, *source); !line.empty()) remark(settings.quiet, line);
     if (!observers->note().empty()) remark(settings.quiet, observers->note());
     remark(settings.quiet, text("written: ", settings.output,
                                 fmt::format(" ({:.1f} s, {:.1f} observers/s)", now_s() - start_s,

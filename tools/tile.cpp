@@ -7,6 +7,7 @@
 #include "tiles/gdal_session.hpp"
 #include "tiles/tile_store.hpp"
 #include "tools/commands.hpp"
+#include "tools/doubts.hpp"
 #include "tools/help.hpp"
 #include "tools/options.hpp"
 #include "tools/report_json.hpp"
@@ -174,6 +175,11 @@ void tell(const Settings& settings, const TileStoreSummary& summary, double seco
         say(text("features ", in_quotes(settings.features),
                  ": none lies on a cell of the terrain (is their CRS what the file says, longitude before latitude?)"));
     std::uint64_t reused = 0;
+    if (!summary.layers.empty()) {
+        const std::string line = undeclared_void(settings.files.size() == 2 ? settings.files[0] : settings.files.back(),
+                                                 static_cast<double>(summary.layers[0].lowest));
+        if (!line.empty()) say(line);
+    }
     for (const auto& layer : summary.layers) {
         say(fmt::format("{}: {} x {} {} in {}, {}", layer.name, layer.columns, layer.rows, layer.type,
                         counted(layer.sheets, "sheet"), readable_bytes(static_cast<double>(layer.bytes))));
