@@ -85,7 +85,9 @@ TEST_CASE("coverage understands gdal_viewshed's options", "[cli][long]") {
     refuses(folder, with(run, {"-ox", "453717"}), 2, {"-oy is missing"});
     refuses(folder, with(run, {"-ox", "east", "-oy", "3740093"}), 2, {"-ox is 'east'"});
     refuses(folder, with(run, with(place, {"-b", "2"})), 2, {"-b is '2'"});
-    refuses(folder, with(run, with(place, {"-om", "DEM"})), 2, {"-om is 'DEM'", "--layer height"});
+    refuses(folder, with(run, with(place, {"-om", "DEM"})), 2, {"-om is 'DEM'", "--layer height", "above the ground"});
+    refuses(folder, with(run, with(place, {"-om", "GROUND"})), 2, {"-om is 'GROUND'", "--layer height gives what"});
+    refuses(folder, with(run, with(place, {"-om", "BOTH"})), 2, {"-om is 'BOTH'; it must be NORMAL"});
     refuses(folder, with(run, with(place, {"-vv", "300"})), 2, {"-vv is '300'", "255"});
     refuses(folder, with(run, with(place, {"-oz"})), 2, {"-oz"});
     refuses(folder, {"coverage", data + "/N44W072.hgt", "x.tif", "-ox", "-71.5", "-oy", "44.5"}, 2, {"geodesic"});

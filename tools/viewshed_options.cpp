@@ -36,6 +36,15 @@ std::string earth_of(const std::string& option, const std::string& value) {
     return text(wgs84_a_m / mean_radius_m / curvature);
 }
 
+/// What gives the heights of an output mode.
+const char* instead_of(const std::string& mode) {
+    if (mode == "GROUND") return " (--layer height gives what GROUND does)";
+    if (mode == "DEM")
+        return " (DEM's heights are above the zero of the terrain's; --layer height gives those above the ground, as "
+               "GROUND does)";
+    return "";
+}
+
 }  // namespace
 
 ViewshedArguments translate_viewshed(const std::vector<std::string>& arguments) {
@@ -64,8 +73,7 @@ ViewshedArguments translate_viewshed(const std::vector<std::string>& arguments) 
             if (parse_number(word, value) != 1) throw InputError(text("-b is ", in_quotes(value), "; it must be 1"));
         } else if (word == "-om") {
             if (value != "NORMAL")
-                throw InputError(text("-om is ", in_quotes(value),
-                                      "; it must be NORMAL (--layer height gives the heights that are needed)"));
+                throw InputError(text("-om is ", in_quotes(value), "; it must be NORMAL", instead_of(value)));
         } else {
             parse_number(word, value);
             if (!place.emplace(word, value).second) throw InputError(text("option ", word, " is given twice"));
