@@ -418,3 +418,12 @@ TEST_CASE("coverage of nothing but voids says so, and so does a picture", "[cli]
     CHECK(outcome.code == 0);
     CHECK(outcome.err.empty());
 }
+
+TEST_CASE("a black picture says whether a higher gain would show more", "[cli]") {
+    const Folder folder;
+    const Strings dark = with(good, with(out, {"--overwrite"}));
+    CHECK_THAT(folder.run(with(dark, {"--if-gain", "0dB"})).err, Contains("a higher if-gain shows more"));
+    const Outcome water = folder.run(with(dark, {"--material", "water"}));
+    CHECK_THAT(water.err, Contains("nothing that is seen returns an echo (as water at sea-state 0)"));
+    CHECK_THAT(water.err, !Contains("if-gain"));
+}

@@ -25,6 +25,10 @@ bool may_hold_water(const Scene& scene, const DataBase& db, const std::optional<
                                   [&](const auto& code) { return is_of_water(classes[code.second]); });
 }
 
+bool echoes(const RunResult& r) {
+    return std::any_of(r.power_w.cells.begin(), r.power_w.cells.end(), [](float power_w) { return power_w > 0; });
+}
+
 }  // namespace
 
 std::array<std::string, doubt_count> doubts(const RunResult& r, bool pictured) {
@@ -39,7 +43,8 @@ std::array<std::string, doubt_count> doubts(const RunResult& r, bool pictured) {
     else if (pictured && r.scope.lit == 0)
         lines[nothing_lit] = r.scene.scene.receiver.minimum_range_m.value_or(0) * 1e-3 >= range_km
                                  ? "minimum-range is beyond the range: nothing is received"
-                                 : "every echo stays below the tube's black level (a higher if-gain shows more)";
+                             : echoes(r) ? "every echo stays below the tube's black level (a higher if-gain shows more)"
+                                         : "nothing that is seen returns an echo (as water at sea-state 0)";
     const double step_deg = Angle::radians(r.scene.swept.azimuth_step_rad()).deg(),
                  beam_deg = r.scene.scene.radar.antenna.beam.deg();
     if (r.scene.scene.radar.beam_width_error && step_deg > 0.5001 * beam_deg)

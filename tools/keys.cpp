@@ -743,8 +743,8 @@ void add_talk(Table& t) {
         c.commands |= command_info | command_tile;
     }
     t.add("profile", flag([](auto& s) -> auto& { return s.profile; }), "off",
-          "tables on stderr: CPU by stage, waits, posts, bytes and memory of each wedge; and how far each stage is "
-          "from what this machine can do");
+          "tables on stderr: CPU by stage, waits, posts, bytes and memory of each wedge; and what share each stage "
+          "reached of what one thread of this machine could do (stages that all threads share may exceed 100 %)");
     t.add("verbose", flag([](auto& s) -> auto& { return s.verbose; }), "off", "the first of these tables");
     {
         Key& q = t.add("quiet", flag([](auto& s) -> auto& { return s.quiet; }), "off", "no progress and no remarks");
