@@ -803,6 +803,21 @@ TEST_CASE("another scene is refused, an edited data base and a damaged wedge are
     CHECK(Images(folder) == straight);
 }
 
+TEST_CASE("a run of some wedges says which outputs it leaves", "[resume][program]") {
+    const Folder folder;
+    Program program(folder);
+    const Strings part =
+        scene_over(data + "/inland_empire_dem.tif") + Strings{"--work-dir", "work", "--only-wedge", "0"};
+    const Outcome two = program.run(part + Strings{"-o", "ow.png", "--echo", "ow.tif"});
+    CHECK(two.code == 0);
+    CHECK_THAT(two.err,
+               Contains("written: 1 of 12 wedges in 'work'; 'ow.png', 'ow.tif' are left to the run that merges "
+                        "all wedges (--resume) ("));
+    CHECK_FALSE(fs::exists(folder / "ow.png"));
+    CHECK_THAT(program.run(part + Strings{"--states", "ow.tif"}).err, Contains("; 'ow.tif' is left to the run"));
+    CHECK_THAT(program.run(part).err, Contains("wedges in 'work' ("));
+}
+
 TEST_CASE("two processes fill one folder, and resume merges", "[resume][program]") {
     const Folder folder;
     Program program(folder);

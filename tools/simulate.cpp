@@ -151,6 +151,16 @@ std::string kept_words(const WorkDir* work) {
                 " (--resume goes on)");
 }
 
+/// Of a run with only-wedge: the outputs that it was given and that are not its to write; empty if it was given none.
+std::string left_words(const Settings& s) {
+    std::vector<std::string> left;
+    for (const std::string* path : {&s.output, &s.echo, &s.power, &s.states})
+        if (!path->empty()) left.push_back(in_quotes(*path));
+    if (left.empty()) return "";
+    return fmt::format("; {} {} left to the run that merges all wedges (--resume)", fmt::join(left, ", "),
+                       left.size() > 1 ? "are" : "is");
+}
+
 void simulate(const Settings& given, WorkDir* work, double start_s, Stop& stop) {
     Settings settings = given;
     Outputs outputs(settings);
@@ -254,7 +264,7 @@ void simulate(const Settings& given, WorkDir* work, double start_s, Stop& stop) 
         fmt::print(stderr, "{}", limits_words(settings, stage_work(result.report, outer.write_s, usage)));
     if (settings.only_wedges) {
         written += text(written.empty() ? "" : ", ", work->kept(), " of ", work->recorded_split().size(), " wedges in ",
-                        in_quotes(work->path()));
+                        in_quotes(work->path()), left_words(settings));
     }
     remark(settings.quiet, text("written: ", written, fmt::format(" ({:.1f} s)", now_s() - start_s)));
 }
