@@ -131,6 +131,21 @@ TEST_CASE("a scene that contradicts itself or says too little is refused", "[cli
             {"inland_empire_culture.tif' is no text", "key = value"});
 }
 
+TEST_CASE("a temp-dir that is none is refused at once, needed or not", "[cli]") {
+    const Folder folder;
+    folder.write("file", "x");
+    const Strings place = {"--latlon", "33.93,-117.33", "--altitude-msl", "7000ft"};
+    for (const auto& [path, why] :
+         {std::pair<const char*, const char*>{"missing", "No such file or directory"}, {"file", "it is no folder"}}) {
+        const Strings more = {"--temp-dir", path};
+        const Strings words = {"temp-dir '" + std::string(path) + "' cannot be used: ", why, "accepted: a folder"};
+        refuses(folder, with(with(good, out), more), 1, words);
+        refuses(folder, with(with({"coverage", dem, "seen.tif"}, place), more), 1, words);
+        refuses(folder, with(with({"info", "--plan", "--dem", dem}, place), more), 1, words);
+        refuses(folder, with(with({"budget", "--dem", dem, "--at", "0deg,3km"}, place), more), 1, words);
+    }
+}
+
 TEST_CASE("a raster that cannot be used is named", "[cli]") {
     const Folder folder;
     const Strings rest = {"--latlon", "33.93,-117.33", "--altitude-msl", "7000ft", "-o", "scope.png"};

@@ -1,9 +1,14 @@
 #include "tools/options.hpp"
 
+#include <unistd.h>
+
 #include <algorithm>
 #include <boost/program_options.hpp>
+#include <cerrno>
+#include <cstring>
 #include <filesystem>
 #include <map>
+#include <system_error>
 
 #include "tiles/tile_store.hpp"
 #include "tools/radar_set.hpp"
@@ -656,9 +661,21 @@ void check_mask(const Settings& settings) {
     }
 }
 
+/// At once, not when the first run comes along that needs the disk.
+void check_temp_dir(const Settings& settings) {
+    if (settings.temp_dir.empty()) return;
+    std::error_code error;
+    const bool folder = std::filesystem::is_directory(settings.temp_dir, error);
+    if (folder && ::access(settings.temp_dir.c_str(), W_OK | X_OK) == 0) return;
+    const std::string why = error ? error.message() : folder ? std::strerror(errno) : "it is no folder";
+    throw IoError(text("temp-dir ", in_quotes(settings.temp_dir), " cannot be used: ", why,
+                       "; accepted: a folder that can be written to"));
+}
+
 }  // namespace
 
 void check_complete(const Settings& settings) {
+    check_temp_dir(settings);
     const PlatformParams& platform = settings.scene.platform;
     if (settings.dem.empty()) throw InputError("dem is missing; the path of a terrain raster is needed");
     const bool moves = !settings.track.empty(), many = !settings.observers.empty();

@@ -44,7 +44,8 @@ std::vector<Given> read_scene(const std::string& path, std::string_view content)
 /// check.
 Settings settings_from(const std::vector<Given>& scene_file, const std::vector<Given>& command_line);
 
-/// What a simulation needs beside what each key checks: a terrain, one place, one altitude, a legend for culture.
+/// What a simulation needs beside what each key checks: a terrain, one place, one altitude, a legend for culture, and a
+/// folder where temp-dir says one is. InputError, IoError.
 void check_complete(const Settings& settings);
 
 /// The word of `words` nearest to `word` if it is near enough to be meant.
