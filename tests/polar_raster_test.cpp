@@ -183,6 +183,13 @@ TEST_CASE("a polar raster tells where its cells are, in what unit, and of what s
     }
 }
 
+TEST_CASE("numbers of the metadata have fifteen digits, and nothing is minus zero", "[polar_raster]") {
+    CHECK(fifteen_digits(-0.0) == "0");
+    CHECK(fifteen_digits(0) == "0");
+    CHECK(fifteen_digits(-1.5) == "-1.5");
+    CHECK(fifteen_digits(44.968868699999994) == "44.9688687");
+}
+
 TEST_CASE("gdalwarp -geoloc finds every cell of a polar raster where the geodesic puts it", "[polar_raster]") {
     const Folder folder;
     const double bin = 30;

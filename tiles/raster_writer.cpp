@@ -672,6 +672,6 @@ Metadata scene_metadata(const ResolvedScene& scene, const RasterFormat& format) 
     return items;
 }
 
-std::string fifteen_digits(double value) { return fmt::format("{:.15g}", value); }
+std::string fifteen_digits(double value) { return fmt::format("{:.15g}", value + 0.0); }  // never -0
 
 }  // namespace wedgescope
