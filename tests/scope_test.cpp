@@ -788,3 +788,14 @@ TEST_CASE("a track's frame serves as the echo of its row, a scan's does not", "[
     refuses(folder, {"scope", folder / "echo_0001.tif", "-o", folder / "new.png"}, 2,
             {"scan", "several places", "new sweep"});
 }
+
+TEST_CASE("the range bin of an echo image's metadata is its own", "[scope]") {
+    const Folder folder;
+    const std::string echo = folder / "echo.tif", png = folder / "scope.png";
+    folder.make(with(with({"simulate"}, quick_riverside), {"--pulse", "1.2us", "--echo", echo, "-q"}));
+    REQUIRE(content(echo).find("<Item name=\"RANGE_STEP_M\">44.9688687</Item>") !=
+            std::string::npos);  // of 44.968868699999994
+    const Strings start = {"scope", echo, "-q", "-o", png};
+    folder.make(with(start, {"--range-bin", "44.9688687m"}));
+    refuses(folder, with(start, {"--overwrite", "--range-bin", "44.968868m"}), 2, {"44.968868m", "new sweep"});
+}

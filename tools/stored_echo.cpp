@@ -231,7 +231,13 @@ std::string bins_words(Interval bins) { return text(bins.begin, " to ", bins.end
 
 }  // namespace
 
-ResolvedScene scene_from_echo(const StoredEcho& echo, const std::vector<Given>& given, const Settings& settings) {
+ResolvedScene scene_from_echo(const StoredEcho& echo, const std::vector<Given>& given, const Settings& asked) {
+    Settings settings = asked;
+    // As its metadata have it, in fifteen digits.
+    constexpr double rounding = 1e-12;
+    if (std::optional<double>& bin_m = settings.scene.range_bin_m;
+        bin_m && std::abs(*bin_m - echo.scene.swept.range_bin_m) <= rounding * echo.scene.swept.range_bin_m)
+        bin_m = echo.scene.swept.range_bin_m;
     if (echo.settings.scan_step)
         throw InputError(text("echo image ", in_quotes(echo.path),
                               " is a scan's (scan-step), whose azimuths were seen from several places", sweep_needed));
