@@ -660,7 +660,7 @@ TEST_CASE("observers in whose view no post holds a height are told of", "[observ
     const Words words = {folder / "dem.tif", folder / "out.tif", "--observers", folder / "t.csv", "--range", "5km"};
     const Ended ended = run_program(with({program, "coverage"}, words), folder / "log");
     CHECK(ended.code == 0);
-    CHECK_THAT(ended.err, Contains("dem.tif': no post in view holds a height; all of '"));
+    CHECK_THAT(ended.err, Contains("dem.tif' lies within range, sector and pitch, or all of it is void; all of '"));
 }
 
 TEST_CASE("the profile of many observers tells how far their stages stay behind the machine's limits", "[observers]") {

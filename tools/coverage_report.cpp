@@ -36,7 +36,8 @@ json quadrant_json(const QuadrantReport& q) {
 }
 
 std::string nothing_judged_line(const Settings& settings) {
-    return text(in_quotes(settings.dem), ": no post in view holds a height; all of ", in_quotes(settings.output),
+    return text("nothing of ", in_quotes(settings.dem),
+                " lies within range, sector and pitch, or all of it is void; all of ", in_quotes(settings.output),
                 " is no data or out of range");
 }
 
