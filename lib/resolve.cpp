@@ -14,6 +14,7 @@
 #include "lib/refine.hpp"
 #include "lib/rounding.hpp"
 #include "lib/shade.hpp"
+#include "lib/swapped_place.hpp"
 
 namespace wedgescope {
 namespace {
@@ -80,7 +81,7 @@ void locate(ResolvedScene& s, const DataBase& db) {
         throw InputError(text("the sensor's position, ", p.latlon ? "latitude, longitude " : "x, y ",
                               p.latlon ? p.latlon->lat_deg : p.xy->x, ",", p.latlon ? p.latlon->lon_deg : p.xy->y,
                               ", is column ", s.nadir.column, ", row ", s.nadir.row, " on the grid of '", db.name,
-                              "'; accepted: within 1e8 posts of its first one"));
+                              "'; accepted: within 1e8 posts of its first one", swapped_hint(p, db)));
     s.nadir = {rounded(s.nadir.column, position_bits), rounded(s.nadir.row, position_bits)};
     s.x = db.origin_x + s.nadir.column * db.step_x;
     s.y = db.origin_y + s.nadir.row * db.step_y;
@@ -113,11 +114,12 @@ void stand(ResolvedScene& s, WedgeSource& source) {
             if (!s.nadir_on_data)
                 throw InputError(fmt::format(
                     "altitude-agl needs terrain below the sensor; column {:.1f}, row {:.1f} of '{}' is {} (give "
-                    "altitude-msl)",
+                    "altitude-msl){}",
                     s.nadir.column, s.nadir.row, db.name,
                     !s.nadir_in_raster          ? "outside the raster"
                     : beyond_posts(db, s.nadir) ? "beyond its outermost posts"
-                                                : "void"));
+                                                : "void",
+                    swapped_hint(p, db)));
             s.sensor_m = ground + p.altitude_m;
             break;
     }
@@ -266,9 +268,9 @@ ResolvedScene resolve_coverage(const Scene& scene, WedgeSource& source) {
         s.scene.range_m = 1.01 * farthest + std::abs(s.sensor_m) + highest_m;
         if (s.earth.inverse_radius() * farthest > 0.29)
             throw InputError(fmt::format(
-                "the raster reaches {:.0f} m from the sensor{}; give a range of at most {:.0f} m on this earth",
+                "the raster reaches {:.0f} m from the sensor{}; give a range of at most {:.0f} m on this earth{}",
                 farthest, s.nadir_in_raster ? "" : ", which lies outside of it (is its position right?)",
-                0.29 / s.earth.inverse_radius()));
+                0.29 / s.earth.inverse_radius(), swapped_hint(scene.platform, source.data_base())));
         s.farthest_arc_m = 1.01 * farthest;
     } else {
         const double range = *scene.range_m;

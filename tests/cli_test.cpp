@@ -90,7 +90,8 @@ TEST_CASE("coverage understands gdal_viewshed's options", "[cli][long]") {
     refuses(folder, with(run, with(place, {"-om", "BOTH"})), 2, {"-om is 'BOTH'; it must be NORMAL"});
     refuses(folder, with(run, with(place, {"-vv", "300"})), 2, {"-vv is '300'", "255"});
     refuses(folder, with(run, with(place, {"-oz"})), 2, {"-oz"});
-    refuses(folder, {"coverage", data + "/N44W072.hgt", "x.tif", "-ox", "-71.5", "-oy", "44.5"}, 2, {"geodesic"});
+    refuses(folder, {"coverage", data + "/N44W072.hgt", "x.tif", "-ox", "-71.5", "-oy", "44.5"}, 2,
+            {"geodesic", "-ox and -oy", "is in degrees; add --geometry geodesic"});
 }
 
 TEST_CASE("a scene that contradicts itself or says too little is refused", "[cli][long]") {
@@ -129,6 +130,20 @@ TEST_CASE("a scene that contradicts itself or says too little is refused", "[cli
     refuses(folder, {"simulate", "nowhere.ini", "-o", "scope.png"}, 1, {"nowhere.ini"});
     refuses(folder, {"simulate", data + "/inland_empire_culture.tif", "-o", "scope.png"}, 2,
             {"inland_empire_culture.tif' is no text", "key = value"});
+}
+
+TEST_CASE("latitude and longitude the wrong way round are asked about where that would help", "[cli]") {
+    const Folder folder;
+    const std::string hills = data + "/N44W072.hgt";
+    const auto with_place = [&](const std::string& place, const char* altitude) {
+        return Strings{"coverage", hills, "seen.tif", "--range", "1km",
+                       "--latlon", place, altitude,   "1km",     "--overwrite"};
+    };
+    refuses(folder, with_place("-71.5,44.5", "--altitude-agl"), 2, {"outside the raster", "(LAT,LON swapped?)"});
+    CHECK_THAT(folder.run(with_place("-71.5,44.5", "--altitude-msl")).err,
+               Contains("outside the terrain raster (LAT,LON swapped?)"));
+    for (const char* elsewhere : {"44.5,-71.5", "-71.5,45.5", "45.5,-71.5"})
+        CHECK_THAT(folder.run(with_place(elsewhere, "--altitude-msl")).err, !Contains("swapped"));
 }
 
 TEST_CASE("a temp-dir that is none is refused at once, needed or not", "[cli]") {

@@ -143,6 +143,9 @@ void coverage(const std::vector<std::string>& arguments, Stop& stop) {
     const std::string unfit_map = find_ground(settings, {}, stop);
     const DataBaseParams layers = data_base_params(settings, cache_bytes(settings), stop);
     std::unique_ptr<WedgeSource> source = open_direct_source(layers);
+    if (settings.snap_to_post && settings.scene.geometry == Geometry::grid && !source->data_base().crs_in_metres)
+        throw InputError(text("-ox and -oy make the ground a plane in metres, and ", in_quotes(settings.dem),
+                              " is in degrees; add --geometry geodesic"));
     if (settings.snap_to_post && settings.scene.platform.xy) {
         // gdal_viewshed's observer stands in the middle of the cell that the place lies in.
         const DataBase& db = source->data_base();
@@ -208,7 +211,7 @@ void coverage(const std::vector<std::string>& arguments, Stop& stop) {
                  judged = static_cast<double>(report.seen() + posts_in(State::shadow));
     remark(settings.quiet,
            fmt::format("sensor: {:.1f} m above sea level{}; seen: {}, {:.2f} % of those in range with data",
-                       scene.sensor_m, above_terrain(scene), counted(report.seen(), "post"),
+                       scene.sensor_m, above_terrain(scene, db), counted(report.seen(), "post"),
                        judged > 0 ? 100 * static_cast<double>(report.seen()) / judged : 0.0));
     if (judged == 0) remark(settings.quiet, nothing_judged_line(settings));
     if (!by_tiles)

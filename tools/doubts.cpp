@@ -10,6 +10,7 @@
 #include "lib/block_map.hpp"
 #include "lib/error.hpp"
 #include "lib/raised_source.hpp"
+#include "lib/swapped_place.hpp"
 #include "tiles/tile_store.hpp"
 #include "tools/units.hpp"
 
@@ -66,9 +67,10 @@ std::array<std::string, doubt_count> doubts(const RunResult& r, bool pictured) {
     return lines;
 }
 
-std::string above_terrain(const ResolvedScene& scene) {
+std::string above_terrain(const ResolvedScene& scene, const DataBase& db) {
     if (scene.nadir_on_data) return fmt::format(", {:.1f} m above the terrain", scene.sensor_m - scene.reference_m);
-    return scene.nadir_in_raster ? ", over a void of the terrain" : ", outside the terrain raster";
+    if (scene.nadir_in_raster) return ", over a void of the terrain";
+    return text(", outside the terrain raster", swapped_hint(scene.scene.platform, db));
 }
 
 std::vector<std::string> idle_effects(const Scene& scene, const DataBase& db, const std::optional<Legend>& legend) {

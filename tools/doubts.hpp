@@ -26,7 +26,7 @@ enum Doubt : std::size_t {
 /// A line for each kind of doubt that there is about a run; empty: none. `pictured`: is there a picture of it to be seen?
 std::array<std::string, doubt_count> doubts(const RunResult& result, bool pictured);
 /// ", 1662.8 m above the terrain", or why that cannot be said; behind the sensor's height above the sea.
-std::string above_terrain(const ResolvedScene& scene);
+std::string above_terrain(const ResolvedScene& scene, const DataBase& data_base);
 
 /// A line for each effect that a scene asks for and that changes nothing over a data base. `legend`: of its culture; none: not
 /// known.

@@ -65,10 +65,10 @@ std::vector<OutputFile*> Outputs::files() {
     return all;
 }
 
-std::string place(const ResolvedScene& r) {
+std::string place(const ResolvedScene& r, const DataBase& data_base) {
     const std::string where = r.has_lat_lon ? fmt::format("latitude {:.5f}, longitude {:.5f}", r.lat_deg, r.lon_deg)
                                             : fmt::format("x {:.1f}, y {:.1f}", r.x, r.y);
-    return text(where, fmt::format(", {:.1f} m above sea level", r.sensor_m), above_terrain(r));
+    return text(where, fmt::format(", {:.1f} m above sea level", r.sensor_m), above_terrain(r, data_base));
 }
 
 /// The work folder, opened before any work.
@@ -203,7 +203,7 @@ void simulate(const Settings& given, WorkDir* work, double start_s, Stop& stop) 
     const ResolvedScene scene = resolve(settings.scene, *source);
     resolving.end();
     // On a terminal at once; in a log behind all that can fail, so that an error stays a single line.
-    remark(settings.quiet || !terminal, text("sensor: ", place(scene)));
+    remark(settings.quiet || !terminal, text("sensor: ", place(scene, source->data_base())));
 
     EngineParams params = engine_params(settings);
     params.stop = &stop;
@@ -249,7 +249,7 @@ void simulate(const Settings& given, WorkDir* work, double start_s, Stop& stop) 
     const std::vector<OutputFile*> files = outputs.files();
     for (const OutputFile* file : files) written += (written.empty() ? "" : ", ") + file->final_path();
     OutputFile::commit(files);
-    remark(settings.quiet || terminal, text("sensor: ", place(scene)));
+    remark(settings.quiet || terminal, text("sensor: ", place(scene, source->data_base())));
     if (ground && settings.scene.far_shore)
         remark(settings.quiet, "far-shore is not in ground, which knows each post by itself");
     for (const std::string& unfit : {choice.unfit, unfit_map}) remark_unused(settings.quiet, unfit);

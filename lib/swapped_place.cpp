@@ -1,0 +1,24 @@
+#include "lib/swapped_place.hpp"
+
+#include <cmath>
+
+#include "lib/error.hpp"
+
+namespace wedgescope {
+
+const char* swapped_hint(const PlatformParams& platform, const DataBase& data_base) {
+    if (!platform.latlon || !data_base.has_crs || std::abs(platform.latlon->lon_deg) > 90) return "";
+    const auto holds = [&](double lat_deg, double lon_deg) {
+        try {
+            const auto [column, row] = data_base.locate(lat_deg, lon_deg);
+            return (data_base.cyclic || (column >= -0.5 && column <= static_cast<double>(data_base.columns) - 0.5)) &&
+                   row >= -0.5 && row <= static_cast<double>(data_base.rows) - 0.5;
+        } catch (const DataError&) {
+            return false;  // no place of the CRS
+        }
+    };
+    const LatLon& at = *platform.latlon;
+    return !holds(at.lat_deg, at.lon_deg) && holds(at.lon_deg, at.lat_deg) ? " (LAT,LON swapped?)" : "";
+}
+
+}  // namespace wedgescope
