@@ -419,6 +419,16 @@ TEST_CASE("coverage of nothing but voids says so, and so does a picture", "[cli]
     CHECK(outcome.err.empty());
 }
 
+TEST_CASE("no picture, layer or report goes to standard output, nor to a file that is called -", "[cli]") {
+    const Folder folder;
+    for (const char* key : {"-o", "--echo", "--report", "--timeline"})
+        refuses(folder, with(good, {key, "-"}), 2, {"output '-' is no file", "./- if that is its name"});
+    refuses(folder, with({"coverage", dem, "-"}, {"--latlon", "33.93,-117.33", "--altitude-msl", "7000ft"}), 2,
+            {"output '-' is no file"});
+    CHECK(folder.run(with(good, {"--states", "./-", "--of", "GTiff"})).code == 0);
+    CHECK(fs::exists(folder.work() / "-"));
+}
+
 TEST_CASE("a black picture says whether a higher gain would show more", "[cli]") {
     const Folder folder;
     const Strings dark = with(good, with(out, {"--overwrite"}));

@@ -802,6 +802,8 @@ TEST_CASE("a single evaluation can be written as a table of one row", "[evaluate
     CHECK(rows[0] ==
           Strings{"hs [m]", "h [m]", "s [m]", "k", "R [m]", "r [m]", "delta [deg]", "psi [deg]", "theta [deg]"});
     CHECK(Strings(rows[1].begin(), rows[1].begin() + 5) == Strings{"3000", "250", "20000", "flat", "6371008.7714"});
+    CHECK(table(folder.run({"sight", "hs=3000m", "h=250m", "s=20km", "k=flat", "-o", "-"}).out) == rows);
+    CHECK_FALSE(fs::exists("-"));
     // It is a table that evaluate takes, but for the outputs.
     std::string back;
     for (std::size_t line = 0; line < 2; ++line)

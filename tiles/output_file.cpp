@@ -87,6 +87,10 @@ private:
 
 void OutputFile::check(const std::string& final_path, bool overwrite) {
     if (final_path.empty()) throw InputError("output has an empty name; accepted: the path of a file");
+    if (final_path == "-")
+        throw InputError(
+            "output '-' is no file; accepted: the path of one (./- if that is its name): of what is written to files, "
+            "standard output takes evaluate's table alone");
     const std::string parent = folder_of(final_path), name = fs::path(final_path).filename().string();
     struct stat facts {};
     if (::stat(parent.c_str(), &facts) != 0)

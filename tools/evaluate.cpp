@@ -166,11 +166,11 @@ std::string written(double value, const std::optional<std::int64_t>& digits) {
 
 // ------------------------------------------------------------------------------------------------------- output
 
-/// The results, to a file that appears when it is whole, or to standard output.
+/// The results, to a file that appears when it is whole, or to standard output: without a path, or to -.
 class Sink {
 public:
     Sink(const std::string& path, bool overwrite) {
-        if (path.empty()) return;
+        if (path.empty() || path == "-") return;
         output_ = std::make_unique<OutputFile>(path, overwrite);
         errno = 0;
         file_.reset(std::fopen(output_->temporary_path().c_str(), "wb"));
@@ -420,7 +420,7 @@ private:
 void evaluate_table(const Model& model, const Fixed& fixed, const Settings& settings, const Stop& stop) {
     const std::string& path = settings.table;
     const std::string subject = path == "-" ? "table on standard input" : text("table ", in_quotes(path));
-    if (path != "-") check_names({{"output", settings.output}}, {{"in", path}});
+    if (path != "-" && settings.output != "-") check_names({{"output", settings.output}}, {{"in", path}});
     TableStream table(path, subject, stop);
     TableEvaluation evaluation(model, fixed, subject, table);
     Sink sink(settings.output, settings.overwrite);

@@ -252,7 +252,8 @@ const std::vector<CommandInfo>& command_table() {
          "MODEL takes its inputs from the columns of the table (--in), named with their units in brackets, such as "
          "'r [km]', and from NAME=VALUE, which hold for all rows; what has a default may be left out. Each row of the "
          "table is written as it stands, with the model's outputs behind it. Without a table the outputs are "
-         "printed, one a line. --list names the models; --list MODEL gives its inputs, ranges, outputs and source.",
+         "printed, one a line, or with -o as a table of one row. --list names the models; --list MODEL gives its "
+         "inputs, ranges, outputs and source.",
          "wedgescope evaluate sight hs=3000m h=250m s=20km"},
         {command_info, "info", "wedgescope info [options] FILE... | info --plan [simulate's options] [scene.ini]",
          "what rasters and tile stores hold, or what a scene file (*.ini) resolves to",
