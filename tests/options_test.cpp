@@ -190,11 +190,19 @@ TEST_CASE("every key says what it is, and its default is the program's own", "[o
         CHECK(key.help.find('\n') == std::string::npos);
         CHECK(key.help.back() != '.');
         CHECK(key.commands != 0);
+        for (const auto& [commands, words] : key.help_elsewhere) {
+            CHECK((key.commands & commands) == commands);
+            CHECK(words.size() > 8);
+            CHECK(words.find('\n') == std::string::npos);
+            CHECK(words.back() != '.');
+        }
         CHECK(key.set);
         CHECK(key.get);
         for (const CommandInfo& info : command_table()) {
             INFO(info.name);
             if (key.commands & info.command) CHECK(help_text(info).find("--" + key.name) != std::string::npos);
+            for (const CommandInfo& other : command_table())
+                CHECK(key.help_of(info.command).find(std::string(other.name) + ": ") == std::string::npos);
         }
         if (key.fallback.empty()) {
             CHECK_FALSE(key.get(Settings{}).has_value());

@@ -13,6 +13,25 @@
 namespace wedgescope {
 namespace {
 
+std::string set_list() {
+    std::string out = "Radar sets that are shipped, for --set NAME or a scene file's line 'set = NAME'\n\n";
+    for (const RadarSet& set : shipped_sets()) out += fmt::format("  {:<14}{}\n", set.name, wrapped(set.summary(), 16));
+    return out +
+           "\n'wedgescope help sets NAME' prints one: its values, and where they are from. A file of such lines is a\n"
+           "set of your own: --set FILE. The scene file wins over a set, and the command line over both.\n";
+}
+
+const std::string& set_content(const std::string& name) {
+    if (const RadarSet* set = shipped_set(name)) return set->content;
+    std::vector<std::string> names;
+    for (const RadarSet& set : shipped_sets()) names.push_back(set.name);
+    const auto near = nearest(name, names);
+    throw InputError(text("set is ", in_quotes(name), "; it must be one of ", shipped_set_names(),
+                          near ? text("; did you mean ", *near, "?") : std::string()));
+}
+
+}  // namespace
+
 std::string wrapped(const std::string& words, std::size_t indent, std::size_t width) {
     std::istringstream in(words);
     std::string word, out;
@@ -32,28 +51,6 @@ std::string wrapped(const std::string& words, std::size_t indent, std::size_t wi
     return out;
 }
 
-constexpr std::size_t page_width = 100;
-
-std::string set_list() {
-    std::string out = "Radar sets that are shipped, for --set NAME or a scene file's line 'set = NAME'\n\n";
-    for (const RadarSet& set : shipped_sets())
-        out += fmt::format("  {:<14}{}\n", set.name, wrapped(set.summary(), 16, page_width));
-    return out +
-           "\n'wedgescope help sets NAME' prints one: its values, and where they are from. A file of such lines is a\n"
-           "set of your own: --set FILE. The scene file wins over a set, and the command line over both.\n";
-}
-
-const std::string& set_content(const std::string& name) {
-    if (const RadarSet* set = shipped_set(name)) return set->content;
-    std::vector<std::string> names;
-    for (const RadarSet& set : shipped_sets()) names.push_back(set.name);
-    const auto near = nearest(name, names);
-    throw InputError(text("set is ", in_quotes(name), "; it must be one of ", shipped_set_names(),
-                          near ? text("; did you mean ", *near, "?") : std::string()));
-}
-
-}  // namespace
-
 std::string help_text() {
     std::string out = text("wedgescope ", version(),
                            ": what an airborne ground-mapping radar sees over terrain and culture rasters\n\n");
@@ -66,12 +63,12 @@ std::string help_text() {
     const std::string targets =
         "instruction set of the hot loops: auto (the best of this machine), avx512, avx2, sse4, baseline; the same "
         "bits with each";
-    return out + "\n\nEnvironment\n  WEDGESCOPE_TARGET  " + wrapped(targets, 21, page_width) + "\n";
+    return out + "\n\nEnvironment\n  WEDGESCOPE_TARGET  " + wrapped(targets, 21) + "\n";
 }
 
 std::string help_text(const CommandInfo& command) {
     std::string out = text("Usage: ", command.usage, "\n\n", command.summary, "\n");
-    if (*command.details) out += text("\n", wrapped(command.details, 0, page_width), "\n");
+    if (*command.details) out += text("\n", wrapped(command.details, 0), "\n");
     std::optional<KeyGroup> group;
     for (const Key& key : key_table()) {
         if (!(key.commands & command.command)) continue;
@@ -84,10 +81,10 @@ std::string help_text(const CommandInfo& command) {
         out += head;
         if (!fits) out += '\n';
         out.append(fits ? column - head.size() : column, ' ');
-        std::string help = key.help;
+        std::string help = key.help_of(command.command);
         if (!key.accepted.empty()) help += "; " + key.accepted;
         if (!key.fallback.empty() && !key.value.empty()) help += " [" + key.fallback + "]";
-        out += wrapped(help, column, page_width) + "\n";
+        out += wrapped(help, column) + "\n";
     }
     if (command.command == command_scope) {
         std::string refused;
@@ -95,7 +92,7 @@ std::string help_text(const CommandInfo& command) {
             if (!(key.commands & command_scope) && key.changes_result && (key.commands & command_simulate))
                 refused += (refused.empty() ? "" : ", ") + key.name;
         out += text("\nNeed a new sweep, so they must be as they were: the data base, display gpi-true, and\n  ",
-                    wrapped(refused, 2, page_width), "\n");
+                    wrapped(refused, 2), "\n");
     }
     if (command.command == command_simulate || command.command == command_coverage ||
         command.command == command_scope) {

@@ -45,19 +45,28 @@ void add_data_base(Table& t) {
     t.group(KeyGroup::data_base, false);
     t.add("dem", path([](auto& s) -> auto& { return s.dem; }), "",
           "terrain heights: any raster GDAL opens, or a tile store; needed");
-    t.add("culture", path([](auto& s) -> auto& { return s.culture; }), "",
-          "raster of culture codes; needs culture-legend (tile may leave that to its scenes)")
-        .commands |= command_tile;
+    {
+        Key& culture = t.add("culture", path([](auto& s) -> auto& { return s.culture; }), "",
+                             "raster of culture codes; needs culture-legend");
+        culture.commands |= command_tile;
+        culture.help_elsewhere = {
+            {command_tile, "raster of culture codes; culture-legend may be left to the scenes over the store"}};
+    }
     t.add("culture-height", path([](auto& s) -> auto& { return s.culture_height; }), "",
           "raster of the heights of what stands on the terrain")
         .commands |= command_tile;
-    t.add("culture-height-scale",
-          number(
-              at_least("0"), [](auto& s) -> auto& { return s.culture_height_scale; }),
-          "1",
-          "metres in one unit of the culture-height raster (0.1 for tenths of a metre); tile keeps it in the store, "
-          "whose scenes take it unless they are given another")
-        .commands |= command_tile;
+    {
+        Key& scale = t.add("culture-height-scale",
+                           number(
+                               at_least("0"), [](auto& s) -> auto& { return s.culture_height_scale; }),
+                           "1",
+                           "metres in one unit of the culture-height raster (0.1 for tenths of a metre); of a tile "
+                           "store's own heights the store knows it");
+        scale.commands |= command_tile;
+        scale.help_elsewhere = {{command_tile,
+                                 "metres in one unit of the culture-height raster (0.1 for tenths of a metre); kept in "
+                                 "the store, whose scenes take it unless they are given another"}};
+    }
     t.add("culture-legend", legend_choice(), "",
           "turns culture codes into materials: a built-in legend, rat for the raster's own attribute table, or a CSV "
           "file of lines code,material")
@@ -127,8 +136,8 @@ void add_look(Table& t) {
               length, above_to("0m", "10000km"), [](auto& s) -> auto& { return s.scene.range_m; }, "auto"),
           "auto",
           "largest slant range (display gpi-true: ground range); auto: the nearer of the farthest edge of the terrain "
-          "and the radar horizon (coverage: no "
-          "limit)");
+          "and the radar horizon")
+        .help_elsewhere = {{command_coverage, "largest slant range; auto: no limit"}};
     t.add("range-start",
           quantity(
               length, between("0m", "10000km"), [](auto& s) -> auto& { return s.scene.range_start_m; }),
@@ -160,12 +169,15 @@ void add_look(Table& t) {
     quality.get = [own = quality.get](const Settings& s) -> std::optional<std::string> {
         return s.scene.max_error_db ? std::nullopt : own(s);
     };
-    t.add(
-         "max-error", max_error(), "",
-         "the quickest quality whose power image keeps to this RMS, where a beam has four azimuth bins or more: draft "
-         "from 0.4dB, normal from 0.1dB, fine from 0.05dB, exact from 0.02dB; coverage, which has no such image, takes "
-         "the same quality")
-        .exclusive = Exclusive::accuracy;
+    {
+        Key& error = t.add("max-error", max_error(), "",
+                           "the quickest quality whose power image keeps to this RMS, where a beam has four azimuth "
+                           "bins or more: draft from 0.4dB, normal from 0.1dB, fine from 0.05dB, exact from 0.02dB");
+        error.exclusive = Exclusive::accuracy;
+        error.help_elsewhere = {{command_coverage,
+                                 "the quality that simulate takes for this RMS of its power image: draft from 0.4dB, "
+                                 "normal from 0.1dB, fine from 0.05dB, exact from 0.02dB"}};
+    }
     t.add(
         "spokes-per-post",
         number(
@@ -184,17 +196,19 @@ void add_look(Table& t) {
           "auto",
           "spokes double where a line this many times as far off needs it: few then share a parent's horizon; auto: "
           "as the quality says");
-    t.add(
-        "crossings",
-        choice<std::optional<bool>>(
-            {{"on", true}, {"off", false}}, [](auto& s) -> auto& { return s.scene.crossings; }, "auto"),
-        "auto",
-        "spokes are sampled where they cross the lines of the other axis too; auto: on (coverage: as far as 64 posts, "
-        "beyond as the quality says)");
+    t.add("crossings",
+          choice<std::optional<bool>>(
+              {{"on", true}, {"off", false}}, [](auto& s) -> auto& { return s.scene.crossings; }, "auto"),
+          "auto", "spokes are sampled where they cross the lines of the other axis too; auto: on")
+        .help_elsewhere = {{command_coverage,
+                            "spokes are sampled where they cross the lines of the other axis too; auto: as far as 64 "
+                            "posts, beyond as the quality says"}};
     t.add("course",
           choice<std::optional<bool>>(
               {{"curved", true}, {"straight", false}}, [](auto& s) -> auto& { return s.scene.curved_course; }, "auto"),
-          "auto", "how the surface runs between two samples in a cell; auto: curved (coverage: as far as 64 posts)");
+          "auto", "how the surface runs between two samples in a cell; auto: curved")
+        .help_elsewhere = {
+        {command_coverage, "how the surface runs between two samples in a cell; auto: curved as far as 64 posts"}};
     t.add(
         "refine",
         choice<bool>(
@@ -650,10 +664,12 @@ void add_run(Table& t) {
     }
     t.add("work-dir", path([](auto& s) -> auto& { return s.work_dir; }), "",
           "folder where finished wedges are kept, for resume; made if it is missing");
-    t.add("resume", flag([](auto& s) -> auto& { return s.resume; }), "off",
-          "go on with the run in work-dir, or begin it; wedges that are done are used again. tile: go on with "
-          "FOLDER.part, what a run that was stopped has left")
-        .commands |= command_tile;
+    {
+        Key& resume = t.add("resume", flag([](auto& s) -> auto& { return s.resume; }), "off",
+                            "go on with the run in work-dir, or begin it; wedges that are done are used again");
+        resume.commands |= command_tile;
+        resume.help_elsewhere = {{command_tile, "go on with FOLDER.part, what a run that was stopped has left"}};
+    }
     t.add("only-wedge", only_wedge(), "",
           "these wedges alone, counted from 0, into work-dir; several processes may fill one folder, and resume then "
           "makes the picture");
@@ -680,8 +696,8 @@ void add_output(Table& t) {
     using enum Dimension;
     t.group(KeyGroup::output, false);
     {
-        Key& o = t.add("output", path([](auto& s) -> auto& { return s.output; }), "",
-                       "the scope picture; evaluate: the table, without this on standard output");
+        Key& o = t.add("output", path([](auto& s) -> auto& { return s.output; }), "", "the scope picture");
+        o.help_elsewhere = {{command_evaluate, "the table, without this on standard output"}};
         o.letter = 'o';
         o.commands |= command_evaluate;
     }
@@ -764,8 +780,8 @@ void add_talk(Table& t) {
         l.in_scene_file = false;
     }
     {
-        Key& j = t.add("json", flag([](auto& s) -> auto& { return s.json; }), "off",
-                       "JSON on stdout (evaluate: of the list)");
+        Key& j = t.add("json", flag([](auto& s) -> auto& { return s.json; }), "off", "JSON on standard output");
+        j.help_elsewhere = {{command_evaluate, "with --list: the list as JSON"}};
         j.commands = command_info | command_evaluate | command_budget;
         j.in_scene_file = false;
     }

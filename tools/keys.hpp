@@ -7,6 +7,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "tools/settings.hpp"
@@ -62,6 +63,7 @@ struct Key {
     std::string fallback;  ///< default, as a user would write it; empty: none
     std::string accepted;  ///< range, for help
     std::string help;
+    std::vector<std::pair<unsigned, std::string>> help_elsewhere;  ///< commands, and what theirs say instead
     unsigned commands = command_simulate;
     KeyGroup group = KeyGroup::run;
     Exclusive exclusive = Exclusive::none;
@@ -74,6 +76,12 @@ struct Key {
     std::function<void(Settings&, const Given&)> set;  ///< InputError
     std::function<std::optional<std::string>(const Settings&)>
         get;  ///< the value as a user would write it; none: not given
+
+    const std::string& help_of(Command command) const {
+        for (const auto& [others, words] : help_elsewhere)
+            if (others & command) return words;
+        return help;
+    }
 };
 const std::vector<Key>& key_table();
 const Key* find_key(std::string_view name);
