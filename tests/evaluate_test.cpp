@@ -818,9 +818,9 @@ TEST_CASE("what is wrong with a command line is named", "[evaluate][quick]") {
     const Folder folder;
     CHECK_THAT(folder.refusal({}), Contains("no model is given; wedgescope evaluate --list names them all"));
     CHECK_THAT(folder.refusal({"horzon", "h=3km"}), Contains("unknown model 'horzon'; did you mean horizon?"));
-    CHECK_THAT(folder.refusal({"horizon"}), Contains("horizon lacks h=VALUEm"));
-    CHECK_THAT(folder.refusal({"sight", "h=0"}),
-               Contains("sight lacks hs=VALUEm, s=VALUEm; give them behind the model"));
+    CHECK_THAT(folder.refusal({"horizon"}),
+               Contains("horizon lacks h [m]; give it behind the model (NAME=VALUE, with a unit), or"));
+    CHECK_THAT(folder.refusal({"sight", "h=0"}), Contains("sight lacks hs [m], s [m]; give them behind the model"));
     CHECK_THAT(folder.refusal({"horizon", "H=3km"}),
                Contains("horizon has no input 'H'; did you mean h? (it has h, h_t, k, R)"));
     CHECK_THAT(folder.refusal({"horizon", "h=3km", "h=3km"}), Contains("h is given twice"));

@@ -375,7 +375,7 @@ TEST_CASE("drivers and creation options are the user's choice, and bad ones are 
     CHECK_THROWS_AS(power("bad.tif", format), InputError);
     format.creation.clear();
     CHECK_THROWS_WITH(power("power.foo", format), Contains("power.foo") && Contains(".tif") && Contains("--of"));
-    CHECK_THROWS_WITH(power("power.png", format), Contains("Float32") && Contains("Byte UInt16"));
+    CHECK_THROWS_WITH(power("power.png", format), Contains("Float32") && Contains("takes Byte, UInt16;"));
     format.driver = "NONE";
     CHECK_THROWS_WITH(power("power.tif", format), Contains("of 'NONE'"));
     format.driver = "ENVI";

@@ -220,7 +220,7 @@ TEST_CASE("a disk that is full is an error with the sheet's name, and what was w
     file.close();
     const Outcome damaged = run_program({"info", "--verify", folder / "store"}, folder / "log");
     CHECK(damaged.code == 1);
-    CHECK_THAT(damaged.err, Contains("c0_r0.sum") && Contains("1 damage was found"));
+    CHECK_THAT(damaged.err, Contains("c0_r0.sum") && Contains("1 damaged part was found"));
 }
 
 TEST_CASE("tiling stays within its memory", "[store]") {

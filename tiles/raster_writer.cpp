@@ -94,6 +94,12 @@ GDALDriver& find_driver(const std::string& path, const RasterFormat& format) {
                           "of GDAL's other raster drivers, or --of DRIVER"));
 }
 
+std::string listed(const CPLStringList& words) {
+    std::string out;
+    for (int i = 0; i < words.size(); ++i) out += text(i > 0 ? ", " : "", words[i]);
+    return out;
+}
+
 /// find_driver, if it takes values of that type.
 GDALDriver& driver_for(const std::string& path, GDALDataType type, const RasterFormat& format) {
     GDALDriver& driver = find_driver(path, format);
@@ -101,7 +107,7 @@ GDALDriver& driver_for(const std::string& path, GDALDataType type, const RasterF
         const CPLStringList words(CSLTokenizeString(types));
         if (words.FindString(GDALGetDataTypeName(type)) < 0)
             throw InputError(text("output '", path, "' holds ", GDALGetDataTypeName(type), " values, driver ",
-                                  driver.GetDescription(), " takes ", types,
+                                  driver.GetDescription(), " takes ", listed(words),
                                   "; accepted: another format, such as .tif"));
     }
     return driver;

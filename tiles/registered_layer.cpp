@@ -107,7 +107,8 @@ void refuse_other_crs(const RasterFacts& layer, const RasterFacts& terrain, cons
     if (!layer.crs || !terrain.crs) return;
     if (!layer.crs->same_as(*terrain.crs))
         throw DataError(text(layer.named(), " is in CRS '", layer.crs->definition(), "', ", dem, " in '",
-                             terrain.crs->definition(), "'; accepted: the dem's; use: ", warp_line(terrain, layer)));
+                             terrain.crs->definition(), "'; accepted: that of ", dem,
+                             "; use: ", warp_line(terrain, layer)));
 }
 
 RegisteredLayer::RegisteredLayer(std::unique_ptr<RasterLayer> raster, const RasterFacts& terrain)

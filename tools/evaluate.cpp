@@ -33,14 +33,20 @@ std::string padded(std::string words, std::size_t width) {
     return words;
 }
 
+/// A line of the description, or more of them where it is long.
+std::string described(const std::string& name, const std::string& unit, const std::string& words) {
+    const std::string head = "  " + padded(column_name(name, unit), 18);
+    return text(head, wrapped(words, head.size()), "\n");
+}
+
 std::string description(const Model& model) {
     std::string out = text(model.name, ": ", model.summary, "\nsource: ", model.source, "\n\ninputs\n");
     for (const ModelInput& input : model.inputs)
-        out += text("  ", padded(column_name(input.name, input.unit), 18), input.meaning, "; ", range_words(input),
-                    input.fallback.empty() ? std::string() : text(" [", input.fallback, "]"), "\n");
+        out += described(input.name, input.unit,
+                         text(input.meaning, "; ", range_words(input),
+                              input.fallback.empty() ? std::string() : text(" [", input.fallback, "]")));
     out += "\noutputs\n";
-    for (const ModelOutput& output : model.outputs)
-        out += text("  ", padded(column_name(output.name, output.unit), 18), output.meaning, "\n");
+    for (const ModelOutput& output : model.outputs) out += described(output.name, output.unit, output.meaning);
     return out + text("\nexample\n  wedgescope evaluate ", model.name, " ", model.example, "\n");
 }
 
@@ -218,13 +224,14 @@ void evaluate_once(const Model& model, const Fixed& fixed, const Settings& setti
     for (std::size_t i = 0; i < model.inputs.size(); ++i) {
         const ModelInput& input = model.inputs[i];
         const auto value = fixed[i] ? fixed[i] : default_of(input);
-        if (!value) missing.push_back(text(input.name, "=", input.numeric ? text("VALUE", input.unit) : "WORD"));
+        if (!value) missing.push_back(column_name(input.name, input.unit));
         values.push_back(value.value_or(ModelValue{}));
     }
     if (!missing.empty())
-        throw InputError(text(model.name, " lacks ", listed(missing), "; give ", missing.size() > 1 ? "them" : "it",
-                              " behind the model, or a table by --in (wedgescope evaluate --list ", model.name,
-                              " describes its inputs)"));
+        throw InputError(
+            text(model.name, " lacks ", listed(missing), "; give ", missing.size() > 1 ? "them" : "it",
+                 " behind the model (NAME=VALUE, with a unit), or a table by --in (wedgescope evaluate --list ",
+                 model.name, " describes its inputs)"));
     const std::vector<double> outputs = outputs_of(model, values);
     if (settings.output.empty()) {
         std::string out;

@@ -203,7 +203,8 @@ std::string to_text(const StoreFacts& facts) {
     std::string out = s.path + "\n";
     out += row("tile store",
                text("version ", s.version, ", by ", s.software, s.legend.empty() ? "" : ", legend ", s.legend));
-    out += row("block map", fmt::format("{} levels of blocks of 32 x 32 posts and more, {}", s.block_levels,
+    out += row("block map", fmt::format("{} of blocks of 32 x 32 posts and more, {}",
+                                        counted(static_cast<std::uint64_t>(s.block_levels), "level"),
                                         readable_bytes(static_cast<double>(s.block_map_bytes))));
     for (const auto& layer : s.layers) {
         const std::uint64_t posts = static_cast<std::uint64_t>(layer.columns) * static_cast<std::uint64_t>(layer.rows);
@@ -529,7 +530,7 @@ void info(const std::vector<std::string>& arguments, Stop& stop) {
     }
     print(settings.json ? all.dump(2, ' ', false, json::error_handler_t::replace) + "\n" : page);
     for (const std::string& line : remarks) remark(settings.quiet, line);
-    if (damage > 0) throw DataError(text(damage, damage == 1 ? " damage was" : " damages were", " found"));
+    if (damage > 0) throw DataError(text(damage, damage == 1 ? " damaged part was" : " damaged parts were", " found"));
 }
 
 }  // namespace wedgescope

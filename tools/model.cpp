@@ -14,8 +14,19 @@ double bound(const ModelInput& input, double value) {
     return input.dimension ? read_quantity(*input.dimension, text(value), input.unit).value() : value;
 }
 
-std::string with_unit(double value, const std::string& unit) {
-    return unit.empty() ? text(value) : text(value, " ", unit);
+/// A bound for reading: 1000 GHz, not 1000000000000 Hz; 1e12 m^2.
+std::string with_unit(const ModelInput& input, double value) {
+    constexpr double many = 1e6, very_many = 1e9;
+    const bool prefixed = input.dimension == Dimension::frequency || input.dimension == Dimension::power;
+    if (prefixed && value >= many) {
+        std::string words = quantity_text(*input.dimension, bound(input, value));
+        words.insert(words.find_first_not_of(".0123456789"), " ");
+        return words;
+    }
+    std::string number = text(value);
+    if (const double power = std::round(std::log10(value)); value >= very_many && value == std::pow(10.0, power))
+        number = text("1e", power);
+    return input.unit.empty() ? number : text(number, " ", input.unit);
 }
 
 std::optional<double> number_of(const ModelInput& input, std::string_view token, std::string_view column_unit) {
@@ -95,8 +106,8 @@ std::string column_name(const std::string& name, const std::string& unit) {
 std::string range_words(const ModelInput& input) {
     std::string out;
     if (input.numeric)
-        out = text(input.above_low ? "above " : "from ", with_unit(input.low, input.unit),
-                   input.above_low ? " and at most " : " to ", with_unit(input.high, input.unit));
+        out = text(input.above_low ? "above " : "from ", with_unit(input, input.low),
+                   input.above_low ? " and at most " : " to ", with_unit(input, input.high));
     for (std::size_t i = 0; i < input.words.size(); ++i)
         out += text(out.empty() ? "" : i + 1 == input.words.size() ? " or " : ", ", input.words[i]);
     return out;

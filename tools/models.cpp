@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include "tools/help.hpp"
 #include "tools/options.hpp"
 
 namespace wedgescope {
@@ -20,7 +21,8 @@ std::string model_list() {
     std::string out;
     for (const ModelFamily& family : model_table()) {
         out += text(out.empty() ? "" : "\n", family.title, "\n");
-        for (const Model& model : family.models) out += fmt::format("  {:<18} {}\n", model.name, model.summary);
+        for (const Model& model : family.models)
+            out += fmt::format("  {:<18} {}\n", model.name, wrapped(model.summary, 21));
     }
     return out;
 }
