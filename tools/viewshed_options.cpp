@@ -40,8 +40,7 @@ std::string earth_of(const std::string& option, const std::string& value) {
 const char* instead_of(const std::string& mode) {
     if (mode == "GROUND") return " (--layer height gives what GROUND does)";
     if (mode == "DEM")
-        return " (DEM's heights are above the zero of the terrain's; --layer height gives those above the ground, as "
-               "GROUND does)";
+        return " (DEM's heights are absolute; --layer height gives those above the ground, as GROUND does)";
     return "";
 }
 
