@@ -1,7 +1,6 @@
 #include "lib/front.hpp"
 
 #include <algorithm>
-#include <array>
 #include <bit>
 #include <cassert>
 #include <cmath>

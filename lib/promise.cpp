@@ -7,7 +7,7 @@
 namespace wedgescope {
 Promise promise_of(const ResolvedScene& resolved, const DataBase& db) {
     constexpr double posts = 2;
-    constexpr double about = 1.01;  // bins in round numbers: 37.5 m for a pulse of 149.9 m
+    constexpr double about = 1.01;  // four, but for a hundredth: bins in round numbers: 37.5 m for a pulse of 149.9 m
     const Scene& scene = resolved.scene;
     const RadarParams& radar = scene.radar;
     const double post_m = db.longer_post_m(), pulse_m = radar.pulse_extent_m(), beam_deg = radar.antenna.beam.deg(),
@@ -18,8 +18,8 @@ Promise promise_of(const ResolvedScene& resolved, const DataBase& db) {
     };
     lack(pulse_m < posts * post_m,
          fmt::format("c tau / 2 is {:.4g} m, {:.1f} posts (2 or more)", pulse_m, pulse_m / post_m));
-    // Not fewer than `auto` makes of them, whole ones, but for a hundredth.
-    lack(about * static_cast<double>(resolved.shown.circle_bins) < static_cast<double>(default_azimuth_bins(radar)),
+    // `auto` may make fewer of them, whole ones.
+    lack(resolved.shown.circle_bins < default_azimuth_bins(radar) && about * beam_deg / step_deg < 4,
          fmt::format("{:.2f} azimuth bins lie in the beam (4 or more)", beam_deg / step_deg));
     lack(bin_m > about * default_range_bin_m(radar),
          fmt::format("{:.2f} range bins lie in c tau / 2 (4 or more)", pulse_m / bin_m));

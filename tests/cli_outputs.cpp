@@ -56,11 +56,12 @@ TEST_CASE("a lowest height that is a usual no-data value is remarked on", "[cli]
         terrain("dem.asc", lowest, "-1");
         const auto remarked = [&](const Strings& words, const std::string& where) {
             CHECK_THAT(said(words), Contains(" is " + lowest + " m, a usual no-data value that it does not declare") &&
-                                        Contains("gdal_edit.py -a_nodata " + lowest + " " + where));
+                                        Contains("gdal_translate -a_nodata " + lowest + " " + where));
         };
         remarked({"info", "dem.asc"}, "'dem.asc'");
         remarked({"tile", "dem.asc", "dem.store", "--overwrite"}, "'dem.asc'");
-        remarked({"info", "dem.store"}, "RASTER, of what the store was made from, and tile that again");
+        remarked({"info", "dem.store"},
+                 "RASTER COPY.tif for each raster that the store was made of, and tile the copies");
         remarked(coverage_of("dem.store"), "RASTER");
         remarked({"simulate", "--dem", "dem.store", "-o", "scope.png", "--geometry", "grid", "--xy", "465600,3750600",
                   "--altitude-agl", "30m", "--range", "300m", "--size", "64", "--overwrite"},

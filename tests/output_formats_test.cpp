@@ -70,7 +70,9 @@ TEST_CASE("no driver's own no-data value hides what is seen, hidden or a state",
                                          {"ISIS2", ".cub"},
                                          {"ISIS3", ".cub"},
                                          {"ENVI", ".dat"},
-                                         {"HFA", ".img"}})
+                                         {"HFA", ".img"},
+                                         {"netCDF", ".nc"},  // writes no file in memory
+                                         {"GSBG", ".grd"}})  // has a no-data value that no code can be
         for (const char* what : {"mask", "states", "polar", "counts"}) {
             const std::string path = std::string(what) + "_" + driver + ending;
             INFO(path);
@@ -100,6 +102,8 @@ TEST_CASE("no driver's own no-data value hides what is seen, hidden or a state",
                 CHECK_THAT(ended.err, Contains(std::string("driver ") + driver) && Contains("accepted: "));
                 CHECK_FALSE(std::filesystem::exists(folder / path));
             }
+            if (what != std::string("polar") && (driver == std::string("netCDF") || driver == std::string("GSBG")))
+                CHECK(ended.code == 0);
             if (driver == std::string("SAGA") || driver == std::string("ENVI") || driver == std::string("HFA"))
                 CHECK(ended.code == 0);
         }
@@ -118,7 +122,7 @@ TEST_CASE("creation options that GDAL refuses are refused for GDAL's reason", "[
         INFO(ended.err);
         CHECK(ended.code != 0);
         CHECK(std::count(ended.err.begin(), ended.err.end(), '\n') == 1);
-        CHECK_THAT(ended.err, Contains("y.tif' cannot be ") && Contains("17") && !Contains("TIFFVSetField") &&
+        CHECK_THAT(ended.err, Contains("y.tif' cannot be ") && Contains("TileWidth") && !Contains("TIFFVSetField") &&
                                   !Contains(".tmp-") && !Contains("/vsimem") && !Contains("grey") &&
                                   !Contains("does not keep"));
     }

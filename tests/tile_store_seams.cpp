@@ -136,6 +136,8 @@ TEST_CASE("several rasters of one type keep their values, in the narrowest type 
         {GDT_Int16, {}, {}, 1, "Int16", ""},
         {GDT_UInt16, {}, {}, 1, "Int32", ""},
         {GDT_UInt16, {}, 65535, 1, "UInt16", ""},
+        {GDT_UInt16, {}, -9999, 1, "Int32", ""},  // no value of the type
+        {GDT_Byte, {}, 256, 1, "Int16", ""},
         {GDT_Int32, {}, {}, 1, "Int32", ""},
         {GDT_UInt32, {}, {}, 1, "Float32", "rasters of UInt32: stored as Float32 metres"},
         {GDT_Float32, {}, -9999, 1, "Float32", ""},

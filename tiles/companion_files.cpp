@@ -75,16 +75,18 @@ struct DriverNames {
     std::vector<std::string_view> for_stem;
 };
 const DriverNames* names_of(const std::string& driver, const std::string& ending) {
-    static const std::vector<DriverNames> all{{"gtiff", ",.tif,.tiff,", {}},
-                                              {"cog", "", {}},
-                                              {"png", ",.png,", {}},
-                                              {"jpeg", ",.jpg,.jpeg,", {}},
-                                              {"aaigrid", ",.asc,", {".prj"}},
+    static const std::vector<DriverNames> all{{"aaigrid", ",.asc,", {".prj"}},
                                               {"hfa", ",.img,", {".ige", ".rde", ".rrd"}},
                                               {"envi", "", {".hdr"}},
                                               {"ehdr", ",.bil,", {".hdr", ".prj", ".clr", ".stx"}},
                                               {"saga", ",.sdat,.sg-grd-z,", {".sgrd", ".sdat", ".prj", ".mgrd"}},
-                                              {"rst", ",.rst,", {".rdc", ".ref", ".smp"}}};
+                                              {"rst", ",.rst,", {".rdc", ".ref", ".smp"}},
+                                              {"ers", ",.ers,", {".ers", ""}},
+                                              {"ilwis", ",.mpr,.mpl,", {".mpr", ".mp#", ".grf", ".csy"}},
+                                              {"mff", "", {".hdr", ".b00"}},
+                                              {"rraster", ",.grd,", {".grd", ".gri"}},
+                                              {"isis2", "", {".lbl"}},
+                                              {"isis3", ",.lbl,", {".lbl", ".cub"}}};
     const auto found = std::find_if(all.begin(), all.end(), [&](const DriverNames& names) {
         if (!driver.empty()) return names.driver == driver;
         return !ending.empty() && names.endings.find("," + ending + ",") != std::string_view::npos;
@@ -114,16 +116,11 @@ std::vector<std::string> files_of_input(const std::string& path) {
 
 std::vector<std::string> names_beside_raster(const std::string& path, const std::string& driver) {
     const std::string stem = fs::path(path).replace_extension().string();
-    std::vector<std::string> names{path + ".aux.xml"};
-    if (const DriverNames* known = names_of(lower_case(driver), lower_case(fs::path(path).extension().string()))) {
-        for (const std::string_view more : known->for_stem) names.push_back(stem + std::string(more));
-        if (known->driver == "envi") names.push_back(path + ".hdr");
-        return names;
-    }
-    for (const char* more : {".hdr", ".prj", ".clr", ".stx", ".sgrd", ".sdat", ".rdc", ".lbl", ".xml", ".aux", ".ers",
-                             ".grd", ".gri", ".mpr", ".tab", ".wld"})
-        names.push_back(stem + more);
-    for (const char* more : {".hdr", ".rsc", ".xml", ".aux"}) names.push_back(path + more);
+    std::vector<std::string> names{path + ".aux.xml", path + ".geoloc.tif"};
+    const DriverNames* known = names_of(lower_case(driver), lower_case(fs::path(path).extension().string()));
+    if (!known) return names;
+    for (const std::string_view more : known->for_stem) names.push_back(stem + std::string(more));
+    if (known->driver == "envi") names.push_back(path + ".hdr");
     return names;
 }
 

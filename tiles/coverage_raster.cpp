@@ -213,7 +213,7 @@ void CoverageFile::create(const DataBase& db, const OutputFile& file, const Rast
     content.type = layer_.counts ? GDT_UInt16 : is_bytes(layer_.kind) ? GDT_Byte : GDT_Float32;
     content.patches = layer_.counts || is_bytes(layer_.kind);
     if (layer_.counts) {
-        content.means_something = [](double value) { return value != no_count; };
+        content.means_something = [](double value) { return value >= 0 && value < no_count; };
         content.means_nothing = no_count;
     } else if (layer_.kind == CoverageLayer::states) {
         set_states(content);

@@ -272,6 +272,12 @@ void Mosaic::choose_type() {
                 f.unit_m == own.unit_m && f.signed_byte == own.signed_byte;
         one_no_data = one_no_data && f.has_no_data && f.no_data == own.no_data;
     }
+    // A value that the type does not have stands for no post of the rasters, nor could it for one of the store's.
+    if (one_no_data && own.type != GDT_Float32) {
+        int clamped = 0, rounded = 0;
+        GDALAdjustValueToDataType(own.type, own.no_data, &clamped, &rounded);
+        one_no_data = !clamped && !rounded;
+    }
     const bool metres = own.scale == 1 && own.offset == 0 && own.unit_m == 1;
     const double none = std::numeric_limits<double>::quiet_NaN();
     if (alike && one_no_data && !own.signed_byte && (is_small_whole(own.type) || own.type == GDT_Int32)) return;

@@ -210,7 +210,7 @@ std::string cause(const GdalErrors& errors, const std::string& written_path) {
         while (end < said.size() && (said[end] == ':' || said[end] == ' ')) ++end;
         said.erase(at, end - at);
     };
-    for (std::size_t at = 0; (at = said.find(written_path, at)) != std::string::npos;)
+    for (std::size_t at = 0; !written_path.empty() && (at = said.find(written_path, at)) != std::string::npos;)
         erase(at, at + written_path.size());
     for (std::size_t at = 0; (at = said.find("TIFF", at)) != std::string::npos;) {
         const auto in_name = [&](std::size_t i) {
@@ -480,8 +480,8 @@ void check_picture(GDALDriver& driver, const CPLStringList& options, const Raste
                           "' takes no grey picture with an alpha channel; accepted: .png, .tif, ..., or alpha off"));
 }
 
-/// Of codes one that is a little off is another.
-void check_codes(GDALDriver& driver, const CPLStringList& options, const RasterFormat& format,
+/// Of codes one that is a little off is another. True if the driver has shown that it keeps them; some make no file in memory.
+bool keeps_codes(GDALDriver& driver, const CPLStringList& options, const RasterFormat& format,
                  const RasterContent& wanted, const std::string& final_path) {
     const TrialCells trial(wanted.codes);
     RasterContent content = trial.content();
@@ -490,8 +490,9 @@ void check_codes(GDALDriver& driver, const CPLStringList& options, const RasterF
     const Trial tried =
         try_driver(driver, options, content, final_path, [&](GDALDataset& written) { return trial.are_in(written); });
     if (tried.meant_void) refuse_no_data(driver, final_path);
-    if (tried.kept) return;
+    if (tried.kept) return true;
     check_made(tried, driver, format, final_path);
+    if (!tried.refused.empty()) return false;
     throw InputError(text("output '", final_path, "' holds codes, and driver ", driver.GetDescription(),
                           format.creation.empty() ? "" : " with these creation options",
                           " does not keep them as they are; accepted: .tif, .png and others without loss"));
@@ -532,7 +533,10 @@ void check_output(const OutputFile& file, OutputLayer layer, const RasterFormat&
     if (layer == OutputLayer::states) {
         RasterContent states;
         set_states(states);
-        if (!known) check_codes(driver, options, format, states, file.final_path());
+        if (!known && !keeps_codes(driver, options, format, states, file.final_path()))
+            throw InputError(text("output '", file.final_path(), "' holds codes, and driver ", driver.GetDescription(),
+                                  " does not say whether it keeps them as they are; accepted: .tif, .png and others "
+                                  "without loss"));
     } else if (bytes && (!known || layer == OutputLayer::masked_scope)) {
         check_picture(driver, options, format, layer == OutputLayer::masked_scope, file.final_path());
     }
@@ -617,7 +621,7 @@ DatasetHandle create_raster(const RasterContent& content, const OutputFile& file
         throw InputError(text("output '", final_path, "': driver ", driver.GetDescription(),
                               " writes whole rasters only; accepted: one that writes tile by tile, such as GTiff"));
     if (!content.codes.empty() && !(is_geotiff(final_path, format) && format.creation.empty()))
-        check_codes(driver, options, format, content, final_path);
+        keeps_codes(driver, options, format, content, final_path);
     if (content.codes.empty() && content.means_something && !is_geotiff(final_path, format))
         check_no_data(driver, options, content, final_path);
     GdalErrors errors;

@@ -123,14 +123,15 @@ void coverage(const std::vector<std::string>& arguments, Stop& stop) {
     settings.snap_to_post = translated.gdal_style;
     if (!settings.snap_to_post) keep_apart(settings.coverage.mask, settings.given);
     check_complete(settings);
+    check_temp_dir(settings);
     check_response(settings);
-    check_names({{"output", settings.output}, {"report", settings.report}, {"timeline", settings.timeline}},
-                data_paths(settings), settings.driver);
     if (settings.no_data_value)
         settings.coverage.mask.no_data = static_cast<std::uint8_t>(*settings.no_data_value);
     else if (translated.gdal_style)
         settings.coverage.mask.no_data = settings.coverage.mask.outside;
     if (!settings.observers.empty()) return coverage_of_observers(settings, start_s, stop);
+    const GdalSession session(cache_bytes(settings), settings.config);
+    check_coverage_names(settings);
     OutputFile file(settings.output, settings.overwrite);
     std::optional<OutputFile> report_file, timeline_file;
     if (!settings.report.empty()) report_file.emplace(settings.report, settings.overwrite);
@@ -139,7 +140,6 @@ void coverage(const std::vector<std::string>& arguments, Stop& stop) {
     if (timeline_file) timeline = std::make_unique<TimelineFile>(*timeline_file);
 
     Span opening(timeline.get(), "open", "stage");
-    const GdalSession session(cache_bytes(settings), settings.config);
     const std::string unfit_map = find_ground(settings, {}, stop);
     const DataBaseParams layers = data_base_params(settings, cache_bytes(settings), stop);
     std::unique_ptr<WedgeSource> source = open_direct_source(layers);

@@ -122,9 +122,9 @@ std::string undeclared_void(const std::string& terrain, double lowest_m) {
     if (std::find(std::begin(usual), std::end(usual), lowest_m) == std::end(usual)) return {};
     return fmt::format(
         "the lowest height of {} is {:g} m, a usual no-data value that it does not declare; if it is one: "
-        "gdal_edit.py -a_nodata {:g} {}",
-        in_quotes(terrain), lowest_m, lowest_m,
-        is_tile_store(terrain) ? "RASTER, of what the store was made from, and tile that again" : in_quotes(terrain));
+        "gdal_translate -a_nodata {:g} {} COPY.tif{}",
+        in_quotes(terrain), lowest_m, lowest_m, is_tile_store(terrain) ? "RASTER" : in_quotes(terrain),
+        is_tile_store(terrain) ? " for each raster that the store was made of, and tile the copies" : "");
 }
 
 std::string undeclared_void(const std::string& terrain, WedgeSource& source) {

@@ -339,6 +339,8 @@ std::string observers_table(const Observers& observers, const Run& run, const Fa
 
 void coverage_of_observers(const Settings& given, double start_s, Stop& stop) {
     Settings settings = given;
+    const GdalSession session(cache_bytes(settings), settings.config);
+    check_coverage_names(settings);
     OutputFile file(settings.output, settings.overwrite);
     std::optional<OutputFile> report_file, timeline_file;
     if (!settings.report.empty()) report_file.emplace(settings.report, settings.overwrite);
@@ -347,7 +349,6 @@ void coverage_of_observers(const Settings& given, double start_s, Stop& stop) {
     if (timeline_file) timeline = std::make_unique<TimelineFile>(*timeline_file);
 
     Span opening(timeline.get(), "open", "stage");
-    const GdalSession session(cache_bytes(settings), settings.config);
     const std::string unfit_map = find_ground(settings, {.many = true, .whole = true}, stop);
     const auto open = [&](const Settings& granted) {
         auto direct = open_direct_source(data_base_params(granted, cache_bytes(granted), stop));

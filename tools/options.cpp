@@ -662,7 +662,8 @@ void check_mask(const Settings& settings) {
     }
 }
 
-/// At once, not when the first run comes along that needs the disk.
+}  // namespace
+
 void check_temp_dir(const Settings& settings) {
     if (settings.temp_dir.empty()) return;
     std::error_code error;
@@ -673,10 +674,7 @@ void check_temp_dir(const Settings& settings) {
                        "; accepted: a folder that can be written to"));
 }
 
-}  // namespace
-
 void check_complete(const Settings& settings) {
-    check_temp_dir(settings);
     const PlatformParams& platform = settings.scene.platform;
     if (settings.dem.empty()) throw InputError("dem is missing; the path of a terrain raster is needed");
     const bool moves = !settings.track.empty(), many = !settings.observers.empty();

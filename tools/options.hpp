@@ -47,6 +47,8 @@ Settings settings_from(const std::vector<Given>& scene_file, const std::vector<G
 /// What a simulation needs beside what each key checks: a terrain, one place, one altitude, a legend for culture, and a
 /// folder where temp-dir says one is. InputError, IoError.
 void check_complete(const Settings& settings);
+/// Of a run, at once, not when it needs the disk. IoError.
+void check_temp_dir(const Settings& settings);
 
 /// The word of `words` nearest to `word` if it is near enough to be meant.
 std::optional<std::string> nearest(std::string_view word, const std::vector<std::string>& words);

@@ -172,6 +172,10 @@ NamedPaths input_paths(const Settings& s) {
     return paths;
 }
 
+void check_coverage_names(const Settings& s) {
+    check_names({{"output", s.output}, {"report", s.report}, {"timeline", s.timeline}}, data_paths(s), s.driver);
+}
+
 void check_run_names(const NamedPaths& outputs, const NamedPaths& inputs, const std::string& driver) {
     check_names(outputs, inputs, driver);
     if (std::any_of(outputs.begin(), outputs.end(), [](const auto& out) { return !out.second.empty(); })) return;

@@ -44,6 +44,8 @@ NamedPaths data_paths(const Settings& settings);
 /// All that a simulation may read.
 NamedPaths input_paths(const Settings& settings);
 
+/// check_names() of coverage. Within a GdalSession, as all of these: GDAL may be asked what files an input has.
+void check_coverage_names(const Settings& settings);
 /// check_names() of a run; InputError too where no output is asked for, naming all of them.
 void check_run_names(const NamedPaths& outputs, const NamedPaths& inputs, const std::string& driver);
 /// The same of all of a simulation's outputs and inputs; with only-wedge it needs none.

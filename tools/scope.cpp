@@ -67,9 +67,9 @@ void scope(const std::vector<std::string>& arguments, Stop& stop) {
     const double start_s = now_s();
     const ScopeRequest request = parse_scope_arguments(arguments);
     if (request.settings.help) return print(help_text(command_by_name("scope")));
-    check_scope_names(request.settings);
     const std::string& path = request.settings.files[0];
     const GdalSession session(cache_bytes(request.settings), request.settings.config);
+    check_scope_names(request.settings);
     const EchoFile file(path, request.settings.threads);
     const StoredEcho echo = stored_echo(path, file.scene_json(), file.columns(), file.rows());
 

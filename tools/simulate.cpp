@@ -163,8 +163,8 @@ std::string left_words(const Settings& s) {
 
 void simulate(const Settings& given, WorkDir* work, double start_s, Stop& stop) {
     Settings settings = given;
-    Outputs outputs(settings);
     const GdalSession session(cache_bytes(settings), settings.config);
+    Outputs outputs(settings);
     if (outputs.layers) outputs.layers->check(settings);
 
     std::unique_ptr<TimelineFile> timeline;
@@ -276,6 +276,7 @@ void simulate(const std::vector<std::string>& arguments, Stop& stop) {
     const Settings settings = parse_arguments(command_simulate, arguments);
     if (settings.help) return print(help_text(command_by_name("simulate")));
     check_complete(settings);
+    check_temp_dir(settings);
     if (!settings.ground_file.empty() && (!settings.track.empty() || settings.only_wedges))
         throw InputError(text("ground is ", in_quotes(settings.ground_file), " and ",
                               settings.track.empty() ? "only-wedge" : "track",
