@@ -12,16 +12,16 @@ namespace {
 
 static_assert(std::endian::native == std::endian::little, "maps are little-endian");
 
-constexpr std::size_t header_bytes = 64, sum_bytes = sizeof(std::uint64_t);
+constexpr std::size_t page_header_bytes = 64, sum_bytes = sizeof(std::uint64_t);
 
-using Header = std::array<char, header_bytes>;
+using PageHeader = std::array<char, page_header_bytes>;
 
-Header header(const PageLayout& layout) {
-    Header out{};
+PageHeader header(const PageLayout& layout) {
+    PageHeader out{};
     std::memcpy(out.data(), layout.magic, std::strlen(layout.magic));
     std::memcpy(out.data() + 32, layout.numbers.data(), sizeof(layout.numbers));
-    const std::uint64_t sum = checksum(out.data(), header_bytes - sum_bytes);
-    std::memcpy(out.data() + header_bytes - sum_bytes, &sum, sum_bytes);
+    const std::uint64_t sum = checksum(out.data(), page_header_bytes - sum_bytes);
+    std::memcpy(out.data() + page_header_bytes - sum_bytes, &sum, sum_bytes);
     return out;
 }
 
@@ -29,10 +29,10 @@ Header header(const PageLayout& layout) {
 
 FilePart whole_file(const std::string& path, PlainFile::Use use) { return {std::make_shared<PlainFile>(path, use)}; }
 
-std::uint64_t PageLayout::file_bytes() const { return header_bytes + pages * (content_bytes + sum_bytes); }
+std::uint64_t PageLayout::file_bytes() const { return page_header_bytes + pages * (content_bytes + sum_bytes); }
 
 std::uint64_t PagedFile::offset(std::uint64_t page) const {
-    return part_.begin + header_bytes + page * (layout_.content_bytes + sum_bytes);
+    return part_.begin + page_header_bytes + page * (layout_.content_bytes + sum_bytes);
 }
 
 std::string PagedFile::named() const { return text(layout_.what, " '", part_.file->path(), "'"); }
@@ -40,7 +40,7 @@ std::string PagedFile::named() const { return text(layout_.what, " '", part_.fil
 PagedFile::PagedFile(FilePart part, const PageLayout& layout, Use use) : part_(std::move(part)), layout_(layout) {
     PlainFile& file = *part_.file;
     const std::uint64_t end = part_.begin + layout_.file_bytes(), bytes = file.bytes();
-    const Header head = header(layout_);
+    const PageHeader head = header(layout_);
     if (use == Use::make) {
         if (part_.whole && bytes != end) file.resize(0);
         if (part_.whole ? bytes != end : bytes < end) file.resize(end);
@@ -49,7 +49,7 @@ PagedFile::PagedFile(FilePart part, const PageLayout& layout, Use use) : part_(s
     }
     if (part_.whole ? bytes != end : bytes < end)
         throw DataError(text(named(), " has ", bytes, " bytes; accepted: ", end));
-    Header found{};
+    PageHeader found{};
     file.read(part_.begin, found.data(), found.size());
     if (found != head)
         throw DataError(text(named(), ": its header is damaged or of another raster than ", layout_.numbers[0], " x ",
