@@ -120,11 +120,12 @@ std::vector<std::string> idle_effects(const Scene& scene, const DataBase& db, co
 std::string undeclared_void(const std::string& terrain, double lowest_m) {
     constexpr double usual[] = {-9999, -32767, -32768};
     if (std::find(std::begin(usual), std::end(usual), lowest_m) == std::end(usual)) return {};
+    const bool store = is_tile_store(terrain);
     return fmt::format(
         "the lowest height of {} is {:g} m, a usual no-data value that it does not declare; if it is one: "
         "gdal_translate -a_nodata {:g} {} COPY.tif{}",
-        in_quotes(terrain), lowest_m, lowest_m, is_tile_store(terrain) ? "RASTER" : in_quotes(terrain),
-        is_tile_store(terrain) ? " for each raster that the store was made of, and tile the copies" : "");
+        in_quotes(terrain), lowest_m, lowest_m, store ? "RASTER" : in_quotes(terrain),
+        store ? " for each raster that the store was made of, and tile the copies" : "");
 }
 
 std::string undeclared_void(const std::string& terrain, WedgeSource& source) {

@@ -44,8 +44,7 @@ std::vector<Given> read_scene(const std::string& path, std::string_view content)
 /// check.
 Settings settings_from(const std::vector<Given>& scene_file, const std::vector<Given>& command_line);
 
-/// What a simulation needs beside what each key checks: a terrain, one place, one altitude, a legend for culture, and a
-/// folder where temp-dir says one is. InputError, IoError.
+/// What a simulation needs beside what each key checks: a terrain, one place, one altitude, a legend for culture. InputError.
 void check_complete(const Settings& settings);
 /// Of a run, at once, not when it needs the disk. IoError.
 void check_temp_dir(const Settings& settings);

@@ -19,8 +19,8 @@ struct TableColumn {
     const char* unit = "";  ///< of a bare number; empty: a plain number
     Dimension dimension = Dimension::length;
     bool degrees = false;  ///< a plain number that is one of degrees
-    unsigned unless =
-        0;  ///< fields, as bits: a name that may mean something else and stands back where one of them is named
+    /// Fields, as bits: a name that may mean something else and stands back where one of them is named.
+    unsigned unless = 0;
 };
 
 /// A column as its header names it, the unit in brackets behind, square ones or round.
