@@ -480,6 +480,11 @@ void check_picture(GDALDriver& driver, const CPLStringList& options, const Raste
                           "' takes no grey picture with an alpha channel; accepted: .png, .tif, ..., or alpha off"));
 }
 
+[[noreturn]] void refuse_codes(GDALDriver& driver, const std::string& final_path, const std::string& why) {
+    throw InputError(text("output '", final_path, "' holds codes, and driver ", driver.GetDescription(), why,
+                          "; accepted: .tif, .png and others without loss"));
+}
+
 /// Of codes one that is a little off is another. True if the driver has shown that it keeps them; some make no file in memory.
 bool keeps_codes(GDALDriver& driver, const CPLStringList& options, const RasterFormat& format,
                  const RasterContent& wanted, const std::string& final_path) {
@@ -493,9 +498,9 @@ bool keeps_codes(GDALDriver& driver, const CPLStringList& options, const RasterF
     if (tried.kept) return true;
     check_made(tried, driver, format, final_path);
     if (!tried.refused.empty()) return false;
-    throw InputError(text("output '", final_path, "' holds codes, and driver ", driver.GetDescription(),
-                          format.creation.empty() ? "" : " with these creation options",
-                          " does not keep them as they are; accepted: .tif, .png and others without loss"));
+    refuse_codes(
+        driver, final_path,
+        text(format.creation.empty() ? "" : " with these creation options", " does not keep them as they are"));
 }
 
 /// Of counts, which any driver keeps, 0 means something too.
@@ -534,9 +539,7 @@ void check_output(const OutputFile& file, OutputLayer layer, const RasterFormat&
         RasterContent states;
         set_states(states);
         if (!known && !keeps_codes(driver, options, format, states, file.final_path()))
-            throw InputError(text("output '", file.final_path(), "' holds codes, and driver ", driver.GetDescription(),
-                                  " does not say whether it keeps them as they are; accepted: .tif, .png and others "
-                                  "without loss"));
+            refuse_codes(driver, file.final_path(), " does not say whether it keeps them as they are");
     } else if (bytes && (!known || layer == OutputLayer::masked_scope)) {
         check_picture(driver, options, format, layer == OutputLayer::masked_scope, file.final_path());
     }
