@@ -126,9 +126,7 @@ void WedgeCells::add(const Target& target, const Portion& p, const Stretches& st
 void WedgeCells::add_placed(const Target& target, const Placing& p, double power, const Stretches& stretches,
                             const double* quantities) {
     const float reach = p.begin + p.length();
-    const std::int64_t begin = quanta_.range_bins.begin, end = quanta_.range_bins.end;
-    if (!(p.begin >= 0 && reach < 1e9F) || p.bin < begin || p.bin + static_cast<std::int64_t>(reach) >= end)
-        return add_cut(target, p, power, stretches, quantities);
+    if (!(p.begin >= 0 && reach < 1e9F)) return add_cut(target, p, power, stretches, quantities);
     const auto bins = static_cast<std::int32_t>(reach);
     // As many as lanes take.
     bins < 3 ? spread<float>(target, p, bins, power, stretches, quantities)
@@ -138,25 +136,32 @@ void WedgeCells::add_placed(const Target& target, const Placing& p, double power
 template <class Real>
 void WedgeCells::spread(const Target& target, const Placing& p, std::int32_t bins, double power,
                         const Stretches& stretches, const double* quantities) {
+    // Of its bins, counted from that of its near end, those that there are. What one of them takes does not hang on the others.
+    const std::int64_t begin_bin = quanta_.range_bins.begin - p.bin, end_bin = quanta_.range_bins.end - p.bin;
+    if (begin_bin > bins || end_bin <= 0) return;
+    const auto first = static_cast<std::int32_t>(std::max<std::int64_t>(begin_bin, 0)),
+               last = static_cast<std::int32_t>(std::min<std::int64_t>(end_bin - 1, bins));
     const FromNear<Real> portion = p.from_near<Real>(stretches);
     const Real begin = p.begin, inverse = inverse_of(static_cast<Real>(p.length()));
-    Real done = 0;
-    for (std::int32_t k = 0; k < bins; ++k) {
-        const Real upto = portion.returned(portion.share((static_cast<Real>(k + 1) - begin) * inverse));
-        put(target, p.bin + k, power, static_cast<double>(upto - done), quantities);
-        done = upto;
+    const auto upto = [&](std::int32_t k) {  // the far edge of bin k
+        return portion.returned(k < bins ? portion.share((static_cast<Real>(k + 1) - begin) * inverse) : Real(1));
+    };
+    Real done = first > 0 ? upto(first - 1) : Real(0);
+    for (std::int32_t k = first; k <= last; ++k) {
+        const Real all = upto(k);
+        put(target, p.bin + k, power, static_cast<double>(all - done), quantities);
+        done = all;
     }
-    put(target, p.bin + bins, power, static_cast<double>(portion.returned(1) - done), quantities);
 }
 
-void WedgeCells::add_cut(const Target& target, const Placing& p, double power, const Stretches& stretches,
+void WedgeCells::add_cut(const Target& target, const Placing& placing, double power, const Stretches& stretches,
                          const double* quantities) {
-    // Some of it lies in front of the first bin or behind the last one. In bins from that of its near end.
-    const double first = p.begin, length = p.length(), far = first + length,
-                 begin = static_cast<double>(quanta_.range_bins.begin - p.bin),
-                 end = static_cast<double>(quanta_.range_bins.end - p.bin);
+    // It begins before range 0 or reaches where no bins are. In bins from that of its near end.
+    const double first = placing.begin, length = placing.length(), far = first + length,
+                 begin = static_cast<double>(quanta_.range_bins.begin - placing.bin),
+                 end = static_cast<double>(quanta_.range_bins.end - placing.bin);
     if (!(far >= begin) || !(first < end)) return;  // also NaN
-    const FromNear<double> portion = p.from_near<double>(stretches);
+    const FromNear<double> portion = placing.from_near<double>(stretches);
     const double inverse = inverse_of(length);
     const auto returned = [&](double x) {
         const double u = (x - first) * inverse;
@@ -166,7 +171,7 @@ void WedgeCells::add_cut(const Target& target, const Placing& p, double power, c
     const double high = std::min(far, end);
     for (auto j = static_cast<std::int32_t>(low); low < high; ++j) {
         const double edge = std::min(high, static_cast<double>(j + 1)), upto = returned(edge);
-        put(target, p.bin + j, power, upto - done, quantities);
+        put(target, placing.bin + j, power, upto - done, quantities);
         done = upto;
         if (edge == high) break;
         low = edge;

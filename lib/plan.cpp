@@ -111,6 +111,7 @@ private:
         if (BlockMap* map = look_ ? source_.block_map() : nullptr) coarse.emplace(scene_, db_, grid_, *map, fan);
         std::size_t most = 0, ring = 0;
         Interval live = run.spokes[0];
+        Window culture_tiles;  // under the chunk before: those of them that lie under the next one stay (Culture::open)
         for (std::int64_t line = 0; line < grid_.line_count(fan) && !live.empty();) {
             const std::int64_t spokes = rings[ring].spokes;
             const auto beyond = [&](std::int64_t k) {
@@ -146,7 +147,9 @@ private:
                     const Window tiles = Culture::tiles_under(db_, posts);
                     for (std::int64_t r = tiles.rows.begin; r < tiles.rows.end; ++r)
                         for (std::int64_t c = tiles.columns.begin; c < tiles.columns.end; ++c)
-                            class_bytes += source_.class_bytes(Culture::cells_of_tile(db_, c, r));
+                            if (!culture_tiles.columns.contains(c) || !culture_tiles.rows.contains(r))
+                                class_bytes += source_.class_bytes(Culture::cells_of_tile(db_, c, r));
+                    culture_tiles = tiles;
                     held += static_cast<std::size_t>(tiles.posts() * db_.culture_tile_columns * db_.culture_tile_rows) *
                             sizeof(ClassId);
                 }

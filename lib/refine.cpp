@@ -47,14 +47,15 @@ WEDGESCOPE_LANES_PART Doubt differences(std::size_t n, float floor, float least,
 
 std::vector<Interval> rows_in_doubt(const WedgeCells& cells, const std::vector<Interval>& among,
                                     const Refinement& refinement) {
-    const std::size_t n = whole_registers(cells.columns());
-    std::vector<float> even(n + together), odd(n + together);
+    const std::size_t from = std::min(refinement.lead_in, cells.columns()), n = whole_registers(cells.columns() - from);
+    std::vector<float> even(from + n + together), odd(from + n + together);
     std::vector<Interval> found;
     for (const Interval rows : among)
         for (std::int64_t row = rows.begin; row < rows.end; ++row) {
             cells.halves(static_cast<std::size_t>(row), even.data(), odd.data());
-            const Doubt doubt = on_target<differences>(n, static_cast<float>(refinement.floor_w),
-                                                       static_cast<float>(refinement.cell_db), even.data(), odd.data());
+            const Doubt doubt =
+                on_target<differences>(n, static_cast<float>(refinement.floor_w),
+                                       static_cast<float>(refinement.cell_db), even.data() + from, odd.data() + from);
             double sum = 0, count = 0;
             for (std::size_t i = 0; i < lanes; ++i) {
                 sum += static_cast<double>(doubt.square[i]);

@@ -400,6 +400,7 @@ Refinement refinement_of(const ResolvedScene& s, const Sampling& sampling) {
     RadarParams radar = like_bins_of(s);
     radar.pulse_s = bins * s.swept.range_bin_m / RadarParams{}.pulse_extent_m() * RadarParams{}.pulse_s;
     refinement.floor_w = rounded_significand(over_noise / bins * radar.noise_power_w(), 24);
+    refinement.lead_in = static_cast<std::size_t>(s.shown.range_bins.begin - s.swept.range_bins.begin);
     return refinement;
 }
 

@@ -277,6 +277,63 @@ TEST_CASE("a row's states are the most telling of all that was marked, in whatev
     }
 }
 
+TEST_CASE("what a bin takes does not hang on which other bins there are", "[deposit]") {
+    // Pieces of one bin to dozens, either way round, in lanes and alone; the first and last bins cut many of them.
+    const Quanta all = quanta({0, 400}, 25, 1e3, 1, 0.01, 2), some = quanta({100, 200}, 25, 1e3, 1, 0.01, 2);
+    WedgeCells alone(1, all), part(1, some), lanes(1, all), part_lanes(1, some);
+    std::mt19937 random(11);
+    const auto any = [&](double from, double to) { return std::uniform_real_distribution<double>(from, to)(random); };
+    int cut = 0;
+    for (int round = 0; round < 200; ++round) {
+        std::array<double, WedgeCells::Portions::most> share0, share1{}, x0, x1, power;
+        std::array<float, WedgeCells::Portions::most> bow, second, third;
+        std::array<std::array<float, WedgeCells::Portions::most>, 3> gamma;
+        std::array<std::int64_t, WedgeCells::Portions::most> origin, part_origin;
+        for (std::size_t i = 0; i < share0.size(); ++i) {
+            share0[i] = any(0.001, 0.01);
+            x0[i] = any(90, 210);
+            x1[i] = x0[i] + any(-1, 1) * (random() % 4 ? 4 : 60);
+            power[i] = any(0, 1e-7);
+            bow[i] = static_cast<float>(any(-1, 1));
+            second[i] = static_cast<float>(any(0, 0.5));
+            third[i] = static_cast<float>(any(0.5, 1));
+            for (auto& g : gamma) g[i] = static_cast<float>(any(0, 2));
+            const double near = std::min(x0[i], x1[i]), far = std::max(x0[i], x1[i]);
+            cut += (near < 100 && far > 100) || (near < 200 && far > 200);
+            const WedgeCells::Target target{0, {share0[i], 0}};
+            const WedgeCells::Portion portion{x0[i], x1[i], power[i], static_cast<double>(bow[i])};
+            const WedgeCells::Stretches stretches{{gamma[0][i], gamma[1][i], gamma[2][i]}, second[i], third[i]};
+            alone.add(target, portion, stretches);
+            part.add(target, portion, stretches);
+            origin[i] = lanes.origin_of(0);
+            part_origin[i] = part_lanes.origin_of(0);
+        }
+        WedgeCells::Portions p{origin.data(),
+                               share0.data(),
+                               share1.data(),
+                               {},
+                               x0.data(),
+                               x1.data(),
+                               1,
+                               power.data(),
+                               bow.data(),
+                               {gamma[0].data(), gamma[1].data(), gamma[2].data()},
+                               second.data(),
+                               third.data()};
+        lanes.add_lanes(share0.size(), p);
+        p.origin = part_origin.data();
+        part_lanes.add_lanes(share0.size(), p);
+    }
+    CHECK(cut > 300);
+    for (std::size_t j = 0; j < 100; ++j) {
+        INFO("bin " << 100 + j);
+        REQUIRE(alone.watts(0, 100 + j) > 0);
+        CHECK(part.watts(0, j) == alone.watts(0, 100 + j));
+        CHECK(lanes.watts(0, 100 + j) == alone.watts(0, 100 + j));
+        CHECK(part_lanes.watts(0, j) == alone.watts(0, 100 + j));
+    }
+}
+
 TEST_CASE("the quantum of a bin leaves room for all that a cell can hold, and no more than a bit", "[deposit]") {
     const double constant = 1234.5, pattern = 0.8, step = 0.0065, gamma = 3.2;
     const Quanta q = quanta({0, 40}, 100, constant, pattern, step, gamma);

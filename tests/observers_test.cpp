@@ -489,8 +489,15 @@ TEST_CASE("heights under other usual names are taken, and what a file of observe
     REQUIRE(high != low);
     for (const char* name : {"height (m)", "height_m", "HGT", "hgt [m]", "height_m (m)", "Predominant_Height"}) {
         INFO(name);
-        CHECK(table(std::string("x,y,") + name, "466000,3754000,90", {"--altitude-agl", "10m"}).empty());
+        // With a name that may be of something else it says so.
+        const bool sure = name == std::string("height (m)");
+        const std::string said = table(std::string("x,y,") + name, "466000,3754000,90", {"--altitude-agl", "10m"});
+        if (sure)
+            CHECK(said.empty());
+        else
+            CHECK_THAT(said, Contains(std::string("t.csv': column '") + name + "' gives each its height"));
         CHECK(RasterBand(out).posts == high);
+        if (!sure) CHECK(table(std::string("x,y,") + name, "466000,3754000,90").empty());
     }
     CHECK(table("x,y,height (ft)", "466000,3754000,295.27559", {"--altitude-agl", "10m"}).empty());
     CHECK(RasterBand(out).posts == high);
@@ -501,12 +508,32 @@ TEST_CASE("heights under other usual names are taken, and what a file of observe
     // Next to a sure name the others may be of anything.
     CHECK_THAT(table("x,y,hgt,height,height_m", "466000,3754000,90,10,90"), Contains("left out: 'hgt', 'height_m'"));
     CHECK(RasterBand(out).posts == low);
+    // Two sure names are one too many, whatever stands before them.
+    for (const char* header : {"x,y,height,altitude-agl", "x,y,hgt,height,altitude-agl"}) {
+        std::ofstream(folder / "t.csv") << header << "\n466000,3754000,90,10"
+                                        << "\n";
+        const Ended ended = run_program({program, "coverage", "--overwrite", dem, out, "--observers", folder / "t.csv"},
+                                        folder / "log");
+        CHECK(ended.code == 2);
+        CHECK_THAT(ended.err, Contains("is 'altitude-agl', and so is one before"));
+    }
+    // A comma at the end of each line is no column to speak of, and of many columns the first are named.
+    CHECK(table("x,y,height,", "466000,3754000,90,").empty());
+    std::string header = "x,y,height", row = "466000,3754000,90";
+    for (int i = 0; i < 12; ++i) header += ",c" + std::to_string(i), row += ",1";
+    CHECK_THAT(table(header, row), Contains("left out: 'c0', ") && Contains("'c7' and 4 more") && !Contains("c8"));
 
     for (const char* name : {"height_m", "hgt", "height (m)"}) {
         INFO(name);
         std::filesystem::remove(folder / "p.gpkg");
         write_points(folder / "p.gpkg", "GPKG", "EPSG:32611", {{"POINT (466000 3754000)", {{name, "90"}}}});
-        CHECK(words_on("p.gpkg", {"--altitude-agl", "10m"}).empty());
+        CHECK(words_on("p.gpkg").empty());
+        CHECK(RasterBand(out).posts == high);
+        const std::string said = words_on("p.gpkg", {"--altitude-agl", "10m"});
+        if (name == std::string("height (m)"))
+            CHECK(said.empty());
+        else
+            CHECK_THAT(said, Contains(std::string("p.gpkg': field '") + name + "' gives each its height"));
         CHECK(RasterBand(out).posts == high);
     }
     std::filesystem::remove(folder / "p.gpkg");

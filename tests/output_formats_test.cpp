@@ -127,3 +127,24 @@ TEST_CASE("creation options that GDAL refuses are refused for GDAL's reason", "[
                                   !Contains("does not keep"));
     }
 }
+
+TEST_CASE("a power image in a file that changes it or forgets its scene is remarked on", "[output_formats]") {
+    const Folder folder;
+    draw_ridge(folder / "dem.tif");
+    const auto says = [&](const std::string& name, const Words& options) {
+        const Ended ended = run_program(
+            with({program}, simulation_of(folder, with({"--power", folder / name, "--overwrite"}, options))),
+            folder / "log");
+        INFO(ended.err);
+        REQUIRE(ended.code == 0);
+        REQUIRE(std::filesystem::exists(folder / name));
+        const std::size_t at = ended.err.find("does not keep ");
+        return at == std::string::npos ? std::string() : ended.err.substr(at, ended.err.find('\n', at) - at);
+    };
+    CHECK(says("a.tif", {}).empty());
+    CHECK(says("a.tif", {"--co", "COMPRESS=DEFLATE", "--co", "TILED=YES", "--power-unit", "dBm"}).empty());
+    CHECK(says("a.img", {}).empty());
+    CHECK_THAT(says("a.tif", {"--co", "COMPRESS=LERC", "--co", "MAX_Z_ERROR=0.1"}),
+               Contains("its values as they are; .tif does"));
+    CHECK_THAT(says("a.xyz", {}), Contains("what the image tells of its scene; .tif does"));
+}

@@ -31,6 +31,10 @@ enum class OutputLayer { scope, masked_scope, echo, power, states };
 /// alpha channel if it is a masked scope, or codes (states) that a driver with loss would change.
 void check_output(const OutputFile& file, OutputLayer layer, const RasterFormat& format);
 
+/// What a power image would not keep in such a file, in words that go on from its name; empty: nothing. InputError where GDAL
+/// refuses the creation options.
+std::string power_losses(const OutputFile& file, const RasterFormat& format);
+
 /// True where a file of that name would be one, whatever else may be wrong with it.
 bool is_geotiff(const std::string& path, const RasterFormat& format);
 

@@ -545,6 +545,42 @@ void check_output(const OutputFile& file, OutputLayer layer, const RasterFormat&
     }
 }
 
+std::string power_losses(const OutputFile& file, const RasterFormat& format) {
+    const std::string& final_path = file.final_path();
+    if (is_geotiff(final_path, format) && format.creation.empty()) return {};
+    GDALDriver& driver = driver_for(final_path, GDT_Float32, format);
+    // Watts and dBm, as unlike as neighbours may be.
+    constexpr int side = 64;
+    std::vector<float> cells(static_cast<std::size_t>(side * side));
+    for (std::size_t i = 0; i < cells.size(); ++i)
+        cells[i] = i % 3 ? 1.1e-17F * static_cast<float>(i) : -0.123F * static_cast<float>(i % 1000);
+    RasterContent content;
+    content.columns = content.rows = side;
+    content.bands = {{cells.data(), "power", "W", {}, {}}};
+    content.metadata = {{"SCENE_JSON", R"({"trial": "with 'quotes' = and; others"})"}};
+    bool values = true, words = true;  // are kept, by what was closed and opened again
+    const Trial tried =
+        try_driver(driver, creation_options(driver, GDT_Float32, {}, format), content, final_path, [&](GDALDataset& d) {
+            std::vector<float> back(cells.size());
+            values = d.GetRasterXSize() == side && d.GetRasterYSize() == side &&
+                     d.GetRasterBand(1)->RasterIO(GF_Read, 0, 0, side, side, back.data(), side, side, GDT_Float32, 0, 0,
+                                                  nullptr) == CE_None &&
+                     back == cells;
+            const auto& [key, value] = content.metadata.front();
+            const char* const said = d.GetMetadataItem(key.c_str());
+            words = said && value == said;
+            return true;
+        });
+    check_made(tried, driver, format, final_path);
+    if (!tried.kept || (values && words)) return {};
+    return text("is written by driver ", driver.GetDescription(),
+                format.creation.empty() ? "" : " with these creation options", ", which does not keep ",
+                values  ? "what the image tells of its scene"
+                : words ? "its values as they are"
+                        : "its values as they are, nor what the image tells of its scene",
+                "; .tif does");
+}
+
 namespace {
 
 /// Of a grey picture, with or without alpha, those that are written without GDAL.

@@ -4,6 +4,7 @@
 #include "tiles/picture.hpp"
 #include "tools/legend.hpp"
 #include "tools/scene_json.hpp"
+#include "tools/terminal.hpp"
 
 namespace wedgescope {
 namespace {
@@ -48,7 +49,11 @@ void LayerFiles::check(const Settings& settings) const {
         check_output(*echo_, OutputLayer::echo, polar);
         check_echo_format(*echo_, polar);
     }
-    if (power_) check_output(*power_, OutputLayer::power, polar);
+    if (power_) {
+        check_output(*power_, OutputLayer::power, polar);
+        if (const std::string losses = power_losses(*power_, polar); !losses.empty())
+            remark(settings.quiet, text("power '", power_->final_path(), "' ", losses));
+    }
     if (states_) check_output(*states_, OutputLayer::states, polar);
 }
 

@@ -94,14 +94,26 @@ void check_count(const std::string& subject, std::size_t count) {
         throw InputError(text(subject, " has more than ", most_observers, " observers; accepted: at most so many"));
 }
 
-Observers finish(const std::string& path, const std::string& subject, bool is_table, bool lat_lon,
-                 std::vector<Observer> all, const std::vector<std::string>& left_out) {
+/// `columns`: all that the file names.
+Observers finish(const std::string& path, const std::string& subject, bool is_table, bool lat_lon, bool altitude_given,
+                 std::vector<Observer> all, const std::vector<NamedColumn>& columns) {
     if (all.empty()) throw InputError(text(subject, " holds no observer; at least one is needed"));
     all.shrink_to_fit();
+    std::string taken, left_out;
+    std::size_t unknown = 0;
+    constexpr std::size_t most_named = 8;
+    for (const NamedColumn& column : columns) {
+        // A name that may be something else's (a building's height), beside the option for all.
+        if (column.known && column.known->unless != 0 && altitude_given) taken = in_quotes(column.name);
+        if (column.known || column.name.empty()) continue;
+        if (++unknown <= most_named) left_out += text(unknown == 1 ? "" : ", ", in_quotes(column.name));
+    }
+    if (unknown > most_named) left_out += text(" and ", unknown - most_named, " more");
+    const char* const kind = is_table ? "column" : "field";
     std::string note;
-    for (const std::string& name : left_out)
-        note += text(note.empty() ? text(subject, ": ", is_table ? "columns" : "fields", " that are left out: ") : ", ",
-                     name);
+    if (!taken.empty()) note += text(kind, " ", taken, " gives each its height, where it is not empty");
+    if (unknown > 0) note += text(note.empty() ? "" : "; ", kind, "s that are left out: ", left_out);
+    if (!note.empty()) note = text(subject, ": ", note);
     return Observers(path, is_table, lat_lon, std::move(all), std::move(note));
 }
 
@@ -127,7 +139,7 @@ Observers read_table(const std::string& path, bool altitude_given, const Stop& s
             value);
         all.push_back(o);
     }
-    return finish(path, subject, true, lat_lon, std::move(all), table.left_out());
+    return finish(path, subject, true, lat_lon, altitude_given, std::move(all), table.columns());
 }
 
 Observers read_points(const std::string& path, const std::string& layer, bool altitude_given,
@@ -144,12 +156,8 @@ Observers read_points(const std::string& path, const std::string& layer, bool al
     let_stand_back(fields);
     std::vector<NamedColumn> columns;
     std::vector<int> places;
-    std::vector<std::string> left_out;
     for (std::size_t i = 0; i < fields.size(); ++i) {
-        if (!fields[i].known) {
-            left_out.push_back(in_quotes(fields[i].name));
-            continue;
-        }
+        if (!fields[i].known) continue;
         columns.push_back(fields[i]);
         places.push_back(static_cast<int>(i));
     }
@@ -188,7 +196,7 @@ Observers read_points(const std::string& path, const std::string& layer, bool al
             o, where, altitude_given, [&](int field) { return place(field) < columns.size(); }, value);
         all.push_back(o);
     });
-    return finish(path, subject, false, file.lat_lon(), std::move(all), left_out);
+    return finish(path, subject, false, file.lat_lon(), altitude_given, std::move(all), fields);
 }
 
 /// Can be read once, from front to end; a terminal too.

@@ -276,8 +276,7 @@ ResolvedScene scene_from_echo(const StoredEcho& echo, const std::vector<Given>& 
         throw InputError(text(azimuths, " asks for azimuth bins ", bins_words(scene.shown.azimuth_bins),
                               "; the echo image holds ", bins_words(stored.azimuth_bins), " of ", stored.circle_bins,
                               sweep_needed));
-    // Not even a later begin: a piece of ground that the first bin's edge cuts is added up in other parts, rounded otherwise.
-    if (wanted.range_bins.begin != stored.range_bins.begin)
+    if (wanted.range_bins.begin < stored.range_bins.begin)
         throw InputError(text(radar.pulse_s != before.pulse_s                         ? name("pulse")
                               : radar.pulse_length_error != before.pulse_length_error ? name("ple")
                                                                                       : name("ple-scale"),

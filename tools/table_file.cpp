@@ -137,18 +137,13 @@ void TableReader::read_header() {
             throw InputError(text(at, " is ", in_quotes(cell), "; accepted units: ", unit_list(found->dimension),
                                   ", as in ", found->name, " [", found->unit, "]"));
         if (found && found->unless == 0)
-            if (const auto before = column_of(found->field); before && columns_[*before].known->unless == 0)
+            if (std::any_of(columns_.begin(), columns_.end(), [&](const NamedColumn& before) {
+                    return before.known && before.known->field == found->field && before.known->unless == 0;
+                }))
                 throw InputError(text(at, " is ", in_quotes(cell), ", and so is one before"));
         columns_.push_back(std::move(column));
     }
     let_stand_back(columns_);
-}
-
-std::vector<std::string> TableReader::left_out() const {
-    std::vector<std::string> names;
-    for (const NamedColumn& column : columns_)
-        if (!column.known) names.push_back(in_quotes(column.name));
-    return names;
 }
 
 bool TableReader::next_row() {

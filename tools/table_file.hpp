@@ -72,8 +72,7 @@ public:
     /// The line that names the columns; before the first row.
     void read_header();
     bool has(int field) const { return column_of(field).has_value(); }
-    /// Columns of other names, in quotes.
-    std::vector<std::string> left_out() const;
+    const std::vector<NamedColumn>& columns() const { return columns_; }
     /// The next row; false at the end.
     bool next_row();
     std::int64_t line() const { return rows_.line(); }
