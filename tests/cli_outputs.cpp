@@ -34,7 +34,7 @@ TEST_CASE("coverage says how the sensor stands to the terrain, as simulate does"
     CHECK(line("void", "465150,3750120") == "sensor: 150.0 m above sea level, over a void of the terrain");
 }
 
-TEST_CASE("a lowest height that is a usual no-data value is remarked on", "[cli]") {
+TEST_CASE("a lowest height that is a usual no-data value is remarked on", "[cli][long]") {
     const Folder folder;
     const auto terrain = [&](const std::string& name, const std::string& lowest, const std::string& no_data) {
         std::string text =

@@ -202,7 +202,8 @@ TEST_CASE("a run whose blocks pack smaller than foretold is split as it was fore
     CHECK(larger.size() == 2);
 }
 
-TEST_CASE("timeline and profile of a spilled run show its pass, its spill and its memory from end to end", "[cli]") {
+TEST_CASE("timeline and profile of a spilled run show its pass, its spill and its memory from end to end",
+          "[cli][long]") {
     const Folder folder;
     fs::create_directory(folder.work() / "spill");
     const std::string hills = scanlines(folder, "hills", 3000);

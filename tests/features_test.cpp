@@ -617,7 +617,7 @@ TEST_CASE("a feature's wrong side is named", "[features]") {
     says({{"SMC", 1}, {"directivity", 3}, {"axis", "x"}, {"material", "mud"}}, {"material is 'mud'"});
 }
 
-TEST_CASE("a radar sees a burnt feature by its side, and a scene over the store needs no table", "[features]") {
+TEST_CASE("a radar sees a burnt feature by its side, and a scene over the store needs no table", "[features][long]") {
     const Folder folder;
     const auto run = [&](const Strings& arguments, int code = 0) {
         Strings all{WEDGESCOPE_PROGRAM};

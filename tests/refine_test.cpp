@@ -271,7 +271,8 @@ TEST_CASE("bins in doubt are swept again, the same in every split", "[refine]") 
     CHECK(refined(simulate(scene, 1, 1, true)) == 0);
 }
 
-TEST_CASE("bins in doubt all round, over classes, canopy, water and voids, are the same in every split", "[refine]") {
+TEST_CASE("bins in doubt all round, over classes, canopy, water and voids, are the same in every split",
+          "[long][refine]") {
     const GdalSession session(32 << 20, {});
     DataBaseParams db;
     const std::string data = WEDGESCOPE_TEST_DATA;

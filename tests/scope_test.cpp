@@ -263,7 +263,7 @@ TEST_CASE("an echo swept without the widths of beam and pulse serves with them w
                      {{{"--bwe", "on"}}, {{"--ple", "on"}}, {{"--bwe", "on", "--ple", "on", "--speckle", "1"}}});
 }
 
-TEST_CASE("rain, which is in no echo image, is the same again", "[scope][quick]") {
+TEST_CASE("rain, which is in no echo image, is the same again", "[scope]") {
     const Folder folder;
     same_as_simulate(folder,
                      with(quick_riverside, {"--rain", "moderate", "--gases", "normal", "--cloud", "fog",

@@ -119,7 +119,7 @@ TEST_CASE("an interrupted run goes on to the same bytes, and redoes no finished 
     CHECK(fs::exists(folder / "mine/letter.txt"));
 }
 
-TEST_CASE("killed at any moment, a run is resumed to the same bytes", "[store]") {
+TEST_CASE("killed at any moment, a run is resumed to the same bytes", "[store][long]") {
     const Folder folder;
     draw(folder / "dem.tif", hills(4096 * 3 + 10, 100));
     const std::vector<std::string> tail = {"-q", "--threads", "1"};

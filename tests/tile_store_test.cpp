@@ -278,7 +278,7 @@ TEST_CASE("a store keeps what one unit of its culture heights is; scenes over it
     CHECK(parse_arguments(command_tile, {"--around", "1,2", folder / "tenths"}).culture_height_scale == 0.1);
 }
 
-TEST_CASE("a scene over a store is the scene over the rasters, bit for bit", "[store][threads]") {
+TEST_CASE("a scene over a store is the scene over the rasters, bit for bit", "[store][threads][long]") {
     const Folder folder;
     auto params = into(folder / "store", {data + "/worcester_vermont_dem.tif"});
     params.culture = data + "/worcester_vermont_culture.tif";

@@ -42,7 +42,7 @@ std::map<std::string, std::string> contents(const std::string& folder) {
 
 }  // namespace
 
-TEST_CASE("a data base that stays in memory gives the bits of the source beneath", "[track]") {
+TEST_CASE("a data base that stays in memory gives the bits of the source beneath", "[long][track]") {
     const auto hills = rolling(300, 40, 5);
     const auto make = [&] {
         auto source = std::make_unique<MemorySource>(150, 130, 50, [&](double c, double r) {
