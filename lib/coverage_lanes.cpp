@@ -103,6 +103,16 @@ HWY_INLINE Lane lifted(const Lift& lift, Lane up_m) {
     return up_m * ((one - x) * (one + x * x));
 }
 
+/// Lift::climb.
+HWY_INLINE Lane climb(const Lift& lift, Lane height, Lane more) {
+    const float from = 1 + lift.sensor_m * lift.inverse_radius;
+    const Lane one = all(1), curve = all(lift.inverse_radius), square = all(lift.inverse_radius * lift.inverse_radius);
+    const Lane steep = all(from) * (one - all(2) * height * curve),
+               bend = all(from * lift.inverse_radius) * (one - all(3) * height * curve);
+    const Lane first = more / steep, second = (more + first * first * (bend - square * first)) / steep;
+    return (more + second * second * (bend - square * second)) / steep;
+}
+
 // What the lanes of a group have in common is found for some groups side by side, before the groups' turn comes.
 constexpr std::size_t together = 64;
 /// Vectors of floats in a group; and a value for each of them.
@@ -460,7 +470,8 @@ HWY_INLINE HWY_ATTR void test_groups(const TestLanes& lanes, const Lift& lift, s
             put_states(hidden, is_void, lanes.state + at);
             if (wanted) {
                 // What would lift the post to its horizon, and its ray out of its own cell.
-                const Lane to_horizon = hn::IfThenElseZero(over < zero, (zero - over) / (lifts * growth));
+                const Lane stands_at = raised ? height + target : height;
+                const Lane to_horizon = hn::IfThenElseZero(over < zero, climb(lift, stands_at, (zero - over) / lifts));
                 // That hidden by most, over how far it is: as in InsideCell.
                 const Lane more = (above0 - tilt * before) / bend,
                            way = hn::Sqrt(greater(before * before + more, zero)),
@@ -468,7 +479,8 @@ HWY_INLINE HWY_ATTR void test_groups(const TestLanes& lanes, const Lift& lift, s
                            u = pick(hn::And(bend > zero, top > enters), pick(top < one, top, one), enters);
                 const Lane least = above0 + u * (tilt + u * bend);
                 const Lane moves = one - (one - u) * all(inverse_distance);  // of the ray there, when the post rises
-                const Lane out_of_cell = hn::IfThenElseZero(least < zero, (zero - least) / (moves * growth));
+                const Lane out_of_cell =
+                    hn::IfThenElseZero(least < zero, climb(lift, stands_at, (zero - least) / moves));
                 const Lane most = greater(to_horizon, out_of_cell), some = greater(most, all(0.001F));
                 hn::StoreU(hn::IfThenElseZero(hidden, some), d, lanes.raise_m + at);
                 if (lanes.tangent) hn::StoreU(tangent, d, lanes.tangent + at);

@@ -38,6 +38,15 @@ struct Lift {
     }
     /// dw / dh.
     float growth(float height_m) const { return (1 + sensor_m * inverse_radius) * (1 - 2 * height_m * inverse_radius); }
+    /// The way up from `height_m` on which w grows by `more`: the root of growth d - bend d^2 + d^3 / Re^2 = more by repeated
+    /// substitution, within 1e-5 of itself up to 100 km.
+    float climb(float height_m, float more) const {
+        const float steep = growth(height_m),
+                    bend = (1 + sensor_m * inverse_radius) * inverse_radius * (1 - 3 * height_m * inverse_radius),
+                    square = inverse_radius * inverse_radius;
+        const float first = more / steep, second = (more + first * first * (bend - square * first)) / steep;
+        return (more + second * second * (bend - square * second)) / steep;
+    }
 };
 
 /// Values at the knots of a line.

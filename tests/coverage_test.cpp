@@ -163,6 +163,37 @@ TEST_CASE("a ridge hides the ground behind it as far as its shadow reaches", "[c
     CHECK(raised.at(99, 20) == 0);
 }
 
+TEST_CASE("what a post has to rise over a round earth is what the ray over a wall says, however far",
+          "[coverage][quick]") {
+    // 300 m high, 2.5 km before the sensor: 120 km farther the ray is 12 km up, and a metre there lifts less than one at the ground.
+    constexpr std::int64_t wall = 100;
+    for (const double ground_m : {0.0, 2500.0}) {
+        MemorySource source(4001, 9, 30,
+                            [=](double c, double) { return ground_m + (c == wall || c == wall + 1 ? 300 : 0); });
+        for (const double target_m : {0.0, 800.0}) {
+            Scene scene = scene_at(0, 4, ground_m + 10, 4.0 / 3);
+            scene.quality = Quality::exact;
+            CoverageParams params = layer(CoverageLayer::height);
+            params.target_m = target_m;
+            const Result height = look(source, scene, params);
+            const ResolvedScene resolved = resolve_coverage(scene, source);
+            const double inverse = resolved.earth.inverse_radius(), radius = 1 / inverse,
+                         sensor = radius + resolved.sensor_m;
+            const auto at = [&](std::int64_t c) {
+                return static_cast<double>(c) * 30 * inverse;
+            };  // angle at the earth's centre
+            const double top = radius + ground_m + 300,
+                         tangent = (top * std::cos(at(wall)) - sensor) / (top * std::sin(at(wall)));
+            for (const std::int64_t c : {120, 500, 1000, 2000, 3000, 4000}) {
+                const double ray_m = sensor / (std::cos(at(c)) - tangent * std::sin(at(c))) - radius;
+                INFO("column " << c << ", target of " << target_m << " m on ground of " << ground_m << " m");
+                CHECK(height.value(c, 4) ==
+                      Approx(std::max(0.0, ray_m - ground_m - target_m)).margin(0.02).epsilon(2e-6));
+            }
+        }
+    }
+}
+
 TEST_CASE("the ground between two opposite posts of a cell hides what is behind it", "[coverage][quick]") {
     // Two posts of the sensor's cell stand 8 m high, so over the diagonal, from the corner, the ground is 16 t (1 - t) m
     // high: from h m above the corner the highest tangent is 16 - 8 sqrt(h) m a diagonal, where t = sqrt(h) / 4. Nothing of

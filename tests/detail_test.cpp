@@ -182,6 +182,55 @@ std::vector<double> truth(const Scene& s, const std::string& dem, const RunResul
 
 }  // namespace
 
+TEST_CASE("a map of the ground is the same from strips, read once for all pages side by side, as from tiles",
+          "[detail][threads]") {
+    // Round the earth; two pages and a bit across, two down, voids.
+    const Folder folder;
+    Drawing d;
+    d.columns = 9000;
+    d.rows = 4300;
+    d.type = GDT_Int16;
+    d.crs = "EPSG:4326";
+    d.no_data = -7;
+    d.geotransform = std::array<double, 6>{-180, 0.04, 0, 86, 0, -0.04};
+    d.value = [](int c, int r) { return c % 700 < 3 && r % 90 == 0 ? -7 : (c * 7 + r * r) % 1900; };
+    Drawing h = d;
+    h.no_data = std::nullopt;
+    h.value = [](int c, int r) { return (c / 3 + r) % 30; };
+    const GroundMap::MakeParams none;
+    std::vector<std::vector<BlockBounds>> bounds;
+    std::vector<std::vector<Residuals>> residuals;
+    struct Way {
+        std::vector<std::string> creation;
+        std::size_t memory_bytes;
+    };
+    for (const Way& way :
+         {Way{{"TILED=YES"}, none.memory_bytes},
+          Way{{"COMPRESS=DEFLATE", "ZLEVEL=1", "BLOCKYSIZE=7"}, none.memory_bytes},
+          Way{{"COMPRESS=DEFLATE", "ZLEVEL=1", "BLOCKYSIZE=7"}, std::size_t{32} << 20}, Way{{}, none.memory_bytes}}) {
+        d.creation = h.creation = way.creation;
+        draw(folder / "dem.tif", d);
+        draw(folder / "height.tif", h);
+        DataBaseParams params = base(folder / "dem.tif");
+        params.culture_height = folder / "height.tif";
+        GroundMap::MakeParams make;
+        make.threads = 3;
+        make.memory_bytes = way.memory_bytes;
+        const auto map = GroundMap::make(params, make);
+        const auto blocks = map->block_map(1);
+        const Window all = blocks_of({{0, d.columns}, {0, d.rows}});
+        bounds.push_back(blocks->read(0, all).bounds);
+        residuals.push_back(
+            map->detail_map(1)->read({{0, (d.columns - 1) / detail_posts + 1}, {0, (d.rows - 1) / detail_posts + 1}}));
+    }
+    CHECK(std::any_of(bounds[0].begin(), bounds[0].end(), [](const BlockBounds& b) { return b.voids == Voids::some; }));
+    for (std::size_t i = 1; i < bounds.size(); ++i) {
+        CAPTURE(i);
+        CHECK((bounds[i] == bounds[0]));
+        CHECK((residuals[i] == residuals[0]));
+    }
+}
+
 TEST_CASE("residuals are those of the definition, at any size of a block", "[detail][quick]") {
     const auto shape = test::rolling(23, 12, 3);
     for (const auto& [columns, rows] :

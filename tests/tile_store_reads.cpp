@@ -12,6 +12,7 @@
 #include <string>
 #include <vector>
 
+#include "lib/detail.hpp"
 #include "lib/engine.hpp"
 #include "tests/refusal.hpp"
 #include "tests/tile_stores.hpp"
@@ -337,6 +338,30 @@ TEST_CASE("any byte flipped anywhere in a store is found and its file is named",
         std::ofstream(path, std::ios::binary) << bytes;
     }
     CHECK(verify_store(folder / "store", nullptr, {}).damage.empty());
+}
+
+TEST_CASE("another store's maps are no maps of this one", "[store]") {
+    const Folder folder;
+    draw(folder / "dem.tif", hills(200, 150));
+    Drawing flat = hills(200, 150);
+    flat.value = [](int, int) { return 60.0; };
+    draw(folder / "flat.tif", flat);
+    write_tile_store(into(folder / "store", {folder / "dem.tif"}));
+    write_tile_store(into(folder / "other", {folder / "flat.tif"}));
+    const auto open = [&] {
+        const TileStore store(folder / "store");
+        store.block_map(1);
+        store.detail_map(1);
+    };
+    REQUIRE_NOTHROW(open());
+    for (const char* map : {"blocks.map", "detail.map"}) {
+        const std::string path = folder / ("store/" + std::string(map)), own = contents(folder / "store").at(map);
+        fs::copy_file(folder / ("other/" + std::string(map)), path, fs::copy_options::overwrite_existing);
+        CHECK_THROWS_WITH(open(),
+                          Contains(std::string("store/") + map + "' is damaged, or not the one that the store's"));
+        std::ofstream(path, std::ios::binary) << own;
+        CHECK_NOTHROW(open());
+    }
 }
 
 TEST_CASE("damage that a run meets is named with its file and block", "[store]") {

@@ -67,6 +67,7 @@ public:
     BlockMapFile(FilePart part, BlockMapShape shape, double scale, std::size_t kept = most_pages,
                  Missing missing = Missing::damage);
     int levels() const override { return shape_.levels(); }
+    std::uint64_t imprint() const { return file_.imprint(); }
     BlockWindow read(int level, const Window& blocks) override;
 
     /// Most that all readers of one map hold.

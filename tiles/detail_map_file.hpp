@@ -55,6 +55,7 @@ public:
     DetailMapFile(FilePart part, DetailMapShape shape, std::unique_ptr<BlockMap> bounds,
                   Missing missing = Missing::damage);
     BlockMap& bounds() override { return *bounds_; }
+    std::uint64_t imprint() const { return file_.imprint(); }
     std::vector<Residuals> read(const Window& blocks) override;
 
     static constexpr std::size_t most_pages = 32;

@@ -79,24 +79,24 @@ public:
     const RasterFacts& facts() const { return facts_; }
 
     void run(BlockMapWriter& blocks, DetailMapWriter& detail) {
-        constexpr std::int64_t side = DetailMapShape::page_posts;
         const Window all{{0, facts_.columns}, {0, facts_.rows}},
             wanted = params_.posts ? intersect(*params_.posts, all) : all;
-        std::vector<Window> pages;
+        Pages pages;
         for (std::int64_t r = wanted.rows.begin / side * side; r < wanted.rows.end; r += side)
             for (std::int64_t c = wanted.columns.begin / side * side; c < wanted.columns.end; c += side)
-                pages.push_back(intersect({{c, c + side}, {r, r + side}}, all));
-        std::size_t done = 0;
-        std::mutex mutex;
+                pages.windows.push_back(intersect({{c, c + side}, {r, r + side}}, all));
+        if (pages.windows.empty()) return;
         Threads(threads()).execute([&] {
+            if (reads_bands(pages)) return survey_bands(pages, blocks, detail);
             oneapi::tbb::parallel_for(
-                oneapi::tbb::blocked_range<std::size_t>(0, pages.size(), 1),
+                oneapi::tbb::blocked_range<std::size_t>(0, pages.windows.size(), 1),
                 [&](const auto& part) {
                     for (std::size_t i = part.begin(); i < part.end(); ++i) {
-                        survey(pages[i], blocks, detail);
-                        const std::lock_guard lock(mutex);
-                        if (params_.progress)
-                            params_.progress(static_cast<double>(++done) / static_cast<double>(pages.size()));
+                        Page page(pages.windows[i]);
+                        for (std::int64_t r = page.posts.rows.begin; r < page.posts.rows.end; r += detail_posts)
+                            survey(page, r, nullptr);
+                        page.write(blocks, detail);
+                        progress(pages);
                     }
                 },
                 oneapi::tbb::simple_partitioner());
@@ -114,71 +114,190 @@ private:
         return {intersection(a.columns, b.columns), intersection(a.rows, b.rows)};
     }
 
+    static constexpr std::int64_t side = DetailMapShape::page_posts;
+
+    /// All pages, row after row of them.
+    struct Pages {
+        std::vector<Window> windows;
+        std::size_t done = 0;
+        std::mutex mutex;
+    };
+    void progress(Pages& pages) const {
+        const std::lock_guard lock(pages.mutex);
+        if (params_.progress)
+            params_.progress(static_cast<double>(++pages.done) / static_cast<double>(pages.windows.size()));
+    }
+
+    /// One page of the detail map, and those of the block map below it, in the making.
+    struct Page {
+        Window posts, block_pages;
+        std::vector<BlockPage> bounds;
+        DetailPage found = DetailPage(detail_page_blocks * detail_page_blocks);
+
+        explicit Page(const Window& window)
+            : posts(window), block_pages{{window.columns.begin / block_page_posts, up(window.columns.end)},
+                                         {window.rows.begin / block_page_posts, up(window.rows.end)}},
+              bounds(static_cast<std::size_t>(block_pages.posts()), BlockPage(page_blocks * page_blocks)) {}
+        BlockPage& block_page(std::int64_t column, std::int64_t row) {
+            return bounds[static_cast<std::size_t>((row - block_pages.rows.begin) * block_pages.columns.size() +
+                                                   column - block_pages.columns.begin)];
+        }
+        BlockBounds& bound_at(std::int64_t c, std::int64_t r) {
+            return block_page(
+                c / page_blocks,
+                r / page_blocks)[static_cast<std::size_t>(r % page_blocks * page_blocks + c % page_blocks)];
+        }
+        void write(BlockMapWriter& blocks, DetailMapWriter& detail) {
+            for (std::int64_t r = block_pages.rows.begin; r < block_pages.rows.end; ++r)
+                for (std::int64_t c = block_pages.columns.begin; c < block_pages.columns.end; ++c)
+                    blocks.write(0, c, r, block_page(c, r));
+            detail.write(posts.columns.begin / side, posts.rows.begin / side, found);
+        }
+    };
+
+    /// Heights of a window, and culture's where there are any.
+    struct Heights {
+        Window window;
+        std::vector<float> posts, culture;
+    };
+
+    static constexpr std::size_t strip_bytes =
+        static_cast<std::size_t>((detail_posts + 1) * (side + 1)) * sizeof(float);
+    std::size_t thread_bytes() const {
+        return 3 * strip_bytes + terrain_->reader_bytes().decoded + terrain_->reader_bytes().packed;
+    }
     /// As many as have room for what each holds.
     int threads() const {
-        constexpr std::size_t strip =
-            static_cast<std::size_t>((detail_posts + 1) * (DetailMapShape::page_posts + 1)) * sizeof(float);
-        const std::size_t each = 3 * strip + terrain_->reader_bytes().decoded + terrain_->reader_bytes().packed,
-                          room = params_.memory_bytes / 2 / each;
+        const std::size_t room = params_.memory_bytes / 2 / thread_bytes();
         return std::clamp(static_cast<int>(std::min<std::size_t>(room, 1024)), 1, std::max(1, params_.threads));
     }
 
-    void survey(const Window& page, BlockMapWriter& blocks, DetailMapWriter& detail) {
-        const Window block_pages{{page.columns.begin / block_page_posts, up(page.columns.end)},
-                                 {page.rows.begin / block_page_posts, up(page.rows.end)}};
-        std::vector<BlockPage> bounds(static_cast<std::size_t>(block_pages.posts()),
-                                      BlockPage(page_blocks * page_blocks));
-        const auto bound_at = [&](std::int64_t c, std::int64_t r) -> BlockBounds& {
-            const std::int64_t pc = c / page_blocks - block_pages.columns.begin,
-                               pr = r / page_blocks - block_pages.rows.begin;
-            return bounds[static_cast<std::size_t>(pr * block_pages.columns.size() + pc)]
-                         [static_cast<std::size_t>(r % page_blocks * page_blocks + c % page_blocks)];
-        };
-        DetailPage found(detail_page_blocks * detail_page_blocks);
-        const bool closes = facts_.cycle_columns() == facts_.columns && page.columns.end == facts_.columns;
-        std::vector<float> posts, culture, scratch;
-        for (std::int64_t r = page.rows.begin; r < page.rows.end; r += detail_posts) {
-            if (params_.stop) params_.stop->check();
-            const Window own{page.columns, {r, std::min(r + detail_posts, page.rows.end)}},
-                given{{own.columns.begin, std::min(own.columns.end + 1, facts_.columns)},
-                      {own.rows.begin, std::min(own.rows.end + 1, facts_.rows)}};
-            read(given, posts, culture, scratch);
-            note(own, given, posts);
-            bound_blocks(own, given, posts.data(), height_ ? culture.data() : nullptr, bound_at);
-            find_residuals(own, given, posts.data(), page, found);
-            if (!closes) continue;
-            // The post after the last column is column 0: it widens the bounds of the last blocks.
-            const Window first{{0, 1}, given.rows}, as_if{{facts_.columns, facts_.columns + 1}, given.rows},
-                last{{(facts_.columns - 1) / block_posts * block_posts, facts_.columns}, own.rows};
-            read(first, posts, culture, scratch);
-            std::vector<BlockBounds> edge(static_cast<std::size_t>(blocks_of(last).rows.size()));
-            const std::int64_t top = blocks_of(last).rows.begin;
-            bound_blocks(last, as_if, posts.data(), height_ ? culture.data() : nullptr,
-                         [&](std::int64_t, std::int64_t row) -> BlockBounds& {
-                             return edge[static_cast<std::size_t>(row - top)];
-                         });
-            for (std::size_t i = 0; i < edge.size(); ++i)
-                bound_at(blocks_of(last).columns.begin, top + static_cast<std::int64_t>(i)).add(edge[i]);
-        }
-        for (std::int64_t pr = block_pages.rows.begin; pr < block_pages.rows.end; ++pr)
-            for (std::int64_t pc = block_pages.columns.begin; pc < block_pages.columns.end; ++pc)
-                blocks.write(
-                    0, pc, pr,
-                    bounds[static_cast<std::size_t>((pr - block_pages.rows.begin) * block_pages.columns.size() + pc -
-                                                    block_pages.columns.begin)]);
-        detail.write(page.columns.begin / DetailMapShape::page_posts, page.rows.begin / DetailMapShape::page_posts,
-                     found);
+    /// Of blocks wider than a page (strips) all pages of a row ask for the same, and would unpack it each for itself: rows are read
+    /// once for all of them, where there is room for a band.
+    bool reads_bands(const Pages& pages) const {
+        const Interval columns = across(pages);
+        const std::size_t band = static_cast<std::size_t>((detail_posts + 1) * (columns.size() + 1)) * sizeof(float),
+                          page =
+                              sizeof(BlockBounds) * static_cast<std::size_t>(side * side / block_posts / block_posts),
+                          needed = band * (height_ ? 2 : 1) +
+                                   page * static_cast<std::size_t>(columns.size() / side + 1) +
+                                   static_cast<std::size_t>(threads()) * thread_bytes();
+        return facts_.block_columns > side && columns.size() > side && needed <= params_.memory_bytes / 2;
+    }
+    static Interval across(const Pages& pages) {
+        return {pages.windows.front().columns.begin, pages.windows.back().columns.end};
     }
 
-    void read(const Window& window, std::vector<float>& posts, std::vector<float>& culture,
-              std::vector<float>& scratch) {
-        posts.resize(static_cast<std::size_t>(window.posts()));
-        terrain_->read_heights(window, posts.data(), window.columns.size());
+    void survey_bands(Pages& pages, BlockMapWriter& blocks, DetailMapWriter& detail) {
+        const Interval columns = across(pages);
+        const std::size_t a_row = static_cast<std::size_t>((columns.end - 1) / side - columns.begin / side + 1);
+        Heights band;
+        for (std::size_t first = 0; first < pages.windows.size(); first += a_row) {
+            std::vector<Page> row(pages.windows.begin() + static_cast<std::ptrdiff_t>(first),
+                                  pages.windows.begin() + static_cast<std::ptrdiff_t>(first + a_row));
+            const Interval rows = row.front().posts.rows;
+            for (std::int64_t r = rows.begin; r < rows.end; r += detail_posts) {
+                band.window = {{columns.begin, std::min(columns.end + 1, facts_.columns)},
+                               {r, std::min({r + detail_posts, rows.end}) + 1}};
+                band.window.rows.end = std::min(band.window.rows.end, facts_.rows);
+                read_band(band);
+                oneapi::tbb::parallel_for(
+                    oneapi::tbb::blocked_range<std::size_t>(0, a_row, 1),
+                    [&](const auto& part) {
+                        for (std::size_t i = part.begin(); i < part.end(); ++i) survey(row[i], r, &band);
+                    },
+                    oneapi::tbb::simple_partitioner());
+            }
+            for (Page& page : row) {
+                page.write(blocks, detail);
+                progress(pages);
+            }
+        }
+    }
+
+    /// Rows of one block, or of several, by one thread.
+    void read_band(Heights& band) {
+        const auto width = static_cast<std::size_t>(band.window.columns.size());
+        band.posts.resize(static_cast<std::size_t>(band.window.posts()));
+        if (height_) band.culture.resize(band.posts.size());
+        const std::int64_t together = std::max<std::int64_t>(facts_.block_rows, 8);
+        const Interval groups{band.window.rows.begin / together, (band.window.rows.end - 1) / together + 1};
+        oneapi::tbb::parallel_for(
+            oneapi::tbb::blocked_range<std::int64_t>(groups.begin, groups.end, 1),
+            [&](const auto& part) {
+                Heights some;
+                for (std::int64_t g = part.begin(); g < part.end(); ++g) {
+                    some.window = {band.window.columns,
+                                   intersection({g * together, (g + 1) * together}, band.window.rows)};
+                    read(some);
+                    const std::size_t at =
+                        static_cast<std::size_t>(some.window.rows.begin - band.window.rows.begin) * width;
+                    std::copy(some.posts.begin(), some.posts.end(),
+                              band.posts.begin() + static_cast<std::ptrdiff_t>(at));
+                    if (height_)
+                        std::copy(some.culture.begin(), some.culture.end(),
+                                  band.culture.begin() + static_cast<std::ptrdiff_t>(at));
+                }
+            },
+            oneapi::tbb::simple_partitioner());
+    }
+
+    /// The rows of a page from `r` on that residuals are found for together. `band`: holds them; null: they are read.
+    void survey(Page& page, std::int64_t r, const Heights* band) {
+        if (params_.stop) params_.stop->check();
+        const auto bound_at = [&](std::int64_t column, std::int64_t row) -> BlockBounds& {
+            return page.bound_at(column, row);
+        };
+        const Window own{page.posts.columns, {r, std::min(r + detail_posts, page.posts.rows.end)}};
+        Heights given;
+        given.window = {{own.columns.begin, std::min(own.columns.end + 1, facts_.columns)},
+                        {own.rows.begin, std::min(own.rows.end + 1, facts_.rows)}};
+        take(given, band);
+        const auto culture = [&] { return height_ ? given.culture.data() : nullptr; };
+        note(own, given.window, given.posts);
+        bound_blocks(own, given.window, given.posts.data(), culture(), bound_at);
+        find_residuals(own, given.window, given.posts.data(), page.posts, page.found);
+        if (facts_.cycle_columns() != facts_.columns || page.posts.columns.end != facts_.columns) return;
+        // The post after the last column is column 0: it widens the bounds of the last blocks.
+        const Window as_if{{facts_.columns, facts_.columns + 1}, given.window.rows},
+            last{{(facts_.columns - 1) / block_posts * block_posts, facts_.columns}, own.rows};
+        given.window.columns = {0, 1};
+        take(given, band);
+        std::vector<BlockBounds> edge(static_cast<std::size_t>(blocks_of(last).rows.size()));
+        const std::int64_t top = blocks_of(last).rows.begin;
+        bound_blocks(last, as_if, given.posts.data(), culture(), [&](std::int64_t, std::int64_t row) -> BlockBounds& {
+            return edge[static_cast<std::size_t>(row - top)];
+        });
+        for (std::size_t i = 0; i < edge.size(); ++i)
+            bound_at(blocks_of(last).columns.begin, top + static_cast<std::int64_t>(i)).add(edge[i]);
+    }
+
+    /// From the band, or else by reading.
+    void take(Heights& heights, const Heights* band) {
+        if (!band || intersect(heights.window, band->window) != heights.window) return read(heights);
+        const Window &window = heights.window, &all = band->window;
+        const auto part_of = [&](const std::vector<float>& from, std::vector<float>& to) {
+            to.clear();
+            for (std::int64_t r = window.rows.begin; r < window.rows.end; ++r) {
+                const auto begin = from.begin() + ((r - all.rows.begin) * all.columns.size() + window.columns.begin -
+                                                   all.columns.begin);
+                to.insert(to.end(), begin, begin + window.columns.size());
+            }
+        };
+        part_of(band->posts, heights.posts);
+        if (height_) part_of(band->culture, heights.culture);
+    }
+
+    void read(Heights& heights) {
+        const Window& window = heights.window;
+        heights.posts.resize(static_cast<std::size_t>(window.posts()));
+        terrain_->read_heights(window, heights.posts.data(), window.columns.size());
         if (!height_) return;
         const ChunkRequest everything;
-        culture.resize(posts.size());
-        height_->read_heights(height_->plan(window.columns), window.rows, 1, NeededPosts(everything), culture.data(),
-                              scratch);
+        std::vector<float> scratch;
+        heights.culture.resize(heights.posts.size());
+        height_->read_heights(height_->plan(window.columns), window.rows, 1, NeededPosts(everything),
+                              heights.culture.data(), scratch);
     }
 
     /// Extremes of what is the page's own; the column that repeats the first is nobody's.

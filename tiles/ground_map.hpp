@@ -6,7 +6,8 @@
 // files of the terrain and of the culture height (0: none), 1 if any post is valid, voids, lowest and highest height as
 // doubles, zeros, XXH3 of all that); then a block map and a detail map (paged_file.hpp). It fits while names, sizes and
 // times of change of the rasters' files stay the same.
-// Memory while it is made: a strip of 129 rows of 4097 posts a thread (4 MiB with culture heights), and what GDAL caches.
+// Memory while it is made: a strip of 129 rows of 4097 posts a thread (4 MiB with culture heights), and what GDAL caches; of rasters
+// in wide strips also 129 rows of them all, where that fits half of the memory.
 #pragma once
 #include <cstdint>
 #include <functional>

@@ -76,6 +76,13 @@ PagedFile::State PagedFile::read(std::uint64_t page, PageBytes& content) const {
     return zeros ? State::never_written : State::damaged;
 }
 
+std::uint64_t PagedFile::imprint() const {
+    std::vector<std::uint64_t> sums(layout_.pages);
+    for (std::uint64_t page = 0; page < layout_.pages; ++page)
+        part_.file->read(offset(page) + layout_.content_bytes, &sums[page], sum_bytes);
+    return checksum(sums.data(), sums.size() * sum_bytes);
+}
+
 std::shared_ptr<const PageBytes> PageCache::page(std::uint64_t number, bool sparse,
                                                  const std::function<std::string()>& name) {
     {

@@ -59,6 +59,8 @@ public:
     State read(std::uint64_t page, PageBytes& content) const;
     void sync() { part_.file->sync(); }
     std::uint64_t pages() const { return layout_.pages; }
+    /// XXH3 of all pages' sums, which tells one file from any other without its content being read.
+    std::uint64_t imprint() const;
 
 private:
     std::uint64_t offset(std::uint64_t page) const;

@@ -253,6 +253,8 @@ std::string manifest_text(const StoreManifest& m) {
     if (!m.detail_map.empty())
         out["detail_map"] =
             json{{"format", detail_map_format}, {"file", m.detail_map}, {"checksum", hex(m.detail_map_checksum)}};
+    if (m.block_map_imprint) out["block_map"]["imprint"] = hex(*m.block_map_imprint);
+    if (m.detail_map_imprint) out["detail_map"]["imprint"] = hex(*m.detail_map_imprint);
     out["plan"] = json{{"file", m.plan}, {"checksum", hex(m.plan_checksum)}};
     out["legend"] = m.legend_name.empty() ? json(nullptr) : json{{"name", m.legend_name}, {"csv", m.legend_csv}};
     if (m.height_scale) out["culture_height_scale"] = *m.height_scale;
@@ -288,10 +290,13 @@ StoreManifest read_manifest(const std::string& folder) {
         if (m.layers.empty() || m.layers[0].kind != StoreLayerKind::dem) throw damaged("it names no terrain");
         m.block_map = j.at("block_map").at("file").get<std::string>();
         m.block_map_checksum = from_hex(j.at("block_map").at("checksum"));
+        if (j.at("block_map").contains("imprint")) m.block_map_imprint = from_hex(j.at("block_map").at("imprint"));
         // One of another format is no map to us, and the store one without levels of detail.
         if (j.contains("detail_map") && j.at("detail_map").value("format", 1) == detail_map_format) {
             m.detail_map = j.at("detail_map").at("file").get<std::string>();
             m.detail_map_checksum = from_hex(j.at("detail_map").at("checksum"));
+            if (j.at("detail_map").contains("imprint"))
+                m.detail_map_imprint = from_hex(j.at("detail_map").at("imprint"));
         }
         m.plan = j.at("plan").at("file").get<std::string>();
         m.plan_checksum = from_hex(j.at("plan").at("checksum"));

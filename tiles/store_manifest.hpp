@@ -70,8 +70,10 @@ struct StoreManifest {
     std::vector<StoreLayerEntry> layers;  ///< dem first
     std::string block_map;
     std::uint64_t block_map_checksum = 0;
+    std::optional<std::uint64_t> block_map_imprint;  ///< PagedFile::imprint; none: of a build that wrote none
     std::string detail_map;  ///< empty: none, and overviews of heights are no posts of theirs
     std::uint64_t detail_map_checksum = 0;
+    std::optional<std::uint64_t> detail_map_imprint;
     std::string plan;  ///< the file that tells what the store was made of and with
     std::uint64_t plan_checksum = 0;
     std::string legend_name, legend_csv;

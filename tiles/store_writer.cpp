@@ -650,6 +650,9 @@ void StoreWriter::finish() {
         manifest_.layers.push_back(entry);
         sync_path(inside(name(layers_[i]->kind)), true);
     }
+    const auto part = [&](const char* name) { return whole_file(inside(name), PlainFile::Use::read); };
+    manifest_.block_map_imprint = BlockMapFile(part(map_name), manifest_.map_shape(), 1).imprint();
+    manifest_.detail_map_imprint = DetailMapFile(part(detail_name), manifest_.detail_shape(), nullptr).imprint();
     manifest_.class_table = !params_.class_table.empty();
     if (manifest_.class_table) replace_file(inside(store_classes_name), params_.class_table);
     replace_file(inside(manifest_name), manifest_text(manifest_));

@@ -36,21 +36,32 @@ std::unique_ptr<RasterLayer> TileStore::layer(StoreLayerKind kind) const {
     return std::make_unique<StoreLayer>(path_, *entry, cache_);
 }
 
-std::unique_ptr<BlockMap> TileStore::block_map(double scale) const {
-    const std::string file = (std::filesystem::path(path_) / manifest_->block_map).string();
-    return std::make_unique<BlockMapFile>(whole_file(file, PlainFile::Use::read), manifest_->map_shape(), scale);
-}
+std::unique_ptr<BlockMap> TileStore::block_map(double scale) const { return bounds(scale, BlockMapFile::most_pages); }
 
 bool TileStore::has_detail_map() const { return !manifest_->detail_map.empty(); }
 
 std::unique_ptr<DetailMap> TileStore::detail_map(double scale) const {
-    const auto part = [&](const std::string& name) {
-        return whole_file((std::filesystem::path(path_) / name).string(), PlainFile::Use::read);
-    };
-    return std::make_unique<DetailMapFile>(
-        part(manifest_->detail_map), manifest_->detail_shape(),
-        std::make_unique<BlockMapFile>(part(manifest_->block_map), manifest_->map_shape(), scale,
-                                       DetailMapFile::bounds_pages));
+    auto map = std::make_unique<DetailMapFile>(inside(manifest_->detail_map), manifest_->detail_shape(),
+                                               bounds(scale, DetailMapFile::bounds_pages));
+    require(map->imprint(), manifest_->detail_map_imprint, "detail map", manifest_->detail_map);
+    return map;
+}
+
+FilePart TileStore::inside(const std::string& name) const {
+    return whole_file((std::filesystem::path(path_) / name).string(), PlainFile::Use::read);
+}
+
+std::unique_ptr<BlockMapFile> TileStore::bounds(double scale, std::size_t kept) const {
+    auto map = std::make_unique<BlockMapFile>(inside(manifest_->block_map), manifest_->map_shape(), scale, kept);
+    require(map->imprint(), manifest_->block_map_imprint, "block map", manifest_->block_map);
+    return map;
+}
+
+void TileStore::require(std::uint64_t found, const std::optional<std::uint64_t>& named, const char* what,
+                        const std::string& name) const {
+    if (named && *named != found)
+        throw DataError(text(what, " '", (std::filesystem::path(path_) / name).string(),
+                             "' is damaged, or not the one that the store's manifest names"));
 }
 
 std::optional<Legend> TileStore::legend(const Materials& materials) const {

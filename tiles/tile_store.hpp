@@ -20,6 +20,8 @@
 
 namespace wedgescope {
 
+class BlockMapFile;
+struct FilePart;
 class RasterLayer;
 struct StoreManifest;
 class TileCache;
@@ -59,6 +61,12 @@ public:
     Extremes terrain_extremes() const;
 
 private:
+    FilePart inside(const std::string& name) const;
+    std::unique_ptr<BlockMapFile> bounds(double scale, std::size_t kept) const;
+    /// DataError where a map is another than the manifest's.
+    void require(std::uint64_t found, const std::optional<std::uint64_t>& named, const char* what,
+                 const std::string& name) const;
+
     std::string path_;
     std::unique_ptr<StoreManifest> manifest_;
     std::shared_ptr<TileCache> cache_;

@@ -183,7 +183,8 @@ inline void test(const TestLanes& lanes, const Lift& how) noexcept {
             state[l] = static_cast<std::uint8_t>(seen & valid);
             if (wanted) {
                 // What would lift the post to its horizon, and its ray out of its own cell.
-                const float to_horizon = over < 0 ? -over / (lifts * growth) : 0.0F;
+                const float stands_at = raised ? height + target : height;
+                const float to_horizon = over < 0 ? lift.climb(stands_at, -over / lifts) : 0.0F;
                 const float b = stands - above0, bend = -steeper - b, tilt = b - bend;
                 // That hidden by most, over how far it is.
                 const float before = static_cast<float>(lanes.distance) - 1,
@@ -195,7 +196,7 @@ inline void test(const TestLanes& lanes, const Lift& how) noexcept {
                 const float u = (bend > 0) & (top > enters) ? (top < 1 ? top : 1) : enters;
                 const float least = above0 + u * (tilt + u * bend);
                 const float moves = 1 - (1 - u) * inverse_distance;  // of the ray there, when the post rises
-                const float out_of_cell = least < 0 ? -least / (moves * growth) : 0.0F;
+                const float out_of_cell = least < 0 ? lift.climb(stands_at, -least / moves) : 0.0F;
                 const float most = to_horizon > out_of_cell ? to_horizon : out_of_cell;
                 const float some = most > 0.001F ? most : 0.001F;
                 raise_m[l] = chosen(hidden, some, 0.0F);
