@@ -146,6 +146,23 @@ TEST_CASE("a chunk holds the posts of its window, line by line, either way round
     CHECK(source->extremes().highest_m == 1095);
 }
 
+TEST_CASE("a raster of more posts than can be kept account of is refused by its size", "[source]") {
+    const Folder folder;
+    draw(folder / "dem.tif", Drawing{});
+    const auto vrt = [&](const std::string& size) {
+        std::ofstream(folder / "huge.vrt")
+            << "<VRTDataset rasterXSize=\"" << size << "\" rasterYSize=\"" << size
+            << "\"><SRS>EPSG:32611</SRS><GeoTransform>1000,10,0,2000,0,-10</GeoTransform><VRTRasterBand "
+               "dataType=\"Float32\" band=\"1\"><SimpleSource><SourceFilename relativeToVRT=\"1\">dem.tif"
+               "</SourceFilename><SourceBand>1</SourceBand></SimpleSource></VRTRasterBand></VRTDataset>";
+        return open_direct_source(only(folder / "huge.vrt"));
+    };
+    CHECK(vrt("100000")->data_base().columns == 100000);
+    for (const char* size : {"1048577", "2000000000"})
+        CHECK_THAT(test::refusal<DataError>([&] { vrt(size); }),
+                   Contains("huge.vrt' has " + std::string(size) + " x ") && Contains("accepted: 1099511627776 "));
+}
+
 TEST_CASE("a raster round the whole earth goes on across its seam", "[source]") {
     const Folder folder;
     for (int extra : {0, 1}) {

@@ -342,8 +342,8 @@ TEST_CASE("any byte flipped anywhere in a store is found and its file is named",
 
 TEST_CASE("another store's maps are no maps of this one", "[store]") {
     const Folder folder;
-    draw(folder / "dem.tif", hills(200, 150));
-    Drawing flat = hills(200, 150);
+    draw(folder / "dem.tif", hills(700, 600));
+    Drawing flat = hills(700, 600);
     flat.value = [](int, int) { return 60.0; };
     draw(folder / "flat.tif", flat);
     write_tile_store(into(folder / "store", {folder / "dem.tif"}));
