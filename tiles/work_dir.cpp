@@ -260,6 +260,8 @@ WorkDir::~WorkDir() {
     if (made_) ::rmdir(path_.c_str());
 }
 
+bool WorkDir::keeps(const std::string& name) { return name == run_name || is_wedge(name) || is_temporary(name); }
+
 void WorkDir::bind(const Run& run) {
     run_ = run;
     Checksum sum;
@@ -316,17 +318,17 @@ bool WorkDir::read_run() {
     const std::string sum = there["checksum"];
     there.erase("checksum");
     if (sum != hex(checksum(there.dump(-1, ' ', false, json::error_handler_t::replace)))) throw damaged();
+    if (!there["format"].is_string()) throw damaged();
     if (there["format"] != run_format)
         throw InputError(
-    if (!there["format"].is_string()) throw damaged();
             text(named(), " is of format '", there["format"].get<std::string>(), "'; accepted: '", run_format, "'"));
-    if (there["scene_checksum"] != hex(scene_)) {
-        const std::string what =
     const auto are_texts = [](const json& facts) {
         return facts.is_object() &&
                std::all_of(facts.begin(), facts.end(), [](const json& value) { return value.is_string(); });
     };
     if (!there["version"].is_string() || !are_texts(there["asked"]) || !are_texts(there["facts"])) throw damaged();
+    if (there["scene_checksum"] != hex(scene_)) {
+        const std::string what =
             there["version"] != run_.version
                 ? text("version is '", there["version"].get<std::string>(), "' there and '", run_.version, "' here")
                 : difference(there["asked"], object_of(run_.asked));
