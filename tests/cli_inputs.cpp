@@ -211,6 +211,20 @@ TEST_CASE("a folder that is no store is refused as one", "[cli]") {
     refuses(folder, {"coverage", "lost", "seen.tif", "--xy", "1,1", "--altitude-agl", "9m"}, 1, words);
 }
 
+TEST_CASE("an empty set, and a table that is no text, are refused as what they are", "[cli]") {
+    const Folder folder;
+    folder.write("empty.ini", "# nothing\n");
+    for (const char* set : {"/dev/null", "empty.ini"})
+        refuses(folder, with(good, {"--set", set, "-o", "s.png"}), 2,
+                {"set '" + std::string(set) + "' holds no key; accepted: at least one line key = value"});
+    folder.write("utf16.csv", std::string("\xff\xfet\0i\0m\0e\0,\0", 12));
+    for (const std::string& path : {dem, std::string("utf16.csv")}) {
+        refuses(folder, {"simulate", "--dem", dem, "--range", "5km", "--track", path, "-o", "s.png"}, 2,
+                {"track '" + path + "', line 1 is no text; accepted: a table of text"});
+        refuses(folder, {"evaluate", "sight", "--in", path}, 2, {"table '" + path + "', line 1 is no text"});
+    }
+}
+
 TEST_CASE("a pipe is refused where a raster is needed, and not waited for", "[cli]") {
     const Folder folder;
     const auto piped = [&](const std::string& words) {
