@@ -6,6 +6,7 @@
 #include <chrono>
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <set>
 #include <string>
@@ -145,6 +146,52 @@ TEST_CASE("tile works from inside a store", "[cli]") {
     refuses(folder, {"tile", ".", "other"}, 2, {"'.' is a tile store"});
 }
 
+TEST_CASE("no store is replaced in whose folder an input lies, or a file that is none of a store's", "[cli]") {
+    const Folder folder;
+    grid(folder, "a", "5");
+    grid(folder, "codes", "3");
+    REQUIRE(folder.run({"tile", "a.asc", "store", "--culture", "codes.asc", "-q"}).code == 0);
+    const auto stands = [&] {
+        std::map<std::string, std::string> all;
+        for (const auto& entry : fs::recursive_directory_iterator(folder.work() / "store"))
+            if (entry.is_regular_file()) all[entry.path()] = content(entry.path());
+        return all;
+    };
+    const auto refused = [&](Strings inputs, const Strings& words) {
+        const auto before = stands();
+        inputs.insert(inputs.begin(), {"tile", "-q", "--overwrite"});
+        inputs.emplace_back("store");
+        refuses(folder, inputs, 2, words);
+        CHECK(stands() == before);
+    };
+    const std::string end = "; an output may not replace an input";
+    refused({"store/dem.vrt"}, {"output is 'store', in which dem 'store/dem.vrt' lies" + end});
+    refused({"a.asc", "--culture", "store/culture.vrt"}, {"in which culture 'store/culture.vrt' lies" + end});
+    refused({"a.asc", "--culture-height", "store/culture.vrt"}, {"culture-height", end});
+    fs::create_symlink(folder.work() / "store" / "dem" / "c0_r0.tif", folder.work() / "link.tif");
+    refused({"a.asc", "link.tif"}, {"dem 'link.tif' lies" + end});
+    // A VRT of a VRT.
+    const std::string raster =
+                          "<VRTDataset rasterXSize=\"10\" rasterYSize=\"8\"><VRTRasterBand dataType=\"Float32\" "
+                          "band=\"1\"><SimpleSource><SourceFilename relativeToVRT=\"1\">",
+                      last = "</SourceFilename><SourceBand>1</SourceBand></SimpleSource></VRTRasterBand></VRTDataset>";
+    folder.write("inner.vrt", raster + "store/dem/c0_r0.tif" + last);
+    folder.write("outer.vrt", raster + "inner.vrt" + last);
+    refused({"outer.vrt"}, {"c0_r0.tif' lies, of which dem 'outer.vrt' is made" + end});
+    for (const char* file : {"mine.csv", "dem/mine.csv"}) {
+        const std::string path = folder.write("store/" + std::string(file), "code,material\n3,water\n");
+        refused({"a.asc", "--culture", "codes.asc", "--culture-legend", "store/" + std::string(file)},
+                {"culture-legend", file, end});
+        refused({"a.asc"},
+                {"output 'store' holds 'store/" + std::string(file) + "', which is no part of a tile store"});
+        fs::remove(path);
+    }
+    // Statistics of a layer, and what a newer build might not read.
+    folder.write("store/dem.vrt.aux.xml", "<PAMDataset/>");
+    folder.write("store/manifest.json", "{}");
+    CHECK(folder.run({"tile", "-q", "--overwrite", "a.asc", "store"}).code == 0);
+}
+
 TEST_CASE("a store made without a legend leaves it to its scenes, as help says", "[cli]") {
     const Folder folder;
     CHECK_THAT(folder.run({"help", "tile"}).out, Contains("culture-legend may be left to the"));
@@ -162,6 +209,20 @@ TEST_CASE("a folder that is no store is refused as one", "[cli]") {
     const Strings words{"'lost' is a folder without manifest.json", "no tile store", "a folder that tile made"};
     refuses(folder, {"info", "lost"}, 1, words);
     refuses(folder, {"coverage", "lost", "seen.tif", "--xy", "1,1", "--altitude-agl", "9m"}, 1, words);
+}
+
+TEST_CASE("an empty set, and a table that is no text, are refused as what they are", "[cli]") {
+    const Folder folder;
+    folder.write("empty.ini", "# nothing\n");
+    for (const char* set : {"/dev/null", "empty.ini"})
+        refuses(folder, with(good, {"--set", set, "-o", "s.png"}), 2,
+                {"set '" + std::string(set) + "' holds no key; accepted: at least one line key = value"});
+    folder.write("utf16.csv", std::string("\xff\xfet\0i\0m\0e\0,\0", 12));
+    for (const std::string& path : {dem, std::string("utf16.csv")}) {
+        refuses(folder, {"simulate", "--dem", dem, "--range", "5km", "--track", path, "-o", "s.png"}, 2,
+                {"track '" + path + "', line 1 is no text; accepted: a table of text"});
+        refuses(folder, {"evaluate", "sight", "--in", path}, 2, {"table '" + path + "', line 1 is no text"});
+    }
 }
 
 TEST_CASE("a pipe is refused where a raster is needed, and not waited for", "[cli]") {

@@ -535,6 +535,44 @@ TEST_CASE("damage of any byte of the run's file is named, and the folder not use
     CHECK_THROWS_AS(work.bind(drawn_run), DataError);
 }
 
+TEST_CASE("a run's file of other kinds of values is refused as a damaged one, whatever its checksum", "[resume]") {
+    const Folder folder;
+    const std::string path = folder / "work", file = path + "/run.json";
+    {
+        WorkDir work(path, Start::fresh);
+        work.bind(drawn_run);
+        work.record_split(drawn_split);
+    }
+    const auto whole = nlohmann::ordered_json::parse(content(file));
+    const auto bind = [&](const char* key, const nlohmann::ordered_json& value) {
+        auto changed = whole;
+        changed[key] = value;
+        changed.erase("checksum");
+        changed["checksum"] = hex(checksum(changed.dump()));
+        put(file, changed.dump(1) + "\n");
+        WorkDir work(path, Start::join);
+        work.bind(drawn_run);
+    };
+    CHECK_NOTHROW(bind("wedges", whole["wedges"]));
+    for (const auto& [key, value] :
+         std::vector<std::pair<const char*, nlohmann::ordered_json>>{{"wedges", {0, nullptr}},
+                                                                     {"wedges", {0, "90"}},
+                                                                     {"wedges", {0, 1.5}},
+                                                                     {"wedges", {0, 90, 90}},
+                                                                     {"wedges", {0, ~std::uint64_t{0}}},
+                                                                     {"wedges", {0}},
+                                                                     {"wedges", 7},
+                                                                     {"wedges", nullptr},
+                                                                     {"format", 1},
+                                                                     {"version", nullptr},
+                                                                     {"asked", "range"},
+                                                                     {"asked", {{"range", 5}}},
+                                                                     {"facts", {1, 2}}}) {
+        INFO(key << " " << value);
+        CHECK_THROWS_WITH(bind(key, value), Contains(file) && Contains("is damaged"));
+    }
+}
+
 TEST_CASE("a folder that does not fit is refused by name", "[resume]") {
     const Folder folder;
     const std::string path = folder / "work";

@@ -113,3 +113,37 @@ TEST_CASE("what a driver writes beside an output replaces no part of an input", 
     draw_as("EHdr", folder / "seen.bil", folder);
     CHECK(refused("output", folder / "seen.bil", "dem", folder / "seen.tif", "EHdr") == nothing_refused);
 }
+
+TEST_CASE("no output replaces the ground map that the run keeps, nor a file of its work folder", "[run_files]") {
+    const Folder folder;
+    draw(folder / "g.tif", {});
+    Settings s;
+    s.dem = folder / "g.tif";
+    s.output = folder / "o.tif";
+    s.report = folder / "g.tif.ground";
+    const auto refused_names = [&](auto&& check) { return refusal<InputError>([&] { check(s); }); };
+    const auto coverage = [&] { return refused_names([](const Settings& all) { check_coverage_names(all); }); };
+    const auto simulate = [&] { return refused_names([](const Settings& all) { check_run_names(all); }); };
+    CHECK(coverage() == nothing_refused);
+    s.keep_map = true;
+    const auto names_map = [](const std::string& words) {
+        CHECK_THAT(words, Contains("report is") && Contains("where the ground map of dem") && Contains("its own file"));
+    };
+    names_map(coverage());
+    names_map(simulate());
+    // One that stands is read.
+    s.keep_map = false;
+    std::ofstream(folder / "g.tif.ground") << "map";
+    names_map(coverage());
+
+    s.work_dir = folder / "work";
+    for (const char* name : {"run.json", "wedge_000007.bin"}) {
+        s.report = folder / "work/" + name;
+        CHECK_THAT(simulate(), Contains("report is") && Contains("which work-dir") && Contains("keeps for itself"));
+        std::filesystem::create_directory(folder / "work");
+        s.report = folder / "work/../work/" + name;
+        CHECK_THAT(simulate(), Contains("which work-dir"));
+    }
+    s.report = folder / "work/report.json";
+    CHECK(simulate() == nothing_refused);
+}

@@ -733,7 +733,7 @@ TEST_CASE("what is no echo image, or is no longer the one that was written, cost
     tried(bad, {"parameters.power of its SCENE_JSON is not a parameter of an echo image"});
     CHECK_FALSE(fs::exists(folder / "chosen.tif"));
     scene_json([](auto& json) { json["parameters"]["beam"] = 3; });
-    tried(bad, {"beam is not a text"});
+    tried(bad, {"bad.tif", "damaged, or was changed", "beam is not a text"});
     scene_json([](auto& json) { json["parameters"].erase("beam"); });
     tried(bad, {"parameters.beam"});
     scene_json([](auto& json) { json["parameters"]["sector"] = "0deg,90deg"; });

@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <fstream>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <random>
 #include <string>
@@ -16,6 +17,7 @@
 #include "lib/engine.hpp"
 #include "tests/refusal.hpp"
 #include "tests/tile_stores.hpp"
+#include "tiles/checksum.hpp"
 #include "tiles/store_check.hpp"
 
 using namespace wedgescope;
@@ -396,4 +398,68 @@ TEST_CASE("damage that a run meets is named with its file and block", "[store]")
     CHECK_THAT(refusal(read_all), Contains("c0_r0.tif") && Contains("500 bytes"));
     restore("dem/c0_r0.tif");
     CHECK_NOTHROW(read_all());
+}
+
+TEST_CASE("a manifest with a value that no store has is refused by the value's key, whatever its checksum", "[store]") {
+    using json = nlohmann::ordered_json;
+    const Folder folder;
+    draw(folder / "dem.tif", hills(200, 150));
+    auto params = into(folder / "store", {folder / "dem.tif"});
+    params.culture = folder / "dem.tif";
+    write_tile_store(params);
+    const std::string path = folder / "store/manifest.json", whole = content(path);
+    const auto refused = [&](const auto& change) {
+        json all = json::parse(whole);
+        change(all);
+        const std::string key = "\"checksum\": \"";
+        all["checksum"] = std::string(16, '0');
+        std::string words = all.dump(1) + "\n";
+        words.replace(words.rfind(key) + key.size(), 16, hex(checksum(words)));
+        std::ofstream(path, std::ios::binary) << words;
+        return refusal<DataError>([&] { describe_store(folder / "store"); });
+    };
+    REQUIRE(refused([](json&) {}) == nothing_refused);
+    const auto set = [&](const char* where, const json& value) {
+        return refused([&](json& all) { all[json::json_pointer(where)] = value; });
+    };
+    const std::string damaged = "tile store manifest '" + path + "' is damaged: ";
+    const std::string tiles = "; accepted: 64, 128, 256, 512, 1024 or 2048";
+    CHECK(set("/layers/0/tile", 0) == damaged + "layers[0].tile is 0" + tiles);
+    for (const json& tile : {json(-1), json(3), json(96), json(8192), json(std::int64_t{1} << 31), json(256.5)})
+        CHECK_THAT(set("/layers/1/tile", tile), Contains("layers[1].tile is " + tile.dump() + tiles));
+    for (const char* side : {"columns", "rows"})
+        for (const json& posts : {json(0), json(-200), json(std::int64_t{1} << 53), json(~std::uint64_t{0})})
+            CHECK_THAT(set((std::string("/layers/0/") + side).c_str(), posts),
+                       Contains(std::string("layers[0].") + side + " is " + posts.dump() +
+                                "; accepted: a whole number from 1 to 2147483647"));
+    for (const char* place : {"column", "row"})
+        for (const json& sheet : {json(-1), json(1), json(65), json(1000000000), json(std::int64_t{1} << 53)})
+            CHECK_THAT(set((std::string("/layers/0/sheets/0/") + place).c_str(), sheet),
+                       Contains(std::string("layers[0].sheets[0].") + place + " is " + sheet.dump() +
+                                "; accepted: a whole number from 0 to 0"));
+    CHECK_THAT(refused([](json& all) { all["layers"][0]["sheets"].push_back(all["layers"][0]["sheets"][0]); }),
+               Contains("layers[0].sheets[1].column is 0; accepted: sheets row after row, each once"));
+    for (const json& metres : {json(0), json(-1), json("1"), json(nullptr)})
+        CHECK_THAT(set("/layers/0/metres_per_unit", metres), Contains("layers[0].metres_per_unit is " + metres.dump()));
+    for (const json& grid : {json{1000, 10, 1, 2000, 0, -10}, json{1000, 0, 0, 2000, 0, -10}, json{1000, 10}, json(1),
+                             json{1000, 10, 0, 2000, 0, "south"}})
+        CHECK_THAT(set("/layers/0/geotransform", grid), Contains("layers[0].geotransform is " + grid.dump()));
+    CHECK_THAT(set("/layers/1/name", "dem"), Contains("layers[1].name is \"dem\"; accepted: each layer once"));
+    CHECK_THAT(set("/layers/1/name", "sea"), Contains("layers[1].name is \"sea\"; accepted: dem, culture"));
+    CHECK_THAT(set("/layers/0/type", "CFloat32"), Contains("layers[0].type is \"CFloat32\""));
+    CHECK_THAT(set("/layers/0/scale", "2"), Contains("layers[0].scale is \"2\"; accepted: a number"));
+    CHECK_THAT(set("/layers/0/no_data", "none"), Contains("layers[0].no_data is \"none\""));
+    CHECK_THAT(set("/layers/0/values/lowest", 1e300), Contains("layers[0].values.lowest is 1e+300"));
+    CHECK_THAT(set("/layers/0/values/void_posts", -1), Contains("layers[0].values.void_posts is -1"));
+    CHECK_THAT(set("/layers/0/crs_facts/unit", "m"), Contains("layers[0].crs_facts is {"));
+    CHECK_THAT(set("/culture_height_scale", -1), Contains("culture_height_scale is -1"));
+    CHECK_THAT(set("/layers/0/sheets/0/sums_checksum", "what"),
+               Contains("layers[0].sheets[0].sums_checksum is \"what\""));
+    // Members of another kind, or none.
+    CHECK(set("/layers/0/sheets", 5) == damaged + "layers[0].sheets is 5; accepted: an array");
+    CHECK(set("/layers/0", 5) == damaged + "layers[0] is no JSON object");
+    CHECK(set("/block_map", "blocks.map") == damaged + "block_map is no JSON object");
+    CHECK(set("/software", 5) == damaged + "software is 5; accepted: a text");
+    CHECK(refused([](json& all) { all["plan"].erase("file"); }) == damaged + "plan.file is missing");
+    CHECK(refused([](json& all) { all.erase("layers"); }) == damaged + "layers is missing");
 }

@@ -8,6 +8,7 @@
 #include <cctype>
 #include <charconv>
 #include <cmath>
+#include <filesystem>
 #include <limits>
 #include <optional>
 
@@ -189,6 +190,8 @@ std::uint64_t FeatureFile::fingerprint() {
 std::unique_ptr<FeatureFile::Handle> FeatureFile::open() {
     const std::lock_guard lock(opening_);
     auto handle = std::make_unique<Handle>();
+    if (std::error_code ignored; std::filesystem::is_fifo(params_.path, ignored))  // it would be waited for
+        throw IoError(text(named(), " is a pipe; accepted: a file, for features are not read from front to end"));
     {
         GdalErrors quiet;
         handle->dataset = open_vector(params_.path);

@@ -1,6 +1,7 @@
 #include "tiles/store_manifest.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstring>
 #include <filesystem>
@@ -40,6 +41,125 @@ double number(const json& value) {
                             : std::numeric_limits<double>::infinity();
 }
 
+DataError damaged_manifest(const std::string& path, const std::string& why) {
+    return DataError(text("tile store manifest '", path, "' is damaged: ", why));
+}
+
+/// Members of an object of the manifest, each of its own kind and range: a DataError names the one that is not.
+class Members {
+public:
+    Members(const std::string& path, const json& object) : Members(path, object, nullptr, "", -1) {}
+    Members object(const char* key) const { return {path_, at(key), this, key, -1}; }
+    /// `read` is called with each object of an array.
+    template <class Read>
+    void each(const char* key, Read&& read) const {
+        const json& list = at(key);
+        if (!list.is_array()) refuse(key, "an array");
+        std::int64_t index = 0;
+        for (const json& one : list) read(Members(path_, one, this, key, index++));
+    }
+    bool has(const char* key) const { return object_.contains(key); }
+    bool has_value(const char* key) const { return !at(key).is_null(); }
+
+    std::int64_t whole(const char* key, std::int64_t lowest, std::int64_t highest, const std::string& accepted) const {
+        const json& value = at(key);
+        const bool fits = value.is_number_unsigned() ? value.get<std::uint64_t>() <= static_cast<std::uint64_t>(most)
+                                                     : value.is_number_integer();
+        if (!fits || value.get<std::int64_t>() < lowest || value.get<std::int64_t>() > highest) refuse(key, accepted);
+        return value.get<std::int64_t>();
+    }
+    std::int64_t whole(const char* key, std::int64_t lowest, std::int64_t highest) const {
+        return whole(key, lowest, highest, text("a whole number from ", lowest, " to ", highest));
+    }
+    std::uint64_t count(const char* key) const {
+        if (!at(key).is_number_unsigned()) refuse(key, "a whole number, 0 or above");
+        return at(key).get<std::uint64_t>();
+    }
+    double finite(const char* key) const {
+        if (!at(key).is_number() || !std::isfinite(at(key).get<double>())) refuse(key, "a number");
+        return at(key).get<double>();
+    }
+    double at_least_0(const char* key) const {
+        if (!(finite(key) >= 0)) refuse(key, "a number, 0 or above");
+        return finite(key);
+    }
+    double above_0(const char* key) const {
+        if (!(finite(key) > 0)) refuse(key, "a number above 0");
+        return finite(key);
+    }
+    double with_words(const char* key) const {
+        const json& value = at(key);
+        if (!value.is_number() && value != "nan" && value != "inf" && value != "-inf")
+            refuse(key, R"(a number, "nan", "inf" or "-inf")");
+        return number(value);
+    }
+    float height(const char* key) const {
+        const double value = with_words(key);
+        if (!std::isinf(value) && !(std::fabs(value) <= static_cast<double>(std::numeric_limits<float>::max())))
+            refuse(key, R"(a number of 32 bits, "inf" or "-inf")");
+        return static_cast<float>(value);
+    }
+    std::array<double, 6> geotransform(const char* key) const {
+        const json& list = at(key);
+        std::array<double, 6> terms{};
+        const auto good = [](const json& term) { return term.is_number() && std::isfinite(term.get<double>()); };
+        if (!list.is_array() || list.size() != terms.size() || !std::all_of(list.begin(), list.end(), good) ||
+            !(list[1].get<double>() > 0) || list[2] != 0 || list[4] != 0 || list[5] == 0)
+            refuse(key, "null, or x, a step above 0, 0, y, 0 and a step that is not 0");
+        std::transform(list.begin(), list.end(), terms.begin(), [](const json& term) { return term.get<double>(); });
+        return terms;
+    }
+    std::string words(const char* key) const {
+        if (!at(key).is_string()) refuse(key, "a text");
+        return at(key).get<std::string>();
+    }
+    std::uint64_t sum(const char* key) const {
+        const std::string digits = words(key);
+        if (digits.empty() || digits.size() > sum_digits ||
+            digits.find_first_not_of("0123456789abcdef") != std::string::npos)
+            refuse(key, text("up to ", sum_digits, " digits 0-9, a-f"));
+        return std::strtoull(digits.c_str(), nullptr, 16);
+    }
+    const json& itself() const { return object_; }
+
+    [[noreturn]] void refuse(const char* key, const std::string& accepted) const {
+        constexpr std::size_t longest = 60;
+        const auto found = object_.find(key);
+        std::string value = "missing";
+        if (found != object_.end()) value = found->dump(-1, ' ', false, json::error_handler_t::replace);
+        if (value.size() > longest) value = value.substr(0, longest) + "...";
+        throw damaged_manifest(path_, text(name(), key, " is ", value, "; accepted: ", accepted));
+    }
+
+    static constexpr std::int64_t least = std::numeric_limits<std::int64_t>::min(),
+                                  most = std::numeric_limits<std::int64_t>::max();
+
+private:
+    Members(const std::string& path, const json& object, const Members* above, const char* key, std::int64_t index)
+        : path_(path), object_(object), above_(above), key_(key), index_(index) {
+        if (object.is_object()) return;
+        std::string own = name();
+        if (!own.empty()) own.pop_back();
+        throw damaged_manifest(path, text(own.empty() ? "it" : own, " is no JSON object"));
+    }
+    const json& at(const char* key) const {
+        const auto found = object_.find(key);
+        if (found == object_.end()) throw damaged_manifest(path_, text(name(), key, " is missing"));
+        return *found;
+    }
+    /// Made up only where it is needed: sheets may be many.
+    std::string name() const {
+        if (!above_) return "";
+        return text(above_->name(), key_, index_ < 0 ? std::string() : text("[", index_, "]"), ".");
+    }
+
+    const std::string& path_;
+    const json& object_;
+    const Members* above_;  ///< null: the whole
+    const char* key_;
+    std::int64_t index_;  ///< below 0: no array's
+};
+
 std::uint64_t from_hex(const json& value) { return std::strtoull(value.get<std::string>().c_str(), nullptr, 16); }
 
 json to_json(const ValueFacts& v) {
@@ -47,6 +167,7 @@ json to_json(const ValueFacts& v) {
             {"highest", number(static_cast<double>(v.highest))},
             {"void_posts", v.voids}};
 }
+ValueFacts values_from(const Members& j) { return {j.height("lowest"), j.height("highest"), j.count("void_posts")}; }
 ValueFacts values_from(const json& j) {
     return {static_cast<float>(number(j.at("lowest"))), static_cast<float>(number(j.at("highest"))),
             j.at("void_posts").get<std::uint64_t>()};
@@ -160,56 +281,77 @@ json to_json(const StoreLayerEntry& layer) {
     return out;
 }
 
-StoreLayerEntry layer_from(const json& j, const std::string& folder) {
+StoreLayerEntry layer_from(const Members& j, const std::string& folder) {
+    constexpr std::int64_t longest_side = std::numeric_limits<int>::max();
+    constexpr StoreLayerKind kinds[] = {StoreLayerKind::dem, StoreLayerKind::culture, StoreLayerKind::culture_height};
     StoreLayerEntry layer;
-    const auto word = j.at("name").get<std::string>();
-    for (const StoreLayerKind kind : {StoreLayerKind::dem, StoreLayerKind::culture, StoreLayerKind::culture_height})
-        if (word == name(kind)) layer.kind = kind;
+    const auto word = j.words("name");
+    const auto kind = std::find_if(std::begin(kinds), std::end(kinds), [&](auto known) { return word == name(known); });
+    if (kind == std::end(kinds)) j.refuse("name", "dem, culture or culture_height");
+    layer.kind = *kind;
     RasterFacts& f = layer.facts;
-    layer.vrt = j.at("vrt").get<std::string>();
-    layer.vrt_checksum = from_hex(j.at("vrt_checksum"));
+    layer.vrt = j.words("vrt");
+    layer.vrt_checksum = j.sum("vrt_checksum");
     f.role = layer.kind == StoreLayerKind::culture_height ? "culture-height" : name(layer.kind);
     f.path = layer.kind == StoreLayerKind::dem ? folder : (std::filesystem::path(folder) / layer.vrt).string();
     f.driver = "tile store";
-    f.columns = j.at("columns").get<std::int64_t>();
-    f.rows = j.at("rows").get<std::int64_t>();
-    f.block_columns = f.block_rows = j.at("tile").get<std::int64_t>();
-    f.type = type_by_name(j.at("type").get<std::string>());
+    f.columns = j.whole("columns", 1, longest_side);
+    f.rows = j.whole("rows", 1, longest_side);
+    constexpr const char* tiles = "64, 128, 256, 512, 1024 or 2048";
+    f.block_columns = f.block_rows = j.whole("tile", 64, 2048, tiles);
+    if ((f.block_columns & (f.block_columns - 1)) != 0) j.refuse("tile", tiles);
+    f.type = type_by_name(j.words("type"));
+    if (f.type == GDT_Unknown || GDALDataTypeIsComplex(f.type))
+        j.refuse("type", "a type of real numbers, such as Int16");
     f.type_bytes = type_bytes(f.type);
-    if (const json& g = j.at("geotransform"); !g.is_null()) {
+    if (j.has_value("geotransform")) {
+        const auto g = j.geotransform("geotransform");
         f.has_geotransform = true;
-        f.corner_x = g.at(0).get<double>();
-        f.step_x = g.at(1).get<double>();
-        f.corner_y = g.at(3).get<double>();
-        f.step_y = g.at(5).get<double>();
+        f.corner_x = g[0];
+        f.step_x = g[1];
+        f.corner_y = g[3];
+        f.step_y = g[5];
     } else {
         f.corner_x = -0.5;
         f.corner_y = static_cast<double>(f.rows) - 0.5;
     }
-    if (const auto wkt = j.at("crs").get<std::string>(); !wkt.empty()) {
+    if (const auto wkt = j.words("crs"); !wkt.empty()) {
         std::string reason;
-        const auto crs = crs_from(j, wkt, reason);
+        std::shared_ptr<const Crs> crs;
+        try {
+            crs = crs_from(j.itself(), wkt, reason);
+        } catch (const json::exception&) {
+            j.refuse("crs_facts", "as tile writes it, or none");
+        }
         if (!crs) throw DataError(text("'", folder, "': the CRS in the manifest cannot be understood: ", reason));
         set_crs(f, crs);
     }
-    f.metres_per_unit = j.at("metres_per_unit").get<double>();
-    f.scale = j.at("scale").get<double>();
-    f.offset = j.at("offset").get<double>();
-    f.unit = j.at("unit").get<std::string>();
+    f.metres_per_unit = j.above_0("metres_per_unit");
+    f.scale = j.finite("scale");
+    f.offset = j.finite("offset");
+    f.unit = j.words("unit");
     f.unit_m = unit_in_metres(f.unit).value_or(1);  // of an older build
-    if (const json& none = j.at("no_data"); !none.is_null()) {
+    if (j.has_value("no_data")) {
         f.has_no_data = true;
-        f.no_data = number(none);
+        f.no_data = j.with_words("no_data");
     }
-    f.compression = j.at("compression").get<std::string>();
-    layer.values = values_from(j.at("values"));
-    for (const json& s : j.at("sources"))
-        layer.sources.push_back(
-            {s.at("path").get<std::string>(), s.at("bytes").get<std::uint64_t>(), s.at("mtime_s").get<std::int64_t>()});
-    for (const json& s : j.at("sheets"))
-        layer.sheets.push_back({s.at("column").get<std::int64_t>(), s.at("row").get<std::int64_t>(),
-                                s.at("file").get<std::string>(), s.at("sums").get<std::string>(),
-                                s.at("bytes").get<std::uint64_t>(), from_hex(s.at("sums_checksum"))});
+    f.compression = j.words("compression");
+    layer.values = values_from(j.object("values"));
+    j.each("sources", [&](const Members& s) {
+        layer.sources.push_back({s.words("path"), s.count("bytes"), s.whole("mtime_s", Members::least, Members::most)});
+    });
+    j.each("sheets", [&](const Members& s) {
+        StoreSheet sheet{s.whole("column", 0, layer.sheet_columns() - 1),
+                         s.whole("row", 0, layer.sheet_rows() - 1),
+                         s.words("file"),
+                         s.words("sums"),
+                         s.count("bytes"),
+                         s.sum("sums_checksum")};
+        if (!layer.sheets.empty() &&
+            std::pair(sheet.row, sheet.column) <= std::pair(layer.sheets.back().row, layer.sheets.back().column))
+            s.refuse(sheet.row < layer.sheets.back().row ? "row" : "column", "sheets row after row, each once");
+        layer.sheets.push_back(std::move(sheet));
+    });
     return layer;
 }
 
@@ -270,46 +412,48 @@ std::string manifest_text(const StoreManifest& m) {
 StoreManifest read_manifest(const std::string& folder) {
     const std::string path = (std::filesystem::path(folder) / manifest_name).string();
     std::string content = file_text(path, largest_manifest);
-    const auto damaged = [&](const std::string& why) {
-        return DataError(text("tile store manifest '", path, "' is damaged: ", why));
-    };
+    const auto damaged = [&](const std::string& why) { return damaged_manifest(path, why); };
     const std::size_t found = content.rfind(sum_key);
     if (found == std::string::npos || found + sum_key.size() + sum_digits > content.size())
         throw damaged("it holds no checksum");
     const std::string sum = content.substr(found + sum_key.size(), sum_digits);
     content.replace(found + sum_key.size(), sum_digits, sum_digits, '0');
     if (sum != hex(checksum(content))) throw damaged("its content is not what its checksum says");
-    try {
-        const json j = json::parse(content);
-        if (const auto format = j.at("format").get<std::string>(); format != format_name)
-            throw DataError(text("'", path, "' has the format '", format, "'; accepted: ", format_name));
-        StoreManifest m;
-        m.version = j.at("version").get<std::int64_t>();
-        m.software = j.at("software").get<std::string>();
-        for (const json& layer : j.at("layers")) m.layers.push_back(layer_from(layer, folder));
-        if (m.layers.empty() || m.layers[0].kind != StoreLayerKind::dem) throw damaged("it names no terrain");
-        m.block_map = j.at("block_map").at("file").get<std::string>();
-        m.block_map_checksum = from_hex(j.at("block_map").at("checksum"));
-        if (j.at("block_map").contains("imprint")) m.block_map_imprint = from_hex(j.at("block_map").at("imprint"));
+    const json all = json::parse(content, nullptr, false);
+    if (all.is_discarded()) throw damaged("it is no JSON");
+    const Members j(path, all);
+    if (const auto format = j.words("format"); format != format_name)
+        throw DataError(text("'", path, "' has the format '", format, "'; accepted: ", format_name));
+    StoreManifest m;
+    m.version = j.whole("version", Members::least, Members::most);
+    m.software = j.words("software");
+    j.each("layers", [&](const Members& layer) {
+        m.layers.push_back(layer_from(layer, folder));
+        for (std::size_t i = 0; i + 1 < m.layers.size(); ++i)
+            if (m.layers[i].kind == m.layers.back().kind) layer.refuse("name", "each layer once");
+    });
+    if (m.layers.empty() || m.layers[0].kind != StoreLayerKind::dem) throw damaged("it names no terrain");
+    m.block_map = j.object("block_map").words("file");
+    m.block_map_checksum = j.object("block_map").sum("checksum");
+    if (j.object("block_map").has("imprint")) m.block_map_imprint = j.object("block_map").sum("imprint");
+    if (j.has("detail_map")) {
+        const Members map = j.object("detail_map");
         // One of another format is no map to us, and the store one without levels of detail.
-        if (j.contains("detail_map") && j.at("detail_map").value("format", 1) == detail_map_format) {
-            m.detail_map = j.at("detail_map").at("file").get<std::string>();
-            m.detail_map_checksum = from_hex(j.at("detail_map").at("checksum"));
-            if (j.at("detail_map").contains("imprint"))
-                m.detail_map_imprint = from_hex(j.at("detail_map").at("imprint"));
+        if (map.has("format") && map.whole("format", Members::least, Members::most) == detail_map_format) {
+            m.detail_map = map.words("file");
+            m.detail_map_checksum = map.sum("checksum");
+            if (map.has("imprint")) m.detail_map_imprint = map.sum("imprint");
         }
-        m.plan = j.at("plan").at("file").get<std::string>();
-        m.plan_checksum = from_hex(j.at("plan").at("checksum"));
-        if (const json& legend = j.at("legend"); !legend.is_null()) {
-            m.legend_name = legend.at("name").get<std::string>();
-            m.legend_csv = legend.at("csv").get<std::string>();
-        }
-        if (j.contains("culture_height_scale")) m.height_scale = j.at("culture_height_scale").get<double>();
-        m.class_table = j.contains("class_table");
-        return m;
-    } catch (const json::exception& e) {
-        throw damaged(e.what());
     }
+    m.plan = j.object("plan").words("file");
+    m.plan_checksum = j.object("plan").sum("checksum");
+    if (j.has_value("legend")) {
+        m.legend_name = j.object("legend").words("name");
+        m.legend_csv = j.object("legend").words("csv");
+    }
+    if (j.has("culture_height_scale")) m.height_scale = j.at_least_0("culture_height_scale");
+    m.class_table = j.has("class_table");
+    return m;
 }
 
 int overview_count(std::int64_t columns, std::int64_t rows, std::int64_t tile) {
@@ -391,7 +535,9 @@ SheetSums read_sums(const std::string& path, std::optional<std::uint64_t> expect
         throw damaged;
     }
     const std::size_t bytes = end - words - length;
-    if (s.columns < 1 || s.rows < 1 || s.tile < 1 || bytes != s.tile_count() * sizeof(std::uint64_t)) throw damaged;
+    if (s.columns < 1 || s.rows < 1 || s.tile < 1 || s.columns > sheet_posts || s.rows > sheet_posts ||
+        bytes != s.tile_count() * sizeof(std::uint64_t))
+        throw damaged;
     s.tiles.resize(s.tile_count());
     std::memcpy(s.tiles.data(), content.data() + words + length, bytes);
     return s;

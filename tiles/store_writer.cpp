@@ -7,7 +7,9 @@
 #include <algorithm>
 #include <atomic>
 #include <cerrno>
+#include <cinttypes>
 #include <cmath>
+#include <cstdio>
 #include <cstring>
 #include <filesystem>
 #include <mutex>
@@ -20,11 +22,13 @@
 #include "tiles/block_map_file.hpp"
 #include "tiles/burnt_layer.hpp"
 #include "tiles/checksum.hpp"
+#include "tiles/claim.hpp"
 #include "tiles/mosaic.hpp"
 #include "tiles/plain_file.hpp"
 #include "tiles/registered_layer.hpp"
 #include "tiles/sheet_writer.hpp"
 #include "tiles/sided_layer.hpp"
+#include "tiles/sources.hpp"
 #include "tiles/store_manifest.hpp"
 #include "tiles/store_vrt.hpp"
 #include "tiles/tile_store.hpp"
@@ -82,6 +86,26 @@ struct Layer {
         }
     }
 };
+
+/// What a store of this build or an earlier one holds, by its path in the store: an unreadable manifest is to be replaced too.
+bool is_stores_own(const fs::path& path) {
+    const std::string file = path.filename().string(), folder = path.parent_path().string();
+    const auto ends = [&](const std::string& stem, std::initializer_list<const char*> endings) {
+        return std::any_of(endings.begin(), endings.end(), [&](const char* end) { return file == stem + end; });
+    };
+    for (const StoreLayerKind kind : {StoreLayerKind::dem, StoreLayerKind::culture, StoreLayerKind::culture_height}) {
+        // GDAL and those who use it write statistics and overviews beside a raster.
+        if (folder.empty() && ends(name(kind), {".vrt", ".vrt.aux.xml", ".vrt.ovr", ".vrt.tmp"})) return true;
+        std::int64_t column = 0, row = 0;
+        if (folder == name(kind) && std::sscanf(file.c_str(), "c%" SCNd64 "_r%" SCNd64, &column, &row) == 2 &&
+            ends(text("c", column, "_r", row), {".tif", ".sum", ".tif.aux.xml", ".tif.tmp", ".sum.tmp"}))
+            return true;
+    }
+    if (!folder.empty()) return false;
+    for (const char* own : {manifest_name, plan_name, "unfinished.json", map_name, detail_name, store_classes_name})
+        if (ends(own, {"", ".tmp"})) return true;
+    return file == kept_spill_name || is_numbered(file, text(".", kept_spill_name, ".tmp-"));
+}
 
 struct Job {
     Layer* layer;
@@ -162,6 +186,16 @@ void StoreWriter::check_output() const {
         if (!params_.overwrite) throw InputError(text("output '", output, "' exists; add --overwrite"));
         if (!is_tile_store(output) && !(fs::is_directory(status) && fs::is_empty(output, error)))
             throw InputError(text("output '", output, "' is no tile store; --overwrite replaces nothing else"));
+        const auto foreign = [&](const fs::directory_entry& entry) {
+            return !fs::is_directory(entry.symlink_status(error)) &&
+                   !is_stores_own(entry.path().lexically_relative(output));
+        };
+        std::set<std::string> found;
+        for (const auto& entry : fs::recursive_directory_iterator(output, error))
+            if (foreign(entry)) found.insert(entry.path().string());
+        if (!found.empty())
+            throw InputError(text("output '", output, "' holds '", *found.begin(),
+                                  "', which is no part of a tile store; --overwrite replaces nothing else"));
     }
     const std::string parent = fs::path(output).parent_path().string();
     if (!parent.empty() && !fs::is_directory(parent, error))

@@ -9,10 +9,12 @@
 #include <array>
 #include <atomic>
 #include <cerrno>
+#include <cmath>
 #include <cstdio>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <functional>
 #include <iterator>
 #include <nlohmann/json.hpp>
 #include <utility>
@@ -258,6 +260,8 @@ WorkDir::~WorkDir() {
     if (made_) ::rmdir(path_.c_str());
 }
 
+bool WorkDir::keeps(const std::string& name) { return name == run_name || is_wedge(name) || is_temporary(name); }
+
 void WorkDir::bind(const Run& run) {
     run_ = run;
     Checksum sum;
@@ -314,9 +318,15 @@ bool WorkDir::read_run() {
     const std::string sum = there["checksum"];
     there.erase("checksum");
     if (sum != hex(checksum(there.dump(-1, ' ', false, json::error_handler_t::replace)))) throw damaged();
+    if (!there["format"].is_string()) throw damaged();
     if (there["format"] != run_format)
         throw InputError(
             text(named(), " is of format '", there["format"].get<std::string>(), "'; accepted: '", run_format, "'"));
+    const auto are_texts = [](const json& facts) {
+        return facts.is_object() &&
+               std::all_of(facts.begin(), facts.end(), [](const json& value) { return value.is_string(); });
+    };
+    if (!there["version"].is_string() || !are_texts(there["asked"]) || !are_texts(there["facts"])) throw damaged();
     if (there["scene_checksum"] != hex(scene_)) {
         const std::string what =
             there["version"] != run_.version
@@ -332,7 +342,16 @@ bool WorkDir::read_run() {
         return true;
     }
     split_.clear();
-    const auto bounds = there["wedges"].get<std::vector<std::int64_t>>();
+    const json& wedges = there["wedges"];
+    // No circle has so many bins.
+    constexpr std::int64_t beyond = std::int64_t{1} << 40;
+    const auto is_bound = [](const json& bin) {
+        return bin.is_number_integer() && std::abs(bin.get<double>()) < static_cast<double>(beyond);
+    };
+    if (!wedges.is_array() || !std::all_of(wedges.begin(), wedges.end(), is_bound)) throw damaged();
+    const auto bounds = wedges.get<std::vector<std::int64_t>>();
+    if (bounds.size() < 2 || std::adjacent_find(bounds.begin(), bounds.end(), std::greater_equal<>()) != bounds.end())
+        throw damaged();
     for (std::size_t i = 0; i + 1 < bounds.size(); ++i) split_.push_back({bounds[i], bounds[i + 1]});
     return true;
 }

@@ -48,6 +48,8 @@ public:
     void keep(const WedgeKey& key, const WedgeOutcome& outcome, std::span<const float> echo_w,
               std::span<const std::uint8_t> state) override;
 
+    /// Would a file of that name be one of such a folder's own?
+    static bool keeps(const std::string& name);
     const std::string& path() const { return path_; }
     /// Wedges of the split that have a file.
     std::size_t kept() const;

@@ -401,7 +401,10 @@ std::vector<Given> read_set(const Given& asked) {
                               shipped_set_names(), " or a file of lines key = value",
                               suggestion(trimmed(asked.value), names, "")));
     }
-    return read_keys(text("set ", in_quotes(path)), folder_of(path), file_content(path, "set"), refuse_but_set_keys);
+    const std::string subject = text("set ", in_quotes(path));
+    std::vector<Given> keys = read_keys(subject, folder_of(path), file_content(path, "set"), refuse_but_set_keys);
+    if (keys.empty()) throw InputError(text(subject, " holds no key; accepted: at least one line key = value"));
+    return keys;
 }
 
 /// With the values of the set that is asked for, where a key is given nowhere else.

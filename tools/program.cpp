@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <tbb/version.h>
 
+#include <csignal>
 #include <cstdio>
 #include <exception>
 #include <new>
@@ -12,6 +13,7 @@
 #include "tools/commands.hpp"
 #include "tools/options.hpp"
 #include "tools/terminal.hpp"
+#include "tools/text_file.hpp"
 #include "tools/units.hpp"
 
 namespace wedgescope {
@@ -53,7 +55,18 @@ void run_command(const std::vector<std::string>& words, Stop& stop) {
     }
 }
 
-int fail(int code, const char* message) {
+/// Who reads what the program writes has gone away: an end as any other (wedgescope help | head), of which nobody is told.
+bool nobody_reads(const Stop& stop) {
+    try {
+        stop.check();
+    } catch (const Interrupted& e) {
+        return e.signal() == SIGPIPE;
+    }
+    return false;
+}
+
+int fail(const Stop& stop, int code, const char* message) {
+    if (nobody_reads(stop)) return 128 + SIGPIPE;
     fmt::print(stderr, "wedgescope: {}\n", one_line(message));
     return code;
 }
@@ -61,18 +74,19 @@ int fail(int code, const char* message) {
 }  // namespace
 
 int run_words(const std::vector<std::string>& words, Stop& stop) {
+    const StopsTextReads stops(stop);
     try {
         use_target_of_environment();
         run_command(words, stop);
         return 0;
     } catch (const InputError& e) {
-        return fail(2, e.what());
+        return fail(stop, 2, e.what());
     } catch (const Interrupted& e) {
-        return fail(128 + e.signal(), e.what());
+        return fail(stop, 128 + e.signal(), e.what());
     } catch (const std::bad_alloc&) {
-        return fail(1, "out of memory");
+        return fail(stop, 1, "out of memory");
     } catch (const std::exception& e) {
-        return fail(1, e.what());
+        return fail(stop, 1, e.what());
     }
 }
 

@@ -14,6 +14,8 @@
 #include "lib/error.hpp"
 #include "lib/lower_case.hpp"
 #include "tiles/companion_files.hpp"
+#include "tiles/ground_map.hpp"
+#include "tiles/work_dir.hpp"
 #include "tools/radar_set.hpp"
 #include "tools/terminal.hpp"
 #include "tools/units.hpp"
@@ -79,21 +81,36 @@ std::string part_that_is(const std::string& path, const std::string& input, Inpu
     return {};
 }
 
+/// Files that a VRT and those that it is made of name, at any depth.
+void add_vrt_parts(const std::string& path, std::set<std::string>& looked_into, std::vector<std::string>& parts) {
+    std::error_code error;
+    if (!fs::is_regular_file(path, error) || !looked_into.insert(canonical_path(path)).second) return;
+    for (const std::string& part : vrt_parts(path)) {
+        parts.push_back(part);
+        add_vrt_parts(part, looked_into, parts);
+    }
+}
+
 /// All else is text, of which a file is the whole.
 bool may_have_parts(std::string_view key, const std::string& path) {
-    constexpr std::string_view keys[] = {"dem", "culture", "culture-height", "observers", "the echo image"};
+    constexpr std::string_view keys[] = {"dem",       "culture",     "culture-height", "features",
+                                         "observers", "directivity", "the echo image"};
     return std::find(std::begin(keys), std::end(keys), key) != std::end(keys) &&
            !(key == "observers" && lower_case(fs::path(path).extension().string()) == ".csv");
 }
 
 bool is_raster(std::string_view output) { return output != "report" && output != "timeline"; }
 
-/// At any depth; what is no folder holds nothing.
+/// At any depth, itself or a link to it; what is no folder holds nothing.
 bool lies_in(const std::string& path, const std::string& folder) {
     std::error_code error;
     if (!fs::is_directory(folder, error)) return false;
-    const fs::path in = canonical_path(folder), own = canonical_path(path);
-    return !in.empty() && std::mismatch(in.begin(), in.end(), own.begin(), own.end()).first == in.end();
+    const fs::path in = canonical_path(folder);
+    const auto holds = [&](const fs::path& own) {
+        return !in.empty() && std::mismatch(in.begin(), in.end(), own.begin(), own.end()).first == in.end();
+    };
+    const fs::path link = fs::absolute(path, error);
+    return holds(canonical_path(path)) || (!error && holds(canonical_path(link.parent_path()) / link.filename()));
 }
 
 }  // namespace
@@ -150,6 +167,51 @@ void check_names(const NamedPaths& outputs, const NamedPaths& inputs, const std:
     }
 }
 
+void check_side_files(const NamedPaths& outputs, const Settings& s) {
+    DataBaseParams rasters;
+    rasters.dem = s.dem;
+    const std::string map = s.dem.empty() ? "" : GroundMap::kept_path(rasters);
+    std::error_code error;
+    const bool has_map = !map.empty() && (s.keep_map || fs::exists(map, error));
+    for (const auto& [key, path] : outputs) {
+        if (path.empty()) continue;
+        if (has_map && same_file(path, map))
+            throw InputError(text(key, " is ", in_quotes(path), ", where the ground map of dem ", in_quotes(s.dem),
+                                  " is kept; every output needs its own file"));
+        const fs::path whole = fs::absolute(path, error);
+        if (!s.work_dir.empty() && WorkDir::keeps(whole.filename().string()) &&
+            canonical_path(whole.parent_path().string()) == canonical_path(s.work_dir))
+            throw InputError(text(key, " is ", in_quotes(path), ", which work-dir ", in_quotes(s.work_dir),
+                                  " keeps for itself; every output needs its own file"));
+    }
+}
+
+void check_folder(const char* key, const std::string& folder, const NamedPaths& inputs) {
+    InputParts known;
+    for (const auto& [input_key, input] : inputs) {
+        std::error_code error;
+        if (input.empty() || !fs::is_directory(folder, error)) continue;
+        if (lies_in(input, folder))
+            throw InputError(text(key, " is ", in_quotes(folder), ", in which ", input_key, " ", in_quotes(input),
+                                  " lies; an output may not replace an input"));
+        std::set<std::string> looked_into;
+        std::vector<std::string> parts;
+        add_vrt_parts(input, looked_into, parts);
+        if (may_have_parts(input_key, input)) {
+            std::vector<std::string> named{input};  // and what names of archives and subdatasets lead to
+            for (const std::string& part : parts)
+                if (!fs::exists(part, error)) named.push_back(part);
+            for (const std::string& name : named)
+                parts.insert(parts.end(), known.of(name).begin(), known.of(name).end());
+        }
+        for (const std::string& part : parts)
+            if (lies_in(part, folder))
+                throw InputError(text(key, " is ", in_quotes(folder), ", in which ", in_quotes(part),
+                                      " lies, of which ", input_key, " ", in_quotes(input),
+                                      " is made; an output may not replace an input"));
+    }
+}
+
 std::string set_file(const Settings& s) { return shipped_set(s.radar_set) ? "" : s.radar_set; }
 
 static constexpr std::size_t raster_paths = 3;  // of data_paths, the first
@@ -173,7 +235,9 @@ NamedPaths input_paths(const Settings& s) {
 }
 
 void check_coverage_names(const Settings& s) {
-    check_names({{"output", s.output}, {"report", s.report}, {"timeline", s.timeline}}, data_paths(s), s.driver);
+    const NamedPaths outputs{{"output", s.output}, {"report", s.report}, {"timeline", s.timeline}};
+    check_names(outputs, data_paths(s), s.driver);
+    check_side_files(outputs, s);
 }
 
 void check_run_names(const NamedPaths& outputs, const NamedPaths& inputs, const std::string& driver) {
@@ -189,6 +253,7 @@ void check_run_names(const Settings& s) {
     const NamedPaths outputs{{"output", s.output},           {"echo", s.echo},        {"power", s.power},
                              {"power-stack", s.power_stack}, {"states", s.states},    {"ground", s.ground_file},
                              {"report", s.report},           {"timeline", s.timeline}};
+    check_side_files(outputs, s);
     s.only_wedges ? check_names(outputs, input_paths(s), s.driver) : check_run_names(outputs, input_paths(s), s.driver);
 }
 

@@ -33,6 +33,12 @@ private:
 void check_names(const NamedPaths& outputs, const NamedPaths& inputs, const std::string& driver, InputParts& parts);
 void check_names(const NamedPaths& outputs, const NamedPaths& inputs, const std::string& driver = {});
 
+/// InputError where an output is a file that the run itself keeps: the ground map beside its terrain, what is in its work folder.
+void check_side_files(const NamedPaths& outputs, const Settings& settings);
+
+/// InputError where an input, or a part of one, lies in a folder that an output replaces as a whole.
+void check_folder(const char* key, const std::string& folder, const NamedPaths& inputs);
+
 /// The one name of a path, however it is written, also where nothing stands there yet; empty if the system does not tell.
 std::string canonical_path(const std::string& path);
 

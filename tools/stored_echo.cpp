@@ -110,6 +110,10 @@ StoredEcho stored_echo(const std::string& path, const std::string& scene_json, s
             parameters.refuse(key.name.c_str(), "there");
     try {
         out.given = given_in_json(all["parameters"]);
+    } catch (const DataError& e) {
+        throw DataError(text(named, " is damaged, or was changed: ", e.what()));
+    }
+    try {
         // Nothing that says what to write or how to run.
         for (const Given& given : out.given)
             if (const Key& key = *find_key(given.key);

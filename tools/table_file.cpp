@@ -84,6 +84,10 @@ bool TableRows::next() {
         const auto taken = static_cast<std::size_t>(content_.gcount());
         // A line end is taken too, and not kept.
         row_.assign(buffer.data(), content_.good() ? taken - 1 : taken);
+        if (row_.find('\0') != std::string::npos)
+            throw InputError(text(subject_, ", line ", line_,
+                                  " is no text; accepted: a table of text (UTF-8), its cells "
+                                  "separated by ','"));
         if (row_.size() > longest)
             throw InputError(
                 text(subject_, ", line ", line_, " has more than ", longest, " characters; accepted: at most so many"));

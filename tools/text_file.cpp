@@ -1,21 +1,26 @@
 #include "tools/text_file.hpp"
 
-#include <cerrno>
-#include <cstring>
-#include <filesystem>
-#include <fstream>
+#include <atomic>
 
 #include "lib/error.hpp"
+#include "tools/table_stream.hpp"
 
 namespace wedgescope {
 
+namespace {
+
+const Stop never;
+std::atomic<const Stop*> stop_of_reads{&never};
+
+}  // namespace
+
+StopsTextReads::StopsTextReads(const Stop& stop) : before_(stop_of_reads.exchange(&stop)) {}
+
+StopsTextReads::~StopsTextReads() { stop_of_reads = before_; }
+
 std::string text_of_file(const std::string& subject, const std::string& path, std::string_view holds,
                          std::size_t most_mib) {
-    std::error_code ignored;
-    if (std::filesystem::is_directory(path, ignored)) throw IoError(text(subject, " is a folder"));
-    errno = 0;
-    std::ifstream file(path, std::ios::binary);
-    if (!file) throw IoError(text(subject, " cannot be opened: ", std::strerror(errno)));
+    TableStream file(path == "-" ? "./-" : path, subject, *stop_of_reads);  // standard input is none of these files
     const std::size_t most = most_mib << 20;
     std::string content;
     // Piece by piece: a file of no size, such as a pipe's, is read too.
@@ -24,7 +29,6 @@ std::string text_of_file(const std::string& subject, const std::string& path, st
         file.read(piece.data(), static_cast<std::streamsize>(piece.size()));
         content.append(piece, 0, static_cast<std::size_t>(file.gcount()));
     }
-    if (file.bad()) throw IoError(text(subject, " cannot be read"));
     if (content.size() > most) throw InputError(text(subject, " is larger than ", most_mib, " MiB; ", holds));
     if (content.find('\0') != std::string::npos) throw InputError(text(subject, " is no text; ", holds));
     return content;

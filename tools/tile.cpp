@@ -11,6 +11,7 @@
 #include "tools/help.hpp"
 #include "tools/options.hpp"
 #include "tools/report_json.hpp"
+#include "tools/run_files.hpp"
 #include "tools/terminal.hpp"
 #include "tools/units.hpp"
 
@@ -56,6 +57,24 @@ double keep_around(const Settings& settings, const Materials& materials, Stop& s
     }
     progress.done();
     return now_s() - start_s;
+}
+
+/// The store is replaced with all that lies in it.
+void check_store_name(const Settings& settings) {
+    NamedPaths inputs;
+    for (std::size_t i = 0; i + 1 < settings.files.size(); ++i) inputs.emplace_back("dem", settings.files[i]);
+    const bool words = Legend::built_in(settings.features_legend).has_value();
+    inputs.insert(inputs.end(), {{"culture", settings.culture},
+                                 {"culture-height", settings.culture_height},
+                                 {"culture-legend", legend_path(settings)},
+                                 {"directivity", settings.directivity},
+                                 {"features", settings.features},
+                                 {"features-legend", words ? "" : settings.features_legend},
+                                 {"class-table", settings.class_table}});
+    std::string output = settings.files.back();
+    while (output.size() > 1 && output.back() == '/') output.pop_back();
+    check_folder("output", output, inputs);
+    check_folder("output", output + ".part", inputs);
 }
 
 /// `sides`: out, classes with a side of their own.
@@ -212,6 +231,7 @@ void tile(const std::vector<std::string>& arguments, Stop& stop) {
     const GdalSession session(cache_bytes(settings), settings.config);
     std::size_t sides = 0;
     TileStoreParams params = store_params(settings, stop, sides);
+    check_store_name(settings);
     params.stop = &stop;
     Progress progress(settings.quiet);
     params.progress = [&](double fraction) { progress.report(fraction); };

@@ -519,6 +519,7 @@ void check_outputs(const Settings& settings, const Frames& frames) {
             NamedPaths outputs = others;
             outputs.emplace_back(key, path);
             check_names(outputs, inputs, settings.driver, parts);
+            check_side_files(outputs, settings);
         }
     LayerFiles(frames.settings(0)).check(settings);
 }
