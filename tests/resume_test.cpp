@@ -554,6 +554,14 @@ TEST_CASE("a run's file of other kinds of values is refused as a damaged one, wh
         work.bind(drawn_run);
     };
     CHECK_NOTHROW(bind("wedges", whole["wedges"]));
+    {
+        WorkDir work(path, Start::join);
+        WorkDir::Run other = drawn_run;
+        other.azimuth_bins = {-500, 12};
+        CHECK_THROWS_WITH(work.bind(other), Contains(file) && Contains("is damaged"));
+        other.azimuth_bins = {0, 12};
+        CHECK_NOTHROW(work.bind(other));
+    }
     for (const auto& [key, value] :
          std::vector<std::pair<const char*, nlohmann::ordered_json>>{{"wedges", {0, nullptr}},
                                                                      {"wedges", {0, "90"}},

@@ -352,6 +352,7 @@ bool WorkDir::read_run() {
     const auto bounds = wedges.get<std::vector<std::int64_t>>();
     if (bounds.size() < 2 || std::adjacent_find(bounds.begin(), bounds.end(), std::greater_equal<>()) != bounds.end())
         throw damaged();
+    if (!run_.azimuth_bins.empty() && Interval{bounds.front(), bounds.back()} != run_.azimuth_bins) throw damaged();
     for (std::size_t i = 0; i + 1 < bounds.size(); ++i) split_.push_back({bounds[i], bounds[i + 1]});
     return true;
 }

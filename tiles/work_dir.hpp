@@ -35,6 +35,7 @@ public:
         std::string version;      ///< of the program
         std::vector<Fact> asked;  ///< keys that may change the echo, as given: to name what differs
         std::vector<Fact> facts;  ///< all that changes the echo, but for the content of posts and cells
+        Interval azimuth_bins{};  ///< that its wedges cover; empty: not told
     };
     /// InputError naming the key if the run that stands there is of another scene; DataError if its file is damaged.
     /// Where the same was asked but the data base now answers otherwise (another height under the sensor), the folder
