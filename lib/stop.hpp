@@ -13,7 +13,8 @@ public:
         int none = 0;
         signal_.compare_exchange_strong(none, signal);
     }
-    bool requested() const noexcept { return signal_.load(std::memory_order_relaxed) != 0; }
+    int signal() const noexcept { return signal_.load(std::memory_order_relaxed); }  ///< 0: none was requested
+    bool requested() const noexcept { return signal() != 0; }
     void check() const {
         if (int s = signal_.load()) throw Interrupted(s);
     }

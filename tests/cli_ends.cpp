@@ -109,6 +109,11 @@ TEST_CASE("a run whose reader goes away ends without a word and leaves nothing",
     REQUIRE(std::system(line.c_str()) == 0);
     CHECK(content(folder.file("err")).empty());
     CHECK(content(folder.file("code")) == "141\n");
+    // Nor does it fall over what it has to say where it can say nothing.
+    const std::string mute = "cd '" + folder.work().string() + "' && (sleep 0.3; '" + WEDGESCOPE_PROGRAM +
+                             "' nonsense 2>&1 >/dev/null; echo $? > code) | true; sleep 1";
+    REQUIRE(std::system(mute.c_str()) == 0);
+    CHECK(content(folder.file("code")) == "2\n");
 }
 
 TEST_CASE("a signal that comes twice at once, as timeout sends it, is one", "[cli]") {

@@ -8,7 +8,10 @@
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <cstring>
+#include <filesystem>
+#include <fstream>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "lib/engine.hpp"
@@ -182,6 +185,20 @@ std::vector<double> truth(const Scene& s, const std::string& dem, const RunResul
 
 }  // namespace
 
+namespace {
+
+/// By this process so far.
+std::uint64_t bytes_read() {
+    std::ifstream io("/proc/self/io");
+    std::string word;
+    std::uint64_t bytes = 0;
+    while (io >> word)
+        if (word == "rchar:") io >> bytes;
+    return bytes;
+}
+
+}  // namespace
+
 TEST_CASE("a map of the ground is the same from strips, read once for all pages side by side, as from tiles",
           "[detail][threads]") {
     // Round the earth; two pages and a bit across, two down, voids.
@@ -200,6 +217,7 @@ TEST_CASE("a map of the ground is the same from strips, read once for all pages 
     const GroundMap::MakeParams none;
     std::vector<std::vector<BlockBounds>> bounds;
     std::vector<std::vector<Residuals>> residuals;
+    std::vector<std::optional<Extremes>> extremes;
     struct Way {
         std::vector<std::string> creation;
         std::size_t memory_bytes;
@@ -216,7 +234,19 @@ TEST_CASE("a map of the ground is the same from strips, read once for all pages 
         GroundMap::MakeParams make;
         make.threads = 3;
         make.memory_bytes = way.memory_bytes;
+        double last = 0;
+        make.progress = [&](double done) { last = done; };
+        const std::uint64_t before = bytes_read();
         const auto map = GroundMap::make(params, make);
+        CHECK(last == 1);
+        if (!way.creation.empty() && way.creation[0] == "COMPRESS=DEFLATE") {
+            const auto files = static_cast<double>(std::filesystem::file_size(folder / "dem.tif") +
+                                                   std::filesystem::file_size(folder / "height.tif"));
+            const double times = static_cast<double>(bytes_read() - before) / files;
+            CAPTURE(times);
+            CHECK((times < 1.5) == (way.memory_bytes == none.memory_bytes));
+        }
+        extremes.push_back(map->terrain_extremes());
         const auto blocks = map->block_map(1);
         const Window all = blocks_of({{0, d.columns}, {0, d.rows}});
         bounds.push_back(blocks->read(0, all).bounds);
@@ -228,6 +258,10 @@ TEST_CASE("a map of the ground is the same from strips, read once for all pages 
         CAPTURE(i);
         CHECK((bounds[i] == bounds[0]));
         CHECK((residuals[i] == residuals[0]));
+        REQUIRE((extremes[i] && extremes[0]));
+        CHECK(extremes[i]->lowest_m == extremes[0]->lowest_m);
+        CHECK(extremes[i]->highest_m == extremes[0]->highest_m);
+        CHECK(extremes[i]->void_posts == extremes[0]->void_posts);
     }
 }
 

@@ -96,16 +96,17 @@ const DriverNames* names_of(const std::string& driver, const std::string& ending
 
 }  // namespace
 
+std::string file_behind(const std::string& name) {
+    return name.starts_with("/vsi") ? file_on_the_way(behind_prefixes(name)) : behind_subdataset(name);
+}
+
 std::vector<std::string> files_of_input(const std::string& path) {
     std::vector<std::string> files;
     const bool named = is_file(path);
     // To open a pipe would take what is in it.
     if (std::error_code error; !named && fs::exists(path, error)) return files;
-    if (!named) {
-        const std::string file =
-            path.starts_with("/vsi") ? file_on_the_way(behind_prefixes(path)) : behind_subdataset(path);
-        if (!file.empty()) files.push_back(file);
-    }
+    if (!named)
+        if (const std::string file = file_behind(path); !file.empty()) files.push_back(file);
     const std::string stem = fs::path(path).replace_extension().string();
     for (const char* more : {".aux.xml", ".aux", ".ovr", ".msk", ".msk.ovr"}) files.push_back(path + more);
     for (const char* more : {".aux", ".tfw", ".tifw", ".tiffw", ".wld"}) files.push_back(stem + more);

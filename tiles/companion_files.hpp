@@ -11,6 +11,9 @@ namespace wedgescope {
 /// nor about a folder or a pipe. Of what cannot be opened, those that its name tells.
 std::vector<std::string> files_of_input(const std::string& path);
 
+/// The file on disk that a name which is no file's leads to, by its words alone: an archive, the file of a subdataset; empty: none.
+std::string file_behind(const std::string& name);
+
 /// Names that a raster's driver may write to beside it, whether they stand or not. `driver`: GDAL's name; empty: by the ending.
 std::vector<std::string> names_beside_raster(const std::string& path, const std::string& driver);
 

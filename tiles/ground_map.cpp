@@ -86,6 +86,8 @@ public:
             for (std::int64_t c = wanted.columns.begin / side * side; c < wanted.columns.end; c += side)
                 pages.windows.push_back(intersect({{c, c + side}, {r, r + side}}, all));
         if (pages.windows.empty()) return;
+        for (const Window& page : pages.windows)
+            pages.strips += static_cast<std::size_t>((page.rows.size() + detail_posts - 1) / detail_posts);
         Threads(threads()).execute([&] {
             if (reads_bands(pages)) return survey_bands(pages, blocks, detail);
             oneapi::tbb::parallel_for(
@@ -94,9 +96,8 @@ public:
                     for (std::size_t i = part.begin(); i < part.end(); ++i) {
                         Page page(pages.windows[i]);
                         for (std::int64_t r = page.posts.rows.begin; r < page.posts.rows.end; r += detail_posts)
-                            survey(page, r, nullptr);
+                            survey(page, r, nullptr), progress(pages);
                         page.write(blocks, detail);
-                        progress(pages);
                     }
                 },
                 oneapi::tbb::simple_partitioner());
@@ -119,13 +120,12 @@ private:
     /// All pages, row after row of them.
     struct Pages {
         std::vector<Window> windows;
-        std::size_t done = 0;
+        std::size_t strips = 0, done = 0;  ///< of detail_posts rows
         std::mutex mutex;
     };
     void progress(Pages& pages) const {
         const std::lock_guard lock(pages.mutex);
-        if (params_.progress)
-            params_.progress(static_cast<double>(++pages.done) / static_cast<double>(pages.windows.size()));
+        if (params_.progress) params_.progress(static_cast<double>(++pages.done) / static_cast<double>(pages.strips));
     }
 
     /// One page of the detail map, and those of the block map below it, in the making.
@@ -159,6 +159,10 @@ private:
     struct Heights {
         Window window;
         std::vector<float> posts, culture;
+        void resize(bool with_culture) {
+            posts.resize(static_cast<std::size_t>(window.posts()));
+            if (with_culture) culture.resize(posts.size());
+        }
     };
 
     static constexpr std::size_t strip_bytes =
@@ -204,39 +208,29 @@ private:
                 oneapi::tbb::parallel_for(
                     oneapi::tbb::blocked_range<std::size_t>(0, a_row, 1),
                     [&](const auto& part) {
-                        for (std::size_t i = part.begin(); i < part.end(); ++i) survey(row[i], r, &band);
+                        for (std::size_t i = part.begin(); i < part.end(); ++i)
+                            survey(row[i], r, &band), progress(pages);
                     },
                     oneapi::tbb::simple_partitioner());
             }
-            for (Page& page : row) {
-                page.write(blocks, detail);
-                progress(pages);
-            }
+            for (Page& page : row) page.write(blocks, detail);
         }
     }
 
     /// Rows of one block, or of several, by one thread.
     void read_band(Heights& band) {
-        const auto width = static_cast<std::size_t>(band.window.columns.size());
-        band.posts.resize(static_cast<std::size_t>(band.window.posts()));
-        if (height_) band.culture.resize(band.posts.size());
-        const std::int64_t together = std::max<std::int64_t>(facts_.block_rows, 8);
+        const std::int64_t width = band.window.columns.size(), least = 8,
+                           together = std::max(terrain_->rows_decoded_together(), least);
+        band.resize(height_ != nullptr);
         const Interval groups{band.window.rows.begin / together, (band.window.rows.end - 1) / together + 1};
         oneapi::tbb::parallel_for(
             oneapi::tbb::blocked_range<std::int64_t>(groups.begin, groups.end, 1),
             [&](const auto& part) {
-                Heights some;
                 for (std::int64_t g = part.begin(); g < part.end(); ++g) {
-                    some.window = {band.window.columns,
-                                   intersection({g * together, (g + 1) * together}, band.window.rows)};
-                    read(some);
-                    const std::size_t at =
-                        static_cast<std::size_t>(some.window.rows.begin - band.window.rows.begin) * width;
-                    std::copy(some.posts.begin(), some.posts.end(),
-                              band.posts.begin() + static_cast<std::ptrdiff_t>(at));
-                    if (height_)
-                        std::copy(some.culture.begin(), some.culture.end(),
-                                  band.culture.begin() + static_cast<std::ptrdiff_t>(at));
+                    const Window some{band.window.columns,
+                                      intersection({g * together, (g + 1) * together}, band.window.rows)};
+                    const std::int64_t at = (some.rows.begin - band.window.rows.begin) * width;
+                    read(some, band.posts.data() + at, height_ ? band.culture.data() + at : nullptr);
                 }
             },
             oneapi::tbb::simple_partitioner());
@@ -274,7 +268,10 @@ private:
 
     /// From the band, or else by reading.
     void take(Heights& heights, const Heights* band) {
-        if (!band || intersect(heights.window, band->window) != heights.window) return read(heights);
+        if (!band || intersect(heights.window, band->window) != heights.window) {
+            heights.resize(height_ != nullptr);
+            return read(heights.window, heights.posts.data(), heights.culture.data());
+        }
         const Window &window = heights.window, &all = band->window;
         const auto part_of = [&](const std::vector<float>& from, std::vector<float>& to) {
             to.clear();
@@ -288,16 +285,13 @@ private:
         if (height_) part_of(band->culture, heights.culture);
     }
 
-    void read(Heights& heights) {
-        const Window& window = heights.window;
-        heights.posts.resize(static_cast<std::size_t>(window.posts()));
-        terrain_->read_heights(window, heights.posts.data(), window.columns.size());
+    /// Row after row.
+    void read(const Window& window, float* posts, float* culture) {
+        terrain_->read_heights(window, posts, window.columns.size());
         if (!height_) return;
         const ChunkRequest everything;
         std::vector<float> scratch;
-        heights.culture.resize(heights.posts.size());
-        height_->read_heights(height_->plan(window.columns), window.rows, 1, NeededPosts(everything),
-                              heights.culture.data(), scratch);
+        height_->read_heights(height_->plan(window.columns), window.rows, 1, NeededPosts(everything), culture, scratch);
     }
 
     /// Extremes of what is the page's own; the column that repeats the first is nobody's.

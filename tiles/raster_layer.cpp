@@ -183,11 +183,15 @@ std::int64_t RasterFacts::own_columns() const {
 }
 
 void RasterLayer::prepare() {
-    // Where each tile lies and whether it was read are kept for all of them: 64 MiB then.
-    constexpr std::int64_t most_posts = std::int64_t{1} << 40;
-    if (facts_.columns > most_posts / std::max<std::int64_t>(facts_.rows, 1))
-        throw DataError(text(facts_.named(), " has ", facts_.columns, " x ", facts_.rows,
-                             " posts; accepted: ", most_posts, " (2^40) in all at the most"));
+    // Whether each tile was read is kept, a byte for each (TileLedger).
+    constexpr std::int64_t most_tiles = std::int64_t{1} << 30;
+    const auto across = [](std::int64_t posts, std::int64_t tile) {
+        return posts / std::max<std::int64_t>(tile, 1) + 1;
+    };
+    if (across(facts_.columns, facts_.unit_columns()) > most_tiles / across(facts_.rows, facts_.unit_rows()))
+        throw DataError(text(facts_.named(), " has ", facts_.columns, " x ", facts_.rows, " posts in tiles of ",
+                             facts_.unit_columns(), " x ", facts_.unit_rows(), "; accepted: ", most_tiles,
+                             " (2^30) tiles at the most"));
     const bool floating = facts_.type == GDT_Float32 || facts_.type == GDT_Float64;
     // The same conversion that the values go through: beyond float's range GDAL's.
     if (!(std::fabs(facts_.no_data) > static_cast<double>(std::numeric_limits<float>::max())))

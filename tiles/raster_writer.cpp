@@ -90,8 +90,8 @@ GDALDriver& find_driver(const std::string& path, const RasterFormat& format) {
             if (words.FindString(extension.c_str()) >= 0) return driver;
         }
     throw InputError(text("output '", path,
-                          "' has an ending that names no raster format; accepted: .tif, .img, for pictures also .png "
-                          "and .jpg, and those of GDAL's other raster drivers, or --of DRIVER"));
+                          "' has an ending that names no raster format; accepted: .tif, .img, for pictures and codes "
+                          "also .png, for pictures .jpg, and those of GDAL's other raster drivers, or --of DRIVER"));
 }
 
 std::string listed(const CPLStringList& words) {

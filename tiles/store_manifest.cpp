@@ -301,8 +301,8 @@ StoreLayerEntry layer_from(const Members& j, const std::string& folder) {
     f.block_columns = f.block_rows = j.whole("tile", 64, 2048, tiles);
     if ((f.block_columns & (f.block_columns - 1)) != 0) j.refuse("tile", tiles);
     f.type = type_by_name(j.words("type"));
-    // GDAL, which knows what is complex, is loaded late, and here for nothing but rare names.
-    if (f.type == GDT_Unknown || (f.type >= GDT_CInt16 && f.type <= GDT_CFloat64))
+    // GDAL, which knows what is complex, is loaded late, and here for nothing but rare names, which begin with C.
+    if (f.type == GDT_Unknown || j.words("type").starts_with('C'))
         j.refuse("type", "a type of real numbers, such as Int16");
     f.type_bytes = type_bytes(f.type);
     if (j.has_value("geotransform")) {

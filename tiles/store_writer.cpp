@@ -94,11 +94,14 @@ bool is_stores_own(const fs::path& path) {
         return std::any_of(endings.begin(), endings.end(), [&](const char* end) { return file == stem + end; });
     };
     for (const StoreLayerKind kind : {StoreLayerKind::dem, StoreLayerKind::culture, StoreLayerKind::culture_height}) {
-        // GDAL and those who use it write statistics and overviews beside a raster.
-        if (folder.empty() && ends(name(kind), {".vrt", ".vrt.aux.xml", ".vrt.ovr", ".vrt.tmp"})) return true;
+        // GDAL and those who use it write statistics and overviews beside a raster, this program a map of its ground.
+        if (folder.empty() &&
+            ends(name(kind), {".vrt", ".vrt.aux.xml", ".vrt.ovr", ".vrt.msk", ".vrt.ground", ".vrt.tmp"}))
+            return true;
         std::int64_t column = 0, row = 0;
         if (folder == name(kind) && std::sscanf(file.c_str(), "c%" SCNd64 "_r%" SCNd64, &column, &row) == 2 &&
-            ends(text("c", column, "_r", row), {".tif", ".sum", ".tif.aux.xml", ".tif.tmp", ".sum.tmp"}))
+            ends(text("c", column, "_r", row),
+                 {".tif", ".sum", ".tif.aux.xml", ".tif.ovr", ".tif.msk", ".tif.ground", ".tif.tmp", ".sum.tmp"}))
             return true;
     }
     if (!folder.empty()) return false;

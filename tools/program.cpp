@@ -55,19 +55,10 @@ void run_command(const std::vector<std::string>& words, Stop& stop) {
     }
 }
 
-/// Who reads what the program writes has gone away: an end as any other (wedgescope help | head), of which nobody is told.
-bool nobody_reads(const Stop& stop) {
-    try {
-        stop.check();
-    } catch (const Interrupted& e) {
-        return e.signal() == SIGPIPE;
-    }
-    return false;
-}
-
 int fail(const Stop& stop, int code, const char* message) {
-    if (nobody_reads(stop)) return 128 + SIGPIPE;
-    fmt::print(stderr, "wedgescope: {}\n", one_line(message));
+    // Who reads what the program writes has gone away: an end as any other (wedgescope help | head), of which nobody is told.
+    if (stop.signal() == SIGPIPE) return 128 + SIGPIPE;
+    remark(false, text("wedgescope: ", message));
     return code;
 }
 

@@ -197,13 +197,11 @@ void check_folder(const char* key, const std::string& folder, const NamedPaths& 
         std::set<std::string> looked_into;
         std::vector<std::string> parts;
         add_vrt_parts(input, looked_into, parts);
-        if (may_have_parts(input_key, input)) {
-            std::vector<std::string> named{input};  // and what names of archives and subdatasets lead to
-            for (const std::string& part : parts)
-                if (!fs::exists(part, error)) named.push_back(part);
-            for (const std::string& name : named)
-                parts.insert(parts.end(), known.of(name).begin(), known.of(name).end());
-        }
+        // Of parts only what their names tell: there may be thousands, far away.
+        for (std::size_t i = 0, n = parts.size(); i < n; ++i)
+            if (!fs::exists(parts[i], error))
+                if (const std::string file = file_behind(parts[i]); !file.empty()) parts.push_back(file);
+        if (may_have_parts(input_key, input)) parts.insert(parts.end(), known.of(input).begin(), known.of(input).end());
         for (const std::string& part : parts)
             if (lies_in(part, folder))
                 throw InputError(text(key, " is ", in_quotes(folder), ", in which ", in_quotes(part),

@@ -40,7 +40,7 @@ void Progress::done() {
 }
 
 void remark(bool quiet, std::string_view line) {
-    if (!quiet) fmt::print(stderr, "{}\n", one_line(line));
+    if (!quiet) std::fputs((one_line(line) + "\n").c_str(), stderr);
 }
 
 std::string unused_line(const std::string& why) { return text("not used: ", why); }

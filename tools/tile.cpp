@@ -74,7 +74,7 @@ void check_store_name(const Settings& settings) {
     std::string output = settings.files.back();
     while (output.size() > 1 && output.back() == '/') output.pop_back();
     check_folder("output", output, inputs);
-    check_folder("output", output + ".part", inputs);
+    check_folder("what output leaves unfinished", output + ".part", inputs);
 }
 
 /// `sides`: out, classes with a side of their own.
