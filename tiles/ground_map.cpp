@@ -95,8 +95,10 @@ public:
                 [&](const auto& part) {
                     for (std::size_t i = part.begin(); i < part.end(); ++i) {
                         Page page(pages.windows[i]);
-                        for (std::int64_t r = page.posts.rows.begin; r < page.posts.rows.end; r += detail_posts)
-                            survey(page, r, nullptr), progress(pages);
+                        for (std::int64_t r = page.posts.rows.begin; r < page.posts.rows.end; r += detail_posts) {
+                            survey(page, r, nullptr);
+                            progress(pages);
+                        }
                         page.write(blocks, detail);
                     }
                 },
@@ -201,15 +203,17 @@ private:
                                   pages.windows.begin() + static_cast<std::ptrdiff_t>(first + a_row));
             const Interval rows = row.front().posts.rows;
             for (std::int64_t r = rows.begin; r < rows.end; r += detail_posts) {
+                const std::int64_t end = std::min(r + detail_posts, rows.end);
                 band.window = {{columns.begin, std::min(columns.end + 1, facts_.columns)},
-                               {r, std::min({r + detail_posts, rows.end}) + 1}};
-                band.window.rows.end = std::min(band.window.rows.end, facts_.rows);
+                               {r, std::min(end + 1, facts_.rows)}};
                 read_band(band);
                 oneapi::tbb::parallel_for(
                     oneapi::tbb::blocked_range<std::size_t>(0, a_row, 1),
                     [&](const auto& part) {
-                        for (std::size_t i = part.begin(); i < part.end(); ++i)
-                            survey(row[i], r, &band), progress(pages);
+                        for (std::size_t i = part.begin(); i < part.end(); ++i) {
+                            survey(row[i], r, &band);
+                            progress(pages);
+                        }
                     },
                     oneapi::tbb::simple_partitioner());
             }
