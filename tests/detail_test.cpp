@@ -270,7 +270,7 @@ TEST_CASE("a map of the ground is the same from strips, read once for all pages 
     check_maps(4300);  // two pages down
 }
 
-TEST_CASE("pages of one band of strips are made side by side", "[detail][threads]") { check_maps(150); }
+TEST_CASE("pages of one band of strips are made side by side", "[detail]") { check_maps(150); }
 
 TEST_CASE("residuals are those of the definition, at any size of a block", "[detail][quick]") {
     const auto shape = test::rolling(23, 12, 3);
