@@ -154,14 +154,14 @@ void WedgeCells::spread(const Target& target, const Placing& p, std::int32_t bin
     }
 }
 
-void WedgeCells::add_cut(const Target& target, const Placing& placing, double power, const Stretches& stretches,
+void WedgeCells::add_cut(const Target& target, const Placing& p, double power, const Stretches& stretches,
                          const double* quantities) {
     // It begins before range 0 or reaches where no bins are. In bins from that of its near end.
-    const double first = placing.begin, length = placing.length(), far = first + length,
-                 begin = static_cast<double>(quanta_.range_bins.begin - placing.bin),
-                 end = static_cast<double>(quanta_.range_bins.end - placing.bin);
+    const double first = p.begin, length = p.length(), far = first + length,
+                 begin = static_cast<double>(quanta_.range_bins.begin - p.bin),
+                 end = static_cast<double>(quanta_.range_bins.end - p.bin);
     if (!(far >= begin) || !(first < end)) return;  // also NaN
-    const FromNear<double> portion = placing.from_near<double>(stretches);
+    const FromNear<double> portion = p.from_near<double>(stretches);
     const double inverse = inverse_of(length);
     const auto returned = [&](double x) {
         const double u = (x - first) * inverse;
@@ -171,7 +171,7 @@ void WedgeCells::add_cut(const Target& target, const Placing& placing, double po
     const double high = std::min(far, end);
     for (auto j = static_cast<std::int32_t>(low); low < high; ++j) {
         const double edge = std::min(high, static_cast<double>(j + 1)), upto = returned(edge);
-        put(target, placing.bin + j, power, upto - done, quantities);
+        put(target, p.bin + j, power, upto - done, quantities);
         done = upto;
         if (edge == high) break;
         low = edge;

@@ -27,8 +27,8 @@ struct Refinement {
     double least_db = std::numeric_limits<double>::infinity();
     double cell_db = 0;
     double floor_w = 0;  ///< added to both halves; bright is what stands above it
-    std::size_t lead_in =
-        0;  ///< range bins at the begin that are not shown, and not looked at: a wider pulse asks for more of them
+    /// Range bins at the begin that are not shown, and not looked at: a wider pulse asks for more of them.
+    std::size_t lead_in = 0;
     bool on() const { return least_db < std::numeric_limits<double>::infinity(); }
 };
 

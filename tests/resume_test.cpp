@@ -512,14 +512,21 @@ TEST_CASE("damage of any byte of a wedge file is named, and the wedge not used",
     CHECK_THAT(work.remarks().at(0), Contains(file));
 }
 
+namespace {
+
+/// A work folder of the drawn run, split and with no wedge yet.
+void begin_work(const std::string& path) {
+    WorkDir work(path, Start::fresh);
+    work.bind(drawn_run);
+    work.record_split(drawn_split);
+}
+
+}  // namespace
+
 TEST_CASE("damage of any byte of the run's file is named, and the folder not used", "[resume]") {
     const Folder folder;
     const std::string path = folder / "work", file = path + "/run.json";
-    {
-        WorkDir work(path, Start::fresh);
-        work.bind(drawn_run);
-        work.record_split(drawn_split);
-    }
+    begin_work(path);
     const std::string whole = content(file);
     for (std::size_t i = 0; i < whole.size(); ++i) {
         std::string bytes = whole;
@@ -538,11 +545,7 @@ TEST_CASE("damage of any byte of the run's file is named, and the folder not use
 TEST_CASE("a run's file of other kinds of values is refused as a damaged one, whatever its checksum", "[resume]") {
     const Folder folder;
     const std::string path = folder / "work", file = path + "/run.json";
-    {
-        WorkDir work(path, Start::fresh);
-        work.bind(drawn_run);
-        work.record_split(drawn_split);
-    }
+    begin_work(path);
     const auto whole = nlohmann::ordered_json::parse(content(file));
     const auto bind = [&](const char* key, const nlohmann::ordered_json& value) {
         auto changed = whole;
@@ -629,11 +632,7 @@ TEST_CASE("a folder that does not fit is refused by name", "[resume]") {
 TEST_CASE("what dead processes left half-written goes, what living ones write stays", "[resume]") {
     const Folder folder;
     const std::string path = folder / "work";
-    {
-        WorkDir work(path, Start::fresh);
-        work.bind(drawn_run);
-        work.record_split(drawn_split);
-    }
+    begin_work(path);
     put(path + "/.wedge_000001.bin.tmp-99-1", "half");
     put(path + "/.run.json.tmp-99-2", "half");
     put(path + "/.wedge_000003.bin.tmp-99-3", "half");

@@ -437,6 +437,16 @@ void check_made(const Trial& trial, GDALDriver& driver, const RasterFormat& form
                           " with these creation options: ", trial.refused));
 }
 
+/// Does the first band, `side` x `side`, hold just these?
+template <class Cell>
+bool are_in_band(GDALDataset& dataset, const std::vector<Cell>& cells, GDALDataType type, int side) {
+    std::vector<Cell> back(cells.size());
+    return dataset.GetRasterXSize() == side && dataset.GetRasterYSize() == side &&
+           dataset.GetRasterBand(1)->RasterIO(GF_Read, 0, 0, side, side, back.data(), side, side, type, 0, 0,
+                                              nullptr) == CE_None &&
+           back == cells;
+}
+
 /// A trial's bytes: these values by lot, neighbours as unlike as they may be.
 struct TrialCells {
     static constexpr int side = 64;
@@ -453,13 +463,7 @@ struct TrialCells {
         out.bands = {{cells.data(), "", "", {}, {}}};
         return out;
     }
-    bool are_in(GDALDataset& dataset) const {
-        std::vector<std::uint8_t> back(cells.size());
-        return dataset.GetRasterXSize() == side && dataset.GetRasterYSize() == side &&
-               dataset.GetRasterBand(1)->RasterIO(GF_Read, 0, 0, side, side, back.data(), side, side, GDT_Byte, 0, 0,
-                                                  nullptr) == CE_None &&
-               back == cells;
-    }
+    bool are_in(GDALDataset& dataset) const { return are_in_band(dataset, cells, GDT_Byte, side); }
 };
 
 void check_picture(GDALDriver& driver, const CPLStringList& options, const RasterFormat& format, bool alpha,
@@ -561,11 +565,7 @@ std::string power_losses(const OutputFile& file, const RasterFormat& format) {
     bool values = true, words = true;  // are kept, by what was closed and opened again
     const Trial tried =
         try_driver(driver, creation_options(driver, GDT_Float32, {}, format), content, final_path, [&](GDALDataset& d) {
-            std::vector<float> back(cells.size());
-            values = d.GetRasterXSize() == side && d.GetRasterYSize() == side &&
-                     d.GetRasterBand(1)->RasterIO(GF_Read, 0, 0, side, side, back.data(), side, side, GDT_Float32, 0, 0,
-                                                  nullptr) == CE_None &&
-                     back == cells;
+            values = are_in_band(d, cells, GDT_Float32, side);
             const auto& [key, value] = content.metadata.front();
             const char* const said = d.GetMetadataItem(key.c_str());
             words = said && value == said;

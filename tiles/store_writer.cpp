@@ -171,11 +171,7 @@ private:
     StoreManifest manifest_;
 };
 
-StoreWriter::StoreWriter(const TileStoreParams& params) : params_(params) {
-    std::string output = params.output;
-    while (output.size() > 1 && output.back() == '/') output.pop_back();
-    folder_ = output + ".part";
-}
+StoreWriter::StoreWriter(const TileStoreParams& params) : params_(params), folder_(unfinished_store(params.output)) {}
 
 void StoreWriter::check_output() const {
     const std::string output = folder_.substr(0, folder_.size() - 5);

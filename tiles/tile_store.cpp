@@ -14,6 +14,12 @@ bool is_tile_store(const std::string& path) {
     return std::filesystem::is_regular_file(std::filesystem::path(path) / manifest_name, ignored);
 }
 
+std::string unfinished_store(const std::string& output) {
+    std::string path = output;
+    while (path.size() > 1 && path.back() == '/') path.pop_back();
+    return path + ".part";
+}
+
 std::string store_classes(const std::string& store) {
     const std::filesystem::path path = std::filesystem::path(store) / store_classes_name;
     std::error_code ignored;

@@ -33,6 +33,9 @@ const char* name(StoreLayerKind kind);
 /// A folder with a manifest.
 bool is_tile_store(const std::string& path);
 
+/// The folder in which a store of that name is made before it is put in place.
+std::string unfinished_store(const std::string& output);
+
 /// The class table that a store with features of a side of their own keeps: a CSV that scenes over it read.
 inline constexpr const char* store_classes_name = "classes.csv";
 /// Its path; empty: no tile store, or one without.

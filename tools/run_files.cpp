@@ -62,14 +62,14 @@ std::vector<std::string> vrt_parts(const std::string& path) {
     return parts;
 }
 
-/// Of a VRT, and of those that it is made of.
-bool is_part(const std::string& path, const std::string& mosaic, std::set<std::string>& looked_into) {
+/// Takes each file that a VRT and those that it is made of name, at any depth, until `take` says that it will do.
+template <class Take>
+bool find_vrt_part(const std::string& path, std::set<std::string>& looked_into, Take&& take) {
     std::error_code error;
-    if (!fs::is_regular_file(mosaic, error) || !looked_into.insert(canonical_path(mosaic)).second) return false;
-    const auto parts = vrt_parts(mosaic);
-    return std::any_of(parts.begin(), parts.end(), [&](const std::string& part) {
-        return same_file(path, part) || is_part(path, part, looked_into);
-    });
+    if (!fs::is_regular_file(path, error) || !looked_into.insert(canonical_path(path)).second) return false;
+    const auto parts = vrt_parts(path);
+    return std::any_of(parts.begin(), parts.end(),
+                       [&](const std::string& part) { return take(part) || find_vrt_part(part, looked_into, take); });
 }
 
 /// Of the files that a raster or vector file is made of, the one that a path is; empty: none.
@@ -79,16 +79,6 @@ std::string part_that_is(const std::string& path, const std::string& input, Inpu
     for (const std::string& part : parts.of(input))
         if (same_file(path, part)) return part;
     return {};
-}
-
-/// Files that a VRT and those that it is made of name, at any depth.
-void add_vrt_parts(const std::string& path, std::set<std::string>& looked_into, std::vector<std::string>& parts) {
-    std::error_code error;
-    if (!fs::is_regular_file(path, error) || !looked_into.insert(canonical_path(path)).second) return;
-    for (const std::string& part : vrt_parts(path)) {
-        parts.push_back(part);
-        add_vrt_parts(part, looked_into, parts);
-    }
 }
 
 /// All else is text, of which a file is the whole.
@@ -147,7 +137,9 @@ void check_names(const NamedPaths& outputs, const NamedPaths& inputs, const std:
                 throw InputError(text(key, " is ", in_quotes(path), ", which is ", input_key,
                                       " too; an output may not replace an input"));
             std::set<std::string> looked_into;
-            if (std::error_code error; fs::exists(path, error) && is_part(path, input, looked_into))
+            if (std::error_code error;
+                fs::exists(path, error) &&
+                find_vrt_part(input, looked_into, [&](const std::string& part) { return same_file(path, part); }))
                 throw InputError(text(key, " is ", in_quotes(path), ", of which ", input_key, " ", in_quotes(input),
                                       " is made; an output may not replace an input"));
             if (lies_in(path, input))
@@ -187,16 +179,20 @@ void check_side_files(const NamedPaths& outputs, const Settings& s) {
 }
 
 void check_folder(const char* key, const std::string& folder, const NamedPaths& inputs) {
+    std::error_code error;
+    if (!fs::is_directory(folder, error)) return;
     InputParts known;
     for (const auto& [input_key, input] : inputs) {
-        std::error_code error;
-        if (input.empty() || !fs::is_directory(folder, error)) continue;
+        if (input.empty()) continue;
         if (lies_in(input, folder))
             throw InputError(text(key, " is ", in_quotes(folder), ", in which ", input_key, " ", in_quotes(input),
                                   " lies; an output may not replace an input"));
         std::set<std::string> looked_into;
         std::vector<std::string> parts;
-        add_vrt_parts(input, looked_into, parts);
+        find_vrt_part(input, looked_into, [&](const std::string& part) {
+            parts.push_back(part);
+            return false;
+        });
         // Of parts only what their names tell: there may be thousands, far away.
         for (std::size_t i = 0, n = parts.size(); i < n; ++i)
             if (!fs::exists(parts[i], error))

@@ -71,10 +71,9 @@ void check_store_name(const Settings& settings) {
                                  {"features", settings.features},
                                  {"features-legend", words ? "" : settings.features_legend},
                                  {"class-table", settings.class_table}});
-    std::string output = settings.files.back();
-    while (output.size() > 1 && output.back() == '/') output.pop_back();
+    const std::string& output = settings.files.back();
     check_folder("output", output, inputs);
-    check_folder("what output leaves unfinished", output + ".part", inputs);
+    check_folder("what output leaves unfinished", unfinished_store(output), inputs);
 }
 
 /// `sides`: out, classes with a side of their own.

@@ -506,6 +506,7 @@ void check_outputs(const Settings& settings, const Frames& frames) {
     for (const NamedPaths* paths : {&inputs, &others})
         for (const auto& [key, path] : *paths)
             if (!path.empty()) taken.insert(canonical_path(path));
+    check_side_files(others, settings);
     std::map<std::string, fs::path> folders;
     InputParts parts;
     for (std::size_t frame = 0; frame < frames.size(); ++frame)
@@ -519,7 +520,7 @@ void check_outputs(const Settings& settings, const Frames& frames) {
             NamedPaths outputs = others;
             outputs.emplace_back(key, path);
             check_names(outputs, inputs, settings.driver, parts);
-            check_side_files(outputs, settings);
+            check_side_files({{key, path}}, settings);
         }
     LayerFiles(frames.settings(0)).check(settings);
 }
