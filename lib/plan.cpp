@@ -278,7 +278,7 @@ Plan plan(const ResolvedScene& scene, WedgeSource& source, const SpokeGrid& grid
 
     const std::int64_t bins = scene.swept.azimuth_bins.size();
     std::int64_t count = std::clamp<std::int64_t>(std::max<std::int64_t>(params.wedges, 1), 1, bins);
-    if (params.wedges == 0) count = std::min<std::int64_t>(bins, threads > 1 ? 8 * threads : 4);
+    if (params.wedges == 0) count = std::min<std::int64_t>(bins, 8 * std::max(threads, 2));
     // A split that stands is kept: its wedges may be done already.
     const std::vector<Interval> recorded = params.archive ? params.archive->recorded_split() : std::vector<Interval>{};
     if (!recorded.empty()) count = static_cast<std::int64_t>(recorded.size());

@@ -748,7 +748,7 @@ TEST_CASE("with several threads the last wedges are narrower, and all together a
     };
     REQUIRE(all.size() == 960);
     using Sizes = std::vector<std::int64_t>;
-    CHECK(sizes(1, 0) == Sizes{240, 240, 240, 240});
+    CHECK(sizes(1, 0) == Sizes(16, 60));
     Sizes two(14, 60);
     for (const std::int64_t more : {30, 30, 15, 15, 15, 15}) two.push_back(more);
     CHECK(sizes(2, 0) == two);
