@@ -16,6 +16,7 @@
 
 #include "lib/engine.hpp"
 #include "tests/drawn_raster.hpp"
+#include "tests/process_bytes.hpp"
 #include "tests/reference/reference_engine.hpp"
 #include "tests/terrain.hpp"
 #include "tiles/gdal_session.hpp"
@@ -183,20 +184,6 @@ std::vector<double> truth(const Scene& s, const std::string& dem, const RunResul
     return power;
 }
 
-}  // namespace
-
-namespace {
-
-/// By this process so far.
-std::uint64_t bytes_read() {
-    std::ifstream io("/proc/self/io");
-    std::string word;
-    std::uint64_t bytes = 0;
-    while (io >> word)
-        if (word == "rchar:") io >> bytes;
-    return bytes;
-}
-
 /// Makes the map of a raster of so many rows from tiles, from strips with much and with little memory, and from strips as they are.
 void check_maps(int rows) {
     // Round the earth, two pages and a bit across, voids.
@@ -234,13 +221,13 @@ void check_maps(int rows) {
         make.memory_bytes = way.memory_bytes;
         double last = 0;
         make.progress = [&](double done) { last = done; };
-        const std::uint64_t before = bytes_read();
+        const std::uint64_t before = test::bytes_read();
         const auto map = GroundMap::make(params, make);
         CHECK(last == 1);
         if (rows > 4096 && !way.creation.empty() && way.creation[0] == "COMPRESS=DEFLATE") {
             const auto files = static_cast<double>(std::filesystem::file_size(folder / "dem.tif") +
                                                    std::filesystem::file_size(folder / "height.tif"));
-            const double times = static_cast<double>(bytes_read() - before) / files;
+            const double times = static_cast<double>(test::bytes_read() - before) / files;
             CAPTURE(times);
             CHECK((times < 2.5) == (way.memory_bytes == none.memory_bytes));
         }

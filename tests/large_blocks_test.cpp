@@ -17,7 +17,7 @@
 #include <thread>
 #include <vector>
 
-#include "tests/resident_bytes.hpp"
+#include "tests/process_bytes.hpp"
 
 using namespace wedgescope;
 using namespace wedgescope::test;

@@ -11,7 +11,7 @@
 
 #include "lib/handover.hpp"
 #include "tests/busy_worker.hpp"
-#include "tests/resident_bytes.hpp"
+#include "tests/process_bytes.hpp"
 
 using namespace wedgescope;
 using namespace wedgescope::test;

@@ -14,6 +14,7 @@
 #include <filesystem>
 #include <fstream>
 #include <limits>
+#include <map>
 #include <random>
 #include <sstream>
 #include <string>
@@ -22,8 +23,10 @@
 
 #include "lib/error.hpp"
 #include "lib/stop.hpp"
+#include "tests/process_bytes.hpp"
 #include "tests/refusal.hpp"
 #include "tests/tile_stores.hpp"
+#include "tiles/gdal_session.hpp"
 
 using namespace wedgescope;
 using namespace wedgescope::test;
@@ -117,6 +120,75 @@ TEST_CASE("an interrupted run goes on to the same bytes, and redoes no finished 
     params.output = folder / "mine";
     CHECK_THAT(refusal([&] { write_tile_store(params); }), Contains("no tile store"));
     CHECK(fs::exists(folder / "mine/letter.txt"));
+}
+
+TEST_CASE("packed strips wider than a sheet are decoded once for a row of sheets, to the same bytes as tiles",
+          "[store]") {
+    const Folder folder;
+    struct Made {
+        std::map<std::string, std::string> contents;  ///< what of the store does not name its input
+        double file_bytes, bytes_read;
+    };
+    const auto make = [&](const std::vector<std::string>& creation, std::size_t memory_mib, int threads) {
+        Drawing d = hills(4096 * 3 + 100, 700);
+        d.creation = creation;
+        GdalSession::set_cache_bytes(std::size_t{64} << 20);  // tiles are drawn row by row
+        draw(folder / "dem.tif", d);
+        auto params = into(folder / "store", {folder / "dem.tif"});
+        params.memory_bytes = memory_mib << 20;
+        params.cache_bytes = params.memory_bytes / 8;
+        params.threads = threads;
+        params.overwrite = true;
+        GdalSession::set_cache_bytes(params.cache_bytes);
+        std::vector<double> steps;
+        params.progress = [&](double done) { steps.push_back(done); };
+        const std::uint64_t before = bytes_read();
+        write_tile_store(params);
+        Made made{contents(params.output), static_cast<double>(fs::file_size(folder / "dem.tif")),
+                  static_cast<double>(bytes_read() - before)};
+        CHECK(std::is_sorted(steps.begin(), steps.end()));
+        REQUIRE_FALSE(steps.empty());
+        CHECK(steps.back() == 1);
+        std::erase_if(made.contents, [](const auto& file) { return file.first.ends_with(".json"); });
+        return made;
+    };
+    const std::vector<std::string> strips{"COMPRESS=DEFLATE", "ZLEVEL=1", "BLOCKYSIZE=5"};
+    const Made tiles = make({"TILED=YES", "COMPRESS=DEFLATE", "ZLEVEL=1"}, 512, 1);
+    REQUIRE(tiles.contents.size() > 8);
+    // Tiles are read once, and so is what was written, to compare it.
+    const auto times = [&](const Made& made) {
+        CHECK(made.contents == tiles.contents);
+        return (made.bytes_read - tiles.bytes_read + tiles.file_bytes) / made.file_bytes;
+    };
+    CHECK(times(make(strips, 512, 1)) == Approx(1).margin(0.3));
+    CHECK(times(make(strips, 512, 2)) < 2.3);  // a half of the row each
+    CHECK(times(make(strips, 44, 1)) > 3);     // the cache does not hold a band
+}
+
+TEST_CASE("a run that stopped within a row of packed strips goes on to the same bytes", "[store]") {
+    const Folder folder;
+    Drawing d = hills(4096 + 60, 4096 + 200);
+    d.creation = {"COMPRESS=DEFLATE", "ZLEVEL=1"};
+    draw(folder / "dem.tif", d);
+    auto params = into(folder / "whole", {folder / "dem.tif"});
+    params.cache_bytes = std::size_t{32} << 20;
+    GdalSession::set_cache_bytes(params.cache_bytes);
+    params.threads = 1;
+    write_tile_store(params);
+    const auto whole = contents(folder / "whole");
+    params.output = folder / "part";
+    Stop stop;
+    params.stop = &stop;
+    params.progress = [&](double fraction) {
+        if (fraction > 0.97) stop.request(SIGTERM);
+    };
+    CHECK_THROWS_AS(write_tile_store(params), Interrupted);
+    for (const auto& [name, bytes] : contents(folder / "part.part")) CHECK_FALSE(name.ends_with(".tmp"));
+    params.stop = nullptr;
+    params.progress = {};
+    params.resume = true;
+    CHECK(write_tile_store(params).layers[0].reused == 2);
+    CHECK(contents(folder / "part") == whole);
 }
 
 TEST_CASE("killed at any moment, a run is resumed to the same bytes", "[store][long]") {

@@ -9,6 +9,7 @@
 #include <map>
 #include <optional>
 #include <system_error>
+#include <thread>
 
 #include "lib/error.hpp"
 #include "tiles/file_stamp.hpp"
@@ -259,9 +260,14 @@ public:
     explicit Lease(RasterFile& file) : file_(file) {
         {
             const std::lock_guard lock(file_.mutex_);
-            if (!file_.free_.empty()) {
-                reader_ = std::move(file_.free_.back());
-                file_.free_.pop_back();
+            if (auto& free = file_.free_; !free.empty()) {
+                // What it decoded is of use to who read through it last.
+                const auto own = std::find_if(free.rbegin(), free.rend(), [](const std::unique_ptr<Reader>& reader) {
+                    return reader->last == std::this_thread::get_id();
+                });
+                if (own != free.rend()) std::swap(*own, free.back());
+                reader_ = std::move(free.back());
+                free.pop_back();
                 return;
             }
         }
@@ -273,6 +279,7 @@ public:
         reader_->band = reader_->dataset->GetRasterBand(1);
     }
     ~Lease() {
+        reader_->last = std::this_thread::get_id();
         const std::lock_guard lock(file_.mutex_);
         file_.free_.push_back(std::move(reader_));
     }
@@ -326,7 +333,7 @@ void RasterFile::close_idle() {
 /// Where a line of a text begins is known when all before it are read. GDAL looks for each line anew where one of these fails, which
 /// in a file cut short takes for ever.
 void RasterFile::find_lines(Reader& reader, std::int64_t line) const {
-    if (facts_.driver != "AAIGrid" && facts_.driver != "GRASSASCIIGrid" && facts_.driver != "ISG") return;
+    if (!facts_.is_text()) return;
     std::vector<std::byte> values(static_cast<std::size_t>(facts_.block_columns * facts_.type_bytes));
     for (; reader.lines_found < line; ++reader.lines_found)
         if (GdalErrors errors;

@@ -8,6 +8,7 @@
 #include <memory>
 #include <mutex>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "tiles/gdal_handle.hpp"
@@ -35,6 +36,7 @@ private:
         DatasetHandle dataset;
         GDALRasterBand* band = nullptr;
         std::int64_t lines_found = 0;  ///< of a text: so many from the top have been read
+        std::thread::id last;          ///< who read through it last
     };
     void find_lines(Reader& reader, std::int64_t line) const;
     class Lease;

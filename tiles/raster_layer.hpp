@@ -67,6 +67,8 @@ struct RasterFacts {
     static constexpr std::int64_t part_posts = 256;
 
     bool packed() const { return !compression.empty() && !EQUAL(compression.c_str(), "NONE"); }
+    /// Lines of words, one a row, which are found one after the other.
+    bool is_text() const { return driver == "AAIGrid" || driver == "GRASSASCIIGrid" || driver == "ISG"; }
     double edge_x() const { return corner_x + static_cast<double>(columns) * step_x; }
     double edge_y() const { return corner_y + static_cast<double>(rows) * step_y; }
     std::string named() const { return role + " '" + path + "'"; }

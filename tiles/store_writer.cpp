@@ -136,20 +136,22 @@ private:
     bool is_burnt(StoreLayerKind kind) const;
     std::unique_ptr<BurntLayer> burnt(StoreLayerKind kind) const;
     void choose_creation(Layer& layer) const;
-    std::size_t job_bytes(const Layer& layer) const;
+    std::size_t job_bytes(const Layer& layer, std::size_t sheets = 1) const;
     int jobs_at_once() const;
     std::string plan() const;
     void open_folder();
+    std::int64_t band_rows() const;
+    std::int64_t sheets_together(const Layer& layer) const;
     void make_sheets();
-    void make(const Job& job);
-    Done write_sheet(const Job& job, const std::vector<std::size_t>& pieces);
+    void make(const std::vector<Job>& row);
+    void add_progress(std::int64_t posts);
+    Done& done_of(const Job& job);
+    class Sheet;
     void add_codes(const std::int32_t* codes, const Window& given, const Window& own, Done& done) const;
     static void add_heights(const Layer& layer, const float* heights, const Window& given, const Window& own,
                             Done& done);
     bool finished_before(const Job& job, Done& done) const;
     Window with_next(const Window& posts) const;
-    void bound(const Window& unit, const Mosaic::Posts& posts, const Window& given, std::vector<BlockPage>& pages,
-               const Window& sheet);
     void finish();
     void move_into_place();
     void remove_all_but_plan() const;
@@ -301,7 +303,7 @@ void StoreWriter::choose_creation(Layer& layer) const {
     layer.entry.facts.compression = compress;
 }
 
-std::size_t StoreWriter::job_bytes(const Layer& layer) const {
+std::size_t StoreWriter::job_bytes(const Layer& layer, std::size_t sheets) const {
     const std::int64_t tile = params_.tile_posts;
     const auto unit = static_cast<std::size_t>(std::max(unit_posts, tile * tile) + 2 * (sheet_posts + tile) + 1);
     std::size_t post = static_cast<std::size_t>(layer.entry.facts.type_bytes) + sizeof(float);
@@ -309,15 +311,15 @@ std::size_t StoreWriter::job_bytes(const Layer& layer) const {
     if (layer.resampled()) post += sizeof(float);
     if (layer.burnt) post += FeatureFile::cell_bytes + (params_.sides ? sizeof(std::int32_t) : 0);
     std::size_t bytes = sheet_writer_bytes(layer.entry.facts);
-    if (layer.kind == StoreLayerKind::dem) {
+    if (layer.kind == StoreLayerKind::dem)
         bytes += 4 * page_blocks * page_blocks * sizeof(BlockBounds) +
                  detail_page_blocks * detail_page_blocks * sizeof(Residuals);
-        if (height_) {
-            post += sizeof(float);
-            bytes += static_cast<std::size_t>(2 * slab_posts) * sizeof(float);
-            if (is_burnt(StoreLayerKind::culture_height))
-                bytes += static_cast<std::size_t>(slab_posts) * FeatureFile::cell_bytes;
-        }
+    bytes *= sheets;
+    if (layer.kind == StoreLayerKind::dem && height_) {
+        post += sizeof(float);
+        bytes += static_cast<std::size_t>(2 * slab_posts) * sizeof(float);
+        if (is_burnt(StoreLayerKind::culture_height))
+            bytes += static_cast<std::size_t>(slab_posts) * FeatureFile::cell_bytes;
     }
     // Blocks as they are decoded, one layer at a time; what its handles keep of each layer's packed ones.
     bytes += layer.reader_bytes().decoded + (height_ ? height_->raster().reader_bytes().packed : 0);
@@ -338,6 +340,26 @@ int StoreWriter::jobs_at_once() const {
     }
     const std::size_t fit = (params_.memory_bytes - fixed) / most;
     return static_cast<int>(std::min(fit, static_cast<std::size_t>(std::max(1, params_.threads))));
+}
+
+/// Of whole tiles and blocks of the detail map.
+std::int64_t StoreWriter::band_rows() const { return std::max<std::int64_t>(params_.tile_posts, detail_posts); }
+
+/// Sheets of a row that are made side by side, band by band: where packed strips (or lines of text) are wider than a sheet, each is
+/// decoded once for all of them while the cache holds it. As many as memory has room for, and a job for each thread.
+std::int64_t StoreWriter::sheets_together(const Layer& layer) const {
+    const RasterFacts& own = layer.facts();
+    if (layer.burnt || !layer.single() || own.block_columns <= sheet_posts || !(own.packed() || own.is_text()))
+        return 1;
+    const auto threads = static_cast<std::size_t>(jobs_at_once());
+    const auto band = static_cast<std::size_t>((band_rows() + 2 * own.block_rows) * own.columns * own.type_bytes);
+    if (band * threads * (height_ ? 2 : 1) > params_.cache_bytes) return 1;
+    const std::int64_t across = layer.entry.sheet_columns(), rows = layer.entry.sheet_rows(),
+                       jobs_a_row = std::min(across, (static_cast<std::int64_t>(threads) + rows - 1) / rows);
+    std::int64_t together = (across + jobs_a_row - 1) / jobs_a_row;
+    const std::size_t room = params_.memory_bytes - params_.cache_bytes;
+    while (together > 1 && threads * job_bytes(layer, static_cast<std::size_t>(together)) > room) --together;
+    return together;
 }
 
 std::string StoreWriter::plan() const {
@@ -464,25 +486,6 @@ Window StoreWriter::with_next(const Window& posts) const {
             {posts.rows.begin, std::min(posts.rows.end + 1, f.rows)}};
 }
 
-void StoreWriter::bound(const Window& unit, const Mosaic::Posts& posts, const Window& given,
-                        std::vector<BlockPage>& pages, const Window& sheet) {
-    std::vector<float> culture, scratch;
-    const ChunkRequest everything;
-    const NeededPosts all(everything);
-    if (height_) {
-        culture.resize(static_cast<std::size_t>(given.posts()));
-        height_->read_heights(height_->plan(given.columns), given.rows, 1, all, culture.data(), scratch);
-    }
-    const Window sheet_pages = blocks_of(sheet, 6);
-    bound_blocks(unit, given, posts.heights.data(), height_ ? culture.data() : nullptr,
-                 [&](std::int64_t c, std::int64_t r) -> BlockBounds& {
-                     const std::int64_t pc = c / page_blocks - sheet_pages.columns.begin,
-                                        pr = r / page_blocks - sheet_pages.rows.begin;
-                     return pages[static_cast<std::size_t>(pr * sheet_pages.columns.size() + pc)]
-                                 [static_cast<std::size_t>(r % page_blocks * page_blocks + c % page_blocks)];
-                 });
-}
-
 /// What the codes of the cells `own`, part of `given`, say of the layer.
 void StoreWriter::add_codes(const std::int32_t* codes, const Window& given, const Window& own, Done& done) const {
     const std::int64_t width = given.columns.size();
@@ -519,138 +522,201 @@ void StoreWriter::add_heights(const Layer& layer, const float* heights, const Wi
                                      own.rows.begin + y, " is ", z, "; accepted: 0 and above"));
 }
 
-Done StoreWriter::write_sheet(const Job& job, const std::vector<std::size_t>& pieces) {
-    Layer& layer = *job.layer;
-    const bool dem = layer.kind == StoreLayerKind::dem;
-    const RasterFacts& facts = layer.entry.facts;
-    const Window sheet = layer.entry.posts(job.column, job.row);
-    const std::int64_t tile = params_.tile_posts, own_columns = facts.own_columns();
-    const bool closes = dem && facts.cycle_columns() == facts.columns;
-    Done done = done_[static_cast<std::size_t>(
-        std::find_if(layers_.begin(), layers_.end(), [&](const auto& l) { return l.get() == &layer; }) -
-        layers_.begin())][job.place];
-    const std::string path = inside(done.sheet.file), temporary = path + ".tmp";
-    std::vector<BlockPage> pages;
-    const Window sheet_pages = blocks_of(sheet, 6);
-    if (dem) pages.assign(static_cast<std::size_t>(sheet_pages.posts()), BlockPage(page_blocks * page_blocks));
-    DetailPage detail(detail_page_blocks * detail_page_blocks);
-
-    SheetWriter writer(facts, layer.codes(), sheet, temporary, layer.creation);
-    const Mosaic::Kind kind = layer.codes() ? Mosaic::Kind::codes : Mosaic::Kind::heights;
-    // Units hold whole blocks of the detail map.
-    const std::int64_t unit_rows = std::max(tile, detail_posts),
-                       tiles_wide = std::max<std::int64_t>(1, unit_posts / (tile * unit_rows));
-    Mosaic::Posts posts;
-    for (std::int64_t r = sheet.rows.begin; r < sheet.rows.end; r += unit_rows)
-        for (std::int64_t c = sheet.columns.begin; c < sheet.columns.end; c += tiles_wide * tile) {
-            if (params_.stop) params_.stop->check();
-            const Window unit{{c, std::min(c + tiles_wide * tile, sheet.columns.end)},
-                              {r, std::min(r + unit_rows, sheet.rows.end)}};
-            const Window given = dem ? with_next(unit) : unit;
-            layer.read(given, unit, kind, pieces, posts);
-            const std::int64_t width = given.columns.size();
-            const Window own{intersection(unit.columns, {0, own_columns}), unit.rows};
-            if (layer.codes())
-                add_codes(posts.codes.data(), given, own, done);
-            else if (!own.columns.empty())
-                add_heights(layer, posts.heights.data(), given, own, done);
-            for (std::int64_t y = r; y < unit.rows.end; y += tile)
-                for (std::int64_t x = unit.columns.begin; x < unit.columns.end; x += tile)
-                    writer.write((x - sheet.columns.begin) / tile, (y - sheet.rows.begin) / tile,
-                                 posts.stored.data() +
-                                     ((y - given.rows.begin) * width + x - given.columns.begin) * facts.type_bytes,
-                                 width);
-            if (!dem) continue;
-            bound(unit, posts, given, pages, sheet);
-            find_residuals(unit, given, posts.heights.data(), sheet, detail);
-            if (closes && unit.columns.end == facts.columns) {
-                // The post after the last column is column 0: it widens the bounds of the last blocks.
-                const Window first{{0, 1}, given.rows};
-                Mosaic::Posts edge;
-                layer.read(first, {}, kind, layer.pieces_in(first), edge);
-                const Window last_blocks{{(facts.columns - 1) / block_posts * block_posts, facts.columns}, unit.rows};
-                std::vector<BlockPage> edge_pages(pages.size(), BlockPage(page_blocks * page_blocks));
-                const Window as_if{{facts.columns, facts.columns + 1}, given.rows};
-                bound(last_blocks, edge, as_if, edge_pages, sheet);
-                const Window blocks = blocks_of(last_blocks);
-                for (std::int64_t b = blocks.rows.begin; b < blocks.rows.end; ++b) {
-                    const std::int64_t pc = blocks.columns.begin / page_blocks - sheet_pages.columns.begin,
-                                       pr = b / page_blocks - sheet_pages.rows.begin;
-                    const auto page = static_cast<std::size_t>(pr * sheet_pages.columns.size() + pc);
-                    const auto at =
-                        static_cast<std::size_t>(b % page_blocks * page_blocks + blocks.columns.begin % page_blocks);
-                    pages[page][at].add(edge_pages[page][at]);
-                }
-            }
-        }
-    done.disagreement = posts.disagreement;
-    SheetSums sums = writer.finish();
-    sums.values = done.values;
-    sums.disagreement = done.disagreement;
-    sums.codes = done.codes;
-    if (dem) {
-        for (std::int64_t r = 0; r < sheet_pages.rows.size(); ++r)
-            for (std::int64_t c = 0; c < sheet_pages.columns.size(); ++c)
-                map_->write(0, sheet_pages.columns.begin + c, sheet_pages.rows.begin + r,
-                            pages[static_cast<std::size_t>(r * sheet_pages.columns.size() + c)]);
-        detail_->write(job.column, job.row, detail);
-        map_->sync();
-        detail_->sync();
+/// A sheet on its way: a band of tiles after the other, from the top.
+class StoreWriter::Sheet {
+public:
+    Sheet(StoreWriter& store, const Job& job, std::vector<std::size_t> pieces)
+        : store_(store), job_(job), layer_(*job.layer), pieces_(std::move(pieces)), done_(store.done_of(job)),
+          posts_(layer_.entry.posts(job.column, job.row)), path_(store.inside(done_.sheet.file)),
+          pages_posts_(blocks_of(posts_, 6)),
+          writer_(layer_.entry.facts, layer_.codes(), posts_, temporary(), layer_.creation) {
+        if (!is_dem()) return;
+        pages_.assign(static_cast<std::size_t>(pages_posts_.posts()), BlockPage(page_blocks * page_blocks));
+        detail_.resize(detail_page_blocks * detail_page_blocks);
     }
-    rename_path(temporary, path);
-    const std::string content = sums_text(sums);
-    replace_file(inside(done.sheet.sums), content);
-    done.sheet.bytes = sums.file_bytes;
-    done.sheet.sums_checksum = checksum(content);
-    done.made = true;
-    return done;
+
+    const Window& posts() const { return posts_; }
+    void add_band(Interval rows, Mosaic::Posts& posts);
+    void finish();
+
+private:
+    bool is_dem() const { return layer_.kind == StoreLayerKind::dem; }
+    std::string temporary() const { return path_ + ".tmp"; }
+    BlockBounds& bounds(std::vector<BlockPage>& pages, std::int64_t column, std::int64_t row) const {
+        const std::int64_t pc = column / page_blocks - pages_posts_.columns.begin,
+                           pr = row / page_blocks - pages_posts_.rows.begin;
+        return pages[static_cast<std::size_t>(pr * pages_posts_.columns.size() + pc)]
+                    [static_cast<std::size_t>(row % page_blocks * page_blocks + column % page_blocks)];
+    }
+    void bound(const Window& unit, const Mosaic::Posts& posts, const Window& given, std::vector<BlockPage>& pages);
+    void close_circle(const Window& unit, const Window& given);
+
+    StoreWriter& store_;
+    const Job job_;
+    Layer& layer_;
+    const std::vector<std::size_t> pieces_;
+    Done done_;
+    const Window posts_;
+    const std::string path_;
+    const Window pages_posts_;  ///< pages of the block map, in pages
+    SheetWriter writer_;
+    std::vector<BlockPage> pages_;
+    DetailPage detail_;
+};
+
+void StoreWriter::Sheet::add_band(Interval rows, Mosaic::Posts& posts) {
+    const RasterFacts& facts = layer_.entry.facts;
+    const Mosaic::Kind kind = layer_.codes() ? Mosaic::Kind::codes : Mosaic::Kind::heights;
+    const std::int64_t tile = store_.params_.tile_posts,
+                       across = std::max<std::int64_t>(1, unit_posts / (tile * rows.size())) * tile;
+    for (std::int64_t c = posts_.columns.begin; c < posts_.columns.end; c += across) {
+        if (store_.params_.stop) store_.params_.stop->check();
+        const Window unit{{c, std::min(c + across, posts_.columns.end)}, rows};
+        const Window given = is_dem() ? store_.with_next(unit) : unit;
+        posts.disagreement = {};
+        layer_.read(given, unit, kind, pieces_, posts);
+        done_.disagreement.add(posts.disagreement);
+        const std::int64_t width = given.columns.size();
+        const Window own{intersection(unit.columns, {0, facts.own_columns()}), unit.rows};
+        if (layer_.codes())
+            store_.add_codes(posts.codes.data(), given, own, done_);
+        else if (!own.columns.empty())
+            add_heights(layer_, posts.heights.data(), given, own, done_);
+        for (std::int64_t y = unit.rows.begin; y < unit.rows.end; y += tile)
+            for (std::int64_t x = unit.columns.begin; x < unit.columns.end; x += tile)
+                writer_.write(
+                    (x - posts_.columns.begin) / tile, (y - posts_.rows.begin) / tile,
+                    posts.stored.data() + ((y - given.rows.begin) * width + x - given.columns.begin) * facts.type_bytes,
+                    width);
+        if (!is_dem()) continue;
+        bound(unit, posts, given, pages_);
+        find_residuals(unit, given, posts.heights.data(), posts_, detail_);
+        if (facts.cycle_columns() == facts.columns && unit.columns.end == facts.columns) close_circle(unit, given);
+    }
 }
 
-void StoreWriter::make(const Job& job) {
-    if (params_.stop) params_.stop->check();
-    Layer& layer = *job.layer;
+/// The post after the last column is column 0: it widens the bounds of the last blocks.
+void StoreWriter::Sheet::close_circle(const Window& unit, const Window& given) {
+    const std::int64_t columns = layer_.entry.facts.columns;
+    const Window first{{0, 1}, given.rows}, as_if{{columns, columns + 1}, given.rows};
+    Mosaic::Posts edge;
+    layer_.read(first, {}, Mosaic::Kind::heights, layer_.pieces_in(first), edge);
+    const Window last_blocks{{(columns - 1) / block_posts * block_posts, columns}, unit.rows};
+    std::vector<BlockPage> edge_pages(pages_.size(), BlockPage(page_blocks * page_blocks));
+    bound(last_blocks, edge, as_if, edge_pages);
+    const Window blocks = blocks_of(last_blocks);
+    for (std::int64_t b = blocks.rows.begin; b < blocks.rows.end; ++b)
+        bounds(pages_, blocks.columns.begin, b).add(bounds(edge_pages, blocks.columns.begin, b));
+}
+
+void StoreWriter::Sheet::bound(const Window& unit, const Mosaic::Posts& posts, const Window& given,
+                               std::vector<BlockPage>& pages) {
+    std::vector<float> culture, scratch;
+    const ChunkRequest everything;
+    const NeededPosts all(everything);
+    RegisteredLayer* const height = store_.height_.get();
+    if (height) {
+        culture.resize(static_cast<std::size_t>(given.posts()));
+        height->read_heights(height->plan(given.columns), given.rows, 1, all, culture.data(), scratch);
+    }
+    bound_blocks(unit, given, posts.heights.data(), height ? culture.data() : nullptr,
+                 [&](std::int64_t c, std::int64_t r) -> BlockBounds& { return bounds(pages, c, r); });
+}
+
+void StoreWriter::Sheet::finish() {
+    SheetSums sums = writer_.finish();
+    sums.values = done_.values;
+    sums.disagreement = done_.disagreement;
+    sums.codes = done_.codes;
+    if (is_dem()) {
+        std::size_t i = 0;
+        for (std::int64_t r = pages_posts_.rows.begin; r < pages_posts_.rows.end; ++r)
+            for (std::int64_t c = pages_posts_.columns.begin; c < pages_posts_.columns.end; ++c)
+                store_.map_->write(0, c, r, pages_[i++]);
+        store_.detail_->write(job_.column, job_.row, detail_);
+        store_.map_->sync();
+        store_.detail_->sync();
+    }
+    rename_path(temporary(), path_);
+    const std::string content = sums_text(sums);
+    replace_file(store_.inside(done_.sheet.sums), content);
+    done_.sheet.bytes = sums.file_bytes;
+    done_.sheet.sums_checksum = checksum(content);
+    done_.made = true;
+    store_.done_of(job_) = std::move(done_);
+}
+
+Done& StoreWriter::done_of(const Job& job) {
     std::size_t index = 0;
-    while (layers_[index].get() != &layer) ++index;
-    Done& done = done_[index][job.place];
-    done.sheet.column = job.column;
-    done.sheet.row = job.row;
-    const std::string stem = text(name(layer.kind), "/c", job.column, "_r", job.row);
-    done.sheet.file = stem + ".tif";
-    done.sheet.sums = stem + ".sum";
-    const Window sheet = layer.entry.posts(job.column, job.row);
-    if (!finished_before(job, done)) {
-        const bool dem = layer.kind == StoreLayerKind::dem;
-        const std::vector<std::size_t> pieces = layer.pieces_in(dem ? with_next(sheet) : sheet);
-        if (!pieces.empty()) {
-            done = write_sheet(job, pieces);
-        } else {
+    while (layers_[index].get() != job.layer) ++index;
+    return done_[index][job.place];
+}
+
+void StoreWriter::add_progress(std::int64_t posts) {
+    const std::lock_guard lock(mutex_);
+    posts_done_ += static_cast<std::uint64_t>(posts);
+    if (params_.progress) params_.progress(static_cast<double>(posts_done_) / static_cast<double>(posts_));
+}
+
+/// Sheets of a row side by side, all of one layer.
+void StoreWriter::make(const std::vector<Job>& row) {
+    if (params_.stop) params_.stop->check();
+    std::vector<std::unique_ptr<Sheet>> sheets;
+    for (const Job& job : row) {
+        Layer& layer = *job.layer;
+        Done& done = done_of(job);
+        done.sheet.column = job.column;
+        done.sheet.row = job.row;
+        const std::string stem = text(name(layer.kind), "/c", job.column, "_r", job.row);
+        done.sheet.file = stem + ".tif";
+        done.sheet.sums = stem + ".sum";
+        const Window posts = layer.entry.posts(job.column, job.row);
+        if (!finished_before(job, done)) {
+            const bool dem = layer.kind == StoreLayerKind::dem;
+            std::vector<std::size_t> pieces = layer.pieces_in(dem ? with_next(posts) : posts);
+            if (!pieces.empty()) {
+                sheets.push_back(std::make_unique<Sheet>(*this, job, std::move(pieces)));
+                continue;
+            }
             // Nothing but voids: the sheet is left out.
-            const RasterFacts& f = layer.entry.facts;
-            done.values.voids = static_cast<std::uint64_t>(intersection(sheet.columns, {0, f.own_columns()}).size() *
-                                                           sheet.rows.size());
-            const Window pages = blocks_of(sheet, 6);
+            const std::int64_t own = intersection(posts.columns, {0, layer.entry.facts.own_columns()}).size();
+            done.values.voids = static_cast<std::uint64_t>(own * posts.rows.size());
+            const Window pages = blocks_of(posts, 6);
             for (std::int64_t r = pages.rows.begin; dem && r < pages.rows.end; ++r)
                 for (std::int64_t c = pages.columns.begin; c < pages.columns.end; ++c)
                     map_->write(0, c, r, BlockPage(page_blocks * page_blocks));
             if (dem) detail_->write(job.column, job.row, DetailPage(detail_page_blocks * detail_page_blocks));
         }
+        add_progress(posts.posts());
     }
-    const std::lock_guard lock(mutex_);
-    posts_done_ += static_cast<std::uint64_t>(sheet.posts());
-    if (params_.progress) params_.progress(static_cast<double>(posts_done_) / static_cast<double>(posts_));
+    if (sheets.empty()) return;
+    const std::int64_t band = band_rows();
+    const Interval rows = sheets.front()->posts().rows;
+    Mosaic::Posts posts;
+    for (std::int64_t r = rows.begin; r < rows.end; r += band)
+        for (const auto& sheet : sheets) {
+            const Interval some{r, std::min(r + band, rows.end)};
+            sheet->add_band(some, posts);
+            add_progress(sheet->posts().columns.size() * some.size());
+        }
+    for (const auto& sheet : sheets) sheet->finish();
 }
 
 void StoreWriter::make_sheets() {
-    std::vector<Job> jobs;
+    std::vector<std::vector<Job>> rows;
     for (const auto& layer : layers_) {
         const StoreLayerEntry& entry = layer->entry;
+        const std::int64_t together = sheets_together(*layer);
         std::size_t place = 0;
         for (std::int64_t r = 0; r < entry.sheet_rows(); ++r)
-            for (std::int64_t c = 0; c < entry.sheet_columns(); ++c) jobs.push_back({layer.get(), c, r, place++});
+            for (std::int64_t c = 0; c < entry.sheet_columns(); ++c) {
+                if (c % together == 0) rows.emplace_back();
+                rows.back().push_back({layer.get(), c, r, place++});
+            }
         done_.emplace_back(place);
     }
     Threads threads(jobs_at_once());
-    threads.execute([&] { tbb::parallel_for_each(jobs.begin(), jobs.end(), [&](const Job& job) { make(job); }); });
+    threads.execute([&] { tbb::parallel_for_each(rows.begin(), rows.end(), [&](const auto& row) { make(row); }); });
 }
 
 void StoreWriter::finish() {
