@@ -3,6 +3,7 @@
 #include <catch2/catch.hpp>
 
 #include <fcntl.h>
+#include <gdal_priv.h>
 #include <signal.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
@@ -27,6 +28,7 @@
 #include "tests/refusal.hpp"
 #include "tests/tile_stores.hpp"
 #include "tiles/gdal_session.hpp"
+#include "tiles/raster_layer.hpp"
 
 using namespace wedgescope;
 using namespace wedgescope::test;
@@ -189,6 +191,75 @@ TEST_CASE("a run that stopped within a row of packed strips goes on to the same 
     params.resume = true;
     CHECK(write_tile_store(params).layers[0].reused == 2);
     CHECK(contents(folder / "part") == whole);
+}
+
+TEST_CASE("a run is not resumed over what has changed behind or beside its raster, nor without its plan", "[store]") {
+    const Folder folder;
+    Drawing d = hills(64, 4096 * 2 + 10);
+    draw(folder / "part.tif", d);
+    const auto raise_by = [&](int m) {
+        std::ofstream(folder / "part.tif.aux.xml")
+            << "<PAMDataset><PAMRasterBand band=\"1\"><Offset>" << m << "</Offset></PAMRasterBand></PAMDataset>";
+    };
+    raise_by(5);
+    const auto vrt = [&](const std::string& from, const std::string& to) {
+        const GDALDatasetUniquePtr in(GDALDataset::Open((folder / from).c_str()));
+        const GDALDatasetUniquePtr out(GetGDALDriverManager()->GetDriverByName("VRT")->CreateCopy(
+            (folder / to).c_str(), in.get(), 0, nullptr, nullptr, nullptr));
+        REQUIRE(out);
+    };
+    vrt("part.tif", "inner.vrt");
+    vrt("inner.vrt", "outer.vrt");
+    const std::string dem = GENERATE(as<std::string>(), "part.tif", "inner.vrt", "outer.vrt");
+    CAPTURE(dem);
+    auto params = into(folder / "store", {folder / dem});
+    params.threads = 1;
+    Stop stop;
+    params.stop = &stop;
+    params.progress = [&](double fraction) {
+        if (fraction > 0.6) stop.request(SIGTERM);
+    };
+    CHECK_THROWS_AS(write_tile_store(params), Interrupted);
+    REQUIRE(fs::exists(folder / "store.part/dem/c0_r0.sum"));
+    params.stop = nullptr;
+    params.progress = {};
+    params.resume = true;
+    SECTION("posts") {
+        d.value = [](int c, int r) { return c + r; };
+        const auto before = fs::last_write_time(folder / "part.tif");
+        draw(folder / "part.tif", d);
+        fs::last_write_time(folder / "part.tif", before + std::chrono::milliseconds(1));
+        CHECK_THAT(refusal([&] { write_tile_store(params); }), Contains("a raster has changed since"));
+    }
+    SECTION("a side file") {
+        raise_by(1000);
+        // A VRT keeps an offset of its own.
+        const std::string refused = refusal([&] { write_tile_store(params); });
+        CHECK((refused.find("a raster has changed since") != std::string::npos) == (dem == "part.tif"));
+    }
+    SECTION("nothing") { CHECK(write_tile_store(params).layers[0].reused > 0); }
+    SECTION("no plan: all is made again") {
+        std::ofstream(folder / "store.part/plan.json", std::ios::trunc).flush();
+        CHECK(write_tile_store(params).layers[0].reused == 0);
+    }
+}
+
+TEST_CASE("through a link the store that it leads to is replaced, and no folder that stands is in the way", "[store]") {
+    const Folder folder;
+    draw(folder / "dem.tif", hills(300, 200));
+    auto params = into(folder / "real", {folder / "dem.tif"});
+    write_tile_store(params);
+    fs::create_symlink(folder / "real", folder / "link");
+    fs::create_directory(folder / "real.old");
+    params.output = folder / "link";
+    CHECK_THAT(refusal([&] { write_tile_store(params); }), Contains("--overwrite"));
+    params.overwrite = true;
+    params.tile_posts = 128;
+    write_tile_store(params);
+    CHECK(fs::is_symlink(folder / "link"));
+    CHECK(fs::exists(folder / "real.old"));
+    CHECK(TileStore(folder / "real").layer(StoreLayerKind::dem)->facts().block_columns == 128);
+    CHECK(folder.names() == std::vector<std::string>{"dem.tif", "link", "real", "real.old"});
 }
 
 TEST_CASE("killed at any moment, a run is resumed to the same bytes", "[store][long]") {

@@ -5,10 +5,13 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <fstream>
 #include <optional>
+#include <set>
 #include <string_view>
 #include <system_error>
 
+#include "lib/lower_case.hpp"
 #include "tiles/checksum.hpp"
 #include "tiles/gdal_handle.hpp"
 #include "tiles/gdal_session.hpp"
@@ -33,7 +36,36 @@ std::optional<FileStamp> stamp_of(const std::string& file) {
     return FileStamp{file, static_cast<std::uint64_t>(other.st_size), other.st_mtim.tv_sec, other.st_mtim.tv_nsec};
 }
 
+bool may_be_vrt(const std::string& file) {
+    if (lower_case(std::filesystem::path(file).extension().string()) == ".vrt") return true;
+    std::error_code error;
+    if (!std::filesystem::is_regular_file(file, error)) return false;
+    std::string begin(256, '\0');
+    std::ifstream in(file, std::ios::binary);
+    in.read(begin.data(), static_cast<std::streamsize>(begin.size()));
+    return begin.find("<VRTDataset") != std::string::npos;
+}
+
 }  // namespace
+
+std::vector<std::string> files_behind(GDALDataset& dataset) {
+    std::vector<std::string> found;
+    std::set<std::string> known;
+    const auto add = [&](GDALDataset& of) {
+        char** const list = of.GetFileList();
+        for (char** file = list; file && *file; ++file)
+            if (known.insert(*file).second) found.emplace_back(*file);
+        CSLDestroy(list);
+    };
+    add(dataset);
+    if (!dataset.GetDriver() || !EQUAL(dataset.GetDriver()->GetDescription(), "VRT")) return found;
+    GdalErrors quiet;
+    for (std::size_t i = 1; i < found.size(); ++i)  // it grows
+        if (may_be_vrt(found[i]))
+            if (const DatasetHandle part(GDALDataset::Open(found[i].c_str(), GDAL_OF_RASTER | GDAL_OF_READONLY)); part)
+                add(*part);
+    return found;
+}
 
 std::vector<FileStamp> file_stamps(const std::string& path) {
     std::vector<std::string> files;
@@ -42,11 +74,7 @@ std::vector<FileStamp> file_stamps(const std::string& path) {
     } else {
         GdalErrors quiet;
         const DatasetHandle dataset(GDALDataset::Open(path.c_str(), GDAL_OF_RASTER | GDAL_OF_READONLY));
-        if (dataset) {
-            char** list = dataset->GetFileList();
-            for (char** f = list; f && *f; ++f) files.emplace_back(*f);
-            CSLDestroy(list);
-        }
+        if (dataset) files = files_behind(*dataset);
     }
     std::vector<FileStamp> found;
     for (const std::string& file : files)

@@ -5,6 +5,8 @@
 #include <string>
 #include <vector>
 
+class GDALDataset;
+
 namespace wedgescope {
 
 struct FileStamp {
@@ -13,6 +15,10 @@ struct FileStamp {
     std::int64_t changed_s = 0, changed_ns = 0;
     friend bool operator==(const FileStamp&, const FileStamp&) = default;
 };
+
+/// The files that GDAL reads a raster from, itself first: side files, parts of a mosaic, and what is behind those parts that are
+/// VRTs themselves, at any depth.
+std::vector<std::string> files_behind(GDALDataset& dataset);
 
 /// As GDAL lists the files; none where it cannot open `path` or they are no files.
 std::vector<FileStamp> file_stamps(const std::string& path);

@@ -306,10 +306,7 @@ RasterFile::RasterFile(std::string role, std::string path) {
     const std::optional<FileState> before = state_of(facts_.path);
     DatasetHandle dataset = open(facts_);
     facts_ = inspect(*dataset, std::move(facts_));
-    if (char** files = dataset->GetFileList()) {
-        for (char** file = files; *file; ++file) files_.emplace_back(*file);
-        CSLDestroy(files);
-    }
+    files_ = files_behind(*dataset);
     reader_bytes_ = dataset_bytes(*dataset);
     if (facts_.driver == "VRT") {
         reader_bytes_ = vrt_bytes(files_, reader_bytes_);

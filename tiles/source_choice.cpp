@@ -8,6 +8,7 @@
 
 #include "lib/error.hpp"
 #include "tiles/cache_need.hpp"
+#include "tiles/file_stamp.hpp"
 #include "tiles/gdal_handle.hpp"
 #include "tiles/gdal_session.hpp"
 #include "tiles/tiff_layer.hpp"
@@ -29,9 +30,8 @@ Cut cut_of(const RasterLayer& raster) {
     // The first raster it is made of tells more than the blocks it shows.
     GdalErrors quiet;
     const DatasetHandle vrt(GDALDataset::Open(f.path.c_str(), GDAL_OF_RASTER | GDAL_OF_READONLY));
-    char** list = vrt ? vrt->GetFileList() : nullptr;
-    for (char** file = list; file && *file; ++file) {
-        const DatasetHandle part(GDALDataset::Open(*file, GDAL_OF_RASTER | GDAL_OF_READONLY));
+    for (const std::string& file : vrt ? files_behind(*vrt) : std::vector<std::string>{}) {
+        const DatasetHandle part(GDALDataset::Open(file.c_str(), GDAL_OF_RASTER | GDAL_OF_READONLY));
         if (!part || part->GetRasterCount() < 1 || EQUAL(part->GetDriver()->GetDescription(), "VRT")) continue;
         int columns = 0, rows = 0;
         part->GetRasterBand(1)->GetBlockSize(&columns, &rows);
@@ -41,7 +41,6 @@ Cut cut_of(const RasterLayer& raster) {
         cut.decoded = raster.decoded_a_post(columns, rows);
         break;
     }
-    CSLDestroy(list);
     return cut;
 }
 

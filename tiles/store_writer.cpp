@@ -363,7 +363,7 @@ std::int64_t StoreWriter::sheets_together(const Layer& layer) const {
 }
 
 std::string StoreWriter::plan() const {
-    json out{{"format", "wedgescope-store-plan-2"}, {"software", params_.software}, {"layers", json::array()}};
+    json out{{"format", "wedgescope-store-plan-3"}, {"software", params_.software}, {"layers", json::array()}};
     for (const auto& layer : layers_) {
         const RasterFacts& f = layer->entry.facts;
         json one{{"name", name(layer->kind)},
@@ -374,6 +374,8 @@ std::string StoreWriter::plan() const {
                  {"tile_size", f.block_columns},
                  {"co", layer->creation},
                  {"sources", json::array()}};
+        // With what lies behind and beside the files: parts of a mosaic, side files that tell scale, place or CRS.
+        for (const std::uint64_t files : layer->before) one["files"].push_back(hex(files));
         for (const StoreSource& s : layer->entry.sources)
             one["sources"].push_back({{"path", s.path}, {"bytes", s.bytes}, {"mtime_s", s.mtime_s}});
         out["layers"].push_back(one);
@@ -400,6 +402,7 @@ void StoreWriter::open_folder() {
     std::error_code error;
     const std::string wanted = plan();
     const std::string plan_path = inside(plan_name);
+    bool planned = false;  // it stands there
     if (fs::exists(folder_, error)) {
         const bool ours = fs::exists(plan_path, error);
         if (!ours && !fs::is_empty(folder_, error))
@@ -408,10 +411,15 @@ void StoreWriter::open_folder() {
         if (!lock_->lock()) throw IoError(text("'", folder_, "' is in use by another run"));
         if (params_.resume && ours) {
             const std::string found = file_text(plan_path, std::size_t{1} << 28);
-            if (!found.empty() && found != wanted)
+            if (found == wanted) {
+                planned = true;
+            } else if (found.empty()) {
+                remove_all_but_plan();  // nobody knows what of
+            } else {
                 throw InputError(text("'", folder_,
                                       "' was begun with other rasters or options, or a raster has changed since; "
                                       "--overwrite without --resume starts anew"));
+            }
         } else {
             remove_all_but_plan();
         }
@@ -423,9 +431,11 @@ void StoreWriter::open_folder() {
     }
     // Another run may have finished and moved it just before.
     if (!fs::exists(plan_path, error)) throw IoError(text("'", folder_, "' is in use by another run"));
-    lock_->resize(0);
-    lock_->write(0, wanted.data(), wanted.size());
-    lock_->sync();
+    if (!planned) {
+        lock_->resize(0);
+        lock_->write(0, wanted.data(), wanted.size());
+        lock_->sync();
+    }
     for (const auto& layer : layers_) {
         fs::create_directories(inside(name(layer->kind)), error);
         if (error) throw IoError(text("'", inside(name(layer->kind)), "' cannot be made: ", error.message()));
@@ -765,14 +775,16 @@ void StoreWriter::move_into_place() {
     if (fs::exists(fs::symlink_status(output, error))) {
         // Both names change at once where the system can do that.
         constexpr unsigned exchange = 2;
-        if (::syscall(SYS_renameat2, AT_FDCWD, folder_.c_str(), AT_FDCWD, output.c_str(), exchange) != 0) {
-            const std::string old = output + ".old";
-            fs::remove_all(old, error);
+        if (::syscall(SYS_renameat2, AT_FDCWD, folder_.c_str(), AT_FDCWD, output.c_str(), exchange) == 0) {
+            remove_folder();
+        } else if (errno != EINVAL && errno != ENOSYS && errno != EOPNOTSUPP) {
+            throw IoError(text("output '", output, "' cannot be replaced by '", folder_, "': ", std::strerror(errno)));
+        } else {
+            std::string old = output + ".old";
+            for (int i = 1; fs::exists(fs::symlink_status(old, error)); ++i) old = text(output, ".old", i);
             rename_path(output, old);
             rename_path(folder_, output);
             fs::remove_all(old, error);
-        } else {
-            remove_folder();
         }
     } else {
         rename_path(folder_, output);

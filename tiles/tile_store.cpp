@@ -17,6 +17,10 @@ bool is_tile_store(const std::string& path) {
 std::string unfinished_store(const std::string& output) {
     std::string path = output;
     while (path.size() > 1 && path.back() == '/') path.pop_back();
+    // Beside what a link leads to: that is replaced, not the link.
+    std::error_code error;
+    if (std::filesystem::is_symlink(path, error) && std::filesystem::exists(path, error))
+        path = std::filesystem::canonical(path, error).string();
     return path + ".part";
 }
 
