@@ -267,8 +267,13 @@ std::int64_t strip_bins(const BeamSetting& setting, const PolarGrid& grid, std::
     constexpr std::int64_t bytes = std::int64_t{8} << 20;
     const std::int64_t weights = (skirt_bins(setting, grid.circle_bins) + 1) * std::int64_t{sizeof(float)};
     const std::int64_t fits = bytes / (weights + rows * bytes_per_cell);
-    // No narrower than the lead-in, which each strip has to read again; no wider than the near caches like.
-    return std::clamp<std::int64_t>(std::max(fits, lead_in_bins(setting, grid.range_bin_m)), 64, 4096);
+    // As wide as the lead-in, which each strip has to read again, but no wider than the near caches like.
+    const std::int64_t lead = lead_in_bins(setting, grid.range_bin_m),
+                       bins = std::clamp<std::int64_t>(std::max(fits, lead), 64, 4096);
+    if (!setting.range_is_ground) return bins;
+    // Each bin has a pulse of its own, and so has its noise.
+    const std::int64_t pulses = 2 * bytes / (2 * (lead + 1) * std::int64_t{sizeof(double)});
+    return std::clamp<std::int64_t>(pulses, std::min<std::int64_t>(bins, 64), bins);
 }
 
 namespace {

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <numbers>
 #include <numeric>
+#include <optional>
 
 #include "lib/random.hpp"
 #include "lib/receiver.hpp"
@@ -46,7 +47,6 @@ public:
         : setting_(setting), range_bins_(range_bins) {
         const double bins = beam.antenna.beam.rad() / grid.azimuth_step_rad();
         dwell_bins_ = std::max<std::int64_t>(1, std::llround(bins));
-        dwells_ = (grid.circle_bins + dwell_bins_ - 1) / dwell_bins_;
         const std::int64_t kinds = beam.range_is_ground ? range_bins.size() : 1;
         for (std::int64_t k = 0; k < kinds; ++k) {
             const double range_m = (static_cast<double>(range_bins.begin + k) + 0.5) * grid.range_bin_m;
@@ -60,7 +60,6 @@ public:
         }
     }
 
-    std::int64_t dwells() const { return dwells_; }
     std::int64_t dwell(std::int64_t azimuth_bin) const { return azimuth_bin / dwell_bins_; }
 
     void fill(std::int64_t dwell, std::uint32_t look, double* re, double* im) const {
@@ -87,10 +86,27 @@ public:
 private:
     const FluctuationSetting& setting_;
     Interval range_bins_;
-    std::int64_t dwell_bins_ = 1, dwells_ = 1;
+    std::int64_t dwell_bins_ = 1;
     std::size_t longest_ = 1;
     std::vector<std::vector<double>> weights_;  ///< for all range bins or for each
 };
+
+/// Those that the rows of an image lie in.
+struct Dwells {
+    std::vector<std::int64_t> all;
+    std::vector<std::size_t> of_row;  ///< places in `all`
+};
+Dwells dwells_of(const PolarGrid& grid, const Noise& noise) {
+    Dwells found;
+    for (std::int64_t bin = grid.azimuth_bins.begin; bin < grid.azimuth_bins.end; ++bin) {
+        const std::int64_t dwell = noise.dwell(bin % grid.circle_bins);
+        // Round the circle the last bins may lie in the first ones' dwell.
+        const bool first = !found.all.empty() && dwell == found.all.front();
+        if (!first && (found.all.empty() || dwell != found.all.back())) found.all.push_back(dwell);
+        found.of_row.push_back(first ? 0 : found.all.size() - 1);
+    }
+    return found;
+}
 
 template <class Body>
 void each(std::size_t n, Body body) {
@@ -121,6 +137,9 @@ PolarImage<float> received_power(const PolarImage<float>& echo, const PolarImage
     const auto looks = static_cast<std::uint32_t>(std::max(1, setting.speckle_looks));
     const double mean_noise_w = setting.noise ? 0 : setting.noise_power_w;
     const std::size_t echo_rows = speckle ? echo.grid.azimuth_count() : 0;
+    std::optional<FilledParts> parts;
+    if (speckle && everywhere_w.empty()) parts.emplace(echo);
+    const FilledParts* const filled = parts ? &*parts : nullptr;
     // A strip of ranges at a time, all azimuths of it: memory does not grow with the image.
     const std::int64_t bytes_per_cell = 32;
     const std::int64_t strip =
@@ -133,10 +152,15 @@ PolarImage<float> received_power(const PolarImage<float>& echo, const PolarImage
         if (speckle) require_sources(echo.grid, grid, resolution);
         const std::int64_t source_begin = resolution.sources().begin;
         const auto sources = static_cast<std::size_t>(resolution.sources().size());
-        const Noise noise(beam, grid, outputs, setting);
+        std::optional<Noise> noise;
+        Dwells dwells;
+        if (setting.noise) {
+            noise.emplace(beam, grid, outputs, setting);
+            dwells = dwells_of(grid, *noise);
+        }
 
         Field<float> ground(echo_rows, sources);
-        Field<double> thermal(setting.noise ? static_cast<std::size_t>(noise.dwells()) : 0, n);
+        Field<double> thermal(dwells.all.size(), n);
         std::vector<double> intensity(rows * n, 0.0);
         for (std::uint32_t look = 0; look < looks; ++look) {
             each(echo_rows, [&](std::size_t i) {
@@ -158,11 +182,9 @@ PolarImage<float> received_power(const PolarImage<float>& echo, const PolarImage
                     im[j] = amplitude * z.im;
                 }
             });
-            if (setting.noise)
-                each(static_cast<std::size_t>(noise.dwells()), [&](std::size_t dwell) {
-                    noise.fill(static_cast<std::int64_t>(dwell), look, thermal.re.data() + dwell * n,
-                               thermal.im.data() + dwell * n);
-                });
+            each(dwells.all.size(), [&](std::size_t d) {
+                noise->fill(dwells.all[d], look, thermal.re.data() + d * n, thermal.im.data() + d * n);
+            });
 
             each(rows, [&](std::size_t i) {
                 const std::int64_t azimuth =
@@ -174,14 +196,14 @@ PolarImage<float> received_power(const PolarImage<float>& echo, const PolarImage
                             return cells + echo.grid.row_of(bin) * sources;
                         };
                     };
-                    resolution.row(azimuth, rows_of(ground.re), scratch, re);
-                    resolution.row(azimuth, rows_of(ground.im), scratch, im);
+                    resolution.row(azimuth, rows_of(ground.re), scratch, re, filled);
+                    resolution.row(azimuth, rows_of(ground.im), scratch, im, filled);
                 } else {
                     const float* const mean = power.row(i) + offset;
                     for (std::size_t j = 0; j < n; ++j) re[j] = std::sqrt(static_cast<double>(mean[j]));
                 }
                 if (setting.noise) {
-                    const std::size_t dwell = static_cast<std::size_t>(noise.dwell(azimuth)) * n;
+                    const std::size_t dwell = dwells.of_row[i] * n;
                     for (std::size_t j = 0; j < n; ++j) {
                         re[j] += thermal.re[dwell + j];
                         im[j] += thermal.im[dwell + j];

@@ -256,6 +256,14 @@ TEST_CASE("rasters of large blocks keep to --memory too", "[memory]") {
     check_refused(64, simulate(strip, "auto"), log);
     check_refused(64, {"info", strip}, log);
     check_refused(64, {"tile", strip, store, "--overwrite", "-q"}, log);
+
+    // Behind two VRTs too, of which the outer one knows nothing of the strip.
+    const std::string inner = folder / "inner.vrt", outer = folder / "outer.vrt";
+    for (const auto& [from, to] : {std::pair{strip, inner}, {inner, outer}})
+        REQUIRE(run_program({"gdal_translate", "-q", "-of", "VRT", from, to}, log).code == 0);
+    enough_after_refusal(64, coverage(outer), log);
+    enough_after_refusal(64, simulate(outer, "auto"), log);
+    enough_after_refusal(64, {"tile", outer, store, "--overwrite", "-q"}, log);
 }
 
 TEST_CASE("a kept spill, a mosaic and interleaved bands keep to --memory too", "[memory]") {
@@ -341,6 +349,27 @@ TEST_CASE("the budget that a refusal names will do", "[memory]") {
                   {"coverage", lines, folder / "seen.tif", "--xy", "422000,4478000", "--altitude-agl", "900m", "-q",
                    "--overwrite"},
                   log);
+}
+
+TEST_CASE("a narrow sector of a fine beam keeps to --memory, with the noise of the sector alone", "[memory]") {
+    const Folder folder;
+    const std::string hills = folder / "hills.tif", log = folder / "log";
+    draw_hills(hills, {});
+    const auto simulate = [&](std::vector<std::string> more) {
+        return with(with({"simulate", "--dem", hills, "--xy", "405000,4495000", "--altitude-msl", "3km", "--overwrite",
+                          "-q", "--power", folder / "power.tif"},
+                         {"--threads", "2"}),
+                    std::move(more));
+    };
+    check(24,
+          simulate({"--sector", "0deg,1deg", "--beam", "0.03deg", "--azimuth-bins", "36000", "--range-bin", "1m",
+                    "--range", "9km", "--noise", "on"}),
+          log);
+    // In bins of ground range each has a pulse of its own, near the sensor a long one.
+    check(48,
+          simulate({"--display", "gpi-true", "--sector", "0deg,10deg", "--range-bin", "1m", "--range", "9km", "--pulse",
+                    "20us", "--noise", "on"}),
+          log);
 }
 
 TEST_CASE("a scene is refused for its range bins before anything is made for each of them", "[memory]") {
