@@ -180,7 +180,8 @@ double farthest_edge_m(const ResolvedScene& s, const DataBase& db) {
     return farthest;
 }
 
-/// The nearer of the farthest edge post (at the highest terrain) and what the horizon allows.
+/// The nearer of the farthest edge post and what the horizon allows: the slant range to the highest or the lowest terrain there,
+/// whichever is farther away, or along the ground for a picture of ground ranges.
 double default_range(const ResolvedScene& s, WedgeSource& source) {
     const Extremes e = source.extremes();
     if (!e.any_valid)
@@ -191,11 +192,15 @@ double default_range(const ResolvedScene& s, WedgeSource& source) {
     const double low = std::min({0.0, static_cast<double>(e.lowest_m), s.sensor_m});
     const double horizon =
         s.earth.horizon_arc_m(s.sensor_m - low) + s.earth.horizon_arc_m(std::max(0.0, highest - low));
-    const double arc = std::min(farthest, s.earth.inverse_radius() > 0 ? 2.5 / s.earth.inverse_radius() : farthest);
-    const double range = std::min(s.earth.sight(s.sensor_m, highest, arc).slant_range_m, horizon);
-    // From high above a small raster: at least to its edge at the reference height.
-    if (range > 1.02 * std::abs(s.sensor_m - s.reference_m)) return std::max(1.0, range);
-    return std::max({1.0, range, s.earth.sight(s.sensor_m, s.reference_m, arc).slant_range_m});
+    const double arc =
+        std::min({farthest, horizon, s.earth.inverse_radius() > 0 ? 2.5 / s.earth.inverse_radius() : farthest});
+    double range = arc;
+    if (s.scene.display.kind != DisplayKind::gpi_true) {
+        range = 0;
+        for (const double height_m : {highest, static_cast<double>(e.lowest_m), s.reference_m})
+            range = std::max(range, s.earth.sight(s.sensor_m, height_m, arc).slant_range_m);
+    }
+    return std::max(1.0, range);
 }
 
 }  // namespace

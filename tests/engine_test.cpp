@@ -1042,3 +1042,39 @@ TEST_CASE("class tiles stay while chunks lie over them, and no longer", "[engine
     CHECK(culture.bytes() == 0);
     CHECK(read_for(east) == bytes_beside(east, none));
 }
+
+TEST_CASE("the default range reaches all ground of the raster up to the horizon, low or high, above or below",
+          "[engine]") {
+    constexpr int posts = 101;
+    constexpr double step = 30, middle = 50 * step;
+    const auto peak = [](double x, double y) { return std::max(0.0, 1500 - std::hypot(x - middle, y + middle)); };
+    const auto crater = [](double x, double y) { return std::min(1500.0, std::hypot(x - middle, y + middle)); };
+    for (const bool high : {true, false})
+        for (const double altitude_m : {1600.0, 3000.0, 20000.0}) {
+            const auto height = [&](double x, double y) { return high ? peak(x, y) : crater(x, y); };
+            MemorySource source(posts, posts, step, [&](double c, double r) { return height(c * step, -r * step); });
+            Scene s = bare_scene(middle, -middle, altitude_m, 1);
+            s.range_m.reset();
+            s.earth_k.reset();
+            const double wide = std::hypot(middle, middle);
+            double farthest = 0;
+            for (int r = 0; r < posts; ++r)
+                for (int c = 0; c < posts; ++c) {
+                    const double x = c * step, y = -r * step, z = height(x, y);
+                    farthest = std::max(farthest, std::hypot(x - middle, y + middle, altitude_m - z));
+                }
+            CAPTURE(high, altitude_m);
+            const double range = *resolve(s, source).scene.range_m;
+            CHECK(range >= farthest * (1 - 1e-9));
+            CHECK(range <= std::hypot(wide, altitude_m) * (1 + 1e-9));
+            s.display.kind = DisplayKind::gpi_true;  // whose ranges lie on the ground
+            CHECK(*resolve(s, source).scene.range_m == Approx(wide));
+        }
+    // Level ground far beyond the horizon: the tangent's length, of the circle of 4/3 earth radii.
+    MemorySource plain(201, 201, 10000, [](double, double) { return 0.0; });
+    Scene s = bare_scene(1000000, -1000000, 30000, 1);
+    s.range_m.reset();
+    const ResolvedScene found = resolve(s, plain);
+    const double radius = 1 / found.earth.inverse_radius();
+    CHECK(*found.scene.range_m == Approx(std::sqrt(30000 * (2 * radius + 30000))).epsilon(1e-6));
+}
