@@ -20,18 +20,22 @@ void Cover::put_nadir(Strip& strip) {
     const Window& patch = scene_.nadir_patch.window;
     const float z = scene_.nadir_patch.surface_m[static_cast<std::size_t>(
         (r - patch.rows.begin) * patch.columns.size() + c - patch.columns.begin)];
-    const double above_m = scene_.sensor_m - static_cast<double>(z) - params_.target_m;
+    // A void lies at the height of reference, as in finish_line().
+    const double above_m = scene_.sensor_m - (z == z ? static_cast<double>(z) : scene_.reference_m) - params_.target_m;
+    const double depression_deg = above_m < 0 ? -90 : 90;  // a target may stand above the sensor
     State state = z == z ? State::seen : State::no_data;
     if (with_range_ && !(std::abs(above_m) <= *scene_.scene.range_m && std::abs(above_m) >= scene_.scene.range_start_m))
         state = State::outside;
-    if (params_.elevation && state == State::seen && params_.elevation->first.deg() > -90 + 1e-9)
+    if (params_.elevation && state == State::seen &&
+        (params_.elevation->first.deg() > -depression_deg + 1e-9 ||
+         params_.elevation->second.deg() < -depression_deg - 1e-9))
         state = State::outside;
     float value = nan_f;
     if (state == State::seen) {
         value = params_.layer == CoverageLayer::height     ? 0.0F
                 : params_.layer == CoverageLayer::range    ? static_cast<float>(std::abs(above_m))
                 : params_.layer == CoverageLayer::response ? nadir_response(c, r, above_m)
-                                                           : 90.0F;
+                                                           : static_cast<float>(depression_deg);
     }
     for (std::int64_t column : same_columns(real_column(c))) {
         CoverageTiles::Tile& tile = *strip.tiles.at({r / tile_edge, column / tile_edge});

@@ -330,3 +330,53 @@ TEST_CASE("a void is no data in every layer, and what is seen needs no height", 
     CHECK(wrong_depression == 0);
     CHECK(wrong_grazing == 0);
 }
+
+TEST_CASE("right below the sensor a target may stand above it, and a void is no data whatever the range",
+          "[coverage][quick]") {
+    const Folder folder;
+    Drawing d;
+    d.columns = d.rows = 41;
+    d.no_data = -99;
+    d.value = [](int c, int r) { return c == 20 && r == 20 ? -99.0 : 50.0; };
+    draw(folder / "void.tif", d);
+    d.value = [](int, int) { return 50.0; };
+    draw(folder / "flat.tif", d);
+    // On post (20, 20): 10 m over the ground.
+    const auto run = [&](const char* input, const std::string& altitude, const std::vector<std::string>& more) {
+        std::vector<std::string> words{WEDGESCOPE_PROGRAM,
+                                       "coverage",
+                                       folder / input,
+                                       folder / "out.tif",
+                                       "-ox",
+                                       "1205",
+                                       "-oy",
+                                       "1795",
+                                       "--altitude-msl",
+                                       altitude,
+                                       "--overwrite",
+                                       "-q"};
+        words.insert(words.end(), more.begin(), more.end());
+        const Ended ended = run_program(words, folder / "log");
+        INFO(ended.err);
+        REQUIRE(ended.code == 0);
+        return Posts(folder / "out.tif");
+    };
+    const Posts above = run("flat.tif", "60m", {"--layer", "depression", "--target-height", "100m"});
+    CHECK(above.at(20, 20) == -90);
+    CHECK(above.at(21, 20) == Approx(-std::atan(90 / 10.0) / degree).margin(0.01));
+    CHECK(run("flat.tif", "60m", {"--layer", "depression"}).at(20, 20) == 90);
+    for (const bool up : {false, true}) {
+        const std::string pitch = up ? "--pitch=0deg,90deg" : "--pitch=-90deg,0deg";
+        const Posts high = run("flat.tif", "60m", {"--layer", "states", "--target-height", "100m", pitch}),
+                    low = run("flat.tif", "60m", {"--layer", "states", pitch});
+        for (const int c : {20, 21}) {
+            CHECK(high.at(c, 20) == (up ? 2 : 4));
+            CHECK(low.at(c, 20) == (up ? 4 : 2));
+        }
+    }
+    for (const std::vector<std::string>& more : {std::vector<std::string>{}, {"--range", "150m"}}) {
+        auto words = more;
+        words.insert(words.end(), {"--layer", "states"});
+        CHECK(run("void.tif", "60m", words).at(20, 20) == 0);
+    }
+}
