@@ -18,11 +18,16 @@ extern const char* const shipped_classes;  // CMake makes it
 
 namespace {
 
-std::string_view trimmed(std::string_view s) {
+std::string_view without_blanks(std::string_view s) {
     constexpr std::string_view space = " \t\r\n";
     const std::size_t first = s.find_first_not_of(space);
     if (first == std::string_view::npos) return {};
-    s = s.substr(first, s.find_last_not_of(space) - first + 1);
+    return s.substr(first, s.find_last_not_of(space) - first + 1);
+}
+
+/// Of a cell: without quotes too.
+std::string_view trimmed(std::string_view s) {
+    s = without_blanks(s);
     if (s.size() >= 2 && s.front() == '"' && s.back() == '"') return trimmed(s.substr(1, s.size() - 2));
     return s;
 }
@@ -305,7 +310,7 @@ std::size_t add_rows(std::vector<Material>& rows, const std::string& source, std
         const std::size_t end = content.find(end_of_row);
         std::string_view line = content.substr(0, end);
         content = end == std::string_view::npos ? std::string_view{} : content.substr(end + 1);
-        line = trimmed(line.substr(0, line.find('#')));
+        line = without_blanks(line.substr(0, line.find('#')));
         if (line.empty()) continue;
         const std::string where = text(source, one_line ? ", row " : ", line ", line_number);
         const auto fail = [&](const auto&... what) { throw InputError(text(where, ": ", what...)); };
@@ -462,7 +467,7 @@ Legend Legend::from_csv(const std::string& source, const std::string& content, c
     bool first_line = true;
     for (int number = 1; !rest.empty(); ++number) {
         const std::size_t end = rest.find('\n');
-        const std::string_view line = trimmed(rest.substr(0, rest.find_first_of("#\n")));
+        const std::string_view line = without_blanks(rest.substr(0, rest.find_first_of("#\n")));
         rest = end == std::string_view::npos ? std::string_view{} : rest.substr(end + 1);
         if (line.empty()) continue;
         const bool header_allowed = std::exchange(first_line, false);

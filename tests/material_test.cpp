@@ -354,6 +354,14 @@ TEST_CASE("a legend can be a table of words or class numbers", "[material]") {
     CHECK(legend.name() == "my.csv");
 }
 
+TEST_CASE("each cell of a legend or a class table may stand in quotes", "[material]") {
+    const Legend legend = Legend::from_csv("my.csv", "\"code\",\"material\"\r\n\"1\",\"water\"\r\n\"2\",soil\n");
+    CHECK(legend.find(1) == ClassId{0});
+    CHECK(legend.find(2));
+    const Materials table = Materials::from_csv("my.csv", "\"name\",\"gamma10_db\"\n\"corn\",\"-14\"\n");
+    CHECK(table.rows().at(table.find("corn").value()).gamma10_db == -14);
+}
+
 TEST_CASE("a wrong legend line is named", "[material]") {
     const auto read = [](const char* content) { return Legend::from_csv("my.csv", content); };
     CHECK_THROWS_WITH(read("1,water\n2,mud\n"), Contains("my.csv, line 2") && Contains("'mud'") && Contains("marsh"));
