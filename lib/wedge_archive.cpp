@@ -17,6 +17,7 @@ std::vector<Fact> echo_facts(const ResolvedScene& s, const DataBase& db) {
     add("dem circle", db.cyclic ? db.cycle_columns : 0);
     add("culture", db.has_culture, " ", db.culture_columns, " x ", db.culture_rows, " from ", db.culture_column_offset,
         ",", db.culture_row_offset, " by ", db.culture_column_scale, ",", db.culture_row_scale);
+    add("codes", db.legend_sum);
     add("culture-height", db.has_culture_height);
     add("material", static_cast<int>(db.default_class));
 

@@ -55,6 +55,7 @@ struct DataBase {
     std::int64_t post_bytes = 4;  ///< of one post, decoded, in all layers that load() reads
 
     std::string culture_name, legend_name;  ///< for messages
+    std::uint64_t legend_sum = 0;           ///< of what its codes stand for; 0: there is none
     bool has_culture = false;
     bool has_culture_height = false;
     ClassId default_class = 4;  ///< where there is no culture: the key `material`

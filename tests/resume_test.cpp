@@ -991,6 +991,30 @@ TEST_CASE("a tile store is known by its content, not by when it was written", "[
     CHECK(!(Images(folder) == first));
 }
 
+TEST_CASE("a store whose codes mean other materials is another data base", "[resume][program]") {
+    const Folder folder;
+    Program program(folder);
+    const auto tile = [&](const char* material) {
+        std::ofstream legend(folder / "legend.csv");
+        for (int code = -9999; code < 300; ++code) legend << code << ',' << (code % 2 == 0 ? material : "soil") << '\n';
+        legend.close();
+        REQUIRE(program
+                    .run({"tile", data + "/inland_empire_dem.tif", "--culture", data + "/inland_empire_culture.tif",
+                          "--culture-legend", "legend.csv", "store", "-q", "--overwrite"})
+                    .code == 0);
+    };
+    const Strings kept = scene_over("store") + outputs + Strings{"--work-dir", "work", "--resume"};
+    tile("urban");
+    REQUIRE(program.run(kept).code == 0);
+    const Images first(folder);
+    REQUIRE(program.run(kept).code == 0);
+    CHECK(report(folder)["reused"] == wedges);
+    tile("water");
+    const Outcome other = program.run(kept);
+    CAPTURE(other.err);
+    CHECK((other.code != 0 || report(folder)["reused"] == 0));
+}
+
 TEST_CASE("a full disk and a signal leave what is done, and say how to go on", "[resume][program]") {
     const Folder folder;
     Program program(folder);

@@ -384,6 +384,11 @@ void RasterSource::open_culture(std::unique_ptr<RasterLayer> raster) {
     data_base_.has_culture = true;
     data_base_.culture_name = facts.path;
     data_base_.legend_name = params_.legend ? params_.legend->name() : "none";
+    if (params_.legend) {
+        std::string words;
+        for (const auto& [code, id] : params_.legend->classes()) words += text(code, ",", static_cast<int>(id), "\n");
+        data_base_.legend_sum = checksum(words);
+    }
     data_base_.culture_column_offset = culture_->columns().offset;
     data_base_.culture_column_scale = culture_->columns().scale;
     data_base_.culture_row_offset = culture_->rows().offset;
