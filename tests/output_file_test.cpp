@@ -137,6 +137,8 @@ TEST_CASE("side files move with their file and stale ones go", "[output_file]") 
     put(folder / "echo.tif", "old");
     put(folder / "echo.tif.aux.xml", "old");
     put(folder / "echo.tif.geoloc.tif", "old");
+    put(folder / "echo.tif.ovr", "old overviews");
+    put(folder / "echo.tif.msk", "an old mask");
     put(folder / "echo.tiff", "a neighbour");
     {
         OutputFile file(folder / "echo.tif", true);

@@ -87,7 +87,7 @@ TEST_CASE("no output replaces a file that an input's driver keeps beside it", "[
     draw_points(folder / "pts.shp");
     CHECK_THAT(refused("report", folder / "pts.dbf", "observers", folder / "pts.shp"), replaces);
     draw(folder / "a.tif", {});
-    for (const char* more : {".ovr", ".msk", ".aux.xml"}) {
+    for (const char* more : {".ovr", ".msk", ".aux.xml", ".geoloc.tif"}) {
         INFO(more);
         CHECK(refused("output", folder / "a.tif" + more, "dem", folder / "a.tif", "GTiff") == nothing_refused);
         std::ofstream(folder / "a.tif" + more) << "<PAMDataset/>";

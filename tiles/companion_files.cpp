@@ -108,7 +108,8 @@ std::vector<std::string> files_of_input(const std::string& path) {
     if (!named)
         if (const std::string file = file_behind(path); !file.empty()) files.push_back(file);
     const std::string stem = fs::path(path).replace_extension().string();
-    for (const char* more : {".aux.xml", ".aux", ".ovr", ".msk", ".msk.ovr"}) files.push_back(path + more);
+    for (const char* more : {".aux.xml", ".aux", ".ovr", ".msk", ".msk.ovr", ".geoloc.tif"})
+        files.push_back(path + more);
     for (const char* more : {".aux", ".tfw", ".tifw", ".tiffw", ".wld"}) files.push_back(stem + more);
     if (!named || !PlainTiff::of("raster", path)) add_listed(path, files);
     std::erase_if(files, [](const std::string& file) { return !is_file(file); });

@@ -159,9 +159,12 @@ void Spill::open_file() {
 }
 
 void Spill::open_named_file() {
-    for (;;) {
-        std::string path = (std::filesystem::path(params_.folder) / text(named_spill, "XXXXXX")).string();
-        file_ = ::mkostemp(path.data(), O_CLOEXEC);
+    for (int i = 0;; ++i) {
+        const std::string path =
+            (std::filesystem::path(params_.folder) / text(named_spill, ::getpid(), "-", i)).string();
+        // As O_TMPFILE makes it: others may read it where the umask lets them.
+        file_ = ::open(path.c_str(), O_CREAT | O_EXCL | O_RDWR | O_CLOEXEC, 0666);
+        if (file_ < 0 && errno == EEXIST) continue;
         if (file_ < 0) return;
         claim(file_);
         if (stands_at(file_, path)) {
