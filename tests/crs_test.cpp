@@ -238,6 +238,49 @@ TEST_CASE("places of transverse Mercator are PROJ's, near its meridian and far",
     proj_context_destroy(context);
 }
 
+TEST_CASE("a raster has one operation between datums all over, where PROJ has one for each part of it", "[crs]") {
+    struct Ground {
+        const char* crs;
+        double x, y;  // easting and northing of its middle, where PROJ takes another operation some kilometres on
+    };
+    const Ground ground = GENERATE(Ground{"EPSG:23032", 500000, 6037000}, Ground{"EPSG:23030", 500000, 4837000},
+                                   Ground{"EPSG:3003", 1500000, 4571000});
+    INFO(ground.crs);
+    std::string reason;
+    RasterFacts facts;
+    facts.has_geotransform = true;
+    facts.columns = facts.rows = 1200;
+    facts.step_x = 50, facts.step_y = -50;
+    facts.corner_x = ground.x - 30000, facts.corner_y = ground.y + 30000;
+    set_crs(facts, Crs::read(ground.crs, reason));
+    Georeference ours(facts);
+    PJ_CONTEXT* const context = proj_context_create();
+    PJ* const way = proj_create_crs_to_crs(context, "EPSG:4326", ground.crs, nullptr);
+    PJ* const proj = proj_normalize_for_visualization(context, way);
+    REQUIRE(proj);
+    const auto by_proj = [&](double row) {
+        return proj_trans(proj, PJ_INV, proj_coord(ground.x, facts.corner_y - 50 * (row + 0.5), 0, HUGE_VAL)).v[1];
+    };
+    const auto by_us = [&](double row) { return ours.lat_lon(599.5, row)->first; };
+    // From row to row latitude falls as evenly as a projection does, but for a step of metres.
+    const auto step_m = [](const auto& latitude) {
+        double most = 0;
+        for (int row = 1; row < 1199; ++row)
+            most = std::max(most, std::fabs(latitude(row - 1) - 2 * latitude(row) + latitude(row + 1)) * 111e3);
+        return most;
+    };
+    CHECK(step_m(by_proj) > 0.3);
+    CHECK(step_m(by_us) < 1e-3);
+    // In the middle it is PROJ's own.
+    CHECK(std::fabs(by_us(599.5) - by_proj(599.5)) < 1e-12);
+    const IndexPosition at = ours.locate(by_us(3.25), ours.lat_lon(599.5, 3.25)->second);
+    CHECK(std::fabs(at.row - 3.25) < 1e-4);  // 5 mm: a shift by seven terms is not undone to more
+    CHECK(std::fabs(at.column - 599.5) < 1e-4);
+    proj_destroy(proj);
+    proj_destroy(way);
+    proj_context_destroy(context);
+}
+
 TEST_CASE("what is known of a CRS hangs on its WKT alone, and not on how it was named", "[crs]") {
     for (const std::string& definition : definitions) {
         INFO(definition);

@@ -1,7 +1,10 @@
 #include "tiles/georeference.hpp"
 
+#include <fmt/format.h>
+
 #include <GeographicLib/Constants.hpp>
 #include <GeographicLib/TransverseMercator.hpp>
+#include <algorithm>
 #include <cmath>
 #include <map>
 #include <mutex>
@@ -37,13 +40,15 @@ constexpr const char* wgs84_in_proj = "EPSG:4326";
 /// which PROJ looks through the names of its data base: 10 to 15 ms of each process.
 class Georeference::ByProj : public Georeference::Way {
 public:
-    explicit ByProj(const Crs& crs) : context_(quiet_context(reason_)) {
+    explicit ByProj(const RasterFacts& facts) : context_(quiet_context(reason_)) {
         reason_ = with_proj([&](PJ_CONTEXT* common) {
-            const ProjObject wgs84(proj_create(common, wgs84_in_proj)), raster = create(common, crs);
+            const ProjObject wgs84(proj_create(common, wgs84_in_proj)), raster = create(common, *facts.crs);
             if (!wgs84 || !raster) return;
             const ProjObject way(proj_create_crs_to_crs_from_pj(common, wgs84.get(), raster.get(), nullptr, nullptr));
             // Longitude and easting first, as in rasters, whatever the order of the CRS's axes.
             if (way) way_.reset(proj_normalize_for_visualization(common, way.get()));
+            if (way_)
+                if (ProjObject one = one_operation(way_.get(), facts)) way_ = std::move(one);
             // From here on it does not wait for others.
             if (way_) proj_assign_context(way_.get(), context_.get());
         });
@@ -68,6 +73,31 @@ public:
     }
 
 private:
+    /// Between some datums PROJ has several operations, each for an area of its own, and takes another one point by point: a step
+    /// of metres, in the middle of a raster, in ground that has none. For the whole raster then: that of its middle, or another
+    /// that is in use at its edge, the first that works all over it; none where none does.
+    static ProjObject one_operation(PJ* all, const RasterFacts& facts) {
+        const auto at = [&](int i, int j) {
+            return proj_coord(facts.corner_x + 0.5 * i * (facts.edge_x() - facts.corner_x),
+                              facts.corner_y + 0.5 * j * (facts.edge_y() - facts.corner_y), 0, HUGE_VAL);
+        };
+        constexpr int places[][2] = {{1, 1}, {0, 0}, {2, 0}, {0, 2}, {2, 2}, {1, 0}, {0, 1}, {2, 1}, {1, 2}};
+        const auto works = [&](PJ* one) {
+            return std::ranges::all_of(places, [&](const auto& place) {
+                const PJ_COORD there = proj_trans(one, PJ_INV, at(place[0], place[1])),
+                               back = proj_trans(one, PJ_FWD, there);
+                return std::isfinite(there.v[0]) && std::isfinite(there.v[1]) && std::isfinite(back.v[0]) &&
+                       std::isfinite(back.v[1]);
+            });
+        };
+        for (const auto& place : places) {
+            proj_trans(all, PJ_INV, at(place[0], place[1]));
+            ProjObject one(proj_trans_get_last_used_operation(all));
+            if (one && works(one.get())) return one;
+        }
+        return nullptr;
+    }
+
     static ProjObject create(PJ_CONTEXT* context, const Crs& crs) {
         ProjObject own(proj_create(context, crs.wkt().c_str()));
         if (!own || crs.authority().empty() || crs.code().empty()) return own;
@@ -93,8 +123,8 @@ private:
 /// nanometres and needs no data base, nor PROJ. Far from the meridian PROJ is asked.
 class Georeference::ByMercator : public Georeference::Way {
 public:
-    explicit ByMercator(std::shared_ptr<const Crs> crs)
-        : crs_(std::move(crs)), of_(*crs_->mercator()),
+    explicit ByMercator(const RasterFacts& facts)
+        : facts_(facts), of_(*facts.crs->mercator()),
           projection_(GeographicLib::Constants::WGS84_a(), GeographicLib::Constants::WGS84_f(), of_.scale) {
         double x = 0;
         projection_.Forward(0, of_.latitude_deg, 0, x, origin_y_);
@@ -124,11 +154,11 @@ private:
 
     ByProj& by_proj() {
         const std::lock_guard lock(mutex_);
-        if (!by_proj_) by_proj_ = std::make_unique<ByProj>(*crs_);
+        if (!by_proj_) by_proj_ = std::make_unique<ByProj>(facts_);
         return *by_proj_;
     }
 
-    std::shared_ptr<const Crs> crs_;
+    RasterFacts facts_;
     TransverseMercator of_;
     GeographicLib::TransverseMercator projection_;
     double origin_y_ = 0;
@@ -138,17 +168,19 @@ private:
 
 std::shared_ptr<Georeference::Way> Georeference::way_of(const RasterFacts& facts) {
     static std::mutex mutex;
-    static std::map<std::string, std::weak_ptr<Way>> known;  // by WKT
+    static std::map<std::string, std::weak_ptr<Way>> known;  // by WKT and bounds
     const std::lock_guard lock(mutex);
     std::erase_if(known, [](const auto& entry) { return entry.second.expired(); });
-    std::weak_ptr<Way>& place = known[facts.crs->wkt()];
+    const std::string bounds =
+        fmt::format("{} {} {} {} ", facts.corner_x, facts.corner_y, facts.edge_x(), facts.edge_y());
+    std::weak_ptr<Way>& place = known[bounds + facts.crs->wkt()];
     if (auto way = place.lock()) return way;
     if (facts.crs->mercator()) {
-        const auto way = std::make_shared<ByMercator>(facts.crs);
+        const auto way = std::make_shared<ByMercator>(facts);
         place = way;
         return way;
     }
-    const auto way = std::make_shared<ByProj>(*facts.crs);
+    const auto way = std::make_shared<ByProj>(facts);
     if (!way->known())
         throw DataError(text(facts.named(), ": PROJ knows no way between WGS84 and its CRS '", facts.crs->definition(),
                              "': ", way->reason()));
