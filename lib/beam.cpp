@@ -282,8 +282,8 @@ namespace {
 class Gathering {
 public:
     Gathering(const PolarImage<float>& echo, const PolarGrid& shown, const BeamSetting& setting,
-              std::span<const float> everywhere_w)
-        : echo_(echo), shown_(shown), setting_(setting), everywhere_w_(everywhere_w), filled_(echo) {
+              std::span<const float> everywhere_w, const Stop* stop)
+        : echo_(echo), shown_(shown), setting_(setting), everywhere_w_(everywhere_w), stop_(stop), filled_(echo) {
         if (!everywhere_w.empty() && everywhere_w.size() != echo.grid.range_count())
             throw Error("what is everywhere has other range bins than the echo image");
     }
@@ -310,6 +310,7 @@ public:
                                       std::vector<double> scratch;
                                       std::vector<double> sums(static_cast<std::size_t>(strip.size()));
                                       for (std::size_t i = rows.begin(); i < rows.end(); ++i) {
+                                          if (stop_) stop_->check();
                                           resolution.row(shown_.azimuth_bins.begin + static_cast<std::int64_t>(i),
                                                          source, scratch, sums, &filled_);
                                           float* const out = to(i);
@@ -325,16 +326,17 @@ private:
     const PolarGrid& shown_;
     const BeamSetting& setting_;
     std::span<const float> everywhere_w_;
+    const Stop* stop_;
     FilledParts filled_;
 };
 
 }  // namespace
 
 PolarImage<float> power_image(const PolarImage<float>& echo, const PolarGrid& shown, const BeamSetting& setting,
-                              PolarImage<float>&& used, std::span<const float> everywhere_w) {
+                              PolarImage<float>&& used, std::span<const float> everywhere_w, const Stop* stop) {
     PolarImage<float> power(shown, std::move(used));
     if (shown.cells() == 0) return power;
-    const Gathering gathering(echo, shown, setting, everywhere_w);
+    const Gathering gathering(echo, shown, setting, everywhere_w, stop);
     const std::int64_t strip = strip_bins(setting, shown, 0, 0);
     for (std::int64_t begin = shown.range_bins.begin; begin < shown.range_bins.end; begin += strip)
         gathering.gather({begin, std::min(begin + strip, shown.range_bins.end)},
@@ -343,7 +345,7 @@ PolarImage<float> power_image(const PolarImage<float>& echo, const PolarGrid& sh
 }
 
 PolarImage<float> power_in_place(PolarImage<float>&& echo, const BeamSetting& setting,
-                                 std::span<const float> everywhere_w) {
+                                 std::span<const float> everywhere_w, const Stop* stop) {
     PolarImage<float> image = std::move(echo);
     const PolarGrid grid = image.grid;
     if (grid.cells() == 0) return image;
@@ -351,8 +353,8 @@ PolarImage<float> power_in_place(PolarImage<float>&& echo, const BeamSetting& se
     constexpr std::size_t bytes = std::size_t{1} << 20;
     const auto fits = static_cast<std::int64_t>(bytes / sizeof(float) / grid.azimuth_count());
     const std::int64_t strip = std::max({fits, lead_in_bins(setting, grid.range_bin_m), std::int64_t{64}});
-    if (4 * strip > grid.range_bins.size()) return power_image(image, grid, setting, {}, everywhere_w);
-    const Gathering gathering(image, grid, setting, everywhere_w);
+    if (4 * strip > grid.range_bins.size()) return power_image(image, grid, setting, {}, everywhere_w, stop);
+    const Gathering gathering(image, grid, setting, everywhere_w, stop);
     PolarGrid part = grid;
     part.range_bins = {0, strip};
     PolarImage<float> gathered(part, {}), waiting(part, {});

@@ -8,6 +8,7 @@
 #include "lib/earth.hpp"
 #include "lib/polar.hpp"
 #include "lib/sensor.hpp"
+#include "lib/stop.hpp"
 
 namespace wedgescope {
 
@@ -46,13 +47,15 @@ std::int64_t lead_in_bins(const BeamSetting& setting, double range_bin_m);
 /// covers `shown`. Every output is a sum in a fixed order: the same bits for any number of threads. `used`: an image whose
 /// memory may serve again.
 ///   everywhere_w  echo of every azimuth in each range bin of `echo`, on top of it (rain); empty: none
+///   stop  looked at between rows: Interrupted
 PolarImage<float> power_image(const PolarImage<float>& echo, const PolarGrid& shown, const BeamSetting& setting,
-                              PolarImage<float>&& used = {}, std::span<const float> everywhere_w = {});
+                              PolarImage<float>&& used = {}, std::span<const float> everywhere_w = {},
+                              const Stop* stop = nullptr);
 
 /// The same bits for an echo image of which all is shown; in its own memory, with less than half as much beside it, unless it has
 /// few range bins.
 PolarImage<float> power_in_place(PolarImage<float>&& echo, const BeamSetting& setting,
-                                 std::span<const float> everywhere_w = {});
+                                 std::span<const float> everywhere_w = {}, const Stop* stop = nullptr);
 
 /// cos d_j as the beam uses it: of the level surface at range `range_m` (arc where range bins are ground), at least
 /// 0.5.

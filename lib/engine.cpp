@@ -237,9 +237,10 @@ void receive(const EngineParams& params, const WeatherHere& weather, bool keep_r
         const Span stage(params.timeline, "beam", "stage");
         const Stopwatch watch;
         if (echo_done && !as_image && scene.shown == scene.swept)
-            result.power_w = power_in_place(std::exchange(result.echo_w, {}), beam, weather.rain_w);
+            result.power_w = power_in_place(std::exchange(result.echo_w, {}), beam, weather.rain_w, params.stop);
         else
-            result.power_w = power_image(result.echo_w, scene.shown, beam, std::move(result.power_w), weather.rain_w);
+            result.power_w =
+                power_image(result.echo_w, scene.shown, beam, std::move(result.power_w), weather.rain_w, params.stop);
         result.report.beam_s = watch.wall_s();
     }
     if (!as_image) {
@@ -250,8 +251,8 @@ void receive(const EngineParams& params, const WeatherHere& weather, bool keep_r
     const Stopwatch watch;
     if (echo_done) result.received_w = std::exchange(result.echo_w, {});
     const FluctuationSetting fluctuation{receiver.speckle_looks, receiver.noise, scene.noise_power_w, receiver.seed};
-    result.received_w =
-        received_power(result.echo_w, result.power_w, beam, fluctuation, std::move(result.received_w), weather.rain_w);
+    result.received_w = received_power(result.echo_w, result.power_w, beam, fluctuation, std::move(result.received_w),
+                                       weather.rain_w, params.stop);
     const std::size_t blanked = blanked_bins(scene, scene.shown);
     for (std::size_t i = 0; i < scene.shown.azimuth_count(); ++i) std::fill_n(result.received_w.row(i), blanked, 0.0F);
     result.report.receiver_s = watch.wall_s();

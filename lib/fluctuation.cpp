@@ -108,18 +108,19 @@ Dwells dwells_of(const PolarGrid& grid, const Noise& noise) {
     return found;
 }
 
-template <class Body>
-void each(std::size_t n, Body body) {
-    oneapi::tbb::parallel_for(oneapi::tbb::blocked_range<std::size_t>(0, n), [&](const auto& range) {
-        for (std::size_t i = range.begin(); i < range.end(); ++i) body(i);
-    });
-}
-
 }  // namespace
 
 PolarImage<float> received_power(const PolarImage<float>& echo, const PolarImage<float>& power, const BeamSetting& beam,
                                  const FluctuationSetting& setting, PolarImage<float>&& used,
-                                 std::span<const float> everywhere_w) {
+                                 std::span<const float> everywhere_w, const Stop* stop) {
+    const auto each = [&](std::size_t n, const auto& body) {
+        oneapi::tbb::parallel_for(oneapi::tbb::blocked_range<std::size_t>(0, n), [&](const auto& range) {
+            for (std::size_t i = range.begin(); i < range.end(); ++i) {
+                if (stop) stop->check();
+                body(i);
+            }
+        });
+    };
     const PolarGrid& grid = power.grid;
     PolarImage<float> received(grid, std::move(used));
     const std::size_t rows = grid.azimuth_count();

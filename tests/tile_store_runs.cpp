@@ -197,9 +197,9 @@ TEST_CASE("a run is not resumed over what has changed behind or beside its raste
     const Folder folder;
     Drawing d = hills(64, 4096 * 2 + 10);
     draw(folder / "part.tif", d);
-    const auto raise_by = [&](int m) {
-        std::ofstream(folder / "part.tif.aux.xml")
-            << "<PAMDataset><PAMRasterBand band=\"1\"><Offset>" << m << "</Offset></PAMRasterBand></PAMDataset>";
+    const auto raise_by = [&](int m, const std::string& more = {}) {
+        std::ofstream(folder / "part.tif.aux.xml") << "<PAMDataset><PAMRasterBand band=\"1\"><Offset>" << m
+                                                   << "</Offset>" << more << "</PAMRasterBand></PAMDataset>";
     };
     raise_by(5);
     const auto vrt = [&](const std::string& from, const std::string& to) {
@@ -210,9 +210,10 @@ TEST_CASE("a run is not resumed over what has changed behind or beside its raste
     };
     vrt("part.tif", "inner.vrt");
     vrt("inner.vrt", "outer.vrt");
-    const std::string dem = GENERATE(as<std::string>(), "part.tif", "inner.vrt", "outer.vrt");
+    const std::string dem = GENERATE(as<std::string>(), "part.tif", "inner.vrt", "outer.vrt", "vrt://outer.vrt");
     CAPTURE(dem);
-    auto params = into(folder / "store", {folder / dem});
+    const std::size_t name = dem.rfind('/') + 1;
+    auto params = into(folder / "store", {dem.substr(0, name) + (folder / dem.substr(name))});
     params.threads = 1;
     Stop stop;
     params.stop = &stop;
@@ -237,9 +238,13 @@ TEST_CASE("a run is not resumed over what has changed behind or beside its raste
         const std::string refused = refusal([&] { write_tile_store(params); });
         CHECK((refused.find("a raster has changed since") != std::string::npos) == (dem == "part.tif"));
     }
+    SECTION("statistics beside it") {
+        raise_by(5, "<Metadata><MDI key=\"STATISTICS_MAXIMUM\">500</MDI></Metadata>");
+        CHECK(write_tile_store(params).layers[0].reused > 0);
+    }
     SECTION("nothing") { CHECK(write_tile_store(params).layers[0].reused > 0); }
     SECTION("no plan: all is made again") {
-        std::ofstream(folder / "store.part/plan.json", std::ios::trunc).flush();
+        fs::resize_file(folder / "store.part/plan.json", GENERATE(0, 100));
         CHECK(write_tile_store(params).layers[0].reused == 0);
     }
 }

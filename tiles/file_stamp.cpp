@@ -1,9 +1,11 @@
 #include "tiles/file_stamp.hpp"
 
 #include <cpl_vsi.h>
+#include <fmt/format.h>
 #include <sys/stat.h>
 
 #include <algorithm>
+#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <optional>
@@ -36,7 +38,11 @@ std::optional<FileStamp> stamp_of(const std::string& file) {
     return FileStamp{file, static_cast<std::uint64_t>(other.st_size), other.st_mtim.tv_sec, other.st_mtim.tv_nsec};
 }
 
+constexpr const char* vrt_connection = "vrt://";
+
+/// By its name or its first words.
 bool may_be_vrt(const std::string& file) {
+    if (file.starts_with(vrt_connection)) return true;
     if (lower_case(std::filesystem::path(file).extension().string()) == ".vrt") return true;
     std::error_code error;
     if (!std::filesystem::is_regular_file(file, error)) return false;
@@ -46,24 +52,48 @@ bool may_be_vrt(const std::string& file) {
     return begin.find("<VRTDataset") != std::string::npos;
 }
 
+bool is_vrt(GDALDataset& dataset) { return dataset.GetDriver() && EQUAL(dataset.GetDriver()->GetDescription(), "VRT"); }
+
+using TakeFile = std::function<bool(const std::string& file)>;
+bool find_file_behind(GDALDataset& dataset, std::set<std::string>& known, const TakeFile& take) {
+    const std::string own = dataset.GetDescription();
+    std::vector<std::string> files;
+    // `vrt://FILE?options` does not list FILE itself.
+    if (own.starts_with(vrt_connection)) {
+        const std::size_t begin = std::strlen(vrt_connection);
+        files.push_back(own.substr(begin, own.find('?') - begin));
+    }
+    char** const list = dataset.GetFileList();
+    for (char** file = list; file && *file; ++file) files.emplace_back(*file);
+    CSLDestroy(list);
+    const bool vrt = is_vrt(dataset);
+    for (const std::string& file : files) {
+        if (!known.insert(file).second) continue;
+        if (take(file)) return true;
+        if (!vrt || file == own || !may_be_vrt(file)) continue;
+        const DatasetHandle part(GDALDataset::Open(file.c_str(), GDAL_OF_RASTER | GDAL_OF_READONLY));
+        if (part && is_vrt(*part) && find_file_behind(*part, known, take)) return true;
+    }
+    return false;
+}
+
+/// Statistics and the like, which any program that shows a raster may leave there. What it says of posts stands among the facts.
+bool is_told(const std::string& file) { return lower_case(file).ends_with(".aux.xml"); }
+
 }  // namespace
+
+bool find_file_behind(GDALDataset& dataset, const TakeFile& take) {
+    GdalErrors quiet;
+    std::set<std::string> known;
+    return find_file_behind(dataset, known, take);
+}
 
 std::vector<std::string> files_behind(GDALDataset& dataset) {
     std::vector<std::string> found;
-    std::set<std::string> known;
-    const auto add = [&](GDALDataset& of) {
-        char** const list = of.GetFileList();
-        for (char** file = list; file && *file; ++file)
-            if (known.insert(*file).second) found.emplace_back(*file);
-        CSLDestroy(list);
-    };
-    add(dataset);
-    if (!dataset.GetDriver() || !EQUAL(dataset.GetDriver()->GetDescription(), "VRT")) return found;
-    GdalErrors quiet;
-    for (std::size_t i = 1; i < found.size(); ++i)  // it grows
-        if (may_be_vrt(found[i]))
-            if (const DatasetHandle part(GDALDataset::Open(found[i].c_str(), GDAL_OF_RASTER | GDAL_OF_READONLY)); part)
-                add(*part);
+    find_file_behind(dataset, [&](const std::string& file) {
+        found.push_back(file);
+        return false;
+    });
     return found;
 }
 
@@ -95,9 +125,13 @@ std::uint64_t stamps_checksum(std::vector<FileStamp> stamps) {
     return sum.value();
 }
 
-std::uint64_t files_fingerprint(const std::vector<std::string>& files) {
+std::uint64_t raster_fingerprint(const RasterFacts& facts, const std::vector<std::string>& files) {
     Checksum sum;
+    sum.add(fmt::format("{} {} {} {} {} {} {} {} {} {}", facts.scale, facts.offset, facts.unit_m, facts.has_no_data,
+                        facts.no_data, facts.has_mask, facts.corner_x, facts.corner_y, facts.step_x, facts.step_y));
+    if (facts.crs) sum.add(facts.crs->wkt());
     for (const std::string& path : files) {
+        if (is_told(path)) continue;
         const auto stamp = stamp_of(path);
         if (!stamp) {
             sum.add(path + " is gone");

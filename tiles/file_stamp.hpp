@@ -2,8 +2,11 @@
 // For the .cpp files of this folder only.
 #pragma once
 #include <cstdint>
+#include <functional>
 #include <string>
 #include <vector>
+
+#include "tiles/raster_layer.hpp"
 
 class GDALDataset;
 
@@ -16,8 +19,10 @@ struct FileStamp {
     friend bool operator==(const FileStamp&, const FileStamp&) = default;
 };
 
-/// The files that GDAL reads a raster from, itself first: side files, parts of a mosaic, and what is behind those parts that are
-/// VRTs themselves, at any depth.
+/// Takes the files that GDAL reads a raster from, itself first: side files, parts of a mosaic, each followed by what is behind it if
+/// it is a VRT itself, at any depth. Until `take` returns true; then so does this.
+bool find_file_behind(GDALDataset& dataset, const std::function<bool(const std::string& file)>& take);
+/// All of them.
 std::vector<std::string> files_behind(GDALDataset& dataset);
 
 /// As GDAL lists the files; none where it cannot open `path` or they are no files.
@@ -26,8 +31,9 @@ std::vector<FileStamp> file_stamps(const std::string& path);
 /// Of the names without their folders, sizes and times, in the order of the names: the same wherever they lie.
 std::uint64_t stamps_checksum(std::vector<FileStamp> stamps);
 
-/// Of paths, sizes and times of change of files that a raster is read from, those in archives and elsewhere as GDAL finds them:
-/// changes when one of them may have changed, and is the same in another process otherwise.
-std::uint64_t files_fingerprint(const std::vector<std::string>& files);
+/// Of what is known of a raster, and of paths, sizes and times of change of the files that its posts are read from, those in archives
+/// and elsewhere as GDAL finds them: changes when a post or its place may have changed, and is the same in another process otherwise.
+/// Statistics that a program leaves beside it (`.aux.xml`) change nothing.
+std::uint64_t raster_fingerprint(const RasterFacts& facts, const std::vector<std::string>& files);
 
 }  // namespace wedgescope

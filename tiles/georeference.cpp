@@ -48,7 +48,7 @@ public:
             // Longitude and easting first, as in rasters, whatever the order of the CRS's axes.
             if (way) way_.reset(proj_normalize_for_visualization(common, way.get()));
             if (way_)
-                if (ProjObject one = one_operation(way_.get(), facts)) way_ = std::move(one);
+                if (ProjObject one = one_operation(common, way_.get(), facts)) way_ = std::move(one);
             // From here on it does not wait for others.
             if (way_) proj_assign_context(way_.get(), context_.get());
         });
@@ -75,8 +75,8 @@ public:
 private:
     /// Between some datums PROJ has several operations, each for an area of its own, and takes another one point by point: a step
     /// of metres, in the middle of a raster, in ground that has none. For the whole raster then: that of its middle, or another
-    /// that is in use at its edge, the first that works all over it; none where none does.
-    static ProjObject one_operation(PJ* all, const RasterFacts& facts) {
+    /// that is in use at its edge, the first that works all over it and leaves no datum out; none where none does.
+    static ProjObject one_operation(PJ_CONTEXT* context, PJ* all, const RasterFacts& facts) {
         const auto at = [&](int i, int j) {
             return proj_coord(facts.corner_x + 0.5 * i * (facts.edge_x() - facts.corner_x),
                               facts.corner_y + 0.5 * j * (facts.edge_y() - facts.corner_y), 0, HUGE_VAL);
@@ -93,7 +93,8 @@ private:
         for (const auto& place : places) {
             proj_trans(all, PJ_INV, at(place[0], place[1]));
             ProjObject one(proj_trans_get_last_used_operation(all));
-            if (one && works(one.get())) return one;
+            if (one && works(one.get()) && proj_coordoperation_has_ballpark_transformation(context, one.get()) == 0)
+                return one;
         }
         return nullptr;
     }

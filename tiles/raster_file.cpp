@@ -185,9 +185,10 @@ ReaderBytes vrt_bytes(const std::vector<std::string>& files, ReaderBytes bytes) 
     ReaderBytes largest;
     std::size_t parts = 0;
     for (const std::string& file : files) {
-        if (parts++ >= most_asked) break;
+        if (parts >= most_asked) break;
         const DatasetHandle part(GDALDataset::Open(file.c_str(), GDAL_OF_RASTER | GDAL_OF_READONLY));
         if (!part || part->GetRasterCount() < 1 || EQUAL(part->GetDriver()->GetDescription(), "VRT")) continue;
+        ++parts;
         const ReaderBytes own = dataset_bytes(*part);
         largest = {std::max(largest.decoded, own.decoded), std::max(largest.packed, own.packed)};
     }
@@ -216,8 +217,14 @@ std::optional<FileState> state_of(const std::string& path) {
 struct Inspected {
     RasterFacts facts;
     std::vector<std::string> files;
+    std::vector<std::optional<FileState>> states;  ///< of each
     ReaderBytes reader_bytes;
 };
+std::vector<std::optional<FileState>> states_of(const std::vector<std::string>& files) {
+    std::vector<std::optional<FileState>> states;
+    for (const std::string& file : files) states.push_back(state_of(file));
+    return states;
+}
 struct Memory {
     std::mutex mutex;
     std::uint64_t session = 0;
@@ -234,7 +241,9 @@ std::optional<Inspected> recall(const std::string& path) {
     if (all.session != GdalSession::number()) return std::nullopt;
     const auto found = all.known.find(path);
     if (found == all.known.end() || state_of(path) != found->second.first) return std::nullopt;
-    return found->second.second;
+    const Inspected& known = found->second.second;
+    if (states_of(known.files) != known.states) return std::nullopt;  // a side file tells something else
+    return known;
 }
 
 void remember(const FileState& when, Inspected found) {
@@ -250,9 +259,7 @@ void remember(const FileState& when, Inspected found) {
 
 }  // namespace
 
-std::uint64_t RasterFile::fingerprint(const std::vector<Window>&) {
-    return files_fingerprint(files_);
-}
+std::uint64_t RasterFile::fingerprint(const std::vector<Window>&) { return raster_fingerprint(facts_, files_); }
 
 /// A reader for as long as it is needed.
 class RasterFile::Lease {
@@ -311,7 +318,7 @@ RasterFile::RasterFile(std::string role, std::string path) {
     if (facts_.driver == "VRT") {
         reader_bytes_ = vrt_bytes(files_, reader_bytes_);
     } else if (before) {
-        remember(*before, {facts_, files_, reader_bytes_});
+        remember(*before, {facts_, files_, states_of(files_), reader_bytes_});
     }
 
     prepare();

@@ -30,17 +30,18 @@ Cut cut_of(const RasterLayer& raster) {
     // The first raster it is made of tells more than the blocks it shows.
     GdalErrors quiet;
     const DatasetHandle vrt(GDALDataset::Open(f.path.c_str(), GDAL_OF_RASTER | GDAL_OF_READONLY));
-    for (const std::string& file : vrt ? files_behind(*vrt) : std::vector<std::string>{}) {
+    if (!vrt) return cut;
+    find_file_behind(*vrt, [&](const std::string& file) {
         const DatasetHandle part(GDALDataset::Open(file.c_str(), GDAL_OF_RASTER | GDAL_OF_READONLY));
-        if (!part || part->GetRasterCount() < 1 || EQUAL(part->GetDriver()->GetDescription(), "VRT")) continue;
+        if (!part || part->GetRasterCount() < 1 || EQUAL(part->GetDriver()->GetDescription(), "VRT")) return false;
         int columns = 0, rows = 0;
         part->GetRasterBand(1)->GetBlockSize(&columns, &rows);
         cut.columns = columns;
         cut.rows = rows;
         if (const char* c = part->GetMetadataItem("COMPRESSION", "IMAGE_STRUCTURE")) cut.compression = c;
         cut.decoded = raster.decoded_a_post(columns, rows);
-        break;
-    }
+        return true;
+    });
     return cut;
 }
 

@@ -413,8 +413,8 @@ void StoreWriter::open_folder() {
             const std::string found = file_text(plan_path, std::size_t{1} << 28);
             if (found == wanted) {
                 planned = true;
-            } else if (found.empty()) {
-                remove_all_but_plan();  // nobody knows what of
+            } else if (!json::accept(found)) {
+                remove_all_but_plan();  // empty or cut short: nobody knows what of
             } else {
                 throw InputError(text("'", folder_,
                                       "' was begun with other rasters or options, or a raster has changed since; "

@@ -81,7 +81,7 @@ ReaderBytes TiffLayer::reader_bytes() const {
 }
 
 std::uint64_t TiffLayer::fingerprint(const std::vector<Window>& cells) {
-    return told_by_ ? told_by_->fingerprint(cells) : files_fingerprint(PlainTiff::files(facts_.path));
+    return told_by_ ? told_by_->fingerprint(cells) : raster_fingerprint(facts_, PlainTiff::files(facts_.path));
 }
 
 /// libtiff's handle, for one thread at a time.
