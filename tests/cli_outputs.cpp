@@ -318,6 +318,24 @@ TEST_CASE("a legend is as wide as its text, however small the picture", "[cli][l
         CHECK(both.substr(row * legend_width, width) == picture.substr(row * width, width));
         CHECK(both.substr(row * legend_width + width, legend_width - width) == std::string(legend_width - width, '\0'));
     }
+    // The bar of received power ends at the brightest grey there is: with less than 4 dB of video gain not at white.
+    const auto brightest_in_row = [&](const Strings& gain) {
+        const auto [wide, high, all] = drawn(with({"--legend", "on"}, gain));
+        std::size_t at = 0, longest = 0;
+        // The bar: the row in which most greys follow upon each other, each a little brighter than the one before.
+        for (std::size_t row = height; row < high; ++row) {
+            std::size_t run = 0;
+            for (std::size_t i = row * wide + 1; i < (row + 1) * wide; ++i) {
+                const auto now = static_cast<unsigned char>(all[i]), before = static_cast<unsigned char>(all[i - 1]);
+                if (now == before) continue;
+                run = now > before && now <= before + 3 ? run + 1 : 0;
+                if (run > longest) longest = run, at = i;
+            }
+        }
+        return static_cast<int>(static_cast<unsigned char>(all[at]));
+    };
+    CHECK(brightest_in_row({"--video-gain", "10dB"}) == 255);
+    CHECK(brightest_in_row({"--video-gain", "0dB"}) == 161);
     // It tells of the weather, where there is any.
     const auto height_with = [&](const Strings& weather) {
         return std::get<1>(drawn(with({"--legend", "on"}, weather)));

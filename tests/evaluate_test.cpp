@@ -410,6 +410,12 @@ TEST_CASE("antenna patterns fall to half where they should, and follow their law
     CHECK(value("antenna-elevation", "delta=30deg tilt=3deg", "beta") == Approx(27).epsilon(1e-15));
 }
 
+TEST_CASE("no arc is longer than half the way round", "[evaluate]") {
+    const Folder folder;
+    CHECK(folder.run({"sight", "hs=1km", "h=0", "s=15000km", "k=1"}).code == 0);
+    CHECK_THAT(folder.refusal({"sight", "hs=1km", "h=0", "s=20000km", "k=0.1"}), Contains("half the way round"));
+}
+
 TEST_CASE("an antenna's file is a law of its own", "[evaluate]") {
     const Folder folder;
     const std::string file = folder.write("dish.csv", "# a dish\ndepression_deg,gain_db\n-10,-30\n0,0\n20,-10\n");
@@ -430,6 +436,11 @@ TEST_CASE("an antenna's file is a law of its own", "[evaluate]") {
     CHECK_THAT(table(many.out).at(2).back(), Contains("-5"));
     CHECK(folder.run({"antenna-elevation", "delta=12deg", "antenna=" + file, "-o", folder.file("one.csv")}).code == 0);
     CHECK_THAT(content(folder.file("one.csv")), Contains(file));
+    // A name with a comma is one cell.
+    const std::string odd = folder.write("dish,2.csv", "depression_deg,gain_db\n-10,-30\n0,0\n");
+    const Outcome quoted = folder.run({"antenna-elevation", "delta=12deg", "antenna=" + odd, "-o", "-"});
+    CHECK(quoted.code == 0);
+    CHECK_THAT(quoted.out, Contains(",\"" + odd + "\","));
     CHECK_THAT(folder.refusal({"antenna-elevation", "delta=0", "antenna=csc3"}),
                Contains("antenna is 'csc3'") && Contains("no such file") && Contains("did you mean csc2?"));
     const std::string bad = folder.write("bad.csv", "0,0\n1,2\n");

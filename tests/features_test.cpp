@@ -249,6 +249,82 @@ TEST_CASE("features in latitude and longitude come to lie where the terrain has 
     CHECK(wrong == 0);
 }
 
+TEST_CASE("edges of degrees lie where they do on the earth, however long, whatever the tiles", "[features]") {
+    const Folder folder;
+    OGRSpatialReference utm, wgs84;
+    utm.importFromEPSG(32611);
+    wgs84.importFromEPSG(4326);
+    for (auto* crs : {&utm, &wgs84}) crs->SetAxisMappingStrategy(OAMS_TRADITIONAL_GIS_ORDER);
+    const std::unique_ptr<OGRCoordinateTransformation> to(OGRCreateCoordinateTransformation(&utm, &wgs84));
+    constexpr double parallel = 33.85, from = -117.7, until = -117.3;
+    using Ring = std::vector<std::vector<double>>;
+    const auto box = [](double west_deg, double east_deg, double south_deg) {
+        return Ring{{west_deg, south_deg},
+                    {east_deg, south_deg},
+                    {east_deg, parallel},
+                    {west_deg, parallel},
+                    {west_deg, south_deg}};
+    };
+    const auto burnt = [&](const char* type, const nlohmann::json& coordinates, std::int64_t tile_posts) {
+        const nlohmann::json one = {{"type", "Feature"},
+                                    {"properties", {{"smc", 1}}},
+                                    {"geometry", {{"type", type}, {"coordinates", coordinates}}}};
+        std::ofstream(folder / "one.geojson")
+            << nlohmann::json{{"type", "FeatureCollection"}, {"features", {one}}}.dump();
+        auto params = into(folder / "store", folder / "one.geojson");
+        params.tile_posts = tile_posts;
+        params.overwrite = true;
+        write_tile_store(params);
+        return cells_of(folder / "store/culture.vrt");
+    };
+    // Of the middles of cells.
+    std::vector<double> x, y;
+    for (int r = 0; r < side; ++r)
+        for (int c = 0; c < side; ++c) x.push_back(x_at(c + 0.5)), y.push_back(y_at(r + 0.5));
+    REQUIRE(to->Transform(static_cast<int>(x.size()), x.data(), y.data()));
+    constexpr double doubt_deg = 0.02 * step / 111e3;
+    struct Case {
+        double west_deg, east_deg, south_deg;
+        bool hole;
+    };
+    for (const Case& one : {Case{-123, -112, 33, false}, Case{from, until, 33, false}, Case{-180, 180, -90, false},
+                            Case{-123, -112, 33, true}}) {
+        CAPTURE(one.west_deg, one.hole);
+        nlohmann::json rings = nlohmann::json::array({box(one.west_deg, one.east_deg, one.south_deg)});
+        if (one.hole) rings.push_back(box(from, until, 33.7));
+        const Cells codes = burnt("Polygon", rings, 64);
+        CHECK(burnt("Polygon", rings, 512).values == codes.values);
+        int wrong = 0, in = 0;
+        for (std::size_t i = 0; i < x.size(); ++i) {
+            const auto beside = [&](double deg, double edge) { return std::fabs(deg - edge) < doubt_deg; };
+            if (beside(y[i], parallel) || beside(x[i], from) || beside(x[i], until) || beside(y[i], 33.7)) continue;
+            const bool hole = one.hole && x[i] > from && x[i] < until && y[i] > 33.7;
+            const bool inside = y[i] < parallel && x[i] > one.west_deg && x[i] < one.east_deg && !hole;
+            wrong += inside != (codes.values[i] == metal);
+            in += inside;
+        }
+        CHECK(wrong == 0);
+        CHECK(in > 100000);
+    }
+    // A line has one cell in each column, the one that the parallel passes through, or, as GDAL rounds, the next one.
+    for (const double half_deg : {0.2, 3.0}) {
+        CAPTURE(half_deg);
+        const Ring line{{-117.5 - half_deg, parallel}, {-117.5 + half_deg, parallel}};
+        const Cells codes = burnt("LineString", line, 64);
+        CHECK(burnt("LineString", line, 512).values == codes.values);
+        int columns = 0, far = 0;
+        for (int c = 0; c < side; ++c)
+            for (int r = 0; r < side; ++r) {
+                if (codes.at(c, r) != metal) continue;
+                ++columns;
+                const double lat = y[static_cast<std::size_t>(r) * side + static_cast<std::size_t>(c)];
+                far += std::fabs(lat - parallel) > 1.02 * step / 110.9e3;
+            }
+        CHECK(columns == (half_deg > 1 ? side : 1234));
+        CHECK(far == 0);
+    }
+}
+
 TEST_CASE("neither tiles nor the file's order or format show, and GDAL burns the whole raster alike",
           "[features][long]") {
     const Folder folder;

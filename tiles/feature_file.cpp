@@ -17,6 +17,7 @@
 #include "tiles/checksum.hpp"
 #include "tiles/raster_file.hpp"
 #include "tiles/sided_layer.hpp"
+#include "tiles/straight_edges.hpp"
 
 namespace wedgescope {
 namespace {
@@ -294,18 +295,32 @@ std::vector<Ask> asks(const OGREnvelope& part, const RasterFacts& grid, bool ras
                 continue;
             }
             // Bounds are found at points between; what is between these is less than a part in twenty of the window off.
-            const double spare_x = 0.05 * std::fabs(x1 - x0), spare_y = 0.05 * std::fabs(y1 - y0);
+            const bool across = file_geographic && x0 > x1;  // the antimeridian
+            const double spare_x = 0.05 * (across ? x1 + 360 - x0 : x1 - x0), spare_y = 0.05 * (y1 - y0);
             e.MinX = x0 - spare_x;
             e.MinY = y0 - spare_y;
             e.MaxX = x1 + spare_x;
             e.MaxY = y1 + spare_y;
-            if (file_geographic && x0 > x1) {  // across the antimeridian
-                e.MinX = -180;
+            if (across) {
+                OGREnvelope west = e;
+                west.MinX = -180;
                 e.MaxX = 180;
+                out.push_back({west, shift});
             }
         }
         out.push_back({e, shift});
     }
+    return out;
+}
+
+/// By so much more that the sides along which polygons are cut lie outside the window.
+OGREnvelope grown(const OGREnvelope& box) {
+    OGREnvelope out = box;
+    const double more_x = 0.25 * (box.MaxX - box.MinX), more_y = 0.25 * (box.MaxY - box.MinY);
+    out.MinX -= more_x;
+    out.MaxX += more_x;
+    out.MinY -= more_y;
+    out.MaxY += more_y;
     return out;
 }
 
@@ -506,6 +521,7 @@ void FeatureFile::burn(const RasterFacts& grid, const Window& window, What what,
         Handle::Layer& from = handle.layers[i];
         if ((what == What::material ? from.materials : from.heights).empty()) continue;
         bool any = false;
+        std::optional<double> straight;
         for (const Ask& ask : asks(part, grid, geographic_, from.back.get(), from.geographic)) {
             if (ask.in)
                 from.layer->SetSpatialFilterRect(ask.in->MinX, ask.in->MinY, ask.in->MaxX, ask.in->MaxY);
@@ -521,9 +537,19 @@ void FeatureFile::burn(const RasterFacts& grid, const Window& window, What what,
                 const std::string where =
                     text(named(), ", layer ", in_quotes(from.name), ", feature ", feature->GetFID(), ":");
                 if (geometry->hasCurveGeometry()) geometry.reset(geometry->getLinearGeometry());
-                if (from.to_raster && geometry->transform(from.to_raster.get()) != OGRERR_NONE)
-                    throw DataError(
-                        text(where, " PROJ cannot bring its places into the terrain's CRS: ", errors.reason()));
+                if (from.to_raster) {
+                    if (!straight) {
+                        GdalErrors quiet;
+                        straight = straight_length(grid, *from.back, *from.to_raster, from.geographic);
+                    }
+                    // The same points in all windows; what lies far from this one may have no place in the terrain's CRS.
+                    if (std::isfinite(*straight)) geometry->segmentize(*straight);
+                    if (ask.in) geometry = clipped(*geometry, grown(*ask.in));
+                    if (!geometry) continue;
+                    if (geometry->transform(from.to_raster.get()) != OGRERR_NONE)
+                        throw DataError(
+                            text(where, " PROJ cannot bring its places into the terrain's CRS: ", errors.reason()));
+                }
                 OGREnvelope box;
                 geometry->getEnvelope(&box);
                 if (!std::isfinite(box.MinX) || !std::isfinite(box.MaxX) || !std::isfinite(box.MinY) ||

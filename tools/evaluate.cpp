@@ -26,6 +26,14 @@
 namespace wedgescope {
 namespace {
 
+/// A path as a cell of a table: in quotes where it holds what would end the cell.
+std::string csv_cell(const std::string& path) {
+    if (path.find_first_of(",\"#") == std::string::npos) return path;
+    std::string cell = "\"";
+    for (const char sign : path) cell.append(sign == '"' ? 2 : 1, sign);
+    return cell + '"';
+}
+
 // ----------------------------------------------------------------------------------------------------- the list
 
 std::string padded(std::string words, std::size_t width) {
@@ -251,7 +259,7 @@ void evaluate_once(const Model& model, const Fixed& fixed, const Settings& setti
         const ModelInput& input = model.inputs[i];
         header += text(header.empty() ? "" : ",",
                        column_name(input.name, values[i].word || values[i].file ? "" : input.unit));
-        row += text(row.empty() ? "" : ",", values[i].file ? values[i].file->path
+        row += text(row.empty() ? "" : ",", values[i].file ? csv_cell(values[i].file->path)
                                             : values[i].word
                                                 ? input.words[static_cast<std::size_t>(*values[i].word)]
                                                 : written(in_own_unit(input.unit, values[i].number), settings.digits));

@@ -167,7 +167,8 @@ nlohmann::ordered_json legend_text(const Settings& settings, const ResolvedScene
     line("Sector", s.sector ? trimmed_number(s.sector->from.deg(), 2) + " to " + degrees(s.sector->to) : "full circle");
 
     section("SCOPE");
-    line("Slant range", nautical_miles(s.range_m.value_or(0)));
+    line(s.display.kind == DisplayKind::gpi_true ? "Ground range" : "Slant range",
+         nautical_miles(s.range_m.value_or(0)));
     const bool delayed = s.display.kind == DisplayKind::tdppi;
     if (delayed) line("Sweep delay", nautical_miles(r.sweep_delay_m));
     if (!picture.ring_range_m.empty()) {
@@ -226,7 +227,9 @@ nlohmann::ordered_json legend_text(const Settings& settings, const ResolvedScene
 
     section("DATA BASE");
     const auto name = [](const std::string& path) {
-        std::string file = std::filesystem::path(path).filename().string();
+        const std::filesystem::path whole(path);
+        // A folder may be given with a slash behind it.
+        std::string file = (whole.has_filename() ? whole : whole.parent_path()).filename().string();
         if (file.size() > 28) file = file.substr(0, 25) + "...";
         return file;
     };
@@ -234,10 +237,12 @@ nlohmann::ordered_json legend_text(const Settings& settings, const ResolvedScene
     if (!settings.culture.empty()) line("Culture", name(settings.culture));
     if (!settings.culture_height.empty()) line("Heights", name(settings.culture_height));
 
-    // What received power is black and white (physics 2.4): v_if = (P - MDS + G_if - 64) / D, times the video gain.
-    const double black_dbm = mds + 64 - receiver.if_gain.db();
-    const double white_dbm =
-        black_dbm + receiver.dynamic_range.db() / std::pow(10.0, (receiver.video_gain.db() - 4) / 20);
+    // What received power is black and white (physics 2.4): v_if = (P - MDS + G_if - 64) / D, at most 1, times the video gain.
+    // Where that is less than 1, nothing is white: the limiter's grey is the brightest.
+    const double black_dbm = mds + if_gain_reference.db() - receiver.if_gain.db(),
+                 gain_db = receiver.video_gain.db() - video_gain_reference.db();
+    const double brightest_dbm = black_dbm + receiver.dynamic_range.db() / std::pow(10.0, std::max(0.0, gain_db) / 20);
+    const int brightest = receiver_levels(receiver, mds, brightest_dbm + 1, 0).grey;
     json out;
     out["width"] = picture.frame.width;
     out["height"] = picture.frame.height;
@@ -246,7 +251,8 @@ nlohmann::ordered_json legend_text(const Settings& settings, const ResolvedScene
     out["sections"] = sections;
     out["scale"] = json{{"title", receiver.stc_range_m ? "RECEIVED POWER less STC" : "RECEIVED POWER"},
                         {"black", trimmed_number(black_dbm, 1) + " dBm"},
-                        {"white", trimmed_number(white_dbm, 1) + " dBm"}};
+                        {"white", text(gain_db < 0 ? "limit " : "", trimmed_number(brightest_dbm, 1), " dBm")},
+                        {"brightest", brightest}};
     return out;
 }
 

@@ -2,6 +2,7 @@
 #include <GeographicLib/Geodesic.hpp>
 
 #include <algorithm>
+#include <numbers>
 
 #include "lib/earth.hpp"
 #include "lib/facet.hpp"
@@ -58,6 +59,8 @@ std::vector<Model> geometry_models() {
           {"psi", "deg", "grazing angle at the point, of the horizontal plane"},
           {"theta", "deg", "angle at the earth's centre"}},
          [](const Arguments& a) -> std::vector<double> {
+             if (a["s"] * earth_of(a).inverse_radius() > std::numbers::pi)
+                 throw NoSolution("the arc is longer than half the way round the effective earth");
              const Earth::Sight sight = earth_of(a).sight(a["hs"], a["h"], a["s"]);
              return {sight.slant_range_m, sight.depression_rad, sight.grazing_rad,
                      a["s"] * earth_of(a).inverse_radius()};

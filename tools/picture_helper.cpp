@@ -49,9 +49,10 @@ public:
         oiio::ImageBufAlgo::fill(buffer_, oiio::cspan<float>(colour), oiio::ROI(x, x + width, y, y + height));
     }
     /// Black on the left to white on the right.
-    void ramp(int x, int y, int width, int height) {
+    void ramp(int x, int y, int width, int height, int brightest) {
         for (int i = 0; i < width; ++i) {
-            fill(x + i, y, 1, height, 255 * static_cast<float>(i) / static_cast<float>(std::max(1, width - 1)));
+            const float share = static_cast<float>(i) / static_cast<float>(std::max(1, width - 1));
+            fill(x + i, y, 1, height, static_cast<float>(brightest) * share);
         }
     }
     void write(const std::string& words, int x, int baseline, int size, const std::string& font, float grey,
@@ -87,6 +88,7 @@ struct Legend {
     std::string title, subtitle;
     std::vector<Section> sections;
     std::string scale_title, black, white;
+    int brightest = 255;
 };
 
 Legend read_legend(const json& in) {
@@ -103,6 +105,7 @@ Legend read_legend(const json& in) {
     legend.scale_title = in.at("scale").at("title");
     legend.black = in.at("scale").at("black");
     legend.white = in.at("scale").at("white");
+    legend.brightest = in.at("scale").at("brightest");
     return legend;
 }
 
@@ -162,7 +165,7 @@ int draw_scale(Canvas& canvas, const Legend& legend, const Type& type, const Fon
     canvas.write(legend.scale_title, x, y + type.letter, type.small(), fonts.bold, label_grey);
     y += type.line();
     canvas.fill(x, y, width, type.letter, rule_grey);
-    canvas.ramp(x + 1, y + 1, width - 2, type.letter - 2);
+    canvas.ramp(x + 1, y + 1, width - 2, type.letter - 2, legend.brightest);
     y += type.letter + type.gap() / 2;
     canvas.write(legend.black, x, y + type.letter, type.letter, fonts.regular, value_grey);
     canvas.write(legend.white, x + width, y + type.letter, type.letter, fonts.regular, value_grey, true);

@@ -1,0 +1,181 @@
+#include "tiles/straight_edges.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <optional>
+#include <utility>
+#include <vector>
+
+namespace wedgescope {
+namespace {
+
+using Points = std::vector<OGRRawPoint>;
+
+std::optional<OGRRawPoint> brought(OGRCoordinateTransformation& way, OGRRawPoint at) {
+    int good = 0;
+    way.Transform(1, &at.x, &at.y, nullptr, &good);
+    if (!good || !std::isfinite(at.x) || !std::isfinite(at.y)) return std::nullopt;
+    return at;
+}
+
+/// What lies on one side of a line along an axis.
+struct HalfPlane {
+    double OGRRawPoint::*across;
+    double OGRRawPoint::*along;
+    double bound;
+    double side;  ///< 1: above it, -1: below
+
+    bool holds(const OGRRawPoint& p) const { return side * (p.*across - bound) >= 0; }
+    OGRRawPoint crossing(const OGRRawPoint& a, const OGRRawPoint& b) const {
+        OGRRawPoint p;
+        p.*across = bound;
+        p.*along = a.*along + (bound - a.*across) / (b.*across - a.*across) * (b.*along - a.*along);
+        return p;
+    }
+};
+
+std::array<HalfPlane, 4> sides_of(const OGREnvelope& box) {
+    constexpr auto x = &OGRRawPoint::x, y = &OGRRawPoint::y;
+    return {{{x, y, box.MinX, 1}, {x, y, box.MaxX, -1}, {y, x, box.MinY, 1}, {y, x, box.MaxY, -1}}};
+}
+
+Points points_of(const OGRSimpleCurve& curve) {
+    Points points(static_cast<std::size_t>(curve.getNumPoints()));
+    if (!points.empty()) curve.getPoints(points.data());
+    return points;
+}
+
+Points cut_ring(Points ring, const OGREnvelope& box) {
+    for (const HalfPlane& half : sides_of(box)) {
+        Points kept;
+        for (std::size_t i = 0; i < ring.size(); ++i) {
+            const OGRRawPoint &from = ring[i > 0 ? i - 1 : ring.size() - 1], &to = ring[i];
+            if (half.holds(from) != half.holds(to)) kept.push_back(half.crossing(from, to));
+            if (half.holds(to)) kept.push_back(to);
+        }
+        ring = std::move(kept);
+    }
+    return ring;
+}
+
+/// Of a line the edges that may come into the box, whole: GDAL draws an edge from the cell of one end to that of the other, and
+/// another end would be another line.
+std::vector<Points> edges_near(const Points& line, const OGREnvelope& box) {
+    const auto sides = sides_of(box);
+    std::vector<Points> pieces;
+    bool open = false;
+    for (std::size_t i = 1; i < line.size(); ++i) {
+        const bool near = std::ranges::none_of(
+            sides, [&](const HalfPlane& half) { return !half.holds(line[i - 1]) && !half.holds(line[i]); });
+        if (near && !open) pieces.push_back({line[i - 1]});
+        if (near) pieces.back().push_back(line[i]);
+        open = near;
+    }
+    return pieces;
+}
+
+void add_pieces(const OGRLineString& line, const OGREnvelope& box, OGRGeometryCollection& to) {
+    for (const Points& piece : edges_near(points_of(line), box)) {
+        auto part = std::make_unique<OGRLineString>();
+        part->setPoints(static_cast<int>(piece.size()), piece.data());
+        to.addGeometryDirectly(part.release());
+    }
+}
+
+std::unique_ptr<OGRPolygon> cut_polygon(const OGRPolygon& polygon, const OGREnvelope& box) {
+    auto out = std::make_unique<OGRPolygon>();
+    for (const OGRLinearRing* ring : polygon) {
+        const Points points = cut_ring(points_of(*ring), box);
+        if (points.size() < 3) {
+            if (out->IsEmpty()) return nullptr;  // nothing of the outer ring
+            continue;
+        }
+        auto part = std::make_unique<OGRLinearRing>();
+        part->setPoints(static_cast<int>(points.size()), points.data());
+        part->closeRings();
+        out->addRingDirectly(part.release());
+    }
+    return out->IsEmpty() ? nullptr : std::move(out);
+}
+
+}  // namespace
+
+double straight_length(const RasterFacts& grid, OGRCoordinateTransformation& back, OGRCoordinateTransformation& there,
+                       bool file_geographic) {
+    constexpr double most_bend = 0.01, trial = 32;  // cells
+    constexpr double most_pieces = 65536;           // across the raster; near a pole edges bend without end
+    double least = std::numeric_limits<double>::infinity(), across = 0;
+    const auto between = [](const OGRRawPoint& a, const OGRRawPoint& b, bool geographic) {
+        return OGRRawPoint{geographic ? std::remainder(b.x - a.x, 360.0) : b.x - a.x, b.y - a.y};
+    };
+    const auto place = [&](double column, double row) {
+        return brought(back, {grid.corner_x + column * grid.step_x, grid.corner_y + row * grid.step_y});
+    };
+    const auto columns = static_cast<double>(grid.columns), rows = static_cast<double>(grid.rows);
+    const auto middle = place(0.5 * columns, 0.5 * rows);
+    for (const double v : {0.0, 0.5, 1.0})
+        for (const double u : {0.0, 0.5, 1.0}) {
+            const auto at = place(u * columns, v * rows), right = place(u * columns + trial, v * rows),
+                       down = place(u * columns, v * rows + trial);
+            if (!at || !right || !down) continue;
+            if (middle) {
+                const OGRRawPoint half = between(*middle, *at, file_geographic);
+                across = std::max(across, 2 * std::hypot(half.x, half.y));
+            }
+            const OGRRawPoint a = between(*at, *right, file_geographic), b = between(*at, *down, file_geographic);
+            for (const OGRRawPoint& half :
+                 {a, b, OGRRawPoint{a.x + b.x, a.y + b.y}, OGRRawPoint{a.x - b.x, a.y - b.y}}) {
+                const auto from = brought(there, {at->x - half.x, at->y - half.y}), own = brought(there, *at),
+                           to = brought(there, {at->x + half.x, at->y + half.y});
+                if (!from || !own || !to) continue;
+                const OGRRawPoint before = between(*own, *from, grid.geographic),
+                                  behind = between(*own, *to, grid.geographic);
+                const double bend =
+                    0.5 * std::hypot((before.x + behind.x) / grid.step_x, (before.y + behind.y) / grid.step_y);
+                constexpr double nothing = 1e-7;  // what rounding makes
+                if (bend > nothing)
+                    least = std::min(least, 2 * std::hypot(half.x, half.y) * std::sqrt(most_bend / bend));
+            }
+        }
+    return std::max(least, across / most_pieces);
+}
+
+std::unique_ptr<OGRGeometry> clipped(const OGRGeometry& geometry, const OGREnvelope& box) {
+    OGREnvelope own;
+    geometry.getEnvelope(&own);
+    if (box.Contains(own)) return std::unique_ptr<OGRGeometry>(geometry.clone());
+    if (!box.Intersects(own)) return nullptr;
+    switch (wkbFlatten(geometry.getGeometryType())) {
+        case wkbLineString: {
+            auto lines = std::make_unique<OGRMultiLineString>();
+            add_pieces(*geometry.toLineString(), box, *lines);
+            if (lines->IsEmpty()) return nullptr;
+            return lines;
+        }
+        case wkbPolygon:
+            return cut_polygon(*geometry.toPolygon(), box);
+        case wkbMultiPoint:
+        case wkbMultiLineString:
+        case wkbMultiPolygon:
+        case wkbGeometryCollection: {
+            // Of the same kind: what of it overlaps is GDAL's to say.
+            std::unique_ptr<OGRGeometry> kind(
+                OGRGeometryFactory::createGeometry(wkbFlatten(geometry.getGeometryType())));
+            OGRGeometryCollection& out = *kind->toGeometryCollection();
+            for (const OGRGeometry* part : *geometry.toGeometryCollection()) {
+                if (wkbFlatten(part->getGeometryType()) == wkbLineString)
+                    add_pieces(*part->toLineString(), box, out);
+                else if (auto kept = clipped(*part, box))
+                    out.addGeometryDirectly(kept.release());
+            }
+            if (out.IsEmpty()) return nullptr;
+            return kind;
+        }
+        default:
+            return std::unique_ptr<OGRGeometry>(geometry.clone());
+    }
+}
+
+}  // namespace wedgescope

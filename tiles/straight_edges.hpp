@@ -1,0 +1,25 @@
+// A feature's edges are straight in the CRS of its file; in another one they bend. How finely they are cut so that pieces of
+// them that are straight there lie as they do, and what of a geometry lies in a box.
+// For the .cpp files of this folder only.
+#pragma once
+#include <ogr_geometry.h>
+#include <ogr_spatialref.h>
+
+#include <memory>
+
+#include "tiles/raster_layer.hpp"
+
+namespace wedgescope {
+
+/// Length, in a file's units, of an edge that bends by no more than a hundredth of a cell anywhere on the raster; the sagitta of
+/// a curve grows as the square of its chord. Infinite where nothing bends. `back` and `there`: from the raster's CRS to the
+/// file's and the other way.
+double straight_length(const RasterFacts& grid, OGRCoordinateTransformation& back, OGRCoordinateTransformation& there,
+                       bool file_geographic);
+
+/// What of points and polygons lies in a box, polygons along its sides too (Sutherland and Hodgman 1974, Comm. ACM 17:32: rings that
+/// cross themselves are cut as well as others), and of lines the edges that may come into it; null: nothing. Other geometries as
+/// they are.
+std::unique_ptr<OGRGeometry> clipped(const OGRGeometry& geometry, const OGREnvelope& box);
+
+}  // namespace wedgescope
