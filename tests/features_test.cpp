@@ -325,6 +325,93 @@ TEST_CASE("edges of degrees lie where they do on the earth, however long, whatev
     }
 }
 
+TEST_CASE("a feature that goes far beyond windows and poles is whole, and no tile shows", "[features]") {
+    const Folder folder;
+    using Ring = std::vector<std::vector<double>>;
+    struct Ground {
+        const char* crs;
+        int columns, rows;
+        double step_m, x, y;
+    };
+    const Ground ground = GENERATE(
+        Ground{"EPSG:32633", 4096, 320, 90, 315000, 6100000}, Ground{"EPSG:3413", 400, 400, 40, -8000, 8000},
+        Ground{"EPSG:3995", 512, 512, 4000, -1024000, 1024000}, Ground{"EPSG:32601", 700, 400, 500, 150000, 7000000});
+    INFO(ground.crs);
+    Drawing d;
+    d.columns = ground.columns;
+    d.rows = ground.rows;
+    d.type = GDT_Int16;
+    d.crs = ground.crs;
+    d.geotransform = {ground.x, ground.step_m, 0, ground.y, 0, -ground.step_m};
+    draw(folder / "dem.tif", d);
+    const auto burnt = [&](const std::vector<nlohmann::json>& polygons, std::int64_t tile_posts) {
+        nlohmann::json features = nlohmann::json::array();
+        for (const nlohmann::json& rings : polygons)
+            features.push_back({{"type", "Feature"},
+                                {"properties", {{"smc", 1}}},
+                                {"geometry", {{"type", "Polygon"}, {"coordinates", rings}}}});
+        std::ofstream(folder / "far.geojson")
+            << nlohmann::json{{"type", "FeatureCollection"}, {"features", features}}.dump();
+        auto params = into(folder / "store", folder / "far.geojson");
+        params.dems = {folder / "dem.tif"};
+        params.tile_posts = tile_posts;
+        params.overwrite = true;
+        write_tile_store(params);
+        return cells_of(folder / "store/culture.vrt");
+    };
+    // Middles of cells in degrees, and what one step of the raster is there at most.
+    OGRSpatialReference own, wgs84;
+    own.SetFromUserInput(ground.crs);
+    wgs84.importFromEPSG(4326);
+    for (auto* crs : {&own, &wgs84}) crs->SetAxisMappingStrategy(OAMS_TRADITIONAL_GIS_ORDER);
+    const std::unique_ptr<OGRCoordinateTransformation> to(OGRCreateCoordinateTransformation(&own, &wgs84));
+    std::vector<double> x, y;
+    for (int r = 0; r < d.rows; ++r)
+        for (int c = 0; c < d.columns; ++c)
+            x.push_back(ground.x + (c + 0.5) * ground.step_m), y.push_back(ground.y - (r + 0.5) * ground.step_m);
+    REQUIRE(to->Transform(static_cast<int>(x.size()), x.data(), y.data()));
+    const double doubt_deg = 0.02 * ground.step_m / 111e3;
+    const double lowest = *std::min_element(y.begin(), y.end()), highest = *std::max_element(y.begin(), y.end());
+    // All that lies north of a parallel in the middle, and the world without that.
+    const double parallel = 0.5 * (lowest + highest);
+    const auto band = [](double south, double north) {
+        return Ring{{-180, south}, {180, south}, {180, north}, {-180, north}, {-180, south}};
+    };
+    for (const bool hole : {false, true}) {
+        CAPTURE(hole);
+        nlohmann::json rings = nlohmann::json::array({hole ? band(-85, 90) : band(parallel, 90)});
+        if (hole) rings.push_back(band(parallel, 90));
+        const Cells codes = burnt({rings}, 64);
+        CHECK(burnt({rings}, 512).values == codes.values);
+        int wrong = 0, in = 0;
+        for (std::size_t i = 0; i < x.size(); ++i) {
+            if (std::fabs(y[i] - parallel) < doubt_deg) continue;
+            const bool inside = (y[i] > parallel) != hole;
+            wrong += inside != (codes.values[i] == metal);
+            in += inside;
+        }
+        CHECK(wrong == 0);
+        CHECK(in > d.columns * d.rows / 10);
+    }
+    // Edges at a slant through many windows.
+    std::mt19937 random(5);
+    const auto unit = [&] { return static_cast<double>(random()) / 4294967296.0; };
+    std::vector<nlohmann::json> slanted;
+    const double spread_deg = 2 * (highest - lowest);
+    for (int i = 0; i < 12; ++i) {
+        const std::size_t at = random() % x.size();
+        Ring ring;
+        for (int k = 0; k < 4; ++k)
+            ring.push_back({std::clamp(x[at] + 3 * spread_deg * (unit() - 0.5), -180.0, 180.0),
+                            std::clamp(y[at] + spread_deg * (unit() - 0.5), -90.0, 90.0)});
+        ring.push_back(ring.front());
+        slanted.push_back(nlohmann::json::array({ring}));
+    }
+    const Cells codes = burnt(slanted, 64);
+    CHECK(std::count(codes.values.begin(), codes.values.end(), static_cast<float>(metal)) > 100);
+    CHECK(burnt(slanted, 512).values == codes.values);
+}
+
 TEST_CASE("neither tiles nor the file's order or format show, and GDAL burns the whole raster alike",
           "[features][long]") {
     const Folder folder;

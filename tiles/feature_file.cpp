@@ -60,6 +60,8 @@ struct ToCells {
 struct Ask {
     std::optional<OGREnvelope> in;  ///< in the file's coordinates; none: all
     double shift_x = 0;
+    OGREnvelope
+        near{};  ///< with `in`: so much more that polygons may be cut along its sides; without end beyond the antimeridian
 };
 
 /// A raster of one byte a cell; 1 where the geometry lies.
@@ -273,6 +275,17 @@ std::optional<Number> number(const std::string& words) {
     return value;
 }
 
+constexpr double without_end = std::numeric_limits<double>::infinity();
+
+OGREnvelope grown(const OGREnvelope& box, double more_x, double more_y) {
+    OGREnvelope out;
+    out.MinX = box.MinX - more_x;
+    out.MaxX = box.MaxX + more_x;
+    out.MinY = box.MinY - more_y;
+    out.MaxY = box.MaxY + more_y;
+    return out;
+}
+
 /// Where features lie that may fall into a part of the raster.
 std::vector<Ask> asks(const OGREnvelope& part, const RasterFacts& grid, bool raster_geographic,
                       const OGRCoordinateTransformation* back, bool file_geographic) {
@@ -296,31 +309,50 @@ std::vector<Ask> asks(const OGREnvelope& part, const RasterFacts& grid, bool ras
             }
             // Bounds are found at points between; what is between these is less than a part in twenty of the window off.
             const bool across = file_geographic && x0 > x1;  // the antimeridian
-            const double spare_x = 0.05 * (across ? x1 + 360 - x0 : x1 - x0), spare_y = 0.05 * (y1 - y0);
-            e.MinX = x0 - spare_x;
-            e.MinY = y0 - spare_y;
-            e.MaxX = x1 + spare_x;
-            e.MaxY = y1 + spare_y;
-            if (across) {
-                OGREnvelope west = e;
-                west.MinX = -180;
-                e.MaxX = 180;
-                out.push_back({west, shift});
+            const double wide = across ? x1 + 360 - x0 : x1 - x0, high = y1 - y0;
+            OGREnvelope bounds;
+            bounds.MinX = x0;
+            bounds.MaxX = x1;
+            bounds.MinY = y0;
+            bounds.MaxY = y1;
+            e = grown(bounds, 0.05 * wide, 0.05 * high);
+            const OGREnvelope near = grown(bounds, 0.3 * wide, 0.3 * high);
+            if (!across) {
+                out.push_back({e, shift, near});
+                continue;
             }
+            Ask west{e, shift, near}, east = west;
+            west.in->MinX = -180;
+            west.near.MinX = -without_end;
+            east.in->MaxX = 180;
+            east.near.MaxX = without_end;
+            out.push_back(west);
+            out.push_back(east);
+            continue;
         }
         out.push_back({e, shift});
     }
     return out;
 }
 
-/// By so much more that the sides along which polygons are cut lie outside the window.
-OGREnvelope grown(const OGREnvelope& box) {
-    OGREnvelope out = box;
-    const double more_x = 0.25 * (box.MaxX - box.MinX), more_y = 0.25 * (box.MaxY - box.MinY);
-    out.MinX -= more_x;
-    out.MaxX += more_x;
-    out.MinY -= more_y;
-    out.MaxY += more_y;
+/// What of a file lies near the raster, in all windows alike: what is farther may have no place in the raster's CRS.
+OGREnvelope near_raster(const RasterFacts& grid, double shift, bool raster_geographic,
+                        const OGRCoordinateTransformation* back, bool file_geographic) {
+    OGREnvelope whole, out;
+    whole.Merge(grid.corner_x, grid.corner_y);
+    whole.Merge(grid.edge_x(), grid.edge_y());
+    out.MinX = out.MinY = -without_end;
+    out.MaxX = out.MaxY = without_end;
+    for (const Ask& ask : asks(whole, grid, raster_geographic, back, file_geographic)) {
+        if (ask.shift_x != shift || !ask.in) continue;
+        out.MinY = ask.near.MinY;
+        out.MaxY = ask.near.MaxY;
+        // Across the antimeridian there are two, one to either side.
+        if (std::isfinite(ask.near.MinX) && std::isfinite(ask.near.MaxX)) {
+            out.MinX = ask.near.MinX;
+            out.MaxX = ask.near.MaxX;
+        }
+    }
     return out;
 }
 
@@ -521,7 +553,12 @@ void FeatureFile::burn(const RasterFacts& grid, const Window& window, What what,
         Handle::Layer& from = handle.layers[i];
         if ((what == What::material ? from.materials : from.heights).empty()) continue;
         bool any = false;
-        std::optional<double> straight;
+        struct Ground {
+            double shift_x;
+            OGREnvelope near;
+            double straight;
+        };
+        std::optional<Ground> ground;
         for (const Ask& ask : asks(part, grid, geographic_, from.back.get(), from.geographic)) {
             if (ask.in)
                 from.layer->SetSpatialFilterRect(ask.in->MinX, ask.in->MinY, ask.in->MaxX, ask.in->MaxY);
@@ -537,15 +574,23 @@ void FeatureFile::burn(const RasterFacts& grid, const Window& window, What what,
                 const std::string where =
                     text(named(), ", layer ", in_quotes(from.name), ", feature ", feature->GetFID(), ":");
                 if (geometry->hasCurveGeometry()) geometry.reset(geometry->getLinearGeometry());
+                if (!all_finite(*geometry)) throw DataError(text(where, " it has places that are not finite"));
                 if (from.to_raster) {
-                    if (!straight) {
+                    if (!ground || ground->shift_x != ask.shift_x) {
                         GdalErrors quiet;
-                        straight = straight_length(grid, *from.back, *from.to_raster, from.geographic);
+                        ground = {ask.shift_x,
+                                  near_raster(grid, ask.shift_x, geographic_, from.back.get(), from.geographic),
+                                  straight_length(grid, *from.back, *from.to_raster, from.geographic)};
                     }
-                    // The same points in all windows; what lies far from this one may have no place in the terrain's CRS.
-                    if (std::isfinite(*straight)) geometry->segmentize(*straight);
-                    if (ask.in) geometry = clipped(*geometry, grown(*ask.in));
-                    if (!geometry) continue;
+                    // Twice: what a cut adds bends too, away from the window.
+                    const auto cut = [&](const OGREnvelope& to, Cut how) {
+                        OGREnvelope own;
+                        geometry->getEnvelope(&own);
+                        if (!to.Contains(own)) geometry = clipped(*geometry, to, how);
+                        if (geometry && std::isfinite(ground->straight)) geometry->segmentize(ground->straight);
+                        return geometry != nullptr;
+                    };
+                    if (!cut(ground->near, Cut::at_sides) || (ask.in && !cut(ask.near, Cut::whole_edges))) continue;
                     if (geometry->transform(from.to_raster.get()) != OGRERR_NONE)
                         throw DataError(
                             text(where, " PROJ cannot bring its places into the terrain's CRS: ", errors.reason()));

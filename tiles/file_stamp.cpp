@@ -127,8 +127,9 @@ std::uint64_t stamps_checksum(std::vector<FileStamp> stamps) {
 
 std::uint64_t raster_fingerprint(const RasterFacts& facts, const std::vector<std::string>& files) {
     Checksum sum;
-    sum.add(fmt::format("{} {} {} {} {} {} {} {} {} {}", facts.scale, facts.offset, facts.unit_m, facts.has_no_data,
-                        facts.no_data, facts.has_mask, facts.corner_x, facts.corner_y, facts.step_x, facts.step_y));
+    sum.add(fmt::format("{} {} {} {} {} {} {} {} {} {} {} {}", static_cast<int>(facts.type), facts.signed_byte,
+                        facts.scale, facts.offset, facts.unit_m, facts.has_no_data, facts.no_data, facts.has_mask,
+                        facts.corner_x, facts.corner_y, facts.step_x, facts.step_y));
     if (facts.crs) sum.add(facts.crs->wkt());
     for (const std::string& path : files) {
         if (is_told(path)) continue;

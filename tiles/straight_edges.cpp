@@ -47,47 +47,57 @@ Points points_of(const OGRSimpleCurve& curve) {
     return points;
 }
 
-Points cut_ring(Points ring, const OGREnvelope& box) {
+/// `whole`: an edge that crosses a side goes on to its own end outside; from there the ring leads to where the next one comes in,
+/// outside too. Without, it ends at the side.
+Points cut_ring(Points ring, const OGREnvelope& box, Cut cut) {
     for (const HalfPlane& half : sides_of(box)) {
         Points kept;
         for (std::size_t i = 0; i < ring.size(); ++i) {
             const OGRRawPoint &from = ring[i > 0 ? i - 1 : ring.size() - 1], &to = ring[i];
-            if (half.holds(from) != half.holds(to)) kept.push_back(half.crossing(from, to));
-            if (half.holds(to)) kept.push_back(to);
+            const bool out = !half.holds(from), in = half.holds(to);
+            if (out == in) kept.push_back(cut == Cut::at_sides ? half.crossing(from, to) : out ? from : to);
+            if (in) kept.push_back(to);
         }
         ring = std::move(kept);
     }
     return ring;
 }
 
-/// Of a line the edges that may come into the box, whole: GDAL draws an edge from the cell of one end to that of the other, and
-/// another end would be another line.
-std::vector<Points> edges_near(const Points& line, const OGREnvelope& box) {
-    const auto sides = sides_of(box);
-    std::vector<Points> pieces;
-    bool open = false;
-    for (std::size_t i = 1; i < line.size(); ++i) {
-        const bool near = std::ranges::none_of(
-            sides, [&](const HalfPlane& half) { return !half.holds(line[i - 1]) && !half.holds(line[i]); });
-        if (near && !open) pieces.push_back({line[i - 1]});
-        if (near) pieces.back().push_back(line[i]);
-        open = near;
+/// GDAL draws an edge from the cell of one end to that of the other: another end would be another line.
+std::vector<Points> cut_line(const Points& line, const OGREnvelope& box, Cut cut) {
+    std::vector<Points> pieces{line};
+    for (const HalfPlane& half : sides_of(box)) {
+        std::vector<Points> kept;
+        for (const Points& piece : pieces) {
+            bool open = false;
+            for (std::size_t i = 1; i < piece.size(); ++i) {
+                const OGRRawPoint &from = piece[i - 1], &to = piece[i];
+                const bool first_in = half.holds(from), last_in = half.holds(to);
+                const auto end = [&](const OGRRawPoint& p, bool in) {
+                    return in || cut == Cut::whole_edges ? p : half.crossing(from, to);
+                };
+                if ((first_in || last_in) && !open) kept.push_back({end(from, first_in)});
+                if (first_in || last_in) kept.back().push_back(end(to, last_in));
+                open = last_in;
+            }
+        }
+        pieces = std::move(kept);
     }
     return pieces;
 }
 
-void add_pieces(const OGRLineString& line, const OGREnvelope& box, OGRGeometryCollection& to) {
-    for (const Points& piece : edges_near(points_of(line), box)) {
+void add_pieces(const OGRLineString& line, const OGREnvelope& box, Cut cut, OGRGeometryCollection& to) {
+    for (const Points& piece : cut_line(points_of(line), box, cut)) {
         auto part = std::make_unique<OGRLineString>();
         part->setPoints(static_cast<int>(piece.size()), piece.data());
         to.addGeometryDirectly(part.release());
     }
 }
 
-std::unique_ptr<OGRPolygon> cut_polygon(const OGRPolygon& polygon, const OGREnvelope& box) {
+std::unique_ptr<OGRPolygon> cut_polygon(const OGRPolygon& polygon, const OGREnvelope& box, Cut cut) {
     auto out = std::make_unique<OGRPolygon>();
     for (const OGRLinearRing* ring : polygon) {
-        const Points points = cut_ring(points_of(*ring), box);
+        const Points points = cut_ring(points_of(*ring), box, cut);
         if (points.size() < 3) {
             if (out->IsEmpty()) return nullptr;  // nothing of the outer ring
             continue;
@@ -101,6 +111,29 @@ std::unique_ptr<OGRPolygon> cut_polygon(const OGRPolygon& polygon, const OGREnve
 }
 
 }  // namespace
+
+bool all_finite(const OGRGeometry& geometry) {
+    const auto finite = [](const OGRSimpleCurve& curve) {
+        return std::ranges::all_of(points_of(curve),
+                                   [](const OGRRawPoint& p) { return std::isfinite(p.x) && std::isfinite(p.y); });
+    };
+    switch (wkbFlatten(geometry.getGeometryType())) {
+        case wkbPoint:
+            return std::isfinite(geometry.toPoint()->getX()) && std::isfinite(geometry.toPoint()->getY());
+        case wkbLineString:
+            return finite(*geometry.toLineString());
+        case wkbPolygon:
+            return std::ranges::all_of(*geometry.toPolygon(), [&](const OGRLinearRing* ring) { return finite(*ring); });
+        case wkbMultiPoint:
+        case wkbMultiLineString:
+        case wkbMultiPolygon:
+        case wkbGeometryCollection:
+            return std::ranges::all_of(*geometry.toGeometryCollection(),
+                                       [](const OGRGeometry* part) { return all_finite(*part); });
+        default:
+            return true;
+    }
+}
 
 double straight_length(const RasterFacts& grid, OGRCoordinateTransformation& back, OGRCoordinateTransformation& there,
                        bool file_geographic) {
@@ -142,7 +175,7 @@ double straight_length(const RasterFacts& grid, OGRCoordinateTransformation& bac
     return std::max(least, across / most_pieces);
 }
 
-std::unique_ptr<OGRGeometry> clipped(const OGRGeometry& geometry, const OGREnvelope& box) {
+std::unique_ptr<OGRGeometry> clipped(const OGRGeometry& geometry, const OGREnvelope& box, Cut cut) {
     OGREnvelope own;
     geometry.getEnvelope(&own);
     if (box.Contains(own)) return std::unique_ptr<OGRGeometry>(geometry.clone());
@@ -150,12 +183,12 @@ std::unique_ptr<OGRGeometry> clipped(const OGRGeometry& geometry, const OGREnvel
     switch (wkbFlatten(geometry.getGeometryType())) {
         case wkbLineString: {
             auto lines = std::make_unique<OGRMultiLineString>();
-            add_pieces(*geometry.toLineString(), box, *lines);
+            add_pieces(*geometry.toLineString(), box, cut, *lines);
             if (lines->IsEmpty()) return nullptr;
             return lines;
         }
         case wkbPolygon:
-            return cut_polygon(*geometry.toPolygon(), box);
+            return cut_polygon(*geometry.toPolygon(), box, cut);
         case wkbMultiPoint:
         case wkbMultiLineString:
         case wkbMultiPolygon:
@@ -166,8 +199,8 @@ std::unique_ptr<OGRGeometry> clipped(const OGRGeometry& geometry, const OGREnvel
             OGRGeometryCollection& out = *kind->toGeometryCollection();
             for (const OGRGeometry* part : *geometry.toGeometryCollection()) {
                 if (wkbFlatten(part->getGeometryType()) == wkbLineString)
-                    add_pieces(*part->toLineString(), box, out);
-                else if (auto kept = clipped(*part, box))
+                    add_pieces(*part->toLineString(), box, cut, out);
+                else if (auto kept = clipped(*part, box, cut))
                     out.addGeometryDirectly(kept.release());
             }
             if (out.IsEmpty()) return nullptr;

@@ -17,9 +17,15 @@ namespace wedgescope {
 double straight_length(const RasterFacts& grid, OGRCoordinateTransformation& back, OGRCoordinateTransformation& there,
                        bool file_geographic);
 
-/// What of points and polygons lies in a box, polygons along its sides too (Sutherland and Hodgman 1974, Comm. ACM 17:32: rings that
-/// cross themselves are cut as well as others), and of lines the edges that may come into it; null: nothing. Other geometries as
-/// they are.
-std::unique_ptr<OGRGeometry> clipped(const OGRGeometry& geometry, const OGREnvelope& box);
+enum class Cut {
+    at_sides,    ///< edges end at the sides of the box
+    whole_edges  ///< edges that may come into the box keep their ends: in every box they are the same
+};
+/// What of points, lines and polygons lies in a box, of polygons with connections beside it (Sutherland and Hodgman 1974, Comm.
+/// ACM 17:32: rings that cross themselves are cut as well as others); null: nothing. Other geometries as they are.
+std::unique_ptr<OGRGeometry> clipped(const OGRGeometry& geometry, const OGREnvelope& box, Cut cut);
+
+/// x and y of points, lines and polygons.
+bool all_finite(const OGRGeometry& geometry);
 
 }  // namespace wedgescope
