@@ -46,6 +46,15 @@ constexpr double west = 429717.925899235007819, north = 3764093.077020850032568,
 double x_at(double column) { return west + step * column; }
 double y_at(double row) { return north - step * row; }
 
+/// From easting and northing to longitude and latitude, WGS84.
+std::unique_ptr<OGRCoordinateTransformation> to_degrees(const char* crs) {
+    OGRSpatialReference own, wgs84;
+    own.SetFromUserInput(crs);
+    wgs84.importFromEPSG(4326);
+    for (auto* each : {&own, &wgs84}) each->SetAxisMappingStrategy(OAMS_TRADITIONAL_GIS_ORDER);
+    return std::unique_ptr<OGRCoordinateTransformation>(OGRCreateCoordinateTransformation(&own, &wgs84));
+}
+
 /// A GeoJSON of features whose coordinates are columns and rows of the shipped ground, in its own CRS.
 class GeoJson {
 public:
@@ -215,11 +224,7 @@ TEST_CASE("what touches a cell burns it where that is asked for", "[features]") 
 
 TEST_CASE("features in latitude and longitude come to lie where the terrain has them", "[features]") {
     const Folder folder;
-    OGRSpatialReference utm, wgs84;
-    utm.importFromEPSG(32611);
-    wgs84.importFromEPSG(4326);
-    for (auto* crs : {&utm, &wgs84}) crs->SetAxisMappingStrategy(OAMS_TRADITIONAL_GIS_ORDER);
-    const std::unique_ptr<OGRCoordinateTransformation> to(OGRCreateCoordinateTransformation(&utm, &wgs84));
+    const auto to = to_degrees("EPSG:32611");
     nlohmann::json features = nlohmann::json::array();
     std::set<std::pair<int, int>> expected;
     std::mt19937 random(7);
@@ -251,11 +256,7 @@ TEST_CASE("features in latitude and longitude come to lie where the terrain has 
 
 TEST_CASE("edges of degrees lie where they do on the earth, however long, whatever the tiles", "[features]") {
     const Folder folder;
-    OGRSpatialReference utm, wgs84;
-    utm.importFromEPSG(32611);
-    wgs84.importFromEPSG(4326);
-    for (auto* crs : {&utm, &wgs84}) crs->SetAxisMappingStrategy(OAMS_TRADITIONAL_GIS_ORDER);
-    const std::unique_ptr<OGRCoordinateTransformation> to(OGRCreateCoordinateTransformation(&utm, &wgs84));
+    const auto to = to_degrees("EPSG:32611");
     constexpr double parallel = 33.85, from = -117.7, until = -117.3;
     using Ring = std::vector<std::vector<double>>;
     const auto box = [](double west_deg, double east_deg, double south_deg) {
@@ -360,11 +361,7 @@ TEST_CASE("a feature that goes far beyond windows and poles is whole, and no til
         return cells_of(folder / "store/culture.vrt");
     };
     // Middles of cells in degrees, and what one step of the raster is there at most.
-    OGRSpatialReference own, wgs84;
-    own.SetFromUserInput(ground.crs);
-    wgs84.importFromEPSG(4326);
-    for (auto* crs : {&own, &wgs84}) crs->SetAxisMappingStrategy(OAMS_TRADITIONAL_GIS_ORDER);
-    const std::unique_ptr<OGRCoordinateTransformation> to(OGRCreateCoordinateTransformation(&own, &wgs84));
+    const auto to = to_degrees(ground.crs);
     std::vector<double> x, y;
     for (int r = 0; r < d.rows; ++r)
         for (int c = 0; c < d.columns; ++c)

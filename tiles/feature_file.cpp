@@ -61,7 +61,7 @@ struct Ask {
     std::optional<OGREnvelope> in;  ///< in the file's coordinates; none: all
     double shift_x = 0;
     OGREnvelope
-        near{};  ///< with `in`: so much more that polygons may be cut along its sides; without end beyond the antimeridian
+        near{};  ///< with `in`, and so much more that polygons may be cut along its sides; endless over the antimeridian
 };
 
 /// A raster of one byte a cell; 1 where the geometry lies.

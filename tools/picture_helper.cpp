@@ -48,7 +48,7 @@ public:
         const float colour[] = {grey / 255};
         oiio::ImageBufAlgo::fill(buffer_, oiio::cspan<float>(colour), oiio::ROI(x, x + width, y, y + height));
     }
-    /// Black on the left to white on the right.
+    /// Black on the left to the brightest grey on the right.
     void ramp(int x, int y, int width, int height, int brightest) {
         for (int i = 0; i < width; ++i) {
             const float share = static_cast<float>(i) / static_cast<float>(std::max(1, width - 1));
