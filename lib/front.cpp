@@ -39,8 +39,9 @@ Front::Front(const SweepScene& scene, const SpokeRun& run, WedgeCells& cells)
       needs_facets_(!scene.laws->constant()), directional_(scene.laws->directional()),
       shore_(scene.shore && scene.shore->on() && scene.data_base->has_culture ? scene.shore : nullptr),
       at_once_(shore_ || scene.with_depression || scene.data_base->has_culture_height),
-      parts_wait_(!at_once_ && !needs_facets_), may_join_(plain_ground_ && parts_wait_), quadrant_(run.quadrant),
-      fan_(run.own_fan()), line_end_(scene.grid->line_count(fan_)), culture_(*scene.data_base, scene.source) {
+      parts_wait_(!shore_ && !scene.with_depression && !needs_facets_), may_join_(plain_ground_ && parts_wait_),
+      quadrant_(run.quadrant), fan_(run.own_fan()), line_end_(scene.grid->line_count(fan_)),
+      culture_(*scene.data_base, scene.source) {
     for (auto* samples : {&now_, &crossing_, &ahead_}) samples->resize(tile_lanes);
     for (auto* v : {&cell_, &bump_, &start_range_, &start_x_, &waiting_range_, &waiting_x_}) v->resize(tile_lanes);
     for (Plain* plain : {&plain_, &crossed_})
@@ -450,7 +451,7 @@ void Front::take(const Between& between, std::size_t begin, std::size_t end, boo
         keep_joined(n, begin, between, from, to);
     else if (found.plain && !wait)
         keep_pieces(n, begin, between, from, to, plain_);
-    if (at_once_) put_pieces(between);
+    if (at_once_ && !parts_wait_) put_pieces(between);
     const std::uint64_t read = culture_.cost().ticks;
     for (std::uint64_t left = found.changes > 0 ? lanes_of_code(2, n, plain_.code.data()) : 0; left != 0;
          left &= left - 1) {
@@ -459,6 +460,7 @@ void Front::take(const Between& between, std::size_t begin, std::size_t end, boo
         if (shore_ && is(begin + i, mode_gap)) lanes_.shore[begin + i] = {};  // what is there, nobody knows
     }
     cost_.clock.leave_out(culture_.cost().ticks - read);
+    if (at_once_ && parts_wait_) put_pieces(between);
     make_room(between);
     if (wait) wait_for_line(n, found.plain, next);
     swap(now_, next);

@@ -362,7 +362,7 @@ private:
     bool needs_facets_;      // some law depends on the angle
     bool directional_;       // some class on the azimuth
     const FarShore* shore_;  // null: no bank is brightened
-    bool at_once_;     // pieces do not wait: what becomes of them hangs on their line, or on their order along a spoke
+    bool at_once_;  // pieces wait for no other step's: they hang on their line, or on their order along a spoke
     double turning_posts_ = 0;  // lines no farther from the nadir may_turn()
     bool parts_wait_;  // those of one range that begin or end between samples too: nothing needs the samples themselves
     bool may_join_;    // pieces on both sides of the other axis' lines: nothing tells them apart but their way
