@@ -87,7 +87,8 @@ std::size_t Front::bytes_of(std::size_t lanes, bool facets, bool directional, bo
     return lanes * (doubles * sizeof(double) + (shore ? sizeof(ShoreWindow) : 0) + sizeof(std::int64_t) +
                     sizeof(std::int64_t) + sizeof(std::int32_t)) +
            tile_lanes * (3 * 9 + 12 + 2) * sizeof(double) + VisiblePieces::most * 13 * sizeof(double) +
-           VisiblePieces::bytes() + sizeof(CultureParts) + 2 * (std::size_t{unknown_class} + 1) * sizeof(float);
+           VisiblePieces::bytes() + sizeof(Cuts) + sizeof(CultureParts) +
+           2 * (std::size_t{unknown_class} + 1) * sizeof(float);
 }
 
 std::size_t Front::bytes() const {
@@ -453,12 +454,7 @@ void Front::take(const Between& between, std::size_t begin, std::size_t end, boo
         keep_pieces(n, begin, between, from, to, plain_);
     if (at_once_ && !parts_wait_) put_pieces(between);
     const std::uint64_t read = culture_.cost().ticks;
-    for (std::uint64_t left = found.changes > 0 ? lanes_of_code(2, n, plain_.code.data()) : 0; left != 0;
-         left &= left - 1) {
-        const auto i = static_cast<std::size_t>(std::countr_zero(left));
-        change(begin + i, i, between, next);
-        if (shore_ && is(begin + i, mode_gap)) lanes_.shore[begin + i] = {};  // what is there, nobody knows
-    }
+    if (found.changes > 0) change(n, begin, between, step, next);
     cost_.clock.leave_out(culture_.cost().ticks - read);
     if (at_once_ && parts_wait_) put_pieces(between);
     make_room(between);

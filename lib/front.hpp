@@ -19,6 +19,7 @@
 
 #include "lib/block_map.hpp"
 #include "lib/class_laws.hpp"
+#include "lib/course.hpp"
 #include "lib/cull.hpp"
 #include "lib/culture.hpp"
 #include "lib/culture_lanes.hpp"
@@ -250,12 +251,21 @@ private:
     /// The tile's last samples, where lines were passed without them.
     void refresh(const Between& between, std::size_t begin, std::size_t end);
     void take(const Between& between, std::size_t begin, std::size_t end, bool crossings, Samples& next);
-    void change(std::size_t lane, std::size_t i, const Between& between, Samples& next);
+    /// What the samples of a tile do to their spokes where plain_.code is 2.
+    void change(std::size_t n, std::size_t begin, const Between& between, const StepScene& step, Samples& next);
+    /// Sample i of a lane, whose piece is number k of cuts_.
+    void change_by_horizon(std::size_t lane, std::size_t i, std::size_t k, const Between& between, Samples& next);
+    /// A sample that is void, or follows a gap.
+    void change_by_void(std::size_t lane, std::size_t i, const Between& between, const Samples& next);
     /// Part u of the way from now to next.
     PieceEnd point_of_piece(std::size_t i, Samples& next, double u);
     /// What becomes of the visible part of that way, from `begin` of it up to `last`, which is the horizon then.
     void rise(std::size_t lane, std::size_t i, const Between& between, Samples& next, double begin,
               const PieceEnd& last, double bow);
+    /// Remembers that a lane shows what lies from `near` to `far` in range, of elevation `sine` at the most.
+    void show(std::size_t lane, double near, double far, double sine);
+    /// Where the way from now to next runs between two of its points.
+    Track track(std::size_t i, const Between& between, const Samples& next, const PieceEnd& a, const PieceEnd& b) const;
     bool beyond(std::size_t lane, double minor, double arc, double distance) const;
 
     /// law_variable() of the facet of sample i's piece from `begin` to `end` of the way, of a lane, into facet_[0]; only where
@@ -381,6 +391,7 @@ private:
     // Workspace of one tile: the last samples, those on the other axis' lines and those on the line ahead.
     Samples now_, crossing_, ahead_;
     LaneArray cell_, bump_, start_range_, start_x_;
+    Cuts cuts_{};            // those of the step that go one by one
     Plain plain_, crossed_;  // of the step, and of the one to the other axis' lines while they wait for it
     int waiting_ = 0;        // of crossed_
     LaneArray waiting_range_, waiting_x_;  // where these start

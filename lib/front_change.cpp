@@ -2,7 +2,9 @@
 // what is seen, hidden or void.
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
+#include <cstdint>
 
 #include "lib/front.hpp"
 #include "lib/lanes.hpp"
@@ -65,6 +67,12 @@ PieceEnd Front::point_of_piece(std::size_t i, Samples& next, double u) {
     return {u, range, up / range, scene_->range_is_ground ? linear(*from.x, *to.x, u) : range * bins_per_metre_};
 }
 
+Front::Track Front::track(std::size_t i, const Between& between, const Samples& next, const PieceEnd& a,
+                          const PieceEnd& b) const {
+    return {between.major(linear(now_.part[i], next.part[i], a.part)), linear(now_.minor[i], next.minor[i], a.part),
+            between.major(linear(now_.part[i], next.part[i], b.part)), linear(now_.minor[i], next.minor[i], b.part)};
+}
+
 void Front::rise(std::size_t lane, std::size_t i, const Between& between, Samples& next, double begin,
                  const PieceEnd& last, double bow) {
     const SampleLanes from = now_.lanes(i), to = next.lanes(i);
@@ -76,10 +84,6 @@ void Front::rise(std::size_t lane, std::size_t i, const Between& between, Sample
     // Where it lies: what is cut in halves may be nearer than both its ends.
     double near = std::min(first.x, last.x), far = std::max(first.x, last.x);
     if (own || shore_) {
-        const auto track = [&](const PieceEnd& a, const PieceEnd& b) {
-            return Track{between.major(linear(*from.part, *to.part, a.part)), linear(*from.minor, *to.minor, a.part),
-                         between.major(linear(*from.part, *to.part, b.part)), linear(*from.minor, *to.minor, b.part)};
-        };
         const auto deposit = [&](const PieceEnd& a, const PieceEnd& b, double bent) {
             find_facet(i, lane, next, a.part, b.part);
             const double power = power_of(lane, a.sine, b.sine, a.range_m, b.range_m),
@@ -87,7 +91,7 @@ void Front::rise(std::size_t lane, std::size_t i, const Between& between, Sample
                              echo_bow(a.sine, b.sine, a.range_m, b.range_m, *scene_->pattern, scene_->range_is_ground);
             put(lane,
                 {{a.x, b.x, power, std::clamp(bent + fall, -1.0, 1.0)},
-                 track(a, b),
+                 track(i, between, next, a, b),
                  a.sine,
                  b.sine,
                  facet_[0],
@@ -127,68 +131,109 @@ void Front::rise(std::size_t lane, std::size_t i, const Between& between, Sample
                     far = std::max({far, a.x, b.x});
                 });
         else if (parts_wait_ && !drops)  // lanes interpolate between the entries on either side
-            keep_piece(lane, first, last, bend(first, last, bow), plain_ground_ ? Track{} : track(first, last));
+            keep_piece(lane, first, last, bend(first, last, bow),
+                       plain_ground_ ? Track{} : track(i, between, next, first, last));
         else
             deposit(first, last, bend(first, last, bow));
     }
-    if (own) {
-        if (last.sine > lanes_.void_horizon[lane]) {
-            lanes_.seen_least[lane] = std::min(lanes_.seen_least[lane], near);
-            lanes_.seen_most[lane] = std::max(lanes_.seen_most[lane], far);
-        } else {
-            cells_->mark(lanes_.target(lane), near, far, bit_unknown);
-        }
-    }
+    if (own) show(lane, near, far, last.sine);
     horizon = last.sine;
 }
 
-void Front::change(std::size_t lane, std::size_t i, const Between& between, Samples& next) {
-    const SampleLanes from = now_.lanes(i), to = next.lanes(i);
-    const double sine = *to.sine, arc = *to.arc_m;
-    double& horizon = lanes_.horizon[lane];
-    const bool valid = sine == sine;
-    if (!valid) {
-        if (!is(lane, mode_gap)) {
-            mark_seen(lane);
-            if (is(lane, mode_hidden)) mark_shadow(lane, *from.arc_m);
-            lanes_.mode[lane] = mode_gap;
-            lanes_.gap_from[lane] = lanes_.mark_from[lane] = *from.arc_m;
-            lanes_.gap_top[lane] = -infinite;
-        }
-        grow_gap(lane, i, between);
-    } else if (is(lane, mode_gap)) {
-        grow_gap(lane, i, between);
-        end_gap(lane, arc);
-        horizon = std::max(horizon, sine);
-        lanes_.mode[lane] = sine >= horizon ? mode_visible : mode_hidden;
-        lanes_.mark_from[lane] = arc;
+void Front::show(std::size_t lane, double near, double far, double sine) {
+    if (sine > lanes_.void_horizon[lane]) {
+        lanes_.seen_least[lane] = std::min(lanes_.seen_least[lane], near);
+        lanes_.seen_most[lane] = std::max(lanes_.seen_most[lane], far);
     } else {
-        const double bump = bump_[i];
-        const bool was_visible = is(lane, mode_visible);
-        const Course c = course(horizon, *from.up_m, *from.out_m, *to.up_m, *to.out_m, bump, was_visible);
-        const double step = arc - *from.arc_m;
-        if (!c.seen || c.begin > 0) {
-            // Behind the horizon from the start, or soon.
-            if (was_visible) {
-                mark_seen(lane);
-                lanes_.mark_from[lane] = *from.arc_m;
-                lanes_.mode[lane] = mode_hidden;
-            }
-            if (!c.seen) return;
-            mark_shadow(lane, *from.arc_m + c.begin * step);
+        cells_->mark(lanes_.target(lane), near, far, bit_unknown);
+    }
+}
+
+void Front::change(std::size_t n, std::size_t begin, const Between& between, const StepScene& step, Samples& next) {
+    using Lane = std::uint8_t;
+    std::array<Lane, tile_lanes> cut;
+    std::size_t count = 0;
+    for (std::uint64_t left = lanes_of_code(2, n, plain_.code.data()); left != 0; left &= left - 1) {
+        const auto i = static_cast<std::size_t>(std::countr_zero(left));
+        const std::size_t lane = begin + i;
+        if (next.sine[i] != next.sine[i] || is(lane, mode_gap)) {
+            change_by_void(lane, i, between, next);
+            continue;
         }
-        if (c.hides) {
-            // Its highest point in view lies inside the piece.
-            const PieceEnd top = point_of_piece(i, next, c.end);
-            if (top.sine > horizon) rise(lane, i, between, next, c.begin, top, c.bow);
+        const bool visible = is(lane, mode_visible);
+        const std::size_t k = count++;
+        cut[k] = static_cast<Lane>(i);
+        cuts_.horizon[k] = lanes_.horizon[lane];
+        cuts_.on_horizon[k] = visible ? 1 : 0;
+        cuts_.arc0[k] = now_.arc[i], cuts_.arc1[k] = next.arc[i];
+        cuts_.up0[k] = now_.up[i], cuts_.up1[k] = next.up[i];
+        cuts_.out0[k] = now_.out[i], cuts_.out1[k] = next.out[i];
+        cuts_.range0[k] = now_.range[i], cuts_.range1[k] = next.range[i];
+        cuts_.x0[k] = now_.x[i], cuts_.x1[k] = next.x[i];
+        cuts_.sine1[k] = next.sine[i];
+        cuts_.bump_m[k] = bump_[i];
+        cuts_.inverse_radius[k] = lanes_.inverse_radius[lane];
+        cuts_.hidden_from[k] = visible ? now_.arc[i] : lanes_.mark_from[lane];
+    }
+    if (count == 0) return;
+    cut_pieces(count, step, cuts_);
+    for (std::size_t k = 0; k < count; ++k) change_by_horizon(begin + cut[k], cut[k], k, between, next);
+}
+
+void Front::change_by_horizon(std::size_t lane, std::size_t i, std::size_t k, const Between& between, Samples& next) {
+    const bool seen = cuts_.seen[k] == 1, hides = cuts_.hides[k] == 1, own = lanes_.row[lane] >= 0;
+    if (!seen || cuts_.begin[k] > 0) {
+        // Behind the horizon from the start, or soon.
+        if (is(lane, mode_visible)) {
             mark_seen(lane);
-            lanes_.mark_from[lane] = *from.arc_m + c.end * step;
+            lanes_.mark_from[lane] = now_.arc[i];
             lanes_.mode[lane] = mode_hidden;
+        }
+        if (!seen) return;
+        if (own) cells_->mark(lanes_.target(lane), cuts_.shadow0[k], cuts_.shadow1[k], bit_shadow);
+    }
+    double& horizon = lanes_.horizon[lane];
+    const PieceEnd top{cuts_.end[k], cuts_.range_top[k], cuts_.sine_top[k], cuts_.x_top[k]};
+    if (top.sine > horizon) {
+        if (cuts_.plain[k] == 1 && parts_wait_ && turning_posts_ == 0) {
+            const PieceEnd out{cuts_.begin[k], cuts_.range_out[k], horizon, cuts_.x_out[k]};
+            ++cost_.pieces;
+            if (own) {
+                keep_piece(lane, out, top, cuts_.bow[k], plain_ground_ ? Track{} : track(i, between, next, out, top));
+                show(lane, std::min(out.x, top.x), std::max(out.x, top.x), top.sine);
+            }
+            horizon = top.sine;
         } else {
-            if (sine > horizon) rise(lane, i, between, next, c.begin, {1, *to.range_m, sine, *to.x}, c.bow);
-            lanes_.mode[lane] = mode_visible;
+            rise(lane, i, between, next, cuts_.begin[k], top, cuts_.bow[k]);
         }
     }
+    lanes_.mode[lane] = hides ? mode_hidden : mode_visible;
+    if (!hides) return;
+    // Its highest point in view lies inside the piece.
+    mark_seen(lane);
+    lanes_.mark_from[lane] = now_.arc[i] + top.part * (next.arc[i] - now_.arc[i]);
+}
+
+void Front::change_by_void(std::size_t lane, std::size_t i, const Between& between, const Samples& next) {
+    const double sine = next.sine[i], arc = next.arc[i];
+    const bool valid = sine == sine;
+    if (!valid && !is(lane, mode_gap)) {
+        mark_seen(lane);
+        if (is(lane, mode_hidden)) mark_shadow(lane, now_.arc[i]);
+        lanes_.mode[lane] = mode_gap;
+        lanes_.gap_from[lane] = lanes_.mark_from[lane] = now_.arc[i];
+        lanes_.gap_top[lane] = -infinite;
+    }
+    grow_gap(lane, i, between);
+    if (!valid) {
+        if (shore_) lanes_.shore[lane] = {};  // what is there, nobody knows
+        return;
+    }
+    end_gap(lane, arc);
+    double& horizon = lanes_.horizon[lane];
+    horizon = std::max(horizon, sine);
+    lanes_.mode[lane] = sine >= horizon ? mode_visible : mode_hidden;
+    lanes_.mark_from[lane] = arc;
 }
 
 // ---- marks ----

@@ -1,7 +1,5 @@
 #include "lib/sweep.hpp"
 
-#include <limits>
-
 #include "lib/lanes.hpp"
 
 namespace wedgescope {
@@ -156,50 +154,6 @@ Rises step_lanes(StepTo target, std::size_t n, const StepScene& scene, const Ste
 void sight_lanes(std::size_t n, const StepScene& scene, const double* cell, const float* posts,
                  const double* inverse_radius, const SampleLanes& samples) noexcept {
     on_target<any_sight>(n, scene, cell, posts, inverse_radius, samples);
-}
-
-double ray_range_m(double sensor_m, double arc_m, double sine, double inverse_radius) {
-    // r = (Re + hs) sin(theta) / cos(e + theta)
-    const double theta = arc_m * inverse_radius, x = theta * theta;
-    const double sinc = 1 - x * (1.0 / 6) * (1 - x * (1.0 / 20) * (1 - x * (1.0 / 42)));
-    const double versine = 1 - x * (1.0 / 12) * (1 - x * (1.0 / 30) * (1 - x * (1.0 / 56)));
-    const double cosine = std::sqrt(1 - sine * sine);
-    const double below = cosine * (1 - 0.5 * x * versine) - sine * theta * sinc;
-    if (!(below > 0)) return std::numeric_limits<double>::infinity();
-    return (1 + sensor_m * inverse_radius) * arc_m * sinc / below;
-}
-
-Course course(double sine, double up0, double out0, double up1, double out1, double bump_m, bool from_ray) {
-    // Height over the ray: f(u) = c + b u + a u^2.
-    const double cosine = std::sqrt(1 - sine * sine);
-    const double f0 = from_ray ? 0 : up0 * cosine - out0 * sine, f1 = up1 * cosine - out1 * sine,
-                 swing = 4 * bump_m * cosine;
-    const double a = -swing, b = f1 - f0 + swing, c = f0;
-    Course course;
-    if (c > 0 || (c == 0 && b > 0)) {
-        course.begin = 0;
-    } else {
-        // Where it comes up through the ray: (-b + sqrt(b^2 - 4 a c)) / (2 a), without cancellation.
-        const double discriminant = b * b - 4 * a * c;
-        if (!(discriminant >= 0)) return course;
-        const double root = std::sqrt(discriminant);
-        const double u = b > 0 ? -2 * c / (b + root) : a > 0 ? (root - b) / (2 * a) : 1;
-        if (!(u < 1)) return course;
-        course.begin = u > 0 ? u : 0;
-    }
-    course.seen = true;
-    const double peak = a < 0 ? -b / (2 * a) : 1;
-    if (peak < 1) {
-        if (!(peak > course.begin)) return {};
-        course.end = peak;
-        course.hides = true;
-    } else if (!(f1 > 0)) {
-        return {};
-    }
-    const double length = course.end - course.begin, risen = (b + a * (course.begin + course.end)) * length;
-    const double bow = risen > 0 ? -a * length * length / risen : 0;
-    course.bow = bow < -1 ? -1 : bow > 1 ? 1 : bow;
-    return course;
 }
 
 }  // namespace wedgescope

@@ -1,5 +1,5 @@
-// Sweep: what is seen along a spoke: elevation of samples and where the surface comes out over the horizon.
-// Leaves the state of the spokes to front.hpp and power to shade.hpp.
+// Sweep: what is seen along a spoke: elevation of samples and which of them raise the horizon.
+// Leaves what comes out between samples to course.hpp, the state of the spokes to front.hpp and power to shade.hpp.
 //
 // Elevations are kept as their sine: monotone in the tangent, finite at the nadir, and what the deposit telescopes.
 #pragma once
@@ -156,20 +156,5 @@ struct JoinLanes {
 };
 /// How many of `first` stay alone.
 int join_lanes(std::size_t n, const JoinLanes& lanes) noexcept;
-
-/// Slant range at which the straight ray of elevation `sine` passes over arc s.
-double ray_range_m(double sensor_m, double arc_m, double sine, double inverse_radius);
-
-/// The part of a piece that rises above the old horizon: from `begin` to `end` of the way (0..1); it then falls behind
-/// itself (`hides`) or goes on to be seen at the piece's end.
-struct Course {
-    bool seen = false;
-    double begin = 0, end = 1;
-    bool hides = false;
-    double bow = 0;  ///< of that part, as WedgeCells::Portion
-};
-/// Of a piece from (up0, out0) to (up1, out1) with `bump_m` over its middle, against the ray of elevation `sine`.
-/// `from_ray`: the piece starts on the ray.
-Course course(double sine, double up0, double out0, double up1, double out1, double bump_m, bool from_ray);
 
 }  // namespace wedgescope

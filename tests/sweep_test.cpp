@@ -2,12 +2,15 @@
 #include <catch2/catch.hpp>
 
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <cmath>
 #include <limits>
+#include <memory>
 #include <random>
 #include <vector>
 
+#include "lib/course.hpp"
 #include "lib/lanes.hpp"
 #include "lib/sample.hpp"
 #include "lib/shade.hpp"
@@ -318,6 +321,92 @@ TEST_CASE("what a parabola shows over a horizon is what walking along it shows",
     }
     CHECK(shown > 1000);
     CHECK(hides > 100);
+}
+
+TEST_CASE("pieces that a horizon cuts come out in lanes as one by one", "[sweep]") {
+    WEDGESCOPE_ON_EVERY_TARGET;
+    std::mt19937 random(31);
+    std::uniform_real_distribution<double> any(-1, 1);
+    const auto cuts = std::make_unique<Cuts>();
+    StepScene scene;
+    scene.sensor_m = 1000;
+    scene.bins_per_metre = 0.1;
+    int seen = 0, hides = 0, plain = 0, apart = 0;
+    for (int turn = 0; turn < 400; ++turn) {
+        const auto n = 1 + static_cast<std::size_t>(random() % Cuts::most);
+        scene.range_is_ground = turn % 3 == 0;
+        scene.drops[0] = turn % 5 == 0 ? PatternDrop{-0.19, -0.1902, -0.1898} : PatternDrop{};
+        Cuts& c = *cuts;
+        for (std::size_t i = 0; i < n; ++i) {
+            const double out = turn % 7 == 0 ? 1 + std::abs(any(random)) : 5000, up = -0.2 * out;
+            c.out0[i] = out;
+            c.out1[i] = out + 30;
+            c.up0[i] = up + 10 * any(random);
+            c.up1[i] = random() % 9 == 0 ? c.up0[i] : up + 10 * any(random);
+            c.bump_m[i] = random() % 4 == 0 ? 0 : 4 * any(random);
+            c.range0[i] = std::hypot(c.up0[i], c.out0[i]);
+            c.range1[i] = std::hypot(c.up1[i], c.out1[i]);
+            c.sine1[i] = c.up1[i] / c.range1[i];
+            c.arc0[i] = random() % 50 == 0 ? 0 : out;
+            c.arc1[i] = out + 30;
+            const bool ground = scene.range_is_ground;
+            c.x0[i] = scene.bins_per_metre * (ground ? c.arc0[i] : c.range0[i]);
+            c.x1[i] = scene.bins_per_metre * (ground ? c.arc1[i] : c.range1[i]);
+            c.on_horizon[i] = random() % 3 == 0 ? 1 : 0;
+            const double start = c.up0[i] / c.range0[i];
+            // In view, just hidden, far below; and level with the end or without a horizon at all.
+            c.horizon[i] = c.on_horizon[i] == 1 ? start : start + 0.001 * std::abs(any(random));
+            if (random() % 31 == 0) c.horizon[i] = c.sine1[i];
+            if (random() % 63 == 0) c.horizon[i] = -2;
+            c.inverse_radius[i] = random() % 2 ? 0 : 1 / (4.0 / 3 * mean_radius_m);
+            c.hidden_from[i] = c.arc0[i] * std::abs(any(random));
+        }
+        cut_pieces(n, scene, c);
+        for (std::size_t i = 0; i < n; ++i) {
+            INFO("turn " << turn << ", piece " << i << " of " << n);
+            const double h = c.horizon[i];
+            const Course one = course(h, c.up0[i], c.out0[i], c.up1[i], c.out1[i], c.bump_m[i], c.on_horizon[i] == 1);
+            REQUIRE((c.seen[i] == 1) == one.seen);
+            if (!one.seen) continue;
+            ++seen;
+            hides += one.hides;
+            REQUIRE((c.hides[i] == 1) == one.hides);
+            REQUIRE(c.begin[i] == one.begin);
+            REQUIRE(c.end[i] == one.end);
+            REQUIRE(c.bow[i] == one.bow);
+            const auto point = [&](double u) {
+                const double up = c.up0[i] + u * (c.up1[i] - c.up0[i]) + c.bump_m[i] * 4 * u * (1 - u),
+                             out = c.out0[i] + u * (c.out1[i] - c.out0[i]), range = std::hypot(up, out);
+                const double x =
+                    scene.range_is_ground ? c.x0[i] + u * (c.x1[i] - c.x0[i]) : range * scene.bins_per_metre;
+                return std::array{range, up / range, x};
+            };
+            const auto out = point(one.begin), top = point(one.end);
+            CHECK(c.range_out[i] == Approx(out[0]).epsilon(1e-12));
+            CHECK(c.x_out[i] == Approx(out[2]).epsilon(1e-12));
+            CHECK(c.range_top[i] == Approx(top[0]).epsilon(1e-12));
+            CHECK(c.sine_top[i] == Approx(top[1]).epsilon(1e-12).margin(1e-15));
+            CHECK(c.x_top[i] == Approx(top[2]).epsilon(1e-12));
+            const auto shadow = [&](double arc) {
+                return scene.bins_per_metre *
+                       (scene.range_is_ground ? arc : ray_range_m(scene.sensor_m, arc, h, c.inverse_radius[i]));
+            };
+            CHECK(c.shadow0[i] == shadow(c.hidden_from[i]));
+            CHECK(c.shadow1[i] == shadow(c.arc0[i] + one.begin * (c.arc1[i] - c.arc0[i])));
+            const double part = one.end - one.begin;
+            const bool together = c.arc0[i] > 0 &&
+                                  one_range(c.range_out[i], c.range_top[i], c.sine_top[i] - h, c.sine_top[i]) &&
+                                  straight_range(c.bump_m[i] * part * part, c.sine_top[i],
+                                                 scene.range_is_ground ? 0 : scene.bins_per_metre) &&
+                                  !meets_drop(h, c.sine_top[i], scene.drops[0].low, scene.drops[0].high);
+            CHECK((c.plain[i] == 1) == together);
+            ++(together ? plain : apart);
+        }
+    }
+    CHECK(seen > 2000);
+    CHECK(hides > 500);
+    CHECK(plain > 1000);
+    CHECK(apart > 100);
 }
 
 TEST_CASE("two pieces that become one keep their power and its middle", "[sweep]") {
