@@ -61,10 +61,50 @@ double hat_integral(double x) {
     return x < 0 ? 0.5 * (1 + x) * (1 + x) : 1 - 0.5 * (1 - x) * (1 - x);
 }
 
-double pulse_width_bins(const BeamSetting& setting, double scale, double range_bin_m, double range_m) {
-    const double width = setting.pulse_extent_m * scale / range_bin_m;
-    if (!setting.range_is_ground) return width;
-    return static_cast<float>(width / level_cosine(setting, range_m));
+/// Mean of a number over an interval of its values, cut to 0..1.
+double mean_share(double from, double to) {
+    const auto integral = [](double x) { return x <= 0 ? 0.0 : x < 1 ? 0.5 * x * x : x - 0.5; };
+    if (to - from < 1e-9) return std::clamp(0.5 * (from + to), 0.0, 1.0);
+    return (integral(to) - integral(from)) / (to - from);
+}
+
+/// The pulse of one range bin, in bins.
+struct PulseOfBin {
+    std::vector<double> weights;
+    double length;  ///< what they add up to
+};
+/// Of bins of slant range, where the pulse is as long everywhere.
+PulseOfBin slant_pulse(const BeamSetting& setting, double scale, double range_bin_m) {
+    const double length = setting.pulse_extent_m * scale / range_bin_m;
+    return {pulse_weights(length), length};
+}
+/// Of one of ground range. The near end of what the pulse lights goes on evenly over a part of the bin; where it leaves the nadir,
+/// as a square root, the parts are small.
+PulseOfBin ground_pulse(const BeamSetting& setting, double scale, double range_bin_m, std::int64_t range_bin) {
+    const auto length_at = [&](double part) {
+        const double arc_m = (static_cast<double>(range_bin) + part) * range_bin_m;
+        return static_cast<double>(static_cast<float>(pulse_on_ground_m(setting, scale, arc_m) / range_bin_m));
+    };
+    std::vector<double> lengths{length_at(0), length_at(1)};
+    constexpr double even = 1.0 / 16;
+    if (std::abs(lengths[1] - lengths[0]) > even) {
+        lengths.pop_back();
+        for (double part = even; part <= 1; part += even) lengths.push_back(length_at(part));
+    }
+    const std::size_t parts = lengths.size() - 1;
+    const double share = 1 / static_cast<double>(parts);
+    PulseOfBin pulse{{}, 0};
+    for (std::size_t p = 0; p < parts; ++p) pulse.length += 0.5 * share * (lengths[p] + lengths[p + 1]);
+    for (double m = 0; m < *std::max_element(lengths.begin(), lengths.end()) + 1; ++m) {
+        double behind = 0;  // the near end, of the m-th bin nearer
+        for (std::size_t p = 0; p < parts; ++p) {
+            const double from = m + static_cast<double>(p) * share;
+            behind += share * mean_share(from - lengths[p], from + share - lengths[p + 1]);
+        }
+        pulse.weights.push_back(std::max(0.0, hat_integral(m) - behind));
+    }
+    while (pulse.weights.size() > 1 && !(pulse.weights.back() > 0)) pulse.weights.pop_back();
+    return pulse;
 }
 
 double middle_m(std::int64_t range_bin, double range_bin_m) {
@@ -93,9 +133,23 @@ std::int64_t skirt_bins(const BeamSetting& setting, std::int64_t circle_bins) {
 
 std::int64_t lead_in_bins(const BeamSetting& setting, double range_bin_m) {
     if (!setting.pulse_length_error) return 0;
-    const double width = setting.pulse_extent_m * setting.pulse_length_scale / range_bin_m /
-                         (setting.range_is_ground ? least_cosine : 1.0);
-    return static_cast<std::int64_t>(std::ceil(width));
+    double longest_m = setting.pulse_extent_m * setting.pulse_length_scale;
+    if (setting.range_is_ground) {
+        // Where its near end touches the nadir.
+        const double height_m = std::abs(setting.sensor_m - setting.reference_m);
+        const auto arc_m = setting.earth.arc_m(setting.sensor_m, setting.reference_m, height_m + longest_m);
+        longest_m = arc_m ? *arc_m : std::numbers::pi / setting.earth.inverse_radius();
+    }
+    const double bins = longest_m / range_bin_m;
+    return static_cast<std::int64_t>(std::ceil(setting.range_is_ground ? static_cast<float>(bins) : bins));
+}
+
+double pulse_on_ground_m(const BeamSetting& setting, double scale, double arc_m) {
+    const double far_m = setting.earth.slant_range_m(setting.sensor_m, setting.reference_m, arc_m);
+    const double begin_m = far_m - setting.pulse_extent_m * scale;
+    if (!(begin_m > 0)) return arc_m;
+    const auto near_m = setting.earth.arc_m(setting.sensor_m, setting.reference_m, begin_m);
+    return near_m ? std::max(0.0, arc_m - *near_m) : arc_m;
 }
 
 std::vector<double> pulse_weights(double width_bins) {
@@ -158,13 +212,19 @@ Resolution::Resolution(const BeamSetting& setting, std::int64_t circle_bins, dou
 
     const std::int64_t kinds = pulse_per_bin_ ? outputs_.size() : 1;
     for (std::int64_t k = 0; k < kinds; ++k) {
-        const double range_m = middle_m(outputs_.begin + k, range_bin_m);
-        const double width = pulse_width_bins(setting, setting.pulse_length_scale, range_bin_m, range_m),
-                     total = pulse_width_bins(setting, 1, range_bin_m, range_m);
+        const auto pulse = [&](double scale) {
+            return pulse_per_bin_ ? ground_pulse(setting, scale, range_bin_m, outputs_.begin + k)
+                                  : slant_pulse(setting, scale, range_bin_m);
+        };
+        const double total = pulse(1).length;
         // Without the pulse's length the same total falls into the own bin (weights of any width add up to it).
-        std::vector<double> weights = setting.pulse_length_error ? pulse_weights(width) : std::vector{total};
-        if (setting.pulse_length_error && setting.pulse_length_scale != 1)
-            for (double& weight : weights) weight *= total / width;
+        std::vector<double> weights{total};
+        if (setting.pulse_length_error) {
+            PulseOfBin drawn = pulse(setting.pulse_length_scale);
+            weights = std::move(drawn.weights);
+            if (setting.pulse_length_scale != 1)
+                for (double& weight : weights) weight *= total / drawn.length;
+        }
         for (double& weight : weights) weight = root(weight);
         pulse_.push_back(std::move(weights));
     }

@@ -23,7 +23,7 @@ struct BeamSetting {
     double sensor_m = 0;            ///< height above sea level
     double reference_m = 0;         ///< level surface of d_j
     Earth earth;                    ///< K sqrt(MN), K R1 or the plane
-    bool range_is_ground = false;   ///< gpi-true: range bins are arcs; the pulse is c tau/2 sec d_j long on them
+    bool range_is_ground = false;   ///< gpi-true: range bins are arcs, the pulse lies on them as on level ground
 };
 
 /// Two-way power pattern g_az^2 at azimuth offset phi: peak 1, exactly 0 beyond 2.24 beamwidths (Gaussian)
@@ -34,13 +34,17 @@ double one_way_azimuth_pattern(const AntennaParams& antenna, double offset_rad);
 /// Half-width of the skirt in azimuth bins that power in one bin can come from (with cos d at its least, 0.5);
 /// 0 with BWE off. At most what fits once round the circle.
 std::int64_t skirt_bins(const BeamSetting& setting, std::int64_t circle_bins);
-/// Range bins in front of a bin that the pulse reaches back to; 0 with PLE off.
+/// Range bins in front of a bin that the pulse reaches back to, wherever it reaches back farthest; 0 with PLE off.
 std::int64_t lead_in_bins(const BeamSetting& setting, double range_bin_m);
+/// Length on the level surface, metres of arc, of a pulse `scale` times as long whose far end is at arc `arc_m`: back to the arc
+/// at slant range r - scale c tau/2, or to the nadir if the surface is not so near.
+double pulse_on_ground_m(const BeamSetting& setting, double scale, double arc_m);
 
 /// P(i,j) = sum_k E(k,j) g_az((az_i - az_k) cos d_j)^2, d_j the depression of a level surface at the reference
 /// height at the middle of range bin j, cos d_j at least 0.5; each bin at most once round the circle. Then the
 /// one-sided pulse: cell j is the mean over the bin of the sum of the echoes in (r - c tau/2, r]: weights
-/// w_m = H(m) - H(m - w), w = c tau / (2 dr), H the integral of the unit hat; m = 0.. bins nearer.
+/// w_m = H(m) - H(m - w), w = c tau / (2 dr), H the integral of the unit hat; m = 0.. bins nearer. On bins of ground range the
+/// same mean of the sum over (s - pulse_on_ground_m(s), s], whose near end goes evenly from bin's edge to bin's edge.
 /// Switched off, the same total weight falls into the own bin; scaled, it is spread over a beam (a pulse) so many times as
 /// wide, whose weights are divided by how much more they add up to. InputError if `echo` does not hold what `shown` needs.
 /// `echo` (watts) covers at least `shown` plus skirt and lead-in where the circle and range 0 allow; the result

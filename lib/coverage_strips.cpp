@@ -50,14 +50,17 @@ void Cover::set_up(Quadrant q) {
             }
             return rounded(0.5 * (lo + hi), 36);
         };
-        constexpr double circle = 2 * std::numbers::pi;
+        constexpr double circle = 2 * std::numbers::pi, rounding = 0x1p-32;
         for (int turn = -3; turn <= 3; ++turn) {
             const double begin = std::max(from + turn * circle, std::min(a, b)),
                          end = std::min(from + width + turn * circle, std::max(a, b));
-            if (begin > end) continue;
-            // A hair beyond the quadrant, so that no post on a diagonal falls between two.
+            if (begin > end + rounding) continue;
             double lo = slope_of(begin), hi = slope_of(end);
             if (lo > hi) std::swap(lo, hi);
+            // Posts on a border are in, whatever rounding says of their place.
+            lo -= rounding;
+            hi += rounding;
+            // Far beyond the quadrant, so that no post on a diagonal falls between two.
             if (begin == std::min(a, b)) (sign > 0 ? lo : hi) += sign > 0 ? -1 : 1;
             if (end == std::max(a, b)) (sign > 0 ? hi : lo) += sign > 0 ? 1 : -1;
             side.sector.emplace_back(lo, hi);

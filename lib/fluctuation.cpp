@@ -50,9 +50,8 @@ public:
         const std::int64_t kinds = beam.range_is_ground ? range_bins.size() : 1;
         for (std::int64_t k = 0; k < kinds; ++k) {
             const double range_m = (static_cast<double>(range_bins.begin + k) + 0.5) * grid.range_bin_m;
-            const double secant = beam.range_is_ground ? 1 / level_cosine(beam, range_m) : 1;
-            std::vector<double> weights =
-                pulse_weights(static_cast<float>(beam.pulse_extent_m / grid.range_bin_m * secant));
+            const double pulse_m = beam.range_is_ground ? pulse_on_ground_m(beam, 1, range_m) : beam.pulse_extent_m;
+            std::vector<double> weights = pulse_weights(static_cast<float>(pulse_m / grid.range_bin_m));
             const double total = std::accumulate(weights.begin(), weights.end(), 0.0);
             for (double& weight : weights) weight = std::sqrt(setting.noise_power_w * weight / total);
             longest_ = std::max(longest_, weights.size());

@@ -273,34 +273,46 @@ TEST_CASE("a power image in the echoes' own memory has the bits of one beside th
     CHECK_THROWS_AS(power_in_place(std::move(part), setting), InputError);
 }
 
-TEST_CASE("on ground range the pulse is longer the steeper it comes", "[beam]") {
-    // Plane, 1000 m up: at arc 1000 m d = 45 degrees; at arc 20 km the pulse is c tau/2 long.
-    BeamSetting setting = level(1.5, 60);
-    setting.sensor_m = 1000;
-    setting.range_is_ground = true;
-    setting.beam_width_error = true;
-    const PolarGrid g = grid(960, 10, {0, 960}, {0, 2200});
-    PolarImage<float> echo(g);
-    for (std::size_t i = 0; i < 960; ++i) std::fill_n(echo.row(i), 2200, 1.0f);
-    setting.pulse_length_error = true;
-    const PolarImage<float> with = power_image(echo, g, setting);
-    setting.pulse_extent_m = 10;
-    setting.pulse_length_error = false;
-    const PolarImage<float> without =
-        power_image(echo, g, setting);  // a pulse of one bin on the horizon, all in its own bin
-    CHECK(lead_in_bins(level(1.5, 60), 10) == 6);
-    for (const std::int64_t j : {100, 2000}) {
-        const double arc = (static_cast<double>(j) + 0.5) * 10;
-        const auto secant = [](double s) { return std::hypot(1.0, 1000 / s); };
-        const double bins = 6 * secant(arc);
-        // The beam takes in sec d; over the pulse's length its mean is nearly that of the middle (1e-3).
-        const double expected = bins * secant(arc - bins * 10 / 2) / secant(arc) / secant(arc);
-        CHECK_THAT(static_cast<double>(at(with, 5, j)) / static_cast<double>(at(without, 5, j)),
-                   WithinRel(expected, 1e-3));
+TEST_CASE("on ground range the pulse lights what lies within its length in slant range", "[beam]") {
+    // Plane, 1000 m up. Each output is the mean over its bin of what lies from sqrt(s^2 + h^2) - c tau/2 on, walked in small steps.
+    const double h = 1000, bin_m = 10;
+    for (const double extent_m : {60.0, 7.0, 400.0}) {
+        BeamSetting setting = level(1.5, extent_m);
+        setting.sensor_m = h;
+        setting.range_is_ground = true;
+        setting.beam_width_error = false;
+        constexpr std::int64_t bins = 400;
+        const PolarGrid g = grid(960, bin_m, {0, 960}, {0, bins});
+        const auto density = [](double s) { return 1 + s / 700; };
+        const auto integral = [](double s) { return s + s * s / 1400; };
+        PolarImage<float> echo(g);
+        for (std::int64_t j = 0; j < bins; ++j) {
+            const double s = (static_cast<double>(j) + 0.5) * bin_m;
+            // What the beam will take in of it, to 1e-7 (the test above).
+            const double taken = std::sqrt(std::numbers::pi / (8 * std::numbers::ln2)) * 1.5 / 0.375 /
+                                 std::max(0.5, s / std::hypot(s, h));
+            at(echo, 5, j) = static_cast<float>(density(s) * bin_m / taken);
+        }
+        const PolarImage<float> power = power_image(echo, g, setting);
+        const auto nearest = [&](double s) {
+            const double r = std::hypot(s, h) - extent_m;
+            return r > h ? std::sqrt(r * r - h * h) : 0.0;
+        };
+        for (std::int64_t j = 0; j < bins; ++j) {
+            constexpr int steps = 200;
+            double sum = 0;
+            for (int k = 0; k < steps; ++k) {
+                const double s = (static_cast<double>(j) + (k + 0.5) / steps) * bin_m;
+                sum += integral(s) - integral(nearest(s));
+            }
+            INFO("pulse of " << extent_m << " m, bin " << j);
+            CHECK_THAT(static_cast<double>(at(power, 5, j)), WithinRel(sum / steps, 0.004));
+        }
+        CHECK(static_cast<double>(lead_in_bins(setting, bin_m)) ==
+              std::ceil(std::sqrt((h + extent_m) * (h + extent_m) - h * h) / bin_m));
+        CHECK(pulse_on_ground_m(setting, 1, 5000) == Approx(5000 - nearest(5000)).epsilon(1e-9));
+        CHECK(pulse_on_ground_m(setting, 1, 1) == 1);
     }
-    setting.pulse_length_error = true;
-    setting.pulse_extent_m = 60;
-    CHECK(lead_in_bins(setting, 10) == 12);
 }
 
 TEST_CASE("an exaggerated beam is so many times as wide and so many times as faint", "[beam]") {
@@ -333,8 +345,8 @@ TEST_CASE("an exaggerated pulse is so many times as long and so many times as fa
     const double expected[] = {0, 0, 0.5, 1, 1, 1, 1, 0.5, 0, 0};
     for (int k = 0; k < 10; ++k) CHECK_THAT(at(power, 100, 8 + k), WithinRel(0.4 * beam * expected[k], 5e-7));
     CHECK(lead_in_bins(setting, 15) == 5);
-    setting.range_is_ground = true;
-    CHECK(lead_in_bins(setting, 15) == 10);
+    setting.range_is_ground = true;  // from no height at all it is as long there
+    CHECK(lead_in_bins(setting, 15) == 5);
 }
 
 TEST_CASE("an even plain keeps its level however beam and pulse are drawn", "[beam]") {

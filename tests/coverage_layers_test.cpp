@@ -380,3 +380,33 @@ TEST_CASE("right below the sensor a target may stand above it, and a void is no 
         CHECK(run("void.tif", "60m", words).at(20, 20) == 0);
     }
 }
+
+TEST_CASE("posts on a sector's border are in it", "[coverage]") {
+    const Folder folder;
+    Drawing d;
+    d.columns = d.rows = 61;
+    d.value = [](int, int) { return 50.0; };
+    draw(folder / "flat.tif", d);
+    // On post (30, 30), north up; borders of 45 degrees run through posts.
+    for (int from = 0; from < 360; from += 45)
+        for (const int width : {45, 90, 135, 180}) {
+            const int turn = from + width > 360 ? 360 : 0, to = from + width;
+            const Ended ended = run_program(
+                {WEDGESCOPE_PROGRAM, "coverage", folder / "flat.tif", folder / "out.tif", "-ox", "1305", "-oy", "1695",
+                 "--altitude-agl", "100m", "--geometry", "grid", "--layer", "states", "--sector",
+                 std::to_string(from - turn) + "deg," + std::to_string(to - turn) + "deg", "--overwrite", "-q"},
+                folder / "log");
+            INFO(from << " to " << to << "\n" << ended.err);
+            REQUIRE(ended.code == 0);
+            const Posts posts(folder / "out.tif");
+            for (int azimuth = 0; azimuth < 360; azimuth += 45) {
+                const bool in = (azimuth - from + 360) % 360 <= width;
+                const int east = (azimuth > 0 && azimuth < 180) - (azimuth > 180),
+                          south = (azimuth > 90 && azimuth < 270) - (azimuth < 90 || azimuth > 270);
+                int inside = 0;
+                for (int k = 1; k <= 30; ++k) inside += posts.at(30 + k * east, 30 + k * south) == 2 ? 1 : 0;
+                INFO("azimuth " << azimuth);
+                CHECK(inside == (in ? 30 : 0));
+            }
+        }
+}

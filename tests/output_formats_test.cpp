@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <fstream>
 #include <memory>
 
 #include "tests/drawn_raster.hpp"
@@ -128,6 +129,56 @@ TEST_CASE("creation options that GDAL refuses are refused for GDAL's reason", "[
     }
 }
 
+TEST_CASE("counts and layers in files that would not read back as they are", "[output_formats]") {
+    const Folder folder;
+    draw_ridge(folder / "dem.tif");
+    std::ofstream(folder / "o.csv") << "x,y\n465960,3754040\n";
+    const auto refused = [&](const Words& words) {
+        const Ended ended = run(folder, words);
+        INFO(ended.err);
+        CHECK(ended.code == 2);
+        CHECK(std::count(ended.err.begin(), ended.err.end(), '\n') == 1);
+        CHECK_FALSE(std::filesystem::exists(folder / "x.tif"));
+        return ended.err;
+    };
+    const Words counts{
+        "coverage", folder / "dem.tif", folder / "x.tif", "--observers", folder / "o.csv", "--altitude-agl", "20m"};
+    for (const Words& lossy : {Words{"--co", "NBITS=4"}, {"--co", "DISCARD_LSB=4"}})
+        CHECK_THAT(refused(with(counts, lossy)), Contains("does not keep them as they are"));
+    CHECK_THAT(refused(with(counts, {"--co", "COMPRESS=CCITTFAX4"})), Contains("these creation options"));
+    CHECK_THAT(refused(coverage_of(folder, "x.tif", {"--co", "PIXELTYPE=SIGNEDBYTE"})),
+               Contains("does not keep them as they are"));
+    CHECK_THAT(refused(coverage_of(folder, "x.tif", {"--layer", "height", "--co", "COMPRESS=JPEG"})),
+               Contains("these creation options"));
+    const Words big{"--co", "ENDIANNESS=BIG"};
+    CHECK_THAT(refused(coverage_of(folder, "x.tif", with(big, {"--layer", "height", "--co", "PREDICTOR=3"}))),
+               Contains("GDAL does not read back"));
+    const auto values = [&](const std::string& path) {
+        GDALAllRegister();
+        const std::unique_ptr<GDALDataset, CloseIt> in(GDALDataset::Open(path.c_str()));
+        REQUIRE(in);
+        const int columns = in->GetRasterXSize(), rows = in->GetRasterYSize();
+        std::vector<double> cells(static_cast<std::size_t>(columns * rows));
+        REQUIRE(in->GetRasterBand(1)->RasterIO(GF_Read, 0, 0, columns, rows, cells.data(), columns, rows, GDT_Float64,
+                                               0, 0, nullptr) == CE_None);
+        return cells;
+    };
+    for (const std::string layer : {"height", "grazing"}) {
+        INFO(layer);
+        REQUIRE(run(folder, coverage_of(folder, "n.tif", {"--layer", layer})).code == 0);
+        for (const Words& more : {Words{}, {"--co", "COMPRESS=ZSTD"}, {"--co", "ENDIANNESS=INVERTED"}}) {
+            REQUIRE(run(folder, coverage_of(folder, "b.tif", with(with(big, more), {"--layer", layer}))).code == 0);
+            CHECK(values(folder / "b.tif") == values(folder / "n.tif"));
+        }
+    }
+    REQUIRE(run(folder, simulation_of(folder, {"--power", folder / "n.tif"})).code == 0);
+    REQUIRE(run(folder, simulation_of(folder, with(big, {"--power", folder / "b.tif"}))).code == 0);
+    CHECK(values(folder / "b.tif") == values(folder / "n.tif"));
+    REQUIRE(
+        run(folder, {"tile", folder / "dem.tif", folder / "store", "--co", "COMPRESS=DEFLATE", "--co", big[1]}).code ==
+        0);
+}
+
 TEST_CASE("a power image in a file that changes it or forgets its scene is remarked on", "[output_formats]") {
     const Folder folder;
     draw_ridge(folder / "dem.tif");
@@ -147,4 +198,8 @@ TEST_CASE("a power image in a file that changes it or forgets its scene is remar
     CHECK_THAT(says("a.tif", {"--co", "COMPRESS=LERC", "--co", "MAX_Z_ERROR=0.1"}),
                Contains("its values as they are; .tif does"));
     CHECK_THAT(says("a.xyz", {}), Contains("what the image tells of its scene; .tif does"));
+    const Ended ended = run_program(with({program}, simulation_of(folder, {"--power", folder / "a.nc", "--overwrite"})),
+                                    folder / "log");
+    CHECK(ended.code == 0);
+    CHECK_THAT(ended.err, Contains("driver netCDF, which may not keep its values, its place"));
 }

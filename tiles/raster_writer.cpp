@@ -6,6 +6,7 @@
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
+#include <bit>
 #include <cctype>
 #include <cerrno>
 #include <cmath>
@@ -151,6 +152,14 @@ CPLStringList creation_options(GDALDriver& driver, GDALDataType type, Packing pa
     if (!EQUAL(compression.c_str(), "DEFLATE") && !EQUAL(compression.c_str(), "LZW") &&
         !EQUAL(compression.c_str(), "ZSTD") && !given.FetchNameValue("PREDICTOR"))
         options.SetNameValue("PREDICTOR", nullptr);
+    // GDAL 3.6 writes floats so and reads something else.
+    if (name == "GTiff" && swaps_bytes(given.FetchNameValueDef("ENDIANNESS", "NATIVE")) &&
+        EQUAL(options.FetchNameValueDef("PREDICTOR", ""), "3")) {
+        if (given.FetchNameValue("PREDICTOR"))
+            throw InputError(text("co PREDICTOR=3 with ENDIANNESS=", given.FetchNameValue("ENDIANNESS"),
+                                  " makes files that GDAL does not read back; accepted: PREDICTOR=1"));
+        options.SetNameValue("PREDICTOR", nullptr);
+    }
     GdalErrors errors;
     if (!GDALValidateCreationOptions(&driver, given.List()))
         throw InputError(text("co is not accepted by driver ", name, ": ", errors.reason()));
@@ -339,20 +348,19 @@ void write_geolocation(const GeolocationGrid& grid, const std::string& path, con
 }
 
 Metadata geolocation_metadata(const GeolocationGrid& grid, const std::string& final_path) {
-    Metadata items;
     const std::string side = std::filesystem::path(final_path).filename().string() + ".geoloc.tif";
     // By name beside the raster, wherever the two are moved together.
-    items.emplace_back("X_DATASET", side);
-    items.emplace_back("X_DATASET_RELATIVE_TO_SOURCE", "YES");
-    items.emplace_back("X_BAND", "1");
-    items.emplace_back("Y_DATASET", side);
-    items.emplace_back("Y_DATASET_RELATIVE_TO_SOURCE", "YES");
-    items.emplace_back("Y_BAND", "2");
-    items.emplace_back("PIXEL_OFFSET", "0");
-    items.emplace_back("LINE_OFFSET", text(grid.closed ? -grid.row_step : 0));
-    items.emplace_back("PIXEL_STEP", text(grid.column_step));
-    items.emplace_back("LINE_STEP", text(grid.row_step));
-    items.emplace_back("GEOREFERENCING_CONVENTION", "TOP_LEFT_CORNER");
+    Metadata items{{"X_DATASET", side},
+                   {"X_DATASET_RELATIVE_TO_SOURCE", "YES"},
+                   {"X_BAND", "1"},
+                   {"Y_DATASET", side},
+                   {"Y_DATASET_RELATIVE_TO_SOURCE", "YES"},
+                   {"Y_BAND", "2"},
+                   {"PIXEL_OFFSET", "0"},
+                   {"LINE_OFFSET", text(grid.closed ? -grid.row_step : 0)},
+                   {"PIXEL_STEP", text(grid.column_step)},
+                   {"LINE_STEP", text(grid.row_step)},
+                   {"GEOREFERENCING_CONVENTION", "TOP_LEFT_CORNER"}};
     OGRSpatialReference crs;
     GdalErrors quiet;
     if (grid.crs.empty())
@@ -366,6 +374,11 @@ Metadata geolocation_metadata(const GeolocationGrid& grid, const std::string& fi
 }
 
 }  // namespace
+
+bool swaps_bytes(const std::string& endianness) {
+    const bool big = std::endian::native == std::endian::big;
+    return EQUAL(endianness.c_str(), "INVERTED") || EQUAL(endianness.c_str(), big ? "LITTLE" : "BIG");
+}
 
 GeolocationGrid geolocation_grid(std::int64_t columns, std::int64_t rows, std::int64_t column_step,
                                  std::int64_t row_step) {
@@ -496,8 +509,10 @@ bool keeps_codes(GDALDriver& driver, const CPLStringList& options, const RasterF
     RasterContent content = trial.content();
     content.means_something = wanted.means_something;
     content.means_nothing = wanted.means_nothing;
-    const Trial tried =
-        try_driver(driver, options, content, final_path, [&](GDALDataset& written) { return trial.are_in(written); });
+    const Trial tried = try_driver(driver, options, content, final_path, [&](GDALDataset& written) {
+        const char* const sign = written.GetRasterBand(1)->GetMetadataItem("PIXELTYPE", "IMAGE_STRUCTURE");
+        return trial.are_in(written) && !(sign && EQUAL(sign, "SIGNEDBYTE"));  // of 255 that makes -1
+    });
     if (tried.meant_void) refuse_no_data(driver, final_path);
     if (tried.kept) return true;
     check_made(tried, driver, format, final_path);
@@ -507,19 +522,48 @@ bool keeps_codes(GDALDriver& driver, const CPLStringList& options, const RasterF
         text(format.creation.empty() ? "" : " with these creation options", " does not keep them as they are"));
 }
 
-/// Of counts, which any driver keeps, 0 means something too.
-void check_no_data(GDALDriver& driver, const CPLStringList& options, const RasterContent& wanted,
-                   const std::string& final_path) {
-    constexpr std::int64_t side = 64;
-    const std::vector<double> zeros(side * side);  // of the widest type
+/// Values that are no codes. Counts must come back as they are, and none be declared as no data; floats within a tenth, as much
+/// as options that round them may ask for.
+void check_values(GDALDriver& driver, const CPLStringList& options, const RasterFormat& format,
+                  const RasterContent& wanted, const std::string& final_path) {
+    constexpr int side = 64;
+    const bool counts = !GDALDataTypeIsFloating(wanted.type);
+    const double most = wanted.type == GDT_Byte ? 255 : 65535;
+    std::vector<double> values(std::size_t{side} * side);
+    std::uint32_t random = 1;
+    for (double& value : values) {
+        const double part = static_cast<double>((random = random * 1664525 + 1013904223) >> 8) * 0x1p-24;
+        value = counts ? std::floor(part * (most + 1)) : 100 + 60000 * part * part;
+    }
+    values[0] = 0;
+    const int bytes = GDALGetDataTypeSizeBytes(wanted.type);
+    std::vector<std::uint64_t> cells(values.size());  // of the widest type
+    GDALCopyWords64(values.data(), GDT_Float64, sizeof(double), cells.data(), wanted.type, bytes,
+                    static_cast<GPtrDiff_t>(values.size()));
     RasterContent content;
     content.columns = content.rows = side;
     content.type = wanted.type;
-    content.bands = {{zeros.data(), "", "", {}, {}}};
+    content.bands = {{cells.data(), "", "", {}, {}}};
     content.means_something = wanted.means_something;
     content.means_nothing = wanted.means_nothing;
-    if (try_driver(driver, options, content, final_path, [](GDALDataset&) { return true; }).meant_void)
-        refuse_no_data(driver, final_path);
+    const Trial tried = try_driver(driver, options, content, final_path, [&](GDALDataset& written) {
+        std::vector<double> back(values.size());
+        if (written.GetRasterXSize() != side || written.GetRasterYSize() != side ||
+            written.GetRasterBand(1)->RasterIO(GF_Read, 0, 0, side, side, back.data(), side, side, GDT_Float64, 0, 0,
+                                               nullptr) != CE_None)
+            return false;
+        return std::equal(values.begin(), values.end(), back.begin(), [&](double value, double read) {
+            return counts ? value == read : std::abs(value - read) <= 0.1 * value;
+        });
+    });
+    if (tried.meant_void) refuse_no_data(driver, final_path);
+    if (tried.kept) return;
+    check_made(tried, driver, format, final_path);
+    if (!tried.refused.empty()) return;
+    throw InputError(text("output '", final_path, "' holds ", counts ? "counts" : "numbers", ", and driver ",
+                          driver.GetDescription(), format.creation.empty() ? "" : " with these creation options",
+                          " does not keep them", counts ? " as they are" : "",
+                          "; accepted: .tif, .img and others without loss"));
 }
 
 }  // namespace
@@ -572,7 +616,10 @@ std::string power_losses(const OutputFile& file, const RasterFormat& format) {
             return true;
         });
     check_made(tried, driver, format, final_path);
-    if (!tried.kept || (values && words)) return {};
+    if (!tried.kept || !has(driver, GDAL_DCAP_VIRTUALIO))  // makes no file in memory
+        return text("is written by driver ", driver.GetDescription(),
+                    ", which may not keep its values, its place and what the image tells of its scene; .tif does");
+    if (values && words) return {};
     return text("is written by driver ", driver.GetDescription(),
                 format.creation.empty() ? "" : " with these creation options", ", which does not keep ",
                 values  ? "what the image tells of its scene"
@@ -661,8 +708,8 @@ DatasetHandle create_raster(const RasterContent& content, const OutputFile& file
                               " writes whole rasters only; accepted: one that writes tile by tile, such as GTiff"));
     if (!content.codes.empty() && !(is_geotiff(final_path, format) && format.creation.empty()))
         keeps_codes(driver, options, format, content, final_path);
-    if (content.codes.empty() && content.means_something && !is_geotiff(final_path, format))
-        check_no_data(driver, options, content, final_path);
+    if (content.codes.empty() && !(is_geotiff(final_path, format) && format.creation.empty()))
+        check_values(driver, options, format, content, final_path);
     GdalErrors errors;
     DatasetHandle dataset(driver.Create(file.temporary_path().c_str(), static_cast<int>(content.columns),
                                         static_cast<int>(content.rows), static_cast<int>(content.bands.size()),

@@ -25,6 +25,7 @@
 #include "tiles/claim.hpp"
 #include "tiles/mosaic.hpp"
 #include "tiles/plain_file.hpp"
+#include "tiles/raster_writer.hpp"
 #include "tiles/registered_layer.hpp"
 #include "tiles/sheet_writer.hpp"
 #include "tiles/sided_layer.hpp"
@@ -296,8 +297,11 @@ void StoreWriter::choose_creation(Layer& layer) const {
     if (EQUAL(compress.c_str(), "ZSTD")) given.try_emplace("ZSTD_LEVEL", text(1));
     const bool predicts =
         EQUAL(compress.c_str(), "ZSTD") || EQUAL(compress.c_str(), "DEFLATE") || EQUAL(compress.c_str(), "LZW");
-    if (predicts && !given.contains("PREDICTOR") && !layer.codes())
-        given["PREDICTOR"] = text(facts.type == GDT_Float32 || facts.type == GDT_Float64 ? 3 : 2);
+    const bool floats = facts.type == GDT_Float32 || facts.type == GDT_Float64;
+    const auto order = given.find("ENDIANNESS");
+    const bool readable = !floats || order == given.end() || !swaps_bytes(order->second);
+    if (predicts && !given.contains("PREDICTOR") && !layer.codes() && readable)
+        given["PREDICTOR"] = text(floats ? 3 : 2);
     layer.creation.clear();
     for (const auto& [key, value] : given) layer.creation.push_back(key + "=" + value);
     layer.entry.facts.compression = compress;
