@@ -87,7 +87,9 @@ PulseOfBin ground_pulse(const BeamSetting& setting, double scale, double range_b
     };
     std::vector<double> lengths{length_at(0), length_at(1)};
     constexpr double even = 1.0 / 16;
-    if (std::abs(lengths[1] - lengths[0]) > even) {
+    const auto first = static_cast<double>(range_bin);
+    const bool leaves_nadir = lengths[0] > first * (1 - 1e-6) && lengths[1] < (first + 1) * (1 - 1e-6);
+    if (leaves_nadir || std::abs(lengths[1] - lengths[0]) > even) {
         lengths.pop_back();
         for (double part = even; part <= 1; part += even) lengths.push_back(length_at(part));
     }
@@ -139,6 +141,10 @@ std::int64_t lead_in_bins(const BeamSetting& setting, double range_bin_m) {
         const double height_m = std::abs(setting.sensor_m - setting.reference_m);
         const auto arc_m = setting.earth.arc_m(setting.sensor_m, setting.reference_m, height_m + longest_m);
         longest_m = arc_m ? *arc_m : std::numbers::pi / setting.earth.inverse_radius();
+        // From there on it grows shorter, and on a curved earth longer again: up to the farthest arc that resolve() takes.
+        if (setting.earth.inverse_radius() > 0)
+            longest_m = std::max(longest_m, pulse_on_ground_m(setting, setting.pulse_length_scale,
+                                                              0.3 / setting.earth.inverse_radius()));
     }
     const double bins = longest_m / range_bin_m;
     return static_cast<std::int64_t>(std::ceil(setting.range_is_ground ? static_cast<float>(bins) : bins));
@@ -412,7 +418,8 @@ PolarImage<float> power_in_place(PolarImage<float>&& echo, const BeamSetting& se
     // Two strips stand beside it, as wide as the near caches like and no narrower than the lead-in, which each has to read again.
     constexpr std::size_t bytes = std::size_t{1} << 20;
     const auto fits = static_cast<std::int64_t>(bytes / sizeof(float) / grid.azimuth_count());
-    const std::int64_t strip = std::max({fits, lead_in_bins(setting, grid.range_bin_m), std::int64_t{64}});
+    std::int64_t strip = std::max({fits, lead_in_bins(setting, grid.range_bin_m), std::int64_t{64}});
+    if (setting.range_is_ground) strip = std::min(strip, strip_bins(setting, grid, 0, 0));  // each bin has its pulse
     if (4 * strip > grid.range_bins.size()) return power_image(image, grid, setting, {}, everywhere_w, stop);
     const Gathering gathering(image, grid, setting, everywhere_w, stop);
     PolarGrid part = grid;

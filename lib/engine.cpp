@@ -315,6 +315,12 @@ void take_rows(const RunResult& group, bool keep_echo, RunResult& whole) {
     const std::int64_t begin = bins_after(part.azimuth_bins.begin, shown.azimuth_bins.begin, circle),
                        end = begin + part.azimuth_bins.size(), all = shown.azimuth_bins.size();
     const PolarGrid& swept = group.echo_w.grid;
+    // On bins of ground range the pulse's lead-in hangs on the height of the place.
+    const Interval bins = whole.echo_state.grid.range_bins, common = intersection(bins, swept.range_bins);
+    const auto copy = [&](const auto* from, auto* to, auto none) {
+        std::fill_n(to, common.begin - bins.begin, none);
+        std::copy_n(from + (common.begin - swept.range_bins.begin), common.size(), to + (common.begin - bins.begin));
+    };
     for (std::int64_t bin = swept.azimuth_bins.begin; bin < swept.azimuth_bins.end; ++bin) {
         const std::int64_t at = bins_after(bin, shown.azimuth_bins.begin, circle);
         const bool own = at < all ? at >= begin && at < end : circle - at <= skirt ? begin == 0 : end == all;
@@ -322,8 +328,8 @@ void take_rows(const RunResult& group, bool keep_echo, RunResult& whole) {
         const std::size_t from = static_cast<std::size_t>(bin - swept.azimuth_bins.begin),
                           to = whole.echo_state.grid.row_of(bin);
         if (to >= whole.echo_state.grid.azimuth_count()) continue;
-        if (keep_echo) std::copy_n(group.echo_w.row(from), swept.range_count(), whole.echo_w.row(to));
-        std::copy_n(group.echo_state.row(from), swept.range_count(), whole.echo_state.row(to));
+        if (keep_echo) copy(group.echo_w.row(from), whole.echo_w.row(to), 0.0F);
+        copy(group.echo_state.row(from), whole.echo_state.row(to), static_cast<std::uint8_t>(State::outside));
     }
     for (std::int64_t i = begin; i < end; ++i) {
         const auto from = static_cast<std::size_t>(i - begin), to = static_cast<std::size_t>(i);
@@ -437,7 +443,7 @@ RunResult run(const ResolvedScene& scene, const Scan& scan, WedgeSource& source,
          bins.begin = bins.end) {
         bins.end = std::min(bins.begin + scan.step, scene.shown.azimuth_bins.end);
         ResolvedScene place = scan.at(bins);
-        if (place.shown.range_bins != scene.shown.range_bins || place.swept.range_bins != scene.swept.range_bins)
+        if (place.shown.range_bins != scene.shown.range_bins)
             throw Error("a scan's groups have other range bins than the whole");
         const WeatherHere weather(place, params.tables->weather, params.tables->pattern);
         sweep(place, *ground, own, weather, crew, group);

@@ -39,6 +39,8 @@ struct ResolvedScene {
     Chunk nadir_patch;  ///< the posts round the nadir, rows as lines; empty where it is outside the raster
     bool nadir_on_data = false;  ///< inside the raster and not void
     bool nadir_in_raster = false;
+    bool nadir_beyond_posts =
+        false;  ///< outside the raster or in the outer half of an outermost cell: no four posts round it
     Earth earth;                 ///< of what belongs to no spoke
     double farthest_arc_m = 0;   ///< coverage only: no post that counts is farther
     bool range_limited = false;  ///< coverage only: a range was asked for
@@ -166,7 +168,7 @@ bool holds(const PolarGrid& stored, const PolarGrid& wanted);
 /// A sensor that moves while its antenna turns.
 struct Scan {
     std::int64_t step = 1;  ///< azimuth bins that are seen from one place; the last group may be smaller
-    /// The scene from where the sensor is when it looks at these bins of the scene's: look_at() them, same bins in range.
+    /// The scene from where the sensor is when it looks at these bins of the scene's: look_at() them, same bins shown in range.
     std::function<ResolvedScene(Interval azimuth_bins)> at;
 };
 /// As run(), but each group of azimuth bins is swept, with the beam's skirt on either side, from its own place: these are

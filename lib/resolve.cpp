@@ -101,6 +101,7 @@ void stand(ResolvedScene& s, WedgeSource& source) {
     s.nadir_in_raster =
         (db.cyclic || (s.nadir.column >= -0.5 && s.nadir.column <= static_cast<double>(db.columns) - 0.5)) &&
         s.nadir.row >= -0.5 && s.nadir.row <= static_cast<double>(db.rows) - 0.5;
+    s.nadir_beyond_posts = beyond_posts(db, s.nadir);
     s.nadir_on_data = ground == ground;
     s.reference_m = s.nadir_on_data ? ground : 0;
     switch (p.altitude_above) {
@@ -116,9 +117,9 @@ void stand(ResolvedScene& s, WedgeSource& source) {
                     "altitude-agl needs terrain below the sensor; column {:.1f}, row {:.1f} of '{}' is {} (give "
                     "altitude-msl){}",
                     s.nadir.column, s.nadir.row, db.name,
-                    !s.nadir_in_raster          ? "outside the raster"
-                    : beyond_posts(db, s.nadir) ? "beyond its outermost posts"
-                                                : "void",
+                    !s.nadir_in_raster     ? "outside the raster"
+                    : s.nadir_beyond_posts ? "beyond its outermost posts"
+                                           : "void",
                     swapped_hint(p, db)));
             s.sensor_m = ground + p.altitude_m;
             break;

@@ -315,6 +315,51 @@ TEST_CASE("on ground range the pulse lights what lies within its length in slant
     }
 }
 
+TEST_CASE("on ground range far out, from low down and in parts the pulse loses nothing", "[beam]") {
+    // On a curved earth it is longest where it touches the nadir or at the far end: a part of the image has the bits of the whole.
+    for (const double height_m : {0.0, 20.0, 3000.0}) {
+        BeamSetting setting = level(6, 1500);
+        setting.earth = Earth(6371000.0);
+        setting.sensor_m = height_m;
+        setting.range_is_ground = true;
+        const PolarGrid whole = grid(30, 150, {0, 30}, {0, 12000});
+        PolarImage<float> echo(whole);
+        for (std::size_t k = 0; k < echo.cells.size(); ++k)
+            echo.cells[k] = static_cast<float>((k * 2654435761u) % 1000) * 1e-15f;
+        const PolarImage<float> all = power_image(echo, whole, setting);
+        CHECK(power_in_place(PolarImage<float>(echo), setting).cells == all.cells);
+        const std::int64_t lead = lead_in_bins(setting, 150);
+        PolarGrid far = grid(30, 150, {0, 30}, {11800, 12000}), swept = far;
+        swept.range_bins.begin -= lead;
+        PolarImage<float> part(swept);
+        for (std::size_t i = 0; i < 30; ++i)
+            std::copy_n(echo.row(i) + swept.range_bins.begin, swept.range_count(), part.row(i));
+        const PolarImage<float> shown = power_image(part, far, setting);
+        for (std::size_t i = 0; i < 30; ++i)
+            CHECK(std::equal(shown.row(i), shown.row(i) + far.range_count(), all.row(i) + far.range_bins.begin));
+    }
+    // The bin in which the near end leaves the nadir, as long at both its edges: the mean of its length walked in small steps.
+    BeamSetting setting = level(6, 150);
+    setting.sensor_m = 20;
+    setting.range_is_ground = true;
+    setting.beam_width_error = setting.pulse_length_error = false;
+    const PolarGrid g = grid(60, 75, {0, 60}, {0, 8});
+    PolarImage<float> echo(g);
+    at(echo, 5, 2) = at(echo, 5, 3) = 1;
+    const PolarImage<float> power = power_image(echo, g, setting);
+    const auto mean = [](int bin) {
+        double sum = 0;
+        for (int k = 0; k < 1000; ++k) {
+            const double s = (bin + (k + 0.5) / 1000) * 75, r = std::hypot(s, 20) - 150;
+            sum += s - (r > 20 ? std::sqrt(r * r - 400) : 0);
+        }
+        return sum / 1000 / 75;
+    };
+    const auto taken = [](int bin) { return std::max(0.5, (bin + 0.5) * 75 / std::hypot((bin + 0.5) * 75, 20)); };
+    CHECK_THAT(static_cast<double>(at(power, 5, 2)) / static_cast<double>(at(power, 5, 3)),
+               WithinRel(mean(2) / mean(3) * taken(3) / taken(2), 0.005));
+}
+
 TEST_CASE("an exaggerated beam is so many times as wide and so many times as faint", "[beam]") {
     // Beam of 1.5 degrees drawn three times as wide, bins of 3/8 degree: g^2 = 2^(-8 (k/12)^2), a third of it, since the
     // integral of the Gaussian grows as its width.

@@ -31,6 +31,7 @@ TEST_CASE("coverage says how the sensor stands to the terrain, as simulate does"
     };
     CHECK(line("flat", "465150,3750120") == "sensor: 150.0 m above sea level, 50.0 m above the terrain");
     CHECK(line("flat", "464000,3750120") == "sensor: 150.0 m above sea level, outside the terrain raster");
+    CHECK(line("flat", "465005,3750120") == "sensor: 150.0 m above sea level, beyond the terrain's outermost posts");
     CHECK(line("void", "465150,3750120") == "sensor: 150.0 m above sea level, over a void of the terrain");
 }
 

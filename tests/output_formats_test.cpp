@@ -150,6 +150,12 @@ TEST_CASE("counts and layers in files that would not read back as they are", "[o
                Contains("does not keep them as they are"));
     CHECK_THAT(refused(coverage_of(folder, "x.tif", {"--layer", "height", "--co", "COMPRESS=JPEG"})),
                Contains("these creation options"));
+    // What makes no file in memory is written, with options too; what takes none without a place has one.
+    for (const auto& [name, more] :
+         {std::pair{"l.nc", Words{}}, {"l.nc", {"--co", "COMPRESS=DEFLATE"}}, {"l.gpkg", {}}}) {
+        INFO(name);
+        CHECK(run(folder, coverage_of(folder, name, with(more, {"--layer", "height"}))).code == 0);
+    }
     const Words big{"--co", "ENDIANNESS=BIG"};
     CHECK_THAT(refused(coverage_of(folder, "x.tif", with(big, {"--layer", "height", "--co", "PREDICTOR=3"}))),
                Contains("GDAL does not read back"));

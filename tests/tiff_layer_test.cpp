@@ -368,6 +368,28 @@ TEST_CASE("tiles of any shape, tiles that a file leaves out and overviews change
     check_alike(path);
 }
 
+TEST_CASE("heights have the unit that GDAL finds", "[tiff_layer]") {
+    const Folder folder;
+    const std::string path = folder / "dem.tif";
+    for (const char* unit : {"m", "ft", "US survey foot", "metre", "cm", "unknown"}) {
+        INFO(unit);
+        Drawing d = tiled(GDT_Int16);
+        d.unit = unit;
+        draw(path, d);
+        CHECK(reads_without_gdal(path));
+        check_alike(path);
+        update(path, [](GDALDataset& file) { file.SetMetadataItem("AREA_OR_POINT", "Point"); });
+        check_alike(path);
+    }
+    for (const char* unit : {"Pa", "m & more", "m<2", "\xc2\xb5m"}) {
+        INFO(unit);
+        Drawing d = tiled(GDT_Int16);
+        d.unit = unit;
+        draw(path, d);
+        CHECK_FALSE(reads_without_gdal(path));
+    }
+}
+
 TEST_CASE("shipped rasters in tiles and WGS84 need no GDAL, and give the same posts", "[tiff_layer]") {
     const std::string data = WEDGESCOPE_DATA "/";
     for (const char* name : {"azores_dem.tif", "inland_empire_canopy.tif", "inland_empire_culture.tif",
@@ -513,7 +535,7 @@ TEST_CASE("a file of which GDAL may know more is left to GDAL", "[tiff_layer]") 
     drawn("two bands", with([](Drawing& d) { d.bands = 2; }), Posts::by_gdal);
     drawn("scale", with([](Drawing& d) { d.scale = 0.1; }));
     drawn("offset", with([](Drawing& d) { d.offset = 10; }));
-    drawn("unit", with([](Drawing& d) { d.unit = "ft"; }));
+    drawn("scale and unit", with([](Drawing& d) { d.scale = 0.1, d.unit = "ft"; }));
     drawn("mask", with([](Drawing& d) { d.masked = [](int c, int) { return c == 3; }; }), Posts::by_gdal);
     drawn("no CRS", with([](Drawing& d) { d.crs.clear(); }));
     drawn("no grid", with([](Drawing& d) { d.geotransform.reset(); }));

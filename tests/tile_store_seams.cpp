@@ -193,6 +193,49 @@ TEST_CASE("several rasters of one type keep their values, in the narrowest type 
     }
 }
 
+TEST_CASE("rasters that are told from the south keep their values on the others' posts", "[store]") {
+    const Folder folder;
+    constexpr int columns = 70, rows = 50;
+    // By place: x east and y north of a corner, in posts of 10 m.
+    const auto value = [](double x, double y) { return 300 + std::fmod(7 * x + 13 * y, 251); };
+    const auto draw_part = [&](const std::string& name, int x, int y, bool from_south, double off = 0) {
+        Drawing d;
+        d.columns = columns;
+        d.rows = rows;
+        d.type = GDT_Int16;
+        d.no_data = -9999;
+        d.geotransform = {
+            {400000 + 10.0 * x, 10, 0, 4000000 + 10.0 * (from_south ? y : y + rows), 0, from_south ? 10.0 : -10.0}};
+        d.value = [=](int c, int r) { return value(x + c, y + (from_south ? r : rows - 1 - r)) + off; };
+        draw(folder / name, d);
+        return folder / name;
+    };
+    const std::string first = draw_part("first.tif", 0, 0, false);
+    for (const bool from_south : {false, true})
+        for (const bool turned : {false, true}) {
+            CAPTURE(from_south, turned);
+            const std::string second = draw_part("second.tif", 60, 30, from_south);
+            const TileStoreSummary summary =
+                tile_anew(folder, turned ? std::vector{second, first} : std::vector{first, second});
+            CHECK(summary.note.empty());
+            const Plain plain(folder / "store/dem.vrt");
+            CHECK(plain.type == "Int16");
+            REQUIRE((plain.columns == 130 && plain.rows == 80));
+            int wrong = 0;
+            for (int r = 0; r < plain.rows; ++r)
+                for (int c = 0; c < plain.columns; ++c) {
+                    const double x = (plain.g[0] + (c + 0.5) * plain.g[1] - 400000) / 10 - 0.5,
+                                 y = (plain.g[3] + (r + 0.5) * plain.g[5] - 4000000) / 10 - 0.5;
+                    const bool inside = (x < 70 && y < 50) || (x >= 60 && y >= 30);
+                    wrong += plain.at(c, r) != (inside ? value(std::round(x), std::round(y)) : plain.no_data);
+                }
+            CHECK(wrong == 0);
+            CHECK(summary.disagreements == 0);
+        }
+    // On a post of its own a metre is a difference.
+    CHECK(tile_anew(folder, {first, draw_part("second.tif", 60, 30, true, 1)}).disagreements == 10 * 20);
+}
+
 TEST_CASE("cells of unequal posting that disagree on their shared row are reported", "[store]") {
     const Folder folder;
     GDALAllRegister();

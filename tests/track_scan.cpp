@@ -53,6 +53,37 @@ TEST_CASE("a scan by a sensor that stands is the plain picture, bit for bit", "[
     }
 }
 
+TEST_CASE("a scan by a sensor that climbs, in bins of ground range, is its groups side by side", "[track]") {
+    const auto hills = rolling(300, 40, 11);
+    MemorySource source(201, 201, 60, [&](double c, double r) { return 200 + hills(c, r); });
+    Scene s = plane_scene(6010, -5980);
+    s.radar.beam_width_error = s.radar.pulse_length_error = true;
+    s.display.kind = DisplayKind::gpi_true;
+    s.range_start_m = 1500;
+    s.azimuth_bins = 240;
+    const Track track = read("time,x,y,altitude-msl\n0,6010,-5980,800\n4,6010,-5980,2800\n");
+    const ResolvedScene whole = resolve(s, source);
+    const Scan scan = scan_along(track, 0, 50, 4, whole, source);
+    const RunResult scanned = run(whole, scan, source, EngineParams{}, {});
+    std::vector<std::int64_t> begins;
+    for (std::int64_t bin = 0; bin < 240; bin += 50) {
+        const ResolvedScene place = scan.at({bin, std::min<std::int64_t>(bin + 50, 240)});
+        begins.push_back(place.swept.range_bins.begin);
+        const RunResult alone = run(place, source, EngineParams{});
+        for (std::size_t i = 0; i < place.shown.azimuth_count(); ++i) {
+            const std::size_t row = static_cast<std::size_t>(bin) + i;
+            REQUIRE(std::equal(alone.power_w.row(i), alone.power_w.row(i) + place.shown.range_count(),
+                               scanned.power_w.row(row)));
+            const std::int64_t from = std::max(begins.back(), whole.swept.range_bins.begin);
+            const std::size_t own = alone.echo_w.grid.row_of(bin + static_cast<std::int64_t>(i));
+            REQUIRE(std::equal(alone.echo_w.row(own) + (from - begins.back()),
+                               alone.echo_w.row(own) + alone.echo_w.grid.range_count(),
+                               scanned.echo_w.row(row) + (from - whole.swept.range_bins.begin)));
+        }
+    }
+    CHECK(begins.back() < begins.front());  // the pulse is longer on the ground from aloft
+}
+
 TEST_CASE("a scan shows a peak where it stands from the place at which its azimuth is looked at", "[track][long]") {
     // Peaks 120 m high, one post wide, on a plane; the sensor flies north-east at 300 m/s through a turn of 8 s.
     constexpr double post = 25, period = 8, east = 240, north = 180, height = 800;

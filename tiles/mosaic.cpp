@@ -43,8 +43,10 @@ struct AlongGrid {
 
 AlongGrid along_grid(double grid0, double grid_step, double own_corner, double own_step, std::int64_t posts) {
     AlongGrid axis{(grid0 - own_corner) / own_step - 0.5, grid_step / own_step, false, {}};
-    if (near(axis.step, 1, on_a_post / static_cast<double>(posts)) && near(axis.own, std::round(axis.own), on_a_post)) {
-        axis.step = 1;
+    const double one = axis.step < 0 ? -1 : 1;  // from the other end, as of a raster that grows north among others
+    if (near(axis.step, one, on_a_post / static_cast<double>(posts)) &&
+        near(axis.own, std::round(axis.own), on_a_post)) {
+        axis.step = one;
         axis.own = std::round(axis.own);
         axis.on_posts = true;
     }
@@ -498,15 +500,26 @@ void Mosaic::add_copied(std::size_t index, const Window& window, const Window& c
     const Piece& piece = pieces_[index];
     const Window here{intersection(window.columns, piece.posts.columns), intersection(window.rows, piece.posts.rows)};
     if (here.empty()) return;
-    const auto column = static_cast<std::int64_t>(piece.column), row = static_cast<std::int64_t>(piece.row);
+    // Own posts along an axis, and the first post of the grid's among them.
+    struct Own {
+        Interval posts;
+        std::int64_t first, step;
+    };
+    const auto own = [](Interval grid, double post, double step) {
+        const auto at = [&](std::int64_t i) { return static_cast<std::int64_t>(post + step * static_cast<double>(i)); };
+        const std::int64_t a = at(grid.begin), b = at(grid.end - 1);
+        return step > 0 ? Own{{a, b + 1}, 0, 1} : Own{{b, a + 1}, a - b, -1};
+    };
+    const Own columns = own(here.columns, piece.column, piece.column_step),
+              rows = own(here.rows, piece.row, piece.row_step);
     const std::int64_t width = here.columns.size();
     out.part.resize(static_cast<std::size_t>(here.posts()));
-    piece.raster->read_heights(
-        {{here.columns.begin + column, here.columns.end + column}, {here.rows.begin + row, here.rows.end + row}},
-        out.part.data(), width);
+    piece.raster->read_heights({columns.posts, rows.posts}, out.part.data(), width);
     for (std::int64_t r = here.rows.begin; r < here.rows.end; ++r)
         for (std::int64_t c = here.columns.begin; c < here.columns.end; ++c) {
-            const float z = out.part[static_cast<std::size_t>((r - here.rows.begin) * width + c - here.columns.begin)];
+            const std::int64_t row = rows.first + rows.step * (r - here.rows.begin),
+                               column = columns.first + columns.step * (c - here.columns.begin);
+            const float z = out.part[static_cast<std::size_t>(row * width + column)];
             if (!std::isnan(z)) keep_or_compare(piece.file, z, 0, c, r, window, counted, out);
         }
 }

@@ -312,6 +312,24 @@ bool find_no_data(const std::string& words, RasterFacts& facts) {
     return true;
 }
 
+/// The band's unit as GDAL writes it into its metadata, which is left without it; false for a unit that may be none of length.
+bool take_unit(std::string& metadata, RasterFacts& facts) {
+    constexpr std::string_view head = R"(<Item name="UNITTYPE" sample="0" role="unittype">)", tail = "</Item>";
+    const std::size_t at = metadata.find(head);
+    if (at == std::string::npos) return true;
+    const std::size_t begin = at + head.size(), end = metadata.find(tail, begin);
+    if (end == std::string::npos || end == begin) return false;
+    const std::string unit = metadata.substr(begin, end - begin);
+    const auto plain = [](unsigned char c) { return std::isalnum(c) || c == ' ' || c == '_' || c == '-'; };
+    const auto metres = unit_in_metres(unit);
+    if (!metres || !std::all_of(unit.begin(), unit.end(), plain) || unit.front() == ' ' || unit.back() == ' ')
+        return false;
+    facts.unit = unit;
+    facts.unit_m = *metres;
+    metadata.erase(at, end + tail.size() - at);
+    return true;
+}
+
 /// Is another directory the mask of this one? Many are in doubt. Leaves the file at its last.
 bool has_mask(TIFF* file, Doubts& doubts) {
     constexpr int most = 64;
@@ -342,9 +360,11 @@ std::optional<PlainTiff> PlainTiff::of(const std::string& role, const std::strin
     facts.driver = "GTiff";
     facts.type = type_of(file);
     const auto keys = keys_of(file, doubts);
-    // Items with a role are of the band: scale, offset, unit.
-    const std::string metadata = lower_case(words(file, gdal_metadata, doubts)),
-                      no_data = words(file, gdal_no_data, doubts);
+    std::string metadata = words(file, gdal_metadata, doubts);
+    if (!take_unit(metadata, facts)) return std::nullopt;
+    // Other items with a role are of the band too: scale, offset.
+    metadata = lower_case(std::move(metadata));
+    const std::string no_data = words(file, gdal_no_data, doubts);
     if (!keys || metadata.find("role") != std::string::npos || metadata.find("domain") != std::string::npos ||
         !find_no_data(no_data, facts) || !find_tiles(file, found))
         return std::nullopt;

@@ -17,7 +17,7 @@ struct PlainTiff {
 
     /// Nothing if `path` is anything but a TIFF that says what GDAL would say of it: one band of usual numbers in tiles or strips, packed as
     /// libtiff unpacks them; its corner and cells by one tie point and a scale; in WGS84, as degrees or UTM, by EPSG's code; without
-    /// mask, scale, offset or unit; no file beside it that would tell GDAL more, no configuration of GDAL's, and nothing that
+    /// mask, scale or offset, with no unit or one of length; no file beside it that would tell GDAL more, no configuration of GDAL's, and nothing that
     /// libtiff complains of.
     static std::optional<PlainTiff> of(const std::string& role, const std::string& path);
     /// What GDAL told of a raster, and where libtiff finds its posts; nothing where they are not one band of usual numbers in tiles

@@ -396,6 +396,7 @@ namespace {
 struct Trial {
     bool kept = false;
     std::string refused;      ///< why it was not made, in GDAL's words; empty: it was
+    bool read_back = false;   ///< it was made, and opened again
     bool meant_void = false;  ///< what means something is declared as no data
 };
 
@@ -430,12 +431,16 @@ Trial try_driver(GDALDriver& driver, const CPLStringList& options, const RasterC
     try {
         DatasetHandle written = create();
         if (!written && errors.failed()) trial.refused = cause(errors, path);
+        trial.read_back = written != nullptr;
         trial.kept = written && good(*written);
         if (written) written->FlushCache(true);
     } catch (const IoError&) {  // nor can it be written
+        trial.read_back = false;
+        trial.refused = errors.failed() ? cause(errors, path) : "it is not written";
     }
     if (trial.kept) {
         const DatasetHandle back(GDALDataset::Open(path.c_str(), GDAL_OF_RASTER));
+        trial.read_back = back != nullptr;
         trial.kept = back && good(*back);
         if (back && !trial.meant_void) trial.meant_void = declares_meaning_void(*back, content);
     }
@@ -546,7 +551,9 @@ void check_values(GDALDriver& driver, const CPLStringList& options, const Raster
     content.bands = {{cells.data(), "", "", {}, {}}};
     content.means_something = wanted.means_something;
     content.means_nothing = wanted.means_nothing;
-    const Trial tried = try_driver(driver, options, content, final_path, [&](GDALDataset& written) {
+    content.crs = wanted.crs;
+    content.geotransform = wanted.geotransform;  // without their place some take nothing
+    const auto good = [&](GDALDataset& written) {
         std::vector<double> back(values.size());
         if (written.GetRasterXSize() != side || written.GetRasterYSize() != side ||
             written.GetRasterBand(1)->RasterIO(GF_Read, 0, 0, side, side, back.data(), side, side, GDT_Float64, 0, 0,
@@ -555,11 +562,19 @@ void check_values(GDALDriver& driver, const CPLStringList& options, const Raster
         return std::equal(values.begin(), values.end(), back.begin(), [&](double value, double read) {
             return counts ? value == read : std::abs(value - read) <= 0.1 * value;
         });
-    });
+    };
+    const Trial tried = try_driver(driver, options, content, final_path, good);
     if (tried.meant_void) refuse_no_data(driver, final_path);
     if (tried.kept) return;
-    check_made(tried, driver, format, final_path);
-    if (!tried.refused.empty()) return;
+    if (!tried.read_back) {
+        // Some make no file in memory, whatever the options.
+        RasterFormat plain = format;
+        plain.creation.clear();
+        if (format.creation.empty() ||
+            !try_driver(driver, creation_options(driver, wanted.type, {}, plain), content, final_path, good).read_back)
+            return;
+        return check_made(tried, driver, format, final_path);
+    }
     throw InputError(text("output '", final_path, "' holds ", counts ? "counts" : "numbers", ", and driver ",
                           driver.GetDescription(), format.creation.empty() ? "" : " with these creation options",
                           " does not keep them", counts ? " as they are" : "",

@@ -69,7 +69,8 @@ std::array<std::string, doubt_count> doubts(const RunResult& r, bool pictured) {
 
 std::string above_terrain(const ResolvedScene& scene, const DataBase& db) {
     if (scene.nadir_on_data) return fmt::format(", {:.1f} m above the terrain", scene.sensor_m - scene.reference_m);
-    if (scene.nadir_in_raster) return ", over a void of the terrain";
+    if (scene.nadir_in_raster)
+        return scene.nadir_beyond_posts ? ", beyond the terrain's outermost posts" : ", over a void of the terrain";
     return text(", outside the terrain raster", swapped_hint(scene.scene.platform, db));
 }
 

@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <string>
 #include <utility>
 #include <vector>
@@ -131,8 +132,10 @@ std::string to_text(const RasterFacts& facts) {
     out += row("voids", fmt::format("{} ({:.3g} %), {}", counted(r.void_posts, "post"),
                                     all > 0 ? 100 * static_cast<double>(r.void_posts) / all : 0, voids));
     if (r.void_posts < posts) {
-        out += row("values",
-                   fmt::format("{:.10g} to {:.10g}, mean {:.4f}{}", r.lowest, r.highest, r.mean, words_of_unit(r)));
+        out += row("values", fmt::format("{:.10g} to {:.10g}, mean {}{}", r.lowest, r.highest,
+                                         std::abs(r.mean) < 0.1 && r.mean != 0 ? fmt::format("{:.4g}", r.mean)  // watts
+                                                                               : fmt::format("{:.4f}", r.mean),
+                                         words_of_unit(r)));
     } else {
         out += row("values", "none: every post is void");
     }
@@ -344,7 +347,9 @@ std::string to_text(const SceneFacts& facts) {
     out += row("height",
                fmt::format("{:.1f} m above sea level, {}", r.sensor_m,
                            r.nadir_on_data ? fmt::format("{:.1f} m above the terrain", r.sensor_m - r.reference_m)
-                                           : std::string(r.nadir_in_raster ? "over a void" : "no terrain below")));
+                                           : std::string(!r.nadir_in_raster     ? "no terrain below"
+                                                         : r.nadir_beyond_posts ? "beyond the outermost posts"
+                                                                                : "over a void")));
     out += row("geometry", text(word(r.geometry), ", earth ",
                                 r.earth.inverse_radius() > 0 ? fmt::format("{:.1f} km", 1e-3 / r.earth.inverse_radius())
                                                              : std::string("flat")));

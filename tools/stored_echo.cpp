@@ -162,9 +162,10 @@ StoredEcho stored_echo(const std::string& path, const std::string& scene_json, s
     } catch (const InputError& e) {
         throw DataError(text(named, " is damaged, or was changed: ", e.what()));
     }
-    if (out.scene.swept != swept || out.scene.shown != grid_in(resolved, "shown"))
+    if (!holds(swept, out.scene.swept) || out.scene.shown != grid_in(resolved, "shown"))
         throw DataError(
             text(named, " is damaged, or was changed: the bins of its SCENE_JSON are not those of its parameters"));
+    out.scene.swept = swept;  // it may hold more
     return out;
 }
 

@@ -1,6 +1,5 @@
 // Checks of the reference engine: closed forms, and (hidden, "[study]") convergence and cost on real scenes.
 //   wedgescope_reference_check "[study]"      WEDGESCOPE_DATA: folder of the rasters, WEDGESCOPE_PNG: folder for pictures
-#define CATCH_CONFIG_MAIN
 #include <catch2/catch.hpp>
 
 #include "tests/reference/reference_engine.hpp"
