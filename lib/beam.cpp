@@ -222,14 +222,19 @@ Resolution::Resolution(const BeamSetting& setting, std::int64_t circle_bins, dou
             return pulse_per_bin_ ? ground_pulse(setting, scale, range_bin_m, outputs_.begin + k)
                                   : slant_pulse(setting, scale, range_bin_m);
         };
-        const double total = pulse(1).length;
-        // Without the pulse's length the same total falls into the own bin (weights of any width add up to it).
-        std::vector<double> weights{total};
-        if (setting.pulse_length_error) {
+        std::vector<double> weights;
+        if (!setting.pulse_length_error) {
+            // Its length falls into the own bin: on ground range what it would light of an even slope of that depression.
+            const double cosine = pulse_per_bin_ ? level_cosine(setting, middle_m(outputs_.begin + k, range_bin_m)) : 1;
+            const double length = setting.pulse_extent_m / range_bin_m;
+            weights.push_back(pulse_per_bin_ ? static_cast<double>(static_cast<float>(length / cosine)) : length);
+        } else {
             PulseOfBin drawn = pulse(setting.pulse_length_scale);
             weights = std::move(drawn.weights);
-            if (setting.pulse_length_scale != 1)
-                for (double& weight : weights) weight *= total / drawn.length;
+            if (setting.pulse_length_scale != 1) {
+                const double level = pulse(1).length / drawn.length;
+                for (double& weight : weights) weight *= level;
+            }
         }
         for (double& weight : weights) weight = root(weight);
         pulse_.push_back(std::move(weights));
