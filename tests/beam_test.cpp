@@ -339,11 +339,11 @@ TEST_CASE("on ground range far out, from low down and in parts the pulse loses n
             CHECK(std::equal(shown.row(i), shown.row(i) + far.range_count(), all.row(i) + far.range_bins.begin));
     }
     // The bin in which the near end leaves the nadir, as long at both its edges: the mean of its length walked in small steps.
-    BeamSetting setting = level(6, 150);
+    BeamSetting setting = level(1.5, 150);
     setting.sensor_m = 20;
     setting.range_is_ground = true;
     setting.beam_width_error = false;
-    const PolarGrid g = grid(60, 75, {0, 60}, {0, 8});
+    const PolarGrid g = grid(960, 75, {0, 960}, {0, 8});
     PolarImage<float> echo(g);
     const auto cosine = [](std::int64_t bin) {
         const double s = (static_cast<double>(bin) + 0.5) * 75;
