@@ -63,7 +63,7 @@ int hidden_values(const std::string& path) {
 
 }  // namespace
 
-TEST_CASE("no driver's own no-data value hides what is seen, hidden or a state", "[output_formats][long]") {
+TEST_CASE("no driver's own no-data value hides what is seen, hidden or a state", "[output_formats]") {
     const Folder folder;
     draw_ridge(folder / "dem.tif");
     for (const auto& [driver, ending] : {std::pair{"SAGA", ".sdat"},
