@@ -152,12 +152,9 @@ CPLStringList creation_options(GDALDriver& driver, GDALDataType type, Packing pa
     if (!EQUAL(compression.c_str(), "DEFLATE") && !EQUAL(compression.c_str(), "LZW") &&
         !EQUAL(compression.c_str(), "ZSTD") && !given.FetchNameValue("PREDICTOR"))
         options.SetNameValue("PREDICTOR", nullptr);
-    // GDAL 3.6 writes floats so and reads something else.
     if (name == "GTiff" && swaps_bytes(given.FetchNameValueDef("ENDIANNESS", "NATIVE")) &&
         EQUAL(options.FetchNameValueDef("PREDICTOR", ""), "3")) {
-        if (given.FetchNameValue("PREDICTOR"))
-            throw InputError(text("co PREDICTOR=3 with ENDIANNESS=", given.FetchNameValue("ENDIANNESS"),
-                                  " makes files that GDAL does not read back; accepted: PREDICTOR=1"));
+        if (given.FetchNameValue("PREDICTOR")) refuse_predictor(given.FetchNameValue("ENDIANNESS"));
         options.SetNameValue("PREDICTOR", nullptr);
     }
     GdalErrors errors;
@@ -378,6 +375,11 @@ Metadata geolocation_metadata(const GeolocationGrid& grid, const std::string& fi
 bool swaps_bytes(const std::string& endianness) {
     const bool big = std::endian::native == std::endian::big;
     return EQUAL(endianness.c_str(), "INVERTED") || EQUAL(endianness.c_str(), big ? "LITTLE" : "BIG");
+}
+
+void refuse_predictor(const std::string& endianness) {
+    throw InputError(text("co PREDICTOR=3 with ENDIANNESS=", endianness,
+                          " makes files that GDAL does not read back; accepted: PREDICTOR=1"));
 }
 
 GeolocationGrid geolocation_grid(std::int64_t columns, std::int64_t rows, std::int64_t column_step,

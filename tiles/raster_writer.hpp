@@ -65,6 +65,8 @@ struct RasterContent {
 /// Does a GeoTIFF with that ENDIANNESS hold bytes in another order than this machine's? GDAL 3.6 writes floats with PREDICTOR=3 so and
 /// reads something else.
 bool swaps_bytes(const std::string& endianness);
+/// InputError for that predictor, where the user gave it.
+[[noreturn]] void refuse_predictor(const std::string& endianness);
 
 /// Of such a file ("PNG", "GTiff") is nothing asked that GDAL's own driver would have to do?
 bool needs_no_driver(const char* driver, const std::string& final_path, const RasterFormat& format);

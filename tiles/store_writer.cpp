@@ -300,9 +300,7 @@ void StoreWriter::choose_creation(Layer& layer) const {
     const bool floats = facts.type == GDT_Float32 || facts.type == GDT_Float64;
     const auto order = given.find("ENDIANNESS");
     const bool readable = !floats || order == given.end() || !swaps_bytes(order->second);
-    if (!readable && given.contains("PREDICTOR") && given["PREDICTOR"] == "3")
-        throw InputError(text("co PREDICTOR=3 with ENDIANNESS=", order->second,
-                              " makes files that GDAL does not read back; accepted: PREDICTOR=1"));
+    if (!readable && given.contains("PREDICTOR") && given["PREDICTOR"] == "3") refuse_predictor(order->second);
     if (predicts && !given.contains("PREDICTOR") && !layer.codes() && readable)
         given["PREDICTOR"] = text(floats ? 3 : 2);
     layer.creation.clear();
