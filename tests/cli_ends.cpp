@@ -26,7 +26,7 @@ using namespace wedgescope::test::cli;
 using namespace std::chrono_literals;
 using Catch::Matchers::Contains;
 
-TEST_CASE("a signal ends the run with 128 + its number and leaves nothing", "[cli]") {
+TEST_CASE("a signal ends the run with 128 + its number and leaves nothing", "[cli][long]") {
     const Folder folder;
     const Strings arguments = with(good, {"-o", "scope.png", "--echo", "echo.tif", "--range", "40km", "--quality",
                                           "exact", "--azimuth-bins", "8000", "--range-bin", "10m", "--threads", "1"});
@@ -176,7 +176,7 @@ TEST_CASE("what a killed run leaves is gone after the next one", "[cli]") {
     CHECK(folder.names() == std::set<std::string>{"run.json", "scope.png", "scope.png.aux.xml"});
 }
 
-TEST_CASE("a signal while a raster is read from end to end ends the run at once", "[cli]") {
+TEST_CASE("a signal while a raster is read from end to end ends the run at once", "[cli][long]") {
     const Folder folder;
     // 7.2 GB of zeros that the disk need not hold: many seconds to read.
     const std::string big = float_raster(folder, "big", 1, 1, {0});

@@ -254,7 +254,7 @@ TEST_CASE("features in latitude and longitude come to lie where the terrain has 
     CHECK(wrong == 0);
 }
 
-TEST_CASE("edges of degrees lie where they do on the earth, however long, whatever the tiles", "[features]") {
+TEST_CASE("edges of degrees lie where they do on the earth, however long, whatever the tiles", "[features][long]") {
     const Folder folder;
     const auto to = to_degrees("EPSG:32611");
     constexpr double parallel = 33.85, from = -117.7, until = -117.3;

@@ -883,7 +883,7 @@ TEST_CASE("posts return the same from the spill as from the raster, beside a sce
 }
 
 TEST_CASE("what comes back from the spill's file is counted with the wedge or quadrant that it came back for",
-          "[spill]") {
+          "[spill][long]") {
     const Folder folder;
     DataBaseParams params = only(data + "/inland_empire_dem.tif");
     params.culture = data + "/inland_empire_culture.tif";

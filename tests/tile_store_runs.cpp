@@ -125,7 +125,7 @@ TEST_CASE("an interrupted run goes on to the same bytes, and redoes no finished 
 }
 
 TEST_CASE("packed strips wider than a sheet are decoded once for a row of sheets, to the same bytes as tiles",
-          "[store]") {
+          "[store][long]") {
     const Folder folder;
     struct Made {
         std::map<std::string, std::string> contents;  ///< what of the store does not name its input
@@ -371,7 +371,7 @@ TEST_CASE("a disk that is full is an error with the sheet's name, and what was w
     CHECK_THAT(damaged.err, Contains("c0_r0.sum") && Contains("1 damaged part was found"));
 }
 
-TEST_CASE("tiling stays within its memory", "[store]") {
+TEST_CASE("tiling stays within its memory", "[store][long]") {
     const Folder folder;
     // 144 MB of floats in lines, as plain files have them.
     Drawing d;

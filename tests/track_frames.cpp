@@ -112,7 +112,7 @@ TEST_CASE("each frame of a track is the picture that its row's numbers and a see
     }
 }
 
-TEST_CASE("noise and speckle are another draw in each frame of a track, and without them nothing is", "[track]") {
+TEST_CASE("noise and speckle are another draw in each frame of a track, and without them nothing is", "[track][long]") {
     const Folder folder;
     draw_data(folder);
     write_track(folder, standing(2));
@@ -332,7 +332,7 @@ TEST_CASE("a run that is done stays done where the machine's limits cannot be me
     CHECK(std::filesystem::exists(folder / "s.png"));
 }
 
-TEST_CASE("names of all frames are looked at before work begins", "[track]") {
+TEST_CASE("names of all frames are looked at before work begins", "[track][long]") {
     const Folder folder;
     draw_data(folder);
     write_track(folder);

@@ -533,32 +533,156 @@ SidedClasses sided_classes(const Materials& materials, const std::optional<Featu
                           " classes for which there is room"));
 }
 
+namespace {
+
+/// Brings geometries of a layer into the raster's CRS. What is far from the raster may have no place there and is cut off before.
+class IntoRaster {
+public:
+    /// Transformations of the layer's CRS, null where it is the raster's.
+    IntoRaster(const RasterFacts& grid, bool raster_geographic, OGRCoordinateTransformation* to_raster,
+               OGRCoordinateTransformation* back, bool file_geographic)
+        : grid_(grid), raster_geographic_(raster_geographic), to_raster_(to_raster), back_(back),
+          file_geographic_(file_geographic) {}
+
+    /// Null where nothing of it lies near what is asked for. `where` names it in a DataError: not all of it is finite, or PROJ
+    /// has no place for it.
+    std::unique_ptr<OGRGeometry> bring(std::unique_ptr<OGRGeometry> geometry, const Ask& ask, const std::string& where,
+                                       const GdalErrors& errors) {
+        if (geometry->hasCurveGeometry()) geometry.reset(geometry->getLinearGeometry());
+        if (!all_finite(*geometry)) throw DataError(text(where, " it has places that are not finite"));
+        if (to_raster_) {
+            const Surroundings& ground = surroundings(ask.shift_x);
+            // Twice: what a cut adds bends too, away from the window.
+            cut(geometry, ground.near, Cut::at_sides, ground.straight);
+            if (geometry && ask.in) cut(geometry, ask.near, Cut::whole_edges, ground.straight);
+            if (geometry && geometry->transform(to_raster_) != OGRERR_NONE)
+                throw DataError(text(where, " PROJ cannot bring its places into the terrain's CRS: ", errors.reason()));
+        }
+        return geometry;
+    }
+
+private:
+    struct Surroundings {
+        double shift_x;
+        OGREnvelope near;  ///< as near_raster()
+        double straight;   ///< as straight_length()
+    };
+    const RasterFacts& grid_;
+    bool raster_geographic_;
+    OGRCoordinateTransformation *to_raster_, *back_;
+    bool file_geographic_;
+    std::optional<Surroundings> surroundings_;
+
+    const Surroundings& surroundings(double shift_x) {
+        if (!surroundings_ || surroundings_->shift_x != shift_x) {
+            GdalErrors quiet;
+            surroundings_ = {shift_x, near_raster(grid_, shift_x, raster_geographic_, back_, file_geographic_),
+                             straight_length(grid_, *back_, *to_raster_, file_geographic_)};
+        }
+        return *surroundings_;
+    }
+    static void cut(std::unique_ptr<OGRGeometry>& geometry, const OGREnvelope& to, Cut how, double straight) {
+        OGREnvelope own;
+        geometry->getEnvelope(&own);
+        if (!to.Contains(own)) geometry = clipped(*geometry, to, how);
+        if (geometry && std::isfinite(straight)) geometry->segmentize(straight);
+    }
+};
+
+/// Cells that a geometry within `box` may lie in, as far as `margin` beyond a window.
+Window cells_of(const OGREnvelope& box, const ToCells& to, const Window& window) {
+    const auto cells = [](double a, double b, Interval most) {
+        const double low = std::floor(std::min(a, b)), high = std::floor(std::max(a, b));
+        const auto clamped = [&](double v) {
+            return static_cast<std::int64_t>(
+                std::clamp(v, static_cast<double>(most.begin - margin), static_cast<double>(most.end + margin)));
+        };
+        return Interval{clamped(low - 1), clamped(high + 2)};
+    };
+    return {cells(to.column_at(box.MinX), to.column_at(box.MaxX), window.columns),
+            cells(to.row_at(box.MinY), to.row_at(box.MaxY), window.rows)};
+}
+
+/// The window and a cell more round it: what touches counts.
+OGREnvelope touched_by(const RasterFacts& grid, const Window& window) {
+    const auto x_at = [&](std::int64_t c) { return grid.corner_x + static_cast<double>(c) * grid.step_x; };
+    const auto y_at = [&](std::int64_t r) { return grid.corner_y + static_cast<double>(r) * grid.step_y; };
+    OGREnvelope part;
+    part.Merge(x_at(window.columns.begin - 1), y_at(window.rows.begin - 1));
+    part.Merge(x_at(window.columns.end + 1), y_at(window.rows.end + 1));
+    return part;
+}
+
+/// The number of the feature that each cell of a window has.
+class Owners {
+public:
+    explicit Owners(const Window& window) : window_(window) {}
+    void forget() { owner_.clear(); }
+    /// Calls put(place in the window) for the cells of `drawn` that are marked in `mask`, but those of features above `number`.
+    template <class Put>
+    void take(std::int64_t number, const Mask& mask, const Window& drawn, const Put& put) {
+        if (owner_.empty()) owner_.assign(static_cast<std::size_t>(window_.posts()), nobody);
+        const Interval rows = intersection(drawn.rows, window_.rows),
+                       columns = intersection(drawn.columns, window_.columns);
+        for (std::int64_t r = rows.begin; r < rows.end; ++r) {
+            const std::uint8_t* const line = mask.row(r - drawn.rows.begin, drawn.columns.size());
+            for (std::int64_t c = columns.begin; c < columns.end; ++c) {
+                if (!line[c - drawn.columns.begin]) continue;
+                const auto at = static_cast<std::size_t>((r - window_.rows.begin) * window_.columns.size() + c -
+                                                         window_.columns.begin);
+                if (owner_[at] > number) continue;
+                owner_[at] = number;
+                put(at);
+            }
+        }
+    }
+
+private:
+    static constexpr std::int64_t nobody = std::numeric_limits<std::int64_t>::min();
+    const Window& window_;
+    std::vector<std::int64_t> owner_;  // empty: nobody has any
+};
+
+}  // namespace
+
 void FeatureFile::burn(const RasterFacts& grid, const Window& window, What what,
                        const std::function<void(std::size_t, double)>& put) {
     if (window.empty()) return;
     const Lease lease(*this);
     Handle& handle = *lease;
     GdalErrors errors;
-    // With a cell more round it: what touches counts.
-    const auto x_at = [&](std::int64_t c) { return grid.corner_x + static_cast<double>(c) * grid.step_x; };
-    const auto y_at = [&](std::int64_t r) { return grid.corner_y + static_cast<double>(r) * grid.step_y; };
-    OGREnvelope part;
-    part.Merge(x_at(window.columns.begin - 1), y_at(window.rows.begin - 1));
-    part.Merge(x_at(window.columns.end + 1), y_at(window.rows.end + 1));
-
-    constexpr std::int64_t nobody = std::numeric_limits<std::int64_t>::min();
-    std::vector<std::int64_t> owner;
+    const OGREnvelope part = touched_by(grid, window);
+    Owners owners(window);
     Mask mask;
     for (std::size_t i = 0; i < handle.layers.size(); ++i) {
         Handle::Layer& from = handle.layers[i];
         if ((what == What::material ? from.materials : from.heights).empty()) continue;
-        bool any = false;
-        struct Ground {
-            double shift_x;
-            OGREnvelope near;
-            double straight;
+        owners.forget();  // a later layer lies over an earlier one
+        IntoRaster into(grid, geographic_, from.to_raster.get(), from.back.get(), from.geographic);
+        const auto draw = [&](OGRFeature& feature, const Ask& ask) {
+            const double burnt = value(handle, i, feature, what);
+            if (burnt < 0) return;
+            std::unique_ptr<OGRGeometry> geometry(feature.StealGeometry());
+            if (!geometry || geometry->IsEmpty()) return;
+            const std::string where =
+                text(named(), ", layer ", in_quotes(from.name), ", feature ", feature.GetFID(), ":");
+            geometry = into.bring(std::move(geometry), ask, where, errors);
+            if (!geometry) return;
+            OGREnvelope box;
+            geometry->getEnvelope(&box);
+            if (!std::isfinite(box.MinX) || !std::isfinite(box.MaxX) || !std::isfinite(box.MinY) ||
+                !std::isfinite(box.MaxY))
+                throw DataError(text(where, " it has places that are not finite"));
+            const ToCells to{grid.corner_x, grid.corner_y, grid.step_x, grid.step_y, ask.shift_x, 0, 0};
+            const Window drawn = cells_of(box, to, window);
+            if (intersection(drawn.columns, window.columns).empty() || intersection(drawn.rows, window.rows).empty())
+                return;
+            mask.draw(*geometry, to, drawn, params_.touch, errors, where);
+            owners.take(feature.GetFID(), mask, drawn, [&](std::size_t at) {
+                put(at, burnt);
+                if (!burnt_.load(std::memory_order_relaxed)) burnt_ = true;
+            });
         };
-        std::optional<Ground> ground;
         for (const Ask& ask : asks(part, grid, geographic_, from.back.get(), from.geographic)) {
             if (ask.in)
                 from.layer->SetSpatialFilterRect(ask.in->MinX, ask.in->MinY, ask.in->MaxX, ask.in->MaxY);
@@ -566,70 +690,8 @@ void FeatureFile::burn(const RasterFacts& grid, const Window& window, What what,
                 from.layer->SetSpatialFilter(nullptr);
             from.layer->ResetReading();
             for (OGRFeatureUniquePtr feature(from.layer->GetNextFeature()); feature;
-                 feature.reset(from.layer->GetNextFeature())) {
-                const double burnt = value(handle, i, *feature, what);
-                if (burnt < 0) continue;
-                std::unique_ptr<OGRGeometry> geometry(feature->StealGeometry());
-                if (!geometry || geometry->IsEmpty()) continue;
-                const std::string where =
-                    text(named(), ", layer ", in_quotes(from.name), ", feature ", feature->GetFID(), ":");
-                if (geometry->hasCurveGeometry()) geometry.reset(geometry->getLinearGeometry());
-                if (!all_finite(*geometry)) throw DataError(text(where, " it has places that are not finite"));
-                if (from.to_raster) {
-                    if (!ground || ground->shift_x != ask.shift_x) {
-                        GdalErrors quiet;
-                        ground = {ask.shift_x,
-                                  near_raster(grid, ask.shift_x, geographic_, from.back.get(), from.geographic),
-                                  straight_length(grid, *from.back, *from.to_raster, from.geographic)};
-                    }
-                    // Twice: what a cut adds bends too, away from the window.
-                    const auto cut = [&](const OGREnvelope& to, Cut how) {
-                        OGREnvelope own;
-                        geometry->getEnvelope(&own);
-                        if (!to.Contains(own)) geometry = clipped(*geometry, to, how);
-                        if (geometry && std::isfinite(ground->straight)) geometry->segmentize(ground->straight);
-                        return geometry != nullptr;
-                    };
-                    if (!cut(ground->near, Cut::at_sides) || (ask.in && !cut(ask.near, Cut::whole_edges))) continue;
-                    if (geometry->transform(from.to_raster.get()) != OGRERR_NONE)
-                        throw DataError(
-                            text(where, " PROJ cannot bring its places into the terrain's CRS: ", errors.reason()));
-                }
-                OGREnvelope box;
-                geometry->getEnvelope(&box);
-                if (!std::isfinite(box.MinX) || !std::isfinite(box.MaxX) || !std::isfinite(box.MinY) ||
-                    !std::isfinite(box.MaxY))
-                    throw DataError(text(where, " it has places that are not finite"));
-                const ToCells to{grid.corner_x, grid.corner_y, grid.step_x, grid.step_y, ask.shift_x, 0, 0};
-                const auto cells = [](double a, double b, Interval most) {
-                    const double low = std::floor(std::min(a, b)), high = std::floor(std::max(a, b));
-                    const auto clamped = [&](double v) {
-                        return static_cast<std::int64_t>(std::clamp(v, static_cast<double>(most.begin - margin),
-                                                                    static_cast<double>(most.end + margin)));
-                    };
-                    return Interval{clamped(low - 1), clamped(high + 2)};
-                };
-                const Window drawn{cells(to.column_at(box.MinX), to.column_at(box.MaxX), window.columns),
-                                   cells(to.row_at(box.MinY), to.row_at(box.MaxY), window.rows)};
-                const Window inside{intersection(drawn.columns, window.columns), intersection(drawn.rows, window.rows)};
-                if (drawn.empty() || inside.empty()) continue;
-                mask.draw(*geometry, to, drawn, params_.touch, errors, where);
-                if (!any) owner.assign(static_cast<std::size_t>(window.posts()), nobody);
-                any = true;
-                const std::int64_t number = feature->GetFID();
-                for (std::int64_t r = inside.rows.begin; r < inside.rows.end; ++r) {
-                    const std::uint8_t* const line = mask.row(r - drawn.rows.begin, drawn.columns.size());
-                    for (std::int64_t c = inside.columns.begin; c < inside.columns.end; ++c) {
-                        if (!line[c - drawn.columns.begin]) continue;
-                        const auto at = static_cast<std::size_t>((r - window.rows.begin) * window.columns.size() + c -
-                                                                 window.columns.begin);
-                        if (owner[at] > number) continue;
-                        owner[at] = number;
-                        put(at, burnt);
-                        if (!burnt_.load(std::memory_order_relaxed)) burnt_ = true;
-                    }
-                }
-            }
+                 feature.reset(from.layer->GetNextFeature()))
+                draw(*feature, ask);
         }
     }
     if (errors.failed()) throw IoError(text(named(), " cannot be read: ", errors.reason()));
