@@ -129,6 +129,38 @@ TEST_CASE("info counts voids and codes", "[cli]") {
     CHECK_THAT(single.out, Contains("no terrain for simulate"));
 }
 
+TEST_CASE("info tells of a polar raster's bins", "[cli]") {
+    const Folder folder;
+    REQUIRE(folder
+                .run(with(good, {"-o", "scope.png", "--power", "power.tif", "--sector", "-30deg,30deg", "--heading",
+                                 "90deg", "--azimuth-bins", "720", "--range-bin", "50m"}))
+                .code == 0);
+    const Outcome page = folder.run({"info", "power.tif"});
+    REQUIRE(page.code == 0);
+    CHECK_THAT(page.out, Contains("120 in azimuth x 100 in range = 12 000"));
+    CHECK_THAT(page.out, Contains("60 to 120 deg from north, clockwise, in steps of 0.5\n"));
+    CHECK_THAT(page.out, Contains("0 to 5000 m (slant), in steps of 50\n"));
+    CHECK_THAT(page.out, Contains("0 cells (0 %)"));
+    CHECK_THAT(page.out, Contains(", unit W\n"));
+    CHECK_THAT(page.out, !Contains("corner") && !Contains("CRS"));
+    const auto polar = nlohmann::json::parse(folder.run({"info", "--json", "power.tif"}).out)["files"][0]["polar"];
+    CHECK(polar == nlohmann::json{{"azimuth_start_deg", 60.0},
+                                  {"azimuth_step_deg", 0.5},
+                                  {"range_start_m", 0.0},
+                                  {"range_step_m", 50.0},
+                                  {"range_kind", "slant"}});
+    CHECK_FALSE(nlohmann::json::parse(folder.run({"info", "--json", dem}).out)["files"][0].contains("polar"));
+}
+
+TEST_CASE("info says that a legend is not for a scene", "[cli]") {
+    const Folder folder;
+    folder.write("a.ini", "dem = " + dem + "\nxy = 510000,3705300\naltitude-msl = 3km\nrange = 5km\n");
+    const Outcome page = folder.run({"info", "--culture-legend", "nlcd", "a.ini"});
+    CHECK(page.code == 0);
+    CHECK_THAT(page.err, Contains("culture-legend is for rasters; the scene 'a.ini' goes by a key"));
+    CHECK(folder.run({"info", "a.ini"}).err.empty());
+}
+
 TEST_CASE("tile works from inside a store", "[cli]") {
     const Folder folder;
     const std::string ground = grid(folder, "ground", "5");

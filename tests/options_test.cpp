@@ -658,6 +658,29 @@ TEST_CASE("a path that is no plain file stays as it is", "[options]") {
     CHECK(settings_from(read_scene("scene.ini", "dem = a.tif"), {}).dem == "a.tif");
 }
 
+TEST_CASE("the file in a driver's own name for a part of it starts from the scene file's folder, if it lies there",
+          "[options]") {
+    const SceneFile folder("");
+    const std::string here = folder.folder() + "/";
+    for (const char* name : {"a.nc", "a b.nc", "a:b.tif", "z.zip"}) folder.write(name, "something");
+    std::filesystem::create_directory(here + "sub");
+    folder.write("sub/c.nc", "something");
+    const auto dem = [&](const std::string& path) {
+        return settings_from(read_scene(here + "scene.ini", "dem = " + path + "\n"), {}).dem;
+    };
+    CHECK(dem("NETCDF:a.nc:v") == "NETCDF:" + here + "a.nc:v");
+    CHECK(dem("NETCDF:\"a b.nc\":v") == "NETCDF:\"" + here + "a b.nc\":v");
+    CHECK(dem("NETCDF:sub/c.nc:v") == "NETCDF:" + here + "sub/c.nc:v");
+    CHECK(dem("GTIFF_DIR:2:a:b.tif") == "GTIFF_DIR:2:" + here + "a:b.tif");
+    CHECK(dem("/vsizip/z.zip") == "/vsizip/" + here + "z.zip");
+    CHECK(dem("/vsizip/z.zip/in/y.tif") == "/vsizip/" + here + "z.zip/in/y.tif");
+    // Not there, or not from there.
+    for (const std::string& path :
+         {std::string("NETCDF:b.nc:v"), std::string("/vsizip/other.zip/y.tif"), "NETCDF:" + here + "a.nc:v",
+          "/vsizip/" + here + "z.zip/y.tif", std::string("/vsicurl/https://a.nc")})
+        CHECK(dem(path) == path);
+}
+
 TEST_CASE("words are taken in any case of letters, units as they are", "[options]") {
     const Settings s =
         simulated({"--polarisation", "VV", "--display", "PPI", "--rain", "Heavy", "--sector", "FULL", "--noise", "On",

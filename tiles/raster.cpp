@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "lib/error.hpp"
+#include "tiles/gdal_handle.hpp"
 #include "tiles/raster_file.hpp"
 
 namespace wedgescope {
@@ -30,6 +31,23 @@ void find_bounds(const RasterFacts& facts, RasterSummary& summary) {
         !to_wgs84->TransformBounds(x0, y0, x1, y1, &summary.west, &summary.south, &summary.east, &summary.north, 21))
         throw DataError(
             text(facts.named(), ": PROJ cannot turn its CRS into latitude and longitude: ", errors.reason()));
+}
+
+std::optional<PolarAxes> polar_axes(const std::string& path) {
+    GdalErrors quiet;
+    const DatasetHandle file(GDALDataset::Open(path.c_str(), GDAL_OF_RASTER | GDAL_OF_READONLY));
+    if (!file) return std::nullopt;
+    PolarAxes axes;
+    for (const auto& [item, number] : {std::pair{"AZIMUTH_START_DEG", &axes.azimuth_start_deg},
+                                       {"AZIMUTH_STEP_DEG", &axes.azimuth_step_deg},
+                                       {"RANGE_START_M", &axes.range_start_m},
+                                       {"RANGE_STEP_M", &axes.range_step_m}}) {
+        const char* const words = file->GetMetadataItem(item);
+        if (!words) return std::nullopt;
+        *number = CPLAtof(words);
+    }
+    if (const char* kind = file->GetMetadataItem("RANGE_KIND")) axes.range_kind = kind;
+    return axes;
 }
 
 }  // namespace
@@ -64,6 +82,7 @@ RasterSummary summarise_raster(const std::string& path, bool count_codes, const 
     summary.has_no_data = facts.has_no_data;
     summary.no_data = facts.no_data;
     summary.compression = facts.compression;
+    summary.polar = polar_axes(path);
     if (facts.crs) {
         summary.crs_name = facts.crs->titled();
         find_bounds(facts, summary);

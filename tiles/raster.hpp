@@ -11,6 +11,13 @@
 namespace wedgescope {
 
 /// What `info` says of a raster. Counting reads it once, block by block.
+/// What a polar raster (echo, power, states) tells of its bins: rows in azimuth, columns in range.
+struct PolarAxes {
+    double azimuth_start_deg = 0, azimuth_step_deg = 0;  ///< of the first bin's near edge, from north
+    double range_start_m = 0, range_step_m = 0;
+    std::string range_kind;  ///< slant, ground
+};
+
 struct RasterSummary {
     std::string path, driver, data_type, crs_name, unit;
     std::optional<double> unit_m;  ///< metres of that unit; none: no unit of length that we know
@@ -24,6 +31,7 @@ struct RasterSummary {
     std::uint64_t void_posts = 0;
     double lowest = 0, highest = 0, mean = 0;  ///< of valid posts, metres (scale, offset and unit applied)
     std::map<int, std::uint64_t> codes;        ///< count of each value; only when asked for (culture)
+    std::optional<PolarAxes> polar;            ///< none: no polar raster
 };
 
 /// What summarise_raster holds of one at the most, beside GDAL's cache. IoError, DataError.

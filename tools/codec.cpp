@@ -1,8 +1,41 @@
 #include "tools/codec.hpp"
 
 #include <filesystem>
+#include <optional>
 
 namespace wedgescope::codecs {
+namespace {
+
+/// With the folder before what begins at `begin` of it, if from there to some end a file's name stands that lies in the folder.
+std::optional<std::string> from_folder(const std::string& folder, const std::string& path, std::size_t begin,
+                                       const char* ends) {
+    for (std::size_t end = path.size(); end != std::string::npos && end > begin;
+         end = path.find_last_of(ends, end - 1)) {
+        const std::filesystem::path file = std::filesystem::path(folder) / path.substr(begin, end - begin);
+        std::error_code gone;
+        if (std::filesystem::is_regular_file(file, gone))
+            return path.substr(0, begin) + file.lexically_normal().string() + path.substr(end);
+    }
+    return std::nullopt;
+}
+
+/// What a driver reads by a name of its own (NETCDF:"x.nc":v), or out of an archive (/vsizip/x.zip/y.tif), if its file lies in the
+/// folder.
+std::optional<std::string> inside_file_of(const std::string& folder, const std::string& path) {
+    for (const std::string archive : {"/vsizip/", "/vsitar/", "/vsigzip/"})
+        if (path.starts_with(archive) && path.size() > archive.size() && path[archive.size()] != '/')
+            return from_folder(folder, path, archive.size(), "/");
+    if (path[0] == '/') return std::nullopt;
+    for (std::size_t colon = path.find(':'); colon != std::string::npos; colon = path.find(':', colon + 1)) {
+        const bool quoted = path[colon + 1] == '"';
+        const std::size_t begin = colon + (quoted ? 2 : 1);
+        if (begin >= path.size() || path[begin] == '/') continue;
+        if (auto found = from_folder(folder, path, begin, quoted ? "\"" : ":")) return found;
+    }
+    return std::nullopt;
+}
+
+}  // namespace
 
 std::string words(const Limits& limits) {
     if (limits.low.empty()) return "";
@@ -25,9 +58,10 @@ std::string resolved_path(const Given& given) {
     if (path.empty()) throw InputError(text(given.origin, " is empty; a path is needed"));
     if (path.find('\0') != std::string::npos)
         throw InputError(text(given.origin, " is ", in_quotes(path), "; a path holds no zero byte"));
-    if (given.folder.empty() || path[0] == '/') return path;
+    if (given.folder.empty()) return path;
     const auto colon = path.find(':');
-    if (colon != std::string::npos && colon >= 2 && path.find('/') > colon) return path;
+    if (path[0] == '/' || (colon != std::string::npos && colon >= 2 && path.find('/') > colon))
+        return inside_file_of(given.folder, path).value_or(path);
     return (std::filesystem::path(given.folder) / path).lexically_normal().string();
 }
 

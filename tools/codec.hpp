@@ -242,8 +242,8 @@ Codec choice(std::vector<std::pair<std::string, Enum>> list, Field field, const 
     return codec;
 }
 
-/// A path in a scene file starts from the file's folder, unless it is absolute or names something that is no plain
-/// file (an URL, a driver's connection string such as NETCDF:"x.nc":v).
+/// A path in a scene file starts from the file's folder, unless it is absolute or an URL. So does the file in a driver's own
+/// name for a part of it (NETCDF:"x.nc":v, /vsizip/x.zip/y.tif), if it lies there.
 std::string resolved_path(const Given& given);
 
 template <class Field>

@@ -60,6 +60,10 @@ std::uint64_t unknown_cells(const RasterFacts& facts) {
     return cells;
 }
 
+std::uint64_t posts_of(const RasterSummary& r) {
+    return static_cast<std::uint64_t>(r.columns) * static_cast<std::uint64_t>(r.rows);
+}
+
 json to_json(const RasterFacts& facts) {
     const RasterSummary& r = facts.summary;
     json out{{"path", r.path},
@@ -79,11 +83,17 @@ json to_json(const RasterFacts& facts) {
     out["step_x"] = r.step_x;
     out["step_y"] = r.step_y;
     if (r.has_crs) out["wgs84"] = json{{"west", r.west}, {"east", r.east}, {"south", r.south}, {"north", r.north}};
+    if (r.polar)
+        out["polar"] = json{{"azimuth_start_deg", r.polar->azimuth_start_deg},
+                            {"azimuth_step_deg", r.polar->azimuth_step_deg},
+                            {"range_start_m", r.polar->range_start_m},
+                            {"range_step_m", r.polar->range_step_m},
+                            {"range_kind", r.polar->range_kind}};
     out["no_data"] = r.has_no_data ? json(r.no_data) : json(nullptr);
     out["unit"] = r.unit;
     out["unit_m"] = r.unit_m ? json(*r.unit_m) : json(nullptr);
     out["void_posts"] = r.void_posts;
-    const std::uint64_t posts = static_cast<std::uint64_t>(r.columns) * static_cast<std::uint64_t>(r.rows);
+    const std::uint64_t posts = posts_of(r);
     if (r.void_posts < posts) {
         out["lowest"] = r.lowest;
         out["highest"] = r.highest;
@@ -107,20 +117,14 @@ std::string row(const char* label, const std::string& value) { return fmt::forma
 /// What values count: metres, where the file says what its own are.
 std::string words_of_unit(const RasterSummary& r) {
     if (r.unit.empty()) return "";
+    if (r.polar) return ", unit " + r.unit;
     if (!r.unit_m) return text(", in the file's unit '", r.unit, "', which is no length that is known");
     return *r.unit_m == 1 ? ", unit " + r.unit : text(", in m (the file has ", r.unit, ")");
 }
 
-std::string to_text(const RasterFacts& facts) {
-    const RasterSummary& r = facts.summary;
-    const std::uint64_t posts = static_cast<std::uint64_t>(r.columns) * static_cast<std::uint64_t>(r.rows);
-    const double all = static_cast<double>(posts);
-    std::string out = r.path + "\n";
-    out += row("format", text(r.driver, ", ", r.data_type, r.compression.empty() ? "" : ", ", r.compression,
-                              ", blocks of ", r.block_columns, " x ", r.block_rows));
-    if (r.bands > 1) out += row("bands", text(r.bands, ", the first of which is read"));
-    out += row("posts", text(grouped(static_cast<std::uint64_t>(r.columns)), " columns x ",
-                             grouped(static_cast<std::uint64_t>(r.rows)), " rows = ", grouped(posts)));
+std::string rows_of_posts(const RasterSummary& r) {
+    std::string out = row("posts", text(grouped(static_cast<std::uint64_t>(r.columns)), " columns x ",
+                                        grouped(static_cast<std::uint64_t>(r.rows)), " rows = ", grouped(posts_of(r))));
     out += row("CRS",
                r.has_crs ? r.crs_name + (r.geographic ? " (latitude, longitude)" : "") : "none (geometry grid only)");
     out += row("corner", fmt::format("{:.10g}, {:.10g}", r.origin_x, r.origin_y));
@@ -128,8 +132,34 @@ std::string to_text(const RasterFacts& facts) {
     if (r.has_crs)
         out += row("WGS84", fmt::format("latitude {:.5f} to {:.5f}, longitude {:.5f} to {:.5f}", r.south, r.north,
                                         r.west, r.east));
+    return out;
+}
+
+std::string rows_of_bins(const RasterSummary& r, const PolarAxes& polar) {
+    const auto rows = static_cast<double>(r.rows), columns = static_cast<double>(r.columns);
+    std::string out =
+        row("bins", text(grouped(static_cast<std::uint64_t>(r.rows)), " in azimuth x ",
+                         grouped(static_cast<std::uint64_t>(r.columns)), " in range = ", grouped(posts_of(r))));
+    out += row("azimuth",
+               fmt::format("{:.10g} to {:.10g} deg from north, clockwise, in steps of {:.10g}", polar.azimuth_start_deg,
+                           polar.azimuth_start_deg + rows * polar.azimuth_step_deg, polar.azimuth_step_deg));
+    out += row("range", fmt::format("{:.10g} to {:.10g} m{}, in steps of {:.10g}", polar.range_start_m,
+                                    polar.range_start_m + columns * polar.range_step_m,
+                                    polar.range_kind.empty() ? "" : " (" + polar.range_kind + ")", polar.range_step_m));
+    return out;
+}
+
+std::string to_text(const RasterFacts& facts) {
+    const RasterSummary& r = facts.summary;
+    const std::uint64_t posts = posts_of(r);
+    const double all = static_cast<double>(posts);
+    std::string out = r.path + "\n";
+    out += row("format", text(r.driver, ", ", r.data_type, r.compression.empty() ? "" : ", ", r.compression,
+                              ", blocks of ", r.block_columns, " x ", r.block_rows));
+    if (r.bands > 1) out += row("bands", text(r.bands, ", the first of which is read"));
+    out += r.polar ? rows_of_bins(r, *r.polar) : rows_of_posts(r);
     std::string voids = r.has_no_data ? fmt::format("no-data {:g}", r.no_data) : "no no-data value";
-    out += row("voids", fmt::format("{} ({:.3g} %), {}", counted(r.void_posts, "post"),
+    out += row("voids", fmt::format("{} ({:.3g} %), {}", counted(r.void_posts, r.polar ? "cell" : "post"),
                                     all > 0 ? 100 * static_cast<double>(r.void_posts) / all : 0, voids));
     if (r.void_posts < posts) {
         out += row("values", fmt::format("{:.10g} to {:.10g}, mean {}{}", r.lowest, r.highest,
@@ -139,7 +169,7 @@ std::string to_text(const RasterFacts& facts) {
     } else {
         out += row("values", "none: every post is void");
     }
-    if (r.columns < 2 || r.rows < 2 || r.void_posts == posts)
+    if (!r.polar && (r.columns < 2 || r.rows < 2 || r.void_posts == posts))
         out += row("note", "no terrain for simulate, which needs 2 x 2 posts or more that are not all void");
     if (facts.legend.empty()) return out;
     out += row("codes", text(facts.codes.size(), " by legend ", facts.legend));
@@ -518,6 +548,9 @@ void info(const std::vector<std::string>& arguments, Stop& stop) {
             }
         };
         if (path.ends_with(".ini")) {
+            if (!settings.culture_legend.empty())
+                remarks.push_back(text("culture-legend is for rasters; the scene ", in_quotes(path),
+                                       " goes by a key culture-legend of its own"));
             add(scene_facts(path, stop));
         } else if (is_tile_store(path)) {
             const StoreFacts facts = store_facts(settings, path, stop, damage);
