@@ -97,6 +97,8 @@ TEST_CASE("a plan of a spilled run foretells what the run reads, spills and hold
     CHECK(plan["peak_bytes"] <= 40 << 20);
     CHECK(plan["source_bytes"] < plan["peak_bytes"]);
     const Outcome page = folder.run(with({"info", "--plan"}, scene));
+    CHECK(folder.run(with({"info", "--plan=on"}, scene)).out == page.out);
+    CHECK_THAT(folder.run(with({"info", "--plan=off"}, scene)).err, Contains("unknown option '--dem'"));
     CHECK_THAT(page.out, Contains("spilled: as asked for; rows of 3000 x 1") && Contains("read once") &&
                              Contains("to a file in temp-dir at the most"));
 

@@ -429,8 +429,12 @@ TEST_CASE("observers come in any vector file, in any CRS, or in a table", "[obse
     check(folder / "track.csv");
     std::ofstream(folder / "table.CSV")
         << "name,Longitude,LATITUDE,height,altitude\n\"Peak, the\",-117.352,33.905,100ft,\n"
-           "12\" mast,-117.33,33.88,,\n# none\nc,-117.31,33.9,60,\n";
+           "12\" mast,-117.33,33.88,,\n# none\n\"the \"\"C\"\", high\",-117.31,33.9,60,\n";
     check(folder / "table.CSV", {"--altitude-agl", "60m"});
+    // A quote counts only where a cell begins.
+    std::ofstream(folder / "inches.csv") << "lon,lat,name,note,height\n-117.352,33.905,12\" mast,5\" dish,100ft\n"
+                                            "-117.33,33.88, \"b, c\" ,,60\n-117.31,33.9,\" \",5\",60\n";
+    check(folder / "inches.csv");
     // A pipe is a table whatever its name: it can be read but once.
     const Ended piped =
         run_program({"/bin/sh", "-c",

@@ -29,6 +29,7 @@
 #include "tests/tile_stores.hpp"
 #include "tiles/gdal_session.hpp"
 #include "tiles/raster_layer.hpp"
+#include "tiles/unfinished_store.hpp"
 
 using namespace wedgescope;
 using namespace wedgescope::test;
@@ -371,6 +372,36 @@ TEST_CASE("a disk that is full is an error with the sheet's name, and what was w
     CHECK_THAT(damaged.err, Contains("c0_r0.sum") && Contains("1 damaged part was found"));
 }
 
+TEST_CASE("a damaged manifest is damage that verify finds, beside stores that are sound", "[store]") {
+    const Folder folder;
+    Drawing woods = hills(300, 200);
+    draw(folder / "dem.tif", woods);
+    woods.value = [](int c, int r) { return (c * 7 + r * 13) % 200; };
+    draw(folder / "woods.tif", woods);
+    const auto tile = [&](const std::string& store, const std::vector<std::string>& more) {
+        std::vector<std::string> words{"tile", folder / "dem.tif", folder / store, "-q"};
+        words.insert(words.end(), more.begin(), more.end());
+        const Outcome tiled = run_program(words, folder / "log");
+        INFO(tiled.err);
+        REQUIRE(tiled.code == 0);
+    };
+    tile("bad", {});
+    tile("good", {"--culture-height", folder / "woods.tif", "--culture-height-scale", "0.1"});
+    std::ofstream(folder / "bad/manifest.json") << "{}";
+    for (const std::vector<std::string>& stores : {std::vector<std::string>{folder / "bad"},
+                                                   {folder / "good", folder / "bad"},
+                                                   {folder / "bad", folder / "good"}}) {
+        std::vector<std::string> words{"info", "--verify", "-q"};
+        words.insert(words.end(), stores.begin(), stores.end());
+        const Outcome found = run_program(words, folder / "log");
+        INFO(found.err);
+        CHECK(found.code == 1);
+        CHECK_THAT(found.err,
+                   Contains("damage      ") && Contains("bad/manifest.json") && Contains("1 damaged part was found"));
+        CHECK((found.err.find("all as they were written") != std::string::npos) == (stores.size() == 2));
+    }
+}
+
 TEST_CASE("tiling stays within its memory", "[store][long]") {
     const Folder folder;
     // 144 MB of floats in lines, as plain files have them.
@@ -387,4 +418,67 @@ TEST_CASE("tiling stays within its memory", "[store][long]") {
 #endif
     INFO("peak " << outcome.peak_bytes / 1048576 << " MiB");
     CHECK(run_program({"info", "--verify", folder / "store", "-q"}, folder / "log").code == 0);
+}
+
+TEST_CASE("one run at a time has an unfinished store, until it stands in its place", "[store]") {
+    const Folder folder;
+    const std::string output = folder / "s", sheet = output + ".part/dem/c0_r0.sum";
+    const auto write = [](const std::string& path, const std::string& words) { std::ofstream(path) << words; };
+    UnfinishedStore one(output), other(output);
+    one.check(false, false);
+    one.open("{}", false);
+    one.make_folder("dem");
+    write(sheet, "sums");
+    write(output + ".part/dem/c0_r0.tif.tmp", "half");
+    CHECK_THROWS_WITH(other.open("{}", true), Contains("is in use by another run"));
+    CHECK_THROWS_WITH(other.check(false, false), Contains("holds an unfinished run"));
+    CHECK_FALSE(other.close(false));  // it has nothing to remove
+    CHECK(one.close(true));
+    CHECK(fs::exists(sheet));
+    CHECK_FALSE(fs::exists(output + ".part/dem/c0_r0.tif.tmp"));
+
+    CHECK_THROWS_WITH(one.open(R"({"other":1})", true), Contains("was begun with other rasters or options"));
+    other.open("{}", true);
+    CHECK(fs::exists(sheet));
+    CHECK(other.close(true));
+    one.open(R"({"other":1})", false);
+    CHECK_FALSE(fs::exists(sheet));
+    // Who opened the plan before it moved has no folder.
+    PlainFile early(one.inside("plan.json"), PlainFile::Use::write);
+    CHECK(early.stands());
+    one.move_into_place();
+    CHECK_FALSE(early.stands());
+    CHECK(content(output + "/plan.json") == R"({"other":1})");
+    CHECK_FALSE(fs::exists(output + ".part"));
+
+    // In place of the first, all of which goes.
+    write(output + "/manifest.json", "");
+    CHECK_THROWS_WITH(other.check(false, false), Contains("exists; add --overwrite"));
+    other.check(true, false);
+    other.open("{}", false);
+    other.move_into_place();
+    CHECK(content(output + "/plan.json") == "{}");
+    CHECK_FALSE(fs::exists(output + "/manifest.json"));
+    CHECK_FALSE(fs::exists(output + ".part"));
+
+    // Without a finished sheet nothing stays, nor where the plan cannot be written.
+    one.open("{}", false);
+    CHECK_FALSE(one.close(true));
+    CHECK_FALSE(fs::exists(output + ".part"));
+    rlimit before{};
+    ::getrlimit(RLIMIT_FSIZE, &before);
+    const auto signal_before = ::signal(SIGXFSZ, SIG_IGN);
+    const rlimit none{0, before.rlim_max};
+    ::setrlimit(RLIMIT_FSIZE, &none);
+    std::string said;
+    try {
+        one.open("{}", false);
+    } catch (const IoError& e) {
+        said = e.what();
+    }
+    ::setrlimit(RLIMIT_FSIZE, &before);
+    ::signal(SIGXFSZ, signal_before);
+    CHECK_THAT(said, Contains("plan.json' cannot be written: File too large"));
+    CHECK_FALSE(one.close(true));
+    CHECK_FALSE(fs::exists(output + ".part"));
 }

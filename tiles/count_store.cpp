@@ -40,8 +40,9 @@ std::size_t CountStore::all_bytes(std::int64_t columns, std::int64_t rows, std::
 std::unique_ptr<std::byte[]> CountStore::room(std::unique_lock<std::mutex>& lock) {
     for (;;) {
         if (held_ < most_tiles_) {
+            std::unique_ptr<std::byte[]> cells(new std::byte[tile_bytes_]);
             ++held_;
-            return std::unique_ptr<std::byte[]>(new std::byte[tile_bytes_]);
+            return cells;
         }
         random_ = random_ * 6364136223846793005ULL + 1442695040888963407ULL;
         const std::size_t n = resident_.size(), first = n > 0 ? (random_ >> 33) % n : 0;

@@ -14,6 +14,7 @@
 
 #include "lib/error.hpp"
 #include "tiles/checksum.hpp"
+#include "tiles/claim.hpp"
 
 namespace wedgescope {
 namespace {
@@ -76,6 +77,8 @@ void PlainFile::resize(std::uint64_t size) {
 void PlainFile::sync() {
     if (::fsync(file_) != 0) fail(path_, "written to disk");
 }
+
+bool PlainFile::stands() const { return stands_at(file_, path_); }
 
 bool PlainFile::lock() { return ::flock(file_, LOCK_EX | LOCK_NB) == 0; }
 

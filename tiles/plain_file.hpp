@@ -29,6 +29,8 @@ public:
     void sync();
     /// False if another process holds the lock, which ends with the file's close.
     bool lock();
+    /// Is it still this file that has the path?
+    bool stands() const;
 
 private:
     std::string path_;

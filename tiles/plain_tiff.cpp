@@ -186,7 +186,8 @@ std::optional<Keys> keys_of(TIFF* file, Doubts& doubts) {
             case 2049:
             case 3073: {
                 // Some programs keep a whole definition there: it is in letters and signs that no name has.
-                if (list != key_words || std::size_t{value} + n > text_list.size() + 1) return std::nullopt;
+                if (list != key_words || value > text_list.size() || std::size_t{value} + n > text_list.size() + 1)
+                    return std::nullopt;
                 if (std::string_view(text_list).substr(value, n).find_first_of("=[]{}") != std::string_view::npos)
                     return std::nullopt;
                 break;

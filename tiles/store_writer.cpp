@@ -33,6 +33,7 @@
 #include "tiles/store_manifest.hpp"
 #include "tiles/store_vrt.hpp"
 #include "tiles/tile_store.hpp"
+#include "tiles/unfinished_store.hpp"
 
 namespace wedgescope {
 namespace {
@@ -40,8 +41,6 @@ namespace {
 namespace fs = std::filesystem;
 using json = nlohmann::ordered_json;
 
-constexpr const char* plan_name = "plan.json";  // stays in the store: one killed while it finishes can go on
-constexpr const char *map_name = "blocks.map", *detail_name = "detail.map";
 constexpr std::int64_t unit_posts = std::int64_t{1} << 20;  ///< read and tiled at a time, about
 
 /// One layer on its way into the store: rasters, or a culture layer with features burnt over it.
@@ -88,29 +87,6 @@ struct Layer {
     }
 };
 
-/// What a store of this build or an earlier one holds, by its path in the store: an unreadable manifest is to be replaced too.
-bool is_stores_own(const fs::path& path) {
-    const std::string file = path.filename().string(), folder = path.parent_path().string();
-    const auto ends = [&](const std::string& stem, std::initializer_list<const char*> endings) {
-        return std::any_of(endings.begin(), endings.end(), [&](const char* end) { return file == stem + end; });
-    };
-    for (const StoreLayerKind kind : {StoreLayerKind::dem, StoreLayerKind::culture, StoreLayerKind::culture_height}) {
-        // GDAL and those who use it write statistics and overviews beside a raster, this program a map of its ground.
-        if (folder.empty() &&
-            ends(name(kind), {".vrt", ".vrt.aux.xml", ".vrt.ovr", ".vrt.msk", ".vrt.ground", ".vrt.tmp"}))
-            return true;
-        std::int64_t column = 0, row = 0;
-        if (folder == name(kind) && std::sscanf(file.c_str(), "c%" SCNd64 "_r%" SCNd64, &column, &row) == 2 &&
-            ends(text("c", column, "_r", row),
-                 {".tif", ".sum", ".tif.aux.xml", ".tif.ovr", ".tif.msk", ".tif.ground", ".tif.tmp", ".sum.tmp"}))
-            return true;
-    }
-    if (!folder.empty()) return false;
-    for (const char* own : {manifest_name, plan_name, "unfinished.json", map_name, detail_name, store_classes_name})
-        if (ends(own, {"", ".tmp"})) return true;
-    return file == kept_spill_name || is_numbered(file, text(".", kept_spill_name, ".tmp-"));
-}
-
 struct Job {
     Layer* layer;
     std::int64_t column, row;  ///< of the sheet
@@ -132,7 +108,6 @@ public:
     TileStoreSummary run();
 
 private:
-    void check_output() const;
     void open_layers();
     bool is_burnt(StoreLayerKind kind) const;
     std::unique_ptr<BurntLayer> burnt(StoreLayerKind kind) const;
@@ -140,7 +115,6 @@ private:
     std::size_t job_bytes(const Layer& layer, std::size_t sheets = 1) const;
     int jobs_at_once() const;
     std::string plan() const;
-    void open_folder();
     std::int64_t band_rows() const;
     std::int64_t sheets_together(const Layer& layer) const;
     void make_sheets();
@@ -154,57 +128,26 @@ private:
     bool finished_before(const Job& job, Done& done) const;
     Window with_next(const Window& posts) const;
     void finish();
-    void move_into_place();
-    void remove_all_but_plan() const;
-    void remove_folder() const;
     TileStoreSummary summary() const;
-    std::string inside(const std::string& file) const { return (fs::path(folder_) / file).string(); }
+    std::string inside(const std::string& file) const { return folder_.inside(file); }
 
     const TileStoreParams& params_;
-    std::string folder_;  ///< where it is made
+    UnfinishedStore folder_;  ///< where it is made
     std::vector<std::unique_ptr<Layer>> layers_;
     std::shared_ptr<FeatureFile> features_;    ///< null: none
     std::unique_ptr<RegisteredLayer> height_;  ///< culture height at the terrain's posts
     std::unique_ptr<BlockMapWriter> map_;
     std::unique_ptr<DetailMapWriter> detail_;
-    std::unique_ptr<PlainFile> lock_;
     std::vector<std::vector<Done>> done_;
     std::mutex mutex_;
     std::uint64_t posts_done_ = 0, posts_ = 0;
     StoreManifest manifest_;
 };
 
-StoreWriter::StoreWriter(const TileStoreParams& params) : params_(params), folder_(unfinished_store(params.output)) {}
-
-void StoreWriter::check_output() const {
-    const std::string output = folder_.substr(0, folder_.size() - 5);
-    if (output.empty()) throw InputError("output has an empty name; accepted: the path of a folder");
+StoreWriter::StoreWriter(const TileStoreParams& params) : params_(params), folder_(params.output) {
     if (params_.tile_posts < 64 || params_.tile_posts > 2048 || (params_.tile_posts & (params_.tile_posts - 1)) != 0)
         throw InputError(
             text("tile-size is ", params_.tile_posts, "; accepted: 64, 128, 256, 512, 1024 or 2048 posts"));
-    std::error_code error;
-    const auto status = fs::symlink_status(output, error);
-    if (fs::exists(status)) {
-        if (!params_.overwrite) throw InputError(text("output '", output, "' exists; add --overwrite"));
-        if (!is_tile_store(output) && !(fs::is_directory(status) && fs::is_empty(output, error)))
-            throw InputError(text("output '", output, "' is no tile store; --overwrite replaces nothing else"));
-        const auto foreign = [&](const fs::directory_entry& entry) {
-            return !fs::is_directory(entry.symlink_status(error)) &&
-                   !is_stores_own(entry.path().lexically_relative(output));
-        };
-        std::set<std::string> found;
-        for (const auto& entry : fs::recursive_directory_iterator(output, error))
-            if (foreign(entry)) found.insert(entry.path().string());
-        if (!found.empty())
-            throw InputError(text("output '", output, "' holds '", *found.begin(),
-                                  "', which is no part of a tile store; --overwrite replaces nothing else"));
-    }
-    const std::string parent = fs::path(output).parent_path().string();
-    if (!parent.empty() && !fs::is_directory(parent, error))
-        throw IoError(text("output '", output, "': there is no folder '", parent, "'"));
-    if (fs::exists(fs::symlink_status(folder_, error)) && !params_.overwrite && !params_.resume)
-        throw InputError(
-            text("'", folder_, "' holds an unfinished run; --resume goes on with it, --overwrite starts anew"));
 }
 
 void StoreWriter::open_layers() {
@@ -401,67 +344,6 @@ std::string StoreWriter::plan() const {
                               {"class_table", params_.sides->materials.own()},
                               {"axis_step_deg", params_.sides->axis_step_deg}};
     return out.dump(1, ' ', false, json::error_handler_t::replace) + "\n";
-}
-
-void StoreWriter::open_folder() {
-    std::error_code error;
-    const std::string wanted = plan();
-    const std::string plan_path = inside(plan_name);
-    bool planned = false;  // it stands there
-    if (fs::exists(folder_, error)) {
-        const bool ours = fs::exists(plan_path, error);
-        if (!ours && !fs::is_empty(folder_, error))
-            throw InputError(text("'", folder_, "' is no unfinished tile store; move it away"));
-        lock_ = std::make_unique<PlainFile>(plan_path, PlainFile::Use::write);
-        if (!lock_->lock()) throw IoError(text("'", folder_, "' is in use by another run"));
-        if (params_.resume && ours) {
-            const std::string found = file_text(plan_path, std::size_t{1} << 28);
-            if (found == wanted) {
-                planned = true;
-            } else if (!json::accept(found)) {
-                remove_all_but_plan();  // empty or cut short: nobody knows what of
-            } else {
-                throw InputError(text("'", folder_,
-                                      "' was begun with other rasters or options, or a raster has changed since; "
-                                      "--overwrite without --resume starts anew"));
-            }
-        } else {
-            remove_all_but_plan();
-        }
-    } else if (::mkdir(folder_.c_str(), 0777) != 0) {
-        throw IoError(text("output folder '", folder_, "' cannot be made: ", std::strerror(errno)));
-    } else {
-        lock_ = std::make_unique<PlainFile>(plan_path, PlainFile::Use::write);
-        if (!lock_->lock()) throw IoError(text("'", folder_, "' is in use by another run"));
-    }
-    // Another run may have finished and moved it just before.
-    if (!fs::exists(plan_path, error)) throw IoError(text("'", folder_, "' is in use by another run"));
-    if (!planned) {
-        lock_->resize(0);
-        lock_->write(0, wanted.data(), wanted.size());
-        lock_->sync();
-    }
-    for (const auto& layer : layers_) {
-        fs::create_directories(inside(name(layer->kind)), error);
-        if (error) throw IoError(text("'", inside(name(layer->kind)), "' cannot be made: ", error.message()));
-        for (const auto& entry : fs::directory_iterator(inside(name(layer->kind))))
-            if (entry.path().extension() == ".tmp") fs::remove(entry.path());
-    }
-}
-
-void StoreWriter::remove_all_but_plan() const {
-    for (const auto& entry : fs::directory_iterator(folder_))
-        if (entry.path().filename() != plan_name) fs::remove_all(entry.path());
-}
-
-void StoreWriter::remove_folder() const {
-    try {
-        remove_all_but_plan();  // which tells one killed here what the rest is
-    } catch (const fs::filesystem_error&) {
-        return;
-    }
-    std::error_code ignored;
-    fs::remove_all(folder_, ignored);
 }
 
 bool StoreWriter::finished_before(const Job& job, Done& done) const {
@@ -739,12 +621,12 @@ void StoreWriter::finish() {
     manifest_.software = params_.software;
     manifest_.legend_name = params_.legend_name;
     manifest_.legend_csv = params_.legend_csv;
-    manifest_.block_map = map_name;
-    manifest_.block_map_checksum = file_checksum(inside(map_name));
-    manifest_.detail_map = detail_name;
-    manifest_.detail_map_checksum = file_checksum(inside(detail_name));
-    manifest_.plan = plan_name;
-    manifest_.plan_checksum = file_checksum(inside(plan_name));
+    manifest_.block_map = store_map_name;
+    manifest_.block_map_checksum = file_checksum(inside(store_map_name));
+    manifest_.detail_map = store_detail_name;
+    manifest_.detail_map_checksum = file_checksum(inside(store_detail_name));
+    manifest_.plan = store_plan_name;
+    manifest_.plan_checksum = file_checksum(inside(store_plan_name));
     for (std::size_t i = 0; i < layers_.size(); ++i) {
         StoreLayerEntry& entry = layers_[i]->entry;
         for (const Done& done : done_[i]) {
@@ -765,37 +647,12 @@ void StoreWriter::finish() {
         sync_path(inside(name(layers_[i]->kind)), true);
     }
     const auto part = [&](const char* name) { return whole_file(inside(name), PlainFile::Use::read); };
-    manifest_.block_map_imprint = BlockMapFile(part(map_name), manifest_.map_shape(), 1).imprint();
-    manifest_.detail_map_imprint = DetailMapFile(part(detail_name), manifest_.detail_shape(), nullptr).imprint();
+    manifest_.block_map_imprint = BlockMapFile(part(store_map_name), manifest_.map_shape(), 1).imprint();
+    manifest_.detail_map_imprint = DetailMapFile(part(store_detail_name), manifest_.detail_shape(), nullptr).imprint();
     manifest_.class_table = !params_.class_table.empty();
     if (manifest_.class_table) replace_file(inside(store_classes_name), params_.class_table);
     replace_file(inside(manifest_name), manifest_text(manifest_));
-    sync_path(folder_, true);
-}
-
-void StoreWriter::move_into_place() {
-    const std::string output = folder_.substr(0, folder_.size() - 5);
-    std::error_code error;
-    lock_.reset();
-    if (fs::exists(fs::symlink_status(output, error))) {
-        // Both names change at once where the system can do that.
-        constexpr unsigned exchange = 2;
-        if (::syscall(SYS_renameat2, AT_FDCWD, folder_.c_str(), AT_FDCWD, output.c_str(), exchange) == 0) {
-            remove_folder();
-        } else if (errno != EINVAL && errno != ENOSYS && errno != EOPNOTSUPP) {
-            throw IoError(text("output '", output, "' cannot be replaced by '", folder_, "': ", std::strerror(errno)));
-        } else {
-            std::string old = output + ".old";
-            for (int i = 1; fs::exists(fs::symlink_status(old, error)); ++i) old = text(output, ".old", i);
-            rename_path(output, old);
-            rename_path(folder_, output);
-            fs::remove_all(old, error);
-        }
-    } else {
-        rename_path(folder_, output);
-    }
-    const std::string parent = fs::path(output).parent_path().string();
-    sync_path(parent.empty() ? "." : parent, true);
+    sync_path(folder_.folder(), true);
 }
 
 TileStoreSummary StoreWriter::summary() const {
@@ -831,52 +688,35 @@ TileStoreSummary StoreWriter::summary() const {
 }
 
 TileStoreSummary StoreWriter::run() {
-    check_output();
+    folder_.check(params_.overwrite, params_.resume);
     open_layers();
     jobs_at_once();  // too small a memory is refused before any work
-    bool opened = false;
-    const auto any_sheet = [&] {
-        std::error_code error;
-        for (const auto& entry : fs::recursive_directory_iterator(folder_, error))
-            if (entry.path().extension() == ".sum") return true;
-        return false;
+    const auto close = [&](bool keep_sheets) {
+        map_.reset();
+        detail_.reset();
+        return folder_.close(keep_sheets);
     };
-    const auto clean = [&](bool keep_sheets) {
-        std::error_code ignored;
-        if (!opened) return false;
-        if (!keep_sheets || !any_sheet()) {
-            map_.reset();
-            detail_.reset();
-            remove_folder();
-            return false;
-        }
-        std::vector<fs::path> temporary;
-        for (const auto& entry : fs::recursive_directory_iterator(folder_, ignored))
-            if (entry.path().extension() == ".tmp") temporary.push_back(entry.path());
-        for (const fs::path& path : temporary) fs::remove(path, ignored);
-        return true;
-    };
-    const std::string kept = text("finished sheets are kept in '", folder_, "' (--resume goes on)");
+    const std::string kept = text("; finished sheets are kept in '", folder_.folder(), "' (--resume goes on)");
     try {
-        open_folder();
-        opened = true;
+        folder_.open(plan(), params_.resume);
+        for (const auto& layer : layers_) folder_.make_folder(name(layer->kind));
         map_ = std::make_unique<BlockMapWriter>(
-            whole_file(inside(map_name), PlainFile::Use::write),
+            whole_file(inside(store_map_name), PlainFile::Use::write),
             BlockMapShape{layers_[0]->entry.facts.columns, layers_[0]->entry.facts.rows});
         detail_ = std::make_unique<DetailMapWriter>(
-            whole_file(inside(detail_name), PlainFile::Use::write),
+            whole_file(inside(store_detail_name), PlainFile::Use::write),
             DetailMapShape{layers_[0]->entry.facts.columns, layers_[0]->entry.facts.rows});
         make_sheets();
         finish();
-        move_into_place();
+        folder_.move_into_place();
     } catch (const Interrupted& e) {
-        if (clean(true)) throw Interrupted(e.signal(), text("; ", kept));
+        if (close(true)) throw Interrupted(e.signal(), kept);
         throw;
     } catch (const IoError& e) {
-        if (clean(true)) throw IoError(text(e.what(), "; ", kept));
+        if (close(true)) throw IoError(text(e.what(), kept));
         throw;
     } catch (...) {
-        clean(false);
+        close(false);
         throw;
     }
     return summary();

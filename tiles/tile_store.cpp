@@ -14,16 +14,6 @@ bool is_tile_store(const std::string& path) {
     return std::filesystem::is_regular_file(std::filesystem::path(path) / manifest_name, ignored);
 }
 
-std::string unfinished_store(const std::string& output) {
-    std::string path = output;
-    while (path.size() > 1 && path.back() == '/') path.pop_back();
-    // Beside what a link leads to: that is replaced, not the link.
-    std::error_code error;
-    if (std::filesystem::is_symlink(path, error) && std::filesystem::exists(path, error))
-        path = std::filesystem::canonical(path, error).string();
-    return path + ".part";
-}
-
 std::string store_classes(const std::string& store) {
     const std::filesystem::path path = std::filesystem::path(store) / store_classes_name;
     std::error_code ignored;

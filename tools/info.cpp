@@ -555,7 +555,7 @@ void info(const std::vector<std::string>& arguments, Stop& stop) {
         } else if (is_tile_store(path)) {
             const StoreFacts facts = store_facts(settings, path, stop, damage);
             add(facts);
-            look_at(path, facts.store.layers.at(0).lowest);
+            if (!facts.store.layers.empty()) look_at(path, facts.store.layers[0].lowest);
         } else if (settings.verify) {
             throw InputError(text("verify is for tile stores; ", in_quotes(path), " is none"));
         } else {

@@ -82,12 +82,22 @@ const CommandInfo& info_of(Command command) {
     throw Error("no such command");
 }
 
+/// Is that flag there, and not off? What a command line takes may depend on it, so before it is read.
+bool has_flag(const std::vector<std::string>& arguments, const std::string& flag) {
+    bool on = false;
+    for (const std::string& word : arguments) {
+        if (word == "--") break;  // files from here on
+        if (word == flag) on = true;
+        if (word.starts_with(flag + "=")) on = !same_letters(word.substr(flag.size() + 1), "off");
+    }
+    return on;
+}
+
 /// Commands whose keys a command takes: `info --plan` takes simulate's too.
 /// `scope` too, to say why it cannot do what they ask for.
 unsigned keys_taken(Command command, const std::vector<std::string>& arguments) {
     if (command == command_scope) return command_scope | command_simulate;
-    const bool plan =
-        command == command_info && std::find(arguments.begin(), arguments.end(), "--plan") != arguments.end();
+    const bool plan = command == command_info && has_flag(arguments, "--plan");
     return plan ? command_info | command_simulate : static_cast<unsigned>(command);
 }
 
@@ -472,13 +482,13 @@ std::vector<Given> merged(const std::vector<Given>& scene_file, const std::vecto
 
 bool asks_for_help(const std::vector<Given>& command_line) {
     return std::any_of(command_line.begin(), command_line.end(),
-                       [](const Given& given) { return given.key == "help"; });
+                       [](const Given& given) { return given.key == "help" && !same_letters(given.value, "off"); });
 }
 
 /// What a tile store brings unless it is given: the class table of its features' classes, and how many metres one unit of
-/// its culture heights is, unless these are given.
-void add_store_defaults(std::vector<Given>& given, std::vector<std::string> stores) {
-    bool wants_table = true, wants_scale = true;
+/// its culture heights is, unless these are given. `wants_scale`: what is to be done hangs on that, so the store must be sound.
+void add_store_defaults(std::vector<Given>& given, std::vector<std::string> stores, bool wants_scale = true) {
+    bool wants_table = true;
     for (const Given& one : given) {
         if (one.key == "class-table") wants_table = false;
         if (one.key == "culture-height-scale" || one.key == "culture-height") wants_scale = false;
@@ -586,7 +596,8 @@ Settings parse_arguments(Command command, const std::vector<std::string>& argume
     const bool writes = command == command_coverage || (command == command_tile && files.size() > 1);
     std::vector<std::string> stores = files;
     if (writes && stores.size() > 1) stores.pop_back();  // tile --around may be given a store alone
-    add_store_defaults(given, stores);
+    const bool only_told_of = command == command_info && !has_flag(arguments, "--plan");
+    add_store_defaults(given, stores, !only_told_of);
     Settings settings = settings_of(given);
     settings.files = files;
     return settings;

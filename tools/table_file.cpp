@@ -11,21 +11,25 @@ namespace wedgescope {
 namespace {
 
 /// The cells of a line, trimmed; a comma in double quotes is part of its cell. False at a cell, the last then, that begins with a
-/// quote which nobody closes.
+/// quote which nobody closes. Within a cell (12" dish) a quote is a character as any other.
 bool split(std::string_view line, std::vector<std::string_view>& cells) {
     cells.clear();
     for (;;) {
-        bool quoted = false;
-        std::size_t comma = 0;
-        while (comma < line.size() && (quoted || line[comma] != ',')) quoted ^= line[comma++] == '"';
-        if (quoted) comma = line.find(',');  // within a cell (12" dish) such a quote is a character as any other
+        std::size_t close = 0;
+        if (const std::string_view rest = trimmed(line); rest.starts_with('"')) {
+            close = line.find('"', static_cast<std::size_t>(rest.data() - line.data()) + 1);
+            while (close < line.size() && line.substr(close + 1).starts_with('"')) close = line.find('"', close + 2);
+            if (close == std::string_view::npos) {
+                cells.push_back(rest);
+                return false;
+            }
+        }
+        const std::size_t comma = line.find(',', close);
         std::string_view cell = trimmed(line.substr(0, comma));
-        const bool open = quoted && cell.starts_with('"');
         if (cell.size() >= 2 && cell.front() == '"' && cell.back() == '"')
             cell = trimmed(cell.substr(1, cell.size() - 2));
         cells.push_back(cell);
-        if (open) return false;
-        if (comma >= line.size()) return true;
+        if (comma == std::string_view::npos) return true;
         line.remove_prefix(comma + 1);
     }
 }
