@@ -8,9 +8,7 @@
 // accepted. Source: physics "Land backscatter".
 #pragma once
 #include <functional>
-#include <numbers>
 #include <optional>
-#include <string>
 #include <vector>
 
 #include "lib/angle.hpp"

@@ -69,9 +69,12 @@ WEDGESCOPE_LANES_PART void cut(std::size_t n, const StepScene& scene, Cuts& cuts
         sine_top[i] = top;
         x_top[i] = falls ? x_falls : x1[i];
 
-        const double near = range > 1 ? range : 1.0, far = last > 1 ? last : 1.0, length = to - from;
+        const double near = range > 1 ? range : 1.0, far = last > 1 ? last : 1.0, length = to - from,
+                     bent = bump * length * length, across = up_top * out_out - up_out * out_top,
+                     way = (last - range) * range_bins;
         const bool together = (far <= most_range_ratio * near) & (near <= most_range_ratio * far) &
-                              short_rise(top - h, top) & straight_range(bump * length * length, top, range_bins) &
+                              short_rise(top - h, top) & straight_range(bent, top, range_bins) &
+                              !turns_in_range(across, last, bent, top, way, range_bins) &
                               !meets_drop(h, top, low0, high0) & !meets_drop(h, top, low1, high1) & (arc0[i] > 0);
         plain[i] = together ? 1.0 : 0.0;
     }

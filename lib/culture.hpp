@@ -2,7 +2,6 @@
 // Leaves what a class returns to material.hpp and reading to the wedge source.
 #pragma once
 #include <cstdint>
-#include <optional>
 #include <vector>
 
 #include "lib/interval.hpp"

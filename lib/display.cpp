@@ -7,7 +7,6 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
-#include <limits>
 #include <memory>
 #include <numbers>
 #include <stdexcept>
@@ -118,8 +117,9 @@ private:
             }
         }
         if (sector_) {
+            // A pixel within: what falls on pixels outside is not drawn.
             const double off_rad = std::min(into_rad, width_rad_ - into_rad);
-            grey = std::max(grey, edge_grey * coverage(radius_m * off_rad / metres_per_pixel_));
+            grey = std::max(grey, edge_grey * coverage(radius_m * off_rad / metres_per_pixel_ - 1));
         }
         return grey;
     }

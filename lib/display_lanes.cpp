@@ -116,7 +116,7 @@ WEDGESCOPE_LANES_PART void place(std::size_t n, std::int64_t column, double y_m,
         // A little more than the pixel that a line is wide.
         const double reach = 1.001 * s.metres_per_pixel;
         const double any = from_ring < reach               ? 1.0
-                           : from_edge < reach             ? 1.0
+                           : from_edge < 2 * reach         ? 1.0
                            : radius_m[i] > s.mark_radius_m ? 1.0
                                                            : 0.0;
         light[i] = any > 0 ? 1 : 0;

@@ -1,6 +1,5 @@
 #include "lib/earth.hpp"
 
-#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numbers>

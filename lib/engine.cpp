@@ -194,7 +194,10 @@ void sweep(const ResolvedScene& scene, WedgeSource& source, const EngineParams& 
         std::vector<bool> done(wedges.wedges.size(), false);
         std::size_t count = 0;
         for (const WedgeReport& w : result.report.wedges)
-            if (!w.reused) done[static_cast<std::size_t>(w.index)] = true, ++count;
+            if (!w.reused) {
+                done[static_cast<std::size_t>(w.index)] = true;
+                ++count;
+            }
         const WedgeForecast planned = wedges.total(done);
         result.report.planned = {count, planned.chunks, planned.posts, planned.bytes, planned.peak_bytes};
     }
@@ -405,7 +408,9 @@ RunResult show(const ResolvedScene& scene, PolarImage<float> echo_w, PolarImage<
         const bool whole = echo_w.grid == scene.swept;
         result.echo_w = whole ? std::move(echo_w) : part_of(echo_w, scene.swept, {});
         result.echo_state = whole ? std::move(echo_state) : part_of(echo_state, scene.swept, {});
-        echo_w = {}, echo_state = {};  // the power image is made in the room of what is left over
+        // The power image is made in the room of what is left over.
+        echo_w = {};
+        echo_state = {};
         receive(params, weather, false, result);
         draw(params, Receiver(scene.scene.receiver, scene.scene.radar), result);
     });

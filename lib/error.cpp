@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <iterator>
+#include <system_error>
 
 namespace wedgescope {
 
@@ -26,5 +27,7 @@ std::string in_quotes(std::string_view words) {
     if (words.size() > longest) out += "...";
     return out + "'";
 }
+
+std::string system_reason(int error) { return std::generic_category().message(error); }
 
 }  // namespace wedgescope

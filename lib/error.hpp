@@ -1,5 +1,5 @@
 // Errors: what went wrong, in one line that names the object, what was found, and what is accepted.
-// Leaves exit codes to tools/main.cpp, which alone turns an error into one.
+// Leaves exit codes to tools/program.cpp, which alone turns an error into one.
 #pragma once
 #include <cstddef>
 #include <cstdint>
@@ -48,6 +48,9 @@ std::string text(const Parts&... parts) {
 /// A user's text as it may stand in a one-line message: in quotes, control characters shown as ?, cut when long.
 std::string in_quotes(std::string_view words);
 
+/// What errno, or an error that a call returned, says of itself. From any thread.
+std::string system_reason(int error);
+
 /// Base of every error a user may cause. what() is one line without a trailing full stop.
 class Error : public std::runtime_error {
 public:
@@ -86,7 +89,7 @@ public:
     using Error::Error;
 };
 
-/// SIGINT or SIGTERM: exit code 128 + signal.
+/// A signal that ends the run (SIGINT, SIGTERM, SIGHUP, SIGPIPE): exit code 128 + signal.
 class Interrupted : public Error {
 public:
     /// `more`: what follows on the line.
@@ -98,7 +101,7 @@ private:
     int signal_;
 };
 
-/// Runs `body`; an Error that leaves it gets `context` in front of its message and keeps its type.
+/// Runs `body`; an InputError, DataError or IoError that leaves it gets `context` in front of its message and stays one of these.
 template <class Body>
 auto with_context(const std::string& context, Body&& body) -> decltype(body()) {
     try {

@@ -1,10 +1,8 @@
 #include "lib/front.hpp"
 
 #include <algorithm>
-#include <bit>
 #include <cassert>
 #include <cmath>
-#include <limits>
 #include <numeric>
 
 #include "lib/lanes.hpp"

@@ -115,10 +115,14 @@ void Front::rise(std::size_t lane, std::size_t i, const Between& between, Sample
         const PatternTable& pattern = *scene_->pattern;
         const bool drops = pattern.meets_drop(first.sine, last.sine);
         constexpr double least_cut = 0x1p-16;  // of a piece: what a drop of the pattern is smeared over
+        const double across = *to.up_m * *from.out_m - *from.up_m * *to.out_m,
+                     range_bins = scene_->range_is_ground ? 0 : bins_per_metre_;
         const auto together = [&](const PieceEnd& a, const PieceEnd& b, double most) {
-            const double part = b.part - a.part;
+            const double part = b.part - a.part, bent = bump_[i] * part * part;
             return one_range(a.range_m, b.range_m, b.sine - a.sine, b.sine, most) &&
-                   straight_range(bump_[i] * part * part, b.sine, scene_->range_is_ground ? 0 : bins_per_metre_) &&
+                   straight_range(bent, b.sine, range_bins) &&
+                   !turns_in_range(across * part, b.range_m, bent, b.sine, (b.range_m - a.range_m) * range_bins,
+                                   range_bins) &&
                    (turning_posts_ == 0 || short_turn(a.sine, b.sine, scene_->laws->most_turn())) &&
                    (!drops || part <= least_cut || !pattern.passes_drop(a.sine, b.sine));
         };

@@ -6,7 +6,6 @@
 #include <cstdint>
 #include <cstring>
 #include <limits>
-#include <string>
 
 #include "lib/atmosphere.hpp"
 #include "lib/error.hpp"

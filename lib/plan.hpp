@@ -37,7 +37,7 @@ struct Plan {
     double likely_seconds(bool all) const;
 };
 
-/// `look`: guesses from coarse bounds of the terrain what is hidden.
+/// `look`: guess from coarse bounds of the terrain what is hidden, too.
 /// InputError if not even one narrow wedge at a time fits, with the smallest budget that would do.
 Plan plan(const ResolvedScene& scene, WedgeSource& source, const SpokeGrid& grid, const EngineParams& params,
           int threads, bool look = false);

@@ -1,6 +1,5 @@
 // The check of an angle that a law takes, beside those of numbers in sensor.hpp.
 #pragma once
-#include <numbers>
 
 #include "lib/angle.hpp"
 #include "lib/sensor.hpp"

@@ -140,7 +140,8 @@ void stand(ResolvedScene& s, WedgeSource& source) {
         if (!window.empty()) s.nadir_patch = source.load(window, false);
     }
     if (std::abs(s.sensor_m) > 1e6)
-        throw InputError(text("the sensor's altitude is ", s.sensor_m, " m; it must be within 1000 km"));
+        throw InputError(
+            text("the sensor's altitude is ", std::round(s.sensor_m), " m above the sea; it must be within 1000 km"));
 }
 
 void choose_earth(ResolvedScene& s) {

@@ -1,7 +1,5 @@
 #include "lib/sample.hpp"
 
-#include <algorithm>
-
 #include "lib/lanes.hpp"
 
 namespace wedgescope {

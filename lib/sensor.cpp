@@ -97,7 +97,8 @@ void validate(const RadarParams& radar) {
     if (antenna.elevation == ElevationPattern::gaussian || antenna.elevation == ElevationPattern::points)
         require_within("antenna-knee", antenna.knee.deg(), -90, 90, "deg");
     else if (!(antenna.knee.deg() > 0 && antenna.knee.deg() < 90))
-        throw InputError(found("antenna-knee", antenna.knee.deg(), "deg") + "above 0 and below 90");
+        throw InputError(found("antenna-knee", antenna.knee.deg(), "deg") +
+                         "above 0 and below 90 for the patterns csc2 and cos-csc2");
     require_above_to("antenna-width", antenna.width.deg(), 0, 180, "deg");
     require_within("antenna-exponent", antenna.exponent, 0, 10, "");
     require_within("antenna-floor", antenna.floor.db(), -200, 0, "dB");

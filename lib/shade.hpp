@@ -10,7 +10,6 @@
 #include "lib/path_loss.hpp"
 #include "lib/sensor.hpp"
 #include "lib/sweep.hpp"
-#include "lib/wedge_source.hpp"
 
 namespace wedgescope {
 

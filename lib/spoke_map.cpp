@@ -209,16 +209,6 @@ double SpokeMap::azimuth_per_slope(Quadrant q) const {
     return most;
 }
 
-double SpokeMap::slope_per_azimuth(Quadrant q) const {
-    const double det = std::abs(east_per_column_ * north_per_row_ - east_per_row_ * north_per_column_);
-    double most = 0;
-    for (int i = -64; i <= 64; ++i) {
-        const double f = metres_per_post(q, i / 64.0);
-        most = std::max(most, f * f / det);
-    }
-    return most;
-}
-
 void SpokeMap::fit(const DataBase& data_base, Quadrant q) {
     Fit& f = fits_[static_cast<std::size_t>(q)];
     // bend and stretch at one slope and distance.

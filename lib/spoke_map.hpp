@@ -66,7 +66,6 @@ public:
     /// Most azimuth, radians, that one unit of slope spans anywhere in the quadrant.
     double azimuth_per_slope(Quadrant q) const;
     /// And the other way round: most slope that a radian of azimuth spans.
-    double slope_per_azimuth(Quadrant q) const;
 
     /// bend and stretch on one line for slopes from `slope_begin` to `slope_end` = begin + width:
     /// sum c[n] u^n, u = (m - middle) scale.

@@ -14,7 +14,6 @@ public:
         signal_.compare_exchange_strong(none, signal);
     }
     int signal() const noexcept { return signal_.load(std::memory_order_relaxed); }  ///< 0: none was requested
-    bool requested() const noexcept { return signal() != 0; }
     void check() const {
         if (int s = signal_.load()) throw Interrupted(s);
     }

@@ -7,7 +7,7 @@ namespace wedgescope {
 namespace {
 
 template <StepTo target, bool near_sensor>
-WEDGESCOPE_LANES_PART Rises step(std::size_t n, const StepScene& scene, const StepLanes& lanes) noexcept {
+WEDGESCOPE_LANES_PART void step(std::size_t n, const StepScene& scene, const StepLanes& lanes) noexcept {
     const SampleLanes &from = lanes.from, &to = lanes.to;
     const double* __restrict part0 = from.part, * __restrict minor0 = from.minor, * __restrict arc0 = from.arc_m, * __restrict height0 = from.height_m, * __restrict up0 = from.up_m, * __restrict out0 = from.out_m, * __restrict range0 = from.range_m, * __restrict last_sine = from.sine, * __restrict x0 = from.x;
     const double* __restrict part1 = to.part, * __restrict minor1 = to.minor, * __restrict arc1 = to.arc_m;
@@ -70,6 +70,35 @@ WEDGESCOPE_LANES_PART Rises step(std::size_t n, const StepScene& scene, const St
         seen_least[i] = c == 1 ? least : seen_least[i];
         seen_most[i] = c == 1 ? most : seen_most[i];
     }
+}
+
+/// Some sample stands steeply below the sensor, or might, whatever its height.
+WEDGESCOPE_LANES_PART bool any_steep(std::size_t n, const StepScene& scene, const double* __restrict arc) noexcept {
+    constexpr double cotangent = 1.74, lowest_m = -500;  // of turning_sine, and on earth
+    const double near_m = cotangent * (scene.sensor_m - lowest_m);
+    int steep = 0;
+    for (std::size_t i = 0; i < n; ++i) steep += arc[i] < near_m ? 1 : 0;
+    return steep > 0;
+}
+
+/// Plain pieces whose ranges turn round are changes.
+WEDGESCOPE_LANES_PART void take_out_turns(std::size_t n, const StepScene& scene, const StepLanes& lanes) noexcept {
+    const double *__restrict up0 = lanes.from.up_m, *__restrict out0 = lanes.from.out_m, *__restrict x0 = lanes.from.x,
+                 *__restrict up1 = lanes.to.up_m, *__restrict out1 = lanes.to.out_m, *__restrict x1 = lanes.to.x,
+                 *__restrict range1 = lanes.to.range_m, *__restrict sine1 = lanes.to.sine,
+                 *__restrict bump_m = lanes.bump_m, *__restrict sine0 = lanes.sine0;
+    double* __restrict horizon = lanes.horizon, * __restrict code = lanes.code;
+    const double bins = scene.bins_per_metre;
+    WEDGESCOPE_INDEPENDENT
+    for (std::size_t i = 0; i < n; ++i) {
+        const double across = up1[i] * out0[i] - up0[i] * out1[i];
+        const bool out = (code[i] == 1) & turns_in_range(across, range1[i], bump_m[i], sine1[i], x1[i] - x0[i], bins);
+        code[i] = out ? 2.0 : code[i];
+        horizon[i] = out ? sine0[i] : horizon[i];
+    }
+}
+
+WEDGESCOPE_LANES_PART Rises count_rises(std::size_t n, const double* __restrict code) noexcept {
     int plains = 0, changes = 0;
     for (std::size_t i = 0; i < n; ++i) plains += code[i] == 1 ? 1 : 0;
     for (std::size_t i = 0; i < n; ++i) changes += code[i] == 2 ? 1 : 0;
@@ -109,8 +138,11 @@ WEDGESCOPE_LANES_PART Rises any_step(StepTo target, std::size_t n, const StepSce
                                      const StepLanes& lanes) noexcept {
     const bool near_sensor = scene.most_theta <= near_theta;
     if (target == StepTo::line)
-        return near_sensor ? step<StepTo::line, true>(n, scene, lanes) : step<StepTo::line, false>(n, scene, lanes);
-    return near_sensor ? step<StepTo::crossing, true>(n, scene, lanes) : step<StepTo::crossing, false>(n, scene, lanes);
+        near_sensor ? step<StepTo::line, true>(n, scene, lanes) : step<StepTo::line, false>(n, scene, lanes);
+    else
+        near_sensor ? step<StepTo::crossing, true>(n, scene, lanes) : step<StepTo::crossing, false>(n, scene, lanes);
+    if (!scene.range_is_ground) take_out_turns(n, scene, lanes);
+    return count_rises(n, lanes.code);
 }
 
 WEDGESCOPE_LANES_PART int join(std::size_t n, const JoinLanes& lanes) noexcept {

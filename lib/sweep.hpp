@@ -95,6 +95,20 @@ inline bool straight_range(double bump_m, double sine, double bins_per_metre) {
     return (moved < 0 ? -moved : moved) <= most_range_bump;
 }
 
+/// Whether a piece seen from above, all but across the line of sight, is not laid out in range by its ends: the ranges within it
+/// turn round near by, where the first ground below the sensor is met, and what it returns crowds there. `across`: of its ends,
+/// up1 out0 - up0 out1, so that its middle lies across^2 / (8 r^3) nearer than half-way; its bump moves it too. `way_bins`: between
+/// the ranges of its ends.
+inline constexpr double turning_sine = -0.5, most_turned_part = 0.05, most_turned_bins = 0.001;
+inline bool turns_in_range(double across, double range_m, double bump_m, double sine, double way_bins,
+                           double bins_per_metre) {
+    // All times 8 r^3.
+    const double scale = 8 * (range_m * range_m * range_m),
+                 sum = (bump_m * sine * scale - across * across) * bins_per_metre, moved = sum < 0 ? -sum : sum,
+                 way = way_bins < 0 ? -way_bins : way_bins;
+    return (sine < turning_sine) & (moved > most_turned_part * (way * scale)) & (moved > most_turned_bins * scale);
+}
+
 /// What the steps of a scene share.
 struct StepScene {
     double sensor_m = 0;
@@ -134,8 +148,8 @@ struct StepLanes {
 };
 /// code: 0 nothing (stays hidden, or no sample here), 1 it raises the horizon of a visible spoke (done here: horizon,
 /// seen_least, seen_most), 2 something changes: see Front. A visible piece is plain (1) if its course rises all the way
-/// (|4 bump| at most what it rises over the ray of the horizon), lies at one_range, runs in a straight_range, meets no drop of the
-/// pattern and does not begin below the sensor; a hidden one stays hidden if not even its bump can reach the horizon.
+/// (|4 bump| at most what it rises over the ray of the horizon), lies at one_range, runs in a straight_range that does not turn,
+/// meets no drop of the pattern and does not begin below the sensor; a hidden one stays hidden if not even its bump can reach the horizon.
 struct Rises {
     int plain = 0, changes = 0;  ///< how many have code 1, and 2
 };

@@ -144,6 +144,13 @@ TEST_CASE("latitude and longitude the wrong way round are asked about where that
                Contains("outside the terrain raster (LAT,LON swapped?)"));
     for (const char* elsewhere : {"44.5,-71.5", "-71.5,45.5", "45.5,-71.5"})
         CHECK_THAT(folder.run(with_place(elsewhere, "--altitude-msl")).err, !Contains("swapped"));
+    const auto with_xy = [&](const std::string& place) {
+        return Strings{"coverage", hills, "seen.tif",       "--range", "1km",
+                       "--xy",     place, "--altitude-msl", "1km",     "--overwrite"};
+    };
+    CHECK_THAT(folder.run(with_xy("44.5,-71.5")).err, Contains("(X,Y swapped?)"));
+    for (const char* elsewhere : {"-71.5,44.5", "45.5,-71.5", "-71.5,45.5"})
+        CHECK_THAT(folder.run(with_xy(elsewhere)).err, !Contains("swapped"));
 }
 
 TEST_CASE("a temp-dir that is none is refused at once, needed or not", "[cli]") {

@@ -232,6 +232,30 @@ TEST_CASE("a sector is clamped at its edges and black beyond", "[display]") {
     CHECK(state(p, last_column, last_row) == seen);
 }
 
+TEST_CASE("the edges of a sector are even lines within it", "[display]") {
+    DisplaySetting setting = setting_of(DisplayKind::ppi);
+    setting.params.size = 1000;
+    setting.params.rings = true;
+    setting.params.ring_spacing_m = 1e6;
+    setting.shown.azimuth_bins = {350, 370};
+    const Images images(setting.shown);  // no power at all
+    const Picture p = picture(images.power, images.state, setting, decibel_receiver());
+    // As far along the edge as there are no marks, what each row holds of it, left and right: the line's grey over its cosine.
+    const double cosine = std::cos(Angle::degrees(10).rad());
+    const auto apex = static_cast<std::int64_t>(p.frame.centre_row),
+               middle = static_cast<std::int64_t>(p.frame.centre_column);
+    for (std::int64_t row = apex - 800; row < apex - 40; ++row) {
+        double left = 0, right = 0;
+        for (std::int64_t column = 0; column < p.frame.width; ++column) {
+            (column < middle ? left : right) += grey(p, column, row);
+            if (grey(p, column, row) > 0) CHECK(state(p, column, row) == seen);
+        }
+        INFO("row " << row);
+        CHECK_THAT(left, WithinAbs(96 / cosine, 3));
+        CHECK_THAT(right, WithinAbs(96 / cosine, 3));
+    }
+}
+
 TEST_CASE("a pixel has the state of the cell it lies in", "[display]") {
     DisplaySetting setting = setting_of(DisplayKind::ppi);
     setting.params.size = 2000;

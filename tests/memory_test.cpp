@@ -200,6 +200,8 @@ TEST_CASE("no command holds more than --memory and 64 MiB, on a raster ten times
     const std::vector<std::string> far = with(simulate, {"--range", "45km"}),
                                    near = with(simulate, {"--range", "25km"});
     for (const char* threads : {"1", "2"}) check(64, with(far, {"--threads", threads, "--size", "512"}), log);
+    // However many threads are asked for, those that could only wait are not made.
+    check(64, with(near, {"--threads", "4096", "--size", "512"}), log);
     check(128, with(far, {"--no-cull", "--wedges", "3", "--size", "512"}), log);
     check(96,
           with(far, {"--echo", folder / "echo.tif", "--power", folder / "power.tif", "--states", folder / "states.tif",

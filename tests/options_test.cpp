@@ -473,9 +473,12 @@ TEST_CASE("the command line refuses what it cannot mean", "[options]") {
                }),
                Contains("files are named without an option: wedgescope info [options] FILE..."));
     CHECK(refusal_of({"--sector", "0deg", "-60deg"}) ==
-          "'-60deg' is no option; two numbers are one word, as in --latlon 40.5,-117.8");
+          "'-60deg' is no option; two numbers are one word, as in --latlon 40.5,-117.8 or --sector -45deg,45deg");
     CHECK(refusal_of({"--latlon", "40.5", "-117.8"}) ==
-          "'-117.8' is no option; two numbers are one word, as in --latlon 40.5,-117.8");
+          "'-117.8' is no option; two numbers are one word, as in --latlon 40.5,-117.8 or --sector -45deg,45deg");
+    CHECK(refusal_of({"--sector", "-60deg", "60deg"}) ==
+          "'60deg' is no file; two numbers are one word, as in --latlon 40.5,-117.8 or --sector -45deg,45deg");
+    CHECK_THAT(refusal_of({"3d.ini"}), Contains("scene file '3d.ini' cannot be opened"));
     CHECK_THAT(refusal_of({"--range"}), Contains("--range needs a value"));
     CHECK_THAT(refusal_of({"--range="}), Contains("--range needs a value"));
     CHECK_THAT(refusal_of({"--range", "--overwrite"}), Contains("--range needs a value"));

@@ -13,13 +13,11 @@
 
 #include "lib/error.hpp"
 #include "tests/drawn_raster.hpp"
-#include "tests/small_disk.hpp"
 #include "tiles/output_file.hpp"
 
 using namespace wedgescope;
 using Catch::Matchers::Contains;
 using wedgescope::test::Folder;
-using wedgescope::test::SmallDisk;
 using Names = std::vector<std::string>;
 
 namespace {
@@ -239,16 +237,4 @@ TEST_CASE("an output is refused before any work if it cannot or must not be writ
     put(folder / "late.txt", "theirs");
     CHECK_THROWS_AS(file.commit(), InputError);
     CHECK(get(folder / "late.txt") == "theirs");
-}
-
-TEST_CASE("a full disk is an error that names the file", "[output_file]") {
-    const Folder folder;
-    write_text(folder / "report.json", "{}\n", false);
-    CHECK(get(folder / "report.json") == "{}\n");
-    const SmallDisk disk(4096);
-    CHECK_THROWS_AS(write_text(folder / "report.json", std::string(100000, 'x'), true), IoError);
-    CHECK_THROWS_WITH(write_text(folder / "report.json", std::string(100000, 'x'), true),
-                      Contains("report.json") && Contains("too large"));
-    CHECK(folder.names() == Names{"report.json"});
-    CHECK(get(folder / "report.json") == "{}\n");
 }

@@ -168,9 +168,9 @@ TEST_CASE("what is hidden, void or shows its back returns nothing", "[response]"
     });
     Scene s = scene_at(100, 150, 500, 9000);
     const Response r = look(source, s);
-    CHECK(r.at(150, 150) == r.at(150, 150));
-    CHECK(r.at(230, 150) != r.at(230, 150));  // behind the ridge
-    CHECK(r.at(150, 270) != r.at(150, 270));  // no data
+    CHECK(std::isfinite(r.at(150, 150)));
+    CHECK(std::isnan(r.at(230, 150)));  // behind the ridge
+    CHECK(std::isnan(r.at(150, 270)));  // no data
     CHECK(r.at(150, 150) > r.at(110, 40));
 }
 

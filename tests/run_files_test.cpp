@@ -8,7 +8,9 @@
 #include <fstream>
 
 #include "tests/drawn_raster.hpp"
+#include "tests/file_content.hpp"
 #include "tests/refusal.hpp"
+#include "tests/small_disk.hpp"
 #include "tools/run_files.hpp"
 
 using namespace wedgescope;
@@ -146,4 +148,21 @@ TEST_CASE("no output replaces the ground map that the run keeps, nor a file of i
     }
     s.report = folder / "work/report.json";
     CHECK(simulate() == nothing_refused);
+}
+
+TEST_CASE("a full disk is an error that names the report, and the earlier one stays", "[run_files]") {
+    const Folder folder;
+    const std::string path = folder / "report.json";
+    const auto write = [&](const std::string& words) {
+        OutputFile file(path, true);
+        write_report(file, {{"words", words}});
+        file.commit();
+    };
+    write("few");
+    const std::string few = content(path);
+    const SmallDisk disk(4096);
+    const std::string said = refusal([&] { write(std::string(100000, 'x')); });
+    CHECK_THAT(said, Contains("report '" + path + "' cannot be written: File too large"));
+    CHECK(content(path) == few);
+    CHECK(folder.names() == std::vector<std::string>{"report.json"});
 }

@@ -331,14 +331,18 @@ TEST_CASE("pieces that a horizon cuts come out in lanes as one by one", "[sweep]
     StepScene scene;
     scene.sensor_m = 1000;
     scene.bins_per_metre = 0.1;
-    int seen = 0, hides = 0, plain = 0, apart = 0;
+    int seen = 0, hides = 0, plain = 0, apart = 0, turned = 0;
     for (int turn = 0; turn < 400; ++turn) {
         const auto n = 1 + static_cast<std::size_t>(random() % Cuts::most);
         scene.range_is_ground = turn % 3 == 0;
         scene.drops[0] = turn % 5 == 0 ? PatternDrop{-0.19, -0.1902, -0.1898} : PatternDrop{};
         Cuts& c = *cuts;
         for (std::size_t i = 0; i < n; ++i) {
-            const double out = turn % 7 == 0 ? 1 + std::abs(any(random)) : 5000, up = -0.2 * out;
+            const bool steep = turn % 11 == 1;
+            const double out = steep           ? 100 + 100 * any(random)
+                               : turn % 7 == 0 ? 1 + std::abs(any(random))
+                                               : 5000,
+                         up = steep ? -900 : -0.2 * out;
             c.out0[i] = out;
             c.out1[i] = out + 30;
             c.up0[i] = up + 10 * any(random);
@@ -393,11 +397,15 @@ TEST_CASE("pieces that a horizon cuts come out in lanes as one by one", "[sweep]
             };
             CHECK(c.shadow0[i] == shadow(c.hidden_from[i]));
             CHECK(c.shadow1[i] == shadow(c.arc0[i] + one.begin * (c.arc1[i] - c.arc0[i])));
-            const double part = one.end - one.begin;
-            const bool together = c.arc0[i] > 0 &&
+            const double part = one.end - one.begin, range_bins = scene.range_is_ground ? 0 : scene.bins_per_metre,
+                         across = out[0] * top[0] *
+                                  (top[1] * std::sqrt(1 - out[1] * out[1]) - out[1] * std::sqrt(1 - top[1] * top[1]));
+            const bool turns = turns_in_range(across, c.range_top[i], c.bump_m[i] * part * part, c.sine_top[i],
+                                              (c.range_top[i] - c.range_out[i]) * range_bins, range_bins);
+            turned += turns ? 1 : 0;
+            const bool together = c.arc0[i] > 0 && !turns &&
                                   one_range(c.range_out[i], c.range_top[i], c.sine_top[i] - h, c.sine_top[i]) &&
-                                  straight_range(c.bump_m[i] * part * part, c.sine_top[i],
-                                                 scene.range_is_ground ? 0 : scene.bins_per_metre) &&
+                                  straight_range(c.bump_m[i] * part * part, c.sine_top[i], range_bins) &&
                                   !meets_drop(h, c.sine_top[i], scene.drops[0].low, scene.drops[0].high);
             CHECK((c.plain[i] == 1) == together);
             ++(together ? plain : apart);
@@ -407,6 +415,7 @@ TEST_CASE("pieces that a horizon cuts come out in lanes as one by one", "[sweep]
     CHECK(hides > 500);
     CHECK(plain > 1000);
     CHECK(apart > 100);
+    CHECK(turned > 50);
 }
 
 TEST_CASE("two pieces that become one keep their power and its middle", "[sweep]") {

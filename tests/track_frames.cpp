@@ -352,7 +352,7 @@ TEST_CASE("names of all frames are looked at before work begins", "[track][long]
     const std::vector<std::string> again = with(track, {"--overwrite"});
     CHECK_THAT(says(with(again, {"--work-dir", folder / "w"})), Contains("work-dir is given beside track"));
     CHECK_THAT(says(with(again, {"--work-dir", folder / "w", "--resume"})), Contains("work-dir is given beside track"));
-    CHECK_THAT(says(with(again, {"--only-wedge", "0"})), Contains("only-wedge is given without work-dir"));
+    CHECK_THAT(says(with(again, {"--only-wedge", "0-1"})), Contains("only-wedge is given beside track"));
     CHECK_THAT(says(with(again, {"--source", "spilled"})), Contains("source is spilled, and track is given"));
     CHECK_THAT(says(with(again, {"--xy", "1,2"})), Contains("--track") || Contains("track alone says"));
     CHECK_THAT(says(with(again, {"--heading", "7deg"})),

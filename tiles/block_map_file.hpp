@@ -6,7 +6,6 @@
 // zeros).
 // Memory: readers keep `most_pages` pages (4 MiB); the writer one page and its four children.
 #pragma once
-#include <array>
 #include <cstdint>
 #include <functional>
 #include <optional>

@@ -1,7 +1,6 @@
 #include "tiles/burnt_layer.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <cstring>
 #include <limits>
 #include <map>

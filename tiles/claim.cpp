@@ -14,17 +14,6 @@ namespace wedgescope {
 
 namespace fs = std::filesystem;
 
-Descriptor::Descriptor(Descriptor&& other) noexcept : number_(std::exchange(other.number_, -1)) {}
-
-Descriptor& Descriptor::operator=(Descriptor&& other) noexcept {
-    std::swap(number_, other.number_);
-    return *this;
-}
-
-Descriptor::~Descriptor() {
-    if (number_ >= 0) ::close(number_);
-}
-
 void claim(int file) {
     while (::flock(file, LOCK_EX) != 0 && errno == EINTR) {
     }

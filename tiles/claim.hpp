@@ -4,24 +4,10 @@
 #pragma once
 #include <functional>
 #include <string>
-#include <utility>
+
+#include "tiles/descriptor.hpp"
 
 namespace wedgescope {
-
-/// A file descriptor that closes itself.
-class Descriptor {
-public:
-    explicit Descriptor(int number = -1) : number_(number) {}
-    Descriptor(Descriptor&& other) noexcept;
-    Descriptor& operator=(Descriptor&& other) noexcept;
-    ~Descriptor();
-    int get() const { return number_; }
-    int release() { return std::exchange(number_, -1); }  ///< to be closed by the caller
-    explicit operator bool() const { return number_ >= 0; }
-
-private:
-    int number_;
-};
 
 /// Claims an open file or folder until it is closed. Waits for one who looks whether its owner is dead; where that one may
 /// have taken it for left behind, see that it still stands and else make another.

@@ -16,7 +16,6 @@
 #include "lib/lower_case.hpp"
 #include "tiles/checksum.hpp"
 #include "tiles/gdal_handle.hpp"
-#include "tiles/gdal_session.hpp"
 #include "tiles/plain_tiff.hpp"
 
 namespace wedgescope {

@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <cstring>
 #include <filesystem>
 #include <limits>
@@ -66,9 +65,9 @@ std::unique_ptr<RasterLayer> open_terrain(const DataBaseParams& rasters, const s
 }
 
 /// Reads ground, page by page of the detail map, into both maps.
-class Survey {
+class GroundSurvey {
 public:
-    Survey(const DataBaseParams& rasters, const GroundMap::MakeParams& params)
+    GroundSurvey(const DataBaseParams& rasters, const GroundMap::MakeParams& params)
         : params_(params), tiles_(std::make_shared<TileCache>(rasters.cache_bytes / 2)),
           terrain_(open_terrain(rasters, tiles_)), facts_(terrain_->facts()) {
         if (!rasters.culture_height.empty())
@@ -360,7 +359,7 @@ std::string GroundMap::kept_path(const DataBaseParams& rasters) {
 }
 
 std::shared_ptr<const GroundMap> GroundMap::make(const DataBaseParams& rasters, const MakeParams& params) {
-    Survey survey(rasters, params);
+    GroundSurvey survey(rasters, params);
     const RasterFacts& facts = survey.facts();
     const BlockMapShape shape{facts.columns, facts.rows};
     const DetailMapShape detail_shape{facts.columns, facts.rows};

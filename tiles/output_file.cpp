@@ -32,19 +32,15 @@ bool stands(const std::string& path) {
 }
 
 void sync(const std::string& path, const std::string& final_path, bool folder) {
-    const int file = ::open(path.c_str(), folder ? O_RDONLY | O_DIRECTORY : O_RDONLY);
-    bool good = file >= 0;
-    int reason = errno;
-    // Some file systems cannot sync a folder; the names are then as safe as they get.
-    if (good && ::fsync(file) != 0 && !(folder && (errno == EINVAL || errno == ENOTSUP || errno == EROFS))) {
-        good = false;
-        reason = errno;
+    int error = 0;
+    if (folder) {
+        error = sync_folder(path);
+    } else {
+        Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
+        // What the close says counts too.
+        if (!file || ::fsync(file.get()) != 0 || ::close(file.release()) != 0) error = errno;
     }
-    if (file >= 0 && ::close(file) != 0 && good) {
-        good = false;
-        reason = errno;
-    }
-    if (!good) throw IoError(text("output '", final_path, "' cannot be written to disk: ", std::strerror(reason)));
+    if (error) throw IoError(text("output '", final_path, "' cannot be written to disk: ", system_reason(error)));
 }
 
 constexpr const char* temporary_mark = ".tmp-";
@@ -94,7 +90,7 @@ void OutputFile::check(const std::string& final_path, bool overwrite) {
     const std::string parent = folder_of(final_path), name = fs::path(final_path).filename().string();
     struct stat facts {};
     if (::stat(parent.c_str(), &facts) != 0)
-        throw IoError(text("output '", final_path, "': folder '", parent, "' cannot be used: ", std::strerror(errno)));
+        throw IoError(text("output '", final_path, "': folder '", parent, "' cannot be used: ", system_reason(errno)));
     if (!S_ISDIR(facts.st_mode)) throw IoError(text("output '", final_path, "': '", parent, "' is not a folder"));
     if (name.empty() || (::stat(final_path.c_str(), &facts) == 0 && S_ISDIR(facts.st_mode)))
         throw InputError(text("output '", final_path, "' is a folder; accepted: the path of a file"));
@@ -124,7 +120,7 @@ OutputFile::OutputFile(std::string final_path, bool overwrite)
             folder_.clear();
             if (reason == EEXIST) continue;  // of another machine's process of the same number
             throw IoError(
-                text("output '", final_path_, "' cannot be written in folder '", parent, "': ", std::strerror(reason)));
+                text("output '", final_path_, "' cannot be written in folder '", parent, "': ", system_reason(reason)));
         }
         claim_ = Descriptor(::open(folder_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
         claim(claim_.get());
@@ -186,27 +182,16 @@ void OutputFile::commit(const std::vector<OutputFile*>& files) {
         for (const char* side : side_files) {
             const std::string stale = file->final_path_ + side;
             if (file->overwrite_ && ::unlink(stale.c_str()) != 0 && errno != ENOENT)
-                throw IoError(text("old side file '", stale, "' cannot be removed: ", std::strerror(errno)));
+                throw IoError(text("old side file '", stale, "' cannot be removed: ", system_reason(errno)));
         }
     for (const Move& move : moves)
         if (::rename(move.from.c_str(), move.to.c_str()) != 0)
             throw IoError(
-                text("output '", move.to, "' cannot be put in place of '", move.from, "': ", std::strerror(errno)));
+                text("output '", move.to, "' cannot be put in place of '", move.from, "': ", system_reason(errno)));
     for (OutputFile* file : files) {
         sync(folder_of(file->final_path_), file->final_path_, true);
         file->remove_folder();
     }
-}
-
-void write_text(const std::string& path, const std::string& content, bool overwrite) {
-    OutputFile file(path, overwrite);
-    errno = 0;
-    std::ofstream out(file.temporary_path(), std::ios::binary);
-    out.write(content.data(), static_cast<std::streamsize>(content.size()));
-    out.close();
-    if (!out)
-        throw IoError(text("output '", path, "' cannot be written: ", errno ? std::strerror(errno) : "disk full?"));
-    file.commit();
 }
 
 }  // namespace wedgescope

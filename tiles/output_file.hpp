@@ -41,7 +41,4 @@ private:
     bool overwrite_ = false;
 };
 
-/// Writes a text file through an OutputFile.
-void write_text(const std::string& path, const std::string& content, bool overwrite);
-
 }  // namespace wedgescope

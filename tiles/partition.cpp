@@ -7,7 +7,6 @@
 #include <atomic>
 #include <cmath>
 #include <limits>
-#include <mutex>
 #include <numbers>
 #include <stdexcept>
 #include <utility>

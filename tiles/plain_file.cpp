@@ -8,7 +8,6 @@
 
 #include <cerrno>
 #include <cstdio>
-#include <cstring>
 #include <filesystem>
 #include <vector>
 
@@ -19,68 +18,51 @@
 namespace wedgescope {
 namespace {
 
-[[noreturn]] void fail(const std::string& path, const char* what) {
-    throw IoError(text("'", path, "' cannot be ", what, ": ", std::strerror(errno)));
+[[noreturn]] void fail(const std::string& path, const char* what, int reason = errno) {
+    throw IoError(text("'", path, "' cannot be ", what, ": ", system_reason(reason)));
 }
 
 }  // namespace
 
 PlainFile::PlainFile(std::string path, Use use) : path_(std::move(path)) {
-    file_ = ::open(path_.c_str(), (use == Use::read ? O_RDONLY : O_RDWR | O_CREAT) | O_CLOEXEC, 0666);
-    if (file_ < 0) fail(path_, "opened");
+    file_ = Descriptor(::open(path_.c_str(), (use == Use::read ? O_RDONLY : O_RDWR | O_CREAT) | O_CLOEXEC, 0666));
+    if (!file_) fail(path_, "opened");
 }
 
 PlainFile::PlainFile(const Unnamed& where) : path_(text(where.what, "' in temp-dir '", where.folder)) {
-    file_ = open_unnamed(where.folder);
-    if (file_ < 0) fail(path_, "made");
-}
-
-PlainFile::~PlainFile() {
-    if (file_ >= 0) ::close(file_);
+    file_ = Descriptor(open_unnamed(where.folder));
+    if (!file_) fail(path_, "made");
 }
 
 std::uint64_t PlainFile::bytes() const {
     struct stat facts {};
-    if (::fstat(file_, &facts) != 0) fail(path_, "read");
+    if (::fstat(file_.get(), &facts) != 0) fail(path_, "read");
     return static_cast<std::uint64_t>(facts.st_size);
 }
 
 void PlainFile::read(std::uint64_t at, void* out, std::size_t count) const {
-    auto* to = static_cast<char*>(out);
-    while (count > 0) {
-        const ssize_t n = ::pread(file_, to, count, static_cast<off_t>(at));
-        if (n < 0 && errno == EINTR) continue;
-        if (n < 0) fail(path_, "read");
-        if (n == 0) throw IoError(text("'", path_, "' ends at byte ", at, ", ", count, " bytes too early"));
-        to += n;
-        at += static_cast<std::uint64_t>(n);
-        count -= static_cast<std::size_t>(n);
-    }
+    const Transfer done = read_all_at(file_.get(), out, count, at);
+    if (done.error) fail(path_, "read", done.error);
+    if (done.bytes < count)
+        throw IoError(
+            text("'", path_, "' ends at byte ", at + done.bytes, ", ", count - done.bytes, " bytes too early"));
 }
 
 void PlainFile::write(std::uint64_t at, const void* from, std::size_t count) {
-    const auto* bytes = static_cast<const char*>(from);
-    while (count > 0) {
-        const ssize_t n = ::pwrite(file_, bytes, count, static_cast<off_t>(at));
-        if (n < 0 && errno == EINTR) continue;
-        if (n < 0) fail(path_, "written");
-        bytes += n;
-        at += static_cast<std::uint64_t>(n);
-        count -= static_cast<std::size_t>(n);
-    }
+    if (const int error = write_all_at(file_.get(), from, count, at).error) fail(path_, "written", error);
 }
 
 void PlainFile::resize(std::uint64_t size) {
-    if (::ftruncate(file_, static_cast<off_t>(size)) != 0) fail(path_, "written");
+    if (::ftruncate(file_.get(), static_cast<off_t>(size)) != 0) fail(path_, "written");
 }
 
 void PlainFile::sync() {
-    if (::fsync(file_) != 0) fail(path_, "written to disk");
+    if (::fsync(file_.get()) != 0) fail(path_, "written to disk");
 }
 
-bool PlainFile::stands() const { return stands_at(file_, path_); }
+bool PlainFile::stands() const { return stands_at(file_.get(), path_); }
 
-bool PlainFile::lock() { return ::flock(file_, LOCK_EX | LOCK_NB) == 0; }
+bool PlainFile::lock() { return ::flock(file_.get(), LOCK_EX | LOCK_NB) == 0; }
 
 int open_unnamed(const std::string& folder) {
     int file = ::open(folder.c_str(), O_TMPFILE | O_RDWR | O_CLOEXEC, 0600);
@@ -119,20 +101,18 @@ void replace_file(const std::string& path, const std::string& content) {
 }
 
 void sync_path(const std::string& path, bool folder) {
-    const int file = ::open(path.c_str(), (folder ? O_RDONLY | O_DIRECTORY : O_RDONLY) | O_CLOEXEC);
-    if (file < 0) fail(path, "opened");
-    const bool good = ::fsync(file) == 0 || (folder && (errno == EINVAL || errno == ENOTSUP || errno == EROFS));
-    const int reason = errno;
-    ::close(file);
-    errno = reason;
-    if (!good) fail(path, "written to disk");
+    if (folder) {
+        if (const int error = sync_folder(path)) fail(path, "written to disk", error);
+        return;
+    }
+    const Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
+    if (!file) fail(path, "opened");
+    if (::fsync(file.get()) != 0) fail(path, "written to disk");
 }
 
 void begin_sync(const std::string& path) noexcept {
-    const int file = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
-    if (file < 0) return;
-    ::sync_file_range(file, 0, 0, SYNC_FILE_RANGE_WRITE);
-    ::close(file);
+    const Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
+    if (file) ::sync_file_range(file.get(), 0, 0, SYNC_FILE_RANGE_WRITE);
 }
 
 void rename_path(const std::string& from, const std::string& to) {

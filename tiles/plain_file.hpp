@@ -5,6 +5,8 @@
 #include <cstdint>
 #include <string>
 
+#include "tiles/descriptor.hpp"
+
 namespace wedgescope {
 
 class PlainFile {
@@ -16,9 +18,6 @@ public:
     };
     /// Made in the folder without a name: gone with the process, however it ends.
     explicit PlainFile(const Unnamed& where);
-    ~PlainFile();
-    PlainFile(const PlainFile&) = delete;
-    PlainFile& operator=(const PlainFile&) = delete;
 
     const std::string& path() const { return path_; }
     std::uint64_t bytes() const;
@@ -34,7 +33,7 @@ public:
 
 private:
     std::string path_;
-    int file_ = -1;
+    Descriptor file_;
 };
 
 /// Descriptor of a new file in a folder that has no name, for reading and writing; below 0 with errno.

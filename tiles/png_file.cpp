@@ -191,15 +191,14 @@ void write_png(const std::string& path, std::int64_t columns, std::int64_t rows,
     const auto fail = [&](const std::string& why) {
         throw IoError(text("output '", final_path, "' cannot be written: ", why));
     };
-    const auto system_reason = [] { return std::error_code(errno, std::generic_category()).message(); };
     std::unique_ptr<std::FILE, int (*)(std::FILE*)> file(std::fopen(path.c_str(), "wb"), std::fclose);
-    if (!file) fail(system_reason());
+    if (!file) fail(system_reason(errno));
     PngFrame frame;
     if (!frame.begin(file.get(), static_cast<std::uint32_t>(columns), static_cast<std::uint32_t>(rows), bands.size()) ||
         !encode(frame, columns, rows, bands, std::max(1, threads)))
         fail(frame.why());
     errno = 0;
-    if (std::fclose(file.release()) != 0) fail(system_reason());
+    if (std::fclose(file.release()) != 0) fail(system_reason(errno));
 }
 
 }  // namespace wedgescope

@@ -6,7 +6,6 @@
 
 #include <cerrno>
 #include <cmath>
-#include <cstring>
 
 #include "lib/error.hpp"
 #include "tiles/gdal_handle.hpp"
@@ -55,7 +54,7 @@ PointFile::PointFile(const PointFileParams& params, const DataBase& data_base) :
         struct stat facts {};
         // GDAL may say nothing at all of a path that is not there.
         if (!o.dataset && !errors.failed() && !errors.warned() && ::stat(o.path.c_str(), &facts) != 0)
-            throw IoError(text(o.named(), " cannot be opened: ", std::strerror(errno)));
+            throw IoError(text(o.named(), " cannot be opened: ", system_reason(errno)));
         if (!o.dataset)
             throw IoError(text(o.named(), " cannot be opened as points: ", errors.reason(),
                                " (accepted: a vector file that GDAL reads, as GeoPackage, GeoJSON or a shapefile, or a "

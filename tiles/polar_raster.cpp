@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
 #include "lib/error.hpp"
 #include "tiles/raster_writer.hpp"

@@ -8,7 +8,6 @@
 #include <bit>
 #include <cerrno>
 #include <limits>
-#include <system_error>
 
 #include "lib/error.hpp"
 #include "tiles/side_file.hpp"
@@ -221,20 +220,11 @@ void PowerStack::write_front() {
 }
 
 void PowerStack::write_at(std::uint64_t at, const void* from, std::size_t count) const {
-    const auto* bytes = static_cast<const char*>(from);
-    while (count > 0) {
-        const ssize_t n = ::pwrite(file_.get(), bytes, count, static_cast<off_t>(at));
-        if (n < 0 && errno == EINTR) continue;
-        if (n < 0) fail(errno);
-        bytes += n;
-        at += static_cast<std::uint64_t>(n);
-        count -= static_cast<std::size_t>(n);
-    }
+    if (const int error = write_all_at(file_.get(), from, count, at).error) fail(error);
 }
 
 void PowerStack::fail(int why, const std::string& more) const {
-    throw IoError(text("output '", final_path_,
-                       "' cannot be written: ", std::error_code(why, std::generic_category()).message(), more));
+    throw IoError(text("output '", final_path_, "' cannot be written: ", system_reason(why), more));
 }
 
 }  // namespace wedgescope

@@ -15,7 +15,6 @@
 #include <limits>
 #include <map>
 #include <numeric>
-#include <system_error>
 
 #include "lib/error.hpp"
 #include "lib/lower_case.hpp"
@@ -721,8 +720,10 @@ DatasetHandle create_raster(const RasterContent& content, const OutputFile& file
     const CPLStringList options =
         creation_options(driver, content.type, {content.patches, content.quick_to_read}, format);
     if (!has(driver, GDAL_DCAP_CREATE))
-        throw InputError(text("output '", final_path, "': driver ", driver.GetDescription(),
-                              " writes whole rasters only; accepted: one that writes tile by tile, such as GTiff"));
+        throw InputError(
+            text("output '", final_path, "': driver ", driver.GetDescription(),
+                 " writes whole rasters only, and this one is written tile by tile; accepted: .tif, .img, or --of one "
+                 "that does so too (GTiff, HFA, ENVI, netCDF)"));
     if (!content.codes.empty() && !(is_geotiff(final_path, format) && format.creation.empty()))
         keeps_codes(driver, options, format, content, final_path);
     if (content.codes.empty() && !(is_geotiff(final_path, format) && format.creation.empty()))
@@ -752,9 +753,7 @@ void close_raster(DatasetHandle dataset, const std::string& final_path) {
     dataset.reset();
     note();
     if (!errors.failed()) return;
-    if (why != 0)
-        throw IoError(text("output '", final_path,
-                           "' cannot be written: ", std::error_code(why, std::generic_category()).message()));
+    if (why != 0) throw IoError(text("output '", final_path, "' cannot be written: ", system_reason(why)));
     fail(final_path, written_path, errors);
 }
 

@@ -3,7 +3,6 @@
 #include <unistd.h>
 
 #include <cerrno>
-#include <cstring>
 #include <utility>
 
 #include "lib/error.hpp"
@@ -18,7 +17,7 @@ ScratchFile::ScratchFile(std::string folder, std::string what, std::string given
 
 void ScratchFile::fail(const char* what, int reason) const {
     throw IoError(text(what_, " in ", given_as_, " '", folder_, "' cannot be ", what, ": ",
-                       reason ? std::strerror(reason) : "the file ends early"));
+                       reason ? system_reason(reason) : "the file ends early"));
 }
 
 void ScratchFile::open() {
@@ -29,23 +28,12 @@ void ScratchFile::open() {
 
 void ScratchFile::write(std::span<const std::byte> bytes, std::uint64_t offset) {
     open();
-    while (!bytes.empty()) {
-        const ::ssize_t n = ::pwrite(file_.get(), bytes.data(), bytes.size(), static_cast<::off_t>(offset));
-        if (n < 0 && errno == EINTR) continue;
-        if (n < 0) fail("written", errno);
-        bytes = bytes.subspan(static_cast<std::size_t>(n));
-        offset += static_cast<std::uint64_t>(n);
-    }
+    if (const int error = write_all_at(file_.get(), bytes.data(), bytes.size(), offset).error) fail("written", error);
 }
 
 void ScratchFile::read(std::span<std::byte> into, std::uint64_t offset) const {
-    while (!into.empty()) {
-        const ::ssize_t n = ::pread(file_.get(), into.data(), into.size(), static_cast<::off_t>(offset));
-        if (n < 0 && errno == EINTR) continue;
-        if (n <= 0) fail("read", n < 0 ? errno : 0);
-        into = into.subspan(static_cast<std::size_t>(n));
-        offset += static_cast<std::uint64_t>(n);
-    }
+    const Transfer done = read_all_at(file_.get(), into.data(), into.size(), offset);
+    if (done.bytes < into.size()) fail("read", done.error);
 }
 
 }  // namespace wedgescope

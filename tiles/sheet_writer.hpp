@@ -8,7 +8,6 @@
 // Memory: a quarter of the sheet's posts and two tiles (sheet_writer_bytes()).
 #pragma once
 #include <cstddef>
-#include <functional>
 #include <string>
 #include <vector>
 

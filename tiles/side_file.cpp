@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cerrno>
 #include <fstream>
-#include <system_error>
 
 #include "lib/error.hpp"
 #include "tiles/crs.hpp"
@@ -73,7 +72,7 @@ void write_side_file(const RasterContent& content, const Metadata& geolocation, 
     file << side_text(content, geolocation);
     file.close();
     if (file) return;
-    const std::string why = errno ? std::error_code(errno, std::generic_category()).message() : "disk full?";
+    const std::string why = errno ? system_reason(errno) : "disk full?";
     throw IoError(text("output '", final_path, "' cannot be written: ", why));
 }
 

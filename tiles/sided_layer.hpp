@@ -24,7 +24,6 @@ public:
     std::uint64_t fingerprint(const std::vector<Window>& cells) override;
 
     const SideRasterParams& params() const { return params_; }
-    const RasterFacts& side_facts() const { return sides_->facts(); }
     /// Of all cells. DataError naming a cell.
     std::set<FeatureFile::Side> sides();
 

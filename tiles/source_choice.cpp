@@ -10,7 +10,6 @@
 #include "tiles/cache_need.hpp"
 #include "tiles/file_stamp.hpp"
 #include "tiles/gdal_handle.hpp"
-#include "tiles/gdal_session.hpp"
 #include "tiles/tiff_layer.hpp"
 #include "tiles/tile_store.hpp"
 

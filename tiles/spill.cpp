@@ -138,7 +138,7 @@ std::string Spill::named() const {
 void Spill::open_file() {
     if (file_ >= 0) return;
     const auto fail = [&](int reason) {
-        throw IoError(text(named(), " cannot be made: ", std::strerror(reason),
+        throw IoError(text(named(), " cannot be made: ", system_reason(reason),
                            params_.keep.empty() ? "; accepted: a folder that can be written to" : ""));
     };
     struct stat facts {};
@@ -217,7 +217,6 @@ void Spill::put(std::size_t layer, std::int64_t column, std::int64_t row, int bu
     b.pending.push_back({distance, layer, column, row});
     b.bytes += bytes.size() + held_overhead;
     held_ += bytes.size() + held_overhead;
-    stored_ += bytes.size();
     {
         const std::unique_lock lock(slots_mutex_);
         s->memory = std::move(memory);
@@ -229,17 +228,10 @@ void Spill::put(std::size_t layer, std::int64_t column, std::int64_t row, int bu
 }
 
 void Spill::write(std::span<const std::byte> bytes, std::uint64_t offset) {
-    std::size_t done = 0;
-    while (done < bytes.size()) {
-        const ssize_t n = ::pwrite(file_, bytes.data() + done, bytes.size() - done, static_cast<off_t>(offset + done));
-        if (n > 0) {
-            done += static_cast<std::size_t>(n);
-        } else if (n == 0 || errno != EINTR) {
-            const int reason = n == 0 ? ENOSPC : errno;
-            throw IoError(
-                text(named(), " cannot be written: wrote ", offset + done, " bytes, then: ", std::strerror(reason)));
-        }
-    }
+    const Transfer done = write_all_at(file_, bytes.data(), bytes.size(), offset);
+    if (done.error)
+        throw IoError(text(named(), " cannot be written: wrote ", offset + done.bytes,
+                           " bytes, then: ", system_reason(done.error)));
 }
 
 void Spill::flush(Bucket& bucket) {
@@ -284,18 +276,12 @@ void Spill::flush(Bucket& bucket) {
 }
 
 void Spill::read(std::uint64_t offset, std::span<std::byte> into, const std::string& what) const {
-    std::size_t done = 0;
-    while (done < into.size()) {
-        const ssize_t n = ::pread(file_, into.data() + done, into.size() - done, static_cast<off_t>(offset + done));
-        if (n > 0) {
-            done += static_cast<std::size_t>(n);
-        } else if (n == 0) {
-            throw DataError(text(named(), " is damaged: it ends at byte ", offset + done, ", inside the ", what));
-        } else if (errno != EINTR) {
-            throw IoError(
-                text(named(), " cannot be read at byte ", offset + done, ", the ", what, ": ", std::strerror(errno)));
-        }
-    }
+    const Transfer done = read_all_at(file_, into.data(), into.size(), offset);
+    if (done.error)
+        throw IoError(text(named(), " cannot be read at byte ", offset + done.bytes, ", the ", what, ": ",
+                           system_reason(done.error)));
+    if (done.bytes < into.size())
+        throw DataError(text(named(), " is damaged: it ends at byte ", offset + done.bytes, ", inside the ", what));
     read_ += into.size();
     read_here += into.size();
 }
@@ -365,26 +351,22 @@ void Spill::keep(const std::string& description) {
     file_end_ = file_end_ + index.bytes().size();
     write(std::as_bytes(std::span(&header, 1)), 0);
 
-    const auto fail = [&](const char* what) {
-        throw IoError(text(named(), " cannot be ", what, ": ", std::strerror(errno)));
+    const auto fail = [&](const char* what, int error) {
+        throw IoError(text(named(), " cannot be ", what, ": ", system_reason(error)));
     };
-    if (::fsync(file_) != 0) fail("written to disk");
+    if (::fsync(file_) != 0) fail("written to disk", errno);
     const std::string path = params_.keep;
     std::string whole = unnamed_;
     if (whole.empty()) {
         whole = (std::filesystem::path(params_.folder) / text(keep_stem(path), ::getpid())).string();
         ::unlink(whole.c_str());
         if (::linkat(AT_FDCWD, text("/proc/self/fd/", file_).c_str(), AT_FDCWD, whole.c_str(), AT_SYMLINK_FOLLOW) != 0)
-            fail("named");
+            fail("named", errno);
         unnamed_ = whole;
     }
-    if (::rename(whole.c_str(), path.c_str()) != 0) fail("put in place");
+    if (::rename(whole.c_str(), path.c_str()) != 0) fail("put in place", errno);
     unnamed_.clear();
-    const int folder = ::open(params_.folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-    if (folder >= 0) {
-        ::fsync(folder);  // some file systems cannot; the name is then as safe as it gets
-        ::close(folder);
-    }
+    if (const int error = sync_folder(params_.folder)) fail("written to disk", error);
 }
 
 void Spill::read_index() {
@@ -392,7 +374,7 @@ void Spill::read_index() {
         throw DataError(text(named(), " is damaged: ", what, "; tile --around makes it anew"));
     };
     struct stat facts {};
-    if (::fstat(file_, &facts) != 0) throw IoError(text(named(), " cannot be read: ", std::strerror(errno)));
+    if (::fstat(file_, &facts) != 0) throw IoError(text(named(), " cannot be read: ", system_reason(errno)));
     const auto size = static_cast<std::uint64_t>(facts.st_size);
     if (size < sizeof(FileHeader)) damaged("it has no header");
     FileHeader header;
@@ -421,7 +403,6 @@ void Spill::read_index() {
         for (Slot& s : slots) {
             index.take(s.offset);
             index.take(s.bytes);
-            stored_ += s.bytes;
         }
     }
     file_end_ = size;
@@ -434,7 +415,7 @@ std::unique_ptr<Spill> Spill::open_kept(const std::string& path, Timeline* timel
     params.timeline = timeline;
     auto spill = std::make_unique<Spill>(params);
     spill->file_ = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
-    if (spill->file_ < 0) throw IoError(text(spill->named(), " cannot be opened: ", std::strerror(errno)));
+    if (spill->file_ < 0) throw IoError(text(spill->named(), " cannot be opened: ", system_reason(errno)));
     spill->read_index();
     spill->seal();
     return spill;

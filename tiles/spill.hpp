@@ -86,7 +86,6 @@ public:
     /// What keep() was given.
     const std::string& description() const { return description_; }
 
-    std::uint64_t bytes_stored() const { return stored_; }  ///< of all blocks
     /// Size of the file; 0 while there is no block in it.
     std::uint64_t bytes_spilled() const {
         const std::uint64_t bytes = file_end_;
@@ -133,7 +132,7 @@ private:
     std::vector<Bucket> buckets_;
     int file_ = -1;
     std::string unnamed_;  ///< path of a file to be removed, where the system knows no files without a name
-    std::atomic<std::uint64_t> file_end_ = 0, stored_ = 0;
+    std::atomic<std::uint64_t> file_end_ = 0;
     mutable std::atomic<std::uint64_t> read_ = 0;
     std::atomic<std::size_t> held_ = 0;
     std::atomic<bool> sealed_ = false;

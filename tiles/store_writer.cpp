@@ -1,20 +1,9 @@
-#include <fcntl.h>
-#include <sys/stat.h>
-#include <sys/syscall.h>
 #include <tbb/parallel_for_each.h>
-#include <unistd.h>
 
 #include <algorithm>
-#include <atomic>
-#include <cerrno>
-#include <cinttypes>
-#include <cmath>
-#include <cstdio>
-#include <cstring>
 #include <filesystem>
 #include <mutex>
 #include <nlohmann/json.hpp>
-#include <set>
 
 #include "lib/error.hpp"
 #include "lib/post_extremes.hpp"
@@ -22,7 +11,6 @@
 #include "tiles/block_map_file.hpp"
 #include "tiles/burnt_layer.hpp"
 #include "tiles/checksum.hpp"
-#include "tiles/claim.hpp"
 #include "tiles/mosaic.hpp"
 #include "tiles/plain_file.hpp"
 #include "tiles/raster_writer.hpp"

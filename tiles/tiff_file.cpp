@@ -7,7 +7,6 @@
 #include <cctype>
 #include <cerrno>
 #include <iterator>
-#include <system_error>
 
 #include "lib/error.hpp"
 #include "tiles/claim.hpp"
@@ -114,8 +113,8 @@ struct TiffFile::Open {
     std::vector<std::uint8_t> packed = std::vector<std::uint8_t>(edge * most_packed(edge));
 
     [[noreturn]] void fail(int system, const char* words = "") const {
-        throw IoError(text("output '", final_path, "' cannot be written: ",
-                           system != 0 ? std::error_code(system, std::generic_category()).message() : words));
+        throw IoError(
+            text("output '", final_path, "' cannot be written: ", system != 0 ? system_reason(system) : words));
     }
     [[noreturn]] void fail() const {
         fail(trouble.system, trouble.words[0] ? trouble.words : "libtiff gives no reason");

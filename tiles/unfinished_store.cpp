@@ -9,7 +9,6 @@
 #include <cerrno>
 #include <cinttypes>
 #include <cstdio>
-#include <cstring>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <set>
@@ -60,8 +59,6 @@ std::vector<fs::directory_entry> entries(const std::string& folder, std::error_c
     for (Iterator at(folder, error), end; !error && at != end; at.increment(error)) found.push_back(*at);
     return found;
 }
-
-std::string reason(int number) { return std::generic_category().message(number); }
 
 }  // namespace
 
@@ -125,7 +122,7 @@ void UnfinishedStore::open(const std::string& plan, bool resume) {
             throw;
         }
     } else if (const int number = errno; number != EEXIST) {
-        throw IoError(text("output folder '", folder_, "' cannot be made: ", reason(number)));
+        throw IoError(text("output folder '", folder_, "' cannot be made: ", system_reason(number)));
     } else {
         const bool ours = fs::exists(plan_path, error);
         if (!ours && !fs::is_empty(folder_, error))
@@ -218,7 +215,7 @@ void UnfinishedStore::replace_output() {
         return;
     }
     if (const int number = errno; number != EINVAL && number != ENOSYS && number != EOPNOTSUPP)
-        throw IoError(text("output '", output_, "' cannot be replaced by '", folder_, "': ", reason(number)));
+        throw IoError(text("output '", output_, "' cannot be replaced by '", folder_, "': ", system_reason(number)));
     std::string old = output_ + ".old";
     for (int i = 1; fs::exists(fs::symlink_status(old, error)); ++i) old = text(output_, ".old", i);
     rename_path(output_, old);

@@ -63,15 +63,9 @@ public:
     Temporary& operator=(const Temporary&) = delete;
 
     void write(const void* bytes, std::size_t count) {
-        const char* from = static_cast<const char*>(bytes);
-        while (count > 0) {
-            const ssize_t n = ::write(file_.get(), from, count);
-            if (n < 0 && errno == EINTR) continue;
-            if (n <= 0) fail(text("cannot be written, ", written_, " bytes are"), n < 0 ? errno : ENOSPC);
-            from += n;
-            count -= static_cast<std::size_t>(n);
-            written_ += static_cast<std::size_t>(n);
-        }
+        const Transfer done = write_all(file_.get(), bytes, count);
+        written_ += done.bytes;
+        if (done.error) fail(text("cannot be written, ", written_, " bytes are"), done.error);
     }
     void sync() {
         if (::fsync(file_.get()) != 0) fail("cannot be written to disk", errno);
@@ -81,7 +75,7 @@ public:
         sync();
         if (::rename(path_.c_str(), final_path_.c_str()) != 0) fail("cannot be put in place", errno);
         path_.clear();
-        sync_folder();
+        sync_its_folder();
     }
     /// False if something stands there already.
     bool place() {
@@ -95,38 +89,23 @@ public:
             fail("cannot be put in place", errno);
         }
         path_.clear();
-        sync_folder();
+        sync_its_folder();
         return true;
     }
 
 private:
     [[noreturn]] void fail(const std::string& what, int reason) const {
-        throw IoError(text("work file '", final_path_, "' ", what, ": ", std::strerror(reason)));
+        throw IoError(text("work file '", final_path_, "' ", what, ": ", system_reason(reason)));
     }
-    void sync_folder() const {
-        const Descriptor folder(::open(fs::path(final_path_).parent_path().c_str(), O_RDONLY | O_DIRECTORY));
-        // Some file systems cannot sync a folder; the names are then as safe as they get.
-        if (!folder || (::fsync(folder.get()) != 0 && errno != EINVAL && errno != ENOTSUP && errno != EROFS))
-            fail("cannot be written to disk", errno);
+    void sync_its_folder() const {
+        if (const int error = sync_folder(fs::path(final_path_).parent_path().string()))
+            fail("cannot be written to disk", error);
     }
 
     std::string final_path_, path_;
     Descriptor file_;
     std::size_t written_ = 0;
 };
-
-/// True if all was read.
-bool read_all(int file, void* to, std::size_t count) {
-    char* at = static_cast<char*>(to);
-    while (count > 0) {
-        const ssize_t n = ::read(file, at, count);
-        if (n < 0 && errno == EINTR) continue;
-        if (n <= 0) return false;
-        at += n;
-        count -= static_cast<std::size_t>(n);
-    }
-    return true;
-}
 
 // ---- the header of a wedge file: words of 64 bits ----
 
@@ -236,7 +215,7 @@ WorkDir::WorkDir(std::string path, Start start) : path_(std::move(path)), start_
         made_ = true;
         return;
     }
-    if (errno != EEXIST) throw IoError(text(named(), " cannot be made: ", std::strerror(errno)));
+    if (errno != EEXIST) throw IoError(text(named(), " cannot be made: ", system_reason(errno)));
     std::error_code error;
     if (!fs::is_directory(path_, error)) throw InputError(text(named(), " is no folder; accepted: a folder"));
     const bool holds_run = fs::exists(file(run_name), error);
@@ -252,7 +231,7 @@ WorkDir::WorkDir(std::string path, Start start) : path_(std::move(path)), start_
                                   "' and no run; accepted: a missing or empty folder, or one of an earlier run"));
     }
     if (::access(path_.c_str(), W_OK | X_OK) != 0)
-        throw IoError(text(named(), " cannot be written to: ", std::strerror(errno)));
+        throw IoError(text(named(), " cannot be written to: ", system_reason(errno)));
     remove_left_behind(path_, is_temporary);
 }
 
@@ -306,8 +285,8 @@ bool WorkDir::read_run() {
         constexpr off_t most = off_t{1} << 28;  // 2^20 wedges have less
         const bool good = in && ::fstat(in.get(), &facts) == 0 && S_ISREG(facts.st_mode) && facts.st_size <= most;
         if (good) content.resize(static_cast<std::size_t>(facts.st_size));
-        if (!good || !read_all(in.get(), content.data(), content.size()))
-            throw IoError(text("work file '", name, "' cannot be read: ", std::strerror(errno)));
+        const int error = good ? read_all(in.get(), content.data(), content.size()).error : errno;
+        if (!good || error) throw IoError(text("work file '", name, "' cannot be read: ", system_reason(error)));
     }
     const auto damaged = [&] {
         return DataError(text("work file '", name,
@@ -394,10 +373,15 @@ std::optional<WedgeOutcome> WorkDir::find(const WedgeKey& key, std::span<float> 
         damaged_.push_back(text("work file '", name, "' is damaged (", why, "); wedge ", key.index, " is done again"));
         return std::nullopt;
     };
-    if (!in) return damaged(std::strerror(errno));
+    if (!in) return damaged(system_reason(errno));
     Header h{};
-    errno = 0;
-    if (!read_all(in.get(), h.data(), sizeof h)) return damaged(errno ? std::strerror(errno) : "it is too short");
+    std::string why;
+    const auto reads = [&](void* to, std::size_t count) {
+        const Transfer done = read_all(in.get(), to, count);
+        why = done.error ? system_reason(done.error) : "it is too short";
+        return done.bytes == count;
+    };
+    if (!reads(h.data(), sizeof h)) return damaged(why);
     if (h[at_magic] != wedge_magic || h[at_seconds_count] != seconds_count || h[at_counts_count] != counts_count)
         return damaged("it is no wedge file of this version");
     if (h.back() != checksum(h.data(), sizeof h - sizeof(std::uint64_t)))
@@ -412,9 +396,8 @@ std::optional<WedgeOutcome> WorkDir::find(const WedgeKey& key, std::span<float> 
         return damaged("it holds another wedge");
     std::uint64_t sum = 0;
     char beyond = 0;
-    if (!read_all(in.get(), echo_w.data(), echo_w.size_bytes()) || !read_all(in.get(), state.data(), state.size()) ||
-        !read_all(in.get(), &sum, sizeof sum))
-        return damaged(errno ? std::strerror(errno) : "it is too short");
+    if (!reads(echo_w.data(), echo_w.size_bytes()) || !reads(state.data(), state.size()) || !reads(&sum, sizeof sum))
+        return damaged(why);
     if (::read(in.get(), &beyond, 1) != 0) return damaged("it is too long");
     Checksum content;
     content.add(echo_w.data(), echo_w.size_bytes());

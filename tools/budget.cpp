@@ -129,7 +129,7 @@ GroundWork ground_work(const Settings& settings, const ResolvedScene& scene, Wed
     CoverageParams& params = ground.params;
     params.layer = CoverageLayer::response;
     params.cull = !settings.no_cull;
-    params.threads = settings.threads;
+    params.threads = thread_count(settings);
     const std::size_t images = image_bytes(scene, draws(settings)), all = memory_bytes(settings);
     params.memory_bytes = all - std::min(all, images);
     const std::size_t least =

@@ -1,5 +1,5 @@
 // Commands: what the words behind `wedgescope` start. Each takes the arguments behind its name and returns when its
-// results are out; errors are thrown. Leaves exit codes and signals to main.cpp.
+// results are out; errors are thrown. Leaves exit codes and signals to program.cpp.
 #pragma once
 #include <string>
 #include <vector>

@@ -25,7 +25,6 @@
 #include "tools/run_files.hpp"
 #include "tools/terminal.hpp"
 #include "tools/timeline.hpp"
-#include "tools/units.hpp"
 #include "tools/viewshed_options.hpp"
 
 namespace wedgescope {
@@ -115,9 +114,10 @@ void coverage(const std::vector<std::string>& arguments, Stop& stop) {
     const ViewshedArguments translated = translate_viewshed(arguments);
     Settings settings = parse_arguments(command_coverage, translated.words, translated.given, translated.defaults);
     if (settings.help) return print(help_text(command_by_name("coverage")));
-    if (settings.files.size() != 2)
+    if (settings.files.size() != 2 || names_scene(settings.files[0]))
         throw InputError(text("coverage takes two paths, the terrain raster and the output; found ",
-                              settings.files.size(), " (of a scene file simulate --ground writes the layer response)"));
+                              settings.files.size() == 2 ? in_quotes(settings.files[0]) : text(settings.files.size()),
+                              " (of a scene file simulate --ground writes the layer response)"));
     settings.dem = settings.files[0];
     settings.output = settings.files[1];
     settings.snap_to_post = translated.gdal_style;
@@ -156,7 +156,7 @@ void coverage(const std::vector<std::string>& arguments, Stop& stop) {
     CoverageParams params = settings.coverage;
     params.timeline = timeline.get();
     params.cull = !settings.no_cull;
-    params.threads = settings.threads;
+    params.threads = thread_count(settings);
     params.memory_bytes = static_cast<std::size_t>(settings.memory_bytes);
     params.stop = &stop;
     check_coverage_budget(settings, params, *source, stop);

@@ -1,8 +1,8 @@
 #include "tools/coverage_report.hpp"
 
 #include "lib/error.hpp"
-#include "tools/options.hpp"
-#include "tools/units.hpp"
+#include "tools/keys.hpp"
+#include "tools/scene_json.hpp"
 
 namespace wedgescope {
 
@@ -47,7 +47,7 @@ RasterFormat coverage_format(const Settings& settings) {
     format.creation = settings.creation;
     format.reproducible = settings.reproducible;
     format.version = version();
-    format.scene_json = coverage_parameters(settings).dump();
+    format.scene_json = json_line(coverage_parameters(settings));
     return format;
 }
 

@@ -12,7 +12,6 @@
 #include "lib/raised_source.hpp"
 #include "lib/swapped_place.hpp"
 #include "tiles/tile_store.hpp"
-#include "tools/units.hpp"
 
 namespace wedgescope {
 namespace {

@@ -2,16 +2,14 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <cerrno>
 #include <cmath>
 #include <cstdio>
-#include <cstring>
-#include <filesystem>
 #include <istream>
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "lib/error.hpp"
 #include "tiles/output_file.hpp"
 #include "tools/antenna_file.hpp"
 #include "tools/commands.hpp"
@@ -214,7 +212,7 @@ private:
     }
     [[noreturn]] void fail() const {
         throw IoError(text("output ", in_quotes(output_->final_path()),
-                           " cannot be written: ", errno ? std::strerror(errno) : "disk full?"));
+                           " cannot be written: ", errno ? system_reason(errno) : "disk full?"));
     }
     struct Close {
         void operator()(std::FILE* file) const { std::fclose(file); }

@@ -82,7 +82,7 @@ std::string find_ground(Settings& settings, GroundUse use, const Stop& stop) {
     }
     params.temp_folder = settings.temp_dir;
     params.memory_bytes = static_cast<std::size_t>(settings.memory_bytes);
-    params.threads = spill_options(settings).threads;
+    params.threads = thread_count(settings);
     params.stop = &stop;
     Progress mapping(settings.quiet);
     params.progress = [&](double fraction) { mapping.report(fraction); };

@@ -83,7 +83,9 @@ std::string help_text(const CommandInfo& command) {
         out.append(fits ? column - head.size() : column, ' ');
         std::string help = key.help_of(command.command);
         if (!key.accepted.empty()) help += "; " + key.accepted;
-        if (!key.fallback.empty() && !key.value.empty()) help += " [" + key.fallback + "]";
+        // What scope is not given is as it was.
+        const bool as_in_echo = command.command == command_scope && key.changes_result;
+        if (!key.fallback.empty() && !key.value.empty() && !as_in_echo) help += " [" + key.fallback + "]";
         out += wrapped(help, column) + "\n";
     }
     if (command.command == command_scope) {

@@ -21,7 +21,6 @@
 #include "tools/report_json.hpp"
 #include "tools/scene_json.hpp"
 #include "tools/terminal.hpp"
-#include "tools/units.hpp"
 
 namespace wedgescope {
 namespace {
@@ -547,7 +546,7 @@ void info(const std::vector<std::string>& arguments, Stop& stop) {
                 page += to_text(facts);
             }
         };
-        if (path.ends_with(".ini")) {
+        if (names_scene(path)) {
             if (!settings.culture_legend.empty())
                 remarks.push_back(text("culture-legend is for rasters; the scene ", in_quotes(path),
                                        " goes by a key culture-legend of its own"));

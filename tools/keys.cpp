@@ -602,7 +602,10 @@ void add_display(Table& t) {
     t.add("alpha", on_off([](auto& s) -> auto& { return s.scene.display.alpha; }), "off",
           "an alpha channel, transparent where the data base has no data");
     t.add("legend", on_off([](auto& s) -> auto& { return s.scene.display.legend; }), "off",
-          "a panel with text beside the picture (needs the program wedgescope_picture)");
+          "a panel with text beside the picture (needs the program wedgescope_picture)")
+        .help_elsewhere = {{command_scope,
+                            "a panel with text beside the picture (needs the program "
+                            "wedgescope_picture, and a scene file that names the data base)"}};
 }
 
 void add_run(Table& t) {
@@ -617,7 +620,7 @@ void add_run(Table& t) {
     t.add("threads",
           count(
               1, 4096, [](auto& s) -> auto& { return s.threads; }, "all"),
-          "all", "changes no bit of the result")
+          "all", "at most 32, or four for each processor, are used; changes no bit of the result")
         .commands |= command_tile;
     t.add("memory",
           quantity(
@@ -728,7 +731,9 @@ void add_output(Table& t) {
         "ground", path([](auto& s) -> auto& { return s.ground_file; }), "",
         "what the set gets of each post, dBm, on the raster's own posts: coverage's layer response of the same scene");
     t.add("report", path([](auto& s) -> auto& { return s.report; }), "",
-          "JSON: inputs, parameters, what each wedge did, times, memory");
+          "JSON: inputs, parameters, what each wedge did, times, memory")
+        .help_elsewhere = {{command_coverage, "JSON: inputs, parameters, what each quadrant did, times, memory"},
+                           {command_scope, "JSON: inputs, parameters, times, memory"}};
     t.add("timeline", path([](auto& s) -> auto& { return s.timeline; }), "",
           "Trace Event JSON: what each thread did when, and the memory in use; opens in Perfetto");
     t.add("power-unit",
@@ -737,7 +742,10 @@ void add_output(Table& t) {
           "W", "unit of the power image");
     t.add("of", word_of("DRIVER", &Settings::driver), "",
           "GDAL driver of the picture, or of the other rasters where no picture is written; else by the file's "
-          "extension");
+          "extension")
+        .help_elsewhere = {{command_coverage,
+                            "GDAL driver of the output, one that writes tile by tile; else by the "
+                            "file's extension"}};
     {
         Key& co = t.add("co", creation(), "", "creation option of that driver; may be repeated");
         co.repeatable = true;

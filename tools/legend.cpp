@@ -12,14 +12,13 @@
 #include <cmath>
 #include <csignal>
 #include <cstdlib>
-#include <cstring>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
+#include "lib/error.hpp"
 #include "lib/receiver.hpp"
 #include "tiles/claim.hpp"
 #include "tools/terminal.hpp"
-#include "tools/units.hpp"
 
 extern char** environ;
 
@@ -31,7 +30,7 @@ constexpr const char* helper_name = "wedgescope_picture";
 std::pair<Descriptor, Descriptor> make_pipe() {
     int ends[2];
     if (::pipe2(ends, O_CLOEXEC) != 0)
-        throw IoError(text("cannot make a pipe to ", helper_name, ": ", std::strerror(errno)));
+        throw IoError(text("cannot make a pipe to ", helper_name, ": ", system_reason(errno)));
     return {Descriptor(ends[0]), Descriptor(ends[1])};
 }
 
@@ -49,7 +48,7 @@ std::string answer_of(const std::string& helper, const std::string& input) {
     pid_t child = 0;
     const int failed = ::posix_spawn(&child, helper.c_str(), &actions, nullptr, arguments, environ);
     posix_spawn_file_actions_destroy(&actions);
-    if (failed) throw IoError(text("cannot start ", in_quotes(helper), " for the legend: ", std::strerror(failed)));
+    if (failed) throw IoError(text("cannot start ", in_quotes(helper), " for the legend: ", system_reason(failed)));
     input_read = Descriptor();
     output_write = Descriptor();
 
@@ -115,7 +114,26 @@ std::string trimmed_number(double value, int digits) {
     return out == "-0" ? "0" : out;
 }
 
-std::string nautical_miles(double metres) { return trimmed_number(metres / 1852, 2) + " nmi"; }
+/// To four digits, as steps and ranges that are round numbers of another unit need them.
+std::string in_nautical_miles(double metres) {
+    const double miles = metres / 1852;
+    return trimmed_number(miles, miles < 10 ? 3 : miles < 100 ? 2 : 1);
+}
+std::string nautical_miles(double metres) { return in_nautical_miles(metres) + " nmi"; }
+
+/// As the panel can write it: what draws it knows no letters but those of ASCII, and a name may be longer than a line.
+std::string legible(const std::string& name) {
+    constexpr std::size_t longest = 44;
+    std::string out;
+    for (const char c : name) {
+        const auto byte = static_cast<unsigned char>(c);
+        if (byte < 0x80)
+            out += c;
+        else if (byte >= 0xc0)  // the first byte of a character
+            out += '?';
+    }
+    return out.size() > longest ? out.substr(0, longest - 3) + "..." : out;
+}
 
 std::string degrees(Angle angle) { return trimmed_number(angle.deg(), 2) + " deg"; }
 
@@ -169,6 +187,7 @@ nlohmann::ordered_json legend_text(const Settings& settings, const ResolvedScene
     section("SCOPE");
     line(s.display.kind == DisplayKind::gpi_true ? "Ground range" : "Slant range",
          nautical_miles(s.range_m.value_or(0)));
+    if (s.range_start_m > 0) line("From", nautical_miles(s.range_start_m));
     const bool delayed = s.display.kind == DisplayKind::tdppi;
     if (delayed) line("Sweep delay", nautical_miles(r.sweep_delay_m));
     if (!picture.ring_range_m.empty()) {
@@ -176,8 +195,7 @@ nlohmann::ordered_json legend_text(const Settings& settings, const ResolvedScene
                                                             : picture.ring_range_m[0];
         line("Range rings", "every " + nautical_miles(step) + (delayed ? " past delay" : ""));
         std::string values;
-        for (const double ring : picture.ring_range_m)
-            values += (values.empty() ? "" : "  ") + trimmed_number(ring / 1852, 2);
+        for (const double ring : picture.ring_range_m) values += (values.empty() ? "" : "  ") + in_nautical_miles(ring);
         constexpr std::size_t fit_a_line = 9;
         if (picture.ring_range_m.size() <= fit_a_line) line("", values);
     }
@@ -229,9 +247,7 @@ nlohmann::ordered_json legend_text(const Settings& settings, const ResolvedScene
     const auto name = [](const std::string& path) {
         const std::filesystem::path whole(path);
         // A folder may be given with a slash behind it.
-        std::string file = (whole.has_filename() ? whole : whole.parent_path()).filename().string();
-        if (file.size() > 28) file = file.substr(0, 25) + "...";
-        return file;
+        return legible((whole.has_filename() ? whole : whole.parent_path()).filename().string());
     };
     line("Terrain", name(settings.dem));
     if (!settings.culture.empty()) line("Culture", name(settings.culture));

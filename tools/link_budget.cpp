@@ -14,10 +14,8 @@
 #include "tools/ground.hpp"
 #include "tools/help.hpp"
 #include "tools/options.hpp"
-#include "tools/report_json.hpp"
 #include "tools/scene_json.hpp"
 #include "tools/terminal.hpp"
-#include "tools/units.hpp"
 
 namespace wedgescope {
 namespace {
@@ -268,7 +266,8 @@ Bins wanted_bins(const Settings& settings, const ResolvedScene& s, WedgeSource& 
             throw InputError(
                 text(asked, " needs a raster with a CRS; ", in_quotes(db.name), " has none (give at AZIMUTH,RANGE)"));
         const CellPlace place = cell_place(s, source, db.locate(at.lat_deg, at.lon_deg));
-        azimuth_rad = place.azimuth_rad, range_m = place.range_m;
+        azimuth_rad = place.azimuth_rad;
+        range_m = place.range_m;
     }
     constexpr double whole = 1e-9;  // of a bin
     const PolarGrid& grid = s.shown;
@@ -301,8 +300,10 @@ void link_budget(const std::vector<std::string>& arguments, Stop& stop) {
         throw InputError(text("at and ", settings.cell_place_key, " are both given; exactly one of them is needed"));
     if (!settings.track.empty())
         throw InputError("track is given; budget looks from one place (give latlon or xy, and an altitude)");
-    settings.work_dir.clear(), settings.resume = false,
-                               settings.only_wedges.reset();  // of a scene file that simulate takes
+    // Of a scene file that simulate takes.
+    settings.work_dir.clear();
+    settings.resume = false;
+    settings.only_wedges.reset();
     check_complete(settings);
     const GdalSession session(cache_bytes(settings), settings.config);
     settings.expects_ground = expects_ground(settings, {.levels = true}, stop);

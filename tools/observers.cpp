@@ -29,7 +29,6 @@
 #include "tools/run_files.hpp"
 #include "tools/terminal.hpp"
 #include "tools/timeline.hpp"
-#include "tools/units.hpp"
 
 namespace wedgescope {
 namespace {
@@ -60,7 +59,7 @@ Shares share_out(const Settings& settings, const Observers& observers, const Wed
                  CountStore::index_bytes(db.columns, db.rows) + (std::size_t{1} << 20);
     if (shared + own + least > memory) throw TooLittleMemory(memory, shared + own + least, "this coverage");
     Shares shares;
-    shares.threads = spill_options(settings).threads;
+    shares.threads = thread_count(settings);
     const std::size_t all = CountStore::all_bytes(db.columns, db.rows, n), free = memory - shared - own;
     shares.count_bytes = all <= std::min(free, memory / 2) ? all : std::clamp(memory / 4, least, free);
     const std::size_t rest = memory - shared - shares.count_bytes;
@@ -95,7 +94,7 @@ public:
     std::size_t largest() {
         const std::size_t memory = memory_bytes(settings_), cache = source_.cache_bytes();
         const std::size_t readers = memory > cache ? (memory - cache) / (source_.reader_bytes() + (1 << 20)) : 1;
-        const auto threads = static_cast<std::size_t>(spill_options(settings_).threads);
+        const auto threads = static_cast<std::size_t>(thread_count(settings_));
         const int lanes = static_cast<int>(std::clamp<std::size_t>(std::min(readers, observers_.size()), 1, threads));
         std::mutex mutex;
         std::size_t most = 0;
@@ -143,7 +142,7 @@ public:
     double sweep_s() const { return sweep_s_; }
 
 private:
-    /// Rows of 1024 posts, there and back: the next observer sees ground that the last one has fetched.
+    /// Rows of 1024 posts, every other one backwards: the next observer sees ground that the last one has fetched.
     static std::pair<std::int64_t, std::int64_t> place(IndexPosition nadir) {
         const auto row = static_cast<std::int64_t>(std::floor(nadir.row / 1024)),
                    column = static_cast<std::int64_t>(std::floor(nadir.column / 64));
@@ -379,7 +378,7 @@ void coverage_of_observers(const Settings& given, double start_s, Stop& stop) {
         source = open(settings);
         data = source->fingerprint({});
         read(source->data_base());
-        Threads(spill_options(settings).threads).execute([&] { source->read(&stop); });
+        Threads(thread_count(settings)).execute([&] { source->read(&stop); });
         run.emplace(settings, *observers, *source, timeline.get(), stop);
         largest = run->largest();
         facts.shares = share_out(settings, *observers, *source, *largest);

@@ -5,11 +5,12 @@
 #include <algorithm>
 #include <boost/program_options.hpp>
 #include <cerrno>
-#include <cstring>
 #include <filesystem>
 #include <map>
 #include <system_error>
 
+#include "lib/error.hpp"
+#include "lib/lower_case.hpp"
 #include "tiles/tile_store.hpp"
 #include "tools/radar_set.hpp"
 #include "tools/text_file.hpp"
@@ -75,11 +76,22 @@ po::options_description descriptions(unsigned commands) {
     return all;
 }
 
+constexpr const char* one_word = "two numbers are one word, as in --latlon 40.5,-117.8 or --sector -45deg,45deg";
+
 const CommandInfo& info_of(Command command) {
     for (const CommandInfo& info : command_table()) {
         if (info.command == command) return info;
     }
     throw Error("no such command");
+}
+
+/// Does it look like a number, with a unit or without: what was to be a part of a value before it?
+bool is_quantity(const std::string& word) {
+    const std::size_t digits = word.find_first_not_of("+-.");
+    if (digits > 2 || digits == std::string::npos || word[digits] < '0' || word[digits] > '9') return false;
+    const std::size_t unit = std::min(word.find_first_not_of("0123456789.eE+-", digits), word.size());
+    return std::all_of(word.begin() + static_cast<std::ptrdiff_t>(unit), word.end(),
+                       [](char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z'); });
 }
 
 /// Is that flag there, and not off? What a command line takes may depend on it, so before it is read.
@@ -122,8 +134,7 @@ std::vector<Given> read_command_line(Command command, const std::vector<std::str
             throw InputError(text("option ", in_quotes(written), " has one dash; did you mean --", word, "?"));
         const std::string_view digits = word.substr(word.starts_with('.') ? 1 : 0);
         if (!digits.empty() && digits.front() >= '0' && digits.front() <= '9')
-            throw InputError(
-                text(in_quotes(option), " is no option; two numbers are one word, as in --latlon 40.5,-117.8"));
+            throw InputError(text(in_quotes(option), " is no option; ", one_word));
         const std::string owners = whose(word);
         const bool short_output = !option.starts_with("--") && word.starts_with('o') &&
                                   (word.size() == 1 || word.find('.') != std::string_view::npos),
@@ -575,6 +586,10 @@ Settings parse_arguments(Command command, const std::vector<std::string>& argume
         settings.help = true;
         return settings;
     }
+    std::error_code error;
+    for (const std::string& file : files)
+        if (is_quantity(file) && !std::filesystem::exists(file, error))
+            throw InputError(text(in_quotes(file), " is no file; ", one_word));
     std::vector<Given> scene_file;
     if ((keys_taken(command, arguments) & (command_simulate | command_budget)) && !files.empty()) {
         if (files.size() > 1) {
@@ -601,6 +616,10 @@ Settings parse_arguments(Command command, const std::vector<std::string>& argume
     Settings settings = settings_of(given);
     settings.files = files;
     return settings;
+}
+
+bool names_scene(std::string_view path) {
+    return path.size() >= 4 && same_letters(path.substr(path.size() - 4), ".ini");
 }
 
 Settings parse_scene_file(const std::string& path) {
@@ -683,7 +702,7 @@ void check_temp_dir(const Settings& settings) {
     std::error_code error;
     const bool folder = std::filesystem::is_directory(settings.temp_dir, error);
     if (folder && ::access(settings.temp_dir.c_str(), W_OK | X_OK) == 0) return;
-    const std::string why = error ? error.message() : folder ? std::strerror(errno) : "it is no folder";
+    const std::string why = error ? error.message() : folder ? system_reason(errno) : "it is no folder";
     throw IoError(text("temp-dir ", in_quotes(settings.temp_dir), " cannot be used: ", why,
                        "; accepted: a folder that can be written to"));
 }
@@ -720,16 +739,20 @@ void check_complete(const Settings& settings) {
         throw InputError(text("culture-legend is ", in_quotes(settings.culture_legend),
                               " but there is no culture; the path of a culture raster is needed"));
     }
-    for (const char* key : {"resume", "only-wedge"}) {
-        const bool given = *key == 'r' ? settings.resume : settings.only_wedges.has_value();
-        if (given && settings.work_dir.empty())
-            throw InputError(text(key, " is given without work-dir; the folder that keeps the wedges is needed"));
+    if (!moves && settings.work_dir.empty()) {
+        const char* const key = settings.resume ? "resume" : settings.only_wedges ? "only-wedge" : nullptr;
+        if (key) throw InputError(text(key, " is given without work-dir; the folder that keeps the wedges is needed"));
     }
     if (moves) {
-        if (!settings.work_dir.empty())
-            throw InputError(
-                "work-dir is given beside track; it keeps the wedges of one picture, and finished pictures of a "
-                "track stay anyhow (to go on after a stop, give the rows that are left)");
+        const char* const of_one = !settings.work_dir.empty() ? "work-dir"
+                                   : settings.resume          ? "resume"
+                                   : settings.only_wedges     ? "only-wedge"
+                                                              : nullptr;
+        if (of_one)
+            throw InputError(text(
+                of_one,
+                " is given beside track; a work folder keeps the wedges of one picture, and finished pictures of a "
+                "track stay anyhow (to go on after a stop, give the rows that are left)"));
         if (settings.source == SourceKind::spilled)
             throw InputError(
                 "source is spilled, and track is given; a spill is sorted round one place (accepted: auto, direct; "

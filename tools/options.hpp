@@ -22,11 +22,13 @@ const std::vector<CommandInfo>& command_table();
 /// InputError with the nearest command.
 const CommandInfo& command_by_name(std::string_view name);
 
-/// Command-line arguments behind the command's name -> settings, with the scene file for `simulate` read in.
+/// Command-line arguments behind the command's name -> settings, with the scene file of those that take one (simulate, budget, info --plan) read in.
 /// InputError, IoError. `more`: was on the command line too, in words of another program; `defaults`: hold where nothing that is
 /// given says otherwise.
 Settings parse_arguments(Command command, const std::vector<std::string>& arguments,
                          const std::vector<Given>& more = {}, const std::vector<Given>& defaults = {});
+/// Has the path the ending of a scene file, .ini?
+bool names_scene(std::string_view path);
 /// A scene file alone, as `info` reads it.
 Settings parse_scene_file(const std::string& path);
 

@@ -4,7 +4,6 @@
 #include <tbb/version.h>
 
 #include <csignal>
-#include <cstdio>
 #include <exception>
 #include <new>
 
@@ -14,7 +13,6 @@
 #include "tools/options.hpp"
 #include "tools/terminal.hpp"
 #include "tools/text_file.hpp"
-#include "tools/units.hpp"
 
 namespace wedgescope {
 namespace {

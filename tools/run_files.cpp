@@ -18,7 +18,6 @@
 #include "tiles/work_dir.hpp"
 #include "tools/radar_set.hpp"
 #include "tools/terminal.hpp"
-#include "tools/units.hpp"
 
 namespace wedgescope {
 namespace {
@@ -285,7 +284,7 @@ void write_report_file(OutputFile& file, Fill&& fill) {
     out.close();
     if (!out)
         throw IoError(text("report ", in_quotes(file.final_path()),
-                           " cannot be written: ", errno ? std::strerror(errno) : "disk full?"));
+                           " cannot be written: ", errno ? system_reason(errno) : "disk full?"));
 }
 
 }  // namespace

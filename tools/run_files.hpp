@@ -28,8 +28,8 @@ private:
     std::map<std::string, std::vector<std::string>> parts_;
 };
 
-/// InputError where an output, or a file that its driver writes beside it, is an input too or a part of one, or lies in one that
-/// is a folder, or two outputs are one file. `driver`: of rasters, where it is not told by their endings.
+/// InputError where two outputs are one file, or where an output, or a file that its driver writes beside it, is an input or a
+/// part of one, or lies in an input that is a folder. `driver`: of rasters, where it is not told by their endings.
 void check_names(const NamedPaths& outputs, const NamedPaths& inputs, const std::string& driver, InputParts& parts);
 void check_names(const NamedPaths& outputs, const NamedPaths& inputs, const std::string& driver = {});
 

@@ -9,7 +9,6 @@
 #include "tiles/echo_file.hpp"
 #include "tools/antenna_file.hpp"
 #include "tools/options.hpp"
-#include "tools/units.hpp"
 
 namespace wedgescope {
 

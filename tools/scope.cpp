@@ -17,7 +17,6 @@
 #include "tools/scene_json.hpp"
 #include "tools/stored_echo.hpp"
 #include "tools/terminal.hpp"
-#include "tools/units.hpp"
 
 namespace wedgescope {
 namespace {
@@ -70,7 +69,7 @@ void scope(const std::vector<std::string>& arguments, Stop& stop) {
     const std::string& path = request.settings.files[0];
     const GdalSession session(cache_bytes(request.settings), request.settings.config);
     check_scope_names(request.settings);
-    const EchoFile file(path, request.settings.threads);
+    const EchoFile file(path, thread_count(request.settings));
     const StoredEcho echo = stored_echo(path, file.scene_json(), file.columns(), file.rows());
 
     Settings settings = settings_from(echo.given, request.given);

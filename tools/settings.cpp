@@ -5,7 +5,6 @@
 
 #include "tiles/attribute_table.hpp"
 #include "tools/text_file.hpp"
-#include "tools/units.hpp"
 
 namespace wedgescope {
 
@@ -50,13 +49,11 @@ std::string legend_csv(const Settings& settings) {
     return name == own_legend ? legend(settings)->csv(settings.scene.materials) : csv_of("culture-legend", name);
 }
 
-namespace {
-
 int thread_count(const Settings& settings) {
-    return settings.threads > 0 ? settings.threads : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+    const int processors = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+    // What waits for a processor takes memory and turns from those that have one.
+    return settings.threads > 0 ? std::min(settings.threads, std::max(32, 4 * processors)) : processors;
 }
-
-}  // namespace
 
 DataBaseParams data_base_params(const Settings& settings, std::size_t cache, const Stop& stop) {
     DataBaseParams params;
@@ -98,7 +95,7 @@ bool draws(const Settings& s) {
 
 EngineParams engine_params(const Settings& settings) {
     EngineParams params;
-    params.threads = settings.threads;
+    params.threads = thread_count(settings);
     params.wedges = settings.wedges;
     params.memory_bytes = static_cast<std::size_t>(settings.memory_bytes);
     params.cull = !settings.no_cull;

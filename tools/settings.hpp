@@ -119,6 +119,9 @@ DataBaseParams data_base_params(const Settings& settings, std::size_t cache_byte
 /// Share of the memory budget for GDAL's block cache.
 std::size_t cache_bytes(const Settings& settings);
 
+/// That work at the same time: as many as are asked for, all processors where nothing is said; more than some for each processor
+/// would only wait.
+int thread_count(const Settings& settings);
 /// Where a spilled source keeps what; `stop` and `progress` are the caller's to add.
 SpillOptions spill_options(const Settings& settings);
 

@@ -2,12 +2,8 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <cerrno>
-#include <cstring>
 #include <filesystem>
-#include <fstream>
 #include <memory>
-#include <system_error>
 
 #include "lib/coverage.hpp"
 #include "lib/plan.hpp"
@@ -29,7 +25,6 @@
 #include "tools/terminal.hpp"
 #include "tools/timeline.hpp"
 #include "tools/track.hpp"
-#include "tools/units.hpp"
 
 namespace wedgescope {
 namespace {

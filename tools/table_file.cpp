@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cctype>
 
 #include "lib/error.hpp"
 #include "lib/lower_case.hpp"

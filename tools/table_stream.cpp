@@ -5,7 +5,6 @@
 #include <unistd.h>
 
 #include <cerrno>
-#include <cstring>
 #include <filesystem>
 #include <utility>
 
@@ -19,7 +18,7 @@ TableBytes::TableBytes(const std::string& path, std::string subject, const Stop&
     std::error_code ignored;
     if (std::filesystem::is_directory(path, ignored)) throw IoError(text(subject_, " is a folder"));
     own_ = in_ = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);  // a pipe needs no writer yet
-    if (own_ < 0) throw IoError(text(subject_, " cannot be opened: ", std::strerror(errno)));
+    if (own_ < 0) throw IoError(text(subject_, " cannot be opened: ", system_reason(errno)));
 }
 
 TableBytes::~TableBytes() {
@@ -35,7 +34,7 @@ TableBytes::int_type TableBytes::underflow() {
         if (ready == 0 || (ready < 0 && errno == EINTR)) continue;
         const ssize_t got = ::read(in_, buffer_.data(), buffer_.size());
         if (got < 0 && (errno == EINTR || errno == EAGAIN)) continue;
-        if (got < 0) throw IoError(text(subject_, " cannot be read: ", std::strerror(errno)));
+        if (got < 0) throw IoError(text(subject_, " cannot be read: ", system_reason(errno)));
         setg(buffer_.data(), buffer_.data(), buffer_.data() + got);
         return got == 0 ? traits_type::eof() : traits_type::to_int_type(buffer_[0]);
     }

@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstdio>
-#include <cstring>
 
 #include "lib/error.hpp"
 
@@ -62,7 +61,7 @@ std::string one_line(std::string_view message) {
 void print(std::string_view result) {
     errno = 0;
     if (std::fwrite(result.data(), 1, result.size(), stdout) != result.size() || std::fflush(stdout) != 0) {
-        throw IoError(text("cannot write to standard output: ", std::strerror(errno)));
+        throw IoError(text("cannot write to standard output: ", system_reason(errno)));
     }
 }
 

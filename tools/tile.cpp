@@ -1,5 +1,4 @@
 #include <fmt/format.h>
-#include <tbb/info.h>
 
 #include <algorithm>
 #include <filesystem>
@@ -13,7 +12,6 @@
 #include "tools/report_json.hpp"
 #include "tools/run_files.hpp"
 #include "tools/terminal.hpp"
-#include "tools/units.hpp"
 
 namespace wedgescope {
 namespace {
@@ -159,7 +157,7 @@ TileStoreParams store_params(const Settings& settings, Stop& stop, std::size_t& 
     params.creation = settings.creation;
     params.memory_bytes = static_cast<std::size_t>(settings.memory_bytes);
     params.cache_bytes = cache_bytes(settings);
-    params.threads = settings.threads > 0 ? settings.threads : tbb::info::default_concurrency();
+    params.threads = thread_count(settings);
     params.overwrite = settings.overwrite;
     params.resume = settings.resume;
     params.software = text("wedgescope ", version());

@@ -11,7 +11,6 @@
 
 #include "lib/error.hpp"
 #include "tools/settings.hpp"
-#include "tools/units.hpp"
 
 namespace wedgescope {
 namespace {
@@ -34,7 +33,7 @@ std::size_t resident_bytes(int statm) {
 TimelineFile::TimelineFile(OutputFile& file) : file_(file) {
     out_ = ::open(file_.temporary_path().c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
     if (out_ < 0)
-        throw IoError(text("timeline ", in_quotes(file_.final_path()), " cannot be written: ", std::strerror(errno)));
+        throw IoError(text("timeline ", in_quotes(file_.final_path()), " cannot be written: ", system_reason(errno)));
     statm_ = ::open("/proc/self/statm", O_RDONLY | O_CLOEXEC);
     pending_ = fmt::format(
         "{{\"displayTimeUnit\":\"ms\",\"otherData\":{{\"program\":\"wedgescope {}\"}},\"traceEvents\":[\n"
@@ -98,17 +97,7 @@ void TimelineFile::add(const std::string& event) {
 }
 
 void TimelineFile::flush() noexcept {
-    const char* from = pending_.data();
-    for (std::size_t left = pending_.size(); left > 0 && error_ == 0;) {
-        const ssize_t n = ::write(out_, from, left);
-        if (n < 0 && errno == EINTR) continue;
-        if (n <= 0) {
-            error_ = n < 0 ? errno : ENOSPC;
-            break;
-        }
-        from += n;
-        left -= static_cast<std::size_t>(n);
-    }
+    if (error_ == 0) error_ = write_all(out_, pending_.data(), pending_.size()).error;
     pending_.clear();
 }
 
@@ -161,7 +150,7 @@ void TimelineFile::finish() {
     flush();
     if (::close(std::exchange(out_, -1)) != 0 && error_ == 0) error_ = errno;
     if (error_)
-        throw IoError(text("timeline ", in_quotes(file_.final_path()), " cannot be written: ", std::strerror(error_)));
+        throw IoError(text("timeline ", in_quotes(file_.final_path()), " cannot be written: ", system_reason(error_)));
 }
 
 }  // namespace wedgescope

@@ -1,11 +1,9 @@
 #include "tools/track.hpp"
 
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <exception>
 #include <filesystem>
 #include <map>
@@ -32,7 +30,6 @@
 #include "tools/timeline.hpp"
 #include "tools/track_file.hpp"
 #include "tools/track_stack.hpp"
-#include "tools/units.hpp"
 
 namespace wedgescope {
 
@@ -155,7 +152,7 @@ EngineParams lane_params(const Settings& settings, const Lanes& lanes, int lane,
 Lanes share_out(const Settings& settings, const Frames& frames, WedgeSource& source,
                 const std::shared_ptr<const SceneTables>& tables, const Stop& stop) {
     Lanes best;
-    const auto threads = spill_options(settings).threads;
+    const auto threads = thread_count(settings);
     best.threads = threads;
     best.lanes = static_cast<int>(std::min<std::size_t>(static_cast<std::size_t>(threads), frames.size()));
     const std::size_t memory = memory_bytes(settings),
@@ -568,7 +565,7 @@ void simulate_track(const Settings& given, double start_s, Stop& stop) {
     std::unique_ptr<Run> run;
     try {
         source = open(settings);
-        Threads(spill_options(settings).threads).execute([&] { source->read(&stop); });
+        Threads(thread_count(settings)).execute([&] { source->read(&stop); });
         run = std::make_unique<Run>(settings, frames, *source, stack ? &*stack : nullptr, timeline.get(), stop);
         run->share_out();
     } catch (const TooLittleMemory& e) {
@@ -604,7 +601,8 @@ void simulate_track(const Settings& given, double start_s, Stop& stop) {
     for (const std::string& line : idle_effects(settings.scene, source->data_base())) remark(settings.quiet, line);
     for (const std::string& line : run->doubts()) remark(settings.quiet, line);
     if (frames.scans() && frames.size() == 1)
-        remark(settings.quiet, "scan-step has no effect: a track of one row says of no way, and its sensor stands");
+        remark(settings.quiet,
+               "scan-step has no effect: a track of one row has no motion, and its sensor stands still");
     if (settings.verbose || settings.profile) fmt::print(stderr, "{}", track_table(*run, usage));
     if (settings.profile) fmt::print(stderr, "{}", limits_words(settings, track_work(run->reports(), usage)));
     std::string written;

@@ -9,7 +9,6 @@
 #include "lib/lower_case.hpp"
 #include "tools/lanes.hpp"
 #include "tools/scene_json.hpp"
-#include "tools/units.hpp"
 
 namespace wedgescope {
 namespace {
