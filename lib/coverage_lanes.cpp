@@ -465,8 +465,8 @@ HWY_INLINE HWY_ATTR void test_groups(const TestLanes& lanes, const Lift& lift, s
                 hn::And(hn::And(bend > zero, tilt + two * bend * begins < zero), tilt + two * bend > zero);
             if (raised)
                 hidden = hn::Or(hidden, hn::Or(enters_below, hn::And(inside, four * bend * above0 < tilt * tilt)));
-            else
-                hidden = hn::Or(hidden, hn::Or(enters_below, steeper < zero));
+            else  // a way that begins beside a void is one itself and hides nothing
+                hidden = hn::Or(hidden, hn::Or(enters_below, hn::And(steeper < zero, above0 == above0)));
             put_states(hidden, is_void, lanes.state + at);
             if (wanted) {
                 // What would lift the post to its horizon, and its ray out of its own cell.

@@ -693,6 +693,25 @@ TEST_CASE("what stays below every horizon is left out, and no bit changes", "[co
     CHECK(passed_map > posts_all / 10);
 }
 
+TEST_CASE("a post's own piece that begins beside a void hides nothing", "[coverage][quick]") {
+    // The way to post (108, 104) enters its cell between (107, 103), a void, and (107, 104), a wall that it would come down from.
+    // A spoke runs to the post itself, and meets the void as well.
+    for (const bool with_void : {true, false}) {
+        MemorySource source(201, 201, post_m, [&](double c, double r) {
+            if (c == 107 && r == 103) return with_void ? std::numeric_limits<double>::quiet_NaN() : 0.0;
+            return c == 107 && r == 104 ? 60.0 : 0.0;
+        });
+        for (const Quality quality : {Quality::draft, Quality::normal, Quality::fine, Quality::exact}) {
+            INFO((with_void ? "a void, " : "no void, ") << word(quality));
+            Scene scene = scene_at(100, 100, 100);
+            scene.quality = quality;
+            const Result mask = look(source, scene), heights = look(source, scene, layer(CoverageLayer::height));
+            CHECK(mask.at(108, 104) == (with_void ? 255 : 0));
+            CHECK((heights.value(108, 104) == 0) == with_void);
+        }
+    }
+}
+
 TEST_CASE("what may stand in voids comes from the posts round them, hidden or not", "[coverage][cull]") {
     // From the sensor, 100 m up, onwards: a wall that hides the plain; voids up to a block's border, and behind it a dam, hidden
     // as well, but so high that in the voids it may reach over the wall's ray; a slope that rises into view.

@@ -478,7 +478,8 @@ TEST_CASE("the command line refuses what it cannot mean", "[options]") {
           "'-117.8' is no option; two numbers are one word, as in --latlon 40.5,-117.8 or --sector -45deg,45deg");
     CHECK(refusal_of({"--sector", "-60deg", "60deg"}) ==
           "'60deg' is no file; two numbers are one word, as in --latlon 40.5,-117.8 or --sector -45deg,45deg");
-    CHECK_THAT(refusal_of({"3d.ini"}), Contains("scene file '3d.ini' cannot be opened"));
+    for (const char* file : {"3d.ini", "3764078.07.ini", "-5.ini", "45deg,90deg"})
+        CHECK_THAT(refusal_of({"--", file}), Contains("scene file '" + std::string(file) + "' cannot be opened"));
     CHECK_THAT(refusal_of({"--range"}), Contains("--range needs a value"));
     CHECK_THAT(refusal_of({"--range="}), Contains("--range needs a value"));
     CHECK_THAT(refusal_of({"--range", "--overwrite"}), Contains("--range needs a value"));

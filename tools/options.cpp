@@ -90,6 +90,7 @@ bool is_quantity(const std::string& word) {
     const std::size_t digits = word.find_first_not_of("+-.");
     if (digits > 2 || digits == std::string::npos || word[digits] < '0' || word[digits] > '9') return false;
     const std::size_t unit = std::min(word.find_first_not_of("0123456789.eE+-", digits), word.size());
+    if (word[unit - 1] == '.') return false;  // an ending
     return std::all_of(word.begin() + static_cast<std::ptrdiff_t>(unit), word.end(),
                        [](char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z'); });
 }
@@ -586,12 +587,12 @@ Settings parse_arguments(Command command, const std::vector<std::string>& argume
         settings.help = true;
         return settings;
     }
-    std::error_code error;
-    for (const std::string& file : files)
-        if (is_quantity(file) && !std::filesystem::exists(file, error))
-            throw InputError(text(in_quotes(file), " is no file; ", one_word));
     std::vector<Given> scene_file;
     if ((keys_taken(command, arguments) & (command_simulate | command_budget)) && !files.empty()) {
+        std::error_code error;
+        for (const std::string& file : files)
+            if (is_quantity(file) && !std::filesystem::exists(file, error))
+                throw InputError(text(in_quotes(file), " is no file; ", one_word));
         if (files.size() > 1) {
             throw InputError(text("there are two scene files, ", in_quotes(files[0]), " and ", in_quotes(files[1]),
                                   "; one at most is taken"));

@@ -177,7 +177,7 @@ inline void test(const TestLanes& lanes, const Lift& how) noexcept {
                                   (4 * bend * above0 < tilt * tilt);
                 hidden = hidden | enters_below | dips;
             } else {
-                hidden = hidden | enters_below | (steeper < 0);
+                hidden = hidden | enters_below | ((steeper < 0) & (above0 == above0));
             }
             const int seen = 2 - static_cast<int>(hidden), valid = -static_cast<int>(!void_post);
             state[l] = static_cast<std::uint8_t>(seen & valid);
