@@ -116,7 +116,7 @@ TEST_CASE("a run whose reader goes away ends without a word and leaves nothing",
     CHECK(content(folder.file("code")) == "2\n");
 }
 
-TEST_CASE("a signal that comes twice at once, as timeout sends it, is one", "[cli]") {
+TEST_CASE("a signal that comes twice at once, as timeout sends it, is one", "[cli][long]") {
     const Folder folder;
     for (const int signal : {SIGINT, SIGTERM, SIGHUP}) {
         const pid_t child =
