@@ -99,7 +99,7 @@ inline bool straight_range(double bump_m, double sine, double bins_per_metre) {
 /// turn round near by, where the first ground below the sensor is met, and what it returns crowds there. `across`: of its ends,
 /// up1 out0 - up0 out1, so that its middle lies across^2 / (8 r^3) nearer than half-way; its bump moves it too. `way_bins`: between
 /// the ranges of its ends.
-inline constexpr double turning_sine = -0.5, most_turned_part = 0.05, most_turned_bins = 0.001;
+inline constexpr double turning_sine = -0.5, most_turned_part = 0.1, most_turned_bins = 0.002;
 inline bool turns_in_range(double across, double range_m, double bump_m, double sine, double way_bins,
                            double bins_per_metre) {
     // All times 8 r^3.

@@ -369,8 +369,8 @@ TEST_CASE("what comes back first, from ground across the line of sight, lies in 
     }
     INFO("worst " << worst_db << " dB, RMS " << std::sqrt(sum / static_cast<double>(cells)) << " dB");
     CHECK(cells > 100);
-    CHECK(worst_db < 0.15);
-    CHECK(std::sqrt(sum / static_cast<double>(cells)) < 0.04);  // 0.23, and 1.6 at worst, if laid out by their ends
+    CHECK(worst_db < 0.3);
+    CHECK(std::sqrt(sum / static_cast<double>(cells)) < 0.09);  // 0.23, and 1.6 at worst, if laid out by their ends
 }
 
 TEST_CASE("a ridge casts a shadow as long as the ray over its crest says", "[engine]") {
