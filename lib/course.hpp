@@ -49,8 +49,8 @@ struct Cuts {
     /// Out, where it comes out (0: there, the horizon is its sine) and where it is the highest in view.
     Column range_out, x_out, range_top, sine_top, x_top;
     Column shadow0, shadow1;  ///< out: range coordinates of the ray of the horizon where it is hidden
-    /// Out: 1 where that part lies at one_range, runs in a straight_range that does not turn, meets no drop of the pattern and does not begin below
-    /// the sensor, else 0.
+    /// Out: 1 where that part lies at one_range, runs in a straight_range that does not turn, meets no drop of the pattern and does
+    /// not begin below the sensor, else 0.
     Column plain;
 };
 /// As course(), of n <= Cuts::most pieces, and where their ends lie. All columns must hold numbers, of whatever value, up to whole

@@ -65,7 +65,6 @@ public:
     double inverse_radius(Quadrant q, double slope) const;
     /// Most azimuth, radians, that one unit of slope spans anywhere in the quadrant.
     double azimuth_per_slope(Quadrant q) const;
-    /// And the other way round: most slope that a radian of azimuth spans.
 
     /// bend and stretch on one line for slopes from `slope_begin` to `slope_end` = begin + width:
     /// sum c[n] u^n, u = (m - middle) scale.

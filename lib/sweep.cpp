@@ -72,12 +72,10 @@ WEDGESCOPE_LANES_PART void step(std::size_t n, const StepScene& scene, const Ste
     }
 }
 
-/// Some sample stands steeply below the sensor, or might, whatever its height.
-WEDGESCOPE_LANES_PART bool any_steep(std::size_t n, const StepScene& scene, const double* __restrict arc) noexcept {
-    constexpr double cotangent = 1.74, lowest_m = -500;  // of turning_sine, and on earth
-    const double near_m = cotangent * (scene.sensor_m - lowest_m);
+/// Some sample is seen so steeply from above that ranges may turn in its piece.
+WEDGESCOPE_LANES_PART bool any_steep(std::size_t n, const double* __restrict sine) noexcept {
     int steep = 0;
-    for (std::size_t i = 0; i < n; ++i) steep += arc[i] < near_m ? 1 : 0;
+    for (std::size_t i = 0; i < n; ++i) steep += sine[i] < turning_sine ? 1 : 0;
     return steep > 0;
 }
 
@@ -141,7 +139,7 @@ WEDGESCOPE_LANES_PART Rises any_step(StepTo target, std::size_t n, const StepSce
         near_sensor ? step<StepTo::line, true>(n, scene, lanes) : step<StepTo::line, false>(n, scene, lanes);
     else
         near_sensor ? step<StepTo::crossing, true>(n, scene, lanes) : step<StepTo::crossing, false>(n, scene, lanes);
-    if (!scene.range_is_ground) take_out_turns(n, scene, lanes);
+    if (!scene.range_is_ground && any_steep(n, lanes.to.sine)) take_out_turns(n, scene, lanes);
     return count_rises(n, lanes.code);
 }
 

@@ -149,7 +149,8 @@ struct StepLanes {
 /// code: 0 nothing (stays hidden, or no sample here), 1 it raises the horizon of a visible spoke (done here: horizon,
 /// seen_least, seen_most), 2 something changes: see Front. A visible piece is plain (1) if its course rises all the way
 /// (|4 bump| at most what it rises over the ray of the horizon), lies at one_range, runs in a straight_range that does not turn,
-/// meets no drop of the pattern and does not begin below the sensor; a hidden one stays hidden if not even its bump can reach the horizon.
+/// meets no drop of the pattern and does not begin below the sensor; a hidden one stays hidden if not even its bump can reach
+/// the horizon.
 struct Rises {
     int plain = 0, changes = 0;  ///< how many have code 1, and 2
 };
