@@ -223,7 +223,7 @@ TEST_CASE("long rows come out as short ones do, with any number of threads", "[b
     // More bins than one strip: what lies behind 4096 must not show.
     BeamSetting setting = level(4, 200);
     setting.sensor_m = 3000;
-    const PolarGrid g = grid(360, 10, {0, 360}, {0, 9000});
+    const PolarGrid g = grid(360, 10, {0, 360}, {0, 4400});
     PolarImage<float> echo(g);
     for (std::size_t k = 0; k < echo.cells.size(); ++k)
         echo.cells[k] = static_cast<float>((k * 2654435761u) % 1000) * 1e-15f;

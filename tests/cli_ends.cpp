@@ -295,7 +295,7 @@ TEST_CASE("a signal during the pass or the wedges of a spilled run leaves nothin
     }
 }
 
-TEST_CASE("a stopped tile keeps its finished sheets and says how to go on", "[cli]") {
+TEST_CASE("a stopped tile keeps its finished sheets and says how to go on", "[cli][long]") {
     const Folder folder;
     const std::string hills = scanlines(folder, "hills", 5000);  // four sheets
     const pid_t child = folder.start({"tile", hills, "store", "--threads", "1"});

@@ -18,7 +18,7 @@ using namespace wedgescope::test;
 using namespace wedgescope::test::cli;
 using Catch::Matchers::Contains;
 
-TEST_CASE("a scene file works from any folder", "[cli]") {
+TEST_CASE("a scene file works from any folder", "[cli][long]") {
     const Folder folder;
     fs::create_directories(folder.work() / "scenes");
     fs::copy_file(data + "/lake_sunapee_dem.tif", folder.file("scenes/lake.tif"));
@@ -80,7 +80,7 @@ TEST_CASE("a radar set comes with the program, wherever that lies, and makes wha
     CHECK(folder.finish(folder.start({"help", "sets", "f111a"}, folder.file("moved"))).out == one.out);
 }
 
-TEST_CASE("an antenna's file is an input as any other, and its points belong to kept wedges", "[cli]") {
+TEST_CASE("an antenna's file is an input as any other, and its points belong to kept wedges", "[cli][long]") {
     const Folder folder;
     folder.write("dish.csv", "-10,-40\n-3,-3\n3,0\n70,-32.5\n");
     const Strings scene = with(good, {"--antenna", "dish.csv", "-q"});
@@ -107,7 +107,7 @@ TEST_CASE("an antenna's file is an input as any other, and its points belong to 
             {"work-dir 'work' holds another scene", "antenna", "points of checksum"});
 }
 
-TEST_CASE("info counts voids and codes", "[cli]") {
+TEST_CASE("info counts voids and codes", "[cli][long]") {
     const Folder folder;
     const Outcome terrain = folder.run({"info", "--json", data + "/worcester_vermont_dem.tif"});
     REQUIRE(terrain.code == 0);
@@ -178,7 +178,7 @@ TEST_CASE("tile works from inside a store", "[cli]") {
     refuses(folder, {"tile", ".", "other"}, 2, {"'.' is a tile store"});
 }
 
-TEST_CASE("no store is replaced in whose folder an input lies, or a file that is none of a store's", "[cli]") {
+TEST_CASE("no store is replaced in whose folder an input lies, or a file that is none of a store's", "[cli][long]") {
     const Folder folder;
     grid(folder, "a", "5");
     grid(folder, "codes", "3");
@@ -344,7 +344,7 @@ TEST_CASE("a kept ground map is used as long as it fits, and changes no byte", "
     CHECK_THAT(folder.run(with(seen, {"last.tif"})).err, !Contains("not used"));
 }
 
-TEST_CASE("a ground map to be kept replaces one that is no good, but no other file", "[cli]") {
+TEST_CASE("a ground map to be kept replaces one that is no good, but no other file", "[cli][long]") {
     const Folder folder;
     const std::string plain = float_raster(folder, "plain", 40, 40, std::vector<float>(1600, 7.0F)),
                       map = folder.file(plain + ".ground");

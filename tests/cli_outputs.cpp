@@ -232,7 +232,7 @@ TEST_CASE("a sensor a hair inside the outermost posts sees what one upon them se
     CHECK(seen[2] == seen[0]);
 }
 
-TEST_CASE("outputs are checked before any work, and nothing half-written stays", "[cli]") {
+TEST_CASE("outputs are checked before any work, and nothing half-written stays", "[cli][long]") {
     const Folder folder;
     refuses(folder, with(good, {"-o", "nowhere/scope.png"}), 1, {"nowhere/scope.png"});
     refuses(folder, with(good, {"-o", "/proc/scope.png"}), 1, {"/proc/scope.png"});

@@ -132,7 +132,7 @@ TEST_CASE("a scene that contradicts itself or says too little is refused", "[cli
             {"inland_empire_culture.tif' is no text", "key = value"});
 }
 
-TEST_CASE("latitude and longitude the wrong way round are asked about where that would help", "[cli]") {
+TEST_CASE("latitude and longitude the wrong way round are asked about where that would help", "[cli][long]") {
     const Folder folder;
     const std::string hills = data + "/N44W072.hgt";
     const auto with_place = [&](const std::string& place, const char* altitude) {

@@ -313,7 +313,7 @@ TEST_CASE("range, sector and pitch limit what is in view", "[coverage][quick]") 
     CHECK(seen.report.states[static_cast<std::size_t>(State::seen)] >= inside);
 }
 
-TEST_CASE("a limited view holds what the whole one holds there, and looks at little beside it", "[coverage][quick]") {
+TEST_CASE("a limited view holds what the whole one holds there, and looks at little beside it", "[coverage]") {
     const auto ground = [](double c, double r) {
         const double pit = std::hypot(c - 500, r - 100);
         return pit < 9 ? std::numeric_limits<double>::quiet_NaN()

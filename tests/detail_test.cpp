@@ -497,7 +497,7 @@ TEST_CASE("levels do not depend on ground beyond the range", "[detail][threads]"
     draw(folder / "short.tif", ground(rolling_ground, 1601, 801));
     Scene s = looking_north_east(900);
     s.platform.xy = PointXY{500000 + 300.3 * post_m, 4100000 - 400.7 * post_m};
-    s.sector = Sector{Angle::degrees(84), Angle::degrees(100)};
+    s.sector = Sector{Angle::degrees(84), Angle::degrees(91)};
     s.range_m = 5000;
     const RunResult all = simulated(s, mapped(folder / "long.tif"));
     CHECK(posts_of_level(all, true) > 0);

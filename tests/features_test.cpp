@@ -871,7 +871,7 @@ TEST_CASE("a radar sees a burnt feature by its side, and a scene over the store 
     run({"tile", "--around", "33.8,-117.5", folder / "south", "-q"});
 }
 
-TEST_CASE("a raster says which side of culture's cells reflects, and features lie over it", "[features]") {
+TEST_CASE("a raster says which side of culture's cells reflects, and features lie over it", "[features][long]") {
     const Folder folder;
     const auto run = [&](const Strings& arguments, int code = 0) {
         Strings all{WEDGESCOPE_PROGRAM};

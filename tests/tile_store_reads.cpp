@@ -52,7 +52,7 @@ TEST_CASE("of a chunk what is not needed has its block's fill height, all else i
     };
     constexpr std::int64_t margin = ChunkRequest::margin;
     std::int64_t wrong = 0, filled = 0, kept = 0;
-    for (int trial = 0; trial < 60; ++trial) {
+    for (int trial = 0; trial < 40; ++trial) {
         ChunkRequest request;
         const std::int64_t c0 = upto(500), r0 = upto(400);
         request.window = {{c0, c0 + 1 + upto(700 - c0)}, {r0, r0 + 1 + upto(500 - r0)}};

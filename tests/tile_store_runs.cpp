@@ -168,7 +168,7 @@ TEST_CASE("packed strips wider than a sheet are decoded once for a row of sheets
     CHECK(times(make(strips, 44, 1)) > 3);     // the cache does not hold a band
 }
 
-TEST_CASE("a run that stopped within a row of packed strips goes on to the same bytes", "[store]") {
+TEST_CASE("a run that stopped within a row of packed strips goes on to the same bytes", "[store][long]") {
     const Folder folder;
     Drawing d = hills(4096 + 60, 4096 + 200);
     d.creation = {"COMPRESS=DEFLATE", "ZLEVEL=1"};

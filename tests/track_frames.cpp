@@ -129,7 +129,7 @@ TEST_CASE("noise and speckle are another draw in each frame of a track, and with
     CHECK(alike({"--noise", "off", "--speckle", "0"}));
 }
 
-TEST_CASE("a track comes through standard input too", "[track]") {
+TEST_CASE("a track comes through standard input too", "[track][long]") {
     const Folder folder;
     draw_data(folder);
     write_track(folder);

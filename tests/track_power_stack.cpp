@@ -111,7 +111,7 @@ TEST_CASE("a power stack longer than the memory stays out of it", "[track][long]
     CHECK(ended.peak_rss_bytes <= promised);
 }
 
-TEST_CASE("a power stack that cannot be is refused in one line before work begins", "[track]") {
+TEST_CASE("a power stack that cannot be is refused in one line before work begins", "[track][long]") {
     const Folder folder;
     draw_data(folder);
     write_track(folder);

@@ -53,7 +53,7 @@ TEST_CASE("a scan by a sensor that stands is the plain picture, bit for bit", "[
     }
 }
 
-TEST_CASE("a scan by a sensor that climbs, in bins of ground range, is its groups side by side", "[track]") {
+TEST_CASE("a scan by a sensor that climbs, in bins of ground range, is its groups side by side", "[track][long]") {
     const auto hills = rolling(300, 40, 11);
     MemorySource source(201, 201, 60, [&](double c, double r) { return 200 + hills(c, r); });
     Scene s = plane_scene(6010, -5980);

@@ -366,7 +366,13 @@ struct Earth {
     double curvature;  // 1 / Re
     double sensor_height;
 
-    double chord(double s) const { return curvature > 0 ? 2 / curvature * std::sin(0.5 * curvature * s) : s; }
+    double chord(double s) const { return curvature > 0 ? 2 / curvature * sine(0.5 * curvature * s) : s; }
+    /// Of the small angles at the earth's centre: Maclaurin's series, to the last digit below 0.1 rad (1700 km).
+    static double sine(double x) {
+        if (!(std::abs(x) < 0.1)) return std::sin(x);
+        const double y = x * x;
+        return x * (1 - y / 6 * (1 - y / 20 * (1 - y / 42 * (1 - y / 72 * (1 - y / 110)))));
+    }
 
     struct Direction {
         double range, sin_e;  // slant range, sine of the elevation angle
@@ -382,7 +388,7 @@ struct Earth {
     double range_on_ray(double s, double sin_e) const {
         const double c = chord(s) * curvature;
         const double cos_theta = 1 - 0.5 * c * c;
-        const double sin_theta_re = curvature > 0 ? std::sin(s * curvature) / curvature : s;
+        const double sin_theta_re = curvature > 0 ? sine(s * curvature) / curvature : s;
         const double cos_e = std::sqrt(std::max(0.0, (1 - sin_e) * (1 + sin_e)));
         return (1 + sensor_height * curvature) * sin_theta_re / (cos_e * cos_theta - sin_e * sin_theta_re * curvature);
     }
@@ -608,9 +614,16 @@ void march(const Scene& scene, const Ground& ground, const Earth& earth, const P
     bool in_gap = false;
     double gap_start = 0, gap_top = 0;
     double last_top = -infinity;  // highest post of the last valid step
+    double shadow_from = nan, shadow_to = nan;  // the arcs of steps in the horizon's shadow, not marked yet
+    const auto end_shadow = [&] {
+        if (!std::isnan(shadow_from))
+            mark(bit_shadow, earth.range_on_ray(shadow_from, horizon), earth.range_on_ray(shadow_to, horizon));
+        shadow_from = nan;
+    };
 
     const auto walk = [&](const Sample& a, const Sample& b) {
         if (!a.valid() || !b.valid()) {
+            end_shadow();
             if (!in_gap) {
                 in_gap = true;
                 gap_start = a.s;
@@ -629,9 +642,11 @@ void march(const Scene& scene, const Ground& ground, const Earth& earth, const P
         last_top = ground.highest_post(b.cell);
 
         if (b.sin_e <= horizon) {
-            mark(bit_shadow, earth.range_on_ray(a.s, horizon), earth.range_on_ray(b.s, horizon));
+            if (std::isnan(shadow_from)) shadow_from = a.s;
+            shadow_to = b.s;
             return;
         }
+        end_shadow();
         // The surface emerges above the old horizon the share `t` of the step on.
         const double t = std::clamp((horizon - a.sin_e) / (b.sin_e - a.sin_e), 0.0, 1.0);
         const double emerges = a.range + t * (b.range - a.range);
@@ -684,6 +699,7 @@ void march(const Scene& scene, const Ground& ground, const Earth& earth, const P
         }
         from = to;
     }
+    end_shadow();
 }
 
 // ---------------------------------------------------------------------------------------------------------
