@@ -240,7 +240,7 @@ TEST_CASE("without noise and speckle the picture is that of the received power, 
 TEST_CASE("where echoes need not be kept their memory serves again, and no bit of the rest changes", "[engine]") {
     const auto hills = test::rolling(300, 150, 3);
     MemorySource source(301, 301, 30, [&](double c, double r) { return 300 + hills(c, r); });
-    Scene s = bare_scene(4500, -4500, 900, 2600);
+    Scene s = bare_scene(4500, -4500, 900, 4000);
     s.quality = Quality::draft;  // only bits are compared
     s.azimuth_bins = 150;
     s.radar.beam_width_error = s.radar.pulse_length_error = true;
