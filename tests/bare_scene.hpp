@@ -23,6 +23,13 @@ inline Scene bare_scene(double x, double y, double altitude_m, double range_m) {
     return s;
 }
 
+/// A bare set over one gamma: E r^2 = K gamma (solid angle).
+inline Scene scene_of_one_gamma(double x, double y, double altitude_m, double range_m) {
+    Scene s = bare_scene(x, y, altitude_m, range_m);
+    s.gamma = Decibel(-15);
+    return s;
+}
+
 inline RunResult simulate(const Scene& scene, WedgeSource& source, std::int64_t wedges = 0, int threads = 1,
                           bool cull = true) {
     EngineParams params;

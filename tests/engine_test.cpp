@@ -3,14 +3,10 @@
 
 #include <cmath>
 #include <numbers>
-#include <random>
-#include <tuple>
 
-#include "lib/culture.hpp"
 #include "lib/engine.hpp"
 #include "lib/front.hpp"
 #include "lib/material.hpp"
-#include "lib/plan.hpp"
 #include "lib/radar_equation.hpp"
 #include "lib/shade.hpp"
 #include "tests/bare_scene.hpp"
@@ -18,17 +14,11 @@
 
 using namespace wedgescope;
 using wedgescope::test::MemorySource;
+using wedgescope::test::scene_of_one_gamma;
 using wedgescope::test::simulate;
 using wedgescope::test::void_post;
 
 namespace {
-
-/// A bare set over one gamma: E r^2 = K gamma (solid angle).
-Scene bare_scene(double x, double y, double altitude_m, double range_m) {
-    Scene s = test::bare_scene(x, y, altitude_m, range_m);
-    s.gamma = Decibel(-15);
-    return s;
-}
 
 double gamma_of(const Scene& s) {
     return std::pow(10.0, 0.1 * (s.gamma->db() + 5 * std::log10(s.radar.frequency_hz / 1e10)));
@@ -55,7 +45,7 @@ State state_at(const RunResult& r, std::size_t row, double range_m) {
 
 TEST_CASE("a flat plain returns the power of the closed radar equation", "[engine]") {
     MemorySource source(801, 801, 30, [](double, double) { return 100.0; });
-    Scene s = bare_scene(12000.3, -12000.7, 1600, 11500);
+    Scene s = scene_of_one_gamma(12000.3, -12000.7, 1600, 11500);
     s.earth_k.reset();
     s.radar.antenna = AntennaParams{};
     s.radar.beam_width_error = s.radar.pulse_length_error = true;
@@ -128,7 +118,7 @@ TEST_CASE("a flat plain of one gamma is evenly bright under cos-csc2, and goes w
 TEST_CASE("a pattern of points lights the ground as the law that it was measured on", "[engine]") {
     const auto hills = test::rolling(400, 200, 7);
     MemorySource source(301, 301, 30, [&](double c, double r) { return 500 + hills(c, r); });
-    Scene s = bare_scene(4500.0, -4500.0, 1500, 4000);
+    Scene s = scene_of_one_gamma(4500.0, -4500.0, 1500, 4000);
     s.radar.antenna = AntennaParams{};
     s.radar.antenna.tilt = Angle::degrees(3);
     const RunResult law = simulate(s, source);
@@ -152,7 +142,7 @@ TEST_CASE("a pattern of points lights the ground as the law that it was measured
 
 TEST_CASE("nearer than the minimum range nothing is received, and nothing else changes", "[engine]") {
     MemorySource source(401, 401, 30, [](double, double) { return 0.0; });
-    Scene s = bare_scene(6000, -6000, 200, 5000);
+    Scene s = scene_of_one_gamma(6000, -6000, 200, 5000);
     s.quality = Quality::draft;  // only bits are compared
     s.azimuth_bins = 240;
     s.radar.pulse_s = 2e-6;  // 300 m
@@ -194,7 +184,7 @@ TEST_CASE("a sector that all but closes the circle has the power of the full cir
           "[engine]") {
     const auto hills = test::rolling(300, 150, 9);
     MemorySource source(301, 301, 30, [&](double c, double r) { return 300 + hills(c, r); });
-    Scene s = bare_scene(4500, -4500, 700, 4000);
+    Scene s = scene_of_one_gamma(4500, -4500, 700, 4000);
     s.quality = Quality::draft;  // only bits are compared
     s.radar.antenna.beam = Angle::degrees(4);
     s.azimuth_bins = 360;
@@ -215,7 +205,7 @@ TEST_CASE("a sector that all but closes the circle has the power of the full cir
 TEST_CASE("without noise and speckle the picture is that of the received power, which need not be made", "[engine]") {
     const auto hills = test::rolling(300, 150, 3);
     MemorySource source(301, 301, 30, [&](double c, double r) { return 300 + hills(c, r); });
-    Scene s = bare_scene(4500, -4500, 900, 4000);
+    Scene s = scene_of_one_gamma(4500, -4500, 900, 4000);
     s.quality = Quality::draft;  // only bits are compared
     s.receiver.if_gain = Decibel(70);
     s.receiver.minimum_range_m = 1000.0;
@@ -237,70 +227,10 @@ TEST_CASE("without noise and speckle the picture is that of the received power, 
     CHECK(r.scope.lit == drawn.lit);
 }
 
-TEST_CASE("where echoes need not be kept their memory serves again, and no bit of the rest changes", "[engine]") {
-    const auto hills = test::rolling(300, 150, 3);
-    MemorySource source(301, 301, 30, [&](double c, double r) { return 300 + hills(c, r); });
-    Scene s = bare_scene(4500, -4500, 900, 4000);
-    s.quality = Quality::draft;  // only bits are compared
-    s.azimuth_bins = 150;
-    s.radar.beam_width_error = s.radar.pulse_length_error = true;
-    s.display.size = GENERATE(600, 20);  // with an image of what is received, and without
-    s.weather.rain_mm_h = GENERATE(0.0, 10.0);
-    const int kind = GENERATE(0, 1, 2, 3);
-    CAPTURE(s.display.size, s.weather.rain_mm_h, kind);
-    if (kind == 1) s.sector = Sector{Angle::degrees(20), Angle::degrees(90)};  // swept is wider than shown
-    if (kind == 2) s.receiver.speckle_looks = 1;
-    if (kind == 3) s.receiver.noise = true;
-    EngineParams params;
-    params.threads = 2;
-    params.beside_others = true;
-    const RunResult kept = run(resolve(s, source), source, params);
-    REQUIRE(kept.echo_w.cells.size() == kept.scene.swept.cells());
-    params.keep_echo = false;
-    RunResult again;
-    for (int frame = 0; frame < 3; ++frame) {
-        // Another place between two frames: nothing of it may stay in their memory.
-        Scene other = s;
-        if (frame == 1) other.platform.xy = PointXY{3000, -5500};
-        again = run(resolve(other, source), source, params, std::move(again));
-        if (frame == 1) continue;
-        CHECK(again.power_w.cells == kept.power_w.cells);
-        CHECK(again.received_w.cells == kept.received_w.cells);
-        CHECK(again.state.cells == kept.state.cells);
-        CHECK(again.scope.grey == kept.scope.grey);
-        CHECK(again.report.states == kept.report.states);
-    }
-    CHECK(again.echo_w.cells.empty() == (kind == 0 || kind == 3 || (kind == 1 && s.display.size == 600)));
-    CHECK(measure(resolve(s, source), source, params, {}).echo_w.cells == kept.echo_w.cells);
-    // Nor where no picture is drawn, from what an earlier one left too.
-    params.draw = false;
-    for (int frame = 0; frame < 2; ++frame) {
-        again = run(resolve(s, source), source, params, std::move(again));
-        CHECK(again.power_w.cells == kept.power_w.cells);
-        CHECK(again.state.cells == kept.state.cells);
-        CHECK(again.report.states == kept.report.states);
-        CHECK(again.received_w.cells.empty());
-        CHECK(again.scope.grey.empty());
-    }
-}
-
-TEST_CASE("without a picture no pixel counts in what a run holds", "[engine][plan]") {
-    MemorySource source(101, 101, 30, [](double, double) { return 100.0; });
-    Scene s = bare_scene(1500, -1500, 900, 1200);
-    s.receiver.noise = true;
-    s.display.size = 8192;
-    const ResolvedScene scene = resolve(s, source);
-    EngineParams params;
-    params.memory_bytes = std::size_t{64} << 20;  // that many pixels alone
-    CHECK_THROWS_AS(run(scene, source, params), TooLittleMemory);
-    params.draw = false;
-    CHECK(run(scene, source, params).power_w.grid == scene.shown);
-}
-
 TEST_CASE("the sum of E r^2 is gamma times the solid angle of the ground, whatever its slopes", "[engine][long]") {
     const auto hills = test::rolling(400, 200, 7);
     MemorySource source(601, 601, 30, [&](double c, double r) { return 500 + hills(c, r); });
-    Scene s = bare_scene(9000.0, -9000.0, 1500, 12500);
+    Scene s = scene_of_one_gamma(9000.0, -9000.0, 1500, 12500);
     s.earth_k.reset();
     s.range_bin_m = 10;
     const RunResult r = simulate(s, source);
@@ -335,7 +265,7 @@ TEST_CASE("what comes back first, from ground across the line of sight, lies in 
     constexpr double slope = 0.35, height = 445, post_m = 20, bin_m = 9, x0 = 2007.3, y0 = -2004.1;
     const auto ground_m = [](double east_m) { return 300 + slope * (east_m - 2000); };
     MemorySource source(201, 201, post_m, [&](double column, double) { return ground_m(column * post_m); });
-    Scene s = bare_scene(x0, y0, ground_m(x0) + height, 1400);
+    Scene s = scene_of_one_gamma(x0, y0, ground_m(x0) + height, 1400);
     s.earth_k.reset();
     s.azimuth_bins = 240;
     s.range_bin_m = bin_m;
@@ -376,7 +306,7 @@ TEST_CASE("what comes back first, from ground across the line of sight, lies in 
 TEST_CASE("a ridge casts a shadow as long as the ray over its crest says", "[engine]") {
     // North of the sensor a wall of 200 m at 3 km, one post thick, across all columns; sensor 500 m up.
     MemorySource source(401, 401, 30, [](double, double r) { return r == 300 ? 200.0 : 0.0; });
-    Scene s = bare_scene(6000, -12000, 500, 11000);
+    Scene s = scene_of_one_gamma(6000, -12000, 500, 11000);
     s.earth_k.reset();
     s.azimuth_bins = 720;
     const RunResult r = simulate(s, source);
@@ -397,7 +327,7 @@ TEST_CASE("a ridge casts a shadow as long as the ray over its crest says", "[eng
 
 TEST_CASE("on a round earth the sea is seen to the horizon and no farther", "[engine]") {
     MemorySource source(1201, 31, 100, [](double, double) { return 0.0; });
-    Scene s = bare_scene(500, -1500, 300, 115000);
+    Scene s = scene_of_one_gamma(500, -1500, 300, 115000);
     s.sector = Sector{Angle::degrees(89.5), Angle::degrees(90.5)};
     s.range_bin_m = 200;
     const RunResult r = simulate(s, source);
@@ -423,7 +353,7 @@ TEST_CASE("all five states stand where the drawn terrain puts them", "[engine]")
         if (x == 6000) return 300.0;
         return 0.0;
     });
-    Scene s = bare_scene(3000, -1500, 1000, 12000);
+    Scene s = scene_of_one_gamma(3000, -1500, 1000, 12000);
     s.earth_k.reset();
     s.sector = Sector{Angle::degrees(89), Angle::degrees(91)};
     s.range_start_m = 500;
@@ -455,7 +385,7 @@ TEST_CASE("ground that a void may hide is unknown and keeps its echo", "[engine]
         if (x > 3000 && x < 4000) return static_cast<double>(void_post);
         return x == 3000 ? 200.0 : 0.0;
     });
-    Scene s = bare_scene(3000, -1500, 1000, 8500);
+    Scene s = scene_of_one_gamma(3000, -1500, 1000, 8500);
     s.earth_k.reset();
     s.sector = Sector{Angle::degrees(89), Angle::degrees(91)};
     const RunResult r = simulate(s, source);
@@ -473,7 +403,7 @@ TEST_CASE("a tower within a void may hide what lies behind all four cells round 
         if (c == 75 && r == 125) return 400.0;
         return c > 70 && c < 80 && r > 120 && r < 130 ? static_cast<double>(void_post) : 0.0;
     });
-    Scene s = bare_scene(30 * 60.3, -30 * 140.7, 300, 2500);
+    Scene s = scene_of_one_gamma(30 * 60.3, -30 * 140.7, 300, 2500);
     s.earth_k.reset();
     const RunResult r = simulate(s, source);
     // Bins that cross one of the four cells round the tower from side to side.
@@ -496,7 +426,7 @@ TEST_CASE("a wall returns gamma_w of its class over its own solid angle, the gro
     MemorySource source(201, 201, 30, [](double, double) { return 0.0; });
     source.set_culture_height([](double, double r) { return r == 100 || r == 99 ? 40.0 : 0.0; });
     source.set_classes([](double, double r) { return r == 100 || r == 99 ? 15 : 4; });
-    Scene s = bare_scene(3000, -6000, 1000, 5500);
+    Scene s = scene_of_one_gamma(3000, -6000, 1000, 5500);
     s.earth_k.reset();
     s.gamma.reset();
     s.sector = Sector{Angle::degrees(-1), Angle::degrees(1)};
@@ -519,60 +449,10 @@ TEST_CASE("a wall returns gamma_w of its class over its own solid angle, the gro
     CHECK(sum * range * range / k == Approx(wall + ground).epsilon(0.03));
 }
 
-TEST_CASE("the same bits for any number of wedges and threads", "[engine][threads]") {
-    const auto hills = test::rolling(600, 150, 3);
-    MemorySource source(301, 257, 30, [&](double c, double r) {
-        return std::hypot(c - 80, r - 60) < 11 ? static_cast<double>(void_post) : 700 + hills(c, r);
-    });
-    source.set_classes([](double c, double r) { return (static_cast<int>(c / 7) + static_cast<int>(r / 5)) % 16; });
-    source.set_culture_height([](double c, double r) { return std::fmod(c * 7 + r * 3, 31) < 3 ? 15.0 : 0.0; });
-    Scene s = bare_scene(4321.7, -3456.1, 1300, 8000);
-    s.gamma.reset();
-    s.azimuth_bins = 160;
-    s.radar = RadarParams{};
-    const RunResult one = simulate(s, source, 1, 1);
-    CHECK(test::sum_of(one.echo_w) > 0);
-    for (const auto& [wedges, threads] : {std::pair{1, 2}, {7, 1}, {7, 2}, {64, 2}}) {
-        INFO(wedges << " wedges, " << threads << " threads");
-        const RunResult other = simulate(s, source, wedges, threads);
-        CHECK(other.echo_w.cells == one.echo_w.cells);
-        CHECK(other.echo_state.cells == one.echo_state.cells);
-        CHECK(other.scope.grey == one.scope.grey);
-    }
-}
-
-TEST_CASE("the same bits for any number of wedges where spokes double often", "[engine][threads][long]") {
-    // Rough ground far out, few azimuth bins, the sensor on a corner of posts, every quality, and lines of one axis alone.
-    std::mt19937 random(9);
-    std::vector<float> noise(std::size_t{801} * 601);
-    for (float& z : noise) z = static_cast<float>(random() % 300);
-    MemorySource source(801, 601, 30, [&](double c, double r) {
-        return static_cast<double>(noise[static_cast<std::size_t>(r * 801 + c)]) + 0.5 * c;
-    });
-    for (const auto& [quality, one_axis] : {std::pair{Quality::draft, true},
-                                            {Quality::draft, false},
-                                            {Quality::normal, false},
-                                            {Quality::fine, false},
-                                            {Quality::exact, false}})
-        for (const std::int64_t bins : {5, 360}) {
-            Scene s = bare_scene(9000, -15000, 2500, 30000);
-            s.azimuth_bins = bins;
-            s.quality = quality;
-            if (one_axis) s.crossings = s.curved_course = false;
-            const RunResult one = simulate(s, source, 1, 1);
-            for (const std::int64_t wedges : {7, 360}) {
-                INFO(word(quality) << (one_axis ? ", one axis, " : ", ") << bins << " bins, " << wedges << " wedges");
-                const RunResult other = simulate(s, source, wedges, 2);
-                CHECK(other.echo_w.cells == one.echo_w.cells);
-                CHECK(other.echo_state.cells == one.echo_state.cells);
-            }
-        }
-}
-
 TEST_CASE("a sector returns what the full circle returns there", "[engine]") {
     const auto hills = test::rolling(600, 150, 5);
     MemorySource source(301, 301, 30, [&](double c, double r) { return 700 + hills(c, r); });
-    Scene s = bare_scene(4500, -4400, 1500, 5000);
+    Scene s = scene_of_one_gamma(4500, -4400, 1500, 5000);
     s.radar.beam_width_error = s.radar.pulse_length_error = true;
     const RunResult full = simulate(s, source);
     // Once round, over north and over the turn at 180 degrees.
@@ -606,7 +486,7 @@ TEST_CASE("a point reflector is painted from its range to c tau/2 behind, and 0.
     const auto mast = [](double c, double r) { return c == 150 && r == 80; };
     source.set_culture_height([&](double c, double r) { return mast(c, r) ? 60.0 : 0.0; });
     source.set_classes([&](double c, double r) { return mast(c, r) ? 15 : 0; });
-    Scene s = bare_scene(4500, -8400, 400, 8000);
+    Scene s = scene_of_one_gamma(4500, -8400, 400, 8000);
     s.earth_k.reset();
     s.gamma.reset();
     s.radar.beam_width_error = s.radar.pulse_length_error = true;
@@ -651,7 +531,7 @@ TEST_CASE("a point reflector is painted from its range to c tau/2 behind, and 0.
 TEST_CASE("on a flat plain the mean depression of a cell is that of its range", "[engine]") {
     // The further channel of the cells, straight from the front.
     MemorySource source(401, 401, 30, [](double, double) { return 0.0; });
-    Scene s = bare_scene(6000, -6000, 1500, 5500);
+    Scene s = scene_of_one_gamma(6000, -6000, 1500, 5500);
     s.earth_k.reset();
     const ResolvedScene resolved = resolve(s, source);
     const DataBase& db = source.data_base();
@@ -687,436 +567,4 @@ TEST_CASE("on a flat plain the mean depression of a cell is that of its range", 
         CHECK(sums.watts(77, j, 1) / sums.watts(77, j) * 90 ==
               Approx(std::asin(1500 / range) * 180 / std::numbers::pi).margin(0.6));  // degrees; half a bin
     }
-}
-
-TEST_CASE("no wedge holds more than the plan grants it", "[engine][plan][long]") {
-    std::mt19937 random(41);
-    std::uniform_real_distribution<double> any(0, 1);
-    double fullest = 0;
-    for (int turn = 0; turn < 24; ++turn) {
-        const bool polar = turn % 4 == 3;  // a degree of longitude is a tenth of one of latitude there
-        const std::int64_t columns = 100 + static_cast<std::int64_t>(any(random) * (polar ? 1500 : 500)),
-                           rows = 100 + static_cast<std::int64_t>(any(random) * 400);
-        MemorySource source(columns, rows, 30, [](double c, double r) { return std::fmod(7 * c + 3 * r, 50.0); });
-        if (turn % 2) source.set_culture_height([](double c, double) { return std::fmod(c, 9.0) < 2 ? 5.0 : 0.0; });
-        if (turn % 3 == 0) source.set_classes([](double c, double) { return 1 + static_cast<int>(c) % 3; });
-        Scene s;
-        const double column = (1.4 * any(random) - 0.2) * static_cast<double>(columns),
-                     row = (1.4 * any(random) - 0.2) * static_cast<double>(rows);
-        if (polar) {
-            source.set_degrees(20, 84, 1.0 / 1200, 1.0 / 1200);
-            s.platform.latlon = LatLon{84 - row / 1200, 20 + column / 1200};
-        } else {
-            s.platform.xy = PointXY{30 * column, -30 * row};
-        }
-        s.platform.altitude_m = 300 + 3000 * any(random);
-        s.range_m = 3000 + 12000 * any(random);
-        s.display.size = 64;
-        s.quality = turn % 4 == 1 ? Quality::exact : Quality::normal;
-        const ResolvedScene resolved = resolve(s, source);
-        const DataBase& db = source.data_base();
-        EngineParams params;
-        params.threads = 1;
-        params.wedges = 1 + static_cast<std::int64_t>(30 * any(random) * any(random));
-        const RunResult r = run(resolved, source, params);
-        const SpokeMap map(
-            db, {resolved.geometry, resolved.nadir, resolved.lat_deg, resolved.lon_deg, s.earth_k, *s.range_m * 1.001});
-        const SpokeGrid grid(db, map, sampling_of(resolved, db), resolved.swept.circle_bins);
-        const Plan granted = plan(resolved, source, grid, params, 1);
-        for (const WedgeReport& wedge : r.report.wedges) {
-            INFO("turn " << turn << ", " << columns << " x " << rows << ", " << r.report.wedges.size() << " wedges");
-            CHECK(wedge.peak_bytes <= granted.wedge_bytes);
-            if (granted.wedge_bytes > (std::size_t{4} << 20))
-                fullest =
-                    std::max(fullest, static_cast<double>(wedge.peak_bytes) / static_cast<double>(granted.wedge_bytes));
-        }
-    }
-    CHECK(fullest > 0.8);  // and the grant is no wild guess
-}
-
-TEST_CASE("wedges change no bit where spokes bend and some cross two columns between two rows", "[engine][long]") {
-    // Flat, with single bumps: of a tile all but a few spokes are plainly visible, and some of those wait that are not.
-    MemorySource source(1200, 1200, 30, [](double c, double r) {
-        const double x = std::fmod(c, 37.0) - 18, y = std::fmod(r, 41.0) - 20;
-        return 25 * std::max(0.0, 1 - 0.2 * (x * x + y * y));
-    });
-    source.set_degrees(20, 78.85, 1.0 / 720, 1.0 / 3600);
-    Scene s;
-    s.platform.latlon = LatLon{78.69, 20.8};
-    s.platform.altitude_m = 4000;
-    s.range_m = 16000;
-    s.azimuth_bins = 160;
-    s.range_bin_m = 150;
-    s.display.size = 64;
-    s.detail = false;
-    for (const Quality quality : {Quality::normal, Quality::exact}) {
-        s.quality = quality;
-        const ResolvedScene resolved = resolve(s, source);
-        EngineParams params;
-        params.threads = 1;
-        params.wedges = 1;
-        const RunResult whole = run(resolved, source, params);
-        params.wedges = 7;
-        const RunResult parts = run(resolved, source, params);
-        CHECK((whole.echo_w.cells == parts.echo_w.cells));
-        CHECK((whole.echo_state.cells == parts.echo_state.cells));
-        CHECK(whole.report.wedges.front().visible_pieces > 1000000);
-    }
-}
-
-TEST_CASE("with several threads the last wedges are narrower, and all together are the swept bins", "[engine][long]") {
-    MemorySource source(200, 200, 30, test::rolling(300, 90, 5));
-    Scene s;
-    s.platform.xy = PointXY{30 * 100, -30 * 100};
-    s.platform.altitude_m = 1500;
-    s.range_m = 5000;
-    s.display.size = 64;
-    const ResolvedScene resolved = resolve(s, source);
-    const Interval all = resolved.swept.azimuth_bins;
-    const auto sizes = [&](int threads, std::int64_t wedges) {
-        EngineParams params;
-        params.threads = threads;
-        params.wedges = wedges;
-        const RunResult r = run(resolved, source, params);
-        std::vector<std::int64_t> bins;
-        std::int64_t end = all.begin;
-        for (const WedgeReport& wedge : r.report.wedges) {
-            REQUIRE(wedge.azimuth_bins.begin == end);
-            end = wedge.azimuth_bins.end;
-            bins.push_back(wedge.azimuth_bins.size());
-        }
-        REQUIRE(end == all.end);
-        return bins;
-    };
-    REQUIRE(all.size() == 960);
-    using Sizes = std::vector<std::int64_t>;
-    CHECK(sizes(1, 0) == Sizes(16, 60));
-    Sizes two(14, 60);
-    for (const std::int64_t more : {30, 30, 15, 15, 15, 15}) two.push_back(more);
-    CHECK(sizes(2, 0) == two);
-    CHECK(sizes(2, 3) == Sizes{320, 320, 320});  // as asked for
-    // As narrow as there are bins.
-    const Sizes many = sizes(100, 0);
-    CHECK(std::count(many.begin(), many.end(), 0) == 0);
-    CHECK(many.back() == 1);
-}
-
-TEST_CASE("spokes go by the height over what stands highest in the sector, but for a hundredth of it",
-          "[engine][spoke_grid]") {
-    // A plain, mountains east of it, and one peak in the west.
-    const auto height = [](double c, double r) { return c > 300 ? 2800.0 : c == 100 && r == 200 ? 2900.0 : 300.0; };
-    MemorySource source(401, 401, 30, height);
-    Scene s;
-    s.platform.xy = PointXY{30 * 200, -30 * 200};
-    s.platform.altitude_m = 3000;
-    s.range_m = 12000;
-    const auto resolved = [&](double from_deg, double to_deg) {
-        s.sector = Sector{Angle::degrees(from_deg), Angle::degrees(to_deg)};
-        return resolve(s, source);
-    };
-    const auto per_bin = [&](const ResolvedScene& scene) {
-        return sampling_of(scene, source.data_base()).spokes_per_bin;
-    };
-    const auto rule = [](double posts) { return sampling(Scene{}.quality, GroundCover::bare, posts).spokes_per_bin; };
-    const ResolvedScene east = resolved(45, 135), west = resolved(225, 315), all = resolved(0, 360);
-    CHECK(east.clearance_m == 200);
-    CHECK(west.clearance_m == 2700);
-    CHECK(all.clearance_m == 200);
-    CHECK(per_bin(east) == rule(1.1 * 200 / 30));
-    CHECK(per_bin(west) == rule(2700.0 / 30));
-    CHECK(per_bin(east) > per_bin(west));
-    // Crests hide ground far off too: so many a post at least, but not where the scene says how many.
-    const auto per_post = [&](const ResolvedScene& scene) {
-        return sampling_of(scene, source.data_base()).spokes_per_post;
-    };
-    const std::pair<Quality, double> least[] = {
-        {Quality::draft, 0.9}, {Quality::normal, 1.2}, {Quality::fine, 2}, {Quality::exact, 2.75}};
-    for (const auto& [quality, posts] : least) {
-        s.quality = quality;
-        CHECK(per_post(resolved(45, 135)) == posts);
-        CHECK(per_post(resolved(225, 315)) == sampling(quality, GroundCover::bare, 90).spokes_per_post);
-    }
-    s.quality = Scene{}.quality;
-    s.spokes_per_post = 0.7;
-    CHECK(per_post(resolved(45, 135)) == 0.7);
-    s.spokes_per_post.reset();
-    // Above the sensor: as from 2 posts up, no denser. Nearer the ground below: as that has it.
-    s.platform.altitude_m = 1000;
-    CHECK(resolved(45, 135).clearance_m == -1800);
-    CHECK(per_bin(resolved(45, 135)) == rule(2));
-    s.platform.altitude_m = 330;
-    CHECK(per_bin(resolved(45, 135)) == rule(1));
-    // Where no post is, nothing is known.
-    s.platform.altitude_m = 3000;
-    s.platform.xy = PointXY{-30 * 900, -30 * 200};
-    CHECK(resolved(225, 315).clearance_m == infinite);
-}
-
-TEST_CASE("what a quality promises holds from where the beam is two posts wide, of scenes it is made for", "[engine]") {
-    MemorySource source(101, 81, 30, [](double, double) { return 100.0; });
-    Scene s;
-    s.platform.xy = PointXY{30 * 50, -30 * 40};
-    s.platform.altitude_m = 1000;
-    s.range_m = 1500;
-    const auto promised = [&] { return promise_of(resolve(s, source), source.data_base()); };
-    const std::tuple<Quality, double, double> all[] = {{Quality::draft, 0.4, 1.5},
-                                                       {Quality::normal, 0.1, 0.35},
-                                                       {Quality::fine, 0.05, 0.2},
-                                                       {Quality::exact, 0.02, 0.06}};
-    for (const auto& [quality, rms, p99] : all) {
-        s.quality = quality;
-        CHECK(promised().error.rms_db == rms);
-        CHECK(promised().error.p99_db == p99);
-        CHECK(promised().from_m == Approx(2 * 30 / (1.5 * std::numbers::pi / 180)));
-        CHECK(promised().lacks.empty());
-    }
-    const auto lacks = [&](const char* what) {
-        const std::vector<std::string> found = promised().lacks;
-        return found.size() == 1 && found[0].find(what) != std::string::npos;
-    };
-    const Scene good = s;
-    // The circle holds 18.46 quarters of it: 18 bins.
-    s.radar.antenna.beam = Angle::degrees(78);
-    CHECK(promised().lacks.empty());
-    s = good;
-    s.radar.pulse_s = 0.39e-6;
-    CHECK(lacks("58.46 m, 1.9 posts (2 or more)"));
-    s = good;
-    s.azimuth_bins = 951;
-    CHECK(promised().lacks.empty());
-    s.azimuth_bins = 950;
-    CHECK(lacks("3.96 azimuth bins lie in the beam (4 or more)"));
-    s = good;
-    s.range_bin_m = 40;
-    CHECK(lacks("1.87 range bins lie in c tau / 2"));
-    s.radar.pulse_s = 1e-6;
-    CHECK(lacks("3.75 range bins lie in c tau / 2"));
-    s.range_bin_m = 37.5;
-    CHECK(promised().lacks.empty());
-    s = good;
-    s.radar.beam_width_error = false;
-    CHECK(lacks("bwe"));
-    s = good;
-    s.radar.pulse_length_error = false;
-    CHECK(lacks("ple"));
-    s = good;
-    s.spokes_per_post = 4;
-    CHECK(lacks("spokes-per-post"));
-    s.crossings = true;
-    CHECK(promised().lacks.size() == 2);
-    s = good;
-    s.detail = false;
-    CHECK(promised().lacks.empty());
-    // A run says the same.
-    CHECK(run(resolve(s, source), source, {}).promise.error.rms_db == 0.02);
-}
-
-TEST_CASE("single posts that stand out count as if the sensor were lower", "[engine][spoke_grid]") {
-    Scene s;
-    s.platform.xy = PointXY{4 * 400, -4 * 400};
-    s.platform.altitude_m = 400;
-    s.range_m = 1500;
-    const auto seen = [&](const std::function<double(double, double)>& height) {
-        MemorySource source(801, 801, 4, height);
-        const ResolvedScene resolved = resolve(s, source);
-        return std::pair(resolved.roughness, sampling_of(resolved, source.data_base()).above_posts);
-    };
-    // Planes and ridges along a line are no posts that stand out, however steep.
-    const auto plane = seen([](double c, double r) { return 0.0625 * c - 0.03125 * r; });
-    CHECK(plane.first == 0);
-    CHECK(plane.second == (400 - 12.5) / 4);  // over the ground right below
-    CHECK(seen([](double c, double) { return std::fmod(c, 8) < 4 ? 20.0 : 0.0; }).first == 0);
-    // On a checkerboard of h metres each cell has a saddle of 2 h.
-    const auto board = [](double m) {
-        return [=](double c, double r) { return std::fmod(c + r, 2) < 1 ? m : 0.0; };
-    };
-    const auto low = seen(board(1.5)), high = seen(board(6));
-    CHECK(low.first == 0.5 * 1.5 / 4);
-    CHECK(low.second < 0.2 * 400 / 4);
-    CHECK(high.first == 0.5 * 6 / 4);
-    CHECK(high.second < 0.3 * low.second);
-    CHECK(seen(board(0.75)).second == (400 - 0.75) / 4);
-    // Needles on one post of a thousand: four cells of each.
-    const auto needles = seen([](double c, double r) { return std::fmod(c * 7919 + r * 104729, 1009) < 1 ? 40.0 : 0.0; });
-    CHECK(needles.first == Approx(std::sqrt(4.0 / 1009) * 40 / 4 / 4).epsilon(0.3));
-    CHECK(needles.second < 0.2 * 400 / 4);
-    // Cells of a void do not count.
-    CHECK(seen([](double c, double) { return std::fmod(c, 5) < 1 ? static_cast<double>(void_post) : 0.0; }).first == 0);
-}
-
-TEST_CASE("ground is quiet from where the radar equation has it below the noise", "[engine][spoke_grid]") {
-    MemorySource source(400, 400, 30, test::rolling(300, 90, 5));
-    Scene s;
-    s.platform.xy = PointXY{30 * 200, -30 * 200};
-    s.platform.altitude_m = 3000;
-    s.range_m = 400000;
-    const auto quiet = [&] { return sampling_of(resolve(s, source), source.data_base()).quiet_posts; };
-    for (const double width_deg : {1.5, 6.0}) {
-        s.radar.antenna.beam = Angle::degrees(width_deg);
-        s.radar.transmit_power_w = 50e3;
-        const std::array<double, 4> posts = quiet();
-        for (std::size_t i = 0; i < posts.size(); ++i) {
-            REQUIRE(posts[i] < 400000 / 30.0);
-            // A slope of a half that faces a sensor almost on the horizon of it: its grazing angle and what the beam and pulse
-            // cut out of it.
-            const double range = 30 * posts[i];
-            const Angle grazing = Angle::radians(std::atan(0.5) + 3000 / range);
-            const double gamma = gamma_table(s.radar.frequency_hz, {})[source.data_base().default_class].ground,
-                         area = cell_area(s.radar.antenna.beam, Angle::degrees(90), s.radar.pulse_extent_m(), range,
-                                          grazing)
-                                    .pulse_m2,
-                         gain = elevation_pattern(s.radar.antenna, 3000 / range + range / (2 * 4.0 / 3 * 6371000)),
-                         power =
-                             received_power_w(s.radar, gain, gamma * std::sin(grazing.rad()) * area, range, Decibel(0));
-            INFO(width_deg << " degrees, " << posts[i] << " posts");
-            CHECK(power / s.radar.noise_power_w() < Sampling::quiet_above[i]);
-            CHECK(power / s.radar.noise_power_w() > 0.2 * Sampling::quiet_above[i]);
-        }
-        // A tenth more reaches 3 % farther.
-        s.radar.transmit_power_w *= 1.1;
-        const std::array<double, 4> farther = quiet();
-        for (std::size_t i = 0; i < posts.size(); ++i) {
-            CHECK(farther[i] > posts[i]);
-            CHECK(farther[i] < 1.08 * posts[i]);
-        }
-        // Ten times the power: ten times the echo. What may be set again over a stored echo makes no difference.
-        s.radar.transmit_power_w = 500e3;
-        CHECK(quiet()[0] == posts[2]);
-        CHECK(quiet()[1] > posts[1]);
-        const std::array<double, 4> stronger = quiet();
-        const RadarParams before = s.radar;
-        s.azimuth_bins = default_azimuth_bins(before);
-        s.range_bin_m = default_range_bin_m(before);
-        s.radar.noise_figure = Decibel(1);
-        s.radar.bandwidth_hz = 1e5;
-        s.radar.antenna.beam = Angle::degrees(1);
-        s.radar.pulse_s = 0.2e-6;
-        CHECK(quiet() == stronger);
-        s.radar = before;
-        s.azimuth_bins.reset();
-        s.range_bin_m.reset();
-    }
-    s.radar.transmit_power_w = 50e3;
-    // Nobody knows, of laws that hang on the angle; and classes may shine.
-    const std::array<double, 4> bare = quiet();
-    s.land = LandModel::ulaby_dobson;
-    CHECK(quiet() == Sampling{}.quiet_posts);
-    s.land = LandModel::constant_gamma;
-    source.set_classes([](double, double) { return 1; });
-    for (std::size_t i = 0; i < bare.size(); ++i) CHECK(quiet()[i] > bare[i]);
-    s.far_shore = true;
-    CHECK(quiet() == Sampling{}.quiet_posts);
-    // From the ground up, and where a number of spokes is asked for, none of it counts.
-    s.spokes_per_post = 1;
-    CHECK(sampling_of(resolve(s, source), source.data_base()).above_posts == 0);
-}
-
-TEST_CASE("a run reads and holds what its plan says, if nothing is left out", "[engine][plan][long]") {
-    MemorySource source(500, 420, 30, test::rolling(300, 90, 5));
-    source.set_culture_height([](double c, double) { return std::fmod(c, 9.0) < 2 ? 5.0 : 0.0; });
-    source.set_classes([](double c, double) { return 1 + static_cast<int>(c) % 3; });
-    Scene s;
-    s.platform.xy = PointXY{30 * 210.2, -30 * 199.7};
-    s.platform.altitude_m = 900;
-    s.display.size = 64;
-    s.spokes_per_bin = 2;  // so few that they double within range, which the plan makes room for
-    for (const double range : {2500.0, 5000.0, 12000.0}) {
-        s.range_m = range;
-        for (const std::int64_t wedges : {1, 9}) {
-            EngineParams params;
-            params.threads = 1;
-            params.wedges = wedges;
-            params.cull = false;
-            const ResolvedScene resolved = resolve(s, source);
-            const WedgeForecast planned = plan(resolved, source, params).total();
-            const RunResult r = run(resolved, source, params);
-            std::uint64_t chunks = 0, posts = 0, bytes = 0;
-            for (const WedgeReport& w : r.report.wedges) {
-                chunks += w.chunks;
-                posts += w.posts_read;
-                bytes += w.bytes_read;
-            }
-            INFO("range " << range << ", wedges " << wedges);
-            CHECK(static_cast<double>(chunks) == Approx(static_cast<double>(planned.chunks)).epsilon(0.05));
-            CHECK(static_cast<double>(posts) == Approx(static_cast<double>(planned.posts)).epsilon(0.05));
-            CHECK(static_cast<double>(bytes) == Approx(static_cast<double>(planned.bytes)).epsilon(0.2));
-            CHECK(static_cast<double>(r.report.peak_held_bytes) ==
-                  Approx(static_cast<double>(planned.peak_bytes)).epsilon(0.2));
-        }
-    }
-}
-
-TEST_CASE("class tiles stay while chunks lie over them, and no longer", "[engine]") {
-    MemorySource source(1000, 700, 30, [](double, double) { return 0; });
-    source.set_classes([](double c, double r) { return (static_cast<int>(c) / 3 + static_cast<int>(r) / 5) % 16; });
-    const DataBase& db = source.data_base();
-    Culture culture(db, &source);
-    const auto right = [&](const Window& posts) {
-        for (std::int64_t r = posts.rows.begin; r < posts.rows.end; r += 7)
-            for (std::int64_t c = posts.columns.begin; c < posts.columns.end; c += 5)
-                if (culture.at(c, r) != static_cast<ClassId>((c / 3 + r / 5) % 16)) return false;
-        return true;
-    };
-    const auto read_for = [&](const Window& posts) {
-        const std::uint64_t before = culture.bytes_read();
-        culture.open(posts, true);
-        CHECK(right(posts));
-        const Window tiles = Culture::tiles_under(db, posts);
-        CHECK(culture.bytes() ==
-              static_cast<std::size_t>(tiles.posts() * db.culture_tile_columns * db.culture_tile_rows));
-        return culture.bytes_read() - before;
-    };
-    const Window west{{10, 500}, {10, 240}}, east{{300, 760}, {10, 240}}, south{{300, 760}, {300, 500}};
-    const auto bytes_beside = [&](const Window& posts, const Window& at_hand) {
-        const Window tiles = Culture::tiles_under(db, posts), held = Culture::tiles_under(db, at_hand);
-        const Window both{intersection(tiles.columns, held.columns), intersection(tiles.rows, held.rows)};
-        return static_cast<std::uint64_t>((tiles.posts() - (both.empty() ? 0 : both.posts())) *
-                                          db.culture_tile_columns * db.culture_tile_rows);
-    };
-    const Window none{{900, 901}, {600, 601}};
-    CHECK(read_for(west) == bytes_beside(west, none));
-    CHECK(read_for(west) == 0);
-    CHECK(bytes_beside(east, west) < bytes_beside(east, none));
-    CHECK(read_for(east) == bytes_beside(east, west));
-    CHECK(read_for(south) == bytes_beside(south, east));
-    CHECK(read_for(east) == bytes_beside(east, south));
-    culture.forget();
-    CHECK(culture.bytes() == 0);
-    CHECK(read_for(east) == bytes_beside(east, none));
-}
-
-TEST_CASE("the default range reaches all ground of the raster up to the horizon, low or high, above or below",
-          "[engine]") {
-    constexpr int posts = 101;
-    constexpr double step = 30, middle = 50 * step;
-    const auto peak = [](double x, double y) { return std::max(0.0, 1500 - std::hypot(x - middle, y + middle)); };
-    const auto crater = [](double x, double y) { return std::min(1500.0, std::hypot(x - middle, y + middle)); };
-    for (const bool high : {true, false})
-        for (const double altitude_m : {1600.0, 3000.0, 20000.0}) {
-            const auto height = [&](double x, double y) { return high ? peak(x, y) : crater(x, y); };
-            MemorySource source(posts, posts, step, [&](double c, double r) { return height(c * step, -r * step); });
-            Scene s = bare_scene(middle, -middle, altitude_m, 1);
-            s.range_m.reset();
-            s.earth_k.reset();
-            const double wide = std::hypot(middle, middle);
-            double farthest = 0;
-            for (int r = 0; r < posts; ++r)
-                for (int c = 0; c < posts; ++c) {
-                    const double x = c * step, y = -r * step, z = height(x, y);
-                    farthest = std::max(farthest, std::hypot(x - middle, y + middle, altitude_m - z));
-                }
-            CAPTURE(high, altitude_m);
-            const double range = *resolve(s, source).scene.range_m;
-            CHECK(range >= farthest * (1 - 1e-9));
-            CHECK(range <= std::hypot(wide, altitude_m) * (1 + 1e-9));
-            s.display.kind = DisplayKind::gpi_true;  // whose ranges lie on the ground
-            CHECK(*resolve(s, source).scene.range_m == Approx(wide));
-        }
-    // Level ground far beyond the horizon: the tangent's length, of the circle of 4/3 earth radii.
-    MemorySource plain(201, 201, 10000, [](double, double) { return 0.0; });
-    Scene s = bare_scene(1000000, -1000000, 30000, 1);
-    s.range_m.reset();
-    const ResolvedScene found = resolve(s, plain);
-    const double radius = 1 / found.earth.inverse_radius();
-    CHECK(*found.scene.range_m == Approx(std::sqrt(30000 * (2 * radius + 30000))).epsilon(1e-6));
 }
