@@ -1,6 +1,6 @@
 // Tracks: the rows of a table, and where the sensor is between them.
 // Leaves the pictures of the rows to track_frames.cpp, scans to track_scan.cpp, power stacks to track_power_stack.cpp, and
-// who works on which frame to track_lanes.cpp.
+// who works on which frame to side_by_side_test.cpp.
 #include <catch2/catch.hpp>
 
 #include <algorithm>

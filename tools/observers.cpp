@@ -23,10 +23,10 @@
 #include "tools/coverage_report.hpp"
 #include "tools/doubts.hpp"
 #include "tools/ground.hpp"
-#include "tools/lanes.hpp"
 #include "tools/observer_file.hpp"
 #include "tools/report_json.hpp"
 #include "tools/run_files.hpp"
+#include "tools/side_by_side.hpp"
 #include "tools/terminal.hpp"
 #include "tools/timeline.hpp"
 

@@ -7,8 +7,8 @@
 
 #include "lib/error.hpp"
 #include "lib/lower_case.hpp"
-#include "tools/lanes.hpp"
 #include "tools/scene_json.hpp"
+#include "tools/side_by_side.hpp"
 
 namespace wedgescope {
 namespace {

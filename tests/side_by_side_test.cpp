@@ -15,13 +15,13 @@
 
 #include "lib/error.hpp"
 #include "tests/refusal.hpp"
-#include "tools/lanes.hpp"
+#include "tools/side_by_side.hpp"
 
 using namespace wedgescope;
 using namespace wedgescope::test;
 using Catch::Matchers::Contains;
 
-TEST_CASE("a piece that never comes keeps no lane waiting that is far ahead of it", "[track][threads]") {
+TEST_CASE("a piece that never comes keeps no lane waiting that is far ahead of it", "[side_by_side][threads]") {
     // The first of 99 is slow and then fails, when the other lane has made as many as may wait for it and one more.
     for (const std::size_t slow : {0, 5}) {
         std::vector<std::size_t> in_place;
@@ -52,7 +52,7 @@ TEST_CASE("a piece that never comes keeps no lane waiting that is far ahead of i
     }
 }
 
-TEST_CASE("lanes for which there is no thread are an error, and none goes on", "[track]") {
+TEST_CASE("lanes for which there is no thread are an error, and none goes on", "[side_by_side]") {
     // Rooms for a few threads' stacks; instrumented programs need more of them than this lets them have.
     std::size_t pages = 0;
     std::ifstream("/proc/self/statm") >> pages;
@@ -73,7 +73,8 @@ TEST_CASE("lanes for which there is no thread are an error, and none goes on", "
     CHECK(made < 1000000000);
 }
 
-TEST_CASE("pieces are put in place in the order of their numbers, and what cannot be is told", "[track][threads]") {
+TEST_CASE("pieces are put in place in the order of their numbers, and what cannot be is told",
+          "[side_by_side][threads]") {
     std::vector<std::size_t> in_place;
     const auto make = [&](InOrder<std::size_t>& order) {
         side_by_side(3, 300, [&](int, std::size_t i) {
