@@ -349,6 +349,30 @@ std::int64_t strip_bins(const BeamSetting& setting, const PolarGrid& grid, std::
 
 namespace {
 
+/// Bins of a strip of an image that is made in place: two of them stand beside it, as wide as the near caches like and no narrower
+/// than the lead-in, which each has to read again.
+std::int64_t strip_in_place(const BeamSetting& setting, const PolarGrid& grid) {
+    constexpr std::size_t bytes = std::size_t{1} << 20;
+    const auto fits = static_cast<std::int64_t>(bytes / sizeof(float) / std::max<std::size_t>(grid.azimuth_count(), 1));
+    const std::int64_t strip = std::max({fits, lead_in_bins(setting, grid.range_bin_m), std::int64_t{64}});
+    return setting.range_is_ground ? std::min(strip, strip_bins(setting, grid, 0, 0))
+                                   : strip;  // each bin has its pulse
+}
+
+}  // namespace
+
+std::size_t weight_bytes(const BeamSetting& setting, const PolarGrid& grid) {
+    const std::int64_t strip = std::max(strip_bins(setting, grid, 0, 0), strip_in_place(setting, grid)),
+                       lead = lead_in_bins(setting, grid.range_bin_m),
+                       sources = std::min(strip + lead, grid.range_bins.end);  // none lie before the sensor
+    const auto azimuths = static_cast<std::size_t>(skirt_bins(setting, grid.circle_bins) + 1);
+    const auto pulses = static_cast<std::size_t>(setting.range_is_ground ? std::min(strip, grid.range_bins.end) : 1);
+    return azimuths * static_cast<std::size_t>(sources) * sizeof(float) +
+           pulses * static_cast<std::size_t>(lead + 1) * sizeof(double);
+}
+
+namespace {
+
 /// The power image, a strip of ranges at a time.
 class Gathering {
 public:
@@ -420,11 +444,7 @@ PolarImage<float> power_in_place(PolarImage<float>&& echo, const BeamSetting& se
     PolarImage<float> image = std::move(echo);
     const PolarGrid grid = image.grid;
     if (grid.cells() == 0) return image;
-    // Two strips stand beside it, as wide as the near caches like and no narrower than the lead-in, which each has to read again.
-    constexpr std::size_t bytes = std::size_t{1} << 20;
-    const auto fits = static_cast<std::int64_t>(bytes / sizeof(float) / grid.azimuth_count());
-    std::int64_t strip = std::max({fits, lead_in_bins(setting, grid.range_bin_m), std::int64_t{64}});
-    if (setting.range_is_ground) strip = std::min(strip, strip_bins(setting, grid, 0, 0));  // each bin has its pulse
+    const std::int64_t strip = strip_in_place(setting, grid);
     if (4 * strip > grid.range_bins.size()) return power_image(image, grid, setting, {}, everywhere_w, stop);
     const Gathering gathering(image, grid, setting, everywhere_w, stop);
     PolarGrid part = grid;

@@ -121,6 +121,10 @@ void require_sources(const PolarGrid& echo, const PolarGrid& shown, const Resolu
 std::int64_t strip_bins(const BeamSetting& setting, const PolarGrid& grid, std::int64_t rows,
                         std::int64_t bytes_per_cell);
 
+/// What the weights of a strip of `grid` take while a power image is made: a few MiB, unless a wide beam holds many azimuth
+/// bins and a long pulse many range bins.
+std::size_t weight_bytes(const BeamSetting& setting, const PolarGrid& grid);
+
 /// One range weight for each m = 0.. of the pulse, in the order above (double, the last one > 0).
 std::vector<double> pulse_weights(double width_bins);
 

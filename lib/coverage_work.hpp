@@ -218,8 +218,12 @@ public:
         hides_ = params.cull && bytes_ && !params.elevation && !(scene.scene.range_start_m > 0);
         narrows_ = hides_ && !with_posts_ && !voids_ && !sampling_.cross_lines;
         for (Quadrant q : all_quadrants) set_up(q);
+        const Window all{{0, db_.columns}, {0, db_.rows}};
+        if (!params.reached_only) reached_ = all;
+        if (fixed_bytes(1) > params.memory_bytes) require_room();  // before a word is made of each column
+        if (!write && !params.reached_only) return;                // what it would hold is known
         own_east_west();
-        reached_ = {{0, db_.columns}, {0, db_.rows}};
+        reached_ = all;
         if (params.reached_only) leave_unreached();
         for (Quadrant q : {Quadrant::south, Quadrant::north}) set_rows(q);
         // Most ground is hidden mostly, and what tiles begin as need not be painted.
@@ -232,7 +236,7 @@ public:
     const SpokeMap& map() const { return map_; }
     /// With so many strips on their way at a time.
     std::size_t fixed_bytes(std::size_t strips) const {
-        std::size_t bytes = own_.size() * sizeof(Interval);
+        std::size_t bytes = static_cast<std::size_t>(db_.columns + db_.rows) * sizeof(Interval);
         for (const Side& side : sides_) {
             const double k = static_cast<double>(grid_.rings(side.quadrant).back().spokes);
             const double spokes = (side.slope_hi - side.slope_lo) * k + 64;
@@ -256,6 +260,9 @@ public:
         return posts * (3 * sizeof(float) + (bytes_ ? 1 : sizeof(float))) + classes + (std::size_t{1} << 20);
     }
     std::size_t desk_bytes() const { return own_desk_bytes() + source_.reader_bytes(); }
+
+    /// TooLittleMemory where not even one strip and one thread have theirs.
+    void require_room() const;
 
     CoverageReport run();
 

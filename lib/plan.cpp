@@ -224,7 +224,9 @@ void halve_last(std::vector<Interval>& wedges, std::size_t some) {
 std::size_t image_bytes(const ResolvedScene& scene, bool draw) {
     // Power, received power and states: a run that makes no image of received power turns echo states and dBm into floats in that
     // room when they are written.
-    const std::size_t bytes = scene.swept.cells() * 5 + scene.shown.cells() * (4 + 4 + 1);
+    const std::size_t usual = std::size_t{16} << 20, weights = weight_bytes(beam_setting(scene), scene.shown);
+    const std::size_t bytes =
+        scene.swept.cells() * 5 + scene.shown.cells() * (4 + 4 + 1) + std::max(weights, usual) - usual;
     if (!draw) return bytes;
     const auto size = static_cast<std::size_t>(scene.scene.display.size);
     return bytes + bytes_a_pixel(scene.scene.display) * size * size +

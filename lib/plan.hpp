@@ -19,7 +19,8 @@ struct WedgeForecast {
     Window reach;                                    ///< that holds all that is read
 };
 
-/// What a run holds in images, from the echo to the power, and to the picture where one is drawn.
+/// What a run holds in images, from the echo to the power, and to the picture where one is drawn; and in the beam's weights where
+/// these are more than the usual few MiB.
 std::size_t image_bytes(const ResolvedScene& scene, bool draw = true);
 
 struct Plan {

@@ -98,9 +98,7 @@ void stand(ResolvedScene& s, WedgeSource& source) {
     const PlatformParams& p = s.scene.platform;
     const GroundHeight place = ground_height(source, s.nadir);
     const double ground = place.bare_m;
-    s.nadir_in_raster =
-        (db.cyclic || (s.nadir.column >= -0.5 && s.nadir.column <= static_cast<double>(db.columns) - 0.5)) &&
-        s.nadir.row >= -0.5 && s.nadir.row <= static_cast<double>(db.rows) - 0.5;
+    s.nadir_in_raster = db.holds(s.nadir);
     s.nadir_beyond_posts = beyond_posts(db, s.nadir);
     s.nadir_on_data = ground == ground;
     s.reference_m = s.nadir_on_data ? ground : 0;

@@ -57,8 +57,8 @@ void validate(const Scene& scene) {
     validate(scene.platform);
     if (scene.earth_k) require_within("earth", *scene.earth_k, 0.1, 1e6, "");
     if (scene.sector) validate(*scene.sector);
-    if (scene.range_m) require_above_to("range", *scene.range_m, 0, 1e7, "m");
-    require_within("range-start", scene.range_start_m, 0, 1e7, "m");
+    if (scene.range_m) require_above_to("range", *scene.range_m, 0, Scene::most_range_m, "m");
+    require_within("range-start", scene.range_start_m, 0, Scene::most_range_m - 1000, "m");
     if (scene.range_m && !(*scene.range_m > scene.range_start_m))
         throw InputError(
             text("range is ", *scene.range_m, " m; it must be above range-start, ", scene.range_start_m, " m"));

@@ -74,6 +74,7 @@ struct Scene {
     std::optional<Geometry> geometry;         ///< none: geodesic where the raster has a CRS
     std::optional<double> earth_k = 4.0 / 3;  ///< none: flat
     std::optional<Sector> sector;             ///< none: the full circle
+    static constexpr double most_range_m = 1e7;
     std::optional<double> range_m;            ///< largest slant range; none: what the data base and the horizon allow
     double range_start_m = 0;
     std::optional<double> ground_range_m;      ///< coverage only: largest distance along the ground; none: no limit

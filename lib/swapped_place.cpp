@@ -7,13 +7,10 @@
 namespace wedgescope {
 
 const char* swapped_hint(const PlatformParams& platform, const DataBase& data_base) {
-    const auto on_raster = [&](double column, double row) {
-        return (data_base.cyclic || (column >= -0.5 && column <= static_cast<double>(data_base.columns) - 0.5)) &&
-               row >= -0.5 && row <= static_cast<double>(data_base.rows) - 0.5;
-    };
     if (platform.xy) {
         const auto holds = [&](double x, double y) {
-            return on_raster((x - data_base.origin_x) / data_base.step_x, (y - data_base.origin_y) / data_base.step_y);
+            return data_base.holds(
+                {(x - data_base.origin_x) / data_base.step_x, (y - data_base.origin_y) / data_base.step_y});
         };
         const PointXY& at = *platform.xy;
         return !holds(at.x, at.y) && holds(at.y, at.x) ? " (X,Y swapped?)" : "";
@@ -21,8 +18,7 @@ const char* swapped_hint(const PlatformParams& platform, const DataBase& data_ba
     if (!platform.latlon || !data_base.has_crs || std::abs(platform.latlon->lon_deg) > 90) return "";
     const auto holds = [&](double lat_deg, double lon_deg) {
         try {
-            const auto [column, row] = data_base.locate(lat_deg, lon_deg);
-            return on_raster(column, row);
+            return data_base.holds(data_base.locate(lat_deg, lon_deg));
         } catch (const DataError&) {
             return false;  // no place of the CRS
         }

@@ -42,6 +42,11 @@ struct DataBase {
     double longer_post_m() const { return std::max(std::abs(step_x), std::abs(step_y)) * metres_a_unit(); }
     bool cyclic = false;             ///< columns span the whole circle of longitude
     std::int64_t cycle_columns = 0;  ///< columns of the circle, if cyclic
+    /// Whether a place lies in one of the terrain's cells.
+    bool holds(IndexPosition p) const {
+        return (cyclic || (p.column >= -0.5 && p.column <= static_cast<double>(columns) - 0.5)) && p.row >= -0.5 &&
+               p.row <= static_cast<double>(rows) - 0.5;
+    }
 
     /// WGS84 latitude and longitude (degrees) -> place on the grid, exact (PROJ). Only where has_crs.
     /// Called from one thread at a time. Columns of a lat/lon raster come out nearest to its middle.

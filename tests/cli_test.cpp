@@ -305,7 +305,7 @@ TEST_CASE("tile refuses wrong options and rasters in one line, and leaves nothin
     refuses(folder, {"tile", row, "store"}, 1, {"dem '" + row + "' has 10 x 1 posts; accepted: at least 2 x 2"});
     fs::create_directory(folder.work() / "mine");
     folder.write("mine/letter.txt", "dear");
-    refuses(folder, {"tile", a, "mine"}, 2, {"'mine'", "exists", "--overwrite"});
+    refuses(folder, {"tile", a, "mine"}, 2, {"'mine'", "exists", "is no tile store"});
     refuses(folder, {"tile", a, "mine", "--overwrite"}, 2, {"'mine'", "no tile store"});
     CHECK(content(folder.work() / "mine/letter.txt") == "dear");
     const std::string other = data + "/worcester_vermont_dem.tif";

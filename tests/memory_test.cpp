@@ -351,6 +351,45 @@ TEST_CASE("the budget that a refusal names will do", "[memory]") {
         const auto words = with(simulate(lines, "422000,4478000"), more);
         CHECK(enough_after_refusal(2, words, log) == check_refused(40, words, log));
     }
+    // Weights of a wide beam in narrow bins, under a pulse that is as long as the range.
+    check_refused(450,
+                  {"simulate",
+                   "--dem",
+                   hills,
+                   "--xy",
+                   "405000,4495000",
+                   "--altitude-agl",
+                   "500m",
+                   "--beam",
+                   "90deg",
+                   "--pulse",
+                   "50us",
+                   "--range",
+                   "8km",
+                   "--range-bin",
+                   "2m",
+                   "--sector",
+                   "0deg,0.5deg",
+                   "--azimuth-bins",
+                   "20000",
+                   "--rings",
+                   "off",
+                   "--size",
+                   "256",
+                   "-q",
+                   "--overwrite",
+                   "-o",
+                   folder / "scope.png"},
+                  log);
+    // More columns than a word each would fit for.
+    const std::string wide = folder / "wide.vrt";
+    std::ofstream(wide) << R"(<VRTDataset rasterXSize="100000000" rasterYSize="300"><SRS>EPSG:32611</SRS>)"
+                        << R"(<GeoTransform>500000,1,0,4000000,0,-1</GeoTransform>)"
+                        << R"(<VRTRasterBand dataType="Int16" band="1"/></VRTDataset>)";
+    check_refused(256,
+                  {"coverage", wide, folder / "seen.tif", "--source", "direct", "--xy", "500300.5,3999850.5",
+                   "--altitude-agl", "50m", "--geometry", "grid", "--range", "500m", "-q", "--overwrite"},
+                  log);
     check_refused(2,
                   {"coverage", lines, folder / "seen.tif", "--xy", "422000,4478000", "--altitude-agl", "900m", "-q",
                    "--overwrite"},

@@ -491,7 +491,9 @@ TEST_CASE("heights under other usual names are taken, and what a file of observe
     CHECK(table("x,y", "466000,3754000", {"--altitude-agl", "10m"}).empty());
     const std::vector<int> low = RasterBand(out).posts;
     REQUIRE(high != low);
-    for (const char* name : {"height (m)", "height_m", "HGT", "hgt [m]", "height_m (m)", "Predominant_Height"}) {
+    // As shapefiles cut them too.
+    for (const char* name : {"height (m)", "height_m", "HGT", "hgt [m]", "height_m (m)", "Predominant_Height",
+                             "predominan", "altitude-a", "altitude_A"}) {
         INFO(name);
         // With a name that may be of something else it says so.
         const bool sure = name == std::string("height (m)");
@@ -503,8 +505,10 @@ TEST_CASE("heights under other usual names are taken, and what a file of observe
         CHECK(RasterBand(out).posts == high);
         if (!sure) CHECK(table(std::string("x,y,") + name, "466000,3754000,90").empty());
     }
-    CHECK(table("x,y,height (ft)", "466000,3754000,295.27559", {"--altitude-agl", "10m"}).empty());
-    CHECK(RasterBand(out).posts == high);
+    for (const char* name : {"height (ft)", "height [ft"}) {
+        CHECK(table(text("x,y,", name), "466000,3754000,295.27559", {"--altitude-agl", "10m"}).empty());
+        CHECK(RasterBand(out).posts == high);
+    }
     // What is no name of ours, or has no unit in its brackets.
     CHECK_THAT(table("x,y,OBS_HGT,height (old)", "466000,3754000,90,90", {"--altitude-agl", "10m"}),
                Contains("t.csv': columns that are left out: 'OBS_HGT', 'height (old)'"));

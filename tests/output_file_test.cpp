@@ -237,4 +237,11 @@ TEST_CASE("an output is refused before any work if it cannot or must not be writ
     put(folder / "late.txt", "theirs");
     CHECK_THROWS_AS(file.commit(), InputError);
     CHECK(get(folder / "late.txt") == "theirs");
+    // What standard output and the like lead to is not replaced, nor is the link.
+    std::filesystem::create_symlink("/proc/self/fd/1", folder / "stdout");
+    std::filesystem::create_symlink("stdout", folder / "link");
+    for (const char* const link : {"stdout", "link"}) {
+        CHECK_THROWS_WITH(OutputFile(folder / link, true), Contains("plain file"));
+        CHECK(std::filesystem::is_symlink(folder / link));
+    }
 }

@@ -446,7 +446,7 @@ TEST_CASE("one run at a time has an unfinished store, until it stands in its pla
     // Who opened the plan before it moved has no folder.
     PlainFile early(one.inside("plan.json"), PlainFile::Use::write);
     CHECK(early.stands());
-    one.move_into_place();
+    one.move_into_place(false);
     CHECK_FALSE(early.stands());
     CHECK(content(output + "/plan.json") == R"({"other":1})");
     CHECK_FALSE(fs::exists(output + ".part"));
@@ -456,10 +456,25 @@ TEST_CASE("one run at a time has an unfinished store, until it stands in its pla
     CHECK_THROWS_WITH(other.check(false, false), Contains("exists; add --overwrite"));
     other.check(true, false);
     other.open("{}", false);
-    other.move_into_place();
+    other.move_into_place(true);
     CHECK(content(output + "/plan.json") == "{}");
     CHECK_FALSE(fs::exists(output + "/manifest.json"));
     CHECK_FALSE(fs::exists(output + ".part"));
+
+    // What came to stand there while the run went on stays where it would have stayed before.
+    fs::rename(output, output + ".away");
+    one.check(false, false);
+    one.open("{}", false);
+    fs::create_directory(output);
+    write(output + "/thesis.txt", "precious");
+    for (const bool overwrite : {false, true}) {
+        CHECK_THROWS_AS(one.move_into_place(overwrite), InputError);
+        CHECK(content(output + "/thesis.txt") == "precious");
+    }
+    fs::remove_all(output);
+    fs::rename(output + ".away", output);
+    CHECK_THROWS_WITH(one.move_into_place(false), Contains("exists and is no tile store"));
+    CHECK(one.close(false) == false);
 
     // Without a finished sheet nothing stays, nor where the plan cannot be written.
     one.open("{}", false);

@@ -1,9 +1,12 @@
 #include "tiles/descriptor.hpp"
 
 #include <fcntl.h>
+#include <sys/stat.h>
+#include <sys/syscall.h>
 #include <unistd.h>
 
 #include <cerrno>
+#include <cstdio>
 
 namespace wedgescope {
 
@@ -60,6 +63,16 @@ Transfer read_all_at(int file, void* to, std::size_t count, std::uint64_t offset
     return all_of(count, 0, [&](std::size_t done) {
         return ::pread(file, bytes + done, count - done, static_cast<off_t>(offset + done));
     });
+}
+
+int rename_new(const std::string& from, const std::string& to) noexcept {
+    constexpr unsigned no_replacing = 1;
+    if (::syscall(SYS_renameat2, AT_FDCWD, from.c_str(), AT_FDCWD, to.c_str(), no_replacing) == 0) return 0;
+    if (errno != EINVAL && errno != ENOSYS && errno != EOPNOTSUPP) return errno;
+    // A file system that cannot look and rename at once.
+    struct stat facts {};
+    if (::lstat(to.c_str(), &facts) == 0) return EEXIST;
+    return ::rename(from.c_str(), to.c_str()) == 0 ? 0 : errno;
 }
 
 int sync_folder(const std::string& path) noexcept {

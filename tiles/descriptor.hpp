@@ -33,6 +33,9 @@ Transfer write_all_at(int file, const void* from, std::size_t count, std::uint64
 Transfer read_all(int file, void* to, std::size_t count) noexcept;
 Transfer read_all_at(int file, void* to, std::size_t count, std::uint64_t offset) noexcept;
 
+/// Gives a file or folder another name if nothing stands there; else EEXIST.
+int rename_new(const std::string& from, const std::string& to) noexcept;
+
 /// Names in a folder to disk. 0 too on file systems that cannot: they are then as safe as they get.
 int sync_folder(const std::string& path) noexcept;
 

@@ -79,6 +79,17 @@ private:
     std::map<std::string, Names> folders_;
 };
 
+/// A link to what a process has open, as /dev/stdout is: to be written to through it, and never to be replaced.
+bool leads_to_open_file(fs::path path) {
+    std::error_code error;
+    for (int links = 0; links < 40 && fs::is_symlink(path, error); ++links) {
+        const fs::path target = fs::read_symlink(path, error);
+        path = path.parent_path() / target;  // the target where it begins with /
+        if (const std::string text = path.lexically_normal().string(); text.starts_with("/proc/")) return true;
+    }
+    return false;
+}
+
 }  // namespace
 
 void OutputFile::check(const std::string& final_path, bool overwrite) {
@@ -94,7 +105,7 @@ void OutputFile::check(const std::string& final_path, bool overwrite) {
     if (!S_ISDIR(facts.st_mode)) throw IoError(text("output '", final_path, "': '", parent, "' is not a folder"));
     if (name.empty() || (::stat(final_path.c_str(), &facts) == 0 && S_ISDIR(facts.st_mode)))
         throw InputError(text("output '", final_path, "' is a folder; accepted: the path of a file"));
-    if (::stat(final_path.c_str(), &facts) == 0 && !S_ISREG(facts.st_mode))
+    if ((::stat(final_path.c_str(), &facts) == 0 && !S_ISREG(facts.st_mode)) || leads_to_open_file(final_path))
         throw InputError(text("output '", final_path, "' is a device or a pipe; accepted: the path of a plain file"));
     if (!overwrite && stands(final_path)) throw InputError(text("output '", final_path, "' exists; add --overwrite"));
     for (const char* side : side_files)
@@ -184,10 +195,15 @@ void OutputFile::commit(const std::vector<OutputFile*>& files) {
             if (file->overwrite_ && ::unlink(stale.c_str()) != 0 && errno != ENOENT)
                 throw IoError(text("old side file '", stale, "' cannot be removed: ", system_reason(errno)));
         }
-    for (const Move& move : moves)
-        if (::rename(move.from.c_str(), move.to.c_str()) != 0)
+    for (const Move& move : moves) {
+        // What came to stand there meanwhile stays as well.
+        const int reason = !move.file->overwrite_                              ? rename_new(move.from, move.to)
+                           : ::rename(move.from.c_str(), move.to.c_str()) == 0 ? 0
+                                                                               : errno;
+        if (reason != 0)
             throw IoError(
-                text("output '", move.to, "' cannot be put in place of '", move.from, "': ", system_reason(errno)));
+                text("output '", move.to, "' cannot be put in place of '", move.from, "': ", system_reason(reason)));
+    }
     for (OutputFile* file : files) {
         sync(folder_of(file->final_path_), file->final_path_, true);
         file->remove_folder();

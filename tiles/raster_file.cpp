@@ -54,7 +54,7 @@ void inspect_grid(GDALDataset& dataset, RasterFacts& facts) {
     if (dataset.GetGeoTransform(g.data()) == CE_None) return set_grid(facts, g);
     if (dataset.GetGCPCount() > 0)
         throw DataError(text(facts.named(), " has ", dataset.GetGCPCount(),
-                             " ground control points and no geotransform; accepted: what gdalwarp makes of it"));
+                             " ground control points and no geotransform; accepted: north-up rasters; ", warped_hint));
     facts.corner_x = -0.5;
     facts.corner_y = static_cast<double>(facts.rows) - 0.5;
 }

@@ -132,11 +132,11 @@ void set_grid(RasterFacts& facts, const std::array<double, 6>& g) {
     if (std::fabs(g[2]) * static_cast<double>(facts.rows) > 1e-3 * std::fabs(g[1]) ||
         std::fabs(g[4]) * static_cast<double>(facts.columns) > 1e-3 * std::fabs(g[5]))
         throw DataError(text(facts.named(), " is rotated (geotransform ", g[1], " ", g[2], " ", g[4], " ", g[5],
-                             "); accepted: rows that run east; gdalwarp makes such a raster of it"));
+                             "); accepted: rows that run east; ", warped_hint));
     if (!(g[1] > 0) || g[5] == 0)
         throw DataError(text(facts.named(), " has cells of ", g[1], " x ", g[5],
                              "; accepted: a width above 0 and a height that is not 0",
-                             g[1] < 0 && g[5] != 0 ? "; gdalwarp makes such a raster of it" : ""));
+                             g[1] < 0 && g[5] != 0 ? text("; ", warped_hint) : ""));
     facts.has_geotransform = true;
     facts.corner_x = g[0];
     facts.step_x = g[1];

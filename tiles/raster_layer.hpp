@@ -82,6 +82,8 @@ struct RasterFacts {
 /// DataError for fewer posts than a terrain must have.
 void check_terrain_size(const RasterFacts& facts);
 
+inline constexpr const char* warped_hint =
+    "gdalwarp makes such a raster of it (with -dstnodata, where it has no no-data value)";
 /// Takes corner and steps from a geotransform in GDAL's order. DataError for one that is none of ours.
 void set_grid(RasterFacts& facts, const std::array<double, 6>& geotransform);
 /// Takes CRS, kind of CRS and its units from `given`. DataError for a CRS that is none of ours.

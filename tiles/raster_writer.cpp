@@ -89,9 +89,10 @@ GDALDriver& find_driver(const std::string& path, const RasterFormat& format) {
             const CPLStringList words(CSLTokenizeString(list));
             if (words.FindString(extension.c_str()) >= 0) return driver;
         }
-    throw InputError(text("output '", path,
-                          "' has an ending that names no raster format; accepted: .tif, .img, for pictures and codes "
-                          "also .png, for pictures .jpg, and those of GDAL's other raster drivers, or --of DRIVER"));
+    throw InputError(text(
+        "output '", path,
+        "' has an ending that names no raster format; accepted: .tif, .img, for pictures and for codes "
+        "by range and azimuth also .png, for pictures .jpg, and those of GDAL's other raster drivers, or --of DRIVER"));
 }
 
 std::string listed(const CPLStringList& words) {

@@ -685,6 +685,7 @@ TileStoreSummary StoreWriter::run() {
         return folder_.close(keep_sheets);
     };
     const std::string kept = text("; finished sheets are kept in '", folder_.folder(), "' (--resume goes on)");
+    bool finished = false;
     try {
         folder_.open(plan(), params_.resume);
         for (const auto& layer : layers_) folder_.make_folder(name(layer->kind));
@@ -696,9 +697,13 @@ TileStoreSummary StoreWriter::run() {
             DetailMapShape{layers_[0]->entry.facts.columns, layers_[0]->entry.facts.rows});
         make_sheets();
         finish();
-        folder_.move_into_place();
+        finished = true;
+        folder_.move_into_place(params_.overwrite);
     } catch (const Interrupted& e) {
         if (close(true)) throw Interrupted(e.signal(), kept);
+        throw;
+    } catch (const InputError& e) {  // what stands at the output by then is no reason to make all of it again
+        if (close(finished)) throw InputError(text(e.what(), kept));
         throw;
     } catch (const IoError& e) {
         if (close(true)) throw IoError(text(e.what(), kept));

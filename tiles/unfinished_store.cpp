@@ -74,27 +74,32 @@ UnfinishedStore::UnfinishedStore(const std::string& output) : output_(output) {
 
 std::string UnfinishedStore::inside(const std::string& file) const { return (fs::path(folder_) / file).string(); }
 
-void UnfinishedStore::check(bool overwrite, bool resume) const {
-    if (output_.empty()) throw InputError("output has an empty name; accepted: the path of a folder");
+void UnfinishedStore::check_output(bool overwrite) const {
     std::error_code error;
     const auto status = fs::symlink_status(output_, error);
-    if (fs::exists(status)) {
-        if (!overwrite) throw InputError(text("output '", output_, "' exists; add --overwrite"));
-        if (!is_tile_store(output_) && !(fs::is_directory(status) && fs::is_empty(output_, error)))
-            throw InputError(text("output '", output_, "' is no tile store; --overwrite replaces nothing else"));
-        const auto all = entries<fs::recursive_directory_iterator>(output_, error);
-        if (error)
-            throw IoError(
-                text("output '", output_, "' cannot be looked through, as --overwrite needs: ", error.message()));
-        std::set<std::string> foreign;
-        for (const fs::directory_entry& entry : all)
-            if (!fs::is_directory(entry.symlink_status(error)) &&
-                !is_stores_own(entry.path().lexically_relative(output_)))
-                foreign.insert(entry.path().string());
-        if (!foreign.empty())
-            throw InputError(text("output '", output_, "' holds '", *foreign.begin(),
-                                  "', which is no part of a tile store; --overwrite replaces nothing else"));
-    }
+    if (!fs::exists(status)) return;
+    const bool replaceable = is_tile_store(output_) || (fs::is_directory(status) && fs::is_empty(output_, error));
+    if (!overwrite)
+        throw InputError(text("output '", output_, "' exists",
+                              replaceable ? "; add --overwrite" : " and is no tile store; accepted: a new name"));
+    if (!replaceable)
+        throw InputError(text("output '", output_, "' is no tile store; --overwrite replaces nothing else"));
+    const auto all = entries<fs::recursive_directory_iterator>(output_, error);
+    if (error)
+        throw IoError(text("output '", output_, "' cannot be looked through, as --overwrite needs: ", error.message()));
+    std::set<std::string> foreign;
+    for (const fs::directory_entry& entry : all)
+        if (!fs::is_directory(entry.symlink_status(error)) && !is_stores_own(entry.path().lexically_relative(output_)))
+            foreign.insert(entry.path().string());
+    if (!foreign.empty())
+        throw InputError(text("output '", output_, "' holds '", *foreign.begin(),
+                              "', which is no part of a tile store; --overwrite replaces nothing else"));
+}
+
+void UnfinishedStore::check(bool overwrite, bool resume) const {
+    if (output_.empty()) throw InputError("output has an empty name; accepted: the path of a folder");
+    check_output(overwrite);
+    std::error_code error;
     const std::string parent = fs::path(output_).parent_path().string();
     if (!parent.empty() && !fs::is_directory(parent, error))
         throw IoError(text("output '", output_, "': there is no folder '", parent, "'"));
@@ -230,12 +235,16 @@ void UnfinishedStore::replace_output() {
     if (error) stays(old);
 }
 
-void UnfinishedStore::move_into_place() {
-    std::error_code error;
-    if (fs::exists(fs::symlink_status(output_, error)))
+void UnfinishedStore::move_into_place(bool overwrite) {
+    // What came to stand there since the run began is looked at as what stood there before.
+    const int number = rename_new(folder_, output_);
+    if (number == EEXIST) {
+        check_output(overwrite);
         replace_output();
-    else
-        rename_path(folder_, output_);
+    } else if (number != 0) {
+        throw IoError(
+            text("output '", output_, "' cannot be put in place of '", folder_, "': ", system_reason(number)));
+    }
     plan_.reset();
     const std::string parent = fs::path(output_).parent_path().string();
     sync_path(parent.empty() ? "." : parent, true);

@@ -30,11 +30,13 @@ public:
     void make_folder(const std::string& name);
     /// After an error or a stop. True if finished sheets stay, which is wished for; else nothing does.
     bool close(bool keep_sheets) noexcept;
-    /// To the output's name, in place of a store that stands there, at once where the system can do that. IoError; the earlier
-    /// store then stands there still, or the new one does and the message says what is left of the earlier.
-    void move_into_place();
+    /// To the output's name, in place of a store that stands there, at once where the system can do that. InputError where by
+    /// now something stands there that may not be replaced. IoError; the earlier store then stands there still, or the new one
+    /// does and the message says what is left of the earlier.
+    void move_into_place(bool overwrite);
 
 private:
+    void check_output(bool overwrite) const;
     void lock_plan();
     void remove_all_but_plan() const;
     bool remove_folder() const noexcept;

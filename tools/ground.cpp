@@ -17,7 +17,7 @@ std::optional<Window> posts_for_levels(const Settings& settings, WedgeSource& so
     const DataBase& db = source.data_base();
     Scene scene = settings.scene;
     constexpr double any_range_m = 1e5;
-    if (!scene.range_m) scene.range_m = std::max(any_range_m, 2 * scene.range_start_m);
+    if (!scene.range_m) scene.range_m = std::min(std::max(any_range_m, 2 * scene.range_start_m), Scene::most_range_m);
     try {
         const ResolvedScene resolved = resolve(scene, source);
         if (!detail_possible(resolved, db)) return std::nullopt;

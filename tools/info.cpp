@@ -322,7 +322,8 @@ std::string source_text(const SourceChoice& choice) {
 
 void check_one_place(const Settings& settings) {
     if (!settings.track.empty())
-        throw InputError("track is given; info looks at one place (give latlon or xy, and an altitude)");
+        throw InputError(
+            "track is given; info looks at one place (give that of one of its rows: latlon or xy, and an altitude)");
 }
 
 SceneFacts scene_facts(const std::string& path, const Stop& stop) {

@@ -140,7 +140,7 @@ void add_look(Table& t) {
         .help_elsewhere = {{command_coverage, "largest slant range; auto: no limit"}};
     t.add("range-start",
           quantity(
-              length, between("0m", "10000km"), [](auto& s) -> auto& { return s.scene.range_start_m; }),
+              length, between("0m", "9999km"), [](auto& s) -> auto& { return s.scene.range_start_m; }),
           "0m", "smallest slant range");
     t.add("geometry",
           choice<std::optional<Geometry>>(

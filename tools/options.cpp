@@ -282,7 +282,7 @@ const std::vector<CommandInfo>& command_table() {
          "For a raster: grid, CRS, heights, voids; with --culture-legend also its codes, how often each occurs, and "
          "their materials. For a tile store: its layers, and with --verify whether all of it is as it was written. For "
          "a scene file: where the sensor is, what is swept, sizes and memory. With --plan, which takes every option of "
-         "simulate: what a run would do, without running.",
+         "simulate, but for a track: what a run would do at one place, without running.",
          "wedgescope info --culture-legend fbfm40 culture.tif"},
         {command_tile, "tile", "wedgescope tile [options] RASTER... FOLDER",
          "terrain rasters, culture -> a tile store that --dem takes",

@@ -47,9 +47,11 @@ NamedColumn named_column(std::string_view header, std::span<const TableColumn> k
     column.unit = column.known->unit;
     if (open == std::string_view::npos) return column;
     const auto close = round ? header.size() - 1 : header.find(']', open);
-    column.whole = close == header.size() - 1;
+    // A shapefile cuts names to ten letters, and with them what closes the brackets.
+    const bool cut = !round && close == std::string_view::npos && header.size() == 10;
+    column.whole = cut || close == header.size() - 1;
     column.unit =
-        std::string(trimmed(header.substr(open + 1, column.whole ? close - open - 1 : std::string_view::npos)));
+        std::string(trimmed(header.substr(open + 1, column.whole && !cut ? close - open - 1 : std::string_view::npos)));
     if (*column.known->unit == 0) {
         column.whole &= column.unit == (column.known->degrees ? "deg" : "");
         column.unit.clear();
