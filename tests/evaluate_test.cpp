@@ -877,6 +877,8 @@ TEST_CASE("what is wrong with a table is named by file, line and column", "[eval
     const std::string head = "hs [m],h [m],s [km]\n";
     CHECK_THAT(refused(""),
                Contains("is empty; accepted: a line that names the columns hs [m], h [m], s [m], k (may be left out)"));
+    CHECK_THAT(refused("hs [m];h [m];s [km]\n"),
+               Contains("line 1: names of columns are separated by ';'; accepted: ','"));
     CHECK_THAT(refused("# hs\nhs [m],Label,s [km]\n1,2,3\n"),
                Contains("line 2: no column is h; found 'hs [m]', 'Label', 's [km]'; accepted: hs [m], h [m]") &&
                    Contains("or h=VALUE behind the model for all rows"));

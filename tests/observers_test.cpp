@@ -436,14 +436,16 @@ TEST_CASE("observers come in any vector file, in any CRS, or in a table", "[obse
                                             "-117.33,33.88, \"b, c\" ,,60\n-117.31,33.9,\" \",5\",60\n";
     check(folder / "inches.csv");
     // A pipe is a table whatever its name: it can be read but once.
-    const Ended piped =
-        run_program({"/bin/sh", "-c",
-                     "cat '" + (folder / "track.csv") + "' | '" + program + "' coverage -q --overwrite '" + dem +
-                         "' '" + out + "' --observers /dev/stdin"},
-                    folder / "log");
-    INFO(piped.err);
-    CHECK(piped.code == 0);
-    check_counts(sum, RasterBand(out));
+    for (const char* const name : {"/dev/stdin", "-"}) {
+        const Ended piped =
+            run_program({"/bin/sh", "-c",
+                         "cat '" + (folder / "track.csv") + "' | '" + program + "' coverage -q --overwrite '" + dem +
+                             "' '" + out + "' --observers " + name},
+                        folder / "log");
+        INFO(piped.err);
+        CHECK(piped.code == 0);
+        check_counts(sum, RasterBand(out));
+    }
     // Another CRS, turned into latitude and longitude by PROJ; a layer of several.
     write_points(folder / "two.gpkg", "GPKG", "EPSG:4269",
                  {{"POINT (-117.352 33.905)", {{"height", "30.48"}}},

@@ -468,7 +468,8 @@ TEST_CASE("a wedge comes back as it was kept, from its own scene and data only",
     key = wedge.key;
     key.azimuth_bins = {6, 8};
     CHECK_FALSE(work.find(key, std::span(other.echo).first(10), std::span(other.state).first(10)));
-    CHECK_THAT(work.remarks()[0], Contains("wedge_000002.bin") && Contains("another wedge"));
+    REQUIRE(work.remarks().size() == 2);
+    CHECK_THAT(work.remarks()[1], Contains(path) && Contains("hold other wedges") && Contains("done again: wedge 2"));
 }
 
 TEST_CASE("damage of any byte of a wedge file is named, and the wedge not used", "[resume]") {
@@ -841,6 +842,16 @@ TEST_CASE("another scene is refused, an edited data base and a damaged wedge are
     REQUIRE(outcome.code == 0);
     CHECK_THAT(outcome.err, Contains("work/wedge_000007.bin' is damaged") && Contains("reused 11 of 12"));
     CHECK_FALSE(report(folder)["wedges"][7]["reused"].get<bool>());
+    CHECK(Images(folder) == straight);
+    // Of a run whose split is lost the files are not damaged, whatever they hold.
+    fs::remove(folder / "work/run.json");
+    Strings fewer = scene;
+    *std::next(std::find(fewer.begin(), fewer.end(), "--wedges")) = "9";
+    outcome = program.run(fewer + outputs + resume);
+    REQUIRE(outcome.code == 0);
+    CHECK_THAT(outcome.err,
+               Contains("work' hold other wedges than 'run.json' says; done again: wedges 0, 1, 2, 3, 4, 5, 6, 7, 8") &&
+                   !Contains("damaged"));
     CHECK(Images(folder) == straight);
     // --overwrite without --resume starts over.
     CHECK(program.run(scene + outputs + work).code == 0);

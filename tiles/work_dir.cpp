@@ -392,8 +392,11 @@ std::optional<WedgeOutcome> WorkDir::find(const WedgeKey& key, std::span<float> 
         return std::nullopt;
     }
     const Header want = header_of(scene_, key, {});
-    if (!std::equal(h.begin() + at_index, h.begin() + at_has_unknown, want.begin() + at_index))
-        return damaged("it holds another wedge");
+    if (!std::equal(h.begin() + at_index, h.begin() + at_has_unknown, want.begin() + at_index)) {
+        const std::lock_guard lock(mutex_);
+        others_.push_back(key.index);
+        return std::nullopt;
+    }
     std::uint64_t sum = 0;
     char beyond = 0;
     if (!reads(echo_w.data(), echo_w.size_bytes()) || !reads(state.data(), state.size()) || !reads(&sum, sizeof sum))
@@ -448,6 +451,9 @@ std::vector<std::string> WorkDir::remarks() const {
     if (!changed_.empty())
         lines.push_back(text("the data base changed since; done again: ", changed_.size() == 1 ? "wedge " : "wedges ",
                              listed(changed_)));
+    if (!others_.empty())
+        lines.push_back(text("files of '", path_, "' hold other wedges than '", run_name,
+                             "' says; done again: ", others_.size() == 1 ? "wedge " : "wedges ", listed(others_)));
     return lines;
 }
 

@@ -73,7 +73,7 @@ private:
     std::vector<Interval> split_;
     mutable std::mutex mutex_;
     std::vector<std::string> damaged_;
-    std::vector<std::int64_t> changed_;
+    std::vector<std::int64_t> changed_, others_;  ///< wedges whose files are of other data, and hold other wedges
     std::string started_over_;
 };
 

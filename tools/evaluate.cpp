@@ -329,6 +329,7 @@ private:
         if (!rows_.next())
             throw InputError(
                 text(rows_.subject(), " is empty; accepted: a line that names the columns ", columns_accepted()));
+        refuse_other_separators(rows_);
         const auto& cells = rows_.cells();
         cell_count_ = cells.size();
         header_ = rows_.row();

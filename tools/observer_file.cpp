@@ -126,7 +126,7 @@ Observers finish(const std::string& path, const std::string& subject, bool is_ta
 }
 
 Observers read_table(const std::string& path, bool altitude_given, const Stop& stop) {
-    const std::string subject = text("observers ", in_quotes(path));
+    const std::string subject = path == "-" ? "observers on standard input" : text("observers ", in_quotes(path));
     TableStream file(path, subject, stop);
     TableReader table(subject, file, names, accepted_columns, true);
     table.read_header();
@@ -243,7 +243,7 @@ Observers read_observers(const std::string& path, const std::string& layer, bool
     std::error_code ignored;
     const std::filesystem::file_status file = std::filesystem::status(path, ignored);
     // A pipe has no name that says what it holds, and GDAL, which opens files more than once, would wait for it for ever.
-    const bool is_table = is_pipe(file) || (ending == ".csv" && std::filesystem::is_regular_file(file));
+    const bool is_table = path == "-" || is_pipe(file) || (ending == ".csv" && std::filesystem::is_regular_file(file));
     if (!is_table) return read_points(path, layer, altitude_given, data_base);
     if (!layer.empty())
         throw InputError(text("observers-layer is ", in_quotes(layer), ", and observers ", in_quotes(path),

@@ -125,15 +125,19 @@ std::optional<std::size_t> TableReader::column_of(int field) const {
     return std::nullopt;
 }
 
+void refuse_other_separators(const TableRows& header) {
+    if (header.cells().size() != 1) return;
+    const std::string_view all = header.cells()[0];
+    if (const auto at = all.find_first_of(";\t|"); at != std::string_view::npos)
+        throw InputError(text(header.subject(), ", line ", header.line(), ": names of columns are separated by ",
+                              all[at] == '\t' ? "a tab" : text("'", all[at], "'"), "; accepted: ','"));
+}
+
 void TableReader::read_header() {
     if (!rows_.next())
         throw InputError(text(rows_.subject(), " is empty; accepted: a line that names the columns ", accepted_));
     header_line_ = rows_.line();
-    if (rows_.cells().size() == 1)
-        if (const auto at = rows_.cells()[0].find_first_of(";\t|"); at != std::string_view::npos)
-            throw InputError(text(rows_.subject(), ", line ", header_line_, ": names of columns are separated by ",
-                                  rows_.cells()[0][at] == '\t' ? "a tab" : text("'", rows_.cells()[0][at], "'"),
-                                  "; accepted: ','"));
+    refuse_other_separators(rows_);
     for (const std::string_view cell : rows_.cells()) {
         NamedColumn column = named_column(cell, known_);
         const std::string at = text(rows_.subject(), ", line ", rows_.line(), ": column ", columns_.size() + 1);

@@ -59,6 +59,9 @@ private:
     std::vector<std::string_view> cells_;
 };
 
+/// InputError where the line that names the columns is one cell by commas and more by other signs.
+void refuse_other_separators(const TableRows& header);
+
 class TableReader {
 public:
     /// `subject`: for messages ("track 'x.csv'"); `accepted`: all columns in words; `others`: columns of other names are left
