@@ -269,8 +269,8 @@ void add_coverage(Table& t) {
             Key& observers = t.add(
                 "observers", path([](auto& s) -> auto& { return s.observers; }), "",
                 "many sensors instead of one: the points of a vector file, or of a CSV table (a track and a pipe are "
-                "one), with "
-                "fields height (above ground) or altitude (above the sea), range, heading where the options do not say "
+                "one; - is standard input), with fields height (above ground) or altitude (above the sea), range, "
+                "heading where the options do not say "
                 "it for all; OUT holds how many of them see each post, 65535 where there is no data");
             coverage_only(observers);
             observers.exclusive = Exclusive::place;
