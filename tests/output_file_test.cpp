@@ -237,6 +237,10 @@ TEST_CASE("an output is refused before any work if it cannot or must not be writ
     put(folder / "late.txt", "theirs");
     CHECK_THROWS_AS(file.commit(), InputError);
     CHECK(get(folder / "late.txt") == "theirs");
+    // Somebody tidied up.
+    OutputFile gone(folder / "gone.txt", false);
+    std::filesystem::remove_all(std::filesystem::path(gone.temporary_path()).parent_path());
+    CHECK_THROWS_AS(gone.commit(), IoError);
     // What standard output and the like lead to is not replaced, nor is the link.
     std::filesystem::create_symlink("/proc/self/fd/1", folder / "stdout");
     std::filesystem::create_symlink("stdout", folder / "link");

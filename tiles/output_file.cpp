@@ -157,7 +157,12 @@ void OutputFile::remove_folder() noexcept {
 
 std::vector<std::string> OutputFile::written() const {
     std::vector<std::string> names;
-    for (const auto& entry : fs::directory_iterator(folder_)) names.push_back(entry.path().filename().string());
+    std::error_code error;
+    for (fs::directory_iterator entry(folder_, error), end; !error && entry != end; entry.increment(error))
+        names.push_back(entry->path().filename().string());
+    if (error)
+        throw IoError(
+            text("output '", final_path_, "': what was written for it to '", folder_, "' is gone: ", error.message()));
     // The file itself last: who sees the name sees everything.
     const std::string own = fs::path(final_path_).filename().string();
     std::sort(names.begin(), names.end(), [&](const std::string& a, const std::string& b) {
@@ -177,7 +182,9 @@ void OutputFile::commit(const std::vector<OutputFile*>& files) {
         const fs::path parent = fs::path(file->final_path_).parent_path();
         for (const std::string& name : file->written()) {
             const std::string from = (fs::path(file->folder_) / name).string(), to = (parent / name).string();
-            const std::string key = fs::weakly_canonical(fs::absolute(to)).string();
+            std::error_code error;
+            const fs::path whole = fs::weakly_canonical(fs::absolute(to, error), error);
+            const std::string key = error ? to : whole.string();
             const auto [other, fresh] = targets.emplace(key, file);
             if (!fresh)
                 throw InputError(text("outputs '", other->second->final_path_, "' and '", file->final_path_,

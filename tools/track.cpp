@@ -9,6 +9,7 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <new>
 #include <set>
 
 #include "lib/plan.hpp"
@@ -354,6 +355,8 @@ private:
             throw DataError(e.what() + more);
         } catch (const IoError& e) {
             throw IoError(e.what() + more);
+        } catch (const std::bad_alloc&) {
+            throw IoError("out of memory" + more);
         }
     }
 
