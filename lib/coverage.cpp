@@ -14,15 +14,6 @@
 
 namespace wedgescope {
 
-void covering::Cover::require_room() const {
-    const std::size_t cache = source_.cache_bytes(), own = fixed_bytes(1) + desk_bytes();
-    if (own + cache <= params_.memory_bytes) return;
-    // A guess: the source's cache grows with the budget.
-    const double share = std::min(0.9, static_cast<double>(cache) / static_cast<double>(params_.memory_bytes));
-    throw TooLittleMemory(params_.memory_bytes, static_cast<std::size_t>(static_cast<double>(own) / (1 - share)),
-                          "this coverage");
-}
-
 CoverageReport covering::Cover::run() {
     const auto start = std::chrono::steady_clock::now();
     CoverageReport report;
@@ -119,9 +110,14 @@ void check_knots(const Cover& work, const WedgeSource& source) {
                          most_off, "); give a smaller range, or resample it to finer posts"));
 }
 
-void check(const Cover& work, const WedgeSource& source) {
+void check(const Cover& work, const WedgeSource& source, const CoverageParams& params) {
     check_knots(work, source);
-    work.require_room();
+    const std::size_t cache = source.cache_bytes(), own = work.fixed_bytes(1) + work.desk_bytes();
+    if (own + cache <= params.memory_bytes) return;
+    // A guess: the source's cache grows with the budget.
+    const double share = std::min(0.9, static_cast<double>(cache) / static_cast<double>(params.memory_bytes));
+    throw TooLittleMemory(params.memory_bytes, static_cast<std::size_t>(static_cast<double>(own) / (1 - share)),
+                          "this coverage");
 }
 
 }  // namespace
@@ -135,7 +131,7 @@ std::size_t coverage_bytes(const ResolvedScene& scene, WedgeSource& source, cons
 
 void check_coverage(const ResolvedScene& scene, WedgeSource& source, const CoverageParams& params) {
     SceneSource own(source, scene.scene);
-    check(Cover(scene, *own, params, nullptr), *own);
+    check(Cover(scene, *own, params, nullptr), *own, params);
 }
 
 CoverageReport cover(const ResolvedScene& scene, WedgeSource& given, const CoverageParams& params,
@@ -143,7 +139,7 @@ CoverageReport cover(const ResolvedScene& scene, WedgeSource& given, const Cover
     SceneSource own(given, scene.scene);
     WedgeSource& source = *own;
     Cover work(scene, source, params, &write);
-    check(work, source);
+    check(work, source, params);
     if (params.beside_others) return work.run();
     const std::uint64_t data = params.data ? *params.data : source.fingerprint({});
     CoverageReport report = work.run();

@@ -218,12 +218,9 @@ public:
         hides_ = params.cull && bytes_ && !params.elevation && !(scene.scene.range_start_m > 0);
         narrows_ = hides_ && !with_posts_ && !voids_ && !sampling_.cross_lines;
         for (Quadrant q : all_quadrants) set_up(q);
-        const Window all{{0, db_.columns}, {0, db_.rows}};
-        if (!params.reached_only) reached_ = all;
-        if (fixed_bytes(1) > params.memory_bytes) require_room();  // before a word is made of each column
-        if (!write && !params.reached_only) return;                // what it would hold is known
+        reached_ = {{0, db_.columns}, {0, db_.rows}};
+        if (!write && !params.reached_only) return;  // what it would hold is known without a word for each column
         own_east_west();
-        reached_ = all;
         if (params.reached_only) leave_unreached();
         for (Quadrant q : {Quadrant::south, Quadrant::north}) set_rows(q);
         // Most ground is hidden mostly, and what tiles begin as need not be painted.
@@ -260,9 +257,6 @@ public:
         return posts * (3 * sizeof(float) + (bytes_ ? 1 : sizeof(float))) + classes + (std::size_t{1} << 20);
     }
     std::size_t desk_bytes() const { return own_desk_bytes() + source_.reader_bytes(); }
-
-    /// TooLittleMemory where not even one strip and one thread have theirs.
-    void require_room() const;
 
     CoverageReport run();
 

@@ -448,12 +448,12 @@ std::vector<std::string> WorkDir::remarks() const {
     std::vector<std::string> lines;
     if (!started_over_.empty()) lines.push_back(started_over_);
     lines.insert(lines.end(), damaged_.begin(), damaged_.end());
-    if (!changed_.empty())
-        lines.push_back(text("the data base changed since; done again: ", changed_.size() == 1 ? "wedge " : "wedges ",
-                             listed(changed_)));
-    if (!others_.empty())
-        lines.push_back(text("files of '", path_, "' hold other wedges than '", run_name,
-                             "' says; done again: ", others_.size() == 1 ? "wedge " : "wedges ", listed(others_)));
+    const auto again = [&](const std::vector<std::int64_t>& wedges, const std::string& why) {
+        if (!wedges.empty())
+            lines.push_back(text(why, "; done again: ", wedges.size() == 1 ? "wedge " : "wedges ", listed(wedges)));
+    };
+    again(changed_, "the data base changed since");
+    again(others_, text("files of '", path_, "' hold other wedges than '", run_name, "' says"));
     return lines;
 }
 
