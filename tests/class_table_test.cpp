@@ -8,11 +8,11 @@
 #include <cmath>
 #include <filesystem>
 #include <fstream>
-#include <nlohmann/json.hpp>
 
 #include "lib/material.hpp"
 #include "tests/drawn_raster.hpp"
 #include "tests/file_content.hpp"
+#include "tests/json.hpp"
 #include "tests/program.hpp"
 #include "tests/words.hpp"
 
@@ -28,6 +28,7 @@ using Strings = std::vector<std::string>;
 namespace {
 
 using wedgescope::test::content;
+using wedgescope::test::json_in;
 using wedgescope::test::with;
 
 const std::string data = WEDGESCOPE_DATA;
@@ -192,7 +193,7 @@ TEST_CASE("a raster's own attribute table is a legend", "[class-table]") {
         const Ended ended = wedgescope::test::wait_for(child, program / "err");
         INFO(ended.err);
         REQUIRE(ended.code == 0);
-        return nlohmann::json::parse(content(out))["files"][0];
+        return json_in(out)["files"][0];
     };
     const std::string by_usage = raster("usage.tif", [&](auto& t) {
         named(t, "Code", GFU_MinMax, "Cover", GFU_Name, {"Water", "grass", "", "METAL"});

@@ -7,12 +7,12 @@
 #include <filesystem>
 #include <fstream>
 #include <map>
-#include <nlohmann/json.hpp>
 #include <set>
 #include <string>
 #include <vector>
 
 #include "tests/cli.hpp"
+#include "tests/json.hpp"
 
 using namespace wedgescope::test;
 using namespace wedgescope::test::cli;
@@ -30,7 +30,7 @@ TEST_CASE("a scene file works from any folder", "[cli][long]") {
     CHECK(fs::exists(folder.file("scenes/lake.png")));
     const Outcome info = folder.run({"info", "scenes/lake.ini", "--json"});
     REQUIRE(info.code == 0);
-    const auto json = nlohmann::json::parse(info.out);
+    const auto json = json_of(info.out);
     CHECK(json["files"][0]["kind"] == "scene");
     CHECK(json["files"][0]["scene"]["resolved"]["nadir_on_data"] == true);
     CHECK_THAT(folder.run({"info", "scenes/lake.ini"}).out, Contains("1000.0 m above the terrain"));
@@ -66,7 +66,7 @@ TEST_CASE("a radar set comes with the program, wherever that lies, and makes wha
     CHECK((scene("mine.ini", "a2") == shipped));
     CHECK((scene("x-navigation", "x") != shipped));
     CHECK((scene("ku-mapping", "k") != shipped));
-    const auto report = [&](const char* name) { return nlohmann::json::parse(content(folder.file(name))); };
+    const auto report = [&](const char* name) { return json_in(folder.file(name)); };
     CHECK(report("a.json")["scene"]["set"] == "f111a");
     CHECK(report("a.json")["scene"]["antenna-knee"] == "3deg");
     CHECK(report("a.json")["scene"]["pulse"] == "1.2us");
@@ -90,7 +90,7 @@ TEST_CASE("an antenna's file is an input as any other, and its points belong to 
     INFO(first.err);
     REQUIRE(first.code == 0);
     const std::string power = content(folder.file("a.tif"));
-    const auto report = nlohmann::json::parse(content(folder.file("a.json")));
+    const auto report = json_in(folder.file("a.json"));
     CHECK(report["scene"]["antenna"] == "points:-10,-40;-3,-3;3,0;70,-32.5");
     CHECK(std::any_of(report["inputs"].begin(), report["inputs"].end(),
                       [](const auto& input) { return input["key"] == "antenna"; }));
@@ -101,7 +101,7 @@ TEST_CASE("an antenna's file is an input as any other, and its points belong to 
     INFO(again.err);
     CHECK(again.code == 0);
     CHECK((content(folder.file("a.tif")) == power));
-    CHECK(nlohmann::json::parse(content(folder.file("a.json")))["reused"] == report["wedges"].size());
+    CHECK(json_in(folder.file("a.json"))["reused"] == report["wedges"].size());
     folder.write("dish.csv", "-10,-40\n-3,-3\n3,0\n70,-32.4\n");
     refuses(folder, with(scene, {"--work-dir", "work", "--resume", "--power", "c.tif"}), 2,
             {"work-dir 'work' holds another scene", "antenna", "points of checksum"});
@@ -111,7 +111,7 @@ TEST_CASE("info counts voids and codes", "[cli][long]") {
     const Folder folder;
     const Outcome terrain = folder.run({"info", "--json", data + "/worcester_vermont_dem.tif"});
     REQUIRE(terrain.code == 0);
-    const auto facts = nlohmann::json::parse(terrain.out)["files"][0];
+    const auto facts = json_of(terrain.out)["files"][0];
     CHECK(facts["columns"] == 549);
     CHECK(facts["rows"] == 613);
     CHECK(facts["lowest"] == 201);
@@ -120,7 +120,7 @@ TEST_CASE("info counts voids and codes", "[cli][long]") {
     const Outcome culture =
         folder.run({"info", "--json", "--culture-legend", "nlcd", data + "/lake_sunapee_culture.tif"});
     REQUIRE(culture.code == 0);
-    CHECK(nlohmann::json::parse(culture.out)["files"][0]["unknown_cells"] == 0);
+    CHECK(json_of(culture.out)["files"][0]["unknown_cells"] == 0);
     const Outcome wrong = folder.run({"info", "--culture-legend", "fbfm40", data + "/lake_sunapee_culture.tif"});
     CHECK(wrong.code == 0);
     CHECK_THAT(wrong.out, Contains("15 codes, 107 858 cells"));
@@ -143,13 +143,13 @@ TEST_CASE("info tells of a polar raster's bins", "[cli]") {
     CHECK_THAT(page.out, Contains("0 cells (0 %)"));
     CHECK_THAT(page.out, Contains(", unit W\n"));
     CHECK_THAT(page.out, !Contains("corner") && !Contains("CRS"));
-    const auto polar = nlohmann::json::parse(folder.run({"info", "--json", "power.tif"}).out)["files"][0]["polar"];
+    const auto polar = json_of(folder.run({"info", "--json", "power.tif"}).out)["files"][0]["polar"];
     CHECK(polar == nlohmann::json{{"azimuth_start_deg", 60.0},
                                   {"azimuth_step_deg", 0.5},
                                   {"range_start_m", 0.0},
                                   {"range_step_m", 50.0},
                                   {"range_kind", "slant"}});
-    CHECK_FALSE(nlohmann::json::parse(folder.run({"info", "--json", dem}).out)["files"][0].contains("polar"));
+    CHECK_FALSE(json_of(folder.run({"info", "--json", dem}).out)["files"][0].contains("polar"));
 }
 
 TEST_CASE("info says that a legend is not for a scene", "[cli]") {
@@ -319,7 +319,7 @@ TEST_CASE("a kept ground map is used as long as it fits, and changes no byte", "
     CHECK(content(folder.file("plain.tif")) == content(folder.file("kept.tif")));
     CHECK(content(folder.file("plain.tif")) == content(folder.file("again.tif")));
     // What stays hidden is known without reading it.
-    const auto report = nlohmann::json::parse(content(folder.file("again.json")));
+    const auto report = json_in(folder.file("again.json"));
     CHECK(report.at("skipped").at("hidden").at("tiles").get<int>() > 0);
     REQUIRE(folder.run(with(scene, {"-o", "p_kept.png"})).code == 0);
     CHECK(content(folder.file("p_plain.png")) == content(folder.file("p_kept.png")));

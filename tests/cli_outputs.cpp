@@ -6,7 +6,6 @@
 #include <fstream>
 #include <limits>
 #include <map>
-#include <nlohmann/json.hpp>
 #include <sstream>
 #include <string>
 #include <tuple>
@@ -14,6 +13,7 @@
 #include <vector>
 
 #include "tests/cli.hpp"
+#include "tests/json.hpp"
 
 using namespace wedgescope::test;
 using namespace wedgescope::test::cli;
@@ -89,7 +89,7 @@ TEST_CASE("coverage writes a mask on the raster's own grid, and every layer", "[
     CHECK(outcome.out.empty());
     CHECK_THAT(outcome.err,
                Contains("Mposts/s") && Contains("% of those in range") && Contains("quadrant") && !Contains("TBB"));
-    const auto report = nlohmann::json::parse(content(folder.file("seen.json")));
+    const auto report = json_in(folder.file("seen.json"));
     std::uint64_t posts = 0;
     for (const auto& [name, count] : report["states"].items()) posts += count.get<std::uint64_t>();
     CHECK(posts == 1600 * 1600);
@@ -105,7 +105,7 @@ TEST_CASE("coverage writes a mask on the raster's own grid, and every layer", "[
     CHECK(report["total"]["posts_read"] == read);
     CHECK(read + passed >= 1600 * 1600);
     std::map<std::string, std::uint64_t> spans;
-    const auto timeline = nlohmann::json::parse(content(folder.file("time.json")));
+    const auto timeline = json_in(folder.file("time.json"));
     for (const auto& event : timeline["traceEvents"])
         if (event["ph"] == "X") ++spans[event["name"]];
     CHECK(spans["run"] == report["total"]["runs"]);
@@ -175,7 +175,7 @@ TEST_CASE("ground is the response of coverage, from any source, and refused by n
         folder.run(with(scene, {"-o", "spilled.png", "--ground", "spilled.tif", "--source", "spilled"}));
     INFO(spilled.err);
     REQUIRE(spilled.code == 0);
-    CHECK(nlohmann::json::parse(content(folder.file("report.json")))["source"]["kind"] == "spilled");
+    CHECK(json_in(folder.file("report.json"))["source"]["kind"] == "spilled");
     REQUIRE(
         folder.run(with(with(with({"coverage", dem, "alone.tif", "--layer", "response"}, place), radar), {})).code ==
         0);
@@ -359,7 +359,7 @@ TEST_CASE("all outputs of one run appear, and the report describes them", "[cli]
     for (const char* name : {"scope.png", "echo.tif", "power.tif", "states.tif", "report.json"})
         CHECK(folder.names().contains(name));
     for (const auto& name : folder.names()) CHECK_THAT(name, !Contains("tmp"));
-    const auto report = nlohmann::json::parse(content(folder.file("report.json")));
+    const auto report = json_in(folder.file("report.json"));
     CHECK(report["format"] == "wedgescope-report-1");
     CHECK(report["wedges"].size() >= 3);
     CHECK(report["threads"] == 2);

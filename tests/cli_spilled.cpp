@@ -7,7 +7,6 @@
 #include <cstdint>
 #include <filesystem>
 #include <map>
-#include <nlohmann/json.hpp>
 #include <set>
 #include <string>
 #include <tuple>
@@ -15,6 +14,7 @@
 #include <vector>
 
 #include "tests/cli.hpp"
+#include "tests/json.hpp"
 
 using namespace wedgescope::test;
 using namespace wedgescope::test::cli;
@@ -34,7 +34,7 @@ TEST_CASE("the spilled source writes the same files as the direct one, and info 
         REQUIRE(outcome.code == 0);
         CHECK(content(folder.work() / "echo.tif") == echo);
         CHECK(content(folder.work() / "states.tif") == states);
-        const auto report = nlohmann::json::parse(content(folder.work() / "run.json"));
+        const auto report = json_in(folder.work() / "run.json");
         CHECK(report["source"]["kind"] == "spilled");
         CHECK(report["source"]["partition_bytes"] > 0);
         CHECK(fs::is_empty(folder.work() / "spill"));
@@ -49,7 +49,7 @@ TEST_CASE("the spilled source writes the same files as the direct one, and info 
                           {"--source", "spilled", "--memory", "64MiB", "--temp-dir", "spill", "--report", "run.json"}))
                 .code == 0);
     CHECK((content(folder.work() / "seen.tif") == seen));
-    const auto covered = nlohmann::json::parse(content(folder.work() / "run.json"));
+    const auto covered = json_in(folder.work() / "run.json");
     CHECK(covered["source"]["kind"] == "spilled");
     CHECK(covered["source"]["partition_bytes"] > 0);
     CHECK(fs::is_empty(folder.work() / "spill"));
@@ -58,8 +58,7 @@ TEST_CASE("the spilled source writes the same files as the direct one, and info 
     folder.write("b.ini", scene + "source = spilled\n");
     CHECK_THAT(folder.run({"info", "a.ini"}).out, Contains("direct: ") && Contains("fit into the cache"));
     CHECK_THAT(folder.run({"info", "b.ini"}).out, Contains("spilled: as asked for"));
-    CHECK(nlohmann::json::parse(folder.run({"info", "--json", "b.ini"}).out)["files"][0]["source"]["kind"] ==
-          "spilled");
+    CHECK(json_of(folder.run({"info", "--json", "b.ini"}).out)["files"][0]["source"]["kind"] == "spilled");
 }
 
 TEST_CASE("a plan of a spilled run foretells what the run reads, spills and holds", "[cli][long]") {
@@ -90,7 +89,7 @@ TEST_CASE("a plan of a spilled run foretells what the run reads, spills and hold
     const Outcome planned = folder.run(with({"info", "--plan", "--json"}, scene));
     INFO(planned.err);
     REQUIRE(planned.code == 0);
-    const auto plan = nlohmann::json::parse(planned.out);
+    const auto plan = json_of(planned.out);
     CHECK(plan["source"]["kind"] == "spilled");
     CHECK_FALSE(plan["likely_cpu_s"] < 0.01);
     CHECK(plan["temporary_disk_bytes"] == plan["bytes_spilled"]);
@@ -105,7 +104,7 @@ TEST_CASE("a plan of a spilled run foretells what the run reads, spills and hold
     const Outcome outcome = folder.run(with({"simulate"}, with(scene, {"--echo", "echo.tif", "--report", "run.json"})));
     INFO(outcome.err);
     REQUIRE(outcome.code == 0);
-    const auto report = nlohmann::json::parse(content(folder.work() / "run.json"));
+    const auto report = json_in(folder.work() / "run.json");
     const auto near = [](double value, double truth) { return std::abs(value - truth) <= 0.2 * truth; };
     for (const char* what : {"posts", "bytes_read", "peak_bytes", "partition_bytes", "bytes_spilled"}) {
         CAPTURE(what, report["plan"][what].dump());
@@ -123,7 +122,7 @@ TEST_CASE("a plan of a spilled run foretells what the run reads, spills and hold
     // A direct run spills nothing.
     Strings direct = scene;
     direct[16] = "direct";
-    const auto none = nlohmann::json::parse(folder.run(with({"info", "--plan", "--json"}, direct)).out);
+    const auto none = json_of(folder.run(with({"info", "--plan", "--json"}, direct)).out);
     CHECK(none["source"]["kind"] == "direct");
     CHECK(none["bytes_spilled"] == 0);
     CHECK(none["partition_bytes"] == 0);
@@ -138,7 +137,7 @@ TEST_CASE("a plan over culture foretells what the run reads of its tiles, each o
         const Outcome outcome = folder.run(with(scene, {"--overwrite", "--echo", "echo.tif", "--report", "run.json"}));
         INFO(outcome.err);
         REQUIRE(outcome.code == 0);
-        const auto read = nlohmann::json::parse(content(folder.work() / "run.json"))["plan"]["bytes_read"];
+        const auto read = json_in(folder.work() / "run.json")["plan"]["bytes_read"];
         CAPTURE(legend, read.dump());
         // Bins in doubt read again what they need of it.
         CHECK(read["planned"].get<double>() == Approx(read["actual"].get<double>()).epsilon(0.01));
@@ -166,7 +165,7 @@ TEST_CASE("a run whose blocks pack smaller than foretold is split as it was fore
         const Outcome planned = folder.run(with({"info", "--plan", "--json"}, scene(memory, range_bin, wedges)));
         INFO(planned.err);
         REQUIRE(planned.code == 0);
-        const auto plan = nlohmann::json::parse(planned.out);
+        const auto plan = json_of(planned.out);
         CHECK(plan["bytes_spilled"] > 1 << 20);
         CHECK(plan["wedges"] > 1);
         const Outcome outcome = folder.run(
@@ -174,7 +173,7 @@ TEST_CASE("a run whose blocks pack smaller than foretold is split as it was fore
                  scene(memory, range_bin, wedges)));
         INFO(outcome.err);
         REQUIRE(outcome.code == 0);
-        const auto report = nlohmann::json::parse(content(folder.work() / "run.json"));
+        const auto report = json_in(folder.work() / "run.json");
         for (const char* what :
              {"wedges", "chunks", "posts", "bytes_read", "partition_bytes", "bytes_spilled", "peak_bytes"}) {
             CAPTURE(what, report["plan"][what].dump());
@@ -207,8 +206,8 @@ TEST_CASE("timeline and profile of a spilled run show its pass, its spill and it
         const Outcome outcome = folder.run(arguments);
         INFO(outcome.err);
         REQUIRE(outcome.code == 0);
-        const auto report = nlohmann::json::parse(content(folder.work() / "report.json"));
-        const auto trace = nlohmann::json::parse(content(folder.work() / "trace.json"));
+        const auto report = json_in(folder.work() / "report.json");
+        const auto trace = json_in(folder.work() / "trace.json");
 
         // All that came back came back for a wedge or quadrant, but for the few blocks that place the sensor, and those within 640
         // posts that say what stands highest around it.
@@ -294,7 +293,7 @@ TEST_CASE("a store tiled around a point serves scenes from there by its kept spi
              "echo.tif", "--states", "states.tif", "--report", "run.json", "--reproducible", "--overwrite"},
             more));
     };
-    const auto report = [&] { return nlohmann::json::parse(content(folder.work() / "run.json")); };
+    const auto report = [&] { return json_in(folder.work() / "run.json"); };
     const auto pictures = [&] {
         return std::pair(content(folder.work() / "echo.tif"), content(folder.work() / "states.tif"));
     };
@@ -302,7 +301,7 @@ TEST_CASE("a store tiled around a point serves scenes from there by its kept spi
     CHECK(report()["source"]["kind"] == "direct");
     CHECK(report()["source"]["kept"].is_null());
     const auto direct = pictures();
-    const auto layers = nlohmann::json::parse(folder.run({"info", "--json", "store"}).out)["files"][0]["layers"];
+    const auto layers = json_of(folder.run({"info", "--json", "store"}).out)["files"][0]["layers"];
     std::uint64_t posts = 0;
     for (const auto& layer : layers)
         posts += layer["columns"].get<std::uint64_t>() * layer["rows"].get<std::uint64_t>();

@@ -4,11 +4,11 @@
 #include <catch2/catch.hpp>
 
 #include <limits>
-#include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
 #include "tests/cli.hpp"
+#include "tests/json.hpp"
 
 using namespace wedgescope::test;
 using namespace wedgescope::test::cli;
@@ -59,7 +59,7 @@ TEST_CASE("coverage understands gdal_viewshed's options", "[cli][long]") {
             with({"coverage", dem, "seen.tif", "--overwrite", "--report", "seen.json"}, with(place, options)));
         INFO(outcome.err);
         REQUIRE(outcome.code == 0);
-        return nlohmann::json::parse(content(folder.file("seen.json")));
+        return json_in(folder.file("seen.json"));
     };
     const auto plain = report_of({});
     CHECK(plain["scene"]["geometry"] == "grid");

@@ -12,7 +12,6 @@
 #include <cmath>
 #include <filesystem>
 #include <map>
-#include <nlohmann/json.hpp>
 #include <numbers>
 #include <regex>
 #include <set>
@@ -20,6 +19,7 @@
 
 #include "tests/file_content.hpp"
 #include "tests/in_process.hpp"
+#include "tests/json.hpp"
 
 namespace {
 
@@ -137,7 +137,7 @@ nlohmann::json listed() {
     const Folder folder;
     const Outcome outcome = folder.run({"--list", "--json"});
     REQUIRE(outcome.code == 0);
-    return nlohmann::json::parse(outcome.out);
+    return wedgescope::test::json_of(outcome.out);
 }
 
 }  // namespace

@@ -10,13 +10,13 @@
 #include <fstream>
 #include <functional>
 #include <map>
-#include <nlohmann/json.hpp>
 #include <random>
 #include <set>
 
 #include "lib/block_map.hpp"
 #include "lib/error.hpp"
 #include "tests/drawn_raster.hpp"
+#include "tests/json.hpp"
 #include "tests/program.hpp"
 #include "tests/refusal.hpp"
 #include "tiles/gdal_session.hpp"

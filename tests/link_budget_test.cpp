@@ -5,7 +5,6 @@
 
 #include <cmath>
 #include <fstream>
-#include <nlohmann/json.hpp>
 #include <numbers>
 
 #include "lib/link_budget.hpp"
@@ -13,6 +12,7 @@
 #include "lib/rain.hpp"
 #include "tests/drawn_raster.hpp"
 #include "tests/in_process.hpp"
+#include "tests/json.hpp"
 #include "tests/terrain.hpp"
 
 using namespace wedgescope;
@@ -309,7 +309,7 @@ TEST_CASE("the budget command prints what simulate makes", "[budget]") {
     const Said said = wedgescope_says(folder, {"budget", scene, "--at", "200deg,8nmi", "--json"});
     INFO(said.ended.err);
     REQUIRE(said.ended.code == 0);
-    const auto page = nlohmann::json::parse(said.out);
+    const auto page = test::json_of(said.out);
     CHECK(page["format"] == "wedgescope-budget-1");
     CHECK_THAT(page["cell"]["azimuth_from_heading_deg"].get<double>(), WithinAbs(-160, 0.4));
     CHECK_THAT(page["cell"]["azimuth_deg"].get<double>(), WithinAbs(230, 0.4));
@@ -352,7 +352,7 @@ TEST_CASE("the budget command prints what simulate makes", "[budget]") {
         const Said by_place = wedgescope_says(folder, {"budget", scene, option, place, "--json"});
         INFO(by_place.ended.err);
         REQUIRE(by_place.ended.code == 0);
-        const auto same = nlohmann::json::parse(by_place.out);
+        const auto same = test::json_of(by_place.out);
         CHECK(same["cell"]["azimuth_bin"] == page["cell"]["azimuth_bin"]);
         CHECK_THAT(same["cell"]["slant_range_m"].get<double>(), WithinAbs(8 * 1852, 200));
     }
@@ -399,7 +399,7 @@ TEST_CASE("budget finds the bin of any azimuth", "[budget]") {
         const Said said = wedgescope_says(folder, all);
         INFO(said.ended.err);
         REQUIRE(said.ended.code == 0);
-        return nlohmann::json::parse(said.out)["cell"]["azimuth_bin"].get<int>();
+        return test::json_of(said.out)["cell"]["azimuth_bin"].get<int>();
     };
     CHECK(bin({"--heading", "1.1deg", "--at", "358.9deg,2nmi"}) == 0);  // north, with a sum a little below it
     CHECK(bin({"--heading", "90deg", "--at", "270deg,2nmi"}) == 0);

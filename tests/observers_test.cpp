@@ -8,7 +8,6 @@
 #include <chrono>
 #include <cmath>
 #include <fstream>
-#include <nlohmann/json.hpp>
 #include <random>
 #include <thread>
 
@@ -17,6 +16,7 @@
 #include "tests/busy_worker.hpp"
 #include "tests/drawn_raster.hpp"
 #include "tests/file_content.hpp"
+#include "tests/json.hpp"
 #include "tests/process_bytes.hpp"
 #include "tests/program.hpp"
 #include "tests/refusal.hpp"
@@ -351,7 +351,7 @@ TEST_CASE("the counts of many observers are the sum of their single masks, post 
     // Some posts nobody looks at.
     CHECK(std::count(sum.judged.begin(), sum.judged.end(), 0) > std::count(sum.no_data.begin(), sum.no_data.end(), 1));
 
-    const nlohmann::json report = nlohmann::json::parse(std::ifstream(folder / "r.json"));
+    const nlohmann::json report = json_in(folder / "r.json");
     CHECK(report["format"] == "wedgescope-observers-1");
     CHECK(report["observer_count"] == 7);
     CHECK(report["observers"].size() == 7);

@@ -12,7 +12,6 @@
 #include <csignal>
 #include <cstring>
 #include <fstream>
-#include <nlohmann/json.hpp>
 #include <random>
 #include <set>
 #include <thread>
@@ -21,6 +20,7 @@
 #include "lib/error.hpp"
 #include "tests/drawn_raster.hpp"
 #include "tests/file_content.hpp"
+#include "tests/json.hpp"
 #include "tests/small_disk.hpp"
 #include "tests/terrain.hpp"
 #include "tiles/checksum.hpp"
@@ -37,6 +37,7 @@ namespace fs = std::filesystem;
 namespace {
 
 using wedgescope::test::content;
+using wedgescope::test::json_in;
 
 void put(const std::string& path, const std::string& bytes) { std::ofstream(path, std::ios::binary) << bytes; }
 
@@ -241,7 +242,7 @@ struct Images {
     friend bool operator==(const Images&, const Images&) = default;
 };
 
-nlohmann::json report(const Folder& folder) { return nlohmann::json::parse(content(folder / "report.json")); }
+nlohmann::json report(const Folder& folder) { return json_in(folder / "report.json"); }
 
 }  // namespace
 

@@ -6,7 +6,6 @@
 #include <clocale>
 #include <cstdlib>
 #include <fstream>
-#include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
 #include <vector>
@@ -14,6 +13,7 @@
 #include "lib/target.hpp"
 #include "tests/drawn_raster.hpp"
 #include "tests/file_content.hpp"
+#include "tests/json.hpp"
 #include "tests/program.hpp"
 #include "tests/terrain.hpp"
 #include "tests/variable.hpp"
@@ -25,6 +25,7 @@ using wedgescope::test::Variable;
 namespace {
 
 using wedgescope::test::content;
+using wedgescope::test::json_in;
 
 const std::vector<std::string> ends{"scene.png",        "scene_echo.tif",    "scene_power.tif",
                                     "scene_states.tif", "scene_mask.tif",    "scene_height.tif",
@@ -148,7 +149,7 @@ TEST_CASE("the same bytes on every instruction set that the machine has", "[same
         INFO("WEDGESCOPE_TARGET=" << name_of(target));
         check_same(files_of(folder), plain);
         for (const char* report : {"simulate.json", "coverage.json"})
-            CHECK(nlohmann::json::parse(content(folder / report)).at("instruction_set") == name_of(target));
+            CHECK(json_in(folder / report).at("instruction_set") == name_of(target));
     }
 }
 

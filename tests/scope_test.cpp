@@ -8,11 +8,11 @@
 #include <filesystem>
 #include <fstream>
 #include <map>
-#include <nlohmann/json.hpp>
 #include <set>
 
 #include "tests/file_content.hpp"
 #include "tests/in_process.hpp"
+#include "tests/json.hpp"
 #include "tools/keys.hpp"
 
 namespace {
@@ -20,6 +20,7 @@ namespace {
 namespace fs = std::filesystem;
 using Catch::Matchers::Contains;
 using wedgescope::test::content;
+using wedgescope::test::json_in;
 using Strings = std::vector<std::string>;
 using wedgescope::test::Ended;
 
@@ -348,7 +349,7 @@ TEST_CASE("nothing of the data base is read, and a scene file that made the echo
     refuses(folder, {"scope", echo, "--work-dir", folder / "work", "-o", png}, 2, {"--work-dir is simulate's alone"});
 
     folder.make({"scope", echo, "-o", png, "--report", folder / "run.json", "-q"});
-    const auto report = nlohmann::json::parse(content(folder / "run.json"));
+    const auto report = json_in(folder / "run.json");
     CHECK(report["format"] == "wedgescope-scope-1");
     CHECK(report["scene"]["range"] == "4km");
     CHECK(report["data_base"]["material"] == "soil");
@@ -624,7 +625,7 @@ TEST_CASE("where levels of detail were swept, beam and pulse are bound to them",
                            "--size",         "100",
                            "--quality",      "draft"};
     folder.make(with(with({"simulate"}, scene), {"--echo", echo, "--report", folder / "run.json", "-q"}));
-    REQUIRE(nlohmann::json::parse(content(folder / "run.json"))["levels"].size() > 1);
+    REQUIRE(json_in(folder / "run.json")["levels"].size() > 1);
     for (const Strings& setting : {Strings{"--bwe", "off"}, {"--ple", "off"}})
         refuses(folder, with({"scope", echo, "-o", png}, setting), 2,
                 {setting[0] + " is off", "--detail off", "new sweep"});

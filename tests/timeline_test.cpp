@@ -2,10 +2,8 @@
 #include <catch2/catch.hpp>
 
 #include <cmath>
-#include <fstream>
 #include <iterator>
 #include <map>
-#include <nlohmann/json.hpp>
 #include <set>
 #include <thread>
 
@@ -15,6 +13,7 @@
 #include "lib/stage_clock.hpp"
 #include "lib/stopwatch.hpp"
 #include "tests/drawn_raster.hpp"
+#include "tests/json.hpp"
 #include "tests/refusal.hpp"
 #include "tests/small_disk.hpp"
 #include "tests/terrain.hpp"
@@ -24,6 +23,7 @@ using namespace wedgescope;
 using Catch::Matchers::Contains;
 using nlohmann::json;
 using wedgescope::test::Folder;
+using wedgescope::test::json_in;
 using wedgescope::test::SmallDisk;
 
 namespace {
@@ -70,8 +70,7 @@ struct Told {
 };
 
 Told read(const std::string& path) {
-    std::ifstream in(path);
-    const json all = json::parse(in);
+    const json all = json_in(path);
     Told told;
     for (const json& e : all.at("traceEvents")) {
         CHECK(e.at("pid") == ::getpid());

@@ -11,12 +11,12 @@
 #include <fstream>
 #include <map>
 #include <memory>
-#include <nlohmann/json.hpp>
 #include <sstream>
 #include <string>
 #include <vector>
 
 #include "lib/engine.hpp"
+#include "tests/json.hpp"
 #include "tests/small_disk.hpp"
 #include "tests/terrain.hpp"
 #include "tests/tracks.hpp"
@@ -172,7 +172,7 @@ TEST_CASE("two frames far apart over fine ground have the levels of detail that 
     REQUIRE(alone.code == 0);
     CHECK(content(folder / "both_0002.png") == content(folder / "alone.png"));
     // A level was used at all.
-    const auto levels = nlohmann::json::parse(content(folder / "alone.json")).at("levels");
+    const auto levels = json_in(folder / "alone.json").at("levels");
     CHECK(levels.back().at("level").get<int>() > 0);
     // A scan's echo says so too.
     const Ended scan = run_program(with(look, {"--track", folder / "two.csv", "--scan-step", "500", "--scan-period",
@@ -214,7 +214,7 @@ TEST_CASE("the report of a track tells of every frame", "[track]") {
                                           folder / "s.png", "--timeline", folder / "t.json"});
     INFO(ended.err);
     REQUIRE(ended.code == 0);
-    const auto report = nlohmann::json::parse(content(folder / "r.json"));
+    const auto report = json_in(folder / "r.json");
     CHECK(report["format"] == "wedgescope-track-1");
     REQUIRE(report["frames"].size() == rows.size());
     CHECK(report["frame_count"] == rows.size());
@@ -236,8 +236,8 @@ TEST_CASE("the report of a track tells of every frame", "[track]") {
                                           "--report", folder / "alone.json", "--overwrite"});
     INFO(alone.err);
     REQUIRE(alone.code == 0);
-    CHECK(second["sampling"] == nlohmann::json::parse(content(folder / "alone.json"))["sampling"]);
-    CHECK(nlohmann::json::parse(content(folder / "t.json"))["traceEvents"].size() > 20);
+    CHECK(second["sampling"] == json_in(folder / "alone.json")["sampling"]);
+    CHECK(json_in(folder / "t.json")["traceEvents"].size() > 20);
 }
 
 TEST_CASE("what ends a track leaves the frames before it whole and nothing else", "[track]") {

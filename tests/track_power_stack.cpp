@@ -7,10 +7,10 @@
 #include <cstdint>
 #include <filesystem>
 #include <fstream>
-#include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
+#include "tests/json.hpp"
 #include "tests/small_disk.hpp"
 #include "tests/tracks.hpp"
 
@@ -28,7 +28,7 @@ TEST_CASE("the bands of a power stack are the numbered files, every bit and ever
                                                          folder / "stack.tif", "--report", folder / "r.json"}));
         INFO(unit << ' ' << both.err);
         REQUIRE(both.code == 0);
-        CHECK(nlohmann::json::parse(content(folder / "r.json"))["power_stack"] == folder / "stack.tif");
+        CHECK(json_in(folder / "r.json")["power_stack"] == folder / "stack.tif");
         Bands stack(folder / "stack.tif");
         REQUIRE(stack.count() == rows.size());
         const auto common = Bands::metadata(stack.raster());
@@ -49,9 +49,9 @@ TEST_CASE("the bands of a power stack are the numbered files, every bit and ever
                 CHECK(common.count(name) + own.count(name) == 1);
                 CHECK((common.count(name) ? common.at(name) : own[name]) == value);
             }
-            auto scene = nlohmann::json::parse(common.at("SCENE_JSON"));
-            scene.merge_patch(nlohmann::json::parse(own.at("SCENE_JSON")));
-            CHECK(scene == nlohmann::json::parse(alone.raster().GetMetadataItem("SCENE_JSON")));
+            auto scene = json_of(common.at("SCENE_JSON"));
+            scene.merge_patch(json_of(own.at("SCENE_JSON")));
+            CHECK(scene == json_of(alone.raster().GetMetadataItem("SCENE_JSON")));
             const Row& row = rows[frame - 1];
             CHECK(mine.GetDescription() == "frame " + std::to_string(frame) + ", " + row.time + " s");
             CHECK(own["FRAME"] == std::to_string(frame));
@@ -62,7 +62,7 @@ TEST_CASE("the bands of a power stack are the numbered files, every bit and ever
         }
         const pid_t told = start({program, "info", "--json", folder / "stack.tif"}, folder / "log", folder / "info");
         REQUIRE(wait_for(told, folder / "log").code == 0);
-        CHECK(nlohmann::json::parse(content(folder / "info"))["files"][0]["bands"] == rows.size());
+        CHECK(json_in(folder / "info")["files"][0]["bands"] == rows.size());
         // By itself, from other threads and out of little memory the same file.
         const std::string truth = content(folder / "stack.tif");
         for (const auto& how : std::vector<std::vector<std::string>>{

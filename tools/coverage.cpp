@@ -23,8 +23,8 @@
 #include "tools/options.hpp"
 #include "tools/report_json.hpp"
 #include "tools/run_files.hpp"
+#include "tools/run_records.hpp"
 #include "tools/terminal.hpp"
-#include "tools/timeline.hpp"
 #include "tools/viewshed_options.hpp"
 
 namespace wedgescope {
@@ -133,13 +133,10 @@ void coverage(const std::vector<std::string>& arguments, Stop& stop) {
     const GdalSession session(cache_bytes(settings), settings.config);
     check_coverage_names(settings);
     OutputFile file(settings.output, settings.overwrite);
-    std::optional<OutputFile> report_file, timeline_file;
-    if (!settings.report.empty()) report_file.emplace(settings.report, settings.overwrite);
-    if (!settings.timeline.empty()) timeline_file.emplace(settings.timeline, settings.overwrite);
-    std::unique_ptr<TimelineFile> timeline;
-    if (timeline_file) timeline = std::make_unique<TimelineFile>(*timeline_file);
+    RunRecords records(settings);
+    Timeline* const timeline = records.timeline();
 
-    Span opening(timeline.get(), "open", "stage");
+    Span opening(timeline, "open", "stage");
     const std::string unfit_map = find_ground(settings, {}, stop);
     const DataBaseParams layers = data_base_params(settings, cache_bytes(settings), stop);
     std::unique_ptr<WedgeSource> source = open_direct_source(layers);
@@ -154,7 +151,7 @@ void coverage(const std::vector<std::string>& arguments, Stop& stop) {
         at.y = db.origin_y + std::floor((at.y - db.origin_y) / db.step_y + 0.5) * db.step_y;
     }
     CoverageParams params = settings.coverage;
-    params.timeline = timeline.get();
+    params.timeline = timeline;
     params.cull = !settings.no_cull;
     params.threads = thread_count(settings);
     params.memory_bytes = static_cast<std::size_t>(settings.memory_bytes);
@@ -163,7 +160,7 @@ void coverage(const std::vector<std::string>& arguments, Stop& stop) {
     SpillOptions spill = spill_options(settings);
     spill.all_round = spill.all_of_it = true;
     spill.stop = &stop;
-    spill.timeline = timeline.get();
+    spill.timeline = timeline;
     const SourceChoice choice = choose_source(layers, settings.source, settings.scene, spill.memory_bytes);
     if (choice.spilled) {
         source.reset();
@@ -175,7 +172,7 @@ void coverage(const std::vector<std::string>& arguments, Stop& stop) {
     params.data = source->fingerprint({});
     opening.end();
     const DataBase& db = source->data_base();
-    Span resolving(timeline.get(), "resolve", "stage");
+    Span resolving(timeline, "resolve", "stage");
     const ResolvedScene scene = resolve_coverage(settings.scene, *source);
     resolving.end();
 
@@ -188,25 +185,20 @@ void coverage(const std::vector<std::string>& arguments, Stop& stop) {
     if (settings.no_data_value) layer.no_data = params.mask.no_data;
     layer.undeclared = translated.gdal_style;  // and -ov may be what hidden ground is too
     CoverageFile raster(scene, db, layer, file, coverage_format(settings));
-    Span sweeping(timeline.get(), "strips", "stage");
+    Span sweeping(timeline, "strips", "stage");
     const CoverageReport report = cover(scene, *source, params, [&](const CoverageTile& tile) { raster.write(tile); });
     progress.done();
     sweeping.end();
-    Span closing(timeline.get(), "close", "stage");
+    Span closing(timeline, "close", "stage");
     const bool by_tiles = raster.by_tiles();
     const auto posts_in = [&](State s) { return report.states[static_cast<std::size_t>(s)]; };
     raster.close(posts_in(State::no_data) + posts_in(State::outside));
     closing.end();
     stop.check();
-    if (timeline) timeline->finish();
+    records.end_timeline();
     const Usage usage = usage_since(start_s);
-    std::vector<OutputFile*> files{&file};
-    if (report_file) {
-        write_report(*report_file, report_json(settings, report, db, usage));
-        files.push_back(&*report_file);
-    }
-    if (timeline_file) files.push_back(&*timeline_file);
-    OutputFile::commit(files);
+    if (OutputFile* to = records.report()) write_report(*to, report_json(settings, report, db, usage));
+    records.commit({&file});
     const double all = static_cast<double>(db.columns) * static_cast<double>(db.rows), wall = now_s() - start_s,
                  judged = static_cast<double>(report.seen() + posts_in(State::shadow));
     remark(settings.quiet,

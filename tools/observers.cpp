@@ -26,9 +26,9 @@
 #include "tools/observer_file.hpp"
 #include "tools/report_json.hpp"
 #include "tools/run_files.hpp"
+#include "tools/run_records.hpp"
 #include "tools/side_by_side.hpp"
 #include "tools/terminal.hpp"
-#include "tools/timeline.hpp"
 
 namespace wedgescope {
 namespace {
@@ -341,13 +341,10 @@ void coverage_of_observers(const Settings& given, double start_s, Stop& stop) {
     const GdalSession session(cache_bytes(settings), settings.config);
     check_coverage_names(settings);
     OutputFile file(settings.output, settings.overwrite);
-    std::optional<OutputFile> report_file, timeline_file;
-    if (!settings.report.empty()) report_file.emplace(settings.report, settings.overwrite);
-    if (!settings.timeline.empty()) timeline_file.emplace(settings.timeline, settings.overwrite);
-    std::unique_ptr<TimelineFile> timeline;
-    if (timeline_file) timeline = std::make_unique<TimelineFile>(*timeline_file);
+    RunRecords records(settings);
+    Timeline* const timeline = records.timeline();
 
-    Span opening(timeline.get(), "open", "stage");
+    Span opening(timeline, "open", "stage");
     const std::string unfit_map = find_ground(settings, {.many = true, .whole = true}, stop);
     const auto open = [&](const Settings& granted) {
         auto direct = open_direct_source(data_base_params(granted, cache_bytes(granted), stop));
@@ -379,7 +376,7 @@ void coverage_of_observers(const Settings& given, double start_s, Stop& stop) {
         data = source->fingerprint({});
         read(source->data_base());
         Threads(thread_count(settings)).execute([&] { source->read(&stop); });
-        run.emplace(settings, *observers, *source, timeline.get(), stop);
+        run.emplace(settings, *observers, *source, timeline, stop);
         largest = run->largest();
         facts.shares = share_out(settings, *observers, *source, *largest);
     } catch (const TooLittleMemory& e) {
@@ -399,12 +396,12 @@ void coverage_of_observers(const Settings& given, double start_s, Stop& stop) {
     facts.open_s = now_s() - start_s;
 
     Progress progress(settings.quiet);
-    Span sweeping(timeline.get(), "observers", "stage");
+    Span sweeping(timeline, "observers", "stage");
     run->sweep(facts.shares, counts, [&](double fraction) { progress.report(fraction); });
     check_unchanged(*source, data);
     sweeping.end();
     progress.done();
-    Span writing(timeline.get(), "write", "stage");
+    Span writing(timeline, "write", "stage");
     const double write_start_s = now_s();
     facts.posts = write_counts(settings, db, counts, raster, stop);
     raster.close(facts.posts.no_data + (settings.at_least ? facts.posts.outside : 0));
@@ -412,20 +409,16 @@ void coverage_of_observers(const Settings& given, double start_s, Stop& stop) {
     writing.end();
 
     stop.check();
-    if (timeline) timeline->finish();
+    records.end_timeline();
     const Usage usage = usage_since(start_s);
     facts.in_memory = source->keeps();
     facts.bytes_read = run->total().bytes_read;
     if (facts.in_memory) facts.bytes_read += static_cast<std::uint64_t>(db.columns * db.rows * db.post_bytes);
     facts.scratch_written = counts.written_bytes();
     facts.scratch_read = counts.read_bytes();
-    std::vector<OutputFile*> files{&file};
-    if (report_file) {
-        write_observers_report(*report_file, settings, *observers, *run, *source, facts, usage);
-        files.push_back(&*report_file);
-    }
-    if (timeline_file) files.push_back(&*timeline_file);
-    OutputFile::commit(files);
+    if (OutputFile* to = records.report())
+        write_observers_report(*to, settings, *observers, *run, *source, facts, usage);
+    records.commit({&file});
     const double judged = static_cast<double>(facts.posts.seen + facts.posts.unseen);
     remark(settings.quiet,
            fmt::format("{}; seen by at least {}: {}, {:.2f} % of those in range with data; most: {}",

@@ -14,6 +14,7 @@
 #include "tools/options.hpp"
 #include "tools/report_json.hpp"
 #include "tools/run_files.hpp"
+#include "tools/run_records.hpp"
 #include "tools/scene_json.hpp"
 #include "tools/stored_echo.hpp"
 #include "tools/terminal.hpp"
@@ -86,8 +87,7 @@ void scope(const std::vector<std::string>& arguments, Stop& stop) {
     if (needed > settings.memory_bytes)
         throw TooLittleMemory(static_cast<std::size_t>(settings.memory_bytes), needed, "this picture");
 
-    std::optional<OutputFile> report;
-    if (!settings.report.empty()) report.emplace(settings.report, settings.overwrite);
+    RunRecords records(settings);
     LayerFiles layers(settings);
     layers.check(settings);
 
@@ -107,13 +107,10 @@ void scope(const std::vector<std::string>& arguments, Stop& stop) {
     data_base.metres_per_unit = echo.metres_per_unit;
     layers.write(result, settings, data_base, stop);
     const double write_s = now_s() - write_start_s;
-    if (report) write_report(*report, report_of(echo, settings, result, read_s, write_s, usage_since(start_s)));
+    if (OutputFile* to = records.report())
+        write_report(*to, report_of(echo, settings, result, read_s, write_s, usage_since(start_s)));
     stop.check();
-    std::vector<OutputFile*> files = layers.files();
-    if (report) files.push_back(&*report);
-    std::string written;
-    for (const OutputFile* output : files) written += (written.empty() ? "" : ", ") + output->final_path();
-    OutputFile::commit(files);
+    const std::string written = records.commit(layers.files());
     for (const std::string& line : doubts(result, !settings.output.empty()))
         if (!line.empty()) remark(settings.quiet, line);
     remark(settings.quiet, text("written: ", written, fmt::format(" ({:.2f} s)", now_s() - start_s)));

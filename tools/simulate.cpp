@@ -21,9 +21,9 @@
 #include "tools/options.hpp"
 #include "tools/report_json.hpp"
 #include "tools/run_files.hpp"
+#include "tools/run_records.hpp"
 #include "tools/scene_json.hpp"
 #include "tools/terminal.hpp"
-#include "tools/timeline.hpp"
 #include "tools/track.hpp"
 
 namespace wedgescope {
@@ -37,26 +37,20 @@ struct Outputs {
     explicit Outputs(const Settings& settings);
     std::vector<OutputFile*> files();
 
-    std::optional<OutputFile> ground, report, timeline;
+    std::optional<OutputFile> ground;
     std::optional<LayerFiles> layers;  ///< none with only-wedge, which fills the work folder; pictures are --resume's
 };
 
 Outputs::Outputs(const Settings& s) {
     check_run_names(s);
-    const auto open = [&](std::optional<OutputFile>& file, const std::string& path) {
-        if (!path.empty()) file.emplace(path, s.overwrite);
-    };
-    open(ground, s.ground_file);
-    open(report, s.report);
-    open(timeline, s.timeline);
+    if (!s.ground_file.empty()) ground.emplace(s.ground_file, s.overwrite);
     if (!s.only_wedges) layers.emplace(s);
 }
 
 std::vector<OutputFile*> Outputs::files() {
     std::vector<OutputFile*> all;
     if (layers) all = layers->files();
-    for (auto* file : {&ground, &report, &timeline})
-        if (*file) all.push_back(&**file);
+    if (ground) all.push_back(&*ground);
     return all;
 }
 
@@ -161,12 +155,12 @@ void simulate(const Settings& given, WorkDir* work, double start_s, Stop& stop) 
     const GdalSession session(cache_bytes(settings), settings.config);
     Outputs outputs(settings);
     if (outputs.layers) outputs.layers->check(settings);
+    RunRecords records(settings);
+    Timeline* const timeline = records.timeline();
 
-    std::unique_ptr<TimelineFile> timeline;
-    if (outputs.timeline) timeline = std::make_unique<TimelineFile>(*outputs.timeline);
     OuterStages outer;
     const double open_start_s = now_s();
-    Span opening(timeline.get(), "open", "stage");
+    Span opening(timeline, "open", "stage");
     settings.expects_ground = expects_ground(settings, {.levels = true}, stop);
     Settings as_read = settings;
     if (work && work->seems_done()) as_read.source = SourceKind::direct;
@@ -177,7 +171,7 @@ void simulate(const Settings& given, WorkDir* work, double start_s, Stop& stop) 
     std::unique_ptr<WedgeSource> source;
     const bool terminal = ::isatty(STDERR_FILENO) == 1;
     SpillOptions options = spill_options(settings);
-    options.timeline = timeline.get();
+    options.timeline = timeline;
     SourceChoice choice = choose_source(layers, settings.source, settings.scene, options.memory_bytes);
     if (work && work->seems_done()) choice = {};  // a pass would be for nothing; what is amiss is read in windows
     if (choice.spilled && !choice.kept) {
@@ -194,7 +188,7 @@ void simulate(const Settings& given, WorkDir* work, double start_s, Stop& stop) 
     opening.end();
     outer.open_s = now_s() - open_start_s;
     const std::uint64_t data = source->fingerprint({});
-    Span resolving(timeline.get(), "resolve", "stage");
+    Span resolving(timeline, "resolve", "stage");
     const ResolvedScene scene = resolve(settings.scene, *source);
     resolving.end();
     // On a terminal at once; in a log behind all that can fail, so that an error stays a single line.
@@ -205,7 +199,7 @@ void simulate(const Settings& given, WorkDir* work, double start_s, Stop& stop) 
     params.data = data;
     if (work) work->bind(work_run(settings, scene, source->data_base()));
     params.archive = work;
-    params.timeline = timeline.get();
+    params.timeline = timeline;
     std::optional<Ground> ground;
     Progress progress(settings.quiet);
     params.progress = [&](double fraction) { progress.report(fraction); };
@@ -226,24 +220,21 @@ void simulate(const Settings& given, WorkDir* work, double start_s, Stop& stop) 
     }
 
     const double write_start_s = now_s();
-    Span writing(timeline.get(), "write", "stage");
+    Span writing(timeline, "write", "stage");
     if (outputs.layers) outputs.layers->write(result, settings, source->data_base(), stop);
-    if (ground) ground->write(settings.quiet, stop, timeline.get(), data);
+    if (ground) ground->write(settings.quiet, stop, timeline, data);
     outer.write_s = now_s() - write_start_s;
     writing.end();
-    if (timeline) timeline->finish();
+    records.end_timeline();
     const Usage usage = usage_since(start_s);
-    if (outputs.report) {
-        write_report(*outputs.report, report_json(settings, result,
-                                                  input_files(settings, source->data_base(),
-                                                              settings.files.empty() ? "" : settings.files[0]),
-                                                  outer, usage));
+    if (OutputFile* to = records.report()) {
+        write_report(*to, report_json(settings, result,
+                                      input_files(settings, source->data_base(),
+                                                  settings.files.empty() ? "" : settings.files[0]),
+                                      outer, usage));
     }
     stop.check();
-    std::string written;
-    const std::vector<OutputFile*> files = outputs.files();
-    for (const OutputFile* file : files) written += (written.empty() ? "" : ", ") + file->final_path();
-    OutputFile::commit(files);
+    std::string written = records.commit(outputs.files());
     remark(settings.quiet || terminal, text("sensor: ", place(scene, source->data_base())));
     if (ground && settings.scene.far_shore)
         remark(settings.quiet, "far-shore is not in ground, which knows each post by itself");

@@ -25,10 +25,10 @@
 #include "tools/layers.hpp"
 #include "tools/report_json.hpp"
 #include "tools/run_files.hpp"
+#include "tools/run_records.hpp"
 #include "tools/scene_json.hpp"
 #include "tools/side_by_side.hpp"
 #include "tools/terminal.hpp"
-#include "tools/timeline.hpp"
 #include "tools/track_file.hpp"
 #include "tools/track_stack.hpp"
 
@@ -540,15 +540,11 @@ void simulate_track(const Settings& given, double start_s, Stop& stop) {
     const Frames frames(settings, track);
     const GdalSession session(cache_bytes(settings), settings.config);
     check_outputs(settings, frames);
-    std::optional<OutputFile> report, timeline_file;
     std::optional<TrackStack> stack;
     if (!settings.power_stack.empty()) stack.emplace(settings);
-    if (!settings.report.empty()) report.emplace(settings.report, settings.overwrite);
-    if (!settings.timeline.empty()) timeline_file.emplace(settings.timeline, settings.overwrite);
-    std::unique_ptr<TimelineFile> timeline;
-    if (timeline_file) timeline = std::make_unique<TimelineFile>(*timeline_file);
+    RunRecords records(settings);
 
-    Span opening(timeline.get(), "open", "stage");
+    Span opening(records.timeline(), "open", "stage");
     Settings first_frame = frames.settings(0);
     const std::string unfit_map =
         find_ground(first_frame, {.levels = true, .many = frames.size() >= many_scenes, .whole = true}, stop);
@@ -569,7 +565,7 @@ void simulate_track(const Settings& given, double start_s, Stop& stop) {
     try {
         source = open(settings);
         Threads(thread_count(settings)).execute([&] { source->read(&stop); });
-        run = std::make_unique<Run>(settings, frames, *source, stack ? &*stack : nullptr, timeline.get(), stop);
+        run = std::make_unique<Run>(settings, frames, *source, stack ? &*stack : nullptr, records.timeline(), stop);
         run->share_out();
     } catch (const TooLittleMemory& e) {
         run.reset();
@@ -583,7 +579,7 @@ void simulate_track(const Settings& given, double start_s, Stop& stop) {
     run->make_all([&](double fraction) { progress.report(fraction); });
     progress.done();
 
-    if (timeline) timeline->finish();
+    records.end_timeline();
     const Usage usage = usage_since(start_s);
     std::vector<OutputFile*> files;
     if (stack) {
@@ -594,12 +590,8 @@ void simulate_track(const Settings& given, double start_s, Stop& stop) {
         }
         files.push_back(&stack->file());
     }
-    if (report) {
-        write_track_report(*report, settings, frames, *run, *source, open_s, usage);
-        files.push_back(&*report);
-    }
-    if (timeline_file) files.push_back(&*timeline_file);
-    OutputFile::commit(files);
+    if (OutputFile* to = records.report()) write_track_report(*to, settings, frames, *run, *source, open_s, usage);
+    const std::string others = records.commit(files);
 
     for (const std::string& line : idle_effects(settings.scene, source->data_base())) remark(settings.quiet, line);
     for (const std::string& line : run->doubts()) remark(settings.quiet, line);
@@ -616,7 +608,7 @@ void simulate_track(const Settings& given, double start_s, Stop& stop) {
         written += (written.empty() ? "" : ", ") + from[i].second;
         if (frames.size() > 1) written += " to " + to[i].second;
     }
-    for (const OutputFile* file : files) written += (written.empty() ? "" : ", ") + file->final_path();
+    if (!others.empty()) written += (written.empty() ? "" : ", ") + others;
     remark_unused(settings.quiet, unfit_map);
     remark(settings.quiet, text("written: ", written,
                                 fmt::format(" ({:.1f} s, {:.1f} frames/s)", now_s() - start_s,
