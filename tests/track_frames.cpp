@@ -284,6 +284,17 @@ TEST_CASE("what ends a track leaves the frames before it whole and nothing else"
             CHECK(content(folder / name) == content(folder / "alone" + ("/" + std::string(name))));
         }
     }
+    SECTION("terrain that changes") {
+        write_track(folder, standing(400));
+        const std::filesystem::path dem = folder / "dem.tif";
+        const Ended ended = when_five_stand(folder, [&](pid_t) {
+            std::filesystem::last_write_time(dem, std::filesystem::last_write_time(dem) + std::chrono::seconds(7));
+        });
+        CHECK(ended.code == 1);
+        CHECK_THAT(ended.err, Contains("dem.tif' changed while it was read"));
+        CHECK(frames_of().size() >= 5);
+        CHECK(frames_of().size() < 400);
+    }
     SECTION("a full disk") {
         write_track(folder);
         const SmallDisk disk(40000);  // an echo is 400 kB

@@ -102,16 +102,21 @@ inline std::string refused_by_program(const Folder& folder, const std::vector<st
     return ended.err;
 }
 
-/// A track on two threads that is struck by a signal when its fifth picture is there.
-inline Ended struck(const Folder& folder, int signal, const std::vector<std::string>& more = {}) {
+/// A track on two threads, and what is done to it when its fifth picture is there.
+template <class Do>
+Ended when_five_stand(const Folder& folder, Do&& act, const std::vector<std::string>& more = {}) {
     const pid_t child = start(with({program, "simulate", folder / "scene.ini", "--track", folder / "track.csv", "-o",
                                     folder / "s.png", "--threads", "2"},
                                    more),
                               folder / "log");
     for (int i = 0; i < 3000 && !std::filesystem::exists(folder / "s_0005.png"); ++i)
         std::this_thread::sleep_for(std::chrono::milliseconds(10));
-    ::kill(child, signal);
+    act(child);
     return wait_for(child, folder / "log");
+}
+inline Ended struck(const Folder& folder, int signal, const std::vector<std::string>& more = {}) {
+    return when_five_stand(
+        folder, [&](pid_t child) { ::kill(child, signal); }, more);
 }
 
 /// A raster's bands as GDAL reads them.

@@ -203,11 +203,11 @@ Lanes share_out(const Settings& settings, const Frames& frames, WedgeSource& sou
 
 class Run {
 public:
-    /// `stack`: null where none is asked for.
-    Run(const Settings& settings, const Frames& frames, WedgeSource& source, TrackStack* stack, Timeline* timeline,
-        Stop& stop)
-        : settings_(settings), frames_(frames), source_(source), stack_(stack), timeline_(timeline), stop_(stop),
-          tables_(std::make_shared<const SceneTables>(settings.scene)), reports_(frames.size()) {}
+    /// `data`: the fingerprint of the data base before any of it was read. `stack`: null where none is asked for.
+    Run(const Settings& settings, const Frames& frames, WedgeSource& source, std::uint64_t data, TrackStack* stack,
+        Timeline* timeline, Stop& stop)
+        : settings_(settings), frames_(frames), source_(source), data_(data), stack_(stack), timeline_(timeline),
+          stop_(stop), tables_(std::make_shared<const SceneTables>(settings.scene)), reports_(frames.size()) {}
 
     void share_out() { lanes_ = wedgescope::share_out(settings_, frames_, source_, tables_, stop_); }
 
@@ -227,6 +227,7 @@ public:
             params.push_back(lane_params(settings_, lanes_, lane, tables_));
             params.back().stop = &stop_;
             params.back().timeline = timeline_;
+            params.back().data = data_;
         }
         std::vector<RunResult> results(params.size());
         std::exception_ptr error;
@@ -363,6 +364,7 @@ private:
     const Settings& settings_;
     const Frames& frames_;
     WedgeSource& source_;
+    std::uint64_t data_;
     TrackStack* stack_;
     Timeline* timeline_;
     Stop& stop_;
@@ -564,8 +566,11 @@ void simulate_track(const Settings& given, double start_s, Stop& stop) {
     std::unique_ptr<Run> run;
     try {
         source = open(settings);
+        const std::uint64_t data = source->fingerprint({});
         Threads(thread_count(settings)).execute([&] { source->read(&stop); });
-        run = std::make_unique<Run>(settings, frames, *source, stack ? &*stack : nullptr, records.timeline(), stop);
+        check_unchanged(*source, data);  // no frame is made of two data bases
+        run =
+            std::make_unique<Run>(settings, frames, *source, data, stack ? &*stack : nullptr, records.timeline(), stop);
         run->share_out();
     } catch (const TooLittleMemory& e) {
         run.reset();
