@@ -220,7 +220,8 @@ void Cover::finish_line(const Side& side, const LineForm& line, std::int64_t ind
         for (std::int64_t j = posts.begin; j < posts.end; ++j)
             values[j - posts.begin] = state[j] == no_data ? nan_f : raise[j];
     } else if (with_posts_ || voids_) {
-        const bool by_groups = bytes_ && limited_ && !params_.elevation;
+        const bool by_groups = bytes_ && limited_ && !params_.elevation && !uneven_;
+        if (uneven_) place_each(side, line, posts, desk);
         const View view(*this, side, desk, height, by_groups ? posts : Interval{});
         // Need no post of these be looked at?
         const auto settled = [&](View::Part part, std::int64_t begin, std::int64_t end) {
@@ -254,7 +255,9 @@ void Cover::finish_line(const Side& side, const LineForm& line, std::int64_t ind
                 if (tangent[j] < bar) s = static_cast<std::uint8_t>(State::unknown);
             }
             if (!with_posts_ || in_view == View::Part::all) continue;
-            const double m = between(desk.post_slope);
+            const auto own = static_cast<std::size_t>(j - posts.begin);
+            const double m = uneven_ ? desk.each_slope[own] : between(desk.post_slope),
+                         along = uneven_ ? desk.each_along[own] : between(desk.post_along);
             if (scene_.scene.sector) {
                 bool in = false;
                 for (const auto& [lo, hi] : side.sector) in = in || (m >= lo && m <= hi);
@@ -262,7 +265,7 @@ void Cover::finish_line(const Side& side, const LineForm& line, std::int64_t ind
             }
             const double z = static_cast<double>(height[j]);
             const double squared = quadratic(side.square, m), bent = quadratic(side.curvature, m);
-            const double inverse_radius = bent / squared, arc = between(desk.post_along) * std::sqrt(squared);
+            const double inverse_radius = bent / squared, arc = along * std::sqrt(squared);
             // A void's place in range is that of the level surface at the reference height.
             const double top = s == no_data || z != z ? scene_.reference_m : z + params_.target_m;
             const SightLine sight = sight_line(scene_.sensor_m, arc, top, inverse_radius);
@@ -291,12 +294,12 @@ void Cover::finish_line(const Side& side, const LineForm& line, std::int64_t ind
                     case CoverageLayer::grazing: {
                         const double slope = (static_cast<double>(j) - line.nadir_minor) / line.distance;
                         const double beside = static_cast<double>(slope < 0 ? height[j + 1] : height[j - 1]);
-                        const Facet own = facet(side, line, slope, z, static_cast<double>(back[j]), beside, arc,
-                                                inverse_radius, sight);
+                        const Facet face = facet(side, line, slope, z, static_cast<double>(back[j]), beside, arc,
+                                                 inverse_radius, sight);
                         value = params_.layer == CoverageLayer::response
-                                    ? response(side, m, index, j, own, sight, inverse_radius, desk)
+                                    ? response(side, m, index, j, face, sight, inverse_radius, desk)
                                     : static_cast<float>(rounded(
-                                          std::asin(std::clamp(own.sine, -1.0, 1.0)) * (180 / std::numbers::pi), 30));
+                                          std::asin(std::clamp(face.sine, -1.0, 1.0)) * (180 / std::numbers::pi), 30));
                         break;
                     }
                     default:
@@ -308,6 +311,8 @@ void Cover::finish_line(const Side& side, const LineForm& line, std::int64_t ind
     const std::uint8_t* from = state + posts.begin;
     const auto n = static_cast<std::size_t>(posts.size());
     count_states(from, n, desk.states);
+    if (const Interval again = repeated(side.quadrant, index, posts); !again.empty())
+        count_states(state + again.begin, static_cast<std::size_t>(again.size()), desk.states);
     if (!bytes_) return;
     if (params_.layer == CoverageLayer::states)
         std::copy(from, from + n, bytes);

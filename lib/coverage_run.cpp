@@ -422,7 +422,8 @@ void Cover::Run::test_posts(std::int64_t line, const LineForm& here, Interval po
             did_.posts_passed += static_cast<std::uint64_t>(part.size());
             const std::uint8_t state = state_of(why);
             if (!cover_.with_posts_) {
-                desk_.states[state] += static_cast<std::uint64_t>(part.size());
+                desk_.states[state] +=
+                    static_cast<std::uint64_t>(part.size() + cover_.repeated(quadrant_, index, part).size());
                 if (blank) continue;
                 std::fill_n(desk_.bytes.begin() + static_cast<std::ptrdiff_t>(out), part.size(), cover_.byte_of(state));
                 continue;

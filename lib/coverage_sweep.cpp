@@ -55,7 +55,16 @@ void Cover::place_posts(const Side& side, const LineForm& line, std::int64_t k, 
     double* from = desk.from.data();
     for (int i = 0; i < static_cast<int>(n); ++i)
         from[i] = std::min(std::max(begin + static_cast<double>(i * static_cast<int>(knot)), least), most);
+    solve_posts(side, line, k, {desk.from.data(), n}, desk,
+                {desk.post_at.data(), desk.post_slope.data(), desk.post_along.data(), desk.post_lift.data(),
+                 desk.post_drop.data(), desk.post_ray.data(), desk.post_rise.data()});
+}
+
+/// Of places of a line, in order.
+void Cover::solve_posts(const Side& side, const LineForm& line, std::int64_t k, std::span<const double> minor,
+                        Desk& desk, const KnotLanes& out) const {
     map_.line(side.quadrant, line.distance, -1, 1, desk.pieces);
+    const std::size_t n = minor.size();
     std::size_t i = 0;
     for (std::size_t p = 0; p < desk.pieces.size(); ++p) {
         const SpokeMap::LinePiece& piece = desk.pieces[p];
@@ -64,14 +73,26 @@ void Cover::place_posts(const Side& side, const LineForm& line, std::int64_t k, 
             const double u = (piece.slope_end - piece.middle) * piece.scale;
             const double border = line.nadir_minor + piece.slope_end * line.distance + piece.bend[0] +
                                   u * (piece.bend[1] + u * (piece.bend[2] + u * (piece.bend[3] + u * piece.bend[4])));
-            for (end = i; end < n && desk.from[end] < border;) ++end;
+            for (end = i; end < n && minor[end] < border;) ++end;
         }
-        post_knots(
-            line, piece_form(piece), k, desk.from.data() + i, end - i,
-            {desk.post_at.data() + i, desk.post_slope.data() + i, desk.post_along.data() + i, desk.post_lift.data() + i,
-             desk.post_drop.data() + i, desk.post_ray.data() + i, desk.post_rise.data() + i});
+        post_knots(line, piece_form(piece), k, minor.data() + i, end - i,
+                   {out.at + i, out.slope + i, out.along + i, out.lift + i, out.drop + i, out.ray + i, out.rise + i});
         i = end;
     }
+}
+
+/// Slope and way of each post, where those between two knots are off by too much.
+void Cover::place_each(const Side& side, const LineForm& line, Interval posts, Desk& desk) const {
+    const auto n = static_cast<std::size_t>(posts.size());
+    for (auto* v : {&desk.each_minor, &desk.each_at, &desk.each_slope, &desk.each_along})
+        if (v->size() < n) v->resize(n);
+    for (auto& v : desk.each_other)
+        if (v.size() < n) v.resize(n);
+    for (std::size_t i = 0; i < n; ++i) desk.each_minor[i] = static_cast<double>(posts.begin) + static_cast<double>(i);
+    auto& [lift, drop, ray, rise] = desk.each_other;
+    solve_posts(side, line, desk.spokes.of, {desk.each_minor.data(), n}, desk,
+                {desk.each_at.data(), desk.each_slope.data(), desk.each_along.data(), lift.data(), drop.data(),
+                 ray.data(), rise.data()});
 }
 
 double Cover::spoke_at(const Side& side, const LineForm& line, std::int64_t k, double minor) const {

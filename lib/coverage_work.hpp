@@ -40,6 +40,8 @@ inline constexpr std::size_t strips_ahead = 4;                      ///< at most
 /// As far as so many posts spokes follow the surface through each cell, whatever the quality: what stands between two samples
 /// hides the more of what is behind it the nearer it is, and few lines are so near.
 inline constexpr double course_posts = 64;
+/// Posts that a place between two knots may be off by where single posts are looked at.
+inline constexpr double most_unevenness = 1.0 / 256;
 inline constexpr float nan_f = std::numeric_limits<float>::quiet_NaN();
 
 inline std::int64_t floor_to(std::int64_t v, std::int64_t step) {
@@ -164,6 +166,8 @@ struct Desk {
     std::vector<float> line, behind;
     std::vector<double> slope, turn, curvature;  ///< of the groups of `spokes`: FanLanes
     std::vector<double> at, at_behind, from, post_at, post_slope, post_along;
+    std::vector<double> each_minor, each_at, each_slope, each_along;  ///< of single posts of a line
+    std::array<std::vector<float>, 4> each_other;
     std::vector<double> post_arc;  ///< along the ground to these, where range limits the view
     std::size_t post_groups = 0;  ///< of the part of a line whose knots stand in post_*, which may be longer
     std::vector<double> far_at;
@@ -211,6 +215,7 @@ public:
         if (scene.scene.ground_range_m) farthest_m_ = *scene.scene.ground_range_m * (1 + 0x1p-32);
         limited_ = with_range_ || scene.scene.sector || params.elevation;
         with_posts_ = limited_ || !bytes_;
+        uneven_ = with_posts_ && map_.unevenness(knot) > most_unevenness;
         if (params.elevation) {
             least_tangent_ = rounded(std::tan(params.elevation->first.rad()), 40);
             most_tangent_ = rounded(std::tan(params.elevation->second.rad()), 40);
@@ -317,6 +322,9 @@ private:
     }
     bool crosses(double distance) const { return looked_at_between(distance) != Between::nothing; }
     void place_posts(const Side& side, const LineForm& line, std::int64_t k, Interval own, Interval posts, Desk& desk);
+    void solve_posts(const Side& side, const LineForm& line, std::int64_t k, std::span<const double> minor, Desk& desk,
+                     const KnotLanes& out) const;
+    void place_each(const Side& side, const LineForm& line, Interval posts, Desk& desk) const;
     double spoke_at(const Side& side, const LineForm& line, std::int64_t k, double minor) const;
     void ask_map(const Side& side, Interval major, Interval minor, Blocks& blocks);
     static void leave_out(bool columns, const Blocks& blocks, Interval majors, std::optional<std::int64_t> only,
@@ -361,6 +369,13 @@ private:
         if (db_.cyclic && real == 0 && db_.columns > db_.cycle_columns) return {real, db_.cycle_columns};
         return {real};
     }
+    /// Of a line's posts those that the raster's last column, which repeats the first, has once more.
+    Interval repeated(Quadrant q, std::int64_t index, Interval posts) const {
+        if (!db_.cyclic || db_.columns == db_.cycle_columns) return {};
+        if (lines_are_columns(q)) return real_column(index) == 0 ? posts : Interval{};
+        const std::int64_t first = posts.end - 1 - real_column(posts.end - 1);  // the last one of the first column
+        return intersection({first, first + 1}, posts);
+    }
     std::uint8_t byte_of(std::uint8_t state) const {
         if (params_.layer == CoverageLayer::states) return state;
         const MaskValues& mask = params_.mask;
@@ -388,6 +403,7 @@ private:
     bool limited_ = false;               ///< not all of the raster is in view
     bool with_posts_ = false;            ///< the single post must be looked at
     std::optional<std::uint8_t> blank_;  ///< as tiles begin, where that need not be painted
+    bool uneven_ = false;  ///< single posts stand by themselves: between knots a line is not straight enough
     bool narrows_ = false;               ///< of a row of blocks only what may be seen or raise a horizon is looked at
     bool hides_ = false;                 ///< a post below every horizon can be judged without its height
     double farthest_m_ = std::numeric_limits<double>::infinity();  ///< along the ground
