@@ -110,6 +110,49 @@ TEST_CASE("no driver's own no-data value hides what is seen, hidden or a state",
         }
 }
 
+TEST_CASE("a file that keeps no tiles of 0 holds codes of 0 none the less", "[output_formats]") {
+    const Folder folder;
+    GDALAllRegister();
+    if (!GetGDALDriverManager()->GetDriverByName("Zarr")) return;
+    Drawing d;
+    d.columns = d.rows = 700;
+    d.no_data = -1;
+    d.value = [](int column, int row) { return column == 400 ? 500.0 : column == 5 && row == 5 ? -1.0 : 0.0; };
+    d.geotransform = {{465000, 30, 0, 3755000, 0, -30}};
+    draw(folder / "dem.tif", d);
+    const Words at{"--xy", "478960,3744040", "--altitude-agl", "20m"};
+    const auto cells = [&](const std::string& path) {
+        const std::unique_ptr<GDALDataset, CloseIt> in(GDALDataset::Open((folder / path).c_str()));
+        REQUIRE(in);
+        std::vector<std::uint8_t> all(700 * 700);
+        REQUIRE(in->GetRasterBand(1)->RasterIO(GF_Read, 0, 0, 700, 700, all.data(), 700, 700, GDT_Byte, 0, 0,
+                                               nullptr) == CE_None);
+        return all;
+    };
+    REQUIRE(run(folder, with({"coverage", folder / "dem.tif", folder / "mask.tif"}, at)).code == 0);
+    const Ended ended = run(folder, with({"coverage", folder / "dem.tif", folder / "mask.zarr", "--of", "Zarr"}, at));
+    INFO(ended.err);
+    REQUIRE(ended.code == 0);
+    const std::vector<std::uint8_t> mask = cells("mask.tif");
+    CHECK(cells("mask.zarr") == mask);
+    CHECK(std::count(mask.begin(), mask.end(), 1) > 0);
+}
+
+TEST_CASE("a format of fewer bands than an echo image has, or that mixes up their bytes, is refused",
+          "[output_formats]") {
+    const Folder folder;
+    draw_ridge(folder / "dem.tif");
+    for (const Words& how : {Words{"--echo", folder / "e.gtx"}, Words{"--echo", folder / "e.grd", "--of", "GSBG"},
+                             Words{"--echo", folder / "e.fits", "--of", "FIT"},
+                             Words{"--alpha", "on", "-o", folder / "e.grd", "--of", "GSBG"}}) {
+        const Ended ended = run(folder, simulation_of(folder, how));
+        INFO(how.back() << ": " << ended.err);
+        CHECK(ended.code == 2);
+        CHECK(std::count(ended.err.begin(), ended.err.end(), '\n') == 1);
+        CHECK(std::distance(std::filesystem::directory_iterator(folder / ""), {}) == 2);  // terrain and log
+    }
+}
+
 TEST_CASE("creation options that GDAL refuses are refused for GDAL's reason", "[output_formats]") {
     const Folder folder;
     draw_ridge(folder / "dem.tif");

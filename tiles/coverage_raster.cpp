@@ -80,13 +80,17 @@ std::int64_t tiles(std::int64_t posts) { return (posts - 1) / CoverageTile::edge
 /// Any format, type and CRS.
 class CoverageFile::ByGdal : public CoverageFile::Open {
 public:
-    /// `fills_with_zero`: GDAL's close would fill tiles with 0, so that those of 0 may be left to it.
-    ByGdal(const RasterContent& content, const OutputFile& file, const RasterFormat& format, bool fills_with_zero)
+    /// `fills_with_zero`: GDAL's close would fill tiles with 0, so that those of 0 may be left to it. `no_data`: what close() may
+    /// declare.
+    ByGdal(const RasterContent& content, const OutputFile& file, const RasterFormat& format, bool fills_with_zero,
+           std::optional<double> no_data)
         : final_path_(file.final_path()), type_(content.type), tiles_across_(tiles(content.columns)),
           dataset_(create_raster(content, file, format)) {
         // What a GeoTIFF's close finds unwritten it fills with 0, or with the no-data value, and packs once.
         if (ByGdal::by_tiles() && EQUAL(dataset_->GetDriverName(), "GTiff") && fills_with_zero)
             blank_.resize(static_cast<std::size_t>(tiles_across_ * tiles(content.rows)));
+        // It stores no chunk of 0 alone, and reads as what is declared what it has not stored.
+        if (no_data && EQUAL(dataset_->GetDriverName(), "Zarr")) dataset_->GetRasterBand(1)->SetNoDataValue(*no_data);
     }
 
     bool by_tiles() const override {
@@ -112,7 +116,8 @@ public:
         if (band.RasterIO(GF_Write, static_cast<int>(window.columns.begin), static_cast<int>(window.rows.begin),
                           columns, rows, const_cast<void*>(cells), columns, rows, type_, step,
                           step * static_cast<GSpacing>(stride), nullptr) != CE_None)
-            throw IoError(text("output '", final_path_, "' cannot be written: ", errors.reason()));
+            throw IoError(text("output '", final_path_,
+                               "' cannot be written: ", errors.reason_of_writing(dataset_->GetDescription())));
     }
 
     void close(std::optional<double> no_data) override {
@@ -132,7 +137,8 @@ private:
         GdalErrors errors;
         if (dataset_->GetRasterBand(1)->WriteBlock(static_cast<int>(column), static_cast<int>(row),
                                                    const_cast<void*>(cells)) != CE_None)
-            throw IoError(text("output '", final_path_, "' cannot be written: ", errors.reason()));
+            throw IoError(text("output '", final_path_,
+                               "' cannot be written: ", errors.reason_of_writing(dataset_->GetDescription())));
     }
 
     void write_blank_tiles() {
@@ -234,7 +240,7 @@ void CoverageFile::create(const DataBase& db, const OutputFile& file, const Rast
     content.metadata = metadata;
     content.crs = db.crs_wkt;
     content.geotransform = geotransform;
-    open_ = std::make_unique<ByGdal>(content, file, format, declared(0).value_or(0) == 0);
+    open_ = std::make_unique<ByGdal>(content, file, format, declared(0).value_or(0) == 0, declared(1));
 }
 
 CoverageFile::~CoverageFile() = default;

@@ -77,7 +77,10 @@ void check_echo_format(const OutputFile& file, RasterFormat format) {
     run.scene.scene.geometry = Geometry::grid;
     run.echo_w = PolarImage<float>(run.scene.swept);
     run.echo_state = PolarImage<std::uint8_t>(run.scene.swept);
-    for (std::size_t i = 0; i < run.echo_w.cells.size(); ++i) run.echo_w.cells[i] = 1.1e-17F * static_cast<float>(i);
+    for (std::size_t i = 0; i < run.echo_w.cells.size(); ++i) {
+        run.echo_w.cells[i] = 1.1e-17F * static_cast<float>(i);
+        run.echo_state.cells[i] = static_cast<std::uint8_t>(i % state_count);
+    }
     const std::string said = R"({"trial": "of a format, with 'quotes' = and; others"})";
     const std::uint64_t sum = echo_checksum(run.echo_w, run.echo_state, said);
     format.scene_json = said;

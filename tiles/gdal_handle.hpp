@@ -4,6 +4,7 @@
 #include <gdal_priv.h>
 #include <ogr_spatialref.h>
 
+#include <cerrno>
 #include <memory>
 #include <string>
 
@@ -30,7 +31,10 @@ std::shared_ptr<const Crs> crs_of(OGRLayer& layer);
 /// Keeps what GDAL says on this thread while it lives, instead of letting it be printed.
 class GdalErrors {
 public:
-    GdalErrors() { CPLPushErrorHandlerEx(&GdalErrors::hear, this); }
+    GdalErrors() {
+        errno = 0;
+        CPLPushErrorHandlerEx(&GdalErrors::hear, this);
+    }
     ~GdalErrors() { CPLPopErrorHandler(); }
     GdalErrors(const GdalErrors&) = delete;
     GdalErrors& operator=(const GdalErrors&) = delete;
@@ -41,11 +45,15 @@ public:
     std::string reason() const;
     /// The same without the path that GDAL may begin with.
     std::string reason_beside(const std::string& path) const;
+    /// Of a file that is written under a temporary name: the system's reason where the disk is at fault, else the same as reason()
+    /// without that name and libtiff's functions.
+    std::string reason_of_writing(const std::string& written_path) const;
 
 private:
     static void CPL_STDCALL hear(CPLErr level, CPLErrorNum number, const char* message);
 
     bool failed_ = false;
+    int disk_error_ = 0;  ///< errno when it failed, where it tells of the disk
     std::string failure_, last_, warning_;
 };
 

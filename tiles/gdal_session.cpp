@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cctype>
+#include <cerrno>
 #include <charconv>
 #include <cstdlib>
 #include <cstring>
@@ -21,6 +22,7 @@
 
 #include "lib/error.hpp"
 #include "lib/large_blocks.hpp"
+#include "lib/lower_case.hpp"
 #include "tiles/gdal_handle.hpp"
 
 /// Of late_libraries.cpp; null where GDAL is linked as other libraries are.
@@ -96,6 +98,7 @@ void GdalErrors::hear(CPLErr level, CPLErrorNum, const char* message) {
         if (self->warning_.empty()) self->warning_ = line;
     } else if (level >= CE_Failure) {
         self->failed_ = true;
+        if (errno == ENOSPC || errno == EFBIG || errno == EDQUOT || errno == EIO) self->disk_error_ = errno;
         if (self->failure_.empty()) self->failure_ = line;
         self->last_ = line;
     }
@@ -112,6 +115,28 @@ std::string GdalErrors::reason() const {
 std::string GdalErrors::reason_beside(const std::string& path) const {
     std::string said = reason();
     if (said.starts_with(path + ": ")) said.erase(0, path.size() + 2);
+    return said;
+}
+
+std::string GdalErrors::reason_of_writing(const std::string& written_path) const {
+    if (disk_error_ != 0) return system_reason(disk_error_);
+    std::string said = reason();
+    const auto erase = [&](std::size_t at, std::size_t end) {
+        while (end < said.size() && (said[end] == ':' || said[end] == ' ')) ++end;
+        said.erase(at, end - at);
+    };
+    for (std::size_t at = 0; !written_path.empty() && (at = said.find(written_path, at)) != std::string::npos;)
+        erase(at, at + written_path.size());
+    for (std::size_t at = 0; (at = lower_case(said).find("tiff", at)) != std::string::npos;) {
+        const auto in_name = [&](std::size_t i) {
+            return i < said.size() && (std::isalnum(static_cast<unsigned char>(said[i])) || said[i] == '_');
+        };
+        std::size_t begin = at, end = at;
+        while (begin > 0 && in_name(begin - 1)) --begin;
+        while (in_name(end)) ++end;
+        at = end;
+        if (end < said.size() && said[end] == ':') erase(at = begin, end);
+    }
     return said;
 }
 

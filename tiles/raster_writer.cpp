@@ -194,6 +194,20 @@ void describe(GDALDataset& dataset, const RasterContent& content, const CPLStrin
     }
 }
 
+/// A file of all the content's bands, described, without cells; null where the driver makes none. IoError where it makes fewer bands.
+DatasetHandle created(GDALDriver& driver, const std::string& path, const std::string& final_path,
+                      const RasterContent& content, const CPLStringList& options,
+                      const CPLStringList& geolocation = {}) {
+    const int bands = static_cast<int>(content.bands.size());
+    DatasetHandle made(driver.Create(path.c_str(), static_cast<int>(content.columns), static_cast<int>(content.rows),
+                                     bands, content.type, const_cast<char**>(options.List())));
+    if (made && made->GetRasterCount() < bands)
+        throw IoError(text("output '", final_path, "' cannot be written: driver ", driver.GetDescription(), " makes ",
+                           made->GetRasterCount(), " band(s) of ", bands));
+    if (made) describe(*made, content, geolocation);
+    return made;
+}
+
 /// A dataset round arrays that are ours.
 DatasetHandle in_memory(const RasterContent& content) {
     GDALDriver* driver = GetGDALDriverManager()->GetDriverByName("MEM");
@@ -209,30 +223,8 @@ DatasetHandle in_memory(const RasterContent& content) {
     return dataset;
 }
 
-/// What GDAL says of a file that is written under another name, without that name and libtiff's functions.
-std::string cause(const GdalErrors& errors, const std::string& written_path) {
-    std::string said = errors.reason();
-    const auto erase = [&](std::size_t at, std::size_t end) {
-        while (end < said.size() && (said[end] == ':' || said[end] == ' ')) ++end;
-        said.erase(at, end - at);
-    };
-    for (std::size_t at = 0; !written_path.empty() && (at = said.find(written_path, at)) != std::string::npos;)
-        erase(at, at + written_path.size());
-    for (std::size_t at = 0; (at = said.find("TIFF", at)) != std::string::npos;) {
-        const auto in_name = [&](std::size_t i) {
-            return i < said.size() && (std::isalnum(static_cast<unsigned char>(said[i])) || said[i] == '_');
-        };
-        std::size_t begin = at, end = at;
-        while (begin > 0 && in_name(begin - 1)) --begin;
-        while (in_name(end)) ++end;
-        at = end;
-        if (end < said.size() && said[end] == ':') erase(at = begin, end);
-    }
-    return said;
-}
-
 [[noreturn]] void fail(const std::string& final_path, const std::string& written_path, const GdalErrors& errors) {
-    throw IoError(text("output '", final_path, "' cannot be written: ", cause(errors, written_path)));
+    throw IoError(text("output '", final_path, "' cannot be written: ", errors.reason_of_writing(written_path)));
 }
 
 bool declares_meaning_void(GDALRasterBand& band, const RasterContent& content) {
@@ -421,24 +413,21 @@ Trial try_driver(GDALDriver& driver, const CPLStringList& options, const RasterC
             return DatasetHandle(driver.CreateCopy(path.c_str(), memory.get(), FALSE,
                                                    const_cast<char**>(options.List()), nullptr, nullptr));
         }
-        DatasetHandle made(driver.Create(path.c_str(), static_cast<int>(content.columns),
-                                         static_cast<int>(content.rows), static_cast<int>(content.bands.size()),
-                                         content.type, const_cast<char**>(options.List())));
+        DatasetHandle made = created(driver, path, final_path, content, options);
         if (!made) return made;
-        describe(*made, content, {});
         trial.meant_void = !set_no_data_apart(*made, content);
         write_bands(*made, content, path, path, errors);
         return made;
     };
     try {
         DatasetHandle written = create();
-        if (!written && errors.failed()) trial.refused = cause(errors, path);
+        if (!written && errors.failed()) trial.refused = errors.reason_of_writing(path);
         trial.read_back = written != nullptr;
         trial.kept = written && good(*written);
         if (written) written->FlushCache(true);
     } catch (const IoError&) {  // nor can it be written
         trial.read_back = false;
-        trial.refused = errors.failed() ? cause(errors, path) : "it is not written";
+        trial.refused = errors.failed() ? errors.reason_of_writing(path) : "it is not written";
     }
     if (trial.kept) {
         const DatasetHandle back(GDALDataset::Open(path.c_str(), GDAL_OF_RASTER));
@@ -691,11 +680,8 @@ void write_raster(const RasterContent& content, const OutputFile& file, const Ra
     std::optional<OwnBlocks> own;
     DatasetHandle dataset;
     if (has(driver, GDAL_DCAP_CREATE)) {
-        dataset.reset(driver.Create(path.c_str(), static_cast<int>(content.columns), static_cast<int>(content.rows),
-                                    static_cast<int>(content.bands.size()), content.type,
-                                    const_cast<char**>(options.List())));
+        dataset = created(driver, path, final_path, content, options, geolocation);
         if (!dataset) fail(final_path, path, errors);
-        describe(*dataset, content, geolocation);
         if (!set_no_data_apart(*dataset, content)) refuse_no_data(driver, final_path);
         write_bands(*dataset, content, final_path, path, errors);
     } else {
@@ -730,11 +716,8 @@ DatasetHandle create_raster(const RasterContent& content, const OutputFile& file
     if (content.codes.empty() && !(is_geotiff(final_path, format) && format.creation.empty()))
         check_values(driver, options, format, content, final_path);
     GdalErrors errors;
-    DatasetHandle dataset(driver.Create(file.temporary_path().c_str(), static_cast<int>(content.columns),
-                                        static_cast<int>(content.rows), static_cast<int>(content.bands.size()),
-                                        content.type, const_cast<char**>(options.List())));
+    DatasetHandle dataset = created(driver, file.temporary_path(), final_path, content, options);
     if (!dataset) fail(final_path, file.temporary_path(), errors);
-    describe(*dataset, content, {});
     if (!set_no_data_apart(*dataset, content)) refuse_no_data(driver, final_path);
     return dataset;
 }

@@ -191,7 +191,7 @@ void SheetWriter::write_tile(int level, std::int64_t column, std::int64_t row, c
     if (level > 0) band = band->GetOverview(level - 1);
     if (!band || band->WriteBlock(static_cast<int>(column), static_cast<int>(row), tile_.data()) != CE_None ||
         errors.failed())
-        throw IoError(text("sheet '", path_, "' cannot be written: ", errors.reason()));
+        throw IoError(text("sheet '", path_, "' cannot be written: ", errors.reason_of_writing(path_)));
 }
 
 void SheetWriter::write(std::int64_t column, std::int64_t row, const std::byte* values, std::int64_t stride) {
@@ -204,7 +204,7 @@ void SheetWriter::write(std::int64_t column, std::int64_t row, const std::byte* 
 
 SheetSums SheetWriter::finish() {
     const auto failed = [&](const GdalErrors& errors) {
-        return IoError(text("sheet '", path_, "' cannot be written: ", errors.reason()));
+        return IoError(text("sheet '", path_, "' cannot be written: ", errors.reason_of_writing(path_)));
     };
     if (const int levels = sums_.levels() - 1; levels > 0) {
         GdalErrors errors;
