@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <iterator>
 #include <system_error>
 
@@ -14,6 +15,14 @@ void MessagePart::append_to(std::string& out) const {
 std::string joined_text(std::initializer_list<MessagePart> parts) {
     std::string out;
     for (const MessagePart& part : parts) part.append_to(out);
+    return out;
+}
+
+std::string listed_names(const std::vector<std::string>& names) {
+    constexpr std::size_t most = 8;
+    std::string out;
+    for (std::size_t i = 0; i < std::min(most, names.size()); ++i) out += text(i ? ", " : "", in_quotes(names[i]));
+    if (names.size() > most) out += text(" and ", names.size() - most, " more");
     return out;
 }
 

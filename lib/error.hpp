@@ -10,6 +10,7 @@
 #include <type_traits>
 #include <utility>
 #include <variant>
+#include <vector>
 
 namespace wedgescope {
 
@@ -47,6 +48,9 @@ std::string text(const Parts&... parts) {
 
 /// A user's text as it may stand in a one-line message: in quotes, control characters shown as ?, cut when long.
 std::string in_quotes(std::string_view words);
+
+/// Names in quotes: "'a', 'b' and 5 more", of not more than eight.
+std::string listed_names(const std::vector<std::string>& names);
 
 /// What errno, or an error that a call returned, says of itself. From any thread.
 std::string system_reason(int error);

@@ -7,6 +7,7 @@
 #include <ogrsf_frmts.h>
 
 #include <cmath>
+#include <filesystem>
 #include <fstream>
 #include <functional>
 #include <map>
@@ -548,6 +549,41 @@ TEST_CASE("features that all lie off the terrain are remarked on", "[features]")
         {WEDGESCOPE_PROGRAM, "tile", dem, folder / "again", "--features", folder / "far.json"}, folder / "err");
     CHECK(ended.code == 0);
     CHECK_THAT(ended.err, Contains("none lies on a cell of the terrain"));
+}
+
+TEST_CASE("names that a shapefile has cut are those fields too, and fields that are left out are named", "[features]") {
+    const Folder folder;
+    GeoJson file;
+    file.add_box(100, 100, 110, 110,
+                 {{"surface_material_category", 1},
+                  {"predominant_height", 12},
+                  {"directivity", "uni"},
+                  {"axis", 90},
+                  {"owner", "x"},
+                  {"height_ft", 40}});
+    file.write(folder / "f.geojson");
+    GDALAllRegister();
+    GDALDataset* const in =
+        GDALDataset::FromHandle(GDALOpenEx((folder / "f.geojson").c_str(), GDAL_OF_VECTOR, nullptr, nullptr, nullptr));
+    REQUIRE(in);
+    GDALDataset* const out = GetGDALDriverManager()
+                                 ->GetDriverByName("ESRI Shapefile")
+                                 ->CreateCopy((folder / "f.shp").c_str(), in, FALSE, nullptr, nullptr, nullptr);
+    REQUIRE(out);
+    GDALClose(out);
+    GDALClose(in);
+    for (const std::string name : {"geojson", "shp"}) {
+        const Ended ended = wedgescope::test::run_program(
+            {WEDGESCOPE_PROGRAM, "tile", dem, folder / ("of_" + name), "--features", folder / ("f." + name)},
+            folder / "err");
+        INFO(ended.err);
+        REQUIRE(ended.code == 0);
+        CHECK_THAT(ended.err, Contains("fields that are left out: 'height_ft', 'owner'\n"));
+    }
+    for (const char* layer : {"/culture.vrt", "/culture_height.vrt"})
+        CHECK(cells_of(folder / "of_shp" + layer).values == cells_of(folder / "of_geojson" + layer).values);
+    CHECK(cells_of(folder / "of_shp/culture_height.vrt").at(105, 105) == 12);
+    CHECK(std::filesystem::exists(folder / "of_shp/classes.csv"));
 }
 
 TEST_CASE("options of features are checked", "[features]") {

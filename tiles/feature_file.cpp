@@ -21,10 +21,12 @@
 namespace wedgescope {
 namespace {
 
-// The first one that a feature has counts. DFAD's own names and those of its descendants.
-constexpr const char* material_fields[] = {"material", "SMC", "surface_material_category", "surface_material", "class"};
-constexpr const char* height_fields[] = {"height", "HGT", "predominant_height", "height_m"};
-constexpr const char* directivity_fields[] = {"directivity"};
+// The first one that a feature has counts. DFAD's own names and those of its descendants; and what shapefiles leave of them, which
+// cut names to ten letters.
+constexpr const char* material_fields[] = {"material",         "SMC",   "surface_material_category",
+                                           "surface_material", "class", "surface_ma"};
+constexpr const char* height_fields[] = {"height", "HGT", "predominant_height", "height_m", "predominan"};
+constexpr const char* directivity_fields[] = {"directivity", "directivit"};
 constexpr const char* axis_fields[] = {"axis", "axis_deg"};
 /// Cells that a piece is drawn beyond the window, so that what GDAL clips at its edge shows in none.
 constexpr std::int64_t margin = 2;
@@ -143,8 +145,16 @@ FeatureFile::FeatureFile(FeatureParams params, const RasterFacts& terrain)
         has_materials_ |= !layer.materials.empty();
         has_heights_ |= !layer.heights.empty();
         const OGRFeatureDefn& fields = *layer.layer->GetLayerDefn();
-        for (int i = 0; i < fields.GetFieldCount(); ++i)
-            names += text(names.empty() ? "" : ", ", fields.GetFieldDefn(i)->GetNameRef());
+        for (int i = 0; i < fields.GetFieldCount(); ++i) {
+            const std::string name = fields.GetFieldDefn(i)->GetNameRef();
+            names += text(names.empty() ? "" : ", ", name);
+            const auto takes = [&](const std::vector<int>& of) {
+                return std::find(of.begin(), of.end(), i) != of.end();
+            };
+            if (!takes(layer.materials) && !takes(layer.heights) && !takes(layer.directivities) && !takes(layer.axes) &&
+                std::find(left_out_.begin(), left_out_.end(), name) == left_out_.end())
+                left_out_.push_back(name);
+        }
     }
     if (!has_materials_ && !has_heights_)
         throw InputError(

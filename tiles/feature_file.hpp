@@ -59,6 +59,8 @@ public:
     const FeatureParams& params() const { return params_; }
     bool has_materials() const { return has_materials_; }  ///< some layer has a field for them
     bool has_heights() const { return has_heights_; }
+    /// Fields that are not looked at, of all layers.
+    const std::vector<std::string>& left_out() const { return left_out_; }
     std::string named() const;
     StoreSource source() const;
     std::uint64_t fingerprint();
@@ -87,6 +89,7 @@ private:
     bool geographic_ = false;
     bool attributes_only_ = false;
     bool has_materials_ = false, has_heights_ = false;
+    std::vector<std::string> left_out_;
     std::mutex mutex_, opening_;  ///< a CRS is compared by one thread at a time
     std::vector<std::unique_ptr<Handle>> free_;
     std::atomic<bool> burnt_ = false;

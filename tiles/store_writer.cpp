@@ -665,6 +665,7 @@ TileStoreSummary StoreWriter::summary() const {
     const bool all_made =
         std::none_of(out.layers.begin(), out.layers.end(), [](const auto& l) { return l.reused > 0; });
     out.features_lie_elsewhere = features_ && all_made && !features_->burnt();
+    if (features_) out.feature_fields_left_out = features_->left_out();
     out.disagreements = all.posts;
     out.interpolated = all.interpolated;
     out.largest_m = all.largest_m;

@@ -119,6 +119,7 @@ struct TileStoreSummary {
     };
     std::vector<Code> unknown_codes;      ///< that the legend does not know
     bool features_lie_elsewhere = false;  ///< not one cell has a feature
+    std::vector<std::string> feature_fields_left_out;
 };
 
 /// InputError for options, an output that stands already or too small a memory; IoError and DataError naming file and

@@ -47,6 +47,8 @@ constexpr TableColumn names[] = {{agl, "height", "m"},
                                  {lat, "latitude", "", Dimension::angle, true},
                                  {lon, "lon", "", Dimension::angle, true},
                                  {lon, "longitude", "", Dimension::angle, true},
+                                 {lon, "lng", "", Dimension::angle, true},
+                                 {lon, "long", "", Dimension::angle, true},
                                  {x, "x"},
                                  {y, "y"}};
 constexpr const char* accepted_columns =
@@ -107,20 +109,19 @@ Observers finish(const std::string& path, const std::string& subject, bool is_ta
                  std::vector<Observer> all, const std::vector<NamedColumn>& columns) {
     if (all.empty()) throw InputError(text(subject, " holds no observer; at least one is needed"));
     all.shrink_to_fit();
-    std::string taken, left_out;
-    std::size_t unknown = 0;
-    constexpr std::size_t most_named = 8;
+    std::string taken;
+    std::vector<std::string> left_out;
     for (const NamedColumn& column : columns) {
         // A name that may be something else's (a building's height), beside the option for all.
         if (column.known && column.known->unless != 0 && altitude_given) taken = in_quotes(column.name);
         if (column.known || column.name.empty()) continue;
-        if (++unknown <= most_named) left_out += text(unknown == 1 ? "" : ", ", in_quotes(column.name));
+        left_out.emplace_back(column.name);
     }
-    if (unknown > most_named) left_out += text(" and ", unknown - most_named, " more");
     const char* const kind = is_table ? "column" : "field";
     std::string note;
     if (!taken.empty()) note += text(kind, " ", taken, " gives each its height, where it is not empty");
-    if (unknown > 0) note += text(note.empty() ? "" : "; ", kind, "s that are left out: ", left_out);
+    if (!left_out.empty())
+        note += text(note.empty() ? "" : "; ", kind, "s that are left out: ", listed_names(left_out));
     if (!note.empty()) note = text(subject, ": ", note);
     return Observers(path, is_table, lat_lon, std::move(all), std::move(note));
 }

@@ -190,6 +190,9 @@ void tell(const Settings& settings, const TileStoreSummary& summary, double seco
     if (summary.features_lie_elsewhere)
         say(text("features ", in_quotes(settings.features),
                  ": none lies on a cell of the terrain (is their CRS what the file says, longitude before latitude?)"));
+    if (!summary.feature_fields_left_out.empty())
+        say(text("features ", in_quotes(settings.features),
+                 ": fields that are left out: ", listed_names(summary.feature_fields_left_out)));
     std::uint64_t reused = 0;
     if (!summary.layers.empty()) {
         const std::string line = undeclared_void(settings.files.size() == 2 ? settings.files[0] : settings.files.back(),
