@@ -233,6 +233,18 @@ TEST_CASE("a store made without a legend leaves it to its scenes, as help says",
                         "--altitude-agl", "900m",  "-o",   "scope.png"};
     refuses(folder, scene, 2, {"culture needs culture-legend", "nlcd"});
     CHECK(folder.run(with(scene, {"--culture-legend", "nlcd"})).code == 0);
+    // What needs no class needs no legend.
+    const Strings seen{"coverage",     "lake",           "m.tif", "--latlon",
+                       "43.38,-72.05", "--altitude-agl", "900m",  "--overwrite"};
+    CHECK(folder.run(seen).code == 0);
+    CHECK(folder.run(with(seen, {"--source", "spilled"})).code == 0);
+    folder.write("o.csv", "lat,lon\n43.38,-72.05\n");
+    CHECK(folder.run({"coverage", "lake", "n.tif", "--observers", "o.csv", "--altitude-agl", "900m"}).code == 0);
+    refuses(folder, with(seen, {"--layer", "response"}), 2, {"culture needs culture-legend"});
+    refuses(folder,
+            {"coverage", lake + "dem.tif", "x.tif", "--culture", lake + "culture.tif", "--latlon", "43.38,-72.05",
+             "--altitude-agl", "900m"},
+            2, {"--culture is ", "for --layer response alone"});
 }
 
 TEST_CASE("a folder that is no store is refused as one", "[cli]") {

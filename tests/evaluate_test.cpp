@@ -628,6 +628,13 @@ TEST_CASE("a table keeps its columns, and the outputs stand behind them", "[eval
     const auto single = values("sight", "hs=3048m h=250m s=20km");
     CHECK(std::stod(split(lines[1], ',')[6]) == single.at("r").number);  // the note's cell holds a comma
     CHECK(std::stod(split(lines[2], ',')[5]) == value("sight", "hs=3km h=0 s=10km", "r"));
+    // Units in round brackets too.
+    const std::string round = folder.write("round.csv", "s (km),note (odd),h (m),hs (ft)\n20,x,250,10000\n");
+    const Outcome same = folder.run({"sight", "--in", round, "-q"});
+    REQUIRE(same.code == 0);
+    CHECK(std::stod(split(split(same.out, '\n').at(1), ',').at(4)) == std::stod(split(lines[1], ',')[6]));
+    CHECK_THAT(folder.run({"sight", "--in", folder.write("bad.csv", "s (km),h (kg),hs (ft)\n20,250,10000\n")}).err,
+               Contains("column 'h (kg)'; accepted: units "));
     // What stays is said.
     CHECK(outcome.err == "table '" + in + "': columns that are no input of sight stay as they are: 'site', 'note'\n");
     CHECK(folder.run({"sight", "--in", in, "-q"}).err.empty());

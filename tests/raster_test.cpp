@@ -16,6 +16,7 @@
 #include "tiles/file_stamp.hpp"
 #include "tiles/gdal_session.hpp"
 #include "tiles/raster.hpp"
+#include "tiles/raster_file.hpp"
 #include "tiles/sources.hpp"
 
 using namespace wedgescope;
@@ -166,11 +167,23 @@ TEST_CASE("scale, offset and feet are honoured", "[raster]") {
     CHECK(with_crs("EPSG:32611+6360", "") == static_cast<float>(201.0 * 1200 / 3937));
     CHECK(with_crs("EPSG:32611+8228", "") == static_cast<float>(201 * 0.3048));
     CHECK(with_crs("EPSG:32611+6360", "<UnitType>m</UnitType>") == 201);
+    d.unit = "yd";
+    draw(folder / "yards.tif", d);
+    CHECK(post(folder / "yards.tif", 2, 1) == static_cast<float>(80.5 * 0.9144));
+    // Depths, which would be the ground upside down.
+    for (const char* crs : {"EPSG:32611+5715", "EPSG:32611+8051"})
+        CHECK_THAT(test::refusal<DataError>([&] { with_crs(crs, ""); }),
+                   Contains("mosaic.vrt' holds depths") && Contains("counts downwards; accepted: heights, upwards"));
     d.unit = "dB";
     draw(folder / "power.tif", d);
     CHECK_THAT(refusal<DataError>(folder / "power.tif"),
                Contains("power.tif' has heights in the unit 'dB'; accepted: m, ft"));
     CHECK_FALSE(summarise_raster(folder / "power.tif", false).unit_m.has_value());
+    // Culture heights too; of codes no unit counts.
+    draw(folder / "canopy.tif", d);
+    CHECK_THAT(test::refusal<DataError>([&] { RasterFile("culture-height", folder / "canopy.tif"); }),
+               Contains("culture-height '") && Contains("in the unit 'dB'"));
+    CHECK_NOTHROW(RasterFile("culture", folder / "power.tif"));
 }
 
 TEST_CASE("no-data, NaN and masks are voids", "[raster]") {
@@ -257,6 +270,22 @@ TEST_CASE("what is no raster of heights is refused in one line that says why", "
     d.geotransform = {{1000, -10, 0, 2000, 0, -10}};
     draw(folder / "mirrored.tif", d);
     CHECK_THAT(refusal<DataError>(folder / "mirrored.tif"), Contains("-10") && Contains("gdalwarp"));
+    // An alpha that GDAL takes for no mask, and what lies below it for heights.
+    for (const GDALDataType type : {GDT_Int16, GDT_Float32, GDT_UInt16}) {
+        GDALDataset* const made = GetGDALDriverManager()->GetDriverByName("GTiff")->Create(
+            (folder / "alpha.tif").c_str(), 4, 3, 2, type, nullptr);
+        double terms[6] = {1000, 10, 0, 2000, 0, -10};
+        made->SetGeoTransform(terms);
+        made->GetRasterBand(1)->Fill(5);
+        made->GetRasterBand(2)->SetColorInterpretation(GCI_AlphaBand);
+        made->GetRasterBand(2)->Fill(0);
+        GDALClose(made);
+        if (type == GDT_UInt16)
+            CHECK(std::isnan(post(folder / "alpha.tif", 1, 1)));
+        else
+            CHECK_THAT(refusal<DataError>(folder / "alpha.tif"),
+                       Contains("alpha.tif' has its alpha in band 2") && Contains("-dstnodata"));
+    }
 }
 
 TEST_CASE("a file cut short is an error that names where, not a plain at sea level", "[raster]") {

@@ -335,6 +335,12 @@ TEST_CASE("nothing of the data base is read, and a scene file that made the echo
     folder.make(with({"scope", echo, ini, "--legend", "on"}, outputs(folder, "again")));
     CHECK((folder.files("labelled") == folder.files("again")));
     refuses(folder, {"scope", echo, "--legend", "on", "-o", png}, 2, {"legend is on", "dem = PATH"});
+    // One that the echo image's scene had is left out, and said to be.
+    const Ended without = folder.run({"scope", folder / "legend.tif", "-o", folder / "without.png"});
+    CHECK(without.code == 0);
+    CHECK_THAT(without.err, Contains("the legend is left out"));
+    folder.make({"scope", echo, "-o", folder / "plain.png", "-q"});
+    CHECK(content(folder / "without.png") == content(folder / "plain.png"));
     folder.write("other.ini", "dem = ground.tif\nmaterial = grass\n");
     refuses(folder, {"scope", echo, folder / "other.ini", "-o", png}, 2,
             {"other.ini', line 2: material is 'grass'", "'soil'", "new sweep"});

@@ -62,7 +62,10 @@ TEST_CASE("the bands of a power stack are the numbered files, every bit and ever
         }
         const pid_t told = start({program, "info", "--json", folder / "stack.tif"}, folder / "log", folder / "info");
         REQUIRE(wait_for(told, folder / "log").code == 0);
-        CHECK(json_in(folder / "info")["files"][0]["bands"] == rows.size());
+        const auto facts = json_in(folder / "info")["files"][0];
+        CHECK(facts["bands"] == rows.size());
+        CHECK(facts["polar"]["range_kind"] == "slant");
+        CHECK(facts["polar"]["azimuth_start_deg"] == 0);
         // By itself, from other threads and out of little memory the same file.
         const std::string truth = content(folder / "stack.tif");
         for (const auto& how : std::vector<std::vector<std::string>>{

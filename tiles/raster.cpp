@@ -38,14 +38,20 @@ std::optional<PolarAxes> polar_axes(const std::string& path) {
     const DatasetHandle file(GDALDataset::Open(path.c_str(), GDAL_OF_RASTER | GDAL_OF_READONLY));
     if (!file) return std::nullopt;
     PolarAxes axes;
+    // In a stack each frame looks its own way.
+    const auto item_of = [&](const char* name) {
+        const char* const words = file->GetMetadataItem(name);
+        return words || file->GetRasterCount() == 0 ? words : file->GetRasterBand(1)->GetMetadataItem(name);
+    };
     for (const auto& [item, number] : {std::pair{"AZIMUTH_START_DEG", &axes.azimuth_start_deg},
                                        {"AZIMUTH_STEP_DEG", &axes.azimuth_step_deg},
                                        {"RANGE_START_M", &axes.range_start_m},
                                        {"RANGE_STEP_M", &axes.range_step_m}}) {
-        const char* const words = file->GetMetadataItem(item);
+        const char* const words = item_of(item);
         if (!words) return std::nullopt;
         *number = CPLAtof(words);
     }
+    axes.frames = item_of("FRAME") != nullptr;
     if (const char* kind = file->GetMetadataItem("RANGE_KIND")) axes.range_kind = kind;
     return axes;
 }

@@ -15,6 +15,7 @@ namespace wedgescope {
 struct PolarAxes {
     double azimuth_start_deg = 0, azimuth_step_deg = 0;  ///< of the first bin's near edge, from north
     double range_start_m = 0, range_step_m = 0;
+    bool frames = false;     ///< each band is one, of a track
     std::string range_kind;  ///< slant, ground
 };
 

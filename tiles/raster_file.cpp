@@ -68,6 +68,17 @@ std::string vertical_unit(const OGRSpatialReference* crs) {
     return std::fabs(metres - 1) < 1e-12 || !name ? std::string() : name;
 }
 
+/// DataError where the CRS counts down.
+void refuse_depths(const OGRSpatialReference* crs, const RasterFacts& facts) {
+    if (!crs || !crs->IsVertical()) return;
+    OGRAxisOrientation orientation = OAO_Up;
+    crs->GetAxis("VERT_CS", 0, &orientation);
+    if (orientation != OAO_Down) return;
+    const char* const name = crs->GetAttrValue("VERT_CS");
+    throw DataError(text(facts.named(), " holds depths, which its vertical CRS ", in_quotes(name ? name : ""),
+                         " counts downwards; accepted: heights, upwards (gdal_calc.py --calc=-A turns them)"));
+}
+
 void inspect_band(GDALDataset& dataset, RasterFacts& facts) {
     GDALRasterBand& band = *dataset.GetRasterBand(1);
     facts.type = band.GetRasterDataType();
@@ -88,10 +99,12 @@ void inspect_band(GDALDataset& dataset, RasterFacts& facts) {
                              "; accepted: finite numbers, a scale that is not 0"));
     if (const char* unit = band.GetUnitType()) facts.unit = unit;
     if (facts.unit.empty()) facts.unit = vertical_unit(dataset.GetSpatialRef());
+    const bool heights = facts.role == "dem" || facts.role == "culture-height";
+    if (heights) refuse_depths(dataset.GetSpatialRef(), facts);
     const std::optional<double> metres = unit_in_metres(facts.unit);
-    if (!metres && facts.role == "dem")
+    if (!metres && heights)
         throw DataError(text(facts.named(), " has heights in the unit '", facts.unit,
-                             "'; accepted: m, ft, US survey ft, km, dm, cm, mm (gdal_edit.py -units m sets it)"));
+                             "'; accepted: m, ft, US survey ft, yd, km, dm, cm, mm (gdal_edit.py -units m sets it)"));
     facts.unit_m = metres.value_or(1);
 
     int has = 0;
@@ -107,6 +120,14 @@ void inspect_band(GDALDataset& dataset, RasterFacts& facts) {
     // A mask made of the no-data value alone is the comparison that is made anyway.
     facts.has_mask = (flags & GMF_ALL_VALID) == 0 && (flags & (GMF_PER_DATASET | GMF_ALPHA)) != 0;
     if ((flags & (GMF_ALL_VALID | GMF_NODATA)) == 0) facts.has_mask = true;
+    // GDAL takes no other alpha for a mask, and what gdalwarp fills with 0 would be ground.
+    if (heights && !facts.has_mask && !facts.has_no_data)
+        for (int b = 2; b <= dataset.GetRasterCount(); ++b)
+            if (dataset.GetRasterBand(b)->GetColorInterpretation() == GCI_AlphaBand)
+                throw DataError(text(facts.named(), " has its alpha in band ", b, ", of type ",
+                                     type_name(dataset.GetRasterBand(b)->GetRasterDataType()),
+                                     ", which is no mask; accepted: an alpha of Byte or UInt16, or a no-data value "
+                                     "(gdalwarp -dstnodata in place of -dstalpha)"));
     if (const char* compression = dataset.GetMetadataItem("COMPRESSION", "IMAGE_STRUCTURE"))
         facts.compression = compression;
 }
@@ -117,7 +138,7 @@ RasterFacts inspect(GDALDataset& dataset, RasterFacts facts) {
     facts.columns = dataset.GetRasterXSize();
     facts.rows = dataset.GetRasterYSize();
     if (dataset.GetRasterCount() < 1) {
-        const char* first = dataset.GetMetadataItem("SUBDATASET_1_NAME", "SUBDATASETS");
+        const char* first = CSLFetchNameValue(dataset.GetMetadata("SUBDATASETS"), "SUBDATASET_1_NAME");
         throw DataError(
             text(facts.named(), " holds no band",
                  first ? text("; accepted: one of its subdatasets, such as '", first, "'") : std::string()));

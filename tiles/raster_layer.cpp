@@ -121,6 +121,8 @@ std::optional<double> unit_in_metres(std::string unit) {
     for (const char* word : {"usft", "ftus", "sft", "ussurveyfoot", "ussurveyfeet", "footus", "surveyfoot",
                              "surveyfeet", "footussurvey", "usfoot", "usfeet"})
         if (unit == word) return 1200.0 / 3937;
+    for (const char* word : {"yd", "yard", "yards"})
+        if (unit == word) return 0.9144;
     return std::nullopt;
 }
 

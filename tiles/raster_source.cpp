@@ -95,6 +95,7 @@ RasterSource::RasterSource(const DataBaseParams& params) : params_(params) {
         if (params_.culture.empty()) {
             culture = store_->layer(StoreLayerKind::culture);
             if (!params_.legend) params_.legend = store_->legend(params_.materials);
+            if (!params_.legend && !params_.classes) culture.reset();
         }
         if (params_.culture_height.empty()) {
             has_detail_ = store_->has_detail_map();

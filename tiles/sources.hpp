@@ -35,6 +35,7 @@ struct DataBaseParams {
     std::string culture_height;  ///< empty: none
     double culture_height_scale = 1;
     std::optional<Legend> legend;  ///< needed with culture
+    bool classes = true;           ///< they are asked for; if not, a store's culture that has no legend is left alone
     Materials materials;           ///< that the legend of a store names
     ClassId default_class = 4;     ///< no culture, or its no-data
     std::size_t cache_bytes = 0;   ///< what the session grants for decoded blocks, GDAL's and our own

@@ -71,6 +71,9 @@ std::optional<Legend> TileStore::legend(const Materials& materials) const {
         return Legend::from_csv(manifest_->legend_name, manifest_->legend_csv, materials);
     } catch (const InputError& e) {
         const std::string own = store_classes(path_);
+        if (manifest_->class_table && own.empty())
+            throw DataError(text("class table '", (std::filesystem::path(path_) / store_classes_name).string(),
+                                 "' is missing, in which the store's own classes stand"));
         throw InputError(text("tile store '", path_, "': legend ", e.what(),
                               own.empty() ? ""
                                           : text(" (the classes of its features are in '", own,

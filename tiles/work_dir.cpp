@@ -283,7 +283,10 @@ bool WorkDir::read_run() {
         if (!in && errno == ENOENT) return false;
         struct stat facts {};
         constexpr off_t most = off_t{1} << 28;  // 2^20 wedges have less
-        const bool good = in && ::fstat(in.get(), &facts) == 0 && S_ISREG(facts.st_mode) && facts.st_size <= most;
+        const bool good = in && ::fstat(in.get(), &facts) == 0;
+        if (good && (!S_ISREG(facts.st_mode) || facts.st_size > most))
+            throw DataError(text("work file '", name, "' is ", S_ISREG(facts.st_mode) ? "too large" : "no file",
+                                 "; give another work-dir"));
         if (good) content.resize(static_cast<std::size_t>(facts.st_size));
         const int error = good ? read_all(in.get(), content.data(), content.size()).error : errno;
         if (!good || error) throw IoError(text("work file '", name, "' cannot be read: ", system_reason(error)));
@@ -426,7 +429,7 @@ void WorkDir::keep(const WedgeKey& key, const WedgeOutcome& outcome, std::span<c
 
 bool WorkDir::seems_done() const {
     std::error_code error;
-    if (start_ != Start::join || !fs::exists(file(run_name), error)) return false;
+    if (start_ != Start::join || !fs::is_regular_file(file(run_name), error)) return false;
     std::ifstream in(file(run_name), std::ios::binary);
     const json run = json::parse(in, nullptr, false);
     if (!run.is_object() || !run.contains("wedges") || run["wedges"].size() < 2) return false;

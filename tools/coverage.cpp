@@ -121,10 +121,11 @@ void coverage(const std::vector<std::string>& arguments, Stop& stop) {
     settings.dem = settings.files[0];
     settings.output = settings.files[1];
     settings.snap_to_post = translated.gdal_style;
+    settings.needs_classes = settings.coverage.layer == CoverageLayer::response;
     if (!settings.snap_to_post) keep_apart(settings.coverage.mask, settings.given);
+    check_response(settings);
     check_complete(settings);
     check_temp_dir(settings);
-    check_response(settings);
     if (settings.no_data_value)
         settings.coverage.mask.no_data = static_cast<std::uint8_t>(*settings.no_data_value);
     else if (translated.gdal_style)

@@ -20,6 +20,7 @@ enum Doubt : std::size_t {
     wide_bins,
     strong_rain,
     error_unkept,
+    no_level,
     doubt_count
 };
 

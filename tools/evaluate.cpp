@@ -335,7 +335,12 @@ private:
         header_ = rows_.row();
         std::vector<std::string> found;
         for (std::size_t cell = 0; cell < cells.size(); ++cell) {
-            const auto open = cells[cell].find('[');
+            // Units in round brackets too, where there are no others and an input is named before them.
+            auto open = cells[cell].find('[');
+            if (const auto round = cells[cell].rfind('(');
+                open == std::string_view::npos && cells[cell].ends_with(')') && round != std::string_view::npos &&
+                input_named(model_, trimmed(cells[cell].substr(0, round))))
+                open = round;
             const std::string_view name = trimmed(cells[cell].substr(0, open));
             found.push_back(in_quotes(cells[cell]));
             for (const ModelOutput& output : model_.outputs)
@@ -373,7 +378,7 @@ private:
     std::string unit_of(const ModelInput& input, std::string_view cell, std::size_t open) const {
         if (open == std::string_view::npos) return "";
         std::string_view unit = cell.substr(open + 1);
-        const bool whole = unit.ends_with(']');
+        const bool whole = unit.ends_with(cell[open] == '(' ? ')' : ']');
         if (whole) unit = trimmed(unit.substr(0, unit.size() - 1));
         if (whole && (has_unit(input, unit) || (unit.empty() && input.unit.empty()))) return std::string(unit);
         const std::string units = input.unit.empty() ? "no unit"

@@ -117,7 +117,7 @@ std::string row(const char* label, const std::string& value) { return fmt::forma
 std::string words_of_unit(const RasterSummary& r) {
     if (r.unit.empty()) return "";
     if (r.polar) return ", unit " + r.unit;
-    if (!r.unit_m) return text(", in the file's unit '", r.unit, "', which is no length that is known");
+    if (!r.unit_m) return text(", in the unit '", r.unit, "' (no length that is known, and so no terrain)");
     return *r.unit_m == 1 ? ", unit " + r.unit : text(", in m (the file has ", r.unit, ")");
 }
 
@@ -155,7 +155,9 @@ std::string to_text(const RasterFacts& facts) {
     std::string out = r.path + "\n";
     out += row("format", text(r.driver, ", ", r.data_type, r.compression.empty() ? "" : ", ", r.compression,
                               ", blocks of ", r.block_columns, " x ", r.block_rows));
-    if (r.bands > 1) out += row("bands", text(r.bands, ", the first of which is read"));
+    if (r.bands > 1)
+        out += row("bands", text(r.bands, r.polar && r.polar->frames ? ", frames of a track" : "",
+                                 ", the first of which is read"));
     out += r.polar ? rows_of_bins(r, *r.polar) : rows_of_posts(r);
     std::string voids = r.has_no_data ? fmt::format("no-data {:g}", r.no_data) : "no no-data value";
     out += row("voids", fmt::format("{} ({:.3g} %), {}", counted(r.void_posts, r.polar ? "cell" : "post"),

@@ -107,7 +107,7 @@ bool lies_in(const std::string& path, const std::string& folder) {
 std::string canonical_path(const std::string& path) {
     std::error_code error;
     // weakly_canonical alone leaves a name as it is whose first part does not exist.
-    const fs::path canonical = fs::weakly_canonical(fs::absolute(path), error);
+    const fs::path canonical = fs::weakly_canonical(fs::absolute(path, error), error);
     return error ? std::string() : canonical.string();
 }
 

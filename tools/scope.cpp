@@ -76,8 +76,13 @@ void scope(const std::vector<std::string>& arguments, Stop& stop) {
     Settings settings = settings_from(echo.given, request.given);
     settings.files = request.settings.files;
     settings.echo.clear();  // of a scene file that simulate takes
+    // It names the data base, which an echo image does not.
+    const bool unnamed = settings.scene.display.legend && settings.dem.empty(),
+               left_out = unnamed && std::none_of(request.given.begin(), request.given.end(),
+                                                  [](const Given&one) { return one.key == "legend"; });
+    if (left_out) settings.scene.display.legend = false;
     const ResolvedScene scene = scene_from_echo(echo, request.given, settings);
-    if (settings.scene.display.legend && settings.dem.empty())
+    if (unnamed && !left_out)
         throw InputError(
             "legend is on, and it names the data base, which an echo image does not; give the scene file that says "
             "what dem is (dem = PATH), or legend off");
@@ -113,6 +118,11 @@ void scope(const std::vector<std::string>& arguments, Stop& stop) {
     const std::string written = records.commit(layers.files());
     for (const std::string& line : doubts(result, !settings.output.empty()))
         if (!line.empty()) remark(settings.quiet, line);
+    if (left_out)
+        remark(settings.quiet,
+               "the legend is left out: it names the data base, which an echo image does not (a scene file with dem = "
+               "PATH "
+               "and legend = on brings it)");
     remark(settings.quiet, text("written: ", written, fmt::format(" ({:.2f} s)", now_s() - start_s)));
 }
 

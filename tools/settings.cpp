@@ -62,6 +62,7 @@ DataBaseParams data_base_params(const Settings& settings, std::size_t cache, con
     params.culture_height = settings.culture_height;
     params.culture_height_scale = settings.culture_height_scale;
     params.legend = legend(settings);
+    params.classes = settings.needs_classes;
     params.materials = settings.scene.materials;
     params.default_class = params.materials.by_name("material", settings.material);
     params.cache_bytes = cache;

@@ -53,6 +53,7 @@ struct Settings {
     SourceKind source = SourceKind::automatic;
     bool keep_map = false;
     std::shared_ptr<const GroundMap> ground;  ///< no key: what find_ground() found or made
+    bool needs_classes = true;                ///< no key: as DataBaseParams::classes
     bool expects_ground = false;              ///< no key: it will, as a budget has to know before
     std::string temp_dir;                     ///< empty: the system's
     int threads = 0;                          ///< 0: all the machine has
