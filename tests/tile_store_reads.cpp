@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <fstream>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <random>
 #include <string>
@@ -14,7 +15,6 @@
 
 #include "lib/detail.hpp"
 #include "lib/engine.hpp"
-#include "tests/json.hpp"
 #include "tests/refusal.hpp"
 #include "tests/tile_stores.hpp"
 #include "tiles/checksum.hpp"
@@ -409,7 +409,7 @@ TEST_CASE("a manifest with a value that no store has is refused by the value's k
     write_tile_store(params);
     const std::string path = folder / "store/manifest.json", whole = content(path);
     const auto refused = [&](const auto& change) {
-        json all = json_of(whole);
+        json all = json::parse(whole);
         change(all);
         const std::string key = "\"checksum\": \"";
         all["checksum"] = std::string(16, '0');
