@@ -246,7 +246,9 @@ void Cover::finish_line(const Side& side, const LineForm& line, std::int64_t ind
             };
             std::uint8_t& s = state[j];
             if (voids_ && s == seen) {
-                const double k = between(desk.post_at) - static_cast<double>(desk.spokes.range.begin);
+                const double place = uneven_ ? desk.each_at[static_cast<std::size_t>(j - posts.begin)]
+                                             : between(desk.post_at),
+                             k = place - static_cast<double>(desk.spokes.range.begin);
                 const auto at =
                     static_cast<std::size_t>(std::clamp<std::int64_t>(floor_i(k), 0, desk.spokes.range.size() - 2));
                 const float f = static_cast<float>(k - static_cast<double>(at)), a = desk.spokes.voids.tangent[at],

@@ -215,7 +215,7 @@ public:
         if (scene.scene.ground_range_m) farthest_m_ = *scene.scene.ground_range_m * (1 + 0x1p-32);
         limited_ = with_range_ || scene.scene.sector || params.elevation;
         with_posts_ = limited_ || !bytes_;
-        uneven_ = with_posts_ && map_.unevenness(knot) > most_unevenness;
+        uneven_ = (with_posts_ || voids_) && map_.unevenness(knot) > most_unevenness;
         if (params.elevation) {
             least_tangent_ = rounded(std::tan(params.elevation->first.rad()), 40);
             most_tangent_ = rounded(std::tan(params.elevation->second.rad()), 40);

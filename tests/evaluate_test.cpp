@@ -633,8 +633,12 @@ TEST_CASE("a table keeps its columns, and the outputs stand behind them", "[eval
     const Outcome same = folder.run({"sight", "--in", round, "-q"});
     REQUIRE(same.code == 0);
     CHECK(std::stod(split(split(same.out, '\n').at(1), ',').at(4)) == std::stod(split(lines[1], ',')[6]));
+    const Outcome old =
+        folder.run({"sight", "--in", folder.write("old.csv", "s (km),s (old),h (m),hs (ft)\n20,9,250,10000\n")});
+    CHECK(old.code == 0);
+    CHECK_THAT(old.err, Contains("stay as they are: 's (old)'"));
     CHECK_THAT(folder.run({"sight", "--in", folder.write("bad.csv", "s (km),h (kg),hs (ft)\n20,250,10000\n")}).err,
-               Contains("column 'h (kg)'; accepted: units "));
+               Contains("no column is h; found 's (km)', 'h (kg)'"));
     // What stays is said.
     CHECK(outcome.err == "table '" + in + "': columns that are no input of sight stay as they are: 'site', 'note'\n");
     CHECK(folder.run({"sight", "--in", in, "-q"}).err.empty());

@@ -193,6 +193,13 @@ TEST_CASE("counts and layers in files that would not read back as they are", "[o
                Contains("does not keep them as they are"));
     CHECK_THAT(refused(coverage_of(folder, "x.tif", {"--layer", "height", "--co", "COMPRESS=JPEG"})),
                Contains("these creation options"));
+    // Ranges beyond what half a float holds, and angles off by degrees.
+    for (const Words& lossy : {Words{"--layer", "range", "--co", "NBITS=16"},
+                               {"--layer", "depression", "--co", "COMPRESS=LERC", "--co", "MAX_Z_ERROR=9"}})
+        CHECK_THAT(refused(coverage_of(folder, "x.tif", lossy)), Contains("does not keep them"));
+    CHECK(run(folder, coverage_of(folder, "y.tif",
+                                  {"--layer", "depression", "--co", "COMPRESS=LERC", "--co", "MAX_Z_ERROR=0.01"}))
+              .code == 0);
     // What makes no file in memory is written, with options too; what takes none without a place has one.
     for (const auto& [name, more] :
          {std::pair{"l.nc", Words{}}, {"l.nc", {"--co", "COMPRESS=DEFLATE"}}, {"l.gpkg", {}}}) {
@@ -246,6 +253,9 @@ TEST_CASE("a power image in a file that changes it or forgets its scene is remar
     CHECK(says("a.img", {}).empty());
     CHECK_THAT(says("a.tif", {"--co", "COMPRESS=LERC", "--co", "MAX_Z_ERROR=0.1"}),
                Contains("its values as they are; .tif does"));
+    // So little that watts alone are lost.
+    CHECK_THAT(says("a.tif", {"--co", "COMPRESS=LERC", "--co", "MAX_Z_ERROR=1e-12"}),
+               Contains("its values as they are"));
     CHECK_THAT(says("a.xyz", {}), Contains("what the image tells of its scene; .tif does"));
     const Ended ended = run_program(with({program}, simulation_of(folder, {"--power", folder / "a.nc", "--overwrite"})),
                                     folder / "log");

@@ -206,6 +206,19 @@ TEST_CASE("what a user may take for an error is said once a track, with how many
     CHECK(says({"-q"}).empty());
 }
 
+TEST_CASE("the geoid of a track whose rows stand above the ellipsoid has its effect", "[track]") {
+    const Folder folder;
+    draw_data(folder);
+    for (const std::string altitude : {"altitude-hae", "altitude-msl"}) {
+        std::ofstream(folder / "t.csv") << "time,x,y," << altitude << ",heading\n0,468200,3752000,900,0\n";
+        const Ended ended = simulate(
+            folder, {"--track", folder / "t.csv", "--geoid-offset", "-30m", "--overwrite", "-o", folder / "s.png"});
+        INFO(ended.err);
+        CHECK(ended.code == 0);
+        CHECK((ended.err.find("geoid-offset has no effect") == std::string::npos) == (altitude == "altitude-hae"));
+    }
+}
+
 TEST_CASE("the report of a track tells of every frame", "[track]") {
     const Folder folder;
     draw_data(folder);

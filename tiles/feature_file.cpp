@@ -25,7 +25,8 @@ namespace {
 // cut names to ten letters.
 constexpr const char* material_fields[] = {"material",         "SMC",   "surface_material_category",
                                            "surface_material", "class", "surface_ma"};
-constexpr const char* height_fields[] = {"height", "HGT", "predominant_height", "height_m", "predominan"};
+constexpr const char* height_fields[] = {"height", "HGT", "predominant_height", "height_m"};
+constexpr const char* cut_height_field = "predominan";  ///< of numbers; else it may be a kind of trees
 constexpr const char* directivity_fields[] = {"directivity", "directivit"};
 constexpr const char* axis_fields[] = {"axis", "axis_deg"};
 /// Cells that a piece is drawn beyond the window, so that what GDAL clips at its edge shows in none.
@@ -230,6 +231,10 @@ std::unique_ptr<FeatureFile::Handle> FeatureFile::open() {
         };
         find(material_fields, one.materials);
         find(height_fields, one.heights);
+        if (const int at = definition.GetFieldIndex(cut_height_field); at >= 0)
+            if (const OGRFieldType type = definition.GetFieldDefn(at)->GetType();
+                type == OFTInteger || type == OFTInteger64 || type == OFTReal)
+                one.heights.push_back(at);
         find(directivity_fields, one.directivities);
         find(axis_fields, one.axes);
         if (attributes_only_) {

@@ -28,6 +28,9 @@ std::shared_ptr<const Crs> from_gdal(const OGRSpatialReference& crs);
 /// Of places: null too where the layer says that it is undefined.
 std::shared_ptr<const Crs> crs_of(OGRLayer& layer);
 
+/// Is the disk at fault, full or bad? `error`: as errno has it.
+inline bool tells_of_disk(int error) { return error == ENOSPC || error == EFBIG || error == EDQUOT || error == EIO; }
+
 /// Keeps what GDAL says on this thread while it lives, instead of letting it be printed.
 class GdalErrors {
 public:

@@ -98,7 +98,7 @@ void GdalErrors::hear(CPLErr level, CPLErrorNum, const char* message) {
         if (self->warning_.empty()) self->warning_ = line;
     } else if (level >= CE_Failure) {
         self->failed_ = true;
-        if (errno == ENOSPC || errno == EFBIG || errno == EDQUOT || errno == EIO) self->disk_error_ = errno;
+        if (tells_of_disk(errno)) self->disk_error_ = errno;
         if (self->failure_.empty()) self->failure_ = line;
         self->last_ = line;
     }

@@ -75,8 +75,10 @@ void refuse_depths(const OGRSpatialReference* crs, const RasterFacts& facts) {
     crs->GetAxis("VERT_CS", 0, &orientation);
     if (orientation != OAO_Down) return;
     const char* const name = crs->GetAttrValue("VERT_CS");
-    throw DataError(text(facts.named(), " holds depths, which its vertical CRS ", in_quotes(name ? name : ""),
-                         " counts downwards; accepted: heights, upwards (gdal_calc.py --calc=-A turns them)"));
+    throw DataError(
+        text(facts.named(), " holds depths, which its vertical CRS ", in_quotes(name ? name : ""),
+             " counts downwards; accepted: heights, upwards (gdal_calc.py --calc=-A turns them, and gdal_edit.py "
+             "-a_srs says that they are)"));
 }
 
 void inspect_band(GDALDataset& dataset, RasterFacts& facts) {
@@ -120,14 +122,16 @@ void inspect_band(GDALDataset& dataset, RasterFacts& facts) {
     // A mask made of the no-data value alone is the comparison that is made anyway.
     facts.has_mask = (flags & GMF_ALL_VALID) == 0 && (flags & (GMF_PER_DATASET | GMF_ALPHA)) != 0;
     if ((flags & (GMF_ALL_VALID | GMF_NODATA)) == 0) facts.has_mask = true;
-    // GDAL takes no other alpha for a mask, and what gdalwarp fills with 0 would be ground.
-    if (heights && !facts.has_mask && !facts.has_no_data)
+    // GDAL takes no other alpha for a mask, and what gdalwarp fills with 0 would be ground, or class 0.
+    const bool values = heights || facts.role == "culture" || facts.role == "directivity";
+    if (values && !facts.has_mask && !facts.has_no_data)
         for (int b = 2; b <= dataset.GetRasterCount(); ++b)
             if (dataset.GetRasterBand(b)->GetColorInterpretation() == GCI_AlphaBand)
-                throw DataError(text(facts.named(), " has its alpha in band ", b, ", of type ",
-                                     type_name(dataset.GetRasterBand(b)->GetRasterDataType()),
-                                     ", which is no mask; accepted: an alpha of Byte or UInt16, or a no-data value "
-                                     "(gdalwarp -dstnodata in place of -dstalpha)"));
+                throw DataError(text(
+                    facts.named(), " has an alpha, of type ", type_name(dataset.GetRasterBand(b)->GetRasterDataType()),
+                    " in band ", b, " of ", dataset.GetRasterCount(),
+                    ", which GDAL takes for no mask; accepted: Byte or UInt16 in the second of 2 bands, "
+                    "or a no-data value (gdalwarp -dstnodata in place of -dstalpha)"));
     if (const char* compression = dataset.GetMetadataItem("COMPRESSION", "IMAGE_STRUCTURE"))
         facts.compression = compression;
 }

@@ -94,7 +94,11 @@ RasterSource::RasterSource(const DataBaseParams& params) : params_(params) {
         terrain_ = store_->layer(StoreLayerKind::dem);
         if (params_.culture.empty()) {
             culture = store_->layer(StoreLayerKind::culture);
-            if (!params_.legend) params_.legend = store_->legend(params_.materials);
+            try {
+                if (!params_.legend) params_.legend = store_->legend(params_.materials);
+            } catch (const Error&) {
+                if (params_.classes) throw;
+            }
             if (!params_.legend && !params_.classes) culture.reset();
         }
         if (params_.culture_height.empty()) {

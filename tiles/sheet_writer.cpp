@@ -132,7 +132,8 @@ SheetWriter::SheetWriter(const RasterFacts& facts, bool codes, const Window& pos
     if (driver)
         dataset_.reset(driver->Create(path_.c_str(), static_cast<int>(sums_.columns), static_cast<int>(sums_.rows), 1,
                                       facts.type, options.List()));
-    if (!dataset_ || errors.failed()) throw IoError(text("sheet '", path_, "' cannot be made: ", errors.reason()));
+    if (!dataset_ || errors.failed())
+        throw IoError(text("sheet '", path_, "' cannot be made: ", errors.reason_of_writing(path_)));
     // GDAL only warns of an option or a value that it does not know, and writes something else.
     if (errors.warned()) throw InputError(text("co: ", errors.reason()));
     if (facts.has_geotransform) {
@@ -160,7 +161,7 @@ SheetWriter::SheetWriter(const RasterFacts& facts, bool codes, const Window& pos
     if (facts.scale != 1) band->SetScale(facts.scale);
     if (facts.offset != 0) band->SetOffset(facts.offset);
     if (!facts.unit.empty()) band->SetUnitType(facts.unit.c_str());
-    if (errors.failed()) throw IoError(text("sheet '", path_, "' cannot be made: ", errors.reason()));
+    if (errors.failed()) throw IoError(text("sheet '", path_, "' cannot be made: ", errors.reason_of_writing(path_)));
     half_.resize(static_cast<std::size_t>(SheetSums::side(sums_.columns, 1) * SheetSums::side(sums_.rows, 1) *
                                           facts.type_bytes));
 }

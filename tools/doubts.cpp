@@ -63,14 +63,13 @@ std::array<std::string, doubt_count> doubts(const RunResult& r, bool pictured) {
     else if (r.scene.scene.max_error_db && r.promise.from_m > r.scene.scene.range_start_m)
         lines[error_unkept] = fmt::format("max-error is promised from {:.3g} km on, where the beam is two posts wide",
                                           r.promise.from_m * 1e-3);
-    // The sweep and the beam's depression go by a level, and over a void or outside nobody knows which.
+    // The sweep and the beam's depression go by a level, and over a void or outside nobody knows which. Ground about as low does no harm.
     const double high_m = r.scene.sensor_m - r.scene.clearance_m;
-    if (!r.scene.nadir_on_data && std::isfinite(high_m) && std::abs(high_m) > 0.05 * r.scene.sensor_m)
-        lines[no_level] = fmt::format(
+    if (!r.scene.nadir_on_data && !(std::abs(high_m) <= 0.05 * r.scene.sensor_m))
+        lines[no_level] =
             "no height is known below the sensor: the reference height is 0 m, by which the beam widens and ground "
-            "range is "
-            "told, and ground within range stands up to {:.0f} m high",
-            high_m);
+            "range "
+            "is told, however high the ground stands";
     return lines;
 }
 

@@ -335,12 +335,7 @@ private:
         header_ = rows_.row();
         std::vector<std::string> found;
         for (std::size_t cell = 0; cell < cells.size(); ++cell) {
-            // Units in round brackets too, where there are no others and an input is named before them.
-            auto open = cells[cell].find('[');
-            if (const auto round = cells[cell].rfind('(');
-                open == std::string_view::npos && cells[cell].ends_with(')') && round != std::string_view::npos &&
-                input_named(model_, trimmed(cells[cell].substr(0, round))))
-                open = round;
+            const auto open = unit_begins(cells[cell]);
             const std::string_view name = trimmed(cells[cell].substr(0, open));
             found.push_back(in_quotes(cells[cell]));
             for (const ModelOutput& output : model_.outputs)
@@ -373,6 +368,15 @@ private:
         }
         for (const ModelOutput& output : model_.outputs) header_ += text(",", column_name(output.name, output.unit));
         header_ += '\n';
+    }
+
+    /// Where the brackets of a column's unit open; round ones too, behind the name of an input and round a unit that it may have.
+    std::size_t unit_begins(std::string_view cell) const {
+        const auto open = cell.find('['), round = cell.rfind('(');
+        if (open != std::string_view::npos || round == std::string_view::npos || !cell.ends_with(')')) return open;
+        const auto input = input_named(model_, trimmed(cell.substr(0, round)));
+        const std::string_view unit = trimmed(cell.substr(round + 1, cell.size() - round - 2));
+        return input && has_unit(model_.inputs[*input], unit) ? round : open;
     }
 
     std::string unit_of(const ModelInput& input, std::string_view cell, std::size_t open) const {

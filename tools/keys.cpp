@@ -305,8 +305,8 @@ void add_coverage(Table& t) {
                             count(
                                 0, 255, [](auto& s) -> auto& { return s.no_data_value; }, "auto"),
                             "auto",
-                            "of the mask where the terrain is void, declared; auto: 1 (2 where seen or hidden is "
-                            "1), declared if any is"));
+                            "of the mask where the terrain is void, declared; auto: 1 (2 where seen or hidden is 1), "
+                            "declared if any post is void or out of range"));
     }
 }
 

@@ -47,8 +47,6 @@ constexpr TableColumn names[] = {{agl, "height", "m"},
                                  {lat, "latitude", "", Dimension::angle, true},
                                  {lon, "lon", "", Dimension::angle, true},
                                  {lon, "longitude", "", Dimension::angle, true},
-                                 {lon, "lng", "", Dimension::angle, true},
-                                 {lon, "long", "", Dimension::angle, true},
                                  {x, "x"},
                                  {y, "y"}};
 constexpr const char* accepted_columns =

@@ -76,16 +76,18 @@ void scope(const std::vector<std::string>& arguments, Stop& stop) {
     Settings settings = settings_from(echo.given, request.given);
     settings.files = request.settings.files;
     settings.echo.clear();  // of a scene file that simulate takes
-    // It names the data base, which an echo image does not.
-    const bool unnamed = settings.scene.display.legend && settings.dem.empty(),
-               left_out = unnamed && std::none_of(request.given.begin(), request.given.end(),
-                                                  [](const Given&one) { return one.key == "legend"; });
-    if (left_out) settings.scene.display.legend = false;
+    // A legend names the data base, which an echo image does not.
+    bool left_out = false;
+    if (settings.scene.display.legend && settings.dem.empty()) {
+        const auto asks = [](const Given& one) { return one.key == "legend"; };
+        if (std::any_of(request.given.begin(), request.given.end(), asks))
+            throw InputError(
+                "legend is on, and it names the data base, which an echo image does not; give the scene file that says "
+                "what dem is (dem = PATH), or legend off");
+        settings.scene.display.legend = false;
+        left_out = !settings.output.empty();
+    }
     const ResolvedScene scene = scene_from_echo(echo, request.given, settings);
-    if (unnamed && !left_out)
-        throw InputError(
-            "legend is on, and it names the data base, which an echo image does not; give the scene file that says "
-            "what dem is (dem = PATH), or legend off");
     // What is read whole becomes the scene's own image, or a part of it does and the whole is gone before more is made.
     const std::size_t cells = scene.swept == echo.scene.swept ? 0 : echo.scene.swept.cells() + scene.swept.cells(),
                       needed = std::max(image_bytes(scene, draws(settings)), cells * 5) + cache_bytes(settings);
@@ -120,9 +122,8 @@ void scope(const std::vector<std::string>& arguments, Stop& stop) {
         if (!line.empty()) remark(settings.quiet, line);
     if (left_out)
         remark(settings.quiet,
-               "the legend is left out: it names the data base, which an echo image does not (a scene file with dem = "
-               "PATH "
-               "and legend = on brings it)");
+               "the legend is left out: it names the data base, which an echo image does not (the scene file that says "
+               "what dem is, with --legend on, brings it)");
     remark(settings.quiet, text("written: ", written, fmt::format(" ({:.2f} s)", now_s() - start_s)));
 }
 

@@ -50,7 +50,7 @@ double keep_around(const Settings& settings, const Materials& materials, Stop& s
         throw Interrupted(e.signal(), words);
     } catch (const IoError& e) {
         throw IoError(e.what() + words);
-    } catch (const InputError& e) {
+    } catch (const TooLittleMemory& e) {
         throw InputError(e.what() + words);
     }
     progress.done();

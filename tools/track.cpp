@@ -598,7 +598,8 @@ void simulate_track(const Settings& given, double start_s, Stop& stop) {
     if (OutputFile* to = records.report()) write_track_report(*to, settings, frames, *run, *source, open_s, usage);
     const std::string others = records.commit(files);
 
-    for (const std::string& line : idle_effects(settings.scene, source->data_base())) remark(settings.quiet, line);
+    for (const std::string& line : idle_effects(frames.settings(0).scene, source->data_base()))
+        remark(settings.quiet, line);
     for (const std::string& line : run->doubts()) remark(settings.quiet, line);
     if (frames.scans() && frames.size() == 1)
         remark(settings.quiet,
