@@ -211,8 +211,10 @@ TEST_CASE("the geoid of a track whose rows stand above the ellipsoid has its eff
     draw_data(folder);
     for (const std::string altitude : {"altitude-hae", "altitude-msl"}) {
         std::ofstream(folder / "t.csv") << "time,x,y," << altitude << ",heading\n0,468200,3752000,900,0\n";
-        const Ended ended = simulate(
-            folder, {"--track", folder / "t.csv", "--geoid-offset", "-30m", "--overwrite", "-o", folder / "s.png"});
+        const Ended ended =
+            run_program({program, "simulate", "--dem", folder / "dem.tif", "--range", "4km", "--size", "64", "--track",
+                         folder / "t.csv", "--geoid-offset", "-30m", "--overwrite", "-o", folder / "s.png"},
+                        folder / "log");
         INFO(ended.err);
         CHECK(ended.code == 0);
         CHECK((ended.err.find("geoid-offset has no effect") == std::string::npos) == (altitude == "altitude-hae"));

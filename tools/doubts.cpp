@@ -65,7 +65,7 @@ std::array<std::string, doubt_count> doubts(const RunResult& r, bool pictured) {
                                           r.promise.from_m * 1e-3);
     // The sweep and the beam's depression go by a level, and over a void or outside nobody knows which. Ground about as low does no harm.
     const double high_m = r.scene.sensor_m - r.scene.clearance_m;
-    if (!r.scene.nadir_on_data && !(std::abs(high_m) <= 0.05 * r.scene.sensor_m))
+    if (lines[nothing_there].empty() && !r.scene.nadir_on_data && !(std::abs(high_m) <= 0.05 * r.scene.sensor_m))
         lines[no_level] =
             "no height is known below the sensor: the reference height is 0 m, by which the beam widens and ground "
             "range "
