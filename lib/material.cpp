@@ -315,7 +315,12 @@ std::size_t add_rows(std::vector<Material>& rows, const std::string& source, std
         const std::string where = text(source, one_line ? ", row " : ", line ", line_number);
         const auto fail = [&](const auto&... what) { throw InputError(text(where, ": ", what...)); };
         const std::vector<std::string_view> cells = cells_of(line);
-        if (std::exchange(first_line, false) && same_letters(cells.front(), columns[name])) {
+        const bool is_first = std::exchange(first_line, false);
+        if (is_first)
+            for (std::size_t i = 1; i < cells.size(); ++i)
+                if (same_letters(cells[i], columns[name]))
+                    fail("column ", i + 1, " is '", cells[i], "', which must be the first; accepted: ", column_names());
+        if (is_first && same_letters(cells.front(), columns[name])) {
             order.clear();
             for (const std::string_view cell : cells) {
                 const auto at = std::find_if(columns.begin(), columns.end(),

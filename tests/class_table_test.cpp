@@ -283,9 +283,10 @@ TEST_CASE("a store whose legend names a class of one's own needs its table again
         "-q",       "--echo", program / "echo.tif"};
     program.refuses(small, 2, {"tile store '", "store': legend ", "'corn'", "class-table"});
     program.make(with(small, {"--class-table", table}));
-    program.refuses(
-        {"coverage", "--xy", "1200,1800", "--altitude-agl", "100m", program / "store", program / "seen.tif"}, 2,
-        {"'corn'", "class-table"});
-    program.make({"coverage", "--xy", "1200,1800", "--altitude-agl", "100m", "--class-table", table, program / "store",
-                  program / "seen.tif"});
+    // Coverage where it asks for classes; what is seen hangs on none.
+    const Strings seen = {"coverage",           "--xy",       "1200,1800", "--altitude-agl", "100m", program / "store",
+                          program / "seen.tif", "--overwrite"};
+    program.refuses(with(seen, {"--layer", "response"}), 2, {"'corn'", "class-table"});
+    program.make(with(seen, {"--layer", "response", "--class-table", table}));
+    program.make(seen);
 }

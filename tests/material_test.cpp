@@ -190,6 +190,7 @@ TEST_CASE("a wrong row of a class table is named", "[material]") {
     says("name,gamma,x\ncorn,1,1", {"line 1", "column 2 is 'gamma'", "gamma10_db"});
     says("name,gamma10_db,gamma10_db\n", {"column 3", "one before"});
     says("name,gamma10_db\ncorn,1,2\n", {"line 2", "3 columns", "at most 2"});
+    says("gamma10_db,name\n-5,trees\n", {"line 1", "column 2 is 'name', which must be the first"});
     says("17,-3", {"name is '17'", "letter"});
     says("sweet corn,-3", {"'sweet corn'"});
     says("corn,-3\ncorn,-4", {"line 2", "'corn' has a row already"});

@@ -135,6 +135,10 @@ TEST_CASE("a file that keeps no tiles of 0 holds codes of 0 none the less", "[ou
     REQUIRE(ended.code == 0);
     const std::vector<std::uint8_t> mask = cells("mask.tif");
     CHECK(cells("mask.zarr") == mask);
+    CHECK(run(folder, with({"simulate", "--dem", folder / "dem.tif", "--range", "4km", "--power", folder / "p.zarr",
+                            "--of", "Zarr"},
+                           at))
+              .code == 0);
     CHECK(std::count(mask.begin(), mask.end(), 1) > 0);
 }
 

@@ -140,6 +140,8 @@ TEST_CASE("a bad line of a track is named with what was found and what is accept
                Contains("line 2 has more than 4096 characters; accepted: at most so many"));
     CHECK(read(head + std::string(4075, ' ') + "0,33,-117,1000,0 \n").size() == 1);  // 4092 characters
     CHECK(read(head + "0,33,-117,1000,0").size() == 1);
+    CHECK_THAT(refused("time,lat,lon,altitude-msl\r0,33,-117,1000\r"),
+               Contains("line 1 has a carriage return before its end"));
     CHECK(read(head + std::string(4080, ' ') + "0,33,-117,1000,0").size() == 1);  // 4096
     CHECK_THAT(refused(head + std::string(4081, ' ') + "0,33,-117,1000,0"), Contains("line 2 has more than 4096"));
     CHECK_THAT(refused(head + std::string(4081, ' ') + "0,33,-117,1000,0\n"), Contains("line 2 has more than 4096"));

@@ -288,7 +288,9 @@ void write_bands(GDALDataset& dataset, const RasterContent& content, const std::
                     fail(final_path, written_path, errors);
             }
             for (std::size_t b = 0; b < content.bands.size(); ++b)
-                if (of_band(b)->FlushBlock(static_cast<int>(column / wide), static_cast<int>(row / high)) != CE_None)
+                // A band that keeps no blocks (Zarr's) says that it cannot, and no error.
+                if (of_band(b)->FlushBlock(static_cast<int>(column / wide), static_cast<int>(row / high)) != CE_None &&
+                    errors.failed())
                     fail(final_path, written_path, errors);
         }
 }

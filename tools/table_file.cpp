@@ -96,6 +96,10 @@ bool TableRows::next() {
         if (row_.size() > longest)
             throw InputError(
                 text(subject_, ", line ", line_, " has more than ", longest, " characters; accepted: at most so many"));
+        if (const std::size_t at = row_.find('\r'); at != std::string::npos && at + 1 < row_.size())
+            throw InputError(
+                text(subject_, ", line ", line_,
+                     " has a carriage return before its end; accepted: lines that end in LF, or in CR LF"));
         if (line_ == 1 && row_.starts_with("\xef\xbb\xbf")) row_.erase(0, 3);
         const std::string_view rest = trimmed(row_);
         if (rest.empty() || rest.front() == '#') continue;
