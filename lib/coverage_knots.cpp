@@ -87,7 +87,8 @@ WEDGESCOPE_LANES_PART void place_any_spokes(const LineForm& line, const PieceFor
         place_spokes<false>(line, piece, fan, n, out);
 }
 
-template <bool straight>
+/// `all`: else slope and way alone.
+template <bool straight, bool all>
 WEDGESCOPE_LANES_PART void place_posts(const LineForm& line, const PieceForm& piece, std::int64_t spokes,
                                        const double* minor, std::size_t n, const KnotLanes& out) noexcept {
     double* __restrict at = out.at, * __restrict slope = out.slope, * __restrict along = out.along;
@@ -113,13 +114,14 @@ WEDGESCOPE_LANES_PART void place_posts(const LineForm& line, const PieceForm& pi
         // Newton's, by hand so that the loop stays one; bend is small beside the way, so three rounds would do.
         if (!straight) m = better(better(better(better(inside(m), t), t), t), t);
         const double wide = straight ? 1 : 1 + horner(stretch, (m - middle) * scale);
+        at[i] = m * static_cast<double>(spokes);
+        slope[i] = m;
+        along[i] = distance * wide;
+        if (!all) continue;
         const double square = quadratic(form.square, m), bent = quadratic(form.curvature, m);
         const double both = 1 / (square * wide);  // of two inverses
         const Polynomials p = factors(distance * wide, straight ? inverse : inverse * (both * square), wide,
                                       bent * bent * (both * wide), bent);
-        at[i] = m * static_cast<double>(spokes);
-        slope[i] = m;
-        along[i] = distance * wide;
         lift[i] = static_cast<float>(p.lift);
         drop[i] = static_cast<float>(p.drop);
         ray[i] = static_cast<float>(p.ray);
@@ -129,10 +131,13 @@ WEDGESCOPE_LANES_PART void place_posts(const LineForm& line, const PieceForm& pi
 
 WEDGESCOPE_LANES_PART void place_any_posts(const LineForm& line, const PieceForm& piece, std::int64_t spokes,
                                            const double* minor, std::size_t n, const KnotLanes& out) noexcept {
+    const bool all = out.lift;
     if (is_straight(piece))
-        place_posts<true>(line, piece, spokes, minor, n, out);
+        all ? place_posts<true, true>(line, piece, spokes, minor, n, out)
+            : place_posts<true, false>(line, piece, spokes, minor, n, out);
     else
-        place_posts<false>(line, piece, spokes, minor, n, out);
+        all ? place_posts<false, true>(line, piece, spokes, minor, n, out)
+            : place_posts<false, false>(line, piece, spokes, minor, n, out);
 }
 
 WEDGESCOPE_LANES_PART void paint(const std::uint8_t* states, std::size_t n,

@@ -87,7 +87,7 @@ void spoke_knots(const LineForm& line, const PieceForm& piece, const FanLanes& f
                  const KnotLanes& out) noexcept;
 /// Where a spoke of slope k / K crosses the line: KnotLanes::at of spoke_knots(), bit for bit.
 double spoke_place(const LineForm& line, const PieceForm& piece, double slope) noexcept;
-/// Knots at places `minor`[n] along the line.
+/// Knots at places `minor`[n] along the line; where `lift` is null, only at, slope and along.
 void post_knots(const LineForm& line, const PieceForm& piece, std::int64_t spokes, const double* minor, std::size_t n,
                 const KnotLanes& out) noexcept;
 

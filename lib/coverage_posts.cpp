@@ -244,10 +244,10 @@ void Cover::finish_line(const Side& side, const LineForm& line, std::int64_t ind
             const auto between = [&](const auto& v) {
                 return static_cast<double>(v[g]) + part * (static_cast<double>(v[g + 1]) - static_cast<double>(v[g]));
             };
+            const auto own = static_cast<std::size_t>(j - posts.begin);
             std::uint8_t& s = state[j];
             if (voids_ && s == seen) {
-                const double place = uneven_ ? desk.each_at[static_cast<std::size_t>(j - posts.begin)]
-                                             : between(desk.post_at),
+                const double place = uneven_ ? desk.each_at[own] : between(desk.post_at),
                              k = place - static_cast<double>(desk.spokes.range.begin);
                 const auto at =
                     static_cast<std::size_t>(std::clamp<std::int64_t>(floor_i(k), 0, desk.spokes.range.size() - 2));
@@ -257,7 +257,6 @@ void Cover::finish_line(const Side& side, const LineForm& line, std::int64_t ind
                 if (tangent[j] < bar) s = static_cast<std::uint8_t>(State::unknown);
             }
             if (!with_posts_ || in_view == View::Part::all) continue;
-            const auto own = static_cast<std::size_t>(j - posts.begin);
             const double m = uneven_ ? desk.each_slope[own] : between(desk.post_slope),
                          along = uneven_ ? desk.each_along[own] : between(desk.post_along);
             if (scene_.scene.sector) {
@@ -307,7 +306,7 @@ void Cover::finish_line(const Side& side, const LineForm& line, std::int64_t ind
                     default:
                         break;
                 }
-            values[j - posts.begin] = value;
+            values[own] = value;
         }
     }
     const std::uint8_t* from = state + posts.begin;

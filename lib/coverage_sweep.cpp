@@ -75,8 +75,9 @@ void Cover::solve_posts(const Side& side, const LineForm& line, std::int64_t k, 
                                   u * (piece.bend[1] + u * (piece.bend[2] + u * (piece.bend[3] + u * piece.bend[4])));
             for (end = i; end < n && minor[end] < border;) ++end;
         }
-        post_knots(line, piece_form(piece), k, minor.data() + i, end - i,
-                   {out.at + i, out.slope + i, out.along + i, out.lift + i, out.drop + i, out.ray + i, out.rise + i});
+        KnotLanes some{out.at + i, out.slope + i, out.along + i, nullptr, nullptr, nullptr, nullptr};
+        if (out.lift) some = {some.at, some.slope, some.along, out.lift + i, out.drop + i, out.ray + i, out.rise + i};
+        post_knots(line, piece_form(piece), k, minor.data() + i, end - i, some);
         i = end;
     }
 }
@@ -86,21 +87,17 @@ void Cover::place_each(const Side& side, const LineForm& line, Interval posts, D
     const auto n = static_cast<std::size_t>(posts.size());
     for (auto* v : {&desk.each_minor, &desk.each_at, &desk.each_slope, &desk.each_along})
         if (v->size() < n) v->resize(n);
-    for (auto& v : desk.each_other)
-        if (v.size() < n) v.resize(n);
     for (std::size_t i = 0; i < n; ++i) desk.each_minor[i] = static_cast<double>(posts.begin) + static_cast<double>(i);
-    auto& [lift, drop, ray, rise] = desk.each_other;
-    solve_posts(side, line, desk.spokes.of, {desk.each_minor.data(), n}, desk,
-                {desk.each_at.data(), desk.each_slope.data(), desk.each_along.data(), lift.data(), drop.data(),
-                 ray.data(), rise.data()});
+    solve_posts(
+        side, line, desk.spokes.of, {desk.each_minor.data(), n}, desk,
+        {desk.each_at.data(), desk.each_slope.data(), desk.each_along.data(), nullptr, nullptr, nullptr, nullptr});
 }
 
 double Cover::spoke_at(const Side& side, const LineForm& line, std::int64_t k, double minor) const {
     const double guess = std::clamp((minor - line.nadir_minor) / line.distance, -1.0, 1.0);
     double at = 0, slope = 0, along = 0;
-    float lift = 0, drop = 0, ray = 0, rise = 0;
     post_knots(line, piece_form(map_.line_piece(side.quadrant, line.distance, guess)), k, &minor, 1,
-               {&at, &slope, &along, &lift, &drop, &ray, &rise});
+               {&at, &slope, &along, nullptr, nullptr, nullptr, nullptr});
     return at;
 }
 

@@ -167,7 +167,6 @@ struct Desk {
     std::vector<double> slope, turn, curvature;  ///< of the groups of `spokes`: FanLanes
     std::vector<double> at, at_behind, from, post_at, post_slope, post_along;
     std::vector<double> each_minor, each_at, each_slope, each_along;  ///< of single posts of a line
-    std::array<std::vector<float>, 4> each_other;
     std::vector<double> post_arc;  ///< along the ground to these, where range limits the view
     std::size_t post_groups = 0;  ///< of the part of a line whose knots stand in post_*, which may be longer
     std::vector<double> far_at;

@@ -116,8 +116,7 @@ public:
         if (band.RasterIO(GF_Write, static_cast<int>(window.columns.begin), static_cast<int>(window.rows.begin),
                           columns, rows, const_cast<void*>(cells), columns, rows, type_, step,
                           step * static_cast<GSpacing>(stride), nullptr) != CE_None)
-            throw IoError(text("output '", final_path_,
-                               "' cannot be written: ", errors.reason_of_writing(dataset_->GetDescription())));
+            fail_to_write(final_path_, dataset_->GetDescription(), errors);
     }
 
     void close(std::optional<double> no_data) override {
@@ -137,8 +136,7 @@ private:
         GdalErrors errors;
         if (dataset_->GetRasterBand(1)->WriteBlock(static_cast<int>(column), static_cast<int>(row),
                                                    const_cast<void*>(cells)) != CE_None)
-            throw IoError(text("output '", final_path_,
-                               "' cannot be written: ", errors.reason_of_writing(dataset_->GetDescription())));
+            fail_to_write(final_path_, dataset_->GetDescription(), errors);
     }
 
     void write_blank_tiles() {

@@ -42,6 +42,9 @@ public:
     GdalErrors(const GdalErrors&) = delete;
     GdalErrors& operator=(const GdalErrors&) = delete;
 
+    /// After a call of GDAL that may say only that it cannot: whether the disk was at fault, errno tells.
+    void note_disk();
+
     bool failed() const { return failed_; }
     bool warned() const { return !warning_.empty(); }
     /// The first failures (or else the first warning) in one line; "GDAL gives no reason" if there was none.

@@ -98,10 +98,15 @@ void GdalErrors::hear(CPLErr level, CPLErrorNum, const char* message) {
         if (self->warning_.empty()) self->warning_ = line;
     } else if (level >= CE_Failure) {
         self->failed_ = true;
-        if (tells_of_disk(errno)) self->disk_error_ = errno;
+        self->note_disk();
         if (self->failure_.empty()) self->failure_ = line;
         self->last_ = line;
     }
+}
+
+void GdalErrors::note_disk() {
+    if (tells_of_disk(errno)) disk_error_ = errno;
+    errno = 0;
 }
 
 std::string GdalErrors::reason() const {

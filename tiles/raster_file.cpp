@@ -81,6 +81,18 @@ void refuse_depths(const OGRSpatialReference* crs, const RasterFacts& facts) {
              "-a_srs says that they are)"));
 }
 
+/// DataError for an alpha that GDAL takes for no mask: what gdalwarp fills with 0 would be ground, or class 0.
+void refuse_alpha(GDALDataset& dataset, const RasterFacts& facts) {
+    for (int b = 2; b <= dataset.GetRasterCount(); ++b) {
+        GDALRasterBand& band = *dataset.GetRasterBand(b);
+        if (band.GetColorInterpretation() != GCI_AlphaBand) continue;
+        throw DataError(text(facts.named(), " has an alpha, of type ", type_name(band.GetRasterDataType()), " in band ",
+                             b, " of ", dataset.GetRasterCount(),
+                             ", which GDAL takes for no mask; accepted: Byte or UInt16 in the second of 2 bands, "
+                             "or a no-data value (gdalwarp -dstnodata in place of -dstalpha)"));
+    }
+}
+
 void inspect_band(GDALDataset& dataset, RasterFacts& facts) {
     GDALRasterBand& band = *dataset.GetRasterBand(1);
     facts.type = band.GetRasterDataType();
@@ -122,16 +134,8 @@ void inspect_band(GDALDataset& dataset, RasterFacts& facts) {
     // A mask made of the no-data value alone is the comparison that is made anyway.
     facts.has_mask = (flags & GMF_ALL_VALID) == 0 && (flags & (GMF_PER_DATASET | GMF_ALPHA)) != 0;
     if ((flags & (GMF_ALL_VALID | GMF_NODATA)) == 0) facts.has_mask = true;
-    // GDAL takes no other alpha for a mask, and what gdalwarp fills with 0 would be ground, or class 0.
     const bool values = heights || facts.role == "culture" || facts.role == "directivity";
-    if (values && !facts.has_mask && !facts.has_no_data)
-        for (int b = 2; b <= dataset.GetRasterCount(); ++b)
-            if (dataset.GetRasterBand(b)->GetColorInterpretation() == GCI_AlphaBand)
-                throw DataError(text(
-                    facts.named(), " has an alpha, of type ", type_name(dataset.GetRasterBand(b)->GetRasterDataType()),
-                    " in band ", b, " of ", dataset.GetRasterCount(),
-                    ", which GDAL takes for no mask; accepted: Byte or UInt16 in the second of 2 bands, "
-                    "or a no-data value (gdalwarp -dstnodata in place of -dstalpha)"));
+    if (values && !facts.has_mask && !facts.has_no_data) refuse_alpha(dataset, facts);
     if (const char* compression = dataset.GetMetadataItem("COMPRESSION", "IMAGE_STRUCTURE"))
         facts.compression = compression;
 }

@@ -223,10 +223,6 @@ DatasetHandle in_memory(const RasterContent& content) {
     return dataset;
 }
 
-[[noreturn]] void fail(const std::string& final_path, const std::string& written_path, const GdalErrors& errors) {
-    throw IoError(text("output '", final_path, "' cannot be written: ", errors.reason_of_writing(written_path)));
-}
-
 bool declares_meaning_void(GDALRasterBand& band, const RasterContent& content) {
     int declared = 0;
     const double value = band.GetNoDataValue(&declared);
@@ -285,13 +281,13 @@ void write_bands(GDALDataset& dataset, const RasterContent& content, const std::
                 if (of_band(b)->RasterIO(GF_Write, static_cast<int>(column), static_cast<int>(row), columns, rows,
                                          const_cast<std::byte*>(cells), columns, rows, content.type, bytes,
                                          content.columns * bytes, nullptr) != CE_None)
-                    fail(final_path, written_path, errors);
+                    fail_to_write(final_path, written_path, errors);
             }
             for (std::size_t b = 0; b < content.bands.size(); ++b)
                 // A band that keeps no blocks (Zarr's) says that it cannot, and no error.
                 if (of_band(b)->FlushBlock(static_cast<int>(column / wide), static_cast<int>(row / high)) != CE_None &&
                     errors.failed())
-                    fail(final_path, written_path, errors);
+                    fail_to_write(final_path, written_path, errors);
         }
 }
 
@@ -331,11 +327,11 @@ void write_geolocation(const GeolocationGrid& grid, const std::string& path, con
     GdalErrors errors;
     DatasetHandle dataset(driver.Create(path.c_str(), static_cast<int>(content.columns), static_cast<int>(content.rows),
                                         2, GDT_Float64, options.List()));
-    if (!dataset) fail(final_path, path, errors);
+    if (!dataset) fail_to_write(final_path, path, errors);
     describe(*dataset, content, {});
     write_bands(*dataset, content, final_path, path, errors);
     dataset.reset();
-    if (errors.failed()) fail(final_path, path, errors);
+    if (errors.failed()) fail_to_write(final_path, path, errors);
 }
 
 Metadata geolocation_metadata(const GeolocationGrid& grid, const std::string& final_path) {
@@ -688,7 +684,7 @@ void write_raster(const RasterContent& content, const OutputFile& file, const Ra
     DatasetHandle dataset;
     if (has(driver, GDAL_DCAP_CREATE)) {
         dataset = created(driver, path, final_path, content, options, geolocation);
-        if (!dataset) fail(final_path, path, errors);
+        if (!dataset) fail_to_write(final_path, path, errors);
         if (!set_no_data_apart(*dataset, content)) refuse_no_data(driver, final_path);
         write_bands(*dataset, content, final_path, path, errors);
     } else {
@@ -699,13 +695,17 @@ void write_raster(const RasterContent& content, const OutputFile& file, const Ra
         if (all_bytes <= GDALGetCacheMax64()) own.emplace();
         dataset.reset(
             driver.CreateCopy(path.c_str(), memory.get(), FALSE, const_cast<char**>(options.List()), nullptr, nullptr));
-        if (!dataset) fail(final_path, path, errors);
+        if (!dataset) fail_to_write(final_path, path, errors);
         GdalErrors quiet;
         if (geolocation.Count() > 0) dataset->SetMetadata(const_cast<char**>(geolocation.List()), "GEOLOCATION");
     }
     dataset->FlushCache(true);
     dataset.reset();
-    if (errors.failed()) fail(final_path, path, errors);
+    if (errors.failed()) fail_to_write(final_path, path, errors);
+}
+
+void fail_to_write(const std::string& final_path, const std::string& written_path, const GdalErrors& errors) {
+    throw IoError(text("output '", final_path, "' cannot be written: ", errors.reason_of_writing(written_path)));
 }
 
 DatasetHandle create_raster(const RasterContent& content, const OutputFile& file, const RasterFormat& format) {
@@ -724,28 +724,20 @@ DatasetHandle create_raster(const RasterContent& content, const OutputFile& file
         check_values(driver, options, format, content, final_path);
     GdalErrors errors;
     DatasetHandle dataset = created(driver, file.temporary_path(), final_path, content, options);
-    if (!dataset) fail(final_path, file.temporary_path(), errors);
+    if (!dataset) fail_to_write(final_path, file.temporary_path(), errors);
     if (!set_no_data_apart(*dataset, content)) refuse_no_data(driver, final_path);
     return dataset;
 }
 
 void close_raster(DatasetHandle dataset, const std::string& final_path) {
-    // Of tiles that GDAL fills in it says only that it cannot: why, errno tells, if it is the disk.
-    int why = 0;
-    const auto note = [&] {
-        if (tells_of_disk(errno)) why = errno;
-        errno = 0;
-    };
     const std::string written_path = dataset->GetDescription();
     GdalErrors errors;
-    errno = 0;
+    // Of tiles that GDAL fills in it says only that it cannot.
     dataset->FlushCache(true);
-    note();
+    errors.note_disk();
     dataset.reset();
-    note();
-    if (!errors.failed()) return;
-    if (why != 0) throw IoError(text("output '", final_path, "' cannot be written: ", system_reason(why)));
-    fail(final_path, written_path, errors);
+    errors.note_disk();
+    if (errors.failed()) fail_to_write(final_path, written_path, errors);
 }
 
 void set_states(RasterContent& content) {

@@ -68,8 +68,7 @@ std::array<std::string, doubt_count> doubts(const RunResult& r, bool pictured) {
     if (lines[nothing_there].empty() && !r.scene.nadir_on_data && !(std::abs(high_m) <= 0.05 * r.scene.sensor_m))
         lines[no_level] =
             "no height is known below the sensor: the reference height is 0 m, by which the beam widens and ground "
-            "range "
-            "is told, however high the ground stands";
+            "range is told, however high the ground stands";
     return lines;
 }
 
