@@ -262,6 +262,23 @@ TEST_CASE("a raster's own attribute table is a legend", "[class-table]") {
                     2, {"culture-legend is rat", "no culture"});
 }
 
+TEST_CASE("tile names and counts every code that is not in the legend", "[class-table]") {
+    const Program program;
+    Drawing d;
+    d.columns = 8;
+    d.rows = 4;
+    draw(program / "ground.tif", d);
+    d.type = GDT_Int16;
+    d.value = [](int column, int row) { return 500 + 8 * (row / 2) + column; };  // each of 16 codes twice
+    draw(program / "cover.tif", d);
+    const Ended ended = program.run({"tile", program / "ground.tif", program / "store", "--culture",
+                                     program / "cover.tif", "--culture-legend", "fbfm40"});
+    INFO(ended.err);
+    CHECK(ended.code == 0);
+    CHECK_THAT(ended.err, Contains("16 codes in 32 cells are not in the legend 'fbfm40'"));
+    for (int code = 500; code < 516; ++code) CHECK_THAT(ended.err, Contains(std::to_string(code) + " (2 cells)"));
+}
+
 TEST_CASE("a store whose legend names a class of one's own needs its table again", "[class-table]") {
     const Program program;
     Drawing ground;

@@ -437,10 +437,21 @@ TEST_CASE("one run at a time has an unfinished store, until it stands in its pla
     CHECK(fs::exists(sheet));
     CHECK_FALSE(fs::exists(output + ".part/dem/c0_r0.tif.tmp"));
 
-    CHECK_THROWS_WITH(one.open(R"({"other":1})", true), Contains("was begun with other rasters or options"));
+    CHECK_THROWS_WITH(one.open(R"({"other":1})", true),
+                      Contains("was begun with other rasters or options, or a raster has changed since (other is "
+                               "missing there, 1 now); "));
     other.open("{}", true);
     CHECK(fs::exists(sheet));
     CHECK(other.close(true));
+    one.open(R"({"layers":[{"files":["a"],"tile_size":256}]})", false);
+    CHECK_FALSE(fs::exists(sheet));
+    one.make_folder("dem");
+    write(sheet, "sums");
+    CHECK(one.close(true));
+    CHECK_THROWS_WITH(one.open(R"({"layers":[{"files":["b"],"tile_size":512}]})", true),
+                      Contains(" (layers/0/tile_size is 256 there, 512 now); "));
+    CHECK_THROWS_WITH(one.open(R"({"layers":[{"files":["b"],"tile_size":256}]})", true),
+                      Contains(R"( (layers/0/files/0 is "a" there, "b" now); )"));
     one.open(R"({"other":1})", false);
     CHECK_FALSE(fs::exists(sheet));
     // Who opened the plan before it moved has no folder.

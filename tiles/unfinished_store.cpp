@@ -60,6 +60,26 @@ std::vector<fs::directory_entry> entries(const std::string& folder, std::error_c
     return found;
 }
 
+/// Something that differs between the plan of an unfinished store and the one that is asked for, in round brackets:
+/// "(layers/0/tile_size is 256 there, 512 now)".
+std::string first_difference(const std::string& there, const std::string& now) {
+    using nlohmann::json;
+    const json before = json::parse(there), after = json::parse(now), changes = json::diff(before, after);
+    if (changes.empty()) return {};
+    const auto path_of = [](const json& change) { return change.at("path").get<std::string>(); };
+    // A file's checksum tells a reader less than its time and size do.
+    const auto telling = std::find_if(changes.begin(), changes.end(), [&](const json& change) {
+        return path_of(change).find("/files/") == std::string::npos;
+    });
+    const std::string path = path_of(telling != changes.end() ? *telling : changes.front());
+    const json::json_pointer at(path);
+    const auto value = [](const json& plan, const json::json_pointer& of) {
+        return !plan.contains(of) ? "missing" : plan.at(of).is_structured() ? "something else" : plan.at(of).dump();
+    };
+    return text(" (", path.empty() ? path : path.substr(1), " is ", value(before, at), " there, ", value(after, at),
+                " now)");
+}
+
 }  // namespace
 
 std::string unfinished_store(const std::string& output) { return UnfinishedStore(output).folder(); }
@@ -141,7 +161,9 @@ void UnfinishedStore::open(const std::string& plan, bool resume) {
             if (whole && !planned) {
                 plan_.reset();
                 throw InputError(text("'", folder_,
-                                      "' was begun with other rasters or options, or a raster has changed since; "
+                                      "' was begun with other rasters or options, or a raster has changed since",
+                                      first_difference(found, plan),
+                                      "; "
                                       "--overwrite without --resume starts anew"));
             }
         }

@@ -174,15 +174,12 @@ void tell(const Settings& settings, const TileStoreSummary& summary, double seco
             summary.interpolated > 0 ? text(", ", grouped(summary.interpolated), " of them interpolated") : "",
             summary.largest_m, summary.largest_where));
     if (!summary.unknown_codes.empty()) {
-        constexpr std::size_t named = 10;
         std::string codes;
         std::uint64_t cells = 0;
-        for (std::size_t i = 0; i < summary.unknown_codes.size(); ++i) {
-            const auto& [code, count] = summary.unknown_codes[i];
+        for (const auto& [code, count] : summary.unknown_codes) {
             cells += count;
-            if (i < named) codes += fmt::format("{}{} ({})", i ? ", " : "", code, counted(count, "cell"));
+            codes += fmt::format("{}{} ({})", codes.empty() ? "" : ", ", code, counted(count, "cell"));
         }
-        if (summary.unknown_codes.size() > named) codes += ", ...";
         say(fmt::format("culture: {} in {} {} not in the legend {}: {}", counted(summary.unknown_codes.size(), "code"),
                         counted(cells, "cell"), summary.unknown_codes.size() == 1 ? "is" : "are",
                         in_quotes(settings.culture_legend), codes));
