@@ -383,10 +383,10 @@ TEST_CASE("the budget that a refusal names will do", "[memory]") {
                   log);
     // More columns than a word each would fit for.
     const std::string wide = folder / "wide.vrt";
-    std::ofstream(wide) << R"(<VRTDataset rasterXSize="30000000" rasterYSize="300"><SRS>EPSG:32611</SRS>)"
+    std::ofstream(wide) << R"(<VRTDataset rasterXSize="10000000" rasterYSize="300"><SRS>EPSG:32611</SRS>)"
                         << R"(<GeoTransform>500000,1,0,4000000,0,-1</GeoTransform>)"
                         << R"(<VRTRasterBand dataType="Int16" band="1"/></VRTDataset>)";
-    check_refused(256,
+    check_refused(2,
                   {"coverage", wide, folder / "seen.tif", "--source", "direct", "--xy", "500300.5,3999850.5",
                    "--altitude-agl", "50m", "--geometry", "grid", "--range", "500m", "-q", "--overwrite"},
                   log);
