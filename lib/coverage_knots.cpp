@@ -117,27 +117,30 @@ WEDGESCOPE_LANES_PART void place_posts(const LineForm& line, const PieceForm& pi
         at[i] = m * static_cast<double>(spokes);
         slope[i] = m;
         along[i] = distance * wide;
-        if (!all) continue;
-        const double square = quadratic(form.square, m), bent = quadratic(form.curvature, m);
-        const double both = 1 / (square * wide);  // of two inverses
-        const Polynomials p = factors(distance * wide, straight ? inverse : inverse * (both * square), wide,
-                                      bent * bent * (both * wide), bent);
-        lift[i] = static_cast<float>(p.lift);
-        drop[i] = static_cast<float>(p.drop);
-        ray[i] = static_cast<float>(p.ray);
-        rise[i] = static_cast<float>(p.rise);
+        if constexpr (all) {
+            const double square = quadratic(form.square, m), bent = quadratic(form.curvature, m);
+            const double both = 1 / (square * wide);  // of two inverses
+            const Polynomials p = factors(distance * wide, straight ? inverse : inverse * (both * square), wide,
+                                          bent * bent * (both * wide), bent);
+            lift[i] = static_cast<float>(p.lift);
+            drop[i] = static_cast<float>(p.drop);
+            ray[i] = static_cast<float>(p.ray);
+            rise[i] = static_cast<float>(p.rise);
+        }
     }
 }
 
 WEDGESCOPE_LANES_PART void place_any_posts(const LineForm& line, const PieceForm& piece, std::int64_t spokes,
                                            const double* minor, std::size_t n, const KnotLanes& out) noexcept {
-    const bool all = out.lift;
-    if (is_straight(piece))
-        all ? place_posts<true, true>(line, piece, spokes, minor, n, out)
-            : place_posts<true, false>(line, piece, spokes, minor, n, out);
+    const bool straight = is_straight(piece), all = out.lift != nullptr;
+    if (straight && all)
+        place_posts<true, true>(line, piece, spokes, minor, n, out);
+    else if (straight)
+        place_posts<true, false>(line, piece, spokes, minor, n, out);
+    else if (all)
+        place_posts<false, true>(line, piece, spokes, minor, n, out);
     else
-        all ? place_posts<false, true>(line, piece, spokes, minor, n, out)
-            : place_posts<false, false>(line, piece, spokes, minor, n, out);
+        place_posts<false, false>(line, piece, spokes, minor, n, out);
 }
 
 WEDGESCOPE_LANES_PART void paint(const std::uint8_t* states, std::size_t n,

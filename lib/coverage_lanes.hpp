@@ -54,8 +54,9 @@ struct KnotLanes {
     double* at;     ///< spokes: raster position along the line; posts: spoke, as a number
     double* slope;  ///< posts only: m
     double* along;  ///< posts only: d (1 + stretch), so that the arc is along f(m)
-    float *lift, *drop;
-    float *ray, *rise;  ///< posts only: what a level ray climbs in w a line outwards is w ray + rise
+    float *lift = nullptr, *drop = nullptr;
+    float *ray = nullptr,
+          *rise = nullptr;  ///< posts only: what a level ray climbs in w a line outwards is w ray + rise
 };
 
 /// One line as its knots need it.

@@ -75,7 +75,7 @@ void Cover::solve_posts(const Side& side, const LineForm& line, std::int64_t k, 
                                   u * (piece.bend[1] + u * (piece.bend[2] + u * (piece.bend[3] + u * piece.bend[4])));
             for (end = i; end < n && minor[end] < border;) ++end;
         }
-        KnotLanes some{out.at + i, out.slope + i, out.along + i, nullptr, nullptr, nullptr, nullptr};
+        KnotLanes some{out.at + i, out.slope + i, out.along + i};
         if (out.lift) some = {some.at, some.slope, some.along, out.lift + i, out.drop + i, out.ray + i, out.rise + i};
         post_knots(line, piece_form(piece), k, minor.data() + i, end - i, some);
         i = end;
@@ -88,16 +88,15 @@ void Cover::place_each(const Side& side, const LineForm& line, Interval posts, D
     for (auto* v : {&desk.each_minor, &desk.each_at, &desk.each_slope, &desk.each_along})
         if (v->size() < n) v->resize(n);
     for (std::size_t i = 0; i < n; ++i) desk.each_minor[i] = static_cast<double>(posts.begin) + static_cast<double>(i);
-    solve_posts(
-        side, line, desk.spokes.of, {desk.each_minor.data(), n}, desk,
-        {desk.each_at.data(), desk.each_slope.data(), desk.each_along.data(), nullptr, nullptr, nullptr, nullptr});
+    solve_posts(side, line, desk.spokes.of, {desk.each_minor.data(), n}, desk,
+                {desk.each_at.data(), desk.each_slope.data(), desk.each_along.data()});
 }
 
 double Cover::spoke_at(const Side& side, const LineForm& line, std::int64_t k, double minor) const {
     const double guess = std::clamp((minor - line.nadir_minor) / line.distance, -1.0, 1.0);
     double at = 0, slope = 0, along = 0;
     post_knots(line, piece_form(map_.line_piece(side.quadrant, line.distance, guess)), k, &minor, 1,
-               {&at, &slope, &along, nullptr, nullptr, nullptr, nullptr});
+               {&at, &slope, &along});
     return at;
 }
 

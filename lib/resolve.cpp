@@ -442,8 +442,8 @@ Sampling sampling_of(const ResolvedScene& scene, const DataBase& db) {
     // Where statistical walls raise the ground it steps from class to class.
     const bool steps = db.has_culture_height || (db.has_culture && !raises_m(scene.scene, db).empty());
     const GroundCover cover = steps ? GroundCover::heights : db.has_culture ? GroundCover::classes : GroundCover::bare;
-    // Beside mountains the ground below says little; where they stand as high as the sensor, as if it were 2 posts up, or 5,
-    // from where heights take as many spokes. A tenth more of clearance: ground that is about level stands above the nadir here
+    // Beside mountains the ground below says little; where they stand as high as the sensor, as if it were 2 posts up, or 5 over
+    // heights, whose bins take many spokes anyway. A tenth more of clearance: ground that is about level stands above the nadir here
     // and there.
     const double above = (scene.sensor_m - scene.reference_m) / db.longer_post_m(),
                  over_most = std::max(steps ? 5.0 : 2.0, 1.1 * scene.clearance_m / db.longer_post_m());

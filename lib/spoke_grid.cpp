@@ -33,7 +33,7 @@ double counted_posts(const Sampling& sampling, double post, double posts, double
 
 Sampling sampling(Quality quality, GroundCover cover, double above_posts) {
     const bool culture_height = cover == GroundCover::heights, classes = cover == GroundCover::classes;
-    constexpr double lowest_posts = 4;
+    const double lowest_posts = culture_height ? 2.5 : 4;
     const bool low = above_posts < (culture_height ? 20 : 14), high = above_posts >= 40;
     double more = low ? 1 : !high ? 0.5 : cover == GroundCover::bare ? 0.375 : 0.25;
     for (double above = above_posts; more < 16 && above < lowest_posts; above *= 2) more *= 2;

@@ -235,6 +235,25 @@ TEST_CASE("inland_empire from 965 m, glimpses of crests out of shadows: bins in 
     check(c);
 }
 
+TEST_CASE("worcester_vermont from 389 m, single cells of wood look out of shadows: many spokes a bin over heights",
+          "[reference]") {
+    Case c{"worcester 389 m, wood",
+           "worcester_vermont_dem.tif",
+           "worcester_vermont_culture.tif",
+           "worcester_vermont_canopy.tif",
+           0.1,
+           44.358874,
+           -72.645526,
+           389,
+           221,
+           120,
+           14300,
+           true};
+    c.pulse_s = 4e-6;
+    c.rays_per_bin = 128;
+    check(c, Quality::fine);
+}
+
 TEST_CASE("worcester_vermont from 530 m, steep slopes: lines of both axes, from `draft` on", "[reference]") {
     Case c{"worcester 530 m, steep",
            "worcester_vermont_dem.tif",

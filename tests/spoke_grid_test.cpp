@@ -282,9 +282,9 @@ TEST_CASE("every azimuth bin has the spokes that it asks for, near the sensor to
 }
 
 TEST_CASE("each quality samples as the table in docs/accuracy.md says", "[grid]") {
-    // Posts above the ground below: lowest, low, mid, high; with culture heights the second reaches higher.
+    // Posts above the ground below: lowest, low, mid, high; with culture heights the second reaches lower and higher.
     const std::vector<double> ground[] = {{1}, {4, 13.9}, {14, 39.9}, {40, 400}},
-                              raised[] = {{1}, {4, 19.9}, {20, 39.9}, {40, 400}};
+                              raised[] = {{1}, {2.5, 19.9}, {20, 39.9}, {40, 400}};
     constexpr GroundCover bare = GroundCover::bare, classes = GroundCover::classes, heights = GroundCover::heights;
     struct Row {
         Quality quality;

@@ -452,6 +452,10 @@ TEST_CASE("one run at a time has an unfinished store, until it stands in its pla
                       Contains(" (layers/0/tile_size is 256 there, 512 now); "));
     CHECK_THROWS_WITH(one.open(R"({"layers":[{"files":["b"],"tile_size":256}]})", true),
                       Contains(R"( (layers/0/files/0 is "a" there, "b" now); )"));
+    CHECK_THROWS_WITH(
+        one.open(R"({"layers":[{"files":["a"],"tile_size":256},{"name":"culture","files":["c"]}]})", true),
+        Contains(R"( (layers/- is missing there, "culture" now); )"));
+    CHECK_THROWS_WITH(one.open(R"({"layers":[]})", true), Contains(" (layers/0 is {"));
     one.open(R"({"other":1})", false);
     CHECK_FALSE(fs::exists(sheet));
     // Who opened the plan before it moved has no folder.

@@ -28,9 +28,6 @@ std::shared_ptr<const Crs> from_gdal(const OGRSpatialReference& crs);
 /// Of places: null too where the layer says that it is undefined.
 std::shared_ptr<const Crs> crs_of(OGRLayer& layer);
 
-/// Is the disk at fault, full or bad? `error`: as errno has it.
-inline bool tells_of_disk(int error) { return error == ENOSPC || error == EFBIG || error == EDQUOT || error == EIO; }
-
 /// Keeps what GDAL says on this thread while it lives, instead of letting it be printed.
 class GdalErrors {
 public:
@@ -42,7 +39,7 @@ public:
     GdalErrors(const GdalErrors&) = delete;
     GdalErrors& operator=(const GdalErrors&) = delete;
 
-    /// After a call of GDAL that may say only that it cannot: whether the disk was at fault, errno tells.
+    /// Keeps errno if it tells of the disk, and clears it: after a call of GDAL that may say only that it cannot.
     void note_disk();
 
     bool failed() const { return failed_; }
@@ -59,7 +56,7 @@ private:
     static void CPL_STDCALL hear(CPLErr level, CPLErrorNum number, const char* message);
 
     bool failed_ = false;
-    int disk_error_ = 0;  ///< errno when it failed, where it tells of the disk
+    int disk_error_ = 0;  ///< errno of the last call that told of the disk
     std::string failure_, last_, warning_;
 };
 

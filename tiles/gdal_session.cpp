@@ -105,7 +105,9 @@ void GdalErrors::hear(CPLErr level, CPLErrorNum, const char* message) {
 }
 
 void GdalErrors::note_disk() {
-    if (tells_of_disk(errno)) disk_error_ = errno;
+    // Full or bad.
+    for (const int of_disk : {ENOSPC, EFBIG, EDQUOT, EIO})
+        if (errno == of_disk) disk_error_ = errno;
     errno = 0;
 }
 

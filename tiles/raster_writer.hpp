@@ -78,7 +78,7 @@ void write_raster(const RasterContent& content, const OutputFile& file, const Ra
 /// The same, but empty, to be written piece by piece; closed by close_raster. `cells` of the bands are not used; neither is
 /// a geolocation grid. InputError too for a driver that writes whole rasters only.
 DatasetHandle create_raster(const RasterContent& content, const OutputFile& file, const RasterFormat& format);
-/// The IoError of all who write by GDAL; `written_path`: the temporary one, which the user does not know.
+/// The IoError of outputs that GDAL writes; `written_path`: the temporary one, which the user does not know.
 [[noreturn]] void fail_to_write(const std::string& final_path, const std::string& written_path,
                                 const GdalErrors& errors);
 /// IoError naming the final file if anything was not written.

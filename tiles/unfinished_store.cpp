@@ -64,20 +64,27 @@ std::vector<fs::directory_entry> entries(const std::string& folder, std::error_c
 /// "(layers/0/tile_size is 256 there, 512 now)".
 std::string first_difference(const std::string& there, const std::string& now) {
     using nlohmann::json;
-    const json before = json::parse(there), after = json::parse(now), changes = json::diff(before, after);
-    if (changes.empty()) return {};
+    const json before = json::parse(there), changes = json::diff(before, json::parse(now));
     const auto path_of = [](const json& change) { return change.at("path").get<std::string>(); };
-    // A file's checksum tells a reader less than its time and size do.
-    const auto telling = std::find_if(changes.begin(), changes.end(), [&](const json& change) {
-        return path_of(change).find("/files/") == std::string::npos;
-    });
-    const std::string path = path_of(telling != changes.end() ? *telling : changes.front());
-    const json::json_pointer at(path);
-    const auto value = [](const json& plan, const json::json_pointer& of) {
-        return !plan.contains(of) ? "missing" : plan.at(of).is_structured() ? "something else" : plan.at(of).dump();
+    // What another raster is called says more than its size, and that more than what lies beside it.
+    const auto rank = [&](const json& change) {
+        const std::string path = path_of(change);
+        return path.ends_with("/path") ? 0 : path.find("/files/") == std::string::npos ? 1 : 2;
     };
-    return text(" (", path.empty() ? path : path.substr(1), " is ", value(before, at), " there, ", value(after, at),
-                " now)");
+    const auto first = std::min_element(changes.begin(), changes.end(),
+                                        [&](const json& a, const json& b) { return rank(a) < rank(b); });
+    if (first == changes.end() || path_of(*first).empty()) return {};
+    const auto words = [](const json& value) {
+        constexpr std::size_t most = 80;
+        if (const auto name = value.is_object() ? value.find("name") : value.end(); name != value.end())
+            return name->dump();
+        const std::string all = value.dump();
+        return all.size() <= most ? all : "other text";
+    };
+    const std::string path = path_of(*first), op = first->at("op");
+    const std::string old = op == "add" ? "missing" : words(before.at(json::json_pointer(path))),
+                      own = op == "remove" ? "missing" : words(first->at("value"));
+    return text(" (", path.substr(1), " is ", old, " there, ", own, " now)");
 }
 
 }  // namespace
@@ -162,9 +169,7 @@ void UnfinishedStore::open(const std::string& plan, bool resume) {
                 plan_.reset();
                 throw InputError(text("'", folder_,
                                       "' was begun with other rasters or options, or a raster has changed since",
-                                      first_difference(found, plan),
-                                      "; "
-                                      "--overwrite without --resume starts anew"));
+                                      first_difference(found, plan), "; --overwrite without --resume starts anew"));
             }
         }
         if (!planned) remove_all_but_plan();

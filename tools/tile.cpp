@@ -174,12 +174,17 @@ void tell(const Settings& settings, const TileStoreSummary& summary, double seco
             summary.interpolated > 0 ? text(", ", grouped(summary.interpolated), " of them interpolated") : "",
             summary.largest_m, summary.largest_where));
     if (!summary.unknown_codes.empty()) {
+        // Thousands are no classes: heights, or a picture.
+        constexpr std::size_t most = 1000;
+        const std::size_t codes_found = summary.unknown_codes.size();
         std::string codes;
         std::uint64_t cells = 0;
-        for (const auto& [code, count] : summary.unknown_codes) {
+        for (std::size_t i = 0; i < codes_found; ++i) {
+            const auto& [code, count] = summary.unknown_codes[i];
             cells += count;
-            codes += fmt::format("{}{} ({})", codes.empty() ? "" : ", ", code, counted(count, "cell"));
+            if (i < most) codes += fmt::format("{}{} ({})", i ? ", " : "", code, counted(count, "cell"));
         }
+        if (codes_found > most) codes += fmt::format(" and {} more", codes_found - most);
         say(fmt::format("culture: {} in {} {} not in the legend {}: {}", counted(summary.unknown_codes.size(), "code"),
                         counted(cells, "cell"), summary.unknown_codes.size() == 1 ? "is" : "are",
                         in_quotes(settings.culture_legend), codes));
