@@ -33,7 +33,7 @@ double counted_posts(const Sampling& sampling, double post, double posts, double
 
 Sampling sampling(Quality quality, GroundCover cover, double above_posts) {
     const bool culture_height = cover == GroundCover::heights, classes = cover == GroundCover::classes;
-    const double lowest_posts = culture_height ? 2.5 : 4;
+    const double lowest_posts = culture_height ? 5 : 4;
     const bool low = above_posts < (culture_height ? 20 : 14), high = above_posts >= 40;
     double more = low ? 1 : !high ? 0.5 : cover == GroundCover::bare ? 0.375 : 0.25;
     for (double above = above_posts; more < 16 && above < lowest_posts; above *= 2) more *= 2;
@@ -45,16 +45,16 @@ Sampling sampling(Quality quality, GroundCover cover, double above_posts) {
     };
     switch (quality) {
         case Quality::draft:
-            return dense(0.6, culture_height ? 32 : 3, 1, 1);
+            return dense(0.6, culture_height ? 12 : 3, 1, 1);
         case Quality::normal:
-            if (culture_height) return dense(1.25, 64, 2);
+            if (culture_height) return dense(1.25, 24, 2);
             if (classes) return low ? dense(1.25, 12, 2) : dense(1, 8, 2);
             return dense(high ? 0.6 : 1, above_posts < lowest_posts ? 6 : 8, 2);
         case Quality::fine:
-            if (culture_height) return dense(2, 96, 2);
+            if (culture_height) return dense(2, 36, 2);
             return classes ? dense(1.6, 14, 4) : dense(1.25, 12, 4);
         case Quality::exact:
-            if (culture_height) return dense(4, 128, 2);
+            if (culture_height) return dense(4, 72, 2);
             return classes ? dense(low ? 2.5 : 3.4, 32, 2) : dense(low ? 2 : 1.5, 24, 2);
     }
     return {};

@@ -235,22 +235,22 @@ TEST_CASE("inland_empire from 965 m, glimpses of crests out of shadows: bins in 
     check(c);
 }
 
-TEST_CASE("worcester_vermont from 389 m, single cells of wood look out of shadows: many spokes a bin over heights",
+TEST_CASE("inland_empire from 522 m, single cells of wood look out of shadows: more spokes a bin over heights",
           "[reference]") {
-    Case c{"worcester 389 m, wood",
-           "worcester_vermont_dem.tif",
-           "worcester_vermont_culture.tif",
-           "worcester_vermont_canopy.tif",
+    Case c{"inland_empire 522 m, wood",
+           "inland_empire_dem.tif",
+           "inland_empire_culture.tif",
+           "inland_empire_canopy.tif",
            0.1,
-           44.358874,
-           -72.645526,
-           389,
-           221,
-           120,
-           14300,
+           33.613186,
+           -117.669407,
+           522,
+           283,
+           40,
+           9000,
            true};
-    c.pulse_s = 4e-6;
     c.rays_per_bin = 128;
+    c.bright = 1.0 / 16;
     check(c, Quality::fine);
 }
 

@@ -282,9 +282,9 @@ TEST_CASE("every azimuth bin has the spokes that it asks for, near the sensor to
 }
 
 TEST_CASE("each quality samples as the table in docs/accuracy.md says", "[grid]") {
-    // Posts above the ground below: lowest, low, mid, high; with culture heights the second reaches lower and higher.
+    // Posts above the ground below: lowest, low, mid, high; with culture heights the first two reach higher.
     const std::vector<double> ground[] = {{1}, {4, 13.9}, {14, 39.9}, {40, 400}},
-                              raised[] = {{1}, {2.5, 19.9}, {20, 39.9}, {40, 400}};
+                              raised[] = {{1.25}, {5, 19.9}, {20, 39.9}, {40, 400}};
     constexpr GroundCover bare = GroundCover::bare, classes = GroundCover::classes, heights = GroundCover::heights;
     struct Row {
         Quality quality;
@@ -294,16 +294,16 @@ TEST_CASE("each quality samples as the table in docs/accuracy.md says", "[grid]"
     const Row rows[] = {
         {Quality::draft, bare, {12, 3, 3, 3}, {0.6, 0.6, 0.6, 0.6}, {1, 1, 1, 1}},
         {Quality::draft, classes, {12, 3, 3, 3}, {0.6, 0.6, 0.6, 0.6}, {1, 1, 1, 1}},
-        {Quality::draft, heights, {128, 32, 16, 8}, {0.6, 0.6, 0.6, 0.6}, {1, 1, 1, 1}},
+        {Quality::draft, heights, {48, 12, 6, 3}, {0.6, 0.6, 0.6, 0.6}, {1, 1, 1, 1}},
         {Quality::normal, bare, {24, 8, 4, 3}, {1, 1, 1, 0.6}, {2, 2, 4, 4}},
         {Quality::normal, classes, {48, 12, 4, 3}, {1.25, 1.25, 1, 1}, {2, 2, 4, 4}},
-        {Quality::normal, heights, {192, 64, 32, 16}, {1.25, 1.25, 1.25, 1.25}, {2, 2, 4, 4}},
+        {Quality::normal, heights, {96, 24, 12, 6}, {1.25, 1.25, 1.25, 1.25}, {2, 2, 4, 4}},
         {Quality::fine, bare, {48, 12, 6, 4.5}, {1.25, 1.25, 1.25, 1.25}, {4, 4, 4, 4}},
         {Quality::fine, classes, {56, 14, 7, 3.5}, {1.6, 1.6, 1.6, 1.6}, {4, 4, 4, 4}},
-        {Quality::fine, heights, {192, 96, 48, 24}, {2, 2, 2, 2}, {2, 2, 4, 4}},
+        {Quality::fine, heights, {144, 36, 18, 9}, {2, 2, 2, 2}, {2, 2, 4, 4}},
         {Quality::exact, bare, {96, 24, 12, 9}, {2, 2, 1.5, 1.5}, {2, 2, 4, 4}},
         {Quality::exact, classes, {128, 32, 16, 8}, {2.5, 2.5, 3.4, 3.4}, {2, 2, 4, 4}},
-        {Quality::exact, heights, {192, 128, 64, 32}, {4, 4, 4, 4}, {2, 2, 4, 4}},
+        {Quality::exact, heights, {192, 72, 36, 18}, {4, 4, 4, 4}, {2, 2, 4, 4}},
     };
     for (const Row& row : rows)
         for (std::size_t i = 0; i < 4; ++i)

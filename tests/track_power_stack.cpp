@@ -79,7 +79,7 @@ TEST_CASE("the bands of a power stack are the numbered files, every bit and ever
         const Ended less = simulate(folder, with(track, {"--threads", "2", "--memory", "3MiB", "-o",
                                                          folder / "again.png", "--power-stack", folder / "again.tif"}));
         CHECK(less.code == 2);
-        CHECK_THAT(less.err, Contains("memory is 3 MiB; this scene needs at least 5 MiB"));
+        CHECK_THAT(less.err, Contains("memory is 3 MiB; this scene needs at least 4 MiB"));
     }
     // A scan's too.
     const Ended scan = simulate(folder, {"--track", folder / "track.csv", "--scan-step", "40", "--scan-period", "4s",
