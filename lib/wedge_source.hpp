@@ -179,6 +179,9 @@ struct SourceReport {
     std::uint64_t planned_partition_bytes = 0, planned_spilled_bytes = 0;  ///< as forecast before the pass
     std::size_t pass_peak_bytes = 0, planned_pass_peak_bytes = 0;  ///< the most that the pass held, and may hold
     std::string kept;  ///< path of the kept spill that served instead of a pass; empty: none
+    /// Of some of the posts that were loaded, those on which anything stands, and how high it does on average.
+    std::uint64_t raised_posts = 0;
+    double mean_culture_m = 0;
 };
 
 class DetailMap;

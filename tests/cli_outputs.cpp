@@ -78,6 +78,46 @@ TEST_CASE("a lowest height that is a usual no-data value is remarked on", "[cli]
     }
 }
 
+TEST_CASE("culture heights that may be tenths of a metre are remarked on", "[cli][long]") {
+    const Folder folder;
+    const auto raster = [&](const std::string& name, const std::string& odd, const std::string& even) {
+        std::string text = "ncols 90\nnrows 90\nxllcorner 465000\nyllcorner 3750000\ncellsize 30\n";
+        for (int post = 0; post < 8100; ++post) text += (post % 3 ? odd : even) + " ";
+        return folder.write(name, text);
+    };
+    raster("dem.asc", "100", "100");
+    raster("wood.asc", "150", "0");
+    folder.write("places.csv", "x,y,altitude\n466300,3751300,400\n466500,3751300,400\n");
+    const Strings place = {"--xy", "466300,3751300", "--altitude-msl", "400m", "--geometry", "grid", "--overwrite"};
+    const auto all = [&](const Strings& base, bool remarked) {
+        const Strings simulate = with(
+                          {"simulate", "--dem", "dem.asc", "--range", "1km", "--size", "64", "-o", "scope.png"}, place),
+                      coverage = with({"coverage", "dem.asc", "seen.tif"}, place),
+                      observers = {"coverage", "dem.asc", "count.tif", "--observers", "places.csv", "--overwrite"};
+        for (const Strings& command : {simulate, coverage, observers}) {
+            // A spill is sorted round one place.
+            if (command == observers && !base.empty() && base.back() == "spilled") continue;
+            const Outcome outcome = folder.run(with(command, base));
+            INFO(command.front() << ' ' << outcome.err);
+            CHECK(outcome.code == 0);
+            const auto remark = Contains(
+                "culture-height: what stands on the ground is 150 m high on average; if the raster counts tenths of a "
+                "metre, culture-height-scale is 0.1");
+            if (remarked)
+                CHECK_THAT(outcome.err, remark);
+            else
+                CHECK_THAT(outcome.err, !Contains("on average"));
+        }
+    };
+    const Strings wood = {"--culture-height", "wood.asc"};
+    all(wood, true);
+    all(with(wood, {"--source", "spilled"}), true);
+    all(with(wood, {"--culture-height-scale", "0.1"}), false);
+    all({}, false);
+    raster("wood.asc", "79", "0");
+    all(wood, false);
+}
+
 TEST_CASE("coverage writes a mask on the raster's own grid, and every layer", "[cli][long]") {
     const Folder folder;
     const Strings start = {"coverage", dem, "seen.tif", "--latlon", "33.93,-117.33", "--altitude-agl", "300m"};

@@ -282,6 +282,26 @@ DetailMap* RasterSource::detail_map() {
     return detail_.get();
 }
 
+SourceReport RasterSource::report() const {
+    SourceReport r;
+    r.raised_posts = raised_posts_;
+    if (r.raised_posts > 0)
+        r.mean_culture_m = static_cast<double>(raised_cm_) / 100 / static_cast<double>(r.raised_posts);
+    return r;
+}
+
+void RasterSource::note_culture(const std::vector<float>& heights_m) {
+    constexpr std::size_t every = 61;  // in no step with rows or tiles
+    std::uint64_t posts = 0, sum_cm = 0;
+    for (std::size_t i = 0; i < heights_m.size(); i += every) {
+        if (!(heights_m[i] > 0 && heights_m[i] < 1e6F)) continue;
+        ++posts;
+        sum_cm += static_cast<std::uint64_t>(100 * static_cast<double>(heights_m[i]));
+    }
+    raised_posts_ += posts;
+    raised_cm_ += sum_cm;
+}
+
 Skipped RasterSource::skipped() const {
     Skipped sum{};
     ledger_->add_to(sum);
@@ -516,6 +536,7 @@ void RasterSource::load_surface(Chunk& chunk, const NeededPosts& needed) {
             needed.fill(whole, {culture.data(), width, false}, 0.0F);
             filled.assign(1, whole);
             if (std::any_of(culture.begin(), culture.end(), [](float h) { return h != 0; })) {
+                note_culture(culture);
                 if (chunk.culture_height_m.empty()) chunk.culture_height_m.assign(posts, 0);
                 if (chunk.lines_are_columns)
                     turn(whole, whole, culture.data(), chunk.culture_height_m.data() + first, minor);

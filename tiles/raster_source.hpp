@@ -51,6 +51,8 @@ public:
 
     Skipped skipped() const override;
 
+    SourceReport report() const override;
+
     std::size_t cache_bytes() const override;
     std::size_t filled_bytes(std::uint64_t bytes_read) const override {
         const std::size_t cache = params_.cache_bytes;
@@ -101,6 +103,8 @@ protected:
     void load_level(Chunk& chunk, const ChunkRequest& request);
 
     void load_surface(Chunk& chunk, const NeededPosts& needed);
+    /// For the report.
+    void note_culture(const std::vector<float>& heights_m);
 
     /// What is needed of one run of the columns that begin at `first`; returns posts of tiles read, adds the rectangles of posts
     /// that were filled.
@@ -146,6 +150,8 @@ protected:
     bool has_detail_ = false, of_ground_ = false;  ///< it is there; of params_.ground
     std::mutex detail_mutex_;
     std::atomic<std::uint64_t> level_posts_{0};  ///< read of levels above 0
+    std::atomic<std::uint64_t> raised_posts_{0},
+        raised_cm_{0};  ///< of some posts that culture height stands on, and its sum
     std::unique_ptr<DetailMap> detail_;
     std::unique_ptr<RasterLayer> terrain_;
     std::unique_ptr<TileLedger> ledger_;  ///< of the terrain

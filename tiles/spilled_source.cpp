@@ -131,7 +131,7 @@ public:
     }
 
     SourceReport report() const override {
-        SourceReport r;
+        SourceReport r = RasterSource::report();
         r.kind = "spilled";
         r.partition_s = seconds_;
         r.partition_bytes = pass_bytes_;
