@@ -49,10 +49,10 @@ struct Sampling {
         true;  ///< the bilinear surface's course between two samples, not a straight line, decides what is seen
 };
 /// Of culture heights single cells stand up, and one that looks out of a shadow may be all that is seen there: a bin
-/// takes twice or three times the spokes. Between classes the echo leaps.
+/// takes two to four times the spokes. Between classes the echo leaps.
 /// `above_posts`: the sensor's height over the ground, in posts. The lower it is, the longer are the shadows
 /// of single posts, and their edges must be met: from 14 posts on (20 with culture heights) half as many spokes a bin do,
-/// from 40 on a quarter, over bare ground three eighths, but never fewer than 3; and below 4 posts (5) they double with each
+/// from 40 on a quarter, over bare ground three eighths, but never fewer than 3; and below 4 posts (5 with culture heights) they double with each
 /// halving of the height, to 16 times or 192 at most. Source: docs/accuracy.md.
 Sampling sampling(Quality quality, GroundCover cover, double above_posts);
 /// `of_quality` with what the scene itself says, but of its bins, which are an image's.

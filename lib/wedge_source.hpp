@@ -168,7 +168,7 @@ struct Extremes {
     bool any_valid = false;
 };
 
-/// What a source did beside the chunks it handed out: the partition of a spilled one.
+/// What a source did beside the chunks it handed out, the partition of a spilled one; and what stood out in them.
 struct SourceReport {
     std::string kind = "direct";
     double partition_s = 0;                                                ///< wall seconds of the pass
@@ -179,7 +179,7 @@ struct SourceReport {
     std::uint64_t planned_partition_bytes = 0, planned_spilled_bytes = 0;  ///< as forecast before the pass
     std::size_t pass_peak_bytes = 0, planned_pass_peak_bytes = 0;  ///< the most that the pass held, and may hold
     std::string kept;  ///< path of the kept spill that served instead of a pass; empty: none
-    /// Of some of the posts that were loaded, those on which anything stands, and how high it does on average.
+    /// Of some of the posts that were loaded, each time they were, those on which anything stands, and how high it does on average.
     std::uint64_t raised_posts = 0;
     double mean_culture_m = 0;
 };

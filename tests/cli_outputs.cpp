@@ -2,6 +2,7 @@
 // fit their report.
 #include <catch2/catch.hpp>
 
+#include <algorithm>
 #include <cstdint>
 #include <fstream>
 #include <limits>
@@ -80,42 +81,53 @@ TEST_CASE("a lowest height that is a usual no-data value is remarked on", "[cli]
 
 TEST_CASE("culture heights that may be tenths of a metre are remarked on", "[cli][long]") {
     const Folder folder;
-    const auto raster = [&](const std::string& name, const std::string& odd, const std::string& even) {
+    const auto raster = [&](const std::string& name, const std::string& most, const std::string& third) {
         std::string text = "ncols 90\nnrows 90\nxllcorner 465000\nyllcorner 3750000\ncellsize 30\n";
-        for (int post = 0; post < 8100; ++post) text += (post % 3 ? odd : even) + " ";
+        for (int post = 0; post < 8100; ++post) text += (post % 3 ? most : third) + " ";
         return folder.write(name, text);
     };
     raster("dem.asc", "100", "100");
     raster("wood.asc", "150", "0");
-    folder.write("places.csv", "x,y,altitude\n466300,3751300,400\n466500,3751300,400\n");
-    const Strings place = {"--xy", "466300,3751300", "--altitude-msl", "400m", "--geometry", "grid", "--overwrite"};
-    const auto all = [&](const Strings& base, bool remarked) {
-        const Strings simulate = with(
-                          {"simulate", "--dem", "dem.asc", "--range", "1km", "--size", "64", "-o", "scope.png"}, place),
-                      coverage = with({"coverage", "dem.asc", "seen.tif"}, place),
-                      observers = {"coverage", "dem.asc", "count.tif", "--observers", "places.csv", "--overwrite"};
-        for (const Strings& command : {simulate, coverage, observers}) {
-            // A spill is sorted round one place.
-            if (command == observers && !base.empty() && base.back() == "spilled") continue;
-            const Outcome outcome = folder.run(with(command, base));
-            INFO(command.front() << ' ' << outcome.err);
-            CHECK(outcome.code == 0);
-            const auto remark = Contains(
-                "culture-height: what stands on the ground is 150 m high on average; if the raster counts tenths of a "
-                "metre, culture-height-scale is 0.1");
-            if (remarked)
-                CHECK_THAT(outcome.err, remark);
-            else
-                CHECK_THAT(outcome.err, !Contains("on average"));
-        }
+    folder.write("places.csv", "time,x,y,altitude-msl\n0,466300,3751300,400\n1,466500,3751300,400\n");
+    const Strings place = {"--xy", "466300,3751300", "--altitude-msl", "400m", "--geometry", "grid", "--overwrite"},
+                  scene = {"--dem", "dem.asc", "--range", "1km", "--size", "64", "-o", "scope.png"};
+    const Strings simulate = with(with({"simulate"}, scene), place),
+                  track = with({"simulate", "--track", "places.csv", "--geometry", "grid", "--overwrite"}, scene),
+                  some = with(
+                      {"simulate", "--dem", "dem.asc", "--range", "1km", "--work-dir", "work", "--only-wedge", "0"},
+                      place),
+                  coverage = with({"coverage", "dem.asc", "seen.tif"}, place),
+                  observers = {"coverage", "dem.asc", "count.tif", "--observers", "places.csv", "--overwrite"};
+    const auto said = [&](const Strings& command, const Strings& more) {
+        const Outcome outcome = folder.run(with(command, more));
+        INFO(outcome.err);
+        CHECK(outcome.code == 0);
+        return outcome.err;
     };
-    const Strings wood = {"--culture-height", "wood.asc"};
-    all(wood, true);
-    all(with(wood, {"--source", "spilled"}), true);
-    all(with(wood, {"--culture-height-scale", "0.1"}), false);
-    all({}, false);
+    const Strings wood = {"--culture-height", "wood.asc"}, tenths = with(wood, {"--culture-height-scale", "0.1"});
+    const std::string high = "culture-height: what stands on the ground is 150 m high on average",
+                      advice = "; if the raster counts tenths of a metre, culture-height-scale is 0.1";
+    for (const Strings& command : {simulate, track, some, coverage, observers}) {
+        INFO(command[1]);
+        CHECK_THAT(said(command, wood), Contains(high + advice));
+    }
+    for (const Strings& command : {simulate, coverage})
+        CHECK_THAT(said(command, with(wood, {"--source", "spilled"})), Contains(high + advice));
+    for (const Strings& command : {simulate, track, coverage, observers}) {
+        CHECK_THAT(said(command, tenths), !Contains("on average"));
+        CHECK_THAT(said(command, {}), !Contains("on average"));
+    }
     raster("wood.asc", "79", "0");
-    all(wood, false);
+    CHECK_THAT(said(simulate, wood), !Contains("on average"));
+    raster("wood.asc", "1500", "0");
+    CHECK_THAT(said(simulate, tenths),
+               Contains(high + " (culture-height-scale is 0.1; or is a no-data value not declared?)"));
+    CHECK_THAT(said(coverage, wood), Contains("is 1500 m high on average (culture-height-scale is 1; or"));
+    // Of a store, which keeps the scale.
+    said({"tile", "dem.asc", "--culture-height", "wood.asc", "store", "--culture-height-scale", "0.1"}, {});
+    Strings stored = simulate;
+    std::replace(stored.begin(), stored.end(), std::string("dem.asc"), std::string("store"));
+    CHECK_THAT(said(stored, {}), Contains(high));
 }
 
 TEST_CASE("coverage writes a mask on the raster's own grid, and every layer", "[cli][long]") {

@@ -251,7 +251,7 @@ TEST_CASE("inland_empire from 522 m, single cells of wood look out of shadows: m
            true};
     c.rays_per_bin = 128;
     c.bright = 1.0 / 16;
-    check(c, Quality::fine);
+    check(c, Quality::fine);  // for `exact` the reference would take longer than the rest
 }
 
 TEST_CASE("worcester_vermont from 530 m, steep slopes: lines of both axes, from `draft` on", "[reference]") {

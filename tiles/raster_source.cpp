@@ -291,10 +291,10 @@ SourceReport RasterSource::report() const {
 }
 
 void RasterSource::note_culture(const std::vector<float>& heights_m) {
-    constexpr std::size_t every = 61;  // in no step with rows or tiles
+    constexpr std::size_t every = 61;  // in step with few widths
     std::uint64_t posts = 0, sum_cm = 0;
     for (std::size_t i = 0; i < heights_m.size(); i += every) {
-        if (!(heights_m[i] > 0 && heights_m[i] < 1e6F)) continue;
+        if (!(heights_m[i] > 0 && heights_m[i] < 1e6F)) continue;  // what does not count, and what is no height
         ++posts;
         sum_cm += static_cast<std::uint64_t>(100 * static_cast<double>(heights_m[i]));
     }

@@ -103,7 +103,7 @@ protected:
     void load_level(Chunk& chunk, const ChunkRequest& request);
 
     void load_surface(Chunk& chunk, const NeededPosts& needed);
-    /// For the report.
+    /// Every 61st of them, each time they are loaded, for the report.
     void note_culture(const std::vector<float>& heights_m);
 
     /// What is needed of one run of the columns that begin at `first`; returns posts of tiles read, adds the rectangles of posts
@@ -150,8 +150,8 @@ protected:
     bool has_detail_ = false, of_ground_ = false;  ///< it is there; of params_.ground
     std::mutex detail_mutex_;
     std::atomic<std::uint64_t> level_posts_{0};  ///< read of levels above 0
-    std::atomic<std::uint64_t> raised_posts_{0},
-        raised_cm_{0};  ///< of some posts that culture height stands on, and its sum
+    std::atomic<std::uint64_t> raised_posts_{0};  ///< some of those that culture height stands on
+    std::atomic<std::uint64_t> raised_cm_{0};     ///< and its sum
     std::unique_ptr<DetailMap> detail_;
     std::unique_ptr<RasterLayer> terrain_;
     std::unique_ptr<TileLedger> ledger_;  ///< of the terrain

@@ -75,11 +75,11 @@ std::string first_difference(const std::string& there, const std::string& now) {
                                         [&](const json& a, const json& b) { return rank(a) < rank(b); });
     if (first == changes.end() || path_of(*first).empty()) return {};
     const auto words = [](const json& value) {
-        constexpr std::size_t most = 80;
+        constexpr std::size_t most = 200;
         if (const auto name = value.is_object() ? value.find("name") : value.end(); name != value.end())
             return name->dump();
         const std::string all = value.dump();
-        return all.size() <= most ? all : "other text";
+        return all.size() <= most ? all : "something long";
     };
     const std::string path = path_of(*first), op = first->at("op");
     const std::string old = op == "add" ? "missing" : words(before.at(json::json_pointer(path))),

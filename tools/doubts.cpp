@@ -69,20 +69,20 @@ std::array<std::string, doubt_count> doubts(const RunResult& r, bool pictured) {
         lines[no_level] =
             "no height is known below the sensor: the reference height is 0 m, by which the beam widens and ground "
             "range is told, however high the ground stands";
-    lines[tall_culture] = culture_too_tall(r.report.source);
     return lines;
 }
 
-std::string culture_too_tall(const SourceReport& source) {
-    // Of woods and towns neither stands so high on average; of a few posts a tower's may.
+std::string culture_too_tall(const SourceReport& source, double scale) {
+    // No woods and no towns stand so high on average.
     constexpr double most_m = 80;
     constexpr std::uint64_t enough = 30;
-    if (source.raised_posts < enough || source.mean_culture_m <= most_m) return {};
-    return fmt::format(
-        "culture-height: what stands on the ground is {:.3g} m high on average; if the raster counts tenths of a "
-        "metre, "
-        "culture-height-scale is 0.1",
-        source.mean_culture_m);
+    const double mean_m = source.mean_culture_m;
+    if (source.raised_posts < enough || mean_m <= most_m) return {};
+    const std::string high =
+        fmt::format("culture-height: what stands on the ground is {:.0f} m high on average", mean_m);
+    if (scale == 1 && mean_m < 10 * most_m)
+        return high + "; if the raster counts tenths of a metre, culture-height-scale is 0.1";
+    return high + fmt::format(" (culture-height-scale is {:.6g}; or is a no-data value not declared?)", scale);
 }
 
 std::string above_terrain(const ResolvedScene& scene, const DataBase& db) {

@@ -21,14 +21,14 @@ enum Doubt : std::size_t {
     strong_rain,
     error_unkept,
     no_level,
-    tall_culture,
     doubt_count
 };
 
 /// A line for each kind of doubt that there is about a run; empty: none. `pictured`: is there a picture of it to be seen?
 std::array<std::string, doubt_count> doubts(const RunResult& result, bool pictured);
-/// Why culture heights look like tenths of a metre; empty: they do not.
-std::string culture_too_tall(const SourceReport& source);
+/// What stands on the ground is higher than metres would have it, by what was loaded of it; empty: it is not, or nothing was loaded.
+/// `scale`: culture-height-scale.
+std::string culture_too_tall(const SourceReport& source, double scale);
 /// ", 1662.8 m above the terrain", or why that cannot be said; behind the sensor's height above the sea.
 std::string above_terrain(const ResolvedScene& scene, const DataBase& data_base);
 

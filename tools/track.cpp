@@ -601,6 +601,8 @@ void simulate_track(const Settings& given, double start_s, Stop& stop) {
     for (const std::string& line : idle_effects(frames.settings(0).scene, source->data_base()))
         remark(settings.quiet, line);
     for (const std::string& line : run->doubts()) remark(settings.quiet, line);
+    if (const std::string line = culture_too_tall(source->report(), settings.culture_height_scale); !line.empty())
+        remark(settings.quiet, line);
     if (frames.scans() && frames.size() == 1)
         remark(settings.quiet,
                "scan-step has no effect: a track of one row has no motion, and its sensor stands still");
