@@ -55,8 +55,14 @@ struct KnotLanes {
     double* slope;  ///< posts only: m
     double* along;  ///< posts only: d (1 + stretch), so that the arc is along f(m)
     float *lift = nullptr, *drop = nullptr;
-    float *ray = nullptr,
-          *rise = nullptr;  ///< posts only: what a level ray climbs in w a line outwards is w ray + rise
+    /// Posts only: what a level ray climbs in w a line outwards is w ray + rise.
+    float *ray = nullptr, *rise = nullptr;
+
+    /// Those of posts from the i-th on.
+    KnotLanes from(std::size_t i) const {
+        if (!lift) return {at + i, slope + i, along + i};
+        return {at + i, slope + i, along + i, lift + i, drop + i, ray + i, rise + i};
+    }
 };
 
 /// One line as its knots need it.

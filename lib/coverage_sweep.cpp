@@ -75,9 +75,7 @@ void Cover::solve_posts(const Side& side, const LineForm& line, std::int64_t k, 
                                   u * (piece.bend[1] + u * (piece.bend[2] + u * (piece.bend[3] + u * piece.bend[4])));
             for (end = i; end < n && minor[end] < border;) ++end;
         }
-        KnotLanes some{out.at + i, out.slope + i, out.along + i};
-        if (out.lift) some = {some.at, some.slope, some.along, out.lift + i, out.drop + i, out.ray + i, out.rise + i};
-        post_knots(line, piece_form(piece), k, minor.data() + i, end - i, some);
+        post_knots(line, piece_form(piece), k, minor.data() + i, end - i, out.from(i));
         i = end;
     }
 }

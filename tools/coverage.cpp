@@ -214,9 +214,8 @@ void coverage(const std::vector<std::string>& arguments, Stop& stop) {
         remark(settings.quiet,
                text(choice.kept ? "terrain read from " : "terrain sorted into wedges first: ", choice.why));
     for (const std::string& unfit : {choice.unfit, unfit_map}) remark_unused(settings.quiet, unfit);
-    for (const std::string& line :
-         {undeclared_void(settings.dem, *source), culture_too_tall(source->report(), settings.culture_height_scale)})
-        if (!line.empty()) remark(settings.quiet, line);
+    for (const std::string& line : doubts_of_heights(settings.dem, *source, settings.culture_height_scale))
+        remark(settings.quiet, line);
     if (settings.coverage.layer == CoverageLayer::response)
         for (const std::string& line : idle_effects(settings.scene, db)) remark(settings.quiet, line);
     const double rate = all / wall * 1e-6;

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <iterator>
 #include <limits>
+#include <utility>
 
 #include "lib/block_map.hpp"
 #include "lib/error.hpp"
@@ -27,6 +28,36 @@ bool may_hold_water(const Scene& scene, const DataBase& db, const std::optional<
 
 bool echoes(const RunResult& r) {
     return std::any_of(r.power_w.cells.begin(), r.power_w.cells.end(), [](float power_w) { return power_w > 0; });
+}
+
+/// Without reading posts; +infinity: not known so.
+double lowest_known_m(WedgeSource& source) {
+    double lowest_m = std::numeric_limits<double>::infinity();
+    BlockMap* const map = source.block_map();
+    if (!map) return lowest_m;
+    const DataBase& db = source.data_base();
+    const int level = map->levels() - 1;
+    try {
+        for (const BlockBounds& b : map->read(level, blocks_of({{0, db.columns}, {0, db.rows}}, level)).bounds)
+            lowest_m = std::min(lowest_m, static_cast<double>(b.lowest_m));
+    } catch (const IoError&) {  // a remark is not worth a run
+    } catch (const DataError&) {
+    }
+    return lowest_m;
+}
+
+/// empty: it is not, or nothing was loaded.
+std::string culture_too_tall(const SourceReport& source, double scale) {
+    // No woods and no towns stand so high on average.
+    constexpr double most_m = 80;
+    constexpr std::uint64_t enough = 30;
+    const double mean_m = source.mean_culture_m;
+    if (source.raised_posts < enough || mean_m <= most_m) return {};
+    const std::string high =
+        fmt::format("culture-height: what stands on the ground is {:.0f} m high on average", mean_m);
+    if (scale == 1 && mean_m < 10 * most_m)
+        return high + "; if the raster counts tenths of a metre, culture-height-scale is 0.1";
+    return high + fmt::format(" (culture-height-scale is {:.6g}; or is a no-data value not declared?)", scale);
 }
 
 }  // namespace
@@ -70,19 +101,6 @@ std::array<std::string, doubt_count> doubts(const RunResult& r, bool pictured) {
             "no height is known below the sensor: the reference height is 0 m, by which the beam widens and ground "
             "range is told, however high the ground stands";
     return lines;
-}
-
-std::string culture_too_tall(const SourceReport& source, double scale) {
-    // No woods and no towns stand so high on average.
-    constexpr double most_m = 80;
-    constexpr std::uint64_t enough = 30;
-    const double mean_m = source.mean_culture_m;
-    if (source.raised_posts < enough || mean_m <= most_m) return {};
-    const std::string high =
-        fmt::format("culture-height: what stands on the ground is {:.0f} m high on average", mean_m);
-    if (scale == 1 && mean_m < 10 * most_m)
-        return high + "; if the raster counts tenths of a metre, culture-height-scale is 0.1";
-    return high + fmt::format(" (culture-height-scale is {:.6g}; or is a no-data value not declared?)", scale);
 }
 
 std::string above_terrain(const ResolvedScene& scene, const DataBase& db) {
@@ -147,19 +165,12 @@ std::string undeclared_void(const std::string& terrain, double lowest_m) {
         store ? " for each raster that the store was made of, and tile the copies" : "");
 }
 
-std::string undeclared_void(const std::string& terrain, WedgeSource& source) {
-    BlockMap* const map = source.block_map();
-    if (!map) return {};
-    const DataBase& db = source.data_base();
-    const int level = map->levels() - 1;
-    double lowest_m = std::numeric_limits<double>::infinity();
-    try {
-        for (const BlockBounds& b : map->read(level, blocks_of({{0, db.columns}, {0, db.rows}}, level)).bounds)
-            lowest_m = std::min(lowest_m, static_cast<double>(b.lowest_m));
-    } catch (const IoError&) {  // a remark is not worth a run
-    } catch (const DataError&) {
-    }
-    return undeclared_void(terrain, lowest_m);
+std::vector<std::string> doubts_of_heights(const std::string& terrain, WedgeSource& source, double culture_scale) {
+    std::vector<std::string> lines;
+    for (std::string line :
+         {undeclared_void(terrain, lowest_known_m(source)), culture_too_tall(source.report(), culture_scale)})
+        if (!line.empty()) lines.push_back(std::move(line));
+    return lines;
 }
 
 }  // namespace wedgescope

@@ -26,9 +26,6 @@ enum Doubt : std::size_t {
 
 /// A line for each kind of doubt that there is about a run; empty: none. `pictured`: is there a picture of it to be seen?
 std::array<std::string, doubt_count> doubts(const RunResult& result, bool pictured);
-/// What stands on the ground is higher than metres would have it, by what was loaded of it; empty: it is not, or nothing was loaded.
-/// `scale`: culture-height-scale.
-std::string culture_too_tall(const SourceReport& source, double scale);
 /// ", 1662.8 m above the terrain", or why that cannot be said; behind the sensor's height above the sea.
 std::string above_terrain(const ResolvedScene& scene, const DataBase& data_base);
 
@@ -40,7 +37,8 @@ std::vector<std::string> idle_effects(const Scene& scene, const DataBase& data_b
 /// Why the lowest height of a terrain looks like the no-data value that it does not declare, and how to declare it; empty: it does
 /// not. `terrain`: its path.
 std::string undeclared_void(const std::string& terrain, double lowest_m);
-/// The same of what is known without reading posts.
-std::string undeclared_void(const std::string& terrain, WedgeSource& source);
+/// A line for each doubt about the heights of a source after a run: undeclared_void by what is known without reading posts, and what
+/// stands on the ground higher than metres would have it, by what was loaded of it. `culture_scale`: culture-height-scale.
+std::vector<std::string> doubts_of_heights(const std::string& terrain, WedgeSource& source, double culture_scale);
 
 }  // namespace wedgescope

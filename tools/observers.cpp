@@ -427,9 +427,8 @@ void coverage_of_observers(const Settings& given, double start_s, Stop& stop) {
                        judged > 0 ? 100 * static_cast<double>(facts.posts.enough) / judged : 0.0, facts.posts.most));
     if (judged == 0) remark(settings.quiet, nothing_judged_line(settings));
     remark_unused(settings.quiet, unfit_map);
-    for (const std::string& line :
-         {undeclared_void(settings.dem, *source), culture_too_tall(source->report(), settings.culture_height_scale)})
-        if (!line.empty()) remark(settings.quiet, line);
+    for (const std::string& line : doubts_of_heights(settings.dem, *source, settings.culture_height_scale))
+        remark(settings.quiet, line);
     if (!observers->note().empty()) remark(settings.quiet, observers->note());
     remark(settings.quiet, text("written: ", settings.output,
                                 fmt::format(" ({:.1f} s, {:.1f} observers/s)", now_s() - start_s,

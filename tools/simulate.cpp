@@ -239,9 +239,8 @@ void simulate(const Settings& given, WorkDir* work, double start_s, Stop& stop) 
     if (ground && settings.scene.far_shore)
         remark(settings.quiet, "far-shore is not in ground, which knows each post by itself");
     for (const std::string& unfit : {choice.unfit, unfit_map}) remark_unused(settings.quiet, unfit);
-    for (const std::string& line :
-         {undeclared_void(settings.dem, *source), culture_too_tall(source->report(), settings.culture_height_scale)})
-        if (!line.empty()) remark(settings.quiet, line);
+    for (const std::string& line : doubts_of_heights(settings.dem, *source, settings.culture_height_scale))
+        remark(settings.quiet, line);
     for (const std::string& line : idle_effects(settings.scene, source->data_base(), layers.legend))
         remark(settings.quiet, line);
     if (!settings.only_wedges)

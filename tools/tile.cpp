@@ -185,9 +185,9 @@ void tell(const Settings& settings, const TileStoreSummary& summary, double seco
             if (i < most) codes += fmt::format("{}{} ({})", i ? ", " : "", code, counted(count, "cell"));
         }
         if (codes_found > most) codes += fmt::format(" and {} more", codes_found - most);
-        say(fmt::format("culture: {} in {} {} not in the legend {}: {}", counted(summary.unknown_codes.size(), "code"),
-                        counted(cells, "cell"), summary.unknown_codes.size() == 1 ? "is" : "are",
-                        in_quotes(settings.culture_legend), codes));
+        say(fmt::format("culture: {} in {} {} not in the legend {}: {}", counted(codes_found, "code"),
+                        counted(cells, "cell"), codes_found == 1 ? "is" : "are", in_quotes(settings.culture_legend),
+                        codes));
     }
     if (summary.features_lie_elsewhere)
         say(text("features ", in_quotes(settings.features),
