@@ -57,7 +57,6 @@ float Cover::nadir_response(std::int64_t column, std::int64_t row, double above_
     return response(sides_[0], 0, column, row, {1, 1}, down, scene_.earth.inverse_radius(), desk);
 }
 
-/// The run's posts of a line, from their state to what the layer holds.
 Cover::Facet Cover::facet(const Side& side, const LineForm& line, double slope, double z, double behind, double beside,
                           double arc_m, double inverse_radius, const SightLine& sight) {
     // The gradient of the own cell at the post, by the metric at the sensor.
@@ -204,6 +203,7 @@ private:
     double between_m_ = 0, least_out_ = 0, most_out_ = 0, most_up_ = 0;
 };
 
+/// The run's posts of a line, from their state to what the layer holds.
 void Cover::finish_line(const Side& side, const LineForm& line, std::int64_t index, Interval posts, Interval window,
                         Desk& desk, std::size_t out) {
     const std::int64_t first = floor_to(posts.begin, knot);

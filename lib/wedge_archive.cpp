@@ -9,7 +9,6 @@ namespace wedgescope {
 std::vector<Fact> echo_facts(const ResolvedScene& s, const DataBase& db) {
     std::vector<Fact> facts;
     const auto add = [&](const char* name, const auto&... values) { facts.push_back({name, text(values...)}); };
-    add("engine", echo_revision);
     add("dem columns and rows", db.columns, " x ", db.rows);
     add("dem origin", db.origin_x, ",", db.origin_y);
     add("dem posting", db.step_x, ",", db.step_y, " units of ", db.metres_per_unit, " m");

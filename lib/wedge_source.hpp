@@ -179,7 +179,9 @@ struct SourceReport {
     std::uint64_t planned_partition_bytes = 0, planned_spilled_bytes = 0;  ///< as forecast before the pass
     std::size_t pass_peak_bytes = 0, planned_pass_peak_bytes = 0;  ///< the most that the pass held, and may hold
     std::string kept;  ///< path of the kept spill that served instead of a pass; empty: none
-    /// Of some of the posts that were loaded, each time they were, those on which anything stands, and how high it does on average.
+    /// Of some of the posts that were loaded, each time they were: the lowest (+infinity: none), those on which anything stands, and
+    /// how high it does on average.
+    double lowest_m = std::numeric_limits<double>::infinity();
     std::uint64_t raised_posts = 0;
     double mean_culture_m = 0;
 };

@@ -4,6 +4,7 @@
 #include <fcntl.h>
 #include <sys/file.h>
 #include <sys/resource.h>
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -631,6 +632,42 @@ TEST_CASE("a folder that does not fit is refused by name", "[resume]") {
     CHECK_THROWS_AS(WorkDir(folder / "nowhere/work", Start::join), IoError);
 }
 
+TEST_CASE("a run that two processes start over at once is begun once, and no wedge of it is lost", "[resume]") {
+    const Folder folder;
+    const std::string path = folder / "work";
+    begin_work(path);
+    // The data base changed: both find facts of another scene before either begins.
+    WorkDir::Run changed = drawn_run;
+    changed.facts[0].value = "5001";
+    WorkDir first(path, Start::join), second(path, Start::join);
+    first.bind(changed);
+    second.bind(changed);
+    CHECK(first.record_split(drawn_split) == drawn_split);
+    const Drawn wedge;
+    first.keep(wedge.key, wedge.outcome, wedge.echo, wedge.state);
+    CHECK(second.record_split({{0, 6}, {6, 12}}) == drawn_split);
+    Drawn out(0);
+    CHECK(second.find(wedge.key, out.echo, out.state));
+    CHECK(out.echo == wedge.echo);
+    CHECK(wedge_files(path) == 1);
+}
+
+TEST_CASE("a pipe in a work folder is refused, or a damaged wedge, and nobody waits for its writer", "[resume]") {
+    const Folder folder;
+    const std::string path = folder / "work";
+    begin_work(path);
+    WorkDir work(path, Start::join);
+    work.bind(drawn_run);
+    Drawn wedge;
+    REQUIRE(::mkfifo((path + "/wedge_000002.bin").c_str(), 0600) == 0);
+    CHECK_FALSE(work.find(wedge.key, wedge.echo, wedge.state));
+    REQUIRE(work.remarks().size() == 1);
+    CHECK_THAT(work.remarks()[0], Contains("wedge_000002.bin") && Contains("it is no file"));
+    fs::remove(path + "/run.json");
+    REQUIRE(::mkfifo((path + "/run.json").c_str(), 0600) == 0);
+    CHECK_THROWS_WITH(WorkDir(path, Start::join).bind(drawn_run), Contains("run.json") && Contains("is no file"));
+}
+
 TEST_CASE("what dead processes left half-written goes, what living ones write stays", "[resume]") {
     const Folder folder;
     const std::string path = folder / "work";
@@ -1001,6 +1038,43 @@ TEST_CASE("a tile store is known by its content, not by when it was written", "[
     CHECK_THAT(edited.err, Contains("the data base changed since"));
     CHECK(report(folder)["reused"] == 0);
     CHECK(!(Images(folder) == first));
+}
+
+TEST_CASE("wedges swept from a kept spill serve runs that read the store itself, and the other way",
+          "[resume][program]") {
+    const Folder folder;
+    Program program(folder);
+    // Two sheets beside each other: some wedges read one of them, some both.
+    test::Drawing drawing;
+    drawing.columns = 4300;
+    drawing.rows = 300;
+    drawing.geotransform = std::array<double, 6>{10, 3e-4, 0, 45, 0, -3e-4};
+    drawing.crs = "EPSG:4326";
+    drawing.value = [](int column, int row) { return 200 + 40 * std::sin(column * 0.3) + 30 * std::cos(row * 0.2); };
+    test::draw(folder / "dem.tif", drawing);
+    const std::string point = "44.955,11.2275";
+    REQUIRE(program.run({"tile", "dem.tif", "store", "--around", point, "-q"}).code == 0);
+    const auto reused = [&](const std::string& source, const Strings& more) {
+        Strings run = {"simulate",       "--dem",   "store",       "--latlon", point,
+                       "--altitude-msl", "2000m",   "--range",     "4km",      "-o",
+                       "a.png",          "--power", "power.tif",   "--report", "report.json",
+                       "--wedges",       "6",       "--overwrite", "--source", source};
+        const Outcome outcome = program.run(run + more);
+        INFO(outcome.err);
+        REQUIRE(outcome.code == 0);
+        CHECK_THAT(outcome.err, !Contains("changed"));
+        return report(folder)["reused"].get<int>();
+    };
+    for (const char* work : {"of_the_spill", "of_the_store"}) {
+        const Strings kept = {"--work-dir", work, "--resume"};
+        const bool spilled = work == std::string("of_the_spill");
+        CHECK(reused(spilled ? "spilled" : "direct", kept) == 0);
+        CHECK(reused("direct", kept) == 6);
+        CHECK(reused("spilled", kept) == 6);
+        fs::remove(folder / (std::string(work) + "/wedge_000000.bin"));
+        CHECK(reused(spilled ? "direct" : "spilled", kept) == 5);
+    }
+    CHECK(report(folder)["source"]["kept"].is_string());
 }
 
 TEST_CASE("a store whose codes mean other materials is another data base", "[resume][program]") {

@@ -313,7 +313,7 @@ TEST_CASE("any byte flipped anywhere in a store is found and its file is named",
     DataBaseParams layers = base(folder / "store");
     layers.legend = Legend("drawn", {{0, 1}});
     keep_spill(layers, point, folder / "store", {});
-    CHECK(describe_store(folder / "store").kept->column == 49.5);
+    CHECK(describe_store(folder / "store").kept->nadir.column == 49.5);
     REQUIRE(verify_store(folder / "store", nullptr, {}).damage.empty());
     const unsigned seed = std::random_device{}();
     INFO("seed " << seed);

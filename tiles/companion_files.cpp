@@ -2,8 +2,12 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <set>
 #include <string_view>
 #include <system_error>
+#include <utility>
 
 #include "lib/lower_case.hpp"
 #include "tiles/gdal_handle.hpp"
@@ -94,10 +98,53 @@ const DriverNames* names_of(const std::string& driver, const std::string& ending
     return found == all.end() ? nullptr : &*found;
 }
 
+/// A value of XML without its entities.
+std::string plain_words(std::string words) {
+    const std::pair<std::string_view, std::string_view> entities[] = {
+        {"&lt;", "<"}, {"&gt;", ">"}, {"&quot;", "\""}, {"&apos;", "'"}, {"&amp;", "&"}};
+    for (const auto& [entity, sign] : entities)
+        for (std::size_t at = 0; (at = words.find(entity, at)) != std::string::npos; at += sign.size())
+            words.replace(at, entity.size(), sign);
+    return words;
+}
+
+/// Of a VRT its whole text; empty: it is none.
+std::string vrt_text(const std::string& path) {
+    std::ifstream in(path, std::ios::binary);
+    std::string words(1024, '\0');
+    in.read(words.data(), static_cast<std::streamsize>(words.size()));
+    words.resize(static_cast<std::size_t>(in.gcount()));
+    if (words.find("<VRTDataset") == std::string::npos) return {};
+    words.append(std::istreambuf_iterator<char>(in), {});
+    return words;
+}
+
+void add_vrt_parts(const std::string& path, std::set<std::string>& looked_into, std::vector<std::string>& parts) {
+    std::error_code error;
+    if (!is_file(path) || !looked_into.insert(fs::weakly_canonical(path, error).string()).second) return;
+    const std::string words = vrt_text(path);
+    for (const std::string_view tag : {"<SourceFilename", "<SourceDataset"})
+        for (std::size_t at = 0; (at = words.find(tag, at)) != std::string::npos; at += tag.size()) {
+            const std::size_t begin = words.find('>', at), end = words.find('<', begin);
+            if (end == std::string::npos) break;
+            const bool beside = words.substr(at, begin - at).find("relativeToVRT=\"1\"") != std::string::npos;
+            const fs::path part = plain_words(words.substr(begin + 1, end - begin - 1));
+            parts.push_back(beside ? fs::path(path).parent_path() / part : part);
+            add_vrt_parts(std::string(parts.back()), looked_into, parts);
+        }
+}
+
 }  // namespace
 
 std::string file_behind(const std::string& name) {
     return name.starts_with("/vsi") ? file_on_the_way(behind_prefixes(name)) : behind_subdataset(name);
+}
+
+std::vector<std::string> vrt_parts(const std::string& path) {
+    std::set<std::string> looked_into;
+    std::vector<std::string> parts;
+    add_vrt_parts(path, looked_into, parts);
+    return parts;
 }
 
 std::vector<std::string> files_of_input(const std::string& path) {

@@ -11,6 +11,10 @@ namespace wedgescope {
 /// nor about a folder or a pipe. Of what cannot be opened, those that its name tells.
 std::vector<std::string> files_of_input(const std::string& path);
 
+/// Files that a VRT is made of, and those that these are made of, by their own words, which take no GDAL; none of what is
+/// no VRT.
+std::vector<std::string> vrt_parts(const std::string& path);
+
 /// The file on disk that a name which is no file's leads to, by its words alone: an archive, the file of a subdataset; empty: none.
 std::string file_behind(const std::string& name);
 

@@ -238,6 +238,8 @@ void CoverageFile::create(const DataBase& db, const OutputFile& file, const Rast
     content.metadata = metadata;
     content.crs = db.crs_wkt;
     content.geotransform = geotransform;
+    if (const std::string lost = place_losses(content, file, format); !lost.empty())
+        losses_ = text("'", file.final_path(), "' ", lost);
     open_ = std::make_unique<ByGdal>(content, file, format, declared(0).value_or(0) == 0, declared(1));
 }
 

@@ -42,6 +42,8 @@ public:
 
     /// Are the file's blocks the tiles of coverage? Others are written in parts, which takes far longer.
     bool by_tiles() const;
+    /// What the driver does not keep, for a remark; empty: nothing.
+    const std::string& losses() const { return losses_; }
     /// IoError naming the file.
     void write(const CoverageTile& tile);
     void write(const Window& window, const std::uint16_t* counts);  ///< rows CoverageTile::edge apart
@@ -57,6 +59,7 @@ private:
     std::optional<double> declared(std::uint64_t void_posts) const;
 
     Layer layer_;
+    std::string losses_;
     std::unique_ptr<Open> open_;
 };
 

@@ -17,7 +17,7 @@
 namespace wedgescope {
 namespace {
 
-constexpr const char* one_line[] = {"MULTILINE=NO", nullptr};
+constexpr const char* on_one_line[] = {"MULTILINE=NO", nullptr};
 constexpr const char* with_axes[] = {"MULTILINE=NO", "OUTPUT_AXIS=YES", nullptr};
 constexpr int degree_code = 9102;
 
@@ -210,7 +210,7 @@ std::optional<CrsFacts> facts_of(PJ_CONTEXT* context, const std::string& definit
     // What is WKT 2 already stays as it is: writing it anew may lose a name. All else is what the WKT says, which is all that
     // goes on from here: of an authority's code PROJ's data base knows more.
     if (!whole || !is_wkt2(definition)) {
-        const std::string wkt = words(proj_as_wkt(context, object.get(), PJ_WKT2_2019, one_line));
+        const std::string wkt = words(proj_as_wkt(context, object.get(), PJ_WKT2_2019, on_one_line));
         return is_wkt2(wkt) ? facts_of(context, wkt) : std::nullopt;
     }
     CrsFacts facts;

@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 #include <gdal_alg.h>
-#include <sys/stat.h>
 
 #include <algorithm>
 #include <charconv>
@@ -171,15 +170,7 @@ FeatureFile::~FeatureFile() = default;
 
 std::string FeatureFile::named() const { return text("features ", in_quotes(params_.path)); }
 
-StoreSource FeatureFile::source() const {
-    StoreSource source{params_.path, 0, 0};
-    struct stat facts {};
-    if (::stat(source.path.c_str(), &facts) == 0 && S_ISREG(facts.st_mode)) {
-        source.bytes = static_cast<std::uint64_t>(facts.st_size);
-        source.mtime_s = static_cast<std::int64_t>(facts.st_mtime);
-    }
-    return source;
-}
+StoreSource FeatureFile::source() const { return source_of(params_.path); }
 
 std::uint64_t FeatureFile::fingerprint() {
     Checksum sum;

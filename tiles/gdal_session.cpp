@@ -1,6 +1,7 @@
 #include "tiles/gdal_session.hpp"
 
 #include <cpl_conv.h>
+#include <dlfcn.h>
 #include <gdal_frmts.h>
 #include <malloc.h>
 #include <ogr_srs_api.h>
@@ -27,6 +28,7 @@
 
 /// Of late_libraries.cpp; null where GDAL is linked as other libraries are.
 extern "C" __attribute__((weak)) bool wedgescope_late_gdal_loaded() noexcept;
+extern "C" __attribute__((weak)) void* wedgescope_late_gdal_function(const char* name) noexcept;
 
 namespace wedgescope {
 namespace {
@@ -286,6 +288,10 @@ bool GdalSession::configured() {
 }
 
 std::uint64_t GdalSession::number() { return sessions; }
+
+void* GdalSession::function(const char* name) {
+    return wedgescope_late_gdal_function ? wedgescope_late_gdal_function(name) : ::dlsym(RTLD_DEFAULT, name);
+}
 
 std::string GdalSession::gdal_version() { return GDALVersionInfo("RELEASE_NAME"); }
 

@@ -29,6 +29,8 @@ public:
     /// leaves files to it.
     static bool configured();
     static std::string gdal_version();
+    /// A function of GDAL's, once that is loaded, or of a library that it is linked with; null: there is none of that name.
+    static void* function(const char* name);
     /// Of the session that was begun last, from 1; 0 before the first.
     static std::uint64_t number();
 };

@@ -18,6 +18,7 @@ extern "C" {
 extern std::atomic<void*> wedgescope_late_slots[];
 void* wedgescope_late_find(unsigned long number) noexcept;
 bool wedgescope_late_gdal_loaded() noexcept;
+void* wedgescope_late_gdal_function(const char* name) noexcept;
 }
 
 namespace {
@@ -68,4 +69,11 @@ void* wedgescope_late_find(unsigned long number) noexcept {
     if (!function) give_up(wedgescope_late_libraries[library], reason());
     wedgescope_late_slots[number] = function;
     return function;
+}
+
+void* wedgescope_late_gdal_function(const char* name) noexcept {
+    for (std::size_t i = 0; i < most_libraries; ++i)
+        if (void* const library = loaded[i]; library && std::strcmp(wedgescope_late_libraries[i].name, "GDAL") == 0)
+            return ::dlsym(library, name);
+    return nullptr;
 }

@@ -1,7 +1,5 @@
 #include "tiles/mosaic.hpp"
 
-#include <sys/stat.h>
-
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -123,15 +121,7 @@ Mosaic::Mosaic(const std::string& role, const std::vector<std::string>& paths) {
 
 std::vector<StoreSource> Mosaic::sources() const {
     std::vector<StoreSource> out;
-    for (const auto& raster : rasters_) {
-        StoreSource source{raster->facts().path, 0, 0};
-        struct stat facts {};
-        if (::stat(source.path.c_str(), &facts) == 0 && S_ISREG(facts.st_mode)) {
-            source.bytes = static_cast<std::uint64_t>(facts.st_size);
-            source.mtime_s = static_cast<std::int64_t>(facts.st_mtime);
-        }
-        out.push_back(source);
-    }
+    for (const auto& raster : rasters_) out.push_back(source_of(raster->facts().path));
     return out;
 }
 

@@ -678,9 +678,9 @@ PassDone run_pass(const LayerPass& layer, const PassParams& params) {
 
 // ---------------------------------------------------------------- reading back
 
-SpilledLayer::SpilledLayer(const RasterFacts& facts, std::uint64_t fingerprint, std::shared_ptr<Spill> spill,
+SpilledLayer::SpilledLayer(const RasterFacts& facts, Fingerprint fingerprint, std::shared_ptr<Spill> spill,
                            std::size_t layer)
-    : fingerprint_(fingerprint), scale_{facts.scale, facts.offset, facts.unit_m}, spill_(std::move(spill)),
+    : fingerprint_(std::move(fingerprint)), scale_{facts.scale, facts.offset, facts.unit_m}, spill_(std::move(spill)),
       layer_(layer) {
     facts_ = facts;
     facts_.block_columns = facts_.block_rows = spill_->layer(layer).edge;

@@ -149,15 +149,16 @@ PassForecast forecast_passes(const std::vector<LayerPass>& layers, const PassPar
 /// A layer read back from a spill: the same posts, where they were stored; void elsewhere.
 class SpilledLayer final : public RasterLayer {
 public:
-    /// `fingerprint`: of the whole raster that the spill was made of.
-    SpilledLayer(const RasterFacts& facts, std::uint64_t fingerprint, std::shared_ptr<Spill> spill, std::size_t layer);
+    /// `fingerprint`: of the raster that the spill was made of.
+    SpilledLayer(const RasterFacts& facts, Fingerprint fingerprint, std::shared_ptr<Spill> spill, std::size_t layer);
 
     void read_heights(const Window& window, float* out, std::int64_t stride) override;
     void read_codes(const Window& window, std::int32_t* out) override;
     /// Blocks hold heights and codes, not what the file stored: an error of the caller's.
     void read_values(const Window& window, void* out, GDALDataType type, std::int64_t line_bytes) override;
 
-    std::uint64_t fingerprint(const std::vector<Window>&) override { return fingerprint_; }
+    std::uint64_t fingerprint(const std::vector<Window>& cells) override { return fingerprint_(cells); }
+    Fingerprint fingerprint_now() override { return fingerprint_; }
 
     bool holds(const Window& posts) const;  ///< all of their blocks
 
@@ -165,7 +166,7 @@ private:
     template <class Value, class Unpack>
     void read(const Window& window, Value none, Value* out, std::int64_t stride, Unpack&& unpack);
 
-    std::uint64_t fingerprint_;
+    Fingerprint fingerprint_;
     PackScale scale_;
     std::shared_ptr<Spill> spill_;
     std::size_t layer_;

@@ -19,6 +19,22 @@
 namespace wedgescope {
 namespace {
 
+/// Formats whose files are HDF5.
+bool by_hdf5(const std::string& driver) {
+    return driver == "netCDF" || driver == "BAG" || driver == "KEA" || driver.starts_with("HDF5");
+}
+
+/// HDF5 prints whatever fails in it, also what its user expects to fail, in each thread that has not asked it to be quiet; GDAL asks
+/// in the thread that loads it alone.
+void quiet_hdf5(const std::string& driver) {
+    if (!by_hdf5(driver)) return;
+    using SetPrinting = int (*)(std::int64_t stack, void* printing, void* data);
+    static const auto set_printing = reinterpret_cast<SetPrinting>(GdalSession::function("H5Eset_auto2"));
+    thread_local bool quiet = false;
+    if (set_printing && !quiet) set_printing(0, nullptr, nullptr);
+    quiet = true;
+}
+
 DatasetHandle open(const RasterFacts& facts) {
     constexpr unsigned how = GDAL_OF_RASTER | GDAL_OF_READONLY;
     // Opened a second time, as GDAL does, it would be waited for without end.
@@ -182,6 +198,11 @@ ReaderBytes block_bytes(GDALRasterBand& band, bool tiff) {
     return bytes;
 }
 
+std::size_t raster_bytes(GDALRasterBand& band) {
+    return static_cast<std::size_t>(band.GetXSize()) * static_cast<std::size_t>(band.GetYSize()) *
+           static_cast<std::size_t>(type_bytes(band.GetRasterDataType()));
+}
+
 ReaderBytes dataset_bytes(GDALDataset& dataset) {
     GdalErrors quiet;
     const bool tiff = dataset.GetDriver() && EQUAL(dataset.GetDriver()->GetDescription(), "GTiff");
@@ -192,6 +213,10 @@ ReaderBytes dataset_bytes(GDALDataset& dataset) {
     const char* compression = dataset.GetMetadataItem("COMPRESSION", "IMAGE_STRUCTURE");
     constexpr std::size_t zstd_window = std::size_t{8} << 20;  // up to level 19
     if (compression && EQUAL(compression, "ZSTD")) bytes.packed += std::min(bytes.decoded, zstd_window);
+    // Of decoded chunks netCDF keeps so many for itself, and the libraries take what others do not.
+    constexpr std::size_t chunk_cache = std::size_t{16} << 20, libraries = std::size_t{4} << 20;
+    if (dataset.GetDriver() && by_hdf5(dataset.GetDriver()->GetDescription()))
+        bytes.packed += libraries + std::min(chunk_cache, raster_bytes(band));
     const int bands = dataset.GetRasterCount();
     if (bands > 1 && order && EQUAL(order, "PIXEL")) {
         bytes.decoded *= 2 * static_cast<std::size_t>(bands);
@@ -294,6 +319,8 @@ std::uint64_t RasterFile::fingerprint(const std::vector<Window>&) { return raste
 class RasterFile::Lease {
 public:
     explicit Lease(RasterFile& file) : file_(file) {
+        quiet_hdf5(file_.facts_.driver);
+        if (file_.facts_.packed_as_a_whole()) alone_ = std::unique_lock(file_.alone_);
         {
             const std::lock_guard lock(file_.mutex_);
             if (auto& free = file_.free_; !free.empty()) {
@@ -325,6 +352,7 @@ public:
 
 private:
     RasterFile& file_;
+    std::unique_lock<std::mutex> alone_;
     std::unique_ptr<Reader> reader_;
 };
 
@@ -374,10 +402,24 @@ void RasterFile::find_lines(Reader& reader, std::int64_t line) const {
             throw IoError(text(facts_.named(), ": row ", reader.lines_found, " cannot be read: ", errors.reason()));
 }
 
+/// Into GDAL's cache, each line once: asked for the lines of a window from below it would begin at the top for each of them.
+void RasterFile::decode_lines(Reader& reader, std::int64_t end) const {
+    if (!facts_.packed_as_a_whole()) return;
+    for (; reader.lines_found < end; reader.lines_found += facts_.block_rows) {
+        const int row = static_cast<int>(reader.lines_found / facts_.block_rows);
+        GdalErrors errors;
+        GDALRasterBlock* const block = reader.band->GetLockedBlockRef(0, row);
+        if (!block)
+            throw IoError(text(facts_.named(), ": row ", reader.lines_found, " cannot be read: ", errors.reason()));
+        block->DropLock();
+    }
+}
+
 void RasterFile::read_values(const Window& window, void* out, GDALDataType type, std::int64_t line_bytes) {
     if (window.empty()) return;
     const Lease lease(*this);
     find_lines(*lease, window.rows.begin);
+    decode_lines(*lease, window.rows.end);
     GdalErrors errors;
     const int columns = static_cast<int>(window.columns.size()), rows = static_cast<int>(window.rows.size());
     // A VRT computes in the type that is asked for: fractions of scaled or interpolated sources are none of its band's type.

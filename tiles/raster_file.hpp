@@ -35,13 +35,15 @@ private:
     struct Reader {
         DatasetHandle dataset;
         GDALRasterBand* band = nullptr;
-        std::int64_t lines_found = 0;  ///< of a text: so many from the top have been read
+        std::int64_t lines_found = 0;  ///< of a text or an image packed as a whole: so many from the top have been read
         std::thread::id last;          ///< who read through it last
     };
     void find_lines(Reader& reader, std::int64_t line) const;
+    void decode_lines(Reader& reader, std::int64_t end) const;
     class Lease;
 
     std::mutex mutex_;
+    std::mutex alone_;  ///< held by whoever reads an image packed as a whole, which is decoded once for all
     std::vector<std::unique_ptr<Reader>> free_;
     std::vector<std::string> files_;  ///< itself, side files, a mosaic's parts
     ReaderBytes reader_bytes_;

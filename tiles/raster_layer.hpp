@@ -69,6 +69,10 @@ struct RasterFacts {
     bool packed() const { return !compression.empty() && !EQUAL(compression.c_str(), "NONE"); }
     /// Lines of words, one a row, which are found one after the other.
     bool is_text() const { return driver == "AAIGrid" || driver == "GRASSASCIIGrid" || driver == "ISG"; }
+    /// An image packed as a whole: a row is decoded behind all above it.
+    bool packed_as_a_whole() const {
+        return driver == "PNG" || driver == "GIF" || driver == "BIGGIF" || driver == "JPEG";
+    }
     double edge_x() const { return corner_x + static_cast<double>(columns) * step_x; }
     double edge_y() const { return corner_y + static_cast<double>(rows) * step_y; }
     std::string named() const { return role + " '" + path + "'"; }
@@ -134,6 +138,11 @@ public:
     /// A number that changes when the cells of these windows (inside the raster; none: all) may have changed, and is the
     /// same in another process otherwise. May be called from several threads at once.
     virtual std::uint64_t fingerprint(const std::vector<Window>& cells) = 0;
+    using Fingerprint = std::function<std::uint64_t(const std::vector<Window>& cells)>;
+    /// fingerprint() of what the raster is now, to be asked also when this layer is gone. Here: one for all cells.
+    virtual Fingerprint fingerprint_now() {
+        return [all = fingerprint({})](const std::vector<Window>&) { return all; };
+    }
 
 protected:
     static constexpr std::int64_t level_slab_posts = std::int64_t{1} << 18;

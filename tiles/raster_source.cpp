@@ -179,6 +179,7 @@ Chunk RasterSource::load(const ChunkRequest& request) {
     } else {
         load_surface(chunk, NeededPosts(request));
     }
+    note_surface(chunk.surface_m);
     return chunk;
 }
 
@@ -284,16 +285,23 @@ DetailMap* RasterSource::detail_map() {
 
 SourceReport RasterSource::report() const {
     SourceReport r;
+    r.lowest_m = lowest_m_;
     r.raised_posts = raised_posts_;
     if (r.raised_posts > 0)
         r.mean_culture_m = static_cast<double>(raised_cm_) / 100 / static_cast<double>(r.raised_posts);
     return r;
 }
 
+void RasterSource::note_surface(const RawVector<float>& heights_m) {
+    float lowest = std::numeric_limits<float>::infinity();
+    for (std::size_t i = 0; i < heights_m.size(); i += noted_step) lowest = std::min(lowest, heights_m[i]);
+    for (float before = lowest_m_; lowest < before && !lowest_m_.compare_exchange_weak(before, lowest);) {
+    }
+}
+
 void RasterSource::note_culture(const std::vector<float>& heights_m) {
-    constexpr std::size_t every = 61;  // in step with few widths
     std::uint64_t posts = 0, sum_cm = 0;
-    for (std::size_t i = 0; i < heights_m.size(); i += every) {
+    for (std::size_t i = 0; i < heights_m.size(); i += noted_step) {
         if (!(heights_m[i] > 0 && heights_m[i] < 1e6F)) continue;  // what does not count, and what is no height
         ++posts;
         sum_cm += static_cast<std::uint64_t>(100 * static_cast<double>(heights_m[i]));

@@ -103,8 +103,10 @@ protected:
     void load_level(Chunk& chunk, const ChunkRequest& request);
 
     void load_surface(Chunk& chunk, const NeededPosts& needed);
-    /// Every 61st of them, each time they are loaded, for the report.
+    /// Some of them, each time they are loaded, for the report.
+    void note_surface(const RawVector<float>& heights_m);
     void note_culture(const std::vector<float>& heights_m);
+    static constexpr std::size_t noted_step = 61;  ///< in step with few widths
 
     /// What is needed of one run of the columns that begin at `first`; returns posts of tiles read, adds the rectangles of posts
     /// that were filled.
@@ -150,6 +152,7 @@ protected:
     bool has_detail_ = false, of_ground_ = false;  ///< it is there; of params_.ground
     std::mutex detail_mutex_;
     std::atomic<std::uint64_t> level_posts_{0};  ///< read of levels above 0
+    std::atomic<float> lowest_m_{std::numeric_limits<float>::infinity()};  ///< of some of those that were loaded
     std::atomic<std::uint64_t> raised_posts_{0};  ///< some of those that culture height stands on
     std::atomic<std::uint64_t> raised_cm_{0};     ///< and its sum
     std::unique_ptr<DetailMap> detail_;

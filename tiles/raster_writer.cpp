@@ -6,6 +6,7 @@
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <cctype>
 #include <cerrno>
@@ -571,11 +572,70 @@ void check_values(GDALDriver& driver, const CPLStringList& options, const Raster
                           "; accepted: .tif, .img and others without loss"));
 }
 
+enum class PlaceBack { kept, lost, elsewhere };
+
+/// Of a raster of trial cells: where its own cells lie, rows turned with their place or not.
+PlaceBack place_of(GDALDataset& dataset, const RasterContent& wanted, const std::vector<std::uint8_t>& cells) {
+    constexpr int side = TrialCells::side;
+    std::array<double, 6> found{};
+    const std::array<double, 6> none{0, 1, 0, 0, 0, 1};
+    if (dataset.GetGeoTransform(found.data()) != CE_None || found == none) return PlaceBack::lost;
+    std::array<double, 6> place = *wanted.geotransform;
+    std::vector<std::uint8_t> turned;
+    for (int row = side; row-- > 0;)
+        turned.insert(turned.end(), cells.begin() + row * side, cells.begin() + (row + 1) * side);
+    if (are_in_band(dataset, turned, GDT_Byte, side)) {
+        place[3] += side * place[5];
+        place[5] = -place[5];
+    }
+    const double a_post = std::max(std::abs(place[1]), std::abs(place[5]));
+    // Of a whole raster's corner a few digits may be lost, not as much as shows.
+    for (std::size_t i = 0; i < place.size(); ++i)
+        if (std::abs(found[i] - place[i]) > (i % 3 ? 1e-5 : 1e-2) * a_post) return PlaceBack::elsewhere;
+    return PlaceBack::kept;
+}
+
 }  // namespace
 
 bool needs_no_driver(const char* driver, const std::string& final_path, const RasterFormat& format) {
     if (!format.creation.empty() || GdalSession::configured()) return false;
     return is_of(driver, final_path, format);
+}
+
+std::string place_losses(const RasterContent& wanted, const OutputFile& file, const RasterFormat& format) {
+    const std::string& final_path = file.final_path();
+    if (!wanted.geotransform || (is_geotiff(final_path, format) && format.creation.empty())) return {};
+    GDALDriver& driver = driver_for(final_path, wanted.type, format);
+    const TrialCells trial(wanted.codes.empty() ? std::vector<std::uint8_t>{3, 200} : wanted.codes);
+    std::vector<std::uint64_t> cells(trial.cells.size());  // of the widest type
+    GDALCopyWords64(trial.cells.data(), GDT_Byte, 1, cells.data(), wanted.type, GDALGetDataTypeSizeBytes(wanted.type),
+                    static_cast<GPtrDiff_t>(trial.cells.size()));
+    RasterContent content = trial.content();
+    content.type = wanted.type;
+    content.bands[0].cells = cells.data();
+    content.crs = wanted.crs;
+    content.geotransform = wanted.geotransform;
+    PlaceBack place = PlaceBack::kept;
+    bool crs = true;
+    const Trial tried =
+        try_driver(driver, creation_options(driver, wanted.type, {}, format), content, final_path, [&](GDALDataset& d) {
+            place = place_of(d, wanted, trial.cells);
+            crs = wanted.crs.empty() || d.GetSpatialRef();
+            return true;
+        });
+    if (!tried.read_back) return {};  // makes no file in memory
+    const std::string by =
+        text("driver ", driver.GetDescription(), format.creation.empty() ? "" : " with these creation options");
+    if (place == PlaceBack::elsewhere)
+        throw InputError(text("output '", final_path, "' would lie elsewhere than the terrain",
+                              (*wanted.geotransform)[5] > 0 ? ", whose rows run north" : "", ": ", by,
+                              " does not keep its place; accepted: .tif, .img and others that do"));
+    if (place == PlaceBack::kept && crs) return {};
+    return text("is written by ", by, ", which does not keep ",
+                crs                        ? "its place"
+                : place == PlaceBack::kept ? "its CRS"
+                                           : "its place, nor its CRS",
+                "; .tif does");
 }
 
 bool is_geotiff(const std::string& path, const RasterFormat& format) { return is_of("GTiff", path, format); }

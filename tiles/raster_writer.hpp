@@ -75,6 +75,10 @@ bool needs_no_driver(const char* driver, const std::string& final_path, const Ra
 /// option that will not do; IoError naming the final file if anything was not written.
 void write_raster(const RasterContent& content, const OutputFile& file, const RasterFormat& format);
 
+/// What of its place such a raster would not keep, in words that go on from its name; empty: nothing, or nobody can say. InputError
+/// where it would lie elsewhere.
+std::string place_losses(const RasterContent& content, const OutputFile& file, const RasterFormat& format);
+
 /// The same, but empty, to be written piece by piece; closed by close_raster. `cells` of the bands are not used; neither is
 /// a geolocation grid. InputError too for a driver that writes whole rasters only.
 DatasetHandle create_raster(const RasterContent& content, const OutputFile& file, const RasterFormat& format);

@@ -49,6 +49,16 @@ std::string quoted(const std::string& word) {
     return out + "'";
 }
 
+/// For gdalwarp, a value that no height is, and hardly a code.
+std::string no_data_words(const RasterFacts& layer) {
+    const bool is_unsigned = (layer.type == GDT_Byte && !layer.signed_byte) || layer.type == GDT_UInt16 ||
+                             layer.type == GDT_UInt32 || layer.type == GDT_UInt64;
+    if (layer.signed_byte) return " -dstnodata -128";
+    if (!is_unsigned) return " -dstnodata -32768";
+    if (layer.role != "culture") return " -ot Int32 -dstnodata -32768";
+    return layer.type == GDT_Byte ? " -dstnodata 255" : " -dstnodata 65535";
+}
+
 /// What lies over the terrain is wanted where that is; more terrain, which may lie beside it, where it is itself.
 std::string warp_line(const RasterFacts& terrain, const RasterFacts& layer) {
     const std::filesystem::path source(layer.path);
@@ -57,8 +67,8 @@ std::string warp_line(const RasterFacts& terrain, const RasterFacts& layer) {
     const std::string where =
         text(" -te ", std::min(terrain.corner_x, terrain.edge_x()), " ", std::min(terrain.corner_y, terrain.edge_y()),
              " ", std::max(terrain.corner_x, terrain.edge_x()), " ", std::max(terrain.corner_y, terrain.edge_y()));
-    // Corners that the turned raster does not reach are no ground at 0 m.
-    const std::string nothing = beside && !layer.has_no_data ? " -dstnodata -32768" : "";
+    // Corners that the turned raster does not reach are no ground at 0 m, nor cells of class 0.
+    const std::string nothing = layer.has_no_data ? "" : no_data_words(layer);
     return text("gdalwarp -t_srs ", quoted(terrain.crs->definition()), beside ? " -r bilinear" : " -r near", nothing,
                 " -tr ", terrain.step_x, " ", std::fabs(terrain.step_y), beside ? "" : where, " ", quoted(layer.path),
                 " ", quoted(warped));

@@ -77,6 +77,9 @@ SourceChoice choose_by_shape(const DataBaseParams& params, SourceKind asked, std
         const auto mib = static_cast<std::uint64_t>(std::ceil(need.bytes / 1048576));
         return {false, false, mib == 0 ? shape : text(shape, "; all ", mib, " MiB fit into the cache"), ""};
     }
+    const bool whole = std::any_of(layers.begin(), layers.end(),
+                                   [](const RasterLayer* layer) { return layer->facts().packed_as_a_whole(); });
+    if (whole) return {true, false, text(shape, "; each is decoded behind all above it"), ""};
     // Beside images and chunks there must be room for a block, every time that something is read.
     constexpr double most_decoded = RasterLayer::most_decoded_a_post;
     if (worst.decoded <= most_decoded && reader.decoded + reader.packed > memory_bytes / 4)

@@ -1,12 +1,10 @@
 #include "tiles/store_check.hpp"
 
 #include <filesystem>
-#include <limits>
-#include <locale>
-#include <sstream>
 
 #include "lib/error.hpp"
 #include "tiles/checksum.hpp"
+#include "tiles/kept_description.hpp"
 #include "tiles/plain_file.hpp"
 #include "tiles/sources.hpp"
 #include "tiles/spill.hpp"
@@ -154,12 +152,9 @@ std::optional<StoreDescription::Kept> describe_kept(const std::string& path) {
     StoreDescription::Kept kept;
     try {
         kept.bytes = file_bytes(path);
-        std::istringstream lines(Spill::open_kept(path)->description());
-        lines.imbue(std::locale::classic());
-        for (std::string word; lines >> word; lines.ignore(std::numeric_limits<std::streamsize>::max(), '\n')) {
-            if (word == "nadir") lines >> kept.column >> kept.row;
-            if (word == "latlon") kept.has_lat_lon = static_cast<bool>(lines >> kept.lat_deg >> kept.lon_deg);
-        }
+        const KeptDescription made = KeptDescription::of(*Spill::open_kept(path));
+        kept.latlon = made.latlon;
+        kept.nadir = made.nadir;
     } catch (const Error& e) {
         kept.damage = e.what();
     }

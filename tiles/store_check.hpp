@@ -7,7 +7,9 @@
 #include <string>
 #include <vector>
 
+#include "lib/scene.hpp"
 #include "lib/stop.hpp"
+#include "lib/wedge_source.hpp"
 
 namespace wedgescope {
 
@@ -31,9 +33,8 @@ struct StoreDescription {
     std::uint64_t block_map_bytes = 0;
     struct Kept {
         std::uint64_t bytes = 0;
-        double column = 0, row = 0;  ///< of the dem
-        bool has_lat_lon = false;
-        double lat_deg = 0, lon_deg = 0;
+        std::optional<LatLon> latlon;
+        IndexPosition nadir;  ///< on the dem's posts
         std::string damage;  ///< why it cannot be read; empty: it can
     };
     std::optional<Kept> kept;  ///< a spill that stands in the store, for scenes from its point

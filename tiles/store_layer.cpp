@@ -126,18 +126,28 @@ bool SheetReader::decoded_here(int level, std::int64_t column, std::int64_t row,
 }
 
 StoreLayer::StoreLayer(std::string folder, const StoreLayerEntry& entry, std::shared_ptr<TileCache> cache)
-    : folder_(std::move(folder)), entry_(entry), cache_(std::move(cache)), cached_as_(cache_->new_layer()) {
-    facts_ = entry_.facts;
-    for (const StoreSheet& sheet : entry_.sheets) sheets_[{sheet.column, sheet.row}] = &sheet;
+    : folder_(std::move(folder)), entry_(std::make_shared<StoreLayerEntry>(entry)), cache_(std::move(cache)),
+      cached_as_(cache_->new_layer()) {
+    facts_ = entry_->facts;
+    for (const StoreSheet& sheet : entry_->sheets) sheets_[{sheet.column, sheet.row}] = &sheet;
     prepare();
 }
 
-std::uint64_t StoreLayer::fingerprint(const std::vector<Window>& cells) {
+std::uint64_t StoreLayer::fingerprint(const std::vector<Window>& cells) { return fingerprint(*entry_, sheets_, cells); }
+
+RasterLayer::Fingerprint StoreLayer::fingerprint_now() {
+    return [entry = entry_, sheets = sheets_](const std::vector<Window>& cells) {
+        return fingerprint(*entry, sheets, cells);
+    };
+}
+
+std::uint64_t StoreLayer::fingerprint(const StoreLayerEntry& entry, const Sheets& sheets,
+                                      const std::vector<Window>& cells) {
     Checksum sum;
-    sum.add(static_cast<std::uint64_t>(facts_.columns));
-    sum.add(static_cast<std::uint64_t>(facts_.rows));
-    for (const auto& [place, sheet] : sheets_) {
-        const Window posts = entry_.posts(place.first, place.second);
+    sum.add(static_cast<std::uint64_t>(entry.facts.columns));
+    sum.add(static_cast<std::uint64_t>(entry.facts.rows));
+    for (const auto& [place, sheet] : sheets) {
+        const Window posts = entry.posts(place.first, place.second);
         const bool met = std::any_of(cells.begin(), cells.end(), [&](const Window& w) {
             return !intersection(w.columns, posts.columns).empty() && !intersection(w.rows, posts.rows).empty();
         });
@@ -175,7 +185,7 @@ TileCache::Tile StoreLayer::tile(int level, std::int64_t column, std::int64_t ro
             }
         }
         if (!reader)
-            reader = std::make_unique<SheetReader>(folder_, entry_, *sheet, SheetReader::By::whatever_is_fastest);
+            reader = std::make_unique<SheetReader>(folder_, *entry_, *sheet, SheetReader::By::whatever_is_fastest);
         // A small sheet has fewer overviews: its last one is a single tile.
         const int own = std::min(level, reader->sums().levels() - 1);
         values = reader->tile(own, column % a_sheet, row % a_sheet);

@@ -64,6 +64,7 @@ public:
 
     /// By the checksums of the sheets' sums, in the manifest: wherever the store lies, and not before another version.
     std::uint64_t fingerprint(const std::vector<Window>& cells) override;
+    Fingerprint fingerprint_now() override;
 
     /// Values of a tile, the tile as the file holds it, and what unpacking takes.
     ReaderBytes reader_bytes() const override {
@@ -77,6 +78,10 @@ public:
     std::size_t idle_bytes() const override { return most_idle() * reader_bytes().packed; }
 
 private:
+    using Sheets = std::map<std::pair<std::int64_t, std::int64_t>, const StoreSheet*>;  ///< by column and row
+
+    static std::uint64_t fingerprint(const StoreLayerEntry& entry, const Sheets& sheets,
+                                     const std::vector<Window>& cells);
     static constexpr std::int64_t level_line = 4096;  ///< posts that read_level() holds for itself
     /// The coarsest level of which a whole sheet holds a whole tile.
     int deepest() const;
@@ -90,8 +95,8 @@ private:
     TileCache::Tile tile(int level, std::int64_t column, std::int64_t row);
 
     std::string folder_;
-    StoreLayerEntry entry_;
-    std::map<std::pair<std::int64_t, std::int64_t>, const StoreSheet*> sheets_;
+    std::shared_ptr<const StoreLayerEntry> entry_;
+    Sheets sheets_;
     std::shared_ptr<TileCache> cache_;
     int cached_as_;
     std::mutex mutex_;

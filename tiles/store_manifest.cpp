@@ -1,5 +1,7 @@
 #include "tiles/store_manifest.hpp"
 
+#include <sys/stat.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -376,6 +378,16 @@ void Disagreement::add(const Disagreement& other) {
         *this = other;
     posts = sum;
     interpolated = between;
+}
+
+StoreSource source_of(const std::string& path) {
+    StoreSource source{path, 0, 0};
+    struct stat facts {};
+    if (::stat(path.c_str(), &facts) == 0 && S_ISREG(facts.st_mode)) {
+        source.bytes = static_cast<std::uint64_t>(facts.st_size);
+        source.mtime_s = static_cast<std::int64_t>(facts.st_mtime);
+    }
+    return source;
 }
 
 Window StoreLayerEntry::posts(std::int64_t column, std::int64_t row) const {

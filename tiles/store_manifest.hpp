@@ -25,6 +25,8 @@ struct StoreSource {
     std::uint64_t bytes = 0;
     std::int64_t mtime_s = 0;
 };
+/// Without bytes and time where it is no plain file.
+StoreSource source_of(const std::string& path);
 
 /// What the values of a sheet, or a layer, are; heights in metres, of own columns (without a repeated last one).
 struct ValueFacts {

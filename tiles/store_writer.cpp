@@ -718,6 +718,10 @@ TileStoreSummary StoreWriter::run() {
 
 }  // namespace
 
+void check_store_output(const std::string& output, bool overwrite, bool resume) {
+    UnfinishedStore(output).check(overwrite, resume);
+}
+
 TileStoreSummary write_tile_store(const TileStoreParams& params) { return StoreWriter(params).run(); }
 
 }  // namespace wedgescope

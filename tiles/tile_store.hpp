@@ -122,6 +122,8 @@ struct TileStoreSummary {
     std::vector<std::string> feature_fields_left_out;
 };
 
+/// InputError where what stands at the output, or an earlier run left there, may not be replaced; IoError. Looks at nothing else.
+void check_store_output(const std::string& output, bool overwrite, bool resume);
 /// InputError for options, an output that stands already or too small a memory; IoError and DataError naming file and
 /// post. Until it is whole the store is `output`.part; that is kept after an interruption or a failure of the machine
 /// if a sheet is done, for `resume`.

@@ -84,9 +84,9 @@ public:
             ::unlink(path_.c_str());
         } else if (errno == EEXIST) {
             return false;
-        } else if (::renameat2(AT_FDCWD, path_.c_str(), AT_FDCWD, final_path_.c_str(), RENAME_NOREPLACE) != 0) {
-            if (errno == EEXIST) return false;
-            fail("cannot be put in place", errno);
+        } else if (const int error = rename_new(path_, final_path_)) {
+            if (error == EEXIST) return false;
+            fail("cannot be put in place", error);
         }
         path_.clear();
         sync_its_folder();
@@ -279,7 +279,7 @@ bool WorkDir::read_run() {
     const std::string name = file(run_name);
     std::string content;
     {
-        const Descriptor in(::open(name.c_str(), O_RDONLY | O_CLOEXEC));
+        const Descriptor in(::open(name.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC));  // no waiting for a pipe's writer
         if (!in && errno == ENOENT) return false;
         struct stat facts {};
         constexpr off_t most = off_t{1} << 28;  // 2^20 wedges have less
@@ -349,6 +349,13 @@ std::vector<Interval> WorkDir::recorded_split() { return replace_ ? std::vector<
 
 std::vector<Interval> WorkDir::record_split(const std::vector<Interval>& wedges) {
     if (!replace_ && !split_.empty()) return split_;
+    // One process at a time begins a run, or starts one over; who comes after it goes on with its.
+    const Descriptor folder(::open(path_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+    if (folder) claim(folder.get());
+    if (replace_ && start_ != Start::over) {
+        replace_ = false;
+        if (read_run() && !replace_) return split_;
+    }
     Temporary out(path_, run_name);
     const std::string content = run_text(wedges);
     out.write(content.data(), content.size());
@@ -369,7 +376,7 @@ std::vector<Interval> WorkDir::record_split(const std::vector<Interval>& wedges)
 
 std::optional<WedgeOutcome> WorkDir::find(const WedgeKey& key, std::span<float> echo_w, std::span<std::uint8_t> state) {
     const std::string name = file(wedge_name(key.index));
-    const Descriptor in(::open(name.c_str(), O_RDONLY | O_CLOEXEC));
+    const Descriptor in(::open(name.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC));
     if (!in && errno == ENOENT) return std::nullopt;
     const auto damaged = [&](const std::string& why) -> std::optional<WedgeOutcome> {
         const std::lock_guard lock(mutex_);
@@ -377,6 +384,8 @@ std::optional<WedgeOutcome> WorkDir::find(const WedgeKey& key, std::span<float> 
         return std::nullopt;
     };
     if (!in) return damaged(system_reason(errno));
+    struct stat facts {};
+    if (::fstat(in.get(), &facts) != 0 || !S_ISREG(facts.st_mode)) return damaged("it is no file");
     Header h{};
     std::string why;
     const auto reads = [&](void* to, std::size_t count) {

@@ -107,13 +107,10 @@ void keep_apart(MaskValues& mask, const std::map<std::string, std::string>& give
     if (!given.contains("outside-value")) mask.outside = left;
 }
 
-}  // namespace
-
-void coverage(const std::vector<std::string>& arguments, Stop& stop) {
-    const double start_s = now_s();
-    const ViewshedArguments translated = translate_viewshed(arguments);
+/// Settings of a command line, complete and checked as far as the line goes.
+Settings settings_of(const ViewshedArguments& translated) {
     Settings settings = parse_arguments(command_coverage, translated.words, translated.given, translated.defaults);
-    if (settings.help) return print(help_text(command_by_name("coverage")));
+    if (settings.help) return settings;
     if (settings.files.size() != 2 || names_scene(settings.files[0]))
         throw InputError(text("coverage takes two paths, the terrain raster and the output; found ",
                               settings.files.size() == 2 ? in_quotes(settings.files[0]) : text(settings.files.size()),
@@ -130,6 +127,69 @@ void coverage(const std::vector<std::string>& arguments, Stop& stop) {
         settings.coverage.mask.no_data = static_cast<std::uint8_t>(*settings.no_data_value);
     else if (translated.gdal_style)
         settings.coverage.mask.no_data = settings.coverage.mask.outside;
+    return settings;
+}
+
+/// gdal_viewshed's observer stands in the middle of the cell that the place lies in.
+void stand_on_post(Settings& settings, const DataBase& db) {
+    if (settings.scene.geometry == Geometry::grid && !db.crs_in_metres)
+        throw InputError(text("-ox and -oy make the ground a plane in metres, and ", in_quotes(settings.dem),
+                              " is in degrees; add --geometry geodesic"));
+    if (!settings.scene.platform.xy) return;
+    PointXY& at = *settings.scene.platform.xy;
+    at.x = db.origin_x + std::floor((at.x - db.origin_x) / db.step_x + 0.5) * db.step_x;
+    at.y = db.origin_y + std::floor((at.y - db.origin_y) / db.step_y + 0.5) * db.step_y;
+}
+
+/// A coverage that is written.
+struct Covered {
+    const ResolvedScene& scene;
+    WedgeSource& source;
+    const CoverageReport& report;
+    const SourceChoice& choice;
+    const std::string& unfit_map;
+    bool by_tiles;
+    const std::string& losses;
+};
+
+void tell(const Settings& settings, const Covered& covered, const Usage& usage, double wall_s) {
+    const CoverageReport& report = covered.report;
+    const DataBase& db = covered.source.data_base();
+    const auto say = [&](const std::string& line) { remark(settings.quiet, line); };
+    const double judged = static_cast<double>(report.seen() + report.states[static_cast<std::size_t>(State::shadow)]);
+    say(fmt::format("sensor: {:.1f} m above sea level{}; seen: {}, {:.2f} % of those in range with data",
+                    covered.scene.sensor_m, above_terrain(covered.scene, db), counted(report.seen(), "post"),
+                    judged > 0 ? 100 * static_cast<double>(report.seen()) / judged : 0.0));
+    if (judged == 0) say(nothing_judged_line(settings));
+    if (!covered.by_tiles)
+        say(text(settings.output, " is not cut into tiles of ", CoverageTile::edge, " x ", CoverageTile::edge,
+                 " posts, which takes longer to write"));
+    if (!covered.losses.empty()) say(covered.losses);
+    const SourceChoice& choice = covered.choice;
+    if (choice.spilled)
+        say(text(choice.kept ? "terrain read from " : "terrain sorted into wedges first: ", choice.why));
+    for (const std::string& unfit : {choice.unfit, covered.unfit_map}) remark_unused(settings.quiet, unfit);
+    for (const std::string& line : doubts_of_heights(settings.dem, covered.source, settings.culture_height_scale))
+        say(line);
+    if (settings.coverage.layer == CoverageLayer::response)
+        for (const std::string& line : idle_effects(settings.scene, db)) say(line);
+    const double rate = static_cast<double>(db.columns) * static_cast<double>(db.rows) / wall_s * 1e-6;
+    say(text("written: ", settings.output,
+             fmt::format(" ({:.1f} s, {:.{}f} Mposts/s)", wall_s, rate, rate < 10 ? 2 : 0)));
+    if (settings.profile || settings.verbose) fmt::print(stderr, "{}", report_table(report, usage));
+    if (settings.profile)
+        fmt::print(stderr, "{}",
+                   limits_words(settings, coverage_stages(report.total(), db, report.write_s,
+                                                          usage.written_bytes.value_or(0), usage)));
+}
+
+}  // namespace
+
+void coverage(const std::vector<std::string>& arguments, Stop& stop) {
+    const double start_s = now_s();
+    const ViewshedArguments translated = translate_viewshed(arguments);
+    Settings settings = settings_of(translated);
+    if (settings.help) return print(help_text(command_by_name("coverage")));
     if (!settings.observers.empty()) return coverage_of_observers(settings, start_s, stop);
     const GdalSession session(cache_bytes(settings), settings.config);
     check_coverage_names(settings);
@@ -141,16 +201,7 @@ void coverage(const std::vector<std::string>& arguments, Stop& stop) {
     const std::string unfit_map = find_ground(settings, {}, stop);
     const DataBaseParams layers = data_base_params(settings, cache_bytes(settings), stop);
     std::unique_ptr<WedgeSource> source = open_direct_source(layers);
-    if (settings.snap_to_post && settings.scene.geometry == Geometry::grid && !source->data_base().crs_in_metres)
-        throw InputError(text("-ox and -oy make the ground a plane in metres, and ", in_quotes(settings.dem),
-                              " is in degrees; add --geometry geodesic"));
-    if (settings.snap_to_post && settings.scene.platform.xy) {
-        // gdal_viewshed's observer stands in the middle of the cell that the place lies in.
-        const DataBase& db = source->data_base();
-        PointXY& at = *settings.scene.platform.xy;
-        at.x = db.origin_x + std::floor((at.x - db.origin_x) / db.step_x + 0.5) * db.step_x;
-        at.y = db.origin_y + std::floor((at.y - db.origin_y) / db.step_y + 0.5) * db.step_y;
-    }
+    if (settings.snap_to_post) stand_on_post(settings, source->data_base());
     CoverageParams params = settings.coverage;
     params.timeline = timeline;
     params.cull = !settings.no_cull;
@@ -200,38 +251,7 @@ void coverage(const std::vector<std::string>& arguments, Stop& stop) {
     const Usage usage = usage_since(start_s);
     if (OutputFile* to = records.report()) write_report(*to, report_json(settings, report, db, usage));
     records.commit({&file});
-    const double all = static_cast<double>(db.columns) * static_cast<double>(db.rows), wall = now_s() - start_s,
-                 judged = static_cast<double>(report.seen() + posts_in(State::shadow));
-    remark(settings.quiet,
-           fmt::format("sensor: {:.1f} m above sea level{}; seen: {}, {:.2f} % of those in range with data",
-                       scene.sensor_m, above_terrain(scene, db), counted(report.seen(), "post"),
-                       judged > 0 ? 100 * static_cast<double>(report.seen()) / judged : 0.0));
-    if (judged == 0) remark(settings.quiet, nothing_judged_line(settings));
-    if (!by_tiles)
-        remark(settings.quiet, text(settings.output, " is not cut into tiles of ", CoverageTile::edge, " x ",
-                                    CoverageTile::edge, " posts, which takes longer to write"));
-    if (choice.spilled)
-        remark(settings.quiet,
-               text(choice.kept ? "terrain read from " : "terrain sorted into wedges first: ", choice.why));
-    for (const std::string& unfit : {choice.unfit, unfit_map}) remark_unused(settings.quiet, unfit);
-    for (const std::string& line : doubts_of_heights(settings.dem, *source, settings.culture_height_scale))
-        remark(settings.quiet, line);
-    if (settings.coverage.layer == CoverageLayer::response)
-        for (const std::string& line : idle_effects(settings.scene, db)) remark(settings.quiet, line);
-    const double rate = all / wall * 1e-6;
-    remark(settings.quiet, text("written: ", settings.output,
-                                fmt::format(" ({:.1f} s, {:.{}f} Mposts/s)", wall, rate, rate < 10 ? 2 : 0)));
-    if (settings.profile || settings.verbose) fmt::print(stderr, "{}", report_table(report, usage));
-    if (settings.profile) {
-        const QuadrantReport total = report.total();
-        // Posts pass as they are stored.
-        const double posts = static_cast<double>(total.posts_read) * static_cast<double>(db.post_bytes);
-        fmt::print(stderr, "{}",
-                   limits_words(settings, {load_work(total.load_s, total.bytes_read, usage),
-                                           {"sweep", total.sweep_s, posts, StageWork::memory},
-                                           {"write", report.write_s,
-                                            static_cast<double>(usage.written_bytes.value_or(0)), StageWork::write}}));
-    }
+    tell(settings, {scene, *source, report, choice, unfit_map, by_tiles, raster.losses()}, usage, now_s() - start_s);
 }
 
 }  // namespace wedgescope

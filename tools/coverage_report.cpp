@@ -35,6 +35,15 @@ json quadrant_json(const QuadrantReport& q) {
                 {"bytes_spilled", q.bytes_spilled}};
 }
 
+std::vector<StageWork> coverage_stages(const QuadrantReport& total, const DataBase& db, double write_s,
+                                       std::uint64_t written_bytes, const Usage& usage) {
+    // Posts pass as they are stored.
+    const double posts = static_cast<double>(total.posts_read) * static_cast<double>(db.post_bytes);
+    return {load_work(total.load_s, total.bytes_read, usage),
+            {"sweep", total.sweep_s, posts, StageWork::memory},
+            {"write", write_s, static_cast<double>(written_bytes), StageWork::write}};
+}
+
 std::string nothing_judged_line(const Settings& settings) {
     return text("nothing of ", in_quotes(settings.dem),
                 " lies within range, sector and pitch, or all of it is void; all of ", in_quotes(settings.output),

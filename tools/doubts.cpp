@@ -166,9 +166,10 @@ std::string undeclared_void(const std::string& terrain, double lowest_m) {
 }
 
 std::vector<std::string> doubts_of_heights(const std::string& terrain, WedgeSource& source, double culture_scale) {
+    const SourceReport seen = source.report();
     std::vector<std::string> lines;
-    for (std::string line :
-         {undeclared_void(terrain, lowest_known_m(source)), culture_too_tall(source.report(), culture_scale)})
+    for (std::string line : {undeclared_void(terrain, std::min(lowest_known_m(source), seen.lowest_m)),
+                             culture_too_tall(seen, culture_scale)})
         if (!line.empty()) lines.push_back(std::move(line));
     return lines;
 }

@@ -37,8 +37,8 @@ std::vector<std::string> idle_effects(const Scene& scene, const DataBase& data_b
 /// Why the lowest height of a terrain looks like the no-data value that it does not declare, and how to declare it; empty: it does
 /// not. `terrain`: its path.
 std::string undeclared_void(const std::string& terrain, double lowest_m);
-/// A line for each doubt about the heights of a source after a run: undeclared_void by what is known without reading posts, and what
-/// stands on the ground higher than metres would have it, by what was loaded of it. `culture_scale`: culture-height-scale.
+/// A line for each doubt about the heights of a source after a run: undeclared_void, and what stands on the ground higher than
+/// metres would have it, by what is known without reading posts and by some of those that were loaded. `culture_scale`: culture-height-scale.
 std::vector<std::string> doubts_of_heights(const std::string& terrain, WedgeSource& source, double culture_scale);
 
 }  // namespace wedgescope

@@ -63,6 +63,13 @@ std::uint64_t posts_of(const RasterSummary& r) {
     return static_cast<std::uint64_t>(r.columns) * static_cast<std::uint64_t>(r.rows);
 }
 
+/// What JSON has no number for in gdalinfo's words.
+json no_data_json(bool has_no_data, double value) {
+    if (!has_no_data) return nullptr;
+    if (std::isfinite(value)) return value;
+    return std::isnan(value) ? "NaN" : value > 0 ? "Infinity" : "-Infinity";
+}
+
 json to_json(const RasterFacts& facts) {
     const RasterSummary& r = facts.summary;
     json out{{"path", r.path},
@@ -88,7 +95,7 @@ json to_json(const RasterFacts& facts) {
                             {"range_start_m", r.polar->range_start_m},
                             {"range_step_m", r.polar->range_step_m},
                             {"range_kind", r.polar->range_kind}};
-    out["no_data"] = r.has_no_data ? json(r.no_data) : json(nullptr);
+    out["no_data"] = no_data_json(r.has_no_data, r.no_data);
     out["unit"] = r.unit;
     out["unit_m"] = r.unit_m ? json(*r.unit_m) : json(nullptr);
     out["void_posts"] = r.void_posts;
@@ -209,7 +216,7 @@ json to_json(const StoreFacts& facts) {
         one["origin_y"] = layer.origin_y;
         one["step_x"] = layer.step_x;
         one["step_y"] = layer.step_y;
-        one["no_data"] = layer.has_no_data ? json(layer.no_data) : json(nullptr);
+        one["no_data"] = no_data_json(layer.has_no_data, layer.no_data);
         one["unit"] = layer.unit;
         one["void_posts"] = layer.void_posts;
         if (layer.lowest <= layer.highest) {
@@ -222,8 +229,9 @@ json to_json(const StoreFacts& facts) {
     out["block_map"] = json{{"levels", s.block_levels}, {"bytes", s.block_map_bytes}};
     out["kept_spill"] = nullptr;
     if (s.kept) {
-        out["kept_spill"] = json{{"bytes", s.kept->bytes}, {"column", s.kept->column}, {"row", s.kept->row}};
-        if (s.kept->has_lat_lon) out["kept_spill"].update({{"lat", s.kept->lat_deg}, {"lon", s.kept->lon_deg}});
+        out["kept_spill"] =
+            json{{"bytes", s.kept->bytes}, {"column", s.kept->nadir.column}, {"row", s.kept->nadir.row}};
+        if (const auto& at = s.kept->latlon) out["kept_spill"].update({{"lat", at->lat_deg}, {"lon", at->lon_deg}});
         out["kept_spill"]["damage"] = s.kept->damage.empty() ? json(nullptr) : json(s.kept->damage);
     }
     if (facts.verdict)
@@ -264,12 +272,13 @@ std::string to_text(const StoreFacts& facts) {
                                   layer.sources.size() > 1 ? text(" and ", layer.sources.size() - 1, " more") : ""));
     }
     if (s.kept && s.kept->damage.empty())
-        out += row("kept spill",
-                   fmt::format("for scenes from {}column {:.2f}, row {:.2f}, {}",
-                               s.kept->has_lat_lon ? fmt::format("latitude {:.6f}, longitude {:.6f}: ", s.kept->lat_deg,
-                                                                 s.kept->lon_deg)
-                                                   : std::string(),
-                               s.kept->column, s.kept->row, readable_bytes(static_cast<double>(s.kept->bytes))));
+        out += row(
+            "kept spill",
+            fmt::format("for scenes from {}column {:.2f}, row {:.2f}, {}",
+                        s.kept->latlon ? fmt::format("latitude {:.6f}, longitude {:.6f}: ", s.kept->latlon->lat_deg,
+                                                     s.kept->latlon->lon_deg)
+                                       : std::string(),
+                        s.kept->nadir.column, s.kept->nadir.row, readable_bytes(static_cast<double>(s.kept->bytes))));
     else if (s.kept)
         out += row("kept spill", s.kept->damage);
     if (facts.verdict && facts.verdict->damage.empty())

@@ -334,6 +334,40 @@ std::string observers_table(const Observers& observers, const Run& run, const Fa
                              usage.user_s, usage.system_s, readable_bytes(static_cast<double>(usage.peak_rss_bytes)));
 }
 
+/// Counts that are written.
+struct Counted {
+    const Observers& observers;
+    const Run& run;
+    WedgeSource& source;
+    const Facts& facts;
+    const std::string &unfit_map, &losses;
+};
+
+void tell(const Settings& settings, const Counted& what, const Usage& usage, double wall_s) {
+    const auto& [observers, run, source, facts, unfit_map, losses] = what;
+    const auto say = [&](const std::string& line) { remark(settings.quiet, line); };
+    const double judged = static_cast<double>(facts.posts.seen + facts.posts.unseen);
+    say(fmt::format("{}; seen by at least {}: {}, {:.2f} % of those in range with data; most: {}",
+                    counted(observers.size(), "observer"), settings.at_least.value_or(1),
+                    counted(facts.posts.enough, "post"),
+                    judged > 0 ? 100 * static_cast<double>(facts.posts.enough) / judged : 0.0, facts.posts.most));
+    if (judged == 0) say(nothing_judged_line(settings));
+    if (!losses.empty()) say(losses);
+    remark_unused(settings.quiet, unfit_map);
+    for (const std::string& line : doubts_of_heights(settings.dem, source, settings.culture_height_scale)) say(line);
+    if (!observers.note().empty()) say(observers.note());
+    say(text(
+        "written: ", settings.output,
+        fmt::format(" ({:.1f} s, {:.1f} observers/s)", wall_s, static_cast<double>(observers.size()) / run.sweep_s())));
+    if (settings.profile || settings.verbose) fmt::print(stderr, "{}", observers_table(observers, run, facts, usage));
+    if (!settings.profile) return;
+    // What else the run wrote went to the scratch file.
+    const std::uint64_t written = usage.written_bytes.value_or(0), scratch = facts.scratch_written;
+    fmt::print(stderr, "{}",
+               limits_words(settings, coverage_stages(run.total(), source.data_base(), facts.write_s,
+                                                      written - std::min(written, scratch), usage)));
+}
+
 }  // namespace
 
 void coverage_of_observers(const Settings& given, double start_s, Stop& stop) {
@@ -419,32 +453,7 @@ void coverage_of_observers(const Settings& given, double start_s, Stop& stop) {
     if (OutputFile* to = records.report())
         write_observers_report(*to, settings, *observers, *run, *source, facts, usage);
     records.commit({&file});
-    const double judged = static_cast<double>(facts.posts.seen + facts.posts.unseen);
-    remark(settings.quiet,
-           fmt::format("{}; seen by at least {}: {}, {:.2f} % of those in range with data; most: {}",
-                       counted(observers->size(), "observer"), settings.at_least.value_or(1),
-                       counted(facts.posts.enough, "post"),
-                       judged > 0 ? 100 * static_cast<double>(facts.posts.enough) / judged : 0.0, facts.posts.most));
-    if (judged == 0) remark(settings.quiet, nothing_judged_line(settings));
-    remark_unused(settings.quiet, unfit_map);
-    for (const std::string& line : doubts_of_heights(settings.dem, *source, settings.culture_height_scale))
-        remark(settings.quiet, line);
-    if (!observers->note().empty()) remark(settings.quiet, observers->note());
-    remark(settings.quiet, text("written: ", settings.output,
-                                fmt::format(" ({:.1f} s, {:.1f} observers/s)", now_s() - start_s,
-                                            static_cast<double>(observers->size()) / run->sweep_s())));
-    if (settings.profile || settings.verbose) fmt::print(stderr, "{}", observers_table(*observers, *run, facts, usage));
-    if (settings.profile) {
-        const QuadrantReport& total = run->total();
-        // Posts pass as they are stored. What else the run wrote went to the scratch file.
-        const double posts = static_cast<double>(total.posts_read) * static_cast<double>(db.post_bytes),
-                     written = static_cast<double>(usage.written_bytes.value_or(0)) -
-                               static_cast<double>(facts.scratch_written);
-        fmt::print(stderr, "{}",
-                   limits_words(settings, {load_work(total.load_s, total.bytes_read, usage),
-                                           {"sweep", total.sweep_s, posts, StageWork::memory},
-                                           {"write", facts.write_s, written, StageWork::write}}));
-    }
+    tell(settings, {*observers, *run, *source, facts, unfit_map, raster.losses()}, usage, now_s() - start_s);
 }
 
 }  // namespace wedgescope

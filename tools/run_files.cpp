@@ -2,9 +2,7 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <cstring>
 #include <filesystem>
-#include <fstream>
 #include <iterator>
 #include <optional>
 #include <set>
@@ -29,46 +27,6 @@ bool same_file(const std::string& a, const std::string& b) {
     if (fs::equivalent(a, b, error) && !error) return true;
     const std::string canonical = canonical_path(a);
     return !canonical.empty() && canonical == canonical_path(b);
-}
-
-/// A value of XML without its entities.
-std::string plain_words(std::string words) {
-    const std::pair<const char*, const char*> entities[] = {
-        {"&lt;", "<"}, {"&gt;", ">"}, {"&quot;", "\""}, {"&apos;", "'"}, {"&amp;", "&"}};
-    for (const auto& [entity, sign] : entities)
-        for (std::size_t at = 0; (at = words.find(entity, at)) != std::string::npos; at += std::strlen(sign))
-            words.replace(at, std::strlen(entity), sign);
-    return words;
-}
-
-/// Files that a VRT is made of, by its own words, which take no GDAL; none of what is no VRT.
-std::vector<std::string> vrt_parts(const std::string& path) {
-    std::ifstream in(path, std::ios::binary);
-    std::string words(1024, '\0');
-    in.read(words.data(), static_cast<std::streamsize>(words.size()));
-    words.resize(static_cast<std::size_t>(in.gcount()));
-    if (words.find("<VRTDataset") == std::string::npos) return {};
-    words.append(std::istreambuf_iterator<char>(in), {});
-    std::vector<std::string> parts;
-    for (const std::string_view tag : {"<SourceFilename", "<SourceDataset"})
-        for (std::size_t at = 0; (at = words.find(tag, at)) != std::string::npos; at += tag.size()) {
-            const std::size_t begin = words.find('>', at), end = words.find('<', begin);
-            if (end == std::string::npos) break;
-            const bool beside = words.substr(at, begin - at).find("relativeToVRT=\"1\"") != std::string::npos;
-            const fs::path part = plain_words(words.substr(begin + 1, end - begin - 1));
-            parts.push_back(beside ? fs::path(path).parent_path() / part : part);
-        }
-    return parts;
-}
-
-/// Takes each file that a VRT and those that it is made of name, at any depth, until `take` says that it will do.
-template <class Take>
-bool find_vrt_part(const std::string& path, std::set<std::string>& looked_into, Take&& take) {
-    std::error_code error;
-    if (!fs::is_regular_file(path, error) || !looked_into.insert(canonical_path(path)).second) return false;
-    const auto parts = vrt_parts(path);
-    return std::any_of(parts.begin(), parts.end(),
-                       [&](const std::string& part) { return take(part) || find_vrt_part(part, looked_into, take); });
 }
 
 /// Of the files that a raster or vector file is made of, the one that a path is; empty: none.
@@ -102,6 +60,30 @@ bool lies_in(const std::string& path, const std::string& folder) {
     return holds(canonical_path(path)) || (!error && holds(canonical_path(link.parent_path()) / link.filename()));
 }
 
+/// An output, or what its driver writes beside it, is an input or a part of one, or lies in it.
+void refuse_over_input(const NamedPath& output, const NamedPath& given, const std::string& driver, InputParts& parts) {
+    const auto& [key, path] = output;
+    const auto& [input_key, input] = given;
+    const auto refuse = [&, key = key, &path = path](const std::string& why, const char* rule) {
+        throw InputError(text(key, " is ", in_quotes(path), ", ", why, "; an output may not ", rule));
+    };
+    const char* const replaced = "replace an input";
+    const std::string made = text("of which ", input_key, " ", in_quotes(input), " is made");
+    if (same_file(path, input)) refuse(text("which is ", input_key, " too"), replaced);
+    if (std::error_code error; fs::exists(path, error)) {
+        const std::vector<std::string>& of_vrt = parts.of_vrt(input);
+        if (std::any_of(of_vrt.begin(), of_vrt.end(), [&](const std::string& part) { return same_file(path, part); }))
+            refuse(made, replaced);
+    }
+    if (lies_in(path, input)) refuse(text("which lies in ", input_key, " ", in_quotes(input)), "lie in an input");
+    if (!may_have_parts(input_key, input)) return;
+    if (!part_that_is(path, input, parts).empty()) refuse(made, replaced);
+    if (!is_raster(key)) return;
+    for (const std::string& beside : names_beside_raster(path, driver))
+        if (same_file(beside, input) || !part_that_is(beside, input, parts).empty())
+            refuse(text("beside which ", in_quotes(beside), " is written, ", made), replaced);
+}
+
 }  // namespace
 
 std::string canonical_path(const std::string& path) {
@@ -114,6 +96,12 @@ std::string canonical_path(const std::string& path) {
 const std::vector<std::string>& InputParts::of(const std::string& path) {
     const auto [found, fresh] = parts_.try_emplace(path);
     if (fresh) found->second = files_of_input(path);
+    return found->second;
+}
+
+const std::vector<std::string>& InputParts::of_vrt(const std::string& path) {
+    const auto [found, fresh] = vrt_parts_.try_emplace(path);
+    if (fresh) found->second = vrt_parts(path);
     return found->second;
 }
 
@@ -130,31 +118,8 @@ void check_names(const NamedPaths& outputs, const NamedPaths& inputs, const std:
             if (!outputs[j].second.empty() && same_file(path, outputs[j].second))
                 throw InputError(text(key, " and ", outputs[j].first, " are both ", in_quotes(path),
                                       "; every output needs its own file"));
-        for (const auto& [input_key, input] : inputs) {
-            if (input.empty()) continue;
-            if (same_file(path, input))
-                throw InputError(text(key, " is ", in_quotes(path), ", which is ", input_key,
-                                      " too; an output may not replace an input"));
-            std::set<std::string> looked_into;
-            if (std::error_code error;
-                fs::exists(path, error) &&
-                find_vrt_part(input, looked_into, [&](const std::string& part) { return same_file(path, part); }))
-                throw InputError(text(key, " is ", in_quotes(path), ", of which ", input_key, " ", in_quotes(input),
-                                      " is made; an output may not replace an input"));
-            if (lies_in(path, input))
-                throw InputError(text(key, " is ", in_quotes(path), ", which lies in ", input_key, " ",
-                                      in_quotes(input), "; an output may not lie in an input"));
-            if (!may_have_parts(input_key, input)) continue;
-            if (!part_that_is(path, input, parts).empty())
-                throw InputError(text(key, " is ", in_quotes(path), ", of which ", input_key, " ", in_quotes(input),
-                                      " is made; an output may not replace an input"));
-            if (!is_raster(key)) continue;
-            for (const std::string& beside : names_beside_raster(path, driver))
-                if (same_file(beside, input) || !part_that_is(beside, input, parts).empty())
-                    throw InputError(text(key, " is ", in_quotes(path), ", beside which ", in_quotes(beside),
-                                          " is written, of which ", input_key, " ", in_quotes(input),
-                                          " is made; an output may not replace an input"));
-        }
+        for (const NamedPath& input : inputs)
+            if (!input.second.empty()) refuse_over_input(outputs[i], input, driver, parts);
     }
 }
 
@@ -186,12 +151,7 @@ void check_folder(const char* key, const std::string& folder, const NamedPaths& 
         if (lies_in(input, folder))
             throw InputError(text(key, " is ", in_quotes(folder), ", in which ", input_key, " ", in_quotes(input),
                                   " lies; an output may not replace an input"));
-        std::set<std::string> looked_into;
-        std::vector<std::string> parts;
-        find_vrt_part(input, looked_into, [&](const std::string& part) {
-            parts.push_back(part);
-            return false;
-        });
+        std::vector<std::string> parts = vrt_parts(input);
         // Of parts only what their names tell: there may be thousands, far away.
         for (std::size_t i = 0, n = parts.size(); i < n; ++i)
             if (!fs::exists(parts[i], error))

@@ -17,15 +17,18 @@
 namespace wedgescope {
 
 /// Keys and the paths that they name; empty paths name nothing.
-using NamedPaths = std::vector<std::pair<const char*, std::string>>;
+using NamedPath = std::pair<const char*, std::string>;
+using NamedPaths = std::vector<NamedPath>;
 
 /// Files that inputs are made of, each looked up when it is first asked for.
 class InputParts {
 public:
     const std::vector<std::string>& of(const std::string& path);
+    /// By its own words: vrt_parts().
+    const std::vector<std::string>& of_vrt(const std::string& path);
 
 private:
-    std::map<std::string, std::vector<std::string>> parts_;
+    std::map<std::string, std::vector<std::string>> parts_, vrt_parts_;
 };
 
 /// InputError where two outputs are one file, or where an output, or a file that its driver writes beside it, is an input or a

@@ -167,7 +167,7 @@ std::string without_checksum(nlohmann::ordered_json scene) {
 WorkDir::Run work_run(const Settings& settings, const ResolvedScene& resolved, const DataBase& data_base) {
     WorkDir::Run run;
     run.azimuth_bins = resolved.swept.azimuth_bins;
-    run.version = version();
+    run.version = text(version(), ", echo revision ", echo_revision);
     run.facts = echo_facts(resolved, data_base);
     for (const Key& key : key_table()) {
         const bool data = key.group == KeyGroup::data_base;

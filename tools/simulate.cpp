@@ -112,6 +112,7 @@ public:
         raster_.close(0);
         progress.done();
     }
+    const std::string& losses() const { return raster_.losses(); }
 
 private:
     static CoverageFile::Layer layer() {
@@ -148,6 +149,19 @@ std::string left_words(const Settings& s) {
     if (left.empty()) return "";
     return fmt::format("; {} {} left to the run that merges all wedges (--resume)", fmt::join(left, ", "),
                        left.size() > 1 ? "are" : "is");
+}
+
+/// `ground`: null where that layer is not asked for.
+void tell_doubts(const Settings& settings, const RunResult& result, const Ground* ground, WedgeSource& source,
+                 const std::optional<Legend>& legend) {
+    const auto say = [&](const std::string& line) { remark(settings.quiet, line); };
+    if (ground && !ground->losses().empty()) say(ground->losses());
+    if (ground && settings.scene.far_shore) say("far-shore is not in ground, which knows each post by itself");
+    for (const std::string& line : doubts_of_heights(settings.dem, source, settings.culture_height_scale)) say(line);
+    for (const std::string& line : idle_effects(settings.scene, source.data_base(), legend)) say(line);
+    if (settings.only_wedges) return;
+    for (const std::string& line : doubts(result, !settings.output.empty()))
+        if (!line.empty()) say(line);
 }
 
 void simulate(const Settings& given, WorkDir* work, double start_s, Stop& stop) {
@@ -236,16 +250,8 @@ void simulate(const Settings& given, WorkDir* work, double start_s, Stop& stop) 
     stop.check();
     std::string written = records.commit(outputs.files());
     remark(settings.quiet || terminal, text("sensor: ", place(scene, source->data_base())));
-    if (ground && settings.scene.far_shore)
-        remark(settings.quiet, "far-shore is not in ground, which knows each post by itself");
     for (const std::string& unfit : {choice.unfit, unfit_map}) remark_unused(settings.quiet, unfit);
-    for (const std::string& line : doubts_of_heights(settings.dem, *source, settings.culture_height_scale))
-        remark(settings.quiet, line);
-    for (const std::string& line : idle_effects(settings.scene, source->data_base(), layers.legend))
-        remark(settings.quiet, line);
-    if (!settings.only_wedges)
-        for (const std::string& line : doubts(result, !settings.output.empty()))
-            if (!line.empty()) remark(settings.quiet, line);
+    tell_doubts(settings, result, ground ? &*ground : nullptr, *source, layers.legend);
     if (settings.verbose || settings.profile) fmt::print(stderr, "{}", report_table(result.report, outer, usage));
     if (settings.profile)
         fmt::print(stderr, "{}", limits_words(settings, stage_work(result.report, outer.write_s, usage)));

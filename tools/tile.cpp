@@ -133,6 +133,9 @@ TileStoreParams store_params(const Settings& settings, Stop& stop, std::size_t& 
                 "reflects");
         params.sides = SideRasterParams{settings.directivity, settings.culture, *params.legend, materials, 0, &stop};
     }
+    // Before features and cells are read, which may take long.
+    check_store_name(settings);
+    check_store_output(params.output, settings.overwrite, settings.resume);
     const SidedClasses all = sided_classes(materials, params.features, params.sides);
     sides = all.sides;
     if (params.features) {
@@ -233,7 +236,6 @@ void tile(const std::vector<std::string>& arguments, Stop& stop) {
     const GdalSession session(cache_bytes(settings), settings.config);
     std::size_t sides = 0;
     TileStoreParams params = store_params(settings, stop, sides);
-    check_store_name(settings);
     params.stop = &stop;
     Progress progress(settings.quiet);
     params.progress = [&](double fraction) { progress.report(fraction); };

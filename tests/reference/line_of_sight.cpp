@@ -248,9 +248,8 @@ Raster read(const std::string& path, bool geodesic) {
         throw std::runtime_error("cannot read " + path);
     int any = 0;
     const double none = band->GetNoDataValue(&any);
-    if (any)
-        for (double& z : out.matrix.height)
-            if (z == none || z < -1e30) z = nan;
+    const double scale = band->GetScale(), offset = band->GetOffset();
+    for (double& z : out.matrix.height) z = (any && z == none) || z < -1e30 ? nan : scale * z + offset;
     double t[6];
     data->GetGeoTransform(t);
     out.grid.column_m = t[1];

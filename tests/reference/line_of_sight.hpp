@@ -46,7 +46,7 @@ struct Verdict {
     double slant_range_m = 0, depression_deg = 0;
 };
 
-/// A matrix as GDAL reads it: heights (no-data and NaN void; scale and offset applied) and its grid.
+/// A matrix of heights in metres (no-data and NaN void; scale and offset applied; no mask, no unit) and its grid.
 struct Raster {
     Matrix matrix;
     Grid grid;

@@ -38,7 +38,7 @@ public:
         if (length == 0) return least;
         const Point there = seat(length, own + static_cast<Real>(target_m));
         const auto over = [&](Real t, Real ground) { return ray_m(t * length, there.up / there.out) - ground; };
-        for_cells(dc, dr, 1, [&](Real t0, Real t1, const auto& ground) {
+        for_cells(dc, dr, [&](Real t0, Real t1, const auto& ground) {
             const Real middle = (t0 + t1) / 2, f0 = t0 > 0 ? over(t0, ground(t0)) : p_.sensor_m - ground(0),
                        fm = over(middle, ground(middle)),
                        f1 = t1 < 1 ? over(t1, ground(t1)) : static_cast<Real>(target_m);
@@ -57,13 +57,13 @@ public:
         return least;
     }
 
-    /// Along one azimuth (clockwise from +row_m... north): sum of d(sin e) / r^2 of what is seen, by range bin, per m^2.
+    /// Along one azimuth (clockwise from north): sum of d(sin e) / r^2 of what is seen, by range bin, per m^2.
     std::vector<Real> returns(Real azimuth_rad, Real range_bin_m, std::size_t bins) const {
         const Real reach = range_bin_m * static_cast<Real>(bins) * 1.01L + 1;
         const Real dc = std::sin(azimuth_rad) / p_.column_m * reach, dr = std::cos(azimuth_rad) / p_.row_m * reach;
         std::vector<Real> sum(bins);
         Real horizon = -1;
-        for_cells(dc, dr, 1, [&](Real t0, Real t1, const auto& ground) {
+        for_cells(dc, dr, [&](Real t0, Real t1, const auto& ground) {
             // Steps short against the range and against the cell.
             const Real near = std::max<Real>(std::abs(p_.sensor_m - ground((t0 + t1) / 2)), 1e-3L);
             Real t = t0;
@@ -118,9 +118,9 @@ private:
         return (p_.sensor_m + (q + tangent * s) * p_.radius_m) / (1 - q - tangent * s);
     }
 
-    /// Calls body(t0, t1, ground(t)) for each cell that the way from the sensor by (dc, dr) crosses, part 0..end of it.
+    /// Calls body(t0, t1, ground(t)) for each cell that the way from the sensor by (dc, dr) crosses.
     template <class Body>
-    void for_cells(Real dc, Real dr, Real end, Body&& body) const {
+    void for_cells(Real dc, Real dr, Body&& body) const {
         const auto next = [](Real from, Real step, Real part) {
             // The next whole number beyond `from + part step`, as a part of the way.
             if (step == 0) return std::numeric_limits<Real>::infinity();
@@ -128,8 +128,8 @@ private:
             const Real line = step > 0 ? std::floor(at + slip) + 1 : std::ceil(at - slip) - 1;
             return (line - from) / step;
         };
-        for (Real t = 0; t < end;) {
-            const Real t1 = std::min({next(p_.sensor_column, dc, t), next(p_.sensor_row, dr, t), end});
+        for (Real t = 0; t < 1;) {
+            const Real t1 = std::min({next(p_.sensor_column, dc, t), next(p_.sensor_row, dr, t), Real{1}});
             const Real middle = (t + t1) / 2;
             const auto c = static_cast<std::int64_t>(std::floor(p_.sensor_column + middle * dc)),
                        r = static_cast<std::int64_t>(std::floor(p_.sensor_row + middle * dr));
