@@ -96,6 +96,8 @@ TEST_CASE("a dimensioned value is its number in SI units", "[units]") {
 
 TEST_CASE("zero needs no unit, every other number does", "[units]") {
     for (const char* zero : {"0", "0.0", "-0", "+0", "0e5"}) CHECK(parsed(Dimension::length, zero) == 0);
+    for (const char* zero : {"0km", "-0e-7km", "0e9223372036854775807km", "0e99999999999999999999km"})
+        CHECK(parsed(Dimension::length, zero) == 0);
     const std::string message = refusal([] { parsed(Dimension::length, "30"); });
     CHECK_THAT(message, StartsWith("--key is '30'"));
     CHECK_THAT(message, Contains("m, km, ft, kft, nmi, mi, yd"));
