@@ -455,6 +455,9 @@ TEST_CASE("the command line refuses what it cannot mean", "[options]") {
                Contains("unknown option '--freq'") && Contains("did you mean --frequency?"));
     CHECK_THAT(refusal_of({"--snow", "1"}), Contains("unknown option '--snow'"));
     CHECK_THAT(refusal_of({"-x"}), Contains("unknown option '-x'"));
+    CHECK_THAT(refusal_of({"--argument", "s.ini"}), Contains("unknown option '--argument'"));
+    CHECK_THAT(refusal_of({"--argument=s.ini"}), Contains("unknown option '--argument'"));
+    CHECK_THAT(refusal_of({"--=s.ini"}), Contains("unknown option '--'"));
     CHECK_THAT(refusal_of({"-overwrite"}), Contains("--overwrite"));
     CHECK(refusal_of({"-range", "5km"}) == "option '-range' has one dash; did you mean --range?");
     CHECK(refusal([] {

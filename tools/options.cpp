@@ -72,7 +72,6 @@ po::options_description descriptions(unsigned commands) {
         if (key.value.empty()) value->zero_tokens();
         all.add_options()(name.c_str(), value, key.help.c_str());
     }
-    all.add_options()("argument", po::value<std::vector<std::string>>());
     return all;
 }
 
@@ -148,8 +147,6 @@ std::vector<Given> read_command_line(Command command, const std::vector<std::str
                               " (wedgescope help ", info.name, " lists them all)"));
     };
     using namespace po::command_line_style;
-    po::positional_options_description positional;
-    positional.add("argument", -1);
     const po::options_description known = descriptions(taken);
     // A flag takes no value but behind '='; Boost knows flags only without, or with the next word too.
     std::vector<std::string> words;
@@ -159,6 +156,7 @@ std::vector<Given> read_command_line(Command command, const std::vector<std::str
             words.insert(words.end(), arguments.begin() + static_cast<std::ptrdiff_t>(i), arguments.end());
             break;
         }
+        if (word.starts_with("--=")) refuse_unknown(word);  // a file to Boost
         const auto equals = word.find('=');
         const Key* key = word.starts_with("--") && equals != std::string::npos
                              ? find_key(std::string_view(word).substr(2, equals - 2))
@@ -172,12 +170,11 @@ std::vector<Given> read_command_line(Command command, const std::vector<std::str
     try {
         const auto parsed = po::command_line_parser(words)
                                 .options(known)
-                                .positional(positional)
                                 .style(allow_long | long_allow_adjacent | long_allow_next | allow_short |
                                        short_allow_adjacent | short_allow_next | allow_dash_for_short)
                                 .run();
         for (const auto& option : parsed.options) {
-            if (option.string_key == "argument") {
+            if (option.string_key.empty()) {
                 files.insert(files.end(), option.value.begin(), option.value.end());
                 continue;
             }
