@@ -409,7 +409,11 @@ TEST_CASE("values reach the scene", "[options]") {
     CHECK(parse_arguments(command_info, {"--json", "a.tif", "-q", "b.tif"}).files ==
           std::vector<std::string>{"a.tif", "b.tif"});
     CHECK_FALSE(simulated({"--overwrite=off"}).overwrite);
+    CHECK_FALSE(simulated({"-q=off"}).quiet);
+    CHECK(simulated({"-q=on"}).quiet);
     CHECK_THAT(refusal_of({"--overwrite=maybe"}), Contains("on or off"));
+    CHECK_THAT(refusal_of({"-q=maybe"}), Contains("on or off"));
+    CHECK_THAT(refusal_of({"-q", "-q=off"}), Contains("given twice"));
     CHECK_THAT(refusal_of({"--overwrite", "--overwrite=off"}), Contains("given twice"));
 }
 
@@ -459,6 +463,9 @@ TEST_CASE("the command line refuses what it cannot mean", "[options]") {
     CHECK_THAT(refusal_of({"--argument=s.ini"}), Contains("unknown option '--argument'"));
     CHECK_THAT(refusal_of({"--=s.ini"}), Contains("unknown option '--'"));
     CHECK_THAT(refusal_of({"-overwrite"}), Contains("--overwrite"));
+    CHECK_THAT(refusal_of({"-quiet"}), StartsWith("option '-quiet' has one dash; did you mean --quiet?"));
+    CHECK(refusal_of({"-qh"}) ==
+          "option '-qh' cannot be understood; accepted: -q, -q=on or -q=off, and each option a word of its own");
     CHECK(refusal_of({"-range", "5km"}) == "option '-range' has one dash; did you mean --range?");
     CHECK(refusal([] {
               parse_arguments(command_coverage, {"-layer=height", "a.tif", "b.tif"});

@@ -119,6 +119,21 @@ std::string name_beside(const Given& given) {
     return foreign ? given.origin : given.key;
 }
 
+/// The flag that is written so, --quiet or -q.
+const Key* flag_named(std::string_view option, unsigned commands) {
+    for (const Key& key : key_table()) {
+        if (!key.value.empty() || !(key.commands & commands)) continue;
+        if (option == "--" + key.name || (key.letter && option == std::string{'-', key.letter})) return &key;
+    }
+    return nullptr;
+}
+
+/// What Boost could not understand, as the user wrote it.
+std::string original_word(po::error_with_option_name error) {
+    error.m_error_template = "%original_token%";
+    return error.what();
+}
+
 /// Options and positional arguments of a command line. `given`: what else was on it.
 std::vector<Given> read_command_line(Command command, const std::vector<std::string>& arguments,
                                      std::vector<std::string>& files, std::vector<Given> given = {}) {
@@ -158,11 +173,9 @@ std::vector<Given> read_command_line(Command command, const std::vector<std::str
         }
         if (word.starts_with("--=")) refuse_unknown(word);  // a file to Boost
         const auto equals = word.find('=');
-        const Key* key = word.starts_with("--") && equals != std::string::npos
-                             ? find_key(std::string_view(word).substr(2, equals - 2))
-                             : nullptr;
-        if (key && key->value.empty() && (key->commands & taken)) {
-            given.push_back({key->name, word.substr(equals + 1), "--" + key->name, ""});
+        const Key* flag = equals == std::string::npos ? nullptr : flag_named(word.substr(0, equals), taken);
+        if (flag) {
+            given.push_back({flag->name, word.substr(equals + 1), "--" + flag->name, ""});
         } else {
             words.push_back(word);
         }
@@ -201,7 +214,12 @@ std::vector<Given> read_command_line(Command command, const std::vector<std::str
             throw InputError(text("option ", name, " needs a value"));
         if (e.kind() == po::invalid_syntax::empty_adjacent_parameter)
             throw InputError(text("option ", name, " needs a value after '='"));
-        throw InputError(text("option ", name, " cannot be understood"));
+        // A flag's letter, and more behind it.
+        const std::string written = original_word(e);
+        if (find_key(written.substr(1))) refuse_unknown(written);
+        const std::string letter = written.substr(0, 2);
+        throw InputError(text("option ", in_quotes(written), " cannot be understood; accepted: ", letter, ", ", letter,
+                              "=on or ", letter, "=off, and each option a word of its own"));
     } catch (const po::error& e) {
         throw InputError(e.what());
     }
