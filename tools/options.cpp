@@ -513,9 +513,9 @@ bool asks_for_help(const std::vector<Given>& command_line) {
 }
 
 /// What a tile store brings unless it is given: the class table of its features' classes, and how many metres one unit of
-/// its culture heights is, unless these are given. `wants_scale`: what is to be done hangs on that, so the store must be sound.
-void add_store_defaults(std::vector<Given>& given, std::vector<std::string> stores, bool wants_scale = true) {
-    bool wants_table = true;
+/// its culture heights is, unless these are given.
+void add_store_defaults(std::vector<Given>& given, std::vector<std::string> stores) {
+    bool wants_table = true, wants_scale = true;
     for (const Given& one : given) {
         if (one.key == "class-table") wants_table = false;
         if (one.key == "culture-height-scale" || one.key == "culture-height") wants_scale = false;
@@ -627,8 +627,9 @@ Settings parse_arguments(Command command, const std::vector<std::string>& argume
     const bool writes = command == command_coverage || (command == command_tile && files.size() > 1);
     std::vector<std::string> stores = files;
     if (writes && stores.size() > 1) stores.pop_back();  // tile --around may be given a store alone
+    // A store that info is only to tell of may be damaged.
     const bool only_told_of = command == command_info && !has_flag(arguments, "--plan");
-    add_store_defaults(given, stores, !only_told_of);
+    if (!only_told_of) add_store_defaults(given, stores);
     Settings settings = settings_of(given);
     settings.files = files;
     return settings;
