@@ -16,6 +16,7 @@
 #include "tests/refusal.hpp"
 #include "tests/variable.hpp"
 #include "tools/help.hpp"
+#include "tools/key_commands.hpp"
 #include "tools/options.hpp"
 #include "tools/radar_set.hpp"
 #include "tools/scene_json.hpp"
@@ -26,6 +27,7 @@ using namespace wedgescope;
 using Catch::Matchers::Contains;
 using Catch::Matchers::EndsWith;
 using Catch::Matchers::StartsWith;
+using wedgescope::test::nothing_refused;
 using wedgescope::test::refusal;
 
 namespace {
@@ -217,6 +219,13 @@ TEST_CASE("every key says what it is, and its default is the program's own", "[o
         CHECK(key.get(Settings{}) == key.fallback);
     }
     CHECK_NOTHROW(validate(simulated({"--latlon", "0,0", "--altitude-msl", "1km"}).scene));
+}
+
+TEST_CASE("a key that commands are to share and the table lacks is a mistake that is told", "[options]") {
+    std::vector<Key> keys = key_table();
+    CHECK(refusal([&] { add_commands(keys); }) == nothing_refused);
+    std::erase_if(keys, [](const Key& key) { return key.name == "walls"; });
+    CHECK(refusal([&] { add_commands(keys); }) == "no key is called walls");
 }
 
 TEST_CASE("every key of the design exists, and those to come do not yet", "[options]") {
