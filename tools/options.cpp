@@ -250,9 +250,8 @@ const std::vector<CommandInfo>& command_table() {
         {command_simulate, "simulate", "wedgescope simulate [options] [scene.ini]",
          "data base + scene -> scope picture, echo, power and state layers, response of the ground, report",
          "Every option below is also a key of the scene file (lines 'key = value'; # behind a blank begins a comment, "
-         "but not within double quotes round the value). The command "
-         "line wins; relative "
-         "paths in the file start from its folder. Outputs appear under their names only when they are whole.",
+         "but not within double quotes round the value). The command line wins; relative paths in the file start from "
+         "its folder. Outputs appear under their names only when they are whole.",
          "wedgescope simulate --dem terrain.tif --latlon 33.9,-117.3 --altitude-msl 7000ft --range 30nmi -o scope.png"},
         {command_scope, "scope", "wedgescope scope [options] ECHO [setting.ini]",
          "stored echo image -> scope picture with another receiver, display, noise",
@@ -268,29 +267,25 @@ const std::vector<CommandInfo>& command_table() {
          "OUT has IN's grid; the mask holds 255 where the ground is seen, 0 where it is not, 1 where there is no data "
          "or out of range. gdal_viewshed's options -ox -oy -oz -tz -md -cc -ov -vv -iv -a_nodata -b -f (or -of) -co "
          "-om -q are understood too, lengths in metres (-b 1 and -om NORMAL only: --layer height gives what -om GROUND "
-         "does); "
-         "with -ox "
-         "and -oy the ground is a plane, the sensor stands over the nearest post, and defaults are gdal_viewshed's. "
-         "With --observers many sensors are looked from in one run. Radar, antenna, ground and weather count for "
-         "--layer "
-         "response alone, as do culture, culture-legend, class-table and material.",
+         "does); with -ox and -oy the ground is a plane, the sensor stands over the nearest post, and defaults are "
+         "gdal_viewshed's. With --observers many sensors are looked from in one run. Radar, antenna, ground and "
+         "weather count for --layer response alone, as do culture, culture-legend, class-table and material.",
          "wedgescope coverage --latlon 33.9,-117.3 --altitude-agl 500m terrain.tif seen.tif"},
         {command_budget, "budget", "wedgescope budget [options] [scene.ini] --at AZIMUTH,RANGE | --at-latlon LAT,LON",
          "link budget of one cell, line by line from the transmitter to the grey level",
          "Takes every option of simulate that decides on the picture. Each line is a number with its unit; those from "
-         "the "
-         "transmitter to the clouds add up to the echo, which is the cell's in simulate's images. What depends on the "
-         "ground (pattern, gases, rain, cloud) is the mean over all that the cell gathers through pulse and beam, "
+         "the transmitter to the clouds add up to the echo, which is the cell's in simulate's images. What depends on "
+         "the ground (pattern, gases, rain, cloud) is the mean over all that the cell gathers through pulse and beam, "
          "weighted with what it returns. Where a scene file says where the sensor is, --latlon on the command line "
          "without --at names the place on the ground.",
          "wedgescope budget scene.ini --at 40deg,12nmi"},
         {command_evaluate, "evaluate", "wedgescope evaluate MODEL [NAME=VALUE...] [options] | evaluate --list [MODEL]",
          "any model of the library as a calculator, over a CSV table or for single values",
-         "MODEL takes its inputs from the columns of the table (--in), named with their units in brackets, such as "
-         "'r [km]', and from NAME=VALUE, which hold for all rows; what has a default may be left out. Each row of the "
-         "table is written as it stands, with the model's outputs behind it. Without a table the outputs are "
-         "printed, one a line, or with -o as a table of one row. --list names the models; --list MODEL gives its "
-         "inputs, ranges, outputs and source.",
+         "MODEL takes its inputs from the columns of the table (--in), named with their units in brackets, such as 'r "
+         "[km]', and from NAME=VALUE, which hold for all rows; what has a default may be left out. Each row of the "
+         "table is written as it stands, with the model's outputs behind it. Without a table the outputs are printed, "
+         "one a line, or with -o as a table of one row. --list names the models; --list MODEL gives its inputs, "
+         "ranges, outputs and source.",
          "wedgescope evaluate sight hs=3000m h=250m s=20km"},
         {command_info, "info", "wedgescope info [options] FILE... | info --plan [simulate's options] [scene.ini]",
          "what rasters and tile stores hold, or what a scene file (*.ini) resolves to",
@@ -381,9 +376,8 @@ std::vector<Given> read_keys(const std::string& subject, const std::string& fold
             if (close == std::string_view::npos)
                 throw InputError(text(place, name, " begins with a double quote that nothing closes"));
             if (!without_comment(all.substr(close + 1)).empty())
-                throw InputError(text(place, name,
-                                      " goes on behind the double quote that closes it; accepted there: a "
-                                      "comment"));
+                throw InputError(
+                    text(place, name, " goes on behind the double quote that closes it; accepted there: a comment"));
             value = all.substr(1, close - 1);
             if (value.empty()) throw InputError(text(place, name, " has no value"));
         }
@@ -766,10 +760,10 @@ void check_complete(const Settings& settings) {
                                    : settings.only_wedges     ? "only-wedge"
                                                               : nullptr;
         if (of_one)
-            throw InputError(text(
-                of_one,
-                " is given beside track; a work folder keeps the wedges of one picture, and finished pictures of a "
-                "track stay anyhow (to go on after a stop, give the rows that are left)"));
+            throw InputError(
+                text(of_one,
+                     " is given beside track; a work folder keeps the wedges of one picture, and finished pictures of "
+                     "a track stay anyhow (to go on after a stop, give the rows that are left)"));
         if (settings.source == SourceKind::spilled)
             throw InputError(
                 "source is spilled, and track is given; a spill is sorted round one place (accepted: auto, direct; "
