@@ -17,9 +17,11 @@
 #include "tests/variable.hpp"
 #include "tools/help.hpp"
 #include "tools/key_commands.hpp"
+#include "tools/key_file.hpp"
 #include "tools/options.hpp"
 #include "tools/radar_set.hpp"
 #include "tools/scene_json.hpp"
+#include "tools/settings_check.hpp"
 #include "tools/units.hpp"
 #include "tools/viewshed_options.hpp"
 
