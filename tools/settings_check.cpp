@@ -114,16 +114,10 @@ void check_complete(const Settings& settings) {
             "altitude-hae is given without geoid-offset; the height of the geoid above the ellipsoid at the sensor is "
             "needed");
     }
-    if (!settings.culture.empty() && settings.culture_legend.empty()) {
-        throw InputError(
-            "culture is given without culture-legend; one of fbfm40, nlcd, worldcover, smc, rat or a CSV file is "
-            "needed");
-    }
+    if (!settings.culture.empty() && settings.culture_legend.empty()) refuse_missing_legend("culture is given");
     // A tile store may bring a culture of its own.
-    if (settings.culture.empty() && !settings.culture_legend.empty() && !is_tile_store(settings.dem)) {
-        throw InputError(text("culture-legend is ", in_quotes(settings.culture_legend),
-                              " but there is no culture; the path of a culture raster is needed"));
-    }
+    if (settings.culture.empty() && !settings.culture_legend.empty() && !is_tile_store(settings.dem))
+        refuse_legend_alone(in_quotes(settings.culture_legend));
     if (!moves && settings.work_dir.empty()) {
         const char* const key = settings.resume ? "resume" : settings.only_wedges ? "only-wedge" : nullptr;
         if (key) throw InputError(text(key, " is given without work-dir; the folder that keeps the wedges is needed"));

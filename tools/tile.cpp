@@ -84,8 +84,7 @@ TileStoreParams store_params(const Settings& settings, Stop& stop, std::size_t& 
         throw InputError(text("tile needs at least one terrain raster and, last, the folder to write; found ",
                               settings.files.size(), settings.files.size() == 1 ? " path" : " paths"));
     if (!settings.culture_legend.empty() && settings.culture.empty())
-        throw InputError(text("culture-legend is ", in_quotes(settings.culture_legend),
-                              " but there is no culture; the path of a culture raster is needed"));
+        refuse_legend_alone(in_quotes(settings.culture_legend));
     const auto refuse_store = [](const std::string& path, const char* layer) {
         if (is_tile_store(path))
             throw InputError(text(in_quotes(path), " is a tile store; accepted: rasters, such as ",
@@ -104,9 +103,7 @@ TileStoreParams store_params(const Settings& settings, Stop& stop, std::size_t& 
                                       : "features-legend",
                               " is given without features; the path of a vector file is needed"));
     if (!settings.culture.empty() && settings.culture_legend.empty() && !settings.features.empty())
-        throw InputError(
-            "culture and features are given without culture-legend; one of fbfm40, nlcd, worldcover, smc, rat or a CSV "
-            "file is needed");
+        refuse_missing_legend("culture and features are given");
     TileStoreParams params;
     params.dems.assign(settings.files.begin(), settings.files.end() - 1);
     params.output = settings.files.back();
