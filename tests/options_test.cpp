@@ -16,9 +16,12 @@
 #include "tests/refusal.hpp"
 #include "tests/variable.hpp"
 #include "tools/help.hpp"
+#include "tools/key_commands.hpp"
+#include "tools/key_file.hpp"
 #include "tools/options.hpp"
 #include "tools/radar_set.hpp"
 #include "tools/scene_json.hpp"
+#include "tools/settings_check.hpp"
 #include "tools/units.hpp"
 #include "tools/viewshed_options.hpp"
 
@@ -26,6 +29,7 @@ using namespace wedgescope;
 using Catch::Matchers::Contains;
 using Catch::Matchers::EndsWith;
 using Catch::Matchers::StartsWith;
+using wedgescope::test::nothing_refused;
 using wedgescope::test::refusal;
 
 namespace {
@@ -96,6 +100,8 @@ TEST_CASE("a dimensioned value is its number in SI units", "[units]") {
 
 TEST_CASE("zero needs no unit, every other number does", "[units]") {
     for (const char* zero : {"0", "0.0", "-0", "+0", "0e5"}) CHECK(parsed(Dimension::length, zero) == 0);
+    for (const char* zero : {"0km", "-0e-7km", "0e9223372036854775807km", "0e99999999999999999999km"})
+        CHECK(parsed(Dimension::length, zero) == 0);
     const std::string message = refusal([] { parsed(Dimension::length, "30"); });
     CHECK_THAT(message, StartsWith("--key is '30'"));
     CHECK_THAT(message, Contains("m, km, ft, kft, nmi, mi, yd"));
@@ -215,6 +221,13 @@ TEST_CASE("every key says what it is, and its default is the program's own", "[o
         CHECK(key.get(Settings{}) == key.fallback);
     }
     CHECK_NOTHROW(validate(simulated({"--latlon", "0,0", "--altitude-msl", "1km"}).scene));
+}
+
+TEST_CASE("a key that commands are to share and the table lacks is a mistake that is told", "[options]") {
+    std::vector<Key> keys = key_table();
+    CHECK(refusal([&] { add_commands(keys); }) == nothing_refused);
+    std::erase_if(keys, [](const Key& key) { return key.name == "walls"; });
+    CHECK(refusal([&] { add_commands(keys); }) == "no key is called walls");
 }
 
 TEST_CASE("every key of the design exists, and those to come do not yet", "[options]") {
@@ -407,7 +420,11 @@ TEST_CASE("values reach the scene", "[options]") {
     CHECK(parse_arguments(command_info, {"--json", "a.tif", "-q", "b.tif"}).files ==
           std::vector<std::string>{"a.tif", "b.tif"});
     CHECK_FALSE(simulated({"--overwrite=off"}).overwrite);
+    CHECK_FALSE(simulated({"-q=off"}).quiet);
+    CHECK(simulated({"-q=on"}).quiet);
     CHECK_THAT(refusal_of({"--overwrite=maybe"}), Contains("on or off"));
+    CHECK_THAT(refusal_of({"-q=maybe"}), Contains("on or off"));
+    CHECK_THAT(refusal_of({"-q", "-q=off"}), Contains("given twice"));
     CHECK_THAT(refusal_of({"--overwrite", "--overwrite=off"}), Contains("given twice"));
 }
 
@@ -453,7 +470,13 @@ TEST_CASE("the command line refuses what it cannot mean", "[options]") {
                Contains("unknown option '--freq'") && Contains("did you mean --frequency?"));
     CHECK_THAT(refusal_of({"--snow", "1"}), Contains("unknown option '--snow'"));
     CHECK_THAT(refusal_of({"-x"}), Contains("unknown option '-x'"));
+    CHECK_THAT(refusal_of({"--argument", "s.ini"}), Contains("unknown option '--argument'"));
+    CHECK_THAT(refusal_of({"--argument=s.ini"}), Contains("unknown option '--argument'"));
+    CHECK_THAT(refusal_of({"--=s.ini"}), Contains("unknown option '--'"));
     CHECK_THAT(refusal_of({"-overwrite"}), Contains("--overwrite"));
+    CHECK_THAT(refusal_of({"-quiet"}), StartsWith("option '-quiet' has one dash; did you mean --quiet?"));
+    CHECK(refusal_of({"-qh"}) ==
+          "option '-qh' cannot be understood; accepted: -q, -q=on or -q=off, and each option a word of its own");
     CHECK(refusal_of({"-range", "5km"}) == "option '-range' has one dash; did you mean --range?");
     CHECK(refusal([] {
               parse_arguments(command_coverage, {"-layer=height", "a.tif", "b.tif"});

@@ -402,6 +402,38 @@ TEST_CASE("a damaged manifest is damage that verify finds, beside stores that ar
     }
 }
 
+TEST_CASE("a damaged class table is damage that verify finds, and a store is told of without it", "[store]") {
+    const Folder folder;
+    draw(folder / "dem.tif", hills(300, 200));
+    auto params = into(folder / "store", {folder / "dem.tif"});
+    params.culture = folder / "dem.tif";
+    params.class_table = "name,gamma10_db\ncorn,-14\n";
+    params.legend_name = "drawn";
+    params.legend_csv = "1,corn\n";
+    write_tile_store(params);
+    const auto info = [&](const std::vector<std::string>& more) {
+        std::vector<std::string> words{"info", folder / "store"};
+        words.insert(words.end(), more.begin(), more.end());
+        return run_program(words, folder / "log");
+    };
+    CHECK(info({"--verify", "-q"}).code == 0);
+    const auto finds = [&](const std::string& table, const std::string& words) {
+        std::ofstream(folder / "store/classes.csv") << table;
+        CHECK(info({}).code == 0);
+        const Outcome found = info({"--verify", "-q"});
+        INFO(found.err);
+        CHECK(found.code == 1);
+        CHECK_THAT(found.err, Contains("damage      ") && Contains(words) && Contains("1 damaged part was found"));
+    };
+    finds(params.class_table + "junk,,,oops\n", "store/classes.csv', line 3");
+    finds("name,gamma10_db\nmaize,-14\n", "material is 'corn'");
+    fs::remove(folder / "store/dem.vrt");
+    CHECK_THAT(info({"--verify", "-q"}).err,
+               Contains("dem.vrt") && Contains("material is 'corn'") && Contains("2 damaged parts were found"));
+    std::ofstream(folder / "store/classes.csv") << params.class_table << "# edited\nwheat,-13\n";
+    CHECK_THAT(info({"--verify", "-q"}).err, Contains("1 damaged part was found"));
+}
+
 TEST_CASE("tiling stays within its memory", "[store][long]") {
     const Folder folder;
     // 144 MB of floats in lines, as plain files have them.

@@ -3,6 +3,7 @@
 #include <filesystem>
 
 #include "lib/error.hpp"
+#include "lib/material.hpp"
 #include "tiles/checksum.hpp"
 #include "tiles/kept_description.hpp"
 #include "tiles/plain_file.hpp"
@@ -111,13 +112,21 @@ private:
             throw DataError(text("detail map '", path, "' is not the one that the manifest names"));
     }
 
+    /// It may be edited, so it is as it should be where scenes can take it and the legend finds its classes.
     void check_class_table() {
-        if (!manifest_.class_table) return;
         const std::string path = store_classes(path_);
+        if (path.empty() && !manifest_.class_table) return;
         if (path.empty())
             throw DataError(text("class table '", inside(store_classes_name),
                                  "' is missing, in which the store's own classes stand"));
         count(path);
+        constexpr std::size_t most = std::size_t{1} << 20;  // as of any class table
+        try {
+            const Materials materials = Materials::from_csv(text("class table '", path, "'"), file_text(path, most));
+            if (manifest_.class_table) TileStore(path_).legend(materials);
+        } catch (const InputError& e) {
+            throw DataError(e.what());
+        }
     }
 
     void check_kept() {

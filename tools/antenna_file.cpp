@@ -4,7 +4,7 @@
 #include <sstream>
 
 #include "lib/lower_case.hpp"
-#include "tools/options.hpp"
+#include "tools/near_words.hpp"
 #include "tools/table_file.hpp"
 #include "tools/text_file.hpp"
 #include "tools/units.hpp"
@@ -33,9 +33,8 @@ std::vector<PatternPoint> read_antenna_file(const std::string& origin, const std
     const std::string subject = text("antenna file ", in_quotes(path));
     std::error_code none;
     if (!std::filesystem::exists(path, none) && (!none || none == std::errc::no_such_file_or_directory)) {
-        const auto near = nearest(path, {"gaussian", "csc2", "cos-csc2"});
         throw InputError(text(origin, " is ", in_quotes(path), ", and there is no such file; it must be ",
-                              antenna_accepted, near ? text("; did you mean ", *near, "?") : std::string()));
+                              antenna_accepted, suggestion(path, {"gaussian", "csc2", "cos-csc2"})));
     }
     std::istringstream file(text_of_file(subject, path, "it holds a line for each point"));
     TableRows rows(subject, file);

@@ -24,6 +24,7 @@
 #include "tools/report_json.hpp"
 #include "tools/run_files.hpp"
 #include "tools/run_records.hpp"
+#include "tools/settings_check.hpp"
 #include "tools/terminal.hpp"
 #include "tools/viewshed_options.hpp"
 

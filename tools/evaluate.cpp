@@ -15,6 +15,7 @@
 #include "tools/commands.hpp"
 #include "tools/help.hpp"
 #include "tools/models.hpp"
+#include "tools/near_words.hpp"
 #include "tools/options.hpp"
 #include "tools/run_files.hpp"
 #include "tools/table_file.hpp"
@@ -128,10 +129,8 @@ Fixed fixed_values(const Model& model, const std::vector<std::string>& words) {
         const std::string name(trimmed(std::string_view(word).substr(0, equals)));
         const auto at = input_named(model, name);
         if (!at) {
-            const auto near = nearest(name, names_of(model));
-            throw InputError(text(model.name, " has no input ", in_quotes(name),
-                                  near ? text("; did you mean ", *near, "?") : std::string(), " (it has ",
-                                  listed(names_of(model)), ")"));
+            throw InputError(text(model.name, " has no input ", in_quotes(name), suggestion(name, names_of(model)),
+                                  " (it has ", listed(names_of(model)), ")"));
         }
         if (fixed[*at]) throw InputError(text(name, " is given twice"));
         const std::string_view value = std::string_view(word).substr(equals + 1);

@@ -6,6 +6,8 @@
 
 #include "tools/commands.hpp"
 #include "tools/models.hpp"
+#include "tools/near_words.hpp"
+#include "tools/options.hpp"
 #include "tools/radar_set.hpp"
 #include "tools/terminal.hpp"
 #include "tools/units.hpp"
@@ -25,9 +27,8 @@ const std::string& set_content(const std::string& name) {
     if (const RadarSet* set = shipped_set(name)) return set->content;
     std::vector<std::string> names;
     for (const RadarSet& set : shipped_sets()) names.push_back(set.name);
-    const auto near = nearest(name, names);
-    throw InputError(text("set is ", in_quotes(name), "; it must be one of ", shipped_set_names(),
-                          near ? text("; did you mean ", *near, "?") : std::string()));
+    throw InputError(
+        text("set is ", in_quotes(name), "; it must be one of ", shipped_set_names(), suggestion(name, names)));
 }
 
 }  // namespace

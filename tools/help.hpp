@@ -3,7 +3,7 @@
 #include <cstddef>
 #include <string>
 
-#include "tools/options.hpp"
+#include "tools/command_table.hpp"
 
 namespace wedgescope {
 

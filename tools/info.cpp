@@ -20,6 +20,7 @@
 #include "tools/options.hpp"
 #include "tools/report_json.hpp"
 #include "tools/scene_json.hpp"
+#include "tools/settings_check.hpp"
 #include "tools/terminal.hpp"
 
 namespace wedgescope {

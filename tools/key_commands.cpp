@@ -1,72 +1,53 @@
 #include "tools/key_commands.hpp"
 
+#include <algorithm>
 #include <initializer_list>
+
+#include "lib/error.hpp"
 
 namespace wedgescope {
 
 void add_commands(std::vector<Key>& keys) {
-    for (const char* name : {"culture-height",
-                             "culture-height-scale",
-                             "latlon",
-                             "xy",
-                             "altitude-msl",
-                             "altitude-agl",
-                             "altitude-hae",
-                             "geoid-offset",
-                             "heading",
-                             "sector",
-                             "range",
-                             "range-start",
-                             "geometry",
-                             "earth",
-                             "quality",
-                             "max-error",
-                             "spokes-per-post",
-                             "spoke-lead",
-                             "crossings",
-                             "course",
-                             "threads",
-                             "memory",
-                             "source",
-                             "temp-dir",
-                             "keep-map",
-                             "no-cull",
-                             "report",
-                             "timeline",
-                             "profile",
-                             "verbose",
-                             "of",
-                             "co",
-                             "overwrite",
-                             "reproducible",
-                             "config",
-                             "quiet",
-                             "help"})
-        for (Key& key : keys)
-            if (key.name == name) key.commands |= command_coverage;
-    // Of the layer response.
-    for (Key& key : keys)
-        if (key.group == KeyGroup::antenna || key.group == KeyGroup::ground || key.group == KeyGroup::weather ||
-            key.name == "set" || key.name == "frequency" || key.name == "transmit-power" || key.name == "gain" ||
-            key.name == "losses" || key.name == "polarisation" || key.name == "culture" ||
-            key.name == "culture-legend" || key.name == "material") {
-            if (key.name == "far-shore") continue;  // of what a ray meets on its way, not of a post by itself
-            key.commands |= command_coverage;
-            key.of_response = true;
+    const auto keys_of = [&](std::initializer_list<const char*> names, const auto& change) {
+        for (const char* name : names) {
+            const auto key = std::find_if(keys.begin(), keys.end(), [&](const Key& one) { return one.name == name; });
+            if (key == keys.end()) throw Error(text("no key is called ", name));  // our own mistake
+            change(*key);
         }
+    };
+    const auto to_coverage = [](Key& key) { key.commands |= command_coverage; };
+    keys_of({"culture-height", "culture-height-scale", "latlon", "xy", "altitude-msl", "altitude-agl", "altitude-hae",
+             "geoid-offset", "heading", "sector", "range", "range-start"},
+            to_coverage);
+    keys_of({"geometry", "earth", "quality", "max-error", "spokes-per-post", "spoke-lead", "crossings", "course"},
+            to_coverage);
+    keys_of({"threads", "memory", "source", "temp-dir", "keep-map", "no-cull", "report", "timeline", "profile"},
+            to_coverage);
+    keys_of({"verbose", "of", "co", "overwrite", "reproducible", "config", "quiet", "help"}, to_coverage);
+    const auto to_response = [](Key& key) {
+        key.commands |= command_coverage;
+        key.of_response = true;
+    };
+    for (Key& key : keys)
+        if (key.group == KeyGroup::antenna || key.group == KeyGroup::ground || key.group == KeyGroup::weather)
+            to_response(key);
+    keys_of({"set", "frequency", "transmit-power", "gain", "losses", "polarisation", "culture", "culture-legend",
+             "material"},
+            to_response);
+    keys_of({"far-shore"}, [](Key& key) {  // of what a ray meets on its way, not of a post by itself
+        key.commands &= ~static_cast<unsigned>(command_coverage);
+        key.of_response = false;
+    });
     // The link budget of a cell of what simulate makes: all that decides on it, and how it is found.
-    for (Key& key : keys) {
-        const bool of_many = key.name == "track" || key.name == "scan-step" || key.name == "scan-period",
-                   talks = key.name == "config" || key.name == "quiet" || key.name == "help",
-                   decides =
-                       key.group == KeyGroup::display ? key.name == "display" : key.changes_result || key.name == "set",
-                   runs = key.name == "threads" || key.name == "memory" || key.name == "source" ||
-                          key.name == "temp-dir" || key.name == "keep-map" || key.name == "no-cull" ||
-                          key.name == "wedges";
-        if ((key.commands & command_simulate) && !of_many &&
-            (talks || runs || decides || key.group == KeyGroup::data_base))
+    for (Key& key : keys)
+        if ((key.commands & command_simulate) &&
+            (key.group == KeyGroup::data_base || (key.changes_result && key.group != KeyGroup::display)))
             key.commands |= command_budget;
-    }
+    keys_of({"set", "display", "threads", "memory", "source", "temp-dir", "keep-map", "no-cull", "wedges", "config",
+             "quiet", "help"},
+            [](Key& key) { key.commands |= command_budget; });
+    keys_of({"scan-step", "scan-period"},  // of many pictures
+            [](Key& key) { key.commands &= ~static_cast<unsigned>(command_budget); });
     // What follows the echo image, and what the picture takes from the scene beside: the rest needs a new sweep.
     for (Key& key : keys) {
         if (key.after_echo || key.group == KeyGroup::errors) key.commands |= command_scope;
@@ -74,11 +55,6 @@ void add_commands(std::vector<Key>& keys) {
         if (key.group == KeyGroup::weather) key.needs_sweep = "what is lost on the way is in every piece of the echo";
         if (key.group == KeyGroup::antenna) key.needs_sweep = "the pattern in elevation weighs every piece of ground";
     }
-    const auto keys_of = [&](std::initializer_list<const char*> names, const auto& change) {
-        for (const char* name : names)
-            for (Key& key : keys)
-                if (key.name == name) change(key);
-    };
     keys_of({"heading",   "sector",    "azimuth-bins",    "range-bin", "pulse",      "noise-figure",
              "bandwidth", "beam",      "azimuth-pattern", "display",   "threads",    "memory",
              "output",    "power",     "states",          "report",    "power-unit", "of",

@@ -107,10 +107,9 @@ void add_position(Table& t) {
           "0deg", "clockwise from north");
 
     {
-        Key& track =
-            t.add("track", path([](auto& s) -> auto& { return s.track; }), "",
-                  "CSV table of times, positions, altitudes and headings, instead of one of each: a picture a row, "
-                  "numbered scope_0001.png and so on; - is standard input");
+        Key& track = t.add("track", path([](auto& s) -> auto& { return s.track; }), "",
+                           "CSV table of times, positions, altitudes and headings, instead of one of each: a picture a "
+                           "row, numbered scope_0001.png and so on; - is standard input");
         track.exclusive = Exclusive::track;
         track.changes_result = false;
     }
@@ -194,8 +193,8 @@ void add_look(Table& t) {
           number(
               between("1", "64"), [](auto& s) -> auto& { return s.scene.spoke_lead; }, "auto"),
           "auto",
-          "spokes double where a line this many times as far off needs it: few then share a parent's horizon; auto: "
-          "as the quality says");
+          "spokes double where a line this many times as far off needs it: few then share a parent's horizon; auto: as "
+          "the quality says");
     t.add("crossings",
           choice<std::optional<bool>>(
               {{"on", true}, {"off", false}}, [](auto& s) -> auto& { return s.scene.crossings; }, "auto"),
@@ -209,13 +208,12 @@ void add_look(Table& t) {
           "auto", "how the surface runs between two samples in a cell; auto: curved")
         .help_elsewhere = {
         {command_coverage, "how the surface runs between two samples in a cell; auto: curved as far as 64 posts"}};
-    t.add(
-        "refine",
-        choice<bool>(
-            {{"on", true}, {"off", false}}, [](auto& s) -> auto& { return s.scene.refine; }),
-        "on",
-        "azimuth bins that every other spoke alone would draw differently are swept again with twice the spokes, up to "
-        "three times: glimpses of crests out of shadows; not with spokes-per-bin or spokes-per-post");
+    t.add("refine",
+          choice<bool>(
+              {{"on", true}, {"off", false}}, [](auto& s) -> auto& { return s.scene.refine; }),
+          "on",
+          "azimuth bins that every other spoke alone would draw differently are swept again with twice the spokes, up "
+          "to three times: glimpses of crests out of shadows; not with spokes-per-bin or spokes-per-post");
     t.add("detail",
           choice<bool>(
               {{"auto", true}, {"off", false}}, [](auto& s) -> auto& { return s.scene.detail; }),
@@ -251,27 +249,26 @@ void add_coverage(Table& t) {
             key.commands = command_coverage;
             key.in_scene_file = false;
         };
-        coverage_only(t.add("layer",
-                            choice<CoverageLayer>(
-                                {{"mask", CoverageLayer::mask},
-                                 {"states", CoverageLayer::states},
-                                 {"height", CoverageLayer::height},
-                                 {"range", CoverageLayer::range},
-                                 {"grazing", CoverageLayer::grazing},
-                                 {"depression", CoverageLayer::depression},
-                                 {"response", CoverageLayer::response}},
-                                [](auto& s) -> auto& { return s.coverage.layer; }),
-                            "mask",
-                            "seen or not; 0 no data, 1 shadow, 2 seen, 3 unknown, 4 outside; metres to be raised to be "
-                            "seen; slant range, m; ray to ground, deg; below the horizontal, deg; what a radar gets of "
-                            "each post, dBm"));
+        coverage_only(t.add(
+            "layer",
+            choice<CoverageLayer>(
+                {{"mask", CoverageLayer::mask},
+                 {"states", CoverageLayer::states},
+                 {"height", CoverageLayer::height},
+                 {"range", CoverageLayer::range},
+                 {"grazing", CoverageLayer::grazing},
+                 {"depression", CoverageLayer::depression},
+                 {"response", CoverageLayer::response}},
+                [](auto& s) -> auto& { return s.coverage.layer; }),
+            "mask",
+            "seen or not; 0 no data, 1 shadow, 2 seen, 3 unknown, 4 outside; metres to be raised to be seen; slant "
+            "range, m; ray to ground, deg; below the horizontal, deg; what a radar gets of each post, dBm"));
         {
-            Key& observers = t.add(
-                "observers", path([](auto& s) -> auto& { return s.observers; }), "",
-                "many sensors instead of one: the points of a vector file, or of a CSV table (a track and a pipe are "
-                "one; - is standard input), with fields height (above ground) or altitude (above the sea), range, "
-                "heading where the options do not say "
-                "it for all; OUT holds how many of them see each post, 65535 where there is no data");
+            Key& observers = t.add("observers", path([](auto& s) -> auto& { return s.observers; }), "",
+                                   "many sensors instead of one: the points of a vector file, or of a CSV table (a "
+                                   "track and a pipe are one; - is standard input), with fields height (above ground) "
+                                   "or altitude (above the sea), range, heading where the options do not say it for "
+                                   "all; OUT holds how many of them see each post, 65535 where there is no data");
             coverage_only(observers);
             observers.exclusive = Exclusive::place;
             observers.changes_result = false;
@@ -367,10 +364,9 @@ void add_antenna(Table& t) {
               {{"gaussian", AzimuthPattern::gaussian}, {"uniform", AzimuthPattern::uniform}},
               [](auto& s) -> auto& { return s.scene.radar.antenna.azimuth; }),
           "gaussian", "shape of the beam in azimuth");
-    t.add(
-        "antenna", antenna_choice(), "csc2",
-        "shape of the pattern in elevation: a law, or a CSV file of lines depression_deg,gain_db (then knee, width and "
-        "exponent play no part)");
+    t.add("antenna", antenna_choice(), "csc2",
+          "shape of the pattern in elevation: a law, or a CSV file of lines depression_deg,gain_db (then knee, width "
+          "and exponent play no part)");
     t.add("antenna-knee",
           quantity(
               angle, between("-90deg", "90deg"), [](auto& s) -> auto& { return s.scene.radar.antenna.knee; }),
@@ -418,8 +414,7 @@ void add_ground(Table& t) {
               angle, between("-360deg", "360deg"), [](auto& s) -> auto& { return s.scene.wind_from; }, "none"),
           "none",
           "azimuth that the wind blows from, clockwise from north, for nrl: the sea returns most upwind; none: the "
-          "mean over "
-          "all directions");
+          "mean over all directions");
     t.add("far-shore", on_off([](auto& s) -> auto& { return s.scene.far_shore; }), "off",
           "banks and walls that rise behind water are lit by way of its mirror too, as far as sea-state leaves one");
     t.add("walls",
@@ -428,8 +423,7 @@ void add_ground(Table& t) {
               [](auto& s) -> auto& { return s.scene.walls; }),
           "resolved",
           "those that culture heights make; or, of classes whose table gives structures finer than a post, their mean, "
-          "which also "
-          "raises the ground by the share that they cover");
+          "which also raises the ground by the share that they cover");
     t.add("gamma",
           quantity(
               decibel, between("-100dB", "100dB"), [](auto& s) -> auto& { return s.scene.gamma; }, "off"),
@@ -543,8 +537,8 @@ void add_errors(Table& t) {
           count(
               0, 10000, [](auto& s) -> auto& { return s.scene.receiver.speckle_looks; }),
           "0",
-          "fluctuation of the ground's echo, averaged over so many looks, of which each costs a pass "
-          "over the picture's cells; 0: none");
+          "fluctuation of the ground's echo, averaged over so many looks, of which each costs a pass over the "
+          "picture's cells; 0: none");
     t.add("seed", seed(), "1", "of noise and speckle; each frame of a track takes one more than the one before");
 }
 
@@ -575,10 +569,9 @@ void add_display(Table& t) {
               {{"north", Orientation::north}, {"heading", Orientation::heading}},
               [](auto& s) -> auto& { return s.scene.display.orientation; }),
           "north", "what is up");
-    t.add(
-        "centre", tube_centre(), "auto",
-        "where the sensor stands on a square tube, in halves of its side from the middle to the right and up (0,-0.9: "
-        "near the bottom); auto: the frame fits the sector");
+    t.add("centre", tube_centre(), "auto",
+          "where the sensor stands on a square tube, in halves of its side from the middle to the right and up "
+          "(0,-0.9: near the bottom); auto: the frame fits the sector");
     t.add("rings", on_off([](auto& s) -> auto& { return s.scene.display.rings; }), "on",
           "range rings, and ticks each 10 degrees at the rim");
     t.add(
@@ -597,15 +590,14 @@ void add_display(Table& t) {
               [](auto& s) -> auto& { return s.scene.display.pixel_fill; }),
           "interpolate",
           "pixels between cells: interpolated; each cell on one pixel, and holes filled from the pixels round them; "
-          "holes "
-          "left black");
+          "holes left black");
     t.add("alpha", on_off([](auto& s) -> auto& { return s.scene.display.alpha; }), "off",
           "an alpha channel, transparent where the data base has no data");
     t.add("legend", on_off([](auto& s) -> auto& { return s.scene.display.legend; }), "off",
           "a panel with text beside the picture (needs the program wedgescope_picture)")
         .help_elsewhere = {{command_scope,
-                            "a panel with text beside the picture (needs the program "
-                            "wedgescope_picture, and a scene file that names the data base)"}};
+                            "a panel with text beside the picture (needs the program wedgescope_picture, and a scene "
+                            "file that names the data base)"}};
 }
 
 void add_run(Table& t) {
@@ -636,10 +628,9 @@ void add_run(Table& t) {
         size.in_scene_file = false;
     }
     {
-        Key& k =
-            t.add("around", other_place(&Settings::around), "",
-                  "also keep the terrain sorted into wedges round this point, for scenes from there; FOLDER alone: of "
-                  "a store that stands");
+        Key& k = t.add("around", other_place(&Settings::around), "",
+                       "also keep the terrain sorted into wedges round this point, for scenes from there; FOLDER "
+                       "alone: of a store that stands");
         k.commands = command_tile;
         k.in_scene_file = false;
     }
@@ -648,11 +639,10 @@ void add_run(Table& t) {
             key.commands = command_tile;
             key.in_scene_file = false;
         };
-        tile_only(
-            t.add("features", path([](auto& s) -> auto& { return s.features; }), "",
-                  "vector file of points, lines and areas that are burnt over culture and culture-height, or make "
-                  "them: fields material (a word, or a code of features-legend) or SMC, height or HGT, metres, and "
-                  "directivity (omni, uni, bi) with axis, degrees from north"));
+        tile_only(t.add("features", path([](auto& s) -> auto& { return s.features; }), "",
+                        "vector file of points, lines and areas that are burnt over culture and culture-height, or "
+                        "make them: fields material (a word, or a code of features-legend) or SMC, height or HGT, "
+                        "metres, and directivity (omni, uni, bi) with axis, degrees from north"));
         tile_only(t.add(
             "directivity", path([](auto& s) -> auto& { return s.directivity; }), "",
             "raster on culture's grid of the side that reflects, in place of the class' own: 0 to 359 the azimuth of "
@@ -686,10 +676,9 @@ void add_run(Table& t) {
           "no bit of the result");
     t.add("temp-dir", path([](auto& s) -> auto& { return s.temp_dir; }), "",
           "folder for what does not fit into memory; without it CPL_TMPDIR, TMPDIR or /tmp");
-    t.add(
-        "keep-map", flag([](auto& s) -> auto& { return s.keep_map; }), "off",
-        "keep what is found of a plain raster's ground (bounds and detail by block) beside it, as RASTER.ground: later "
-        "runs read less; changes no bit of the result");
+    t.add("keep-map", flag([](auto& s) -> auto& { return s.keep_map; }), "off",
+          "keep what is found of a plain raster's ground (bounds and detail by block) beside it, as RASTER.ground: "
+          "later runs read less; changes no bit of the result");
     t.add("no-cull", flag([](auto& s) -> auto& { return s.no_cull; }), "off",
           "read and sweep also what is known to stay hidden; changes no bit of the result");
 }
@@ -721,10 +710,9 @@ void add_output(Table& t) {
     t.add("echo", path([](auto& s) -> auto& { return s.echo; }), "",
           "echo image, watts, and states, before beam and pulse");
     t.add("power", path([](auto& s) -> auto& { return s.power; }), "", "power image, after beam and pulse");
-    t.add(
-        "power-stack", path([](auto& s) -> auto& { return s.power_stack; }), "",
-        "of a track: the power images of all frames in one GeoTIFF, a band each, beside or instead of numbered files; "
-        "all must have as many bins");
+    t.add("power-stack", path([](auto& s) -> auto& { return s.power_stack; }), "",
+          "of a track: the power images of all frames in one GeoTIFF, a band each, beside or instead of numbered "
+          "files; all must have as many bins");
     t.add("states", path([](auto& s) -> auto& { return s.states; }), "",
           "0 no data, 1 shadow, 2 seen, 3 unknown, 4 outside");
     t.add(
@@ -743,9 +731,8 @@ void add_output(Table& t) {
     t.add("of", word_of("DRIVER", &Settings::driver), "",
           "GDAL driver of the picture, or of the other rasters where no picture is written; else by the file's "
           "extension")
-        .help_elsewhere = {{command_coverage,
-                            "GDAL driver of the output, one that writes tile by tile; else by the "
-                            "file's extension"}};
+        .help_elsewhere = {
+        {command_coverage, "GDAL driver of the output, one that writes tile by tile; else by the file's extension"}};
     {
         Key& co = t.add("co", creation(), "", "creation option of that driver; may be repeated");
         co.repeatable = true;

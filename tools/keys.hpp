@@ -1,7 +1,7 @@
 // Keys: the one table of them. The command line's options, the scene file's keys, `wedgescope help`, the messages and
 // the JSON of all parameters are made from it, so none can say what another does not.
 // Leaves units to units.hpp, how a value is read and written to codec.hpp and key_values.hpp, which other commands take a key
-// to key_commands.hpp, and reading a command line or a file to options.hpp.
+// to key_commands.hpp, and reading a command line or a file to command_line.hpp and key_file.hpp.
 #pragma once
 #include <functional>
 #include <optional>

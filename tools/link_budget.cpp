@@ -15,6 +15,7 @@
 #include "tools/help.hpp"
 #include "tools/options.hpp"
 #include "tools/scene_json.hpp"
+#include "tools/settings_check.hpp"
 #include "tools/terminal.hpp"
 
 namespace wedgescope {
@@ -30,7 +31,7 @@ struct Line {
     bool part = false;  ///< of the line above
 };
 
-constexpr const char *decibel = "dB", *dbm = "dBm", *dbsm = "dBsm";
+constexpr const char *decibel = "dB", *dbm_unit = "dBm", *dbsm = "dBsm";
 
 std::optional<double> in_db(double ratio) {
     if (!(ratio > 0)) return std::nullopt;
@@ -71,7 +72,7 @@ std::vector<Line> lines(const LinkBudget& b, const ResolvedScene& s, const Mater
                    : std::nullopt,
             decibel, on ? std::move(note) : "none");
     };
-    add("transmitter", in_dbm(b.transmit_w), dbm, watts(b.transmit_w));
+    add("transmitter", in_dbm(b.transmit_w), dbm_unit, watts(b.transmit_w));
     add("antenna gain", in_db(b.gain), decibel, fmt::format("both ways, {:.6g} dB each", radar.gain.db()));
     add("wavelength", in_db(b.wavelength_m2), dbsm,
         fmt::format("lambda^2 / (4 pi)^3, lambda {:.4f} m", radar.wavelength_m()));
@@ -104,10 +105,10 @@ std::vector<Line> lines(const LinkBudget& b, const ResolvedScene& s, const Mater
     factor("rain", b.rain, weather.rain_mm_h > 0, fmt::format("both ways, {:.6g} mm/h", weather.rain_mm_h));
     factor("cloud", b.cloud, weather.liquid_water_g_m3 > 0,
            fmt::format("both ways, {:.6g} g/m3", weather.liquid_water_g_m3));
-    add("echo", in_dbm(b.echo_w), dbm, "of the ground: transmitter to cloud, added");
-    add("rain echo", in_dbm(b.rain_echo_w), dbm, b.rain_echo_w > 0 ? "of the rain itself; adds in watts" : "none");
-    add("power", in_dbm(b.power_w), dbm, fmt::format("{:.6g} W, as in simulate --power", b.power_w));
-    add("noise", in_dbm(b.noise_w), dbm,
+    add("echo", in_dbm(b.echo_w), dbm_unit, "of the ground: transmitter to cloud, added");
+    add("rain echo", in_dbm(b.rain_echo_w), dbm_unit, b.rain_echo_w > 0 ? "of the rain itself; adds in watts" : "none");
+    add("power", in_dbm(b.power_w), dbm_unit, fmt::format("{:.6g} W, as in simulate --power", b.power_w));
+    add("noise", in_dbm(b.noise_w), dbm_unit,
         fmt::format("k T0 B F, {:.6g} MHz, {:.6g} dB; adds in watts", radar.noise_bandwidth_hz() * 1e-6,
                     radar.noise_figure.db()));
     add("fluctuation", in_db(b.fluctuation), decibel,
@@ -117,11 +118,11 @@ std::vector<Line> lines(const LinkBudget& b, const ResolvedScene& s, const Mater
                   receiver.speckle_looks > 0 ? fmt::format("of {} looks", receiver.speckle_looks) : std::string("off"),
                   receiver.noise ? "on" : "off", receiver.seed)
             : std::string("none"));
-    add("received", b.blanked ? std::nullopt : std::optional(b.received_dbm), dbm,
+    add("received", b.blanked ? std::nullopt : std::optional(b.received_dbm), dbm_unit,
         b.blanked ? fmt::format("the receiver opens at {:.1f} m", minimum_range_m(s)) : std::string());
     add("STC", b.stc_db > 0 ? -b.stc_db : 0, decibel,
         receiver.stc_range_m ? fmt::format("at {:.1f} m", b.slant_range_m) : std::string("none"));
-    add("MDS", b.mds_dbm, dbm, receiver.mds_dbm ? "as given" : "the noise");
+    add("MDS", b.mds_dbm, dbm_unit, receiver.mds_dbm ? "as given" : "the noise");
     add("above MDS", b.blanked ? std::nullopt : std::optional(b.received_dbm - b.stc_db - b.mds_dbm), decibel,
         "received and STC, less MDS");
     add("IF gain", receiver.if_gain.db() - if_gain_reference.db(), decibel,

@@ -3,7 +3,7 @@
 #include <fmt/format.h>
 
 #include "tools/help.hpp"
-#include "tools/options.hpp"
+#include "tools/near_words.hpp"
 
 namespace wedgescope {
 
@@ -34,8 +34,7 @@ const Model& model_by_name(std::string_view name) {
             if (model.name == name) return model;
             names.push_back(model.name);
         }
-    const auto near = nearest(name, names);
-    throw InputError(text("unknown model ", in_quotes(name), near ? text("; did you mean ", *near, "?") : std::string(),
+    throw InputError(text("unknown model ", in_quotes(name), suggestion(name, names),
                           " (wedgescope evaluate --list names them all)"));
 }
 

@@ -176,8 +176,7 @@ std::vector<Model> air_models() {
     return {
         {"standard-air",
          "temperature, pressure and water vapour of the reference atmosphere at a height; above 51 km' the law of 47 "
-         "km' goes "
-         "on, below -1 km the air is that of -1 km",
+         "km' goes on, below -1 km the air is that of -1 km",
          "physics 6.1 [V2: ITU-R P.835-6; above 51 km' and below -1 km P]",
          {number("h", "m", "height above sea level", -1000, 1e6),
           number("rho0", "g/m^3", "water vapour at sea level", 0, most_vapour_g_m3).by_default(normal_vapour_g_m3)},

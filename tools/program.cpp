@@ -9,8 +9,8 @@
 
 #include "lib/target.hpp"
 #include "tiles/gdal_session.hpp"
+#include "tools/command_table.hpp"
 #include "tools/commands.hpp"
-#include "tools/options.hpp"
 #include "tools/terminal.hpp"
 #include "tools/text_file.hpp"
 

@@ -1,5 +1,5 @@
 // Radar sets: the shipped ones, files of keys that are built into the program, so that a program moved elsewhere has them.
-// Leaves reading their lines, and the users' own files, to options.hpp.
+// Leaves reading their lines, and the users' own files, to key_file.hpp.
 #pragma once
 #include <string>
 #include <string_view>

@@ -17,15 +17,16 @@ std::optional<Legend> legend(const Settings& settings, const std::string& cultur
     const Materials& materials = settings.scene.materials;
     if (name.empty()) return std::nullopt;
     if (name != own_legend) return legend("culture-legend", name, materials);
-    if (culture.empty())
-        throw InputError("culture-legend is rat but there is no culture; the path of a culture raster is needed");
+    if (culture.empty()) refuse_legend_alone(name);
     return attribute_table_legend(culture, materials);
 }
 
 namespace {
 
+constexpr const char* built_in_legends = "fbfm40, nlcd, worldcover, smc";
+
 std::string csv_of(const char* key, const std::string& path) {
-    const std::string subject = text(key, " ", in_quotes(path), " is none of fbfm40, nlcd, worldcover, smc",
+    const std::string subject = text(key, " ", in_quotes(path), " is none of ", built_in_legends,
                                      key == std::string("culture-legend") ? ", rat" : "", " and, as a CSV file,");
     constexpr std::size_t most_mib = 16;  // many codes
     return text_of_file(subject, path, "it holds a line for each code", most_mib);
@@ -36,6 +37,16 @@ std::string csv_of(const char* key, const std::string& path) {
 Legend legend(const char* key, const std::string& name, const Materials& materials) {
     if (auto built_in = Legend::built_in(name)) return *built_in;
     return Legend::from_csv(name, csv_of(key, name), materials);
+}
+
+void refuse_legend_alone(const std::string& shown) {
+    throw InputError(
+        text("culture-legend is ", shown, " but there is no culture; the path of a culture raster is needed"));
+}
+
+void refuse_missing_legend(const char* given) {
+    throw InputError(
+        text(given, " without culture-legend; one of ", built_in_legends, ", rat or a CSV file is needed"));
 }
 
 std::string legend_path(const Settings& settings) {

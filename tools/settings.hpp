@@ -109,6 +109,11 @@ std::optional<Legend> legend(const Settings& settings, const std::string& cultur
 /// A built-in one or that of a CSV file; `key` is for messages.
 Legend legend(const char* key, const std::string& name, const Materials& materials);
 
+/// InputError. `shown`: the legend, as the message is to show it.
+[[noreturn]] void refuse_legend_alone(const std::string& shown);
+/// InputError. `given`: what needs a legend, such as "culture is given".
+[[noreturn]] void refuse_missing_legend(const char* given);
+
 /// Content of the CSV file that it names, or the raster's own legend as one; empty for a built-in one.
 std::string legend_csv(const Settings& settings);
 /// Path of the CSV file that it names; empty: none.

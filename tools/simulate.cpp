@@ -23,6 +23,7 @@
 #include "tools/run_files.hpp"
 #include "tools/run_records.hpp"
 #include "tools/scene_json.hpp"
+#include "tools/settings_check.hpp"
 #include "tools/terminal.hpp"
 #include "tools/track.hpp"
 

@@ -77,15 +77,14 @@ void check_store_name(const Settings& settings) {
 /// `sides`: out, classes with a side of their own.
 TileStoreParams store_params(const Settings& settings, Stop& stop, std::size_t& sides) {
     if (settings.around && settings.files.size() == 1)
-        throw InputError(text("tile --around: ", in_quotes(settings.files[0]),
-                              " is no tile store; accepted: a store that stands, or terrain rasters and, last, the "
-                              "folder to write"));
+        throw InputError(text(
+            "tile --around: ", in_quotes(settings.files[0]),
+            " is no tile store; accepted: a store that stands, or terrain rasters and, last, the folder to write"));
     if (settings.files.size() < 2)
         throw InputError(text("tile needs at least one terrain raster and, last, the folder to write; found ",
                               settings.files.size(), settings.files.size() == 1 ? " path" : " paths"));
     if (!settings.culture_legend.empty() && settings.culture.empty())
-        throw InputError(text("culture-legend is ", in_quotes(settings.culture_legend),
-                              " but there is no culture; the path of a culture raster is needed"));
+        refuse_legend_alone(in_quotes(settings.culture_legend));
     const auto refuse_store = [](const std::string& path, const char* layer) {
         if (is_tile_store(path))
             throw InputError(text(in_quotes(path), " is a tile store; accepted: rasters, such as ",
@@ -104,10 +103,7 @@ TileStoreParams store_params(const Settings& settings, Stop& stop, std::size_t& 
                                       : "features-legend",
                               " is given without features; the path of a vector file is needed"));
     if (!settings.culture.empty() && settings.culture_legend.empty() && !settings.features.empty())
-        throw InputError(
-            "culture and features are given without culture-legend; one of fbfm40, nlcd, worldcover, smc, rat or a CSV "
-            "file "
-            "is needed");
+        refuse_missing_legend("culture and features are given");
     TileStoreParams params;
     params.dems.assign(settings.files.begin(), settings.files.end() - 1);
     params.output = settings.files.back();
@@ -247,11 +243,11 @@ void tile(const std::vector<std::string>& arguments, Stop& stop) {
     if (settings.around) keep_around(settings, all, stop);
     if (!params.class_table.empty())
         remark(settings.quiet,
-               fmt::format("{} with a side of {} own, axes to {} deg: {}; scenes over the store take it as their "
-                           "class-table",
-                           sides == 1 ? "1 class" : text(sides, " classes"), sides == 1 ? "its" : "their",
-                           params.sides ? params.sides->axis_step_deg : params.features->axis_step_deg,
-                           in_quotes(store_classes(params.output))));
+               fmt::format(
+                   "{} with a side of {} own, axes to {} deg: {}; scenes over the store take it as their class-table",
+                   sides == 1 ? "1 class" : text(sides, " classes"), sides == 1 ? "its" : "their",
+                   params.sides ? params.sides->axis_step_deg : params.features->axis_step_deg,
+                   in_quotes(store_classes(params.output))));
     tell(settings, summary, now_s() - start_s);
 }
 

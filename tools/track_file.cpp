@@ -32,8 +32,7 @@ constexpr TableColumn columns[] = {{time_field, "time", "s", Dimension::time},
                                    {heading_field, "heading", "deg", Dimension::angle}};
 constexpr const char* accepted_columns =
     "time, lat and lon or x and y, one of altitude-msl (or altitude), altitude-agl (or height) and altitude-hae, and "
-    "heading, with a unit in "
-    "brackets where it is not s, m or deg";
+    "heading, with a unit in brackets where it is not s, m or deg";
 
 void check_columns(const TableReader& table) {
     if (!table.has(time_field)) table.refuse_header("no column is time");

@@ -101,7 +101,7 @@ std::optional<Head> leading_number(std::string_view token) {
     return head;
 }
 
-/// digits x 10^exponent, rounded once.
+/// digits x 10^exponent, rounded once. The digits fit a double and are not 0, which bounds their own exponent.
 std::optional<double> shifted(std::string_view digits, int exponent) {
     std::string number(digits);
     long own = 0;
@@ -120,7 +120,7 @@ std::optional<double> shifted(std::string_view digits, int exponent) {
 std::optional<double> in_si(const Unit& unit, const Head& head) {
     if (!head.fits) return std::nullopt;
     std::optional<double> value = head.value;
-    if (unit.exponent != 0) value = shifted(head.digits, unit.exponent);
+    if (unit.exponent != 0 && head.value != 0) value = shifted(head.digits, unit.exponent);
     if (!value) return std::nullopt;
     *value = unit.logarithmic ? std::pow(10.0, 0.1 * (*value + unit.offset)) : *value * unit.factor + unit.offset;
     if (!std::isfinite(*value)) return std::nullopt;
