@@ -38,10 +38,11 @@ TEST_CASE("coverage says how the sensor stands to the terrain, as simulate does"
 
 TEST_CASE("a lowest height that is a usual no-data value is remarked on", "[cli][long]") {
     const Folder folder;
-    const auto terrain = [&](const std::string& name, const std::string& lowest, const std::string& no_data) {
+    const auto terrain = [&](const std::string& name, const std::string& lowest, const std::string& no_data,
+                             int voids = 5) {
         std::string text =
             "ncols 40\nnrows 40\nxllcorner 465000\nyllcorner 3750000\ncellsize 30\nNODATA_value " + no_data + "\n";
-        for (int post = 0; post < 1600; ++post) text += (post < 5 ? lowest : "100.5") + " ";
+        for (int post = 0; post < 1600; ++post) text += (post < voids ? lowest : "100.5") + " ";
         return folder.write(name, text);
     };
     const auto said = [&](const Strings& words) {
@@ -68,6 +69,12 @@ TEST_CASE("a lowest height that is a usual no-data value is remarked on", "[cli]
         remarked({"simulate", "--dem", "dem.store", "-o", "scope.png", "--geometry", "grid", "--xy", "465600,3750600",
                   "--altitude-agl", "30m", "--range", "300m", "--size", "64", "--overwrite"},
                  "RASTER");
+        // Of a raster without a block map by some of what was loaded.
+        terrain("pits.asc", lowest, "-1", 400);
+        remarked(coverage_of("pits.asc"), "'pits.asc'");
+        remarked({"simulate", "--dem", "pits.asc", "-o", "scope.png", "--geometry", "grid", "--xy", "465600,3750600",
+                  "--altitude-agl", "30m", "--range", "900m", "--size", "64", "--overwrite"},
+                 "'pits.asc'");
     }
     const auto silent = [&](const Strings& words) { CHECK_THAT(said(words), !Contains("a usual no-data value")); };
     terrain("dem.asc", "-9999", "-9999");
@@ -76,6 +83,7 @@ TEST_CASE("a lowest height that is a usual no-data value is remarked on", "[cli]
         silent({"info", dem});
         silent({"tile", dem, "dem.store", "--overwrite"});
         silent(coverage_of("dem.store"));
+        silent(coverage_of(dem));
     }
 }
 

@@ -4,11 +4,15 @@
 #include <gdal_priv.h>
 
 #include <algorithm>
+#include <array>
 #include <filesystem>
 #include <fstream>
+#include <limits>
 #include <memory>
+#include <optional>
 
 #include "tests/drawn_raster.hpp"
+#include "tests/json.hpp"
 #include "tests/program.hpp"
 #include "tests/words.hpp"
 
@@ -237,6 +241,66 @@ TEST_CASE("counts and layers in files that would not read back as they are", "[o
     REQUIRE(
         run(folder, {"tile", folder / "dem.tif", folder / "store", "--co", "COMPRESS=DEFLATE", "--co", big[1]}).code ==
         0);
+}
+
+TEST_CASE("a layer that its driver would put elsewhere is refused, one that it puts nowhere remarked on",
+          "[output_formats]") {
+    const Folder folder;
+    const auto draw_terrain = [&](bool south_up) {
+        Drawing d;
+        d.columns = 64;
+        d.rows = 48;
+        d.value = [](int column, int row) { return column == 40 ? 50.0 : row; };
+        const double north = 3755000, south = north - 48 * 30;
+        d.geotransform = {{465000, 30, 0, south_up ? south : north, 0, south_up ? 30.0 : -30.0}};
+        draw(folder / "dem.tif", d);
+    };
+    const auto says = [&](const std::string& name, const Words& more = {}) {
+        return run_program(with({program}, coverage_of(folder, name, with(more, {"--overwrite"}))), folder / "log");
+    };
+    draw_terrain(true);
+    for (const char* name : {"x.bil", "x.rst", "x.ers", "x.sdat"}) {
+        const Ended ended = says(name);
+        INFO(ended.err);
+        CHECK(ended.code == 2);
+        CHECK_THAT(ended.err, Contains(name) && Contains("would lie elsewhere than the terrain, whose rows run north"));
+        CHECK_FALSE(std::filesystem::exists(folder / name));
+    }
+    const auto lies_right = [&](const std::string& name) {
+        const Ended ended = says(name);
+        INFO(ended.err);
+        CHECK(ended.code == 0);
+        CHECK_THAT(ended.err, !Contains("does not keep its place"));
+        std::array<double, 6> own{}, terrain{};
+        const std::unique_ptr<GDALDataset, CloseIt> made(GDALDataset::Open((folder / name).c_str())),
+            dem(GDALDataset::Open((folder / "dem.tif").c_str()));
+        REQUIRE((made && dem));
+        REQUIRE(made->GetGeoTransform(own.data()) == CE_None);
+        REQUIRE(dem->GetGeoTransform(terrain.data()) == CE_None);
+        CHECK(own == terrain);
+    };
+    for (const char* name : {"a.tif", "a.img"}) lies_right(name);
+    draw_terrain(false);
+    for (const char* name : {"b.bil", "b.rst", "b.ers", "b.sdat", "b.img"}) lies_right(name);
+    const Ended ended = says("b.vic", {"--of", "VICAR"});
+    CHECK(ended.code == 0);
+    CHECK_THAT(ended.err, Contains("b.vic' is written by driver VICAR, which does not keep its place"));
+}
+
+TEST_CASE("info tells a no-data value that is no number from none", "[output_formats]") {
+    const Folder folder;
+    Drawing d;
+    const auto told = [&](std::optional<double> no_data) {
+        d.no_data = no_data;
+        draw(folder / "dem.tif", d);
+        const pid_t info = start({program, "info", "--json", folder / "dem.tif"}, folder / "log", folder / "out");
+        REQUIRE(wait_for(info, folder / "log").code == 0);
+        return json_in(folder / "out")["files"][0]["no_data"].dump();
+    };
+    CHECK(told(std::nullopt) == "null");
+    CHECK(told(-1) == "-1.0");
+    CHECK(told(std::numeric_limits<double>::quiet_NaN()) == "\"NaN\"");
+    CHECK(told(-std::numeric_limits<double>::infinity()) == "\"-Infinity\"");
 }
 
 TEST_CASE("a power image in a file that changes it or forgets its scene is remarked on", "[output_formats]") {
