@@ -24,7 +24,8 @@ struct Fact {
     std::string value;  ///< numbers in the shortest form that reads back the same
     friend bool operator==(const Fact&, const Fact&) = default;
 };
-/// All that the echo of a scene depends on, beside what the posts and culture cells hold: the same list, the same bits.
+/// All that the echo of a scene depends on, beside what the posts and culture cells hold: the same list, the same bits of one
+/// echo_revision.
 /// Nothing that comes after the echo (receiver, tube, noise) and nothing that only splits the work is in it.
 std::vector<Fact> echo_facts(const ResolvedScene& scene, const DataBase& data_base);
 

@@ -574,7 +574,37 @@ void check_values(GDALDriver& driver, const CPLStringList& options, const Raster
 
 enum class PlaceBack { kept, lost, elsewhere };
 
-/// Of a raster of trial cells: where its own cells lie, rows turned with their place or not.
+/// Of the first cell and behind the last one.
+using Corners = std::array<std::array<double, 2>, 2>;
+Corners corners(const std::array<double, 6>& place, int side) {
+    const auto at = [&](double n) {
+        return std::array{place[0] + n * (place[1] + place[2]), place[3] + n * (place[4] + place[5])};
+    };
+    return {at(0), at(side)};
+}
+
+/// Within half a post: what digits of a text lose does not show.
+bool lie_together(const Corners& own, const Corners& meant, int side) {
+    for (std::size_t axis = 0; axis < 2; ++axis) {
+        const double half_post = 0.5 * std::abs(meant[1][axis] - meant[0][axis]) / side;
+        for (std::size_t i = 0; i < 2; ++i)
+            if (!(std::abs(own[i][axis] - meant[i][axis]) <= half_post)) return false;
+    }
+    return true;
+}
+
+/// Longitudes and latitudes of the CRS's own datum.
+bool to_degrees(const OGRSpatialReference& crs, Corners& corners) {
+    OGRSpatialReference from(crs);
+    const std::unique_ptr<OGRSpatialReference> to(from.CloneGeogCS());
+    if (!to) return false;
+    for (OGRSpatialReference* one : {&from, to.get()}) one->SetAxisMappingStrategy(OAMS_TRADITIONAL_GIS_ORDER);
+    const std::unique_ptr<OGRCoordinateTransformation> way(OGRCreateCoordinateTransformation(&from, to.get()));
+    return way && std::all_of(corners.begin(), corners.end(),
+                              [&](auto& corner) { return way->Transform(1, &corner[0], &corner[1]) != 0; });
+}
+
+/// Of a raster of trial cells: do these lie where they should, rows turned with their place or not, in another CRS or not?
 PlaceBack place_of(GDALDataset& dataset, const RasterContent& wanted, const std::vector<std::uint8_t>& cells) {
     constexpr int side = TrialCells::side;
     std::array<double, 6> found{};
@@ -584,15 +614,19 @@ PlaceBack place_of(GDALDataset& dataset, const RasterContent& wanted, const std:
     std::vector<std::uint8_t> turned;
     for (int row = side; row-- > 0;)
         turned.insert(turned.end(), cells.begin() + row * side, cells.begin() + (row + 1) * side);
-    if (are_in_band(dataset, turned, GDT_Byte, side)) {
+    if (!are_in_band(dataset, cells, GDT_Byte, side) && are_in_band(dataset, turned, GDT_Byte, side)) {
         place[3] += side * place[5];
         place[5] = -place[5];
     }
-    const double a_post = std::max(std::abs(place[1]), std::abs(place[5]));
-    // Of a whole raster's corner a few digits may be lost, not as much as shows.
-    for (std::size_t i = 0; i < place.size(); ++i)
-        if (std::abs(found[i] - place[i]) > (i % 3 ? 1e-5 : 1e-2) * a_post) return PlaceBack::elsewhere;
-    return PlaceBack::kept;
+    Corners own = corners(found, side), meant = corners(place, side);
+    if (lie_together(own, meant, side)) return PlaceBack::kept;
+    // Some write in a CRS of their own.
+    const OGRSpatialReference* const crs = dataset.GetSpatialRef();
+    OGRSpatialReference wanted_crs;
+    if (!crs || wanted.crs.empty() || wanted_crs.importFromWkt(wanted.crs.c_str()) != OGRERR_NONE ||
+        !to_degrees(*crs, own) || !to_degrees(wanted_crs, meant))
+        return PlaceBack::elsewhere;
+    return lie_together(own, meant, side) ? PlaceBack::kept : PlaceBack::elsewhere;
 }
 
 }  // namespace
@@ -606,7 +640,7 @@ std::string place_losses(const RasterContent& wanted, const OutputFile& file, co
     const std::string& final_path = file.final_path();
     if (!wanted.geotransform || (is_geotiff(final_path, format) && format.creation.empty())) return {};
     GDALDriver& driver = driver_for(final_path, wanted.type, format);
-    const TrialCells trial(wanted.codes.empty() ? std::vector<std::uint8_t>{3, 200} : wanted.codes);
+    const TrialCells trial({3, 200});
     std::vector<std::uint64_t> cells(trial.cells.size());  // of the widest type
     GDALCopyWords64(trial.cells.data(), GDT_Byte, 1, cells.data(), wanted.type, GDALGetDataTypeSizeBytes(wanted.type),
                     static_cast<GPtrDiff_t>(trial.cells.size()));

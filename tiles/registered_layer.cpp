@@ -53,7 +53,7 @@ std::string quoted(const std::string& word) {
 std::string no_data_words(const RasterFacts& layer) {
     const bool is_unsigned = (layer.type == GDT_Byte && !layer.signed_byte) || layer.type == GDT_UInt16 ||
                              layer.type == GDT_UInt32 || layer.type == GDT_UInt64;
-    if (layer.signed_byte) return " -dstnodata -128";
+    if (layer.signed_byte || (layer.type_bytes == 1 && layer.type != GDT_Byte)) return " -dstnodata -128";
     if (!is_unsigned) return " -dstnodata -32768";
     if (layer.role != "culture") return " -ot Int32 -dstnodata -32768";
     return layer.type == GDT_Byte ? " -dstnodata 255" : " -dstnodata 65535";

@@ -349,7 +349,7 @@ std::vector<Interval> WorkDir::recorded_split() { return replace_ ? std::vector<
 
 std::vector<Interval> WorkDir::record_split(const std::vector<Interval>& wedges) {
     if (!replace_ && !split_.empty()) return split_;
-    // One process at a time begins a run, or starts one over; who comes after it goes on with its.
+    // One process at a time begins a run, or starts one over that no longer fits; who comes after it goes on with its.
     const Descriptor folder(::open(path_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
     if (folder) claim(folder.get());
     if (replace_ && start_ != Start::over) {

@@ -32,7 +32,7 @@ public:
 
     /// The run that the folder is for.
     struct Run {
-        std::string version;      ///< of the program
+        std::string version;      ///< of the program, and of its echo
         std::vector<Fact> asked;  ///< keys that may change the echo, as given: to name what differs
         std::vector<Fact> facts;  ///< all that changes the echo, but for the content of posts and cells
         Interval azimuth_bins{};  ///< that its wedges cover; empty: not told

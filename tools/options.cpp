@@ -153,8 +153,11 @@ Settings parse_arguments(Command command, const std::vector<std::string>& argume
     const bool writes = command == command_coverage || (command == command_tile && files.size() > 1);
     std::vector<std::string> stores = files;
     if (writes && stores.size() > 1) stores.pop_back();  // tile --around may be given a store alone
-    // A store that info is only to tell of may be damaged.
-    if (taken != command_info) add_store_defaults(given, stores);
+    // A store that info is only to tell of may be damaged; a legend may name the classes of its table.
+    const bool only_told_of = taken == command_info && std::none_of(given.begin(), given.end(), [](const Given& one) {
+                                  return one.key == "culture-legend";
+                              });
+    if (!only_told_of) add_store_defaults(given, stores);
     Settings settings = settings_of(given);
     settings.files = files;
     return settings;
