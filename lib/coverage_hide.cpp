@@ -55,15 +55,8 @@ void Cover::look_at(const Chunk& chunk, Interval major, Interval minor, Blocks& 
         }
 }
 
-/// Judges the blocks of one row, of which `lines` are to come, by the horizons that the desk's spokes have now: these
-/// only rise, and a spoke between two never gets less than the lower of them. A block is hidden if its highest ground,
-/// with a target on it, stays below the spokes that come by, and those beside them: then no sample of it raises a
-/// horizon, and no post of it is seen. Heights from the lowest to the highest give the same answers then, so what is
-/// not read may have any of them. Leaves the groups of spokes that come by something else; `core`: the run's own spokes.
-void Cover::hide(const Side& side, Interval lines, std::int64_t major, Interval core, bool all_posts, Desk& desk) {
-    Blocks& blocks = desk.blocks;
-    const Spokes& s = desk.spokes;
-    const Quadrant q = side.quadrant;
+/// What blocks of a row are before any horizon hides them.
+void Cover::begin_row(std::int64_t major, bool all_posts, Blocks& blocks) const {
     for (std::int64_t j = blocks.minors.begin; j < blocks.minors.end; ++j)
         blocks.skip[blocks.at(major, j)] = blocks.bounds[blocks.at(major, j)].voids == Voids::all ? Skip::voids
                                            : all_posts                                            ? Skip::none
@@ -79,32 +72,16 @@ void Cover::hide(const Side& side, Interval lines, std::int64_t major, Interval 
     if (voids_)
         for (std::int64_t j = blocks.minors.begin; j < blocks.minors.end; ++j)
             if (beside_void(j)) blocks.skip[blocks.at(major, j)] = Skip::none;
-    const auto expose = [&](std::int64_t j) {
-        Skip& skip = blocks.skip[blocks.at(major, j)];
-        if (skip != Skip::voids) skip = Skip::none;
-    };
-    // A line more on either side, for the cells that reach into the row.
-    if (lines.begin < 1 || grid_.distance(q, lines.begin) < 3) {
-        for (std::int64_t j = blocks.minors.begin; j < blocks.minors.end; ++j) expose(j);
-        desk.groups = {{0, s.range.size() / knot}};
-        desk.touched.assign(static_cast<std::size_t>(s.range.size() / knot), blocks.minors);
-        return;
-    }
-    const LineForm near = form(side, grid_.distance(q, lines.begin) - 1),
-                   far = form(side, grid_.distance(q, lines.end - 1) + 1);
-    const std::int64_t growth = s.of / side.spokes.of, groups = s.range.size() / knot;
-    place_knots(side, far, {0, groups}, desk);
-    std::swap(desk.at, desk.far_at);
-    std::swap(desk.lift, desk.far_lift);
-    place_knots(side, near, {0, groups}, desk);
-    // Spokes beyond the fan are nobody's; nor are those that doublings brought beyond it, of which the last has one parent.
-    const Interval carried =
-        intersection({side.spokes.range.begin * growth, side.spokes.range.end * growth}, fan(side, s.of));
-    // Of the run's neighbours one group on either side counts: at a doubling those outside have only one parent.
-    const Interval counted =
-        intersection({(core.begin - s.range.begin) / knot - 1, (core.end - s.range.begin) / knot + 1}, {0, groups});
-    const auto first_from = [&](std::int64_t spoke) { return -floor_to(s.range.begin - spoke, knot) / knot; };
-    const Interval in_fan = intersection(counted, {first_from(carried.begin), first_from(carried.end)});
+}
+
+/// Which blocks stay below the spokes of each group that comes by, and which groups meet none that does not. Lines as in hide(), knots of
+/// the nearest and of the farthest in `desk`.
+void Cover::judge(const Side& side, const LineForm& near, Interval lines, std::int64_t major, Interval in_fan,
+                  Desk& desk) const {
+    Blocks& blocks = desk.blocks;
+    const Spokes& s = desk.spokes;
+    const Quadrant q = side.quadrant;
+    const std::int64_t groups = s.range.size() / knot;
     desk.least.resize(static_cast<std::size_t>(groups));
     least_of_groups(s.horizon.data(), desk.least.size(), desk.least.data());
     // Far above what float's rounding, and straight lines between knots, make of a tangent.
@@ -162,6 +139,11 @@ void Cover::hide(const Side& side, Interval lines, std::int64_t major, Interval 
         }
         desk.quiet[i] = quiet ? 1 : 0;
     }
+}
+
+/// Those that come by something else than hidden blocks, and those whose horizons nobody knows.
+void Cover::gather_groups(std::int64_t major, Interval counted, Interval in_fan, Desk& desk) {
+    const Blocks& blocks = desk.blocks;
     desk.groups.clear();
     for (std::int64_t g = counted.begin; g < counted.end; ++g) {
         const auto i = static_cast<std::size_t>(g);
@@ -176,6 +158,46 @@ void Cover::hide(const Side& side, Interval lines, std::int64_t major, Interval 
         else
             desk.groups.push_back({g, g + 1});
     }
+}
+
+/// Judges the blocks of one row, of which `lines` are to come, by the horizons that the desk's spokes have now: these
+/// only rise, and a spoke between two never gets less than the lower of them. A block is hidden if its highest ground,
+/// with a target on it, stays below the spokes that come by, and those beside them: then no sample of it raises a
+/// horizon, and no post of it is seen. Heights from the lowest to the highest give the same answers then, so what is
+/// not read may have any of them. Leaves the groups of spokes that come by something else; `core`: the run's own spokes.
+void Cover::hide(const Side& side, Interval lines, std::int64_t major, Interval core, bool all_posts, Desk& desk) {
+    Blocks& blocks = desk.blocks;
+    const Spokes& s = desk.spokes;
+    const Quadrant q = side.quadrant;
+    begin_row(major, all_posts, blocks);
+    const auto expose = [&](std::int64_t j) {
+        Skip& skip = blocks.skip[blocks.at(major, j)];
+        if (skip != Skip::voids) skip = Skip::none;
+    };
+    // A line more on either side, for the cells that reach into the row.
+    if (lines.begin < 1 || grid_.distance(q, lines.begin) < 3) {
+        for (std::int64_t j = blocks.minors.begin; j < blocks.minors.end; ++j) expose(j);
+        desk.groups = {{0, s.range.size() / knot}};
+        desk.touched.assign(static_cast<std::size_t>(s.range.size() / knot), blocks.minors);
+        return;
+    }
+    const LineForm near = form(side, grid_.distance(q, lines.begin) - 1),
+                   far = form(side, grid_.distance(q, lines.end - 1) + 1);
+    const std::int64_t growth = s.of / side.spokes.of, groups = s.range.size() / knot;
+    place_knots(side, far, {0, groups}, desk);
+    std::swap(desk.at, desk.far_at);
+    std::swap(desk.lift, desk.far_lift);
+    place_knots(side, near, {0, groups}, desk);
+    // Spokes beyond the fan are nobody's; nor are those that doublings brought beyond it, of which the last has one parent.
+    const Interval carried =
+        intersection({side.spokes.range.begin * growth, side.spokes.range.end * growth}, fan(side, s.of));
+    // Of the run's neighbours one group on either side counts: at a doubling those outside have only one parent.
+    const Interval counted =
+        intersection({(core.begin - s.range.begin) / knot - 1, (core.end - s.range.begin) / knot + 1}, {0, groups});
+    const auto first_from = [&](std::int64_t spoke) { return -floor_to(s.range.begin - spoke, knot) / knot; };
+    const Interval in_fan = intersection(counted, {first_from(carried.begin), first_from(carried.end)});
+    judge(side, near, lines, major, in_fan, desk);
+    gather_groups(major, counted, in_fan, desk);
 }
 
 /// Of the row of blocks that was judged last: posts along its lines that those which test themselves, and spokes that may be

@@ -330,6 +330,10 @@ private:
                           ChunkRequest& request);
     void look_at(const Chunk& chunk, Interval major, Interval minor, Blocks& blocks) const;
     void hide(const Side& side, Interval lines, std::int64_t major, Interval core, bool all_posts, Desk& desk);
+    void begin_row(std::int64_t major, bool all_posts, Blocks& blocks) const;
+    void judge(const Side& side, const LineForm& near, Interval lines, std::int64_t major, Interval in_fan,
+               Desk& desk) const;
+    static void gather_groups(std::int64_t major, Interval counted, Interval in_fan, Desk& desk);
     static Interval looked_at_part(std::int64_t row, const Desk& desk);
     static void part_row(std::int64_t row, Desk& desk);
     static void part_line(Interval posts, Desk& desk);

@@ -352,6 +352,7 @@ TEST_CASE("nothing of the data base is read, and a scene file that made the echo
             {"--culture is 'x.tif'", "new sweep"});
     refuses(folder, {"scope", echo, "--material", "water", "-o", png}, 2, {"--material is 'water'", "'soil'"});
     refuses(folder, {"scope", echo, "--echo", folder / "new.tif", "-o", png}, 2, {"--echo is simulate's alone"});
+    refuses(folder, {"scope", echo, "--timeline", folder / "t.json", "-o", png}, 2, {"--timeline is not for scope"});
     refuses(folder, {"scope", echo, "--work-dir", folder / "work", "-o", png}, 2, {"--work-dir is simulate's alone"});
 
     folder.make({"scope", echo, "-o", png, "--report", folder / "run.json", "-q"});

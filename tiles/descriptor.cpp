@@ -8,6 +8,8 @@
 #include <cerrno>
 #include <cstdio>
 
+#include "lib/error.hpp"
+
 namespace wedgescope {
 
 Descriptor::Descriptor(Descriptor&& other) noexcept : number_(std::exchange(other.number_, -1)) {}
@@ -64,6 +66,8 @@ Transfer read_all_at(int file, void* to, std::size_t count, std::uint64_t offset
         return ::pread(file, bytes + done, count - done, static_cast<off_t>(offset + done));
     });
 }
+
+std::string stream_reason() { return errno ? system_reason(errno) : "disk full?"; }
 
 int rename_new(const std::string& from, const std::string& to) noexcept {
     constexpr unsigned no_replacing = 1;

@@ -33,6 +33,9 @@ Transfer write_all_at(int file, const void* from, std::size_t count, std::uint64
 Transfer read_all(int file, void* to, std::size_t count) noexcept;
 Transfer read_all_at(int file, void* to, std::size_t count, std::uint64_t offset) noexcept;
 
+/// Why a stream could not be written, whose user cleared errno before: what that says, or that the disk may be full.
+std::string stream_reason();
+
 /// Gives a file or folder another name if nothing stands there; else EEXIST.
 int rename_new(const std::string& from, const std::string& to) noexcept;
 

@@ -293,8 +293,10 @@ SourceReport RasterSource::report() const {
 }
 
 void RasterSource::note_surface(const RawVector<float>& heights_m) {
+    constexpr std::size_t enough = 1024;
+    const std::size_t step = std::max(noted_step, heights_m.size() / enough | 1);
     float lowest = std::numeric_limits<float>::infinity();
-    for (std::size_t i = 0; i < heights_m.size(); i += noted_step) lowest = std::min(lowest, heights_m[i]);
+    for (std::size_t i = 0; i < heights_m.size(); i += step) lowest = std::min(lowest, heights_m[i]);
     for (float before = lowest_m_; lowest < before && !lowest_m_.compare_exchange_weak(before, lowest);) {
     }
 }

@@ -8,6 +8,7 @@
 
 #include "lib/error.hpp"
 #include "tiles/crs.hpp"
+#include "tiles/descriptor.hpp"
 #include "tiles/raster_writer.hpp"
 
 namespace wedgescope {
@@ -72,8 +73,7 @@ void write_side_file(const RasterContent& content, const Metadata& geolocation, 
     file << side_text(content, geolocation);
     file.close();
     if (file) return;
-    const std::string why = errno ? system_reason(errno) : "disk full?";
-    throw IoError(text("output '", final_path, "' cannot be written: ", why));
+    throw IoError(text("output '", final_path, "' cannot be written: ", stream_reason()));
 }
 
 }  // namespace wedgescope

@@ -210,8 +210,7 @@ private:
         buffer_.clear();
     }
     [[noreturn]] void fail() const {
-        throw IoError(text("output ", in_quotes(output_->final_path()),
-                           " cannot be written: ", errno ? system_reason(errno) : "disk full?"));
+        throw IoError(text("output ", in_quotes(output_->final_path()), " cannot be written: ", stream_reason()));
     }
     struct Close {
         void operator()(std::FILE* file) const { std::fclose(file); }

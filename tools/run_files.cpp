@@ -242,9 +242,7 @@ void write_report_file(OutputFile& file, Fill&& fill) {
     std::ofstream out(file.temporary_path(), std::ios::binary);
     fill(out);
     out.close();
-    if (!out)
-        throw IoError(text("report ", in_quotes(file.final_path()),
-                           " cannot be written: ", errno ? system_reason(errno) : "disk full?"));
+    if (!out) throw IoError(text("report ", in_quotes(file.final_path()), " cannot be written: ", stream_reason()));
 }
 
 }  // namespace

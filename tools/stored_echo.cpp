@@ -215,8 +215,9 @@ void check_given(const StoredEcho& echo, const std::vector<Given>& given, const 
         if (!key.changes_result) {
             // Of a scene file that simulate takes: how it sweeps, and what else it writes.
             if (in_file && key.name != "track") continue;
-            throw InputError(text(g.origin, " is simulate's alone; scope sweeps nothing, and makes one picture of ",
-                                  in_quotes(echo.path)));
+            throw InputError(text(g.origin,
+                                  key.commands == command_simulate ? " is simulate's alone" : " is not for scope",
+                                  "; scope sweeps nothing, and makes one picture of ", in_quotes(echo.path)));
         }
         const std::optional<std::string> before = key.get(echo.settings);
         if (now == before) continue;
