@@ -111,15 +111,11 @@ ReaderBytes SidedLayer::reader_bytes() const {
     return {std::max(a.decoded, b.decoded), a.packed + b.packed};
 }
 
-std::uint64_t SidedLayer::fingerprint(const std::vector<Window>& cells) { return fingerprint_now()(cells); }
-
-RasterLayer::Fingerprint SidedLayer::fingerprint_now() {
-    return [culture = culture_->fingerprint_now(), sides = sides_->fingerprint_now()](const auto& cells) {
-        Checksum sum;
-        sum.add(culture(cells));
-        sum.add(sides(cells));
-        return sum.value();
-    };
+std::uint64_t SidedLayer::fingerprint(const std::vector<Window>& cells) {
+    Checksum sum;
+    sum.add(culture_->fingerprint(cells));
+    sum.add(sides_->fingerprint(cells));
+    return sum.value();
 }
 
 }  // namespace wedgescope

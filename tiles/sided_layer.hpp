@@ -22,7 +22,6 @@ public:
     void read_values(const Window& window, void* out, GDALDataType type, std::int64_t line_bytes) override;
     ReaderBytes reader_bytes() const override;
     std::uint64_t fingerprint(const std::vector<Window>& cells) override;
-    Fingerprint fingerprint_now() override;
 
     const SideRasterParams& params() const { return params_; }
     /// Of all cells. DataError naming a cell.

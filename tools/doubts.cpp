@@ -46,7 +46,7 @@ double lowest_known_m(WedgeSource& source) {
     return lowest_m;
 }
 
-/// empty: it is not, or nothing was loaded.
+/// What stands on the ground is higher than metres would have it; empty: it is not, or nothing was loaded.
 std::string culture_too_tall(const SourceReport& source, double scale) {
     // No woods and no towns stand so high on average.
     constexpr double most_m = 80;
