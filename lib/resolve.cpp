@@ -14,6 +14,7 @@
 #include "lib/refine.hpp"
 #include "lib/rounding.hpp"
 #include "lib/shade.hpp"
+#include "lib/spoke_map.hpp"
 #include "lib/swapped_place.hpp"
 
 namespace wedgescope {
@@ -152,7 +153,7 @@ void choose_earth(ResolvedScene& s) {
     s.earth = Earth(*s.scene.earth_k * radius);
 }
 
-/// Arc to the farthest of some posts on the raster's edge.
+/// Arc to the farthest of some posts on the raster's edge, and as much more as a spoke's course may be off there.
 double farthest_edge_m(const ResolvedScene& s, const DataBase& db) {
     double farthest = 0;
     const auto& geod = GeographicLib::Geodesic::WGS84();
@@ -177,7 +178,7 @@ double farthest_edge_m(const ResolvedScene& s, const DataBase& db) {
         reach(0, r);
         reach(static_cast<double>(db.columns - 1), r);
     }
-    return farthest;
+    return farthest + SpokeMap::tolerance_posts * db.longer_post_m();
 }
 
 /// The nearer of the farthest edge post and what the horizon allows: the slant range to the highest or the lowest terrain there,

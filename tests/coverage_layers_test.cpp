@@ -12,6 +12,7 @@
 #include "tests/drawn_raster.hpp"
 #include "tests/json.hpp"
 #include "tests/program.hpp"
+#include "tests/words.hpp"
 
 using namespace wedgescope::test;
 
@@ -80,6 +81,28 @@ double effective_radius(double azimuth, double lat = sensor_lat) {
 }
 
 }  // namespace
+
+TEST_CASE("without a range every post is in it, the farthest corner too", "[coverage]") {
+    const Folder folder;
+    Drawing flat;
+    flat.columns = 35;
+    flat.rows = 80;
+    flat.crs = "EPSG:32611";
+    flat.geotransform = {{500000, 30, 0, 4000000, 0, -30}};
+    flat.value = [](int, int) { return 50.0; };
+    draw(folder / "flat.tif", flat);
+    for (const char* xy : {"500700,3999500", "500400,3999000", "500611,3998333"}) {
+        INFO(xy);
+        const std::vector<std::string> place = {"--xy", xy, "--altitude-msl", "3000m", "--overwrite", "-q"};
+        REQUIRE(run_program(with({WEDGESCOPE_PROGRAM, "simulate", "--dem", folder / "flat.tif", "--ground",
+                                  folder / "ground.tif"},
+                                 place),
+                            folder / "log")
+                    .code == 0);
+        const Posts ground(folder / "ground.tif");
+        CHECK(std::none_of(ground.values.begin(), ground.values.end(), [](double dbm) { return std::isnan(dbm); }));
+    }
+}
 
 TEST_CASE("coarse posts lie where geodesics lead, or are refused", "[coverage]") {
     const Folder folder;

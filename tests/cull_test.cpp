@@ -173,7 +173,7 @@ TEST_CASE("leaving out what is hidden changes no bit", "[cull][engine]") {
     std::mt19937 random(11);
     std::uniform_real_distribution<double> any(0, 1);
     std::uint64_t hidden = 0, range = 0, voids = 0, samples_on = 0, samples_off = 0;
-    for (int turn = 0; turn < 30; ++turn) {
+    for (int turn = 0; turn < 24; ++turn) {
         const auto columns = 150 + static_cast<std::int64_t>(any(random) * 400),
                    rows = 150 + static_cast<std::int64_t>(any(random) * 400);
         const auto shape = rolling(200 + 600 * any(random), 40 + 200 * any(random), static_cast<unsigned>(turn));

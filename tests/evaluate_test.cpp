@@ -374,6 +374,10 @@ TEST_CASE("geometry: rays, ways back and the ellipsoid agree with closed forms",
     const auto end = values("geodesic-direct", "lat1=40.6deg lon1=-73.8deg az1=51.198883deg s=5551759.4m");
     CHECK_THAT(end.at("lat2").number, WithinAbs(51.6, 1e-6));
     CHECK_THAT(end.at("lon2").number, WithinAbs(-0.5, 1e-6));
+    // The longest there is, from pole to pole, leads there.
+    const double longest = value("geodesic-inverse", "lat1=90deg lon1=0deg lat2=-90deg lon2=0deg", "s");
+    CHECK_THAT(value("geodesic-direct", "lat1=90deg lon1=0deg az1=0deg s=" + std::to_string(longest) + "m", "lat2"),
+               WithinAbs(-90, 1e-6));
     // A 3-4-5 triangle over a plane.
     const auto plane = values("sight", "hs=700m h=400m s=400m k=flat");
     CHECK(plane.at("r").number == 500);
@@ -896,7 +900,7 @@ TEST_CASE("what is wrong with a table is named by file, line and column", "[eval
     CHECK_THAT(
         refused(head + "1,2,3\n1,2,x\n"),
         Contains("line 3, column s is 'x'; it must be a number (km), or one with a unit (m, km, ft, kft, nmi, mi, "
-                 "yd) from 0 m to 20000000 m"));
+                 "yd) from 0 m to 20003932 m"));
     CHECK_THAT(refused(head + "1,,3\n"), Contains("line 2, column h is empty; it must be"));
     CHECK_THAT(refused(head + "1,nan,3\n"), Contains("column h is 'nan'"));
     CHECK_THAT(refused(head + "1,2,1e999\n"), Contains("column s is '1e999'"));

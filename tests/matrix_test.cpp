@@ -150,8 +150,9 @@ TEST_CASE("no way of running a scene changes a bit of it", "[matrix]") {
         for (const bool store : {false, true}) {
             const std::string name = std::to_string(tile) + (store ? "store" : "raw");
             const std::string edge = std::to_string(tile);
+            const std::string packing = tile == 64 ? "DEFLATE" : tile == 256 ? "NONE" : "ZSTD";
             for (Drawing* d : {&terrain, &culture, &height})
-                d->creation = {"TILED=YES", "BLOCKXSIZE=" + edge, "BLOCKYSIZE=" + edge, "COMPRESS=DEFLATE"};
+                d->creation = {"TILED=YES", "BLOCKXSIZE=" + edge, "BLOCKYSIZE=" + edge, "COMPRESS=" + packing};
             draw(folder / (name + "dem.tif"), terrain);
             draw(folder / (name + "culture.tif"), culture);
             draw(folder / (name + "height.tif"), height);

@@ -398,6 +398,7 @@ TEST_CASE("a damaged manifest is damage that verify finds, beside stores that ar
         CHECK(found.code == 1);
         CHECK_THAT(found.err,
                    Contains("damage      ") && Contains("bad/manifest.json") && Contains("1 damaged part was found"));
+        CHECK_THAT(found.err, !Contains("version 0"));  // nothing is told of what is not known
         CHECK((found.err.find("all as they were written") != std::string::npos) == (stores.size() == 2));
     }
 }

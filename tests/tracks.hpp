@@ -66,7 +66,7 @@ inline void draw_data(const Folder& folder, int posts = 160) {
     std::ofstream(folder / "scene.ini")
         << "dem = dem.tif\nculture = codes.tif\nculture-legend = legend.csv\nculture-height = wood.tif\n"
            "range = 4km\nrange-bin = 40m\nazimuth-bins = 480\nsize = 200\nnoise = on\nspeckle = 2\n"
-           "reproducible = on\nquiet = on\n";
+           "reproducible = on\nquiet = on\nquality = draft\n";  // only bits are compared
 }
 
 struct Row {
@@ -109,7 +109,7 @@ Ended when_five_stand(const Folder& folder, Do&& act, const std::vector<std::str
                                     folder / "s.png", "--threads", "2"},
                                    more),
                               folder / "log");
-    for (int i = 0; i < 3000 && !std::filesystem::exists(folder / "s_0005.png"); ++i)
+    for (int i = 0; i < 12000 && !std::filesystem::exists(folder / "s_0005.png"); ++i)
         std::this_thread::sleep_for(std::chrono::milliseconds(10));
     act(child);
     return wait_for(child, folder / "log");

@@ -197,13 +197,14 @@ std::string to_text(const RasterFacts& facts) {
 // ---------------------------------------------------------------------------------------------------- tile stores
 
 struct StoreFacts {
-    StoreDescription store;
+    std::string path;
+    std::optional<StoreDescription> store;  ///< none: its manifest is damaged, as the verdict says
     std::optional<StoreVerdict> verdict;
 };
 
-json to_json(const StoreFacts& facts) {
-    const StoreDescription& s = facts.store;
-    json out{{"path", s.path}, {"kind", "tile store"}, {"version", s.version}, {"software", s.software}};
+void add_description(json& out, const StoreDescription& s) {
+    out["version"] = s.version;
+    out["software"] = s.software;
     out["legend"] = s.legend.empty() ? json(nullptr) : json(s.legend);
     if (s.culture_height_scale) out["culture_height_scale"] = *s.culture_height_scale;
     out["layers"] = json::array();
@@ -235,17 +236,20 @@ json to_json(const StoreFacts& facts) {
         if (const auto& at = s.kept->latlon) out["kept_spill"].update({{"lat", at->lat_deg}, {"lon", at->lon_deg}});
         out["kept_spill"]["damage"] = s.kept->damage.empty() ? json(nullptr) : json(s.kept->damage);
     }
+}
+
+json to_json(const StoreFacts& facts) {
+    json out{{"path", facts.path}, {"kind", "tile store"}};
+    if (facts.store) add_description(out, *facts.store);
     if (facts.verdict)
         out["verify"] =
             json{{"files", facts.verdict->files}, {"bytes", facts.verdict->bytes}, {"damage", facts.verdict->damage}};
     return out;
 }
 
-std::string to_text(const StoreFacts& facts) {
-    const StoreDescription& s = facts.store;
-    std::string out = s.path + "\n";
-    out += row("tile store",
-               text("version ", s.version, ", by ", s.software, s.legend.empty() ? "" : ", legend ", s.legend));
+std::string to_text(const StoreDescription& s) {
+    std::string out = row(
+        "tile store", text("version ", s.version, ", by ", s.software, s.legend.empty() ? "" : ", legend ", s.legend));
     out += row("block map", fmt::format("{} of blocks of 32 x 32 posts and more, {}",
                                         counted(static_cast<std::uint64_t>(s.block_levels), "level"),
                                         readable_bytes(static_cast<double>(s.block_map_bytes))));
@@ -282,6 +286,12 @@ std::string to_text(const StoreFacts& facts) {
                         s.kept->nadir.column, s.kept->nadir.row, readable_bytes(static_cast<double>(s.kept->bytes))));
     else if (s.kept)
         out += row("kept spill", s.kept->damage);
+    return out;
+}
+
+std::string to_text(const StoreFacts& facts) {
+    std::string out = facts.path + "\n";
+    if (facts.store) out += to_text(*facts.store);
     if (facts.verdict && facts.verdict->damage.empty())
         out += row("verified", fmt::format("{} files, {}: all as they were written", grouped(facts.verdict->files),
                                            readable_bytes(static_cast<double>(facts.verdict->bytes))));
@@ -293,6 +303,7 @@ std::string to_text(const StoreFacts& facts) {
 /// `damage`: lines found so far, which end in an error when all is printed.
 StoreFacts store_facts(const Settings& settings, const std::string& path, const Stop& stop, std::size_t& damage) {
     StoreFacts facts;
+    facts.path = path;
     if (!settings.verify) {
         facts.store = describe_store(path);
         return facts;
@@ -304,7 +315,6 @@ StoreFacts store_facts(const Settings& settings, const std::string& path, const 
     try {
         facts.store = describe_store(path);
     } catch (const Error&) {  // a damaged manifest is in the verdict
-        facts.store.path = path;
     }
     return facts;
 }
@@ -567,7 +577,7 @@ void info(const std::vector<std::string>& arguments, Stop& stop) {
         } else if (is_tile_store(path)) {
             const StoreFacts facts = store_facts(settings, path, stop, damage);
             add(facts);
-            if (!facts.store.layers.empty()) look_at(path, facts.store.layers[0].lowest);
+            if (facts.store && !facts.store->layers.empty()) look_at(path, facts.store->layers[0].lowest);
         } else if (settings.verify) {
             throw InputError(text("verify is for tile stores; ", in_quotes(path), " is none"));
         } else {

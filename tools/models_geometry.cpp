@@ -13,6 +13,7 @@ namespace wedgescope {
 namespace {
 
 constexpr double lowest_m = -10e3, highest_m = 1e6;
+constexpr double longest_geodesic_m = 20003932;  // half a meridian of WGS84
 
 double arc(const Arguments& a) {
     if (const auto s = earth_of(a).arc_m(a["hs"], a["h"], a["r"])) return *s;
@@ -53,7 +54,8 @@ std::vector<Model> geometry_models() {
          "slant range, depression and grazing angle of a point over the effective earth",
          "physics 1.1 [V2: Skolnik; Long]",
          {height_input("hs", "height of the antenna above sea level"), height_input("h", "height of the point"),
-          number("s", "m", "arc between them along the surface", 0, 2e7), earth_factor_input(), earth_radius_input()},
+          number("s", "m", "arc between them along the surface", 0, longest_geodesic_m), earth_factor_input(),
+          earth_radius_input()},
          {{"r", "m", "slant range"},
           {"delta", "deg", "depression at the antenna, positive down"},
           {"psi", "deg", "grazing angle at the point, of the horizontal plane"},
@@ -158,7 +160,7 @@ std::vector<Model> geometry_models() {
          "where a WGS84 geodesic of some azimuth and length ends",
          "physics 1.5 [V2: Karney 2013, GeographicLib]",
          {latitude_of("lat1", "latitude of the first point"), turn("lon1", "its longitude"),
-          turn("az1", "azimuth there"), number("s", "m", "length", 0, 2e7)},
+          turn("az1", "azimuth there"), number("s", "m", "length", 0, longest_geodesic_m)},
          {{"lat2", "deg", "latitude of the second point"},
           {"lon2", "deg", "its longitude"},
           {"az2", "deg", "azimuth there, onwards"}},

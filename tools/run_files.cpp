@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <filesystem>
+#include <fstream>
 #include <iterator>
 #include <optional>
 #include <set>
@@ -13,6 +14,7 @@
 #include "lib/lower_case.hpp"
 #include "tiles/companion_files.hpp"
 #include "tiles/ground_map.hpp"
+#include "tiles/tile_store.hpp"
 #include "tiles/work_dir.hpp"
 #include "tools/radar_set.hpp"
 #include "tools/terminal.hpp"
@@ -60,6 +62,13 @@ bool lies_in(const std::string& path, const std::string& folder) {
     return holds(canonical_path(path)) || (!error && holds(canonical_path(link.parent_path()) / link.filename()));
 }
 
+/// The tile store whose VRT an input is, or empty.
+std::string store_of_vrt(const std::string& input) {
+    if (lower_case(fs::path(input).extension().string()) != ".vrt") return "";
+    const std::string folder = fs::path(canonical_path(input)).parent_path().string();
+    return is_tile_store(folder) ? folder : "";
+}
+
 /// An output, or what its driver writes beside it, is an input or a part of one, or lies in it.
 void refuse_over_input(const NamedPath& output, const NamedPath& given, const std::string& driver, InputParts& parts) {
     const auto& [key, path] = output;
@@ -75,7 +84,8 @@ void refuse_over_input(const NamedPath& output, const NamedPath& given, const st
         if (std::any_of(of_vrt.begin(), of_vrt.end(), [&](const std::string& part) { return same_file(path, part); }))
             refuse(made, replaced);
     }
-    if (lies_in(path, input)) refuse(text("which lies in ", input_key, " ", in_quotes(input)), "lie in an input");
+    for (const std::string& folder : {input, store_of_vrt(input)})
+        if (lies_in(path, folder)) refuse(text("which lies in ", input_key, " ", in_quotes(folder)), "lie in an input");
     if (!may_have_parts(input_key, input)) return;
     if (!part_that_is(path, input, parts).empty()) refuse(made, replaced);
     if (!is_raster(key)) return;

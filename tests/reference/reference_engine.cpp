@@ -371,7 +371,8 @@ struct Earth {
     static double sine(double x) {
         if (!(std::abs(x) < 0.1)) return std::sin(x);
         const double y = x * x;
-        return x * (1 - y / 6 * (1 - y / 20 * (1 - y / 42 * (1 - y / 72 * (1 - y / 110)))));
+        return x * (1 - y * (1.0 / 6) *
+                            (1 - y * (1.0 / 20) * (1 - y * (1.0 / 42) * (1 - y * (1.0 / 72) * (1 - y * (1.0 / 110))))));
     }
 
     struct Direction {
