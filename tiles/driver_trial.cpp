@@ -1,5 +1,7 @@
 #include "tiles/driver_trial.hpp"
 
+#include <cpl_vsi.h>
+
 #include <filesystem>
 
 #include "lib/error.hpp"
@@ -42,6 +44,8 @@ Trial try_driver(GDALDriver& driver, const CPLStringList& options, const RasterC
         if (back && !trial.meant_void) trial.meant_void = declares_meaning_void(*back, content);
     }
     driver.QuietDelete(path.c_str());
+    // Of a file too broken for its driver to know it something is left, and the next trial may have its name.
+    VSIUnlink(path.c_str());
     return trial;
 }
 
