@@ -20,6 +20,7 @@
 #include "tests/small_disk.hpp"
 #include "tiles/gdal_session.hpp"
 #include "tiles/ground_places.hpp"
+#include "tiles/output_check.hpp"
 #include "tiles/picture.hpp"
 #include "tiles/png_file.hpp"
 #include "tiles/polar_raster.hpp"

@@ -6,7 +6,11 @@
 #include <stdexcept>
 
 #include "lib/error.hpp"
+#include "tiles/place_trial.hpp"
+#include "tiles/raster_dataset.hpp"
+#include "tiles/raster_driver.hpp"
 #include "tiles/raster_layer.hpp"
+#include "tiles/raster_metadata.hpp"
 #include "tiles/raster_writer.hpp"
 #include "tiles/tiff_file.hpp"
 

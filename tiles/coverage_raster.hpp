@@ -14,7 +14,7 @@
 
 #include "lib/coverage.hpp"
 #include "tiles/output_file.hpp"
-#include "tiles/polar_raster.hpp"
+#include "tiles/raster_format.hpp"
 
 namespace wedgescope {
 

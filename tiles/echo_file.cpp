@@ -8,6 +8,7 @@
 #include "lib/error.hpp"
 #include "tiles/checksum.hpp"
 #include "tiles/gdal_handle.hpp"
+#include "tiles/raster_driver.hpp"
 
 namespace wedgescope {
 namespace {
@@ -71,7 +72,7 @@ EchoFile::~EchoFile() = default;
 void check_echo_format(const OutputFile& file, RasterFormat format) {
     namespace fs = std::filesystem;
     const fs::path path = file.final_path();
-    if (is_geotiff(file.final_path(), format) && format.creation.empty()) return;
+    if (is_usual_geotiff(file.final_path(), format)) return;
     RunResult run;
     run.scene.swept = run.scene.shown = PolarGrid{8, 100, {0, 8}, {0, 4}};
     run.scene.scene.geometry = Geometry::grid;

@@ -1,5 +1,5 @@
 // Ground places: where points round the sensor lie, in the CRS that a geolocation array has.
-// For the .cpp files of this folder only. Leaves arrays and files to raster_writer.hpp.
+// For the .cpp files of this folder only. Leaves arrays and files to geolocation_array.hpp.
 #pragma once
 #include <functional>
 #include <memory>

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "lib/error.hpp"
+#include "tiles/geolocation_array.hpp"
 #include "tiles/raster_writer.hpp"
 
 namespace wedgescope {

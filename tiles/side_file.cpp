@@ -9,7 +9,7 @@
 #include "lib/error.hpp"
 #include "tiles/crs.hpp"
 #include "tiles/descriptor.hpp"
-#include "tiles/raster_writer.hpp"
+#include "tiles/raster_content.hpp"
 
 namespace wedgescope {
 namespace {

@@ -1,5 +1,5 @@
 // Side file: what a raster's own format cannot hold, in the .aux.xml beside it, as GDAL keeps and reads it. For pictures that
-// are written without GDAL. For the .cpp files of this folder only. Leaves what is said to raster_writer.hpp.
+// are written without GDAL. For the .cpp files of this folder only. Leaves what is said to raster_content.hpp.
 #pragma once
 #include <string>
 #include <string_view>

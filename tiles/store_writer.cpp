@@ -13,7 +13,7 @@
 #include "tiles/checksum.hpp"
 #include "tiles/mosaic.hpp"
 #include "tiles/plain_file.hpp"
-#include "tiles/raster_writer.hpp"
+#include "tiles/raster_driver.hpp"
 #include "tiles/registered_layer.hpp"
 #include "tiles/sheet_writer.hpp"
 #include "tiles/sided_layer.hpp"

@@ -1,6 +1,7 @@
 #include "tools/layers.hpp"
 
 #include "tiles/echo_file.hpp"
+#include "tiles/output_check.hpp"
 #include "tiles/picture.hpp"
 #include "tools/legend.hpp"
 #include "tools/scene_json.hpp"
