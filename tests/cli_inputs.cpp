@@ -152,6 +152,47 @@ TEST_CASE("info tells of a polar raster's bins", "[cli]") {
     CHECK_FALSE(json_of(folder.run({"info", "--json", dem}).out)["files"][0].contains("polar"));
 }
 
+TEST_CASE("info lists the codes of each raster, and says of too many that there are", "[cli]") {
+    const Folder folder;
+    const auto cells = [&](const std::string& name, int edge, auto value) {
+        std::string all = "ncols " + std::to_string(edge) + "\nnrows " + std::to_string(edge) +
+                          "\nxllcorner 500000\nyllcorner 4000000\ncellsize 30\nnodata_value -9999\n";
+        for (int i = 0; i < edge * edge; ++i) all += std::to_string(value(i)) + (i % edge == edge - 1 ? "\n" : " ");
+        return folder.write(name, all);
+    };
+    const std::string few = cells("a \"codes\": [].asc", 10, [](int i) { return i < 30   ? 11
+                                                                                : i < 90 ? 21
+                                                                                         : 5; }),
+                      none = cells("none.asc", 10, [](int) { return -9999; }),
+                      full = cells("full.asc", 256, [](int i) { return 100 + i; }),
+                      many = cells("many.asc", 257, [](int i) { return 100 + i; });
+    const std::vector<std::string> info = {"info", "--culture-legend", "nlcd"};
+    const Outcome lists = folder.run(with(info, {"--json", few, none, full, many, few}));
+    INFO(lists.err);
+    REQUIRE(lists.code == 0);
+    const auto files = json_of(lists.out)["files"];
+    REQUIRE(files.size() == 5);
+    REQUIRE(files[0]["codes"].size() == 3);
+    CHECK(files[0]["codes"][0] == nlohmann::json{{"code", 5}, {"count", 10}, {"material", nullptr}});
+    CHECK(files[0]["codes"][1] == nlohmann::json{{"code", 11}, {"count", 30}, {"material", "water"}});
+    CHECK(files[0]["codes"][2]["count"] == 60);
+    CHECK(files[0]["unknown_codes"] == 1);
+    CHECK(files[4] == files[0]);
+    CHECK(files[1]["codes"] == nlohmann::json::array());
+    CHECK(files[1]["unknown_codes"] == 0);
+    CHECK(files[2]["codes"].size() == 65536);
+    CHECK(files[2]["codes"].back() == nlohmann::json{{"code", 65635}, {"count", 1}, {"material", nullptr}});
+    CHECK(files[2]["unknown_cells"] == 65536);
+    CHECK_FALSE(files[2].contains("more_codes_than"));
+    for (const char* unlisted : {"codes", "unknown_codes", "unknown_cells"}) CHECK(files[3].at(unlisted).is_null());
+    CHECK(files[3]["more_codes_than"] == 65536);
+    // As any program writes JSON.
+    CHECK(nlohmann::ordered_json::parse(lists.out).dump(2) + "\n" == lists.out);
+    CHECK_THAT(folder.run(with(info, {many})).out,
+               Contains("more than 65536, not counted by legend nlcd (is this a culture raster?)\n"));
+    CHECK_THAT(folder.run(with(info, {full})).out, Contains("65536 by legend nlcd\n"));
+}
+
 TEST_CASE("info says that a legend is not for a scene", "[cli]") {
     const Folder folder;
     folder.write("a.ini", "dem = " + dem + "\nxy = 510000,3705300\naltitude-msl = 3km\nrange = 5km\n");

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
+#include <functional>
 #include <regex>
 
 #include "tests/drawn_raster.hpp"
@@ -127,6 +128,27 @@ void draw_mosaic(const Folder& folder, const std::string& vrt) {
     int status = 0;
     if (child < 0 || ::waitpid(child, &status, 0) != child || status != 0)
         throw std::runtime_error("cannot draw " + vrt);
+}
+
+/// Cells on the posts of as many hills, drawn by a process of its own too.
+void draw_cells(const std::string& path, int cells, GDALDataType type, std::function<double(int, int)> value) {
+    const pid_t child = ::fork();
+    if (child == 0) {
+        Drawing d;
+        d.columns = d.rows = cells;
+        d.type = type;
+        d.value = std::move(value);
+        d.geotransform = {400000, 10, 0, 4500000, 0, -10};
+        try {
+            draw(path, d);
+        } catch (...) {
+            ::_exit(1);
+        }
+        ::_exit(0);
+    }
+    int status = 0;
+    if (child < 0 || ::waitpid(child, &status, 0) != child || status != 0)
+        throw std::runtime_error("cannot draw " + path);
 }
 
 /// A run of the program with a budget; however it ends, it holds no more than that and 64 MiB.
@@ -511,4 +533,29 @@ TEST_CASE("a VRT of a hundred rasters keeps to --memory, however many of them ar
            "--overwrite"},
           log);
     check(64, {"tile", mosaic, folder / "store", "-q"}, log);
+}
+
+TEST_CASE("culture with a code for each cell keeps to --memory, and is doubted", "[memory]") {
+    const Folder folder;
+    const std::string hills = folder / "hills.tif", parcels = folder / "parcels.tif", sides = folder / "sides.tif",
+                      words = folder / "words.tif", log = folder / "log", store = folder / "store";
+    constexpr int cells = 1500;
+    draw_hills(hills, {.posts = cells});
+    draw_cells(parcels, cells, GDT_Int32, [](int c, int r) { return 100000 + r * cells + c; });
+    draw_cells(sides, cells, GDT_Int16, [](int c, int r) { return (7 * c + 3 * r) % 541; });
+    const std::vector<std::string> tile = {"tile",   hills,       store, "--culture",  parcels, "--culture-legend",
+                                           "fbfm40", "--threads", "2",   "--overwrite"};
+    const Budgeted told(64, tile, log);
+    CHECK(told.ended.code == 0);
+    CHECK_THAT(told.ended.err,
+               Catch::Contains("more than 65536 codes, from 100000 to 2349999 in 2 250 000 cells, are not in the "
+                               "legend 'fbfm40' (is this a culture raster?)"));
+    check(64, with(tile, {"--directivity", sides, "-q"}), log);
+    check(64, {"info", parcels, "--culture-legend", "fbfm40"}, log);
+    check(64, {"info", parcels, "--culture-legend", "fbfm40", "--json"}, log);
+    // As many as are told one by one.
+    draw_cells(words, cells, GDT_Int16, [](int c, int r) { return (r * cells + c) % 65536 - 32768; });
+    check(64, {"info", words, "--culture-legend", "fbfm40"}, log);
+    check(64, {"info", words, words, words, "--culture-legend", "fbfm40", "--json"}, log);
+    check(64, {"tile", hills, store, "--culture", words, "--culture-legend", "fbfm40", "--overwrite", "-q"}, log);
 }

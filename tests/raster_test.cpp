@@ -4,15 +4,18 @@
 #include <cpl_conv.h>
 #include <cpl_vsi.h>
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
 #include <limits>
+#include <map>
 
 #include "lib/error.hpp"
 #include "tests/drawn_raster.hpp"
 #include "tests/refusal.hpp"
+#include "tiles/code_counts.hpp"
 #include "tiles/file_stamp.hpp"
 #include "tiles/gdal_session.hpp"
 #include "tiles/raster.hpp"
@@ -107,15 +110,15 @@ TEST_CASE("real rasters hold what their producers say", "[raster]") {
 
     const RasterSummary culture = summarise_raster(data + "/inland_empire_culture.tif", true);
     const double cells = 1600.0 * 1600;
-    CHECK(static_cast<double>(culture.codes.at(91)) / cells == Approx(0.309).margin(0.0005));
-    CHECK(static_cast<double>(culture.codes.at(98)) / cells == Approx(0.012).margin(0.0005));
-    CHECK(culture.codes.count(92) == 0);
+    CHECK(static_cast<double>(culture.codes.counts().at(91)) / cells == Approx(0.309).margin(0.0005));
+    CHECK(static_cast<double>(culture.codes.counts().at(98)) / cells == Approx(0.012).margin(0.0005));
+    CHECK(culture.codes.counts().count(92) == 0);
 
     const RasterSummary nlcd = summarise_raster(data + "/lake_sunapee_culture.tif", true);
     CHECK(static_cast<double>(nlcd.void_posts) / (467.0 * 262) == Approx(0.12).margin(0.005));
-    CHECK(nlcd.codes.count(0) == 0);
+    CHECK(nlcd.codes.counts().count(0) == 0);
     std::uint64_t sum = nlcd.void_posts;
-    for (const auto& [code, n] : nlcd.codes) sum += n;
+    for (const auto& [code, n] : nlcd.codes.counts()) sum += n;
     CHECK(sum == 467u * 262u);
 }
 
@@ -336,13 +339,64 @@ TEST_CASE("a text cut short is an error that names where, however far down it is
     CHECK(source->bare_terrain_m(0, 40) == 40);
 }
 
+TEST_CASE("so many codes are counted, and of more the same is told in any order", "[raster]") {
+    constexpr auto most = static_cast<std::int32_t>(CodeCounts::most_codes);
+    CodeCounts full;
+    for (std::int32_t code = 0; code < most; ++code) full.add(7 * code - 1000, 2);
+    full.add(-1000, 3);  // known already
+    CHECK_FALSE(full.too_many());
+    CHECK(full.counts().size() == CodeCounts::most_codes);
+    CHECK(full.counts().at(-1000) == 5);
+    CHECK(full.cells() == 2 * CodeCounts::most_codes + 3);
+
+    CodeCounts one_more = full;
+    one_more.add(12, 1);
+    CHECK(one_more.too_many());
+    CHECK(one_more.counts().empty());
+    CHECK(one_more.cells() == full.cells() + 1);
+    CHECK(one_more.least() == -1000);
+    CHECK(one_more.greatest() == 7 * (most - 1) - 1000);
+
+    // Parts that share codes: all of them are few enough, but not together; and one that alone has too many.
+    std::vector<CodeCounts> parts(6);
+    for (std::int32_t code = 0; code < most; ++code)
+        for (std::size_t k = 0; k < 4; ++k)
+            if (code % 3 != static_cast<std::int32_t>(k)) parts[k].add(code + (k == 3 ? most / 2 : 0), k + 1);
+    for (std::int32_t code = 0; code <= most; ++code) parts[4].add(-code, 1);
+    parts[5].add(3, 1);
+    CHECK(parts[4].too_many());
+    std::vector<std::size_t> order = {0, 1, 2, 3, 4, 5};
+    const auto sum_of = [&](std::size_t count) {
+        CodeCounts sum;
+        for (std::size_t i = 0; i < count; ++i) sum.add(parts[order[i]]);
+        return sum;
+    };
+    const CodeCounts few = sum_of(3), all = sum_of(6);
+    CHECK_FALSE(few.too_many());
+    CHECK(few.counts().at(4) == 1 + 3);
+    CHECK(all == CodeCounts::of_too_many(all.cells(), -most, most - 1 + most / 2));
+    std::uint64_t cells = 0;
+    for (const CodeCounts& part : parts) cells += part.cells();
+    CHECK(all.cells() == cells);
+    int orders = 0, unlike = 0;
+    while (std::next_permutation(order.begin(), order.end()))
+        if (++orders % 36 == 0) unlike += !(sum_of(6) == all);
+    CHECK(orders == 719);
+    CHECK(unlike == 0);
+    // Threads add to parts of their own, which are added in their turn.
+    CodeCounts left = sum_of(3), right;
+    for (std::size_t i = 3; i < 6; ++i) right.add(parts[order[i]]);
+    right.add(left);
+    CHECK(right == all);
+}
+
 TEST_CASE("codes are whole numbers", "[raster]") {
     const Folder folder;
     Drawing d;
     d.value = [](int c, int) { return c; };
     draw(folder / "codes.tif", d);
     const RasterSummary summary = summarise_raster(folder / "codes.tif", true);
-    CHECK(summary.codes == std::map<int, std::uint64_t>{{0, 3}, {1, 3}, {2, 3}, {3, 3}});
+    CHECK(summary.codes.counts() == std::map<int, std::uint64_t>{{0, 3}, {1, 3}, {2, 3}, {3, 3}});
     d.value = [](int c, int r) { return c == 2 && r == 1 ? 1.5 : 1; };
     draw(folder / "parts.tif", d);
     CHECK_THROWS_WITH(summarise_raster(folder / "parts.tif", true),

@@ -5,17 +5,22 @@
 
 #include <algorithm>
 #include <cmath>
+#include <csignal>
 #include <cstdint>
 #include <cstring>
 #include <filesystem>
+#include <fstream>
+#include <map>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "lib/engine.hpp"
 #include "tests/tile_stores.hpp"
+#include "tiles/checksum.hpp"
 #include "tiles/gdal_session.hpp"
 #include "tiles/store_check.hpp"
+#include "tiles/store_manifest.hpp"
 #include "tools/options.hpp"
 
 using namespace wedgescope;
@@ -383,12 +388,105 @@ TEST_CASE("codes that the legend does not know are counted", "[store]") {
     params.legend_csv = "code,material\n11,water\n";
     params.legend = Legend::from_csv(params.legend_name, params.legend_csv);
     const TileStoreSummary summary = write_tile_store(params);
-    REQUIRE(summary.unknown_codes.size() == 2);
-    CHECK(summary.unknown_codes[0].code == 31);
-    CHECK(summary.unknown_codes[0].cells == 99);
-    CHECK(summary.unknown_codes[1].code == 7777);
-    CHECK(summary.unknown_codes[1].cells == 80);
+    CHECK(summary.unknown_codes.counts() == std::map<std::int32_t, std::uint64_t>{{31, 99}, {7777, 80}});
     const auto source = open_direct_source(base(folder / "store"));
     CHECK(source->data_base().legend_name == "drawn.csv");
     CHECK(source->load_classes({{10, 11}, {10, 11}}).classes[0] == material_by_name("material", "water"));
+}
+
+TEST_CASE("more unknown codes than are counted are told as such, of one sheet, of several and resumed", "[store]") {
+    const Folder folder;
+    Drawing d = hills(4100, 17);
+    draw(folder / "dem.tif", d);
+    d.type = GDT_Int32;
+    d.no_data.reset();
+    int rows = 0;
+    d.value = [&](int c, int r) { return c < 4096 ? 1000 + std::min(r, rows - 1) * 4096 + c : 11; };
+    auto params = into(folder / "store", {folder / "dem.tif"});
+    params.culture = folder / "codes.tif";
+    params.legend_name = "drawn.csv";
+    params.legend_csv = "code,material\n11,water\n";
+    params.legend = Legend::from_csv(params.legend_name, params.legend_csv);
+    params.overwrite = true;
+    const auto stored = [&](const char* sums) { return read_sums(folder / sums, std::nullopt).codes; };
+    const char *const first = "store/culture/c0_r0.sum", *const second = "store/culture/c1_r0.sum";
+
+    rows = 16;  // 65536 codes in the first sheet
+    draw(folder / "codes.tif", d);
+    TileStoreSummary summary = write_tile_store(params);
+    CHECK_FALSE(summary.unknown_codes.too_many());
+    CHECK(summary.unknown_codes.counts().size() == 65536);
+    CHECK(summary.unknown_codes.counts().at(1000) == 1);
+    CHECK(summary.unknown_codes.counts().at(1000 + 15 * 4096) == 2);
+    CHECK(stored(first) == summary.unknown_codes);
+    CHECK(stored(second).empty());
+
+    // One code more in the other sheet.
+    const auto value = d.value;
+    d.value = [&](int c, int r) { return c == 4099 && r == 3 ? 12 : value(c, r); };
+    draw(folder / "codes.tif", d);
+    for (const int threads : {1, 2}) {
+        params.threads = threads;
+        summary = write_tile_store(params);
+        CHECK(summary.unknown_codes == CodeCounts::of_too_many(4096 * 17 + 1, 12, 1000 + 65535));
+        CHECK(stored(first).counts().size() == 65536);
+        CHECK(stored(second).counts() == std::map<std::int32_t, std::uint64_t>{{12, 1}});
+    }
+
+    rows = 17;
+    draw(folder / "codes.tif", d);
+    summary = write_tile_store(params);
+    CHECK(summary.unknown_codes == CodeCounts::of_too_many(4096 * 17 + 1, 12, 1000 + 4096 * 17 - 1));
+    CHECK(stored(first) == CodeCounts::of_too_many(4096 * 17, 1000, 1000 + 4096 * 17 - 1));
+    CHECK(fs::file_size(folder / first) < 4096);
+    CHECK(open_direct_source(base(folder / "store"))->load_classes({{4096, 4097}, {0, 1}}).classes[0] ==
+          material_by_name("material", "water"));
+
+    // A resumed run has them from the sums of the sheet that stands.
+    Stop stop;
+    params.output = folder / "again";
+    params.threads = 1;
+    params.stop = &stop;
+    params.progress = [&](double fraction) {
+        if (fraction > 0.99) stop.request(SIGTERM);
+    };
+    CHECK_THROWS_AS(write_tile_store(params), Interrupted);
+    params.stop = nullptr;
+    params.progress = {};
+    params.resume = true;
+    const TileStoreSummary resumed = write_tile_store(params);
+    CHECK(resumed.layers[1].reused == 1);
+    CHECK(resumed.unknown_codes == summary.unknown_codes);
+}
+
+TEST_CASE("sums that list more unknown codes than are counted, as those of older programs, are read", "[store]") {
+    const Folder folder;
+    SheetSums sums;
+    sums.columns = sums.rows = 300;
+    sums.tile = 512;
+    sums.tiles.resize(sums.tile_count(), 4711);
+    sums.codes.add(-3, 1);
+    const auto read_with = [&](const std::string& codes) {
+        const std::string now = sums_text(sums), list = R"("unknown_codes":[[-3,1]]})";
+        const std::size_t list_at = now.find(list), head_at = now.find('\n') + 1 + sizeof(std::uint64_t);
+        REQUIRE(list_at != std::string::npos);
+        const std::string head =
+            now.substr(head_at, list_at - head_at) + R"("unknown_codes":[)" + codes + R"(],"of_later":[[8,9]]})";
+        const std::uint64_t length = head.size();
+        std::string then = now.substr(0, head_at - sizeof(length));
+        then.append(reinterpret_cast<const char*>(&length), sizeof(length));
+        then += head + now.substr(list_at + list.size(), now.size() - list_at - list.size() - sizeof(std::uint64_t));
+        const std::uint64_t sum = checksum(then);
+        then.append(reinterpret_cast<const char*>(&sum), sizeof(sum));
+        std::ofstream(folder / "old.sum", std::ios::binary) << then;
+        return read_sums(folder / "old.sum", std::nullopt);
+    };
+    const SheetSums few = read_with("[-3,1],[5,17]");
+    CHECK(few.codes.counts() == std::map<std::int32_t, std::uint64_t>{{-3, 1}, {5, 17}});
+    CHECK(few.tiles == sums.tiles);
+    std::string many = "[-3,1]";
+    for (int code = 0; code < 65536; ++code) many += ",[" + std::to_string(code) + ",2]";
+    CHECK(read_with(many).codes == CodeCounts::of_too_many(2 * 65536 + 1, -3, 65535));
+    CHECK_THROWS_WITH(read_with("[-3]"), Contains("is damaged"));
+    CHECK_THROWS_WITH(read_with(R"([-3,"1"])"), Contains("is damaged"));
 }

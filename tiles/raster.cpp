@@ -115,7 +115,7 @@ RasterSummary summarise_raster(const std::string& path, bool count_codes, const 
                 std::size_t end = i + 1;
                 while (end < posts && codes[end] == codes[i]) ++end;
                 if (codes[i] != void_code) {
-                    summary.codes[codes[i]] += end - i;
+                    summary.codes.add(codes[i], end - i);
                     for (std::size_t k = i; k < end; ++k) count(codes[i]);
                 }
                 i = end;

@@ -2,11 +2,11 @@
 // Leaves chunks to sources.hpp and output to picture.hpp and polar_raster.hpp.
 #pragma once
 #include <cstdint>
-#include <map>
 #include <optional>
 #include <string>
 
 #include "lib/stop.hpp"
+#include "tiles/code_counts.hpp"
 
 namespace wedgescope {
 
@@ -31,7 +31,7 @@ struct RasterSummary {
     std::string compression;
     std::uint64_t void_posts = 0;
     double lowest = 0, highest = 0, mean = 0;  ///< of valid posts, metres (scale, offset and unit applied)
-    std::map<int, std::uint64_t> codes;        ///< count of each value; only when asked for (culture)
+    CodeCounts codes;                          ///< of valid cells; only when asked for (culture)
     std::optional<PolarAxes> polar;            ///< none: no polar raster
 };
 

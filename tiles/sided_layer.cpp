@@ -29,17 +29,26 @@ SidedLayer::SidedLayer(std::unique_ptr<RasterLayer> culture, SideRasterParams pa
     prepare();
 }
 
-std::optional<FeatureFile::Side> SidedLayer::side(std::int32_t code, std::int32_t value) const {
-    if (code == void_code || value == void_code) return std::nullopt;
-    const std::optional<ClassId> id = params_.legend.find(code);
-    if (!id) return std::nullopt;
+template <class Body>
+void SidedLayer::each_sided(const std::int32_t* codes, const std::vector<std::int32_t>& values, Body&& body) const {
+    // Neighbours are mostly alike.
+    std::int32_t last = void_code;
+    std::optional<ClassId> id;
+    for (std::size_t i = 0; i < values.size(); ++i) {
+        if (codes[i] == void_code || values[i] == void_code) continue;
+        if (codes[i] != last) id = params_.legend.find(last = codes[i]);
+        if (id) body(i, *id, values[i]);
+    }
+}
+
+std::optional<FeatureFile::Side> SidedLayer::side(ClassId id, std::int32_t value) const {
     const Directivity directivity = value < first_bi ? Directivity::uni
                                     : value < omni   ? Directivity::bi
                                                      : Directivity::omni;
-    return FeatureFile::own_side(params_.materials[*id], {*id, directivity,
-                                                          value < first_bi ? value
-                                                          : value < omni   ? value - first_bi
-                                                                           : 0});
+    return FeatureFile::own_side(params_.materials[id], {id, directivity,
+                                                         value < first_bi ? value
+                                                         : value < omni   ? value - first_bi
+                                                                          : 0});
 }
 
 void SidedLayer::read(const Window& window, std::int32_t* codes, std::vector<std::int32_t>& values) {
@@ -69,36 +78,36 @@ void SidedLayer::read_codes(const Window& window, std::int32_t* out) {
     if (window.empty()) return;
     std::vector<std::int32_t> values;
     read(window, out, values);
-    // Neighbours are mostly alike.
-    std::map<std::pair<std::int32_t, std::int32_t>, std::int32_t> known;
-    for (std::size_t i = 0; i < values.size(); ++i) {
-        if (values[i] == void_code) continue;
-        const auto [at, is_new] = known.try_emplace({out[i], values[i]}, out[i]);
+    std::map<std::pair<ClassId, std::int32_t>, std::optional<std::int32_t>> known;  // none: as it is
+    each_sided(out, values, [&](std::size_t i, ClassId of, std::int32_t value) {
+        const auto [at, is_new] = known.try_emplace({of, value});
         if (is_new)
-            if (const auto own = side(out[i], values[i])) {
+            if (const auto own = side(of, value)) {
                 const auto id = params_.materials.find(
                     FeatureFile::sided_name(params_.materials[own->id].name, own->in_steps(params_.axis_step_deg)));
                 if (!id) throw DataError(text(sides_->facts().named(), " changed while it was read"));
                 at->second = first_feature_code + static_cast<std::int32_t>(*id);
             }
-        out[i] = at->second;
-    }
+        if (at->second) out[i] = *at->second;
+    });
 }
 
 std::set<FeatureFile::Side> SidedLayer::sides() {
-    std::set<std::pair<std::int32_t, std::int32_t>> pairs;
+    std::set<std::pair<ClassId, std::int32_t>> pairs;
     std::vector<std::int32_t> codes, values;
     for_each_window(facts_, facts_.columns, std::int64_t{1} << 20, [&](const Window& window) {
         if (params_.stop) params_.stop->check();
         codes.resize(static_cast<std::size_t>(window.posts()));
         read(window, codes.data(), values);
-        for (std::size_t i = 0; i < values.size(); ++i)
-            if (values[i] != void_code && (i == 0 || values[i] != values[i - 1] || codes[i] != codes[i - 1]))
-                pairs.emplace(codes[i], values[i]);
+        std::optional<std::pair<ClassId, std::int32_t>> last;
+        each_sided(codes.data(), values, [&](std::size_t, ClassId id, std::int32_t value) {
+            const std::pair pair{id, value};
+            if (pair != last) pairs.insert(*(last = pair));
+        });
     });
     std::set<FeatureFile::Side> found;
-    for (const auto& [code, value] : pairs)
-        if (const auto own = side(code, value)) found.insert(*own);
+    for (const auto& [id, value] : pairs)
+        if (const auto own = side(id, value)) found.insert(*own);
     return found;
 }
 

@@ -28,8 +28,11 @@ public:
     std::set<FeatureFile::Side> sides();
 
 private:
-    /// Nothing: the cell's class has it already, or is unknown to the legend.
-    std::optional<FeatureFile::Side> side(std::int32_t code, std::int32_t value) const;
+    /// Calls body(index, class, value) for each cell that has a side and a class, unknown codes left out.
+    template <class Body>
+    void each_sided(const std::int32_t* codes, const std::vector<std::int32_t>& values, Body&& body) const;
+    /// Nothing: the class has it already.
+    std::optional<FeatureFile::Side> side(ClassId id, std::int32_t value) const;
     /// Both layers of a window; DataError for a value that is none.
     void read(const Window& window, std::int32_t* codes, std::vector<std::int32_t>& values);
 

@@ -27,6 +27,7 @@ SheetSums sums_of(const std::string& folder, const StoreLayerEntry& layer, const
     if (sums.columns != posts.columns.size() || sums.rows != posts.rows.size() ||
         sums.tile != layer.facts.block_columns || sums.file_bytes != sheet.bytes)
         throw DataError(text("checksum file '", path, "' belongs to another sheet"));
+    sums.codes = {};  // for the writer alone
     return sums;
 }
 

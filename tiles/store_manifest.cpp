@@ -496,11 +496,21 @@ std::string sums_text(const SheetSums& s) {
                                 {"kept_file", s.disagreement.kept_file},
                                 {"other_file", s.disagreement.other_file},
                                 {"interpolated", s.disagreement.interpolated}};
-    if (!s.codes.empty()) {
-        head["unknown_codes"] = json::array();
-        for (const auto& [code, cells] : s.codes) head["unknown_codes"].push_back(json::array({code, cells}));
+    if (s.codes.too_many())
+        head["too_many_unknown_codes"] = {
+            {"cells", s.codes.cells()}, {"least", s.codes.least()}, {"greatest", s.codes.greatest()}};
+    std::string words = head.dump();
+    if (!s.codes.counts().empty()) {
+        // The last member, in words at once: as values of JSON so many pairs take ten times as much.
+        words.back() = ',';
+        words += "\"unknown_codes\":[";
+        const char* before = "";
+        for (const auto& [code, cells] : s.codes.counts()) {
+            words += before + ("[" + std::to_string(code) + "," + std::to_string(cells) + "]");
+            before = ",";
+        }
+        words += "]}";
     }
-    const std::string words = head.dump();
     const std::uint64_t length = words.size();
     std::string content(sums_magic);
     content.append(reinterpret_cast<const char*>(&length), sizeof(length));
@@ -526,7 +536,16 @@ SheetSums read_sums(const std::string& path, std::optional<std::uint64_t> expect
     if (length > end - words) throw damaged;
     SheetSums s;
     try {
-        const json head = json::parse(content.substr(words, length));
+        bool in_codes = false;
+        // Pairs of unknown codes, of which there may be very many, are counted and forgotten one by one.
+        const auto count = [&](int depth, json::parse_event_t event, const json& parsed) {
+            if (event == json::parse_event_t::key && depth == 1) in_codes = parsed == "unknown_codes";
+            if (!in_codes || event != json::parse_event_t::array_end || depth != 2) return true;
+            s.codes.add(parsed.at(0).get<std::int32_t>(), parsed.at(1).get<std::uint64_t>());
+            return false;
+        };
+        const auto first = content.begin() + static_cast<std::ptrdiff_t>(words);
+        const json head = json::parse(first, first + static_cast<std::ptrdiff_t>(length), count);
         s.columns = head.at("columns").get<std::int64_t>();
         s.rows = head.at("rows").get<std::int64_t>();
         s.tile = head.at("tile").get<std::int64_t>();
@@ -541,9 +560,12 @@ SheetSums read_sums(const std::string& path, std::optional<std::uint64_t> expect
                 d.at("kept_file").get<std::int64_t>(),    d.at("other_file").get<std::int64_t>(),
                 d.value("interpolated", std::uint64_t{0})};
         }
-        if (head.contains("unknown_codes"))
-            for (const json& c : head.at("unknown_codes"))
-                s.codes[c.at(0).get<std::int32_t>()] = c.at(1).get<std::uint64_t>();
+        if (head.contains("too_many_unknown_codes")) {
+            const json& many = head.at("too_many_unknown_codes");
+            s.codes =
+                CodeCounts::of_too_many(many.at("cells").get<std::uint64_t>(), many.at("least").get<std::int32_t>(),
+                                        many.at("greatest").get<std::int32_t>());
+        }
     } catch (const json::exception&) {
         throw damaged;
     }

@@ -4,12 +4,12 @@
 #pragma once
 #include <cstdint>
 #include <limits>
-#include <map>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "tiles/block_map_file.hpp"
+#include "tiles/code_counts.hpp"
 #include "tiles/detail_map_file.hpp"
 #include "tiles/raster_layer.hpp"
 #include "tiles/tile_store.hpp"
@@ -99,7 +99,7 @@ struct SheetSums {
     std::uint64_t file_bytes = 0, file_checksum = 0;
     ValueFacts values;
     Disagreement disagreement;
-    std::map<std::int32_t, std::uint64_t> codes;  ///< cells of each code that the legend does not know
+    CodeCounts codes;  ///< that the legend does not know
     /// XXH3 of the stored values of each tile, without what lies beyond the sheet: level 0 (the sheet) row after row,
     /// then its overviews.
     std::vector<std::uint64_t> tiles;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <map>
 #include <mutex>
 #include <nlohmann/json.hpp>
 
@@ -11,6 +12,7 @@
 #include "tiles/block_map_file.hpp"
 #include "tiles/burnt_layer.hpp"
 #include "tiles/checksum.hpp"
+#include "tiles/code_counts.hpp"
 #include "tiles/mosaic.hpp"
 #include "tiles/plain_file.hpp"
 #include "tiles/raster_driver.hpp"
@@ -87,7 +89,6 @@ struct Done {
     StoreSheet sheet;
     ValueFacts values;
     Disagreement disagreement;
-    std::map<std::int32_t, std::uint64_t> codes;
 };
 
 class StoreWriter {
@@ -110,10 +111,12 @@ private:
     void add_progress(std::int64_t posts);
     Done& done_of(const Job& job);
     class Sheet;
-    void add_codes(const std::int32_t* codes, const Window& given, const Window& own, Done& done) const;
+    void add_codes(const std::int32_t* codes, const Window& given, const Window& own, Done& done,
+                   CodeCounts& unknown) const;
+    void add_unknown(const CodeCounts& codes);
     static void add_heights(const Layer& layer, const float* heights, const Window& given, const Window& own,
                             Done& done);
-    bool finished_before(const Job& job, Done& done) const;
+    bool finished_before(const Job& job, Done& done);
     Window with_next(const Window& posts) const;
     void finish();
     TileStoreSummary summary() const;
@@ -128,6 +131,7 @@ private:
     std::unique_ptr<DetailMapWriter> detail_;
     std::vector<std::vector<Done>> done_;
     std::mutex mutex_;
+    CodeCounts unknown_codes_;  ///< of all sheets that are done: one that is leaves its own only in its sums
     std::uint64_t posts_done_ = 0, posts_ = 0;
     StoreManifest manifest_;
 };
@@ -250,6 +254,11 @@ std::size_t StoreWriter::job_bytes(const Layer& layer, std::size_t sheets) const
     if (layer.kind == StoreLayerKind::dem)
         bytes += 4 * page_blocks * page_blocks * sizeof(BlockBounds) +
                  detail_page_blocks * detail_page_blocks * sizeof(Residuals);
+    // Counts of each sheet, and what becomes of them: words on their way into its sums, and those of all.
+    if (layer.codes() && params_.legend) {
+        const RasterFacts& f = layer.entry.facts;
+        bytes += 2 * CodeCounts::bytes(f.columns * f.rows, f.type_bytes);
+    }
     bytes *= sheets;
     if (layer.kind == StoreLayerKind::dem && height_) {
         post += sizeof(float);
@@ -334,7 +343,7 @@ std::string StoreWriter::plan() const {
     return out.dump(1, ' ', false, json::error_handler_t::replace) + "\n";
 }
 
-bool StoreWriter::finished_before(const Job& job, Done& done) const {
+bool StoreWriter::finished_before(const Job& job, Done& done) {
     const StoreLayerEntry& entry = job.layer->entry;
     const Window posts = entry.posts(job.column, job.row);
     const std::string sums_path = inside(done.sheet.sums), path = inside(done.sheet.file);
@@ -356,7 +365,7 @@ bool StoreWriter::finished_before(const Job& job, Done& done) const {
         done.sheet.sums_checksum = file_checksum(sums_path);
         done.values = sums.values;
         done.disagreement = sums.disagreement;
-        done.codes = sums.codes;
+        add_unknown(sums.codes);
     } catch (const Error&) {
         return false;
     }
@@ -372,7 +381,8 @@ Window StoreWriter::with_next(const Window& posts) const {
 }
 
 /// What the codes of the cells `own`, part of `given`, say of the layer.
-void StoreWriter::add_codes(const std::int32_t* codes, const Window& given, const Window& own, Done& done) const {
+void StoreWriter::add_codes(const std::int32_t* codes, const Window& given, const Window& own, Done& done,
+                            CodeCounts& unknown) const {
     const std::int64_t width = given.columns.size();
     for (std::int64_t y = own.rows.begin; y < own.rows.end; ++y)
         for (std::int64_t x = own.columns.begin; x < own.columns.end; ++x) {
@@ -383,8 +393,14 @@ void StoreWriter::add_codes(const std::int32_t* codes, const Window& given, cons
             }
             done.values.lowest = std::min(done.values.lowest, static_cast<float>(code));
             done.values.highest = std::max(done.values.highest, static_cast<float>(code));
-            if (params_.legend && !params_.legend->find(code)) ++done.codes[code];
+            if (params_.legend && !params_.legend->find(code)) unknown.add(code, 1);
         }
+}
+
+void StoreWriter::add_unknown(const CodeCounts& codes) {
+    if (codes.empty()) return;
+    const std::lock_guard lock(mutex_);
+    unknown_codes_.add(codes);
 }
 
 /// The same of heights.
@@ -441,6 +457,7 @@ private:
     Layer& layer_;
     const std::vector<std::size_t> pieces_;
     Done done_;
+    CodeCounts unknown_codes_;  ///< that the legend does not know
     const Window posts_;
     const std::string path_;
     const Window pages_posts_;  ///< pages of the block map, in pages
@@ -464,7 +481,7 @@ void StoreWriter::Sheet::add_band(Interval rows, Mosaic::Posts& posts) {
         const std::int64_t width = given.columns.size();
         const Window own{intersection(unit.columns, {0, facts.own_columns()}), unit.rows};
         if (layer_.codes())
-            store_.add_codes(posts.codes.data(), given, own, done_);
+            store_.add_codes(posts.codes.data(), given, own, done_, unknown_codes_);
         else if (!own.columns.empty())
             add_heights(layer_, posts.heights.data(), given, own, done_);
         for (std::int64_t y = unit.rows.begin; y < unit.rows.end; y += tile)
@@ -512,7 +529,7 @@ void StoreWriter::Sheet::finish() {
     SheetSums sums = writer_.finish();
     sums.values = done_.values;
     sums.disagreement = done_.disagreement;
-    sums.codes = done_.codes;
+    sums.codes = std::move(unknown_codes_);
     if (is_dem()) {
         std::size_t i = 0;
         for (std::int64_t r = pages_posts_.rows.begin; r < pages_posts_.rows.end; ++r)
@@ -528,6 +545,7 @@ void StoreWriter::Sheet::finish() {
     done_.sheet.bytes = sums.file_bytes;
     done_.sheet.sums_checksum = checksum(content);
     done_.made = true;
+    store_.add_unknown(sums.codes);
     store_.done_of(job_) = std::move(done_);
 }
 
@@ -647,7 +665,6 @@ TileStoreSummary StoreWriter::summary() const {
     TileStoreSummary out;
     out.note = layers_[0]->input->note();
     Disagreement all;
-    std::map<std::int32_t, std::uint64_t> codes;
     for (std::size_t i = 0; i < layers_.size(); ++i) {
         const RasterFacts& f = layers_[i]->entry.facts;
         TileStoreSummary::Layer layer{name(layers_[i]->kind), type_name(f.type), f.columns, f.rows};
@@ -657,11 +674,10 @@ TileStoreSummary StoreWriter::summary() const {
             layer.bytes += done.sheet.bytes;
             layer.lowest = std::min(layer.lowest, done.values.lowest);
             all.add(done.disagreement);
-            for (const auto& [code, cells] : done.codes) codes[code] += cells;
         }
         out.layers.push_back(layer);
     }
-    for (const auto& [code, cells] : codes) out.unknown_codes.push_back({code, cells});
+    out.unknown_codes = unknown_codes_;
     const bool all_made =
         std::none_of(out.layers.begin(), out.layers.end(), [](const auto& l) { return l.reused > 0; });
     out.features_lie_elsewhere = features_ && all_made && !features_->burnt();

@@ -16,6 +16,7 @@
 
 #include "lib/stop.hpp"
 #include "lib/wedge_source.hpp"
+#include "tiles/code_counts.hpp"
 #include "tiles/features.hpp"
 
 namespace wedgescope {
@@ -113,11 +114,7 @@ struct TileStoreSummary {
     std::uint64_t interpolated = 0;   ///< of these, where one of the two has no post of its own
     float largest_m = 0;
     std::string largest_where;  ///< files, column and row of the store
-    struct Code {
-        std::int32_t code;
-        std::uint64_t cells;
-    };
-    std::vector<Code> unknown_codes;      ///< that the legend does not know
+    CodeCounts unknown_codes;   ///< that the legend does not know
     bool features_lie_elsewhere = false;  ///< not one cell has a feature
     std::vector<std::string> feature_fields_left_out;
 };

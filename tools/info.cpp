@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -39,7 +40,7 @@ struct CodeCount {
 struct RasterFacts {
     RasterSummary summary;
     std::string legend;  ///< empty: codes not asked for
-    std::vector<CodeCount> codes;
+    std::vector<CodeCount> codes;  ///< none: too many
 };
 
 RasterFacts raster_facts(const std::string& path, const std::optional<Legend>& legend, const Materials& materials,
@@ -47,7 +48,7 @@ RasterFacts raster_facts(const std::string& path, const std::optional<Legend>& l
     RasterFacts facts{summarise_raster(path, legend.has_value(), &stop), "", {}};
     if (!legend) return facts;
     facts.legend = legend->name();
-    for (const auto& [code, count] : facts.summary.codes) {
+    for (const auto& [code, count] : facts.summary.codes.counts()) {
         const std::optional<ClassId> id = legend->find(code);
         facts.codes.push_back({code, count, id ? materials[*id].name : ""});
     }
@@ -108,15 +109,52 @@ json to_json(const RasterFacts& facts) {
     }
     if (facts.legend.empty()) return out;
     out["legend"] = facts.legend;
-    out["codes"] = json::array();
-    for (const CodeCount& c : facts.codes) {
-        out["codes"].push_back(json{
-            {"code", c.code}, {"count", c.count}, {"material", c.material.empty() ? json(nullptr) : json(c.material)}});
+    if (r.codes.too_many()) {
+        for (const char* unlisted : {"codes", "unknown_codes", "unknown_cells"}) out[unlisted] = nullptr;
+        out["more_codes_than"] = CodeCounts::most_codes;
+        return out;
     }
+    out["codes"] = json::array();  // print_json has them
     out["unknown_codes"] =
         std::count_if(facts.codes.begin(), facts.codes.end(), [](const CodeCount& c) { return c.material.empty(); });
     out["unknown_cells"] = unknown_cells(facts);
     return out;
+}
+
+/// What stands between the brackets of the raster's "codes": as values of JSON so many take several times as much.
+std::string codes_text(const RasterFacts& facts) {
+    std::string out;
+    constexpr std::size_t likely = 100;
+    out.reserve(likely * facts.codes.size());
+    for (const CodeCount& c : facts.codes) {
+        const json material = c.material.empty() ? json(nullptr) : json(c.material);
+        out += fmt::format(R"({}
+        {{
+          "code": {},
+          "count": {},
+          "material": {}
+        }})",
+                           out.empty() ? "" : ",", c.code, c.count,
+                           material.dump(-1, ' ', false, json::error_handler_t::replace));
+    }
+    if (!out.empty()) out += "\n      ";
+    out.shrink_to_fit();
+    return out;
+}
+
+/// With the codes of all rasters that list theirs, one after the other.
+void print_json(const json& all, const std::vector<std::string>& codes) {
+    constexpr std::string_view empty = R"("codes": [])";  // in words of others the quotes would be escaped
+    const std::string page = all.dump(2, ' ', false, json::error_handler_t::replace) + "\n";
+    const std::string_view words = page;
+    std::size_t from = 0;
+    for (const std::string& list : codes) {
+        const std::size_t at = words.find(empty, from) + empty.size() - 1;
+        print(words.substr(from, at - from));
+        print(list);
+        from = at;
+    }
+    print(words.substr(from));
 }
 
 std::string row(const char* label, const std::string& value) { return fmt::format("  {:<12}{}\n", label, value); }
@@ -181,6 +219,9 @@ std::string to_text(const RasterFacts& facts) {
     if (!r.polar && (r.columns < 2 || r.rows < 2 || r.void_posts == posts))
         out += row("note", "no terrain for simulate, which needs 2 x 2 posts or more that are not all void");
     if (facts.legend.empty()) return out;
+    if (r.codes.too_many())
+        return out + row("codes", text("more than ", CodeCounts::most_codes, ", not counted by legend ", facts.legend,
+                                       " (is this a culture raster?)"));
     out += row("codes", text(facts.codes.size(), " by legend ", facts.legend));
     for (const CodeCount& c : facts.codes) {
         out += fmt::format("  {:>10}  {:>15} {:>8.3f} %  {}\n", c.code, grouped(c.count),
@@ -554,6 +595,7 @@ void info(const std::vector<std::string>& arguments, Stop& stop) {
     const std::optional<Legend> codes = own ? std::nullopt : legend(settings);
     json all{{"format", "wedgescope-info-1"}, {"version", version()}, {"files", json::array()}};
     std::string page;
+    std::vector<std::string> code_lists;  // of rasters with a list, which may be empty
     std::size_t damage = 0;
     std::vector<std::string> remarks;
     const auto look_at = [&](const std::string& path, double lowest_m) {
@@ -585,10 +627,15 @@ void info(const std::vector<std::string>& arguments, Stop& stop) {
             const RasterFacts facts =
                 raster_facts(path, own ? legend(settings, path) : codes, settings.scene.materials, stop);
             add(facts);
+            if (settings.json && !facts.legend.empty() && !facts.summary.codes.too_many())
+                code_lists.push_back(codes_text(facts));
             look_at(path, facts.summary.lowest);
         }
     }
-    print(settings.json ? all.dump(2, ' ', false, json::error_handler_t::replace) + "\n" : page);
+    if (settings.json)
+        print_json(all, code_lists);
+    else
+        print(page);
     for (const std::string& line : remarks) remark(settings.quiet, line);
     if (damage > 0) throw DataError(text(damage, damage == 1 ? " damaged part was" : " damaged parts were", " found"));
 }

@@ -172,21 +172,26 @@ void tell(const Settings& settings, const TileStoreSummary& summary, double seco
             summary.disagreements == 1 ? "s" : "",
             summary.interpolated > 0 ? text(", ", grouped(summary.interpolated), " of them interpolated") : "",
             summary.largest_m, summary.largest_where));
-    if (!summary.unknown_codes.empty()) {
+    if (const CodeCounts& unknown = summary.unknown_codes; unknown.too_many()) {
+        say(
+            fmt::format("culture: more than {} codes, from {} to {} in {}, are not in the legend {} (is this a culture "
+                        "raster?)",
+                        CodeCounts::most_codes, unknown.least(), unknown.greatest(), counted(unknown.cells(), "cell"),
+                        in_quotes(settings.culture_legend)));
+    } else if (!unknown.empty()) {
         // Thousands are no classes: heights, or a picture.
         constexpr std::size_t most = 1000;
-        const std::size_t codes_found = summary.unknown_codes.size();
+        const std::size_t codes_found = unknown.counts().size();
         std::string codes;
-        std::uint64_t cells = 0;
-        for (std::size_t i = 0; i < codes_found; ++i) {
-            const auto& [code, count] = summary.unknown_codes[i];
-            cells += count;
-            if (i < most) codes += fmt::format("{}{} ({})", i ? ", " : "", code, counted(count, "cell"));
+        std::size_t told = 0;
+        for (const auto& [code, count] : unknown.counts()) {
+            if (told == most) break;
+            codes += fmt::format("{}{} ({})", told++ ? ", " : "", code, counted(count, "cell"));
         }
         if (codes_found > most) codes += fmt::format(" and {} more", codes_found - most);
         say(fmt::format("culture: {} in {} {} not in the legend {}: {}", counted(codes_found, "code"),
-                        counted(cells, "cell"), codes_found == 1 ? "is" : "are", in_quotes(settings.culture_legend),
-                        codes));
+                        counted(unknown.cells(), "cell"), codes_found == 1 ? "is" : "are",
+                        in_quotes(settings.culture_legend), codes));
     }
     if (summary.features_lie_elsewhere)
         say(text("features ", in_quotes(settings.features),
