@@ -282,6 +282,15 @@ TEST_CASE("a layer that its driver would put elsewhere is refused, one that it p
     for (const char* name : {"a.tif", "a.img"}) lies_right(name);
     draw_terrain(false);
     for (const char* name : {"b.bil", "b.rst", "b.ers", "b.sdat", "b.img"}) lies_right(name);
+    // Files of other names than the one given are found by nobody.
+    for (const char* driver : {"ERS", "MFF"}) {
+        const std::vector<std::string> before = folder.names();
+        const Ended lost = says("c.ct", {"--of", driver});
+        CHECK(lost.code == 2);
+        CHECK_THAT(lost.err, Contains("c.ct'") && Contains("no raster that is found under this name; accepted: ") &&
+                                 Contains(driver == std::string("ERS") ? "(.ers)" : "(.hdr)"));
+        CHECK(folder.names() == before);
+    }
     const Ended ended = says("b.vic", {"--of", "VICAR"});
     CHECK(ended.code == 0);
     CHECK_THAT(ended.err, Contains("b.vic' is written by driver VICAR, which does not keep its place"));

@@ -33,6 +33,7 @@ Trial try_driver(GDALDriver& driver, const CPLStringList& options, const RasterC
         trial.read_back = written != nullptr;
         trial.kept = written && good(*written);
         if (written) written->FlushCache(true);
+        written.reset();
     } catch (const IoError&) {  // nor can it be written
         trial.read_back = false;
         trial.refused = errors.failed() ? errors.reason_of_writing(path) : "it is not written";
@@ -40,6 +41,7 @@ Trial try_driver(GDALDriver& driver, const CPLStringList& options, const RasterC
     if (trial.kept) {
         const DatasetHandle back(GDALDataset::Open(path.c_str(), GDAL_OF_RASTER));
         trial.read_back = back != nullptr;
+        trial.lost = !back && trial.refused.empty();
         trial.kept = back && good(*back);
         if (back && !trial.meant_void) trial.meant_void = declares_meaning_void(*back, content);
     }
@@ -53,6 +55,18 @@ void check_made(const Trial& trial, GDALDriver& driver, const RasterFormat& form
     if (trial.refused.empty() || format.creation.empty()) return;
     throw InputError(text("output '", final_path, "' cannot be made by driver ", driver.GetDescription(),
                           " with these creation options: ", trial.refused));
+}
+
+void check_found(const Trial& trial, GDALDriver& driver, const std::string& final_path) {
+    if (!trial.lost) return;
+    const char* const known = driver.GetMetadataItem(GDAL_DMD_EXTENSIONS);
+    std::string endings;
+    const CPLStringList words(CSLTokenizeString(known ? known : ""));
+    for (int i = 0; i < words.size(); ++i) endings += text(i > 0 ? ", ." : ".", words[i]);
+    throw InputError(text("output '", final_path, "': driver ", driver.GetDescription(),
+                          " makes no raster that is found under this name; accepted: ",
+                          endings.empty() ? "" : text("the driver's own endings (", endings, "), or "),
+                          ".tif, .img and others"));
 }
 
 TrialCells::TrialCells(const std::vector<std::uint8_t>& values) : cells(static_cast<std::size_t>(side * side)) {

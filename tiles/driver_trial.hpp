@@ -20,6 +20,7 @@ struct Trial {
     bool kept = false;
     std::string refused;      ///< why it was not made, in GDAL's words; empty: it was
     bool read_back = false;   ///< it was made, and opened again
+    bool lost = false;        ///< it was made without a complaint, and not found under its name
     bool meant_void = false;  ///< what means something is declared as no data
 };
 
@@ -29,6 +30,8 @@ Trial try_driver(GDALDriver& driver, const CPLStringList& options, const RasterC
                  const std::string& final_path, const std::function<bool(GDALDataset&)>& good);
 /// Creation options may be at fault that a raster was not made: InputError.
 void check_made(const Trial& trial, GDALDriver& driver, const RasterFormat& format, const std::string& final_path);
+/// Some drivers write files of other names than the one given, under which nobody finds a raster then: InputError.
+void check_found(const Trial& trial, GDALDriver& driver, const std::string& final_path);
 
 /// Does the first band, `side` x `side`, hold just these?
 template <class Cell>

@@ -76,6 +76,7 @@ std::string power_losses(const OutputFile& file, const RasterFormat& format) {
                                        });
         values &= same;
         check_made(tried, driver, format, final_path);
+        check_found(tried, driver, final_path);
         if (!tried.kept || !has_capability(driver, GDAL_DCAP_VIRTUALIO))  // makes no file in memory
             return text("is written by driver ", driver.GetDescription(),
                         ", which may not keep its values, its place and what the image tells of its scene; .tif does");

@@ -96,6 +96,7 @@ std::string place_losses(const RasterContent& wanted, const OutputFile& file, co
             crs = wanted.crs.empty() || d.GetSpatialRef();
             return true;
         });
+    check_found(tried, driver, final_path);
     if (!tried.read_back) return {};  // makes no file in memory
     const std::string by =
         text("driver ", driver.GetDescription(), format.creation.empty() ? "" : " with these creation options");
