@@ -178,7 +178,7 @@ double farthest_edge_m(const ResolvedScene& s, const DataBase& db) {
         reach(0, r);
         reach(static_cast<double>(db.columns - 1), r);
     }
-    return farthest + SpokeMap::tolerance_posts * db.longer_post_m();
+    return s.geometry == Geometry::geodesic ? farthest + SpokeMap::tolerance_posts * db.longer_post_m() : farthest;
 }
 
 /// The nearer of the farthest edge post and what the horizon allows: the slant range to the highest or the lowest terrain there,

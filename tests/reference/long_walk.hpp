@@ -64,8 +64,10 @@ public:
         std::vector<Real> sum(bins);
         Real horizon = -1;
         for_cells(dc, dr, [&](Real t0, Real t1, const auto& ground) {
+            const Real middle_m = ground((t0 + t1) / 2);
+            if (std::isnan(middle_m)) return true;  // beside the posts, or void
             // Steps short against the range and against the cell.
-            const Real near = std::max<Real>(std::abs(p_.sensor_m - ground((t0 + t1) / 2)), 1e-3L);
+            const Real near = std::max<Real>(std::abs(p_.sensor_m - middle_m), 1e-3L);
             Real t = t0;
             const Real most = (t1 - t0) / 16;
             while (t < t1) {
