@@ -164,8 +164,8 @@ TEST_CASE("info lists the codes of each raster, and says of too many that there 
                                                                                 : i < 90 ? 21
                                                                                          : 5; }),
                       none = cells("none.asc", 10, [](int) { return -9999; }),
-                      full = cells("full.asc", 256, [](int i) { return 100 + i; }),
-                      many = cells("many.asc", 257, [](int i) { return 100 + i; });
+                      full = cells("full.asc", 128, [](int i) { return 100 + i; }),
+                      many = cells("many.asc", 129, [](int i) { return 100 + i; });
     const std::vector<std::string> info = {"info", "--culture-legend", "nlcd"};
     const Outcome lists = folder.run(with(info, {"--json", few, none, full, many, few}));
     INFO(lists.err);
@@ -180,17 +180,17 @@ TEST_CASE("info lists the codes of each raster, and says of too many that there 
     CHECK(files[4] == files[0]);
     CHECK(files[1]["codes"] == nlohmann::json::array());
     CHECK(files[1]["unknown_codes"] == 0);
-    CHECK(files[2]["codes"].size() == 65536);
-    CHECK(files[2]["codes"].back() == nlohmann::json{{"code", 65635}, {"count", 1}, {"material", nullptr}});
-    CHECK(files[2]["unknown_cells"] == 65536);
+    CHECK(files[2]["codes"].size() == 16384);
+    CHECK(files[2]["codes"].back() == nlohmann::json{{"code", 16483}, {"count", 1}, {"material", nullptr}});
+    CHECK(files[2]["unknown_cells"] == 16384);
     CHECK_FALSE(files[2].contains("more_codes_than"));
     for (const char* unlisted : {"codes", "unknown_codes", "unknown_cells"}) CHECK(files[3].at(unlisted).is_null());
-    CHECK(files[3]["more_codes_than"] == 65536);
+    CHECK(files[3]["more_codes_than"] == 16384);
     // As any program writes JSON.
     CHECK(nlohmann::ordered_json::parse(lists.out).dump(2) + "\n" == lists.out);
     CHECK_THAT(folder.run(with(info, {many})).out,
-               Contains("more than 65536, not counted by legend nlcd (is this a culture raster?)\n"));
-    CHECK_THAT(folder.run(with(info, {full})).out, Contains("65536 by legend nlcd\n"));
+               Contains("more than 16384, not counted by legend nlcd (is this a culture raster?)\n"));
+    CHECK_THAT(folder.run(with(info, {full})).out, Contains("16384 by legend nlcd\n"));
 }
 
 TEST_CASE("info says that a legend is not for a scene", "[cli]") {

@@ -548,14 +548,14 @@ TEST_CASE("culture with a code for each cell keeps to --memory, and is doubted",
     const Budgeted told(64, tile, log);
     CHECK(told.ended.code == 0);
     CHECK_THAT(told.ended.err,
-               Catch::Contains("more than 65536 codes, from 100000 to 2349999 in 2 250 000 cells, are not in the "
+               Catch::Contains("more than 16384 codes, from 100000 to 2349999 in 2 250 000 cells, are not in the "
                                "legend 'fbfm40' (is this a culture raster?)"));
     check(64, with(tile, {"--directivity", sides, "-q"}), log);
     check(64, {"info", parcels, "--culture-legend", "fbfm40"}, log);
     check(64, {"info", parcels, "--culture-legend", "fbfm40", "--json"}, log);
     // As many as are told one by one.
-    draw_cells(words, cells, GDT_Int16, [](int c, int r) { return (r * cells + c) % 65536 - 32768; });
+    draw_cells(words, cells, GDT_Int16, [](int c, int r) { return (r * cells + c) % 16384 - 8192; });
     check(64, {"info", words, "--culture-legend", "fbfm40"}, log);
-    check(64, {"info", words, words, words, "--culture-legend", "fbfm40", "--json"}, log);
+    check(64, {"info", words, words, words, words, words, "--culture-legend", "fbfm40", "--json"}, log);
     check(64, {"tile", hills, store, "--culture", words, "--culture-legend", "fbfm40", "--overwrite", "-q"}, log);
 }

@@ -396,7 +396,7 @@ TEST_CASE("codes that the legend does not know are counted", "[store]") {
 
 TEST_CASE("more unknown codes than are counted are told as such, of one sheet, of several and resumed", "[store]") {
     const Folder folder;
-    Drawing d = hills(4100, 17);
+    Drawing d = hills(4100, 5);
     draw(folder / "dem.tif", d);
     d.type = GDT_Int32;
     d.no_data.reset();
@@ -411,13 +411,13 @@ TEST_CASE("more unknown codes than are counted are told as such, of one sheet, o
     const auto stored = [&](const char* sums) { return read_sums(folder / sums, std::nullopt).codes; };
     const char *const first = "store/culture/c0_r0.sum", *const second = "store/culture/c1_r0.sum";
 
-    rows = 16;  // 65536 codes in the first sheet
+    rows = 4;  // 16384 codes in the first sheet
     draw(folder / "codes.tif", d);
     TileStoreSummary summary = write_tile_store(params);
     CHECK_FALSE(summary.unknown_codes.too_many());
-    CHECK(summary.unknown_codes.counts().size() == 65536);
+    CHECK(summary.unknown_codes.counts().size() == 16384);
     CHECK(summary.unknown_codes.counts().at(1000) == 1);
-    CHECK(summary.unknown_codes.counts().at(1000 + 15 * 4096) == 2);
+    CHECK(summary.unknown_codes.counts().at(1000 + 3 * 4096) == 2);
     CHECK(stored(first) == summary.unknown_codes);
     CHECK(stored(second).empty());
 
@@ -428,16 +428,16 @@ TEST_CASE("more unknown codes than are counted are told as such, of one sheet, o
     for (const int threads : {1, 2}) {
         params.threads = threads;
         summary = write_tile_store(params);
-        CHECK(summary.unknown_codes == CodeCounts::of_too_many(4096 * 17 + 1, 12, 1000 + 65535));
-        CHECK(stored(first).counts().size() == 65536);
+        CHECK(summary.unknown_codes == CodeCounts::of_too_many(4096 * 5 + 1, 12, 1000 + 16383));
+        CHECK(stored(first).counts().size() == 16384);
         CHECK(stored(second).counts() == std::map<std::int32_t, std::uint64_t>{{12, 1}});
     }
 
-    rows = 17;
+    rows = 5;
     draw(folder / "codes.tif", d);
     summary = write_tile_store(params);
-    CHECK(summary.unknown_codes == CodeCounts::of_too_many(4096 * 17 + 1, 12, 1000 + 4096 * 17 - 1));
-    CHECK(stored(first) == CodeCounts::of_too_many(4096 * 17, 1000, 1000 + 4096 * 17 - 1));
+    CHECK(summary.unknown_codes == CodeCounts::of_too_many(4096 * 5 + 1, 12, 1000 + 4096 * 5 - 1));
+    CHECK(stored(first) == CodeCounts::of_too_many(4096 * 5, 1000, 1000 + 4096 * 5 - 1));
     CHECK(fs::file_size(folder / first) < 4096);
     CHECK(open_direct_source(base(folder / "store"))->load_classes({{4096, 4097}, {0, 1}}).classes[0] ==
           material_by_name("material", "water"));
@@ -485,8 +485,8 @@ TEST_CASE("sums that list more unknown codes than are counted, as those of older
     CHECK(few.codes.counts() == std::map<std::int32_t, std::uint64_t>{{-3, 1}, {5, 17}});
     CHECK(few.tiles == sums.tiles);
     std::string many = "[-3,1]";
-    for (int code = 0; code < 65536; ++code) many += ",[" + std::to_string(code) + ",2]";
-    CHECK(read_with(many).codes == CodeCounts::of_too_many(2 * 65536 + 1, -3, 65535));
+    for (int code = 0; code < 16384; ++code) many += ",[" + std::to_string(code) + ",2]";
+    CHECK(read_with(many).codes == CodeCounts::of_too_many(2 * 16384 + 1, -3, 16383));
     CHECK_THROWS_WITH(read_with("[-3]"), Contains("is damaged"));
     CHECK_THROWS_WITH(read_with(R"([-3,"1"])"), Contains("is damaged"));
 }

@@ -114,47 +114,15 @@ json to_json(const RasterFacts& facts) {
         out["more_codes_than"] = CodeCounts::most_codes;
         return out;
     }
-    out["codes"] = json::array();  // print_json has them
+    out["codes"] = json::array();
+    for (const CodeCount& c : facts.codes) {
+        out["codes"].push_back(json{
+            {"code", c.code}, {"count", c.count}, {"material", c.material.empty() ? json(nullptr) : json(c.material)}});
+    }
     out["unknown_codes"] =
         std::count_if(facts.codes.begin(), facts.codes.end(), [](const CodeCount& c) { return c.material.empty(); });
     out["unknown_cells"] = unknown_cells(facts);
     return out;
-}
-
-/// What stands between the brackets of the raster's "codes": as values of JSON so many take several times as much.
-std::string codes_text(const RasterFacts& facts) {
-    std::string out;
-    constexpr std::size_t likely = 100;
-    out.reserve(likely * facts.codes.size());
-    for (const CodeCount& c : facts.codes) {
-        const json material = c.material.empty() ? json(nullptr) : json(c.material);
-        out += fmt::format(R"({}
-        {{
-          "code": {},
-          "count": {},
-          "material": {}
-        }})",
-                           out.empty() ? "" : ",", c.code, c.count,
-                           material.dump(-1, ' ', false, json::error_handler_t::replace));
-    }
-    if (!out.empty()) out += "\n      ";
-    out.shrink_to_fit();
-    return out;
-}
-
-/// With the codes of all rasters that list theirs, one after the other.
-void print_json(const json& all, const std::vector<std::string>& codes) {
-    constexpr std::string_view empty = R"("codes": [])";  // in words of others the quotes would be escaped
-    const std::string page = all.dump(2, ' ', false, json::error_handler_t::replace) + "\n";
-    const std::string_view words = page;
-    std::size_t from = 0;
-    for (const std::string& list : codes) {
-        const std::size_t at = words.find(empty, from) + empty.size() - 1;
-        print(words.substr(from, at - from));
-        print(list);
-        from = at;
-    }
-    print(words.substr(from));
 }
 
 std::string row(const char* label, const std::string& value) { return fmt::format("  {:<12}{}\n", label, value); }
@@ -582,6 +550,15 @@ void print_plan(const Settings& given, const Stop& stop) {
               : plan_text(settings, planned, found));
 }
 
+/// One value more of a list of JSON one level deep: as text it takes a quarter of the room.
+void add_to_list(std::string& list, const json& value) {
+    list += list.empty() ? "\n    " : ",\n    ";
+    for (const char c : value.dump(2, ' ', false, json::error_handler_t::replace)) {
+        list += c;
+        if (c == '\n') list += "    ";
+    }
+}
+
 }  // namespace
 
 void info(const std::vector<std::string>& arguments, Stop& stop) {
@@ -593,9 +570,7 @@ void info(const std::vector<std::string>& arguments, Stop& stop) {
     if (settings.plan) return print_plan(settings, stop);
     const bool own = settings.culture_legend == own_legend;  // each raster has one
     const std::optional<Legend> codes = own ? std::nullopt : legend(settings);
-    json all{{"format", "wedgescope-info-1"}, {"version", version()}, {"files", json::array()}};
     std::string page;
-    std::vector<std::string> code_lists;  // of rasters with a list, which may be empty
     std::size_t damage = 0;
     std::vector<std::string> remarks;
     const auto look_at = [&](const std::string& path, double lowest_m) {
@@ -605,7 +580,7 @@ void info(const std::vector<std::string>& arguments, Stop& stop) {
         stop.check();
         const auto add = [&](const auto& facts) {
             if (settings.json) {
-                all["files"].push_back(to_json(facts));
+                add_to_list(page, to_json(facts));
             } else {
                 if (!page.empty()) page += "\n";
                 page += to_text(facts);
@@ -627,15 +602,14 @@ void info(const std::vector<std::string>& arguments, Stop& stop) {
             const RasterFacts facts =
                 raster_facts(path, own ? legend(settings, path) : codes, settings.scene.materials, stop);
             add(facts);
-            if (settings.json && !facts.legend.empty() && !facts.summary.codes.too_many())
-                code_lists.push_back(codes_text(facts));
             look_at(path, facts.summary.lowest);
         }
     }
     if (settings.json)
-        print_json(all, code_lists);
-    else
-        print(page);
+        print(text("{\n  \"format\": \"wedgescope-info-1\",\n  \"version\": ", json(version()).dump(),
+                   ",\n  \"files\": ["));
+    print(page);
+    if (settings.json) print("\n  ]\n}\n");
     for (const std::string& line : remarks) remark(settings.quiet, line);
     if (damage > 0) throw DataError(text(damage, damage == 1 ? " damaged part was" : " damaged parts were", " found"));
 }
