@@ -182,7 +182,8 @@ double farthest_edge_m(const ResolvedScene& s, const DataBase& db) {
 }
 
 /// The nearer of the farthest edge post and what the horizon allows: the slant range to the highest or the lowest terrain there,
-/// whichever is farther away, or along the ground for a picture of ground ranges.
+/// whichever is farther away, or along the ground for a picture of ground ranges; and a hair more, for posts compare what they come by
+/// in other ways.
 double default_range(const ResolvedScene& s, WedgeSource& source) {
     const Extremes e = source.extremes();
     if (!e.any_valid)
@@ -201,7 +202,7 @@ double default_range(const ResolvedScene& s, WedgeSource& source) {
         for (const double height_m : {highest, static_cast<double>(e.lowest_m), s.reference_m})
             range = std::max(range, s.earth.sight(s.sensor_m, height_m, arc).slant_range_m);
     }
-    return std::max(1.0, range);
+    return std::max(1.0, range) * (1 + 0x1p-32);
 }
 
 }  // namespace

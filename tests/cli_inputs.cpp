@@ -188,8 +188,7 @@ TEST_CASE("info lists the codes of each raster, and says of too many that there 
     CHECK(files[3]["more_codes_than"] == 16384);
     // As any program writes JSON.
     CHECK(nlohmann::ordered_json::parse(lists.out).dump(2) + "\n" == lists.out);
-    CHECK_THAT(folder.run(with(info, {many})).out,
-               Contains("more than 16384, not counted by legend nlcd (is this a culture raster?)\n"));
+    CHECK_THAT(folder.run(with(info, {many})).out, Contains("more than 16384, not listed by legend nlcd\n"));
     CHECK_THAT(folder.run(with(info, {full})).out, Contains("16384 by legend nlcd\n"));
 }
 

@@ -12,7 +12,6 @@
 #include "tests/drawn_raster.hpp"
 #include "tests/json.hpp"
 #include "tests/program.hpp"
-#include "tests/words.hpp"
 
 using namespace wedgescope::test;
 
@@ -44,11 +43,12 @@ struct Posts {
         OGRSpatialReference earth;
         earth.importFromEPSG(4326);
         earth.SetAxisMappingStrategy(OAMS_TRADITIONAL_GIS_ORDER);
-        to_lat_lon.reset(OGRCreateCoordinateTransformation(in->GetSpatialRef(), &earth));
+        if (const OGRSpatialReference* own = in->GetSpatialRef())
+            to_lat_lon.reset(OGRCreateCoordinateTransformation(own, &earth));
         const CPLErr read =
             band->RasterIO(GF_Read, 0, 0, columns, rows, values.data(), columns, rows, GDT_Float64, 0, 0);
         GDALClose(in);
-        if (read != CE_None || !to_lat_lon) throw std::runtime_error("cannot read " + path);
+        if (read != CE_None) throw std::runtime_error("cannot read " + path);
     }
     std::size_t index(int c, int r) const {
         return static_cast<std::size_t>(r) * static_cast<std::size_t>(columns) + static_cast<std::size_t>(c);
@@ -56,7 +56,7 @@ struct Posts {
     double at(int c, int r) const { return values[index(c, r)]; }
     std::pair<double, double> lat_lon(int c, int r) const {
         double x = terms[0] + (c + 0.5) * terms[1], y = terms[3] + (r + 0.5) * terms[5];
-        if (!to_lat_lon->Transform(1, &x, &y)) throw std::runtime_error("no place on earth");
+        if (!to_lat_lon || !to_lat_lon->Transform(1, &x, &y)) throw std::runtime_error("no place on earth");
         return {y, x};
     }
 };
@@ -87,20 +87,32 @@ TEST_CASE("without a range every post is in it, the farthest corner too", "[cove
     Drawing flat;
     flat.columns = 35;
     flat.rows = 80;
-    flat.crs = "EPSG:32611";
     flat.geotransform = {{500000, 30, 0, 4000000, 0, -30}};
     flat.value = [](int, int) { return 50.0; };
-    draw(folder / "flat.tif", flat);
-    for (const char* xy : {"500700,3999500", "500400,3999000", "500611,3998333"}) {
-        INFO(xy);
-        const std::vector<std::string> place = {"--xy", xy, "--altitude-msl", "3000m", "--overwrite", "-q"};
-        REQUIRE(run_program(with({WEDGESCOPE_PROGRAM, "simulate", "--dem", folder / "flat.tif", "--ground",
-                                  folder / "ground.tif"},
-                                 place),
-                            folder / "log")
-                    .code == 0);
-        const Posts ground(folder / "ground.tif");
-        CHECK(std::none_of(ground.values.begin(), ground.values.end(), [](double dbm) { return std::isnan(dbm); }));
+    // Geodesics, a plane in a CRS and one without.
+    for (const auto& [crs, geometry] : {std::pair{"EPSG:32611", "geodesic"}, {"EPSG:32611", "grid"}, {"", "grid"}}) {
+        flat.crs = crs;
+        draw(folder / "flat.tif", flat);
+        for (const char* xy : {"500700,3999500", "500400,3999000", "500611,3998333"}) {
+            INFO(crs << " " << geometry << " " << xy);
+            const std::vector<std::string> simulate = {WEDGESCOPE_PROGRAM,
+                                                       "simulate",
+                                                       "--dem",
+                                                       folder / "flat.tif",
+                                                       "--ground",
+                                                       folder / "ground.tif",
+                                                       "--xy",
+                                                       xy,
+                                                       "--altitude-msl",
+                                                       "3000m",
+                                                       "--geometry",
+                                                       geometry,
+                                                       "--overwrite",
+                                                       "-q"};
+            REQUIRE(run_program(simulate, folder / "log").code == 0);
+            const Posts ground(folder / "ground.tif");
+            CHECK(std::none_of(ground.values.begin(), ground.values.end(), [](double dbm) { return std::isnan(dbm); }));
+        }
     }
 }
 

@@ -682,7 +682,10 @@ TEST_CASE("what is wrong with observers is said in one line, and nothing is left
                    Contains("output is '") && Contains("which lies in dem '"));
     CHECK_THAT(refused(folder, {folder / "store/dem.vrt", folder / "store/manifest.json", "--of", "GTiff",
                                 "--observers", good}),
-               Contains("output is '") && Contains("which lies in dem '") && Contains("store'"));
+               Contains("store/manifest.json', which lies in '") && Contains("store', the tile store of dem '"));
+    const Ended inside = run_program({program, "tile", folder / "store/dem.vrt", folder / "store/sub"}, folder / "log");
+    CHECK(inside.code == 2);
+    CHECK_THAT(inside.err, Contains("store/sub', which lies in '") && Contains("store', the tile store of dem '"));
     CHECK_THAT(says({"--memory", "3MiB"}), Contains("memory is 3 MiB; ") && Contains("needs at least"));
     CHECK_THAT(says({"--of", "PNG", "--co", "ZLEVEL=1"}), Contains("writes whole rasters only"));
     CHECK_THAT(refused(folder, {dem, out, "--xy", "466000,3754000", "--altitude-agl", "9m", "--at-least", "2"}),

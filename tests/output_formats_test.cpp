@@ -282,18 +282,35 @@ TEST_CASE("a layer that its driver would put elsewhere is refused, one that it p
     for (const char* name : {"a.tif", "a.img"}) lies_right(name);
     draw_terrain(false);
     for (const char* name : {"b.bil", "b.rst", "b.ers", "b.sdat", "b.img"}) lies_right(name);
-    // Files of other names than the one given are found by nobody.
-    for (const char* driver : {"ERS", "MFF"}) {
-        const std::vector<std::string> before = folder.names();
-        const Ended lost = says("c.ct", {"--of", driver});
-        CHECK(lost.code == 2);
-        CHECK_THAT(lost.err, Contains("c.ct'") && Contains("no raster that is found under this name; accepted: ") &&
-                                 Contains(driver == std::string("ERS") ? "(.ers)" : "(.hdr)"));
-        CHECK(folder.names() == before);
-    }
     const Ended ended = says("b.vic", {"--of", "VICAR"});
     CHECK(ended.code == 0);
     CHECK_THAT(ended.err, Contains("b.vic' is written by driver VICAR, which does not keep its place"));
+}
+
+TEST_CASE("a driver that writes files of other names than the one given is refused", "[output_formats]") {
+    const Folder folder, logs;
+    Drawing d;
+    d.columns = d.rows = 48;
+    for (const char* crs : {"EPSG:32611", ""}) {  // with a place and without
+        d.crs = crs;
+        if (d.crs.empty()) d.geotransform.reset();
+        draw(folder / "dem.tif", d);
+        const std::vector<std::string> before = folder.names();
+        const char* const xy = d.crs.empty() ? "20,20" : "1200,1800";
+        for (const auto& [driver, ending] :
+             {std::pair{"ERS", ".ers"}, {"MFF", ".hdr"}, {"SAGA", ".sdat"}, {"RST", ".rst"}})
+            for (const char* layer : {"mask", "height"}) {
+                const Ended lost = run_program({program, "coverage", folder / "dem.tif", folder / "c.ct", "--xy", xy,
+                                                "--altitude-agl", "20m", "--of", driver, "--layer", layer},
+                                               logs / "log");
+                INFO(crs << " " << driver << " " << layer << ": " << lost.err);
+                CHECK(lost.code == 2);
+                CHECK_THAT(lost.err, Contains("c.ct'") &&
+                                         Contains("no raster that is found under this name; accepted: ") &&
+                                         Contains(ending) && Contains("or another driver, such as GTiff"));
+                CHECK(folder.names() == before);
+            }
+    }
 }
 
 TEST_CASE("info tells a no-data value that is no number from none", "[output_formats]") {

@@ -75,7 +75,8 @@ TEST_CASE("each frame of a track is the picture that its row's numbers and a see
     draw_data(folder);
     write_track(folder);
     for (const char* name : {"alone", "track"}) std::filesystem::create_directory(folder / name);
-    const std::vector<std::string> look = {"--sector", "-100deg,120deg", "--orientation", "heading"};
+    const std::vector<std::string> look = {"--sector", "-100deg,120deg", "--orientation",
+                                           "heading",  "--quality",      "normal"};
     for (std::size_t i = 0; i < rows.size(); ++i) {
         std::vector<std::string> single =
             with(look, {"--xy", rows[i].x + "," + rows[i].y, "--altitude-msl", rows[i].altitude + "m", "--heading",

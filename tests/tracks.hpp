@@ -2,6 +2,7 @@
 // one, and the images that it leaves.
 #pragma once
 #include <signal.h>
+#include <sys/wait.h>
 
 #include <algorithm>
 #include <array>
@@ -109,7 +110,11 @@ Ended when_five_stand(const Folder& folder, Do&& act, const std::vector<std::str
                                     folder / "s.png", "--threads", "2"},
                                    more),
                               folder / "log");
-    for (int i = 0; i < 12000 && !std::filesystem::exists(folder / "s_0005.png"); ++i)
+    const auto ended = [child] {
+        siginfo_t state{};
+        return ::waitid(P_PID, static_cast<id_t>(child), &state, WEXITED | WNOHANG | WNOWAIT) != 0 || state.si_pid != 0;
+    };
+    for (int i = 0; i < 12000 && !ended() && !std::filesystem::exists(folder / "s_0005.png"); ++i)
         std::this_thread::sleep_for(std::chrono::milliseconds(10));
     act(child);
     return wait_for(child, folder / "log");

@@ -11,7 +11,7 @@ namespace wedgescope {
 
 class CodeCounts {
 public:
-    static constexpr std::size_t most_codes = 16384;  ///< no legend has so many
+    static constexpr std::size_t most_codes = 16384;  ///< a longer list is read by nobody
     /// At the most, of so many cells of so many bytes each.
     static std::size_t bytes(std::int64_t cells, std::int64_t cell_bytes);
 

@@ -9,6 +9,21 @@
 #include "tiles/raster_driver.hpp"
 
 namespace wedgescope {
+namespace {
+
+[[noreturn]] void refuse_lost(GDALDriver& driver, const std::string& final_path) {
+    std::string own = std::filesystem::path(final_path).extension().string(), others;
+    if (!own.empty()) own.erase(0, 1);
+    const char* const known = driver.GetMetadataItem(GDAL_DMD_EXTENSIONS);
+    const CPLStringList endings(CSLTokenizeString(known ? known : ""));
+    for (int i = 0; i < endings.size(); ++i)
+        if (!EQUAL(endings[i], own.c_str())) others += text(".", endings[i], ", ");
+    throw InputError(text("output '", final_path, "': driver ", driver.GetDescription(),
+                          " makes no raster that is found under this name; accepted: ", others,
+                          "or another driver, such as GTiff"));
+}
+
+}  // namespace
 
 Trial try_driver(GDALDriver& driver, const CPLStringList& options, const RasterContent& content,
                  const std::string& final_path, const std::function<bool(GDALDataset&)>& good) {
@@ -18,6 +33,7 @@ Trial try_driver(GDALDriver& driver, const CPLStringList& options, const RasterC
     // Some drivers know their files by the ending.
     const std::string path = text("/vsimem/wedgescope_trial_", reinterpret_cast<std::uintptr_t>(&content),
                                   std::filesystem::path(final_path).extension().string());
+    bool lost = false;
     GdalErrors errors;
     const auto create = [&] {
         if (!has_capability(driver, GDAL_DCAP_CREATE)) return copied_dataset(driver, path, content, options);
@@ -29,7 +45,11 @@ Trial try_driver(GDALDriver& driver, const CPLStringList& options, const RasterC
     };
     try {
         DatasetHandle written = create();
-        if (!written && errors.failed()) trial.refused = errors.reason_of_writing(path);
+        if (!written && errors.failed()) {
+            trial.refused = errors.reason_of_writing(path);
+            // Some open their file again before they hand it out.
+            lost = errors.reason().find("not recognized as a supported file format") != std::string::npos;
+        }
         trial.read_back = written != nullptr;
         trial.kept = written && good(*written);
         if (written) written->FlushCache(true);
@@ -41,13 +61,14 @@ Trial try_driver(GDALDriver& driver, const CPLStringList& options, const RasterC
     if (trial.kept) {
         const DatasetHandle back(GDALDataset::Open(path.c_str(), GDAL_OF_RASTER));
         trial.read_back = back != nullptr;
-        trial.lost = !back && trial.refused.empty();
+        lost = !back && !errors.failed();
         trial.kept = back && good(*back);
         if (back && !trial.meant_void) trial.meant_void = declares_meaning_void(*back, content);
     }
     driver.QuietDelete(path.c_str());
     // Of a file too broken for its driver to know it something is left, and the next trial may have its name.
     VSIUnlink(path.c_str());
+    if (lost) refuse_lost(driver, final_path);
     return trial;
 }
 
@@ -57,16 +78,8 @@ void check_made(const Trial& trial, GDALDriver& driver, const RasterFormat& form
                           " with these creation options: ", trial.refused));
 }
 
-void check_found(const Trial& trial, GDALDriver& driver, const std::string& final_path) {
-    if (!trial.lost) return;
-    const char* const known = driver.GetMetadataItem(GDAL_DMD_EXTENSIONS);
-    std::string endings;
-    const CPLStringList words(CSLTokenizeString(known ? known : ""));
-    for (int i = 0; i < words.size(); ++i) endings += text(i > 0 ? ", ." : ".", words[i]);
-    throw InputError(text("output '", final_path, "': driver ", driver.GetDescription(),
-                          " makes no raster that is found under this name; accepted: ",
-                          endings.empty() ? "" : text("the driver's own endings (", endings, "), or "),
-                          ".tif, .img and others"));
+std::string driver_words(GDALDriver& driver, const RasterFormat& format) {
+    return text("driver ", driver.GetDescription(), format.creation.empty() ? "" : " with these creation options");
 }
 
 TrialCells::TrialCells(const std::vector<std::uint8_t>& values) : cells(static_cast<std::size_t>(side * side)) {

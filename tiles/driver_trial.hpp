@@ -20,18 +20,17 @@ struct Trial {
     bool kept = false;
     std::string refused;      ///< why it was not made, in GDAL's words; empty: it was
     bool read_back = false;   ///< it was made, and opened again
-    bool lost = false;        ///< it was made without a complaint, and not found under its name
     bool meant_void = false;  ///< what means something is declared as no data
 };
 
 /// What comes back of the content goes to `good`, once as it was written and, if that will do, once as it is opened again. Kept too where
-/// a driver cannot write in memory.
+/// a driver cannot write in memory. InputError where it writes files of other names than the one given: nobody finds a raster then.
 Trial try_driver(GDALDriver& driver, const CPLStringList& options, const RasterContent& content,
                  const std::string& final_path, const std::function<bool(GDALDataset&)>& good);
 /// Creation options may be at fault that a raster was not made: InputError.
 void check_made(const Trial& trial, GDALDriver& driver, const RasterFormat& format, const std::string& final_path);
-/// Some drivers write files of other names than the one given, under which nobody finds a raster then: InputError.
-void check_found(const Trial& trial, GDALDriver& driver, const std::string& final_path);
+/// "driver ENVI", or "driver ENVI with these creation options".
+std::string driver_words(GDALDriver& driver, const RasterFormat& format);
 
 /// Does the first band, `side` x `side`, hold just these?
 template <class Cell>

@@ -44,7 +44,7 @@ void check_output(const OutputFile& file, OutputLayer layer, const RasterFormat&
         RasterContent states;
         set_states(states);
         if (!known && !keeps_codes(driver, options, format, states, file.final_path()))
-            refuse_codes(driver, file.final_path(), " does not say whether it keeps them as they are");
+            refuse_codes(driver, format, file.final_path(), "does not say whether it keeps them as they are");
     } else if (bytes && (!known || layer == OutputLayer::masked_scope)) {
         check_picture(driver, options, format, layer == OutputLayer::masked_scope, file.final_path());
     }
@@ -76,14 +76,12 @@ std::string power_losses(const OutputFile& file, const RasterFormat& format) {
                                        });
         values &= same;
         check_made(tried, driver, format, final_path);
-        check_found(tried, driver, final_path);
         if (!tried.kept || !has_capability(driver, GDAL_DCAP_VIRTUALIO))  // makes no file in memory
             return text("is written by driver ", driver.GetDescription(),
                         ", which may not keep its values, its place and what the image tells of its scene; .tif does");
     }
     if (values && words) return {};
-    return text("is written by driver ", driver.GetDescription(),
-                format.creation.empty() ? "" : " with these creation options", ", which does not keep ",
+    return text("is written by ", driver_words(driver, format), ", which does not keep ",
                 values  ? "what the image tells of its scene"
                 : words ? "its values as they are"
                         : "its values as they are, nor what the image tells of its scene",

@@ -96,10 +96,8 @@ std::string place_losses(const RasterContent& wanted, const OutputFile& file, co
             crs = wanted.crs.empty() || d.GetSpatialRef();
             return true;
         });
-    check_found(tried, driver, final_path);
     if (!tried.read_back) return {};  // makes no file in memory
-    const std::string by =
-        text("driver ", driver.GetDescription(), format.creation.empty() ? "" : " with these creation options");
+    const std::string by = driver_words(driver, format);
     if (place == PlaceBack::elsewhere)
         throw InputError(text("output '", final_path, "' would lie elsewhere than the terrain",
                               (*wanted.geotransform)[5] > 0 ? ", whose rows run north" : "", ": ", by,

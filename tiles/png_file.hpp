@@ -1,6 +1,6 @@
 // PNG file: a grey picture, packed by zlib as suits what a scope shows, by several threads, and framed by libpng. GDAL's driver leaves
 // libpng to try five filters a row and zlib to look for repeats: twice the time, for more bytes.
-// Leaves names and metadata to raster_writer.hpp.
+// Leaves names to raster_writer.hpp, and metadata to side_file.hpp.
 #pragma once
 #include <cstdint>
 #include <span>

@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <filesystem>
 #include <map>
+#include <utility>
 
 #include "lib/error.hpp"
 #include "lib/lower_case.hpp"

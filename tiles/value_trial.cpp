@@ -12,8 +12,8 @@
 
 namespace wedgescope {
 
-void refuse_codes(GDALDriver& driver, const std::string& final_path, const std::string& why) {
-    throw InputError(text("output '", final_path, "' holds codes, and driver ", driver.GetDescription(), why,
+void refuse_codes(GDALDriver& driver, const RasterFormat& format, const std::string& final_path, const char* why) {
+    throw InputError(text("output '", final_path, "' holds codes, and ", driver_words(driver, format), " ", why,
                           "; accepted: .tif, .png and others without loss"));
 }
 
@@ -31,9 +31,7 @@ bool keeps_codes(GDALDriver& driver, const CPLStringList& options, const RasterF
     if (tried.kept) return true;
     check_made(tried, driver, format, final_path);
     if (!tried.refused.empty()) return false;
-    refuse_codes(
-        driver, final_path,
-        text(format.creation.empty() ? "" : " with these creation options", " does not keep them as they are"));
+    refuse_codes(driver, format, final_path, "does not keep them as they are");
 }
 
 void check_values(GDALDriver& driver, const CPLStringList& options, const RasterFormat& format,
@@ -83,9 +81,8 @@ void check_values(GDALDriver& driver, const CPLStringList& options, const Raster
             return;
         return check_made(tried, driver, format, final_path);
     }
-    throw InputError(text("output '", final_path, "' holds ", counts ? "counts" : "numbers", ", and driver ",
-                          driver.GetDescription(), format.creation.empty() ? "" : " with these creation options",
-                          " does not keep them", counts ? " as they are" : "",
+    throw InputError(text("output '", final_path, "' holds ", counts ? "counts" : "numbers", ", and ",
+                          driver_words(driver, format), " does not keep them", counts ? " as they are" : "",
                           "; accepted: .tif, .img and others without loss"));
 }
 

@@ -16,7 +16,8 @@ namespace wedgescope {
 bool keeps_codes(GDALDriver& driver, const CPLStringList& options, const RasterFormat& format,
                  const RasterContent& wanted, const std::string& final_path);
 /// `why`: goes on from the driver's name. InputError.
-[[noreturn]] void refuse_codes(GDALDriver& driver, const std::string& final_path, const std::string& why);
+[[noreturn]] void refuse_codes(GDALDriver& driver, const RasterFormat& format, const std::string& final_path,
+                               const char* why);
 
 /// Values that are no codes. Counts must come back as they are, and none be declared as no data; floats nearly, as options that
 /// round them may ask for: metres up to 2000 km within a tenth, degrees and dBm within 0.1 of them. InputError.

@@ -91,6 +91,12 @@ void check_reader(const WedgeSource& source, std::size_t memory_bytes) {
     }
 }
 
+std::unique_ptr<SharedSource> open_shared_source(const Settings& granted, const Stop& stop) {
+    auto direct = open_direct_source(data_base_params(granted, cache_bytes(granted), stop));
+    check_reader(*direct, memory_bytes(granted));
+    return std::make_unique<SharedSource>(std::move(direct), memory_bytes(granted));
+}
+
 namespace {
 
 /// The source that a run with these settings would take; a pass is forecast, not made.

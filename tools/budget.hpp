@@ -4,10 +4,12 @@
 #pragma once
 #include <cstddef>
 #include <functional>
+#include <memory>
 
 #include "lib/coverage.hpp"
 #include "lib/engine.hpp"
 #include "lib/error.hpp"
+#include "tiles/shared_source.hpp"
 #include "tools/settings.hpp"
 
 namespace wedgescope {
@@ -27,6 +29,10 @@ Settings with_memory(const Settings& settings, std::size_t memory_bytes);
 
 /// TooLittleMemory if a source's cache and one reader do not fit: then not a single post can be read.
 void check_reader(const WedgeSource& source, std::size_t memory_bytes);
+
+/// The data base for many scenes or observers side by side: in memory where it takes little of what is granted, else read as ever.
+/// Errors as of open_direct_source and check_reader.
+std::unique_ptr<SharedSource> open_shared_source(const Settings& granted, const Stop& stop);
 
 /// Plans the scene as simulate would run it with so much memory, without reading posts (but those of a kept spill's
 /// index). `range_given`: else the scene's range is a guess.

@@ -40,7 +40,7 @@ struct CodeCount {
 struct RasterFacts {
     RasterSummary summary;
     std::string legend;  ///< empty: codes not asked for
-    std::vector<CodeCount> codes;  ///< none: too many
+    std::vector<CodeCount> codes;  ///< empty too where they are too many to be listed
 };
 
 RasterFacts raster_facts(const std::string& path, const std::optional<Legend>& legend, const Materials& materials,
@@ -188,8 +188,7 @@ std::string to_text(const RasterFacts& facts) {
         out += row("note", "no terrain for simulate, which needs 2 x 2 posts or more that are not all void");
     if (facts.legend.empty()) return out;
     if (r.codes.too_many())
-        return out + row("codes", text("more than ", CodeCounts::most_codes, ", not counted by legend ", facts.legend,
-                                       " (is this a culture raster?)"));
+        return out + row("codes", text("more than ", CodeCounts::most_codes, ", not listed by legend ", facts.legend));
     out += row("codes", text(facts.codes.size(), " by legend ", facts.legend));
     for (const CodeCount& c : facts.codes) {
         out += fmt::format("  {:>10}  {:>15} {:>8.3f} %  {}\n", c.code, grouped(c.count),

@@ -242,7 +242,7 @@ Codec altitude(AltitudeAbove above_what) {
 }
 
 Codec sector() {
-    Codec codec{"FROM,TO|full", "each from -360deg to 360deg, wider than 0deg", {}, {}};
+    Codec codec{"FROM,TO|full", "each from -360deg to 360deg, wider than 1e-9deg", {}, {}};
     codec.set = [](Settings& s, const Given& given) {
         constexpr double circle = 2 * std::numbers::pi;
         if (same_letters(trimmed(given.value), "full")) return s.scene.sector.reset();
@@ -255,9 +255,9 @@ Codec sector() {
         }
         if (to < from) to += circle;
         const double width = to - from;
-        if (!(width > 0) || width > circle * (1 + 1e-9)) {
+        if (!(width > circle * (1e-9 / 360)) || width > circle * (1 + 1e-9)) {
             throw InputError(text(given.origin, " is ", in_quotes(given.value),
-                                  "; the sector must be wider than 0deg and at most 360deg"));
+                                  "; the sector must be wider than 1e-9deg and at most 360deg"));
         }
         if (width > circle * (1 - 1e-9)) return s.scene.sector.reset();
         s.scene.sector = Sector{Angle::radians(from), Angle::radians(to)};

@@ -18,7 +18,6 @@
 #include "tiles/count_store.hpp"
 #include "tiles/coverage_raster.hpp"
 #include "tiles/gdal_session.hpp"
-#include "tiles/shared_source.hpp"
 #include "tools/budget.hpp"
 #include "tools/coverage_report.hpp"
 #include "tools/doubts.hpp"
@@ -380,11 +379,6 @@ void coverage_of_observers(const Settings& given, double start_s, Stop& stop) {
 
     Span opening(timeline, "open", "stage");
     const std::string unfit_map = find_ground(settings, {.many = true, .whole = true}, stop);
-    const auto open = [&](const Settings& granted) {
-        auto direct = open_direct_source(data_base_params(granted, cache_bytes(granted), stop));
-        check_reader(*direct, memory_bytes(granted));
-        return std::make_unique<SharedSource>(std::move(direct), memory_bytes(granted));
-    };
     std::optional<Observers> observers;
     std::optional<std::size_t> largest;
     const auto read = [&](const DataBase& data_base) {
@@ -396,7 +390,7 @@ void coverage_of_observers(const Settings& given, double start_s, Stop& stop) {
     };
     const auto fits = [&](std::size_t memory) {
         const Settings granted = with_memory(settings, memory);
-        const auto source = open(granted);
+        const auto source = open_shared_source(granted, stop);
         if (!observers) read(source->data_base());
         if (!largest) largest = Run(granted, *observers, *source, nullptr, stop).largest();
         share_out(granted, *observers, *source, *largest);
@@ -406,7 +400,7 @@ void coverage_of_observers(const Settings& given, double start_s, Stop& stop) {
     Facts facts;
     std::uint64_t data = 0;
     try {
-        source = open(settings);
+        source = open_shared_source(settings, stop);
         data = source->fingerprint({});
         read(source->data_base());
         Threads(thread_count(settings)).execute([&] { source->read(&stop); });

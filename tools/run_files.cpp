@@ -84,8 +84,10 @@ void refuse_over_input(const NamedPath& output, const NamedPath& given, const st
         if (std::any_of(of_vrt.begin(), of_vrt.end(), [&](const std::string& part) { return same_file(path, part); }))
             refuse(made, replaced);
     }
-    for (const std::string& folder : {input, store_of_vrt(input)})
-        if (lies_in(path, folder)) refuse(text("which lies in ", input_key, " ", in_quotes(folder)), "lie in an input");
+    if (lies_in(path, input)) refuse(text("which lies in ", input_key, " ", in_quotes(input)), "lie in an input");
+    if (const std::string store = store_of_vrt(input); lies_in(path, store))
+        refuse(text("which lies in ", in_quotes(store), ", the tile store of ", input_key, " ", in_quotes(input)),
+               "lie in an input");
     if (!may_have_parts(input_key, input)) return;
     if (!part_that_is(path, input, parts).empty()) refuse(made, replaced);
     if (!is_raster(key)) return;
@@ -153,6 +155,11 @@ void check_side_files(const NamedPaths& outputs, const Settings& s) {
 }
 
 void check_folder(const char* key, const std::string& folder, const NamedPaths& inputs) {
+    for (const auto& [input_key, input] : inputs)
+        if (const std::string store = store_of_vrt(input); lies_in(folder, store))
+            throw InputError(text(key, " is ", in_quotes(folder), ", which lies in ", in_quotes(store),
+                                  ", the tile store of ", input_key, " ", in_quotes(input),
+                                  "; an output may not lie in an input"));
     std::error_code error;
     if (!fs::is_directory(folder, error)) return;
     InputParts known;

@@ -18,7 +18,6 @@
 #include "lib/threads.hpp"
 #include "lib/track.hpp"
 #include "tiles/gdal_session.hpp"
-#include "tiles/shared_source.hpp"
 #include "tools/budget.hpp"
 #include "tools/doubts.hpp"
 #include "tools/ground.hpp"
@@ -551,21 +550,15 @@ void simulate_track(const Settings& given, double start_s, Stop& stop) {
     const std::string unfit_map =
         find_ground(first_frame, {.levels = true, .many = frames.size() >= many_scenes, .whole = true}, stop);
     settings.ground = first_frame.ground;
-    const auto open = [&](const Settings& granted) {
-        const DataBaseParams layers = data_base_params(granted, cache_bytes(granted), stop);
-        auto direct = open_direct_source(layers);
-        check_reader(*direct, memory_bytes(granted));
-        return std::make_unique<SharedSource>(std::move(direct), memory_bytes(granted));
-    };
     const auto fits = [&](std::size_t memory) {
         const Settings granted = with_memory(settings, memory);
-        const auto source = open(granted);
+        const auto source = open_shared_source(granted, stop);
         share_out(granted, frames, *source, std::make_shared<const SceneTables>(granted.scene), stop);
     };
     std::unique_ptr<SharedSource> source;
     std::unique_ptr<Run> run;
     try {
-        source = open(settings);
+        source = open_shared_source(settings, stop);
         const std::uint64_t data = source->fingerprint({});
         Threads(thread_count(settings)).execute([&] { source->read(&stop); });
         check_unchanged(*source, data);  // no frame is made of two data bases

@@ -7,6 +7,7 @@
 
 #include "lib/error.hpp"
 #include "lib/lower_case.hpp"
+#include "tiles/raster_metadata.hpp"
 #include "tools/scene_json.hpp"
 #include "tools/side_by_side.hpp"
 
