@@ -96,6 +96,29 @@ void refuse_over_input(const NamedPath& output, const NamedPath& given, const st
             refuse(text("beside which ", in_quotes(beside), " is written, ", made), replaced);
 }
 
+/// A folder that is to be replaced holds an input, or a part of one.
+void refuse_around_input(const NamedPath& folder, const NamedPath& given) {
+    const auto& [key, path] = folder;
+    const auto& [input_key, input] = given;
+    if (lies_in(input, path))
+        throw InputError(text(key, " is ", in_quotes(path), ", in which ", input_key, " ", in_quotes(input),
+                              " lies; an output may not replace an input"));
+    std::vector<std::string> parts = vrt_parts(input);
+    // Of parts only what their names tell: there may be thousands, far away.
+    std::error_code error;
+    for (std::size_t i = 0, n = parts.size(); i < n; ++i)
+        if (!fs::exists(parts[i], error))
+            if (const std::string file = file_behind(parts[i]); !file.empty()) parts.push_back(file);
+    if (may_have_parts(input_key, input)) {
+        const std::vector<std::string> known = files_of_input(input);
+        parts.insert(parts.end(), known.begin(), known.end());
+    }
+    for (const std::string& part : parts)
+        if (lies_in(part, path))
+            throw InputError(text(key, " is ", in_quotes(path), ", in which ", in_quotes(part), " lies, of which ",
+                                  input_key, " ", in_quotes(input), " is made; an output may not replace an input"));
+}
+
 }  // namespace
 
 std::string canonical_path(const std::string& path) {
@@ -155,31 +178,14 @@ void check_side_files(const NamedPaths& outputs, const Settings& s) {
 }
 
 void check_folder(const char* key, const std::string& folder, const NamedPaths& inputs) {
+    if (std::error_code error; fs::is_directory(folder, error))
+        for (const NamedPath& input : inputs)
+            if (!input.second.empty()) refuse_around_input({key, folder}, input);
     for (const auto& [input_key, input] : inputs)
         if (const std::string store = store_of_vrt(input); lies_in(folder, store))
             throw InputError(text(key, " is ", in_quotes(folder), ", which lies in ", in_quotes(store),
                                   ", the tile store of ", input_key, " ", in_quotes(input),
                                   "; an output may not lie in an input"));
-    std::error_code error;
-    if (!fs::is_directory(folder, error)) return;
-    InputParts known;
-    for (const auto& [input_key, input] : inputs) {
-        if (input.empty()) continue;
-        if (lies_in(input, folder))
-            throw InputError(text(key, " is ", in_quotes(folder), ", in which ", input_key, " ", in_quotes(input),
-                                  " lies; an output may not replace an input"));
-        std::vector<std::string> parts = vrt_parts(input);
-        // Of parts only what their names tell: there may be thousands, far away.
-        for (std::size_t i = 0, n = parts.size(); i < n; ++i)
-            if (!fs::exists(parts[i], error))
-                if (const std::string file = file_behind(parts[i]); !file.empty()) parts.push_back(file);
-        if (may_have_parts(input_key, input)) parts.insert(parts.end(), known.of(input).begin(), known.of(input).end());
-        for (const std::string& part : parts)
-            if (lies_in(part, folder))
-                throw InputError(text(key, " is ", in_quotes(folder), ", in which ", in_quotes(part),
-                                      " lies, of which ", input_key, " ", in_quotes(input),
-                                      " is made; an output may not replace an input"));
-    }
 }
 
 std::string set_file(const Settings& s) { return shipped_set(s.radar_set) ? "" : s.radar_set; }
