@@ -30,10 +30,26 @@ struct Shape {
     int first_column = 0, first_row = 0;  ///< of the hills; 10 m each
 };
 
-/// Hills of 10 m posts. Drawn by a process of its own: what this one once held counts as held by all it starts.
-void draw_hills(const std::string& path, const Shape& shape) {
+/// Draws by a process of its own: what this one once held counts as held by all it starts.
+template <class Draw>
+void draw_apart(const std::string& path, Draw&& draw) {
     const pid_t child = ::fork();
     if (child == 0) {
+        try {
+            draw();
+        } catch (...) {
+            ::_exit(1);
+        }
+        ::_exit(0);
+    }
+    int status = 0;
+    if (child < 0 || ::waitpid(child, &status, 0) != child || status != 0)
+        throw std::runtime_error("cannot draw " + path);
+}
+
+/// Hills of 10 m posts.
+void draw_hills(const std::string& path, const Shape& shape) {
+    draw_apart(path, [&] {
         GDALAllRegister();
         GDALSetCacheMax64(GIntBig{8} << 20);
         CPLStringList options;
@@ -73,17 +89,12 @@ void draw_hills(const std::string& path, const Shape& shape) {
                     if (out->GetRasterBand(band)->WriteBlock(tx, ty, values) != CE_None) ::_exit(1);
             }
         GDALClose(out);
-        ::_exit(0);
-    }
-    int status = 0;
-    if (child < 0 || ::waitpid(child, &status, 0) != child || status != 0)
-        throw std::runtime_error("cannot draw " + path);
+    });
 }
 
 /// Rough hills of 5001 x 5001 posts of 10 m in 100 files of unlike make that share their edges, under a VRT.
 void draw_mosaic(const Folder& folder, const std::string& vrt) {
-    const pid_t child = ::fork();
-    if (child == 0) {
+    draw_apart(vrt, [&] {
         GDALAllRegister();
         constexpr int edge = 501, step = edge - 1, across = 10;
         const std::vector<std::vector<const char*>> makes = {
@@ -123,32 +134,19 @@ void draw_mosaic(const Folder& folder, const std::string& vrt) {
             GDALBuildVRT(vrt.c_str(), static_cast<int>(list.size()), nullptr, list.data(), nullptr, &bad);
         if (!made || bad) ::_exit(1);
         GDALClose(made);
-        ::_exit(0);
-    }
-    int status = 0;
-    if (child < 0 || ::waitpid(child, &status, 0) != child || status != 0)
-        throw std::runtime_error("cannot draw " + vrt);
+    });
 }
 
-/// Cells on the posts of as many hills, drawn by a process of its own too.
+/// Cells on the posts of as many hills.
 void draw_cells(const std::string& path, int cells, GDALDataType type, std::function<double(int, int)> value) {
-    const pid_t child = ::fork();
-    if (child == 0) {
+    draw_apart(path, [&] {
         Drawing d;
         d.columns = d.rows = cells;
         d.type = type;
         d.value = std::move(value);
         d.geotransform = {400000, 10, 0, 4500000, 0, -10};
-        try {
-            draw(path, d);
-        } catch (...) {
-            ::_exit(1);
-        }
-        ::_exit(0);
-    }
-    int status = 0;
-    if (child < 0 || ::waitpid(child, &status, 0) != child || status != 0)
-        throw std::runtime_error("cannot draw " + path);
+        draw(path, d);
+    });
 }
 
 /// A run of the program with a budget; however it ends, it holds no more than that and 64 MiB.

@@ -91,18 +91,11 @@ TEST_CASE("an interrupted run goes on to the same bytes, and redoes no finished 
     for (const double until : {0.2, 0.5, 0.9}) {
         const std::string output = folder / ("part" + std::to_string(until));
         params.output = output;
-        Stop stop;
-        params.stop = &stop;
         params.resume = false;
-        params.progress = [&](double fraction) {
-            if (fraction > until) stop.request(SIGTERM);
-        };
-        CHECK_THROWS_AS(write_tile_store(params), Interrupted);
+        write_until(params, until);
         CHECK_FALSE(fs::exists(output));
         REQUIRE(fs::exists(output + ".part"));
         for (const auto& [name, bytes] : contents(output + ".part")) CHECK_FALSE(name.ends_with(".tmp"));
-        params.stop = nullptr;
-        params.progress = {};
         CHECK_THAT(refusal([&] { write_tile_store(params); }), Contains("--resume"));
         params.resume = true;
         auto other = params;
@@ -180,15 +173,8 @@ TEST_CASE("a run that stopped within a row of packed strips goes on to the same 
     write_tile_store(params);
     const auto whole = contents(folder / "whole");
     params.output = folder / "part";
-    Stop stop;
-    params.stop = &stop;
-    params.progress = [&](double fraction) {
-        if (fraction > 0.97) stop.request(SIGTERM);
-    };
-    CHECK_THROWS_AS(write_tile_store(params), Interrupted);
+    write_until(params, 0.97);
     for (const auto& [name, bytes] : contents(folder / "part.part")) CHECK_FALSE(name.ends_with(".tmp"));
-    params.stop = nullptr;
-    params.progress = {};
     params.resume = true;
     CHECK(write_tile_store(params).layers[0].reused == 2);
     CHECK(contents(folder / "part") == whole);
@@ -216,15 +202,8 @@ TEST_CASE("a run is not resumed over what has changed behind or beside its raste
     const std::size_t name = dem.rfind('/') + 1;
     auto params = into(folder / "store", {dem.substr(0, name) + (folder / dem.substr(name))});
     params.threads = 1;
-    Stop stop;
-    params.stop = &stop;
-    params.progress = [&](double fraction) {
-        if (fraction > 0.6) stop.request(SIGTERM);
-    };
-    CHECK_THROWS_AS(write_tile_store(params), Interrupted);
+    write_until(params, 0.6);
     REQUIRE(fs::exists(folder / "store.part/dem/c0_r0.sum"));
-    params.stop = nullptr;
-    params.progress = {};
     params.resume = true;
     SECTION("posts") {
         d.value = [](int c, int r) { return c + r; };

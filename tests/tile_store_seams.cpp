@@ -298,14 +298,7 @@ TEST_CASE("no void lies between sheets of unequal posting whose pixels meet with
     const auto whole = contents(folder / "store");
     params.output = folder / "part";
     params.threads = 1;
-    Stop stop;
-    params.stop = &stop;
-    params.progress = [&](double fraction) {
-        if (fraction > 0.2) stop.request(SIGTERM);
-    };
-    CHECK_THROWS_AS(write_tile_store(params), Interrupted);
-    params.stop = nullptr;
-    params.progress = {};
+    write_until(params, 0.2);
     params.resume = true;
     CHECK(write_tile_store(params).layers[0].reused == 1);
     CHECK(contents(folder / "part") == whole);

@@ -443,16 +443,9 @@ TEST_CASE("more unknown codes than are counted are told as such, of one sheet, o
           material_by_name("material", "water"));
 
     // A resumed run has them from the sums of the sheet that stands.
-    Stop stop;
     params.output = folder / "again";
     params.threads = 1;
-    params.stop = &stop;
-    params.progress = [&](double fraction) {
-        if (fraction > 0.99) stop.request(SIGTERM);
-    };
-    CHECK_THROWS_AS(write_tile_store(params), Interrupted);
-    params.stop = nullptr;
-    params.progress = {};
+    write_until(params, 0.99);
     params.resume = true;
     const TileStoreSummary resumed = write_tile_store(params);
     CHECK(resumed.layers[1].reused == 1);

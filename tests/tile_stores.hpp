@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
+#include <csignal>
 #include <cstdint>
 #include <filesystem>
 #include <map>
@@ -12,6 +13,7 @@
 #include <string>
 #include <vector>
 
+#include "lib/stop.hpp"
 #include "tests/drawn_raster.hpp"
 #include "tests/file_content.hpp"
 #include "tiles/source_choice.hpp"
@@ -29,6 +31,16 @@ inline TileStoreParams into(const std::string& output, const std::vector<std::st
     params.most_as_it_is = 0;  // packed, as large ones are
     params.software = "test";
     return params;
+}
+
+/// A run that is interrupted when more than so much of it is done.
+inline void write_until(TileStoreParams params, double fraction) {
+    Stop stop;
+    params.stop = &stop;
+    params.progress = [&](double done) {
+        if (done > fraction) stop.request(SIGTERM);
+    };
+    CHECK_THROWS_AS(write_tile_store(params), Interrupted);
 }
 
 inline DataBaseParams base(const std::string& dem) {

@@ -12,12 +12,12 @@ namespace wedgescope {
 namespace {
 
 [[noreturn]] void refuse_lost(GDALDriver& driver, const std::string& final_path) {
-    std::string own = std::filesystem::path(final_path).extension().string(), others;
-    if (!own.empty()) own.erase(0, 1);
+    const std::string own = std::filesystem::path(final_path).extension().string();
+    std::string others;
     const char* const known = driver.GetMetadataItem(GDAL_DMD_EXTENSIONS);
     const CPLStringList endings(CSLTokenizeString(known ? known : ""));
     for (int i = 0; i < endings.size(); ++i)
-        if (!EQUAL(endings[i], own.c_str())) others += text(".", endings[i], ", ");
+        if (const std::string one = text(".", endings[i]); !EQUAL(one.c_str(), own.c_str())) others += one + ", ";
     throw InputError(text("output '", final_path, "': driver ", driver.GetDescription(),
                           " makes no raster that is found under this name; accepted: ", others,
                           "or another driver, such as GTiff"));
@@ -53,7 +53,6 @@ Trial try_driver(GDALDriver& driver, const CPLStringList& options, const RasterC
         trial.read_back = written != nullptr;
         trial.kept = written && good(*written);
         if (written) written->FlushCache(true);
-        written.reset();
     } catch (const IoError&) {  // nor can it be written
         trial.read_back = false;
         trial.refused = errors.failed() ? errors.reason_of_writing(path) : "it is not written";
@@ -74,8 +73,8 @@ Trial try_driver(GDALDriver& driver, const CPLStringList& options, const RasterC
 
 void check_made(const Trial& trial, GDALDriver& driver, const RasterFormat& format, const std::string& final_path) {
     if (trial.refused.empty() || format.creation.empty()) return;
-    throw InputError(text("output '", final_path, "' cannot be made by driver ", driver.GetDescription(),
-                          " with these creation options: ", trial.refused));
+    throw InputError(
+        text("output '", final_path, "' cannot be made by ", driver_words(driver, format), ": ", trial.refused));
 }
 
 std::string driver_words(GDALDriver& driver, const RasterFormat& format) {

@@ -496,21 +496,14 @@ std::string sums_text(const SheetSums& s) {
                                 {"kept_file", s.disagreement.kept_file},
                                 {"other_file", s.disagreement.other_file},
                                 {"interpolated", s.disagreement.interpolated}};
-    if (s.codes.too_many())
+    if (s.codes.too_many()) {
         head["too_many_unknown_codes"] = {
             {"cells", s.codes.cells()}, {"least", s.codes.least()}, {"greatest", s.codes.greatest()}};
-    std::string words = head.dump();
-    if (!s.codes.counts().empty()) {
-        // The last member, in words at once: as values of JSON so many pairs take ten times as much.
-        words.back() = ',';
-        words += "\"unknown_codes\":[";
-        const char* before = "";
-        for (const auto& [code, cells] : s.codes.counts()) {
-            words += before + ("[" + std::to_string(code) + "," + std::to_string(cells) + "]");
-            before = ",";
-        }
-        words += "]}";
+    } else if (!s.codes.empty()) {
+        head["unknown_codes"] = json::array();
+        for (const auto& [code, cells] : s.codes.counts()) head["unknown_codes"].push_back(json::array({code, cells}));
     }
+    const std::string words = head.dump();
     const std::uint64_t length = words.size();
     std::string content(sums_magic);
     content.append(reinterpret_cast<const char*>(&length), sizeof(length));

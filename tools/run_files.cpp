@@ -62,11 +62,16 @@ bool lies_in(const std::string& path, const std::string& folder) {
     return holds(canonical_path(path)) || (!error && holds(canonical_path(link.parent_path()) / link.filename()));
 }
 
-/// The tile store whose VRT an input is, or empty.
-std::string store_of_vrt(const std::string& input) {
-    if (lower_case(fs::path(input).extension().string()) != ".vrt") return "";
-    const std::string folder = fs::path(canonical_path(input)).parent_path().string();
-    return is_tile_store(folder) ? folder : "";
+/// An output lies in the tile store whose VRT an input is.
+void refuse_in_store(const NamedPath& output, const NamedPath& given) {
+    const auto& [key, path] = output;
+    const auto& [input_key, input] = given;
+    if (lower_case(fs::path(input).extension().string()) != ".vrt") return;
+    const std::string store = fs::path(canonical_path(input)).parent_path().string();
+    if (is_tile_store(store) && lies_in(path, store))
+        throw InputError(text(key, " is ", in_quotes(path), ", which lies in ", in_quotes(store),
+                              ", the tile store of ", input_key, " ", in_quotes(input),
+                              "; an output may not lie in an input"));
 }
 
 /// An output, or what its driver writes beside it, is an input or a part of one, or lies in it.
@@ -85,9 +90,7 @@ void refuse_over_input(const NamedPath& output, const NamedPath& given, const st
             refuse(made, replaced);
     }
     if (lies_in(path, input)) refuse(text("which lies in ", input_key, " ", in_quotes(input)), "lie in an input");
-    if (const std::string store = store_of_vrt(input); lies_in(path, store))
-        refuse(text("which lies in ", in_quotes(store), ", the tile store of ", input_key, " ", in_quotes(input)),
-               "lie in an input");
+    refuse_in_store(output, given);
     if (!may_have_parts(input_key, input)) return;
     if (!part_that_is(path, input, parts).empty()) refuse(made, replaced);
     if (!is_raster(key)) return;
@@ -181,11 +184,7 @@ void check_folder(const char* key, const std::string& folder, const NamedPaths& 
     if (std::error_code error; fs::is_directory(folder, error))
         for (const NamedPath& input : inputs)
             if (!input.second.empty()) refuse_around_input({key, folder}, input);
-    for (const auto& [input_key, input] : inputs)
-        if (const std::string store = store_of_vrt(input); lies_in(folder, store))
-            throw InputError(text(key, " is ", in_quotes(folder), ", which lies in ", in_quotes(store),
-                                  ", the tile store of ", input_key, " ", in_quotes(input),
-                                  "; an output may not lie in an input"));
+    for (const NamedPath& input : inputs) refuse_in_store({key, folder}, input);
 }
 
 std::string set_file(const Settings& s) { return shipped_set(s.radar_set) ? "" : s.radar_set; }
