@@ -12,24 +12,24 @@ constexpr std::int64_t no_line = std::numeric_limits<std::int64_t>::min();
 
 /// Twice as many: even spokes are their parents, odd ones stand between two; where one of these has met no ground, at
 /// the raster's edge, the child has met none either.
+/// Twice as many: even ones go on as they are; odd ones take the mean of the horizons beside them, the one that is where
+/// the other spoke has met no ground, and of the two gaps the one that may hide more.
 void double_spokes(Spokes& s, Spokes& scratch) {
     const std::size_t n = s.count();
     scratch.resize(2 * s.of, {2 * s.range.begin, 2 * s.range.end}, !s.voids.empty());
     for (std::size_t i = 0; i < n; ++i) {
         const float a = s.horizon[i], b = i + 1 < n ? s.horizon[i + 1] : no_horizon_f;
         scratch.horizon[2 * i] = a;
-        scratch.horizon[2 * i + 1] = has(a) && has(b) ? 0.5F * (a + b) : no_horizon_f;
+        scratch.horizon[2 * i + 1] = has(a) && has(b) ? 0.5F * (a + b) : std::max(a, b);
     }
     if (!s.voids.empty())
         for (std::size_t i = 0; i < n; ++i) {
             const std::size_t next = std::min(i + 1, n - 1);
-            for (std::size_t child : {2 * i, 2 * i + 1}) {
-                scratch.voids.tangent[child] = s.voids.tangent[i];
-                scratch.voids.top[child] = s.voids.top[i];
-                scratch.voids.lift[child] = s.voids.lift[i];
-                scratch.voids.drop[child] = s.voids.drop[i];
-            }
-            scratch.voids.tangent[2 * i + 1] = std::max(s.voids.tangent[i], s.voids.tangent[next]);
+            const VoidLanes& voids = s.voids;
+            const auto gap = [&voids](std::size_t spoke) { return std::pair(voids.top[spoke], voids.lift[spoke]); };
+            scratch.voids.copy(voids, i, 2 * i);
+            scratch.voids.copy(voids, gap(next) > gap(i) ? next : i, 2 * i + 1);
+            scratch.voids.tangent[2 * i + 1] = std::max(voids.tangent[i], voids.tangent[next]);
         }
     std::swap(s, scratch);
 }

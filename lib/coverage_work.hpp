@@ -63,6 +63,13 @@ struct VoidLanes {
         drop.resize(n);
     }
     bool empty() const { return tangent.empty(); }
+    /// Spoke `there` becomes what spoke `here` of `from` is.
+    void copy(const VoidLanes& from, std::size_t here, std::size_t there) {
+        tangent[there] = from.tangent[here];
+        top[there] = from.top[here];
+        lift[there] = from.lift[here];
+        drop[there] = from.drop[here];
+    }
 };
 
 /// State of the spokes first, first + 1, ... of K.
