@@ -1,5 +1,6 @@
 #include "lib/coverage_work.hpp"
 
+#include <algorithm>
 #include <numbers>
 
 #include "lib/facet.hpp"
@@ -204,121 +205,202 @@ private:
 };
 
 /// The run's posts of a line, from their state to what the layer holds.
-void Cover::finish_line(const Side& side, const LineForm& line, std::int64_t index, Interval posts, Interval window,
-                        Desk& desk, std::size_t out) {
-    const std::int64_t first = floor_to(posts.begin, knot);
-    std::uint8_t* state = desk.state.data() + line_margin - window.begin;
-    const float* height = desk.line.data() + line_margin - window.begin;
-    const float* back = desk.behind.data() + line_margin - window.begin;
-    const float* raise = desk.raise_m.data() + line_margin - window.begin;
-    const float* tangent = desk.tangent.data() + line_margin - window.begin;
-    std::uint8_t* bytes = bytes_ ? desk.bytes.data() + out : nullptr;
-    float* values = bytes_ ? nullptr : desk.values.data() + out;
-    constexpr auto outside = static_cast<std::uint8_t>(State::outside), seen = static_cast<std::uint8_t>(State::seen),
-                   no_data = static_cast<std::uint8_t>(State::no_data);
-    if (values && !limited_ && params_.layer == CoverageLayer::height) {
-        for (std::int64_t j = posts.begin; j < posts.end; ++j)
-            values[j - posts.begin] = state[j] == no_data ? nan_f : raise[j];
-    } else if (with_posts_ || voids_) {
-        const bool by_groups = bytes_ && limited_ && !params_.elevation && !uneven_;
-        if (uneven_) place_each(side, line, posts, desk);
-        const View view(*this, side, desk, height, by_groups ? posts : Interval{});
-        // Need no post of these be looked at?
-        const auto settled = [&](View::Part part, std::int64_t begin, std::int64_t end) {
-            if (part == View::Part::none) std::fill(state + begin, state + end, outside);
-            return part == View::Part::none || (part == View::Part::all && !voids_);
-        };
-        View::Part in_view = by_groups ? view.whole() : View::Part::some;
-        for (std::int64_t j = settled(in_view, posts.begin, posts.end) ? posts.end : posts.begin; j < posts.end; ++j) {
-            if (by_groups && (j == posts.begin || (j - first) % knot == 0)) {
-                const std::int64_t group = (j - first) / knot, end = std::min(posts.end, first + (group + 1) * knot);
-                in_view = view.part(static_cast<std::size_t>(group));
-                if (settled(in_view, j, end)) {
-                    j = end - 1;
-                    continue;
-                }
-            }
-            const auto g = static_cast<std::size_t>((j - first) / knot);
-            const double width = desk.from[g + 1] - desk.from[g],
-                         part = width > 0 ? (static_cast<double>(j) - desk.from[g]) / width : 0;
-            const auto between = [&](const auto& v) {
-                return static_cast<double>(v[g]) + part * (static_cast<double>(v[g + 1]) - static_cast<double>(v[g]));
-            };
-            const auto own = static_cast<std::size_t>(j - posts.begin);
-            std::uint8_t& s = state[j];
-            if (voids_ && s == seen) {
-                const double place = uneven_ ? desk.each_at[own] : between(desk.post_at),
-                             k = place - static_cast<double>(desk.spokes.range.begin);
-                const auto at =
-                    static_cast<std::size_t>(std::clamp<std::int64_t>(floor_i(k), 0, desk.spokes.range.size() - 2));
-                const float f = static_cast<float>(k - static_cast<double>(at)), a = desk.spokes.voids.tangent[at],
-                            b = desk.spokes.voids.tangent[at + 1];
-                const float bar = has(a) && has(b) ? a + f * (b - a) : std::max(a, b);
-                if (tangent[j] < bar) s = static_cast<std::uint8_t>(State::unknown);
-            }
-            if (!with_posts_ || in_view == View::Part::all) continue;
-            const double m = uneven_ ? desk.each_slope[own] : between(desk.post_slope),
-                         along = uneven_ ? desk.each_along[own] : between(desk.post_along);
-            if (scene_.scene.sector) {
-                bool in = false;
-                for (const auto& [lo, hi] : side.sector) in = in || (m >= lo && m <= hi);
-                if (!in) s = outside;
-            }
-            const double z = static_cast<double>(height[j]);
-            const double squared = quadratic(side.square, m), bent = quadratic(side.curvature, m);
-            const double inverse_radius = bent / squared, arc = along * std::sqrt(squared);
-            // A void's place in range is that of the level surface at the reference height.
-            const double top = s == no_data || z != z ? scene_.reference_m : z + params_.target_m;
-            const SightLine sight = sight_line(scene_.sensor_m, arc, top, inverse_radius);
-            if (with_range_ && !(sight.range_m <= *scene_.scene.range_m &&
-                                 sight.range_m >= scene_.scene.range_start_m && arc <= farthest_m_))
-                s = outside;
-            if (params_.elevation && s != no_data &&
-                !(sight.up_m >= least_tangent_ * sight.out_m && sight.up_m <= most_tangent_ * sight.out_m))
-                s = outside;
-            if (bytes_) continue;
-            float value = nan_f;
-            if (s != outside && s != no_data) switch (params_.layer) {
-                    case CoverageLayer::height:
-                        value = raise[j];
-                        break;
-                    case CoverageLayer::range:
-                        value = static_cast<float>(sight.range_m);
-                        break;
-                    case CoverageLayer::depression:
-                        value = static_cast<float>(
-                            rounded(std::atan2(-sight.up_m, sight.out_m) * (180 / std::numbers::pi), 30));
-                        break;
-                    case CoverageLayer::response:
-                        if (s == static_cast<std::uint8_t>(State::shadow)) break;
-                        [[fallthrough]];
-                    case CoverageLayer::grazing: {
-                        const double slope = (static_cast<double>(j) - line.nadir_minor) / line.distance;
-                        const double beside = static_cast<double>(slope < 0 ? height[j + 1] : height[j - 1]);
-                        const Facet face = facet(side, line, slope, z, static_cast<double>(back[j]), beside, arc,
-                                                 inverse_radius, sight);
-                        value = params_.layer == CoverageLayer::response
-                                    ? response(side, m, index, j, face, sight, inverse_radius, desk)
-                                    : static_cast<float>(rounded(
-                                          std::asin(std::clamp(face.sine, -1.0, 1.0)) * (180 / std::numbers::pi), 30));
-                        break;
-                    }
-                    default:
-                        break;
-                }
-            values[own] = value;
+class Cover::LinePosts {
+public:
+    LinePosts(const Cover& cover, const Side& side, const LineForm& line, std::int64_t index, Interval posts,
+              Interval window, Desk& desk, std::size_t out)
+        : cover_(cover), side_(side), line_(line), index_(index), posts_(posts),
+          first_knot_(floor_to(posts.begin, knot)), desk_(desk), state_(of_line(desk.state, window)),
+          height_(of_line(desk.line, window)), back_(of_line(desk.behind, window)),
+          raise_(of_line(desk.raise_m, window)), tangent_(of_line(desk.tangent, window)),
+          bytes_(cover.bytes_ ? desk.bytes.data() + out : nullptr),
+          values_(cover.bytes_ ? nullptr : desk.values.data() + out) {}
+
+    void finish() {
+        if (values_ && !cover_.limited_ && cover_.params_.layer == CoverageLayer::height)
+            take_heights();
+        else if (cover_.with_posts_ || cover_.voids_)
+            look_at_posts();
+        count();
+        if (bytes_) paint();
+    }
+
+private:
+    static constexpr auto no_data = static_cast<std::uint8_t>(State::no_data),
+                          shadow = static_cast<std::uint8_t>(State::shadow),
+                          seen = static_cast<std::uint8_t>(State::seen),
+                          unknown = static_cast<std::uint8_t>(State::unknown),
+                          outside = static_cast<std::uint8_t>(State::outside);
+
+    /// A post, and where it stands between two knots.
+    struct Post {
+        std::int64_t minor;
+        std::size_t own;  ///< from the first of these posts on
+        std::size_t group;
+        double part;
+    };
+    /// As the sensor looks at it.
+    struct Look {
+        double slope, arc_m, inverse_radius;
+        SightLine sight;
+    };
+
+    /// By the post's place on the line.
+    template <class T>
+    static T* of_line(std::vector<T>& of_window, Interval window) {
+        return of_window.data() + line_margin - window.begin;
+    }
+
+    void take_heights() {
+        for (std::int64_t j = posts_.begin; j < posts_.end; ++j)
+            values_[j - posts_.begin] = state_[j] == no_data ? nan_f : raise_[j];
+    }
+
+    void look_at_posts() {
+        const bool by_groups = bytes_ && cover_.limited_ && !cover_.params_.elevation && !cover_.uneven_;
+        if (cover_.uneven_) cover_.place_each(side_, line_, posts_, desk_);
+        const View view(cover_, side_, desk_, height_, by_groups ? posts_ : Interval{});
+        const View::Part whole = by_groups ? view.whole() : View::Part::some;
+        if (settle(whole, posts_)) return;
+        if (!by_groups) return look_at(posts_, whole);
+        for (std::int64_t begin = posts_.begin, end; begin < posts_.end; begin = end) {
+            const std::int64_t group = (begin - first_knot_) / knot;
+            end = std::min(posts_.end, first_knot_ + (group + 1) * knot);
+            const View::Part in_view = view.part(static_cast<std::size_t>(group));
+            if (!settle(in_view, {begin, end})) look_at({begin, end}, in_view);
         }
     }
-    const std::uint8_t* from = state + posts.begin;
-    const auto n = static_cast<std::size_t>(posts.size());
-    count_states(from, n, desk.states);
-    if (const Interval again = repeated(side.quadrant, index, posts); !again.empty())
-        count_states(state + again.begin, static_cast<std::size_t>(again.size()), desk.states);
-    if (!bytes_) return;
-    if (params_.layer == CoverageLayer::states)
-        std::copy(from, from + n, bytes);
-    else
-        paint_mask(from, n, {byte_of(0), byte_of(1), byte_of(2), byte_of(3), byte_of(4)}, bytes);
+    /// Need no post of these be looked at?
+    bool settle(View::Part in_view, Interval posts) {
+        if (in_view == View::Part::none) std::fill(state_ + posts.begin, state_ + posts.end, outside);
+        return in_view == View::Part::none || (in_view == View::Part::all && !cover_.voids_);
+    }
+    void look_at(Interval posts, View::Part in_view) {
+        for (std::int64_t j = posts.begin; j < posts.end; ++j) {
+            const Post post = post_at(j);
+            std::uint8_t& s = state_[j];
+            if (cover_.voids_ && s == seen && tangent_[j] < void_tangent(post)) s = unknown;
+            if (!cover_.with_posts_ || in_view == View::Part::all) continue;
+            const Look look = look_to(post);
+            if (!in_sector(look) || !in_range(look) || !in_elevation(post, look)) s = outside;
+            if (values_) values_[post.own] = s == outside || s == no_data ? nan_f : value(post, look);
+        }
+    }
+
+    Post post_at(std::int64_t minor) const {
+        const auto group = static_cast<std::size_t>((minor - first_knot_) / knot);
+        const double width = desk_.from[group + 1] - desk_.from[group];
+        return {minor, static_cast<std::size_t>(minor - posts_.begin), group,
+                width > 0 ? (static_cast<double>(minor) - desk_.from[group]) / width : 0};
+    }
+    /// Of the post itself where posts stand by themselves; else between the knots beside it.
+    double of_post(const Post& post, const std::vector<double>& each, const std::vector<double>& knots) const {
+        if (cover_.uneven_) return each[post.own];
+        return knots[post.group] + post.part * (knots[post.group + 1] - knots[post.group]);
+    }
+
+    /// f tan e of the highest that may stand in the voids before a post.
+    float void_tangent(const Post& post) const {
+        const Spokes& spokes = desk_.spokes;
+        const double k = of_post(post, desk_.each_at, desk_.post_at) - static_cast<double>(spokes.range.begin);
+        const auto at = static_cast<std::size_t>(std::clamp<std::int64_t>(floor_i(k), 0, spokes.range.size() - 2));
+        const float f = static_cast<float>(k - static_cast<double>(at)), a = spokes.voids.tangent[at],
+                    b = spokes.voids.tangent[at + 1];
+        return has(a) && has(b) ? a + f * (b - a) : std::max(a, b);
+    }
+
+    Look look_to(const Post& post) const {
+        const double slope = of_post(post, desk_.each_slope, desk_.post_slope),
+                     along = of_post(post, desk_.each_along, desk_.post_along);
+        const double squared = quadratic(side_.square, slope), bent = quadratic(side_.curvature, slope);
+        const double inverse_radius = bent / squared, arc = along * std::sqrt(squared);
+        // A void's place in range is that of the level surface at the reference height.
+        const ResolvedScene& scene = cover_.scene_;
+        const double z = static_cast<double>(height_[post.minor]);
+        const double top = state_[post.minor] == no_data || z != z ? scene.reference_m : z + cover_.params_.target_m;
+        return {slope, arc, inverse_radius, sight_line(scene.sensor_m, arc, top, inverse_radius)};
+    }
+    bool in_sector(const Look& look) const {
+        const auto holds = [&](const std::pair<double, double>& part) {
+            return look.slope >= part.first && look.slope <= part.second;
+        };
+        return !cover_.scene_.scene.sector || std::any_of(side_.sector.begin(), side_.sector.end(), holds);
+    }
+    bool in_range(const Look& look) const {
+        const Scene& scene = cover_.scene_.scene;
+        const double range_m = look.sight.range_m;
+        return !cover_.with_range_ ||
+               (range_m <= *scene.range_m && range_m >= scene.range_start_m && look.arc_m <= cover_.farthest_m_);
+    }
+    bool in_elevation(const Post& post, const Look& look) const {
+        if (!cover_.params_.elevation || state_[post.minor] == no_data) return true;
+        const SightLine& sight = look.sight;
+        return sight.up_m >= cover_.least_tangent_ * sight.out_m && sight.up_m <= cover_.most_tangent_ * sight.out_m;
+    }
+
+    float value(const Post& post, const Look& look) const {
+        const SightLine& sight = look.sight;
+        switch (cover_.params_.layer) {
+            case CoverageLayer::height:
+                return raise_[post.minor];
+            case CoverageLayer::range:
+                return static_cast<float>(sight.range_m);
+            case CoverageLayer::depression:
+                return static_cast<float>(rounded(std::atan2(-sight.up_m, sight.out_m) * (180 / std::numbers::pi), 30));
+            case CoverageLayer::grazing:
+                return static_cast<float>(
+                    rounded(std::asin(std::clamp(face(post, look).sine, -1.0, 1.0)) * (180 / std::numbers::pi), 30));
+            case CoverageLayer::response:
+                if (state_[post.minor] == shadow) return nan_f;
+                return cover_.response(side_, look.slope, index_, post.minor, face(post, look), sight,
+                                       look.inverse_radius, desk_);
+            default:
+                return nan_f;
+        }
+    }
+    Facet face(const Post& post, const Look& look) const {
+        const std::int64_t j = post.minor;
+        const double slope = (static_cast<double>(j) - line_.nadir_minor) / line_.distance;
+        const double beside = static_cast<double>(slope < 0 ? height_[j + 1] : height_[j - 1]);
+        return facet(side_, line_, slope, static_cast<double>(height_[j]), static_cast<double>(back_[j]), beside,
+                     look.arc_m, look.inverse_radius, look.sight);
+    }
+
+    void count() {
+        const auto add = [this](Interval posts) {
+            count_states(state_ + posts.begin, static_cast<std::size_t>(posts.size()), desk_.states);
+        };
+        add(posts_);
+        if (const Interval again = cover_.repeated(side_.quadrant, index_, posts_); !again.empty()) add(again);
+    }
+    void paint() {
+        const std::uint8_t* from = state_ + posts_.begin;
+        const auto n = static_cast<std::size_t>(posts_.size());
+        if (cover_.params_.layer == CoverageLayer::states)
+            std::copy(from, from + n, bytes_);
+        else
+            paint_mask(from, n,
+                       {cover_.byte_of(no_data), cover_.byte_of(shadow), cover_.byte_of(seen), cover_.byte_of(unknown),
+                        cover_.byte_of(outside)},
+                       bytes_);
+    }
+
+    const Cover& cover_;
+    const Side& side_;
+    const LineForm& line_;
+    std::int64_t index_;
+    Interval posts_;
+    std::int64_t first_knot_;  ///< at or before the first post
+    Desk& desk_;
+    std::uint8_t* state_;
+    const float *height_, *back_, *raise_, *tangent_;
+    std::uint8_t* bytes_;  ///< of a mask or of states; else null
+    float* values_;        ///< of other layers; else null
+};
+
+void Cover::finish_line(const Side& side, const LineForm& line, std::int64_t index, Interval posts, Interval window,
+                        Desk& desk, std::size_t out) const {
+    LinePosts(*this, side, line, index, posts, window, desk, out).finish();
 }
 
 }  // namespace wedgescope::covering

@@ -346,8 +346,9 @@ private:
     static void part_line(Interval posts, Desk& desk);
     void pass_voids(Desk& desk, Interval window, bool behind);
     class View;
+    class LinePosts;
     void finish_line(const Side& side, const LineForm& line, std::int64_t index, Interval posts, Interval window,
-                     Desk& desk, std::size_t out);
+                     Desk& desk, std::size_t out) const;
     /// Facet of a post's own cell: the sine of the local grazing angle, and how much larger than its plan it is.
     struct Facet {
         double sine, secant;
