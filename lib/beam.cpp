@@ -109,10 +109,6 @@ PulseOfBin ground_pulse(const BeamSetting& setting, double scale, double range_b
     return pulse;
 }
 
-double middle_m(std::int64_t range_bin, double range_bin_m) {
-    return (static_cast<double>(range_bin) + 0.5) * range_bin_m;
-}
-
 }  // namespace
 
 double two_way_azimuth_pattern(const AntennaParams& antenna, double offset_rad) {
@@ -189,7 +185,7 @@ Resolution::Resolution(const BeamSetting& setting, std::int64_t circle_bins, dou
     oneapi::tbb::parallel_for(oneapi::tbb::blocked_range<std::size_t>(0, n, 64), [&](const auto& bins) {
         for (std::size_t j = bins.begin(); j < bins.end(); ++j) {
             const double cosine =
-                level_cosine(setting, middle_m(sources_.begin + static_cast<std::int64_t>(j), range_bin_m));
+                level_cosine(setting, middle_of_bin(sources_.begin + static_cast<std::int64_t>(j), range_bin_m));
             const auto pattern = [&](std::int64_t offset, double scale) {
                 return two_way_azimuth_pattern(setting.antenna,
                                                static_cast<double>(offset) * step_rad * cosine / scale);
@@ -225,7 +221,8 @@ Resolution::Resolution(const BeamSetting& setting, std::int64_t circle_bins, dou
         std::vector<double> weights;
         if (!setting.pulse_length_error) {
             // Its length falls into the own bin: on ground range what it would light of an even slope of that depression.
-            const double cosine = pulse_per_bin_ ? level_cosine(setting, middle_m(outputs_.begin + k, range_bin_m)) : 1;
+            const double cosine =
+                pulse_per_bin_ ? level_cosine(setting, middle_of_bin(outputs_.begin + k, range_bin_m)) : 1;
             const double length = setting.pulse_extent_m / range_bin_m;
             weights.push_back(pulse_per_bin_ ? static_cast<double>(static_cast<float>(length / cosine)) : length);
         } else {

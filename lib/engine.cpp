@@ -69,11 +69,8 @@ struct WeatherHere {
         rain_w = rain.cells_w(edges_m, s.swept.azimuth_step_rad());
         // The beam will widen each bin as level ground at its range; rain is wider by its own elevation already.
         const BeamSetting beam = beam_setting(s);
-        for (std::size_t j = 0; j < rain_w.size(); ++j) {
-            const double middle_m =
-                (static_cast<double>(s.swept.range_bins.begin) + static_cast<double>(j) + 0.5) * s.swept.range_bin_m;
-            rain_w[j] *= static_cast<float>(level_cosine(beam, middle_m));
-        }
+        for (std::size_t j = 0; j < rain_w.size(); ++j)
+            rain_w[j] *= static_cast<float>(level_cosine(beam, s.swept.range_of_column_m(j)));
     }
 };
 
@@ -211,10 +208,7 @@ void sweep(const ResolvedScene& scene, WedgeSource& source, const EngineParams& 
 /// is not open yet.
 std::size_t blanked_bins(const ResolvedScene& scene, const PolarGrid& grid) {
     const double least_m = minimum_range_m(scene);
-    const auto slant_m = [&](std::size_t j) {
-        return slant_range_m(
-            scene, (static_cast<double>(grid.range_bins.begin) + static_cast<double>(j) + 0.5) * grid.range_bin_m);
-    };
+    const auto slant_m = [&](std::size_t j) { return slant_range_m(scene, grid.range_of_column_m(j)); };
     std::size_t blanked = 0;
     while (blanked < grid.range_count() && slant_m(blanked) < least_m) ++blanked;
     return blanked;

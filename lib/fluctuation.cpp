@@ -49,7 +49,7 @@ public:
         dwell_bins_ = std::max<std::int64_t>(1, std::llround(bins));
         const std::int64_t kinds = beam.range_is_ground ? range_bins.size() : 1;
         for (std::int64_t k = 0; k < kinds; ++k) {
-            const double range_m = (static_cast<double>(range_bins.begin + k) + 0.5) * grid.range_bin_m;
+            const double range_m = grid.range_m(range_bins.begin + k);
             const double pulse_m = beam.range_is_ground ? pulse_on_ground_m(beam, 1, range_m) : beam.pulse_extent_m;
             std::vector<double> weights = pulse_weights(static_cast<float>(pulse_m / grid.range_bin_m));
             const double total = std::accumulate(weights.begin(), weights.end(), 0.0);

@@ -60,9 +60,7 @@ public:
         PolarImage<float> echo = swept_.echo_w;
         const PolarGrid& grid = echo.grid;
         for (std::size_t j = 0; j < grid.range_count(); ++j) {
-            const double middle_m =
-                (static_cast<double>(grid.range_bins.begin) + static_cast<double>(j) + 0.5) * grid.range_bin_m;
-            const double r = std::max(1.0, slant_range_m(scene_, middle_m));
+            const double r = std::max(1.0, slant_range_m(scene_, grid.range_of_column_m(j)));
             for (std::size_t i = 0; i < grid.azimuth_count(); ++i)
                 echo.row(i)[j] = static_cast<float>(static_cast<double>(echo.row(i)[j]) * (r * r * r * r));
         }
@@ -197,8 +195,8 @@ LinkBudget link_budget(const ResolvedScene& scene, WedgeSource& source, const En
 
     LinkBudget b;
     b.azimuth_bin = azimuth_bin, b.range_bin = range_bin;
-    b.azimuth_rad = (static_cast<double>(azimuth_bin) + 0.5) * scene.shown.azimuth_step_rad();
-    b.range_m = (static_cast<double>(range_bin) + 0.5) * scene.shown.range_bin_m;
+    b.azimuth_rad = scene.shown.azimuth_rad(azimuth_bin);
+    b.range_m = scene.shown.range_m(range_bin);
     b.slant_range_m = slant_range_m(scene, b.range_m);
     b.transmit_w = radar.transmit_power_w;
     b.gain = std::pow(radar.gain.ratio(), 2);

@@ -19,16 +19,14 @@ std::vector<double> paint_cells(const ReceivedPower& received, const DisplaySett
     constexpr int pixel_bits = 20;
     std::vector<double> radius_pixels(grid.range_count(), -1);  // below 0: not shown
     for (std::size_t j = 0; j < grid.range_count(); ++j) {
-        const double range_m =
-            (static_cast<double>(grid.range_bins.begin) + static_cast<double>(j) + 0.5) * grid.range_bin_m;
+        const double range_m = grid.range_of_column_m(j);
         if (range_m < setting.range_start_m || range_m > setting.range_m) continue;
         if (const auto radius_m = display_radius_m(setting, range_m))
             radius_pixels[j] = *radius_m / frame.metres_per_pixel;
     }
     for (std::size_t i = 0; i < grid.azimuth_count(); ++i) {
         const double azimuth_rad =
-            (static_cast<double>(grid.azimuth_bins.begin) + static_cast<double>(i) + 0.5) * grid.azimuth_step_rad() -
-            frame.up_azimuth_rad;
+            grid.azimuth_rad(grid.azimuth_bins.begin + static_cast<std::int64_t>(i)) - frame.up_azimuth_rad;
         const double right = std::sin(azimuth_rad), up = std::cos(azimuth_rad);
         for (std::size_t j = 0; j < grid.range_count(); ++j) {
             if (radius_pixels[j] < 0) continue;

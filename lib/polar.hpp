@@ -16,6 +16,9 @@ constexpr std::int64_t bins_after(std::int64_t bin, std::int64_t begin, std::int
     return ((bin - begin) % circle_bins + circle_bins) % circle_bins;
 }
 
+/// Middle of a bin of that width, bin 0 starting at 0.
+constexpr double middle_of_bin(std::int64_t bin, double width) { return (static_cast<double>(bin) + 0.5) * width; }
+
 /// Azimuth bin 0 starts at north of the geometry and bins go clockwise; range bin 0 starts at 0 m.
 struct PolarGrid {
     std::int64_t circle_bins = 0;  ///< azimuth bins in the full circle
@@ -24,6 +27,13 @@ struct PolarGrid {
     Interval range_bins;
 
     double azimuth_step_rad() const { return 2 * std::numbers::pi / static_cast<double>(circle_bins); }
+    /// Middle of a range bin, and of an azimuth bin clockwise from north; bins by their number in the circle, not in the image.
+    double range_m(std::int64_t range_bin) const { return middle_of_bin(range_bin, range_bin_m); }
+    double azimuth_rad(std::int64_t azimuth_bin) const { return middle_of_bin(azimuth_bin, azimuth_step_rad()); }
+    /// Middle of the range bin in a column of the image.
+    double range_of_column_m(std::size_t column) const {
+        return range_m(range_bins.begin + static_cast<std::int64_t>(column));
+    }
     bool full_circle() const { return azimuth_bins.size() == circle_bins; }
     /// Of an azimuth bin (modulo the circle); azimuth_count() or more where the image does not hold it.
     std::size_t row_of(std::int64_t azimuth_bin) const {

@@ -45,10 +45,10 @@ void validate(const Sector& sector) {
     require_within("sector: from", sector.from.deg(), -720, 720, "deg");
     const double width_deg = sector.to.deg() - sector.from.deg();
     // A hair more than 360 so that a full turn given in degrees passes after its way through radians.
-    if (!(width_deg > 1e-9 && width_deg <= 360 + 1e-9))
+    if (!(width_deg > Sector::least_width_deg && width_deg <= 360 + 1e-9))
         throw InputError(
-            fmt::format("sector is {:.12g},{:.12g} deg; it must be wider than 1e-9 and at most 360, clockwise",
-                        sector.from.deg(), sector.to.deg()));
+            fmt::format("sector is {:.12g},{:.12g} deg; it must be wider than {:g} and at most 360, clockwise",
+                        sector.from.deg(), sector.to.deg(), Sector::least_width_deg));
 }
 
 }  // namespace

@@ -65,6 +65,7 @@ struct DisplayParams {
 };
 
 struct Sector {
+    static constexpr double least_width_deg = 1e-9;
     Angle from;  ///< relative to heading
     Angle to;    ///< clockwise from `from`, so not below it; a width of 360 degrees is the full circle
 };
