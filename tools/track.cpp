@@ -14,112 +14,23 @@
 
 #include "lib/plan.hpp"
 #include "lib/stopwatch.hpp"
-#include "lib/target.hpp"
 #include "lib/threads.hpp"
-#include "lib/track.hpp"
 #include "tiles/gdal_session.hpp"
 #include "tools/budget.hpp"
 #include "tools/doubts.hpp"
 #include "tools/ground.hpp"
 #include "tools/layers.hpp"
-#include "tools/report_json.hpp"
 #include "tools/run_files.hpp"
 #include "tools/run_records.hpp"
-#include "tools/scene_json.hpp"
 #include "tools/side_by_side.hpp"
 #include "tools/terminal.hpp"
 #include "tools/track_file.hpp"
+#include "tools/track_frames.hpp"
+#include "tools/track_report.hpp"
 #include "tools/track_stack.hpp"
 
 namespace wedgescope {
-
-std::string numbered(const std::string& path, std::size_t frame, int digits) {
-    const std::filesystem::path p(path);
-    return (p.parent_path() / fmt::format("{}_{:0{}}{}", p.stem().string(), frame, digits, p.extension().string()))
-        .string();
-}
-
 namespace {
-
-/// What a frame goes through, one after the other.
-enum Stage : std::size_t { resolving, surveying, sweeping, beaming, receiving, displaying, writing, stage_count };
-constexpr std::array<const char*, stage_count> stage_names = {"resolve",  "survey",  "wedges", "beam",
-                                                              "receiver", "display", "write"};
-/// What a frame did; small, for all frames' are kept.
-struct FrameReport {
-    double lat_deg = 0, lon_deg = 0, x = 0, y = 0, sensor_m = 0, range_m = 0;
-    bool has_lat_lon = false;
-    double start_s = 0, end_s = 0;  ///< of the clock now_s()
-    std::array<float, stage_count> wall_s{};
-    std::array<float, std::size(cpu_stages)> cpu_s{};
-    std::array<std::uint64_t, state_count> states{};
-    std::uint64_t samples = 0, pieces = 0, refined_bins = 0, posts = 0, bytes = 0;
-    Sampling sampling;
-};
-
-/// A track's scenes, one for each row.
-class Frames {
-public:
-    Frames(const Settings& settings, const Track& track) : settings_(settings), track_(track) {
-        digits_ = std::max(4, static_cast<int>(std::to_string(track.size()).size()));
-    }
-
-    std::size_t size() const { return track_.size(); }
-    const Track& track() const { return track_; }
-    bool scans() const { return settings_.scan_step.has_value(); }
-
-    /// As if the row's numbers and its files were given by their keys.
-    Settings settings(std::size_t frame) const {
-        Settings own = settings_;
-        own.track.clear();
-        own.scene = scene(frame);
-        own.altitude_given = true;
-        for (std::string* path : {&own.output, &own.echo, &own.power, &own.states})
-            if (!path->empty()) *path = numbered(*path, frame + 1, digits_);
-        return own;
-    }
-
-    ResolvedScene scene(std::size_t frame, WedgeSource& source) const { return resolve(scene(frame), source); }
-
-    /// The groups of azimuths of a frame.
-    Scan scan(std::size_t frame, const ResolvedScene& whole, WedgeSource& source) const {
-        return scan_along(track_, frame, *settings_.scan_step, *settings_.scan_period_s, whole, source);
-    }
-
-    /// What the place of the last group would end the frame for.
-    void check_scan(std::size_t frame, const ResolvedScene& whole, WedgeSource& source) const {
-        const Interval bins = whole.shown.azimuth_bins;
-        const std::int64_t step = *settings_.scan_step;
-        scan(frame, whole, source).at({bins.begin + (bins.size() - 1) / step * step, bins.end});
-    }
-
-    /// What the engine sweeps at a time: the whole of it, or its first group.
-    ResolvedScene largest_part(const ResolvedScene& whole) const {
-        ResolvedScene part = whole;
-        if (scans())
-            look_at(part,
-                    {whole.shown.azimuth_bins.begin,
-                     std::min(whole.shown.azimuth_bins.end, whole.shown.azimuth_bins.begin + *settings_.scan_step)});
-        return part;
-    }
-
-    std::string words(std::size_t frame) const {
-        return text("track ", in_quotes(settings_.track), ", line ", track_[frame].line, " (frame ", frame + 1, ")");
-    }
-
-private:
-    Scene scene(std::size_t frame) const {
-        Scene own = settings_.scene;
-        own.platform = track_.at(settings_.scene.platform, frame);
-        // What fluctuates is another draw in each frame.
-        if (own.receiver.noise || own.receiver.speckle_looks > 0) own.receiver.seed += frame;
-        return own;
-    }
-
-    const Settings& settings_;
-    const Track& track_;
-    int digits_ = 4;
-};
 
 /// "frames 1 to 12 of 20 are written", for the end of an error's line.
 std::string finished_words(const Settings& settings, std::size_t written, std::size_t all) {
@@ -149,7 +60,7 @@ EngineParams lane_params(const Settings& settings, const Lanes& lanes, int lane,
 
 /// As many lanes as there are threads, fewer where the memory does not grant each what any of the frames takes.
 /// TooLittleMemory if it does not even do for one; InputError too for a row that cannot be, or whose frame no stack can hold.
-Lanes share_out(const Settings& settings, const Frames& frames, WedgeSource& source,
+Lanes share_out(const Settings& settings, const TrackFrames& frames, WedgeSource& source,
                 const std::shared_ptr<const SceneTables>& tables, const Stop& stop) {
     Lanes best;
     const auto threads = thread_count(settings);
@@ -203,16 +114,23 @@ Lanes share_out(const Settings& settings, const Frames& frames, WedgeSource& sou
 class Run {
 public:
     /// `data`: the fingerprint of the data base before any of it was read. `stack`: null where none is asked for.
-    Run(const Settings& settings, const Frames& frames, WedgeSource& source, std::uint64_t data, TrackStack* stack,
+    Run(const Settings& settings, const TrackFrames& frames, WedgeSource& source, std::uint64_t data, TrackStack* stack,
         Timeline* timeline, Stop& stop)
         : settings_(settings), frames_(frames), source_(source), data_(data), stack_(stack), timeline_(timeline),
-          stop_(stop), tables_(std::make_shared<const SceneTables>(settings.scene)), reports_(frames.size()) {}
+          stop_(stop),
+          tables_(std::make_shared<const SceneTables>(settings.scene)), report_{std::vector<FrameReport>(frames.size()),
+                                                                                {},
+                                                                                0,
+                                                                                0} {}
 
-    void share_out() { lanes_ = wedgescope::share_out(settings_, frames_, source_, tables_, stop_); }
+    void share_out() {
+        lanes_ = wedgescope::share_out(settings_, frames_, source_, tables_, stop_);
+        report_.lanes = lanes_;
+    }
 
     /// All frames are written unless it throws.
     void make_all(const std::function<void(double)>& progress) {
-        start_s_ = now_s();
+        report_.start_s = now_s();
         if (stack_) stack_->begin(frames_.settings(0), frames_.scene(0, source_), frames_.size());
         InOrder<Made> committer(
             frames_.size(),
@@ -244,12 +162,11 @@ public:
             error = std::current_exception();
         }
         const std::size_t written = committer.end();
-        end_s_ = now_s();
+        report_.end_s = now_s();
         if (!error) error = committer.error();
         if (error) end(error, written);
     }
 
-    const Lanes& lanes() const { return lanes_; }
     /// A line for each kind of doubt, with how many frames it is about.
     std::vector<std::string> doubts() const {
         std::vector<std::string> lines;
@@ -258,9 +175,7 @@ public:
                 lines.push_back(text(d.frames, " of ", frames_.size(), " frames (first ", d.first + 1, "): ", d.line));
         return lines;
     }
-    const std::vector<FrameReport>& reports() const { return reports_; }
-    double frames_s() const { return end_s_ - start_s_; }
-    double start_s() const { return start_s_; }
+    const TrackReport& report() const { return report_; }
 
 private:
     struct Made {
@@ -271,22 +186,22 @@ private:
     void make(std::size_t frame, const EngineParams& params, RunResult& result, InOrder<Made>& committer) {
         stop_.check();
         const Span span(timeline_, "frame", "stage", static_cast<std::int64_t>(frame));
-        FrameReport& report = reports_[frame];
+        FrameReport& report = report_.frames[frame];
         report.start_s = now_s();
         const Settings own = frames_.settings(frame);
-        auto lap = [&, last = report.start_s](Stage stage) mutable {
+        auto lap = [&, last = report.start_s](FrameStage stage) mutable {
             const double now = now_s();
-            report.wall_s[stage] = static_cast<float>(now - last);
+            report.of(stage) = static_cast<float>(now - last);
             last = now;
         };
         const ResolvedScene scene = with_context(frames_.words(frame), [&] {
             ResolvedScene s = frames_.scene(frame, source_);
-            lap(resolving);
+            lap(FrameStage::resolving);
             if (frames_.scans())
                 result = run(s, frames_.scan(frame, s, source_), source_, params, std::move(result));
             else
                 result = run(s, source_, params, std::move(result));
-            lap(sweeping);
+            lap(FrameStage::sweeping);
             return s;
         });
         const Span write(timeline_, "write", "stage", static_cast<std::int64_t>(frame));
@@ -295,40 +210,11 @@ private:
         Made made{LayerFiles(own), {}};
         made.files.write(result, own, source_.data_base(), stop_);
         if (stack_) made.words = stack_->write(frame, frames_.track()[frame], own, result);
-        lap(writing);
+        lap(FrameStage::writing);
         report.end_s = now_s();
-        note(result, report);
+        report.take(result);
         note_doubts(result, frame);
         committer.take(frame, std::move(made));
-    }
-
-    static void note(const RunResult& result, FrameReport& report) {
-        const ResolvedScene& s = result.scene;
-        report.has_lat_lon = s.has_lat_lon;
-        report.lat_deg = s.lat_deg;
-        report.lon_deg = s.lon_deg;
-        report.x = s.x;
-        report.y = s.y;
-        report.sensor_m = s.sensor_m;
-        report.range_m = s.scene.range_m.value_or(0);
-        const RunReport& r = result.report;
-        report.wall_s[surveying] = static_cast<float>(r.survey_s);
-        report.wall_s[beaming] = static_cast<float>(r.beam_s);
-        report.wall_s[receiving] = static_cast<float>(r.receiver_s);
-        report.wall_s[displaying] = static_cast<float>(r.display_s);
-        for (const Stage other : {surveying, beaming, receiving, displaying})
-            report.wall_s[sweeping] -= report.wall_s[other];
-        for (const WedgeReport& w : r.wedges) {
-            for (std::size_t i = 0; i < std::size(cpu_stages); ++i)
-                report.cpu_s[i] += static_cast<float>(w.*cpu_stages[i].seconds);
-            report.samples += w.samples;
-            report.pieces += w.visible_pieces;
-            report.refined_bins += w.refined_bins;
-            report.posts += w.posts_read;
-            report.bytes += w.bytes_read;
-        }
-        report.states = r.states;
-        report.sampling = result.sampling;
     }
 
     void note_doubts(const RunResult& result, std::size_t frame) {
@@ -361,14 +247,13 @@ private:
     }
 
     const Settings& settings_;
-    const Frames& frames_;
+    const TrackFrames& frames_;
     WedgeSource& source_;
     std::uint64_t data_;
     TrackStack* stack_;
     Timeline* timeline_;
     Stop& stop_;
     std::shared_ptr<const SceneTables> tables_;
-    std::vector<FrameReport> reports_;
     struct DoubtCount {
         std::size_t frames = 0, first = 0;
         std::string line;  ///< of the first one
@@ -376,126 +261,11 @@ private:
     std::array<DoubtCount, doubt_count> doubts_;
     std::mutex doubts_mutex_;
     Lanes lanes_;
-    double start_s_ = 0, end_s_ = 0;
+    TrackReport report_;
 };
 
-using json = nlohmann::ordered_json;
-
-json frame_json(const Frames& frames, std::size_t frame, const FrameReport& r, double start_s) {
-    const TrackPoint& point = frames.track()[frame];
-    const Settings own = frames.settings(frame);
-    json out{{"frame", frame + 1}, {"line", point.line}, {"time_s", point.time_s}};
-    if (r.has_lat_lon) {
-        out["lat_deg"] = r.lat_deg;
-        out["lon_deg"] = r.lon_deg;
-    }
-    out["x"] = r.x;
-    out["y"] = r.y;
-    out["sensor_height_m"] = r.sensor_m;
-    out["heading_deg"] = point.heading.deg();
-    out["range_m"] = r.range_m;
-    out["files"] = json::array();
-    for (const auto& [key, path] : layer_paths(own))
-        if (!path.empty()) out["files"].push_back(path);
-    out["start_s"] = r.start_s - start_s;
-    out["wall_s"] = r.end_s - r.start_s;
-    json wall, cpu, states;
-    for (std::size_t i = 0; i < stage_count; ++i) wall[stage_names[i]] = r.wall_s[i];
-    for (std::size_t i = 0; i < std::size(cpu_stages); ++i) cpu[cpu_stages[i].name] = r.cpu_s[i];
-    for (std::size_t code = 0; code < r.states.size(); ++code) states[state_names[code]] = r.states[code];
-    out["stages_wall_s"] = wall;
-    out["cpu_s"] = cpu;
-    out["states"] = states;
-    out["sampling"] = sampling_json(r.sampling);
-    out["samples"] = r.samples;
-    out["visible_pieces"] = r.pieces;
-    out["refined_azimuth_bins"] = r.refined_bins;
-    out["posts"] = r.posts;
-    out["bytes_read"] = r.bytes;
-    return out;
-}
-
-/// Seconds of all frames, by stage: wall and CPU.
-std::pair<json, json> sums(const std::vector<FrameReport>& reports) {
-    json wall, cpu;
-    for (std::size_t i = 0; i < stage_count; ++i) {
-        double sum = 0;
-        for (const FrameReport& r : reports) sum += static_cast<double>(r.wall_s[i]);
-        wall[stage_names[i]] = sum;
-    }
-    for (std::size_t i = 0; i < std::size(cpu_stages); ++i) {
-        double sum = 0;
-        for (const FrameReport& r : reports) sum += static_cast<double>(r.cpu_s[i]);
-        cpu[cpu_stages[i].name] = sum;
-    }
-    return {wall, cpu};
-}
-
-/// Frame after frame, so that a long track's report is never held as a whole.
-void write_track_report(OutputFile& file, const Settings& settings, const Frames& frames, const Run& run,
-                        WedgeSource& source, double open_s, const Usage& usage) {
-    json head{{"format", "wedgescope-track-1"}, {"version", version()}};
-    json scene = parameters_json(settings, true);
-    scene["threads"] = std::to_string(run.lanes().threads);
-    head["scene"] = scene;
-    if (!settings.power_stack.empty()) head["power_stack"] = settings.power_stack;
-    head["inputs"] =
-        inputs_json(input_files(settings, source.data_base(), settings.files.empty() ? "" : settings.files[0]));
-    json tail{{"frame_count", frames.size()},
-              {"frames_s", run.frames_s()},
-              {"frames_per_second", static_cast<double>(frames.size()) / run.frames_s()},
-              {"open_s", open_s},
-              {"lanes", run.lanes().lanes}};
-    std::tie(tail["stages_wall_s"], tail["cpu_s"]) = sums(run.reports());
-    add_skipped(tail, source.skipped());
-    tail["source"] = source_json(source.report());
-    add_usage(tail, usage);
-    tail["threads"] = run.lanes().threads;
-    tail["instruction_set"] = name_of(target_in_use());
-
-    write_report(
-        file, head, "frames", frames.size(),
-        [&](std::size_t i) { return frame_json(frames, i, run.reports()[i], run.start_s()); }, tail);
-}
-
-/// Milliseconds a frame, for --profile.
-std::string track_table(const Run& run, const Usage& usage) {
-    const auto [wall, cpu] = sums(run.reports());
-    const auto n = static_cast<double>(run.reports().size());
-    std::string out =
-        fmt::format("{:.0f} frames in {:.2f} s, {:.1f} frames/s, {} at a time on {} threads\nms a frame:", n,
-                    run.frames_s(), n / run.frames_s(), run.lanes().lanes, run.lanes().threads);
-    for (const auto& [name, s] : wall.items()) out += fmt::format(" {} {:.2f}", name, 1e3 * s.get<double>() / n);
-    out += "\nCPU of the wedges:";
-    for (const auto& [name, s] : cpu.items()) out += fmt::format(" {} {:.2f}", name, 1e3 * s.get<double>() / n);
-    out += fmt::format("\nwall {:.2f} s, user {:.2f} s, system {:.2f} s; peak {} resident\n", usage.wall_s,
-                       usage.user_s, usage.system_s, readable_bytes(static_cast<double>(usage.peak_rss_bytes)));
-    return out;
-}
-
-/// What the stages of all frames moved, as if it were one run.
-std::vector<StageWork> track_work(const std::vector<FrameReport>& reports, const Usage& usage) {
-    RunReport all;
-    all.wedges.emplace_back();
-    WedgeReport& wedges = all.wedges.front();
-    double write_s = 0;
-    for (const FrameReport& r : reports) {
-        for (std::size_t i = 0; i < std::size(cpu_stages); ++i)
-            wedges.*cpu_stages[i].seconds += static_cast<double>(r.cpu_s[i]);
-        wedges.posts_read += r.posts;
-        wedges.bytes_read += r.bytes;
-        wedges.visible_pieces += r.pieces;
-        all.beam_s += static_cast<double>(r.wall_s[beaming]);
-        all.receiver_s += static_cast<double>(r.wall_s[receiving]);
-        all.display_s += static_cast<double>(r.wall_s[displaying]);
-        write_s += static_cast<double>(r.wall_s[writing]);
-        for (std::size_t code = 0; code < all.states.size(); ++code) all.states[code] += r.states[code];
-    }
-    return stage_work(all, write_s, usage);
-}
-
 /// Everything that can go wrong with any frame's names is found before work begins.
-void check_outputs(const Settings& settings, const Frames& frames) {
+void check_outputs(const Settings& settings, const TrackFrames& frames) {
     check_run_names(settings);
     if (!settings.power_stack.empty()) TrackStack::check(settings, frames.size());
     namespace fs = std::filesystem;
@@ -538,7 +308,7 @@ std::string heading_beside(const Settings& settings) {
 void simulate_track(const Settings& given, double start_s, Stop& stop) {
     Settings settings = given;
     const Track track = read_track(settings.track, {settings.scene.platform.heading, heading_beside(settings)}, stop);
-    const Frames frames(settings, track);
+    const TrackFrames frames(settings, track);
     const GdalSession session(cache_bytes(settings), settings.config);
     check_outputs(settings, frames);
     std::optional<TrackStack> stack;
@@ -588,7 +358,8 @@ void simulate_track(const Settings& given, double start_s, Stop& stop) {
         }
         files.push_back(&stack->file());
     }
-    if (OutputFile* to = records.report()) write_track_report(*to, settings, frames, *run, *source, open_s, usage);
+    if (OutputFile* to = records.report())
+        write_track_report(*to, settings, frames, run->report(), *source, open_s, usage);
     const std::string others = records.commit(files);
 
     for (const std::string& line : idle_effects(frames.settings(0).scene, source->data_base()))
@@ -599,8 +370,8 @@ void simulate_track(const Settings& given, double start_s, Stop& stop) {
     if (frames.scans() && frames.size() == 1)
         remark(settings.quiet,
                "scan-step has no effect: a track of one row has no motion, and its sensor stands still");
-    if (settings.verbose || settings.profile) fmt::print(stderr, "{}", track_table(*run, usage));
-    if (settings.profile) fmt::print(stderr, "{}", limits_words(settings, track_work(run->reports(), usage)));
+    if (settings.verbose || settings.profile) fmt::print(stderr, "{}", track_table(run->report(), usage));
+    if (settings.profile) fmt::print(stderr, "{}", limits_words(settings, track_work(run->report(), usage)));
     std::string written;
     const Settings first = frames.settings(0), last = frames.settings(frames.size() - 1);
     const NamedPaths from = layer_paths(first), to = layer_paths(last);
@@ -611,9 +382,9 @@ void simulate_track(const Settings& given, double start_s, Stop& stop) {
     }
     if (!others.empty()) written += (written.empty() ? "" : ", ") + others;
     remark_unused(settings.quiet, unfit_map);
-    remark(settings.quiet, text("written: ", written,
-                                fmt::format(" ({:.1f} s, {:.1f} frames/s)", now_s() - start_s,
-                                            static_cast<double>(frames.size()) / run->frames_s())));
+    remark(settings.quiet,
+           text("written: ", written,
+                fmt::format(" ({:.1f} s, {:.1f} frames/s)", now_s() - start_s, run->report().frames_per_second())));
 }
 
 }  // namespace wedgescope
