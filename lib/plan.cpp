@@ -219,6 +219,120 @@ void halve_last(std::vector<Interval>& wedges, std::size_t some) {
     }
 }
 
+/// Looks for a split whose wedges have room: more of them, then fewer at a time.
+class Planner {
+public:
+    Planner(const ResolvedScene& scene, WedgeSource& source, const SpokeGrid& grid, const EngineParams& params,
+            int threads)
+        : scene_(scene), source_(source), grid_(grid), params_(params), threads_(threads),
+          bins_(scene.swept.azimuth_bins.size()) {
+        if (params.archive) recorded_ = params.archive->recorded_split();
+        const std::int64_t block = std::min(source.data_base().block_columns, source.data_base().block_rows);
+        plan_.strip_lines = block < 32 ? 64 : std::min<std::int64_t>(block, 256);
+        plan_.fixed_bytes = image_bytes(scene, params.draw) + source.cache_bytes();
+        plan_.in_flight = threads;
+    }
+
+    Plan plan(bool look) {
+        std::int64_t count = asked_for();
+        split(count, false);
+        // No number of wedges makes room for what stands beside them.
+        const bool hopeless = recorded_.empty() && plan_.fixed_bytes >= params_.memory_bytes;
+        if (hopeless) measure(bins_);
+        while (recorded_.empty() && !hopeless && !fits(plan_.in_flight) && count < bins_) {
+            count = std::min(bins_, count * 2);
+            measure(count);
+            if (plan_.wedges.empty() && fits(plan_.in_flight)) split(count, false);
+        }
+        fewer_at_a_time();
+        if (fits(1) && plan_.wedges.empty()) {
+            split(count, false);
+            fewer_at_a_time();
+        }
+        if (!fits(1)) refuse(count);
+        if (look) split(count, true);
+        narrow_last(look);
+        plan_.unfilled_bytes = source_.cache_bytes() - source_.filled_bytes(cached_bytes(source_, plan_));
+        return std::move(plan_);
+    }
+
+private:
+    /// Wedges to begin with. A split that stands is kept: its wedges may be done already.
+    std::int64_t asked_for() const {
+        if (!recorded_.empty()) return static_cast<std::int64_t>(recorded_.size());
+        return std::min<std::int64_t>(bins_, params_.wedges > 0 ? params_.wedges : 8 * std::max(threads_, 2));
+    }
+    Interval even_share(std::int64_t i, std::int64_t n) const {
+        const std::int64_t first = scene_.swept.azimuth_bins.begin;
+        return {first + bins_ * i / n, first + bins_ * (i + 1) / n};
+    }
+    Walk walk(bool guess) const { return {scene_, source_, grid_, plan_.strip_lines, guess && params_.cull}; }
+    void clear() {
+        plan_.wedges.clear();
+        plan_.forecast.clear();
+        plan_.wedge_bytes = 0;
+    }
+
+    void split(std::int64_t n, bool guess) {
+        clear();
+        for (std::int64_t i = 0; i < n; ++i)
+            plan_.wedges.push_back(recorded_.empty() ? even_share(i, n) : recorded_[static_cast<std::size_t>(i)]);
+        forecast_rest(guess);
+        for (const WedgeForecast& f : plan_.forecast) plan_.wedge_bytes = std::max(plan_.wedge_bytes, f.peak_bytes);
+    }
+    /// Of the wedges that have no forecast yet.
+    void forecast_rest(bool guess) {
+        const Walk forecast = walk(guess);
+        for (std::size_t i = plan_.forecast.size(); i < plan_.wedges.size(); ++i)
+            plan_.forecast.push_back(forecast(grid_.wedge(static_cast<std::int64_t>(i), plan_.wedges[i])));
+    }
+    /// What the wedges of such a split hold. Of more than `asked` some are asked how little they can take, and no split is made:
+    /// if not even these fit, the others need not be.
+    void measure(std::int64_t n) {
+        constexpr std::int64_t asked = 256;
+        if (n <= asked) return split(n, false);
+        clear();
+        const Walk forecast = walk(false);
+        for (std::int64_t i = 0; i < n; i += (n + asked - 1) / asked)
+            plan_.wedge_bytes = std::max(plan_.wedge_bytes, forecast(grid_.wedge(i, even_share(i, n))).peak_bytes);
+    }
+    void narrow_last(bool guess) {
+        if (params_.wedges > 0 || !recorded_.empty() || plan_.in_flight == 1) return;
+        const auto last = static_cast<std::size_t>(plan_.in_flight);
+        plan_.forecast.resize(plan_.wedges.size() - std::min(plan_.wedges.size(), last));
+        for (int round = 0; round < 2; ++round) halve_last(plan_.wedges, last);
+        forecast_rest(guess);
+    }
+
+    bool fits(int in_flight) const {
+        return plan_.fixed_bytes + plan_.wedge_bytes * static_cast<std::size_t>(in_flight) <= params_.memory_bytes;
+    }
+    void fewer_at_a_time() {
+        while (plan_.in_flight > 1 && !fits(plan_.in_flight)) --plan_.in_flight;
+    }
+    [[noreturn]] void refuse(std::int64_t count) const {
+        // A guess: the source's cache grows with the budget.
+        const double cache = static_cast<double>(source_.cache_bytes()),
+                     share = cache / static_cast<double>(params_.memory_bytes),
+                     rest = static_cast<double>(plan_.fixed_bytes + plan_.wedge_bytes) - cache;
+        const auto least = static_cast<std::size_t>(std::max(rest / (1 - std::min(share, 0.9)), rest + cache));
+        throw TooLittleMemory(
+            params_.memory_bytes, least, "this scene",
+            text(" (", bins_, " x ", scene_.swept.range_bins.size(), " cells",
+                 params_.draw ? text(", a picture of ", scene_.scene.display.size, " pixels a side") : "",
+                 !recorded_.empty() ? text(", in the ", count, " wedges of the work folder") : "", ")"));
+    }
+
+    const ResolvedScene& scene_;
+    WedgeSource& source_;
+    const SpokeGrid& grid_;
+    const EngineParams& params_;
+    int threads_;
+    std::int64_t bins_;
+    std::vector<Interval> recorded_;  ///< the split of the work folder; empty: none
+    Plan plan_;
+};
+
 }  // namespace
 
 std::size_t image_bytes(const ResolvedScene& scene, bool draw) {
@@ -271,91 +385,7 @@ double Plan::likely_seconds(bool all) const {
 
 Plan plan(const ResolvedScene& scene, WedgeSource& source, const SpokeGrid& grid, const EngineParams& params,
           int threads, bool look) {
-    const DataBase& db = source.data_base();
-    Plan p;
-    const std::int64_t block = std::min(db.block_columns, db.block_rows);
-    p.strip_lines = block < 32 ? 64 : std::min<std::int64_t>(block, 256);
-    p.fixed_bytes = image_bytes(scene, params.draw) + source.cache_bytes();
-
-    const std::int64_t bins = scene.swept.azimuth_bins.size();
-    std::int64_t count = std::clamp<std::int64_t>(std::max<std::int64_t>(params.wedges, 1), 1, bins);
-    if (params.wedges == 0) count = std::min<std::int64_t>(bins, 8 * std::max(threads, 2));
-    // A split that stands is kept: its wedges may be done already.
-    const std::vector<Interval> recorded = params.archive ? params.archive->recorded_split() : std::vector<Interval>{};
-    if (!recorded.empty()) count = static_cast<std::int64_t>(recorded.size());
-    const auto even = [&](std::int64_t i, std::int64_t n) {
-        return Interval{scene.swept.azimuth_bins.begin + bins * i / n,
-                        scene.swept.azimuth_bins.begin + bins * (i + 1) / n};
-    };
-    const auto split = [&](std::int64_t n, bool guess) {
-        p.wedges.clear();
-        p.forecast.clear();
-        const Walk walk(scene, source, grid, p.strip_lines, guess && params.cull);
-        for (std::int64_t i = 0; i < n; ++i) {
-            p.wedges.push_back(recorded.empty() ? even(i, n) : recorded[static_cast<std::size_t>(i)]);
-            p.forecast.push_back(walk(grid.wedge(i, p.wedges.back())));
-        }
-        p.wedge_bytes = 0;
-        for (const WedgeForecast& f : p.forecast) p.wedge_bytes = std::max(p.wedge_bytes, f.peak_bytes);
-    };
-    // Of more wedges than `asked` some are asked how little they can take, and no split is made: if not even these fit, the
-    // others need not be.
-    const auto ask_some = [&](std::int64_t n) {
-        constexpr std::int64_t asked = 256;
-        if (n <= asked) return split(n, false);
-        const Walk walk(scene, source, grid, p.strip_lines, false);
-        p.wedges.clear();
-        p.forecast.clear();
-        p.wedge_bytes = 0;
-        for (std::int64_t i = 0; i < n; i += (n + asked - 1) / asked)
-            p.wedge_bytes = std::max(p.wedge_bytes, walk(grid.wedge(i, even(i, n))).peak_bytes);
-    };
-    const auto narrow = [&](bool guess) {
-        if (params.wedges > 0 || !recorded.empty() || p.in_flight == 1) return;
-        const auto last = static_cast<std::size_t>(p.in_flight);
-        p.forecast.resize(p.wedges.size() - std::min(p.wedges.size(), last));
-        for (int round = 0; round < 2; ++round) halve_last(p.wedges, last);
-        const Walk walk(scene, source, grid, p.strip_lines, guess && params.cull);
-        for (std::size_t i = p.forecast.size(); i < p.wedges.size(); ++i)
-            p.forecast.push_back(walk(grid.wedge(static_cast<std::int64_t>(i), p.wedges[i])));
-    };
-    const auto fits = [&](int in_flight) {
-        return p.fixed_bytes + p.wedge_bytes * static_cast<std::size_t>(in_flight) <= params.memory_bytes;
-    };
-    p.in_flight = threads;
-    split(count, false);
-    // No number of wedges makes room for what stands beside them.
-    const bool hopeless = recorded.empty() && p.fixed_bytes >= params.memory_bytes;
-    if (hopeless) ask_some(bins);
-    while (recorded.empty() && !hopeless && !fits(p.in_flight) && count < bins) {
-        count = std::min(bins, count * 2);
-        ask_some(count);
-        if (p.wedges.empty() && fits(p.in_flight)) split(count, false);
-    }
-    const auto fewer_at_a_time = [&] {
-        while (p.in_flight > 1 && !fits(p.in_flight)) --p.in_flight;
-    };
-    fewer_at_a_time();
-    if (fits(1) && p.wedges.empty()) {
-        split(count, false);
-        fewer_at_a_time();
-    }
-    if (!fits(1)) {
-        // A guess: the source's cache grows with the budget.
-        const double cache = static_cast<double>(source.cache_bytes()),
-                     share = cache / static_cast<double>(params.memory_bytes),
-                     rest = static_cast<double>(p.fixed_bytes + p.wedge_bytes) - cache;
-        const auto least = static_cast<std::size_t>(std::max(rest / (1 - std::min(share, 0.9)), rest + cache));
-        throw TooLittleMemory(
-            params.memory_bytes, least, "this scene",
-            text(" (", scene.swept.azimuth_bins.size(), " x ", scene.swept.range_bins.size(), " cells",
-                 params.draw ? text(", a picture of ", scene.scene.display.size, " pixels a side") : "",
-                 !recorded.empty() ? text(", in the ", count, " wedges of the work folder") : "", ")"));
-    }
-    if (look) split(count, true);
-    narrow(look);
-    p.unfilled_bytes = source.cache_bytes() - source.filled_bytes(cached_bytes(source, p));
-    return p;
+    return Planner(scene, source, grid, params, threads).plan(look);
 }
 
 }  // namespace wedgescope
