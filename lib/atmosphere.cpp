@@ -157,8 +157,8 @@ Air standard_air(double height_m, double vapour_at_sea_level_g_m3) {
 }
 
 GasAttenuation gas_attenuation(double frequency_hz, const Air& air) {
-    require_within("frequency", frequency_hz * 1e-9, 1, 1000, "GHz");
-    const double f = frequency_hz * 1e-9, p = air.dry_pressure_hpa, e = air.vapour_pressure_hpa;
+    require_within("frequency", frequency_hz / 1e9, 1, 1000, "GHz");
+    const double f = frequency_hz / 1e9, p = air.dry_pressure_hpa, e = air.vapour_pressure_hpa;
     const double th = 300 / air.temperature_k, log_th = std::log(th), th08 = std::pow(th, 0.8);
 
     double oxygen = 0;
@@ -190,9 +190,9 @@ GasAttenuation gas_attenuation(double frequency_hz, const Air& air) {
 }
 
 Permittivity cloud_water_permittivity(double frequency_hz, double temperature_k) {
-    require_within("frequency", frequency_hz * 1e-9, 1, 1000, "GHz");
+    require_within("frequency", frequency_hz / 1e9, 1, 1000, "GHz");
     require_within("temperature", temperature_k, 200, 350, "K");
-    const double f = frequency_hz * 1e-9, x = 300 / temperature_k - 1;
+    const double f = frequency_hz / 1e9, x = 300 / temperature_k - 1;
     const double e0 = 77.66 + 103.3 * x, e1 = 0.0671 * e0, e2 = 3.52;
     const double principal = 20.20 - 146 * x + 316 * x * x, secondary = 39.8 * principal;
     const double a = f / principal, b = f / secondary;
@@ -201,10 +201,10 @@ Permittivity cloud_water_permittivity(double frequency_hz, double temperature_k)
 }
 
 double cloud_attenuation_db_km(double frequency_hz, double temperature_k) {
-    require_within("frequency", frequency_hz * 1e-9, 1, 200, "GHz");
+    require_within("frequency", frequency_hz / 1e9, 1, 200, "GHz");
     const Permittivity water = cloud_water_permittivity(frequency_hz, temperature_k);
     const double eta = (2 + water.real()) / -water.imag();
-    return 0.819 * frequency_hz * 1e-9 / (-water.imag() * (1 + eta * eta));
+    return 0.819 * frequency_hz / 1e9 / (-water.imag() * (1 + eta * eta));
 }
 
 }  // namespace wedgescope

@@ -194,7 +194,8 @@ Billingsley billingsley_low_relief(Angle depression) {
     struct Row {
         double below_deg, mean_db, spread;
     };
-    constexpr std::array<Row, 4> rows = {{{0.25, -33, 3.8}, {0.75, -32, 3.5}, {1.5, -30, 3.0}, {4, -27, 2.7}}};
+    constexpr double at_four = 4 + 1e-9;  // the next row is of more than that
+    constexpr std::array<Row, 4> rows = {{{0.25, -33, 3.8}, {0.75, -32, 3.5}, {1.5, -30, 3.0}, {at_four, -27, 2.7}}};
     for (const Row& row : rows)
         if (depression.deg() < row.below_deg) return {Decibel(row.mean_db), row.spread};
     return {Decibel(-25), 2.6};

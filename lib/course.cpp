@@ -25,7 +25,8 @@ WEDGESCOPE_LANES_PART void cut(std::size_t n, const StepScene& scene, Cuts& cuts
                        *__restrict plain = cuts.plain.data();
     const double sensor_m = scene.sensor_m, bins = scene.bins_per_metre, range_bins = ground ? 0 : bins,
                  low0 = scene.drops[0].low, high0 = scene.drops[0].high, low1 = scene.drops[1].low,
-                 high1 = scene.drops[1].high;
+                 high1 = scene.drops[1].high, lobe_low = scene.lobe.low, lobe_high = scene.lobe.high,
+                 lobe_part = scene.lobe.part;
     WEDGESCOPE_INDEPENDENT
     for (std::size_t i = 0; i < n; ++i) {
         // course(): every way is gone, and the one that holds is taken.
@@ -75,7 +76,8 @@ WEDGESCOPE_LANES_PART void cut(std::size_t n, const StepScene& scene, Cuts& cuts
         const bool together = (far <= most_range_ratio * near) & (near <= most_range_ratio * far) &
                               short_rise(top - h, top) & straight_range(bent, top, range_bins) &
                               !turns_in_range(across, last, bent, top, way, range_bins) &
-                              !meets_drop(h, top, low0, high0) & !meets_drop(h, top, low1, high1) & (arc0[i] > 0);
+                              !meets_drop(h, top, low0, high0) & !meets_drop(h, top, low1, high1) &
+                              short_in_lobe(h, top, lobe_low, lobe_high, lobe_part) & (arc0[i] > 0);
         plain[i] = together ? 1.0 : 0.0;
     }
     WEDGESCOPE_INDEPENDENT

@@ -25,7 +25,8 @@ void Cover::put_nadir(Strip& strip) {
     const double above_m = scene_.sensor_m - (z == z ? static_cast<double>(z) : scene_.reference_m) - params_.target_m;
     const double depression_deg = above_m < 0 ? -90 : 90;  // a target may stand above the sensor
     State state = z == z ? State::seen : State::no_data;
-    if (with_range_ && !(std::abs(above_m) <= *scene_.scene.range_m && std::abs(above_m) >= scene_.scene.range_start_m))
+    if (with_range_ && !(std::abs(above_m) <= *scene_.scene.range_m &&
+                         std::abs(above_m) >= scene_.scene.range_start_m && scene_.scene.ground_start_m == 0))
         state = State::outside;
     if (params_.elevation && state == State::seen &&
         (params_.elevation->first.deg() > -depression_deg + 1e-9 ||
@@ -189,9 +190,11 @@ private:
         if (limits_) {
             const double out = of.arcs.most * most_out_, least = of.arcs.least * least_out_,
                          most = std::sqrt(out * out + most_up_ * most_up_) + 1;
-            if (least > *scene.range_m || of.arcs.least > cover_.farthest_m_ || most < scene.range_start_m)
+            if (least > *scene.range_m || of.arcs.least > cover_.farthest_m_ || most < scene.range_start_m ||
+                of.arcs.most < scene.ground_start_m)
                 return Part::none;
-            all = all && most <= *scene.range_m && of.arcs.most <= cover_.farthest_m_ && least >= scene.range_start_m;
+            all = all && most <= *scene.range_m && of.arcs.most <= cover_.farthest_m_ && least >= scene.range_start_m &&
+                  of.arcs.least >= scene.ground_start_m;
         }
         return all ? Part::all : Part::some;
     }
@@ -329,8 +332,8 @@ private:
     bool in_range(const Look& look) const {
         const Scene& scene = cover_.scene_.scene;
         const double range_m = look.sight.range_m;
-        return !cover_.with_range_ ||
-               (range_m <= *scene.range_m && range_m >= scene.range_start_m && look.arc_m <= cover_.farthest_m_);
+        return !cover_.with_range_ || (range_m <= *scene.range_m && range_m >= scene.range_start_m &&
+                                       look.arc_m <= cover_.farthest_m_ && look.arc_m >= scene.ground_start_m);
     }
     bool in_elevation(const Post& post, const Look& look) const {
         if (!cover_.params_.elevation || state_[post.minor] == no_data) return true;

@@ -216,7 +216,7 @@ public:
         // Without crossings nobody asks for what is between them.
         if (scene.scene.crossings.value_or(true) && scene.scene.curved_course.value_or(true))
             course_within_ = scene.scene.curved_course ? std::numeric_limits<double>::infinity() : course_posts;
-        with_range_ = scene.range_limited || scene.scene.range_start_m > 0 || scene.scene.ground_range_m;
+        with_range_ = scene.range_limited || begins_off() || scene.scene.ground_range_m;
         // A post that stands on the limit is in range, however its distance is rounded.
         if (scene.scene.ground_range_m) farthest_m_ = *scene.scene.ground_range_m * (1 + 0x1p-32);
         limited_ = with_range_ || scene.scene.sector || params.elevation;
@@ -226,7 +226,7 @@ public:
             least_tangent_ = rounded(std::tan(params.elevation->first.rad()), 40);
             most_tangent_ = rounded(std::tan(params.elevation->second.rad()), 40);
         }
-        hides_ = params.cull && bytes_ && !params.elevation && !(scene.scene.range_start_m > 0);
+        hides_ = params.cull && bytes_ && !params.elevation && !begins_off();
         narrows_ = hides_ && !with_posts_ && !voids_ && !sampling_.cross_lines;
         for (Quadrant q : all_quadrants) set_up(q);
         reached_ = {{0, db_.columns}, {0, db_.rows}};
@@ -272,6 +272,8 @@ public:
     CoverageReport run();
 
 private:
+    /// Is what lies near the sensor out of view?
+    bool begins_off() const { return scene_.scene.range_start_m > 0 || scene_.scene.ground_start_m > 0; }
     /// Tiles of the longest strip.
     std::size_t tiles_across() const {
         return static_cast<std::size_t>(std::max(reached_.columns.size(), reached_.rows.size()) / tile_edge + 2);

@@ -175,7 +175,7 @@ void sweep(const ResolvedScene& scene, WedgeSource& source, const EngineParams& 
     }
     result.levels = setting.levels.any();
     result.sampling = setting.sampling;
-    result.promise = promise_of(scene, source.data_base());
+    result.promise = promise_of(scene);
     result.report.survey_s = watch.wall_s();
     survey.end();
 

@@ -41,7 +41,8 @@ struct ResolvedScene {
     bool nadir_in_raster = false;
     bool nadir_beyond_posts =
         false;  ///< outside the raster or in the outer half of an outermost cell: no four posts round it
-    Earth earth;                 ///< of what belongs to no spoke
+    double shorter_post_m = 0, longer_post_m = 0;  ///< from post to post along the raster's two sides, at the sensor
+    Earth earth;                                   ///< of what belongs to no spoke
     double farthest_arc_m = 0;   ///< coverage only: no post that counts is farther
     bool range_limited = false;  ///< coverage only: a range was asked for
     PolarGrid shown;             ///< what was asked: power, states and scope
@@ -70,6 +71,8 @@ struct GroundHeight {
 GroundHeight ground_height(WedgeSource& source, IndexPosition place);
 /// Slant range of what range bins count: itself, or for gpi-true, whose bins count arcs, that of a level surface.
 double slant_range_m(const ResolvedScene& scene, double range_m);
+/// Far end of the last range bin that the scene's range reaches into: up to there all ground is swept.
+double outermost_m(const ResolvedScene& scene);
 /// The receiver opens for what is no nearer; slant.
 double minimum_range_m(const ResolvedScene& scene);
 /// Where the spokes of a resolved scene go.

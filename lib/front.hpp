@@ -201,7 +201,8 @@ private:
                 .range_is_ground = scene_->range_is_ground,
                 .exact_course = exact_course,
                 .most_theta = scene_->most_theta,
-                .drops = scene_->pattern->drops()};
+                .drops = scene_->pattern->drops(),
+                .lobe = scene_->pattern->lobe()};
     }
     /// Whether pieces up to a line, index of this level, may lie below the sensor and be so long that laws turn over them: short_turn().
     bool may_turn(double major) const;

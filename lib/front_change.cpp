@@ -113,6 +113,7 @@ void Front::rise(std::size_t lane, std::size_t i, const Between& between, Sample
                    (scene_->range_is_ground ? cosine_growth(a.sine, b.sine) : 0);
         };
         const PatternTable& pattern = *scene_->pattern;
+        const PatternLobe& lobe = pattern.lobe();
         const bool drops = pattern.meets_drop(first.sine, last.sine);
         constexpr double least_cut = 0x1p-16;  // of a piece: what a drop of the pattern is smeared over
         const double across = *to.up_m * *from.out_m - *from.up_m * *to.out_m,
@@ -124,7 +125,8 @@ void Front::rise(std::size_t lane, std::size_t i, const Between& between, Sample
                    !turns_in_range(across * part, b.range_m, bent, b.sine, (b.range_m - a.range_m) * range_bins,
                                    range_bins) &&
                    (turning_posts_ == 0 || short_turn(a.sine, b.sine, scene_->laws->most_turn())) &&
-                   (!drops || part <= least_cut || !pattern.passes_drop(a.sine, b.sine));
+                   (!drops || part <= least_cut || !pattern.passes_drop(a.sine, b.sine)) &&
+                   short_in_lobe(a.sine, b.sine, lobe.low, lobe.high, lobe.part);
         };
         if (!together(first, last, most_range_ratio))
             halve(

@@ -133,8 +133,9 @@ void Front::keep_joined(std::size_t n, std::size_t lane, const Between& between,
     const auto part = [](Plain& plain) {
         return JoinLanes::Part{plain.sine0.data(), plain.rise.data(), plain.swing.data(), plain.code.data()};
     };
-    waiting_ = join_lanes(n, {part(crossed_), part(plain_), waiting_range_.data(), waiting_x_.data(), from.range_m,
-                              from.x, to.range_m, to.sine, to.x, start_range_.data(), start_x_.data()});
+    waiting_ =
+        join_lanes(n, {part(crossed_), part(plain_), waiting_range_.data(), waiting_x_.data(), from.range_m, from.x,
+                       to.range_m, to.sine, to.x, start_range_.data(), start_x_.data(), scene_->pattern->lobe()});
     if (waiting_ > 0) keep_crossed(n, lane, between);
     make_room(between);
     from.range_m = start_range_.data();

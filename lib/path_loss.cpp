@@ -82,19 +82,19 @@ void require_way(double sensor_m, double range_m) {
 void validate(const WeatherParams& weather, double frequency_hz) {
     if (weather.vapour_g_m3) {
         require_within("humidity", *weather.vapour_g_m3, 0, most_vapour_g_m3, "g/m^3");
-        require_within("frequency with gases", frequency_hz * 1e-9, 1, 1000, "GHz");
+        require_within("frequency with gases", frequency_hz / 1e9, 1, 1000, "GHz");
     }
     require_within("rain", weather.rain_mm_h, 0, most_rain_mm_h, "mm/h");
     require_within("rain-top", weather.rain_top_m, lowest_air_m, 20e3, "m");
     require_within("polarisation tilt", weather.tilt.deg(), -90, 90, "deg");
-    if (weather.rain_mm_h > 0) require_within("frequency with rain", frequency_hz * 1e-9, 1, 1000, "GHz");
+    if (weather.rain_mm_h > 0) require_within("frequency with rain", frequency_hz / 1e9, 1, 1000, "GHz");
     require_within("liquid-water", weather.liquid_water_g_m3, 0, 10, "g/m^3");
     if (weather.liquid_water_g_m3 > 0) {
         require_within("cloud-base", weather.cloud_base_m, lowest_air_m, 20e3, "m");
         if (!(weather.cloud_top_m > weather.cloud_base_m && weather.cloud_top_m <= 20e3))
             throw InputError(text("cloud-top is ", weather.cloud_top_m, " m; it must be above cloud-base, which is ",
                                   weather.cloud_base_m, " m, and at most 20000 m"));
-        require_within("frequency with cloud", frequency_hz * 1e-9, 1, 200, "GHz");
+        require_within("frequency with cloud", frequency_hz / 1e9, 1, 200, "GHz");
     }
 }
 

@@ -105,7 +105,7 @@ private:
         const Quadrant q = run.quadrant;
         const Fan fan = run.own_fan();
         const auto& rings = grid_.rings(fan);
-        const double most_arc = grid_.map().params().max_arc_m;
+        const double most_arc = grid_.max_arc_m();
         std::optional<CoarseLook> coarse;
         if (BlockMap* map = look_ ? source_.block_map() : nullptr) coarse.emplace(scene_, db_, grid_, *map, fan);
         std::size_t most = 0, ring = 0;

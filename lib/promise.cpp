@@ -5,12 +5,12 @@
 #include "lib/engine.hpp"
 
 namespace wedgescope {
-Promise promise_of(const ResolvedScene& resolved, const DataBase& db) {
+Promise promise_of(const ResolvedScene& resolved) {
     constexpr double posts = 2;
     constexpr double about = 1.01;  // four, but for a hundredth: bins in round numbers: 37.5 m for a pulse of 149.9 m
     const Scene& scene = resolved.scene;
     const RadarParams& radar = scene.radar;
-    const double post_m = db.longer_post_m(), pulse_m = radar.pulse_extent_m(), beam_deg = radar.antenna.beam.deg(),
+    const double post_m = resolved.longer_post_m, pulse_m = radar.pulse_extent_m(), beam_deg = radar.antenna.beam.deg(),
                  step_deg = Angle::radians(resolved.shown.azimuth_step_rad()).deg(), bin_m = resolved.shown.range_bin_m;
     Promise promise{promised_error(scene.quality), posts * post_m / radar.antenna.beam.rad(), {}};
     const auto lack = [&](bool lacks, std::string why) {

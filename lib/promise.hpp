@@ -19,6 +19,6 @@ struct Promise {
 
 /// What the scene's quality promises where c tau / 2 and beam are two posts or more, four bins or more lie in each, both are
 /// drawn, and nothing replaces what the quality says of the sampling. Source: docs/accuracy.md.
-Promise promise_of(const ResolvedScene& scene, const DataBase& data_base);
+Promise promise_of(const ResolvedScene& scene);
 
 }  // namespace wedgescope

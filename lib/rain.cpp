@@ -53,10 +53,10 @@ std::optional<double> rain_rate_mm_h(std::string_view category) {
 }
 
 RainLaw rain_law(double frequency_hz, Angle elevation, Angle tilt) {
-    require_within("frequency", frequency_hz * 1e-9, 1, 1000, "GHz");
+    require_within("frequency", frequency_hz / 1e9, 1, 1000, "GHz");
     require_within("elevation", elevation.deg(), -90, 90, "deg");
     require_within("polarisation tilt", tilt.deg(), -90, 90, "deg");
-    const double x = std::log10(frequency_hz * 1e-9);
+    const double x = std::log10(frequency_hz / 1e9);
     const double kh = std::pow(10.0, regression(k_h, -0.18961, 0.71147, x)),
                  kv = std::pow(10.0, regression(k_v, -0.16398, 0.63297, x)),
                  ah = regression(alpha_h, 0.67849, -1.95537, x), av = regression(alpha_v, -0.053739, 0.83433, x);
@@ -77,7 +77,7 @@ double rain_reflectivity_mm6_m3(double rate_mm_h) {
 }
 
 double rain_cross_section_per_m(double frequency_hz, double rate_mm_h) {
-    require_within("frequency", frequency_hz * 1e-9, 1, 1000, "GHz");
+    require_within("frequency", frequency_hz / 1e9, 1, 1000, "GHz");
     constexpr double water_factor = 0.93;  // |K|^2 of liquid water
     constexpr double m3_per_mm6_m3 = 1e-18;
     const double lambda2 = std::pow(speed_of_light_m_s / frequency_hz, 2);

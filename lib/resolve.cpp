@@ -238,6 +238,23 @@ DisplaySetting display_setting(const ResolvedScene& s) {
 
 namespace {
 
+/// Metres from post to post below the sensor, along rows and along columns.
+std::array<double, 2> post_sides_m(const ResolvedScene& s, const DataBase& db) {
+    std::array<double, 2> sides_m = {std::abs(db.step_x) * db.metres_a_unit(),
+                                     std::abs(db.step_y) * db.metres_a_unit()};
+    const auto here =
+        db.lat_lon && s.geometry == Geometry::geodesic ? db.lat_lon(s.nadir.column, s.nadir.row) : std::nullopt;
+    if (!here) return sides_m;
+    for (const std::size_t along : {0, 1}) {
+        const auto there = db.lat_lon(s.nadir.column + (along == 0 ? 1 : 0), s.nadir.row + (along == 1 ? 1 : 0));
+        if (!there) continue;
+        double metres = 0;
+        GeographicLib::Geodesic::WGS84().Inverse(here->first, here->second, there->first, there->second, metres);
+        sides_m[along] = rounded_significand(metres, 30);
+    }
+    return sides_m;
+}
+
 /// Place, height and earth.
 ResolvedScene resolve_place(const Scene& scene, WedgeSource& given) {
     validate(scene);
@@ -259,6 +276,8 @@ ResolvedScene resolve_place(const Scene& scene, WedgeSource& given) {
                               db.crs_in_metres ? "give geometry grid, or " : "give ", "a place farther off)"));
     stand(s, source);
     choose_earth(s);
+    const auto sides_m = post_sides_m(s, db);
+    std::tie(s.shorter_post_m, s.longer_post_m) = std::minmax(sides_m[0], sides_m[1]);
     s.scene.geometry = s.geometry;
     return s;
 }
@@ -306,22 +325,6 @@ double most_gamma(const Scene& scene, const DataBase& db) {
     return most;
 }
 
-/// Metres between neighbouring posts below the sensor, along rows or along columns, whichever are nearer.
-double least_post_m(const ResolvedScene& s, const DataBase& db) {
-    const double plain_m = std::min(std::abs(db.step_x), std::abs(db.step_y)) * db.metres_a_unit();
-    const auto here =
-        db.lat_lon && s.geometry == Geometry::geodesic ? db.lat_lon(s.nadir.column, s.nadir.row) : std::nullopt;
-    if (!here) return plain_m;
-    const auto to = [&](double columns, double rows) {
-        const auto there = db.lat_lon(s.nadir.column + columns, s.nadir.row + rows);
-        double metres = plain_m;
-        if (there)
-            GeographicLib::Geodesic::WGS84().Inverse(here->first, here->second, there->first, there->second, metres);
-        return metres;
-    };
-    return std::min(to(1, 0), to(0, 1));
-}
-
 /// A radar with the power and the gain of a scene, for which its bins would be chosen, but with at least the beam and the pulse of
 /// RadarParams, and with their receiver: nothing that may be set again over a stored echo.
 RadarParams like_bins_of(const ResolvedScene& s) {
@@ -359,7 +362,7 @@ double bright_echo_w(const ResolvedScene& s, const RadarParams& radar, double ga
 /// Sampling::quiet_posts. What may hang on the angle or shine by way of water is never quiet.
 std::array<double, 4> quiet_posts(const ResolvedScene& s, const DataBase& db) {
     std::array<double, 4> quiet = Sampling{}.quiet_posts;
-    const double gamma = most_gamma(s.scene, db), post_m = least_post_m(s, db), h = s.sensor_m - s.reference_m;
+    const double gamma = most_gamma(s.scene, db), post_m = s.shorter_post_m, h = s.sensor_m - s.reference_m;
     if (!(gamma < infinite) || s.scene.far_shore || !(post_m > 0)) return quiet;
     const RadarParams radar = like_bins_of(s);
     const auto ratio_at = [&](double posts) {
@@ -447,8 +450,8 @@ Sampling sampling_of(const ResolvedScene& scene, const DataBase& db) {
     // Beside mountains the ground below says little; where they stand as high as the sensor, as if it were 2 posts up, or 5 over
     // heights, whose bins take many spokes anyway. A tenth more of clearance: ground that is about level stands above the nadir here
     // and there.
-    const double above = (scene.sensor_m - scene.reference_m) / db.longer_post_m(),
-                 over_most = std::max(steps ? 5.0 : 2.0, 1.1 * scene.clearance_m / db.longer_post_m());
+    const double above = (scene.sensor_m - scene.reference_m) / scene.longer_post_m,
+                 over_most = std::max(steps ? 5.0 : 2.0, 1.1 * scene.clearance_m / scene.longer_post_m);
     const double counted = std::min(above, over_most) * lower_for(scene.roughness);
     Sampling own = sampling(scene.scene, cover, counted);
     // There crests hide ground far off too, where bins are wide and only spokes a post count.
@@ -470,6 +473,11 @@ void look_at(ResolvedScene& s, Interval azimuth_bins) {
 
 namespace {
 
+/// Range bins from 0 m on, the last one being the one that the range ends in.
+std::int64_t bins_up_to(double range_m, double bin_m) {
+    return static_cast<std::int64_t>(std::ceil(range_m / bin_m - 1e-9));
+}
+
 /// Bins, noise and display of a scene whose place and range are known.
 void resolve_view(ResolvedScene& s, const Scene& scene) {
     const double range = *s.scene.range_m;
@@ -490,7 +498,7 @@ void resolve_view(ResolvedScene& s, const Scene& scene) {
     s.shown.circle_bins = s.swept.circle_bins = circle;
     s.shown.range_bin_m = s.swept.range_bin_m = bin;
     s.shown.range_bins = {static_cast<std::int64_t>(std::floor(scene.range_start_m / bin + 1e-9)),
-                          static_cast<std::int64_t>(std::ceil(range / bin - 1e-9))};
+                          bins_up_to(range, bin)};
     if (scene.sector && scene.sector->to.deg() - scene.sector->from.deg() < 360 - 1e-9) {
         const double step = 360.0 / static_cast<double>(circle);
         const double from = scene.platform.heading.deg() + scene.sector->from.deg(),
@@ -571,8 +579,8 @@ void look_around(ResolvedScene& s, WedgeSource& source) {
     if (!metre) return;
     constexpr int rings = 12, rays = 32;
     constexpr double most_posts = 640;
-    const double reach_m = std::min(*s.scene.range_m, most_posts * db.longer_post_m()),
-                 step = s.shown.azimuth_step_rad(), from = static_cast<double>(s.shown.azimuth_bins.begin) * step,
+    const double reach_m = std::min(*s.scene.range_m, most_posts * s.longer_post_m), step = s.shown.azimuth_step_rad(),
+                 from = static_cast<double>(s.shown.azimuth_bins.begin) * step,
                  width = static_cast<double>(s.shown.azimuth_bins.size()) * step;
     std::vector<float> heights_m;
     Saddles saddles(source);
@@ -591,7 +599,7 @@ void look_around(ResolvedScene& s, WedgeSource& source) {
             if (height == height) heights_m.push_back(height);
             if ((ray + 3 * ring) % 8 == 0) saddles.add(column, row);  // of four rays a ring, others each time
         }
-    s.roughness = saddles.rms_m() / (4 * db.longer_post_m());
+    s.roughness = saddles.rms_m() / (4 * s.longer_post_m);
     if (heights_m.empty()) return;
     const auto highest = heights_m.end() - 1 - static_cast<std::ptrdiff_t>(heights_m.size() / 100);
     std::nth_element(heights_m.begin(), highest, heights_m.end());
@@ -599,6 +607,12 @@ void look_around(ResolvedScene& s, WedgeSource& source) {
 }
 
 }  // namespace
+
+double outermost_m(const ResolvedScene& s) {
+    const double range_m = *s.scene.range_m;
+    if (!s.scene.range_bin_m) return range_m;
+    return std::max(range_m, static_cast<double>(bins_up_to(range_m, *s.scene.range_bin_m)) * *s.scene.range_bin_m);
+}
 
 ResolvedScene resolve(const Scene& scene, WedgeSource& source) {
     ResolvedScene s = resolve_place(scene, source);

@@ -56,7 +56,7 @@ SpokeMapParams swept_map_params(const ResolvedScene& s, const DataBase& db) {
             .lat_deg = s.lat_deg,
             .lon_deg = s.lon_deg,
             .earth_k = s.scene.earth_k,
-            .max_arc_m = most_arc_m(s, db, *s.scene.range_m),
+            .max_arc_m = most_arc_m(s, db, outermost_m(s)),
             .margin_m = arc_margin_m(db),
             .range_m = s.scene.range_m};
 }
@@ -81,10 +81,11 @@ RunSetting::RunSetting(const ResolvedScene& s, WedgeSource& source, std::shared_
     sweep.nadir_surface_m = s.nadir_on_data ? s.nadir_surface_m : std::numeric_limits<double>::quiet_NaN();
     sweep.nadir_patch = &s.nadir_patch;
     // The bins may end before the scene's range, which decides where the spokes are.
-    const double last_m = static_cast<double>(s.swept.range_bins.end) * s.swept.range_bin_m;
-    sweep.max_arc_m = std::min(map.params().max_arc_m, most_arc_m(s, data_base, last_m));
+    const double last_m = static_cast<double>(s.swept.range_bins.end) * s.swept.range_bin_m,
+                 beyond_m = grid.max_arc_m() - map.params().max_arc_m;
+    sweep.max_arc_m = std::min(grid.max_arc_m(), most_arc_m(s, data_base, last_m) + beyond_m);
     constexpr double least_radius_m = 6335439;  // of the WGS84 meridian, at the equator
-    sweep.most_theta = s.scene.earth_k ? map.params().max_arc_m / (*s.scene.earth_k * least_radius_m) : 0;
+    sweep.most_theta = s.scene.earth_k ? grid.max_arc_m() / (*s.scene.earth_k * least_radius_m) : 0;
     sweep.range_bin_m = s.swept.range_bin_m;
     sweep.range_is_ground = s.scene.display.kind == DisplayKind::gpi_true;
     sweep.pattern = &tables->pattern;

@@ -79,6 +79,7 @@ struct Scene {
     std::optional<double> range_m;            ///< largest slant range; none: what the data base and the horizon allow
     double range_start_m = 0;
     std::optional<double> ground_range_m;      ///< coverage only: largest distance along the ground; none: no limit
+    double ground_start_m = 0;                 ///< coverage only: least distance along the ground
     std::optional<std::int64_t> azimuth_bins;  ///< in the circle; none: 4 a beamwidth
     std::optional<double> range_bin_m;         ///< none: c tau / 8
     RadarParams radar;

@@ -22,6 +22,29 @@ double pattern_of_points(const std::vector<PatternPoint>& points, double beta_ra
     return Decibel(before.gain.db() + part * (after->gain.db() - before.gain.db())).ratio();
 }
 
+/// The mean of a pattern between two sines over its value in the middle, from how much of that it changes from there to
+/// either end: that of sine^-4, which it is where it is shaped to give all ground the same echo. With as much as a half of
+/// the sine between both ends, more than all but towers take up, it is off by 3 %.
+template <class Real>
+constexpr Real over_middle(Real swell) {
+    constexpr auto bend = static_cast<Real>(5.0 / 24);  // k (k + 1) / 24 / (k / 2)^2 for sine^-k
+    const Real square = swell * swell;
+    return 1 + bend * (square < 1 ? square : Real{1});
+}
+
+/// A pattern in the middle of a piece, and how much of that it changes from there to either end.
+struct MiddleGain {
+    double gain, swell;
+};
+MiddleGain middle_gain(double sine0, double sine1, const PatternTable& pattern) {
+    const double middle = 0.5 * (sine0 + sine1), gain = pattern.at(middle);
+    return {gain, 0.5 * (sine1 - sine0) * pattern.slope(middle) / gain};
+}
+double mean_gain(double sine0, double sine1, const PatternTable& pattern) {
+    const MiddleGain middle = middle_gain(sine0, sine1, pattern);
+    return middle.gain * over_middle(middle.swell);
+}
+
 }  // namespace
 
 double elevation_pattern(const AntennaParams& antenna, double depression_rad) {
@@ -94,6 +117,46 @@ PatternTable::PatternTable(const AntennaParams& antenna) {
             drop.low = std::max(-1.0, -1 + 2 * std::floor(x - slack) / intervals_);
             drop.high = std::min(1.0, -1 + 2 * std::ceil(x + slack) / intervals_);
         }
+    lobe_ = find_lobe();
+}
+
+PatternLobe PatternTable::find_lobe() const {
+    constexpr double too_long = 0.03, short_enough = 0.005, dark = 0.001;  // of the mean; of most()
+    constexpr double shrink = 0.75, least_part = 1e-4;
+    const double interval = 2.0 / intervals_;
+    std::vector<double> upto(values_.size(), 0);  // the table's integral, in intervals
+    for (std::size_t i = 1; i < values_.size(); ++i)
+        upto[i] = upto[i - 1] + 0.5 * (static_cast<double>(values_[i - 1]) + static_cast<double>(values_[i]));
+    const auto begin_of = [&](std::size_t end, double part) {
+        const double sine = -1 + static_cast<double>(end) * interval,
+                     length = std::floor(part * (std::abs(sine) + most_sine_offset) / interval);
+        return end - std::min(end, static_cast<std::size_t>(length));
+    };
+    // How far off a piece of whole intervals is whose mean is taken as power_lanes() does.
+    const auto error = [&](std::size_t begin, std::size_t end) {
+        const double sine0 = -1 + static_cast<double>(begin) * interval,
+                     sine1 = -1 + static_cast<double>(end) * interval;
+        if (end - begin < 2 || meets_drop(sine0, sine1)) return 0.0;
+        const double mean = (upto[end] - upto[begin]) / static_cast<double>(end - begin);
+        return std::abs(mean_gain(sine0, sine1, *this) - mean) / std::max(mean, dark * most_);
+    };
+    std::vector<std::size_t> ends;  // of pieces that are too long
+    for (std::size_t end = 0; end <= static_cast<std::size_t>(intervals_); ++end)
+        if (error(begin_of(end, most_sine_part), end) > too_long) ends.push_back(end);
+    if (ends.empty()) return {};
+    PatternLobe lobe;
+    lobe.low = -1 + static_cast<double>(begin_of(ends.front(), most_sine_part)) * interval;
+    lobe.high = -1 + static_cast<double>(ends.back()) * interval;
+    for (const std::size_t end : ends)
+        lobe.low = std::min(lobe.low, -1 + static_cast<double>(begin_of(end, most_sine_part)) * interval);
+    const auto first = static_cast<std::size_t>(std::floor((lobe.low + 1) / interval + 0.5));
+    const auto is_off = [&] {
+        for (std::size_t end = first; end <= ends.back(); ++end)
+            if (error(begin_of(end, lobe.part), end) > short_enough) return true;
+        return false;
+    };
+    while (lobe.part > least_part && is_off()) lobe.part *= shrink;
+    return lobe;
 }
 
 bool PatternTable::passes_drop(double sine0, double sine1) const {
@@ -139,25 +202,6 @@ double radar_constant(const RadarParams& radar) {
 }
 
 namespace {
-
-/// The mean of a pattern between two sines over its value in the middle, from how much of that it changes from there to
-/// either end: that of sine^-4, which it is where it is shaped to give all ground the same echo. With as much as a half of
-/// the sine between both ends, more than all but towers take up, it is off by 3 %.
-template <class Real>
-constexpr Real over_middle(Real swell) {
-    constexpr auto bend = static_cast<Real>(5.0 / 24);  // k (k + 1) / 24 / (k / 2)^2 for sine^-k
-    const Real square = swell * swell;
-    return 1 + bend * (square < 1 ? square : Real{1});
-}
-
-/// A pattern in the middle of a piece, and how much of that it changes from there to either end.
-struct MiddleGain {
-    double gain, swell;
-};
-MiddleGain middle_gain(double sine0, double sine1, const PatternTable& pattern) {
-    const double middle = 0.5 * (sine0 + sine1), gain = pattern.at(middle);
-    return {gain, 0.5 * (sine1 - sine0) * pattern.slope(middle) / gain};
-}
 
 /// cosine_growth(), also in lanes.
 WEDGESCOPE_LANES_PART double growth_of_cosine(double sine0, double sine1) {

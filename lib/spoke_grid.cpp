@@ -75,10 +75,27 @@ Sampling sampling(const Scene& scene, GroundCover cover, double above_posts) {
     return own;
 }
 
+int DetailLevels::coarsest() const {
+    int level = 0;
+    for (const std::vector<Step>& fan : steps)
+        for (const Step& step : fan) level = std::max(level, step.level);
+    return level;
+}
+
+namespace {
+
+double farthest_arc_m(const SpokeMap& map, const DetailLevels& levels) {
+    const double own = map.params().max_arc_m,
+                 more = map.params().margin_m * static_cast<double>((std::int64_t{1} << levels.coarsest()) - 1);
+    return map.straight() ? own + more : std::min(own + more, SpokeMap::laid_out * own);
+}
+
+}  // namespace
+
 SpokeGrid::SpokeGrid(const DataBase& data_base, const SpokeMap& map, const Sampling& sampling, std::int64_t circle_bins,
                      const DetailLevels& levels)
     : data_base_(data_base), map_(map), circle_bins_(circle_bins),
-      azimuth_step_(2 * std::numbers::pi / static_cast<double>(circle_bins)),
+      azimuth_step_(2 * std::numbers::pi / static_cast<double>(circle_bins)), max_arc_m_(farthest_arc_m(map, levels)),
       fans_each_(levels.any() ? levels.fans : 1), lines_(all_quadrants.size() * static_cast<std::size_t>(fans_each_)) {
     // What the bins ask for, the same in all quadrants.
     const double widest = azimuth_step_ / std::max(2.0, sampling.spokes_per_bin);
@@ -90,7 +107,7 @@ SpokeGrid::SpokeGrid(const DataBase& data_base, const SpokeMap& map, const Sampl
         const bool cyclic = data_base.cyclic && lines_are_columns(q);
         double least_f = map.metres_per_post(q, 0);
         for (int i = -64; i <= 64; ++i) least_f = std::min(least_f, map.metres_per_post(q, i / 64.0));
-        const double farthest = map.params().max_arc_m / least_f * 1.1 + 2;  // posts; no spoke is followed beyond
+        const double farthest = max_arc_m_ / least_f * 1.1 + 2;  // posts; no spoke is followed beyond
         // The first line ahead of the nadir, inside the raster.
         std::int64_t first = 0, count = 0;
         if (outward(q) > 0) {

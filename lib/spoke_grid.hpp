@@ -80,6 +80,7 @@ struct DetailLevels {
     int fans = 1;                          ///< of each quadrant; a power of two up to 16
     std::vector<std::vector<Step>> steps;  ///< [quadrant * fans + fan], outwards; up to the first one: level 0
     bool any() const { return !steps.empty(); }
+    int coarsest() const;
 };
 
 /// Posts of a side of `posts` that level L keeps: every 2^L-th from the first one on.
@@ -149,6 +150,8 @@ public:
 
     const SpokeMap& map() const { return map_; }
     double azimuth_step_rad() const { return azimuth_step_; }
+    /// No spoke is followed farther: the map's arc, its margin being one of posts of the coarsest level.
+    double max_arc_m() const { return max_arc_m_; }
     int fans() const { return fans_each_; }  ///< of each quadrant
 
     std::int64_t line_count(Fan f) const { return of(f).line_count; }
@@ -221,7 +224,7 @@ private:
     const DataBase& data_base_;
     const SpokeMap& map_;
     std::int64_t circle_bins_;
-    double azimuth_step_;
+    double azimuth_step_, max_arc_m_;
     int fans_each_;
     std::vector<FanLines> lines_;  ///< [quadrant * fans_each_ + fan]
 };

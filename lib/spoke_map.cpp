@@ -169,7 +169,7 @@ void SpokeMap::lay_out(const DataBase& data_base) {
         for (int i = -8; i <= 8; ++i) least_f = std::min(least_f, metres_per_post(q, i / 8.0));
         f.reach =
             std::min(data_base.cyclic && lines_are_columns(q) ? static_cast<double>(data_base.cycle_columns / 2) : edge,
-                     params_.max_arc_m / least_f * 1.1 + 2);
+                     params_.max_arc_m / least_f * laid_out + 2);
         // A sensor a hair inside the outermost line: the rounding of places is nothing beside a post, but all of such a way.
         if (f.reach > 0) f.reach = std::max(f.reach, 1.0);
         if (!straight() && f.reach > 0) fit(data_base, q);

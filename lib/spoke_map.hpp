@@ -47,6 +47,7 @@ struct SpokeMapParams {
 class SpokeMap {
 public:
     static constexpr double tolerance_posts = 0.02;
+    static constexpr double laid_out = 1.1;  ///< of max_arc_m: so far it is known where rays go, if not that they can
 
     /// DataError where the grid bends too much within range for spokes that cross line after line.
     SpokeMap(const DataBase& data_base, const SpokeMapParams& params);

@@ -22,7 +22,8 @@ WEDGESCOPE_LANES_PART void step(std::size_t n, const StepScene& scene, const Ste
     const double sensor_m = scene.sensor_m, arc_bins = scene.range_is_ground ? scene.bins_per_metre : 0,
                  range_bins = scene.range_is_ground ? 0 : scene.bins_per_metre,
                  quarter = scene.exact_course ? -0.25 : 0.0, most_rise = scene.most_rise, low0 = scene.drops[0].low,
-                 high0 = scene.drops[0].high, low1 = scene.drops[1].low, high1 = scene.drops[1].high;
+                 high0 = scene.drops[0].high, low1 = scene.drops[1].low, high1 = scene.drops[1].high,
+                 lobe_low = scene.lobe.low, lobe_high = scene.lobe.high, lobe_part = scene.lobe.part;
     WEDGESCOPE_INDEPENDENT
     for (std::size_t i = 0; i < n; ++i) {
         const bool stands = arc0[i] == arc1[i];  // no sample here: whatever the spoke's neighbours do
@@ -54,7 +55,7 @@ WEDGESCOPE_LANES_PART void step(std::size_t n, const StepScene& scene, const Ste
         const bool together = (p.range_m <= most_range_ratio * range0[i]) &
                               (range0[i] <= most_range_ratio * p.range_m) & short_rise(s - h, s, most_rise) &
                               straight_range(bump, s, range_bins) & !meets_drop(h, s, low0, high0) &
-                              !meets_drop(h, s, low1, high1);
+                              !meets_drop(h, s, low1, high1) & short_in_lobe(h, s, lobe_low, lobe_high, lobe_part);
         // The way out from below the sensor is left to Front too.
         const bool plain = visible & above & !stands & (arc0[i] > 0) & straight & (h >= void_horizon[i]) & together;
         const double higher = s > last_sine[i] ? s : last_sine[i];
@@ -150,6 +151,7 @@ WEDGESCOPE_LANES_PART int join(std::size_t n, const JoinLanes& lanes) noexcept {
            *__restrict swing = lanes.second.swing;
     const double* __restrict code1 = lanes.second.code, * __restrict range0 = lanes.range0, * __restrict x0 = lanes.x0, * __restrict range = lanes.range_m, * __restrict x = lanes.x, * __restrict range1 = lanes.range1, * __restrict sine1 = lanes.sine1, * __restrict x1 = lanes.x1;
     double* __restrict start_range = lanes.start_range, * __restrict start_x = lanes.start_x;
+    const double lobe_low = lanes.lobe.low, lobe_high = lanes.lobe.high, lobe_part = lanes.lobe.part;
     int alone = 0;
     WEDGESCOPE_INDEPENDENT
     for (std::size_t i = 0; i < n; ++i) {
@@ -161,7 +163,8 @@ WEDGESCOPE_LANES_PART int join(std::size_t n, const JoinLanes& lanes) noexcept {
             3 * (second - beyond) + upto * first * (swing0[i] / rise0[i]) + beyond * second * (swing[i] / rise[i]);
         const bool both = (code0[i] == 1) & (code1[i] == 1) & (first >= 0) & (first <= 1) & (bow >= -1) & (bow <= 1) &
                           (range1[i] <= most_range_ratio * range0[i]) & (range0[i] <= most_range_ratio * range1[i]) &
-                          short_rise(most, sine1[i]);
+                          short_rise(most, sine1[i]) &
+                          short_in_lobe(horizon[i], sine1[i], lobe_low, lobe_high, lobe_part);
         code0[i] = both ? 0.0 : code0[i];
         sine0[i] = both ? horizon[i] : sine0[i];
         rise[i] = both ? 1.0 : rise[i];

@@ -61,6 +61,16 @@ inline bool short_rise(double sine_step, double sine, double part = most_sine_pa
     return sine_step <= part * ((sine < 0 ? -sine : sine) + most_sine_offset);
 }
 
+/// Sines of elevation between which the antenna's pattern bends more than over a short_rise() is all but straight, and the part
+/// of a short_rise() that is short enough there. Infinite: nowhere.
+struct PatternLobe {
+    double low = std::numeric_limits<double>::infinity(), high = low, part = most_sine_part;
+};
+/// Whether a piece between two sines of elevation is short where that counts.
+inline bool short_in_lobe(double sine0, double sine1, double low, double high, double part) {
+    return (sine0 >= high) | (sine1 <= low) | short_rise(sine1 - sine0, sine1, part);
+}
+
 /// Whether the sine of the incidence on level ground, which is the cosine of the elevation, changes by at most `most` between two
 /// sines of elevation, or they are so far from the vertical that no lobe of a law lies there.
 inline constexpr double upright_sine = -0.7;
@@ -118,6 +128,7 @@ struct StepScene {
     double most_theta = 0;      ///< no spoke is followed farther
     double most_rise = most_sine_part;  ///< of a short_rise(); 0: none is, each piece that rises is a change
     std::array<PatternDrop, 2> drops{};  ///< a piece that has to do with one is a change
+    PatternLobe lobe{};                  ///< one too long for it too
 };
 /// Samples on one line, where their minor and arc_m say: height_m and what follows from it, exactly as a step there has it.
 ///   cell[n]            in: raster index along the line of the post at or before each
@@ -168,6 +179,7 @@ struct JoinLanes {
     const double *range_m, *x;          ///< in: where they end and the second ones start
     const double *range1, *sine1, *x1;  ///< in: where those end
     double *start_range, *start_x;      ///< out: where the second ones, joined or not, start
+    PatternLobe lobe{};                 ///< in
 };
 /// How many of `first` stay alone.
 int join_lanes(std::size_t n, const JoinLanes& lanes) noexcept;

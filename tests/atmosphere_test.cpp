@@ -129,6 +129,12 @@ TEST_CASE("small droplets absorb by the imaginary part of (e - 1) / (e + 2)", "[
     CHECK_THAT(-cloud_water_permittivity(1e9, 300).imag(), WithinRel((77.66 - 5.21) / 20.2, 0.02));
 }
 
+TEST_CASE("both ends of the models' ranges are in them", "[atmosphere]") {
+    CHECK(gas_attenuation(1e9, sea_level).db_km() > 0);
+    CHECK(gas_attenuation(1e12, sea_level).db_km() > 0);
+    CHECK(cloud_attenuation_db_km(200e9, 280) > 0);
+}
+
 TEST_CASE("what lies outside of the models' ranges is refused by name", "[atmosphere]") {
     CHECK(refusal<InputError>([] { gas_attenuation(0.9e9, sea_level); }) ==
           "frequency is 0.9 GHz; it must be at least 1 and at most 1000");

@@ -205,6 +205,8 @@ TEST_CASE("GIT's and Morchin's laws of land and Billingsley's steps give their v
     CHECK(strength(0.25).mean_strength.db() == -32);
     CHECK(strength(0.8).mean_strength.db() == -30);
     CHECK(strength(2).mean_strength.db() == -27);
+    CHECK(strength(4).mean_strength.db() == -27);
+    CHECK(strength(4.01).mean_strength.db() == -25);
     CHECK(strength(5).mean_strength.db() == -25);
     CHECK(strength(0.1).weibull_spread == 3.8);
     CHECK(strength(60).weibull_spread == 2.6);

@@ -116,6 +116,45 @@ TEST_CASE("without a range every post is in it, the farthest corner too", "[cove
     }
 }
 
+TEST_CASE("the ground of a picture whose range counts along the ground ends where its range does", "[coverage]") {
+    const Folder folder;
+    Drawing flat;
+    flat.columns = flat.rows = 101;
+    flat.crs = "EPSG:32611";
+    flat.geotransform = {{500000, 30, 0, 4000000, 0, -30}};
+    flat.value = [](int, int) { return 50.0; };
+    draw(folder / "flat.tif", flat);
+    for (const bool begins : {false, true}) {
+        std::vector<std::string> simulate = {WEDGESCOPE_PROGRAM,
+                                             "simulate",
+                                             "--dem",
+                                             folder / "flat.tif",
+                                             "--ground",
+                                             folder / "ground.tif",
+                                             "--xy",
+                                             "501515,3998485",
+                                             "--altitude-msl",
+                                             "1000m",
+                                             "--geometry",
+                                             "grid",
+                                             "--display",
+                                             "gpi-true",
+                                             "--range",
+                                             "1000m",
+                                             "--overwrite",
+                                             "-q"};
+        if (begins) simulate.insert(simulate.end(), {"--range-start", "400m"});
+        REQUIRE(run_program(simulate, folder / "log").code == 0);
+        const Posts ground(folder / "ground.tif");
+        for (int row = 0; row < 101; ++row)
+            for (int column = 0; column < 101; ++column) {
+                const double arc_m = 30 * std::hypot(column - 50, row - 50);
+                INFO("column " << column << " row " << row);
+                CHECK(std::isnan(ground.at(column, row)) == (arc_m > 1000 || (begins && arc_m < 400)));
+            }
+    }
+}
+
 TEST_CASE("coarse posts lie where geodesics lead, or are refused", "[coverage]") {
     const Folder folder;
     struct Case {

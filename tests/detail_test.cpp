@@ -491,6 +491,30 @@ TEST_CASE("low dikes across the view keep their shadows", "[detail][quick]") {
     CHECK(error.p99_db < 0.35);
 }
 
+TEST_CASE("levels keep the ground up to the end of the last range bin", "[detail]") {
+    const Folder folder;
+    draw(folder / "dem.tif", ground([](int, int) { return 200.0; }));
+    const DataBaseParams rasters = mapped(folder / "dem.tif");
+    Scene s = looking_north_east(300);
+    s.sector.reset();
+    s.range_start_m = 0;
+    s.platform.xy = PointXY{500000 + 700.2 * post_m, 4100000 - 700.3 * post_m};
+    s.range_m = 3200;
+    const RunResult wide = simulated(s, rasters);
+    CHECK(posts_of_level(wide, true) > 0);
+    for (const double bins : {150.02, 150.5, 151.0}) {
+        s.range_m = bins * wide.echo_w.grid.range_bin_m;
+        const RunResult r = simulated(s, rasters);
+        CHECK(posts_of_level(r, true) > 0);
+        for (std::size_t row = 0; row < r.echo_w.grid.azimuth_count(); ++row)
+            for (const std::size_t j : {149, 150}) {
+                INFO(bins << " bins, row " << row << " column " << j);
+                REQUIRE(r.echo_w.row(row)[j] == Approx(wide.echo_w.row(row)[j]).epsilon(0.05));
+                REQUIRE(r.state.row(row)[j] == static_cast<std::uint8_t>(State::seen));
+            }
+    }
+}
+
 TEST_CASE("levels do not depend on ground beyond the range", "[detail][threads]") {
     const Folder folder;
     draw(folder / "long.tif", ground(rolling_ground, 3001, 801));

@@ -72,6 +72,63 @@ TEST_CASE("a flat plain returns the power of the closed radar equation", "[engin
     }
 }
 
+TEST_CASE("an elevation pattern narrower than a post is deep lights a plain as the radar equation has it", "[engine]") {
+    // The beam's middle meets the plain at 2 km, where 30 m are 0.43 degrees.
+    const double height = 1000;
+    MemorySource source(301, 301, 30, [](double, double) { return 0.0; });
+    Scene s = scene_of_one_gamma(4500.3, -4500.7, height, 4000);
+    s.earth_k.reset();
+    s.radar.antenna = AntennaParams{};
+    s.radar.antenna.elevation = ElevationPattern::gaussian;
+    s.radar.antenna.knee = {};
+    s.radar.antenna.width = Angle::degrees(1);
+    s.radar.antenna.tilt = Angle::degrees(30);
+    s.range_bin_m = 18.737;
+    for (const Quality quality : {Quality::draft, Quality::exact}) {
+        s.quality = quality;
+        const RunResult r = simulate(s, source);
+        const PolarGrid& grid = r.echo_w.grid;
+        std::size_t lit = 0;
+        for (std::size_t j = 60; j < grid.range_count(); ++j) {
+            // E = K gamma da (integral of g^2 / r^2 over the sine of elevation, h / r)
+            const double near = static_cast<double>(j) * grid.range_bin_m, step = grid.range_bin_m / 64;
+            double sum = 0;
+            for (int part = 0; part < 64; ++part) {
+                const double range = near + (part + 0.5) * step,
+                             g = elevation_pattern(s.radar.antenna, std::asin(height / range));
+                sum += g * g * height / std::pow(range, 4) * step;
+            }
+            const double echo = radar_constant(s.radar) * gamma_of(s) * grid.azimuth_step_rad() * sum;
+            if (sum < 1e-7 * height / std::pow(near, 4) * grid.range_bin_m) continue;
+            ++lit;
+            for (std::size_t row = 0; row < grid.azimuth_count(); row += 7) {
+                INFO(word(quality) << " range " << near << " row " << row);
+                REQUIRE(std::abs(10 * std::log10(static_cast<double>(r.echo_w.row(row)[j]) / echo)) < 0.05);
+            }
+        }
+        CHECK(lit > 10);
+    }
+}
+
+TEST_CASE("the last range bin holds all of its ground", "[engine]") {
+    MemorySource source(801, 801, 2, [](double, double) { return 0.0; });
+    Scene s = scene_of_one_gamma(800, -800, 60, 700);
+    s.range_bin_m = 20;
+    s.quality = GENERATE(Quality::normal, Quality::exact);
+    const RunResult wide = simulate(s, source);
+    for (const double range_m : {600.0, 601.0, 607.0, 619.9}) {
+        s.range_m = range_m;
+        const RunResult r = simulate(s, source);
+        REQUIRE(r.echo_w.grid.range_count() == (range_m > 600 ? 31 : 30));
+        for (std::size_t row = 0; row < r.echo_w.grid.azimuth_count(); ++row)
+            for (std::size_t j = 27; j < r.echo_w.grid.range_count(); ++j) {
+                INFO("range " << range_m << " row " << row << " column " << j);
+                REQUIRE(r.echo_w.row(row)[j] == Approx(wide.echo_w.row(row)[j]).epsilon(1e-5));
+                REQUIRE(r.state.row(row)[j] == wide.state.row(row)[j]);
+            }
+    }
+}
+
 TEST_CASE("a flat plain of one gamma is evenly bright under cos-csc2, and goes with the cosine under other laws",
           "[engine]") {
     // Physics 3: relative to the knee P goes with cos(d)^(2p - 1); no pattern is asked here, only the echoes compared.

@@ -73,7 +73,7 @@ TEST_CASE("what a quality promises holds from where the beam is two posts wide, 
     s.platform.xy = PointXY{30 * 50, -30 * 40};
     s.platform.altitude_m = 1000;
     s.range_m = 1500;
-    const auto promised = [&] { return promise_of(resolve(s, source), source.data_base()); };
+    const auto promised = [&] { return promise_of(resolve(s, source)); };
     const std::tuple<Quality, double, double> all[] = {{Quality::draft, 0.4, 1.5},
                                                        {Quality::normal, 0.1, 0.35},
                                                        {Quality::fine, 0.05, 0.2},

@@ -10,6 +10,7 @@
 #include <random>
 #include <thread>
 
+#include "lib/engine.hpp"
 #include "lib/error.hpp"
 #include "lib/threads.hpp"
 #include "tests/drawn_raster.hpp"
@@ -834,4 +835,29 @@ TEST_CASE("many threads read the same posts through one source", "[source][threa
         });
     for (std::thread& thread : threads) thread.join();
     for (const auto& sums : together) CHECK(sums == alone);
+}
+
+TEST_CASE("a post is as long as it is on the ground, in degrees and in a projection that stretches", "[source]") {
+    const Folder folder;
+    const auto longest_m = [&](const char* crs, const std::array<double, 6>& place, LatLon at) {
+        Drawing flat;
+        flat.columns = flat.rows = 64;
+        flat.crs = crs;
+        flat.geotransform = place;
+        flat.value = [](int, int) { return 100.0; };
+        draw(folder / "flat.tif", flat);
+        DataBaseParams params;
+        params.dem = folder / "flat.tif";
+        const auto source = open_direct_source(params);
+        Scene s;
+        s.platform.latlon = at;
+        s.platform.altitude_m = 1000;
+        s.range_m = 500;
+        return promise_of(resolve(s, *source)).from_m * s.radar.antenna.beam.rad() / 2;
+    };
+    // WGS84: a degree of longitude at 70 N is 38188 m, one of latitude 111562 m; a unit of Web Mercator at 60 N about half a metre.
+    const double across = 38188 * 6e-4, along = 111562 * 2.5e-4;
+    CHECK(longest_m("EPSG:4326", {{20, 6e-4, 0, 70.008, 0, -2e-4}}, {70, 20.019}) == Approx(across).epsilon(1e-3));
+    CHECK(longest_m("EPSG:4326", {{20, 6e-4, 0, 70.008, 0, -2.5e-4}}, {70, 20.019}) == Approx(along).epsilon(1e-3));
+    CHECK(longest_m("EPSG:3857", {{2226000, 60, 0, 8401700, 0, -60}}, {60, 20.013}) == Approx(30).epsilon(0.005));
 }

@@ -331,11 +331,12 @@ TEST_CASE("pieces that a horizon cuts come out in lanes as one by one", "[sweep]
     StepScene scene;
     scene.sensor_m = 1000;
     scene.bins_per_metre = 0.1;
-    int seen = 0, hides = 0, plain = 0, apart = 0, turned = 0;
+    int seen = 0, hides = 0, plain = 0, apart = 0, turned = 0, too_long_for_lobe = 0;
     for (int turn = 0; turn < 400; ++turn) {
         const auto n = 1 + static_cast<std::size_t>(random() % Cuts::most);
         scene.range_is_ground = turn % 3 == 0;
         scene.drops[0] = turn % 5 == 0 ? PatternDrop{-0.19, -0.1902, -0.1898} : PatternDrop{};
+        scene.lobe = turn % 4 == 0 ? PatternLobe{-0.2, -0.19, 0.004} : PatternLobe{};
         Cuts& c = *cuts;
         for (std::size_t i = 0; i < n; ++i) {
             const bool steep = turn % 11 == 1;
@@ -407,10 +408,15 @@ TEST_CASE("pieces that a horizon cuts come out in lanes as one by one", "[sweep]
                                   one_range(c.range_out[i], c.range_top[i], c.sine_top[i] - h, c.sine_top[i]) &&
                                   straight_range(c.bump_m[i] * part * part, c.sine_top[i], range_bins) &&
                                   !meets_drop(h, c.sine_top[i], scene.drops[0].low, scene.drops[0].high);
-            CHECK((c.plain[i] == 1) == together);
+            const bool in_lobe = h < scene.lobe.high && c.sine_top[i] > scene.lobe.low,
+                       too_long = in_lobe &&
+                                  c.sine_top[i] - h > scene.lobe.part * (std::abs(c.sine_top[i]) + most_sine_offset);
+            too_long_for_lobe += together && too_long ? 1 : 0;
+            CHECK((c.plain[i] == 1) == (together && !too_long));
             ++(together ? plain : apart);
         }
     }
+    CHECK(too_long_for_lobe > 100);
     CHECK(seen > 2000);
     CHECK(hides > 500);
     CHECK(plain > 1000);

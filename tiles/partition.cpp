@@ -78,7 +78,7 @@ PartitionScope scope_of(const ResolvedScene& s) {
     scope.lat_deg = s.lat_deg;
     scope.lon_deg = s.lon_deg;
     // The arc of a slant range, as the engine bounds it, and a little more.
-    const double range = s.scene.range_m.value_or(0), theta = range * s.earth.inverse_radius();
+    const double range = s.scene.range_m ? outermost_m(s) : 0, theta = range * s.earth.inverse_radius();
     scope.reach_m = range * (1.001 + theta * theta / 4);
     scope.from_rad = static_cast<double>(s.swept.azimuth_bins.begin) * s.swept.azimuth_step_rad();
     scope.width_rad = static_cast<double>(s.swept.azimuth_bins.size()) * s.swept.azimuth_step_rad();

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <optional>
+#include <utility>
 
 #include "lib/plan.hpp"
 #include "tiles/raster.hpp"
@@ -130,7 +131,13 @@ Attempt simulation(const Settings& settings, const ResolvedScene& scene, bool ra
 
 GroundWork ground_work(const Settings& settings, const ResolvedScene& scene, WedgeSource& source) {
     Scene same = settings.scene;
-    same.range_m = scene.scene.range_m;
+    if (scene.scene.display.kind == DisplayKind::gpi_true) {  // whose ranges count along the ground
+        same.range_m.reset();
+        same.ground_range_m = scene.scene.range_m;
+        same.ground_start_m = std::exchange(same.range_start_m, 0);
+    } else {
+        same.range_m = scene.scene.range_m;
+    }
     GroundWork ground{resolve_coverage(same, source), {}};
     CoverageParams& params = ground.params;
     params.layer = CoverageLayer::response;

@@ -416,8 +416,9 @@ std::string to_text(const SceneFacts& facts) {
                fmt::format("{:.6g}deg, sector {}", s.platform.heading.deg(),
                            s.sector ? fmt::format("{:.6g}deg to {:.6g}deg", s.sector->from.deg(), s.sector->to.deg())
                                     : std::string("full circle")));
-    out += row("range", fmt::format("{:.1f} to {:.1f} m ({:.2f} nmi) slant", s.range_start_m, s.range_m.value_or(0),
-                                    s.range_m.value_or(0) / 1852));
+    out += row("range", fmt::format("{:.1f} to {:.1f} m ({:.2f} nmi) {}", s.range_start_m, s.range_m.value_or(0),
+                                    s.range_m.value_or(0) / 1852,
+                                    s.display.kind == DisplayKind::gpi_true ? "along the ground" : "slant"));
     out += row("bins", fmt::format("{} azimuths of {} in the circle, {} ranges of {:.4f} m; swept {} x {} with the "
                                    "beam's skirt and the pulse's lead-in",
                                    r.shown.azimuth_count(), r.shown.circle_bins, r.shown.range_count(),
