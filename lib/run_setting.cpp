@@ -51,13 +51,18 @@ NearestGround nearest_ground(const ResolvedScene& s, const SpokeMap& map) {
 }  // namespace
 
 SpokeMapParams swept_map_params(const ResolvedScene& s, const DataBase& db) {
+    // How densely spokes lie goes by the range, not by where bins end, unless these are long.
+    constexpr double most_beyond = 1.05;
+    const double to_range = most_arc_m(s, db, *s.scene.range_m), to_bin = most_arc_m(s, db, outermost_m(s)),
+                 max_arc_m = to_bin > most_beyond * to_range ? to_bin : to_range;
     return {.geometry = s.geometry,
             .nadir = s.nadir,
             .lat_deg = s.lat_deg,
             .lon_deg = s.lon_deg,
             .earth_k = s.scene.earth_k,
-            .max_arc_m = most_arc_m(s, db, outermost_m(s)),
+            .max_arc_m = max_arc_m,
             .margin_m = arc_margin_m(db),
+            .beyond_m = to_bin - max_arc_m,
             .range_m = s.scene.range_m};
 }
 
@@ -82,8 +87,8 @@ RunSetting::RunSetting(const ResolvedScene& s, WedgeSource& source, std::shared_
     sweep.nadir_patch = &s.nadir_patch;
     // The bins may end before the scene's range, which decides where the spokes are.
     const double last_m = static_cast<double>(s.swept.range_bins.end) * s.swept.range_bin_m,
-                 beyond_m = grid.max_arc_m() - map.params().max_arc_m;
-    sweep.max_arc_m = std::min(grid.max_arc_m(), most_arc_m(s, data_base, last_m) + beyond_m);
+                 of_level_m = grid.max_arc_m() - map.params().max_arc_m - map.params().beyond_m;
+    sweep.max_arc_m = std::min(grid.max_arc_m(), most_arc_m(s, data_base, last_m) + of_level_m);
     constexpr double least_radius_m = 6335439;  // of the WGS84 meridian, at the equator
     sweep.most_theta = s.scene.earth_k ? grid.max_arc_m() / (*s.scene.earth_k * least_radius_m) : 0;
     sweep.range_bin_m = s.swept.range_bin_m;

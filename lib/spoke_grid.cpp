@@ -85,8 +85,10 @@ int DetailLevels::coarsest() const {
 namespace {
 
 double farthest_arc_m(const SpokeMap& map, const DetailLevels& levels) {
-    const double own = map.params().max_arc_m,
-                 more = map.params().margin_m * static_cast<double>((std::int64_t{1} << levels.coarsest()) - 1);
+    const SpokeMapParams& params = map.params();
+    const double own = params.max_arc_m,
+                 more = params.beyond_m +
+                        params.margin_m * static_cast<double>((std::int64_t{1} << levels.coarsest()) - 1);
     return map.straight() ? own + more : std::min(own + more, SpokeMap::laid_out * own);
 }
 
@@ -107,7 +109,8 @@ SpokeGrid::SpokeGrid(const DataBase& data_base, const SpokeMap& map, const Sampl
         const bool cyclic = data_base.cyclic && lines_are_columns(q);
         double least_f = map.metres_per_post(q, 0);
         for (int i = -64; i <= 64; ++i) least_f = std::min(least_f, map.metres_per_post(q, i / 64.0));
-        const double farthest = max_arc_m_ / least_f * 1.1 + 2;  // posts; no spoke is followed beyond
+        // Posts; no spoke is followed beyond, though posts may grow narrower on the way.
+        const double farthest = std::max(1.1 * map.params().max_arc_m, 1.03 * max_arc_m_) / least_f + 2;
         // The first line ahead of the nadir, inside the raster.
         std::int64_t first = 0, count = 0;
         if (outward(q) > 0) {

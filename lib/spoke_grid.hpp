@@ -150,7 +150,7 @@ public:
 
     const SpokeMap& map() const { return map_; }
     double azimuth_step_rad() const { return azimuth_step_; }
-    /// No spoke is followed farther: the map's arc, its margin being one of posts of the coarsest level.
+    /// No spoke is followed farther: the map's arc and what is beyond, its margin being one of posts of the coarsest level.
     double max_arc_m() const { return max_arc_m_; }
     int fans() const { return fans_each_; }  ///< of each quadrant
 

@@ -41,6 +41,7 @@ struct SpokeMapParams {
     std::optional<double> earth_k;    ///< none: flat
     double max_arc_m = 0;             ///< no spoke is followed farther
     double margin_m = 0;              ///< of that, what was added to the range
+    double beyond_m = 0;              ///< but for so much, up to the end of the last range bin: SpokeGrid::max_arc_m()
     std::optional<double> range_m{};  ///< for messages; none: all of the raster
 };
 

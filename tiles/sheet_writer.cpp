@@ -105,6 +105,9 @@ Halve halver(GDALDataType type) {
     }
 }
 
+/// Of these GDAL 3.6 never ends writing a file that gets overviews after its no-data value.
+bool is_of_64_bits(GDALDataType type) { return type == GDT_Int64 || type == GDT_UInt64; }
+
 }  // namespace
 
 std::size_t sheet_writer_bytes(const RasterFacts& facts) {
@@ -150,14 +153,7 @@ SheetWriter::SheetWriter(const RasterFacts& facts, bool codes, const Window& pos
         dataset_->SetSpatialRef(&crs);
     }
     GDALRasterBand* band = dataset_->GetRasterBand(1);
-    if (facts.has_no_data) {
-        if (facts.type == GDT_Int64)
-            band->SetNoDataValueAsInt64(static_cast<std::int64_t>(facts.no_data));
-        else if (facts.type == GDT_UInt64)
-            band->SetNoDataValueAsUInt64(static_cast<std::uint64_t>(facts.no_data));
-        else
-            band->SetNoDataValue(facts.no_data);
-    }
+    if (facts.has_no_data && !is_of_64_bits(facts.type)) band->SetNoDataValue(facts.no_data);
     if (facts.scale != 1) band->SetScale(facts.scale);
     if (facts.offset != 0) band->SetOffset(facts.offset);
     if (!facts.unit.empty()) band->SetUnitType(facts.unit.c_str());
@@ -229,6 +225,11 @@ SheetSums SheetWriter::finish() {
     }
     {
         GdalErrors errors;
+        GDALRasterBand* band = dataset_->GetRasterBand(1);
+        if (facts_.has_no_data && facts_.type == GDT_Int64)
+            band->SetNoDataValueAsInt64(static_cast<std::int64_t>(facts_.no_data));
+        if (facts_.has_no_data && facts_.type == GDT_UInt64)
+            band->SetNoDataValueAsUInt64(static_cast<std::uint64_t>(facts_.no_data));
         dataset_->FlushCache(true);
         dataset_.reset();
         if (errors.failed()) throw failed(errors);
