@@ -38,7 +38,8 @@ TEST_CASE("a signal ends the run with 128 + its number and leaves nothing", "[cl
         }
         once.push_back(arguments[i]);
     }
-    for (const auto& [signal, code] : {std::pair{SIGINT, 130}, {SIGTERM, 143}, {SIGHUP, 129}}) {
+    for (const auto& [signal, code] :
+         {std::pair{SIGINT, 130}, {SIGTERM, 143}, {SIGHUP, 129}, {SIGUSR1, 138}, {SIGXCPU, 152}}) {
         const pid_t child = folder.start(once);
         // At work as soon as its outputs' temporary folders stand.
         wait_until(5ms, [&] { return folder.names().size() >= 2; });

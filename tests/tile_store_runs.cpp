@@ -247,6 +247,29 @@ TEST_CASE("through a link the store that it leads to is replaced, and no folder 
     CHECK(folder.names() == std::vector<std::string>{"dem.tif", "link", "real", "real.old"});
 }
 
+TEST_CASE("what stands where a store is made and is no unfinished one stays", "[store]") {
+    const Folder folder;
+    draw(folder / "dem.tif", hills(300, 200));
+    write_tile_store(into(folder / "store.part", {folder / "dem.tif"}));
+    const auto whole = contents(folder / "store.part");
+    fs::create_directory(folder / "own.part");
+    std::ofstream(folder / "own.part/letter") << "mine";
+    std::ofstream(folder / "file.part") << "mine";
+    for (const bool overwrite : {false, true}) {
+        auto params = into(folder / "store", {folder / "dem.tif"});
+        params.overwrite = overwrite;
+        CHECK_THAT(refusal([&] { write_tile_store(params); }),
+                   Contains("store.part") && Contains("finished tile store"));
+        for (const char* name : {"own", "file"}) {
+            params.output = folder / name;
+            CHECK_THAT(refusal([&] { write_tile_store(params); }),
+                       Contains(".part', where '") && Contains("move it away"));
+        }
+    }
+    CHECK(contents(folder / "store.part") == whole);
+    CHECK(folder.names() == std::vector<std::string>{"dem.tif", "file.part", "own.part", "store.part"});
+}
+
 TEST_CASE("killed at any moment, a run is resumed to the same bytes", "[store][long]") {
     const Folder folder;
     draw(folder / "dem.tif", hills(4096 * 3 + 10, 100));

@@ -195,6 +195,39 @@ TEST_CASE("heights read from a store are those of the raster, whatever type, sca
     }
 }
 
+TEST_CASE("rasters of 64 bits with a no-data value are stored with their overviews", "[store]") {
+    const Folder folder;
+    for (const auto& [type, no_data] : {std::pair{GDT_Int64, -9999.0}, {GDT_UInt64, 0.0}}) {
+        Drawing d;
+        d.columns = 200;
+        d.rows = 40;
+        d.type = type;
+        d.no_data = no_data;
+        const double none = no_data;
+        d.value = [none](int c, int r) { return c == 7 && r == 5 ? none : 100.0 + c + 3 * r; };
+        draw(folder / "dem.tif", d);
+        auto params = into(folder / "store", {folder / "dem.tif"});
+        params.tile_posts = 64;
+        params.overwrite = true;
+        write_tile_store(params);
+        GDALDataset* sheet = GDALDataset::Open((folder / "store/dem/c0_r0.tif").c_str());
+        REQUIRE(sheet);
+        GDALRasterBand* band = sheet->GetRasterBand(1);
+        CHECK(band->GetRasterDataType() == type);
+        CHECK(band->GetOverviewCount() == 2);
+        int has = 0;
+        CHECK((type == GDT_Int64 ? static_cast<double>(band->GetNoDataValueAsInt64(&has))
+                                 : static_cast<double>(band->GetNoDataValueAsUInt64(&has))) == no_data);
+        CHECK(has);
+        std::vector<double> posts(200 * 40);
+        REQUIRE(band->RasterIO(GF_Read, 0, 0, 200, 40, posts.data(), 200, 40, GDT_Float64, 0, 0, nullptr) == CE_None);
+        for (int r = 0; r < 40; ++r)
+            for (int c = 0; c < 200; ++c) REQUIRE(posts[static_cast<std::size_t>(r * 200 + c)] == d.value(c, r));
+        GDALClose(sheet);
+        CHECK(verify_store(folder / "store", nullptr, {}).damage.empty());
+    }
+}
+
 TEST_CASE("bounds of blocks are those of their posts at every level", "[store][threads]") {
     const Folder folder;
     // Wide enough for two levels and pages; heights on a coarser grid; a block of nothing but voids.

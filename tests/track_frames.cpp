@@ -403,6 +403,14 @@ TEST_CASE("names of all frames are looked at before work begins", "[track][long]
             }
     }
     CHECK(content(folder / "d/s_0003.png") == "mine");
+    // Nor a part of one.
+    for (const char* key : {"--report", "--timeline", "--power-stack"}) {
+        const std::string side = folder / "d/p_0002.tif.geoloc.tif";
+        CHECK_THAT(
+            says({"--track", folder / "track.csv", "--power", folder / "link/p.tif", "--overwrite", key, side}),
+            Contains(std::string(key + 2) + " is ") && Contains("(frame 2) may lie; every output needs its own file"));
+        CHECK(!std::filesystem::exists(folder / "d/p_0001.tif"));
+    }
     // Nor may any of them go into a tile store that is read.
     REQUIRE(run_program({program, "tile", "-q", folder / "dem.tif", folder / "store"}, folder / "log").code == 0);
     const Ended inside = run_program({program, "simulate", "--dem", folder / "store", "--track", folder / "track.csv",

@@ -223,14 +223,18 @@ void GdalSession::settle() {
     CPLSetConfigOption("VRT_SHARED_SOURCE", "0");
     // Each part of a VRT that stays open keeps buffers of its own.
     CPLSetConfigOption(pool_size, std::to_string(parts_for(cache_bytes)).c_str());
+    // GDAL's own cache of file contents would be beside the memory that is granted.
+    CPLSetConfigOption("VSI_CACHE", "FALSE");
     OSRSetPROJEnableNetwork(0);
     // Not by way of register_usual_drivers(): a thread within its call_once may be waiting for this one.
     register_usual();
     GDALSetCacheMax64(static_cast<GIntBig>(cache_bytes));
     for (const auto& [key, value] : config) {
         CPLSetConfigOption(key.c_str(), value.c_str());
+        // The cache is a part of the memory that is granted: it may be smaller.
         if (EQUAL(key.c_str(), "GDAL_CACHEMAX"))
-            if (const auto bytes = cache_max(value)) GDALSetCacheMax64(*bytes);
+            if (const auto bytes = cache_max(value))
+                GDALSetCacheMax64(std::min(*bytes, static_cast<GIntBig>(cache_bytes)));
     }
     // Last, for another thread may have asked meanwhile; and not under the lock, for which it may be waiting.
     std::optional<std::size_t> later_cache_bytes;

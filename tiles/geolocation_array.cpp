@@ -91,8 +91,8 @@ Metadata geolocation_metadata(const GeolocationGrid& grid, const std::string& fi
     GdalErrors quiet;
     if (grid.crs.empty())
         crs.SetLocalCS("grid");
-    else
-        crs.SetFromUserInput(grid.crs.c_str());
+    else if (crs.SetFromUserInput(grid.crs.c_str()) != OGRERR_NONE)
+        throw IoError(text("output '", final_path, "': its CRS is not known to PROJ (", quiet.reason(), ")"));
     char* wkt = nullptr;
     if (crs.exportToWkt(&wkt) == OGRERR_NONE && wkt) items.emplace_back("SRS", wkt);
     CPLFree(wkt);

@@ -1,6 +1,8 @@
 #include "tiles/ground_places.hpp"
 
+#include <ogr_srs_api.h>
 #include <GeographicLib/Geodesic.hpp>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -66,7 +68,7 @@ double PlaceTable::error(const Exact& exact, double x_scale) const {
 Ground::Ground(const ResolvedScene& scene, const RasterFormat& format, double reach_m, double error_m)
     : geometry_(scene.geometry), lat_deg_(scene.lat_deg), lon_deg_(scene.lon_deg), x_(scene.x), y_(scene.y),
       metres_per_unit_(format.metres_per_unit),
-      crs_(scene.geometry == Geometry::geodesic ? "EPSG:4326" : format.crs_wkt) {
+      crs_(scene.geometry == Geometry::geodesic ? SRS_WKT_WGS84_LAT_LONG : format.crs_wkt) {  // asks PROJ for nothing
     if (geometry_ == Geometry::grid || !(reach_m > 0) || !(reach_m < half_way_round_m)) return;
     // A geodesic a node of the array would take longer than all else that a picture is made of. Near a pole, where longitudes
     // are not smooth, that is what it takes.

@@ -44,8 +44,6 @@ void sync(const std::string& path, const std::string& final_path, bool folder) {
 }
 
 constexpr const char* temporary_mark = ".tmp-";
-constexpr const char* side_files[] = {".aux.xml", ".geoloc.tif", ".ovr", ".msk", ".msk.ovr"};
-
 /// Of the final name: what the names of its temporary folders begin with.
 std::string stem_of(const std::string& name) { return text(".", name, temporary_mark); }
 

@@ -10,6 +10,9 @@ namespace wedgescope {
 
 class OutputFile {
 public:
+    /// What is behind a raster's name in those of the files that may lie beside it as parts of it.
+    static constexpr const char* side_files[] = {".aux.xml", ".geoloc.tif", ".ovr", ".msk", ".msk.ovr"};
+
     /// Removes first what processes left of the same name that were killed before this one first wrote into the folder.
     /// InputError if the final name, or a side file of it, exists and `overwrite` is off, or if it is no plain file;
     /// IoError if its folder is missing or cannot be written to.

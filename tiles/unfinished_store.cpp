@@ -130,9 +130,22 @@ void UnfinishedStore::check(bool overwrite, bool resume) const {
     const std::string parent = fs::path(output_).parent_path().string();
     if (!parent.empty() && !fs::is_directory(parent, error))
         throw IoError(text("output '", output_, "': there is no folder '", parent, "'"));
-    if (fs::exists(fs::symlink_status(folder_, error)) && !overwrite && !resume)
+    if (!fs::exists(fs::symlink_status(folder_, error))) return;
+    // A store of that name, or what was stopped right before its end.
+    if (!resume && fs::exists(inside(manifest_name), error))
+        throw InputError(text("'", folder_, "', where '", output_,
+                              "' would be made, holds a finished tile store; move it away, or give output another name "
+                              "(a run that was stopped right before its end ends with --resume)"));
+    const bool begun = fs::exists(inside(store_plan_name), error);
+    if (!begun && !(fs::is_directory(folder_, error) && fs::is_empty(folder_, error))) refuse_foreign();
+    if (!overwrite && !resume)
         throw InputError(
             text("'", folder_, "' holds an unfinished run; --resume goes on with it, --overwrite starts anew"));
+}
+
+void UnfinishedStore::refuse_foreign() const {
+    throw InputError(
+        text("'", folder_, "', where '", output_, "' would be made, is no unfinished tile store; move it away"));
 }
 
 void UnfinishedStore::lock_plan() {
@@ -157,8 +170,7 @@ void UnfinishedStore::open(const std::string& plan, bool resume) {
         throw IoError(text("output folder '", folder_, "' cannot be made: ", system_reason(number)));
     } else {
         const bool ours = fs::exists(plan_path, error);
-        if (!ours && !fs::is_empty(folder_, error))
-            throw InputError(text("'", folder_, "' is no unfinished tile store; move it away"));
+        if (!ours && !fs::is_empty(folder_, error)) refuse_foreign();
         lock_plan();
         if (resume && ours) {
             const std::string found = file_text(plan_path, std::size_t{1} << 28);

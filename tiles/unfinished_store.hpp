@@ -38,6 +38,7 @@ public:
 private:
     void check_output(bool overwrite) const;
     void lock_plan();
+    [[noreturn]] void refuse_foreign() const;
     void remove_all_but_plan() const;
     bool remove_folder() const noexcept;
     void replace_output();

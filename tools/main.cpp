@@ -39,7 +39,8 @@ extern "C" void note_broken_pipe(int signal) { stop.request(signal); }
 /// with the first: timeout sends one to the program and one to its group, a terminal and a batch system may both.
 void catch_signals() {
     ::signal(SIGXFSZ, SIG_IGN);  // a file that may not grow is then an error of its write, with a name
-    for (const int signal : {SIGINT, SIGTERM, SIGHUP, SIGPIPE}) {
+    // Also those that others send or that a limit of time brings: nothing is left behind by them either.
+    for (const int signal : {SIGINT, SIGTERM, SIGHUP, SIGPIPE, SIGXCPU, SIGALRM, SIGUSR1, SIGUSR2}) {
         struct sigaction before {};
         ::sigaction(signal, nullptr, &before);
         if (before.sa_handler == SIG_IGN) continue;  // started with nohup or in the background

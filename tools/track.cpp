@@ -10,7 +10,6 @@
 #include <memory>
 #include <mutex>
 #include <new>
-#include <set>
 
 #include "lib/plan.hpp"
 #include "lib/stopwatch.hpp"
@@ -89,7 +88,7 @@ Lanes share_out(const Settings& settings, const TrackFrames& frames, WedgeSource
                          if (draws(settings)) wedgescope::frame(display_setting(s));  // refuses what it cannot show
                          return s;
                      });
-                     const ResolvedScene part = frames.largest_part(whole);
+                     const ResolvedScene part = frames.first_part(whole);
                      for (;;) {
                          const Lanes now = [&] {
                              const std::lock_guard lock(mutex);
@@ -99,7 +98,13 @@ Lanes share_out(const Settings& settings, const TrackFrames& frames, WedgeSource
                          const std::size_t images = frames.scans() ? image_bytes(whole, params.draw) : 0;
                          params.memory_bytes -= std::min(params.memory_bytes, images);
                          try {
-                             plan(part, source, params);
+                             const Plan planned = plan(part, source, params);
+                             // Other groups have other ground: where memory is short each is asked.
+                             if (frames.scans() && 2 * planned.peak_bytes() > params.memory_bytes)
+                                 frames.for_each_part(frame, whole, source, [&](const ResolvedScene& other) {
+                                     stop.check();
+                                     plan(other, source, params);
+                                 });
                              break;
                          } catch (const TooLittleMemory& e) {
                              if (now.lanes == 1) throw e.with(memory, memory + (std::size_t{1} << 20));
@@ -273,10 +278,10 @@ void check_outputs(const Settings& settings, const TrackFrames& frames) {
                                                             {"report", settings.report},
                                                             {"timeline", settings.timeline}};
     // Where nothing stands yet the name tells; the folders of all frames are the same few.
-    std::set<std::string> taken;
+    std::map<std::string, std::string> taken;
     for (const NamedPaths* paths : {&inputs, &others})
         for (const auto& [key, path] : *paths)
-            if (!path.empty()) taken.insert(canonical_path(path));
+            if (!path.empty()) taken.emplace(canonical_path(path), key);
     check_side_files(others, settings);
     std::map<std::string, fs::path> folders;
     InputParts parts;
@@ -287,6 +292,10 @@ void check_outputs(const Settings& settings, const TrackFrames& frames) {
             const std::string parent = fs::path(path).parent_path().string();
             if (!folders.count(parent)) folders[parent] = canonical_path(parent.empty() ? "." : parent);
             const std::string name = (folders[parent] / fs::path(path).filename()).string();
+            for (const char* side : OutputFile::side_files)
+                if (const auto other = taken.find(name + side); other != taken.end())
+                    throw InputError(text(other->second, " is ", in_quotes(other->first), ", where a part of ", key,
+                                          " of ", frames.words(frame), " may lie; every output needs its own file"));
             if (frame > 0 && !taken.count(name) && !(settings.overwrite && fs::exists(path))) continue;
             NamedPaths outputs = others;
             outputs.emplace_back(key, path);

@@ -42,7 +42,15 @@ void TrackFrames::check_scan(std::size_t frame, const ResolvedScene& whole, Wedg
     scan(frame, whole, source).at({bins.begin + (bins.size() - 1) / step * step, bins.end});
 }
 
-ResolvedScene TrackFrames::largest_part(const ResolvedScene& whole) const {
+void TrackFrames::for_each_part(std::size_t frame, const ResolvedScene& whole, WedgeSource& source,
+                                const std::function<void(const ResolvedScene&)>& use) const {
+    const Scan groups = scan(frame, whole, source);
+    const Interval bins = whole.shown.azimuth_bins;
+    for (std::int64_t first = bins.begin; first < bins.end; first += groups.step)
+        use(groups.at({first, std::min(first + groups.step, bins.end)}));
+}
+
+ResolvedScene TrackFrames::first_part(const ResolvedScene& whole) const {
     ResolvedScene part = whole;
     if (scans())
         look_at(part, {whole.shown.azimuth_bins.begin,

@@ -2,6 +2,7 @@
 // Leaves the file of rows to track_file.hpp, and what becomes of a frame to track.hpp.
 #pragma once
 #include <cstddef>
+#include <functional>
 #include <string>
 
 #include "lib/engine.hpp"
@@ -30,7 +31,10 @@ public:
     /// What the place of the last group would end the frame for.
     void check_scan(std::size_t frame, const ResolvedScene& whole, WedgeSource& source) const;
     /// What the engine sweeps at a time: the whole of it, or its first group.
-    ResolvedScene largest_part(const ResolvedScene& whole) const;
+    ResolvedScene first_part(const ResolvedScene& whole) const;
+    /// All groups of a frame that scans.
+    void for_each_part(std::size_t frame, const ResolvedScene& whole, WedgeSource& source,
+                       const std::function<void(const ResolvedScene&)>& use) const;
 
     /// For messages: its line in the file, and its number.
     std::string words(std::size_t frame) const;
