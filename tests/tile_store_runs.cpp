@@ -374,6 +374,51 @@ TEST_CASE("a disk that is full is an error with the sheet's name, and what was w
     CHECK_THAT(damaged.err, Contains("c0_r0.sum") && Contains("1 damaged part was found"));
 }
 
+TEST_CASE("statistics that a GDAL program keeps in a store's VRT are no damage, other words of it are", "[store]") {
+    const Folder folder;
+    for (const char* crs : {"EPSG:32611", "EPSG:4326", "EPSG:5070", "EPSG:2154", ""}) {
+        INFO(crs);
+        Drawing dem = hills(4200, 150);
+        dem.crs = crs;
+        dem.no_data = -9999;
+        dem.geotransform = {{-100.5, 0.001, 0, 40.25, 0, -0.001}};
+        draw(folder / "dem.tif", dem);
+        auto params = into(folder / "store", {folder / "dem.tif"});
+        params.overwrite = true;
+        write_tile_store(params);
+        const std::string vrt = folder / "store/dem.vrt", before = content(vrt);
+        const auto damage = [&] { return verify_store(folder / "store", nullptr, {}).damage; };
+        GDALDataset* opened = GDALDataset::Open(vrt.c_str());
+        REQUIRE(opened);
+        GDALRasterBand* band = opened->GetRasterBand(1);
+        double least = 0, most = 0, mean = 0, deviation = 0;
+        REQUIRE(band->ComputeStatistics(false, &least, &most, &mean, &deviation, nullptr, nullptr) == CE_None);
+        int buckets = 0;
+        GUIntBig* counts = nullptr;
+        REQUIRE(band->GetDefaultHistogram(&least, &most, &buckets, &counts, true, nullptr, nullptr) == CE_None);
+        CPLFree(counts);
+        GDALClose(opened);
+        const std::string after = content(vrt);
+        REQUIRE(after != before);
+        REQUIRE(after.find("STATISTICS_MEAN") != std::string::npos);
+        CHECK(damage() == std::vector<std::string>{});
+        for (const auto& [from, to] :
+             {std::pair<std::string, std::string>{"DstRect xOff=\"4096\"", "DstRect xOff=\"4095\""},
+              {"-9999", "-9998"},
+              {"dem/c0_r0.tif", "dem/c1_r0.tif"},
+              {"</VRTDataset>", ""},
+              {"</VRTRasterBand>", "<Scale>2</Scale></VRTRasterBand>"}}) {
+            INFO(from);
+            std::string wrong = after;
+            REQUIRE(wrong.find(from) != std::string::npos);
+            wrong.replace(wrong.find(from), from.size(), to);
+            std::ofstream(vrt, std::ios::binary) << wrong;
+            REQUIRE(damage().size() == 1);
+            CHECK_THAT(damage()[0], Contains("dem.vrt' is damaged"));
+        }
+    }
+}
+
 TEST_CASE("a damaged manifest is damage that verify finds, beside stores that are sound", "[store]") {
     const Folder folder;
     Drawing woods = hills(300, 200);
