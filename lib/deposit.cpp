@@ -13,6 +13,8 @@ Quanta quanta(Interval range_bins, double range_bin_m, double radar_constant, do
               double azimuth_step_rad, double most_gamma, const NearestGround& below) {
     Quanta q;
     q.range_bins = range_bins;
+    q.watts.reserve(static_cast<std::size_t>(range_bins.size()));
+    q.inverse.reserve(q.watts.capacity());
     const double beyond_m = std::clamp(below.reach_m, 1.0, below.range_m);
     for (std::int64_t j = range_bins.begin; j < range_bins.end; ++j) {
         const double edge_m = static_cast<double>(j) * range_bin_m,

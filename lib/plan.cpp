@@ -339,8 +339,10 @@ std::size_t image_bytes(const ResolvedScene& scene, bool draw) {
     // Power, received power and states: a run that makes no image of received power turns echo states and dBm into floats in that
     // room when they are written.
     const std::size_t usual = std::size_t{16} << 20, weights = weight_bytes(beam_setting(scene), scene.shown);
+    // Of each range bin its quantum and the inverse of that, where it ends, and the rain in it.
+    const std::size_t bins = scene.swept.range_count() * (8 + 8 + 8 + 4);
     const std::size_t bytes =
-        scene.swept.cells() * 5 + scene.shown.cells() * (4 + 4 + 1) + std::max(weights, usual) - usual;
+        scene.swept.cells() * 5 + scene.shown.cells() * (4 + 4 + 1) + std::max(weights, usual) - usual + bins;
     if (!draw) return bytes;
     const auto size = static_cast<std::size_t>(scene.scene.display.size);
     return bytes + bytes_a_pixel(scene.scene.display) * size * size +

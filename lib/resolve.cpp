@@ -153,15 +153,21 @@ void choose_earth(ResolvedScene& s) {
     s.earth = Earth(*s.scene.earth_k * radius);
 }
 
-/// Arc to the farthest of some posts on the raster's edge, and as much more as a spoke's course may be off there.
+/// Arc to the farthest of some posts on the raster's edge, and as much more as a spoke's course may be off there. Where some have
+/// no place on earth (a disc in its square), to the farthest of some posts all over it that have one, and a way from one of them
+/// to the next more.
 double farthest_edge_m(const ResolvedScene& s, const DataBase& db) {
     double farthest = 0;
+    bool whole = true;
     const auto& geod = GeographicLib::Geodesic::WGS84();
     const auto reach = [&](double column, double row) {
         double arc = 0;
         if (s.geometry == Geometry::geodesic) {
             const auto ll = db.lat_lon(column, row);
-            if (!ll) return;
+            if (!ll) {
+                whole = false;
+                return;
+            }
             geod.Inverse(s.lat_deg, s.lon_deg, ll->first, ll->second, arc);
         } else {
             arc =
@@ -177,6 +183,14 @@ double farthest_edge_m(const ResolvedScene& s, const DataBase& db) {
         reach(c, static_cast<double>(db.rows - 1));
         reach(0, r);
         reach(static_cast<double>(db.columns - 1), r);
+    }
+    if (!whole) {
+        constexpr int inner = 64;
+        const double columns = static_cast<double>(db.columns - 1) / inner,
+                     rows = static_cast<double>(db.rows - 1) / inner;
+        for (int j = 0; j <= inner; ++j)
+            for (int i = 0; i <= inner; ++i) reach(columns * i, rows * j);
+        farthest += std::hypot(columns * db.step_x, rows * db.step_y) * db.metres_a_unit();
     }
     return s.geometry == Geometry::geodesic ? farthest + SpokeMap::tolerance_posts * db.longer_post_m() : farthest;
 }

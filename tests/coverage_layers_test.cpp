@@ -155,6 +155,47 @@ TEST_CASE("the ground of a picture whose range counts along the ground ends wher
     }
 }
 
+TEST_CASE("without a range all ground of a disc in its square is looked at, whose edge has no place on earth",
+          "[coverage]") {
+    const Folder folder;
+    Drawing world;
+    world.columns = world.rows = 130;
+    world.crs = "+proj=ortho +lat_0=36 +lon_0=-117 +datum=WGS84";
+    world.geotransform = {{-6500000, 100000, 0, 6500000, 0, -100000}};
+    world.value = [](int, int) { return 0.0; };
+    draw(folder / "world.tif", world);
+    const auto coverage = [&](const std::vector<std::string>& more) {
+        std::vector<std::string> words = {WEDGESCOPE_PROGRAM,
+                                          "coverage",
+                                          folder / "world.tif",
+                                          folder / "seen.tif",
+                                          "--latlon",
+                                          "36,-117",
+                                          "--altitude-msl",
+                                          "20km",
+                                          "--layer",
+                                          "states",
+                                          "--earth",
+                                          "2",
+                                          "--overwrite",
+                                          "-q"};
+        words.insert(words.end(), more.begin(), more.end());
+        return run_program(words, folder / "log");
+    };
+    REQUIRE(coverage({"--range", "3000km"}).code == 0);
+    const Posts near(folder / "seen.tif");
+    const auto all = coverage({});
+    INFO(all.err);
+    // Or refused, for the range that it would take: never a part of it as if it were all.
+    if (all.code != 0) {
+        CHECK(all.code == 2);
+        CHECK(all.err.find("give a range of at most") != std::string::npos);
+        return;
+    }
+    const Posts posts(folder / "seen.tif");
+    for (std::size_t i = 0; i < posts.values.size(); ++i) REQUIRE((near.values[i] != 2 || posts.values[i] == 2));
+}
+
 TEST_CASE("coarse posts lie where geodesics lead, or are refused", "[coverage]") {
     const Folder folder;
     struct Case {

@@ -228,6 +228,61 @@ TEST_CASE("rasters of 64 bits with a no-data value are stored with their overvie
     }
 }
 
+TEST_CASE("a mask beside a no-data value that no post can have hides in the store what it hides in the raster",
+          "[store]") {
+    const Folder folder;
+    for (const auto& [type, no_data] : {std::pair{GDT_Byte, -9999.0}, {GDT_UInt16, -1.0}, {GDT_Int16, 40000.0}}) {
+        INFO(GDALGetDataTypeName(type));
+        Drawing d;
+        d.columns = d.rows = 64;
+        d.type = type;
+        d.no_data = no_data;
+        d.value = [](int c, int r) { return 100 + (c + r) % 40; };
+        d.masked = [](int c, int r) { return c < 20 && r < 20; };
+        draw(folder / "dem.tif", d);
+        auto params = into(folder / "store", {folder / "dem.tif"});
+        params.overwrite = true;
+        write_tile_store(params);
+        const TileStore store(folder / "store");
+        std::vector<float> heights(64 * 64);
+        store.layer(StoreLayerKind::dem)->read_heights({{0, 64}, {0, 64}}, heights.data(), 64);
+        for (int r = 0; r < 64; ++r)
+            for (int c = 0; c < 64; ++c) {
+                const float height = heights[static_cast<std::size_t>(r * 64 + c)];
+                if (d.masked(c, r))
+                    REQUIRE(std::isnan(height));
+                else
+                    REQUIRE(static_cast<double>(height) == d.value(c, r));
+            }
+    }
+}
+
+TEST_CASE("the ends of 64-bit integers are told as they are", "[store]") {
+    const Folder folder;
+    RasterFacts facts;
+    facts.has_no_data = true;
+    facts.no_data = -0x1p63;
+    CHECK(whole_no_data<std::int64_t>(facts) == INT64_MIN);
+    facts.no_data = 0x1p63;
+    CHECK(whole_no_data<std::int64_t>(facts) == INT64_MAX);
+    facts.no_data = 0x1p64;
+    CHECK(whole_no_data<std::uint64_t>(facts) == UINT64_MAX);
+    Drawing d;
+    d.type = GDT_Int64;
+    d.columns = d.rows = 64;
+    d.value = [](int c, int r) { return 100 + (c + r) % 40; };
+    draw(folder / "dem.tif", d);
+    GDALDataset* opened = GDALDataset::Open((folder / "dem.tif").c_str(), GDAL_OF_RASTER | GDAL_OF_UPDATE);
+    REQUIRE(opened);
+    opened->GetRasterBand(1)->SetNoDataValueAsInt64(INT64_MIN);
+    GDALClose(opened);
+    write_tile_store(into(folder / "store", {folder / "dem.tif"}));
+    opened = GDALDataset::Open((folder / "store/dem.vrt").c_str());
+    REQUIRE(opened);
+    CHECK(opened->GetRasterBand(1)->GetNoDataValueAsInt64() == INT64_MIN);
+    GDALClose(opened);
+}
+
 TEST_CASE("bounds of blocks are those of their posts at every level", "[store][threads]") {
     const Folder folder;
     // Wide enough for two levels and pages; heights on a coarser grid; a block of nothing but voids.

@@ -94,6 +94,12 @@ std::optional<std::size_t> seam_of(const std::vector<double>& west, const std::v
 
 /// Whole numbers that a float holds each of.
 bool is_small_whole(GDALDataType type) { return type == GDT_Byte || type == GDT_Int16 || type == GDT_UInt16; }
+bool is_value_of(GDALDataType type, double value) {
+    if (type == GDT_Float32 || type == GDT_Float64) return true;
+    int clamped = 0, rounded = 0;
+    GDALAdjustValueToDataType(type, value, &clamped, &rounded);
+    return !clamped && !rounded && !std::isnan(value);
+}
 
 }  // namespace
 
@@ -245,7 +251,7 @@ void Mosaic::choose_type() {
             facts_.type = GDT_Int16;
             facts_.type_bytes = 2;
         }
-        if (!own.has_mask || own.has_no_data) return;
+        if (!own.has_mask || (own.has_no_data && is_value_of(own.type, own.no_data))) return;
         // A mask becomes a no-data value that no cell can have.
         if (own.type == GDT_Byte)
             become(GDT_Int16, INT16_MIN);
@@ -265,11 +271,7 @@ void Mosaic::choose_type() {
         one_no_data = one_no_data && f.has_no_data && f.no_data == own.no_data;
     }
     // A value that the type does not have stands for no post of the rasters, nor could it for one of the store's.
-    if (one_no_data && own.type != GDT_Float32) {
-        int clamped = 0, rounded = 0;
-        GDALAdjustValueToDataType(own.type, own.no_data, &clamped, &rounded);
-        one_no_data = !clamped && !rounded;
-    }
+    one_no_data = one_no_data && is_value_of(own.type, own.no_data);
     const bool metres = own.scale == 1 && own.offset == 0 && own.unit_m == 1;
     const double none = std::numeric_limits<double>::quiet_NaN();
     if (alike && one_no_data && !own.signed_byte && (is_small_whole(own.type) || own.type == GDT_Int32)) return;

@@ -7,6 +7,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <string>
@@ -164,6 +165,14 @@ private:
 
 /// The no-data value (else 0) `count` times, as stored.
 void fill_no_data(const RasterFacts& facts, std::byte* out, std::size_t count);
+/// The no-data value of a raster of 64-bit integers: of those that a double does not hold the ends of T are told right.
+template <class T>
+T whole_no_data(const RasterFacts& facts) {
+    using Limits = std::numeric_limits<T>;
+    if (facts.no_data >= static_cast<double>(Limits::max())) return Limits::max();
+    if (facts.no_data <= static_cast<double>(Limits::min())) return Limits::min();
+    return static_cast<T>(facts.no_data);
+}
 
 /// Calls `body` for windows of at most `most_posts`, made of whole blocks where they fit, row by row of blocks.
 void for_each_window(const RasterFacts& facts, std::int64_t columns, std::int64_t most_posts,

@@ -227,9 +227,9 @@ SheetSums SheetWriter::finish() {
         GdalErrors errors;
         GDALRasterBand* band = dataset_->GetRasterBand(1);
         if (facts_.has_no_data && facts_.type == GDT_Int64)
-            band->SetNoDataValueAsInt64(static_cast<std::int64_t>(facts_.no_data));
+            band->SetNoDataValueAsInt64(whole_no_data<std::int64_t>(facts_));
         if (facts_.has_no_data && facts_.type == GDT_UInt64)
-            band->SetNoDataValueAsUInt64(static_cast<std::uint64_t>(facts_.no_data));
+            band->SetNoDataValueAsUInt64(whole_no_data<std::uint64_t>(facts_));
         dataset_->FlushCache(true);
         dataset_.reset();
         if (errors.failed()) throw failed(errors);

@@ -80,6 +80,12 @@ bool same_tree(const CPLXMLNode& found, const CPLXMLNode& made) {
     }
 }
 
+std::string no_data_words(const RasterFacts& facts) {
+    if (facts.type == GDT_Int64) return std::to_string(whole_no_data<std::int64_t>(facts));
+    if (facts.type == GDT_UInt64) return std::to_string(whole_no_data<std::uint64_t>(facts));
+    return std::isnan(facts.no_data) ? "nan" : text(facts.no_data);
+}
+
 }  // namespace
 
 bool is_vrt_of(const std::string& words, const StoreLayerEntry& layer, double scale) {
@@ -101,8 +107,7 @@ std::string vrt_text(const StoreLayerEntry& layer, double scale) {
                     "</GeoTransform>\n");
     out += text("  <VRTRasterBand dataType=\"", type_name(f.type), "\" band=\"1\" blockXSize=\"", f.block_columns,
                 "\" blockYSize=\"", f.block_rows, "\">\n");
-    if (f.has_no_data)
-        out += text("    <NoDataValue>", std::isnan(f.no_data) ? "nan" : text(f.no_data), "</NoDataValue>\n");
+    if (f.has_no_data) out += text("    <NoDataValue>", no_data_words(f), "</NoDataValue>\n");
     if (!f.unit.empty()) out += text("    <UnitType>", xml_words(f.unit, true), "</UnitType>\n");
     if (f.offset != 0) out += text("    <Offset>", f.offset * scale, "</Offset>\n");
     if (f.scale * scale != 1) out += text("    <Scale>", f.scale * scale, "</Scale>\n");
