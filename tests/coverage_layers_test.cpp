@@ -182,6 +182,8 @@ TEST_CASE("without a range all ground of a disc in its square is looked at, whos
         words.insert(words.end(), more.begin(), more.end());
         return run_program(words, folder / "log");
     };
+    // What cannot be said of it ends no look at it.
+    CHECK(run_program({WEDGESCOPE_PROGRAM, "info", folder / "world.tif"}, folder / "log").code == 0);
     REQUIRE(coverage({"--range", "3000km"}).code == 0);
     const Posts near(folder / "seen.tif");
     const auto all = coverage({});

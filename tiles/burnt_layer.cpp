@@ -34,7 +34,7 @@ BurntLayer::BurntLayer(StoreLayerKind kind, std::unique_ptr<RasterLayer> below, 
     if (!below_) facts_.path = features_->params().path;
     facts_.scale = 1;
     facts_.offset = 0;
-    facts_.unit.assign(codes_ ? 0 : 1, 'm');
+    facts_.unit.assign(codes_ ? 0 : 1, 'm');  // GCC 12 warns of a literal here
     facts_.unit_m = 1;
     facts_.signed_byte = facts_.has_mask = false;
     const auto become = [&](GDALDataType type, double none) {

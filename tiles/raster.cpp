@@ -24,13 +24,12 @@ void find_bounds(const RasterFacts& facts, RasterSummary& summary) {
         summary.north = y1;
         return;
     }
-    GdalErrors errors;
+    GdalErrors quiet;
     const OGRSpatialReference own = in_gdal(*facts.crs), wgs84 = in_gdal(Crs::wgs84());
     const std::unique_ptr<OGRCoordinateTransformation> to_wgs84(OGRCreateCoordinateTransformation(&own, &wgs84));
     if (!to_wgs84 ||
         !to_wgs84->TransformBounds(x0, y0, x1, y1, &summary.west, &summary.south, &summary.east, &summary.north, 21))
-        throw DataError(
-            text(facts.named(), ": PROJ cannot turn its CRS into latitude and longitude: ", errors.reason()));
+        summary.west = summary.east = summary.south = summary.north = std::numeric_limits<double>::quiet_NaN();
 }
 
 std::optional<PolarAxes> polar_axes(const std::string& path) {

@@ -10,7 +10,6 @@
 
 namespace wedgescope {
 
-/// What `info` says of a raster. Counting reads it once, block by block.
 /// What a polar raster (echo, power, states) tells of its bins: rows in azimuth, columns in range.
 struct PolarAxes {
     double azimuth_start_deg = 0, azimuth_step_deg = 0;  ///< of the first bin's near edge, from north
@@ -19,6 +18,7 @@ struct PolarAxes {
     std::string range_kind;  ///< slant, ground
 };
 
+/// What `info` says of a raster. Counting reads it once, block by block.
 struct RasterSummary {
     std::string path, driver, data_type, crs_name, unit;
     std::optional<double> unit_m;  ///< metres of that unit; none: no unit of length that we know
@@ -27,7 +27,8 @@ struct RasterSummary {
     double origin_x = 0, origin_y = 0, step_x = 0, step_y = 0;  ///< of the first cell's outer corner; CRS units
     bool geographic = false, has_crs = false, has_no_data = false;
     double no_data = 0;
-    double west = 0, east = 0, south = 0, north = 0;  ///< WGS84 degrees, of the edge; only with a CRS
+    double west = 0, east = 0, south = 0,
+           north = 0;  ///< WGS84 degrees, of the edge; only with a CRS. NaN: its edge has no place on earth
     std::string compression;
     std::uint64_t void_posts = 0;
     double lowest = 0, highest = 0, mean = 0;  ///< of valid posts, metres (scale, offset and unit applied)

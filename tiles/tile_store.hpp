@@ -1,6 +1,6 @@
 // TileStore: a data base on disk that was tiled once: sheets of tiles under a VRT a layer, checksums, block map and
 // the manifest that names them. Opens one for reading, and makes one from rasters.
-// Leaves the files' formats to store_manifest.hpp, sheet_sums.hpp and block_map_file.hpp, chunks to sources.hpp.
+// Leaves the files' formats to store_manifest.hpp and block_map_file.hpp, chunks to sources.hpp.
 //
 // Memory: decoded tiles up to `cache_bytes`, shared by all layers and threads; one tile a reading thread beside it; at
 // most 16 open sheets a layer (`StoreLayer::idle_bytes`); pages of the block map (BlockMapFile).
