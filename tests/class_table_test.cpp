@@ -258,6 +258,18 @@ TEST_CASE("a raster's own attribute table is a legend", "[class-table]") {
           {"without names", "VALUE, Count, Red"});
     tried(raster("codeless.tif", [&](auto& t) { named(t, "Number", GFU_Generic, "class", GFU_Generic, {"sand"}); }),
           {"without codes", "Number, Count, class"});
+    tried(raster("vast.tif",
+                 [&](auto& t) {
+                     t.CreateColumn("from", GFT_Integer, GFU_Min);
+                     t.CreateColumn("to", GFT_Integer, GFU_Max);
+                     t.CreateColumn("cover", GFT_String, GFU_Name);
+                     for (int row = 0; row < 5; ++row) {
+                         t.SetValue(row, 0, 65536 * row);
+                         t.SetValue(row, 1, 65536 * row + 65535);
+                         t.SetValue(row, 2, "trees");
+                     }
+                 }),
+          {"rows up to 4 of its attribute table name 327680 codes", "up to 262144 in all"});
     program.refuses(with(small, {"--dem", program / "store", "--culture-legend", "rat", "--echo", program / "x.tif"}),
                     2, {"culture-legend is rat", "no culture"});
 }
