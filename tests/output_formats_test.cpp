@@ -178,6 +178,14 @@ TEST_CASE("creation options that GDAL refuses are refused for GDAL's reason", "[
                                   !Contains(".tmp-") && !Contains("/vsimem") && !Contains("grey") &&
                                   !Contains("does not keep") && !Contains("MissingRequired"));
     }
+    for (const auto& [option, why] : {std::pair{"BLOCKXSIZE=17", "TileWidth"}, {"NBITS=16", "are lost"}}) {
+        const Ended ended =
+            run(folder, simulation_of(folder, {"--echo", folder / "y.tif", "--co", "TILED=YES", "--co", option}));
+        INFO(ended.err);
+        CHECK(ended.code == 2);
+        CHECK_THAT(ended.err, Contains(std::string("co is TILED=YES ") + option) && Contains("y.tif' does not keep") &&
+                                  Contains(why) && !Contains("trial_of") && !Contains("accepted: .tif"));
+    }
 }
 
 TEST_CASE("counts and layers in files that would not read back as they are", "[output_formats]") {

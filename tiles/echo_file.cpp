@@ -85,6 +85,7 @@ void check_echo_format(const OutputFile& file, RasterFormat format) {
     const std::string said = R"({"trial": "of a format, with 'quotes' = and; others"})";
     const std::uint64_t sum = echo_checksum(run.echo_w, run.echo_state, said);
     format.scene_json = said;
+    std::string why = "numbers, names or metadata are lost";
     try {
         OutputFile trial((path.parent_path() / ("trial_of_" + path.filename().string())).string(), true);
         write_echo(run, trial, format);
@@ -97,7 +98,16 @@ void check_echo_format(const OutputFile& file, RasterFormat format) {
         }
     } catch (const InputError&) {
         throw;
-    } catch (const Error&) {  // nor can it be written
+    } catch (const Error& e) {  // nor can it be written
+        const std::string words = e.what();
+        constexpr std::string_view before = "cannot be written: ";
+        if (const std::size_t at = words.find(before); at != std::string::npos) why = words.substr(at + before.size());
+    }
+    if (!format.creation.empty()) {
+        std::string options;
+        for (const std::string& option : format.creation) options += (options.empty() ? "" : " ") + option;
+        throw InputError(text("co is ", options, ", with which echo '", file.final_path(),
+                              "' does not keep what an echo image is: ", why, "; accepted: options that do"));
     }
     throw InputError(text("echo is '", file.final_path(), "', and a file of ",
                           format.driver.empty() ? "that ending" : format.driver.c_str(),
