@@ -10,8 +10,6 @@ namespace {
 /// Which line of the raster a buffer holds: none.
 constexpr std::int64_t no_line = std::numeric_limits<std::int64_t>::min();
 
-/// Twice as many: even spokes are their parents, odd ones stand between two; where one of these has met no ground, at
-/// the raster's edge, the child has met none either.
 /// Twice as many: even ones go on as they are; odd ones take the mean of the horizons beside them, the one that is where
 /// the other spoke has met no ground, and of the two gaps the one that may hide more.
 void double_spokes(Spokes& s, Spokes& scratch) {

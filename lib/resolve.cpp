@@ -153,9 +153,8 @@ void choose_earth(ResolvedScene& s) {
     s.earth = Earth(*s.scene.earth_k * radius);
 }
 
-/// Arc to the farthest of some posts on the raster's edge, and as much more as a spoke's course may be off there. Where some have
-/// no place on earth (a disc in its square), to the farthest of some posts all over it that have one, and a way from one of them
-/// to the next more.
+/// Arc to the farthest of some posts on the raster's edge, and as much more as a spoke's course may be off there; infinite where
+/// one of them has no place on earth (a disc in its square).
 double farthest_edge_m(const ResolvedScene& s, const DataBase& db) {
     double farthest = 0;
     bool whole = true;
@@ -184,15 +183,15 @@ double farthest_edge_m(const ResolvedScene& s, const DataBase& db) {
         reach(0, r);
         reach(static_cast<double>(db.columns - 1), r);
     }
-    if (!whole) {
-        constexpr int inner = 64;
-        const double columns = static_cast<double>(db.columns - 1) / inner,
-                     rows = static_cast<double>(db.rows - 1) / inner;
-        for (int j = 0; j <= inner; ++j)
-            for (int i = 0; i <= inner; ++i) reach(columns * i, rows * j);
-        farthest += std::hypot(columns * db.step_x, rows * db.step_y) * db.metres_a_unit();
-    }
+    if (!whole) return infinite;
     return s.geometry == Geometry::geodesic ? farthest + SpokeMap::tolerance_posts * db.longer_post_m() : farthest;
+}
+
+[[noreturn]] void refuse_without_range(const ResolvedScene& s) {
+    throw InputError(text("the raster's edge has no place on earth that a range could follow from; give a range",
+                          s.earth.inverse_radius() > 0
+                              ? fmt::format(" of at most {:.0f} m on this earth", 0.29 / s.earth.inverse_radius())
+                              : ""));
 }
 
 /// The nearer of the farthest edge post and what the horizon allows: the slant range to the highest or the lowest terrain there,
@@ -210,6 +209,7 @@ double default_range(const ResolvedScene& s, WedgeSource& source) {
         s.earth.horizon_arc_m(s.sensor_m - low) + s.earth.horizon_arc_m(std::max(0.0, highest - low));
     const double arc =
         std::min({farthest, horizon, s.earth.inverse_radius() > 0 ? 2.5 / s.earth.inverse_radius() : farthest});
+    if (arc == infinite) refuse_without_range(s);
     double range = arc;
     if (s.scene.display.kind != DisplayKind::gpi_true) {
         range = 0;
@@ -305,6 +305,7 @@ ResolvedScene resolve_coverage(const Scene& scene, WedgeSource& source) {
         // A slant range that holds every post: the chord of the farthest arc and all heights there may be.
         constexpr double highest_m = 1e5;
         const double farthest = std::min(farthest_edge_m(s, source.data_base()), limit_m);
+        if (farthest == infinite) refuse_without_range(s);
         s.scene.range_m = 1.01 * farthest + std::abs(s.sensor_m) + highest_m;
         if (s.earth.inverse_radius() * farthest > 0.29)
             throw InputError(fmt::format(

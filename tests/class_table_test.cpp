@@ -269,7 +269,7 @@ TEST_CASE("a raster's own attribute table is a legend", "[class-table]") {
                          t.SetValue(row, 2, "trees");
                      }
                  }),
-          {"rows up to 4 of its attribute table name 327680 codes", "up to 262144 in all"});
+          {"names 327680 codes up to row 4", "up to 262144 in all"});
     program.refuses(with(small, {"--dem", program / "store", "--culture-legend", "rat", "--echo", program / "x.tif"}),
                     2, {"culture-legend is rat", "no culture"});
 }

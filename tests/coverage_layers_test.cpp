@@ -155,47 +155,43 @@ TEST_CASE("the ground of a picture whose range counts along the ground ends wher
     }
 }
 
-TEST_CASE("without a range all ground of a disc in its square is looked at, whose edge has no place on earth",
+TEST_CASE("a raster whose edge has no place on earth needs a range for coverage, and the horizon is one",
           "[coverage]") {
     const Folder folder;
-    Drawing world;
+    Drawing world;  // a disc in its square
     world.columns = world.rows = 130;
     world.crs = "+proj=ortho +lat_0=36 +lon_0=-117 +datum=WGS84";
     world.geotransform = {{-6500000, 100000, 0, 6500000, 0, -100000}};
     world.value = [](int, int) { return 0.0; };
     draw(folder / "world.tif", world);
-    const auto coverage = [&](const std::vector<std::string>& more) {
-        std::vector<std::string> words = {WEDGESCOPE_PROGRAM,
-                                          "coverage",
-                                          folder / "world.tif",
-                                          folder / "seen.tif",
-                                          "--latlon",
-                                          "36,-117",
-                                          "--altitude-msl",
-                                          "20km",
-                                          "--layer",
-                                          "states",
-                                          "--earth",
-                                          "2",
-                                          "--overwrite",
-                                          "-q"};
+    const auto run = [&](std::vector<std::string> words, const std::vector<std::string>& more) {
+        words.insert(words.begin(), WEDGESCOPE_PROGRAM);
+        words.insert(words.end(), {"--latlon", "36,-117", "--altitude-msl", "20km", "--overwrite", "-q"});
         words.insert(words.end(), more.begin(), more.end());
         return run_program(words, folder / "log");
     };
-    // What cannot be said of it ends no look at it.
-    CHECK(run_program({WEDGESCOPE_PROGRAM, "info", folder / "world.tif"}, folder / "log").code == 0);
-    REQUIRE(coverage({"--range", "3000km"}).code == 0);
-    const Posts near(folder / "seen.tif");
-    const auto all = coverage({});
-    INFO(all.err);
-    // Or refused, for the range that it would take: never a part of it as if it were all.
-    if (all.code != 0) {
-        CHECK(all.code == 2);
-        CHECK(all.err.find("give a range of at most") != std::string::npos);
-        return;
+    const std::vector<std::string> coverage = {"coverage", folder / "world.tif", folder / "seen.tif"};
+    for (const char* earth : {"4/3", "flat"}) {
+        INFO(earth);
+        const auto refused = run(coverage, {"--earth", earth});
+        CHECK(refused.code == 2);
+        CHECK(refused.err.find("edge has no place on earth that a range could follow from; give a range") !=
+              std::string::npos);
+        CHECK(run(coverage, {"--earth", earth, "--range", "2000km"}).code == 0);
     }
-    const Posts posts(folder / "seen.tif");
-    for (std::size_t i = 0; i < posts.values.size(); ++i) REQUIRE((near.values[i] != 2 || posts.values[i] == 2));
+    const std::vector<std::string> simulate = {
+        "simulate",    "--dem", folder / "world.tif", "--report", folder / "report", "-o", folder / "x.png",
+        "--range-bin", "1km",   "--quality",          "draft"};
+    CHECK(run(simulate, {"--earth", "flat"}).code == 2);
+    REQUIRE(run(simulate, {}).code == 0);
+    const double range_m = json_in(folder / "report")["scene"]["resolved"]["range_m"];
+    CHECK(range_m > 550e3);  // 4/3 earth: sqrt(2 * 8495 km * 20 km) = 583 km
+    CHECK(range_m < 600e3);
+    // What cannot be said of it ends no look at it.
+    const pid_t child =
+        start({WEDGESCOPE_PROGRAM, "info", "--json", folder / "world.tif"}, folder / "log", folder / "told");
+    CHECK(wait_for(child, folder / "log").code == 0);
+    CHECK(json_in(folder / "told")["files"][0]["wgs84"].is_null());
 }
 
 TEST_CASE("coarse posts lie where geodesics lead, or are refused", "[coverage]") {

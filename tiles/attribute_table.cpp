@@ -104,16 +104,14 @@ Legend attribute_table_legend(const std::string& path, const Materials& material
         if (to < from || to - from >= most)
             refuse(": ", column(first), " to ", table->GetNameOfCol(last), " is ", from, " to ", to,
                    " in its attribute table; accepted: up to ", most, " codes, the smallest first");
-        // A node of the map each.
-        constexpr std::size_t most_in_all = std::size_t{1} << 18;
-        if (classes.size() + static_cast<std::size_t>(to - from) >= most_in_all)
-            refuse(": rows up to ", row, " of its attribute table name ",
-                   classes.size() + static_cast<std::size_t>(to - from) + 1, " codes; accepted: up to ", most_in_all,
-                   " in all");
         for (std::int64_t c = from; c <= to; ++c)
             if (const auto [at, fresh] = classes.emplace(static_cast<int>(c), *id); !fresh && at->second != *id)
                 refuse(": ", column(first), " is ", c, " in its attribute table, which is ", materials[at->second].name,
                        " in a row before; each code may have one name");
+        constexpr std::size_t most_in_all = std::size_t{1} << 18;  // a node of the map each
+        if (classes.size() > most_in_all)
+            refuse(": its attribute table names ", classes.size(), " codes up to row ", row, "; accepted: up to ",
+                   most_in_all, " in all");
     }
     if (classes.empty()) refuse("has an attribute table that names no code");
     return Legend("rat", std::move(classes));

@@ -104,6 +104,9 @@ void check_echo_format(const OutputFile& file, RasterFormat format) {
         if (const std::size_t at = words.find(before); at != std::string::npos) why = words.substr(at + before.size());
     }
     if (!format.creation.empty()) {
+        RasterFormat plain = format;
+        plain.creation.clear();
+        check_echo_format(file, plain);  // or it is not by them
         std::string options;
         for (const std::string& option : format.creation) options += (options.empty() ? "" : " ") + option;
         throw InputError(text("co is ", options, ", with which echo '", file.final_path(),

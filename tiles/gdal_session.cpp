@@ -223,8 +223,6 @@ void GdalSession::settle() {
     CPLSetConfigOption("VRT_SHARED_SOURCE", "0");
     // Each part of a VRT that stays open keeps buffers of its own.
     CPLSetConfigOption(pool_size, std::to_string(parts_for(cache_bytes)).c_str());
-    // GDAL's own cache of file contents would be beside the memory that is granted.
-    CPLSetConfigOption("VSI_CACHE", "FALSE");
     OSRSetPROJEnableNetwork(0);
     // Not by way of register_usual_drivers(): a thread within its call_once may be waiting for this one.
     register_usual();
@@ -236,6 +234,8 @@ void GdalSession::settle() {
             if (const auto bytes = cache_max(value))
                 GDALSetCacheMax64(std::min(*bytes, static_cast<GIntBig>(cache_bytes)));
     }
+    // GDAL's cache of what files hold would be beside the memory that is granted.
+    CPLSetConfigOption("VSI_CACHE", "FALSE");
     // Last, for another thread may have asked meanwhile; and not under the lock, for which it may be waiting.
     std::optional<std::size_t> later_cache_bytes;
     {

@@ -24,11 +24,13 @@ void find_bounds(const RasterFacts& facts, RasterSummary& summary) {
         summary.north = y1;
         return;
     }
-    GdalErrors quiet;
+    GdalErrors errors;
     const OGRSpatialReference own = in_gdal(*facts.crs), wgs84 = in_gdal(Crs::wgs84());
     const std::unique_ptr<OGRCoordinateTransformation> to_wgs84(OGRCreateCoordinateTransformation(&own, &wgs84));
-    if (!to_wgs84 ||
-        !to_wgs84->TransformBounds(x0, y0, x1, y1, &summary.west, &summary.south, &summary.east, &summary.north, 21))
+    if (!to_wgs84)
+        throw DataError(
+            text(facts.named(), ": PROJ cannot turn its CRS into latitude and longitude: ", errors.reason()));
+    if (!to_wgs84->TransformBounds(x0, y0, x1, y1, &summary.west, &summary.south, &summary.east, &summary.north, 21))
         summary.west = summary.east = summary.south = summary.north = std::numeric_limits<double>::quiet_NaN();
 }
 

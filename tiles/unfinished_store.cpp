@@ -179,9 +179,11 @@ void UnfinishedStore::open(const std::string& plan, bool resume) {
             planned = found == plan;
             if (whole && !planned) {
                 plan_.reset();
-                throw InputError(text("'", folder_,
-                                      "' was begun with other rasters or options, or a raster has changed since",
-                                      first_difference(found, plan), "; --overwrite without --resume starts anew"));
+                throw InputError(
+                    text("'", folder_, "' was begun with other rasters or options, or a raster has changed since",
+                         first_difference(found, plan),
+                         fs::exists(inside(manifest_name), error) ? "; it is whole: move it away"
+                                                                  : "; --overwrite without --resume starts anew"));
             }
         }
         if (!planned) remove_all_but_plan();
@@ -205,6 +207,7 @@ void UnfinishedStore::make_folder(const std::string& name) {
 
 void UnfinishedStore::remove_all_but_plan() const {
     std::error_code error;
+    fs::remove(inside(manifest_name), error);  // first: what is left by one killed here is no finished store
     for (const fs::directory_entry& entry : entries<fs::directory_iterator>(folder_, error))
         if (!error && entry.path().filename() != store_plan_name) fs::remove_all(entry.path(), error);
     if (error) throw IoError(text("'", folder_, "' cannot be cleared: ", error.message()));

@@ -140,7 +140,7 @@ void add_look(Table& t) {
     t.add("range-start",
           quantity(
               length, between("0m", "9999km"), [](auto& s) -> auto& { return s.scene.range_start_m; }),
-          "0m", "smallest slant range");
+          "0m", "smallest slant range (display gpi-true: ground range)");
     t.add("geometry",
           choice<std::optional<Geometry>>(
               {{"geodesic", Geometry::geodesic}, {"grid", Geometry::grid}},
@@ -152,10 +152,12 @@ void add_look(Table& t) {
           count(
               1, 1000000, [](auto& s) -> auto& { return s.scene.azimuth_bins; }, "auto"),
           "auto", "azimuth bins in the full circle; auto: four a beamwidth");
-    t.add("range-bin",
-          quantity(
-              length, between("0.001m", "1000km"), [](auto& s) -> auto& { return s.scene.range_bin_m; }, "auto"),
-          "auto", "slant range in one bin; auto: c tau/8, a quarter of the pulse on the ground");
+    t.add(
+        "range-bin",
+        quantity(
+            length, between("0.001m", "1000km"), [](auto& s) -> auto& { return s.scene.range_bin_m; }, "auto"),
+        "auto",
+        "slant range (display gpi-true: ground range) in one bin; auto: c tau/8, a quarter of the pulse on the ground");
     Key& quality = t.add("quality",
                          choice<Quality>(
                              {{"exact", Quality::exact},

@@ -32,8 +32,9 @@ extern "C" void request_stop(int signal) {
     stop.request(signal);
 }
 
-/// A reader that has gone away may be met by every write from then on: that ends the program no sooner.
-extern "C" void note_broken_pipe(int signal) { stop.request(signal); }
+/// A reader that has gone away may be met by every write from then on, and a limit of CPU time is told of every second: that
+/// ends the program no sooner.
+extern "C" void note_again_and_again(int signal) { stop.request(signal); }
 
 /// The first signal asks every stage to stop and clean up; a second one of its kind ends the program at once, unless it comes
 /// with the first: timeout sends one to the program and one to its group, a terminal and a batch system may both.
@@ -45,7 +46,7 @@ void catch_signals() {
         ::sigaction(signal, nullptr, &before);
         if (before.sa_handler == SIG_IGN) continue;  // started with nohup or in the background
         struct sigaction action {};
-        action.sa_handler = signal == SIGPIPE ? note_broken_pipe : request_stop;
+        action.sa_handler = signal == SIGPIPE || signal == SIGXCPU ? note_again_and_again : request_stop;
         action.sa_flags = SA_RESTART;
         ::sigaction(signal, &action, nullptr);
     }

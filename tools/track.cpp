@@ -15,6 +15,7 @@
 #include "lib/stopwatch.hpp"
 #include "lib/threads.hpp"
 #include "tiles/gdal_session.hpp"
+#include "tiles/output_file.hpp"
 #include "tools/budget.hpp"
 #include "tools/doubts.hpp"
 #include "tools/ground.hpp"
@@ -99,11 +100,13 @@ Lanes share_out(const Settings& settings, const TrackFrames& frames, WedgeSource
                          params.memory_bytes -= std::min(params.memory_bytes, images);
                          try {
                              const Plan planned = plan(part, source, params);
-                             // Other groups have other ground: where memory is short each is asked.
-                             if (frames.scans() && 2 * planned.peak_bytes() > params.memory_bytes)
-                                 frames.for_each_part(frame, whole, source, [&](const ResolvedScene& other) {
-                                     stop.check();
-                                     plan(other, source, params);
+                             // Other groups have other ground: where there is no room for twice the wedge each is asked.
+                             if (frames.scans() && planned.fixed_bytes + 2 * planned.wedge_bytes > params.memory_bytes)
+                                 with_context(frames.words(frame), [&] {
+                                     frames.for_each_part(frame, whole, source, [&](const ResolvedScene& other) {
+                                         stop.check();
+                                         plan(other, source, params);
+                                     });
                                  });
                              break;
                          } catch (const TooLittleMemory& e) {
@@ -122,11 +125,9 @@ public:
     Run(const Settings& settings, const TrackFrames& frames, WedgeSource& source, std::uint64_t data, TrackStack* stack,
         Timeline* timeline, Stop& stop)
         : settings_(settings), frames_(frames), source_(source), data_(data), stack_(stack), timeline_(timeline),
-          stop_(stop),
-          tables_(std::make_shared<const SceneTables>(settings.scene)), report_{std::vector<FrameReport>(frames.size()),
-                                                                                {},
-                                                                                0,
-                                                                                0} {}
+          stop_(stop), tables_(std::make_shared<const SceneTables>(settings.scene)) {
+        report_.frames.resize(frames.size());
+    }
 
     void share_out() {
         lanes_ = wedgescope::share_out(settings_, frames_, source_, tables_, stop_);

@@ -17,7 +17,7 @@ namespace wedgescope {
 
 /// What a frame goes through, one after the other.
 enum class FrameStage : std::size_t { resolving, surveying, sweeping, beaming, receiving, displaying, writing };
-inline constexpr std::size_t frame_stages = 7;
+inline constexpr std::size_t frame_stages = static_cast<std::size_t>(FrameStage::writing) + 1;
 
 /// What a frame did; small, for all frames' are kept.
 struct FrameReport {
