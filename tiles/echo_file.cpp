@@ -109,8 +109,8 @@ void check_echo_format(const OutputFile& file, RasterFormat format) {
         check_echo_format(file, plain);  // or it is not by them
         std::string options;
         for (const std::string& option : format.creation) options += (options.empty() ? "" : " ") + option;
-        throw InputError(text("co is ", options, ", with which echo '", file.final_path(),
-                              "' does not keep what an echo image is: ", why, "; accepted: options that do"));
+        throw InputError(text("echo is '", file.final_path(), "', and with co ", options,
+                              " it does not give back what an echo image is: ", why, "; accepted: options that do"));
     }
     throw InputError(text("echo is '", file.final_path(), "', and a file of ",
                           format.driver.empty() ? "that ending" : format.driver.c_str(),
