@@ -36,8 +36,10 @@ void write_geolocation(const GeolocationGrid& grid, const std::string& path, con
     const std::int64_t margin = grid.closed ? 1 : 0, rows = grid.rows + 2 * margin;
     std::vector<double> x(static_cast<std::size_t>(grid.columns * rows), no_place), y = x;
     const auto columns = static_cast<std::size_t>(grid.columns);
+    constexpr std::int64_t a_piece = 1 << 15;  // places, a millisecond; fewer are not worth another thread
+    const std::int64_t rows_a_piece = std::max<std::int64_t>(16, a_piece / grid.columns);
     Threads(at_hand(grid.threads), false).execute([&] {
-        tbb::parallel_for(tbb::blocked_range<std::int64_t>(0, grid.rows, 16), [&](const auto& some) {
+        tbb::parallel_for(tbb::blocked_range<std::int64_t>(0, grid.rows, rows_a_piece), [&](const auto& some) {
             std::vector<Place> places(columns);
             for (std::int64_t j = some.begin(); j < some.end(); ++j) {
                 grid.find_row(static_cast<double>(j * grid.row_step), places.data());

@@ -89,6 +89,8 @@ std::string no_data_words(const RasterFacts& facts) {
 }  // namespace
 
 bool is_vrt_of(const std::string& words, const StoreLayerEntry& layer, double scale) {
+    // Nothing else is a reason to write it anew.
+    if (words.find("STATISTICS_") == std::string::npos && words.find("<Histograms>") == std::string::npos) return false;
     GdalErrors quiet;
     const Xml found(CPLParseXMLString(words.c_str())), made(CPLParseXMLString(vrt_text(layer, scale).c_str()));
     return found && made && !found->psNext && same_tree(*found, *made);

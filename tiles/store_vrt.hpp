@@ -9,8 +9,8 @@ namespace wedgescope {
 
 /// To be written beside the folder of the sheets. `scale`: what others are to multiply values by too (culture-height-scale).
 std::string vrt_text(const StoreLayerEntry& layer, double scale = 1);
-/// Is this the same VRT, but for statistics and histograms that a GDAL program put into it, and for how that writes numbers and
-/// the CRS?
+/// Is this the same VRT with statistics or histograms that a GDAL program put into it, but for how that writes numbers and the
+/// CRS?
 bool is_vrt_of(const std::string& words, const StoreLayerEntry& layer, double scale = 1);
 
 }  // namespace wedgescope
