@@ -1,5 +1,7 @@
 // A run: some neighbouring spokes of a strip, carried over its lines. Leaves where spokes and posts stand on a line, and what
 // posts find there, to coverage_sweep.cpp, and which blocks need not be looked at to coverage_hide.cpp.
+#include <utility>
+
 #include "lib/coverage_work.hpp"
 #include "lib/stopwatch.hpp"
 

@@ -3,9 +3,11 @@
 #include <GeographicLib/Geodesic.hpp>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <tuple>
 
 #include "lib/coverage.hpp"
 #include "lib/engine.hpp"

@@ -47,8 +47,8 @@ void validate(const Sector& sector) {
     // A hair more than 360 so that a full turn given in degrees passes after its way through radians.
     if (!(width_deg > Sector::least_width_deg && width_deg <= 360 + 1e-9))
         throw InputError(
-            fmt::format("sector is {:.12g},{:.12g} deg; it must be wider than {:g} and at most 360, clockwise",
-                        sector.from.deg(), sector.to.deg(), Sector::least_width_deg));
+            fmt::format("sector is {:.12g},{:.12g} deg; it must be wider than 1e-9 and at most 360, clockwise",
+                        sector.from.deg(), sector.to.deg()));
 }
 
 }  // namespace

@@ -124,35 +124,34 @@ PatternLobe PatternTable::find_lobe() const {
     constexpr double too_long = 0.03, short_enough = 0.005, dark = 0.001;  // of the mean; of most()
     constexpr double shrink = 0.75, least_part = 1e-4;
     const double interval = 2.0 / intervals_;
+    const auto sine_of = [&](std::size_t entry) { return -1 + static_cast<double>(entry) * interval; };
     std::vector<double> upto(values_.size(), 0);  // the table's integral, in intervals
     for (std::size_t i = 1; i < values_.size(); ++i)
         upto[i] = upto[i - 1] + 0.5 * (static_cast<double>(values_[i - 1]) + static_cast<double>(values_[i]));
     const auto begin_of = [&](std::size_t end, double part) {
-        const double sine = -1 + static_cast<double>(end) * interval,
-                     length = std::floor(part * (std::abs(sine) + most_sine_offset) / interval);
+        const double length = std::floor(part * (std::abs(sine_of(end)) + most_sine_offset) / interval);
         return end - std::min(end, static_cast<std::size_t>(length));
     };
-    // How far off a piece of whole intervals is whose mean is taken as power_lanes() does.
-    const auto error = [&](std::size_t begin, std::size_t end) {
-        const double sine0 = -1 + static_cast<double>(begin) * interval,
-                     sine1 = -1 + static_cast<double>(end) * interval;
+    // How far off a piece of whole intervals is, as long as that part, whose mean is taken as power_lanes() does.
+    const auto error = [&](std::size_t end, double part) {
+        const std::size_t begin = begin_of(end, part);
+        const double sine0 = sine_of(begin), sine1 = sine_of(end);
         if (end - begin < 2 || meets_drop(sine0, sine1)) return 0.0;
         const double mean = (upto[end] - upto[begin]) / static_cast<double>(end - begin);
         return std::abs(mean_gain(sine0, sine1, *this) - mean) / std::max(mean, dark * most_);
     };
-    std::vector<std::size_t> ends;  // of pieces that are too long
-    for (std::size_t end = 0; end <= static_cast<std::size_t>(intervals_); ++end)
-        if (error(begin_of(end, most_sine_part), end) > too_long) ends.push_back(end);
-    if (ends.empty()) return {};
-    PatternLobe lobe;
-    lobe.low = -1 + static_cast<double>(begin_of(ends.front(), most_sine_part)) * interval;
-    lobe.high = -1 + static_cast<double>(ends.back()) * interval;
-    for (const std::size_t end : ends)
-        lobe.low = std::min(lobe.low, -1 + static_cast<double>(begin_of(end, most_sine_part)) * interval);
-    const auto first = static_cast<std::size_t>(std::floor((lobe.low + 1) / interval + 0.5));
+    const auto entries = static_cast<std::size_t>(intervals_);
+    std::size_t first = entries, last = 0;  // all that pieces which are too long lie over
+    for (std::size_t end = 0; end <= entries; ++end)
+        if (error(end, most_sine_part) > too_long) {
+            first = std::min(first, begin_of(end, most_sine_part));
+            last = end;
+        }
+    if (last == 0) return {};
+    PatternLobe lobe{sine_of(first), sine_of(last), most_sine_part};
     const auto is_off = [&] {
-        for (std::size_t end = first; end <= ends.back(); ++end)
-            if (error(begin_of(end, lobe.part), end) > short_enough) return true;
+        for (std::size_t end = first; end <= last; ++end)
+            if (error(end, lobe.part) > short_enough) return true;
         return false;
     };
     while (lobe.part > least_part && is_off()) lobe.part *= shrink;

@@ -80,6 +80,15 @@ double effective_radius(double azimuth, double lat = sensor_lat) {
     return 4.0 / 3 / (std::pow(std::cos(azimuth), 2) / meridian + std::pow(std::sin(azimuth), 2) / normal);
 }
 
+/// What simulate makes of flat.tif as --ground.
+Posts ground_of(const Folder& folder, const std::vector<std::string>& scene) {
+    std::vector<std::string> words = {WEDGESCOPE_PROGRAM,    "simulate",    "--dem", folder / "flat.tif", "--ground",
+                                      folder / "ground.tif", "--overwrite", "-q"};
+    words.insert(words.end(), scene.begin(), scene.end());
+    REQUIRE(run_program(words, folder / "log").code == 0);
+    return Posts(folder / "ground.tif");
+}
+
 }  // namespace
 
 TEST_CASE("without a range every post is in it, the farthest corner too", "[coverage]") {
@@ -95,22 +104,7 @@ TEST_CASE("without a range every post is in it, the farthest corner too", "[cove
         draw(folder / "flat.tif", flat);
         for (const char* xy : {"500700,3999500", "500400,3999000", "500611,3998333"}) {
             INFO(crs << " " << geometry << " " << xy);
-            const std::vector<std::string> simulate = {WEDGESCOPE_PROGRAM,
-                                                       "simulate",
-                                                       "--dem",
-                                                       folder / "flat.tif",
-                                                       "--ground",
-                                                       folder / "ground.tif",
-                                                       "--xy",
-                                                       xy,
-                                                       "--altitude-msl",
-                                                       "3000m",
-                                                       "--geometry",
-                                                       geometry,
-                                                       "--overwrite",
-                                                       "-q"};
-            REQUIRE(run_program(simulate, folder / "log").code == 0);
-            const Posts ground(folder / "ground.tif");
+            const Posts ground = ground_of(folder, {"--xy", xy, "--altitude-msl", "3000m", "--geometry", geometry});
             CHECK(std::none_of(ground.values.begin(), ground.values.end(), [](double dbm) { return std::isnan(dbm); }));
         }
     }
@@ -125,27 +119,10 @@ TEST_CASE("the ground of a picture whose range counts along the ground ends wher
     flat.value = [](int, int) { return 50.0; };
     draw(folder / "flat.tif", flat);
     for (const bool begins : {false, true}) {
-        std::vector<std::string> simulate = {WEDGESCOPE_PROGRAM,
-                                             "simulate",
-                                             "--dem",
-                                             folder / "flat.tif",
-                                             "--ground",
-                                             folder / "ground.tif",
-                                             "--xy",
-                                             "501515,3998485",
-                                             "--altitude-msl",
-                                             "1000m",
-                                             "--geometry",
-                                             "grid",
-                                             "--display",
-                                             "gpi-true",
-                                             "--range",
-                                             "1000m",
-                                             "--overwrite",
-                                             "-q"};
-        if (begins) simulate.insert(simulate.end(), {"--range-start", "400m"});
-        REQUIRE(run_program(simulate, folder / "log").code == 0);
-        const Posts ground(folder / "ground.tif");
+        std::vector<std::string> scene = {"--xy", "501515,3998485", "--altitude-msl", "1000m",   "--geometry",
+                                          "grid", "--display",      "gpi-true",       "--range", "1000m"};
+        if (begins) scene.insert(scene.end(), {"--range-start", "400m"});
+        const Posts ground = ground_of(folder, scene);
         for (int row = 0; row < 101; ++row)
             for (int column = 0; column < 101; ++column) {
                 const double arc_m = 30 * std::hypot(column - 50, row - 50);

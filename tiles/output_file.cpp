@@ -44,6 +44,7 @@ void sync(const std::string& path, const std::string& final_path, bool folder) {
 }
 
 constexpr const char* temporary_mark = ".tmp-";
+
 /// Of the final name: what the names of its temporary folders begin with.
 std::string stem_of(const std::string& name) { return text(".", name, temporary_mark); }
 

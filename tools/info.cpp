@@ -89,9 +89,10 @@ json to_json(const RasterFacts& facts) {
     out["origin_y"] = r.origin_y;
     out["step_x"] = r.step_x;
     out["step_y"] = r.step_y;
-    if (r.has_crs && std::isnan(r.west)) out["wgs84"] = nullptr;
-    if (r.has_crs && !std::isnan(r.west))
-        out["wgs84"] = json{{"west", r.west}, {"east", r.east}, {"south", r.south}, {"north", r.north}};
+    if (r.has_crs)
+        out["wgs84"] = std::isnan(r.west)
+                           ? json(nullptr)
+                           : json{{"west", r.west}, {"east", r.east}, {"south", r.south}, {"north", r.north}};
     if (r.polar)
         out["polar"] = json{{"azimuth_start_deg", r.polar->azimuth_start_deg},
                             {"azimuth_step_deg", r.polar->azimuth_step_deg},
@@ -143,10 +144,10 @@ std::string rows_of_posts(const RasterSummary& r) {
                r.has_crs ? r.crs_name + (r.geographic ? " (latitude, longitude)" : "") : "none (geometry grid only)");
     out += row("corner", fmt::format("{:.10g}, {:.10g}", r.origin_x, r.origin_y));
     out += row("step", fmt::format("{:.10g}, {:.10g}", r.step_x, r.step_y));
-    if (r.has_crs && std::isnan(r.west)) out += row("WGS84", "its edge has no place on earth");
-    if (r.has_crs && !std::isnan(r.west))
-        out += row("WGS84", fmt::format("latitude {:.5f} to {:.5f}, longitude {:.5f} to {:.5f}", r.south, r.north,
-                                        r.west, r.east));
+    if (r.has_crs)
+        out += row("WGS84", std::isnan(r.west) ? "its edge has no place on earth"
+                                               : fmt::format("latitude {:.5f} to {:.5f}, longitude {:.5f} to {:.5f}",
+                                                             r.south, r.north, r.west, r.east));
     return out;
 }
 

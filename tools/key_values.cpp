@@ -256,8 +256,8 @@ Codec sector() {
         if (to < from) to += circle;
         const double width = to - from;
         if (!(width > circle * (Sector::least_width_deg / 360)) || width > circle * (1 + 1e-9)) {
-            throw InputError(text(given.origin, " is ", in_quotes(given.value), "; the sector must be wider than ",
-                                  Sector::least_width_deg, "deg and at most 360deg"));
+            throw InputError(text(given.origin, " is ", in_quotes(given.value),
+                                  "; the sector must be wider than 1e-9deg and at most 360deg"));
         }
         if (width > circle * (1 - 1e-9)) return s.scene.sector.reset();
         s.scene.sector = Sector{Angle::radians(from), Angle::radians(to)};
