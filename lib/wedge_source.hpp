@@ -37,6 +37,7 @@ struct DataBase {
     double origin_x = 0, origin_y = 0;  ///< of post (0, 0), in CRS units
     double step_x = 0, step_y = 0;      ///< from post to post, in CRS units; step_y below 0 for north-up rasters
     double metres_per_unit = 1;         ///< of x and y on a plane
+    double metres_per_height = 1;       ///< of the terrain file's own unit; the heights that load() gives are metres
     /// Metres in a unit of x and y: of a degree, those at the equator. For sizes that need not be exact.
     double metres_a_unit() const { return metres_per_unit * (crs_in_metres ? 1 : 111320); }
     double longer_post_m() const { return std::max(std::abs(step_x), std::abs(step_y)) * metres_a_unit(); }

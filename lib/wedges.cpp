@@ -3,6 +3,7 @@
 #include <tbb/flow_graph.h>
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <chrono>
 #include <memory>
@@ -12,6 +13,7 @@
 
 #include "lib/culture.hpp"
 #include "lib/memory_budget.hpp"
+#include "lib/stage_clock.hpp"
 #include "lib/stopwatch.hpp"
 
 namespace wedgescope {
@@ -39,10 +41,32 @@ struct WedgeTask {
     MemoryBudget::Token token;
     std::optional<std::int32_t> unknown_code;
     WedgeReport report;
-    WedgeKey key;  // in the archive, if there is one
+    double swept_cpu_s = 0;                                 // which these share:
+    std::array<std::uint64_t, StageClock::stages> ticks{};  // of its fronts, by stage
+    WedgeKey key;                                           // in the archive, if there is one
     Clock::time_point entered;
 };
 using Task = std::shared_ptr<WedgeTask>;
+
+/// Where a report tells of a front's stages.
+struct Stage {
+    StageClock::Stage stage;
+    double WedgeReport::*seconds;
+};
+constexpr Stage timed_stages[] = {{StageClock::sample, &WedgeReport::sample_s},
+                                  {StageClock::sweep, &WedgeReport::sweep_s},
+                                  {StageClock::shade, &WedgeReport::shade_s},
+                                  {StageClock::deposit, &WedgeReport::deposit_s}};
+
+/// CPU seconds of sweeping, by the ticks of each stage.
+void share_out(WedgeTask& task) {
+    std::uint64_t all = 0;
+    for (const Stage& one : timed_stages) all += task.ticks[one.stage];
+    if (all == 0) return;
+    for (const Stage& one : timed_stages)
+        task.report.*one.seconds =
+            task.swept_cpu_s * static_cast<double>(task.ticks[one.stage]) / static_cast<double>(all);
+}
 
 class Wedges {
 public:
@@ -263,20 +287,16 @@ bool Wedges::sweep(WedgeTask& task) {
         (task.round > 0 ? task.report.bytes_again : task.report.bytes_read) += front.culture_bytes_read();
         task.report.bytes_spilled += front.culture_bytes_spilled();
         task.report.load_s += front.culture_cost().cpu_s;
-        task.report.wall_s -= front.culture_cost().cpu_s;
+        task.swept_cpu_s -= front.culture_cost().cpu_s;
         task.report.disk_wait_s += front.culture_cost().wait_s;
         if (front.unknown_code() && (!task.unknown_code || *front.unknown_code() < *task.unknown_code))
             task.unknown_code = front.unknown_code();
-        // The front counts ticks; CPU seconds of the node are shared out by them below.
-        task.report.sample_s += static_cast<double>(cost.clock.spent(StageClock::sample));
-        task.report.sweep_s += static_cast<double>(cost.clock.spent(StageClock::sweep));
-        task.report.shade_s += static_cast<double>(cost.clock.spent(StageClock::shade));
-        task.report.deposit_s += static_cast<double>(cost.clock.spent(StageClock::deposit));
+        for (const Stage& one : timed_stages) task.ticks[one.stage] += cost.clock.spent(one.stage);
         task.front.reset();
         ++task.run;
     }
     task.chunk = Chunk{};
-    task.report.wall_s += watch.cpu_s();  // CPU of this node, until merge() puts wall time here
+    task.swept_cpu_s += watch.cpu_s();
     return task.run < task.wedge.runs.size() || refine(task);
 }
 
@@ -298,7 +318,7 @@ bool Wedges::refine(WedgeTask& task) {
     }
     const bool more = task.next_doubted < task.doubted.size();
     if (more) take_doubted(task);
-    task.report.wall_s += watch.cpu_s();
+    task.swept_cpu_s += watch.cpu_s();
     return more;
 }
 
@@ -337,10 +357,8 @@ void Wedges::merge(WedgeTask& task) {
         task.cells->finish(row, result_.echo_w.row(first + row), result_.echo_state.row(first + row));
     if (task.unknown_code && (!unknown_code_ || *task.unknown_code < *unknown_code_)) unknown_code_ = task.unknown_code;
     WedgeReport& r = task.report;
-    const double ticks = r.sample_s + r.sweep_s + r.shade_s + r.deposit_s;
-    if (ticks > 0 && !r.reused)
-        for (double* part : {&r.sample_s, &r.sweep_s, &r.shade_s, &r.deposit_s}) *part *= r.wall_s / ticks;
     if (!r.reused) {
+        share_out(task);
         std::uint64_t skipped = 0;
         for (const std::uint64_t posts : r.posts_skipped) skipped += posts;
         r.bytes_skipped = skipped * static_cast<std::uint64_t>(setting_.data_base.post_bytes);

@@ -8,6 +8,7 @@
 #include <set>
 
 #include "tests/drawn_raster.hpp"
+#include "tests/json.hpp"
 #include "tests/program.hpp"
 
 using namespace wedgescope::test;
@@ -50,10 +51,10 @@ struct Mask {
 struct Pair {
     Mask theirs, ours;
 };
-Pair both(const Folder& folder, std::vector<std::string> words) {
+Pair both(const Folder& folder, std::vector<std::string> words, const std::string& terrain = dem) {
     const auto run = [&](std::vector<std::string> program, const std::string& out) {
         program.insert(program.end(), words.begin(), words.end());
-        program.insert(program.end(), {"-q", dem, out});
+        program.insert(program.end(), {"-q", terrain, out});
         const Ended ended = run_program(program, folder / "log");
         INFO(ended.err);
         REQUIRE(ended.code == 0);
@@ -125,6 +126,60 @@ TEST_CASE("coverage marks the posts that gdal_viewshed marks, with the same word
             CHECK(values->contains(200));
         }
     }
+}
+
+TEST_CASE("gdal_viewshed's numbers are in the units of a raster in feet", "[viewshed]") {
+    const Folder folder;
+    const std::string feet = folder / "feet.tif";
+    constexpr double foot_m = 1200.0 / 3937;
+    // The shipped terrain, its heights and posts told in feet.
+    GDALAllRegister();
+    GDALDataset* metric = GDALDataset::Open(dem.c_str());
+    REQUIRE(metric);
+    Drawing drawing;
+    drawing.columns = metric->GetRasterXSize();
+    drawing.rows = metric->GetRasterYSize();
+    std::vector<float> heights_m(static_cast<std::size_t>(drawing.columns) * static_cast<std::size_t>(drawing.rows));
+    const CPLErr read =
+        metric->GetRasterBand(1)->RasterIO(GF_Read, 0, 0, drawing.columns, drawing.rows, heights_m.data(),
+                                           drawing.columns, drawing.rows, GDT_Float32, 0, 0);
+    GDALClose(metric);
+    REQUIRE(read == CE_None);
+    drawing.value = [&](int column, int row) {
+        return static_cast<double>(heights_m[static_cast<std::size_t>(row) * static_cast<std::size_t>(drawing.columns) +
+                                             static_cast<std::size_t>(column)]) /
+               foot_m;
+    };
+    drawing.geotransform = std::array<double, 6>{6500000, 30 / foot_m, 0, 1900000, 0, -30 / foot_m};
+    drawing.crs = "EPSG:2229";
+    drawing.unit = "US survey foot";
+    draw(feet, drawing);
+    // A hundred feet above ground, six of a man, three miles; the curvature of both is not alike in feet.
+    const std::vector<std::string> words = {"-ox", "6549000", "-oy", "1850000", "-oz", "100", "-tz", "6",
+                                            "-md", "15840",   "-cc", "0",       "-vv", "200", "-iv", "50"};
+    const Pair pair = both(folder, words, feet);
+    const Agreement found = compare(pair, 0);
+    CHECK(found.percent() > 97);
+    CHECK(found.range_differs < found.posts / 200);
+    const auto scene_of = [&](std::vector<std::string> given) {
+        given.insert(given.begin(), {WEDGESCOPE_PROGRAM, "coverage", feet, folder / "out.tif", "--overwrite", "-q",
+                                     "--report", folder / "report.json"});
+        const Ended ended = run_program(given, folder / "log");
+        INFO(ended.err);
+        REQUIRE(ended.code == 0);
+        return json_in(folder / "report.json")["scene"];
+    };
+    const auto metres = [](const nlohmann::json& value) { return std::stod(value.get<std::string>()); };
+    const auto scene = scene_of(words);
+    CHECK(metres(scene["altitude-agl"]) == Approx(100 * foot_m));
+    CHECK(metres(scene["target-height"]) == Approx(6 * foot_m));
+    CHECK(metres(scene["ground-range"]) ==
+          Approx(15840 * foot_m * (scene["ground-range"].get<std::string>().ends_with("km") ? 1e-3 : 1)));
+    // Its default of 2 as well, but nothing that has a unit of its own.
+    CHECK(metres(scene_of({"-ox", "6549000", "-oy", "1850000"})["altitude-agl"]) == Approx(2 * foot_m));
+    CHECK(scene_of({"-ox", "6549000", "-oy", "1850000", "--altitude-agl", "50m", "--ground-range",
+                    "900m"})["altitude-agl"] == "50m");
+    CHECK(scene_of({"-ox", "6549000", "-oy", "1850000", "--altitude-msl", "3km"})["altitude-msl"] == "3km");
 }
 
 TEST_CASE("gdal_viewshed's -md is a distance along the ground, however high the observer", "[viewshed]") {

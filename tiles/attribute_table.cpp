@@ -28,10 +28,6 @@ std::string lower(const std::string& words) {
     return first == std::string::npos ? "" : lower_case(words.substr(first, last - first + 1));
 }
 
-DatasetHandle open_raster(const std::string& path) {
-    return DatasetHandle(GDALDataset::Open(path.c_str(), GDAL_OF_RASTER | GDAL_OF_READONLY));
-}
-
 /// -1: none.
 int column_of(const GDALRasterAttributeTable& table, GDALRATFieldUsage usage,
               std::initializer_list<const char*> names) {
@@ -50,11 +46,11 @@ Legend attribute_table_legend(const std::string& path, const Materials& material
     DatasetHandle dataset;
     {
         GdalErrors quiet;
-        dataset = open_raster(path);
+        dataset = open_dataset(path);
     }
     if (!dataset) register_all_drivers();
     GdalErrors errors;
-    if (!dataset) dataset = open_raster(path);
+    if (!dataset) dataset = open_dataset(path);
     if (!dataset || dataset->GetRasterCount() < 1)
         throw IoError(text("culture '", path, "' cannot be opened: ", errors.reason()));
     const auto refuse = [&](const auto&... what) {

@@ -58,7 +58,7 @@ Trial try_driver(GDALDriver& driver, const CPLStringList& options, const RasterC
         trial.refused = errors.failed() ? errors.reason_of_writing(path) : "it is not written";
     }
     if (trial.kept) {
-        const DatasetHandle back(GDALDataset::Open(path.c_str(), GDAL_OF_RASTER));
+        const DatasetHandle back = open_dataset(path);
         trial.read_back = back != nullptr;
         lost = !back && !errors.failed();
         trial.kept = back && good(*back);

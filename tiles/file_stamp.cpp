@@ -70,7 +70,7 @@ bool find_file_behind(GDALDataset& dataset, std::set<std::string>& known, const 
         if (!known.insert(file).second) continue;
         if (take(file)) return true;
         if (!vrt || file == own || !may_be_vrt(file)) continue;
-        const DatasetHandle part(GDALDataset::Open(file.c_str(), GDAL_OF_RASTER | GDAL_OF_READONLY));
+        const DatasetHandle part = open_dataset(file);
         if (part && is_vrt(*part) && find_file_behind(*part, known, take)) return true;
     }
     return false;
@@ -102,7 +102,7 @@ std::vector<FileStamp> file_stamps(const std::string& path) {
         files = PlainTiff::files(path);
     } else {
         GdalErrors quiet;
-        const DatasetHandle dataset(GDALDataset::Open(path.c_str(), GDAL_OF_RASTER | GDAL_OF_READONLY));
+        const DatasetHandle dataset = open_dataset(path);
         if (dataset) files = files_behind(*dataset);
     }
     std::vector<FileStamp> found;

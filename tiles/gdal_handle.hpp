@@ -16,6 +16,10 @@ struct CloseDataset {
     void operator()(GDALDataset* dataset) const noexcept { GDALClose(dataset); }
 };
 using DatasetHandle = std::unique_ptr<GDALDataset, CloseDataset>;
+/// To be read, by the drivers that are registered; null: by none of them.
+inline DatasetHandle open_dataset(const std::string& path) {
+    return DatasetHandle(GDALDataset::Open(path.c_str(), GDAL_OF_RASTER | GDAL_OF_READONLY));
+}
 
 /// Registers the drivers of usual files; once.
 void register_usual_drivers();

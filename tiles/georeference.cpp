@@ -231,6 +231,7 @@ DataBase describe(const RasterFacts& facts) {
     d.has_geotransform = facts.has_geotransform;
     d.crs_in_metres = !facts.geographic;
     d.metres_per_unit = facts.metres_per_unit;
+    d.metres_per_height = facts.unit_m;
     if (!facts.crs) return d;
     d.crs_wkt = facts.crs->wkt();
     d.cycle_columns = facts.cycle_columns();

@@ -36,7 +36,7 @@ void find_bounds(const RasterFacts& facts, RasterSummary& summary) {
 
 std::optional<PolarAxes> polar_axes(const std::string& path) {
     GdalErrors quiet;
-    const DatasetHandle file(GDALDataset::Open(path.c_str(), GDAL_OF_RASTER | GDAL_OF_READONLY));
+    const DatasetHandle file = open_dataset(path);
     if (!file) return std::nullopt;
     PolarAxes axes;
     // In a stack each frame looks its own way.

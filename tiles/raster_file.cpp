@@ -240,7 +240,7 @@ ReaderBytes vrt_bytes(const std::vector<std::string>& files, ReaderBytes bytes) 
     std::size_t parts = 0;
     for (const std::string& file : files) {
         if (parts >= most_asked) break;
-        const DatasetHandle part(GDALDataset::Open(file.c_str(), GDAL_OF_RASTER | GDAL_OF_READONLY));
+        const DatasetHandle part = open_dataset(file);
         if (!part || part->GetRasterCount() < 1 || EQUAL(part->GetDriver()->GetDescription(), "VRT")) continue;
         ++parts;
         const ReaderBytes own = dataset_bytes(*part);

@@ -28,10 +28,10 @@ Cut cut_of(const RasterLayer& raster) {
     if (f.driver != "VRT") return cut;
     // The first raster it is made of tells more than the blocks it shows.
     GdalErrors quiet;
-    const DatasetHandle vrt(GDALDataset::Open(f.path.c_str(), GDAL_OF_RASTER | GDAL_OF_READONLY));
+    const DatasetHandle vrt = open_dataset(f.path);
     if (!vrt) return cut;
     find_file_behind(*vrt, [&](const std::string& file) {
-        const DatasetHandle part(GDALDataset::Open(file.c_str(), GDAL_OF_RASTER | GDAL_OF_READONLY));
+        const DatasetHandle part = open_dataset(file);
         if (!part || part->GetRasterCount() < 1 || EQUAL(part->GetDriver()->GetDescription(), "VRT")) return false;
         int columns = 0, rows = 0;
         part->GetRasterBand(1)->GetBlockSize(&columns, &rows);

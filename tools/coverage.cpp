@@ -202,6 +202,7 @@ void coverage(const std::vector<std::string>& arguments, Stop& stop) {
     const std::string unfit_map = find_ground(settings, {}, stop);
     const DataBaseParams layers = data_base_params(settings, cache_bytes(settings), stop);
     std::unique_ptr<WedgeSource> source = open_direct_source(layers);
+    take_units_of(source->data_base(), settings);
     if (settings.snap_to_post) stand_on_post(settings, source->data_base());
     CoverageParams params = settings.coverage;
     params.timeline = timeline;

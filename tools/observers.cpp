@@ -28,6 +28,7 @@
 #include "tools/run_records.hpp"
 #include "tools/side_by_side.hpp"
 #include "tools/terminal.hpp"
+#include "tools/viewshed_options.hpp"
 
 namespace wedgescope {
 namespace {
@@ -379,6 +380,7 @@ void coverage_of_observers(const Settings& given, double start_s, Stop& stop) {
 
     Span opening(timeline, "open", "stage");
     const std::string unfit_map = find_ground(settings, {.many = true, .whole = true}, stop);
+    take_units_of(open_direct_source(data_base_params(settings, cache_bytes(settings), stop))->data_base(), settings);
     std::optional<Observers> observers;
     std::optional<std::size_t> largest;
     const auto read = [&](const DataBase& data_base) {

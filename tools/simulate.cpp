@@ -45,7 +45,9 @@ struct Outputs {
 Outputs::Outputs(const Settings& s) {
     check_run_names(s);
     if (!s.ground_file.empty()) ground.emplace(s.ground_file, s.overwrite);
-    if (!s.only_wedges) layers.emplace(s);
+    if (s.only_wedges) return;
+    layers.emplace(s);
+    layers->check(s);
 }
 
 std::vector<OutputFile*> Outputs::files() {
@@ -165,103 +167,149 @@ void tell_doubts(const Settings& settings, const RunResult& result, const Ground
         if (!line.empty()) say(line);
 }
 
-void simulate(const Settings& given, WorkDir* work, double start_s, Stop& stop) {
-    Settings settings = given;
-    const GdalSession session(cache_bytes(settings), settings.config);
-    Outputs outputs(settings);
-    if (outputs.layers) outputs.layers->check(settings);
-    RunRecords records(settings);
-    Timeline* const timeline = records.timeline();
+/// One scene, from the files it is read from to those it is written to.
+class Simulation {
+public:
+    /// `work`: null without a work folder.
+    Simulation(const Settings& settings, WorkDir* work, double start_s, Stop& stop)
+        : start_s_(start_s), stop_(stop), work_(work), settings_(settings),
+          session_(cache_bytes(settings_), settings_.config), outputs_(settings_), records_(settings_) {}
 
-    OuterStages outer;
-    const double open_start_s = now_s();
-    Span opening(timeline, "open", "stage");
-    settings.expects_ground = expects_ground(settings, {.levels = true}, stop);
-    Settings as_read = settings;
-    if (work && work->seems_done()) as_read.source = SourceKind::direct;
-    check_simulation(as_read, stop);
-    const std::string unfit_map = find_ground(settings, {.levels = true}, stop);
-    as_read.ground = settings.ground;
-    const DataBaseParams layers = data_base_params(settings, cache_bytes(settings), stop);
-    std::unique_ptr<WedgeSource> source;
-    const bool terminal = ::isatty(STDERR_FILENO) == 1;
-    SpillOptions options = spill_options(settings);
-    options.timeline = timeline;
-    SourceChoice choice = choose_source(layers, settings.source, settings.scene, options.memory_bytes);
-    if (work && work->seems_done()) choice = {};  // a pass would be for nothing; what is amiss is read in windows
-    if (choice.spilled && !choice.kept) {
-        remark(settings.quiet || !terminal, text("sorting the terrain into wedges: ", choice.why));
-        if (settings.only_wedges) options.only = arc_alone(settings, layers, options, *work, stop);
-        options.stop = &stop;
-        Progress sorting(settings.quiet);
+    void run() {
+        open();
+        resolve_scene();
+        sweep();
+        write();
+        tell();
+    }
+
+private:
+    Timeline* timeline() { return records_.timeline(); }
+    void say(const std::string& line) const { remark(settings_.quiet, line); }
+    std::string sensor_line() const { return text("sensor: ", place(*scene_, source_->data_base())); }
+
+    /// The terrain, sorted into wedges first where that is needed.
+    void open() {
+        const double start_s = now_s();
+        const Span opening(timeline(), "open", "stage");
+        const bool merges_only =
+            work_ && work_->seems_done();  // a pass would be for nothing; what is amiss is read in windows
+        settings_.expects_ground = expects_ground(settings_, {.levels = true}, stop_);
+        as_read_ = settings_;
+        if (merges_only) as_read_.source = SourceKind::direct;
+        check_simulation(as_read_, stop_);
+        unfit_map_ = find_ground(settings_, {.levels = true}, stop_);
+        as_read_.ground = settings_.ground;
+        const DataBaseParams layers = data_base_params(settings_, cache_bytes(settings_), stop_);
+        legend_ = layers.legend;
+        SpillOptions options = spill_options(settings_);
+        options.timeline = timeline();
+        if (!merges_only) choice_ = choose_source(layers, settings_.source, settings_.scene, options.memory_bytes);
+        if (choice_.spilled && !choice_.kept)
+            sort_into_wedges(layers, options);
+        else
+            source_ = open_source(choice_, layers, settings_.scene, options);
+        outer_.open_s = now_s() - start_s;
+    }
+
+    void sort_into_wedges(const DataBaseParams& layers, SpillOptions& options) {
+        remark(settings_.quiet || !terminal_, text("sorting the terrain into wedges: ", choice_.why));
+        if (settings_.only_wedges) options.only = arc_alone(settings_, layers, options, *work_, stop_);
+        options.stop = &stop_;
+        Progress sorting(settings_.quiet);
         options.progress = [&](double fraction) { sorting.report(fraction); };
-        source = open_source(choice, layers, settings.scene, options);
+        source_ = open_source(choice_, layers, settings_.scene, options);
         sorting.done();
-    } else {
-        source = open_source(choice, layers, settings.scene, options);
     }
-    opening.end();
-    outer.open_s = now_s() - open_start_s;
-    const std::uint64_t data = source->fingerprint({});
-    Span resolving(timeline, "resolve", "stage");
-    const ResolvedScene scene = resolve(settings.scene, *source);
-    resolving.end();
-    // On a terminal at once; in a log behind all that can fail, so that an error stays a single line.
-    remark(settings.quiet || !terminal, text("sensor: ", place(scene, source->data_base())));
 
-    EngineParams params = engine_params(settings);
-    params.stop = &stop;
-    params.data = data;
-    if (work) work->bind(work_run(settings, scene, source->data_base()));
-    params.archive = work;
-    params.timeline = timeline;
-    std::optional<Ground> ground;
-    Progress progress(settings.quiet);
-    params.progress = [&](double fraction) { progress.report(fraction); };
-    RunResult result = [&] {
+    void resolve_scene() {
+        data_ = source_->fingerprint({});
+        const Span resolving(timeline(), "resolve", "stage");
+        scene_ = resolve(settings_.scene, *source_);
+    }
+
+    void sweep() {
+        // On a terminal at once; in a log behind all that can fail, so that an error stays a single line.
+        remark(settings_.quiet || !terminal_, sensor_line());
+        EngineParams params = engine_params(settings_);
+        params.stop = &stop_;
+        params.data = data_;
+        if (work_) work_->bind(work_run(settings_, *scene_, source_->data_base()));
+        params.archive = work_;
+        params.timeline = timeline();
+        Progress progress(settings_.quiet);
+        params.progress = [&](double fraction) { progress.report(fraction); };
         try {
-            if (outputs.ground) ground.emplace(settings, scene, *source, *outputs.ground);
-            return run(scene, *source, params);
+            if (outputs_.ground) ground_.emplace(settings_, *scene_, *source_, *outputs_.ground);
+            result_ = wedgescope::run(*scene_, *source_, params);
         } catch (const TooLittleMemory& e) {
-            source.reset();
-            refuse(e, params.memory_bytes, simulation(as_read, scene, settings.scene.range_m.has_value(), stop, work));
+            source_.reset();
+            refuse(e, params.memory_bytes,
+                   simulation(as_read_, *scene_, settings_.scene.range_m.has_value(), stop_, work_));
         }
-    }();
-    progress.done();
-    if (work) {
-        for (const std::string& line : work->remarks()) remark(settings.quiet, line);
-        if (const std::size_t reused = reused_count(result.report))
-            remark(settings.quiet, text("reused ", reused, " of ", result.report.wedges.size(), " wedges"));
+        progress.done();
+        if (!work_) return;
+        for (const std::string& line : work_->remarks()) say(line);
+        if (const std::size_t reused = reused_count(result_->report))
+            say(text("reused ", reused, " of ", result_->report.wedges.size(), " wedges"));
     }
 
-    const double write_start_s = now_s();
-    Span writing(timeline, "write", "stage");
-    if (outputs.layers) outputs.layers->write(result, settings, source->data_base(), stop);
-    if (ground) ground->write(settings.quiet, stop, timeline, data);
-    outer.write_s = now_s() - write_start_s;
-    writing.end();
-    records.end_timeline();
-    const Usage usage = usage_since(start_s);
-    if (OutputFile* to = records.report()) {
-        write_report(*to, report_json(settings, result,
-                                      input_files(settings, source->data_base(),
-                                                  settings.files.empty() ? "" : settings.files[0]),
-                                      outer, usage));
+    void write() {
+        const double start_s = now_s();
+        Span writing(timeline(), "write", "stage");
+        if (outputs_.layers) outputs_.layers->write(*result_, settings_, source_->data_base(), stop_);
+        if (ground_) ground_->write(settings_.quiet, stop_, timeline(), data_);
+        outer_.write_s = now_s() - start_s;
+        writing.end();
+        records_.end_timeline();
+        usage_ = usage_since(start_s_);
+        if (OutputFile* to = records_.report()) {
+            const std::string scene_file = settings_.files.empty() ? "" : settings_.files[0];
+            write_report(*to, report_json(settings_, *result_, input_files(settings_, source_->data_base(), scene_file),
+                                          outer_, usage_));
+        }
+        stop_.check();
+        written_ = records_.commit(outputs_.files());
     }
-    stop.check();
-    std::string written = records.commit(outputs.files());
-    remark(settings.quiet || terminal, text("sensor: ", place(scene, source->data_base())));
-    for (const std::string& unfit : {choice.unfit, unfit_map}) remark_unused(settings.quiet, unfit);
-    tell_doubts(settings, result, ground ? &*ground : nullptr, *source, layers.legend);
-    if (settings.verbose || settings.profile) fmt::print(stderr, "{}", report_table(result.report, outer, usage));
-    if (settings.profile)
-        fmt::print(stderr, "{}", limits_words(settings, stage_work(result.report, outer.write_s, usage)));
-    if (settings.only_wedges) {
-        written += text(written.empty() ? "" : ", ", work->kept(), " of ", work->recorded_split().size(), " wedges in ",
-                        in_quotes(work->path()), left_words(settings));
+
+    void tell() const {
+        remark(settings_.quiet || terminal_, sensor_line());
+        for (const std::string& unfit : {choice_.unfit, unfit_map_}) remark_unused(settings_.quiet, unfit);
+        tell_doubts(settings_, *result_, ground_ ? &*ground_ : nullptr, *source_, legend_);
+        if (settings_.verbose || settings_.profile)
+            fmt::print(stderr, "{}", report_table(result_->report, outer_, usage_));
+        if (settings_.profile)
+            fmt::print(stderr, "{}", limits_words(settings_, stage_work(result_->report, outer_.write_s, usage_)));
+        std::string written = written_;
+        if (settings_.only_wedges) {
+            written += text(written.empty() ? "" : ", ", work_->kept(), " of ", work_->recorded_split().size(),
+                            " wedges in ", in_quotes(work_->path()), left_words(settings_));
+        }
+        say(text("written: ", written, fmt::format(" ({:.1f} s)", now_s() - start_s_)));
     }
-    remark(settings.quiet, text("written: ", written, fmt::format(" ({:.1f} s)", now_s() - start_s)));
-}
+
+    const double start_s_;
+    Stop& stop_;
+    WorkDir* const work_;
+    const bool terminal_ = ::isatty(STDERR_FILENO) == 1;
+    Settings settings_;
+    const GdalSession session_;
+    Outputs outputs_;
+    RunRecords records_;
+
+    Settings as_read_;  ///< as the source is read in the end, for what a refusal says
+    std::string unfit_map_;
+    std::optional<Legend> legend_;
+    SourceChoice choice_;
+    std::unique_ptr<WedgeSource> source_;
+    std::uint64_t data_ = 0;  ///< the source's fingerprint
+    std::optional<ResolvedScene> scene_;
+    std::optional<Ground> ground_;
+    std::optional<RunResult> result_;
+    OuterStages outer_;
+    Usage usage_;
+    std::string written_;
+};
 
 }  // namespace
 
@@ -278,7 +326,7 @@ void simulate(const std::vector<std::string>& arguments, Stop& stop) {
     if (!settings.track.empty()) return simulate_track(settings, start_s, stop);
     const std::unique_ptr<WorkDir> work = open_work_dir(settings);
     try {
-        simulate(settings, work.get(), start_s, stop);
+        Simulation(settings, work.get(), start_s, stop).run();
     } catch (const Interrupted& e) {
         throw Interrupted(e.signal(), kept_words(work.get()));
     } catch (const IoError& e) {

@@ -74,8 +74,15 @@ void check_store_name(const Settings& settings) {
     check_folder("what output leaves unfinished", unfinished_store(output), inputs);
 }
 
-/// `sides`: out, classes with a side of their own.
-TileStoreParams store_params(const Settings& settings, Stop& stop, std::size_t& sides) {
+void refuse_store(const std::string& path, const char* layer) {
+    if (is_tile_store(path))
+        throw InputError(text(in_quotes(path), " is a tile store; accepted: rasters, such as ",
+                              in_quotes((std::filesystem::path(path) / layer).string() + ".vrt"),
+                              " (no checksum of a tile is looked at then; info --verify ", path, " does)"));
+}
+
+/// Of what goes into the store, how many files there are and of which kind.
+void check_inputs(const Settings& settings) {
     if (settings.around && settings.files.size() == 1)
         throw InputError(text(
             "tile --around: ", in_quotes(settings.files[0]),
@@ -85,28 +92,27 @@ TileStoreParams store_params(const Settings& settings, Stop& stop, std::size_t& 
                               settings.files.size(), settings.files.size() == 1 ? " path" : " paths"));
     if (!settings.culture_legend.empty() && settings.culture.empty())
         refuse_legend_alone(in_quotes(settings.culture_legend));
-    const auto refuse_store = [](const std::string& path, const char* layer) {
-        if (is_tile_store(path))
-            throw InputError(text(in_quotes(path), " is a tile store; accepted: rasters, such as ",
-                                  in_quotes((std::filesystem::path(path) / layer).string() + ".vrt"),
-                                  " (no checksum of a tile is looked at then; info --verify ", path, " does)"));
-    };
     for (std::size_t i = 0; i + 1 < settings.files.size(); ++i) refuse_store(settings.files[i], "dem");
     refuse_store(settings.culture, "culture");
     refuse_store(settings.culture_height, "culture_height");
     refuse_store(settings.directivity, "culture");
-    const bool touch = settings.features_touch, layer = !settings.features_layer.empty(),
-               codes = settings.features_legend != "smc";
-    if (settings.features.empty() && (touch || layer || codes))
-        throw InputError(text(layer   ? "features-layer"
-                              : touch ? "features-touch"
-                                      : "features-legend",
-                              " is given without features; the path of a vector file is needed"));
-    if (!settings.culture.empty() && settings.culture_legend.empty() && !settings.features.empty())
-        refuse_missing_legend("culture and features are given");
-    TileStoreParams params;
-    params.dems.assign(settings.files.begin(), settings.files.end() - 1);
-    params.output = settings.files.back();
+}
+
+void check_features(const Settings& settings) {
+    if (!settings.features.empty()) {
+        if (!settings.culture.empty() && settings.culture_legend.empty())
+            refuse_missing_legend("culture and features are given");
+        return;
+    }
+    const char* const alone = !settings.features_layer.empty()    ? "features-layer"
+                              : settings.features_touch           ? "features-touch"
+                              : settings.features_legend != "smc" ? "features-legend"
+                                                                  : nullptr;
+    if (alone) throw InputError(text(alone, " is given without features; the path of a vector file is needed"));
+}
+
+/// The legend, features and sides as they are given, each by itself.
+void take_culture(const Settings& settings, const Stop& stop, TileStoreParams& params) {
     params.culture = settings.culture;
     params.culture_height = settings.culture_height;
     params.culture_height_scale = settings.culture_height_scale;
@@ -122,18 +128,18 @@ TileStoreParams store_params(const Settings& settings, Stop& stop, std::size_t& 
         if (!(settings.culture_height_scale > 0))
             throw InputError("culture-height-scale is 0, and features is given; it must be above 0");
     }
-    if (!settings.directivity.empty()) {
-        if (!params.legend)
-            throw InputError(
-                "directivity is given without culture and culture-legend; it says which side of culture's cells "
-                "reflects");
-        params.sides = SideRasterParams{settings.directivity, settings.culture, *params.legend, materials, 0, &stop};
-    }
-    // Before features and cells are read, which may take long.
-    check_store_name(settings);
-    check_store_output(params.output, settings.overwrite, settings.resume);
+    if (settings.directivity.empty()) return;
+    if (!params.legend)
+        throw InputError(
+            "directivity is given without culture and culture-legend; it says which side of culture's cells "
+            "reflects");
+    params.sides = SideRasterParams{settings.directivity, settings.culture, *params.legend, materials, 0, &stop};
+}
+
+/// All classes that the store's layers need, those with a side of their own too; reads features and cells for them. Returns how many
+/// have a side.
+std::size_t share_classes(const Materials& materials, TileStoreParams& params) {
     const SidedClasses all = sided_classes(materials, params.features, params.sides);
-    sides = all.sides;
     if (params.features) {
         params.features->materials = all.materials;
         params.features->axis_step_deg = all.axis_step_deg;
@@ -152,6 +158,21 @@ TileStoreParams store_params(const Settings& settings, Stop& stop, std::size_t& 
         params.legend_name = params.legend->name();
         params.legend_csv = params.legend->csv(all.materials);
     }
+    return all.sides;
+}
+
+/// `sides`: out, classes with a side of their own.
+TileStoreParams store_params(const Settings& settings, Stop& stop, std::size_t& sides) {
+    check_inputs(settings);
+    check_features(settings);
+    TileStoreParams params;
+    params.dems.assign(settings.files.begin(), settings.files.end() - 1);
+    params.output = settings.files.back();
+    take_culture(settings, stop, params);
+    // Before features and cells are read, which may take long.
+    check_store_name(settings);
+    check_store_output(params.output, settings.overwrite, settings.resume);
+    sides = share_classes(settings.scene.materials, params);
     params.tile_posts = settings.tile_posts;
     params.creation = settings.creation;
     params.memory_bytes = static_cast<std::size_t>(settings.memory_bytes);
@@ -163,6 +184,28 @@ TileStoreParams store_params(const Settings& settings, Stop& stop, std::size_t& 
     return params;
 }
 
+/// Codes of cells that the legend does not have.
+std::string unknown_codes_line(const Settings& settings, const CodeCounts& unknown) {
+    if (unknown.too_many())
+        return fmt::format(
+            "culture: more than {} codes, from {} to {} in {}, are not in the legend {} (is this a culture raster?)",
+            CodeCounts::most_codes, unknown.least(), unknown.greatest(), counted(unknown.cells(), "cell"),
+            in_quotes(settings.culture_legend));
+    // Thousands are no classes: heights, or a picture.
+    constexpr std::size_t most = 1000;
+    const std::size_t codes_found = unknown.counts().size();
+    std::string codes;
+    std::size_t told = 0;
+    for (const auto& [code, count] : unknown.counts()) {
+        if (told == most) break;
+        codes += fmt::format("{}{} ({})", told++ ? ", " : "", code, counted(count, "cell"));
+    }
+    if (codes_found > most) codes += fmt::format(" and {} more", codes_found - most);
+    return fmt::format("culture: {} in {} {} not in the legend {}: {}", counted(codes_found, "code"),
+                       counted(unknown.cells(), "cell"), codes_found == 1 ? "is" : "are",
+                       in_quotes(settings.culture_legend), codes);
+}
+
 void tell(const Settings& settings, const TileStoreSummary& summary, double seconds) {
     const auto say = [&](const std::string& line) { remark(settings.quiet, line); };
     if (!summary.note.empty()) say(summary.note);
@@ -172,27 +215,7 @@ void tell(const Settings& settings, const TileStoreSummary& summary, double seco
             summary.disagreements == 1 ? "s" : "",
             summary.interpolated > 0 ? text(", ", grouped(summary.interpolated), " of them interpolated") : "",
             summary.largest_m, summary.largest_where));
-    if (const CodeCounts& unknown = summary.unknown_codes; unknown.too_many()) {
-        say(
-            fmt::format("culture: more than {} codes, from {} to {} in {}, are not in the legend {} (is this a culture "
-                        "raster?)",
-                        CodeCounts::most_codes, unknown.least(), unknown.greatest(), counted(unknown.cells(), "cell"),
-                        in_quotes(settings.culture_legend)));
-    } else if (!unknown.empty()) {
-        // Thousands are no classes: heights, or a picture.
-        constexpr std::size_t most = 1000;
-        const std::size_t codes_found = unknown.counts().size();
-        std::string codes;
-        std::size_t told = 0;
-        for (const auto& [code, count] : unknown.counts()) {
-            if (told == most) break;
-            codes += fmt::format("{}{} ({})", told++ ? ", " : "", code, counted(count, "cell"));
-        }
-        if (codes_found > most) codes += fmt::format(" and {} more", codes_found - most);
-        say(fmt::format("culture: {} in {} {} not in the legend {}: {}", counted(codes_found, "code"),
-                        counted(unknown.cells(), "cell"), codes_found == 1 ? "is" : "are",
-                        in_quotes(settings.culture_legend), codes));
-    }
+    if (!summary.unknown_codes.empty()) say(unknown_codes_line(settings, summary.unknown_codes));
     if (summary.features_lie_elsewhere)
         say(text("features ", in_quotes(settings.features),
                  ": none lies on a cell of the terrain (is their CRS what the file says, longitude before latitude?)"));

@@ -91,4 +91,18 @@ ViewshedArguments translate_viewshed(const std::vector<std::string>& arguments) 
     return out;
 }
 
+void take_units_of(const DataBase& terrain, Settings& settings) {
+    const auto said = [&](const char* key) {
+        const auto at = settings.given.find(key);
+        return at != settings.given.end() && std::any_of(std::begin(renamed), std::end(renamed),
+                                                         [&](const Renamed& one) { return at->second == one.option; });
+    };
+    const bool own_altitude = settings.given.contains("altitude-msl") || settings.given.contains("altitude-agl") ||
+                              settings.given.contains("altitude-hae");
+    if (said("altitude-agl") || (settings.snap_to_post && !own_altitude))
+        settings.scene.platform.altitude_m *= terrain.metres_per_height;
+    if (said("target-height")) settings.coverage.target_m *= terrain.metres_per_height;
+    if (said("ground-range")) *settings.scene.ground_range_m *= terrain.metres_per_unit;
+}
+
 }  // namespace wedgescope

@@ -4,7 +4,9 @@
 #include <string>
 #include <vector>
 
+#include "lib/wedge_source.hpp"
 #include "tools/keys.hpp"
+#include "tools/settings.hpp"
 
 namespace wedgescope {
 
@@ -18,5 +20,9 @@ struct ViewshedArguments {
 /// Words that are none of gdal_viewshed's stay as they are. InputError for its options that coverage does not have, and
 /// for values that are none.
 ViewshedArguments translate_viewshed(const std::vector<std::string>& arguments);
+
+/// Lengths that were given in gdal_viewshed's words, or are its defaults, read as metres so far: its heights are in the unit of
+/// the terrain's heights, its distance in that of x and y (metres over degrees, where it makes no sense of them). Once a run.
+void take_units_of(const DataBase& terrain, Settings& settings);
 
 }  // namespace wedgescope
