@@ -61,12 +61,28 @@ double hat_integral(double x) {
     return x < 0 ? 0.5 * (1 + x) * (1 + x) : 1 - 0.5 * (1 - x) * (1 - x);
 }
 
-/// Mean of a number over an interval of its values, cut to 0..1.
-double mean_share(double from, double to) {
-    const auto integral = [](double x) { return x <= 0 ? 0.0 : x < 1 ? 0.5 * x * x : x - 0.5; };
-    if (to - from < 1e-9) return std::clamp(0.5 * (from + to), 0.0, 1.0);
-    return (integral(to) - integral(from)) / (to - from);
-}
+/// How the echo of a bin of ground range lies in it, 0 to 1 from its near edge: that of level ground grows as the arc does,
+/// which tells in the first bins from the nadir.
+class EchoInBin {
+public:
+    /// `bin`: counted from the nadir.
+    explicit EchoInBin(double bin) : bin_(bin), whole_(bin + 0.5) {}
+    /// Nearer than x; the mean of that over an interval.
+    double before(double x) const { return x <= 0 ? 0 : x >= 1 ? 1 : x * (bin_ + 0.5 * x) / whole_; }
+    double mean_before(double from, double to) const {
+        if (to - from < 1e-9) return before(0.5 * (from + to));
+        return (integral(to) - integral(from)) / (to - from);
+    }
+
+private:
+    double integral(double x) const {
+        if (x <= 0) return 0;
+        const double u = std::min(x, 1.0);
+        return u * u * (0.5 * bin_ + u / 6) / whole_ + (x - u);
+    }
+
+    double bin_, whole_;
+};
 
 /// The pulse of one range bin, in bins.
 struct PulseOfBin {
@@ -78,6 +94,12 @@ PulseOfBin slant_pulse(const BeamSetting& setting, double scale, double range_bi
     const double length = setting.pulse_extent_m * scale / range_bin_m;
     return {pulse_weights(length), length};
 }
+/// Without the beam's least: below the sensor bins of ground range hold the less ground the longer the pulse lies on it.
+double cosine_of_depression(const BeamSetting& setting, std::int64_t range_bin, double range_bin_m) {
+    const double arc_m = middle_of_bin(range_bin, range_bin_m);
+    return std::cos(setting.earth.sight(setting.sensor_m, setting.reference_m, arc_m).depression_rad);
+}
+
 /// Of one of ground range. The near end of what the pulse lights goes on evenly over a part of the bin; where it leaves the nadir,
 /// as a square root, the parts are small.
 PulseOfBin ground_pulse(const BeamSetting& setting, double scale, double range_bin_m, std::int64_t range_bin) {
@@ -96,14 +118,15 @@ PulseOfBin ground_pulse(const BeamSetting& setting, double scale, double range_b
     const std::size_t parts = lengths.size() - 1;
     const double share = 1 / static_cast<double>(parts);
     PulseOfBin pulse{{}, 0};
-    for (std::size_t p = 0; p < parts; ++p) pulse.length += 0.5 * share * (lengths[p] + lengths[p + 1]);
     for (double m = 0; m < *std::max_element(lengths.begin(), lengths.end()) + 1; ++m) {
-        double behind = 0;  // the near end, of the m-th bin nearer
+        const EchoInBin echo(std::max(0.0, first - m));  // of the m-th bin nearer
+        double behind = 0;                               // its near end
         for (std::size_t p = 0; p < parts; ++p) {
             const double from = m + static_cast<double>(p) * share;
-            behind += share * mean_share(from - lengths[p], from + share - lengths[p + 1]);
+            behind += share * echo.mean_before(from - lengths[p], from + share - lengths[p + 1]);
         }
-        pulse.weights.push_back(std::max(0.0, hat_integral(m) - behind));
+        pulse.weights.push_back(std::max(0.0, echo.mean_before(m, m + 1) - behind));
+        pulse.length += pulse.weights.back();
     }
     while (pulse.weights.size() > 1 && !(pulse.weights.back() > 0)) pulse.weights.pop_back();
     return pulse;
@@ -221,10 +244,11 @@ Resolution::Resolution(const BeamSetting& setting, std::int64_t circle_bins, dou
         std::vector<double> weights;
         if (!setting.pulse_length_error) {
             // Its length falls into the own bin: on ground range what it would light of an even slope of that depression.
-            const double cosine =
-                pulse_per_bin_ ? level_cosine(setting, middle_of_bin(outputs_.begin + k, range_bin_m)) : 1;
             const double length = setting.pulse_extent_m / range_bin_m;
-            weights.push_back(pulse_per_bin_ ? static_cast<double>(static_cast<float>(length / cosine)) : length);
+            weights.push_back(pulse_per_bin_
+                                  ? static_cast<double>(static_cast<float>(
+                                        length / cosine_of_depression(setting, outputs_.begin + k, range_bin_m)))
+                                  : length);
         } else {
             PulseOfBin drawn = pulse(setting.pulse_length_scale);
             weights = std::move(drawn.weights);

@@ -44,8 +44,9 @@ double pulse_on_ground_m(const BeamSetting& setting, double scale, double arc_m)
 /// height at the middle of range bin j, cos d_j at least 0.5; each bin at most once round the circle. Then the
 /// one-sided pulse: cell j is the mean over the bin of the sum of the echoes in (r - c tau/2, r]: weights
 /// w_m = H(m) - H(m - w), w = c tau / (2 dr), H the integral of the unit hat; m = 0.. bins nearer. On bins of ground range the
-/// same mean of the sum over (s - pulse_on_ground_m(s), s], whose near end goes evenly from bin's edge to bin's edge.
-/// Switched off, the same total weight falls into the own bin (on ground range that of c tau/2 sec d_j); scaled, it is spread over
+/// same mean of the sum over (s - pulse_on_ground_m(s), s], whose near end goes evenly from bin's edge to bin's edge, of echoes
+/// that grow as s within their bin.
+/// Switched off, the same total weight falls into the own bin (on ground range that of c tau/2 sec d_j, of any d_j); scaled, it is spread over
 /// a beam (a pulse) so many times as wide, whose weights are divided by how much more they add up to. InputError if `echo` does not hold what `shown` needs.
 /// `echo` (watts) covers at least `shown` plus skirt and lead-in where the circle and range 0 allow; the result
 /// covers `shown`. Every output is a sum in a fixed order: the same bits for any number of threads. `used`: an image whose

@@ -283,15 +283,15 @@ TEST_CASE("on ground range the pulse lights what lies within its length in slant
         setting.beam_width_error = false;
         constexpr std::int64_t bins = 400;
         const PolarGrid g = grid(960, bin_m, {0, 960}, {0, bins});
-        const auto density = [](double s) { return 1 + s / 700; };
-        const auto integral = [](double s) { return s + s * s / 1400; };
+        // Rings of level ground, brighter farther out.
+        const auto integral = [](double s) { return s * s * (0.5 + s / 2100); };
         PolarImage<float> echo(g);
         for (std::int64_t j = 0; j < bins; ++j) {
             const double s = (static_cast<double>(j) + 0.5) * bin_m;
             // What the beam will take in of it, to 1e-7 (the test above).
             const double taken = std::sqrt(std::numbers::pi / (8 * std::numbers::ln2)) * 1.5 / 0.375 /
                                  std::max(0.5, s / std::hypot(s, h));
-            at(echo, 5, j) = static_cast<float>(density(s) * bin_m / taken);
+            at(echo, 5, j) = static_cast<float>((integral(s + 0.5 * bin_m) - integral(s - 0.5 * bin_m)) / taken);
         }
         const PolarImage<float> power = power_image(echo, g, setting);
         const auto nearest = [&](double s) {
@@ -350,15 +350,16 @@ TEST_CASE("on ground range far out, from low down and in parts the pulse loses n
         return std::max(0.5, s / std::hypot(s, 20));
     };
     for (std::int64_t bin = 0; bin < 8; ++bin)
-        at(echo, 5, bin) = static_cast<float>(cosine(bin));  // as the beam takes it
+        at(echo, 5, bin) =
+            static_cast<float>(cosine(bin) * (static_cast<double>(bin) + 0.5));  // as the beam takes a ring
     const PolarImage<float> power = power_image(echo, g, setting);
     const auto mean = [](int bin) {
         double sum = 0;
         for (int k = 0; k < 1000; ++k) {
             const double s = (bin + (k + 0.5) / 1000) * 75, r = std::hypot(s, 20) - 150;
-            sum += s - (r > 20 ? std::sqrt(r * r - 400) : 0);
+            sum += s * s - (r > 20 ? r * r - 400 : 0);
         }
-        return sum / 1000 / 75;
+        return sum / 1000;
     };
     CHECK_THAT(static_cast<double>(at(power, 5, 2)) / static_cast<double>(at(power, 5, 3)),
                WithinRel(mean(2) / mean(3), 0.005));
