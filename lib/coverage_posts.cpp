@@ -1,11 +1,30 @@
 #include "lib/coverage_work.hpp"
 
 #include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
 #include <numbers>
 
 #include "lib/facet.hpp"
 
 namespace wedgescope::covering {
+namespace {
+
+/// Of a surface that rises so much from post to post along and across a line, by the metric of index space: |(a, b)|^2 = g0 a^2 +
+/// g1 a b + g2 b^2, the gradient's square by its inverse.
+double secant_of(const std::array<double, 3>& square, double along_m, double across_m) {
+    const auto& [g0, g1, g2] = square;
+    const double steep =
+        (g2 * along_m * along_m - g1 * along_m * across_m + g0 * across_m * across_m) / (g0 * g2 - 0.25 * g1 * g1);
+    return std::sqrt(1 + steep);
+}
+
+float degrees_of_sine(double sine) {
+    return static_cast<float>(rounded(std::asin(std::clamp(sine, -1.0, 1.0)) * (180 / std::numbers::pi), 30));
+}
+
+}  // namespace
 
 /// Does the sensor stand right above one? It lies on no line.
 bool Cover::post_below() const {
@@ -34,10 +53,22 @@ void Cover::put_nadir(Strip& strip) {
         state = State::outside;
     float value = nan_f;
     if (state == State::seen) {
-        value = params_.layer == CoverageLayer::height     ? 0.0F
-                : params_.layer == CoverageLayer::range    ? static_cast<float>(std::abs(above_m))
-                : params_.layer == CoverageLayer::response ? nadir_response(c, r, above_m)
-                                                           : static_cast<float>(depression_deg);
+        switch (params_.layer) {
+            case CoverageLayer::height:
+                value = 0;
+                break;
+            case CoverageLayer::range:
+                value = static_cast<float>(std::abs(above_m));
+                break;
+            case CoverageLayer::grazing:
+                value = degrees_of_sine(nadir_facet(c, r, above_m).sine);
+                break;
+            case CoverageLayer::response:
+                value = nadir_response(c, r, above_m);
+                break;
+            default:
+                value = static_cast<float>(depression_deg);
+        }
     }
     for (std::int64_t column : same_columns(real_column(c))) {
         CoverageTiles::Tile& tile = *strip.tiles.at({r / tile_edge, column / tile_edge});
@@ -50,13 +81,38 @@ void Cover::put_nadir(Strip& strip) {
     }
 }
 
-/// Of the post right below: as of level ground.
+/// The surface at the post right below, which the ray meets from straight above (or below): by the mean of the slopes on both sides.
+Cover::Facet Cover::nadir_facet(std::int64_t column, std::int64_t row, double above_m) const {
+    const auto height = [&](std::int64_t c, std::int64_t r) {
+        const Window& patch = scene_.nadir_patch.window;
+        if (!patch.columns.contains(c) || !patch.rows.contains(r)) return std::numeric_limits<double>::quiet_NaN();
+        return static_cast<double>(scene_.nadir_patch.surface_m[static_cast<std::size_t>(
+            (r - patch.rows.begin) * patch.columns.size() + c - patch.columns.begin)]);
+    };
+    const double z = height(column, row);
+    const auto slope = [z](double before, double after) {
+        const double rise = std::isnan(before) ? after - z : std::isnan(after) ? z - before : 0.5 * (after - before);
+        return std::isnan(rise) ? 0 : rise;
+    };
+    const double secant = secant_of(sides_[0].square, slope(height(column - 1, row), height(column + 1, row)),
+                                    slope(height(column, row - 1), height(column, row + 1)));
+    return {(above_m < 0 ? -1 : 1) / secant, secant};
+}
+
 float Cover::nadir_response(std::int64_t column, std::int64_t row, double above_m) {
     Desk& desk = desks_.local();
     if (desk.culture) desk.culture->forget();  // as a run does
+    const Chunk& patch = scene_.nadir_patch;
     desk.culture_m = {};
+    if (!patch.culture_height_m.empty()) {
+        const std::int64_t wide = patch.window.columns.size(), first = (row - patch.window.rows.begin) * wide;
+        desk.culture_m = std::span(patch.culture_height_m)
+                             .subspan(static_cast<std::size_t>(first + column - patch.window.columns.begin), 1);
+        desk.culture_begin = row;
+    }
     const SightLine down{-above_m, 0, std::abs(above_m), above_m > 0 ? -1.0 : 1.0};
-    return response(sides_[0], 0, column, row, {1, 1}, down, scene_.earth.inverse_radius(), desk);
+    return response(sides_[0], 0, column, row, nadir_facet(column, row, above_m), down, scene_.earth.inverse_radius(),
+                    desk);
 }
 
 Cover::Facet Cover::facet(const Side& side, const LineForm& line, double slope, double z, double behind, double beside,
@@ -64,15 +120,11 @@ Cover::Facet Cover::facet(const Side& side, const LineForm& line, double slope, 
     // The gradient of the own cell at the post, by the metric at the sensor.
     const double along = z - behind, across = slope < 0 ? beside - z : z - beside;
     const double along_z = along == along ? along : 0, across_z = across == across ? across : 0;
-    // Metric of index space: |(a, b)|^2 = g0 a^2 + g1 a b + g2 b^2; gradient squared is by its
-    // inverse; the rise along the ray by the arc of one line.
-    const double g0 = side.square[0], g1 = side.square[1], g2 = side.square[2];
-    const double det = g0 * g2 - 0.25 * g1 * g1;
-    const double steep = (g2 * along_z * along_z - g1 * along_z * across_z + g0 * across_z * across_z) / det;
+    // The rise along the ray by the arc of one line.
     const double rise = (along_z + slope * across_z) * line.distance / arc_m;
     // The ray at the post: depression less the angle between the two verticals.
     const double angle = std::atan2(-sight.up_m, sight.out_m) - arc_m * inverse_radius;
-    const double secant = std::sqrt(1 + steep);
+    const double secant = secant_of(side.square, along_z, across_z);
     return {facet_sine(std::sin(angle), std::cos(angle), rise, secant), secant};
 }
 
@@ -351,8 +403,7 @@ private:
             case CoverageLayer::depression:
                 return static_cast<float>(rounded(std::atan2(-sight.up_m, sight.out_m) * (180 / std::numbers::pi), 30));
             case CoverageLayer::grazing:
-                return static_cast<float>(
-                    rounded(std::asin(std::clamp(face(post, look).sine, -1.0, 1.0)) * (180 / std::numbers::pi), 30));
+                return degrees_of_sine(face(post, look).sine);
             case CoverageLayer::response:
                 if (state_[post.minor] == shadow) return nan_f;
                 return cover_.response(side_, look.slope, index_, post.minor, face(post, look), sight,

@@ -361,6 +361,7 @@ private:
         if (!desk.culture) desk.culture = std::make_unique<Culture>(db_, &source_);
         return *desk.culture;
     }
+    Facet nadir_facet(std::int64_t column, std::int64_t row, double above_m) const;
     float nadir_response(std::int64_t column, std::int64_t row, double above_m);
     float response(const Side& side, double slope, std::int64_t index, std::int64_t post, const Facet& facet,
                    const SightLine& sight, double inverse_radius, Desk& desk) const;

@@ -36,6 +36,21 @@ TEST_CASE("a scene file works from any folder", "[cli][long]") {
     CHECK_THAT(folder.run({"info", "scenes/lake.ini"}).out, Contains("1000.0 m above the terrain"));
 }
 
+TEST_CASE("a scene file in a folder that a link leads to finds what lies beside it", "[cli]") {
+    const Folder folder;
+    fs::create_directories(folder.file("far/scenes"));
+    const std::string ground = grid(folder, "ground", "5");
+    fs::rename(folder.file(ground), folder.file("far/ground.tif"));
+    std::ofstream(folder.file("far/scenes/a.ini"))
+        << "dem = ../ground.tif\nxy = 465100,3750100\naltitude-agl = 1km\nrange = 3km\n";
+    fs::create_directory_symlink("far/scenes", folder.file("link"));
+    for (const char* scene : {"far/scenes/a.ini", "link/a.ini"}) {
+        const Outcome outcome = folder.run({"info", scene});
+        INFO(scene << ": " << outcome.err);
+        CHECK(outcome.code == 0);
+    }
+}
+
 TEST_CASE("a radar set comes with the program, wherever that lies, and makes what its values make", "[cli][long]") {
     const Folder folder;
     for (const char* page : {"simulate", "scope"})

@@ -271,6 +271,17 @@ TEST_CASE("what may look like an error of the program is explained", "[cli][long
     says(with(place, {"--walls", "statistical"}), "walls statistical has no effect: no class of the ground");
     says(with(place, {"--sea-state", "4", "--backscatter", "oh", "--gamma", "-15dB"}),
          "backscatter and sea-state have no effect: gamma is one for everything");
+    says(with(place, {"--rain", "light", "--rain-top", "100m"}),
+         "rain-top is 100 m, and the ground below the sensor lies at ");
+    says(with(place, {"--cloud", "fog", "--cloud-top", "100m"}),
+         "cloud-top is 100 m, and the ground below the sensor lies at ");
+    says(with(place, {"--cloud", "fog", "--cloud-top", "12km"}), "cloud-top is 12000 m: above 8500 m, at -40 C");
+    says(with(place, {"--rain-top", "2km"}), "rain-top has no effect without rain");
+    says(with(place, {"--cloud-base", "1km", "--cloud-top", "2km"}),
+         "cloud-base and cloud-top have no effect without cloud");
+    says(with(place, {"--stc-exponent", "3"}), "stc-exponent has no effect without stc-range");
+    says({"--latlon", "33.8,-117.4", "--altitude-msl", "40km", "--range", "60km"},
+         "the sensor is 40 km up: earth 1.333");
     says(with(place, {"--class-table", "name,gamma10_db;tress,-14"}), "class-table adds tress, which neither");
     for (const Strings& more : {Strings{"--wind-direction", "30deg", "--sea-state", "2", "--material", "water"},
                                 Strings{"--walls", "statistical", "--material", "suburban"},

@@ -515,6 +515,54 @@ TEST_CASE("right below the sensor a target may stand above it, and a void is no 
     }
 }
 
+TEST_CASE("the post right below the sensor has the slope of its ground, and its wall", "[coverage]") {
+    const Folder folder;
+    Drawing d;
+    d.columns = d.rows = 41;
+    const auto run = [&](const std::string& place, const std::vector<std::string>& more) {
+        std::vector<std::string> words{WEDGESCOPE_PROGRAM,
+                                       "coverage",
+                                       folder / "dem.tif",
+                                       folder / "out.tif",
+                                       "--xy",
+                                       place,
+                                       "--altitude-msl",
+                                       "3km",
+                                       "--geometry",
+                                       "grid",
+                                       "--earth",
+                                       "flat",
+                                       "--overwrite",
+                                       "-q"};
+        words.insert(words.end(), more.begin(), more.end());
+        const Ended ended = run_program(words, folder / "log");
+        INFO(ended.err);
+        REQUIRE(ended.code == 0);
+        return static_cast<double>(Posts(folder / "out.tif").at(20, 20));
+    };
+    // Planes that fall to the east and to the south; on post (20, 20), and a hand's breadth beside it.
+    for (const auto& [east, south] : {std::pair{1.0, 0.0}, {0.3, -0.7}, {0.0, 0.0}}) {
+        d.value = [&, e = east, s = south](int c, int r) { return 500 - 10 * (e * (c - 20) + s * (r - 20)); };
+        draw(folder / "dem.tif", d);
+        const double grazing = std::asin(1 / std::sqrt(1 + east * east + south * south)) / degree;
+        CHECK(run("1205,1795", {"--layer", "grazing"}) == Approx(grazing).margin(1e-4));
+        CHECK(run("1205.1,1795.1", {"--layer", "grazing"}) == Approx(grazing).margin(0.01));
+        CHECK(run("1205,1795", {"--layer", "depression"}) == 90);
+        const std::vector<std::string> law{"--layer",  "response",       "--backscatter", "oh",     "--antenna",
+                                           "gaussian", "--antenna-knee", "0deg",          "--tilt", "90deg"};
+        CHECK(run("1205,1795", law) == Approx(run("1205.1,1795.1", law)).margin(0.01));
+    }
+    // What stands there is a wall to it.
+    d.value = [](int, int) { return 0.0; };
+    draw(folder / "dem.tif", d);
+    d.value = [](int c, int r) { return std::abs(c - 20) <= 2 && std::abs(r - 20) <= 2 ? 30.0 : 0.0; };
+    draw(folder / "height.tif", d);
+    const std::vector<std::string> town{"--layer",        "response", "--culture-height", folder / "height.tif",
+                                        "--material",     "urban",    "--antenna",        "gaussian",
+                                        "--antenna-knee", "0deg",     "--tilt",           "90deg"};
+    CHECK(run("1205,1795", town) == Approx(run("1205.1,1795.1", town)).margin(0.01));
+}
+
 TEST_CASE("posts on a sector's border are in it", "[coverage]") {
     const Folder folder;
     Drawing d;

@@ -12,6 +12,7 @@
 #include <optional>
 
 #include "tests/drawn_raster.hpp"
+#include "tests/file_content.hpp"
 #include "tests/json.hpp"
 #include "tests/program.hpp"
 #include "tests/words.hpp"
@@ -320,6 +321,80 @@ TEST_CASE("a driver that writes files of other names than the one given is refus
                 CHECK(folder.names() == before);
             }
     }
+}
+
+TEST_CASE("what a driver writes beside an output replaces no input, and no file that an option names",
+          "[output_formats]") {
+    const Folder folder;
+    draw_ridge(folder / "dem.tif");
+    draw_ridge(folder / "other.tif");
+    const auto untouched = [&](const std::string& file, const std::string& before) {
+        INFO(file);
+        CHECK(content(folder / file) == before);
+    };
+    const std::string dem = content(folder / "dem.tif"), other = content(folder / "other.tif");
+    struct Case {
+        const char *output, *driver, *option;
+    };
+    for (const Case& c : {Case{"p.xml", "PDS4", "IMAGE_FILENAME"},
+                          {"c.lbl", "ISIS3", "EXTERNAL_FILENAME"},
+                          {"c.mrf", "MRF", "DATANAME"},
+                          {"c.mrf", "MRF", "indexname"}})
+        for (const char* file : {"dem.tif", "other.tif"}) {
+            INFO(c.driver << " " << file);
+            const Ended ended = run(folder, coverage_of(folder, c.output,
+                                                        {"--of", c.driver, "--layer", "height", "--co",
+                                                         std::string(c.option) + "=" + folder / file}));
+            CHECK(ended.code == 2);
+            CHECK_THAT(ended.err,
+                       Contains(std::string("co '") + c.option + "=") && Contains("names a file of its own"));
+            untouched("dem.tif", dem);
+            untouched("other.tif", other);
+            CHECK_FALSE(std::filesystem::exists(folder / c.output));
+        }
+    // A world file is found only as it is about to be put in place; an image's data file before any work.
+    Drawing d;
+    d.columns = d.rows = 64;
+    d.value = [](int column, int) { return column == 40 ? 50.0 : 0.0; };
+    d.geotransform.reset();
+    d.crs.clear();
+    draw(folder / "bare.tif", d);
+    const std::string place = "30\n0\n0\n-30\n465015\n3754985\n";
+    std::ofstream(folder / "bare.wld") << place;
+    const Words words{"simulate", "--dem", folder / "bare.tif", "--xy", "465960,3754040", "--altitude-agl", "20m",
+                      "--range",  "500m",  "--rings",           "off"};
+    Ended ended = run(folder, with(words, {"-o", folder / "bare.png", "--co", "WORLDFILE=YES"}));
+    CHECK(ended.code == 2);
+    CHECK_THAT(ended.err,
+               Contains("bare.png") && Contains("bare.wld', of which dem ") && Contains("may not replace an input"));
+    untouched("bare.wld", place);
+    CHECK_FALSE(std::filesystem::exists(folder / "bare.png"));
+    ended = run(folder, with(words, {"-o", folder / "free.png", "--co", "WORLDFILE=YES"}));
+    INFO(ended.err);
+    CHECK(ended.code == 0);
+    CHECK(std::filesystem::exists(folder / "free.wld"));
+    std::filesystem::copy(folder / "dem.tif", folder / "dem.img");
+    Words over = coverage_of(folder, "dem.xml", {"--of", "PDS4", "--layer", "height"});
+    over[1] = folder / "dem.img";
+    ended = run(folder, over);
+    CHECK(ended.code == 2);
+    CHECK_THAT(ended.err, Contains("dem.img") && Contains("may not replace an input"));
+    untouched("dem.img", dem);
+}
+
+TEST_CASE("who wants the same bytes every time gets no driver that writes the time", "[output_formats]") {
+    const Folder folder;
+    draw_ridge(folder / "dem.tif");
+    const Ended ended = run(folder, coverage_of(folder, "c.nc", {"--layer", "height", "--reproducible"}));
+    CHECK(ended.code == 2);
+    CHECK_THAT(ended.err, Contains("c.nc' is to be reproducible, and driver netCDF writes the time"));
+    CHECK(run(folder, coverage_of(folder, "c.nc", {"--layer", "height"})).code == 0);
+    REQUIRE(::setenv("SOURCE_DATE_EPOCH", "1", 1) == 0);
+    const int by_environment = run(folder, coverage_of(folder, "d.nc", {"--layer", "height"})).code,
+              without_time = run(folder, coverage_of(folder, "d.tif", {"--layer", "height"})).code;
+    ::unsetenv("SOURCE_DATE_EPOCH");
+    CHECK(by_environment == 2);
+    CHECK(without_time == 0);
 }
 
 TEST_CASE("info tells a no-data value that is no number from none", "[output_formats]") {

@@ -79,18 +79,21 @@ struct DriverNames {
     std::vector<std::string_view> for_stem;
 };
 const DriverNames* names_of(const std::string& driver, const std::string& ending) {
-    static const std::vector<DriverNames> all{{"aaigrid", ",.asc,", {".prj"}},
-                                              {"hfa", ",.img,", {".ige", ".rde", ".rrd"}},
-                                              {"envi", "", {".hdr"}},
-                                              {"ehdr", ",.bil,", {".hdr", ".prj", ".clr", ".stx"}},
-                                              {"saga", ",.sdat,.sg-grd-z,", {".sgrd", ".sdat", ".prj", ".mgrd"}},
-                                              {"rst", ",.rst,", {".rdc", ".ref", ".smp"}},
-                                              {"ers", ",.ers,", {".ers", ""}},
-                                              {"ilwis", ",.mpr,.mpl,", {".mpr", ".mp#", ".grf", ".csy"}},
-                                              {"mff", "", {".hdr", ".b00"}},
-                                              {"rraster", ",.grd,", {".grd", ".gri"}},
-                                              {"isis2", "", {".lbl"}},
-                                              {"isis3", ",.lbl,", {".lbl", ".cub"}}};
+    static const std::vector<DriverNames> all{
+        {"aaigrid", ",.asc,", {".prj"}},
+        {"hfa", ",.img,", {".ige", ".rde", ".rrd"}},
+        {"envi", "", {".hdr"}},
+        {"ehdr", ",.bil,", {".hdr", ".prj", ".clr", ".stx"}},
+        {"saga", ",.sdat,.sg-grd-z,", {".sgrd", ".sdat", ".prj", ".mgrd"}},
+        {"rst", ",.rst,", {".rdc", ".ref", ".smp"}},
+        {"ers", ",.ers,", {".ers", ""}},
+        {"ilwis", ",.mpr,.mpl,", {".mpr", ".mp#", ".grf", ".csy"}},
+        {"mff", "", {".hdr", ".b00"}},
+        {"rraster", ",.grd,", {".grd", ".gri"}},
+        {"isis2", "", {".lbl"}},
+        {"pds4", "", {".img"}},
+        {"mrf", ",.mrf,", {".idx", ".ppg", ".pjg", ".ptf", ".til", ".tst", ".pzp", ".lrc", ".zst"}},
+        {"isis3", ",.lbl,", {".lbl", ".cub"}}};
     const auto found = std::find_if(all.begin(), all.end(), [&](const DriverNames& names) {
         if (!driver.empty()) return names.driver == driver;
         return !ending.empty() && names.endings.find("," + ending + ",") != std::string_view::npos;

@@ -170,7 +170,7 @@ std::vector<std::string> OutputFile::written() const {
     return names;
 }
 
-void OutputFile::commit(const std::vector<OutputFile*>& files) {
+void OutputFile::commit(const std::vector<OutputFile*>& files, const MayReplace& may_replace) {
     struct Move {
         const OutputFile* file;
         std::string from, to;
@@ -190,6 +190,7 @@ void OutputFile::commit(const std::vector<OutputFile*>& files) {
                                       "' both need the file '", to, "'; give them different names"));
             if (!file->overwrite_ && stands(to))
                 throw InputError(text("output '", file->final_path_, "': the file '", to, "' exists; add --overwrite"));
+            if (may_replace && to != file->final_path_ && stands(to)) may_replace(*file, to);
             sync(from, file->final_path_, false);
             moves.push_back({file, from, to});
         }

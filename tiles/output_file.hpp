@@ -1,6 +1,7 @@
 // OutputFile: a file that appears under its final name only when it is whole; anything else is removed, also when
 // a signal ends the run, and after `kill -9` by the next one of the same name. Leaves what is written to others.
 #pragma once
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -32,7 +33,9 @@ public:
     /// Flushes to disk and puts everything in place under the final names. Stale `.aux.xml` and `.geoloc.tif` of the
     /// final name go. Checked for all of them before the first one is moved: InputError if something stands there and
     /// `overwrite` is off, or if two of the outputs bring a side file of the same name. IoError naming the file.
-    static void commit(const std::vector<OutputFile*>& files);
+    /// `may_replace`: asked about every side file that one stands in the place of; throws where it may not.
+    using MayReplace = std::function<void(const OutputFile& output, const std::string& side_file)>;
+    static void commit(const std::vector<OutputFile*>& files, const MayReplace& may_replace = {});
     void commit() { commit({this}); }
 
 private:

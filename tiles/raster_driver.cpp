@@ -1,8 +1,10 @@
 #include "tiles/raster_driver.hpp"
 
+#include <algorithm>
 #include <bit>
 #include <cstddef>
 #include <filesystem>
+#include <iterator>
 #include <map>
 #include <utility>
 
@@ -76,6 +78,11 @@ GDALDriver& find_driver(const std::string& path, const RasterFormat& format) {
         "by range and azimuth also .png, for pictures .jpg, and those of GDAL's other raster drivers, or --of DRIVER"));
 }
 
+bool writes_the_time(const std::string& driver) {
+    constexpr const char* all[] = {"netCDF", "PCIDSK", "ISIS3", "GPKG", "BAG"};
+    return std::find(std::begin(all), std::end(all), driver) != std::end(all);
+}
+
 std::string listed(const CPLStringList& words) {
     std::string out;
     for (int i = 0; i < words.size(); ++i) out += text(i > 0 ? ", " : "", words[i]);
@@ -100,6 +107,9 @@ bool is_usual_geotiff(const std::string& path, const RasterFormat& format) {
 
 GDALDriver& driver_for(const std::string& path, GDALDataType type, const RasterFormat& format) {
     GDALDriver& driver = find_driver(path, format);
+    if (format.reproducible && writes_the_time(driver.GetDescription()))
+        throw InputError(text("output '", path, "' is to be reproducible, and driver ", driver.GetDescription(),
+                              " writes the time into its files; accepted: another format, such as .tif"));
     if (const char* types = driver.GetMetadataItem(GDAL_DMD_CREATIONDATATYPES)) {
         const CPLStringList words(CSLTokenizeString(types));
         if (words.FindString(GDALGetDataTypeName(type)) < 0)
@@ -118,6 +128,12 @@ bool swaps_bytes(const std::string& endianness) {
 void refuse_predictor(const std::string& endianness) {
     throw InputError(text("co PREDICTOR=3 with ENDIANNESS=", endianness,
                           " makes files that GDAL does not read back; accepted: PREDICTOR=1"));
+}
+
+/// Creation options by which a driver (ISIS3, PDS4, MRF) writes its posts wherever they say, over whatever stands there.
+bool names_file(const std::string& option) {
+    constexpr const char* all[] = {"EXTERNAL_FILENAME", "IMAGE_FILENAME", "DATANAME", "INDEXNAME"};
+    return std::any_of(std::begin(all), std::end(all), [&](const char* one) { return EQUAL(one, option.c_str()); });
 }
 
 CPLStringList creation_options(GDALDriver& driver, GDALDataType type, RasterPacking packing,
@@ -148,6 +164,10 @@ CPLStringList creation_options(GDALDriver& driver, GDALDataType type, RasterPack
         if (equals == 0 || equals == std::string::npos)
             throw InputError(text("co '", option, "' is no creation option; accepted: NAME=VALUE"));
         const std::string key = option.substr(0, equals);
+        if (names_file(key))
+            throw InputError(text("co '", option,
+                                  "' names a file of its own, which could be any; accepted: options that "
+                                  "leave it to the driver what stands beside the output"));
         given.SetNameValue(key.c_str(), option.c_str() + equals + 1);
         options.SetNameValue(key.c_str(), option.c_str() + equals + 1);
     }

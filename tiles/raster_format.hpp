@@ -9,7 +9,7 @@ namespace wedgescope {
 struct RasterFormat {
     std::string driver;                 ///< empty: from the file name's extension
     std::vector<std::string> creation;  ///< K=V
-    bool reproducible = false;          ///< the same bytes every time
+    bool reproducible = false;          ///< no driver that writes the time
     std::string version;                ///< of the program, for metadata
     std::string scene_json;             ///< SCENE_JSON
     std::string crs_wkt;                ///< DataBase::crs_wkt, for grid geometry; empty: none

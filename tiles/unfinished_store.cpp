@@ -136,11 +136,18 @@ void UnfinishedStore::check(bool overwrite, bool resume) const {
         throw InputError(text("'", folder_, "', where '", output_,
                               "' would be made, holds a finished tile store; move it away, or give output another name "
                               "(a run that was stopped right before its end ends with --resume)"));
-    const bool begun = fs::exists(inside(store_plan_name), error);
-    if (!begun && !(fs::is_directory(folder_, error) && fs::is_empty(folder_, error))) refuse_foreign();
+    if (holds_else()) refuse_foreign();
     if (!overwrite && !resume)
         throw InputError(
             text("'", folder_, "' holds an unfinished run; --resume goes on with it, --overwrite starts anew"));
+}
+
+bool UnfinishedStore::holds_else() const {
+    std::error_code error;
+    const auto begun = [&] { return fs::exists(inside(store_plan_name), error); };
+    if (begun() || (fs::is_directory(folder_, error) && fs::is_empty(folder_, error))) return false;
+    // Another run may have begun it meanwhile, or have ended.
+    return fs::exists(fs::symlink_status(folder_, error)) && !begun();
 }
 
 void UnfinishedStore::refuse_foreign() const {
@@ -169,8 +176,8 @@ void UnfinishedStore::open(const std::string& plan, bool resume) {
     } else if (const int number = errno; number != EEXIST) {
         throw IoError(text("output folder '", folder_, "' cannot be made: ", system_reason(number)));
     } else {
+        if (holds_else()) refuse_foreign();
         const bool ours = fs::exists(plan_path, error);
-        if (!ours && !fs::is_empty(folder_, error)) refuse_foreign();
         lock_plan();
         if (resume && ours) {
             const std::string found = file_text(plan_path, std::size_t{1} << 28);

@@ -38,6 +38,8 @@ public:
 private:
     void check_output(bool overwrite) const;
     void lock_plan();
+    /// Where this one would be made lies what no run has begun.
+    bool holds_else() const;
     [[noreturn]] void refuse_foreign() const;
     void remove_all_but_plan() const;
     bool remove_folder() const noexcept;

@@ -6,6 +6,18 @@
 namespace wedgescope::codecs {
 namespace {
 
+/// Without "." and "..", but where a link on the way makes that another place.
+std::string tidy(const std::filesystem::path& path) {
+    const std::filesystem::path normal = path.lexically_normal();
+    std::error_code error;
+    const auto place = [](const std::filesystem::path& of) {
+        return of.has_parent_path() ? of.parent_path() : std::filesystem::path(".");
+    };
+    const bool elsewhere =
+        std::filesystem::exists(place(path), error) && !std::filesystem::equivalent(place(path), place(normal), error);
+    return (elsewhere ? path : normal).string();
+}
+
 /// With the folder before what begins at `begin` of it, if from there to some end a file's name stands that lies in the folder.
 std::optional<std::string> from_folder(const std::string& folder, const std::string& path, std::size_t begin,
                                        const char* ends) {
@@ -13,8 +25,7 @@ std::optional<std::string> from_folder(const std::string& folder, const std::str
          end = path.find_last_of(ends, end - 1)) {
         const std::filesystem::path file = std::filesystem::path(folder) / path.substr(begin, end - begin);
         std::error_code gone;
-        if (std::filesystem::is_regular_file(file, gone))
-            return path.substr(0, begin) + file.lexically_normal().string() + path.substr(end);
+        if (std::filesystem::is_regular_file(file, gone)) return path.substr(0, begin) + tidy(file) + path.substr(end);
     }
     return std::nullopt;
 }
@@ -62,7 +73,7 @@ std::string resolved_path(const Given& given) {
     const auto colon = path.find(':');
     if (path[0] == '/' || (colon != std::string::npos && colon >= 2 && path.find('/') > colon))
         return inside_file_of(given.folder, path).value_or(path);
-    return (std::filesystem::path(given.folder) / path).lexically_normal().string();
+    return tidy(std::filesystem::path(given.folder) / path);
 }
 
 Codec word_of(std::string value, std::string Settings::*field) {

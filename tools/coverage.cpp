@@ -172,6 +172,7 @@ void tell(const Settings& settings, const Covered& covered, const Usage& usage, 
     for (const std::string& unfit : {choice.unfit, covered.unfit_map}) remark_unused(settings.quiet, unfit);
     for (const std::string& line : doubts_of_heights(settings.dem, covered.source, settings.culture_height_scale))
         say(line);
+    for (const std::string& line : doubts_of_rays(covered.scene)) say(line);
     if (settings.coverage.layer == CoverageLayer::response)
         for (const std::string& line : idle_effects(settings.scene, db)) say(line);
     const double rate = static_cast<double>(db.columns) * static_cast<double>(db.rows) / wall_s * 1e-6;
@@ -252,7 +253,7 @@ void coverage(const std::vector<std::string>& arguments, Stop& stop) {
     records.end_timeline();
     const Usage usage = usage_since(start_s);
     if (OutputFile* to = records.report()) write_report(*to, report_json(settings, report, db, usage));
-    records.commit({&file});
+    records.commit({&file}, data_paths(settings));
     tell(settings, {scene, *source, report, choice, unfit_map, by_tiles, raster.losses()}, usage, now_s() - start_s);
 }
 

@@ -54,7 +54,7 @@ RasterFormat coverage_format(const Settings& settings) {
     RasterFormat format;
     format.driver = settings.driver;
     format.creation = settings.creation;
-    format.reproducible = settings.reproducible;
+    format.reproducible = settings.same_bytes();
     format.version = version();
     format.scene_json = json_line(coverage_parameters(settings));
     return format;

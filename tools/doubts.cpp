@@ -60,7 +60,44 @@ std::string culture_too_tall(const SourceReport& source, double scale) {
     return high + fmt::format(" (culture-height-scale is {:.6g}; or is a no-data value not declared?)", scale);
 }
 
+std::string below_ground(const char* key, double top_m, const ResolvedScene& scene) {
+    return fmt::format("{} is {:.6g} m, and the ground below the sensor lies at {:.6g} m: ", key, top_m,
+                       scene.reference_m);
+}
+
+void doubt_rays(const ResolvedScene& scene, std::array<std::string, doubt_count>& lines) {
+    const WeatherParams& weather = scene.scene.weather;
+    const bool rains = weather.rain_mm_h > 0, clouded = weather.liquid_water_g_m3 > 0;
+    if (rains && weather.rain_top_m <= scene.reference_m)
+        lines[low_rain] = below_ground("rain-top", weather.rain_top_m, scene) +
+                          "rain weakens what lies lower, and has no echo of its own, which is counted above that level";
+    if (clouded && weather.cloud_top_m <= scene.reference_m)
+        lines[low_cloud] = below_ground("cloud-top", weather.cloud_top_m, scene) + "it weakens only what lies lower";
+    constexpr double frozen_m = 8500;  // -40 C in the standard atmosphere: no water stays liquid
+    if (clouded && weather.cloud_top_m > frozen_m)
+        lines[frozen_cloud] = fmt::format(
+            "cloud-top is {:.6g} m: above {:.0f} m, at -40 C, a cloud is ice, which weakens far less than the liquid "
+            "water "
+            "that is counted",
+            weather.cloud_top_m, frozen_m);
+    constexpr double air_m = 30000;  // from here on rays are nearer to straight lines than to those of the lower air
+    if (scene.sensor_m > air_m && scene.scene.earth_k && *scene.scene.earth_k > 1.01)
+        lines[high_sensor] = fmt::format(
+            "the sensor is {:.4g} km up: earth {:.4g} bends rays as the lower air does; --earth 1 is nearer to the "
+            "truth there",
+            scene.sensor_m * 1e-3, *scene.scene.earth_k);
+}
+
 }  // namespace
+
+std::vector<std::string> doubts_of_rays(const ResolvedScene& scene) {
+    std::array<std::string, doubt_count> lines;
+    doubt_rays(scene, lines);
+    std::vector<std::string> found;
+    for (std::string& line : lines)
+        if (!line.empty()) found.push_back(std::move(line));
+    return found;
+}
 
 std::array<std::string, doubt_count> doubts(const RunResult& r, bool pictured) {
     std::array<std::string, doubt_count> lines;
@@ -100,6 +137,7 @@ std::array<std::string, doubt_count> doubts(const RunResult& r, bool pictured) {
         lines[no_level] =
             "no height is known below the sensor: the reference height is 0 m, by which the beam widens and ground "
             "range is told, however high the ground stands";
+    doubt_rays(r.scene, lines);
     return lines;
 }
 
@@ -114,6 +152,25 @@ std::vector<std::string> idle_effects(const Scene& scene, const DataBase& db, co
     std::vector<std::string> lines;
     if (scene.platform.geoid_offset_m && scene.platform.altitude_above != AltitudeAbove::ellipsoid)
         lines.push_back("geoid-offset has no effect: it brings altitude-hae to sea level");
+    const Scene defaults;
+    const auto needs = [&](std::initializer_list<std::pair<const char*, bool>> keys, const char* other) {
+        std::vector<const char*> idle;
+        for (const auto& [key, set] : keys)
+            if (set) idle.push_back(key);
+        if (!idle.empty())
+            lines.push_back(fmt::format("{} {} no effect without {}", fmt::join(idle, " and "),
+                                        idle.size() > 1 ? "have" : "has", other));
+    };
+    const WeatherParams& weather = scene.weather;
+    if (!(weather.rain_mm_h > 0)) needs({{"rain-top", weather.rain_top_m != defaults.weather.rain_top_m}}, "rain");
+    if (!(weather.liquid_water_g_m3 > 0))
+        needs({{"cloud-base", weather.cloud_base_m != defaults.weather.cloud_base_m},
+               {"cloud-top", weather.cloud_top_m != defaults.weather.cloud_top_m}},
+              "cloud");
+    if (const ReceiverParams& receiver = scene.receiver; !receiver.stc_range_m)
+        needs({{"stc-exponent", receiver.stc_exponent != defaults.receiver.stc_exponent},
+               {"stc-max", receiver.stc_max.db() != defaults.receiver.stc_max.db()}},
+              "stc-range");
     if (scene.gamma) {
         std::vector<const char*> idle;
         if (scene.land != LandModel::constant_gamma) idle.push_back("backscatter");

@@ -21,11 +21,17 @@ enum Doubt : std::size_t {
     strong_rain,
     error_unkept,
     no_level,
+    low_rain,
+    low_cloud,
+    frozen_cloud,
+    high_sensor,
     doubt_count
 };
 
 /// A line for each kind of doubt that there is about a run; empty: none. `pictured`: is there a picture of it to be seen?
 std::array<std::string, doubt_count> doubts(const RunResult& result, bool pictured);
+/// Those of them that are about the way of the rays alone: weather that does not reach the ground, the earth's radius.
+std::vector<std::string> doubts_of_rays(const ResolvedScene& scene);
 /// ", 1662.8 m above the terrain", or why that cannot be said; behind the sensor's height above the sea.
 std::string above_terrain(const ResolvedScene& scene, const DataBase& data_base);
 

@@ -513,7 +513,7 @@ std::string plan_text(const Settings& settings, const PlannedSource& planned, co
         out += row("", map ? fmt::format("likely {} posts, {}: the rest lies hidden by the coarse block map",
                                          grouped(static_cast<std::uint64_t>(all.likely_posts)), bytes(all.likely_bytes))
                            : std::string(pass ? "what can be left out shows in the pass"
-                                              : "nothing can be left out: no block map is known"));
+                                              : "of the terrain nothing can be left out: no block map is known"));
     }
     if (!pass) {
         out += row("spill", planned.choice.kept ? "none: a kept spill is read" : "none: windows are read directly");

@@ -140,7 +140,8 @@ void add_look(Table& t) {
     t.add("range-start",
           quantity(
               length, between("0m", "9999km"), [](auto& s) -> auto& { return s.scene.range_start_m; }),
-          "0m", "smallest slant range (display gpi-true: ground range)");
+          "0m", "smallest slant range (display gpi-true: ground range)")
+        .help_elsewhere = {{command_coverage, "smallest slant range"}};
     t.add("geometry",
           choice<std::optional<Geometry>>(
               {{"geodesic", Geometry::geodesic}, {"grid", Geometry::grid}},
@@ -179,12 +180,13 @@ void add_look(Table& t) {
                                  "the quality that simulate takes for this RMS of its power image: draft from 0.4dB, "
                                  "normal from 0.1dB, fine from 0.05dB, exact from 0.02dB"}};
     }
-    t.add(
-        "spokes-per-post",
-        number(
-            between("0.25", "16"), [](auto& s) -> auto& { return s.scene.spokes_per_post; }, "auto"),
-        "auto",
-        "least spokes for each post of a line; auto: as the quality says, and from high up fewer where bins are wide");
+    t.add("spokes-per-post",
+          number(
+              between("0.25", "16"), [](auto& s) -> auto& { return s.scene.spokes_per_post; }, "auto"),
+          "auto",
+          "least spokes for each post of a line; auto: as the quality says, and from high up fewer where bins are wide")
+        .help_elsewhere = {
+        {command_coverage, "spokes for each post of a line; auto: 1 (draft, normal), 2 (fine), 4 (exact)"}};
     t.add("spokes-per-bin",
           number(
               between("2", "256"), [](auto& s) -> auto& { return s.scene.spokes_per_bin; }, "auto"),
@@ -402,7 +404,9 @@ void add_ground(Table& t) {
                {"oh", LandModel::oh}},
               [](auto& s) -> auto& { return s.scene.land; }),
           "constant-gamma",
-          "model of land; a class that it does not know keeps its constant gamma (oh: all but sand and soil)");
+          "model of land; a class that it does not know keeps its constant gamma (oh: all but sand and soil); "
+          "ulaby-dobson and "
+          "oh from 1 to 18 GHz, the former below 8 GHz by its rows for C band");
     t.add("water",
           choice<WaterModel>(
               {{"nrl", WaterModel::nrl}, {"calm", WaterModel::calm}}, [](auto& s) -> auto& { return s.scene.water; }),
@@ -738,12 +742,16 @@ void add_output(Table& t) {
     {
         Key& co = t.add("co", creation(), "", "creation option of that driver; may be repeated");
         co.repeatable = true;
+        co.help_elsewhere = {
+            {command_tile, "GeoTIFF creation option of the store's sheets, such as COMPRESS=ZSTD; may be repeated"}};
         co.commands |= command_tile;
     }
     t.add("overwrite", flag([](auto& s) -> auto& { return s.overwrite; }), "off", "replace outputs that exist")
         .commands |= command_tile | command_evaluate;
     t.add("reproducible", flag([](auto& s) -> auto& { return s.reproducible; }), "off",
-          "rasters and pictures are the same bytes every time (a report holds times)");
+          "rasters and pictures are the same bytes every time: they are without it too, but by drivers that write the "
+          "time, "
+          "which it refuses (a report holds times)");
 }
 
 void add_talk(Table& t) {
@@ -757,7 +765,11 @@ void add_talk(Table& t) {
     }
     t.add("profile", flag([](auto& s) -> auto& { return s.profile; }), "off",
           "tables on stderr: CPU by stage, waits, posts, bytes and memory of each wedge; and what share each stage "
-          "reached of what one thread of this machine could do (stages that all threads share may exceed 100 %)");
+          "reached of what one thread of this machine could do (stages that all threads share may exceed 100 %)")
+        .help_elsewhere = {
+        {command_coverage,
+         "tables on stderr: CPU, waits, posts and bytes of each quadrant, or of all observers; and what share each "
+         "stage reached of what one thread of this machine could do"}};
     t.add("verbose", flag([](auto& s) -> auto& { return s.verbose; }), "off", "the first of these tables");
     {
         Key& q = t.add("quiet", flag([](auto& s) -> auto& { return s.quiet; }), "off", "no progress and no remarks");

@@ -13,7 +13,7 @@ namespace {
 /// As files are written that --of and --co do not speak of.
 RasterFormat plain_format(const Settings& settings) {
     RasterFormat format;
-    format.reproducible = settings.reproducible;
+    format.reproducible = settings.same_bytes();
     format.version = version();
     return format;
 }

@@ -143,7 +143,7 @@ std::vector<Model> land_models() {
          },
          "material=urban f=10GHz psi=5deg"},
         {"ulaby-dobson",
-         "sigma0 of land by the mean fits of Ulaby and Dobson",
+         "sigma0 of land by the mean fits of Ulaby and Dobson; below 8 GHz by those for C band",
          "physics 4.2 [C rows V1, X and Ku rows U: Ulaby & Dobson 1989; below 10 degrees P]",
          {one_of("class", "class of the ground", {"soil", "grass", "shrubs", "short-vegetation"}), frequency(1, 18),
           held_grazing(), polarisation()},

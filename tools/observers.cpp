@@ -448,7 +448,7 @@ void coverage_of_observers(const Settings& given, double start_s, Stop& stop) {
     facts.scratch_read = counts.read_bytes();
     if (OutputFile* to = records.report())
         write_observers_report(*to, settings, *observers, *run, *source, facts, usage);
-    records.commit({&file});
+    records.commit({&file}, data_paths(settings));
     tell(settings, {*observers, *run, *source, facts, unfit_map, raster.losses()}, usage, now_s() - start_s);
 }
 

@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <memory>
 #include <optional>
 #include <set>
 #include <string_view>
@@ -159,6 +160,20 @@ void check_names(const NamedPaths& outputs, const NamedPaths& inputs, const std:
         for (const NamedPath& input : inputs)
             if (!input.second.empty()) refuse_over_input(outputs[i], input, driver, parts);
     }
+}
+
+OutputFile::MayReplace sparing(NamedPaths inputs) {
+    return [inputs = std::move(inputs), parts = std::make_shared<InputParts>()](const OutputFile& output,
+                                                                                const std::string& file) {
+        for (const auto& [key, path] : inputs) {
+            if (path.empty()) continue;
+            const bool whole = same_file(file, path);
+            if (whole || (may_have_parts(key, path) && !part_that_is(file, path, *parts).empty()))
+                throw InputError(text("output ", in_quotes(output.final_path()), ": its driver writes ",
+                                      in_quotes(file), whole ? ", which is " : ", of which ", key, " ", in_quotes(path),
+                                      whole ? "" : " is made", "; an output may not replace an input"));
+        }
+    };
 }
 
 void check_side_files(const NamedPaths& outputs, const Settings& s) {

@@ -36,6 +36,9 @@ private:
 void check_names(const NamedPaths& outputs, const NamedPaths& inputs, const std::string& driver, InputParts& parts);
 void check_names(const NamedPaths& outputs, const NamedPaths& inputs, const std::string& driver = {});
 
+/// Refuses side files of outputs that would replace one of `inputs`, or a part of one: InputError.
+OutputFile::MayReplace sparing(NamedPaths inputs);
+
 /// InputError where an output is a file that the run itself keeps: the ground map beside its terrain, what is in its work folder.
 void check_side_files(const NamedPaths& outputs, const Settings& settings);
 

@@ -13,12 +13,12 @@ void RunRecords::end_timeline() {
     if (timeline_) timeline_->finish();
 }
 
-std::string RunRecords::commit(std::vector<OutputFile*> outputs) {
+std::string RunRecords::commit(std::vector<OutputFile*> outputs, const NamedPaths& inputs) {
     for (std::optional<OutputFile>* file : {&report_, &timeline_file_})
         if (*file) outputs.push_back(&**file);
     std::string names;
     for (const OutputFile* file : outputs) names += (names.empty() ? "" : ", ") + file->final_path();
-    OutputFile::commit(outputs);
+    OutputFile::commit(outputs, sparing(inputs));
     return names;
 }
 

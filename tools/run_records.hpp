@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "tiles/output_file.hpp"
+#include "tools/run_files.hpp"
 #include "tools/settings.hpp"
 #include "tools/timeline.hpp"
 
@@ -24,7 +25,8 @@ public:
     /// What is told to the timeline later is left out. IoError if anything could not be written.
     void end_timeline();
     /// All of them in place, behind `outputs`, by OutputFile::commit(); the names of all, as the user is told them.
-    std::string commit(std::vector<OutputFile*> outputs);
+    /// `inputs`: of the run.
+    std::string commit(std::vector<OutputFile*> outputs, const NamedPaths& inputs);
 
 private:
     std::optional<OutputFile> report_, timeline_file_;

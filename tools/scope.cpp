@@ -22,14 +22,16 @@
 namespace wedgescope {
 namespace {
 
+NamedPaths scope_inputs(const Settings& s) {
+    return {{"the echo image", s.files[0]},
+            {"the scene file", s.files.size() > 1 ? s.files[1] : ""},
+            {"set", set_file(s)},
+            {"antenna", s.antenna_file}};
+}
+
 void check_scope_names(const Settings& s) {
     const NamedPaths outputs{{"output", s.output}, {"power", s.power}, {"states", s.states}, {"report", s.report}};
-    check_run_names(outputs,
-                    {{"the echo image", s.files[0]},
-                     {"the scene file", s.files.size() > 1 ? s.files[1] : ""},
-                     {"set", set_file(s)},
-                     {"antenna", s.antenna_file}},
-                    s.driver);
+    check_run_names(outputs, scope_inputs(s), s.driver);
 }
 
 nlohmann::ordered_json report_of(const StoredEcho& echo, const Settings& settings, const RunResult& result,
@@ -117,7 +119,7 @@ void scope(const std::vector<std::string>& arguments, Stop& stop) {
     if (OutputFile* to = records.report())
         write_report(*to, report_of(echo, settings, result, read_s, write_s, usage_since(start_s)));
     stop.check();
-    const std::string written = records.commit(layers.files());
+    const std::string written = records.commit(layers.files(), scope_inputs(settings));
     for (const std::string& line : doubts(result, !settings.output.empty()))
         if (!line.empty()) remark(settings.quiet, line);
     if (left_out)

@@ -2,6 +2,7 @@
 // lib/scene.hpp. Leaves how it is spelled to options.hpp.
 #pragma once
 #include <cstdint>
+#include <cstdlib>
 #include <map>
 #include <memory>
 #include <optional>
@@ -90,6 +91,12 @@ struct Settings {
     bool verify = false;  ///< info --verify
     bool verbose = false, profile = false, quiet = false, json = false, plan = false, help = false;
     std::vector<std::string> files;  ///< positional
+
+    /// Asked for by --reproducible or as other programs are, by SOURCE_DATE_EPOCH in the environment.
+    bool same_bytes() const {
+        const char* const epoch = std::getenv("SOURCE_DATE_EPOCH");
+        return reproducible || (epoch && *epoch);
+    }
 
     std::map<std::string, std::string> given;  ///< no key: those that somebody gave, each as messages call it
     /// What messages call a key: "--target-height", or what the user wrote for it.

@@ -269,7 +269,7 @@ private:
                                           outer_, usage_));
         }
         stop_.check();
-        written_ = records_.commit(outputs_.files());
+        written_ = records_.commit(outputs_.files(), input_paths(settings_));
     }
 
     void tell() const {

@@ -125,7 +125,8 @@ public:
     Run(const Settings& settings, const TrackFrames& frames, WedgeSource& source, std::uint64_t data, TrackStack* stack,
         Timeline* timeline, Stop& stop)
         : settings_(settings), frames_(frames), source_(source), data_(data), stack_(stack), timeline_(timeline),
-          stop_(stop), tables_(std::make_shared<const SceneTables>(settings.scene)) {
+          stop_(stop), tables_(std::make_shared<const SceneTables>(settings.scene)),
+          may_replace_(sparing(input_paths(settings))) {
         report_.frames.resize(frames.size());
     }
 
@@ -141,7 +142,7 @@ public:
         InOrder<Made> committer(
             frames_.size(),
             [this](Made& made) {
-                OutputFile::commit(made.files.files());
+                OutputFile::commit(made.files.files(), may_replace_);
                 if (stack_) stack_->put(made.words);
             },
             [&](std::size_t written) { progress(static_cast<double>(written) / static_cast<double>(frames_.size())); });
@@ -260,6 +261,7 @@ private:
     Timeline* timeline_;
     Stop& stop_;
     std::shared_ptr<const SceneTables> tables_;
+    const OutputFile::MayReplace may_replace_;
     struct DoubtCount {
         std::size_t frames = 0, first = 0;
         std::string line;  ///< of the first one
@@ -370,7 +372,7 @@ void simulate_track(const Settings& given, double start_s, Stop& stop) {
     }
     if (OutputFile* to = records.report())
         write_track_report(*to, settings, frames, run->report(), *source, open_s, usage);
-    const std::string others = records.commit(files);
+    const std::string others = records.commit(files, input_paths(settings));
 
     for (const std::string& line : idle_effects(frames.settings(0).scene, source->data_base()))
         remark(settings.quiet, line);
