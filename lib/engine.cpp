@@ -65,7 +65,7 @@ struct WeatherHere {
         loss.emplace(weather, rays);
         if (weather.params().rain_mm_h == 0) return;
         const RainEcho rain(weather, *loss, pattern,
-                            {s.scene.radar, rays.earth, s.sensor_m, s.reference_m, rays.most_range_m});
+                            {s.scene.radar, rays.earth, s.sensor_m, s.reference_m, rays.most_range_m, s.rain_floor});
         rain_w = rain.cells_w(edges_m, s.swept.azimuth_step_rad());
         // The beam will widen each bin as level ground at its range; rain is wider by its own elevation already.
         const BeamSetting beam = beam_setting(s);

@@ -22,6 +22,11 @@ std::optional<double> rain_rate_mm_h(std::string_view category);
 
 inline constexpr double most_rain_mm_h = 500;
 
+/// Where rain ends below, at a slant range: rays that fall below this height there meet ground on their way.
+struct RainFloor {
+    double range_m, height_m;
+};
+
 /// Tilt of the polarisation from the horizontal, as the rain's attenuation takes it.
 inline constexpr Angle horizontal_tilt = Angle::degrees(0), vertical_tilt = Angle::degrees(90),
                        circular_tilt = Angle::degrees(45);

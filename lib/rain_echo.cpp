@@ -64,25 +64,47 @@ struct PatternSines {
 
 /// Between which sines of elevation a range is wet.
 struct Wet {
-    const Earth& earth;
-    double sensor_m, reference_m, top_m;
+    const RainEchoParams& params;
+    double top_m;
 
     struct Sines {
         double low, high;
     };
     Sines at(double range_m) const {
-        const double c = earth.inverse_radius(), scale = 1 + sensor_m * c;
+        const double c = params.earth.inverse_radius(), sensor_m = params.sensor_m, scale = 1 + sensor_m * c,
+                     floor_m = params.floor.empty() ? params.reference_m : floor_at(range_m);
         const auto u_of = [&](double height_m) { return (height_m - sensor_m) * (2 + c * (sensor_m + height_m)); };
         const auto sine = [&](double height_m) {
             return std::clamp((u_of(height_m) - c * range_m * range_m) / (2 * scale * range_m), -1.0, 1.0);
         };
-        Sines wet{sine(reference_m), sine(top_m)};
+        Sines wet{sine(floor_m), sine(top_m)};
+        if (!params.floor.empty()) return wet;
         // Beyond the tangent to the level surface below, what is under it is hidden.
-        if (const double d = -c * u_of(reference_m); d > 0)
+        if (const double d = -c * u_of(floor_m); d > 0)
             if (const double tangent = std::sqrt(d); c * range_m > tangent) wet.low = std::max(-tangent / scale, -1.0);
         return wet;
     }
+
+private:
+    double floor_at(double range_m) const {
+        const std::vector<RainFloor>& floor = params.floor;
+        const auto after = std::upper_bound(floor.begin(), floor.end(), range_m,
+                                            [](double r, const RainFloor& knot) { return r < knot.range_m; });
+        if (after == floor.begin() || after == floor.end())
+            return (after == floor.begin() ? *after : floor.back()).height_m;
+        const RainFloor& before = *(after - 1);
+        return before.height_m +
+               (after->height_m - before.height_m) * (range_m - before.range_m) / (after->range_m - before.range_m);
+    }
 };
+
+/// Of the floor, or of the level surface.
+double lowest_m(const RainEchoParams& params) {
+    if (params.floor.empty()) return params.reference_m;
+    return std::min_element(params.floor.begin(), params.floor.end(),
+                            [](const RainFloor& a, const RainFloor& b) { return a.height_m < b.height_m; })
+        ->height_m;
+}
 
 constexpr double widest_panel = 0.1;  // of the sine
 constexpr double least_cosine = 0.5;  // as the beam's
@@ -97,7 +119,7 @@ RainEcho::RainEcho(const Weather& weather, const PathLossTable& loss, const Patt
     require_above("range", params.most_range_m, 0, "m");
     const WeatherParams& rain = weather.params();
     const double pulse_m = params.radar.pulse_extent_m();
-    if (rain.rain_mm_h == 0 || rain.rain_top_m <= params.reference_m || params.most_range_m <= pulse_m) return;
+    if (rain.rain_mm_h == 0 || rain.rain_top_m <= lowest_m(params) || params.most_range_m <= pulse_m) return;
 
     double constant =
         radar_constant(params.radar) * rain_cross_section_per_m(params.radar.frequency_hz, rain.rain_mm_h);
@@ -122,7 +144,7 @@ RainEcho::RainEcho(const Weather& weather, const PathLossTable& loss, const Patt
         }
 
     const PatternSines cuts(params.radar.antenna);
-    const Wet wet{params.earth, params.sensor_m, params.reference_m, rain.rain_top_m};
+    const Wet wet{params, rain.rain_top_m};
     const double c = params.earth.inverse_radius();
     const double rain_nepers_m = 2e-3 * 0.23026 * rounded_significand(weather.rain_db_km(0), 24);
     std::vector<double> edges, sines, weights, ranges, inverse, factors;

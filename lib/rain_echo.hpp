@@ -1,14 +1,15 @@
 // Rain echo: what the rain itself sends back into each range bin.
 // Leaves what rain does to the echoes behind it to path_loss.hpp, drops to rain.hpp, beam and pulse to beam.hpp.
 //
-// Rain of one rate fills the layer between a level surface at the reference height and the rain's top, all round; hills
-// do not hide it, the level surface does (beyond its horizon only rain above the ray that grazes it is seen) [P].
+// Rain of one rate fills the layer below the rain's top, all round, down to the floor that is given or to a level surface at the
+// reference height, which hides what lies beyond its horizon, but for what is above the ray that grazes it [P].
 #pragma once
 #include <span>
 #include <vector>
 
 #include "lib/earth.hpp"
 #include "lib/path_loss.hpp"
+#include "lib/rain.hpp"
 #include "lib/sensor.hpp"
 #include "lib/shade.hpp"
 
@@ -20,6 +21,8 @@ struct RainEchoParams {
     double sensor_m = 0;      ///< above sea level, -1000 to 1e6
     double reference_m = 0;   ///< level surface below the rain
     double most_range_m = 0;  ///< slant, above 0
+    /// In place of that surface and its horizon, by range ascending, straight lines between; empty: there is none.
+    std::vector<RainFloor> floor{};
 };
 
 /// The rain's echo before beam and pulse, the same in every azimuth: with K of radar_constant(), eta of

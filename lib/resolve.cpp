@@ -623,6 +623,79 @@ void look_around(ResolvedScene& s, WedgeSource& source) {
     s.clearance_m = s.sensor_m - static_cast<double>(*highest);
 }
 
+/// Of a sensor and a point at a slant range: the sine of its elevation, and the height that such a ray has there. Source: physics
+/// "Effective earth", the law of cosines.
+class RayHeights {
+public:
+    RayHeights(double sensor_m, double inverse_radius) : sensor_m_(sensor_m), c_(inverse_radius) {}
+    double sine(double range_m, double height_m) const {
+        const double rise = (height_m - sensor_m_) * (2 + c_ * (sensor_m_ + height_m));
+        return (rise - c_ * range_m * range_m) / (2 * (1 + sensor_m_ * c_) * range_m);
+    }
+    double height_m(double range_m, double sine) const {
+        const double rise = sine * 2 * (1 + sensor_m_ * c_) * range_m + c_ * range_m * range_m,
+                     from_sea = sensor_m_ * (2 + c_ * sensor_m_) + rise;
+        return from_sea / (1 + std::sqrt(std::max(0.0, 1 + c_ * from_sea)));
+    }
+
+private:
+    double sensor_m_, c_;
+};
+
+/// The post nearest to what lies in a direction at a distance on the ground; nothing outside the raster.
+std::optional<std::array<std::int64_t, 2>> post_at(const ResolvedScene& s, const DataBase& db, double azimuth_rad,
+                                                   double arc_m) {
+    IndexPosition there;
+    if (s.geometry == Geometry::grid) {
+        there = {s.nadir.column + arc_m * std::sin(azimuth_rad) / (db.step_x * db.metres_per_unit),
+                 s.nadir.row + arc_m * std::cos(azimuth_rad) / (db.step_y * db.metres_per_unit)};
+    } else {
+        double lat = 0, lon = 0;
+        GeographicLib::Geodesic::WGS84().Direct(s.lat_deg, s.lon_deg, azimuth_rad / degree, arc_m, lat, lon);
+        there = db.locate(lat, lon);
+    }
+    if (!std::isfinite(there.column) || !std::isfinite(there.row)) return {};
+    const auto post = [](double place) {
+        return static_cast<std::int64_t>(std::floor(rounded(place, position_bits) + 0.5));
+    };
+    const std::int64_t column = post(there.column), row = post(there.row);
+    if (row < 0 || row >= db.rows || (!db.cyclic && (column < 0 || column >= db.columns))) return {};
+    return std::array{column, row};
+}
+
+/// ResolvedScene::rain_floor, by a few hundred posts: a ray is cut off by the highest ground, as the sensor sees it, on its way. All
+/// round and at distances of their own, so that sector and range change nothing within them.
+std::vector<RainFloor> rain_floor(const ResolvedScene& s, WedgeSource& source) {
+    constexpr int rays = 16, height_bits = 6;
+    constexpr double first_m = 64, wider = 1.25;
+    const RayHeights heights(s.sensor_m, s.earth.inverse_radius());
+    std::array<double, rays> highest;
+    highest.fill(-1);
+    std::vector<RainFloor> floor;
+    if (s.nadir_on_data) floor.push_back({std::abs(s.sensor_m - s.reference_m), s.reference_m});
+    bool within = true;
+    for (double arc_m = first_m; within; arc_m *= wider) {
+        within = arc_m < *s.scene.range_m;
+        double range_m = 0, height_m = 0;
+        int known = 0;
+        for (int ray = 0; ray < rays; ++ray) {
+            const auto post = post_at(s, source.data_base(), 2 * std::numbers::pi * ray / rays, arc_m);
+            const double ground_m = post ? static_cast<double>(source.bare_terrain_m((*post)[0], (*post)[1])) : NAN;
+            if (std::isnan(ground_m)) continue;
+            const double r = s.earth.slant_range_m(s.sensor_m, ground_m, arc_m), sine = heights.sine(r, ground_m);
+            double& most = highest[static_cast<std::size_t>(ray)];
+            height_m += sine >= most ? ground_m : heights.height_m(r, most);
+            most = std::max(most, sine);
+            range_m += r;
+            ++known;
+        }
+        if (known == 0) continue;
+        const RainFloor knot{rounded(range_m / known, height_bits), rounded(height_m / known, height_bits)};
+        if (floor.empty() || knot.range_m > floor.back().range_m) floor.push_back(knot);
+    }
+    return floor;
+}
+
 }  // namespace
 
 double outermost_m(const ResolvedScene& s) {
@@ -636,6 +709,7 @@ ResolvedScene resolve(const Scene& scene, WedgeSource& source) {
     if (!scene.range_m) s.scene.range_m = default_range(s, source);
     resolve_view(s, scene);
     look_around(s, source);
+    if (scene.weather.rain_mm_h > 0) s.rain_floor = rain_floor(s, source);
     return s;
 }
 

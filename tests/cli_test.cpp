@@ -272,7 +272,7 @@ TEST_CASE("what may look like an error of the program is explained", "[cli][long
     says(with(place, {"--sea-state", "4", "--backscatter", "oh", "--gamma", "-15dB"}),
          "backscatter and sea-state have no effect: gamma is one for everything");
     says(with(place, {"--rain", "light", "--rain-top", "100m"}),
-         "rain-top is 100 m, and the ground below the sensor lies at ");
+         "rain-top is 100 m, and the ground around, on the mean, lies at ");
     says(with(place, {"--cloud", "fog", "--cloud-top", "100m"}),
          "cloud-top is 100 m, and the ground below the sensor lies at ");
     says(with(place, {"--cloud", "fog", "--cloud-top", "12km"}), "cloud-top is 12000 m: above 8500 m, at -40 C");

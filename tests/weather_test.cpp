@@ -3,12 +3,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <numbers>
 
 #include "lib/atmosphere.hpp"
 #include "lib/beam.hpp"
 #include "lib/engine.hpp"
 #include "lib/rain.hpp"
+#include "lib/rain_echo.hpp"
 #include "lib/shade.hpp"
 #include "tests/bare_scene.hpp"
 #include "tests/refusal.hpp"
@@ -181,6 +183,66 @@ TEST_CASE("on a true ground-range scope rain lies where level ground of its rang
         INFO("at " << arc << " m");
         CHECK_THAT(at(ground.power_w, 5, arc) / at(slant.power_w, 5, range), WithinRel(1.0, 0.02));
     }
+}
+
+TEST_CASE("rain falls to the ground where it is, not to the height of that below the sensor", "[weather]") {
+    const auto power_over = [](const std::function<double(double, double)>& height_m) {
+        MemorySource source(801, 801, 30, height_m);
+        source.editable().default_class = material_by_name("material", "water");
+        Scene s = scene_at(4000, 11000);
+        s.weather.rain_mm_h = 1;  // which hardly weakens itself
+        s.radar.antenna.elevation = ElevationPattern::gaussian;  // as good as even
+        s.radar.antenna.width = Angle::degrees(170);
+        s.weather.rain_top_m = 2000;
+        return simulate(s, source);
+    };
+    const auto near = [](double column, double row) { return std::hypot(column - 400, row - 400) < 50; };
+    const auto half = [](double column, double row) { return column - 400 + 0.3 * (row - 400) < 0 ? 0.0 : 1500.0; };
+    const RunResult low = power_over([](double, double) { return 0.0; }),
+                    high = power_over([](double, double) { return 1500.0; }),
+                    mesa = power_over([&](double c, double r) { return near(c, r) ? 2100.0 : 0.0; }),
+                    pit = power_over([&](double c, double r) { return near(c, r) ? 0.0 : 1500.0; }),
+                    halves = power_over(half);
+    for (const double range : {6500.0, 8000.0, 10500.0}) {
+        INFO("at " << range << " m");
+        const double of_low = at(low.power_w, 5, range), of_high = at(high.power_w, 5, range);
+        CHECK(of_high < 0.8 * of_low);
+        CHECK_THAT(at(mesa.power_w, 5, range),
+                   WithinRel(of_low, 1e-3));  // whose edge hides the ground as far as 5.1 km
+        CHECK_THAT(at(pit.power_w, 5, range), WithinRel(of_high, 1e-3));
+        CHECK_THAT(at(halves.power_w, 5, range), WithinRel(0.5 * (of_low + of_high), 0.03));
+    }
+    // All round the same whatever sector and range are asked for, and on a plain what a level surface gives.
+    Scene s = scene_at(4000, 7000);
+    s.weather.rain_mm_h = 16;
+    s.weather.rain_top_m = 2000;
+    s.sector = Sector{Angle::degrees(10), Angle::degrees(40)};
+    MemorySource split(801, 801, 30, half);
+    const ResolvedScene part = resolve(s, split);
+    REQUIRE(part.rain_floor.size() > 10);
+    for (std::size_t i = 0; i < part.rain_floor.size(); ++i) {
+        CHECK(part.rain_floor[i].range_m == halves.scene.rain_floor[i].range_m);
+        CHECK(part.rain_floor[i].height_m == halves.scene.rain_floor[i].height_m);
+    }
+    for (const RainFloor& knot : high.scene.rain_floor) CHECK(knot.height_m == 1500);
+    s.weather.rain_mm_h = 0;
+    CHECK(resolve(s, split).rain_floor.empty());
+    // Beyond the horizon only what is above the ray that grazes the ground is seen, as over a level surface.
+    const Earth earth(6371000.0 * 4 / 3);
+    const Weather weather({.rain_mm_h = 4}, RadarParams{}.frequency_hz);
+    MemorySource wide(901, 901, 400, [](double, double) { return 100.0; });
+    Scene far = scene_at(600, 150e3);
+    far.platform.xy = PointXY{180000, -180000};
+    far.weather = weather.params();
+    RainEchoParams params{
+        .radar = far.radar, .earth = earth, .sensor_m = 600, .reference_m = 100, .most_range_m = 150e3};
+    const PathLossTable loss(weather, {.earth = earth, .sensor_m = 600, .most_range_m = 150e3, .highest_m = 20e3});
+    const PatternTable pattern(far.radar.antenna);
+    const RainEcho level(weather, loss, pattern, params);
+    params.floor = resolve(far, wide).rain_floor;
+    const RainEcho floor(weather, loss, pattern, params);
+    for (const double range : {5e3, 30e3, 80e3, 110e3, 140e3})
+        CHECK_THAT(floor.density_w_m_rad(range), WithinRel(level.density_w_m_rad(range), 0.01));
 }
 
 TEST_CASE("rain fluctuates as the ground does: its mean stays, one look is exponential", "[weather]") {

@@ -60,6 +60,13 @@ std::string culture_too_tall(const SourceReport& source, double scale) {
     return high + fmt::format(" (culture-height-scale is {:.6g}; or is a no-data value not declared?)", scale);
 }
 
+/// As rays of rain and cloud meet it.
+double lowest_ground_m(const ResolvedScene& scene) {
+    double lowest_m = scene.reference_m;
+    for (const RainFloor& knot : scene.rain_floor) lowest_m = std::min(lowest_m, knot.height_m);
+    return lowest_m;
+}
+
 std::string below_ground(const char* key, double top_m, const ResolvedScene& scene) {
     return fmt::format("{} is {:.6g} m, and the ground below the sensor lies at {:.6g} m: ", key, top_m,
                        scene.reference_m);
@@ -68,9 +75,11 @@ std::string below_ground(const char* key, double top_m, const ResolvedScene& sce
 void doubt_rays(const ResolvedScene& scene, std::array<std::string, doubt_count>& lines) {
     const WeatherParams& weather = scene.scene.weather;
     const bool rains = weather.rain_mm_h > 0, clouded = weather.liquid_water_g_m3 > 0;
-    if (rains && weather.rain_top_m <= scene.reference_m)
-        lines[low_rain] = below_ground("rain-top", weather.rain_top_m, scene) +
-                          "rain weakens what lies lower, and has no echo of its own, which is counted above that level";
+    if (rains && weather.rain_top_m <= lowest_ground_m(scene))
+        lines[low_rain] = fmt::format(
+            "rain-top is {:.6g} m, and the ground around, on the mean, lies at {:.6g} m or higher: rain has no echo of "
+            "its own",
+            weather.rain_top_m, lowest_ground_m(scene));
     if (clouded && weather.cloud_top_m <= scene.reference_m)
         lines[low_cloud] = below_ground("cloud-top", weather.cloud_top_m, scene) + "it weakens only what lies lower";
     constexpr double frozen_m = 8500;  // -40 C in the standard atmosphere: no water stays liquid

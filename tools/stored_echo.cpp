@@ -60,6 +60,24 @@ private:
     std::string name_;
 };
 
+/// None in an image without rain, and in one of before there were any.
+std::vector<RainFloor> rain_floor_in(const Member& resolved) {
+    constexpr const char* name = "rain_floor_m";
+    std::vector<RainFloor> floor;
+    if (!resolved.has(name)) return floor;
+    const json& knots = resolved.at(name);
+    const auto good = [&](const json& knot) {
+        return knot.is_array() && knot.size() == 2 && knot[0].is_number() && knot[1].is_number() &&
+               (floor.empty() || knot[0].get<double>() > floor.back().range_m);
+    };
+    if (!knots.is_array()) resolved.refuse(name, "a list");
+    for (const json& knot : knots) {
+        if (!good(knot)) resolved.refuse(name, "a list of ascending ranges with heights");
+        floor.push_back({knot[0].get<double>(), knot[1].get<double>()});
+    }
+    return floor;
+}
+
 PolarGrid grid_in(const Member& resolved, const char* name) {
     const Member grid = resolved.object(name);
     PolarGrid out;
@@ -150,6 +168,7 @@ StoredEcho stored_echo(const std::string& path, const std::string& scene_json, s
     place.nadir_on_data = resolved.flag("nadir_on_data");
     place.sensor_m = resolved.number("sensor_height_m");
     place.reference_m = resolved.number("reference_height_m");
+    place.rain_floor = rain_floor_in(resolved);
     place.earth = Earth::of_curvature(resolved.number("earth_inverse_radius_per_m"));
     place.scene.range_m = resolved.number("range_m");
     const PolarGrid swept = grid_in(resolved, "swept");
