@@ -84,6 +84,12 @@ private:
     double bin_, whole_;
 };
 
+/// Without the beam's least: below the sensor bins of ground range hold the less ground the longer the pulse lies on it.
+double cosine_of_depression(const BeamSetting& setting, std::int64_t range_bin, double range_bin_m) {
+    const double arc_m = middle_of_bin(range_bin, range_bin_m);
+    return std::cos(setting.earth.sight(setting.sensor_m, setting.reference_m, arc_m).depression_rad);
+}
+
 /// The pulse of one range bin, in bins.
 struct PulseOfBin {
     std::vector<double> weights;
@@ -94,12 +100,6 @@ PulseOfBin slant_pulse(const BeamSetting& setting, double scale, double range_bi
     const double length = setting.pulse_extent_m * scale / range_bin_m;
     return {pulse_weights(length), length};
 }
-/// Without the beam's least: below the sensor bins of ground range hold the less ground the longer the pulse lies on it.
-double cosine_of_depression(const BeamSetting& setting, std::int64_t range_bin, double range_bin_m) {
-    const double arc_m = middle_of_bin(range_bin, range_bin_m);
-    return std::cos(setting.earth.sight(setting.sensor_m, setting.reference_m, arc_m).depression_rad);
-}
-
 /// Of one of ground range. The near end of what the pulse lights goes on evenly over a part of the bin; where it leaves the nadir,
 /// as a square root, the parts are small.
 PulseOfBin ground_pulse(const BeamSetting& setting, double scale, double range_bin_m, std::int64_t range_bin) {

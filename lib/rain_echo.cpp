@@ -135,7 +135,8 @@ RainEcho::RainEcho(const Weather& weather, const PathLossTable& loss, const Patt
     for (double range = pulse_m; range < params.most_range_m; range += std::min(by * range, most_step))
         range_m_.push_back(range);
     range_m_.push_back(params.most_range_m);
-    for (const double height_m : {params.reference_m, rain.rain_top_m})
+    for (const double height_m :
+         {params.floor.empty() ? params.reference_m : params.floor.front().height_m, rain.rain_top_m})
         for (const double beyond : {0.0, 1.0 / 64, 1.0 / 16, 1.0 / 4}) {
             const double bend = std::abs(params.sensor_m - height_m) * (1 + by * beyond);
             if (!(bend > pulse_m && bend < params.most_range_m)) continue;

@@ -623,25 +623,6 @@ void look_around(ResolvedScene& s, WedgeSource& source) {
     s.clearance_m = s.sensor_m - static_cast<double>(*highest);
 }
 
-/// Of a sensor and a point at a slant range: the sine of its elevation, and the height that such a ray has there. Source: physics
-/// "Effective earth", the law of cosines.
-class RayHeights {
-public:
-    RayHeights(double sensor_m, double inverse_radius) : sensor_m_(sensor_m), c_(inverse_radius) {}
-    double sine(double range_m, double height_m) const {
-        const double rise = (height_m - sensor_m_) * (2 + c_ * (sensor_m_ + height_m));
-        return (rise - c_ * range_m * range_m) / (2 * (1 + sensor_m_ * c_) * range_m);
-    }
-    double height_m(double range_m, double sine) const {
-        const double rise = sine * 2 * (1 + sensor_m_ * c_) * range_m + c_ * range_m * range_m,
-                     from_sea = sensor_m_ * (2 + c_ * sensor_m_) + rise;
-        return from_sea / (1 + std::sqrt(std::max(0.0, 1 + c_ * from_sea)));
-    }
-
-private:
-    double sensor_m_, c_;
-};
-
 /// The post nearest to what lies in a direction at a distance on the ground; nothing outside the raster.
 std::optional<std::array<std::int64_t, 2>> post_at(const ResolvedScene& s, const DataBase& db, double azimuth_rad,
                                                    double arc_m) {
@@ -666,11 +647,14 @@ std::optional<std::array<std::int64_t, 2>> post_at(const ResolvedScene& s, const
 /// ResolvedScene::rain_floor, by a few hundred posts: a ray is cut off by the highest ground, as the sensor sees it, on its way. All
 /// round and at distances of their own, so that sector and range change nothing within them.
 std::vector<RainFloor> rain_floor(const ResolvedScene& s, WedgeSource& source) {
-    constexpr int rays = 16, height_bits = 6;
+    constexpr int height_bits = 6;
     constexpr double first_m = 64, wider = 1.25;
-    const RayHeights heights(s.sensor_m, s.earth.inverse_radius());
-    std::array<double, rays> highest;
-    highest.fill(-1);
+    struct Ray {
+        double ground_m;  ///< where nothing is known it goes on level
+        double depression_rad = std::numbers::pi / 2;
+    };
+    std::array<Ray, 16> rays;
+    rays.fill({s.nadir_on_data ? s.reference_m : NAN});
     std::vector<RainFloor> floor;
     if (s.nadir_on_data) floor.push_back({std::abs(s.sensor_m - s.reference_m), s.reference_m});
     bool within = true;
@@ -678,20 +662,27 @@ std::vector<RainFloor> rain_floor(const ResolvedScene& s, WedgeSource& source) {
         within = arc_m < *s.scene.range_m;
         double range_m = 0, height_m = 0;
         int known = 0;
-        for (int ray = 0; ray < rays; ++ray) {
-            const auto post = post_at(s, source.data_base(), 2 * std::numbers::pi * ray / rays, arc_m);
-            const double ground_m = post ? static_cast<double>(source.bare_terrain_m((*post)[0], (*post)[1])) : NAN;
-            if (std::isnan(ground_m)) continue;
-            const double r = s.earth.slant_range_m(s.sensor_m, ground_m, arc_m), sine = heights.sine(r, ground_m);
-            double& most = highest[static_cast<std::size_t>(ray)];
-            height_m += sine >= most ? ground_m : heights.height_m(r, most);
-            most = std::max(most, sine);
-            range_m += r;
+        for (std::size_t i = 0; i < rays.size(); ++i) {
+            Ray& ray = rays[i];
+            const double azimuth_rad = 2 * std::numbers::pi * static_cast<double>(i) / static_cast<double>(rays.size());
+            if (const auto post = post_at(s, source.data_base(), azimuth_rad, arc_m)) {
+                const double post_m = static_cast<double>(source.bare_terrain_m((*post)[0], (*post)[1]));
+                if (!std::isnan(post_m)) ray.ground_m = post_m;
+            }
+            if (std::isnan(ray.ground_m)) continue;
+            const Earth::Sight to = s.earth.sight(s.sensor_m, ray.ground_m, arc_m);
+            const bool seen = to.depression_rad <= ray.depression_rad;
+            if (seen) ray.depression_rad = to.depression_rad;
+            height_m +=
+                seen ? ray.ground_m : s.earth.ray_point(s.sensor_m, ray.depression_rad, to.slant_range_m).height_m;
+            range_m += to.slant_range_m;
             ++known;
         }
         if (known == 0) continue;
         const RainFloor knot{rounded(range_m / known, height_bits), rounded(height_m / known, height_bits)};
-        if (floor.empty() || knot.range_m > floor.back().range_m) floor.push_back(knot);
+        // Ground that comes no later than ground nearer to the nadir, as the rim of a pit does, cuts the rays off first.
+        while (!floor.empty() && floor.back().range_m >= knot.range_m) floor.pop_back();
+        floor.push_back(knot);
     }
     return floor;
 }

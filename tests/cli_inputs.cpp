@@ -49,6 +49,12 @@ TEST_CASE("a scene file in a folder that a link leads to finds what lies beside 
         INFO(scene << ": " << outcome.err);
         CHECK(outcome.code == 0);
     }
+    // What is not there yet is where the link leads to, not where its name would.
+    fs::create_directories(folder.file("new"));
+    std::ofstream(folder.file("far/scenes/b.ini"))
+        << "dem = ../ground.tif\nxy = 465100,3750100\naltitude-agl = 1km\nrange = 3km\noutput = ../new/o.png\n";
+    refuses(folder, {"simulate", "link/b.ini"}, 1, {"link/../new"});
+    CHECK(fs::is_empty(folder.file("new")));
 }
 
 TEST_CASE("a radar set comes with the program, wherever that lies, and makes what its values make", "[cli][long]") {

@@ -352,6 +352,15 @@ TEST_CASE("what a driver writes beside an output replaces no input, and no file 
             untouched("other.tif", other);
             CHECK_FALSE(std::filesystem::exists(folder / c.output));
         }
+    // GDAL splits at a colon too.
+    std::filesystem::create_directory(folder / "run=7");
+    std::filesystem::copy(folder / "dem.tif", folder / "run=7/dem.tif");
+    const Ended colon =
+        run(folder, coverage_of(folder, "c.mrf",
+                                {"--of", "MRF", "--layer", "height", "--co", "DATANAME:" + folder / "run=7/dem.tif"}));
+    CHECK(colon.code == 2);
+    CHECK_THAT(colon.err, Contains("is no creation option; accepted: NAME=VALUE"));
+    untouched("run=7/dem.tif", dem);
     // A world file is found only as it is about to be put in place; an image's data file before any work.
     Drawing d;
     d.columns = d.rows = 64;
@@ -387,7 +396,8 @@ TEST_CASE("who wants the same bytes every time gets no driver that writes the ti
     draw_ridge(folder / "dem.tif");
     const Ended ended = run(folder, coverage_of(folder, "c.nc", {"--layer", "height", "--reproducible"}));
     CHECK(ended.code == 2);
-    CHECK_THAT(ended.err, Contains("c.nc' is to be reproducible, and driver netCDF writes the time"));
+    CHECK_THAT(ended.err,
+               Contains("c.nc' is to be the same bytes every time") && Contains("driver netCDF writes the time"));
     CHECK(run(folder, coverage_of(folder, "c.nc", {"--layer", "height"})).code == 0);
     REQUIRE(::setenv("SOURCE_DATE_EPOCH", "1", 1) == 0);
     const int by_environment = run(folder, coverage_of(folder, "d.nc", {"--layer", "height"})).code,

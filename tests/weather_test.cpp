@@ -212,6 +212,19 @@ TEST_CASE("rain falls to the ground where it is, not to the height of that below
         CHECK_THAT(at(pit.power_w, 5, range), WithinRel(of_high, 1e-3));
         CHECK_THAT(at(halves.power_w, 5, range), WithinRel(0.5 * (of_low + of_high), 0.03));
     }
+    // The rim of a narrow pit comes before its ground.
+    const auto over_pit = [](double depth_m) {
+        MemorySource source(
+            401, 401, 30, [=](double c, double r) { return std::hypot(c - 200, r - 200) < 4 ? 1500 - depth_m : 1500; });
+        source.editable().default_class = material_by_name("material", "water");
+        Scene s = scene_at(1700, 4000);
+        s.platform.xy = PointXY{6007, -6011};
+        s.weather.rain_mm_h = 1;
+        return simulate(s, source);
+    };
+    const RunResult level_ground = over_pit(0), deep = over_pit(1500);
+    for (const double range : {600.0, 1200.0, 1900.0, 3500.0})
+        CHECK_THAT(at(deep.power_w, 5, range), WithinRel(at(level_ground.power_w, 5, range), 0.01));
     // All round the same whatever sector and range are asked for, and on a plain what a level surface gives.
     Scene s = scene_at(4000, 7000);
     s.weather.rain_mm_h = 16;
@@ -241,8 +254,15 @@ TEST_CASE("rain falls to the ground where it is, not to the height of that below
     const RainEcho level(weather, loss, pattern, params);
     params.floor = resolve(far, wide).rain_floor;
     const RainEcho floor(weather, loss, pattern, params);
-    for (const double range : {5e3, 30e3, 80e3, 110e3, 140e3})
+    // Beyond the raster too.
+    MemorySource narrow(61, 61, 400, [](double, double) { return 100.0; });
+    far.platform.xy = PointXY{12000, -12000};
+    params.floor = resolve(far, narrow).rain_floor;
+    const RainEcho beyond(weather, loss, pattern, params);
+    for (const double range : {5e3, 30e3, 80e3, 110e3, 140e3}) {
         CHECK_THAT(floor.density_w_m_rad(range), WithinRel(level.density_w_m_rad(range), 0.01));
+        CHECK_THAT(beyond.density_w_m_rad(range), WithinRel(level.density_w_m_rad(range), 0.01));
+    }
 }
 
 TEST_CASE("rain fluctuates as the ground does: its mean stays, one look is exponential", "[weather]") {

@@ -78,8 +78,9 @@ GDALDriver& find_driver(const std::string& path, const RasterFormat& format) {
         "by range and azimuth also .png, for pictures .jpg, and those of GDAL's other raster drivers, or --of DRIVER"));
 }
 
-bool writes_the_time(const std::string& driver) {
-    constexpr const char* all[] = {"netCDF", "PCIDSK", "ISIS3", "GPKG", "BAG"};
+/// Drivers that write the time into their files, or the temporary name that these are written under.
+bool differs_each_time(const std::string& driver) {
+    constexpr const char* all[] = {"netCDF", "PCIDSK", "ISIS3", "GPKG", "BAG", "HDF4Image", "Rasterlite", "ENVI"};
     return std::find(std::begin(all), std::end(all), driver) != std::end(all);
 }
 
@@ -107,9 +108,11 @@ bool is_usual_geotiff(const std::string& path, const RasterFormat& format) {
 
 GDALDriver& driver_for(const std::string& path, GDALDataType type, const RasterFormat& format) {
     GDALDriver& driver = find_driver(path, format);
-    if (format.reproducible && writes_the_time(driver.GetDescription()))
-        throw InputError(text("output '", path, "' is to be reproducible, and driver ", driver.GetDescription(),
-                              " writes the time into its files; accepted: another format, such as .tif"));
+    if (format.reproducible && differs_each_time(driver.GetDescription()))
+        throw InputError(text(
+            "output '", path, "' is to be the same bytes every time (--reproducible or SOURCE_DATE_EPOCH), and driver ",
+            driver.GetDescription(),
+            " writes the time or a temporary name into its files; accepted: another format, such as .tif"));
     if (const char* types = driver.GetMetadataItem(GDAL_DMD_CREATIONDATATYPES)) {
         const CPLStringList words(CSLTokenizeString(types));
         if (words.FindString(GDALGetDataTypeName(type)) < 0)
@@ -160,8 +163,8 @@ CPLStringList creation_options(GDALDriver& driver, GDALDataType type, RasterPack
     }
     CPLStringList given;
     for (const std::string& option : format.creation) {
-        const std::size_t equals = option.find('=');
-        if (equals == 0 || equals == std::string::npos)
+        const std::size_t equals = option.find_first_of("=:");  // GDAL takes both
+        if (equals == 0 || equals == std::string::npos || option[equals] != '=')
             throw InputError(text("co '", option, "' is no creation option; accepted: NAME=VALUE"));
         const std::string key = option.substr(0, equals);
         if (names_file(key))

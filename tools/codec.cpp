@@ -10,12 +10,10 @@ namespace {
 std::string tidy(const std::filesystem::path& path) {
     const std::filesystem::path normal = path.lexically_normal();
     std::error_code error;
-    const auto place = [](const std::filesystem::path& of) {
-        return of.has_parent_path() ? of.parent_path() : std::filesystem::path(".");
+    const auto place = [&](const std::filesystem::path& of) {
+        return std::filesystem::weakly_canonical(std::filesystem::absolute(of, error), error);
     };
-    const bool elsewhere =
-        std::filesystem::exists(place(path), error) && !std::filesystem::equivalent(place(path), place(normal), error);
-    return (elsewhere ? path : normal).string();
+    return (place(path) == place(normal) ? normal : path).string();
 }
 
 /// With the folder before what begins at `begin` of it, if from there to some end a file's name stands that lies in the folder.

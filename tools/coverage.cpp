@@ -172,7 +172,8 @@ void tell(const Settings& settings, const Covered& covered, const Usage& usage, 
     for (const std::string& unfit : {choice.unfit, covered.unfit_map}) remark_unused(settings.quiet, unfit);
     for (const std::string& line : doubts_of_heights(settings.dem, covered.source, settings.culture_height_scale))
         say(line);
-    for (const std::string& line : doubts_of_rays(covered.scene)) say(line);
+    for (const std::string& line : doubts_of_rays(covered.scene, settings.coverage.layer == CoverageLayer::response))
+        say(line);
     if (settings.coverage.layer == CoverageLayer::response)
         for (const std::string& line : idle_effects(settings.scene, db)) say(line);
     const double rate = static_cast<double>(db.columns) * static_cast<double>(db.rows) / wall_s * 1e-6;

@@ -67,28 +67,45 @@ double lowest_ground_m(const ResolvedScene& scene) {
     return lowest_m;
 }
 
-std::string below_ground(const char* key, double top_m, const ResolvedScene& scene) {
-    return fmt::format("{} is {:.6g} m, and the ground below the sensor lies at {:.6g} m: ", key, top_m,
-                       scene.reference_m);
+/// A line of those keys that are set and have no effect, if there are any; `why` goes on from "no effect".
+void add_idle(std::initializer_list<std::pair<const char*, bool>> keys, const char* why,
+              std::vector<std::string>& lines) {
+    std::vector<const char*> idle;
+    for (const auto& [key, set] : keys)
+        if (set) idle.push_back(key);
+    if (!idle.empty())
+        lines.push_back(
+            fmt::format("{} {} no effect{}", fmt::join(idle, " and "), idle.size() > 1 ? "have" : "has", why));
 }
 
-void doubt_rays(const ResolvedScene& scene, std::array<std::string, doubt_count>& lines) {
+using Doubts = std::array<std::string, doubt_count>;
+
+void doubt_rain(const ResolvedScene& scene, Doubts& lines) {
     const WeatherParams& weather = scene.scene.weather;
-    const bool rains = weather.rain_mm_h > 0, clouded = weather.liquid_water_g_m3 > 0;
-    if (rains && weather.rain_top_m <= lowest_ground_m(scene))
+    const double lowest_m = lowest_ground_m(scene);
+    if (weather.rain_mm_h > 0 && weather.rain_top_m <= lowest_m)
         lines[low_rain] = fmt::format(
-            "rain-top is {:.6g} m, and the ground around, on the mean, lies at {:.6g} m or higher: rain has no echo of "
+            "rain-top is {:.6g} m, and the ground around, on the mean, lies at {:.0f} m or higher: rain has no echo of "
             "its own",
-            weather.rain_top_m, lowest_ground_m(scene));
-    if (clouded && weather.cloud_top_m <= scene.reference_m)
-        lines[low_cloud] = below_ground("cloud-top", weather.cloud_top_m, scene) + "it weakens only what lies lower";
+            weather.rain_top_m, lowest_m);
+}
+
+void doubt_cloud(const ResolvedScene& scene, Doubts& lines) {
+    const WeatherParams& weather = scene.scene.weather;
+    if (!(weather.liquid_water_g_m3 > 0)) return;
+    if (scene.nadir_on_data && weather.cloud_top_m <= scene.reference_m)
+        lines[low_cloud] = fmt::format(
+            "cloud-top is {:.6g} m, and the ground below the sensor lies at {:.0f} m: it weakens only what lies lower",
+            weather.cloud_top_m, scene.reference_m);
     constexpr double frozen_m = 8500;  // -40 C in the standard atmosphere: no water stays liquid
-    if (clouded && weather.cloud_top_m > frozen_m)
+    if (weather.cloud_top_m > frozen_m)
         lines[frozen_cloud] = fmt::format(
-            "cloud-top is {:.6g} m: above {:.0f} m, at -40 C, a cloud is ice, which weakens far less than the liquid "
-            "water "
-            "that is counted",
+            "cloud-top is {:.6g} m: above {:.0f} m, at -40 C, a cloud is ice, which weakens far less than liquid water "
+            "does",
             weather.cloud_top_m, frozen_m);
+}
+
+void doubt_earth(const ResolvedScene& scene, Doubts& lines) {
     constexpr double air_m = 30000;  // from here on rays are nearer to straight lines than to those of the lower air
     if (scene.sensor_m > air_m && scene.scene.earth_k && *scene.scene.earth_k > 1.01)
         lines[high_sensor] = fmt::format(
@@ -99,9 +116,10 @@ void doubt_rays(const ResolvedScene& scene, std::array<std::string, doubt_count>
 
 }  // namespace
 
-std::vector<std::string> doubts_of_rays(const ResolvedScene& scene) {
-    std::array<std::string, doubt_count> lines;
-    doubt_rays(scene, lines);
+std::vector<std::string> doubts_of_rays(const ResolvedScene& scene, bool response) {
+    Doubts lines;
+    doubt_earth(scene, lines);
+    if (response) doubt_cloud(scene, lines);
     std::vector<std::string> found;
     for (std::string& line : lines)
         if (!line.empty()) found.push_back(std::move(line));
@@ -146,7 +164,9 @@ std::array<std::string, doubt_count> doubts(const RunResult& r, bool pictured) {
         lines[no_level] =
             "no height is known below the sensor: the reference height is 0 m, by which the beam widens and ground "
             "range is told, however high the ground stands";
-    doubt_rays(r.scene, lines);
+    doubt_rain(r.scene, lines);
+    doubt_cloud(r.scene, lines);
+    doubt_earth(r.scene, lines);
     return lines;
 }
 
@@ -161,45 +181,25 @@ std::vector<std::string> idle_effects(const Scene& scene, const DataBase& db, co
     std::vector<std::string> lines;
     if (scene.platform.geoid_offset_m && scene.platform.altitude_above != AltitudeAbove::ellipsoid)
         lines.push_back("geoid-offset has no effect: it brings altitude-hae to sea level");
-    const Scene defaults;
-    const auto needs = [&](std::initializer_list<std::pair<const char*, bool>> keys, const char* other) {
-        std::vector<const char*> idle;
-        for (const auto& [key, set] : keys)
-            if (set) idle.push_back(key);
-        if (!idle.empty())
-            lines.push_back(fmt::format("{} {} no effect without {}", fmt::join(idle, " and "),
-                                        idle.size() > 1 ? "have" : "has", other));
-    };
-    const WeatherParams& weather = scene.weather;
-    if (!(weather.rain_mm_h > 0)) needs({{"rain-top", weather.rain_top_m != defaults.weather.rain_top_m}}, "rain");
+    const WeatherParams weather = scene.weather, usual;
+    if (!(weather.rain_mm_h > 0))
+        add_idle({{"rain-top", weather.rain_top_m != usual.rain_top_m}}, " without rain", lines);
     if (!(weather.liquid_water_g_m3 > 0))
-        needs({{"cloud-base", weather.cloud_base_m != defaults.weather.cloud_base_m},
-               {"cloud-top", weather.cloud_top_m != defaults.weather.cloud_top_m}},
-              "cloud");
-    if (const ReceiverParams& receiver = scene.receiver; !receiver.stc_range_m)
-        needs({{"stc-exponent", receiver.stc_exponent != defaults.receiver.stc_exponent},
-               {"stc-max", receiver.stc_max.db() != defaults.receiver.stc_max.db()}},
-              "stc-range");
-    if (scene.gamma) {
-        std::vector<const char*> idle;
-        if (scene.land != LandModel::constant_gamma) idle.push_back("backscatter");
-        if (scene.water != WaterModel::nrl) idle.push_back("water");
-        if (scene.sea_state > 0) idle.push_back("sea-state");
-        if (!idle.empty())
-            lines.push_back(fmt::format("{} {} no effect: gamma is one for everything", fmt::join(idle, " and "),
-                                        idle.size() > 1 ? "have" : "has"));
-    }
+        add_idle({{"cloud-base", weather.cloud_base_m != usual.cloud_base_m},
+                  {"cloud-top", weather.cloud_top_m != usual.cloud_top_m}},
+                 " without cloud", lines);
+    if (scene.gamma)
+        add_idle({{"backscatter", scene.land != LandModel::constant_gamma},
+                  {"water", scene.water != WaterModel::nrl},
+                  {"sea-state", scene.sea_state > 0}},
+                 ": gamma is one for everything", lines);
     if (scene.wind_from && !may_be_windy(laws_of(scene)))
         lines.push_back("wind-direction has no effect: it is that of waves, and there are none");
-    if (!scene.gamma && !may_hold_water(scene, db, legend)) {
-        std::vector<const char*> idle;
-        if (scene.water != WaterModel::nrl) idle.push_back("water");
-        if (scene.sea_state > 0) idle.push_back("sea-state");
-        if (scene.wind_from && may_be_windy(laws_of(scene))) idle.push_back("wind-direction");
-        if (!idle.empty())
-            lines.push_back(fmt::format("{} {} no effect: no ground is of a class of water, by culture or material",
-                                        fmt::join(idle, " and "), idle.size() > 1 ? "have" : "has"));
-    }
+    if (!scene.gamma && !may_hold_water(scene, db, legend))
+        add_idle({{"water", scene.water != WaterModel::nrl},
+                  {"sea-state", scene.sea_state > 0},
+                  {"wind-direction", scene.wind_from && may_be_windy(laws_of(scene))}},
+                 ": no ground is of a class of water, by culture or material", lines);
     if (scene.far_shore && !db.has_culture)
         lines.push_back("far-shore has no effect: water is told from land by culture, and there is none");
     if (scene.walls == Walls::statistical && raises_m(scene, db).empty())
@@ -217,6 +217,16 @@ std::vector<std::string> idle_effects(const Scene& scene, const DataBase& db, co
     if (!unnamed.empty())
         lines.push_back(
             fmt::format("class-table adds {}, which neither material nor a code of the culture names", unnamed));
+    return lines;
+}
+
+std::vector<std::string> idle_receiver(const ReceiverParams& receiver) {
+    std::vector<std::string> lines;
+    const ReceiverParams usual;
+    if (!receiver.stc_range_m)
+        add_idle({{"stc-exponent", receiver.stc_exponent != usual.stc_exponent},
+                  {"stc-max", receiver.stc_max.db() != usual.stc_max.db()}},
+                 " without stc-range", lines);
     return lines;
 }
 

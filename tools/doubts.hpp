@@ -30,8 +30,8 @@ enum Doubt : std::size_t {
 
 /// A line for each kind of doubt that there is about a run; empty: none. `pictured`: is there a picture of it to be seen?
 std::array<std::string, doubt_count> doubts(const RunResult& result, bool pictured);
-/// Those of them that are about the way of the rays alone: weather that does not reach the ground, the earth's radius.
-std::vector<std::string> doubts_of_rays(const ResolvedScene& scene);
+/// Those of them that coverage may have too: about the earth's radius, and of a response about cloud.
+std::vector<std::string> doubts_of_rays(const ResolvedScene& scene, bool response);
 /// ", 1662.8 m above the terrain", or why that cannot be said; behind the sensor's height above the sea.
 std::string above_terrain(const ResolvedScene& scene, const DataBase& data_base);
 
@@ -39,6 +39,8 @@ std::string above_terrain(const ResolvedScene& scene, const DataBase& data_base)
 /// known.
 std::vector<std::string> idle_effects(const Scene& scene, const DataBase& data_base,
                                       const std::optional<Legend>& legend = {});
+/// The same of the receiver, which needs no data base.
+std::vector<std::string> idle_receiver(const ReceiverParams& receiver);
 
 /// Why the lowest height of a terrain looks like the no-data value that it does not declare, and how to declare it; empty: it does
 /// not. `terrain`: its path.

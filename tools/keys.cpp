@@ -405,8 +405,7 @@ void add_ground(Table& t) {
               [](auto& s) -> auto& { return s.scene.land; }),
           "constant-gamma",
           "model of land; a class that it does not know keeps its constant gamma (oh: all but sand and soil); "
-          "ulaby-dobson and "
-          "oh from 1 to 18 GHz, the former below 8 GHz by its rows for C band");
+          "ulaby-dobson and oh from 1 to 18 GHz, the former below 8 GHz by its rows for C band");
     t.add("water",
           choice<WaterModel>(
               {{"nrl", WaterModel::nrl}, {"calm", WaterModel::calm}}, [](auto& s) -> auto& { return s.scene.water; }),
@@ -749,9 +748,8 @@ void add_output(Table& t) {
     t.add("overwrite", flag([](auto& s) -> auto& { return s.overwrite; }), "off", "replace outputs that exist")
         .commands |= command_tile | command_evaluate;
     t.add("reproducible", flag([](auto& s) -> auto& { return s.reproducible; }), "off",
-          "rasters and pictures are the same bytes every time: they are without it too, but by drivers that write the "
-          "time, "
-          "which it refuses (a report holds times)");
+          "rasters and pictures are the same bytes every time (a report holds times): so they are without it, but by "
+          "drivers that write the time or a temporary name, which it refuses");
 }
 
 void add_talk(Table& t) {

@@ -380,7 +380,6 @@ void coverage_of_observers(const Settings& given, double start_s, Stop& stop) {
 
     Span opening(timeline, "open", "stage");
     const std::string unfit_map = find_ground(settings, {.many = true, .whole = true}, stop);
-    take_units_of(open_direct_source(data_base_params(settings, cache_bytes(settings), stop))->data_base(), settings);
     std::optional<Observers> observers;
     std::optional<std::size_t> largest;
     const auto read = [&](const DataBase& data_base) {
@@ -403,6 +402,7 @@ void coverage_of_observers(const Settings& given, double start_s, Stop& stop) {
     std::uint64_t data = 0;
     try {
         source = open_shared_source(settings, stop);
+        take_units_of(source->data_base(), settings);
         data = source->fingerprint({});
         read(source->data_base());
         Threads(thread_count(settings)).execute([&] { source->read(&stop); });

@@ -376,6 +376,7 @@ void simulate_track(const Settings& given, double start_s, Stop& stop) {
 
     for (const std::string& line : idle_effects(frames.settings(0).scene, source->data_base()))
         remark(settings.quiet, line);
+    for (const std::string& line : idle_receiver(settings.scene.receiver)) remark(settings.quiet, line);
     for (const std::string& line : run->doubts()) remark(settings.quiet, line);
     for (const std::string& line : doubts_of_heights(settings.dem, *source, settings.culture_height_scale))
         remark(settings.quiet, line);
