@@ -282,6 +282,20 @@ TEST_CASE("what may look like an error of the program is explained", "[cli][long
     says(with(place, {"--stc-exponent", "3"}), "stc-exponent has no effect without stc-range");
     says({"--latlon", "33.8,-117.4", "--altitude-msl", "40km", "--range", "60km"},
          "the sensor is 40 km up: earth 1.333");
+    std::string world = "ncols 60\nnrows 40\nxllcorner -30\nyllcorner -20\ncellsize 1\n";
+    for (int row = 0; row < 40; ++row) {
+        for (int column = 0; column < 60; ++column) world += "0 ";
+        world += "\n";
+    }
+    folder.write("world.asc", world);
+    folder.write("world.prj",
+                 R"(GEOGCS["WGS 84",DATUM["WGS_1984",SPHEROID["WGS 84",6378137,298.257223563]],PRIMEM["Greenwich",0],)"
+                 R"(UNIT["degree",0.0174532925199433]])");
+    CHECK_THAT(folder
+                   .run({"simulate", "--dem", "world.asc", "--latlon", "0.3,0.2", "--altitude-msl", "9km", "--range",
+                         "300km", "--size", "64", "-o", "w.png"})
+                   .err,
+               Contains("posts are 111 km apart, and between two of them the earth bulges by 18"));
     says(with(place, {"--class-table", "name,gamma10_db;tress,-14"}), "class-table adds tress, which neither");
     for (const Strings& more : {Strings{"--wind-direction", "30deg", "--sea-state", "2", "--material", "water"},
                                 Strings{"--walls", "statistical", "--material", "suburban"},

@@ -89,6 +89,18 @@ Posts ground_of(const Folder& folder, const std::vector<std::string>& scene) {
     return Posts(folder / "ground.tif");
 }
 
+/// What coverage makes of a raster in the folder.
+Posts covered(const Folder& folder, const std::string& input, const std::vector<std::string>& scene,
+              const std::vector<std::string>& more) {
+    std::vector<std::string> words{WEDGESCOPE_PROGRAM, "coverage",    folder / input,
+                                   folder / "out.tif", "--overwrite", "-q"};
+    for (const auto* part : {&scene, &more}) words.insert(words.end(), part->begin(), part->end());
+    const Ended ended = run_program(words, folder / "log");
+    INFO(ended.err);
+    REQUIRE(ended.code == 0);
+    return Posts(folder / "out.tif");
+}
+
 }  // namespace
 
 TEST_CASE("without a range every post is in it, the farthest corner too", "[coverage]") {
@@ -477,23 +489,7 @@ TEST_CASE("right below the sensor a target may stand above it, and a void is no 
     draw(folder / "flat.tif", d);
     // On post (20, 20): 10 m over the ground.
     const auto run = [&](const char* input, const std::string& altitude, const std::vector<std::string>& more) {
-        std::vector<std::string> words{WEDGESCOPE_PROGRAM,
-                                       "coverage",
-                                       folder / input,
-                                       folder / "out.tif",
-                                       "-ox",
-                                       "1205",
-                                       "-oy",
-                                       "1795",
-                                       "--altitude-msl",
-                                       altitude,
-                                       "--overwrite",
-                                       "-q"};
-        words.insert(words.end(), more.begin(), more.end());
-        const Ended ended = run_program(words, folder / "log");
-        INFO(ended.err);
-        REQUIRE(ended.code == 0);
-        return Posts(folder / "out.tif");
+        return covered(folder, input, {"-ox", "1205", "-oy", "1795", "--altitude-msl", altitude}, more);
     };
     const Posts above = run("flat.tif", "60m", {"--layer", "depression", "--target-height", "100m"});
     CHECK(above.at(20, 20) == -90);
@@ -520,25 +516,9 @@ TEST_CASE("the post right below the sensor has the slope of its ground, and its 
     Drawing d;
     d.columns = d.rows = 41;
     const auto run = [&](const std::string& place, const std::vector<std::string>& more) {
-        std::vector<std::string> words{WEDGESCOPE_PROGRAM,
-                                       "coverage",
-                                       folder / "dem.tif",
-                                       folder / "out.tif",
-                                       "--xy",
-                                       place,
-                                       "--altitude-msl",
-                                       "3km",
-                                       "--geometry",
-                                       "grid",
-                                       "--earth",
-                                       "flat",
-                                       "--overwrite",
-                                       "-q"};
-        words.insert(words.end(), more.begin(), more.end());
-        const Ended ended = run_program(words, folder / "log");
-        INFO(ended.err);
-        REQUIRE(ended.code == 0);
-        return static_cast<double>(Posts(folder / "out.tif").at(20, 20));
+        const std::vector<std::string> scene{"--xy",       place,  "--altitude-msl", "3km",
+                                             "--geometry", "grid", "--earth",        "flat"};
+        return static_cast<double>(covered(folder, "dem.tif", scene, more).at(20, 20));
     };
     // Planes that fall to the east and to the south; on post (20, 20), and a hand's breadth beside it.
     for (const auto& [east, south] : {std::pair{1.0, 0.0}, {0.3, -0.7}, {0.0, 0.0}}) {

@@ -112,6 +112,14 @@ void doubt_earth(const ResolvedScene& scene, Doubts& lines) {
             "the sensor is {:.4g} km up: earth {:.4g} bends rays as the lower air does; --earth 1 is nearer to the "
             "truth there",
             scene.sensor_m * 1e-3, *scene.scene.earth_k);
+    // Of the chord between two posts; the sweep knows the earth's curve at samples alone.
+    constexpr double most_bulge_m = 20;
+    const double bulge_m = scene.longer_post_m * scene.longer_post_m * scene.earth.inverse_radius() / 8;
+    if (bulge_m > most_bulge_m)
+        lines[coarse_posts] = fmt::format(
+            "posts are {:.0f} km apart, and between two of them the earth bulges by {:.0f} m, which no sample counts: "
+            "what is hidden is off by some such heights",
+            scene.longer_post_m * 1e-3, bulge_m);
 }
 
 }  // namespace

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <sstream>
 
 #include "tools/commands.hpp"
@@ -29,6 +30,21 @@ const std::string& set_content(const std::string& name) {
     for (const RadarSet& set : shipped_sets()) names.push_back(set.name);
     throw InputError(
         text("set is ", in_quotes(name), "; it must be one of ", shipped_set_names(), suggestion(name, names)));
+}
+
+/// A line of the units of each dimension that some option of a command has.
+std::string units_of(const CommandInfo& command) {
+    std::string out;
+    for (const Dimension d :
+         {Dimension::length, Dimension::time, Dimension::frequency, Dimension::power, Dimension::level,
+          Dimension::angle, Dimension::decibel, Dimension::bytes, Dimension::rain_rate, Dimension::density}) {
+        const std::vector<Key>& keys = key_table();
+        if (std::any_of(keys.begin(), keys.end(), [&](const Key& key) {
+                return (key.commands & command.command) && key.value.find(value_word(d)) != std::string::npos;
+            }))
+            out += fmt::format("  {:<12}{}\n", value_word(d), unit_list(d));
+    }
+    return out;
 }
 
 }  // namespace
@@ -97,15 +113,8 @@ std::string help_text(const CommandInfo& command) {
         out += text("\nNeed a new sweep, so they must be as they were: the data base, display gpi-true, and\n  ",
                     wrapped(refused, 2), "\n");
     }
-    if (command.command == command_simulate || command.command == command_coverage ||
-        command.command == command_scope) {
-        out += "\nUnits: a number with a dimension needs its unit (0 does not)\n";
-        for (const Dimension d :
-             {Dimension::length, Dimension::time, Dimension::frequency, Dimension::power, Dimension::level,
-              Dimension::angle, Dimension::decibel, Dimension::bytes, Dimension::rain_rate, Dimension::density}) {
-            out += fmt::format("  {:<12}{}\n", value_word(d), unit_list(d));
-        }
-    }
+    if (const std::string units = units_of(command); !units.empty())
+        out += "\nUnits: a number with a dimension needs its unit (0 does not)\n" + units;
     if (command.command == command_evaluate) out += "\n" + model_list();
     return out + "\nExample\n  " + command.example + "\n";
 }

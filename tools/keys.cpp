@@ -172,9 +172,10 @@ void add_look(Table& t) {
         return s.scene.max_error_db ? std::nullopt : own(s);
     };
     {
-        Key& error = t.add("max-error", max_error(), "",
-                           "the quickest quality whose power image keeps to this RMS, where a beam has four azimuth "
-                           "bins or more: draft from 0.4dB, normal from 0.1dB, fine from 0.05dB, exact from 0.02dB");
+        Key& error = t.add(
+            "max-error", max_error(), "",
+            "in place of quality: the quickest one whose power image keeps to this RMS, where a beam has four azimuth "
+            "bins or more: draft from 0.4dB, normal from 0.1dB, fine from 0.05dB, exact from 0.02dB");
         error.exclusive = Exclusive::accuracy;
         error.help_elsewhere = {{command_coverage,
                                  "the quality that simulate takes for this RMS of its power image: draft from 0.4dB, "

@@ -253,6 +253,9 @@ double parse_quantity_or_number(Dimension dimension, std::string_view key, std::
                                 const std::string& unit) {
     const auto head = leading_number(trimmed(token));
     const bool bare = head && trimmed(head->rest).empty();
+    if (!head)
+        refuse(key, token,
+               text(noun(dimension), " is needed, in ", unit, " or with its unit (", unit_list(dimension), ")"));
     return parse_quantity(dimension, key, bare ? std::string(trimmed(token)) + unit : std::string(token));
 }
 
