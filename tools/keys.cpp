@@ -187,7 +187,7 @@ void add_look(Table& t) {
           "auto",
           "least spokes for each post of a line; auto: as the quality says, and from high up fewer where bins are wide")
         .help_elsewhere = {
-        {command_coverage, "spokes for each post of a line; auto: 1 (draft, normal), 2 (fine), 4 (exact)"}};
+        {command_coverage, "spokes for each post of a line; auto: 1 (draft), 2 (normal, fine), 4 (exact)"}};
     t.add("spokes-per-bin",
           number(
               between("2", "256"), [](auto& s) -> auto& { return s.scene.spokes_per_bin; }, "auto"),
