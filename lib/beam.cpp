@@ -84,10 +84,11 @@ private:
     double bin_, whole_;
 };
 
-/// Without the beam's least: below the sensor bins of ground range hold the less ground the longer the pulse lies on it.
-double cosine_of_depression(const BeamSetting& setting, std::int64_t range_bin, double range_bin_m) {
-    const double arc_m = middle_of_bin(range_bin, range_bin_m);
-    return std::cos(setting.earth.sight(setting.sensor_m, setting.reference_m, arc_m).depression_rad);
+/// d_j, of the level surface at a range (an arc where range bins are ground).
+double depression_rad(const BeamSetting& setting, double range_m) {
+    return setting.range_is_ground
+               ? setting.earth.sight(setting.sensor_m, setting.reference_m, range_m).depression_rad
+               : level_depression_rad(setting.earth, setting.sensor_m, setting.reference_m, range_m);
 }
 
 /// The pulse of one range bin, in bins.
@@ -186,10 +187,7 @@ std::vector<double> pulse_weights(double width_bins) {
 }
 
 double level_cosine(const BeamSetting& setting, double range_m) {
-    const double depression = setting.range_is_ground
-                                  ? setting.earth.sight(setting.sensor_m, setting.reference_m, range_m).depression_rad
-                                  : level_depression_rad(setting.earth, setting.sensor_m, setting.reference_m, range_m);
-    return std::max(least_cosine, std::cos(depression));
+    return std::max(least_cosine, std::cos(depression_rad(setting, range_m)));
 }
 
 Resolution::Resolution(const BeamSetting& setting, std::int64_t circle_bins, double range_bin_m, Interval outputs,
@@ -244,11 +242,12 @@ Resolution::Resolution(const BeamSetting& setting, std::int64_t circle_bins, dou
         std::vector<double> weights;
         if (!setting.pulse_length_error) {
             // Its length falls into the own bin: on ground range what it would light of an even slope of that depression.
-            const double length = setting.pulse_extent_m / range_bin_m;
-            weights.push_back(pulse_per_bin_
-                                  ? static_cast<double>(static_cast<float>(
-                                        length / cosine_of_depression(setting, outputs_.begin + k, range_bin_m)))
-                                  : length);
+            // Without the beam's least cosine: below the sensor bins hold the less ground the longer the pulse lies on it.
+            double length = setting.pulse_extent_m / range_bin_m;
+            if (pulse_per_bin_)
+                length = static_cast<double>(static_cast<float>(
+                    length / std::cos(depression_rad(setting, middle_of_bin(outputs_.begin + k, range_bin_m)))));
+            weights.push_back(length);
         } else {
             PulseOfBin drawn = pulse(setting.pulse_length_scale);
             weights = std::move(drawn.weights);

@@ -20,6 +20,11 @@ double secant_of(const std::array<double, 3>& square, double along_m, double acr
     return std::sqrt(1 + steep);
 }
 
+/// Of a post in a window's layers, row after row.
+std::size_t place_in(const Window& window, std::int64_t column, std::int64_t row) {
+    return static_cast<std::size_t>((row - window.rows.begin) * window.columns.size() + column - window.columns.begin);
+}
+
 float degrees_of_sine(double sine) {
     return static_cast<float>(rounded(std::asin(std::clamp(sine, -1.0, 1.0)) * (180 / std::numbers::pi), 30));
 }
@@ -37,9 +42,7 @@ bool Cover::post_below() const {
 void Cover::put_nadir(Strip& strip) {
     if (!post_below()) return;
     const std::int64_t c = floor_i(scene_.nadir.column), r = floor_i(scene_.nadir.row);
-    const Window& patch = scene_.nadir_patch.window;
-    const float z = scene_.nadir_patch.surface_m[static_cast<std::size_t>(
-        (r - patch.rows.begin) * patch.columns.size() + c - patch.columns.begin)];
+    const float z = scene_.nadir_patch.surface_m[place_in(scene_.nadir_patch.window, c, r)];
     // A void lies at the height of reference, as in finish_line().
     const double above_m = scene_.sensor_m - (z == z ? static_cast<double>(z) : scene_.reference_m) - params_.target_m;
     const double depression_deg = above_m < 0 ? -90 : 90;  // a target may stand above the sensor
@@ -86,8 +89,7 @@ Cover::Facet Cover::nadir_facet(std::int64_t column, std::int64_t row, double ab
     const auto height = [&](std::int64_t c, std::int64_t r) {
         const Window& patch = scene_.nadir_patch.window;
         if (!patch.columns.contains(c) || !patch.rows.contains(r)) return std::numeric_limits<double>::quiet_NaN();
-        return static_cast<double>(scene_.nadir_patch.surface_m[static_cast<std::size_t>(
-            (r - patch.rows.begin) * patch.columns.size() + c - patch.columns.begin)]);
+        return static_cast<double>(scene_.nadir_patch.surface_m[place_in(patch, c, r)]);
     };
     const double z = height(column, row);
     const auto slope = [z](double before, double after) {
@@ -105,9 +107,7 @@ float Cover::nadir_response(std::int64_t column, std::int64_t row, double above_
     const Chunk& patch = scene_.nadir_patch;
     desk.culture_m = {};
     if (!patch.culture_height_m.empty()) {
-        const std::int64_t wide = patch.window.columns.size(), first = (row - patch.window.rows.begin) * wide;
-        desk.culture_m = std::span(patch.culture_height_m)
-                             .subspan(static_cast<std::size_t>(first + column - patch.window.columns.begin), 1);
+        desk.culture_m = std::span(patch.culture_height_m).subspan(place_in(patch.window, column, row), 1);
         desk.culture_begin = row;
     }
     const SightLine down{-above_m, 0, std::abs(above_m), above_m > 0 ? -1.0 : 1.0};

@@ -72,7 +72,7 @@ struct Wet {
     };
     Sines at(double range_m) const {
         const double c = params.earth.inverse_radius(), sensor_m = params.sensor_m, scale = 1 + sensor_m * c,
-                     floor_m = params.floor.empty() ? params.reference_m : floor_at(range_m);
+                     floor_m = floor_at(range_m);
         const auto u_of = [&](double height_m) { return (height_m - sensor_m) * (2 + c * (sensor_m + height_m)); };
         const auto sine = [&](double height_m) {
             return std::clamp((u_of(height_m) - c * range_m * range_m) / (2 * scale * range_m), -1.0, 1.0);
@@ -88,28 +88,26 @@ struct Wet {
 private:
     double floor_at(double range_m) const {
         const std::vector<RainFloor>& floor = params.floor;
+        if (floor.empty()) return params.reference_m;
         const auto after = std::upper_bound(floor.begin(), floor.end(), range_m,
                                             [](double r, const RainFloor& knot) { return r < knot.range_m; });
-        if (after == floor.begin() || after == floor.end())
-            return (after == floor.begin() ? *after : floor.back()).height_m;
+        if (after == floor.begin()) return after->height_m;
+        if (after == floor.end()) return floor.back().height_m;
         const RainFloor& before = *(after - 1);
         return before.height_m +
                (after->height_m - before.height_m) * (range_m - before.range_m) / (after->range_m - before.range_m);
     }
 };
 
-/// Of the floor, or of the level surface.
-double lowest_m(const RainEchoParams& params) {
-    if (params.floor.empty()) return params.reference_m;
-    return std::min_element(params.floor.begin(), params.floor.end(),
-                            [](const RainFloor& a, const RainFloor& b) { return a.height_m < b.height_m; })
-        ->height_m;
-}
-
 constexpr double widest_panel = 0.1;  // of the sine
 constexpr double least_cosine = 0.5;  // as the beam's
 
 }  // namespace
+
+double lowest_rain_m(const std::vector<RainFloor>& floor, double reference_m) {
+    const auto lower = [](const RainFloor& a, const RainFloor& b) { return a.height_m < b.height_m; };
+    return floor.empty() ? reference_m : std::min_element(floor.begin(), floor.end(), lower)->height_m;
+}
 
 RainEcho::RainEcho(const Weather& weather, const PathLossTable& loss, const PatternTable& pattern,
                    const RainEchoParams& params) {
@@ -119,7 +117,9 @@ RainEcho::RainEcho(const Weather& weather, const PathLossTable& loss, const Patt
     require_above("range", params.most_range_m, 0, "m");
     const WeatherParams& rain = weather.params();
     const double pulse_m = params.radar.pulse_extent_m();
-    if (rain.rain_mm_h == 0 || rain.rain_top_m <= lowest_m(params) || params.most_range_m <= pulse_m) return;
+    if (rain.rain_mm_h == 0 || rain.rain_top_m <= lowest_rain_m(params.floor, params.reference_m) ||
+        params.most_range_m <= pulse_m)
+        return;
 
     double constant =
         radar_constant(params.radar) * rain_cross_section_per_m(params.radar.frequency_hz, rain.rain_mm_h);

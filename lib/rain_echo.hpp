@@ -15,6 +15,9 @@
 
 namespace wedgescope {
 
+/// The height that rain reaches down to at all: the floor's least, or that of the level surface where there is none.
+double lowest_rain_m(const std::vector<RainFloor>& floor, double reference_m);
+
 struct RainEchoParams {
     RadarParams radar{};
     Earth earth{};

@@ -589,6 +589,21 @@ private:
     std::int64_t cells_ = 0;
 };
 
+struct Post {
+    std::int64_t column, row;
+};
+/// Nothing outside the raster, or where a place is none.
+std::optional<Post> nearest_post(const DataBase& db, IndexPosition place) {
+    if (!std::isfinite(place.column) || !std::isfinite(place.row)) return {};
+    const auto nearest = [](double at) {
+        return static_cast<std::int64_t>(std::floor(rounded(at, position_bits) + 0.5));
+    };
+    const Post post{nearest(place.column), nearest(place.row)};
+    if (post.row < 0 || post.row >= db.rows || (!db.cyclic && (post.column < 0 || post.column >= db.columns)))
+        return {};
+    return post;
+}
+
 /// ResolvedScene::clearance_m and roughness, by a few hundred posts of the sector up to 640 posts away.
 void look_around(ResolvedScene& s, WedgeSource& source) {
     const DataBase& db = source.data_base();
@@ -606,12 +621,10 @@ void look_around(ResolvedScene& s, WedgeSource& source) {
             const double distance = reach_m * std::sqrt((ring + 0.5) / rings),  // each stands for as much ground
                 azimuth = from + width * (ray + (ring % 2 ? 0.75 : 0.25)) / rays, east = distance * std::sin(azimuth),
                          north = distance * std::cos(azimuth);
-            const auto post = [&](double nadir, double a, double b) {
-                return static_cast<std::int64_t>(std::floor(rounded(nadir + east * a + north * b, position_bits) + 0.5));
-            };
-            const std::int64_t column = post(s.nadir.column, (*metre)[0].column, (*metre)[1].column),
-                               row = post(s.nadir.row, (*metre)[0].row, (*metre)[1].row);
-            if (row < 0 || row >= db.rows || (!db.cyclic && (column < 0 || column >= db.columns))) continue;
+            const auto post = nearest_post(db, {s.nadir.column + east * (*metre)[0].column + north * (*metre)[1].column,
+                                                s.nadir.row + east * (*metre)[0].row + north * (*metre)[1].row});
+            if (!post) continue;
+            const auto [column, row] = *post;
             const float height = source.bare_terrain_m(column, row);
             if (height == height) heights_m.push_back(height);
             if ((ray + 3 * ring) % 8 == 0) saddles.add(column, row);  // of four rays a ring, others each time
@@ -624,8 +637,7 @@ void look_around(ResolvedScene& s, WedgeSource& source) {
 }
 
 /// The post nearest to what lies in a direction at a distance on the ground; nothing outside the raster.
-std::optional<std::array<std::int64_t, 2>> post_at(const ResolvedScene& s, const DataBase& db, double azimuth_rad,
-                                                   double arc_m) {
+std::optional<Post> post_at(const ResolvedScene& s, const DataBase& db, double azimuth_rad, double arc_m) {
     IndexPosition there;
     if (s.geometry == Geometry::grid) {
         there = {s.nadir.column + arc_m * std::sin(azimuth_rad) / (db.step_x * db.metres_per_unit),
@@ -635,13 +647,7 @@ std::optional<std::array<std::int64_t, 2>> post_at(const ResolvedScene& s, const
         GeographicLib::Geodesic::WGS84().Direct(s.lat_deg, s.lon_deg, azimuth_rad / degree, arc_m, lat, lon);
         there = db.locate(lat, lon);
     }
-    if (!std::isfinite(there.column) || !std::isfinite(there.row)) return {};
-    const auto post = [](double place) {
-        return static_cast<std::int64_t>(std::floor(rounded(place, position_bits) + 0.5));
-    };
-    const std::int64_t column = post(there.column), row = post(there.row);
-    if (row < 0 || row >= db.rows || (!db.cyclic && (column < 0 || column >= db.columns))) return {};
-    return std::array{column, row};
+    return nearest_post(db, there);
 }
 
 /// ResolvedScene::rain_floor, by a few hundred posts: a ray is cut off by the highest ground, as the sensor sees it, on its way. All
@@ -666,7 +672,7 @@ std::vector<RainFloor> rain_floor(const ResolvedScene& s, WedgeSource& source) {
             Ray& ray = rays[i];
             const double azimuth_rad = 2 * std::numbers::pi * static_cast<double>(i) / static_cast<double>(rays.size());
             if (const auto post = post_at(s, source.data_base(), azimuth_rad, arc_m)) {
-                const double post_m = static_cast<double>(source.bare_terrain_m((*post)[0], (*post)[1]));
+                const double post_m = static_cast<double>(source.bare_terrain_m(post->column, post->row));
                 if (!std::isnan(post_m)) ray.ground_m = post_m;
             }
             if (std::isnan(ray.ground_m)) continue;

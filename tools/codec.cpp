@@ -3,17 +3,15 @@
 #include <filesystem>
 #include <optional>
 
+#include "tools/run_files.hpp"
+
 namespace wedgescope::codecs {
 namespace {
 
 /// Without "." and "..", but where a link on the way makes that another place.
 std::string tidy(const std::filesystem::path& path) {
-    const std::filesystem::path normal = path.lexically_normal();
-    std::error_code error;
-    const auto place = [&](const std::filesystem::path& of) {
-        return std::filesystem::weakly_canonical(std::filesystem::absolute(of, error), error);
-    };
-    return (place(path) == place(normal) ? normal : path).string();
+    const std::string given = path.string(), normal = path.lexically_normal().string();
+    return canonical_path(given) == canonical_path(normal) ? normal : given;
 }
 
 /// With the folder before what begins at `begin` of it, if from there to some end a file's name stands that lies in the folder.

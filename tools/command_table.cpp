@@ -28,8 +28,8 @@ const std::vector<CommandInfo>& command_table() {
          "or out of range. gdal_viewshed's options -ox -oy -oz -tz -md -cc -ov -vv -iv -a_nodata -b -f (or -of) -co "
          "-om -q are understood too, lengths in the raster's units (-b 1 and -om NORMAL only: --layer height gives "
          "what -om GROUND does); with -ox and -oy the ground is a plane, the sensor stands over the nearest post, and "
-         "defaults are "
-         "gdal_viewshed's. With --observers many sensors are looked from in one run. Radar, antenna, ground and "
+         "defaults are gdal_viewshed's. With --observers many sensors are looked from in one run. Radar, antenna, "
+         "ground and "
          "weather count for --layer response alone, as do culture, culture-legend, class-table and material.",
          "wedgescope coverage --latlon 33.9,-117.3 --altitude-agl 500m terrain.tif seen.tif"},
         {command_budget, "budget", "wedgescope budget [options] [scene.ini] --at AZIMUTH,RANGE | --at-latlon LAT,LON",

@@ -10,6 +10,7 @@
 
 #include "lib/block_map.hpp"
 #include "lib/error.hpp"
+#include "lib/rain_echo.hpp"
 #include "lib/raised_source.hpp"
 #include "lib/swapped_place.hpp"
 #include "tiles/tile_store.hpp"
@@ -60,13 +61,6 @@ std::string culture_too_tall(const SourceReport& source, double scale) {
     return high + fmt::format(" (culture-height-scale is {:.6g}; or is a no-data value not declared?)", scale);
 }
 
-/// As rays of rain and cloud meet it.
-double lowest_ground_m(const ResolvedScene& scene) {
-    double lowest_m = scene.reference_m;
-    for (const RainFloor& knot : scene.rain_floor) lowest_m = std::min(lowest_m, knot.height_m);
-    return lowest_m;
-}
-
 /// A line of those keys that are set and have no effect, if there are any; `why` goes on from "no effect".
 void add_idle(std::initializer_list<std::pair<const char*, bool>> keys, const char* why,
               std::vector<std::string>& lines) {
@@ -82,7 +76,7 @@ using Doubts = std::array<std::string, doubt_count>;
 
 void doubt_rain(const ResolvedScene& scene, Doubts& lines) {
     const WeatherParams& weather = scene.scene.weather;
-    const double lowest_m = lowest_ground_m(scene);
+    const double lowest_m = lowest_rain_m(scene.rain_floor, scene.reference_m);
     if (weather.rain_mm_h > 0 && weather.rain_top_m <= lowest_m)
         lines[low_rain] = fmt::format(
             "rain-top is {:.6g} m, and the ground around, on the mean, lies at {:.0f} m or higher: rain has no echo of "

@@ -34,11 +34,11 @@ const std::string& set_content(const std::string& name) {
 
 /// A line of the units of each dimension that some option of a command has.
 std::string units_of(const CommandInfo& command) {
+    const std::vector<Key>& keys = key_table();
     std::string out;
     for (const Dimension d :
          {Dimension::length, Dimension::time, Dimension::frequency, Dimension::power, Dimension::level,
           Dimension::angle, Dimension::decibel, Dimension::bytes, Dimension::rain_rate, Dimension::density}) {
-        const std::vector<Key>& keys = key_table();
         if (std::any_of(keys.begin(), keys.end(), [&](const Key& key) {
                 return (key.commands & command.command) && key.value.find(value_word(d)) != std::string::npos;
             }))

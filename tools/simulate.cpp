@@ -2,7 +2,6 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <filesystem>
 #include <memory>
 
 #include "lib/coverage.hpp"
@@ -29,8 +28,6 @@
 
 namespace wedgescope {
 namespace {
-
-namespace fs = std::filesystem;
 
 /// Outputs under temporary names; they appear all together at the end. Everything that can go wrong with an output's name
 /// is found when they are opened, before any work.
