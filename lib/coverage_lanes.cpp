@@ -458,7 +458,9 @@ HWY_INLINE HWY_ATTR void test_groups(const TestLanes& lanes, const Lift& lift, s
             const Lane stands = target * growth;
             const Lane cell_slack = (size_of(ray_w) + ray_rise + relief) * all(level_slack);
             const Lane steeper = climbs * growth - ray + cell_slack;  // at the post; below 0: a back slope
-            const Lane above0 = stands - ray + to_entry * growth + cell_slack;
+            // The earth falls away from the chord behind the post: by drop / distance a line, over a line.
+            const Lane falls = ray_rise * all(inverse_distance);
+            const Lane above0 = stands - ray + falls + to_entry * growth + cell_slack;
             const Holds enters_below = hn::AndNot(nearest, above0 < zero);
             const Lane b = stands - above0, bend = zero - steeper - b, tilt = b - bend;  // above0 + tilt u + bend u^2
             const Holds inside =

@@ -194,6 +194,30 @@ TEST_CASE("what a post has to rise over a round earth is what the ray over a wal
     }
 }
 
+TEST_CASE("what a post beside a low sensor has to rise is what the earth's bend hides of it", "[coverage][quick]") {
+    for (const double step_m : {30.0, 1000.0, 10000.0})
+        for (const double above_m : {0.0, 0.001, 0.1, 3.0})
+            for (const double target_m : {0.0, 0.05}) {
+                MemorySource source(7, 7, step_m, [](double, double) { return 0; });
+                Scene scene = scene_at(0, 0, above_m, 4.0 / 3);
+                scene.platform.xy = PointXY{3 * step_m, -3 * step_m};
+                scene.quality = Quality::exact;
+                CoverageParams params = layer(CoverageLayer::height);
+                params.target_m = target_m;
+                const Result height = look(source, scene, params);
+                const double radius = 1 / resolve_coverage(scene, source).earth.inverse_radius();
+                for (const auto& [column, row] : {std::pair(4, 3), std::pair(3, 2), std::pair(2, 2), std::pair(4, 4)}) {
+                    // From the sensor to the horizon, and from there to the top of the target.
+                    const double s = step_m * std::hypot(column - 3, row - 3),
+                                 beyond = std::max(0.0, s - std::sqrt(2 * radius * above_m)),
+                                 rise_m = std::max(0.0, beyond * beyond / (2 * radius) - target_m);
+                    INFO("posts of " << step_m << " m, " << above_m << " m up, target of " << target_m << " m, column "
+                                     << column << ", row " << row);
+                    CHECK(height.value(column, row) == Approx(rise_m).margin(0.0011).epsilon(0.02));
+                }
+            }
+}
+
 TEST_CASE("the ground between two opposite posts of a cell hides what is behind it", "[coverage][quick]") {
     // Two posts of the sensor's cell stand 8 m high, so over the diagonal, from the corner, the ground is 16 t (1 - t) m
     // high: from h m above the corner the highest tangent is 16 - 8 sqrt(h) m a diagonal, where t = sqrt(h) / 4. Nothing of

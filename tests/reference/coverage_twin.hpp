@@ -165,7 +165,7 @@ inline void test(const TestLanes& lanes, const Lift& how) noexcept {
             const float slack = ((high < 0 ? -high : high) + drops) * level_slack + relief * lifts * place_slack;
             const float over = tangent + slack - level;                // below 0: hidden
             const float steeper = climbs * growth - ray + cell_slack;  // at the post; below 0: a back slope
-            const float above0 = stands - ray + to_entry * growth + cell_slack;
+            const float above0 = stands - ray + ray_rise * inverse_distance + to_entry * growth + cell_slack;
             // Where the way through the cell begins: at the line behind, or above the sensor.
             const float starts = nearest ? 1 - static_cast<float>(lanes.distance) : 0.0F;
             const bool enters_below = !nearest & (above0 < 0);
