@@ -2,11 +2,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <utility>
 
+#include "lib/bright_echo.hpp"
 #include "lib/class_laws.hpp"
 #include "lib/lanes.hpp"
 #include "lib/raised_source.hpp"
+#include "lib/rounding.hpp"
 #include "lib/wedge_source.hpp"
 
 namespace wedgescope {
@@ -136,6 +139,42 @@ double detail_rms_db(Quality quality) {
     return 0;
 }
 
+namespace {
+
+/// Share of the ground that other ground hides, of slopes of chance with an RMS of `slope`. Source: Smith (1967), docs/engine.md.
+double hidden_share(double slope, double grazing_rad) {
+    if (!(slope > 0)) return 0;
+    const double ratio = grazing_rad / slope,
+                 lambda = 0.5 * (std::sqrt(2 / std::numbers::pi) / ratio * std::exp(-0.5 * ratio * ratio) -
+                                 std::erfc(ratio / std::numbers::sqrt2));
+    return lambda > 0 ? rounded_significand(lambda / (1 + lambda), 30) : 0;
+}
+
+/// RMS error in dB by where shadows end, which a crest off by h moves by h over the grazing angle. Of a cell that is lit in part p,
+/// with P over the noise, a part `moved` comes or goes: 4.34 moved / p dB where p is more than that, and all of its 10 lg(1 + p P)
+/// where it is less. How often p is small is a matter of the beam: where it is narrow one edge crosses the cell anywhere, where it
+/// is wide the edge wanders through many portions of it, of which all but little must be hidden at once: p^(portions - 1).
+double shadow_ends_db(const DetailPlace& place, double across_m, double rms_m) {
+    // Fits to shipped and drawn terrain, docs/engine.md.
+    constexpr double crest = 2;                 // a crest is off by, in RMS of all posts
+    constexpr double met = 0.5, apart_m = 300;  // edges that a pulse meets, of what is hidden
+    const double edges =
+                     met * hidden_share(place.steepness, place.grazing_rad) * std::min(1.0, place.pulse_m / apart_m),
+                 moved = std::min(1.0, crest * rms_m / (place.grazing_rad * place.pulse_m));
+    if (!(edges > 0) || !(moved > 0)) return 0;
+    constexpr double db = 4.342944819032518, most_over_noise = 1e6;
+    const double portions = std::max(1.0, place.beam_m / place.pulse_m), power = portions - 2, log = std::log(moved),
+                 gone_db = db * std::log1p(moved * std::min(place.over_noise, most_over_noise));
+    // The integral of p^(portions - 3) from `moved` to 1.
+    const double weaker = std::fabs(power) < 1e-3 ? -log : -std::expm1(power * log) / power,
+                 together = portions > 1 ? std::min(1.0, across_m / place.beam_m) : 1;
+    const double square =
+        portions * db * db * moved * moved * weaker * together + std::exp(portions * log) * gone_db * gone_db;
+    return std::sqrt(rounded_significand(edges * square, 30));
+}
+
+}  // namespace
+
 double detail_error_db(const DetailPlace& place, int level, double rms_m, double excess_m3) {
     const auto posts = static_cast<double>(std::int64_t{1} << level);
     const double along = place.along_m * posts, across = place.across_m * posts;
@@ -143,17 +182,12 @@ double detail_error_db(const DetailPlace& place, int level, double rms_m, double
     // What a cell returns is the rise of the sine of the elevation over the pulse: a wrong height at either end of it
     // counts. Where all ground is seen, posts beside each other in the beam err on their own.
     constexpr double db = 4.342944819032518, ends = 1.4142135623730951;
-    const double a_metre = db * ends / (place.grazing_rad * place.pulse_m), lit = 1.44 * across / place.beam_m;
-    // Where ground hides ground, cells are seen in part and what they show ends at crests, whose errors go together along
-    // the crest: about the length of the pulse, whatever the level. Both factors are fits to drawn terrain.
-    constexpr double crests = 2, begin = 1, whole = 4;
-    const double shadows =
-        std::clamp((place.steepness / place.grazing_rad - begin) / (whole - begin), 0.0, 1.0) * crests;
-    const double alone = rms_m * std::sqrt(lit + shadows * shadows * std::min(1.0, place.pulse_m / place.beam_m));
+    const double a_metre = db * ends / (place.grazing_rad * place.pulse_m),
+                 alone = rms_m * std::sqrt(1.44 * across / place.beam_m);
     // What stands out, all along the beam if it is a dike or a wall: a height h that the level leaves out (or keeps, and so
     // widens) is a shadow of length h / psi too short or too long, in which the horizon is off by h down to 0.
     const double lines = std::sqrt(excess_m3 / (3 * place.grazing_rad * place.along_m));
-    return a_metre * std::hypot(alone, lines);
+    return std::hypot(a_metre * alone, a_metre * lines, shadow_ends_db(place, across, rms_m));
 }
 
 double excess_m3(const Residuals& residuals, int level) {
@@ -221,7 +255,7 @@ class Chooser {
 public:
     Chooser(const ResolvedScene& scene, WedgeSource& source, const SpokeMap& map)
         : scene_(scene), db_(source.data_base()), bounds_(source.detail_map()->bounds()), detail_(*source.detail_map()),
-          map_(map), bent_(may_need_facets(laws_of(scene.scene))) {}
+          map_(map), bright_(scene, db_), bent_(may_need_facets(laws_of(scene.scene))) {}
 
     DetailLevels operator()() const {
         DetailLevels chosen;
@@ -351,6 +385,7 @@ private:
         // Mountains are about so long from foot to crest: a larger block holds several, and is no flatter for that.
         constexpr double slope_m = 1000;
         place.steepness = std::sqrt(g.relief_squared / g.blocks) / std::min(place.along_m * detail_posts, slope_m);
+        place.over_noise = bright_.over_noise(place.range_m);
         // Far cells may be off by more than near ones: these cover most of the ground, and no more of the image.
         const double share = std::min(1.0, place.range_m / *scene_.scene.range_m),
                      allowed = detail_rms_db(scene_.scene.quality) * std::sqrt(2 * share);
@@ -390,6 +425,7 @@ private:
     BlockMap& bounds_;
     DetailMap& detail_;
     const SpokeMap& map_;
+    const BrightEcho bright_;
     bool bent_;  // some law depends on the angle
 };
 
@@ -428,8 +464,9 @@ bool same_levels(const ResolvedScene& before, bool levels, double post_m, const 
                  new_beam = beam_rad(after);
     if (new_pulse == pulse && new_beam == beam) return true;
     if (levels) return false;
-    // The error of a level never falls as pulse or beam narrow (detail_error_db; a_metre sqrt(lit + shadows^2 pulse / beam) too).
-    return (new_pulse <= pulse && new_beam <= beam) || !gathers_posts(after, post_m);
+    // The error of a level never falls as the beam narrows; as the pulse does it may, for then shadows' edges wander through more
+    // portions of a cell.
+    return (new_pulse == pulse && new_beam <= beam) || !gathers_posts(after, post_m);
 }
 
 Window detail_window(const ResolvedScene& scene, const DataBase& db) {

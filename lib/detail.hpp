@@ -55,9 +55,11 @@ struct DetailPlace {
     double along_m = 0;      ///< between posts of the raster, in range
     double across_m = 0;     ///< and across it
     double steepness = 0;    ///< RMS of blocks' relief over their width
+    double over_noise = 0;   ///< power of what returns most there over the noise's
 };
-/// RMS error of the power image in dB that posts off by `rms_m` from the surface of level L make, and of those that stand
-/// out the mean cube `excess_m3` of their sizes; infinite where the level is coarser than half the pulse or half the beam.
+/// RMS error of the power image in dB, over cells above the noise and with it, that posts off by `rms_m` from the surface of level
+/// L make, and of those that stand out the mean cube `excess_m3` of their sizes; infinite where the level is coarser than half the
+/// pulse or half the beam.
 double detail_error_db(const DetailPlace& place, int level, double rms_m, double excess_m3);
 
 /// Of a block: the mean cube of what stands out of residuals as chance makes them, cubic metres.

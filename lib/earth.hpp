@@ -5,6 +5,7 @@
 // Source: physics "Effective earth" (Skolnik; Long). Heights are above the sea-level surface, s is arc
 // length along it.
 #pragma once
+#include <limits>
 #include <optional>
 
 namespace wedgescope {
@@ -34,6 +35,11 @@ public:
     }
 
     double inverse_radius() const { return inverse_radius_; }
+    /// How far a run may look, of slant range or arc: the sweep's series hold to there. Infinite on the plane.
+    double farthest_m() const {
+        return inverse_radius_ == 0 ? std::numeric_limits<double>::infinity() : farthest_radii / inverse_radius_;
+    }
+    static constexpr double farthest_radii = 0.3;
 
     struct Sight {
         double slant_range_m;

@@ -2,6 +2,7 @@
 // Leaves runs that wrap (azimuth) to arc.hpp.
 #pragma once
 #include <algorithm>
+#include <cstddef>
 #include <cstdint>
 
 namespace wedgescope {
@@ -31,7 +32,24 @@ struct Window {
 
     constexpr bool empty() const { return columns.empty() || rows.empty(); }
     constexpr std::int64_t posts() const { return columns.size() * rows.size(); }
+    constexpr bool contains(std::int64_t column, std::int64_t row) const {
+        return columns.contains(column) && rows.contains(row);
+    }
+    /// Where one that it contains lies, row after row.
+    constexpr std::size_t at(std::int64_t column, std::int64_t row) const {
+        return static_cast<std::size_t>((row - rows.begin) * columns.size() + column - columns.begin);
+    }
     friend constexpr bool operator==(const Window&, const Window&) = default;
+
+    friend constexpr Window intersection(const Window& a, const Window& b) {
+        return {intersection(a.columns, b.columns), intersection(a.rows, b.rows)};
+    }
+    /// The least window that holds both; an empty one adds nothing.
+    friend constexpr Window hull(const Window& a, const Window& b) {
+        if (a.empty()) return b;
+        if (b.empty()) return a;
+        return {hull(a.columns, b.columns), hull(a.rows, b.rows)};
+    }
 };
 
 }  // namespace wedgescope

@@ -9,6 +9,7 @@
 #include <numbers>
 #include <tuple>
 
+#include "lib/bright_echo.hpp"
 #include "lib/coverage.hpp"
 #include "lib/engine.hpp"
 #include "lib/error.hpp"
@@ -42,9 +43,7 @@ GroundHeight ground_height(WedgeSource& source, IndexPosition p) {
         for (std::int64_t i = window.columns.begin; i < window.columns.end; ++i) {
             const double weight = (i == c ? 1 - u : u) * (j == r ? 1 - v : v);
             ground.bare_m += weight * static_cast<double>(source.bare_terrain_m(i, j));
-            const auto at =
-                static_cast<std::size_t>((j - window.rows.begin) * window.columns.size() + i - window.columns.begin);
-            ground.surface_m += weight * static_cast<double>(chunk.surface_m[at]);
+            ground.surface_m += weight * static_cast<double>(chunk.surface_m[window.at(i, j)]);
         }
     return ground;
 }
@@ -189,11 +188,22 @@ double farthest_edge_m(const ResolvedScene& s, const DataBase& db) {
     return s.geometry == Geometry::geodesic ? farthest + SpokeMap::tolerance_posts * db.longer_post_m() : farthest;
 }
 
+void check_range(const Scene& scene, const Earth& earth, double range_m) {
+    if (range_m > earth.farthest_m())
+        throw InputError(fmt::format("range is {:.0f} m; at most {:.0f} m on this earth", range_m, earth.farthest_m()));
+    if (scene.range_start_m >= range_m)
+        throw InputError(
+            text("range-start is ", scene.range_start_m, " m; it must be below the range, ", range_m, " m"));
+}
+
+/// Of an open range in radii: it ends a little beyond the farthest post.
+constexpr double farthest_post_radii = 0.29;
+
 [[noreturn]] void refuse_without_range(const ResolvedScene& s) {
     throw InputError(text("the raster's edge has no place on earth that a range could follow from; give a range",
-                          s.earth.inverse_radius() > 0
-                              ? fmt::format(" of at most {:.0f} m on this earth", 0.29 / s.earth.inverse_radius())
-                              : ""));
+                          s.earth.inverse_radius() > 0 ? fmt::format(" of at most {:.0f} m on this earth",
+                                                                     farthest_post_radii / s.earth.inverse_radius())
+                                                       : ""));
 }
 
 /// The nearer of the farthest edge post and what the horizon allows: the slant range to the highest or the lowest terrain there,
@@ -309,20 +319,15 @@ ResolvedScene resolve_coverage(const Scene& scene, WedgeSource& source) {
         const double farthest = std::min(farthest_edge_m(s, source.data_base()), limit_m);
         if (farthest == infinite) refuse_without_range(s);
         s.scene.range_m = 1.01 * farthest + std::abs(s.sensor_m) + highest_m;
-        if (s.earth.inverse_radius() * farthest > 0.29)
+        if (s.earth.inverse_radius() * farthest > farthest_post_radii)
             throw InputError(fmt::format(
                 "the raster reaches {:.0f} m from the sensor{}; give a range of at most {:.0f} m on this earth{}",
                 farthest, s.nadir_in_raster ? "" : ", which lies outside of it (is its position right?)",
-                0.29 / s.earth.inverse_radius(), swapped_hint(scene.platform, source.data_base())));
+                farthest_post_radii / s.earth.inverse_radius(), swapped_hint(scene.platform, source.data_base())));
         s.farthest_arc_m = 1.01 * farthest;
     } else {
         const double range = *scene.range_m;
-        if (s.earth.inverse_radius() * range > 0.3)
-            throw InputError(fmt::format("range is {:.0f} m; at most {:.0f} m on this earth", range,
-                                         0.3 / s.earth.inverse_radius()));
-        if (scene.range_start_m >= range)
-            throw InputError(
-                text("range-start is ", scene.range_start_m, " m; it must be below the range, ", range, " m"));
+        check_range(scene, s.earth, range);
         const double theta = range * s.earth.inverse_radius();
         s.range_limited = true;
         s.farthest_arc_m = std::min(range * (1.0005 + theta * theta / 4), 1.01 * limit_m);
@@ -332,59 +337,14 @@ ResolvedScene resolve_coverage(const Scene& scene, WedgeSource& source) {
 
 namespace {
 
-/// Linear gamma of what returns most of the ground; infinite where it hangs on the angle.
-double most_gamma(const Scene& scene, const DataBase& db) {
-    if (may_need_facets(laws_of(scene))) return infinite;
-    const std::vector<ClassGamma> classes = gamma_table(scene.materials, scene.radar.frequency_hz, scene.gamma);
-    if (!db.has_culture && !db.has_culture_height) return classes[db.default_class].ground;
-    double most = 0;
-    for (const ClassGamma& of : classes) most = std::max({most, of.ground, of.wall});
-    return most;
-}
-
-/// A radar with the power and the gain of a scene, for which its bins would be chosen, but with at least the beam and the pulse of
-/// RadarParams, and with their receiver: nothing that may be set again over a stored echo.
-RadarParams like_bins_of(const ResolvedScene& s) {
-    const RadarParams usual;
-    RadarParams radar = s.scene.radar;
-    constexpr double bins = 4;  // a beam and a pulse
-    const double beam_rad = bins * 2 * std::numbers::pi / static_cast<double>(s.swept.circle_bins),
-                 pulses = bins * s.swept.range_bin_m / usual.pulse_extent_m();
-    radar.antenna.beam = Angle::radians(std::max(beam_rad, usual.antenna.beam.rad()));
-    radar.pulse_s = std::max(1.0, pulses) * usual.pulse_s;
-    radar.bandwidth_hz = usual.bandwidth_hz;
-    radar.noise_figure = usual.noise_figure;
-    return radar;
-}
-
-/// Power of a cell `range_m` off whose ground rises towards the sensor by half: of its gamma, with the antenna's most towards
-/// anything from 1500 m below the ground under the sensor to 1500 m above. Source: physics "Radar equation", d(sin e)
-/// telescoped over the pulse: (h / r + slope) / r of its length.
-double bright_echo_w(const ResolvedScene& s, const RadarParams& radar, double gamma, double range_m) {
-    constexpr double slope = 0.5, relief_m = 1500;
-    const double h = std::max(0.0, s.sensor_m - s.reference_m), sunk = 0.5 * range_m * s.earth.inverse_radius();
-    const auto depression = [&](double below_m) {
-        return std::clamp(std::atan2(below_m, range_m) + sunk, -std::numbers::pi / 2, std::numbers::pi / 2);
-    };
-    const double least = depression(h - relief_m), most = depression(h + relief_m),
-                 peak = radar.antenna.tilt.rad() + radar.antenna.knee.rad();
-    double gain = elevation_pattern(radar.antenna, std::clamp(peak, least, most));
-    constexpr int steps = 64;
-    for (int i = 0; i <= steps; ++i)
-        gain = std::max(gain, elevation_pattern(radar.antenna, least + (most - least) * i / steps));
-    return radar_constant(radar) * gamma * gain * gain * radar.antenna.beam.rad() * radar.pulse_extent_m() *
-           (h / range_m + slope) / (range_m * range_m * range_m);
-}
-
 /// Sampling::quiet_posts. What may hang on the angle or shine by way of water is never quiet.
 std::array<double, 4> quiet_posts(const ResolvedScene& s, const DataBase& db) {
     std::array<double, 4> quiet = Sampling{}.quiet_posts;
-    const double gamma = most_gamma(s.scene, db), post_m = s.shorter_post_m, h = s.sensor_m - s.reference_m;
-    if (!(gamma < infinite) || s.scene.far_shore || !(post_m > 0)) return quiet;
-    const RadarParams radar = like_bins_of(s);
+    const double post_m = s.shorter_post_m, h = s.sensor_m - s.reference_m;
+    const BrightEcho bright(s, db);
+    if (!bright.known() || !(post_m > 0)) return quiet;
     const auto ratio_at = [&](double posts) {
-        const double echo_w = bright_echo_w(s, radar, gamma, std::hypot(posts * post_m, h));
-        return rounded_significand(echo_w / radar.noise_power_w(), 30);
+        return rounded_significand(bright.over_noise(std::hypot(posts * post_m, h)), 30);
     };
     const auto look = [&](double posts, double ratio) {
         for (std::size_t i = 0; i < quiet.size(); ++i) {
@@ -498,11 +458,7 @@ std::int64_t bins_up_to(double range_m, double bin_m) {
 /// Bins, noise and display of a scene whose place and range are known.
 void resolve_view(ResolvedScene& s, const Scene& scene) {
     const double range = *s.scene.range_m;
-    if (s.earth.inverse_radius() * range > 0.3)
-        throw InputError(
-            fmt::format("range is {:.0f} m; at most {:.0f} m on this earth", range, 0.3 / s.earth.inverse_radius()));
-    if (scene.range_start_m >= range)
-        throw InputError(text("range-start is ", scene.range_start_m, " m; it must be below the range, ", range, " m"));
+    check_range(scene, s.earth, range);
 
     // Bins.
     if (!scene.azimuth_bins) s.scene.azimuth_bins = default_azimuth_bins(scene.radar);
